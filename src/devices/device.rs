@@ -125,6 +125,13 @@ pub trait Device: Any + Send + State {
         let _ = ctx;
     }
 
+    /// Whether it rests: a look at front and registers and a processor cycle have just found what there was, and as long as
+    /// nobody writes, those that follow will find nothing to do, whatever time it is, and show nothing else, until something
+    /// else happens, be it [`Device::due`]. The plant then leaves them out. Whoever is not sure does not rest.
+    fn rests(&self) -> bool {
+        false
+    }
+
     /// When the next of its own times is due; `u64::MAX` if none is.
     fn next_time(&self) -> u64 {
         u64::MAX

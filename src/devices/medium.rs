@@ -97,6 +97,13 @@ pub trait Medium: Any + Send + State {
     /// The port's firmware looks at its control registers. Tells whether it takes part in the traffic now.
     fn processor_cycle(&mut self, place: usize, now: u64, journal: &mut Journal) -> bool;
 
+    /// Whether the firmware of the port rests, as a device does ([`Device::rests`]): its processor cycles find nothing to do
+    /// before something else happens, be it [`Medium::event`].
+    fn rests(&self, place: usize) -> bool {
+        let _ = place;
+        false
+    }
+
     /// Whether any port's program has written a control register that the firmware has not looked at yet.
     fn control_changed(&self) -> bool {
         false

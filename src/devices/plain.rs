@@ -25,6 +25,11 @@ pub trait Firmware: State + Send + 'static {
         let _ = ctx;
     }
 
+    /// As [`Device::rests`].
+    fn rests(&self) -> bool {
+        false
+    }
+
     /// When the next of its own times is due; `u64::MAX` if none is.
     fn next_time(&self) -> u64 {
         u64::MAX
@@ -76,7 +81,11 @@ pub trait Firmware: State + Send + 'static {
     }
 }
 
-impl Firmware for () {}
+impl Firmware for () {
+    fn rests(&self) -> bool {
+        true
+    }
+}
 
 /// A device with registers, ports and a supply that can be switched off and on. At power-on its registers get their reset
 /// values, and retain flags, of which it has as many as its layout says, are left as they are. A reset does the same; a program, events and switches it does not have.
@@ -185,6 +194,10 @@ impl<F: Firmware> Device for Plain<F> {
 
     fn processor_cycle(&mut self, ctx: &mut Context) {
         self.firmware.look(ctx);
+    }
+
+    fn rests(&self) -> bool {
+        self.firmware.rests() && !self.front_has_changed()
     }
 
     fn novram(&self) -> (&[u8], u32) {

@@ -261,6 +261,19 @@ impl Journal {
         }
     }
 
+    /// As [`Journal::tick`] at each of `count` times from `first` on, `step` apart.
+    pub fn tick_through(&mut self, first: u64, step: u64, count: u64) {
+        let end = first + count * step;
+        let mut at = first;
+        loop {
+            at += self.next_look.saturating_sub(at).div_ceil(step) * step;
+            if at >= end {
+                return;
+            }
+            self.tick(at);
+        }
+    }
+
     /// The records still kept, oldest first. Those that are still being counted come later, see
     /// [`Journal::pending`].
     pub fn records(&self) -> Records<'_> {

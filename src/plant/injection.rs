@@ -47,6 +47,7 @@ impl Plant {
     }
 
     fn tell_of_faults(&mut self) {
+        self.has_looked = false;
         for medium in &mut self.media {
             medium.faults_changed(self.now, &self.faults);
         }

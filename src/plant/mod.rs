@@ -13,6 +13,7 @@ mod history;
 mod injection;
 mod load;
 mod ports;
+mod rest;
 mod schema;
 mod snapshot;
 mod writes;
@@ -45,6 +46,8 @@ pub struct Plant {
     /// When any device's own next time is due. It may be too early, which does no harm.
     next_device: u64,
     cycle_us: u64,
+    /// Nothing has happened since a processor cycle.
+    has_looked: bool,
     /// Whether a watched event is to stop [`Plant::advance_until`].
     watching: bool,
     devices: Vec<Box<dyn Device>>,
@@ -107,6 +110,7 @@ impl Plant {
             next_cycle: cycle_us,
             next_device: NEVER,
             cycle_us,
+            has_looked: false,
             watching: false,
             devices,
             media,
@@ -159,16 +163,18 @@ impl Plant {
         while !stopped {
             // At the same moment faults come first, then the processor cycle, then the devices' own times, then the
             // media in plant order.
-            let mut due = self.next_cycle;
-            let mut which = Due::Cycle;
-            if self.next_device < due {
-                (due, which) = (self.next_device, Due::Device);
-            }
+            let (mut due, mut which) = (self.next_device, Due::Device);
             for (index, medium) in self.media[..self.named_media].iter().enumerate() {
                 let next = medium.next_time();
                 if next < due {
                     (due, which) = (next, Due::Medium(index));
                 }
+            }
+            if self.has_looked {
+                self.leave_out_cycles(due.min(self.faults.next_time()).min(time.saturating_add(1)));
+            }
+            if self.next_cycle <= due {
+                (due, which) = (self.next_cycle, Due::Cycle);
             }
             if self.faults.next_time() <= due.min(time) {
                 self.now = self.now.max(self.faults.next_time());
@@ -183,11 +189,13 @@ impl Plant {
                 self.keep_changes(By::Program);
             }
             has_run = true;
+            self.has_looked = false;
             match which {
                 Due::Cycle => {
                     self.next_cycle += self.cycle_us;
                     self.run_cycle();
                     self.journal.tick(due);
+                    self.has_looked = true;
                 }
                 Due::Device => {
                     self.forces.apply(&self.devices);

@@ -198,6 +198,8 @@ impl Plant {
             next_cycle,
             next_device,
             cycle_us: _,
+            // Whoever goes on looks first.
+            has_looked: _,
             // Somebody outside waits for an event.
             watching: _,
             devices,
@@ -230,6 +232,7 @@ impl Plant {
 
     fn read(&mut self, from: &mut Saved<'_>, goes_back: bool) -> Result<(), Damaged> {
         (self.now, self.next_cycle, self.next_device) = from.value()?;
+        self.has_looked = false;
         let is_next = self.next_cycle > self.now && self.next_cycle - self.now <= self.cycle_us;
         from.check(is_next, "time of the next processor cycle")?;
         for device in &self.devices {

@@ -9,6 +9,7 @@ impl Plant {
     /// belongs to its ports.
     #[inline]
     pub(super) fn look_for_writes(&mut self) {
+        self.has_looked = false;
         self.keep_changes(By::Program);
         let Plant { now, media, ports, journal, watches, .. } = self;
         for (watch, ports) in watches.iter_mut().zip(ports.of_devices()) {
@@ -34,6 +35,7 @@ impl Plant {
 
     /// Notes a register write that came through the channel.
     pub fn note_channel_write(&mut self, plc: usize, offset: u32, width: u8, value: u32) {
+        self.has_looked = false;
         self.forces.apply(&self.devices);
         self.keep_changes(By::Channel);
         self.journal.push(self.now, ChannelWrite { plc: plc as u16, offset, width, value });

@@ -340,7 +340,7 @@ impl Execution {
                 return Ok(None);
             }
             let latest = deadline.min(waited.time_us.saturating_add(SLICE_US));
-            let event = host.next_event().max(waited.time_us).min(latest);
+            let event = host.next_change().max(waited.time_us).min(latest);
             self.events = self.events.wrapping_add(1);
             if !self.go_to(host, event) || self.events.is_multiple_of(EVENTS) && host.should_pause() {
                 return Ok(None);

@@ -25,6 +25,12 @@ pub trait Host {
     /// Time of the next event; `u64::MAX` if there is none. Once [`Host::advance_to`] has gone there it is later.
     fn next_event(&self) -> u64;
 
+    /// As [`Host::next_event`], but for looks at registers that find nothing to do: until then no register changes but by
+    /// somebody outside.
+    fn next_change(&self) -> u64 {
+        self.next_event()
+    }
+
     /// Stepped mode: runs everything up to and including time `t`. Going there in several calls has the
     /// same outcome as going there in one. `false`: the host is to stop, or somebody has a turn for whom the time waits;
     /// then it is called again with the same `t`.

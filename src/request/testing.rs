@@ -92,6 +92,12 @@ impl TestHost {
         }
     }
 
+    /// When the script does something next.
+    fn next_of_script(&self) -> u64 {
+        let ahead = self.script.iter().map(|event| event.0).filter(|time| *time > self.plant.now());
+        ahead.fold(u64::MAX, u64::min)
+    }
+
     /// Writes a WORD of PLC 0 as another program does.
     #[cfg_attr(not(feature = "channel"), expect(dead_code, reason = "for the tests of the channel"))]
     pub(crate) fn store(&self, offset: u32, value: u16) {
@@ -166,8 +172,11 @@ impl Host for TestHost {
     }
 
     fn next_event(&self) -> u64 {
-        let ahead = self.script.iter().map(|event| event.0).filter(|time| *time > self.plant.now());
-        ahead.fold(self.plant.next_event(), u64::min)
+        self.next_of_script().min(self.plant.next_event())
+    }
+
+    fn next_change(&self) -> u64 {
+        self.next_of_script().min(self.plant.next_change())
     }
 
     fn advance_to(&mut self, t: u64) -> bool {

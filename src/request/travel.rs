@@ -318,7 +318,7 @@ fn last_in<T>(
     let first = (begin.time_us(), look(host)?.is_some());
     let (mut is_found, mut last) = (first.1, None);
     loop {
-        let next = host.plant().next_event();
+        let next = host.plant().next_change();
         if next >= end {
             break;
         }

@@ -50,6 +50,10 @@ impl Host for Emulator {
         self.plant.next_event().min(self.lockstep.next_turn()).min(self.guests.next_turn())
     }
 
+    fn next_change(&self) -> u64 {
+        self.plant.next_change().min(self.lockstep.next_turn()).min(self.guests.next_turn())
+    }
+
     fn advance_to(&mut self, t: u64) -> bool {
         let has_arrived = self.step_to(t);
         self.tell_events();

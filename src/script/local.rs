@@ -77,6 +77,10 @@ impl Host for Local {
         self.plant.next_event()
     }
 
+    fn next_change(&self) -> u64 {
+        self.plant.next_change()
+    }
+
     fn advance_to(&mut self, t: u64) -> bool {
         self.plant.advance_to(t);
         true

@@ -391,3 +391,58 @@ fn bells_and_counters_of_events_never_go_back() {
     assert_eq!((count(&plant), plant.now()), (counted, 0));
     assert_eq!(plant.devices()[0].header().virtual_time_us.load(), 0);
 }
+
+/// Lets time pass from event to event: whoever asks for each processor cycle gets each.
+fn pass_each(plant: &mut Plant, us: u64) {
+    let end = plant.now() + us;
+    while plant.next_event() <= end {
+        plant.advance_to(plant.next_event());
+    }
+    plant.advance_to(end);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+    #[test]
+    fn looks_that_are_left_out_are_missed_by_nobody(
+        which in 0..PLANTS.len(),
+        comes_up in prop::bool::weighted(0.3),
+        acts in prop::collection::vec(act(), 1..40),
+    ) {
+        let mut plants = [plant_of(PLANTS[which]), plant_of(PLANTS[which])];
+        for plant in &mut plants {
+            if comes_up {
+                bring_up(plant);
+            }
+        }
+        let [swift, thorough] = &mut plants;
+        for act in &acts {
+            if let Act::Pass(us) = act {
+                // Long enough for counts of the journal to end.
+                let us = us * 40;
+                swift.advance_to(swift.now() + us);
+                pass_each(thorough, us);
+            } else {
+                take(swift, act);
+                take(thorough, act);
+            }
+            prop_assert!(swift.snapshot() == thorough.snapshot(), "{act:?}");
+        }
+        prop_assert_eq!(swift.journal().hash(), thorough.journal().hash());
+        prop_assert_eq!(records_from(swift, 0), records_from(thorough, 0));
+        prop_assert_eq!(swift.journal().pending(), thorough.journal().pending());
+    }
+}
+
+#[test]
+fn a_plant_that_nobody_has_started_rests() {
+    for text in [OMEGA.split("[[fault]]").next().unwrap(), BM4] {
+        let text = text.replace("option_sync_us = 1000", "");
+        let mut plant = plant_of(&text);
+        plant.advance_to(1_000);
+        assert_eq!(plant.next_change(), u64::MAX);
+        plant.store(0, nodes(&plant)[0].1, Width::Word, 1).unwrap();
+        assert_eq!(plant.next_change(), plant.next_event(), "there is something to look at");
+        plant.advance_to(plant.next_event());
+    }
+}

@@ -272,6 +272,15 @@ impl Device for Bm4Plc {
         self.show_leds(ctx.now);
     }
 
+    /// LEDs follow what the modules' firmware shows after the device has looked.
+    fn rests(&self) -> bool {
+        let is_shown = |module: &Module| {
+            let shown = self.header.ports[module.place()].leds.load();
+            module.edge.is_none() && (!self.front.is_up() || shown == module.leds(0).code())
+        };
+        !self.front.has_changed() && self.modules.iter().all(is_shown)
+    }
+
     fn event_level(&self, event: usize) -> Option<u8> {
         front::level(event)
     }

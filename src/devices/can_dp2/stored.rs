@@ -53,6 +53,10 @@ impl Firmware for Stored {
         self.keep();
     }
 
+    fn rests(&self) -> bool {
+        true
+    }
+
     fn kept(&self) -> Option<&'static Area> {
         area()
     }

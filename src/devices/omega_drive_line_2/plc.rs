@@ -235,6 +235,10 @@ impl Device for Plc {
         self.ethernet.look(ctx);
     }
 
+    fn rests(&self) -> bool {
+        !self.board.has_changed()
+    }
+
     #[inline]
     fn next_time(&self) -> u64 {
         self.baps.next_time().min(self.board.next_time())

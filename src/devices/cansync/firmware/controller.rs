@@ -53,6 +53,11 @@ impl Controller {
         }
     }
 
+    /// Whether it is on its way back from BUS-off.
+    pub(super) fn recovers(&self) -> bool {
+        self.back_at.is_some()
+    }
+
     /// Ends a recovery that is over at `now`.
     pub(super) fn recover(&mut self, now: u64) {
         if self.back_at.is_some_and(|at| at <= now) {

@@ -128,6 +128,11 @@ impl Master {
         self.node.control_changed()
     }
 
+    /// Whether its processor cycles find nothing to do.
+    pub fn rests(&self) -> bool {
+        self.node.rests()
+    }
+
     /// One processor cycle; see `Node::refresh_status` for `on_wire`.
     pub fn processor_cycle(&mut self, ctx: &mut Context, on_wire: Option<bool>) -> Change {
         let regs = &self.regs;

@@ -231,6 +231,13 @@ impl Node {
         self.is_on_bus() && self.controller.overrun()
     }
 
+    /// Whether looks at `w_CPU_CONTROL` that follow one find nothing to do: on the bus they show the traffic, and a recovery
+    /// ends at one of them.
+    #[inline]
+    pub(super) fn rests(&self) -> bool {
+        !self.is_on_bus() && !self.controller.recovers() && !self.control_changed()
+    }
+
     /// One look at `w_CPU_CONTROL`. `clear` empties the cyclic area; it is called when initialization
     /// data were taken over and before 16#0003 is shown (decision D-03).
     pub(super) fn look_at_control(&mut self, ctx: &mut Context, clear: impl FnOnce()) -> Change {

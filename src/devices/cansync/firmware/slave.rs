@@ -174,6 +174,11 @@ impl Slave {
         self.lock.is_locked()
     }
 
+    /// Whether its processor cycles find nothing to do. Away from the bus there are no jobs either.
+    pub fn rests(&self) -> bool {
+        self.node.rests() && !self.interval_is_active && !self.lock.is_locked()
+    }
+
     /// One processor cycle; see `Node::refresh_status` for `on_wire`.
     pub fn processor_cycle(&mut self, ctx: &mut Context, on_wire: Option<bool>) -> Change {
         let regs = &self.regs;

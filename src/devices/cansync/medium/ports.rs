@@ -112,6 +112,13 @@ impl Medium for SimBus {
         }
     }
 
+    fn rests(&self, place: usize) -> bool {
+        match self.places[place] {
+            Place::Master(index) => self.masters[index].firmware.rests(),
+            Place::Slave(index) => self.slaves[index].firmware.rests(),
+        }
+    }
+
     fn control_changed(&self) -> bool {
         self.slaves.iter().any(|end| end.firmware.control_changed())
             || self.masters.iter().any(|end| end.firmware.control_changed())
