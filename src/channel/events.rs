@@ -46,6 +46,11 @@ impl EventNotifier {
         Ok(EventNotifier { services: plcs.iter().map(open).collect::<Result<_, ServerError>>()? })
     }
 
+    /// Whether anybody listens to any PLC.
+    pub fn is_listened_to(&self) -> bool {
+        self.services.iter().any(|(service, _)| service.dynamic_config().number_of_listeners() != 0)
+    }
+
     /// Events of PLC `plc` have occurred, bit n for event n.
     #[inline]
     pub fn notify(&self, plc: usize, events: u16) {

@@ -29,7 +29,14 @@ impl ImageFile {
         let access = if write { OFlags::RDWR } else { OFlags::RDONLY };
         // NONBLOCK: a pipe under this name must be refused, not waited for.
         let flags = access | OFlags::NOFOLLOW | OFlags::NONBLOCK | OFlags::NOCTTY | OFlags::CLOEXEC;
-        match rustix::fs::open(&path, flags, Mode::empty()) {
+        let opened = loop {
+            match rustix::fs::open(&path, flags, Mode::empty()) {
+                // The emulator asks at this moment whether anybody has it open (`Onlookers`).
+                Err(Errno::AGAIN) => std::thread::yield_now(),
+                opened => break opened,
+            }
+        };
+        match opened {
             Ok(file) => {
                 let this = Self::new(instance, plc, path, File::from(file));
                 judge(&this.path, &this.stat()?)?;

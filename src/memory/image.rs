@@ -16,7 +16,7 @@ use rustix::{
 };
 use std::{
     fs::File,
-    os::fd::AsRawFd,
+    os::fd::{AsFd, AsRawFd, BorrowedFd},
     path::Path,
     sync::Arc,
     time::{Duration, Instant},
@@ -311,6 +311,12 @@ impl ImageFileWatch {
     /// The image file.
     pub fn path(&self) -> &Path {
         &self.file.path
+    }
+}
+
+impl AsFd for ImageFileWatch {
+    fn as_fd(&self) -> BorrowedFd<'_> {
+        self.file.file.as_fd()
     }
 }
 

@@ -22,6 +22,8 @@ mod list;
 #[cfg(feature = "emulator")]
 mod mapped;
 pub mod names;
+#[cfg(feature = "emulator")]
+mod onlookers;
 pub(crate) mod private;
 pub(crate) mod process;
 mod published;
@@ -42,6 +44,8 @@ pub use header::{Board, ClockMode, EventSlot, HEADER_SIZE, Header, RunSwitch, St
 pub use image::{FileState, Image, ImageFileWatch, ImageSpec};
 pub use instance::{EmulatorProcess, InstanceLock};
 pub use list::{Condition, ImageInfo, ImageSummary, list};
+#[cfg(feature = "emulator")]
+pub(crate) use onlookers::{Onlookers, Woken, end as end_of_wait};
 pub use segment::Segment;
 pub use view::View;
 pub use widths::{RegisterWidths, Unmapped};

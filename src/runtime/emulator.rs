@@ -18,6 +18,7 @@ use crate::journal::Keep;
 use crate::memory::{Header, Image, ImageSpec, InstanceLock, MemoryError, View, bell, room};
 use crate::plant::{FollowError, Plant, PlantConfig, PlantError, Snapshot, SnapshotError};
 use crate::request::Travel;
+use core::num::NonZero;
 use std::cell::Cell;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -27,6 +28,9 @@ use thiserror::Error;
 
 /// Longest sleep; a bound for everything that does not ring.
 const LONGEST_SLEEP: Duration = Duration::from_millis(100);
+
+/// Most emulated time that passes unseen while nobody can see or store a register: whoever comes finds them that old at first.
+const UNSEEN_US: u64 = 10_000;
 
 /// Most emulated time handled in one go. After the machine was suspended there may be hours to catch up
 /// with; signals and clients are heard in between.
@@ -97,6 +101,11 @@ impl StopHandle {
     /// Asks the emulator to end; it does so within its present step.
     pub fn stop(&self) {
         self.stop.store(true, Ordering::Release);
+        self.wake();
+    }
+
+    /// Wakes it up to look.
+    pub(super) fn wake(&self) {
         self.header.doorbell.ring();
     }
 }
@@ -112,7 +121,7 @@ pub struct Emulator {
     /// Before the images: it must have written everything before another emulator can have them.
     novram: Keeper,
     /// Before the images: it looks at their files.
-    _watch: Watch,
+    watch: Watch,
     images: Vec<Image>,
     /// Behind the images: nobody else may be this instance before they are gone.
     _lock: InstanceLock,
@@ -223,7 +232,7 @@ impl Emulator {
             travel: Travel::default(),
             options,
             stop: stop.stop,
-            _watch: watch,
+            watch,
             images,
             _lock: lock,
             #[cfg(feature = "channel")]
@@ -250,6 +259,11 @@ impl Emulator {
     /// Keeps so many bytes of snapshots of the way, with a stepped clock; 0: none.
     pub fn keep_states(&mut self, bytes: usize) {
         self.travel = Travel::new(bytes);
+    }
+
+    /// Lets so many cores work at the plant.
+    pub fn set_cores(&mut self, count: NonZero<usize>) {
+        self.plant.set_cores(count);
     }
 
     /// The plant.
@@ -380,10 +394,17 @@ impl Emulator {
                 self.plant.processor_cycle();
                 self.announce();
             } else if !self.options.busy {
-                let next = self.plant.next_event().min(self.guests.next_turn());
-                self.sleep(clock.until(next).min(LONGEST_SLEEP));
+                self.sleep(clock.until(self.next_seen()).min(LONGEST_SLEEP));
             }
         }
+    }
+
+    /// In real time: when something is due that somebody may see, or see to.
+    fn next_seen(&self) -> u64 {
+        let next = self.plant.next_event();
+        let is_seen = !self.watch.is_alone() || self.is_listened_to() || self.guests.are_present();
+        let next = if is_seen { next } else { next.max(self.plant.now() + UNSEEN_US) };
+        next.min(self.guests.next_turn())
     }
 
     /// With a stepped clock: what the boards are asked for needs no time to pass; everything else is seen when it does.
@@ -445,6 +466,10 @@ impl Emulator {
     }
 
     fn is_time_passing(&self) -> bool {
+        false
+    }
+
+    fn is_listened_to(&self) -> bool {
         false
     }
 

@@ -68,6 +68,11 @@ impl Guests {
         self.doors.of_bus(bus)
     }
 
+    /// Whether anybody is at a door.
+    pub(super) fn are_present(&self) -> bool {
+        !self.present.is_empty()
+    }
+
     #[inline]
     fn is_empty(&self) -> bool {
         self.doors.is_empty() && self.present.is_empty()

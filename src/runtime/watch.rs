@@ -1,19 +1,27 @@
-//! Looks whether somebody changes the image files under the emulator's hands, and says so.
+//! Looks after the image files: whether somebody changes them under the emulator's hands, which it says, and whether anybody
+//! has one open, so that the emulator need not wake up for nobody.
 
 use super::emulator::StopHandle;
 #[cfg(feature = "channel")]
 use crate::channel::ChannelWatch;
-use crate::memory::{FileState, ImageFileWatch};
-use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
+use crate::memory::{FileState, ImageFileWatch, Onlookers, Woken, end_of_wait};
+use std::os::fd::OwnedFd;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// How often it looks.
 const EVERY: Duration = Duration::from_millis(200);
 
 /// The thread that looks. Dropping it ends it, after a last look.
 #[derive(Debug)]
-pub(super) struct Watch(Option<(Sender<()>, JoinHandle<()>)>);
+pub(super) struct Watch {
+    thread: Option<JoinHandle<()>>,
+    end: Arc<OwnedFd>,
+    /// Nobody has an image open but the emulator.
+    is_alone: Arc<AtomicBool>,
+}
 
 impl Watch {
     /// Watches these files, and the channel, whose emulator asks what was found; a shortened image ends the emulator, see
@@ -26,7 +34,7 @@ impl Watch {
         #[cfg(feature = "channel")] channel: Option<ChannelWatch>,
         stop: StopHandle,
     ) -> std::io::Result<Self> {
-        let (end, ended) = mpsc::channel();
+        let (end, is_alone) = (Arc::new(end_of_wait()?), Arc::<AtomicBool>::default());
         let thread = std::thread::Builder::new().name("images".to_owned());
         let look = move || {
             #[cfg(feature = "channel")]
@@ -34,25 +42,47 @@ impl Watch {
                 channel.look();
             }
         };
-        Ok(Self(Some((end, thread.spawn(move || watch(&files, look, &stop, &ended))?))))
+        let (ended, alone) = (Arc::clone(&end), Arc::clone(&is_alone));
+        let run = move || watch(&Onlookers::of(files), look, &stop, &ended, &alone);
+        Ok(Self { thread: Some(thread.spawn(run)?), end, is_alone })
+    }
+
+    /// Whether nobody else can see or store a register now. The doorbell rings when somebody comes who can.
+    #[inline]
+    pub(super) fn is_alone(&self) -> bool {
+        self.is_alone.load(Ordering::Acquire)
     }
 }
 
 impl Drop for Watch {
     fn drop(&mut self) {
-        if let Some((end, thread)) = self.0.take() {
-            drop(end);
+        // It takes a number of eight bytes.
+        let _ = rustix::io::write(&*self.end, &1u64.to_ne_bytes());
+        if let Some(thread) = self.thread.take() {
             // It does not panic; if it did, nothing would depend on it.
             let _ = thread.join();
         }
     }
 }
 
-fn watch(files: &[ImageFileWatch], look: impl Fn(), stop: &StopHandle, ended: &Receiver<()>) {
-    let mut known = vec![FileState::Intact; files.len()];
+fn watch(onlookers: &Onlookers, look: impl Fn(), stop: &StopHandle, ended: &OwnedFd, is_alone: &AtomicBool) {
+    let mut known = vec![FileState::Intact; onlookers.images().len()];
+    let mut next = Instant::now() + EVERY;
     loop {
-        let end = ended.recv_timeout(EVERY) != Err(RecvTimeoutError::Timeout);
-        for (file, known) in files.iter().zip(&mut known) {
+        let woken = onlookers.wait(ended, next.saturating_duration_since(Instant::now()));
+        if woken == Woken::Opened {
+            is_alone.store(false, Ordering::Release);
+            stop.wake();
+        }
+        if woken != Woken::Ended && Instant::now() < next {
+            continue;
+        }
+        next = Instant::now() + EVERY;
+        // Whoever comes from here on is seen by the next wait.
+        if woken == Woken::InTime && !is_alone.load(Ordering::Relaxed) {
+            is_alone.store(onlookers.are_gone(), Ordering::Release);
+        }
+        for (file, known) in onlookers.images().iter().zip(&mut known) {
             let state = file.look();
             if core::mem::replace(known, state) != state {
                 say(file, state);
@@ -62,7 +92,7 @@ fn watch(files: &[ImageFileWatch], look: impl Fn(), stop: &StopHandle, ended: &R
             }
         }
         look();
-        if end {
+        if woken == Woken::Ended {
             return;
         }
     }

@@ -1,7 +1,7 @@
 //! The emulator's end of the channel, and what becomes of it when another program shortens a part of it.
 
 use super::Emulator;
-use crate::channel::{ChannelWatch, HeaderBells, Server};
+use crate::channel::{ChannelWatch, EventNotifier, HeaderBells, Server};
 use crate::memory::{Image, channel_has_gaps, names};
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 
@@ -29,9 +29,14 @@ impl Emulator {
         served.map_or_else(|panic| self.judge(panic), |served| served > 0)
     }
 
-    /// With a stepped clock: whether an operation has paused that lets time pass.
+    /// Whether an operation has paused; with a stepped clock it lets time pass.
     pub(super) fn is_time_passing(&self) -> bool {
         self.server.as_ref().is_some_and(|server| server.waiting() > 0)
+    }
+
+    /// Whether somebody waits for what happens: for a register, or for an event.
+    pub(super) fn is_listened_to(&self) -> bool {
+        self.is_time_passing() || self.events.as_ref().is_some_and(EventNotifier::is_listened_to)
     }
 
     /// Tells listeners of the event services what has occurred.

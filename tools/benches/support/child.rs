@@ -53,6 +53,16 @@ impl Child {
         Child { process, name: args.join(" ") }
     }
 
+    /// Processor time that all its threads have taken, in nanoseconds.
+    pub(crate) fn cpu_ns(&self) -> u64 {
+        let tasks = std::fs::read_dir(format!("/proc/{}/task", self.process.id())).expect("it runs");
+        let spent = |task: std::io::Result<std::fs::DirEntry>| {
+            let text = std::fs::read_to_string(task.ok()?.path().join("schedstat")).ok()?;
+            text.split_ascii_whitespace().next()?.parse::<u64>().ok()
+        };
+        tasks.filter_map(spent).sum()
+    }
+
     /// Fails if the child has ended by itself.
     pub(crate) fn check(&mut self) {
         if let Some(status) = self.process.try_wait().expect("a child can be asked for its status") {

@@ -55,7 +55,7 @@ pub(crate) struct Remote {
     // Detached before the emulator ends.
     attached: Attached,
     instance: String,
-    _child: Child,
+    child: Child,
 }
 
 impl Remote {
@@ -74,12 +74,22 @@ impl Remote {
             child.check();
             std::thread::sleep(Duration::from_millis(1));
         };
-        Remote { attached, instance, _child: child }
+        Remote { attached, instance, child }
     }
 
     /// The mapped image.
     pub(crate) fn attached(&self) -> &Attached {
         &self.attached
+    }
+
+    /// Lets go of the image; the emulator goes on.
+    pub(crate) fn let_go(self) -> Child {
+        self.child
+    }
+
+    /// Its process.
+    pub(crate) fn child(&self) -> &Child {
+        &self.child
     }
 
     /// Connects to the channel; the client looks for its reply for `spin` before it sleeps.

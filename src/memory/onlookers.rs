@@ -1,0 +1,135 @@
+//! Whether anybody else has an image open or mapped: who has not can neither see a register nor store one.
+//!
+//! The kernel tells of whoever opens the file (inotify), and whether all are gone: a write lease can only be had while nobody
+//! else has the file open, mapped included. It is given back at once. Where either cannot be had, somebody is there.
+
+use super::image::ImageFileWatch;
+use rustix::buffer::spare_capacity;
+use rustix::event::{EventfdFlags, PollFd, PollFlags, Timespec, eventfd, poll};
+use rustix::fs::inotify::{self, CreateFlags, WatchFlags};
+use rustix::io;
+use std::os::fd::{AsFd, AsRawFd, OwnedFd};
+use std::time::Duration;
+
+/// Looks after images of this process.
+#[derive(Debug)]
+pub(crate) struct Onlookers {
+    images: Vec<ImageFileWatch>,
+    /// Where the kernel tells of those who open one; none: somebody is always there.
+    opened: Option<OwnedFd>,
+}
+
+impl Onlookers {
+    pub(crate) fn of(images: Vec<ImageFileWatch>) -> Self {
+        let opened = watch(&images).inspect_err(|reason| {
+            tracing::debug!(%reason, "no notice of those who open an image: it is taken for looked at");
+        });
+        Onlookers { opened: opened.ok(), images }
+    }
+
+    pub(crate) fn images(&self) -> &[ImageFileWatch] {
+        &self.images
+    }
+
+    /// Whether nobody is there now. Whoever comes behind that is seen by [`Onlookers::wait`].
+    pub(crate) fn are_gone(&self) -> bool {
+        self.opened.is_some() && self.images.iter().all(is_free)
+    }
+
+    /// Waits until somebody opens an image, `end` is rung, or `timeout` is over; tells which.
+    pub(crate) fn wait(&self, end: &OwnedFd, timeout: Duration) -> Woken {
+        let timeout = Timespec::try_from(timeout).ok();
+        let mut ends = vec![PollFd::new(end, PollFlags::IN)];
+        ends.extend(self.opened.iter().map(|opened| PollFd::new(opened, PollFlags::IN)));
+        // Whoever sends a signal may interrupt it.
+        let _ = poll(&mut ends, timeout.as_ref());
+        let [ends, opened @ ..] = &ends[..] else { return Woken::Ended };
+        if !ends.revents().is_empty() {
+            return Woken::Ended;
+        }
+        if opened.iter().any(|opened| !opened.revents().is_empty()) {
+            self.forget_events();
+            return Woken::Opened;
+        }
+        Woken::InTime
+    }
+
+    fn forget_events(&self) {
+        let mut events = Vec::with_capacity(4096);
+        while let Some(opened) = &self.opened
+            && rustix::io::read(opened, spare_capacity(&mut events)).is_ok_and(|bytes| bytes > 0)
+        {
+            events.clear();
+        }
+    }
+}
+
+/// What has ended a wait.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Woken {
+    /// Somebody has opened an image.
+    Opened,
+    /// Whoever waits is to end.
+    Ended,
+    /// Nothing.
+    InTime,
+}
+
+/// What ends a wait, when written to.
+pub(crate) fn end() -> io::Result<OwnedFd> {
+    eventfd(0, EventfdFlags::CLOEXEC)
+}
+
+fn watch(images: &[ImageFileWatch]) -> io::Result<OwnedFd> {
+    let opened = inotify::init(CreateFlags::CLOEXEC | CreateFlags::NONBLOCK)?;
+    for image in images {
+        // By its descriptor: somebody may have removed or replaced the name.
+        let path = format!("/proc/self/fd/{}", image.as_fd().as_raw_fd());
+        inotify::add_watch(&opened, path, WatchFlags::OPEN)?;
+    }
+    Ok(opened)
+}
+
+fn is_free(image: &ImageFileWatch) -> bool {
+    let file = image.as_fd().as_raw_fd();
+    // Who opens it in this moment waits until the lease is given back, which we are told by a signal: by one that is ignored
+    // unless somebody wants it.
+    // SAFETY: the file is open; these operations take an integer each.
+    unsafe {
+        libc::fcntl(file, F_SETSIG, libc::SIGURG) == 0
+            && libc::fcntl(file, libc::F_SETLEASE, libc::F_WRLCK) == 0
+            && libc::fcntl(file, libc::F_SETLEASE, libc::F_UNLCK) == 0
+    }
+}
+
+/// `F_SETSIG` of `fcntl(2)`, which the libc crate does not have.
+const F_SETSIG: libc::c_int = 10;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::memory::testing::{HASH, Instance, PLC};
+    use crate::memory::{AttachMode, Image};
+
+    const LONG: Duration = Duration::from_secs(60);
+
+    #[test]
+    fn whoever_has_an_image_mapped_is_there_until_he_lets_go() {
+        let instance = Instance::new();
+        let image = instance.create();
+        image.set_ready();
+        let onlookers = Onlookers::of(vec![image.watch()]);
+        assert!(onlookers.are_gone());
+        let end = end().unwrap();
+        assert_eq!(onlookers.wait(&end, Duration::ZERO), Woken::InTime);
+        for mode in [AttachMode::ReadWrite, AttachMode::ReadOnly] {
+            let attached = Image::attach(&instance, PLC, mode, Some(HASH)).unwrap();
+            assert_eq!(onlookers.wait(&end, LONG), Woken::Opened);
+            assert!(!onlookers.are_gone());
+            drop(attached);
+            assert!(onlookers.are_gone());
+        }
+        rustix::io::write(&end, &1u64.to_ne_bytes()).unwrap();
+        assert_eq!(onlookers.wait(&end, LONG), Woken::Ended);
+    }
+}
