@@ -6,6 +6,7 @@ use crate::devices;
 use crate::plant::PlantConfig;
 use crate::runtime::{Clock, Emulator, Options};
 use clap::ValueEnum;
+use core::num::NonZero;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
 use std::path::{Path, PathBuf};
@@ -34,6 +35,9 @@ pub(crate) struct Settings {
     /// How many MiB of states a stepped instance keeps to go back to, see `commram step --back`; 0: none [default: 8]
     #[arg(long, value_name = "MIB", value_parser = clap::value_parser!(u32).range(..=4096))]
     keep_states: Option<u32>,
+    /// How many processor cores may work at the plant; worth it from some hundred buses on
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=64))]
+    threads: u8,
     /// Keep every change of these registers and blocks in the journal
     #[arg(long, value_name = "REG", value_delimiter = ',')]
     watch: Vec<String>,
@@ -114,6 +118,9 @@ impl Settings {
         let mut emulator = Emulator::start_from(&config, options, snapshot.as_ref())?;
         if let Some(mib) = self.keep_states {
             emulator.keep_states((mib as usize) << 20);
+        }
+        if let Some(count) = NonZero::new(usize::from(self.threads)) {
+            emulator.set_cores(count);
         }
         self.keep_changes(&mut emulator, instance)?;
         // A name that was mistyped would have flags and parameters begin anew.

@@ -222,8 +222,14 @@ pub trait Medium: Any + Send + State {
         journal: &mut Journal,
     ) -> Result<(), GuestRefusal>;
 
-    /// When the next event is due; `u64::MAX` if none is.
+    /// When the next event is due; `u64::MAX` if none is. It changes only in calls to the medium.
     fn next_time(&self) -> u64;
+
+    /// Until when its events touch nothing that anybody else touches before, and ask for nobody: they then may happen on another
+    /// core than those of others. 0: they never do.
+    fn apart_until(&self) -> u64 {
+        0
+    }
 
     /// Handles one event that is due at `world.now`. Returns the SYNC signal if that was an edge that went out on the line.
     fn event(&mut self, world: &mut World) -> Option<SyncSignal>;

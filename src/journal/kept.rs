@@ -43,8 +43,19 @@ impl KeptEntry {
 impl Journal {
     /// Saves its position, its hash, what is being counted and what was found. The records themselves are not kept.
     pub(crate) fn save(&self, to: &mut Saving) {
-        let Journal { ring, tally, requests, findings, next_look, written, fingerprint, history, turn: _ } =
-            self;
+        let Journal {
+            ring,
+            tally,
+            requests,
+            findings,
+            next_look,
+            written,
+            fingerprint,
+            history,
+            turn: _,
+            // A plant's own journal is none.
+            draft: _,
+        } = self;
         to.value(&(ring.end(), next_look, written));
         tally.save(to);
         requests.save(to);

@@ -21,6 +21,7 @@ pub mod candump;
 mod catalogue;
 mod changed;
 mod coded;
+mod draft;
 mod event;
 mod fields;
 mod finding;
@@ -73,6 +74,7 @@ pub use rule::{Rule, Severity};
 pub use waves::{Past, Waves};
 
 use crate::layout::Width;
+use draft::Draft;
 use fingerprint::Fingerprint;
 use history::History;
 use requests::Requests;
@@ -119,6 +121,8 @@ pub struct Journal {
     fingerprint: Fingerprint,
     history: History,
     turn: Turn,
+    /// It is a draft: what is told is only laid by.
+    draft: Option<Box<Draft>>,
 }
 
 impl Journal {
@@ -138,6 +142,7 @@ impl Journal {
             fingerprint: Fingerprint::new(),
             history: History::new(),
             turn: Turn::default(),
+            draft: None,
         }
     }
 
@@ -149,8 +154,17 @@ impl Journal {
         {
             self.stored(time_us, stored);
         }
-        let event = self.witness(time_us, told);
-        match told.keeping() {
+        let (event, keeping) = (Event::from(told), told.keeping());
+        match &mut self.draft {
+            Some(draft) => draft.event(time_us, event, keeping),
+            None => self.keep(time_us, event, keeping),
+        }
+    }
+
+    #[inline]
+    fn keep(&mut self, time_us: u64, event: Event, keeping: Keeping) {
+        self.witness(time_us, event);
+        match keeping {
             Keeping::Noted => self.ring.note(Record::single(time_us, event)),
             Keeping::Counted => self.count(time_us, event),
             Keeping::Request { plc, offset, value } => {
@@ -211,7 +225,11 @@ impl Journal {
     /// Writes that the access checker has found something.
     #[cold]
     pub fn find(&mut self, time_us: u64, finding: Finding) {
-        let event = self.witness(time_us, Found::from(finding));
+        if let Some(draft) = &mut self.draft {
+            return draft.finding(time_us, finding);
+        }
+        let event = Event::from(Found::from(finding));
+        self.witness(time_us, event);
         if self.findings.note(time_us, finding) {
             self.ring.note(Record::single(time_us, event));
         }
@@ -225,11 +243,9 @@ impl Journal {
 
     /// Takes an event into the hash.
     #[inline]
-    fn witness<T: Told>(&mut self, time_us: u64, told: T) -> Event {
-        let event = Event::from(told);
+    fn witness(&mut self, time_us: u64, event: Event) {
         self.fingerprint.add(time_us, event.words());
         self.written += 1;
-        event
     }
 
     #[inline]

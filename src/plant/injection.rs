@@ -47,6 +47,7 @@ impl Plant {
     }
 
     fn tell_of_faults(&mut self) {
+        self.is_rescheduled = true;
         self.has_looked = false;
         for medium in &mut self.media {
             medium.faults_changed(self.now, &self.faults);
@@ -73,7 +74,8 @@ impl Plant {
 
     /// Faults that hit by themselves, whatever goes on.
     pub(super) fn strike(&mut self) {
-        let Plant { now, devices, media, faults, journal, .. } = self;
+        let Plant { now, devices, media, faults, journal, is_rescheduled, .. } = self;
+        *is_rescheduled = true;
         let now = *now;
         faults.strike_all(now, journal, |owner, target, effect| match owner {
             Owner::Medium(index) => media.get_mut(usize::from(index))?.strike(now, target, effect),

@@ -6,6 +6,7 @@
 mod access;
 mod boards;
 mod config;
+mod cores;
 mod drives;
 mod force;
 mod guests;
@@ -14,6 +15,7 @@ mod injection;
 mod load;
 mod ports;
 mod rest;
+mod schedule;
 mod schema;
 mod snapshot;
 mod writes;
@@ -34,6 +36,7 @@ use crate::layout::Device as Layout;
 use crate::memory::{MemoryError, RegisterWidths, Segment};
 use force::Forces;
 use ports::Ports;
+use schedule::Schedule;
 use std::sync::Arc;
 
 /// Nothing is due.
@@ -55,8 +58,14 @@ pub struct Plant {
     media: Vec<Box<dyn Medium>>,
     /// How many media the plant file has.
     named_media: usize,
+    /// When each of them is due, while time passes; before it does, anybody may have done anything.
+    schedule: Schedule,
+    /// That may not be true any more.
+    is_rescheduled: bool,
     ports: Ports,
     journal: Journal,
+    /// One for each core, if there are several.
+    drafts: Vec<Journal>,
     forces: Forces,
     faults: Faults,
     /// Of the access checker, over each device; those over ports are the media's.
@@ -115,8 +124,11 @@ impl Plant {
             devices,
             media,
             named_media,
+            schedule: Schedule::new(named_media),
+            is_rescheduled: false,
             ports,
             journal: Journal::default(),
+            drafts: Vec::new(),
             watches,
             widths,
             forces: Forces::default(),
@@ -158,17 +170,25 @@ impl Plant {
     /// next call.
     pub fn advance_until(&mut self, time: u64) -> bool {
         self.look_for_writes();
+        self.is_rescheduled = true;
         let mut has_run = false;
         let mut stopped = false;
         while !stopped {
             // At the same moment faults come first, then the processor cycle, then the devices' own times, then the
             // media in plant order.
+            if self.is_rescheduled {
+                self.schedule_media();
+            }
             let (mut due, mut which) = (self.next_device, Due::Device);
-            for (index, medium) in self.media[..self.named_media].iter().enumerate() {
-                let next = medium.next_time();
-                if next < due {
-                    (due, which) = (next, Due::Medium(index));
+            if self.schedule.time() > self.now && !self.drafts.is_empty() {
+                let others = due.min(self.next_cycle).min(self.faults.next_time());
+                if self.schedule.time() < others && self.go_apart(others.min(time.saturating_add(1))) {
+                    (has_run, self.has_looked) = (true, false);
+                    continue;
                 }
+            }
+            if self.schedule.time() < due {
+                (due, which) = (self.schedule.time(), Due::Medium(self.schedule.first()));
             }
             if self.has_looked {
                 self.leave_out_cycles(due.min(self.faults.next_time()).min(time.saturating_add(1)));
@@ -299,12 +319,21 @@ impl Plant {
         let Plant { now, media, journal, faults, edges, .. } = self;
         let Some(medium) = media.get_mut(index) else { return };
         let signal = medium.event(&mut World { now: *now, journal, faults, edges });
+        self.schedule.set(index, self.media[index].next_time());
         if !self.edges.is_empty() {
             self.tell_edges();
         }
         let Some(signal) = signal else { return };
         self.forward_sync(index, signal);
         self.media[index].judge_edge(self.now, &mut self.journal);
+    }
+
+    /// Asks all media when they are due.
+    fn schedule_media(&mut self) {
+        for (index, medium) in self.media[..self.named_media].iter().enumerate() {
+            self.schedule.set(index, medium.next_time());
+        }
+        self.is_rescheduled = false;
     }
 
     /// Tells the devices of the SYNC edges at their ports, which may have begun or moved something of theirs.

@@ -17,8 +17,17 @@ pub(super) struct Port {
     takes_part: bool,
 }
 
+/// Whose port is plugged in somewhere.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Seat {
+    /// Index of the device.
+    pub(super) device: usize,
+    /// Index of the port there.
+    pub(super) port: usize,
+}
+
 state!(Port { values: takes_part; built: number, medium, place });
-state!(Ports { parts: of_device; built: ways });
+state!(Ports { parts: of_device; built: ways, seats });
 
 /// The ports of all devices.
 #[derive(Default)]
@@ -26,6 +35,8 @@ pub(super) struct Ports {
     of_device: Vec<Vec<Port>>,
     /// For each medium the ports that can take its SYNC signal over: their device and their index there.
     ways: Vec<Vec<(usize, usize)>>,
+    /// For each medium who is at which of its places.
+    seats: Vec<Vec<Seat>>,
 }
 
 impl Ports {
@@ -39,11 +50,13 @@ impl Ports {
         named: usize,
     ) -> Result<(), BuildError> {
         let mut ports = Vec::with_capacity(plugs.len());
+        self.seats.resize(media.len(), Vec::new());
         for Plug { number, family, medium, socket } in plugs {
             let at = |name: &String| media[..named].iter().position(|medium| medium.name() == name);
             let nowhere = MEDIA.iter().position(|kind| kind.name == family).ok_or(BuildError::OtherFamily)?;
             let medium = medium.as_ref().and_then(at).unwrap_or(named + nowhere);
             let place = media[medium].attach(socket)?;
+            self.seats[medium].push(Seat { device: self.of_device.len(), port: ports.len() });
             ports.push(Port { number, medium, place, takes_part: false });
         }
         self.ways.resize(media.len(), Vec::new());
@@ -66,6 +79,11 @@ impl Ports {
             at.map(move |port| Origin { plc: plc as u16, node: port.number }).collect::<Vec<_>>()
         };
         self.of_device.iter().enumerate().flat_map(of_device)
+    }
+
+    /// Who is at the places of each medium; a place is given to each port that is plugged in, one after the other.
+    pub(super) fn seats(&self) -> &[Vec<Seat>] {
+        &self.seats
     }
 
     /// The port with this number.
@@ -119,6 +137,7 @@ impl Plant {
 
     /// What a look at the front of device `index` asks of the rest.
     pub(super) fn follow(&mut self, look: Look, index: usize) {
+        self.is_rescheduled |= !matches!(look, Look::Nothing | Look::Answered);
         match look {
             Look::Nothing | Look::Answered => {}
             Look::Held => self.stop(index),
@@ -137,6 +156,9 @@ impl Plant {
         for port in &mut self.ports.of_device[index] {
             let medium = &mut self.media[port.medium];
             let takes_part = medium.processor_cycle(port.place, self.now, &mut self.journal);
+            if port.medium < self.named_media {
+                self.schedule.set(port.medium, medium.next_time());
+            }
             if takes_part != port.takes_part {
                 port.takes_part = takes_part;
                 self.devices[index].port_joined(port.number, takes_part);
@@ -151,6 +173,9 @@ impl Plant {
             let medium = &mut self.media[port.medium];
             if medium.takes_sync(port.place) {
                 medium.forwarded_edge(port.place, self.now, signal, &mut self.journal);
+                if port.medium < self.named_media {
+                    self.schedule.set(port.medium, medium.next_time());
+                }
             }
         }
     }

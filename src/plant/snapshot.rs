@@ -205,8 +205,13 @@ impl Plant {
             devices,
             media,
             named_media: _,
+            // They are asked before time passes.
+            schedule: _,
+            is_rescheduled: _,
             ports,
             journal,
+            // Empty between events, as the edges are.
+            drafts: _,
             forces,
             faults,
             watches,

@@ -11,6 +11,9 @@ impl Plant {
     pub(super) fn look_for_writes(&mut self) {
         self.has_looked = false;
         self.keep_changes(By::Program);
+        if !self.drafts.is_empty() && self.look_on_cores() {
+            return;
+        }
         let Plant { now, media, ports, journal, watches, .. } = self;
         for (watch, ports) in watches.iter_mut().zip(ports.of_devices()) {
             watch.look(*now, journal);
@@ -24,6 +27,9 @@ impl Plant {
     #[inline]
     pub(super) fn leave(&mut self) {
         self.keep_changes(By::Firmware);
+        if !self.drafts.is_empty() && self.leave_on_cores() {
+            return;
+        }
         let Plant { media, ports, watches, .. } = self;
         for (watch, ports) in watches.iter_mut().zip(ports.of_devices()) {
             watch.leave();

@@ -3,11 +3,14 @@
 use crate::rig::bring_up::{Mode, Node, Stage, bring_up_in};
 use crate::rig::cluster::Cluster;
 use crate::rig::{FASTEST, RATES, Rate, plant_of};
-use commram::devices::cansync;
 use commram::devices::cansync::medium::drives;
 use commram::devices::cansync::records::{BaudRateMismatch, SyncEdge, Transmitted};
+use commram::devices::{cansync, fault_kinds};
+use commram::fault::FaultSpec;
 use commram::journal::Record;
+use commram::memory::header::BoardSetting;
 use commram::plant::Plant;
+use core::num::NonZero;
 
 /// Times of the SYNC edges of a bus.
 fn edges(cluster: &Cluster, bus: u16) -> Vec<u64> {
@@ -96,6 +99,53 @@ fn the_largest_two_level_cluster_runs() {
         (0..2 * 64 + 8).for_each(|_| cluster.interval());
         assert!(cluster.plcs[1..].iter().all(|plc| plc.sum() == 7 * 32));
         assert_eq!(cluster.plcs[0].sum(), 7 * 1024);
+    }
+}
+
+/// 33 buses, on which things go wrong, a PLC restarts, another loses its supply, and programs do what they must not.
+#[test]
+fn on_several_cores_all_goes_as_on_one() {
+    for rate in FASTEST {
+        let outcomes = [1, 2, 3].map(|cores| {
+            let mut cluster = Cluster::new(rate, &[32, 1]);
+            cluster.plant.set_cores(NonZero::new(cores).unwrap());
+            cluster.activate();
+            let intervals = |cluster: &mut Cluster, count: u32| {
+                for value in 0..count {
+                    cluster.plcs[0].master.a_WR_VALUE[0].store(value);
+                    cluster.interval();
+                }
+            };
+            intervals(&mut cluster, 20);
+            let names = cluster.plant.names();
+            for fault in
+                ["kind = 'lose_frame'\nbus = 'p3'\ncount = 2", "kind = 'lose_sync'\nbus = 'p0'\ncount = 1"]
+            {
+                let fault: FaultSpec = toml::from_str(fault).unwrap();
+                cluster.plant.add_fault(fault.resolve(fault_kinds(), &names).unwrap()).unwrap();
+                intervals(&mut cluster, 10);
+            }
+            assert_eq!(cluster.plant.faults().count(), 0, "both are over");
+            // Reserved bits, which is a warning or an error of each of their PLCs.
+            for plc in [5, 31, 7] {
+                cluster.plcs[plc].master.b_MAX_SL_NR.store(0x7F);
+            }
+            intervals(&mut cluster, 3);
+            let broken = cluster.plant.journal().findings().iter().count();
+            assert!(broken >= 3, "{broken} findings");
+            cluster.plcs[9].master.w_CPU_CONTROL.store(0);
+            intervals(&mut cluster, 10);
+            cluster.plant.set_board(12, BoardSetting::PowerCycle);
+            intervals(&mut cluster, 30);
+            let findings: Vec<_> = cluster.plant.journal().findings().iter().copied().collect();
+            cluster.plant.clear_findings();
+            let plant = &cluster.plant;
+            let records: Vec<_> = plant.journal().records().copied().collect();
+            let (hash, pending) = (plant.journal().hash(), plant.journal().pending());
+            (hash, records, pending, findings, plant.snapshot())
+        });
+        assert!(outcomes[0] == outcomes[1], "two cores");
+        assert!(outcomes[0] == outcomes[2], "three cores");
     }
 }
 

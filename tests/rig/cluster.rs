@@ -7,7 +7,6 @@ use super::{Kind, Rate, plant_of};
 use commram::devices::cansync::registers::{CANsync_MA_CTRL_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT};
 use commram::memory::{Segment, View};
 use commram::plant::Plant;
-use std::fmt::Write;
 
 /// Control registers of frames: released, taken over and sent, received, re-armed.
 const RELEASED: u8 = 0x05;
@@ -48,7 +47,15 @@ impl Drop for Cluster {
 impl Cluster {
     /// `widths[n]`: participants on each bus of level n; those of the last level are drives.
     pub(crate) fn new(rate: Rate, widths: &[usize]) -> Cluster {
-        let (text, children) = plant_text(rate, widths);
+        Self::of(rate, plant_text(rate, widths))
+    }
+
+    /// Levels filled in order, up to so many participants: no bus has room before all have that stand before it.
+    pub(crate) fn filled(rate: Rate, participants: usize) -> Cluster {
+        Self::of(rate, filled_text(rate, participants))
+    }
+
+    fn of(rate: Rate, (text, children): (String, Vec<usize>)) -> Cluster {
         let plant = plant_of(&text);
         let plcs = plant.devices().iter().zip(children).enumerate();
         let plcs = plcs.map(|(index, (plc, children))| plc_of(rate, plc.segment(), index == 0, children));
@@ -161,12 +168,7 @@ fn plant_text(rate: Rate, widths: &[usize]) -> (String, Vec<usize>) {
                 plcs += &rate.kind.plc(&name, dip as u8, above.as_deref(), Some(&name));
                 let mut drives = String::new();
                 if depth + 1 == widths.len() {
-                    for number in 0..*below {
-                        let _ = writeln!(
-                            drives,
-                            "[[bus.drive]]\nname = '{name}-{number}'\nslave_number = {number}\nlock_time_us = 20000"
-                        );
-                    }
+                    drives = (0..*below).map(|number| drive_text(&name, number)).collect();
                 }
                 buses += &rate.bus(&name, &drives);
                 children.push(*below);
@@ -174,6 +176,30 @@ fn plant_text(rate: Rate, widths: &[usize]) -> (String, Vec<usize>) {
             }
         }
         level = next;
+    }
+    (plcs + &buses, children)
+}
+
+fn drive_text(bus: &str, number: usize) -> String {
+    format!("[[bus.drive]]\nname = '{bus}-{number}'\nslave_number = {number}\nlock_time_us = 20000\n")
+}
+
+/// As [`plant_text`], with 32 participants on each bus but the last. The first ones are PLCs: as many as there must be buses.
+fn filled_text(rate: Rate, participants: usize) -> (String, Vec<usize>) {
+    const MOST: usize = 32;
+    let below = participants - 1;
+    let plc_count = below.div_ceil(MOST);
+    let (mut plcs, mut buses, mut children) = (String::new(), String::new(), Vec::new());
+    for plc in 0..plc_count {
+        let above = (plc > 0).then(|| (plc - 1) / MOST).map(|above| format!("p{above}"));
+        let (name, dip) = (format!("p{plc}"), plc.saturating_sub(1) % MOST);
+        plcs += &rate.kind.plc(&name, dip as u8, above.as_deref(), Some(&name));
+        let first = plc * MOST;
+        let own = MOST.min(below - first);
+        let first_drive = (plc_count - 1).saturating_sub(first).min(own);
+        let drives: String = (first_drive..own).map(|number| drive_text(&name, number)).collect();
+        buses += &rate.bus(&name, &drives);
+        children.push(own);
     }
     (plcs + &buses, children)
 }

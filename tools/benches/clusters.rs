@@ -1,31 +1,100 @@
-//! Emulated intervals per second of a cluster in stepped mode: a PLC, 32 PLCs below it, 32 drives below each
-//! of them; WRC1 and RDC1 busy on all 33 buses in every interval, the tasks of all PLCs included.
+//! Emulated intervals per second of clusters in stepped mode: a PLC, 32 PLCs below it, 32 participants below each of them, and
+//! so on; WRC1 and RDC1 busy on all buses in every interval, the tasks of all PLCs included.
+//!
+//! `COMMRAM_BENCH_PARTICIPANTS` names other sizes, one after the other: `1057,65535`, `COMMRAM_BENCH_CORES` how many cores may work
+//! at the plant. What it takes of memory is told beside.
 
 #[path = "../../tests/rig/mod.rs"]
 mod rig;
 
-use criterion::{Criterion, Throughput, criterion_group, criterion_main};
+use core::num::NonZero;
+use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use rig::OMEGA_RATES;
 use rig::cluster::Cluster;
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// 1 + 32 + 32 x 32, ten times and about a hundred times as many, and all that a cluster can have.
+const SIZES: [usize; 4] = [33, 1_057, 10_570, 65_535];
+
+/// Bytes in use, but for those of images, which take pages only where they are touched.
+static USED: AtomicUsize = AtomicUsize::new(0);
+
+/// Counts what is in use.
+struct Counting;
+
+/// Images are longer than this, and little else is.
+const IMAGE: usize = 3 << 20;
+
+// SAFETY: everything is left to the system's allocator.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        if layout.size() < IMAGE {
+            USED.fetch_add(layout.size(), Ordering::Relaxed);
+        }
+        // SAFETY: as the caller promises.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
+        if layout.size() < IMAGE {
+            USED.fetch_add(layout.size(), Ordering::Relaxed);
+        }
+        // SAFETY: as the caller promises.
+        unsafe { System.alloc_zeroed(layout) }
+    }
+
+    unsafe fn dealloc(&self, memory: *mut u8, layout: Layout) {
+        if layout.size() < IMAGE {
+            USED.fetch_sub(layout.size(), Ordering::Relaxed);
+        }
+        // SAFETY: as the caller promises.
+        unsafe { System.dealloc(memory, layout) }
+    }
+}
+
+#[global_allocator]
+static COUNTING: Counting = Counting;
+
+fn sizes() -> Vec<usize> {
+    let asked = std::env::var("COMMRAM_BENCH_PARTICIPANTS").ok();
+    let asked = asked.map(|list| list.split(',').filter_map(|size| size.parse().ok()).collect());
+    asked.unwrap_or_else(|| SIZES.to_vec())
+}
+
+fn cores() -> NonZero<usize> {
+    let asked = std::env::var("COMMRAM_BENCH_CORES").ok();
+    asked.and_then(|count| count.parse().ok()).unwrap_or(NonZero::<usize>::MIN)
+}
 
 fn clusters(criterion: &mut Criterion) {
-    let mut cluster = Cluster::new(OMEGA_RATES[0], &[32, 32]);
-    cluster.activate();
     let mut group = criterion.benchmark_group("clusters");
-    group.throughput(Throughput::Elements(1));
-    let mut value = 0;
-    group.bench_function("1 + 32 + 32 x 32 participants", |bencher| {
-        bencher.iter(|| {
-            value += 1;
-            cluster.plcs[0].master.a_WR_VALUE[0].store(value);
-            cluster.interval();
+    group.throughput(Throughput::Elements(1)).sample_size(10);
+    for participants in sizes() {
+        let before = USED.load(Ordering::Relaxed);
+        let mut cluster = Cluster::filled(OMEGA_RATES[0], participants);
+        cluster.plant.set_cores(cores());
+        cluster.activate();
+        let used = USED.load(Ordering::Relaxed) - before;
+        let (plcs, drives) = (cluster.plcs.len(), participants - cluster.plcs.len());
+        println!(
+            "{participants} participants: {plcs} PLCs, {drives} drives, {} KiB beside the images",
+            used / 1024
+        );
+        let mut value = 0;
+        group.bench_function(BenchmarkId::from_parameter(participants), |bencher| {
+            bencher.iter(|| {
+                value += 1;
+                cluster.plcs[0].master.a_WR_VALUE[0].store(value);
+                cluster.interval();
+            });
         });
-    });
+        // The figure counts only if values really go through: all buses ask all of theirs in turn.
+        cluster.plcs[0].master.a_WR_VALUE[0].store(3);
+        (0..4 * 64 + 8).for_each(|_| cluster.interval());
+        assert_eq!(cluster.plcs[0].sum() as usize, 3 * drives);
+    }
     group.finish();
-    // The figure counts only if values really go through.
-    cluster.plcs[0].master.a_WR_VALUE[0].store(3);
-    (0..2 * 64 + 8).for_each(|_| cluster.interval());
-    assert_eq!(cluster.plcs[0].sum(), 3 * 1024);
 }
 
 criterion_group!(benches, clusters);

@@ -150,6 +150,11 @@ impl Medium for SimBus {
         self.next
     }
 
+    /// An edge goes on to devices and to other buses.
+    fn apart_until(&self) -> u64 {
+        self.agenda.at(Slot::Sync).unwrap_or(u64::MAX)
+    }
+
     fn event(&mut self, world: &mut World) -> Option<SyncSignal> {
         if self.slot_due(world) { self.running.as_ref().map(|running| running.signal) } else { None }
     }

@@ -1,0 +1,89 @@
+//! A draft of the journal: what somebody tells who does not know yet what others have told before. It is put into the journal
+//! when that is known.
+
+use super::{Event, Finding, Journal, Keeping};
+
+/// Something told to a draft.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Drafted {
+    time_us: u64,
+    by: usize,
+    what: What,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum What {
+    Event(Event, Keeping),
+    Finding(Finding),
+}
+
+/// What has been told, and who tells now.
+#[derive(Debug, Default)]
+pub(super) struct Draft {
+    by: usize,
+    told: Vec<Drafted>,
+}
+
+impl Draft {
+    #[inline]
+    pub(super) fn event(&mut self, time_us: u64, event: Event, keeping: Keeping) {
+        self.told.push(Drafted { time_us, by: self.by, what: What::Event(event, keeping) });
+    }
+
+    pub(super) fn finding(&mut self, time_us: u64, finding: Finding) {
+        self.told.push(Drafted { time_us, by: self.by, what: What::Finding(finding) });
+    }
+}
+
+impl Journal {
+    /// A draft for a journal in which no register is followed.
+    pub(crate) fn draft() -> Self {
+        Journal { draft: Some(Box::default()), ..Journal::new(1) }
+    }
+
+    /// What is told from now on is told by this one, of several.
+    pub(crate) fn told_by(&mut self, by: usize) {
+        if let Some(draft) = &mut self.draft {
+            draft.by = by;
+        }
+    }
+
+    /// Puts in what was told to drafts: in the order of time, then of those who told it, and as each of them did.
+    pub(crate) fn put_in<'a>(&mut self, drafts: impl Iterator<Item = &'a mut Journal>) {
+        let drafts = drafts.filter_map(|journal| journal.draft.as_mut());
+        let mut told: Vec<_> = drafts.flat_map(|draft| draft.told.drain(..)).collect();
+        told.sort_by_key(|told| (told.time_us, told.by));
+        for Drafted { time_us, what, .. } in told {
+            match what {
+                What::Event(event, keeping) => self.keep(time_us, event, keeping),
+                What::Finding(finding) => self.find(time_us, finding),
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::journal::testing::{Edge, Packet};
+
+    #[test]
+    fn drafts_are_put_in_as_if_told_at_once() {
+        let (mut at_once, mut later) = (Journal::default(), Journal::default());
+        let mut drafts = [Journal::draft(), Journal::draft()];
+        for time in 0..6 {
+            for by in 0..10 {
+                drafts[by % 2].told_by(by);
+                for journal in [&mut at_once, &mut drafts[by % 2]] {
+                    journal.push(time * 500, Edge { bus: by as u16 });
+                    journal.push(time * 500, Packet { bus: by as u16, data: time as u8 });
+                }
+            }
+        }
+        later.put_in(drafts.iter_mut());
+        assert_eq!((later.hash(), later.written()), (at_once.hash(), at_once.written()));
+        assert!(later.records().eq(at_once.records()) && later.pending() == at_once.pending());
+        later.put_in(drafts.iter_mut());
+        assert_eq!(later.written(), at_once.written());
+    }
+}
