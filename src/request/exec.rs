@@ -14,6 +14,8 @@ use crate::plant::{FollowError, Forced};
 
 /// Longest advance between two looks at [`Host::should_stop`]: 100 ms of emulated time.
 const SLICE_US: u64 = 100_000;
+/// The same while nothing changes, which takes no longer: a minute.
+const REST_US: u64 = 60_000_000;
 /// How many events a wait passes between two looks at [`Host::should_pause`], which may cost as much as an event.
 const EVENTS: u32 = 32;
 
@@ -273,7 +275,8 @@ impl Execution {
             if host.should_pause() {
                 return Ok(false);
             }
-            let part = self.part.unwrap_or_else(|| end.min(now.saturating_add(SLICE_US)));
+            let [least, most] = [SLICE_US, REST_US].map(|us| now.saturating_add(us));
+            let part = self.part.unwrap_or_else(|| host.next_change().clamp(least, most).min(end));
             if !self.go_to(host, part) {
                 return Ok(false);
             }
@@ -339,7 +342,7 @@ impl Execution {
             if !host.is_stepped() {
                 return Ok(None);
             }
-            let latest = deadline.min(waited.time_us.saturating_add(SLICE_US));
+            let latest = deadline.min(waited.time_us.saturating_add(REST_US));
             let event = host.next_change().max(waited.time_us).min(latest);
             self.events = self.events.wrapping_add(1);
             if !self.go_to(host, event) || self.events.is_multiple_of(EVENTS) && host.should_pause() {
