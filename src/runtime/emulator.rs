@@ -11,6 +11,7 @@ use super::clock::{Clock, WallClock};
 use super::guests::Guests;
 use super::lockstep::Lockstep;
 use super::novram::{Directory, Found, Keeper, Novram, NovramError};
+use super::open_files;
 
 use super::watch::Watch;
 use crate::door::{DoorError, DoorSpec};
@@ -81,6 +82,18 @@ pub enum RuntimeError {
     Thread {
         /// Why not.
         reason: std::io::Error,
+    },
+    /// More PLCs than this process may have files for.
+    #[error(
+        "{plcs} PLCs need {needed} open files, and a process may have {most}: raise that (`ulimit -Hn {needed}` as root)"
+    )]
+    OpenFiles {
+        /// How many PLCs.
+        plcs: usize,
+        /// Files that they need.
+        needed: u64,
+        /// Files that there may be.
+        most: u64,
     },
     /// A speed factor out of range.
     #[error("speed {speed}: must be {} to {}", Clock::SLOWEST, Clock::FASTEST)]
@@ -166,6 +179,7 @@ impl Emulator {
         let lock = take_instance(config, &options.instance)?;
         let sizes = config.devices.iter().map(|device| (device.name(), device.layout().segment_size()));
         room::check(&options.instance, sizes)?;
+        open_files::allow(config.devices.len())?;
         let mut images = Vec::with_capacity(config.devices.len());
         let mut directory = None;
         let mut novram = Vec::new();

@@ -6,6 +6,7 @@ mod guests;
 mod host;
 mod lockstep;
 mod novram;
+mod open_files;
 mod turns;
 mod watch;
 

@@ -211,3 +211,26 @@ fn with_waits_for_its_command_although_the_emulator_was_ended() {
     assert_eq!(outcome.code, Some(7));
     assert!(outcome.err.contains("has ended before the command"), "{}", outcome.err);
 }
+
+/// Each PLC takes some: as many as are allowed are asked for, and whoever may not have enough is told.
+#[test]
+fn more_plcs_than_there_may_be_open_files_are_refused_by_number() {
+    let instance = Background::new();
+    let directory = tempfile::tempdir().unwrap();
+    let plant = directory.path().join("plant.toml");
+    let plcs = (0..3).map(|plc| format!("[[plc]]\nname = 'p{plc}'\n")).collect::<String>();
+    std::fs::write(&plant, plcs).unwrap();
+    let run = |hard: u32, arguments: &[&str]| {
+        let limited = format!("ulimit -Sn 30 && ulimit -Hn {hard} && exec \"$@\"");
+        let mut command = Command::new("sh");
+        command.args(["-c", &limited, "sh", program(), "run", "-i", &instance.0]);
+        finish(command.arg(&plant).args(arguments))
+    };
+    let refused = run(34, &[]);
+    assert!(
+        refused.fails(1).contains("3 PLCs need 36 open files, and a process may have 34"),
+        "{}",
+        refused.err
+    );
+    run(200, &["--detach"]).ok();
+}

@@ -11,6 +11,7 @@ mod channel;
 mod handshake;
 mod start;
 #[path = "../support/mod.rs"]
+#[allow(dead_code, reason = "each benchmark uses a part of it")]
 mod support;
 
 use criterion::Criterion;
