@@ -127,6 +127,7 @@ pub mod kind {
     pub const BACK: u16 = 78;
     pub const BACK_UNTIL: u16 = 79;
     pub const SCENE: u16 = 85;
+    pub const IS_RECORDED: u16 = 86;
 }
 
 /// Values of [`Block::kind`].
@@ -156,6 +157,7 @@ pub mod reply_kind {
     pub const DOORS_CLOSED: u16 = 62;
     pub const CHANGES: u16 = 71;
     pub const SCENE: u16 = 85;
+    pub const IS_RECORDED: u16 = 86;
 }
 
 /// A field of an operation without meaning, and its content.
@@ -222,6 +224,9 @@ impl From<&Op> for WireOp {
                     Keep::ForOnlookers => 1,
                 };
                 WireOp { kind: kind::FOLLOW, plc, node, offset, value: len, ..WireOp::default() }
+            }
+            Op::IsRecorded { plc, offset } => {
+                WireOp { kind: kind::IS_RECORDED, plc, offset, ..WireOp::default() }
             }
             Op::Changes { from, max } => {
                 WireOp { kind: kind::CHANGES, value: max, time_us: from, ..WireOp::default() }
@@ -333,6 +338,7 @@ impl TryFrom<WireOp> for Op {
                 };
                 Op::Follow { plc, offset, len: value, keep }
             }
+            kind::IS_RECORDED => Op::IsRecorded { plc, offset },
             kind::CHANGES => Op::Changes { from: time_us, max: value },
             kind::FORCE => Op::Force { plc, offset, width: width()?, value },
             kind::UNFORCE => Op::Unforce { plc, offset, width: width()? },

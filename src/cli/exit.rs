@@ -172,7 +172,7 @@ mod tests {
             CliError::Client(ClientError::Refused(Refused { code, text: String::new(), waited: None }))
                 .exit_code()
         };
-        assert_eq!(code(Code::NO_SYNC), 1);
+        assert_eq!((code(Code::NO_SYNC), code(Code::NOT_SO_FAR)), (1, 1));
         assert_eq!(code(Code::UNMAPPED), 2);
         assert_eq!(code(Code::SHUTTING_DOWN), 3);
         assert_eq!(CliError::Client(ClientError::EmulatorGone { instance: "x".into() }).exit_code(), 3);

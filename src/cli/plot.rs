@@ -13,6 +13,7 @@ use crate::devices;
 use crate::journal::{Selection, Waves};
 use crate::layout::Live;
 use crate::plot::{Picture, Plot, Row, address_of};
+use crate::request::Op;
 use file::Told;
 use std::path::{Path, PathBuf};
 
@@ -74,8 +75,11 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let bytes = plot.render(picture).map_err(|error| wrong(&args.output, &error))?;
     std::fs::write(&args.output, bytes)
         .map_err(|reason| CliError::File { path: args.output.clone(), reason })?;
-    for row in plot.rows.iter().filter_map(|row| row.note.as_ref().map(|note| (&row.name, note))) {
-        output::note(&format!("{}: {} (run --watch, record)", row.0, row.1));
+    for row in &plot.rows {
+        let how = if row.is_recorded { "" } else { " (run --watch, record)" };
+        if let Some(note) = &row.note {
+            output::note(&format!("{}: {note}{how}", row.name));
+        }
     }
     Ok(())
 }
@@ -94,12 +98,17 @@ fn of_instance(args: &Args) -> Result<Plot, CliError> {
     let waves = Waves::of(&session.records(0)?, &Selection::default(), info.names, devices::catalogue());
     let reads: Vec<_> = places.iter().map(|(plc, place)| Read::place(*plc, place)).collect();
     let held = session.read(&reads)?.data;
-    let rows = places.iter().zip(held).map(|((plc, place), held)| {
+    let asked = places.iter().map(|(plc, place)| {
+        let offset = address_of(place).offset();
+        Ok(session.ask(Op::IsRecorded { plc: *plc, offset })?.value()? == 1)
+    });
+    let recorded = asked.collect::<Result<Vec<_>, CliError>>()?;
+    let rows = places.iter().zip(held).zip(recorded).map(|(((plc, place), held), is_recorded)| {
         let name = format!("{}{}", session.prefix(*plc), place.name(Live::Cyclic));
         let row = Row::of(name, place, &waves.register(*plc, address_of(place).offset()));
         let mut word = [0; 4];
         word.iter_mut().zip(held).for_each(|(to, from)| *to = from);
-        row.or_holds(&place.format(Live::Cyclic, u32::from_le_bytes(word)))
+        row.or_holds(&place.format(Live::Cyclic, u32::from_le_bytes(word)), is_recorded)
     });
     Ok(Plot::new(args.from, args.to.unwrap_or(info.time_us), waves.edges(), rows.collect()))
 }

@@ -45,6 +45,8 @@ pub(crate) struct Args {
 enum End {
     /// Go on.
     On,
+    /// Nobody wants to go on.
+    Enough,
     /// It failed: the exit code.
     Failed(u8),
 }
@@ -83,9 +85,13 @@ impl Shell {
             if !is_last && words::is_open(&piece) {
                 continue;
             }
-            if let End::Failed(code) = self.line(&core::mem::take(&mut piece)) {
-                output::complain(&format!("line {begin} failed; what follows was not done"));
-                return Err(CliError::Ended { code });
+            match self.line(&core::mem::take(&mut piece)) {
+                End::On => {}
+                End::Enough => break,
+                End::Failed(code) => {
+                    output::complain(&format!("line {begin} failed; what follows was not done"));
+                    return Err(CliError::Ended { code });
+                }
             }
             if is_last {
                 break;
@@ -98,9 +104,10 @@ impl Shell {
         let mut read = Read::new(self.instance.name(), command(self.instance.name()))?;
         loop {
             match read.next()? {
-                Typed::Line(line) => {
-                    self.line(&line);
-                }
+                Typed::Line(line) => match self.line(&line) {
+                    End::On | End::Failed(_) => {}
+                    End::Enough => return Ok(()),
+                },
                 Typed::Nothing => {}
                 Typed::End => return Ok(()),
             }
@@ -112,6 +119,9 @@ impl Shell {
         let line = line.trim();
         if line.is_empty() || line.starts_with("//") || line.starts_with('#') {
             return End::On;
+        }
+        if words::ENOUGH.contains(&line) {
+            return End::Enough;
         }
         match words::of_command(line, &command(self.instance.name())) {
             Some(Ok(words)) => self.command(words),
@@ -167,7 +177,10 @@ impl Shell {
             },
             Err(outcome) => match *outcome {
                 Outcome::Failed(failure) => (failure.to_string(), Exit::Failed),
-                Outcome::Broken(mistake) => (mistake.what, Exit::WrongUse),
+                Outcome::Broken(mistake) => {
+                    let meant = words::meant(text, &command(self.instance.name()));
+                    (mistake.what + &meant, Exit::WrongUse)
+                }
                 other => (other.name().to_owned(), Exit::Failed),
             },
         };

@@ -64,6 +64,10 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     use crate::request::{MAX_RANGE, Op};
     use std::fs;
 
+    if fs::metadata(&args.file).is_ok_and(|found| !found.is_file()) {
+        let reason = "it is a directory, a device or a pipe; a snapshot goes into a file".to_owned();
+        return Err(CliError::Snapshot { path: args.file.clone(), reason });
+    }
     let session = Session::open(&args.instance, 0)?;
     let number = session.ask(Op::Save)?.value()?;
     let mut bytes = Vec::new();
@@ -75,12 +79,9 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         }
     }
     session.ask(Op::Forget { number })?.written()?;
-    // Nobody finds half a snapshot under the name. What is no file is written to, and stays what it is.
+    // Nobody finds half a snapshot under the name.
     let begun = args.file.with_added_extension(format!("{}.part", std::process::id()));
-    let is_file = fs::metadata(&args.file).map_or(true, |found| found.is_file());
-    let to = if is_file { &begun } else { &args.file };
-    let written =
-        fs::write(to, &bytes).and_then(|()| if is_file { fs::rename(&begun, &args.file) } else { Ok(()) });
+    let written = fs::write(&begun, &bytes).and_then(|()| fs::rename(&begun, &args.file));
     written.map_err(|reason| {
         let _ = fs::remove_file(&begun);
         CliError::Snapshot { path: args.file.clone(), reason: reason.to_string() }

@@ -47,7 +47,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "H", value_parser = hours)]
     hours: Option<Duration>,
     /// End after so many rounds
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = rounds)]
     rounds: Option<u64>,
     /// How many rounds run at the same time [default: one per processor]
     #[arg(long, value_name = "N")]
@@ -71,6 +71,11 @@ fn hours(text: &str) -> Result<Duration, String> {
     let hours = text.parse().ok().filter(|hours: &f64| *hours > 0.0);
     let time = hours.and_then(|hours| Duration::try_from_secs_f64(hours * 3600.0).ok());
     time.ok_or_else(|| "give hours as a number above 0, for example 0.5".to_owned())
+}
+
+fn rounds(text: &str) -> Result<u64, String> {
+    let rounds = text.parse().ok().filter(|rounds| *rounds > 0);
+    rounds.ok_or_else(|| "give a number above 0; without --rounds there is no end".to_owned())
 }
 
 fn exercise(name: &str) -> Result<&'static Exercise, String> {

@@ -62,7 +62,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let mut model = Model::new(args.instance.name(), args.read_only);
     for text in &args.registers {
         for (plc, place) in places(&session, text)? {
-            model.pins.toggle(plc, place, 0);
+            model.pins.toggle(plc, place);
         }
     }
     // It would hold a place among the clients as long as the view runs.

@@ -115,6 +115,11 @@ impl History {
         self.followed.iter().filter(|register| register.in_journal)
     }
 
+    /// Whether the changes of a register are in the journal.
+    pub(super) fn is_recorded(&self, plc: u16, offset: u32) -> bool {
+        self.find(plc, offset).is_ok_and(|at| self.followed.get(at).is_some_and(|it| it.in_journal))
+    }
+
     /// These are the ones whose changes are in the journal. Onlookers go on looking at theirs.
     pub(super) fn restore_in_journal(&mut self, followed: Vec<Followed>) {
         self.followed.retain_mut(|register| {

@@ -201,6 +201,11 @@ impl Journal {
         self.history.follow(plc, offset, width, keep, rams)
     }
 
+    /// Whether all changes of a register become records.
+    pub(crate) fn is_recorded(&self, plc: u16, offset: u32) -> bool {
+        self.history.is_recorded(plc, offset)
+    }
+
     /// Compares the registers that are followed with what they held.
     #[cold]
     pub(crate) fn compare(&mut self, time_us: u64, by: By, rams: &impl Rams) {

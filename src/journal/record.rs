@@ -5,7 +5,8 @@ use super::Event;
 /// One line of the journal: an event, or several equal ones at equal distances.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Record {
-    /// Number of the record, from 0; [`Record::PENDING`] while it is still being counted.
+    /// Number of the record, from 0; [`Record::PENDING`] while it is still being counted, [`Record::COUNTED`] if it has
+    /// been and has none yet.
     pub seq: u64,
     /// Emulated time in microseconds since power-on; of several events that of the last one.
     pub time_us: u64,
@@ -24,14 +25,29 @@ impl Record {
     /// Number of a record that is still being counted and has none yet.
     pub const PENDING: u64 = u64::MAX;
 
+    /// Number of a record that has none yet, though nothing of it can come any more.
+    pub const COUNTED: u64 = u64::MAX - 1;
+
     /// A record of one event, without number.
     pub(super) fn single(time_us: u64, event: Event) -> Self {
         Record { seq: Self::PENDING, time_us, event, count: 1, period_us: 0, latency_us: None }
     }
 
-    /// Whether the record is still being counted.
+    /// Whether the record has no number yet.
     pub fn is_pending(&self) -> bool {
+        self.seq >= Self::COUNTED
+    }
+
+    /// Whether more may come of what it counts.
+    pub fn goes_on(&self) -> bool {
         self.seq == Self::PENDING
+    }
+
+    /// The same at emulated time `now_us`: what should have come again before that does not go on.
+    pub(crate) fn judged_at(self, now_us: u64) -> Self {
+        let is_over = self.period_us == 0 || self.time_us.saturating_add(self.period_us.into()) < now_us;
+        let seq = if self.is_pending() && is_over { Self::COUNTED } else { self.seq };
+        Self { seq, ..self }
     }
 
     /// Time of the first event it stands for, in microseconds.

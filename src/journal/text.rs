@@ -38,7 +38,7 @@ impl Format for Text {
                 seconds(record.first_us()).trim_start()
             );
         }
-        if record.is_pending() {
+        if record.goes_on() {
             out.push_str(", going on");
         }
         out.push('\n');

@@ -245,11 +245,14 @@ impl PlantConfig {
         &self.text
     }
 
-    /// A number that tells plants apart whose devices and media are set otherwise, within one version of commram. Faults are
-    /// no settings.
-    pub(super) fn settings(&self) -> u64 {
+    /// Numbers that tell plants apart whose devices and media are set otherwise, within one version of commram: the
+    /// processor cycle, then one for each device and for each medium. Faults are no settings.
+    pub(super) fn settings(&self) -> Arc<[u64]> {
         let PlantConfig { processor_cycle_us, devices, media, faults: _, text: _ } = self;
-        XxHash3_64::oneshot(format!("{processor_cycle_us} {devices:?} {media:?}").as_bytes())
+        let of = |settings: &dyn core::fmt::Debug| XxHash3_64::oneshot(format!("{settings:?}").as_bytes());
+        let devices = devices.iter().map(|device| of(device));
+        let media = media.iter().map(|medium| of(medium));
+        [u64::from(*processor_cycle_us)].into_iter().chain(devices).chain(media).collect()
     }
 
     /// Checks everything that a plant file can get wrong.

@@ -74,9 +74,9 @@ pub struct Plant {
     edges: Vec<Origin>,
     /// Of each device, for accesses from outside.
     widths: Vec<RegisterWidths>,
-    /// The text of the plant file, and a number that stands for its settings.
+    /// The text of the plant file, and numbers that stand for its settings.
     text: Arc<str>,
-    settings: u64,
+    settings: Arc<[u64]>,
 }
 
 impl Plant {

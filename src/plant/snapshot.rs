@@ -14,7 +14,9 @@ use crate::devices::{self, Device};
 use crate::journal::{By, Rings};
 use crate::layout::Device as Layout;
 use crate::state::{Damaged, Saved, Saving, State};
+use core::borrow::Borrow;
 use core::ops::Range;
+use std::sync::Arc;
 
 /// The state of a plant at a moment, for that plant or one of the same plant file.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -22,7 +24,7 @@ pub struct Snapshot {
     time_us: u64,
     layouts: Vec<(String, u64)>,
     media: Vec<String>,
-    settings: u64,
+    settings: Arc<[u64]>,
     state: Vec<u8>,
 }
 
@@ -53,11 +55,22 @@ pub enum SnapshotError {
         /// Hash of its layout here.
         expected: u64,
     },
+    /// A PLC is another device in it.
+    #[error("PLC '{plc}' is a {theirs} in it, here it is a {ours}; start its plant by `commram run --from`")]
+    OtherDevice {
+        /// The device.
+        plc: String,
+        /// What it is in the snapshot.
+        theirs: &'static str,
+        /// What it is here.
+        ours: &'static str,
+    },
     /// Its devices and buses have other settings.
-    #[error(
-        "it is of a plant whose devices, buses or drives are set otherwise; start one by `commram run --from`"
-    )]
-    OtherSettings,
+    #[error("the plant file that it is of sets {what} otherwise; start its plant by `commram run --from`")]
+    OtherSettings {
+        /// What is set otherwise there.
+        what: String,
+    },
     /// Its bytes are no state of this plant.
     #[error("it is damaged, or was made by another build of commram: {0}")]
     Damaged(#[from] Damaged),
@@ -85,12 +98,12 @@ impl Snapshot {
     /// As a file has it.
     fn save(&self, to: &mut Saving) {
         let Snapshot { time_us, layouts, media, settings, state } = self;
-        to.value(&(time_us, layouts, media, settings, state));
+        to.value(&(time_us, layouts, media, settings.as_ref(), state));
     }
 
     fn of_saved(from: &mut Saved<'_>) -> Result<Self, Damaged> {
-        let (time_us, layouts, media, settings, state) = from.value()?;
-        Ok(Snapshot { time_us, layouts, media, settings, state })
+        let (time_us, layouts, media, settings, state): (_, _, _, Vec<u64>, _) = from.value()?;
+        Ok(Snapshot { time_us, layouts, media, settings: settings.into(), state })
     }
 }
 
@@ -117,7 +130,13 @@ impl Plant {
         let mut to = Saving::reusing(bytes);
         self.save(&mut to);
         let (layouts, media) = self.shape();
-        Snapshot { time_us: self.now, layouts, media, settings: self.settings, state: to.into_bytes() }
+        Snapshot {
+            time_us: self.now,
+            layouts,
+            media,
+            settings: Arc::clone(&self.settings),
+            state: to.into_bytes(),
+        }
     }
 
     /// Goes to a snapshot of this plant, or of one of the same plant file. Records of the journal are not in it: none stays, and
@@ -176,12 +195,29 @@ impl Plant {
         }
         let layouts = snapshot.layouts.iter().zip(&layouts);
         match layouts.into_iter().find(|((_, found), (_, expected))| found != expected) {
-            None if snapshot.settings != self.settings => Err(SnapshotError::OtherSettings),
+            None if snapshot.settings != self.settings => {
+                Err(SnapshotError::OtherSettings { what: self.set_otherwise(&snapshot.settings) })
+            }
             None => Ok(()),
             Some(((plc, found), (_, expected))) => {
-                Err(SnapshotError::OtherLayout { plc: plc.clone(), found: *found, expected: *expected })
+                let (plc, found, expected) = (plc.clone(), *found, *expected);
+                let title = |hash| devices::of_hash(hash).map(|known| known.layout.title);
+                match (title(found), title(expected)) {
+                    (Some(theirs), Some(ours)) => Err(SnapshotError::OtherDevice { plc, theirs, ours }),
+                    _ => Err(SnapshotError::OtherLayout { plc, found, expected }),
+                }
             }
         }
+    }
+
+    /// What is set otherwise in another plant of the same devices and media.
+    fn set_otherwise(&self, theirs: &[u64]) -> String {
+        let devices = self.devices.iter().map(|device| format!("PLC '{}'", device.name()));
+        let media = self.media.iter().map(|medium| format!("bus '{}' or what is at it", medium.name()));
+        let names = ["the processor cycle".to_owned()].into_iter().chain(devices).chain(media);
+        let differs =
+            names.zip(theirs.iter().zip(self.settings.iter())).filter(|(_, (one, other))| one != other);
+        listed(differs.map(|(name, _)| name).collect())
     }
 
     /// Names and layouts of the devices, names and kinds of the media.
@@ -276,6 +312,6 @@ fn registers_of(device: &dyn Device) -> Vec<Range<usize>> {
     ranges
 }
 
-fn listed(names: Vec<&str>) -> String {
+fn listed<T: Borrow<str>>(names: Vec<T>) -> String {
     if names.is_empty() { "none".to_owned() } else { names.join(", ") }
 }

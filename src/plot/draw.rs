@@ -260,6 +260,7 @@ mod tests {
             style,
             points: points.to_vec(),
             texts: points.iter().map(|(_, value)| format!("16#{value:02X}")).collect(),
+            is_recorded: false,
             note: Some("not recorded".to_owned()),
         };
         let rows = vec![

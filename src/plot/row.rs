@@ -30,6 +30,8 @@ pub struct Row {
     pub points: Vec<(u64, i64)>,
     /// The values as text, of the same length.
     pub texts: Vec<String>,
+    /// Whether the journal has every change of it.
+    pub is_recorded: bool,
     /// What else there is to say about it.
     pub note: Option<String>,
 }
@@ -58,13 +60,18 @@ impl Row {
         };
         let meaning = place.meanings(live).filter(|_| bit.is_none());
         let ty = bit.map_or(place.ty(live), |_| RegType::Byte);
-        Self { name, style: style(ty, meaning), points, texts, note }
+        Self { name, style: style(ty, meaning), points, texts, is_recorded: past.is_recorded, note }
     }
 
-    /// The same of a register that nothing is told of, with what it holds at the end of the plot.
-    pub fn or_holds(mut self, text: &str) -> Self {
+    /// The same of a register that nothing is told of, with what it holds at the end of the plot; `is_recorded`: every change of
+    /// it would be told.
+    pub fn or_holds(mut self, text: &str, is_recorded: bool) -> Self {
+        self.is_recorded = is_recorded;
         if self.points.is_empty() {
-            self.note = Some(format!("no change told, holds {text} now"));
+            let why = if is_recorded { "has not changed" } else { "no change told" };
+            self.note = Some(format!("{why}, holds {text} now"));
+        } else if is_recorded {
+            self.note = None;
         }
         self
     }
@@ -138,7 +145,7 @@ mod tests {
 
     fn row(style: Style, points: &[(u64, i64)]) -> Row {
         let texts = points.iter().map(|(_, value)| value.to_string()).collect();
-        Row { name: "r".to_owned(), style, points: points.to_vec(), texts, note: None }
+        Row { name: "r".to_owned(), style, points: points.to_vec(), texts, is_recorded: true, note: None }
     }
 
     #[test]

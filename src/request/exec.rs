@@ -141,6 +141,10 @@ impl Execution {
                 followed.map_err(|error| not_followed(host, plc, offset, len, error))?;
                 Reply::Written
             }
+            Op::IsRecorded { plc, offset } => {
+                let plc = known_plc(host, plc)?;
+                Reply::Value(host.plant().journal().is_recorded(plc as u16, offset).into())
+            }
             Op::Changes { from, max } => {
                 let (changes, end) = host.plant_mut().changes(from, max.min(MAX_RECORDS) as usize);
                 Reply::Changes { changes, end, turn: host.plant().journal().turn() }
@@ -437,6 +441,7 @@ fn journal(host: &dyn Host, from: u64, max: usize) -> Reply {
     let journal = host.plant().journal();
     let records = journal.read(from);
     let pending = if records.len() <= max { journal.pending() } else { Vec::new() };
+    let pending = pending.into_iter().map(|record| record.judged_at(host.plant().now()));
     let records = records.take(max).copied().chain(pending).collect();
     Reply::Journal { records, end: journal.end(), turn: journal.turn() }
 }

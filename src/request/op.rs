@@ -144,6 +144,14 @@ pub enum Op {
         /// Where the changes go.
         keep: Keep,
     },
+    /// Asks whether all changes of a register are kept in the journal. Answered by [`Reply::Value`](super::Reply::Value): 1 if
+    /// they are, else 0.
+    IsRecorded {
+        /// Number of the PLC.
+        plc: u16,
+        /// Byte offset of the register.
+        offset: u32,
+    },
     /// Reads the changes that are kept for onlookers, from number `from` on. Whoever has not asked for ten seconds of real
     /// time is not looked out for any more. Answered by [`Reply::Changes`](super::Reply::Changes).
     Changes {
@@ -315,6 +323,7 @@ impl Op {
             Op::Peek { .. }
             | Op::ReadRange { .. }
             | Op::Journal { .. }
+            | Op::IsRecorded { .. }
             | Op::Changes { .. }
             | Op::Forces
             | Op::FaultList

@@ -77,6 +77,8 @@ impl Code {
     pub const SNAPSHOT: Self = Self(50);
     /// Somebody outside takes part who cannot go back with the plant.
     pub const NOT_ALONE: Self = Self(51);
+    /// So far back nothing is kept, or what was to be found did not come about since then.
+    pub const NOT_SO_FAR: Self = Self(52);
 
     /// The instance has no drive of that number.
     pub const UNKNOWN_DRIVE: Self = Self(42);
@@ -87,8 +89,15 @@ impl Code {
 
     /// Whether the operation asks for what cannot be. If not, it is the plant that is not in the state for it.
     pub fn is_wrong_use(self) -> bool {
-        ![Self::NOT_IN_TIME, Self::NO_SYNC, Self::START_REFUSED, Self::NOT_NOW, Self::SHUTTING_DOWN]
-            .contains(&self)
+        const STATES: [Code; 6] = [
+            Code::NOT_IN_TIME,
+            Code::NO_SYNC,
+            Code::START_REFUSED,
+            Code::NOT_NOW,
+            Code::NOT_SO_FAR,
+            Code::SHUTTING_DOWN,
+        ];
+        !STATES.contains(&self)
     }
 }
 

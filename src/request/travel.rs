@@ -249,7 +249,7 @@ pub(super) fn back(host: &mut dyn Host, us: u64, detached: bool) -> Result<(), R
             || NOTHING.to_owned(),
             |earliest| format!("{us} us are too far: one can go back to {earliest} us, it is {now} us now"),
         );
-        return Err(Refused::new(Code::SNAPSHOT, text));
+        return Err(Refused::new(Code::NOT_SO_FAR, text));
     };
     let here = host.plant().snapshot();
     let search = host.plant_mut().search();
@@ -302,7 +302,7 @@ fn find_back<T>(
             )
         },
     );
-    Err(Refused::new(Code::SNAPSHOT, text))
+    Err(Refused::new(Code::NOT_SO_FAR, text))
 }
 
 /// When `look` came to find something last in a stretch or at the beginning of the next one, and when this stretch begins and
@@ -334,7 +334,7 @@ fn last_in<T>(
 /// is again if it is refused.
 fn arrive(host: &mut dyn Host, target: u64, here: &Snapshot, detached: bool) -> Result<(), Refused> {
     let (_, travel) = host.plant_and_travel();
-    let place = travel.stretch_of(target).ok_or_else(|| Refused::new(Code::SNAPSHOT, NOTHING))?;
+    let place = travel.stretch_of(target).ok_or_else(|| Refused::new(Code::NOT_SO_FAR, NOTHING))?;
     let Stretch { begin, end: (end, hash) } = &travel.history[place];
     let (begin, end, hash) = (begin.clone(), *end, *hash);
     if target > begin.time_us() && !detached {

@@ -2,6 +2,7 @@
 
 mod ask;
 mod board;
+mod exchange;
 mod expect;
 mod findings;
 mod frames;
@@ -21,12 +22,12 @@ pub use memory::{Change, MemoryCopy};
 pub use register::Register;
 
 use super::carrier::Carrier;
-use super::failure::{Exchanged, FailureKind, JournalLine, Way};
+use super::failure::{FailureKind, JournalLine};
 use super::local::Local;
 use super::{Failure, Place, ScenarioError, Value};
 use crate::devices;
 use crate::journal::text::Text;
-use crate::journal::{Changed, ChannelWrite, Format, Names, Record};
+use crate::journal::{Format, Names, Record};
 use crate::layout::Live;
 use crate::memory::Segment;
 use crate::plant::PlantConfig;
@@ -34,13 +35,10 @@ use crate::plc::Ram;
 use crate::request::{InstanceInfo, Op};
 use ask::Spot;
 use core::panic::Location;
-use std::collections::{HashSet, VecDeque};
 use std::path::Path;
 
 /// How many journal entries a failure shows.
 const LAST_ENTRIES: usize = 8;
-/// How many steps of handshakes it keeps for a picture.
-const LAST_EXCHANGES: usize = 24;
 /// How many findings a failure shows.
 const FIRST_FINDINGS: usize = 3;
 /// How far back the journal is read for them.
@@ -342,36 +340,6 @@ impl Bench {
         let (before, last) = records.split_at(records.len().saturating_sub(count));
         before.iter().for_each(|record| text.skip(record));
         Ok(last.iter().map(|record| line(record, &mut text)).collect())
-    }
-
-    /// The last steps of what program, firmware and bus have exchanged, oldest first.
-    fn last_exchanges(&mut self) -> Result<Vec<Exchanged>, ScenarioError> {
-        let from = self.journal_end()?.saturating_sub(LOOK_BACK);
-        let (records, _) = self.records(from)?;
-        let mut text = Text::new(self.names.clone(), devices::catalogue());
-        let mut exchanged = VecDeque::with_capacity(LAST_EXCHANGES);
-        let changed = records.iter().filter_map(|record| record.event.get::<Changed>());
-        let recorded: HashSet<_> = changed.map(|change| (change.plc, change.offset)).collect();
-        // A register that is recorded tells by its changes what was written and answered.
-        let is_told_twice = |record: &Record| {
-            let written = record.event.get().map(|ChannelWrite { plc, offset, .. }| (plc, offset));
-            let stored = record.event.stored().map(|stored| (stored.plc, stored.offset));
-            written.or(stored).is_some_and(|register| recorded.contains(&register))
-        };
-        for record in &records {
-            let Some(way) = Way::of(record).filter(|_| !is_told_twice(record)) else {
-                text.skip(record);
-                continue;
-            };
-            if exchanged.len() == LAST_EXCHANGES {
-                exchanged.pop_front();
-            }
-            exchanged.push_back(Exchanged { way, line: line(record, &mut text) });
-        }
-        // A counted record comes when its count ends.
-        let mut exchanged = Vec::from(exchanged);
-        exchanged.sort_by_key(|step: &Exchanged| step.line.time_us);
-        Ok(exchanged)
     }
 }
 

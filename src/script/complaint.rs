@@ -2,14 +2,28 @@
 
 use super::verb::verbs;
 use crate::layout::did_you_mean;
-use rhai::EvalAltResult;
+use rhai::{Engine, EvalAltResult, FLOAT, INT};
+use std::borrow::Cow;
+
+/// How the engine names a text among the arguments of a call that it does not know.
+const TEXT: &str = "&str | ImmutableString | String";
+
+/// Numbers have names of the scenarios' language, not of ours: in complaints that a script catches, and in `type_of`.
+pub(super) fn name_types(engine: &mut Engine) {
+    engine.register_type_with_name::<INT>("integer").register_type_with_name::<FLOAT>("float");
+}
+
+/// What a script says, without the one name of ours that the engine has no other for.
+pub(super) fn in_words(said: &str) -> Cow<'_, str> {
+    if said.contains(TEXT) { said.replace(TEXT, "string").into() } else { said.into() }
+}
 
 /// Types as the engine names them, and what they are.
 const TYPES: [(&str, &str); 12] = [
-    ("&str | ImmutableString | String", "a text"),
+    (TEXT, "a text"),
     ("string", "a text"),
-    ("i64", "an integer"),
-    ("f64", "a number with decimals"),
+    ("integer", "an integer"),
+    ("float", "a number with decimals"),
     ("bool", "a bool"),
     ("char", "a character"),
     ("array", "an array"),
@@ -101,7 +115,7 @@ mod tests {
 
     #[test]
     fn types_are_named_in_words() {
-        assert_eq!(no_function("+ (i64, ())"), "`+` does not go with an integer and nothing");
+        assert_eq!(no_function("+ (integer, ())"), "`+` does not go with an integer and nothing");
         assert_eq!(no_function("a::b ()"), "there is no verb or function `a::b`");
         let told = no_function("expct (&str | ImmutableString | String, Block)");
         assert!(

@@ -5,188 +5,24 @@ mod block;
 mod board;
 mod history;
 mod plot;
+mod stage;
 mod traffic;
 mod wrong;
 
 use super::caught::{self, Caught};
-use super::{Bench, Drawn, Failure, FoundLine, MemoryCopy, Place, ScenarioError, Step};
-use crate::journal::Entry;
+use super::complaint::name_types;
+use super::{Bench, MemoryCopy, Place, ScenarioError};
 use crate::journal::text::Text;
-use crate::journal::{Format, Record};
-use crate::plant::PlantConfig;
+use crate::journal::{Entry, Format, Record};
 use arguments::{names, number, span, value};
 use core::cell::RefCell;
 use core::panic::Location;
 use rhai::{Array, Dynamic, Engine, EvalAltResult, FnPtr, INT, Map, NativeCallContext, RhaiNativeFunc};
-use std::path::PathBuf;
 use std::rc::Rc;
 
+pub(super) use stage::Stage;
+
 type Fallible<T> = Result<T, Box<EvalAltResult>>;
-
-/// What a script acts on.
-pub(super) struct Stage {
-    /// None until the first verb.
-    bench: Option<Bench>,
-    /// Whether the bench is a running instance's.
-    attached: bool,
-    /// Directory that file names start from.
-    directory: PathBuf,
-    /// Longest emulated time, in microseconds.
-    limit_us: u64,
-    /// How many expectations there were.
-    expectations: u64,
-    /// The file of the plant, if it comes from one.
-    plant_file: Option<PathBuf>,
-    /// The sections so far, with what comes before the first, and how many expectations there were at their beginnings.
-    steps: Vec<Step>,
-    plots: Vec<Drawn>,
-}
-
-impl Stage {
-    /// For a script in `directory`; without a bench it makes its own.
-    pub(crate) fn new(bench: Option<Bench>, directory: PathBuf, limit_us: u64) -> Self {
-        let attached = bench.is_some();
-        let mut stage = Self {
-            attached,
-            bench: None,
-            directory,
-            limit_us,
-            expectations: 0,
-            plant_file: None,
-            steps: Vec::new(),
-            plots: Vec::new(),
-        };
-        stage.bench = bench.map(|bench| stage.limited(bench));
-        stage
-    }
-
-    /// Emulated time that the scenario has taken, in microseconds.
-    pub(crate) fn elapsed_us(&mut self) -> u64 {
-        self.bench.as_mut().and_then(|bench| bench.elapsed().ok()).unwrap_or(0)
-    }
-
-    /// Hash over what the journal of a plant of its own has been told.
-    pub(crate) fn journal_hash(&self) -> Option<u64> {
-        self.bench.as_ref().and_then(Bench::journal_hash)
-    }
-
-    /// How many expectations there were.
-    pub(crate) fn expectations(&self) -> u64 {
-        self.expectations
-    }
-
-    /// The file of the plant, if it was to come from one.
-    pub(crate) fn plant_file(&mut self) -> Option<PathBuf> {
-        self.plant_file.take()
-    }
-
-    /// The verb `section`.
-    fn section(&mut self, text: &str) -> Result<(), ScenarioError> {
-        let (from_us, expectations) = (self.bench()?.now()?, self.expectations);
-        self.steps.push(Step { name: Some(text.to_owned()), from_us, expectations });
-        self.bench()?.section(text);
-        Ok(())
-    }
-
-    /// The sections, each with its own expectations.
-    pub(crate) fn steps(&mut self) -> Vec<Step> {
-        let from_us = self.bench.as_ref().map_or(0, Bench::started_us);
-        let mut steps = vec![Step { name: None, from_us, expectations: 0 }];
-        steps.append(&mut self.steps);
-        let ends: Vec<_> =
-            steps.iter().skip(1).map(|next| next.expectations).chain([self.expectations]).collect();
-        steps.iter_mut().zip(ends).for_each(|(step, end)| step.expectations = end - step.expectations);
-        // Nothing stands before a section that a scenario begins with.
-        steps.retain(|step| step.name.is_some() || step.expectations > 0);
-        steps
-    }
-
-    /// What the access checker has found; nothing if nobody can be asked any more.
-    pub(crate) fn found(&mut self) -> Vec<FoundLine> {
-        let Some(bench) = &mut self.bench else { return Vec::new() };
-        let found = bench.findings().unwrap_or_default();
-        let line = |entry: &Entry| FoundLine {
-            first_us: entry.first_us,
-            severity: entry.last.rule.severity().name().to_owned(),
-            rule: entry.last.rule.id().to_owned(),
-            register: bench.finding_place(entry),
-            count: entry.count,
-            text: entry.last.rule.text().to_owned(),
-            page: entry.last.rule.source().to_owned(),
-        };
-        found.iter().map(line).collect()
-    }
-
-    /// The plots that it has drawn.
-    pub(crate) fn plots(&mut self) -> Vec<Drawn> {
-        core::mem::take(&mut self.plots)
-    }
-
-    /// What there is to be expected at the end of a scenario.
-    pub(crate) fn end(&mut self) -> Result<(), ScenarioError> {
-        let Some(bench) = &mut self.bench else { return Ok(()) };
-        self.expectations += bench.required_faults() as u64;
-        bench.expect_required_faults()
-    }
-
-    /// A failure at the present moment, unless the plant has gone.
-    pub(crate) fn failure(&mut self, what: &str) -> Option<Failure> {
-        self.bench().ok()?.failure(what.to_owned(), Location::caller()).ok()
-    }
-
-    fn limited(&self, mut bench: Bench) -> Bench {
-        bench.set_limit(self.limit_us);
-        bench
-    }
-
-    /// The plant; the built-in one if none was named.
-    fn bench(&mut self) -> Result<&mut Bench, ScenarioError> {
-        let bench = match self.bench.take() {
-            Some(bench) => bench,
-            None => self.limited(Bench::built_in()?),
-        };
-        Ok(self.bench.insert(bench))
-    }
-
-    /// The verb `plant`.
-    fn plant(&mut self, text: &str, place: &Place) -> Result<(), ScenarioError> {
-        let config = if text.contains(['\n', '=', '[']) {
-            PlantConfig::parse("plant", text)?
-        } else {
-            let file = self.plant_file.insert(self.directory.join(text));
-            PlantConfig::load(file)?
-        };
-        match &self.bench {
-            Some(bench) if self.attached => {
-                let plcs: Vec<_> = config.devices.iter().map(|device| device.name()).collect();
-                let buses: Vec<_> = config.media.iter().map(|medium| medium.name()).collect();
-                let names = bench.names();
-                if plcs.iter().eq(&names.plcs.iter().collect::<Vec<_>>())
-                    && buses.iter().eq(&names.buses.iter().collect::<Vec<_>>())
-                {
-                    return Ok(());
-                }
-                let has = format!(
-                    "the instance has another plant, its PLCs are {} and its buses {}; start it with the \
-                     scenario's plant file",
-                    names.plcs.join(", "),
-                    names.buses.join(", ")
-                );
-                Err(ScenarioError::argument("plant", &has))
-            }
-            Some(_) => Err(ScenarioError::argument(
-                "plant",
-                "this must be the first verb; there is a plant already, the built-in one if none was named",
-            )),
-            None => {
-                let mut bench = self.limited(Bench::new(&config)?);
-                bench.plant_is_of(place);
-                self.bench = Some(bench);
-                Ok(())
-            }
-        }
-    }
-}
 
 /// An engine whose verbs act on the stage.
 pub(super) fn engine(stage: &Rc<RefCell<Stage>>) -> Engine {
@@ -194,6 +30,7 @@ pub(super) fn engine(stage: &Rc<RefCell<Stage>>) -> Engine {
     verbs.all();
     verbs.refuse_others();
     caught::register(&mut verbs.engine);
+    name_types(&mut verbs.engine);
     verbs.engine
 }
 

@@ -64,7 +64,7 @@ pub struct Failure {
     pub first_findings: Vec<String>,
     /// The last records of the journal, oldest first.
     pub journal: Vec<JournalLine>,
-    /// The last steps of what program, firmware and bus have exchanged, oldest first.
+    /// What program, firmware and bus have exchanged, as far as it may have led to the failure, oldest first.
     pub exchange: Vec<Exchanged>,
     /// Where the expectation stands.
     pub location: Option<Place>,
@@ -90,6 +90,8 @@ pub enum Way {
     Bus,
     /// Something is wrong.
     Wrong,
+    /// Steps that are not told one by one.
+    More,
 }
 
 impl Way {

@@ -1,5 +1,7 @@
 //! What a scenario prints.
 
+use super::complaint::in_words;
+
 /// How many bytes are kept.
 pub(super) const MOST: usize = 1 << 20;
 
@@ -21,6 +23,7 @@ impl Printed {
         if self.is_cut {
             return;
         }
+        let line = &*in_words(line);
         let start = self.text.len();
         let space = MOST.saturating_sub(start);
         if line.len() < space {

@@ -1,7 +1,7 @@
 //! Runs scenario scripts.
 
 use super::caught::Caught;
-use super::complaint::{complaint, cut, with_underscores};
+use super::complaint::{complaint, cut, in_words, with_underscores};
 use super::engine::{Stage, engine};
 use super::failure::{Failure, FailureKind, Place};
 use super::imports::{Imports, module_file};
@@ -146,7 +146,9 @@ pub(super) fn ended(
     match error.unwrap_inner() {
         EvalAltResult::ErrorRuntime(thrown, _) => match thrown.clone().try_cast::<Caught>() {
             Some(Caught(error)) => judge(&error, place, stage),
-            None => failed(FailureKind::Throw, &format!("the script throws {thrown}"), place, stage),
+            None => {
+                failed(FailureKind::Throw, &in_words(&format!("the script throws {thrown}")), place, stage)
+            }
         },
         EvalAltResult::ErrorTooManyOperations(_) => {
             let text = format!(

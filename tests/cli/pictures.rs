@@ -51,6 +51,14 @@ fn an_instance_and_its_journal_give_the_same_plot() {
     let unknown = emulator.run("plot", &["node1.w_CPU_CONTROL", "-o", &live]);
     let said = "node1.w_CPU_CONTROL: no change told, holds 16#0000";
     assert!(unknown.code == Some(0) && unknown.err.contains(said), "{}", unknown.err);
+    let hint = "(run --watch, record)";
+    assert!(unknown.err.contains(hint), "{}", unknown.err);
+    let unchanged = emulator.run("plot", &["node2.a_RD_BMARRAY[1][0]", "-o", &live]);
+    assert!(
+        unchanged.err.contains("has not changed, holds") && !unchanged.err.contains(hint),
+        "{}",
+        unchanged.err
+    );
     for (args, told) in [
         (&["node2.w_CPU_CONTROL", "-o", "x.gif"][..], "ends in .svg or .png"),
         (&["node2.w_CPU_CONTROL", "-o", "x.svg", "--from", "2ms", "--to", "1ms"], "later than --from"),

@@ -261,6 +261,8 @@ fn what_is_caught_tells_what_went_wrong_and_can_be_thrown_again() {
         }
         try { peek("node2.nothing"); } catch (error) { print(error.kind + " " + error.register.type_of()); }
         try { wait(1); } catch (error) { print(error.message); }
+        try { nothing("x", 1, 2.5); } catch (error) { print(error.message); }
+        print(type_of(1) + " " + type_of(1.5));
         try { expect("node2.w_OPTION_STATUS", 3); } catch (error) { throw error; }
     "#;
     let report = run_one(script, 1);
@@ -269,6 +271,8 @@ fn what_is_caught_tells_what_went_wrong_and_can_be_thrown_again() {
         "  | node2.w_OPTION_STATUS (%MW3.200002) is 16#0001, not 16#0002: expectation node2.w_OPTION_STATUS 2 1 0\n",
         "  | wrong_use ()\n",
         "  | `wait`: 1 arguments are given; write wait(register, value, within)\n",
+        "  | Function not found: nothing (string, integer, float)\n",
+        "  | integer float\n",
     ] {
         assert!(report.contains(expected), "{report}\nlacks: {expected}");
     }

@@ -3,6 +3,8 @@
 use crate::common::{
     Outcome, commram, eventually, files_of, finish, remove_remains, run, unique_name, wait_for,
 };
+use commram::memory::InstanceLock;
+use std::fs::File;
 use std::io::{BufRead, BufReader};
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
@@ -129,6 +131,16 @@ fn clients_wait_for_the_successor_of_a_killed_one() {
     let pid = started.ok().split("process ").nth(1).unwrap().split(' ').next().unwrap().to_owned();
     assert!(Command::new("kill").args(["-KILL", &pid]).status().unwrap().success());
     assert!(eventually(|| instance.run("step", &["1ms"]).code == Some(3)));
+    // It begins with the locks; until its name stands in the image as well, that of the killed one does.
+    let lock = InstanceLock::take(&instance.0).unwrap();
+    let image = File::open(format!("/dev/shm/commram.{}.line", instance.0)).unwrap();
+    image.lock().unwrap();
+    let in_between = instance.run("step", &["1ms", "--connect-timeout", "50ms"]);
+    assert!(
+        in_between.fails(3).contains(&format!("its emulator (process {pid}) was killed")),
+        "{in_between:?}"
+    );
+    drop((image, lock));
     let mut client = commram();
     client.args(["step", "1ms", "-i", &instance.0, "--connect-timeout", "1min"]).stdout(Stdio::piped());
     let client = client.spawn().unwrap();

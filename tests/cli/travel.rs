@@ -1,10 +1,14 @@
 //! `snapshot`, `restore`, `run --from` and `step --back` on running emulators.
 #![cfg(feature = "channel")]
 
-use crate::common::{Emulator, Follower, run};
+use crate::common::{Emulator, Follower, eventually, run};
 use commram::devices;
 use commram::memory::AttachMode;
 use std::fs;
+use std::io::{Read, Write};
+use std::net::TcpStream;
+use std::path::Path;
+use std::time::Duration;
 use tempfile::TempDir;
 
 const STATUS: &str = "node2.w_OPTION_STATUS";
@@ -73,8 +77,29 @@ fn back_by_a_time_and_to_a_condition() {
     assert!(follower.note().contains("the instance has gone back"));
     emulator.step(&["10ms"]);
     assert_eq!(emulator.step(&["--back-to", "node2.w_OPTION_STATUS==16#0002"]), "0.000500 s");
+    // What did not come about is no wrong use.
     let told = emulator.run("step", &["--back", "1s"]);
-    assert!(told.err.contains("one can go back to 0 us"), "{told:?}");
+    assert!(told.fails(1).contains("one can go back to 0 us"), "{told:?}");
+    let told = emulator.run("step", &["--back-to", "node2.w_OPTION_STATUS==16#0043"]);
+    assert!(told.fails(1).contains("did not come to hold since 0 us"), "{told:?}");
+}
+
+#[test]
+fn a_snapshot_replaces_files_and_nothing_else() {
+    use std::os::unix::fs::FileTypeExt;
+    let emulator = Emulator::stepped();
+    let directory = TempDir::new().unwrap();
+    let fifo = directory.path().join("fifo");
+    assert!(std::process::Command::new("mkfifo").arg(&fifo).status().unwrap().success());
+    let own = directory.path().join("directory");
+    fs::create_dir(&own).unwrap();
+    for path in [&fifo, &own, Path::new("/dev/null")] {
+        let told = emulator.run("snapshot", &[path.to_str().unwrap()]);
+        assert!(told.fails(2).contains("a snapshot goes into a file"), "{told:?}");
+    }
+    assert!(fs::metadata(&fifo).unwrap().file_type().is_fifo() && own.is_dir());
+    assert!(fs::metadata("/dev/null").unwrap().file_type().is_char_device());
+    assert_eq!(fs::read_dir(directory.path()).unwrap().count(), 2, "nothing else was left there");
 }
 
 #[test]
@@ -86,9 +111,56 @@ fn a_program_that_has_mapped_the_registers_is_named() {
     let me = format!("(process {}), which has mapped the registers, cannot go back", std::process::id());
     assert!(told.err.contains(&me), "{told:?}");
     assert_eq!(emulator.step(&["--back", "1ms", "--detached"]), "0.004000 s");
+    let snapshot = TempDir::new().unwrap();
+    let file = snapshot.path().join("a.snap");
+    let file = file.to_str().unwrap();
+    emulator.run("snapshot", &[file]).ok();
+    assert!(emulator.run("restore", &[file]).fails(2).contains(&me));
+    assert_eq!(emulator.run("restore", &[file, "--detached"]).ok(), "0.004000 s\n");
+    emulator.step(&["2ms"]);
+    // A task in lockstep is named by its event.
+    let task = attached.join_lockstep(12, Duration::ZERO, Duration::from_secs(60)).unwrap();
+    for told in [emulator.run("step", &["--back", "1ms"]), emulator.run("restore", &[file])] {
+        let me =
+            format!("the task of event 12 of PLC 'line' (process {}), which takes part", std::process::id());
+        assert!(told.fails(2).contains(&me), "{told:?}");
+    }
+    assert_eq!(emulator.step(&["--back", "1ms", "--detached"]), "0.005000 s");
+    drop(task);
     drop(attached);
     // Who only looks is no obstacle.
     let attached = devices::attach(&emulator.name, "line", AttachMode::ReadOnly).unwrap();
-    assert_eq!(emulator.step(&["--back", "1ms"]), "0.003000 s");
+    assert_eq!(emulator.step(&["--back", "500us"]), "0.004500 s");
     drop(attached);
+}
+
+#[test]
+fn a_guest_at_a_door_is_named() {
+    let directory = TempDir::new().unwrap();
+    let plant = directory.path().join("plant.toml");
+    let door = "[[plc]]\nname = 'line'\n[[bus]]\nname = 'open'\nkind = 'can'\nkbit_s = 125\ndoors = ['slcan-tcp:127.0.0.1:0']\n";
+    fs::write(&plant, door).unwrap();
+    let emulator = Emulator::start(&[plant.to_str().unwrap(), "--clock", "stepped"]);
+    let file = directory.path().join("a.snap");
+    let file = file.to_str().unwrap();
+    emulator.run("snapshot", &[file]).ok();
+    emulator.step(&["5ms"]);
+    let doors = emulator.run("bus", &["list", "--format", "json"]);
+    let port = doors.ok().split("127.0.0.1:").nth(1).unwrap().split('"').next().unwrap().parse().unwrap();
+    let mut guest = TcpStream::connect(("127.0.0.1", port)).unwrap();
+    guest.set_read_timeout(Some(Duration::from_secs(60))).unwrap();
+    guest.write_all(b"O\r").unwrap();
+    let mut answer = [0];
+    guest.read_exact(&mut answer).unwrap();
+    for told in [emulator.run("step", &["--back", "1ms"]), emulator.run("restore", &[file])] {
+        let named = "at door slcan-tcp:127.0.0.1:";
+        assert!(
+            told.fails(2).contains(named) && told.err.contains("of bus 'open' cannot go back"),
+            "{told:?}"
+        );
+    }
+    assert_eq!(emulator.step(&["--back", "1ms", "--detached"]), "0.004000 s");
+    assert_eq!(emulator.run("restore", &[file, "--detached"]).ok(), "0.000000 s\n");
+    drop(guest);
+    assert!(eventually(|| emulator.run("restore", &[file]).code == Some(0)), "who has gone is no obstacle");
 }

@@ -1,14 +1,51 @@
 //! `commram view` and `commram shell` as programs: without a terminal, and from a pipe.
 #![cfg(feature = "studio")]
 
-use crate::common::{Emulator, Outcome, finish};
-use std::io::{Seek, Write};
+use crate::common::{Emulator, Outcome, finish, wait_for};
+use std::fs::File;
+use std::io::{Read, Seek, Write};
+use std::process::{Child, Stdio};
 
 #[test]
 fn a_view_needs_a_terminal() {
     let emulator = Emulator::stepped();
     let outcome = emulator.run("view", &[]);
     assert!(outcome.fails(2).contains("needs a terminal"), "{}", outcome.err);
+}
+
+/// `commram view` at a terminal of its own: the terminal, and the program once it shows something.
+fn view(emulator: &Emulator) -> (File, Child) {
+    use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+    let terminal = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).unwrap();
+    grantpt(&terminal).unwrap();
+    unlockpt(&terminal).unwrap();
+    let name = ptsname(&terminal, Vec::new()).unwrap();
+    let end = || File::options().read(true).write(true).open(name.to_str().unwrap()).unwrap();
+    let size = rustix::termios::Winsize { ws_col: 80, ws_row: 24, ws_xpixel: 0, ws_ypixel: 0 };
+    rustix::termios::tcsetwinsize(&terminal, size).unwrap();
+    let mut command = emulator.command("view", &["node2.w_CPU_CONTROL"]);
+    let child = command.stdin(end()).stdout(end()).stderr(Stdio::piped()).spawn().unwrap();
+    let mut terminal = File::from(terminal);
+    let (mut shown, mut part) = (Vec::new(), [0; 4096]);
+    while !String::from_utf8_lossy(&shown).contains("w_CPU_CONTROL") {
+        let len = terminal.read(&mut part).unwrap();
+        shown.extend_from_slice(&part[..len]);
+    }
+    (terminal, child)
+}
+
+#[test]
+fn a_view_ends_with_its_terminal_and_as_it_is_told() {
+    let emulator = Emulator::stepped();
+    let (mut terminal, mut quits) = view(&emulator);
+    terminal.write_all(b"q").unwrap();
+    assert_eq!(wait_for(&mut quits, "a view that is to quit").code(), Some(0));
+    let (mut terminal, mut interrupted) = view(&emulator);
+    terminal.write_all(b"\x03").unwrap();
+    assert_eq!(wait_for(&mut interrupted, "a view that is interrupted").code(), Some(130));
+    let (terminal, mut left) = view(&emulator);
+    drop(terminal);
+    assert_eq!(wait_for(&mut left, "a view without terminal").code(), Some(130));
 }
 
 /// What the shell says to these lines from a file.
@@ -30,9 +67,13 @@ fn a_shell_does_lines_from_a_pipe_until_one_fails() {
         ("expect(\"node2.w_OPTION_STATUS\", 9)", "16#0002", 1),
         ("pek(1)", "peek", 2),
         ("let x = 'a", "", 2),
+        ("peak node2.w_OPTION_STATUS", "did you mean peek?", 2),
     ] {
         let outcome = shell(&emulator, &format!("\n{wrong}\nprint(\"further\")\n"));
         let told = outcome.fails(exit);
         assert!(told.contains("line 2 failed") && told.contains(said), "{wrong}: {told}");
+    }
+    for enough in ["exit", "quit"] {
+        assert_eq!(shell(&emulator, &format!("print(1)\n{enough}\nprint(2)\n")).ok(), "1\n");
     }
 }

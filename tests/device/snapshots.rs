@@ -358,7 +358,10 @@ fn another_plant_is_refused_by_name_and_the_plant_goes_on_as_it_was() {
     let other =
         plant_of(&OMEGA.replace("name = 'd1'", "name = 'd0'\nslave_number = 2\n[[bus.drive]]\nname = 'd1'"));
     let error = plant.restore(&other.snapshot()).unwrap_err();
-    assert_eq!(error, SnapshotError::OtherSettings);
+    assert_eq!(
+        error.to_string(),
+        "the plant file that it is of sets bus 'drives' or what is at it otherwise; start its plant by `commram run --from`"
+    );
     assert!(plant.snapshot() == before);
     plant.advance_to(10_000);
 }

@@ -68,6 +68,7 @@ fn op() -> impl Strategy<Value = Op> {
             let keep = if looks_on { Keep::ForOnlookers } else { Keep::InJournal };
             Op::Follow { plc, offset, len, keep }
         }),
+        any::<(u16, u32)>().prop_map(|(plc, offset)| Op::IsRecorded { plc, offset }),
         any::<(u64, u32)>().prop_map(|(from, max)| Op::Changes { from, max }),
         Just(Op::Buses),
         Just(Op::Scene),

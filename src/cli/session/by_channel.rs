@@ -28,6 +28,13 @@ impl Session {
     }
 
     pub(super) fn connect(instance: &str, images: &[ImageInfo], waits_us: u64) -> Result<Self, CliError> {
+        Self::connect_to(instance, images, waits_us).map_err(|error| match taken_from(instance, images) {
+            Some(pid) => CliError::Dead { instance: instance.to_owned(), pid },
+            None => error,
+        })
+    }
+
+    fn connect_to(instance: &str, images: &[ImageInfo], waits_us: u64) -> Result<Self, CliError> {
         let attached = attach_live(instance, images)?;
         let slowed = slowdown(&attached);
         let reply = Duration::from_secs(10).saturating_add(Duration::from_micros(waits_us).mul_f64(slowed));
@@ -155,6 +162,18 @@ fn attach_live(instance: &str, images: &[ImageInfo]) -> Result<Attached, CliErro
         return Err(no_channel(instance));
     };
     Ok(devices::attach(instance, &image.plc, AttachMode::ReadWrite)?.0)
+}
+
+/// The killed emulator whose images another one is taking over: from when that has their locks until it has written its own name
+/// into them, they look as if the killed one lived.
+fn taken_from(instance: &str, images: &[ImageInfo]) -> Option<u32> {
+    let owner = images.iter().find_map(|image| match &image.condition {
+        Condition::Alive(summary) => Some(summary.pid),
+        _ => None,
+    })?;
+    // Of one that cannot be seen from here nobody knows whether it is another one.
+    let holder = InstanceLock::holder(instance).ok()??.map(|process| process.pid());
+    holder.is_some_and(|holder| holder != owner).then_some(owner)
 }
 
 fn no_channel(instance: &str) -> CliError {

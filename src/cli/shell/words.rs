@@ -1,5 +1,7 @@
 //! Lines: whether they are commands, their words, whether they go on.
 
+use crate::layout::did_you_mean;
+
 /// The words of a line if it is a command: its first word is the name of one, and it does not go on like a call or an
 /// assignment. An error if a quote is open.
 pub(super) fn of_command(line: &str, commands: &clap::Command) -> Option<Result<Vec<String>, &'static str>> {
@@ -16,6 +18,21 @@ pub(super) fn is_command(line: &str, commands: &clap::Command) -> bool {
     is_alone
         && !matches!(next, Some('=' | '('))
         && (first == "help" || commands.find_subcommand(first).is_some())
+}
+
+/// Who types one of these has had enough.
+pub(super) const ENOUGH: [&str; 2] = ["exit", "quit"];
+
+/// Which command may be meant by a line that is none and makes no sense as a piece of a scenario either; nothing if it does not
+/// look like one.
+pub(super) fn meant(line: &str, commands: &clap::Command) -> String {
+    let (first, rest) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
+    let is_word = first.chars().all(|sign| sign.is_ascii_alphanumeric() || matches!(sign, '-' | '_'));
+    if !is_word || rest.trim_start().starts_with(['=', '(']) {
+        return String::new();
+    }
+    let names = commands.get_subcommands().filter(|command| !command.is_hide_set());
+    did_you_mean(first, names.map(clap::Command::get_name).chain(ENOUGH))
 }
 
 /// Words between blanks; quotes hold words together, as in a shell. `None`: a quote is open.
@@ -90,6 +107,16 @@ mod tests {
             "wait (1)",
         ] {
             assert!(!is_command(piece, &commands), "{piece}");
+        }
+    }
+
+    #[test]
+    fn a_command_that_is_mistyped_is_guessed() {
+        let commands = super::super::command("x");
+        assert!(meant("peak node2.w_CPU_CONTROL", &commands).contains("peek"));
+        assert!(meant("quti", &commands).contains("quit"));
+        for piece in ["pek(1)", "peak = 1", "1 + 1", "zzzzzzzz 1"] {
+            assert_eq!(meant(piece, &commands), "", "{piece}");
         }
     }
 

@@ -64,6 +64,7 @@ impl Pane {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Action {
     Quit,
+    Interrupt,
     Help,
     Cancel,
     Show(Pane),
@@ -86,6 +87,9 @@ pub(super) enum Action {
     ToSync,
     ToEvent,
     Until,
+    Back,
+    BackUntil,
+    Turn,
     Clear,
 }
 
@@ -138,7 +142,7 @@ pub(super) static KEYS: &[Binding] = &[
         &[(KeyCode::End, NONE), (KeyCode::Char('G'), NONE)],
         Action::Last,
         "to the last line",
-        "among the changes it stays at the latest then",
+        "among the changes it stays at the latest then; among the frames the latest interval is shown again",
     ),
     looks(
         &[(KeyCode::Right, NONE), (KeyCode::Char('l'), NONE)],
@@ -146,8 +150,18 @@ pub(super) static KEYS: &[Binding] = &[
         "open; an interval on",
         "opens a block or an array; among the frames it goes on by an interval",
     ),
-    looks(&[(KeyCode::Left, NONE), (KeyCode::Char('h'), NONE)], Action::Close, "close; an interval back", ""),
-    looks(&[(KeyCode::Enter, NONE)], Action::Toggle, "open or close; pin", "a register is pinned, or let go"),
+    looks(
+        &[(KeyCode::Left, NONE), (KeyCode::Char('h'), NONE)],
+        Action::Close,
+        "close; an interval back",
+        "an interval that was gone back to stays while the clock runs",
+    ),
+    looks(
+        &[(KeyCode::Enter, NONE)],
+        Action::Toggle,
+        "open or close; pin; turn",
+        "a register is pinned, or let go; a switch is turned",
+    ),
     looks(&[(KeyCode::Char(' '), NONE)], Action::Pin, "pin a register, let it go", ""),
     looks(
         &[(KeyCode::Char('/'), NONE)],
@@ -163,6 +177,12 @@ pub(super) static KEYS: &[Binding] = &[
         "it keeps the value; asks before it does",
     ),
     changes(&[(KeyCode::Char('u'), NONE)], Action::Unforce, "let a forced one go", "asks before it does"),
+    changes(
+        &[(KeyCode::Char('t'), NONE)],
+        Action::Turn,
+        "turn a switch of the board",
+        "the one in the chosen line of pane 5; asks before it does",
+    ),
     changes(&[(KeyCode::Char('s'), NONE)], Action::Step, "let some time pass", "stepped clock only"),
     changes(&[(KeyCode::Char('n'), NONE)], Action::ToSync, "on to the next SYNC", "stepped clock only"),
     changes(
@@ -177,15 +197,23 @@ pub(super) static KEYS: &[Binding] = &[
         "wait for a condition",
         "a stepped clock runs meanwhile",
     ),
+    changes(
+        &[(KeyCode::Char('b'), NONE)],
+        Action::Back,
+        "back by some time",
+        "what was done since is gone; stepped clock only",
+    ),
+    changes(
+        &[(KeyCode::Char('B'), NONE)],
+        Action::BackUntil,
+        "back until a condition",
+        "to the last moment before now at which it came to hold; stepped clock only",
+    ),
     changes(&[(KeyCode::Char('c'), NONE)], Action::Clear, "forget the findings", "asks before it does"),
     looks(&[(KeyCode::Esc, NONE)], Action::Cancel, "end what is going on", "a question, a search, a wait"),
     looks(&[(KeyCode::Char('?'), NONE), (KeyCode::F(1), NONE)], Action::Help, "this help", ""),
-    looks(
-        &[(KeyCode::Char('q'), NONE), (KeyCode::Char('c'), CTRL)],
-        Action::Quit,
-        "quit",
-        "the emulator goes on",
-    ),
+    looks(&[(KeyCode::Char('q'), NONE)], Action::Quit, "quit", "the emulator goes on"),
+    looks(&[(KeyCode::Char('c'), CTRL)], Action::Interrupt, "quit with exit code 130", ""),
 ];
 
 /// What a key does; numbers show panes.

@@ -105,7 +105,9 @@ fn foot_line(model: &Model, theme: Theme) -> Line<'static> {
 }
 
 fn ask(frame: &mut Frame, asked: &Asked, theme: Theme, area: Rect) {
-    let mut lines = vec![Line::from(format!("{}\u{2588}", asked.text))];
+    let text = asked.text.clone();
+    let text = if asked.is_selected { Span::styled(text, theme.chosen()) } else { Span::raw(text) };
+    let mut lines = vec![Line::from(vec![text, Span::raw("\u{2588}")])];
     match &asked.wrong {
         Some(wrong) => lines.push(Line::styled(wrong.clone(), theme.bad())),
         None => lines.push(Line::styled("Enter: go on   Esc: leave it", theme.dim())),

@@ -12,6 +12,8 @@ use std::collections::VecDeque;
 const KEPT: usize = 8_192;
 /// So many edges of each bus are kept.
 const EDGES: usize = 2_048;
+/// While an interval is held, so many times as much: what is looked at does not go.
+const HELD: usize = 2;
 /// A bus without SYNC is shown in parts of this length, in microseconds.
 const PART_US: u64 = 10_000;
 
@@ -50,8 +52,10 @@ pub(super) struct Frames {
     text: Option<Text>,
     /// The bus that is shown.
     pub bus: usize,
-    /// How many intervals back.
-    pub back: usize,
+    /// Where the part of the time begins that is held, in microseconds; else the latest is to be seen.
+    held: Option<u64>,
+    /// What came while there was no more room beside what is held is not there.
+    is_behind: bool,
     /// Which frame is chosen.
     pub list: List,
 }
@@ -60,6 +64,10 @@ impl Frames {
     /// Takes what has come into the journal, and what is still being counted.
     pub(super) fn take(&mut self, records: &[Record], pending: &[Record], names: &Names, scene: &[BusScene]) {
         self.edges.resize_with(names.buses.len(), VecDeque::new);
+        if self.held.is_some() && self.is_full() {
+            self.is_behind = true;
+            return;
+        }
         let mut text = self.text.take().unwrap_or_else(|| Text::new(names.clone(), devices::catalogue()));
         for record in records {
             let mut line = String::new();
@@ -68,8 +76,20 @@ impl Frames {
         }
         self.text = Some(text);
         pending.iter().for_each(|record| self.add_edges(record));
+        if self.held.is_some() {
+            return;
+        }
         let surplus = self.wires.len().saturating_sub(KEPT);
         self.wires.drain(..surplus);
+        for edges in &mut self.edges {
+            let surplus = edges.len().saturating_sub(EDGES);
+            edges.drain(..surplus);
+        }
+    }
+
+    /// Whether there is no more room for what comes.
+    fn is_full(&self) -> bool {
+        self.wires.len() >= HELD * KEPT || self.edges.iter().any(|edges| edges.len() >= HELD * EDGES)
     }
 
     fn add(&mut self, record: &Record, line: &str, names: &Names, scene: &[BusScene]) {
@@ -112,36 +132,47 @@ impl Frames {
             .collect();
         new.reverse();
         edges.extend(new);
-        let surplus = edges.len().saturating_sub(EDGES);
-        edges.drain(..surplus);
     }
 
     /// The emulated time has gone back: what was later has not happened.
     pub(super) fn go_back(&mut self, now_us: u64) {
         self.wires.retain(|wire| wire.until_us <= now_us);
         self.edges.iter_mut().for_each(|edges| edges.retain(|edge| *edge <= now_us));
+        self.held = self.held.filter(|held| *held <= now_us);
+    }
+
+    /// Whether the part of the time that is to be seen stays while time goes on.
+    pub(super) fn is_held(&self) -> bool {
+        self.held.is_some()
     }
 
     /// The part of the time that is to be seen.
     pub(super) fn window(&self, info: &InstanceInfo, scene: &[BusScene]) -> Window {
-        let edges = self.edges.get(self.bus);
-        let interval = scene.get(self.bus).and_then(|bus| bus.interval.as_ref());
-        // With a running clock the present interval is over before anybody has read it.
-        let back = self.back + usize::from(!info.is_stepped);
-        let place = edges.and_then(|edges| edges.len().checked_sub(1 + back));
-        let begin =
-            edges.zip(place).and_then(|(edges, place)| Some((edges.get(place)?, edges.get(place + 1))));
+        let place = self.place(info);
+        let begin = self.edges.get(self.bus).zip(place);
+        let begin = begin.and_then(|(edges, place)| Some((edges.get(place)?, edges.get(place + 1))));
         match begin {
             Some((begin, next)) => {
+                let interval = scene.get(self.bus).and_then(|bus| bus.interval.as_ref());
                 let usual = interval.map_or(PART_US, |interval| u64::from(interval.us));
                 // An edge that was lost does not make the interval longer than it was.
                 let us = next.map_or(usual, |next| next - begin).clamp(1, usual.max(1) * 2);
                 Window { begin_us: *begin, us, is_interval: true }
             }
             None => {
-                let part = (info.time_us / PART_US).saturating_sub(self.back as u64);
+                let part = self.held.unwrap_or(info.time_us) / PART_US;
                 Window { begin_us: part * PART_US, us: PART_US, is_interval: false }
             }
+        }
+    }
+
+    /// Which edge begins the interval that is to be seen; `None` where there is none.
+    fn place(&self, info: &InstanceInfo) -> Option<usize> {
+        let edges = self.edges.get(self.bus)?;
+        match self.held {
+            Some(held) => edges.iter().rposition(|edge| *edge <= held),
+            // With a running clock the present interval is over before anybody has read it.
+            None => edges.len().checked_sub(1 + usize::from(!info.is_stepped)),
         }
     }
 
@@ -155,9 +186,32 @@ impl Frames {
         found
     }
 
-    /// An interval further back or forth.
-    pub(super) fn turn(&mut self, back: isize) {
-        self.back = self.back.saturating_add_signed(back).min(EDGES);
+    /// An interval back, or on: that one is held, unless it is the latest there is.
+    pub(super) fn turn(&mut self, is_back: bool, info: &InstanceInfo, scene: &[BusScene]) {
         self.list.chosen = 0;
+        let Window { begin_us, is_interval, .. } = self.window(info, scene);
+        let next = match (self.edges.get(self.bus), self.place(info)) {
+            (Some(edges), Some(place)) if is_back => edges.get(place.saturating_sub(1)).copied(),
+            (Some(edges), Some(place)) => {
+                let latest = edges.len().saturating_sub(1 + usize::from(!info.is_stepped));
+                edges.get(place + 1).copied().filter(|_| place + 1 < latest)
+            }
+            _ if is_interval => None,
+            _ if is_back => Some(begin_us.saturating_sub(PART_US)),
+            _ => Some(begin_us + PART_US).filter(|next| next + PART_US <= info.time_us),
+        };
+        match next {
+            Some(next) => self.held = Some(next),
+            None => self.follow(),
+        }
+    }
+
+    /// What is the latest is to be seen from now on.
+    pub(super) fn follow(&mut self) {
+        self.held = None;
+        if core::mem::take(&mut self.is_behind) {
+            self.wires.clear();
+            self.edges.iter_mut().for_each(VecDeque::clear);
+        }
     }
 }

@@ -78,7 +78,7 @@ impl Model {
     pub(super) fn act(&mut self, action: Action) {
         if self.help {
             self.help = false;
-            if action != Action::Quit {
+            if !matches!(action, Action::Quit | Action::Interrupt) {
                 return;
             }
         }
@@ -88,12 +88,13 @@ impl Model {
         self.message = None;
         match action {
             Action::Quit => self.quits = true,
+            Action::Interrupt => self.interrupt(),
             Action::Help => self.help = true,
             Action::Show(pane) => self.pane = pane,
             Action::Next if self.pane == Pane::Registers => self.on_pins = !self.on_pins,
             Action::Next if self.pane == Pane::Frames => {
                 self.frames.bus = (self.frames.bus + 1) % self.scene.len().max(1);
-                self.frames.turn(isize::MIN);
+                self.frames.follow();
             }
             Action::Next => {}
             Action::Up => self.go(-1),
@@ -103,12 +104,16 @@ impl Model {
             Action::First => self.go(isize::MIN),
             Action::Last => {
                 let comes_in = self.pane == Pane::Changes;
+                if self.pane == Pane::Frames {
+                    self.frames.follow();
+                }
                 let (list, len) = self.list();
                 list.last(len);
                 list.stays = comes_in;
             }
             Action::Open => self.open(Some(true)),
             Action::Close => self.open(Some(false)),
+            Action::Toggle if self.pane == Pane::Board => self.act(Action::Turn),
             Action::Toggle if self.pane != Pane::Registers => {}
             Action::Toggle => match self.tree.chosen() {
                 Some(Row::Register(..)) => self.pin(),
@@ -126,9 +131,11 @@ impl Model {
             Action::Poke => self.ask_value(Aim::Poke, "poke"),
             Action::Force => self.ask_value(Aim::Force, "force"),
             Action::Unforce => self.unforce(),
-            Action::Step if self.has_stepped_clock() => {
-                let text = self.step.clone();
-                self.prompt = Some(Prompt::Text(Asked::new(Aim::Step, "let pass".to_owned(), &text)));
+            Action::Turn => self.ask_switch(),
+            Action::Step if self.has_stepped_clock() => self.ask(Aim::Step, "let pass", self.step.clone()),
+            Action::Back if self.has_stepped_clock() => self.ask(Aim::Back, "go back by", self.step.clone()),
+            Action::BackUntil if self.has_stepped_clock() => {
+                self.ask(Aim::BackUntil, "go back until (REG==VALUE and ...)", self.until.clone());
             }
             Action::ToEvent if self.has_stepped_clock() => {
                 let work = Work::Ops(vec![Op::AdvanceToEvent { within_us: 1_000_000 }]);
@@ -141,16 +148,12 @@ impl Model {
                 }
                 None => self.complain("no PLC here has a master"),
             },
-            Action::Step | Action::ToEvent | Action::ToSync => {
+            Action::Step | Action::ToEvent | Action::ToSync | Action::Back | Action::BackUntil => {
                 self.complain(
                     "the clock runs by itself; `commram run --clock stepped` has one that does not",
                 );
             }
-            Action::Until => {
-                let text = self.until.clone();
-                let head = "wait until (REG==VALUE and ...)".to_owned();
-                self.prompt = Some(Prompt::Text(Asked::new(Aim::Until, head, &text)));
-            }
+            Action::Until => self.ask(Aim::Until, "wait until (REG==VALUE and ...)", self.until.clone()),
             Action::Clear => {
                 let told = "findings forgotten".to_owned();
                 let work = Work::Ops(vec![Op::ClearFindings]);
@@ -180,7 +183,11 @@ impl Model {
 
     fn open(&mut self, open: Option<bool>) {
         if self.pane == Pane::Frames {
-            self.frames.turn(if open == Some(true) { -1 } else { 1 });
+            let Some(info) = &self.info else { return };
+            self.frames.turn(open != Some(true), info, &self.scene);
+            if self.frames.is_held() {
+                self.say("this interval stays; Right goes on, End shows the latest");
+            }
         } else if self.pane == Pane::Registers && !self.on_pins {
             self.tree.open(open);
         }
@@ -190,8 +197,8 @@ impl Model {
         let Some((plc, place)) = self.chosen() else {
             return self.complain("choose a register first");
         };
-        let name = Pins::prefix(&self.names(), plc) + &place.label(Live::Cyclic);
-        let is_pinned = self.pins.toggle(plc, place, self.now_us());
+        let name = Pins::prefix(self.names(), plc) + &place.label(Live::Cyclic);
+        let is_pinned = self.pins.toggle(plc, place);
         self.on_pins &= !self.pins.all.is_empty();
         self.say(format!("{name} is {}", if is_pinned { "pinned" } else { "no longer pinned" }));
     }
@@ -203,14 +210,38 @@ impl Model {
         }
     }
 
+    /// Whoever has had enough has not seen what he wanted: that is another end than to quit.
+    fn interrupt(&mut self) {
+        (self.quits, self.is_interrupted) = (true, true);
+    }
+
+    /// Asks for a text; what was given last stands there and is replaced by what is typed.
+    fn ask(&mut self, aim: Aim, head: &str, last: String) {
+        self.prompt = Some(Prompt::Text(Asked::new(aim, head.to_owned(), last)));
+    }
+
+    fn ask_switch(&mut self) {
+        let knob = match self.pane {
+            Pane::Board => self.knobs.get(self.board.chosen).cloned().flatten(),
+            _ => return self.complain("choose a switch in pane 5 first"),
+        };
+        match knob {
+            Some(knob) => {
+                let head = format!("set {}{}", Pins::prefix(self.names(), knob.plc), knob.name);
+                self.ask(Aim::Turn(knob), &head, String::new());
+            }
+            None => self.complain("nothing in this line can be turned"),
+        }
+    }
+
     fn ask_value(&mut self, aim: fn(u16, Place) -> Aim, what: &str) {
         match self.chosen() {
             Some((_, place)) if place.bit().is_some() => {
                 self.complain("a single bit cannot be written, only its whole register");
             }
             Some((plc, place)) => {
-                let name = Pins::prefix(&self.names(), plc) + &place.label(Live::Cyclic);
-                self.prompt = Some(Prompt::Text(Asked::new(aim(plc, place), format!("{what} {name}"), "")));
+                let name = Pins::prefix(self.names(), plc) + &place.label(Live::Cyclic);
+                self.ask(aim(plc, place), &format!("{what} {name}"), String::new());
             }
             None => self.complain("choose a register first"),
         }
@@ -220,7 +251,7 @@ impl Model {
         let Some((plc, place)) = self.chosen() else {
             return self.complain("choose a register first");
         };
-        let told = format!("unforce {}{}", Pins::prefix(&self.names(), plc), place.label(Live::Cyclic));
+        let told = format!("unforce {}{}", Pins::prefix(self.names(), plc), place.label(Live::Cyclic));
         let work = Work::Ops(vec![Op::Unforce { plc, offset: place.offset(), width: place.width() }]);
         self.prompt = Some(Prompt::Really(told.clone(), Task { told, work }));
     }
@@ -244,8 +275,7 @@ impl Model {
     /// A key while something is asked.
     fn answer(&mut self, prompt: Prompt, key: KeyEvent) {
         if key.modifiers.contains(KeyModifiers::CONTROL) && key.code == KeyCode::Char('c') {
-            self.quits = true;
-            return;
+            return self.interrupt();
         }
         match prompt {
             Prompt::Really(question, task) => match key.code {
@@ -269,8 +299,15 @@ impl Model {
                             asked.text = only.split("  ").next().unwrap_or_default().to_owned();
                         }
                     }
+                    // Whoever moves wants to go on with what stands there.
+                    KeyCode::Left | KeyCode::Right | KeyCode::Home | KeyCode::End => {
+                        asked.is_selected = false
+                    }
                     _ => {
-                        edit(&mut asked.text, key);
+                        let mut text = if asked.is_selected { String::new() } else { asked.text.clone() };
+                        if edit(&mut text, key) {
+                            (asked.text, asked.is_selected) = (text, false);
+                        }
                         asked.wrong = None;
                     }
                 }

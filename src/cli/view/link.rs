@@ -76,6 +76,8 @@ pub(super) fn serve<S: Source>(
 pub(super) struct Desk {
     wish: Wish,
     tasks: Vec<Task>,
+    /// Work that was ended before its end, which is still to be told.
+    given_up: Option<Task>,
 }
 
 impl Desk {
@@ -96,13 +98,14 @@ impl Desk {
         match order {
             Order::Show(wish) => self.wish = wish,
             Order::Do(task) => self.tasks.push(task),
-            Order::Cancel => self.tasks.clear(),
+            Order::Cancel => self.given_up = self.tasks.drain(..).next(),
         }
     }
 
     /// Does a part of the work there is, and looks.
     pub(super) fn turn(&mut self, source: &mut dyn Source, looker: &mut Looker) -> Vec<News> {
         let mut told = Vec::new();
+        told.extend(self.given_up.take().map(|task| News::Done(task.given_up())));
         if !self.tasks.is_empty() {
             let task = self.tasks.remove(0);
             match task.go(source) {

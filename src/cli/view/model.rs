@@ -7,7 +7,7 @@ use super::link::{News, Order};
 use super::list::List;
 use super::look::{Face, Seen, Spot, Wish};
 use super::pins::Pins;
-use super::prompt::Prompt;
+use super::prompt::{Knob, Prompt};
 use super::tree::{Row, Tree};
 use crate::journal::{Entry, Names};
 use crate::layout::place::{live_by, status_of};
@@ -16,6 +16,7 @@ use crate::plant::Forced;
 use crate::request::{BusScene, BusState, InstanceInfo};
 use ratatui::layout::Rect;
 use std::collections::HashMap;
+use std::sync::LazyLock;
 
 /// How the emulator is.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -83,6 +84,8 @@ pub(super) struct Model {
     pub buses: Vec<BusState>,
     pub plant: List,
     pub board: List,
+    /// What can be turned in each line of the fronts, since the last drawing.
+    pub knobs: Vec<Option<Knob>>,
     pub prompt: Option<Prompt>,
     pub message: Option<Message>,
     pub help: bool,
@@ -91,6 +94,8 @@ pub(super) struct Model {
     /// What the emulator is to be told.
     pub orders: Vec<Order>,
     pub quits: bool,
+    /// By Ctrl-C.
+    pub is_interrupted: bool,
     /// What was given last where a text is asked for.
     pub step: String,
     pub until: String,
@@ -119,12 +124,14 @@ impl Model {
             buses: Vec::new(),
             plant: List::default(),
             board: List::default(),
+            knobs: Vec::new(),
             prompt: None,
             message: None,
             help: false,
             hot: Vec::new(),
             orders: Vec::new(),
             quits: false,
+            is_interrupted: false,
             step: "1ms".to_owned(),
             until: String::new(),
         }
@@ -204,7 +211,7 @@ impl Model {
 
     /// Another emulator has come in place of the one before.
     fn begin_anew(&mut self, info: &InstanceInfo) {
-        let old = self.names();
+        let old = self.names().clone();
         self.tree = Tree::of(info.names.clone());
         self.values.clear();
         self.buses.clear();
@@ -217,7 +224,7 @@ impl Model {
             let number = info.names.plcs.iter().position(|known| Some(known) == name);
             let Some(number) = number.and_then(|number| u16::try_from(number).ok()) else { continue };
             if let Ok(place) = Place::parse(&info.names.fitted(number), place.text()) {
-                self.pins.toggle(number, place, info.time_us);
+                self.pins.toggle(number, place);
             }
         }
         self.say("another emulator has begun under this name");
@@ -270,8 +277,9 @@ impl Model {
     }
 
     /// What PLCs and buses are called.
-    pub(super) fn names(&self) -> Names {
-        self.info.as_ref().map(|info| info.names.clone()).unwrap_or_default()
+    pub(super) fn names(&self) -> &Names {
+        static NOT_YET: LazyLock<Names> = LazyLock::new(Names::default);
+        self.info.as_ref().map_or(&NOT_YET, |info| &info.names)
     }
 
     /// Emulated time, in microseconds.
@@ -351,7 +359,7 @@ impl Model {
             Which::Changes => (&mut self.pins.history, self.pins.changes.len()),
             // How many there are the drawing knows.
             Which::Frames => (&mut self.frames.list, usize::MAX),
-            Which::Board => (&mut self.board, usize::MAX),
+            Which::Board => (&mut self.board, self.knobs.len()),
             Which::Drives => (&mut self.drives.list, self.drives.all.len()),
             Which::Findings => (&mut self.finding, self.findings.len()),
             Which::Plant => (&mut self.plant, usize::MAX),

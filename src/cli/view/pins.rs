@@ -17,8 +17,6 @@ pub(super) struct Pin {
     pub plc: u16,
     /// Which it is.
     pub place: Place,
-    /// Emulated time since when, in microseconds.
-    since_us: u64,
     /// When it changed last.
     pub last_us: Option<u64>,
     /// When it changed, as far as that is within the window.
@@ -58,24 +56,21 @@ impl Pin {
         (what.from ^ what.to) >> bit.min(31) & 1 != 0
     }
 
-    /// How often it changes in a second of emulated time.
-    pub(super) fn rate(&self, now_us: u64) -> f64 {
-        let begin = now_us.saturating_sub(WINDOW_US);
-        let count = self.times.iter().filter(|time| **time > begin).count();
-        let window_us = now_us.saturating_sub(self.since_us).clamp(1, WINDOW_US);
-        if count == 0 { 0.0 } else { count as f64 * 1e6 / window_us as f64 }
+    /// How often it has changed in the last second of emulated time, as far as it was pinned then.
+    pub(super) fn rate(&self, now_us: u64) -> usize {
+        self.times.iter().filter(|time| time.saturating_add(WINDOW_US) > now_us).count()
     }
 }
 
 impl Pins {
-    /// Pins a place at this emulated time, or lets it go if it is pinned. Whether it is pinned now.
-    pub(super) fn toggle(&mut self, plc: u16, place: Place, now_us: u64) -> bool {
+    /// Pins a place, or lets it go if it is pinned. Whether it is pinned now.
+    pub(super) fn toggle(&mut self, plc: u16, place: Place) -> bool {
         let same = |pin: &Pin| pin.plc == plc && pin.place.address() == place.address();
         let before = self.all.len();
         self.all.retain(|pin| !same(pin));
         let is_new = self.all.len() == before;
         if is_new {
-            self.all.push(Pin { plc, place, since_us: now_us, last_us: None, times: VecDeque::new() });
+            self.all.push(Pin { plc, place, last_us: None, times: VecDeque::new() });
             self.list.choose(usize::MAX, self.all.len());
         } else {
             self.list.choose(self.list.chosen, self.all.len());
@@ -98,9 +93,8 @@ impl Pins {
                 self.changes.push_back(*change);
             }
         }
-        let begin = now_us.saturating_sub(WINDOW_US);
         for pin in &mut self.all {
-            pin.times.retain(|time| *time > begin);
+            pin.times.retain(|time| time.saturating_add(WINDOW_US) > now_us);
         }
         let surplus = self.changes.len().saturating_sub(KEPT);
         self.changes.drain(..surplus);
@@ -112,7 +106,6 @@ impl Pins {
         self.changes.retain(|change| change.time_us <= now_us);
         for pin in &mut self.all {
             pin.times.retain(|time| *time <= now_us);
-            pin.since_us = pin.since_us.min(now_us);
             pin.last_us = pin.last_us.filter(|time| *time <= now_us).or(pin.times.back().copied());
         }
     }

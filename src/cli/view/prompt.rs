@@ -1,8 +1,10 @@
 //! What is asked of the user: a text, or whether something is really to be done.
 
 use super::model::Model;
+use super::pins::Pins;
 use super::work::{Task, Work};
 use crate::layout::{Condition, ConditionError, Live, Place, split_plc, value};
+use crate::memory::header::BoardWord;
 use crate::request::Op;
 use crate::time;
 
@@ -29,6 +31,8 @@ pub(super) struct Asked {
     pub head: String,
     /// The text so far.
     pub text: String,
+    /// What is typed takes the place of the text.
+    pub is_selected: bool,
     /// What is wrong with it.
     pub wrong: Option<String>,
 }
@@ -44,16 +48,38 @@ pub(super) enum Aim {
     Step,
     /// What is waited for.
     Until,
+    /// How far to go back.
+    Back,
+    /// What is to hold there.
+    BackUntil,
+    /// How a switch of a front is to stand.
+    Turn(Knob),
+}
+
+/// A switch at the front of a PLC, or what else `commram board set` sets there.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Knob {
+    /// Number of the PLC.
+    pub plc: u16,
+    /// Its name in `commram board set`.
+    pub name: String,
+    /// How it can stand, as far as that has names, else what it can be.
+    pub choices: Vec<String>,
 }
 
 impl Asked {
     /// A text for this, which may stand there already.
-    pub(super) fn new(aim: Aim, head: String, text: &str) -> Self {
-        Self { aim, head, text: text.to_owned(), wrong: None }
+    pub(super) fn new(aim: Aim, head: String, text: String) -> Self {
+        let is_selected = !text.is_empty();
+        Self { aim, head, text, is_selected, wrong: None }
     }
 
     /// What may be meant: what values are called that begin so, and as numbers.
     pub(super) fn hints(&self) -> Vec<String> {
+        if let Aim::Turn(knob) = &self.aim {
+            let fitting = knob.choices.iter().filter(|choice| choice.starts_with(self.text.trim()));
+            return fitting.cloned().collect();
+        }
         let (Aim::Poke(_, place) | Aim::Force(_, place)) = &self.aim else { return Vec::new() };
         let Some(meaning) = place.exact(Live::Cyclic).and_then(|register| register.register.meaning) else {
             return Vec::new();
@@ -79,7 +105,7 @@ impl Model {
                     Aim::Force(..) => ("force", Op::Force { plc, offset, width, value }),
                     _ => ("poke", Op::Poke { plc, offset, width, value }),
                 };
-                let name = super::pins::Pins::prefix(&self.names(), plc) + &place.label(Live::Cyclic);
+                let name = Pins::prefix(self.names(), plc) + &place.label(Live::Cyclic);
                 let (shown, meaning) =
                     (place.format(Live::Cyclic, value), place.meaning(Live::Cyclic, value));
                 let told = format!("{what} {name} = {shown}");
@@ -90,17 +116,44 @@ impl Model {
                 let us = time::parse(text).map_err(|error| error.to_string())?;
                 self.step = text.to_owned();
                 let told = format!("{} passed", time::short(us));
-                self.order(Task { told, work: Work::Advance(us) });
+                self.order(Task { told, work: Work::Advance { us, left_us: us } });
                 Ok(None)
             }
             Aim::Until => {
-                let conditions =
-                    text.split(" and ").map(|part| self.condition(part)).collect::<Result<_, _>>()?;
-                self.until = text.to_owned();
-                self.order(Task { told: text.to_owned(), work: Work::Until(conditions, WITHIN_US) });
+                let conditions = self.conditions(text)?;
+                let work = Work::Until { conditions, us: WITHIN_US, left_us: WITHIN_US };
+                self.order(Task { told: text.to_owned(), work });
                 Ok(None)
             }
+            Aim::Back => {
+                let us = time::parse(text).map_err(|error| error.to_string())?;
+                self.step = text.to_owned();
+                let work = Work::Ops(vec![Op::Back { us, detached: false }]);
+                self.order(Task { told: format!("{} back", time::short(us)), work });
+                Ok(None)
+            }
+            Aim::BackUntil => {
+                let mut ops = self.conditions(text)?;
+                ops.push(Op::BackUntil { any: false, detached: false });
+                self.order(Task { told: format!("back to {text}"), work: Work::Ops(ops) });
+                Ok(None)
+            }
+            Aim::Turn(Knob { plc, name, .. }) => {
+                let word = format!("{name}={text}");
+                let setting = BoardWord::parse(&word).and_then(|word| word.at(self.names().device(*plc)));
+                let setting = setting.map_err(|error| error.right)?;
+                let told = format!("set {}{word}", Pins::prefix(self.names(), *plc));
+                let work = Work::Ops(vec![Op::SetBoard { plc: *plc, setting }]);
+                Ok(Some(Prompt::Really(told.clone(), Task { told, work })))
+            }
         }
+    }
+
+    /// Conditions as operations; what was asked for stands there when it is asked for again.
+    fn conditions(&mut self, text: &str) -> Result<Vec<Op>, String> {
+        let conditions = text.split(" and ").map(|part| self.condition(part)).collect::<Result<_, _>>()?;
+        self.until = text.to_owned();
+        Ok(conditions)
     }
 
     /// A condition as an operation.

@@ -81,9 +81,36 @@ pub(super) fn at_right(text: &str, width: usize) -> String {
     format!("{text:>width$}")
 }
 
+/// A name that fits: if need be it is cut in its middle, since its index and its field at the end tell registers apart.
+pub(super) fn cut_name(name: &str, width: usize) -> String {
+    let letters: Vec<char> = name.chars().collect();
+    if letters.len() <= width {
+        return name.to_owned();
+    }
+    let Some(room) = width.checked_sub(1) else { return String::new() };
+    let last = letters.iter().rposition(|letter| *letter == '[').map_or(0, |at| letters.len() - at);
+    let behind = last.max(room / 2).min(room);
+    let (front, end) = (&letters[..room - behind], &letters[letters.len() - behind..]);
+    front.iter().chain(&['\u{2026}']).chain(end).collect()
+}
+
+/// The name in exactly so many columns.
+pub(super) fn padded_name(name: &str, width: usize) -> String {
+    let name = cut_name(name, width);
+    format!("{name:width$}")
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn names_keep_their_end() {
+        assert_eq!(cut_name("node2.a_CONTROLWORD_SL[1]", 18), "node2.a_…ORD_SL[1]");
+        assert_eq!(cut_name("node2.a_CFG_RDC_WORD[1].b_CFG_RDC1_WORD0", 28), "node2.…[1].b_CFG_RDC1_WORD0");
+        assert_eq!(padded_name("line:node2.a[1]", 16), "line:node2.a[1] ");
+        assert_eq!((cut_name("ab", 0), cut_name("ab", 1)), (String::new(), "…".to_owned()));
+    }
 
     #[test]
     fn texts_have_the_width_that_is_asked_for() {

@@ -94,7 +94,7 @@ pub(super) fn run(mut model: Model, instance: &str) -> Result<(), CliError> {
         panic::resume_unwind(panicked);
     }
     outcome.map_err(|reason| CliError::Output { reason })?;
-    if ended.load(Ordering::Relaxed) {
+    if model.is_interrupted || ended.load(Ordering::Relaxed) {
         Err(CliError::Ended { code: Exit::Interrupted.code() })
     } else {
         Ok(())

@@ -21,10 +21,10 @@ pub(super) struct Task {
 pub(super) enum Work {
     /// All at once.
     Ops(Vec<Op>),
-    /// So much time passes, in microseconds.
-    Advance(u64),
-    /// Time passes until all conditions hold, at most for so long, in microseconds.
-    Until(Vec<Op>, u64),
+    /// Time passes, in microseconds: so much, of which this is left.
+    Advance { us: u64, left_us: u64 },
+    /// Time passes until all conditions hold, in microseconds: so much at most, of which this is left.
+    Until { conditions: Vec<Op>, us: u64, left_us: u64 },
 }
 
 /// What came of a part of it.
@@ -46,11 +46,11 @@ impl Task {
     pub(super) fn go(self, source: &mut dyn Source) -> Result<Outcome, Trouble> {
         let (ops, slice_us) = match &self.work {
             Work::Ops(ops) => (ops.clone(), 0),
-            Work::Advance(left_us) => {
+            Work::Advance { left_us, .. } => {
                 let us = SLICE_US.min(*left_us);
                 (vec![Op::Advance { us }], us)
             }
-            Work::Until(conditions, left_us) => {
+            Work::Until { conditions, left_us, .. } => {
                 let within_us = SLICE_US.min(*left_us);
                 let wait = Op::WaitFor { any: false, within_us };
                 (conditions.iter().copied().chain([wait]).collect(), within_us)
@@ -63,14 +63,17 @@ impl Task {
         });
         let left = |left_us: u64| left_us.saturating_sub(slice_us);
         Ok(match (self.work, refusal) {
-            (Work::Advance(us), None) if left(us) > 0 => {
-                Outcome::More(Task { work: Work::Advance(left(us)), ..self })
+            (Work::Advance { us, left_us }, None) if left(left_us) > 0 => {
+                Outcome::More(Task { work: Work::Advance { us, left_us: left(left_us) }, ..self })
             }
             (_, None) => Outcome::Done(self.told),
-            (Work::Until(conditions, us), Some(refused)) if refused.code == Code::NOT_IN_TIME => {
-                match left(us) {
+            (Work::Until { conditions, us, left_us }, Some(refused)) if refused.code == Code::NOT_IN_TIME => {
+                match left(left_us) {
                     0 => Outcome::Refused(format!("not yet: {}", self.told)),
-                    left => Outcome::More(Task { work: Work::Until(conditions, left), told: self.told }),
+                    left_us => {
+                        let work = Work::Until { conditions, us, left_us };
+                        Outcome::More(Task { work, told: self.told })
+                    }
                 }
             }
             (_, Some(refused)) => Outcome::Refused(refused.to_string()),
@@ -82,13 +85,35 @@ impl Task {
         !matches!(self.work, Work::Ops(_))
     }
 
+    /// That it was ended, and how far it was.
+    pub(super) fn given_up(&self) -> String {
+        match &self.work {
+            Work::Ops(_) => format!("not done: {}", self.told),
+            Work::Advance { us, left_us } => format!("ended: {} passed", of(*us, *left_us)),
+            Work::Until { us, left_us, .. } => {
+                format!("ended: {} passed, not yet {}", of(*us, *left_us), self.told)
+            }
+        }
+    }
+
     /// What is going on.
     pub(super) fn going_on(&self) -> String {
         match &self.work {
             Work::Ops(_) => self.told.clone(),
-            Work::Advance(left) | Work::Until(_, left) => {
-                format!("{}; {} left, Esc ends", self.told, time::short(*left))
+            Work::Advance { us, left_us } => format!("{} passed; Esc ends", of(*us, *left_us)),
+            Work::Until { us, left_us, .. } => {
+                format!("waits for {}: {} passed; Esc ends", self.told, of(*us, *left_us))
             }
         }
     }
+}
+
+/// How much of a time is over: `12.3 s of 60 s`.
+fn of(us: u64, left_us: u64) -> String {
+    let done_us = us.saturating_sub(left_us);
+    let done = match us {
+        1_000_000.. => format!("{}.{} s", done_us / 1_000_000, done_us % 1_000_000 / 100_000),
+        _ => time::short(done_us),
+    };
+    format!("{done} of {}", time::short(us))
 }

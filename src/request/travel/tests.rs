@@ -75,7 +75,7 @@ fn what_never_held_leaves_the_plant_where_it_is() {
     let mut host = host();
     let (before, records) = (host.plant.snapshot(), host.plant.journal().records().count());
     let replies = host.request(&until(7));
-    let Some(Reply::Error(Refused { code: Code::SNAPSHOT, text, .. })) = replies.last() else {
+    let Some(Reply::Error(Refused { code: Code::NOT_SO_FAR, text, .. })) = replies.last() else {
         panic!("{replies:?}")
     };
     assert_eq!(text, "the conditions did not come to hold since 0 us, which is how far one can go back");
@@ -87,7 +87,7 @@ fn what_never_held_leaves_the_plant_where_it_is() {
 fn one_can_go_back_as_far_as_is_kept_and_only_alone_with_a_stepped_clock() {
     let mut host = host();
     let (code, text) = host.refusal(back(9_001));
-    assert_eq!(code, Code::SNAPSHOT);
+    assert_eq!(code, Code::NOT_SO_FAR);
     assert_eq!(text, "9001 us are too far: one can go back to 0 us, it is 9000 us now");
     host.outsiders = Some("soft_plc (process 7), which has mapped the registers,".to_owned());
     let (code, text) = host.refusal(back(1_000));
@@ -148,7 +148,7 @@ fn snapshots_have_numbers_and_come_and_go_in_parts() {
     }
     assert_eq!(other.request(&[Op::Restore { detached: false }]), [Reply::Time(9_000)]);
     assert!(other.plant.snapshot() == saved);
-    assert_eq!(other.refusal(back(1)).0, Code::SNAPSHOT, "its way begins here");
+    assert_eq!(other.refusal(back(1)).0, Code::NOT_SO_FAR, "its way begins here");
     assert_eq!(other.refusal(Op::Restore { detached: false }).0, Code::SNAPSHOT, "nothing was brought");
     assert_eq!(other.refusal(Op::BringSaved { at: 16, count: 0, bytes: [0; 16] }).0, Code::SNAPSHOT);
     host.request(&[Op::Forget { number }]);

@@ -5,6 +5,7 @@ use crate::devices;
 use crate::journal::{Selection, Waves};
 use crate::layout::Live;
 use crate::plot::{Plot, Row, address_of};
+use crate::request::Op;
 use crate::script::ScenarioError;
 
 /// Most registers in a plot.
@@ -29,7 +30,9 @@ impl Bench {
             let past = waves.register(register.plc(), address_of(register.place()).offset());
             let row = Row::of(register.name(Live::Cyclic), register.place(), &past);
             let held = self.load(register.spot)?;
-            rows.push(row.or_holds(&register.place().format(Live::Cyclic, held)));
+            let (plc, offset) = (register.plc(), address_of(register.place()).offset());
+            let is_recorded = self.ask(Op::IsRecorded { plc, offset })?.value()? == 1;
+            rows.push(row.or_holds(&register.place().format(Live::Cyclic, held), is_recorded));
         }
         Ok(Plot::new(from_us, self.now()?, waves.edges(), rows))
     }

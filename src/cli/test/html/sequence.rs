@@ -41,7 +41,7 @@ fn arrow(step: &Exchanged, y: i32) -> String {
         Way::Program => ("program", program, firmware),
         Way::Firmware => ("firmware", firmware, program),
         Way::Bus => ("bus", firmware, bus),
-        Way::Wrong => ("wrong", TEXTS, TEXTS),
+        Way::Wrong | Way::More => ("wrong", TEXTS, TEXTS),
     };
     let arrow = if from == to {
         String::new()
@@ -58,7 +58,11 @@ fn arrow(step: &Exchanged, y: i32) -> String {
         "<text class=\"time\" x=\"8\" y=\"{0}\">{1}</text>{arrow}<text class=\"{2}\" x=\"{TEXTS}\" y=\"{0}\"><title>{3}</title>{4}</text>\n",
         y + 4,
         seconds(step.line.time_us),
-        if step.way == Way::Wrong { "wrong" } else { "what" },
+        match step.way {
+            Way::Wrong => "wrong",
+            Way::More => "time",
+            Way::Program | Way::Firmware | Way::Bus => "what",
+        },
         Text(&step.line.text),
         Text(shortened(&step.line.text))
     )

@@ -1,12 +1,13 @@
 //! The fronts of the PLCs as they look: display, LEDs, switches.
 
-use super::{lines, titled};
+use super::{lines, marked, titled};
 use crate::cli::view::look::Face;
 use crate::cli::view::model::{Hot, Model, Which};
+use crate::cli::view::prompt::Knob;
 use crate::cli::view::style::{Theme, padded};
 use crate::devices;
 use crate::devices::{Led, ModuleFront, Switch};
-use crate::layout::shown_text;
+use crate::layout::{Owner, shown_text};
 use ratatui::Frame;
 use ratatui::layout::Rect;
 use ratatui::style::Style;
@@ -17,36 +18,52 @@ const NAMES: usize = 12;
 /// How many switches the DIP switch has.
 const DIP: u32 = 5;
 
+/// A line, and what can be turned in it: its name in `commram board set`, and how it can stand.
+type FrontLine = (Line<'static>, Option<(String, Vec<String>)>);
+
 pub(super) fn draw(frame: &mut Frame, model: &mut Model, theme: Theme, area: Rect) {
-    let inner = titled(frame, " fronts of the PLCs ".to_owned(), theme.head(), area);
+    let title = " fronts of the PLCs; t turns what stands in the chosen line ".to_owned();
+    let inner = titled(frame, title, theme.head(), area);
+    let (mut all, mut knobs) = (Vec::new(), Vec::new());
     let names = model.names();
-    let mut all = Vec::new();
     for ((plc, name), face) in (0..).zip(&names.plcs).zip(&model.faces) {
         let device = names.device(plc);
-        all.push(Line::from(vec![
+        let head = Line::from(vec![
             Span::styled(format!(" {name}"), theme.head()),
             Span::styled(format!("  {}", device.title), theme.dim()),
-        ]));
-        front_lines(face, devices::board_of(device), theme, &mut all);
-        face.modules.iter().for_each(|(port, module)| all.push(module_line(port, module, theme)));
-        all.push(Line::default());
+        ]);
+        let front = front_lines(face, devices::board_of(device), theme);
+        let modules = face.modules.iter().map(|(port, module)| module_line(port, module, theme));
+        let own = [(head, None)].into_iter().chain(front).chain(modules).chain([(Line::default(), None)]);
+        for (line, knob) in own {
+            all.push(line);
+            knobs.push(knob.map(|(name, choices)| Knob { plc, name, choices }));
+        }
     }
-    let most = all.len().saturating_sub(usize::from(inner.height));
-    model.board.chosen = model.board.chosen.min(most);
-    model.board.height = usize::from(inner.height);
-    lines(frame, all.into_iter().skip(model.board.chosen).collect(), inner);
+    let seen = model.board.fit(usize::from(inner.height), all.len());
+    let (top, chosen) = (seen.start, model.board.chosen);
+    let seen = all.into_iter().enumerate().skip(top).take(seen.len());
+    let drawn = seen.map(|(number, line)| marked(line, number == chosen, true, theme)).collect();
+    lines(frame, drawn, inner);
+    model.knobs = knobs;
     model.hot.push((inner, Hot::List(Which::Board)));
 }
 
-fn front_lines(face: &Face, has: &'static [&'static str], theme: Theme, all: &mut Vec<Line<'static>>) {
+fn front_lines(face: &Face, has: &'static [&'static str], theme: Theme) -> Vec<FrontLine> {
     let words = face.board.words(has);
     let is_on = words.power == "on";
+    let mut all = Vec::new();
+    let mut add = |name: &str, spans: Vec<Span<'static>>, knob: Option<(&str, &[&str])>| {
+        let knob = knob
+            .map(|(name, choices)| (name.to_owned(), choices.iter().map(|it| (*it).to_owned()).collect()));
+        all.push((named(name, spans), knob));
+    };
     match (shown_text(&face.front), &words.display) {
-        (Some(text), _) => all.push(named("display", vec![Span::styled(format!("[{text}]"), theme.good())])),
+        (Some(text), _) => add("display", vec![Span::styled(format!("[{text}]"), theme.good())], None),
         (None, Some(shown)) => {
             for (number, part) in segments(shown).into_iter().enumerate() {
                 let name = if number == 0 { "display" } else { "" };
-                all.push(named(name, vec![Span::styled(part, theme.bad())]));
+                add(name, vec![Span::styled(part, theme.bad())], None);
             }
         }
         (None, None) => {}
@@ -54,42 +71,54 @@ fn front_lines(face: &Face, has: &'static [&'static str], theme: Theme, all: &mu
     if let Some(leds) = &words.leds {
         let digits = leds.trim_start_matches("2#").chars().filter(char::is_ascii_digit);
         let spans = digits.map(|digit| lamp(digit == '1', theme)).collect();
-        all.push(named("LEDs", spans));
+        add("LEDs", spans, Some(("leds", &["0 to 15"])));
     }
     let power = if is_on { theme.good() } else { theme.bad() };
-    all.push(named("power", vec![Span::styled(words.power, power)]));
+    add("power", vec![Span::styled(words.power, power)], Some(("power", &["on", "off"])));
     if let Some(switch) = &words.switch {
         let position = |name: &str| {
             let stands = name.eq_ignore_ascii_case(switch);
             let sign = if stands { "\u{25c9} " } else { "\u{25cb} " };
             Span::styled(format!("{sign}{name}  "), if stands { theme.head() } else { theme.dim() })
         };
-        all.push(named("switch", ["RUN", "STOP", "RESET"].map(position).to_vec()));
+        let spans = ["RUN", "STOP", "RESET"].map(position).to_vec();
+        add("switch", spans, Some(("switch", &["run", "stop", "reset"])));
     }
     if let Some(dip) = words.dip {
-        let one = |bit: u32| {
-            let on = dip >> bit & 1 != 0;
-            Span::styled(
-                if on { "\u{2580} " } else { "\u{2584} " },
-                if on { theme.head() } else { theme.dim() },
-            )
-        };
-        let mut spans: Vec<_> = (0..DIP).map(one).collect();
-        let counts = words.dip_latched.unwrap_or(dip);
-        let note =
-            if counts == dip { String::new() } else { format!(", {counts} counts until the next start") };
-        spans.push(Span::raw(format!(" number {dip}{note}")));
-        all.push(named("DIP switch", spans));
+        add("DIP switch", dip_spans(dip, words.dip_latched, theme), Some(("dip", &["0 to 31"])));
     }
-    let program = [("program", words.program), ("last start", words.start), ("project", words.project)];
-    for (name, text) in program {
+    let starts: (&str, &[&str]) = ("start", &["cold", "warm", "hot", "stop"]);
+    let projects: (&str, &[&str]) = ("project", &["none", "boot", "sent"]);
+    let program = [
+        ("program", words.program, None),
+        ("last start", words.start, Some(starts)),
+        ("project", words.project, Some(projects)),
+    ];
+    for (name, text, knob) in program {
         if let Some(text) = text {
-            all.push(named(name, vec![Span::raw(text)]));
+            add(name, vec![Span::raw(text)], knob);
         }
     }
     for (word, value) in face.front.iter().filter(|(word, _)| !word.is_text) {
-        all.push(named(word.name, vec![Span::raw(word.called(*value))]));
+        let line = named(word.name, vec![Span::raw(word.called(*value))]);
+        let choices = || word.choices().split(", ").map(str::to_owned).collect();
+        let knob = (word.owner == Owner::Plc).then(|| (word.name.to_owned(), choices()));
+        all.push((line, knob));
     }
+    all
+}
+
+/// The five switches, and the number that they make.
+fn dip_spans(dip: u32, latched: Option<u32>, theme: Theme) -> Vec<Span<'static>> {
+    let one = |bit: u32| {
+        let on = dip >> bit & 1 != 0;
+        Span::styled(if on { "\u{2580} " } else { "\u{2584} " }, if on { theme.head() } else { theme.dim() })
+    };
+    let mut spans: Vec<_> = (0..DIP).map(one).collect();
+    let counts = latched.unwrap_or(dip);
+    let note = if counts == dip { String::new() } else { format!(", {counts} counts until the next start") };
+    spans.push(Span::raw(format!(" number {dip}{note}")));
+    spans
 }
 
 fn named(name: &str, spans: Vec<Span<'static>>) -> Line<'static> {
@@ -103,7 +132,7 @@ fn lamp(is_lit: bool, theme: Theme) -> Span<'static> {
 }
 
 /// A module in one line: what it is, its LEDs, its switches.
-fn module_line(port: &str, module: &ModuleFront, theme: Theme) -> Line<'static> {
+fn module_line(port: &str, module: &ModuleFront, theme: Theme) -> FrontLine {
     let mut spans = vec![Span::styled(padded(module.kind, 14), theme.name())];
     for (name, led) in &module.leds {
         let (sign, style): (String, Style) = match led {
@@ -122,7 +151,8 @@ fn module_line(port: &str, module: &ModuleFront, theme: Theme) -> Line<'static> 
         };
         spans.push(Span::styled(format!("{name} {stands}  "), theme.dim()));
     }
-    named(port, spans)
+    let has_dip = module.switches.iter().any(|(name, _)| *name == "dip");
+    (named(port, spans), has_dip.then(|| (format!("{port}.dip"), vec!["0 to 31".to_owned()])))
 }
 
 /// Segments a to g of a seven-segment display, the lowest bit first, for what it can show.

@@ -4,7 +4,7 @@ use super::{lines, marked, titled};
 use crate::cli::change;
 use crate::cli::view::model::{Hot, Model, Which};
 use crate::cli::view::pins::Pins;
-use crate::cli::view::style::{Theme, at_right, padded};
+use crate::cli::view::style::{Theme, at_right, padded, padded_name};
 use crate::journal::{By, Change, Names};
 use crate::layout::format_value;
 use crate::time;
@@ -27,15 +27,18 @@ pub(super) fn draw(frame: &mut Frame, model: &mut Model, theme: Theme, area: Rec
         return lines(frame, vec![Line::styled(text, theme.dim())], inner);
     }
     let width = usize::from(inner.width);
-    let head =
-        columns(width, ["time", "after", "register", "from", "to", "by", "meaning"].map(str::to_owned));
+    // The times of a plant that has run for long are longer.
+    let times = model.pins.changes.back().map_or(0, |last| time::seconds(last.time_us).len()).max(TIMES);
+    let head = ["time", "after", "register", "from", "to", "by", "meaning"].map(str::to_owned);
+    let head = columns(width, times, head);
     let rows = Rect { y: inner.y + 1, height: inner.height.saturating_sub(1), ..inner };
     let seen = model.pins.history.fit(usize::from(rows.height), model.pins.changes.len());
     let names = model.names();
     let line = |number: usize| {
         let change = model.pins.changes.get(number)?;
         let before = number.checked_sub(1).and_then(|before| model.pins.changes.get(before));
-        let line = change_line(&names, change, before, theme, width);
+        let cells = change_cells(names, change, before);
+        let line = change_line(columns(width, times, cells), change.what.how.by, theme);
         Some(marked(line, number == model.pins.history.chosen, true, theme))
     };
     let mut drawn = vec![Line::styled(head.concat(), theme.dim())];
@@ -46,16 +49,22 @@ pub(super) fn draw(frame: &mut Frame, model: &mut Model, theme: Theme, area: Rec
 
 /// From this width on there is room for what registers held before.
 const WIDE: usize = 110;
+/// Columns for a time, at least.
+const TIMES: usize = 12;
 
 /// Time, distance, register, what it held and holds, who, meaning.
-fn columns(width: usize, [time, after, name, from, to, by, meaning]: [String; 7]) -> [String; 7] {
+fn columns(
+    width: usize,
+    times: usize,
+    [time, after, name, from, to, by, meaning]: [String; 7],
+) -> [String; 7] {
     let names = (width * 3 / 10).clamp(16, 44);
     let before = if width < WIDE { 0 } else { 12 };
-    let rest = width.saturating_sub(12 + 9 + 2 + names + before + 12 + 10);
+    let rest = width.saturating_sub(times + 10 + 2 + names + before + 12 + 10);
     [
-        at_right(&time, 12),
-        at_right(&after, 9),
-        format!("  {}", padded(&name, names)),
+        at_right(&time, times),
+        at_right(&after, 10),
+        format!("  {}", padded_name(&name, names)),
         padded(&format!(" {from}"), before),
         format!(" {}", padded(&to, 11)),
         format!(" {}", padded(&by, 9)),
@@ -63,13 +72,7 @@ fn columns(width: usize, [time, after, name, from, to, by, meaning]: [String; 7]
     ]
 }
 
-fn change_line(
-    names: &Names,
-    change: &Change,
-    before: Option<&Change>,
-    theme: Theme,
-    width: usize,
-) -> Line<'static> {
+fn change_cells(names: &Names, change: &Change, before: Option<&Change>) -> [String; 7] {
     let what = &change.what;
     let fitted = names.fitted(what.plc);
     let address = fitted.device().at(what.how.width, what.offset);
@@ -78,25 +81,34 @@ fn change_line(
         Some(register) => (register.ty(), register.to_string()),
         None => (what.how.width.bits(), address.to_string()),
     };
-    let after = before.map(|before| change.time_us.saturating_sub(before.time_us));
-    let after = match after {
-        None => String::new(),
-        Some(us @ 0..100_000) => format!("+{us} us"),
-        Some(us) => format!("+{} ms", us / 1_000),
-    };
+    let after =
+        before.map_or_else(String::new, |before| distance(change.time_us.saturating_sub(before.time_us)));
     let [from, to] = [what.from, what.to].map(|value| format_value(ty, value));
     let meaning = register.map(|register| register.decode(what.to)).unwrap_or_default();
     let name = Pins::prefix(names, what.plc) + &name;
-    let by = what.how.by;
-    let time = time::seconds(change.time_us);
-    let cells = columns(width, [time, after, name, from, to, by.name().to_owned(), meaning]);
-    let style = match by {
+    [time::seconds(change.time_us), after, name, from, to, what.how.by.name().to_owned(), meaning]
+}
+
+/// A distance in few characters.
+fn distance(us: u64) -> String {
+    match us {
+        0..100_000 => format!("+{us} us"),
+        100_000..100_000_000 => format!("+{} ms", us / 1_000),
+        _ => format!("+{} s", us / 1_000_000),
+    }
+}
+
+fn change_line(
+    [time, after, name, from, to, by, meaning]: [String; 7],
+    who: By,
+    theme: Theme,
+) -> Line<'static> {
+    let style = match who {
         By::Firmware => theme.name(),
         By::Program => theme.good(),
         By::Channel => theme.value(),
         By::Force => theme.bad(),
     };
-    let [time, after, name, from, to, by, meaning] = cells;
     Line::from(vec![
         Span::raw(time),
         Span::styled(after, theme.dim()),
@@ -106,4 +118,21 @@ fn change_line(
         Span::styled(by, style),
         Span::raw(meaning),
     ])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_cut_is_neither_a_unit_nor_an_index() {
+        let cells = ["86400.002000 s", "+99999 ms", "node2.a_STEUREG_CONTROLWORD[31]", "", "", "", ""];
+        let [time, after, name, ..] = columns(80, 14, cells.map(str::to_owned));
+        assert_eq!((time.as_str(), after.as_str()), ("86400.002000 s", " +99999 ms"));
+        assert!(name.ends_with("[31]"), "{name}");
+        assert_eq!(
+            [99_999, 99_999_999, 86_400_000_000].map(distance),
+            ["+99999 us", "+99999 ms", "+86400 s"]
+        );
+    }
 }

@@ -3,7 +3,7 @@
 use super::{lines, marked, titled};
 use crate::cli::check::FindingRow;
 use crate::cli::view::model::{Hot, Model, Which};
-use crate::cli::view::style::{Theme, at_right, padded};
+use crate::cli::view::style::{Theme, at_right, padded, padded_name};
 use crate::time;
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
@@ -21,7 +21,7 @@ pub(super) fn draw(frame: &mut Frame, model: &mut Model, theme: Theme, area: Rec
         return lines(frame, vec![Line::styled(text, theme.dim())], inner);
     }
     let names = model.names();
-    let found: Vec<_> = model.findings.iter().map(|entry| FindingRow::new(entry, &names)).collect();
+    let found: Vec<_> = model.findings.iter().map(|entry| FindingRow::new(entry, names)).collect();
     let width = usize::from(inner.width);
     let head = columns(width, ["severity", "rule", "register", "value", "count", "last"].map(str::to_owned));
     let rows = Rect { y: inner.y + 1, height: inner.height.saturating_sub(1), ..inner };
@@ -48,14 +48,15 @@ pub(super) fn draw(frame: &mut Frame, model: &mut Model, theme: Theme, area: Rec
 
 fn columns(width: usize, [severity, rule, register, value, count, last]: [String; 6]) -> [String; 6] {
     let rules = (width / 4).clamp(12, 22);
-    let rest = width.saturating_sub(9 + rules + 1 + 12 + 6 + 13);
+    let times = (last.len() + 1).max(13);
+    let rest = width.saturating_sub(9 + rules + 1 + 12 + 6 + times);
     [
         format!(" {}", padded(&severity, 8)),
         format!("{} ", padded(&rule, rules)),
-        padded(&register, rest),
+        padded_name(&register, rest),
         format!(" {}", padded(&value, 11)),
         at_right(&count, 6),
-        at_right(&last, 13),
+        at_right(&last, times),
     ]
 }
 

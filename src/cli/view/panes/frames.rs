@@ -29,10 +29,7 @@ pub(super) fn draw(frame: &mut Frame, model: &mut Model, theme: Theme, area: Rec
         f64::from(bus.bit_s) / 1000.0,
         time::short(window.us),
         time::seconds(window.begin_us),
-        match model.frames.back {
-            0 => others.to_owned(),
-            back => format!(", {back} back"),
-        }
+        if model.frames.is_held() { ", held" } else { others }
     );
     let inner = titled(frame, title, theme.head(), area);
     let slots =

@@ -20,8 +20,7 @@ const NAMES: usize = 18;
 pub(super) fn draw(frame: &mut Frame, model: &mut Model, theme: Theme, area: Rect) {
     let inner = titled(frame, " plant ".to_owned(), theme.head(), area);
     let mut all = Vec::new();
-    let names = model.names();
-    for (plc, name) in (0..).zip(&names.plcs) {
+    for (plc, name) in (0..).zip(&model.names().plcs) {
         plc_lines(model, plc, name, theme, &mut all);
     }
     for (number, bus) in model.scene.iter().enumerate() {

@@ -5,7 +5,7 @@ use crate::cli::view::look::Spot;
 use crate::cli::view::model::{Hot, Model, Which};
 use crate::cli::view::pins::{Pin, Pins};
 use crate::cli::view::prompt::Prompt;
-use crate::cli::view::style::{Theme, at_right, padded};
+use crate::cli::view::style::{Theme, at_right, padded, padded_name};
 use crate::cli::view::tree::Row;
 use crate::layout::place::{meaning_in, status_of};
 use crate::time;
@@ -68,13 +68,15 @@ fn row_line(model: &Model, row: &Row, theme: Theme, width: usize) -> Line<'stati
         _ if model.tree.is_open(row) => "\u{25be}",
         _ => "\u{25b8}",
     };
-    let label = format!(" {}{sign} {}", "  ".repeat(model.tree.depth(row)), model.tree.label(row));
+    let before = format!(" {}{sign} ", "  ".repeat(model.tree.depth(row)));
+    let label = padded_name(&model.tree.label(row), names.saturating_sub(before.chars().count()));
+    let label = before + &label;
     let rest = width.saturating_sub(names);
     match row {
         Row::Plc(plc) => {
             let title = model.names().device(*plc).title;
             Line::from(vec![
-                Span::styled(padded(&label, names), theme.head()),
+                Span::styled(label, theme.head()),
                 Span::styled(padded(title, rest), theme.dim()),
             ])
         }
@@ -82,13 +84,13 @@ fn row_line(model: &Model, row: &Row, theme: Theme, width: usize) -> Line<'stati
             let role = model.names().fitted(*plc).area(area).role();
             let text = role.map_or_else(|| area.doc.to_owned(), |role| format!("{role}: {}", area.doc));
             Line::from(vec![
-                Span::styled(padded(&label, names), theme.name()),
+                Span::styled(label, theme.name()),
                 Span::styled(padded(&text, rest), theme.dim()),
             ])
         }
         Row::Array(_, first) => {
             let text = first.register.doc;
-            Line::from(vec![Span::raw(padded(&label, names)), Span::styled(padded(text, rest), theme.dim())])
+            Line::from(vec![Span::raw(label), Span::styled(padded(text, rest), theme.dim())])
         }
         Row::Register(plc, register) => {
             let spot = Spot::register(*plc, register);
@@ -101,7 +103,7 @@ fn row_line(model: &Model, row: &Row, theme: Theme, width: usize) -> Line<'stati
                 None => (String::new(), String::new()),
             };
             Line::from(vec![
-                Span::raw(padded(&label, names)),
+                Span::raw(label),
                 Span::styled(format!(" {mark}"), theme.bad()),
                 Span::styled(padded(&value, VALUE), theme.value()),
                 Span::raw(padded(&meaning, rest.saturating_sub(VALUE + 2))),
@@ -150,11 +152,11 @@ fn draw_pins(frame: &mut Frame, model: &mut Model, theme: Theme, area: Rect) {
 
 /// Name, value, age, rate, meaning.
 fn columns(width: usize, [name, value, age, rate, meaning]: [String; 5]) -> [String; 5] {
-    const AGE: usize = 8;
+    const AGE: usize = 9;
     let names = (width * 7 / 20).clamp(20, 44);
     let rest = width.saturating_sub(names + 2 + VALUE + 2 * AGE + 2);
     [
-        format!(" {}", padded(&name, names)),
+        format!(" {}", padded_name(&name, names)),
         format!(" {}", padded(&value, VALUE)),
         at_right(&age, AGE),
         at_right(&rate, AGE),
@@ -173,11 +175,10 @@ fn pin_line(model: &Model, pin: &Pin, theme: Theme, width: usize) -> Line<'stati
     let now_us = model.now_us();
     let age = pin.last_us.map_or_else(|| "-".to_owned(), |last| age(now_us.saturating_sub(last)));
     let rate = match pin.rate(now_us) {
-        0.0 => "-".to_owned(),
-        rate if rate < 10.0 => format!("{rate:.1}/s"),
-        rate => format!("{rate:.0}/s"),
+        0 => "-".to_owned(),
+        rate => format!("{rate}/s"),
     };
-    let name = Pins::prefix(&model.names(), pin.plc) + &pin.place.name(live);
+    let name = Pins::prefix(model.names(), pin.plc) + &pin.place.name(live);
     let [name, value, age, rate, meaning] = columns(width, [name, value, age, rate, meaning]);
     let value_style = if is_forced { theme.bad() } else { theme.value() };
     Line::from(vec![
@@ -193,7 +194,26 @@ fn pin_line(model: &Model, pin: &Pin, theme: Theme, width: usize) -> Line<'stati
 fn age(us: u64) -> String {
     match us {
         0..1_000 => time::short(us),
-        1_000..10_000_000 => format!("{}.{} ms", us / 1_000, us % 1_000 / 100),
-        _ => format!("{} s", us / 1_000_000),
+        1_000..1_000_000 => format!("{}.{} ms", us / 1_000, us % 1_000 / 100),
+        1_000_000..1_000_000_000 => format!("{}.{} s", us / 1_000_000, us % 1_000_000 / 100_000),
+        1_000_000_000..3_600_000_000_000 => format!("{} s", us / 1_000_000),
+        _ => format!("{} h", us / 3_600_000_000),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ages_have_their_unit() {
+        let ages = [999, 999_999, 999_999_999, 3_599_999_000_000, 90_000_000_000_000];
+        assert_eq!(ages.map(age), ["999 us", "999.9 ms", "999.9 s", "3599999 s", "25000 h"]);
+        for age in ages.map(age) {
+            let cells = ["node2.a_CONTROLWORD_SL[1]", "16#0000_0000", &age, "100000/s", ""];
+            let [name, _, shown, rate, _] = columns(80, cells.map(str::to_owned));
+            assert_eq!((shown.trim(), rate.trim()), (age.as_str(), "100000/s"));
+            assert!(name.contains("[1]"), "{name}");
+        }
     }
 }

@@ -5,8 +5,9 @@ use crate::cli::view::link::News;
 use crate::cli::view::model::Contact;
 use crate::devices;
 use crate::layout::Place;
+use crate::plant::PlantConfig;
 use crate::request::testing::TestHost;
-use ratatui::crossterm::event::KeyCode;
+use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyModifiers};
 
 /// What a register of the first PLC holds.
 fn holds(user: &User, name: &str) -> u32 {
@@ -50,7 +51,7 @@ fn a_forced_register_is_marked_and_let_go_again() {
 fn nothing_is_changed_by_who_only_reads() {
     let mut user = User::at(TestHost::new(true), true);
     user.find("press:node2.w_CPU_CONTROL");
-    for key in ["p", "f", "u", "s", "n", "e", "w", "c"] {
+    for key in ["p", "f", "u", "t", "s", "n", "e", "w", "b", "B", "c"] {
         user.type_in(key);
         user.sees("--read-only");
         assert!(user.model.prompt.is_none(), "{key}");
@@ -63,8 +64,9 @@ fn a_stepped_clock_goes_as_far_as_it_is_told() {
     let mut user = User::built_in();
     user.type_in("s\n");
     assert_eq!(user.host.plant.now(), 1_000);
+    // What was given last is there, and what is typed takes its place.
     user.type_in("s");
-    (0..3).for_each(|_| user.press(KeyCode::Backspace));
+    user.sees("1ms");
     user.type_in("2\n");
     user.sees("a time needs a unit");
     user.type_in("50us\n");
@@ -76,8 +78,8 @@ fn a_stepped_clock_goes_as_far_as_it_is_told() {
     user.type_in("wnode2.w_OPTION_STATUS == 16#0001\n");
     user.sees("node2.w_OPTION_STATUS == 16#0001");
     user.type_in("w");
-    user.press(KeyCode::Esc);
-    user.type_in("w and node2.w_CPU_CONTROL==9\n");
+    user.press(KeyCode::End);
+    user.type_in(" and node2.w_CPU_CONTROL==9\n");
     user.sees("not yet: node2.w_OPTION_STATUS == 16#0001 and node2.w_CPU_CONTROL==9");
     assert_eq!(user.host.plant.now(), 10_001_500);
 }
@@ -98,7 +100,7 @@ fn what_cannot_be_waited_for_is_explained() {
 #[test]
 fn a_running_clock_is_not_stepped() {
     let mut user = User::at(TestHost::new(false), false);
-    for key in ["s", "n", "e"] {
+    for key in ["s", "n", "e", "b", "B"] {
         user.type_in(key);
         user.sees("the clock runs by itself");
     }
@@ -163,14 +165,14 @@ fn a_long_wait_ends_when_the_user_has_had_enough() {
     user.model.press(KeyCode::Enter.into());
     user.model.orders.clear();
     user.type_in("s");
-    (0..3).for_each(|_| user.press(KeyCode::Backspace));
     "60s".chars().for_each(|letter| user.model.press(KeyCode::Char(letter).into()));
     user.model.press(KeyCode::Enter.into());
     user.model.orders.drain(..).for_each(|order| user.desk.take(order));
     let news = user.desk.turn(&mut user.host, &mut user.looker);
-    assert!(matches!(&news[0], News::GoesOn(text) if text.contains("left, Esc ends")), "{news:?}");
+    assert!(matches!(&news[0], News::GoesOn(text) if text == "0.1 s of 60 s passed; Esc ends"), "{news:?}");
     user.press(KeyCode::Esc);
     assert_eq!(user.host.plant.now(), 100_000);
+    user.sees("ended: 0.1 s of 60 s passed");
 }
 
 #[test]
@@ -207,4 +209,97 @@ fn a_modular_plc_has_its_modules_at_its_front() {
     user.type_in("5");
     user.sees("slotG");
     user.sees("can-06");
+}
+
+#[test]
+fn a_stepped_plant_goes_back_and_says_how_far_it_can() {
+    let mut user = User::built_in();
+    user.poke(&[("node2.w_CPU_CONTROL", 1)], 5_000);
+    user.type_in("s5ms\n");
+    let now = user.host.plant.now();
+    user.type_in("b2ms\n");
+    user.sees("2 ms back");
+    assert_eq!(user.host.plant.now(), now - 2_000);
+    user.type_in("Bnode2.w_OPTION_STATUS==16#0043\n");
+    user.sees("did not come to hold");
+    user.type_in("b1h\n");
+    user.sees("are too far");
+    user.type_in("Bnode2.w_OPTION_STATUS==16#0002 and node2.w_CPU_CONTROL==1\n");
+    user.sees("back to node2.w_OPTION_STATUS==16#0002 and");
+    // It held all the way: that is as far as one can go back.
+    assert_eq!(user.host.plant.now(), 5_000);
+}
+
+#[test]
+fn switches_of_the_board_are_turned_as_on_the_command_line() {
+    let mut user = User::built_in();
+    user.type_in("5");
+    user.sees("t turns");
+    user.type_in("t");
+    user.sees("nothing in this line can be turned");
+    let line =
+        |user: &User, what: &str| user.screen().lines().position(|line| line.contains(what)).unwrap() as u16;
+    let switch = line(&user, "RUN");
+    user.click(4, switch);
+    user.press(KeyCode::Enter);
+    user.sees("set switch");
+    user.sees("reset");
+    user.type_in("sideways\n");
+    user.sees("the switch has the positions run, stop, reset");
+    user.press(KeyCode::Esc);
+    user.type_in("tstop\n");
+    user.sees("set switch=stop?");
+    assert_eq!(user.host.plant.devices()[0].board().switch, 0);
+    user.type_in("y");
+    assert_eq!(user.host.plant.devices()[0].board().switch, 1);
+    let dip = line(&user, "DIP switch");
+    user.click(4, dip);
+    user.type_in("t21\ny");
+    user.sees("number 21");
+}
+
+#[test]
+fn an_interval_that_is_looked_at_stays_while_the_clock_runs() {
+    let mut user = User::at(TestHost::of(&PlantConfig::built_in().unwrap(), false), false);
+    user.activate();
+    user.type_in("4");
+    let from = |user: &User| user.screen().lines().nth(2).unwrap().to_owned();
+    user.host.run_to(user.host.plant.now() + 10_000);
+    user.look();
+    user.press(KeyCode::Left);
+    user.sees(", held");
+    let held = from(&user);
+    user.host.run_to(user.host.plant.now() + 20_000);
+    user.look();
+    assert_eq!(from(&user), held);
+    user.press(KeyCode::Left);
+    user.press(KeyCode::Right);
+    assert_eq!(from(&user), held);
+    user.press(KeyCode::End);
+    assert!(!user.screen().contains(", held") && from(&user) != held, "{}", user.screen());
+}
+
+#[test]
+fn the_rate_is_the_number_of_changes_in_the_last_second() {
+    let mut user = User::built_in();
+    user.find("node2.w_CPU_CONTROL");
+    user.type_in(" ");
+    user.press(KeyCode::Esc);
+    for value in 0..4 {
+        user.poke(&[("node2.w_CPU_CONTROL", 16 + value)], 1_000);
+    }
+    user.look();
+    user.sees(" 4/s");
+    user.type_in("s2s\n");
+    assert!(!user.screen().contains("/s "), "{}", user.screen());
+}
+
+#[test]
+fn to_quit_and_to_interrupt_are_two_ends() {
+    let mut user = User::built_in();
+    user.model.press(KeyEvent::new(KeyCode::Char('c'), KeyModifiers::CONTROL));
+    assert!(user.model.quits && user.model.is_interrupted);
+    let mut user = User::built_in();
+    user.type_in("q");
+    assert!(user.model.quits && !user.model.is_interrupted);
 }

@@ -1,0 +1,233 @@
+//! Who said what to whom before a failure, for a picture: what program, firmware and bus have exchanged, as far as it led there.
+//!
+//! The last steps alone would show how it goes on after what went wrong. So repetitions become one line, and besides the last
+//! steps the picture has what came before the first finding, and of each handshake its last two repetitions.
+
+use super::{Bench, line};
+use crate::devices;
+use crate::journal::text::Text;
+use crate::journal::{Changed, ChannelWrite, Event, Format, Found, Record};
+use crate::script::ScenarioError;
+use crate::script::failure::{Exchanged, JournalLine, Way};
+use crate::time::seconds;
+use core::ops::Range;
+use std::collections::{HashMap, HashSet};
+
+/// How far back the journal is read.
+const LOOK_BACK: u64 = 4096;
+/// So many of the last lines are in the picture in any case.
+const LAST: usize = 24;
+/// So many lines it has at most.
+const MOST: usize = 72;
+/// So many steps before and behind what is shown besides.
+const BESIDE: usize = 2;
+/// So many steps before the first finding.
+const BEFORE_FINDING: usize = 8;
+/// How many repetitions of each handshake.
+const REPETITIONS: usize = 2;
+/// The longest pattern that is told once if it comes again and again, in steps.
+const LONGEST: usize = 24;
+/// So often it comes at least.
+const OFTEN: usize = 3;
+
+/// A register: number of the PLC, and offset.
+type Place = (u16, u32);
+
+/// A line of the picture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Piece {
+    /// A step.
+    Step(usize),
+    /// What stands above comes so many times more; the last step of that.
+    Again(usize, usize),
+}
+
+impl Bench {
+    /// What program, firmware and bus have exchanged up to now, as far as it may have led here, oldest first.
+    pub(super) fn last_exchanges(&mut self) -> Result<Vec<Exchanged>, ScenarioError> {
+        let from = self.journal_end()?.saturating_sub(LOOK_BACK);
+        let (records, _) = self.records(from)?;
+        let mut text = Text::new(self.names.clone(), devices::catalogue());
+        let changed = records.iter().filter_map(|record| record.event.get::<Changed>());
+        let recorded: HashSet<_> = changed.map(|change| (change.plc, change.offset)).collect();
+        // A register that is recorded tells by its changes what was written and answered.
+        let is_told_twice = |record: &Record| {
+            !record.event.is::<Changed>() && register(&record.event).is_some_and(|it| recorded.contains(&it))
+        };
+        let mut steps = Vec::new();
+        for record in &records {
+            match Way::of(record).filter(|_| !is_told_twice(record)) {
+                Some(way) => steps.push((record.event, Exchanged { way, line: line(record, &mut text) })),
+                None => text.skip(record),
+            }
+        }
+        // A counted record comes when its count ends.
+        steps.sort_by_key(|(_, step)| step.line.time_us);
+        Ok(picture(&steps))
+    }
+}
+
+/// The register that an event is about.
+fn register(event: &Event) -> Option<Place> {
+    let changed = event.get().map(|Changed { plc, offset, .. }| (plc, offset));
+    let written = || event.get().map(|ChannelWrite { plc, offset, .. }| (plc, offset));
+    let found = || event.get().map(|Found { plc, offset, .. }| (plc, offset));
+    let stored = || event.stored().map(|stored| (stored.plc, stored.offset));
+    changed.or_else(written).or_else(found).or_else(stored)
+}
+
+/// The lines of the picture.
+fn picture(steps: &[(Event, Exchanged)]) -> Vec<Exchanged> {
+    let keys: Vec<_> = steps.iter().map(|(event, _)| *event).collect();
+    let pieces = folded(&keys);
+    let of = |piece: &Piece| match piece {
+        Piece::Step(step) => Some((steps[*step].1.way, register(&steps[*step].0))),
+        Piece::Again(..) => None,
+    };
+    let told: Vec<_> = pieces.iter().map(of).collect();
+    let is_finding = |piece: &Piece| matches!(piece, Piece::Step(step) if steps[*step].0.is::<Found>());
+    let shown = chosen(&told, pieces.iter().position(is_finding));
+    let (mut lines, mut left_out) = (Vec::new(), 0);
+    for (number, piece) in pieces.iter().enumerate() {
+        if !shown[number] {
+            left_out += 1;
+            continue;
+        }
+        let (Piece::Step(step) | Piece::Again(_, step)) = piece;
+        let at_us = steps[*step].1.line.time_us;
+        if core::mem::take(&mut left_out) > 0 {
+            lines.push(said(at_us, "...".to_owned()));
+        }
+        lines.push(match piece {
+            Piece::Step(_) => steps[*step].1.clone(),
+            Piece::Again(times, _) => said(at_us, format!("the same {times} times more, up to here")),
+        });
+    }
+    lines
+}
+
+/// A line about steps that are not shown one by one.
+fn said(time_us: u64, what: String) -> Exchanged {
+    let line = JournalLine { time_us, kind: String::new(), text: format!("{}  {what}", seconds(time_us)) };
+    Exchanged { way: Way::More, line }
+}
+
+/// Patterns that come again and again are told once.
+fn folded<K: PartialEq>(keys: &[K]) -> Vec<Piece> {
+    let (mut pieces, mut at) = (Vec::new(), 0);
+    while at < keys.len() {
+        let rest = &keys[at..];
+        let times = |len: &usize| rest.chunks(*len).take_while(|chunk| *chunk == &rest[..*len]).count();
+        let patterns = (1..=LONGEST.min(rest.len())).map(|len| (len, times(&len)));
+        // Of those that tell as much the shortest.
+        let best =
+            patterns.filter(|(_, times)| *times >= OFTEN).rev().max_by_key(|(len, times)| len * (times - 1));
+        let (len, times) = best.unwrap_or((1, 1));
+        pieces.extend((at..at + len).map(Piece::Step));
+        at += len * times;
+        if times > 1 {
+            pieces.push(Piece::Again(times - 1, at - 1));
+        }
+    }
+    pieces
+}
+
+/// Which lines are shown, of those with their ways and registers; `finding`: the first finding.
+fn chosen(told: &[Option<(Way, Option<Place>)>], finding: Option<usize>) -> Vec<bool> {
+    let mut shown = vec![false; told.len()];
+    shown.iter_mut().rev().take(LAST).for_each(|shown| *shown = true);
+    let handshakes = handshakes(told);
+    let mut wanted: Vec<Range<usize>> = Vec::new();
+    if let Some(finding) = finding {
+        wanted.push(finding.saturating_sub(BEFORE_FINDING)..finding + 1);
+        let register = told[finding].and_then(|(_, register)| register);
+        let before = register.and_then(|register| handshakes.get(&register));
+        let before = before.and_then(|all| all.iter().rfind(|range| range.end <= finding));
+        wanted.extend(before.cloned());
+    }
+    let mut last: Vec<_> =
+        handshakes.into_values().flat_map(|all| all.into_iter().rev().take(REPETITIONS)).collect();
+    last.sort_by_key(|range| core::cmp::Reverse(range.end));
+    wanted.extend(last);
+    for range in wanted {
+        let range = range.start.saturating_sub(BESIDE)..(range.end + BESIDE).min(told.len());
+        let new = shown[range.clone()].iter().filter(|shown| !**shown).count();
+        if shown.iter().filter(|shown| **shown).count() + new <= MOST {
+            shown[range].fill(true);
+        }
+    }
+    shown
+}
+
+/// Handshakes by their registers: from what the program has written there to what the firmware has.
+fn handshakes(told: &[Option<(Way, Option<Place>)>]) -> HashMap<Place, Vec<Range<usize>>> {
+    let (mut asked, mut all) = (HashMap::new(), HashMap::<_, Vec<_>>::new());
+    for (number, told) in told.iter().enumerate() {
+        match told {
+            Some((Way::Program, Some(register))) => {
+                asked.insert(*register, number);
+            }
+            Some((Way::Firmware, Some(register))) => {
+                if let Some(begin) = asked.remove(register) {
+                    all.entry(*register).or_default().push(begin..number + 1);
+                }
+            }
+            _ => {}
+        }
+    }
+    all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_repeats_is_told_once() {
+        use Piece::{Again, Step};
+        assert_eq!(folded(&[1, 2, 1, 2, 1, 2, 3]), [Step(0), Step(1), Again(2, 5), Step(6)]);
+        assert_eq!(folded(&[1, 1, 2, 2]), [Step(0), Step(1), Step(2), Step(3)]);
+        assert_eq!(folded(&[7; 9]), [Step(0), Again(8, 8)]);
+        assert_eq!(folded::<u8>(&[]), []);
+    }
+
+    fn program(register: u32) -> Option<(Way, Option<Place>)> {
+        Some((Way::Program, Some((0, register))))
+    }
+
+    fn firmware(register: u32) -> Option<(Way, Option<Place>)> {
+        Some((Way::Firmware, Some((0, register))))
+    }
+
+    #[test]
+    fn the_last_repetitions_of_a_handshake_are_shown_however_much_came_behind_them() {
+        let mut told = Vec::new();
+        for _ in 0..4 {
+            told.extend([Some((Way::Bus, None)); 5]);
+            told.extend([program(9), firmware(9)]);
+        }
+        told.extend([Some((Way::Bus, None)); 60]);
+        let shown = chosen(&told, None);
+        let at = |number: usize| 7 * number + 5;
+        assert!(!shown[at(1)] && shown[at(2)] && shown[at(2) + 1] && shown[at(3)] && shown[at(3) + 1]);
+        assert!(!shown[50] && shown[told.len() - LAST] && shown[told.len() - 1]);
+    }
+
+    #[test]
+    fn a_finding_is_shown_with_what_came_before_and_the_last_handshake_that_went_well() {
+        let mut told = vec![program(1), firmware(1)];
+        told.extend([Some((Way::Bus, None)); 30]);
+        told.extend([program(1), Some((Way::Wrong, Some((0, 1)))), firmware(1)]);
+        told.extend([Some((Way::Bus, None)); 100]);
+        let shown = chosen(&told, Some(33));
+        assert!(shown[0] && shown[1] && shown[32] && shown[33] && shown[33 - BEFORE_FINDING]);
+        assert!(!shown[15] && !shown[60]);
+    }
+
+    #[test]
+    fn a_picture_has_an_end() {
+        let told: Vec<_> = (0..500).flat_map(|register| [program(register), firmware(register)]).collect();
+        let shown = chosen(&told, Some(3)).into_iter().filter(|shown| *shown).count();
+        assert!((LAST..=MOST).contains(&shown), "{shown}");
+    }
+}
