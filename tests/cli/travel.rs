@@ -119,7 +119,7 @@ fn a_program_that_has_mapped_the_registers_is_named() {
     assert_eq!(emulator.run("restore", &[file, "--detached"]).ok(), "0.004000 s\n");
     emulator.step(&["2ms"]);
     // A task in lockstep is named by its event.
-    let task = attached.join_lockstep(12, Duration::ZERO, Duration::from_secs(60)).unwrap();
+    let task = attached.0.join_lockstep(12, Duration::ZERO, Duration::from_secs(60)).unwrap();
     for told in [emulator.run("step", &["--back", "1ms"]), emulator.run("restore", &[file])] {
         let me =
             format!("the task of event 12 of PLC 'line' (process {}), which takes part", std::process::id());
