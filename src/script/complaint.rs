@@ -19,11 +19,13 @@ pub(super) fn in_words(said: &str) -> Cow<'_, str> {
 }
 
 /// Types as the engine names them, and what they are.
-const TYPES: [(&str, &str); 12] = [
+const TYPES: [(&str, &str); 14] = [
     (TEXT, "a text"),
     ("string", "a text"),
     ("integer", "an integer"),
+    ("i64", "an integer"),
     ("float", "a number with decimals"),
+    ("f64", "a number with decimals"),
     ("bool", "a bool"),
     ("char", "a character"),
     ("array", "an array"),
