@@ -272,6 +272,7 @@ fn int(number: u64) -> INT {
 mod tests {
     use super::*;
     use crate::script::verb::{Verb, verbs};
+    use std::path::PathBuf;
 
     /// Signatures of verbs, as the tables of the reference have them in their first column.
     fn documented() -> Vec<String> {
