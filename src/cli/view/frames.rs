@@ -188,6 +188,10 @@ impl Frames {
 
     /// An interval back, or on: that one is held, unless it is the latest there is.
     pub(super) fn turn(&mut self, is_back: bool, info: &InstanceInfo, scene: &[BusScene]) {
+        // Nothing has come yet since the pane is shown.
+        if self.text.is_none() {
+            return;
+        }
         self.list.chosen = 0;
         let Window { begin_us, is_interval, .. } = self.window(info, scene);
         let next = match (self.edges.get(self.bus), self.place(info)) {
