@@ -56,7 +56,9 @@ pub enum SnapshotError {
         expected: u64,
     },
     /// A PLC is another device in it.
-    #[error("PLC '{plc}' is another device in it, {theirs}, here {ours}; start its plant by `commram run --from`")]
+    #[error(
+        "PLC '{plc}' is another device in it, {theirs}, here {ours}; start its plant by `commram run --from`"
+    )]
     OtherDevice {
         /// The device.
         plc: String,

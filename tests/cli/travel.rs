@@ -144,7 +144,6 @@ fn a_guest_at_a_door_is_named() {
     let file = directory.path().join("a.snap");
     let file = file.to_str().unwrap();
     emulator.run("snapshot", &[file]).ok();
-    emulator.step(&["5ms"]);
     let doors = emulator.run("bus", &["list", "--format", "json"]);
     let port = doors.ok().split("127.0.0.1:").nth(1).unwrap().split('"').next().unwrap().parse().unwrap();
     let mut guest = TcpStream::connect(("127.0.0.1", port)).unwrap();
@@ -152,6 +151,8 @@ fn a_guest_at_a_door_is_named() {
     guest.write_all(b"O\r").unwrap();
     let mut answer = [0];
     guest.read_exact(&mut answer).unwrap();
+    // When time passes, it comes in.
+    emulator.step(&["5ms"]);
     for told in [emulator.run("step", &["--back", "1ms"]), emulator.run("restore", &[file])] {
         let named = "at door slcan-tcp:127.0.0.1:";
         assert!(

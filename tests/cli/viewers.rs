@@ -16,7 +16,7 @@ fn a_view_needs_a_terminal() {
 /// `commram view` at a terminal of its own: the terminal, and the program once it shows something.
 fn view(emulator: &Emulator) -> (File, Child) {
     use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
-    let terminal = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).unwrap();
+    let terminal = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC).unwrap();
     grantpt(&terminal).unwrap();
     unlockpt(&terminal).unwrap();
     let name = ptsname(&terminal, Vec::new()).unwrap();
@@ -67,7 +67,7 @@ fn a_shell_does_lines_from_a_pipe_until_one_fails() {
         ("expect(\"node2.w_OPTION_STATUS\", 9)", "16#0002", 1),
         ("pek(1)", "peek", 2),
         ("let x = 'a", "", 2),
-        ("peak node2.w_OPTION_STATUS", "did you mean peek?", 2),
+        ("peak node2.w_OPTION_STATUS", "did you mean peek", 2),
     ] {
         let outcome = shell(&emulator, &format!("\n{wrong}\nprint(\"further\")\n"));
         let told = outcome.fails(exit);
