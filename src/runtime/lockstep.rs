@@ -165,7 +165,7 @@ impl Lockstep {
     /// A task that takes part, for people.
     pub(crate) fn present(&self, plant: &Plant) -> Option<String> {
         // Those that have gone are forgotten only when time passes.
-        let task = self.tasks.iter().find(|task| task.has_seat())?;
+        let task = self.tasks.iter().find(|task| !task.gone())?;
         let (plc, process) = (plant.devices().get(task.plc)?.name(), task.seat.owner.load());
         Some(format!(
             "the task of event {} of PLC '{plc}' (process {process}), which takes part in lockstep,",
