@@ -107,7 +107,7 @@ mod tests {
     #[test]
     fn names_keep_their_end() {
         assert_eq!(cut_name("node2.a_CONTROLWORD_SL[1]", 18), "node2.a_C…RD_SL[1]");
-        assert_eq!(cut_name("node2.a_CFG_RDC_WORD[1].b_CFG_RDC1_WORD0", 28), "node2.…[1].b_CFG_RDC1_WORD0");
+        assert_eq!(cut_name("node2.a_CFG_RDC_WORD[1].b_CFG_RDC1_WORD0", 28), "node2.a…[1].b_CFG_RDC1_WORD0");
         assert_eq!(padded_name("line:node2.a[1]", 16), "line:node2.a[1] ");
         assert_eq!((cut_name("ab", 0), cut_name("ab", 1)), (String::new(), "…".to_owned()));
     }
