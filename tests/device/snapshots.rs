@@ -11,7 +11,7 @@ use commram::fault::FaultSpec;
 use commram::journal::{Keep, Record};
 use commram::layout::{Role, Width};
 use commram::memory::header::{BoardSetting, Start};
-use commram::plant::{Forced, Plant, PlantConfig, SnapshotError};
+use commram::plant::{Forced, Plant, PlantConfig};
 use proptest::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 
