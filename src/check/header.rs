@@ -1,23 +1,24 @@
 //! The watch over the header page.
 
-use super::rules;
+use super::{Left, rules};
 use crate::journal::{Finding, Journal};
 use crate::layout::Live;
 use crate::memory::header::{EVENT_SLOTS, EventSlot, Header};
-use crate::memory::{Bell, Cell64, MemoryError, Segment, View};
+use crate::memory::{Bell, Block, Cell64, MemoryError, Segment, View};
 use crate::state::{Damaged, Saved, Saving, State};
 use core::mem::offset_of;
 
 const WORD: usize = size_of::<u64>();
-/// Words up to the board. From there on clients and emulator write side by side, and in the requests both write the
-/// same fields.
-const WORDS: usize = offset_of!(Header, board) / WORD;
-// They are looked at four at a time.
-const _: () = assert!(WORDS.is_multiple_of(4));
+/// Bytes up to the board. From there on clients and emulator write side by side, and in the requests both write the same
+/// fields.
+const BYTES: usize = offset_of!(Header, board);
+/// Blocks in which they are looked at; nothing of what lies behind them is watched.
+const BLOCKS: usize = BYTES.div_ceil(Block::WORDS * WORD);
+const WORDS: usize = BLOCKS * Block::WORDS;
 
 /// For each word the bits that only the emulator changes, and only while the firmware runs.
 const WATCHED: [u64; WORDS] = {
-    let mut bytes = [true; WORDS * WORD];
+    let mut bytes = without([true; WORDS * WORD], BYTES, WORDS * WORD - BYTES);
     bytes = without(bytes, offset_of!(Header, state), size_of::<u32>());
     bytes = without(bytes, offset_of!(Header, doorbell), size_of::<Bell>());
     bytes = without(bytes, offset_of!(Header, answer), size_of::<Bell>());
@@ -38,6 +39,23 @@ const WATCHED: [u64; WORDS] = {
     words
 };
 
+/// The same as blocks.
+static WATCHED_BLOCKS: [Block; BLOCKS] = {
+    let mut blocks = [Block::new([0; Block::WORDS]); BLOCKS];
+    let mut block = 0;
+    while block < BLOCKS {
+        let mut words = [0; Block::WORDS];
+        let mut word = 0;
+        while word < Block::WORDS {
+            words[word] = WATCHED[block * Block::WORDS + word];
+            word += 1;
+        }
+        blocks[block] = Block::new(words);
+        block += 1;
+    }
+    blocks
+};
+
 const fn without(mut bytes: [bool; WORDS * WORD], offset: usize, len: usize) -> [bool; WORDS * WORD] {
     let mut at = offset;
     while at < offset + len {
@@ -51,19 +69,19 @@ const fn without(mut bytes: [bool; WORDS * WORD], offset: usize, len: usize) -> 
 pub(super) struct HeaderWatch {
     plc: u16,
     now: View<[Cell64; WORDS]>,
-    left: [u64; WORDS],
+    left: Left,
 }
 
 impl State for HeaderWatch {
     fn save(&self, to: &mut Saving) {
         let Self { plc: _, now, left } = self;
-        let rows = left.iter().zip(&**now).zip(&WATCHED);
+        let rows = left.words().zip(&**now).zip(&WATCHED);
         to.sparse(rows.map(|((left, now), watched)| (left ^ now.load()) & watched));
     }
 
     fn restore(&mut self, from: &mut Saved<'_>) -> Result<(), Damaged> {
         let differences = from.sparse::<WORDS>()?;
-        for ((left, now), difference) in self.left.iter_mut().zip(&*self.now).zip(differences.iter()) {
+        for ((left, now), difference) in self.left.words_mut().zip(&*self.now).zip(differences.iter()) {
             *left = now.load() ^ difference;
         }
         Ok(())
@@ -72,7 +90,7 @@ impl State for HeaderWatch {
 
 impl HeaderWatch {
     pub(crate) fn new(plc: u16, segment: &Segment) -> Result<Self, MemoryError> {
-        let mut watch = HeaderWatch { plc, now: segment.header_words()?, left: [0; WORDS] };
+        let mut watch = HeaderWatch { plc, now: segment.header_words()?, left: Left::new(WORDS) };
         watch.leave();
         Ok(watch)
     }
@@ -80,38 +98,29 @@ impl HeaderWatch {
     /// Notes the page as the firmware leaves it.
     #[inline]
     pub(crate) fn leave(&mut self) {
-        for (left, now) in self.left.as_chunks_mut().0.iter_mut().zip(self.now.as_chunks().0) {
-            *left = Cell64::load_four(now);
-        }
+        self.left.copy(&*self.now);
     }
 
     /// Notes the emulated time, which goes on also when the firmware has nothing to do.
     #[inline]
     pub(crate) fn show_time(&mut self, now: u64) {
         const TIME: usize = offset_of!(Header, virtual_time_us) / WORD;
-        self.left[TIME] = now;
+        if let Some(left) = self.left.word_mut(TIME) {
+            *left = now;
+        }
     }
 
     /// Reports what was written since.
     #[inline]
     pub(crate) fn look(&mut self, now: u64, journal: &mut Journal) {
-        let mut bits = [0; 4];
-        let (left, watched) = (self.left.as_chunks::<4>().0, WATCHED.as_chunks::<4>().0);
-        let rows = self.now.as_chunks::<4>().0.iter().zip(left).zip(watched);
-        for ((now, left), watched) in rows {
-            let words = Cell64::load_four(now).into_iter().zip(left).zip(watched);
-            for (bits, ((now, left), watched)) in bits.iter_mut().zip(words) {
-                *bits |= (now ^ left) & watched;
-            }
-        }
-        if bits != [0; 4] {
+        if self.left.differs_in(&*self.now, &WATCHED_BLOCKS) {
             self.report(now, journal);
         }
     }
 
     #[cold]
     fn report(&mut self, time: u64, journal: &mut Journal) {
-        let words = self.now.iter().zip(&mut self.left).zip(&WATCHED).enumerate();
+        let words = self.now.iter().zip(self.left.words_mut()).zip(&WATCHED).enumerate();
         for (index, ((now, left), watched)) in words {
             let word = now.load();
             let differs = (word ^ *left) & watched;
@@ -157,6 +166,7 @@ mod tests {
             (328, true),
             (576, true),
             (700, true),
+            (704, false),
         ] {
             assert_eq!(watched(offset), is_watched, "byte {offset}");
         }

@@ -14,10 +14,12 @@
 use crate::state;
 
 mod header;
+mod left;
 mod owned;
 pub mod rules;
 pub(crate) mod word;
 
+pub(crate) use left::Left;
 pub(crate) use owned::OwnedWatch;
 #[cfg(test)]
 pub(crate) use owned::owned;

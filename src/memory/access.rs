@@ -8,6 +8,9 @@
 //! meets a byte of it. Nothing that safe code does with views, snapshots and raw accesses can be undefined then; at worst
 //! it is not what somebody wanted, which is why a register is *written* at its own width only.
 //!
+//! The access checker reads 128 bytes in a row, sixteen at a time. The processor takes those as one access or as two of 64
+//! bits, so no register comes apart; it never writes like that.
+//!
 //! On processors other than x86-64, and in Miri, the same functions are Rust's atomics, which on every platform of Linux
 //! compile to the instructions meant.
 //!
@@ -46,9 +49,43 @@ pub(super) unsafe fn load_four(at: *const [u64; 4]) -> [u64; 4] {
     unsafe { machine::load_four(at) }
 }
 
+/// Words of a [`Block`].
+pub(super) const BLOCK: usize = 16;
+
+/// Sixteen words of memory of one's own, to hold words of the RAM against. They have the order of the registers, as cells'
+/// values do.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(16))]
+pub(super) struct Block(pub(super) [u64; BLOCK]);
+
+/// Loads sixteen words in a row (Acquire).
+///
+/// # Safety
+/// As [`Value::load`], for all sixteen.
+#[inline(always)]
+pub(super) unsafe fn load_block(at: *const [u64; BLOCK], to: &mut Block) {
+    // SAFETY: the caller vouches for the pointer.
+    unsafe { machine::load_block(at, to) }
+}
+
+/// Whether any of sixteen words in a row (Acquire) differs from `other` in bits of `watched`; `None`: in any bit.
+///
+/// # Safety
+/// As [`load_block`].
+#[inline(always)]
+pub(super) unsafe fn block_differs(at: *const [u64; BLOCK], other: &Block, watched: Option<&Block>) -> bool {
+    // SAFETY: the caller vouches for the pointer.
+    unsafe {
+        match watched {
+            Some(watched) => machine::block_differs_in(at, other, watched),
+            None => machine::block_differs(at, other),
+        }
+    }
+}
+
 #[cfg(all(target_arch = "x86_64", not(miri)))]
 mod machine {
-    use super::Value;
+    use super::{BLOCK, Block, Value};
     use core::arch::asm;
     use core::sync::atomic::{Ordering, compiler_fence};
 
@@ -125,6 +162,138 @@ mod machine {
         [first, second, third, fourth]
     }
 
+    #[inline(always)]
+    pub(crate) unsafe fn load_block(at: *const [u64; BLOCK], to: &mut Block) {
+        // SAFETY: the caller vouches for the pointer; the instructions write `to`, which is aligned to 16, and registers.
+        unsafe {
+            asm!(
+                "movdqu {first}, xmmword ptr [{at}]",
+                "movdqu {second}, xmmword ptr [{at} + 16]",
+                "movdqu {third}, xmmword ptr [{at} + 32]",
+                "movdqu {fourth}, xmmword ptr [{at} + 48]",
+                "movdqa xmmword ptr [{to}], {first}",
+                "movdqa xmmword ptr [{to} + 16], {second}",
+                "movdqa xmmword ptr [{to} + 32], {third}",
+                "movdqa xmmword ptr [{to} + 48], {fourth}",
+                "movdqu {first}, xmmword ptr [{at} + 64]",
+                "movdqu {second}, xmmword ptr [{at} + 80]",
+                "movdqu {third}, xmmword ptr [{at} + 96]",
+                "movdqu {fourth}, xmmword ptr [{at} + 112]",
+                "movdqa xmmword ptr [{to} + 64], {first}",
+                "movdqa xmmword ptr [{to} + 80], {second}",
+                "movdqa xmmword ptr [{to} + 96], {third}",
+                "movdqa xmmword ptr [{to} + 112], {fourth}",
+                at = in(reg) at,
+                to = in(reg) to,
+                first = out(xmm_reg) _,
+                second = out(xmm_reg) _,
+                third = out(xmm_reg) _,
+                fourth = out(xmm_reg) _,
+                options(nostack, preserves_flags)
+            );
+        }
+        compiler_fence(Ordering::Acquire);
+    }
+
+    #[inline(always)]
+    pub(crate) unsafe fn block_differs(at: *const [u64; BLOCK], other: &Block) -> bool {
+        let equal: u32;
+        // SAFETY: the caller vouches for the pointer, blocks are aligned to 16; the instructions read memory and write registers.
+        unsafe {
+            asm!(
+                "movdqu {first}, xmmword ptr [{at}]",
+                "pxor {first}, xmmword ptr [{other}]",
+                "movdqu {more}, xmmword ptr [{at} + 16]",
+                "pxor {more}, xmmword ptr [{other} + 16]",
+                "por {first}, {more}",
+                "movdqu {more}, xmmword ptr [{at} + 32]",
+                "pxor {more}, xmmword ptr [{other} + 32]",
+                "por {first}, {more}",
+                "movdqu {more}, xmmword ptr [{at} + 48]",
+                "pxor {more}, xmmword ptr [{other} + 48]",
+                "por {first}, {more}",
+                "movdqu {more}, xmmword ptr [{at} + 64]",
+                "pxor {more}, xmmword ptr [{other} + 64]",
+                "por {first}, {more}",
+                "movdqu {more}, xmmword ptr [{at} + 80]",
+                "pxor {more}, xmmword ptr [{other} + 80]",
+                "por {first}, {more}",
+                "movdqu {more}, xmmword ptr [{at} + 96]",
+                "pxor {more}, xmmword ptr [{other} + 96]",
+                "por {first}, {more}",
+                "movdqu {more}, xmmword ptr [{at} + 112]",
+                "pxor {more}, xmmword ptr [{other} + 112]",
+                "por {first}, {more}",
+                "pxor {more}, {more}",
+                "pcmpeqb {first}, {more}",
+                "pmovmskb {equal:e}, {first}",
+                at = in(reg) at,
+                other = in(reg) other,
+                first = out(xmm_reg) _,
+                more = out(xmm_reg) _,
+                equal = lateout(reg) equal,
+                options(nostack, preserves_flags, readonly)
+            );
+        }
+        compiler_fence(Ordering::Acquire);
+        // A bit for each byte.
+        equal != 0xFFFF
+    }
+
+    #[inline(always)]
+    pub(crate) unsafe fn block_differs_in(at: *const [u64; BLOCK], other: &Block, watched: &Block) -> bool {
+        let equal: u32;
+        // SAFETY: the caller vouches for the pointer, blocks are aligned to 16; the instructions read memory and write registers.
+        unsafe {
+            asm!(
+                "movdqu {first}, xmmword ptr [{at}]",
+                "pxor {first}, xmmword ptr [{other}]",
+                "pand {first}, xmmword ptr [{watched}]",
+                "movdqu {more}, xmmword ptr [{at} + 16]",
+                "pxor {more}, xmmword ptr [{other} + 16]",
+                "pand {more}, xmmword ptr [{watched} + 16]",
+                "por {first}, {more}",
+                "movdqu {more}, xmmword ptr [{at} + 32]",
+                "pxor {more}, xmmword ptr [{other} + 32]",
+                "pand {more}, xmmword ptr [{watched} + 32]",
+                "por {first}, {more}",
+                "movdqu {more}, xmmword ptr [{at} + 48]",
+                "pxor {more}, xmmword ptr [{other} + 48]",
+                "pand {more}, xmmword ptr [{watched} + 48]",
+                "por {first}, {more}",
+                "movdqu {more}, xmmword ptr [{at} + 64]",
+                "pxor {more}, xmmword ptr [{other} + 64]",
+                "pand {more}, xmmword ptr [{watched} + 64]",
+                "por {first}, {more}",
+                "movdqu {more}, xmmword ptr [{at} + 80]",
+                "pxor {more}, xmmword ptr [{other} + 80]",
+                "pand {more}, xmmword ptr [{watched} + 80]",
+                "por {first}, {more}",
+                "movdqu {more}, xmmword ptr [{at} + 96]",
+                "pxor {more}, xmmword ptr [{other} + 96]",
+                "pand {more}, xmmword ptr [{watched} + 96]",
+                "por {first}, {more}",
+                "movdqu {more}, xmmword ptr [{at} + 112]",
+                "pxor {more}, xmmword ptr [{other} + 112]",
+                "pand {more}, xmmword ptr [{watched} + 112]",
+                "por {first}, {more}",
+                "pxor {more}, {more}",
+                "pcmpeqb {first}, {more}",
+                "pmovmskb {equal:e}, {first}",
+                at = in(reg) at,
+                other = in(reg) other,
+                watched = in(reg) watched,
+                first = out(xmm_reg) _,
+                more = out(xmm_reg) _,
+                equal = lateout(reg) equal,
+                options(nostack, preserves_flags, readonly)
+            );
+        }
+        compiler_fence(Ordering::Acquire);
+        // A bit for each byte.
+        equal != 0xFFFF
+    }
+
     // Narrow values are loaded into whole registers, which spares the processor the wait for the rest of an old one.
     value!(u8, "byte", "movzx {value:e}" as u32, reg_byte "{value}", "al");
     value!(u16, "word", "movzx {value:e}" as u32, reg "{value:x}", "ax");
@@ -134,7 +303,7 @@ mod machine {
 
 #[cfg(any(not(target_arch = "x86_64"), miri))]
 mod machine {
-    use super::Value;
+    use super::{BLOCK, Block, Value};
     use core::sync::atomic::{AtomicU8, AtomicU16, AtomicU32, AtomicU64, Ordering, fence};
 
     macro_rules! value {
@@ -169,6 +338,26 @@ mod machine {
     pub(crate) unsafe fn load_four(at: *const [u64; 4]) -> [u64; 4] {
         // SAFETY: the caller vouches for the pointer.
         core::array::from_fn(|n| unsafe { u64::load(at.cast::<u64>().add(n)) })
+    }
+
+    #[inline(always)]
+    pub(crate) unsafe fn load_block(at: *const [u64; BLOCK], to: &mut Block) {
+        // SAFETY: the caller vouches for the pointer.
+        *to = Block(core::array::from_fn(|n| u64::from_le(unsafe { u64::load(at.cast::<u64>().add(n)) })));
+    }
+
+    #[inline(always)]
+    pub(crate) unsafe fn block_differs(at: *const [u64; BLOCK], other: &Block) -> bool {
+        // SAFETY: the caller vouches for the pointer.
+        unsafe { block_differs_in(at, other, &Block([u64::MAX; BLOCK])) }
+    }
+
+    #[inline(always)]
+    pub(crate) unsafe fn block_differs_in(at: *const [u64; BLOCK], other: &Block, watched: &Block) -> bool {
+        let mut now = Block([0; BLOCK]);
+        // SAFETY: the caller vouches for the pointer.
+        unsafe { load_block(at, &mut now) };
+        now.0.iter().zip(&other.0).zip(&watched.0).any(|((now, other), watched)| (now ^ other) & watched != 0)
     }
 
     value!(u8, AtomicU8);
@@ -231,6 +420,32 @@ mod tests {
         let words = [1_u64, 2, 0x8000_0000_0000_0003, u64::MAX];
         // SAFETY: aligned, valid, and nothing else accesses it meanwhile.
         assert_eq!(unsafe { super::load_four(&raw const words) }, words);
+    }
+
+    #[test]
+    fn a_block_is_held_against_sixteen_words() {
+        let mut words = [0_u64; 18];
+        let mut block = super::Block([u64::MAX; super::BLOCK]);
+        for place in 0..super::BLOCK {
+            for bit in [0, 31, 63] {
+                words[1 + place] = 1 << bit;
+                words[0] = !words[0];
+                let at = words[1..].as_ptr().cast();
+                // SAFETY: aligned, valid, and nothing else accesses it meanwhile.
+                unsafe {
+                    super::load_block(at, &mut block);
+                    assert_eq!(block.0, words[1..17]);
+                    assert!(!super::block_differs(at, &block, None));
+                    block.0[place] = 0;
+                    assert!(super::block_differs(at, &block, None));
+                    let mut watched = super::Block([u64::MAX; super::BLOCK]);
+                    assert!(super::block_differs(at, &block, Some(&watched)));
+                    watched.0[place] = !(1 << bit);
+                    assert!(!super::block_differs(at, &block, Some(&watched)));
+                }
+                words[1 + place] = 0;
+            }
+        }
     }
 
     #[test]

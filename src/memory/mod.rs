@@ -35,6 +35,8 @@ mod widths;
 pub use crate::layout::{Address, Width};
 pub use attach::{AttachMode, Attached, LockstepTask};
 pub use bell::Bell;
+#[cfg(feature = "emulator")]
+pub(crate) use cell::Block;
 pub use cell::{Cell8, Cell16, Cell32, Cell64, SharedRegs};
 pub use error::MemoryError;
 #[cfg(feature = "channel")]

@@ -6,6 +6,7 @@
 use super::judge::{Judge, Place};
 use super::registers::{INIT_BYTES, Maps, Watched};
 use super::{Facts, mapping};
+use crate::check::Left;
 use crate::check::word::WORD;
 use crate::devices::cansync::registers::{CANsync_MA_CTRL_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT};
 use crate::devices::cansync::rules;
@@ -21,14 +22,12 @@ const WORDS: usize = size_of::<CANsync_MA_CTRL_BMSTRUCT>().div_ceil(WORD);
 const _: () = assert!(size_of::<CANsync_SL_CTRL_BMSTRUCT>() <= WORDS * WORD);
 /// Words that hold the initialization structure.
 const INIT_WORDS: usize = (INIT_BYTES as usize).div_ceil(WORD);
-/// Words compared in one go.
-const STRIDE: usize = 40;
 
 /// The registers of a node, now and as the firmware left them.
 pub(super) struct Registers {
     /// In words as wide as possible, and only ever loaded.
     now: View<[Cell64; WORDS]>,
-    left: Box<[u64; WORDS]>,
+    left: Left,
 }
 
 impl Registers {
@@ -39,19 +38,14 @@ impl Registers {
 
     /// A byte register as the firmware left it.
     pub(crate) fn left(&self, offset: usize) -> u8 {
-        self.left.get(offset / WORD).map_or(0, |word| byte(*word, offset))
+        byte(self.left.word(offset / WORD), offset)
     }
 
-    /// Notes the first `words` words as they are now; four at a time, as [`differences`] does.
+    /// Notes the first `words` words as they are now.
     #[inline]
     fn copy(&mut self, words: usize) {
-        let (Some(now), Some(left)) = (self.now.get(..words), self.left.get_mut(..words)) else { return };
-        let ((now, now_rest), (left, left_rest)) = (now.as_chunks::<4>(), left.as_chunks_mut::<4>());
-        for (left, now) in left.iter_mut().zip(now) {
-            *left = Cell64::load_four(now);
-        }
-        for (left, now) in left_rest.iter_mut().zip(now_rest) {
-            *left = now.load();
+        if let Some(now) = self.now.get(..words) {
+            self.left.copy(now);
         }
     }
 
@@ -59,7 +53,7 @@ impl Registers {
     #[inline]
     fn copy_end_of_init(&mut self) {
         const BEHIND: u64 = u64::MAX << (8 * (INIT_BYTES as usize % WORD));
-        if let (Some(left), Some(now)) = (self.left.get_mut(INIT_WORDS - 1), self.now.get(INIT_WORDS - 1)) {
+        if let (Some(left), Some(now)) = (self.left.word_mut(INIT_WORDS - 1), self.now.get(INIT_WORDS - 1)) {
             *left = *left & BEHIND | now.load() & !BEHIND;
         }
     }
@@ -67,45 +61,25 @@ impl Registers {
     /// Notes one register.
     fn copy_register(&mut self, register: &Watched) {
         let index = usize::from(register.offset) / WORD;
-        if let (Some(left), Some(now)) = (self.left.get_mut(index), self.now.get(index)) {
+        if let (Some(left), Some(now)) = (self.left.word_mut(index), self.now.get(index)) {
             *left = *left & !register.mask() | now.load() & register.mask();
         }
     }
 
-    /// Collects the words of `range` that differ, with what they hold now.
+    /// Collects those of the first `words` words that differ, with what they hold now.
     #[inline]
-    fn compare(&self, range: core::ops::Range<usize>, changed: &mut Vec<(usize, u64)>) {
-        let (Some(now), Some(left)) = (self.now.get(range.clone()), self.left.get(range.clone())) else {
-            return;
-        };
-        let rows = now.chunks(STRIDE).zip(left.chunks(STRIDE));
-        for (first, (now, left)) in range.step_by(STRIDE).zip(rows) {
-            if differences(now, left) != 0 {
-                collect(first, now, left, changed);
-            }
+    fn compare(&self, words: usize, changed: &mut Vec<(usize, u64)>) {
+        if let Some(now) = self.now.get(..words) {
+            self.left.compare(now, changed);
         }
     }
-}
 
-/// All bits in which the words differ. Four words at a time, each with a result of its own, keep the processor's load
-/// ports busy.
-#[inline]
-fn differences(now: &[Cell64], left: &[u64]) -> u64 {
-    let ((now, now_rest), (left, left_rest)) = (now.as_chunks::<4>(), left.as_chunks::<4>());
-    let mut bits = [0; 4];
-    for (now, left) in now.iter().zip(left) {
-        for ((bits, now), left) in bits.iter_mut().zip(Cell64::load_four(now)).zip(left) {
-            *bits |= now ^ left;
+    /// Notes one word.
+    fn set_left(&mut self, index: usize, word: u64) {
+        if let Some(left) = self.left.word_mut(index) {
+            *left = word;
         }
     }
-    let rest = now_rest.iter().zip(left_rest).fold(0, |bits, (now, left)| bits | now.load() ^ left);
-    bits.into_iter().fold(rest, |all, bits| all | bits)
-}
-
-/// Adds the words that differ; `first` is the index of the first of them.
-fn collect(first: usize, now: &[Cell64], left: &[u64], changed: &mut Vec<(usize, u64)>) {
-    let words = now.iter().map(Cell64::load).zip(left).enumerate();
-    changed.extend(words.filter_map(|(index, (now, left))| (now != *left).then_some((first + index, now))));
 }
 
 fn byte(word: u64, offset: usize) -> u8 {
@@ -114,12 +88,13 @@ fn byte(word: u64, offset: usize) -> u8 {
 
 impl State for Registers {
     fn save(&self, to: &mut Saving) {
-        to.sparse(self.left.iter().zip(&*self.now).map(|(left, now)| left ^ now.load()));
+        to.sparse(self.left.words().zip(&*self.now).map(|(left, now)| left ^ now.load()));
     }
 
     fn restore(&mut self, from: &mut Saved<'_>) -> Result<(), Damaged> {
-        self.left = from.sparse()?;
-        self.left.iter_mut().zip(&*self.now).for_each(|(left, now)| *left ^= now.load());
+        let differences = from.sparse::<WORDS>()?;
+        let words = self.left.words_mut().zip(&*self.now).zip(differences.iter());
+        words.for_each(|((left, now), difference)| *left = now.load() ^ difference);
         Ok(())
     }
 }
@@ -152,7 +127,7 @@ impl NodeWatch {
         segment: &Segment,
     ) -> Result<Self, MemoryError> {
         let base = area.first as usize;
-        let registers = Registers { now: segment.view(base)?, left: Box::new([0; WORDS]) };
+        let registers = Registers { now: segment.view(base)?, left: Left::new(WORDS) };
         let mut watch = NodeWatch {
             plc,
             base,
@@ -190,7 +165,7 @@ impl NodeWatch {
     #[inline]
     pub(crate) fn look(&mut self, now: u64, facts: &Facts, journal: &mut Journal) {
         self.changed.clear();
-        self.registers.compare(0..self.words(), &mut self.changed);
+        self.registers.compare(self.words(), &mut self.changed);
         if !self.changed.is_empty() {
             self.judge(now, facts, journal);
         }
@@ -216,11 +191,9 @@ impl NodeWatch {
         let (mut judge, maps, changed) = self.judge_with(now, facts, journal);
         let map = maps.of_phase(judge.place.live);
         for &(index, word) in changed {
-            for register in map.registers(index * WORD, WORD) {
-                let [before, after] = [judge.registers.left[index], word].map(|word| register.of(word));
-                if before != after {
-                    judge.write(register, before, after);
-                }
+            let left = judge.registers.left.word(index);
+            for register in map.registers_with(index * WORD, left ^ word) {
+                judge.write(register, register.of(left), register.of(word));
             }
         }
         // Only now: a rule may look at what other registers held before.
@@ -229,7 +202,7 @@ impl NodeWatch {
             if is_init && index == INIT_WORDS - 1 {
                 self.registers.copy_end_of_init();
             } else {
-                self.registers.left[index] = word;
+                self.registers.set_left(index, word);
             }
         }
     }
@@ -239,21 +212,18 @@ impl NodeWatch {
     #[cold]
     fn judge_before_init(&mut self, now: u64, facts: &Facts, journal: &mut Journal) {
         self.changed.clear();
-        self.registers.compare(INIT_WORDS - 1..self.maps.cyclic.len().div_ceil(WORD), &mut self.changed);
+        self.registers.compare(self.maps.cyclic.len().div_ceil(WORD), &mut self.changed);
+        self.changed.retain(|&(index, _)| index >= INIT_WORDS - 1);
         let (mut judge, maps, changed) = self.judge_with(now, facts, journal);
         judge.place.live = Live::Cyclic;
         for &(index, word) in changed {
-            let behind =
-                maps.cyclic.registers(index * WORD, WORD).filter(|register| register.offset >= INIT_BYTES);
-            for register in behind {
-                let [before, after] = [judge.registers.left[index], word].map(|word| register.of(word));
-                if before != after {
-                    judge.find(&rules::BEFORE_INIT, register.offset.into(), after);
-                }
+            let written = maps.cyclic.registers_with(index * WORD, judge.registers.left.word(index) ^ word);
+            for register in written.filter(|register| register.offset >= INIT_BYTES) {
+                judge.find(&rules::BEFORE_INIT, register.offset.into(), register.of(word));
             }
         }
         for &(index, word) in &self.changed {
-            self.registers.left[index] = word;
+            self.registers.set_left(index, word);
         }
     }
 
@@ -272,7 +242,7 @@ impl NodeWatch {
         for register in maps.of_phase(judge.place.live).registers(offset, bytes) {
             let start = usize::from(register.offset);
             let Some(word) = judge.registers.now.get(start / WORD).map(Cell64::load) else { continue };
-            let [before, after] = [judge.registers.left[start / WORD], word].map(|word| register.of(word));
+            let [before, after] = [judge.registers.left.word(start / WORD), word].map(|word| register.of(word));
             judge.write(register, before, after);
         }
         for register in self.maps.of_phase(self.live).registers(offset, bytes) {

@@ -103,6 +103,24 @@ impl Map {
         self.bytes.len()
     }
 
+    /// The registers in the word at byte `first` that have one of the bits of `differing` in it, in ascending order.
+    pub(crate) fn registers_with(&self, first: usize, mut differing: u64) -> impl Iterator<Item = &Watched> {
+        core::iter::from_fn(move || {
+            while differing != 0 {
+                let place = differing.trailing_zeros() / u8::BITS;
+                let index = self.bytes.get(first + place as usize).copied().unwrap_or(Self::NONE);
+                let Some(register) = self.registers.get(usize::from(index)) else {
+                    // Padding.
+                    differing &= !(0xFF << (u8::BITS * place));
+                    continue;
+                };
+                differing &= !register.mask();
+                return Some(register);
+            }
+            None
+        })
+    }
+
     /// The registers that begin within `first .. first + bytes`, in ascending order.
     pub(crate) fn registers(&self, first: usize, bytes: usize) -> impl Iterator<Item = &Watched> {
         let covered = self.bytes.get(first..self.bytes.len().min(first + bytes)).unwrap_or_default();

@@ -1,0 +1,103 @@
+//! Words as the firmware left them, beside the cells in which they stand.
+
+use crate::memory::{Block, Cell64};
+
+/// What the firmware left in a row of words.
+pub(crate) struct Left(Box<[Block]>);
+
+impl Left {
+    /// So many words, all 0.
+    pub(crate) fn new(words: usize) -> Self {
+        Left(vec![Block::new([0; Block::WORDS]); words.div_ceil(Block::WORDS)].into())
+    }
+
+    /// Word number `index`; 0 behind the last one.
+    #[inline]
+    pub(crate) fn word(&self, index: usize) -> u64 {
+        self.0.get(index / Block::WORDS).map_or(0, |block| block.words()[index % Block::WORDS])
+    }
+
+    /// The place of that word.
+    #[inline]
+    pub(crate) fn word_mut(&mut self, index: usize) -> Option<&mut u64> {
+        Some(&mut self.0.get_mut(index / Block::WORDS)?.words_mut()[index % Block::WORDS])
+    }
+
+    /// All words, in their order; behind them zeros up to the end of the block.
+    pub(crate) fn words(&self) -> impl Iterator<Item = &u64> {
+        self.0.iter().flat_map(|block| block.words())
+    }
+
+    /// Their places.
+    pub(crate) fn words_mut(&mut self) -> impl Iterator<Item = &mut u64> {
+        self.0.iter_mut().flat_map(|block| block.words_mut())
+    }
+
+    /// Notes the first words as they are now, as many as there are cells.
+    #[inline]
+    pub(crate) fn copy(&mut self, now: &[Cell64]) {
+        let (now, rest) = now.as_chunks();
+        let (left, behind) = self.0.split_at_mut(now.len().min(self.0.len()));
+        for (left, now) in left.iter_mut().zip(now) {
+            left.load(now);
+        }
+        for (left, now) in behind.iter_mut().flat_map(|block| block.words_mut()).zip(rest) {
+            *left = now.load();
+        }
+    }
+
+    /// Collects the words that differ, with what they hold now; of the first ones, as many as there are cells.
+    #[inline]
+    pub(crate) fn compare(&self, now: &[Cell64], changed: &mut Vec<(usize, u64)>) {
+        let (now, rest) = now.as_chunks();
+        let (left, behind) = self.0.split_at(now.len().min(self.0.len()));
+        for (index, (left, now)) in left.iter().zip(now).enumerate() {
+            if left.differs(now) {
+                collect(index * Block::WORDS, left.words(), now, changed);
+            }
+        }
+        if let Some(left) = behind.first() {
+            collect(now.len() * Block::WORDS, left.words(), rest, changed);
+        }
+    }
+
+    /// Whether any word differs in one of these bits.
+    #[inline]
+    pub(crate) fn differs_in(&self, now: &[Cell64], watched: &[Block]) -> bool {
+        let (now, _) = now.as_chunks();
+        self.0.iter().zip(now).zip(watched).any(|((left, now), watched)| left.differs_in(now, watched))
+    }
+}
+
+/// Adds the words that differ; `first` is the index of the first of them.
+#[inline]
+fn collect(first: usize, left: &[u64], now: &[Cell64], changed: &mut Vec<(usize, u64)>) {
+    let words = now.iter().map(Cell64::load).zip(left).enumerate();
+    changed.extend(words.filter_map(|(index, (now, left))| (now != *left).then_some((first + index, now))));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use zerocopy::FromZeros;
+
+    #[test]
+    fn every_word_is_compared_and_copied_whatever_the_length() {
+        let cells = <[Cell64; 40]>::new_zeroed();
+        for len in [0, 7, 16, 31, 32, 40] {
+            let mut left = Left::new(40);
+            left.copy(&cells);
+            for place in 0..cells.len() {
+                cells[place].store(cells[place].load() ^ 1 << (place % 64));
+                let now = cells[place].load();
+                let mut changed = Vec::new();
+                left.compare(&cells[..len], &mut changed);
+                assert_eq!(changed, if place < len { vec![(place, now)] } else { Vec::new() });
+                left.copy(&cells[..len]);
+                assert_eq!(left.word(place) == now, place < len);
+                *left.word_mut(place).unwrap() = now;
+            }
+            assert!(left.words().zip(&cells).all(|(left, now)| *left == now.load()));
+        }
+    }
+}
