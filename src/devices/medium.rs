@@ -153,6 +153,9 @@ pub trait Medium: Any + Send + State {
         None
     }
 
+    /// Does what has been put off because nobody could tell. Whoever only looks finds it done in any case; it saves him the way.
+    fn settle(&mut self) {}
+
     /// The drives on it, in the order of the plant file: names and how they stand.
     fn drives(&self) -> Vec<(&str, DriveState)> {
         Vec::new()

@@ -98,7 +98,8 @@ impl Travel {
     }
 
     /// Keeps where the plant is.
-    fn note(&mut self, plant: &Plant) {
+    fn note(&mut self, plant: &mut Plant) {
+        plant.settle();
         let now = plant.now();
         self.is_touched = false;
         let mut room = Vec::new();

@@ -9,6 +9,7 @@ mod agenda;
 mod command;
 mod config;
 mod disturbance;
+mod drives;
 mod end;
 mod fault;
 mod guests;
@@ -34,6 +35,7 @@ use crate::fault::{Faults, Owner};
 use crate::journal::{Journal, Origin};
 use agenda::{Agenda, Slot};
 use disturbance::Disturbance;
+use drives::Drives;
 use end::{End, Place};
 use own_clock::OwnClock;
 use serde::{Deserialize, Serialize};
@@ -82,9 +84,7 @@ pub struct SimBus {
     masters: Vec<End<Master>>,
     slaves: Vec<End<Slave>>,
     stations: [Station; 32],
-    drives: Vec<Drive>,
-    /// The drives as they are at power-on.
-    fresh: Vec<Drive>,
+    drives: Drives,
     /// Baud rate that the plant file gives, in kbit/s: that of its drives, as far as they have none of their own.
     kbit_s: u16,
     frame_length: FrameLength,
@@ -122,7 +122,6 @@ impl SimBus {
             bus.connect(drive.slave_number(), Station::Drive(bus.drives.len()));
             bus.drives.push(drive);
         }
-        bus.fresh.clone_from(&bus.drives);
         Ok(bus)
     }
 
@@ -135,8 +134,7 @@ impl SimBus {
             masters: Vec::new(),
             slaves: Vec::new(),
             stations: [Station::Nobody; 32],
-            drives: Vec::new(),
-            fresh: Vec::new(),
+            drives: Drives::default(),
             kbit_s: config.kbit_s,
             frame_length: config.frame_length,
             running: None,
@@ -167,7 +165,7 @@ impl SimBus {
 
     /// The drives at this bus.
     pub fn drives(&self) -> &[Drive] {
-        &self.drives
+        self.drives.look()
     }
 
     /// The master starts synchronous operation; with its own SYNC signal the first edge comes at once.
@@ -290,7 +288,7 @@ impl Run<'_> {
         let (kbit_s, disturbance) = (self.timing.kbit_per_s, &self.bus.disturbance);
         let hears =
             move |drive: &&mut Drive| drive.kbit_s() == kbit_s && !disturbance.is_off(drive.slave_number());
-        self.bus.drives.iter_mut().filter(hears)
+        self.bus.drives.settle().iter_mut().filter(hears)
     }
 }
 

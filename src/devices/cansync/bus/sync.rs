@@ -53,7 +53,11 @@ impl SyncLock {
         }
         let distance = now_us.saturating_sub(self.last);
         let in_time = distance.abs_diff(interval) <= tolerance;
-        if self.locked && !in_time {
+        if self.locked && in_time {
+            self.last = now_us;
+            return;
+        }
+        if self.locked {
             self.pass(now_us);
             if self.locked && !is_in_step(distance, interval, tolerance) {
                 return;

@@ -23,9 +23,9 @@ struct ReferenceSlot {
     source: Source,
     channel: Channel,
     format: ParamFormat,
-    shift: u32,
+    shift: u8,
     /// Bytes a frame must have to carry the value.
-    end: usize,
+    end: u8,
     target: Slot,
     /// Such a frame must have come in the interval before as well.
     needs_every: bool,
@@ -39,7 +39,7 @@ struct ReferenceSlot {
 struct ActualSlot {
     channel: Channel,
     format: ParamFormat,
-    shift: u32,
+    shift: u8,
     /// `None`: the status word.
     origin: Option<Slot>,
 }
@@ -63,16 +63,16 @@ struct Losses {
 pub(super) struct Card {
     references: [Option<ReferenceSlot>; 2],
     actuals: [Option<ActualSlot>; 3],
-    delay: usize,
-    turn: usize,
+    delay: u8,
+    turn: u8,
     /// Hand-overs until every delay line is empty; 0: nothing to hand over.
-    underway: usize,
+    underway: u8,
     losses: Losses,
     stopped: bool,
     /// Status word in `frames`; `None` before the first sample.
     sampled_status: Option<u16>,
     frames: [u64; 2],
-    lens: [usize; 2],
+    lens: [u8; 2],
 }
 
 state!(ReferenceSlot {
@@ -102,9 +102,22 @@ impl State for Card {
 
     fn restore(&mut self, from: &mut Saved<'_>) -> Result<(), Damaged> {
         (self.turn, self.underway, self.stopped, self.sampled_status, self.frames) = from.value()?;
-        from.check(self.turn < DELAY_LINE, "place in the delay line")?;
+        from.check(usize::from(self.turn) < DELAY_LINE, "place in the delay line")?;
         self.references.restore(from)?;
         self.losses.restore(from)
+    }
+}
+
+impl ReferenceSlot {
+    /// The value of the interval that has ended, if it counts.
+    #[inline]
+    fn take_received(&mut self) -> Option<u32> {
+        let received = self.received.take();
+        if !self.needs_every {
+            return received;
+        }
+        let came_before = core::mem::replace(&mut self.came_before, received.is_some());
+        received.filter(|_| came_before)
     }
 }
 
@@ -131,7 +144,7 @@ impl Card {
                 actual((17, zk.zk_17), (21, zk.zk_21), store)?,
                 status(zk.zk_25)?,
             ],
-            delay: usize::from(zk.zk_24),
+            delay: zk.zk_24 as u8, // at most 3
             turn: 0,
             underway: 0,
             losses: Losses {
@@ -160,13 +173,13 @@ impl Card {
         for (slot, (name, value)) in self.actuals.iter().zip(names) {
             let Some(slot) = slot else { continue };
             let channel = slot.channel.index();
-            let (first, words) = (slot.shift as usize / 16, slot.format.bytes() / 2);
+            let (first, words) = (usize::from(slot.shift) / 16, slot.format.bytes() / 2);
             for owner in owners[channel].iter_mut().skip(first).take(words) {
                 if let Some(other) = owner.replace(name) {
                     return Err((name, value, ZkError::Overlap(other)));
                 }
             }
-            self.lens[channel] = self.lens[channel].max(2 * (first + words));
+            self.lens[channel] = self.lens[channel].max(2 * (first + words) as u8); // at most 8
         }
         Ok(())
     }
@@ -176,9 +189,9 @@ impl Card {
     pub(crate) fn receive(&mut self, source: Source, channel: Channel, payload: &Payload) {
         let bits = u64::from_le_bytes(payload.padded());
         for slot in self.references.iter_mut().flatten() {
-            if slot.channel == channel && slot.source == source && payload.len() >= slot.end {
+            if slot.channel == channel && slot.source == source && payload.len() >= usize::from(slot.end) {
                 slot.received = Some((bits >> slot.shift) as u32 & slot.format.mask());
-                self.underway = DELAY_LINE;
+                self.underway = DELAY_LINE as u8;
                 if source == Source::Master {
                     self.losses.seen |= 1 << channel.index();
                 }
@@ -225,21 +238,31 @@ impl Card {
             return;
         }
         self.underway -= 1;
-        self.turn = (self.turn + 1) % DELAY_LINE;
+        if self.delay == 0 {
+            return self.hand_over_at_once(store);
+        }
+        self.turn = (self.turn + 1) % DELAY_LINE as u8;
+        let (now, later) = (usize::from(self.turn), usize::from(self.turn + self.delay) % DELAY_LINE);
         for slot in self.references.iter_mut().flatten() {
-            let mut received = slot.received.take();
-            if slot.needs_every {
-                let came = received.is_some();
-                received = received.filter(|_| slot.came_before);
-                slot.came_before = came;
-            }
-            slot.delayed[(self.turn + self.delay) % DELAY_LINE] = received;
-            if let (Some(value), false) = (slot.delayed[self.turn].take(), self.stopped) {
+            let received = slot.take_received();
+            slot.delayed[later] = received;
+            if let (Some(value), false) = (slot.delayed[now].take(), self.stopped) {
                 store.set(slot.target, value);
             }
         }
     }
 
+    /// Without a delay nothing waits in the line.
+    #[inline]
+    fn hand_over_at_once(&mut self, store: &mut ParameterStore) {
+        for slot in self.references.iter_mut().flatten() {
+            if let (Some(value), false) = (slot.take_received(), self.stopped) {
+                store.set(slot.target, value);
+            }
+        }
+    }
+
+    #[inline]
     fn count_losses(&mut self) {
         let losses = &mut self.losses;
         losses.expected |= losses.seen;
@@ -281,6 +304,12 @@ impl Card {
         self.losses.expected = 0;
     }
 
+    /// Whether reference value losses can stop the exchange: what was sampled last stands then.
+    #[inline]
+    pub(crate) const fn may_stop(&self) -> bool {
+        self.losses.allowed != 0
+    }
+
     /// Whether too many reference value losses have stopped the exchange.
     pub(crate) const fn is_stopped(&self) -> bool {
         self.stopped
@@ -295,7 +324,7 @@ impl Card {
     #[inline]
     pub(crate) const fn frame(&self, channel: Channel) -> Option<Payload> {
         let (bits, len) = (self.frames[channel.index()], self.lens[channel.index()]);
-        if len == 0 { None } else { Some(Payload::from_padded(bits.to_le_bytes(), len)) }
+        if len == 0 { None } else { Some(Payload::from_padded(bits.to_le_bytes(), len as usize)) }
     }
 
     /// Whether the master's reference value frames of this channel carry anything for the drive.
@@ -349,8 +378,8 @@ fn reference(
     if store.is_read_only(target) {
         return Err((number.0, number.1, ZkError::ReadOnly(number.1)));
     }
-    let end = 2 * usize::from(word) + format.bytes();
-    let shift = 16 * u32::from(word);
+    let end = 2 * word + format.bytes() as u8;
+    let shift = 16 * word;
     let delayed = [None; DELAY_LINE];
     Ok(Some(ReferenceSlot {
         source,
@@ -378,7 +407,7 @@ fn actual(
         return Ok(None);
     };
     let origin = Some(mapped(number, mapping, format, store)?);
-    Ok(Some(ActualSlot { channel, format, shift: 16 * u32::from(word), origin }))
+    Ok(Some(ActualSlot { channel, format, shift: 16 * word, origin }))
 }
 
 fn status(value: u16) -> Result<Option<ActualSlot>, Fault> {
@@ -386,7 +415,7 @@ fn status(value: u16) -> Result<Option<ActualSlot>, Fault> {
     Ok(mapping.map(|ActualMapping { word, channel, format }| ActualSlot {
         channel,
         format,
-        shift: 16 * u32::from(word),
+        shift: 16 * word,
         origin: None,
     }))
 }

@@ -20,6 +20,7 @@ pub mod angle;
 mod built_in;
 mod card;
 mod card_function;
+mod catch_up;
 mod config;
 mod drivecom;
 mod look;
@@ -33,6 +34,7 @@ mod tests;
 mod zk;
 
 pub use built_in::{BuiltInDrive, BuiltInDriveConfig};
+pub(crate) use catch_up::Passed;
 pub use card_function::{CardFunction, UnknownFunction};
 pub use config::{DriveConfig, DriveError, ParameterNumbers, ZkError};
 pub use drivecom::{Enable, State};
@@ -54,6 +56,7 @@ use card::Card;
 use monitoring::{Monitor, fault};
 use regler::{Setup, VRegler};
 use serde::{Deserialize, Serialize};
+use std::sync::Arc;
 
 /// Parameters that must fit each other, and the bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -80,7 +83,7 @@ pub(crate) fn pwm_objection(khz: u32) -> Option<Objection> {
 /// A drive with its card.
 #[derive(Clone, Debug)]
 pub struct Drive {
-    name: String,
+    name: Arc<str>,
     slave_number: u8,
     kbit_s: u16,
     sync: SyncLock,
@@ -133,7 +136,7 @@ impl Drive {
         let card = Card::new(&zk, function, cfg.slave_number, &regler.store)
             .map_err(|(zk, value, reason)| DriveError::Zk { drive: drive(), zk, value, reason })?;
         Ok(Drive {
-            name: drive(),
+            name: cfg.name.as_str().into(),
             slave_number: cfg.slave_number,
             kbit_s,
             sync: SyncLock::new(cfg.lock_time_us, cfg.sync_loss_us),
@@ -147,6 +150,11 @@ impl Drive {
             card,
             regler,
         })
+    }
+
+    /// Shares what can be shared with another drive, which takes less memory.
+    pub(crate) fn share(&mut self, other: &Drive) {
+        self.regler.store.share(&other.regler.store);
     }
 
     /// Name in the plant file.
@@ -169,6 +177,12 @@ impl Drive {
     /// Falling SYNC edge at `now_us`: an interval of `interval_us` begins.
     #[inline]
     pub fn sync_edge(&mut self, now_us: u64, interval_us: u32) {
+        self.edge(now_us, interval_us, true);
+    }
+
+    /// The same; unless it `is_looked_at` before the next edge, nobody can tell what the card has sampled.
+    #[inline]
+    fn edge(&mut self, now_us: u64, interval_us: u32, is_looked_at: bool) {
         let was_synchronized = self.is_synchronized();
         // The control task cannot run in step with a signal that does not come once in its SYNC slot (decision D-291).
         if self.regler.sync_times().0 == interval_us {
@@ -179,8 +193,10 @@ impl Drive {
         self.edge_is_missing = false;
         self.notice_lock(was_synchronized, now_us);
         self.show_synchronized();
-        let status_word = self.status_word();
-        self.card.sample(&mut self.regler.store, status_word);
+        if is_looked_at || self.card.may_stop() {
+            let status_word = self.status_word();
+            self.card.sample(&mut self.regler.store, status_word);
+        }
         // What came in an interval without lock is lost, also if the lock comes right after it.
         self.go_on(was_synchronized && self.is_synchronized(), now_us, interval_us);
     }
@@ -207,7 +223,7 @@ impl Drive {
         } else {
             self.monitors[1].there();
         }
-        self.regler.monitor(now_us, self.monitors.iter_mut());
+        self.monitor(now_us);
         self.regler.step(interval_us);
     }
 
@@ -223,7 +239,14 @@ impl Drive {
         self.sync.pass(now_us);
         self.notice_lock(was_synchronized, now_us);
         self.show_synchronized();
-        self.regler.monitor(now_us, self.monitors.iter_mut());
+        self.monitor(now_us);
+    }
+
+    #[inline]
+    fn monitor(&mut self, now_us: u64) {
+        if self.regler.reports_error() || self.monitors.iter().any(Monitor::is_away) {
+            self.regler.monitor(now_us, self.monitors.iter_mut());
+        }
     }
 
     /// A lock that SYNC has ended is an error (p. 135), until the drive is synchronized again.

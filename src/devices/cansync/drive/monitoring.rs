@@ -99,6 +99,12 @@ impl Monitor {
         self.since = None;
     }
 
+    /// Whether the thing is away.
+    #[inline]
+    pub(crate) fn is_away(&self) -> bool {
+        self.since.is_some()
+    }
+
     /// When the error will be reported.
     pub(crate) fn next_time(&self) -> Option<u64> {
         self.due().filter(|_| !self.reported)

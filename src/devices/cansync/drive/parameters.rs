@@ -4,6 +4,7 @@ use crate::devices::cansync::bus::codec::parameter::MAX_NUMBER;
 use crate::devices::cansync::registers::values::par_error;
 use crate::state::{Damaged, Saved, Saving, State};
 use serde::{Deserialize, Serialize};
+use std::sync::Arc;
 
 /// Width of a parameter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -145,13 +146,26 @@ pub enum ParameterError {
 
 /// Place of a parameter in the store of the drive that gave it away.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub(super) struct Slot(usize);
+pub(super) struct Slot(u16);
+
+impl Slot {
+    /// There are 4096 at most.
+    fn at(index: usize) -> Self {
+        Slot(index as u16)
+    }
+
+    #[inline]
+    fn index(self) -> usize {
+        self.0.into()
+    }
+}
 
 /// All parameters of one drive, in the order of their numbers.
 #[derive(Clone, Debug)]
 pub(super) struct ParameterStore {
-    specs: Vec<ParameterSpec>,
-    values: Vec<u32>,
+    /// What they are; drives that have the same share it.
+    specs: Arc<[ParameterSpec]>,
+    values: Box<[u32]>,
     changed: bool,
     /// The parameter whose writing is watched, see [`ParameterStore::watch`].
     watched: Option<Slot>,
@@ -193,7 +207,14 @@ impl ParameterStore {
         }
         let values = specs.iter().map(|spec| spec.initial).collect();
         let (watched, settling) = (None, Vec::new());
-        Ok(ParameterStore { specs, values, changed: true, watched, written: false, settling })
+        Ok(ParameterStore { specs: specs.into(), values, changed: true, watched, written: false, settling })
+    }
+
+    /// Shares what can be shared with another drive's.
+    pub(crate) fn share(&mut self, other: &ParameterStore) {
+        if self.specs == other.specs {
+            self.specs = Arc::clone(&other.specs);
+        }
     }
 
     /// Watches writes of one parameter, also those that do not change it.
@@ -231,44 +252,44 @@ impl ParameterStore {
 
     /// Lowest and highest value of a parameter, in its format.
     pub(crate) fn limits(&self, slot: Slot) -> (u32, u32) {
-        self.specs[slot.0].limits()
+        self.specs[slot.index()].limits()
     }
 
     /// Where parameter `number` is.
     pub(crate) fn slot(&self, number: u16) -> Option<Slot> {
-        self.specs.binary_search_by_key(&number, |spec| spec.number).ok().map(Slot)
+        self.specs.binary_search_by_key(&number, |spec| spec.number).ok().map(Slot::at)
     }
 
     /// All parameters.
     pub(super) fn slots(&self) -> impl Iterator<Item = Slot> {
-        (0..self.specs.len()).map(Slot)
+        (0..self.specs.len()).map(Slot::at)
     }
 
     /// What a parameter is.
     pub(super) fn spec(&self, slot: Slot) -> &ParameterSpec {
-        &self.specs[slot.0]
+        &self.specs[slot.index()]
     }
 
     /// Width of a parameter.
     pub(crate) fn format(&self, slot: Slot) -> ParamFormat {
-        self.specs[slot.0].format
+        self.specs[slot.index()].format
     }
 
     /// Whether only the drive itself may write the parameter.
     pub(crate) fn is_read_only(&self, slot: Slot) -> bool {
-        self.specs[slot.0].read_only
+        self.specs[slot.index()].read_only
     }
 
     /// Value of a parameter.
     #[inline]
     pub(crate) fn get(&self, slot: Slot) -> u32 {
-        self.values[slot.0]
+        self.values[slot.index()]
     }
 
     /// Sets a parameter from inside the drive; limits do not apply.
     #[inline]
     pub(crate) fn set(&mut self, slot: Slot, value: u32) {
-        let place = &mut self.values[slot.0];
+        let place = &mut self.values[slot.index()];
         self.changed |= *place != value;
         *place = value;
         self.written |= self.watched == Some(slot);
@@ -282,7 +303,7 @@ impl ParameterStore {
 
     /// Writes a parameter for a parameter job; the error is an error number of the manual.
     pub(crate) fn write(&mut self, slot: Slot, format: ParamFormat, value: u32) -> Result<(), u16> {
-        let spec = &self.specs[slot.0];
+        let spec = &self.specs[slot.index()];
         if spec.read_only {
             return Err(par_error::NOT_CHANGEABLE);
         }

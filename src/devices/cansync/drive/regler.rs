@@ -306,6 +306,12 @@ impl VRegler {
         matches!(self.machine.state(), State::FaultReactionActive | State::Fault)
     }
 
+    /// Whether an error of the communication monitoring is reported without reaction.
+    #[inline]
+    pub(super) fn reports_error(&self) -> bool {
+        self.error != 0
+    }
+
     /// Reports the errors of the communication monitoring that stand at `now`, and reacts (decision D-294).
     pub(super) fn monitor<'a>(&mut self, now: u64, monitors: impl Iterator<Item = &'a mut Monitor>) {
         let mut reported = 0;

@@ -63,6 +63,8 @@ const ALL: [Slot; 16] = [
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Agenda {
     due: [u64; ALL.len()],
+    /// Which slots are due at all, bit n for slot n: mostly a few.
+    open: u16,
 }
 
 impl Agenda {
@@ -70,12 +72,25 @@ impl Agenda {
     pub(super) const NEVER: u64 = u64::MAX;
 
     pub(super) fn empty() -> Self {
-        Agenda { due: [Self::NEVER; ALL.len()] }
+        Agenda { due: [Self::NEVER; ALL.len()], open: 0 }
     }
 
     #[inline]
     pub(super) fn set(&mut self, slot: Slot, at: u64) {
-        self.due[slot as usize] = at;
+        let (index, bit) = (slot as usize, 1 << slot as u8);
+        self.due[index] = at;
+        self.open = if at == Self::NEVER { self.open & !bit } else { self.open | bit };
+    }
+
+    /// The slots that are due at some time, in their order.
+    #[inline]
+    fn open(&self) -> impl Iterator<Item = usize> {
+        let mut open = self.open;
+        core::iter::from_fn(move || {
+            let index = (open != 0).then(|| open.trailing_zeros() as usize)?;
+            open &= open - 1;
+            Some(index)
+        })
     }
 
     #[inline]
@@ -95,15 +110,15 @@ impl Agenda {
     /// When the next slot is due; [`Agenda::NEVER`] if none is.
     #[inline]
     pub(super) fn next_time(&self) -> u64 {
-        self.due.iter().copied().fold(Self::NEVER, u64::min)
+        self.open().map(|index| self.due[index]).fold(Self::NEVER, u64::min)
     }
 
     /// Takes the first slot that is due at `time`.
     #[inline]
     pub(super) fn take(&mut self, time: u64) -> Option<Slot> {
-        let index = self.due.iter().position(|at| *at == time)?;
-        self.due[index] = Self::NEVER;
-        ALL.get(index).copied()
+        let slot = ALL[self.open().find(|index| self.due[*index] == time)?];
+        self.cancel(slot);
+        Some(slot)
     }
 }
 

@@ -101,12 +101,8 @@ impl SimBus {
     pub(super) fn switch_off(&mut self, now: u64, off: u32) {
         let changed = self.disturbance.off ^ off;
         self.disturbance.off = off;
+        self.drives.switch_off(off);
         for number in (0..32u8).filter(|number| changed >> number & 1 != 0) {
-            if let Some(Station::Drive(index)) = self.stations.get(usize::from(number))
-                && let (Some(drive), Some(fresh)) = (self.drives.get_mut(*index), self.fresh.get(*index))
-            {
-                drive.clone_from(fresh);
-            }
             self.destroy_frames_of(now, Sender::Slave(number));
         }
     }

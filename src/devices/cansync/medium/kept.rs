@@ -14,7 +14,6 @@ impl State for SimBus {
             slaves,
             stations,
             drives,
-            fresh: _,
             kbit_s: _,
             frame_length: _,
             running,

@@ -44,7 +44,8 @@ impl SimBus {
 
     fn interval_without_edge(&mut self, now: u64, interval_us: u32) {
         let disturbance = &self.disturbance;
-        for drive in self.drives.iter_mut().filter(|drive| !disturbance.is_off(drive.slave_number())) {
+        let drives = self.drives.settle().iter_mut();
+        for drive in drives.filter(|drive| !disturbance.is_off(drive.slave_number())) {
             drive.interval_without_edge(now, interval_us);
         }
     }
@@ -56,7 +57,7 @@ impl SimBus {
         if next <= now {
             self.interval_without_edge(now, interval_us);
         } else {
-            self.drives.iter_mut().for_each(|drive| drive.pass(now));
+            self.drives.settle().iter_mut().for_each(|drive| drive.pass(now));
         }
         self.schedule_own_clock(now);
     }
@@ -74,8 +75,9 @@ impl SimBus {
         if *next <= now {
             *next = now + u64::from(*interval_us);
         }
-        let moving = self.drives.iter().any(|drive| !drive.is_at_rest()).then_some(*next);
-        let waiting = self.drives.iter().filter_map(Drive::next_time);
+        let drives = self.drives.settle();
+        let moving = drives.iter().any(|drive| !drive.is_at_rest()).then_some(*next);
+        let waiting = drives.iter().filter_map(Drive::next_time);
         match waiting.chain(moving).min() {
             Some(time) => self.agenda.set(Slot::OwnClock, time.max(now + 1)),
             None => self.agenda.cancel(Slot::OwnClock),

@@ -190,17 +190,21 @@ impl Medium for SimBus {
         self.of_other_rates()
     }
 
+    fn settle(&mut self) {
+        self.drives.settle();
+    }
+
     fn drives(&self) -> Vec<(&str, DriveState)> {
         let look = |drive: &Drive| match self.disturbance.is_off(drive.slave_number()) {
             true => DriveState { state: "off".to_owned(), ..drive.look() },
             false => drive.look(),
         };
-        self.drives.iter().map(|drive| (drive.name(), look(drive))).collect()
+        self.drives.look().iter().map(|drive| (drive.name(), look(drive))).collect()
     }
 
     fn drive(&self, drive: usize) -> Option<DriveDetails> {
         let (_, state) = Medium::drives(self).into_iter().nth(drive)?;
-        Some(DriveDetails { state, ..self.drives.get(drive)?.details() })
+        Some(DriveDetails { state, ..self.drives.look().get(drive)?.details() })
     }
 
     fn set_parameter(

@@ -5,6 +5,7 @@ use super::disturbance::Fate;
 use super::{Run, Sender, Station};
 use crate::devices::cansync::Deadline;
 use crate::devices::cansync::bus::{Channel, Frame, FrameKind};
+use crate::devices::cansync::drive::Passed;
 use crate::devices::cansync::firmware::Built;
 use crate::devices::cansync::records::SyncEdge;
 
@@ -72,11 +73,7 @@ impl Run<'_> {
                 end.firmware.sync_edge(now, interval_us);
             }
         }
-        for drive in &mut self.bus.drives {
-            if !disturbance.is_off(drive.slave_number()) {
-                drive.sync_edge(now, interval_us);
-            }
-        }
+        self.bus.drives.pass(Passed::Edge { now_us: now, interval_us });
         self.bus.edge_for_drives(now, interval_us);
     }
 
@@ -139,9 +136,8 @@ impl Run<'_> {
     }
 
     pub(super) fn deliver_reference(&mut self, channel: Channel, frame: &Frame) {
-        for drive in self.drives() {
-            drive.reference_frame(channel, frame.payload());
-        }
+        let kbit_s = self.timing.kbit_per_s;
+        self.bus.drives.pass(Passed::Reference { kbit_s, channel, payload: *frame.payload() });
         self.each_node(|slave, _| slave.reference_value(channel, frame));
     }
 
@@ -180,11 +176,8 @@ impl Run<'_> {
 
     pub(super) fn deliver_actual(&mut self, channel: Channel, number: u8, frame: &Frame) {
         self.master(|master, _| master.actual_value(channel, number, frame));
-        let bit = 1u32.checked_shl(u32::from(number)).unwrap_or(0);
-        for drive in self.drives() {
-            if drive.wants_overheard() & bit != 0 {
-                drive.overheard_frame(number, channel, frame.payload());
-            }
+        if self.bus.drives.overhears(number) {
+            self.drives().for_each(|drive| drive.overheard_frame(number, channel, frame.payload()));
         }
         self.each_node(|slave, _| slave.overheard_actual(channel, number, frame));
     }

@@ -25,7 +25,7 @@ impl SimBus {
         for end in self.slaves.iter_mut().filter(|end| end.firmware.is_on_bus()) {
             end.run(now, journal, |slave, ctx| report_mismatch(slave, ctx, kbit_s));
         }
-        for drive in self.drives.iter().filter(|drive| drive.kbit_s() != kbit_s) {
+        for drive in self.drives.look().iter().filter(|drive| drive.kbit_s() != kbit_s) {
             let (bus, slave, drive_kbit_s) = (self.index, drive.slave_number(), drive.kbit_s());
             journal.push(now, DriveBaudRateMismatch { bus, slave, drive_kbit_s, bus_kbit_s: kbit_s });
             journal
@@ -37,7 +37,7 @@ impl SimBus {
     pub(super) fn of_other_rates(&self) -> Vec<Stranger> {
         let present = self.present_kbit_s();
         let stranger = |whose, kbit_s: u16| Stranger { whose, bit_s: u32::from(kbit_s) * 1000 };
-        let drives = self.drives.iter().filter(|drive| drive.kbit_s() != present);
+        let drives = self.drives.look().iter().filter(|drive| drive.kbit_s() != present);
         let drives = drives.map(|drive| stranger(Whose::Own(drive.name().to_owned()), drive.kbit_s()));
         let nodes = self.slaves.iter().filter(|end| self.is_wired && end.firmware.is_on_bus());
         let nodes = nodes.filter_map(|end| Some((end.origin, end.firmware.timing()?.kbit_per_s)));

@@ -1,5 +1,6 @@
 //! The drive as the bus sees it.
 
+mod catch_up;
 mod mapping;
 mod service;
 mod states;

@@ -1,0 +1,149 @@
+//! The drives on a bus, which catch up with it when somebody looks at them.
+//!
+//! SYNC edges and reference value frames come to all drives in every interval, but hardly any drive is asked for something
+//! in it. So the bus notes what has passed for all of them. Whoever gets hold of a drive here finds it up to date.
+
+use crate::devices::cansync::drive::{Drive, Passed};
+use crate::state::{Damaged, Saved, Saving, State};
+use std::sync::OnceLock;
+
+/// Notes after which all drives catch up: some 32 intervals, which stay in the processor's nearest cache.
+const MOST: usize = 96;
+
+/// The drives on a bus.
+#[derive(Default)]
+pub(super) struct Drives {
+    all: Vec<Drive>,
+    /// Their states at power-on.
+    fresh: Vec<Box<[u8]>>,
+    /// What has passed since all of them were up to date.
+    passed: Vec<Passed>,
+    /// How much of that each drive has taken.
+    taken: Vec<usize>,
+    /// Drives that are off, bit n for slave n: nothing comes to them.
+    off: u32,
+    /// Slaves whose actual value frames any of them evaluates, bit n for slave n.
+    overheard: u32,
+    /// The drives up to date, for those who may only look.
+    shown: OnceLock<Vec<Drive>>,
+}
+
+impl Drives {
+    /// Adds a drive, as it is at power-on.
+    pub(super) fn push(&mut self, mut drive: Drive) {
+        if let Some(other) = self.all.last() {
+            drive.share(other);
+        }
+        self.overheard |= drive.wants_overheard();
+        let mut fresh = Saving::default();
+        drive.save(&mut fresh);
+        self.fresh.push(fresh.into_bytes().into());
+        self.all.push(drive);
+        self.taken.push(self.passed.len());
+    }
+
+    /// How many there are.
+    pub(super) fn len(&self) -> usize {
+        self.all.len()
+    }
+
+    /// Whether there is none.
+    #[inline]
+    pub(super) fn is_empty(&self) -> bool {
+        self.all.is_empty()
+    }
+
+    /// Something has come to all of them.
+    #[inline]
+    pub(super) fn pass(&mut self, passed: Passed) {
+        if self.all.is_empty() {
+            return;
+        }
+        if self.passed.len() >= MOST {
+            self.settle();
+        }
+        self.shown.take();
+        self.passed.push(passed);
+    }
+
+    /// Whether any drive evaluates actual value frames of this slave.
+    #[inline]
+    pub(super) fn overhears(&self, number: u8) -> bool {
+        self.overheard.checked_shr(number.into()).unwrap_or(0) & 1 != 0
+    }
+
+    /// A drive.
+    #[inline]
+    pub(super) fn get_mut(&mut self, index: usize) -> Option<&mut Drive> {
+        let (drive, taken) = (self.all.get_mut(index)?, self.taken.get_mut(index)?);
+        let from = core::mem::replace(taken, self.passed.len());
+        if !is_off(self.off, drive) {
+            drive.catch_up(self.passed.get(from..).unwrap_or_default());
+        }
+        self.shown.take();
+        Some(drive)
+    }
+
+    /// All drives.
+    pub(super) fn settle(&mut self) -> &mut [Drive] {
+        for (drive, from) in self.all.iter_mut().zip(&mut self.taken) {
+            if !is_off(self.off, drive) {
+                drive.catch_up(self.passed.get(*from..).unwrap_or_default());
+            }
+            *from = 0;
+        }
+        self.passed.clear();
+        self.shown.take();
+        &mut self.all
+    }
+
+    /// All drives, to be looked at.
+    pub(super) fn look(&self) -> &[Drive] {
+        if self.taken.iter().all(|taken| *taken == self.passed.len()) {
+            return &self.all;
+        }
+        self.shown.get_or_init(|| {
+            let up_to_date = |(drive, from): (&Drive, &usize)| {
+                let mut drive = drive.clone();
+                if !is_off(self.off, &drive) {
+                    drive.catch_up(self.passed.get(*from..).unwrap_or_default());
+                }
+                drive
+            };
+            self.all.iter().zip(&self.taken).map(up_to_date).collect()
+        })
+    }
+
+    /// Which of them are off from now on, bit n for slave n. Those that go off or come back are as at power-on.
+    pub(super) fn switch_off(&mut self, off: u32) {
+        self.settle();
+        let changed = self.off ^ off;
+        for (drive, fresh) in self.all.iter_mut().zip(&self.fresh) {
+            if is_off(changed, drive) {
+                // It is this drive's own.
+                let _ = drive.restore(&mut Saved::new(fresh));
+            }
+        }
+        self.off = off;
+    }
+}
+
+fn is_off(off: u32, drive: &Drive) -> bool {
+    off.checked_shr(drive.slave_number().into()).unwrap_or(0) & 1 != 0
+}
+
+impl State for Drives {
+    fn save(&self, to: &mut Saving) {
+        let Self { all: _, fresh: _, passed: _, taken: _, off, overheard: _, shown: _ } = self;
+        to.value(off);
+        self.look().save(to);
+    }
+
+    fn restore(&mut self, from: &mut Saved<'_>) -> Result<(), Damaged> {
+        self.off = from.value()?;
+        self.passed.clear();
+        self.taken.fill(0);
+        self.shown.take();
+        self.all.restore(from)
+    }
+}
