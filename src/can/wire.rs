@@ -148,13 +148,20 @@ fn stuffed_bits(frame: &Frame) -> u32 {
     // state at "run of one bit".
     let changes = (bits ^ bits >> 1) | u128::MAX << (count - 1);
     let bytes = changes.to_be_bytes();
-    let first = bytes.len() - count.div_ceil(8) as usize;
+    let [_, _, _, standard @ ..] = &bytes;
+    // As many for each frame of a format, so that the way is straight.
+    count + if count <= u8::BITS * standard.len() as u32 { stuff_bits(standard) } else { stuff_bits(&bytes) }
+}
+
+/// The stuff bits among the bits that `changes` describes.
+#[inline]
+fn stuff_bits<const BYTES: usize>(changes: &[u8; BYTES]) -> u32 {
     let (mut state, mut stuffed) = (0, 0);
-    for &byte in &bytes[first..] {
+    for &byte in changes {
         state = STUFF[usize::from(byte)] >> (state & 63);
         stuffed += state >> 6 & 3;
     }
-    count + stuffed as u32
+    stuffed as u32
 }
 
 /// Bits from the start bit to the end of the intermission: what the frame occupies of the bus.

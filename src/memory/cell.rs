@@ -8,7 +8,7 @@
 //! Loads are `Acquire` and stores are `Release`, so "data first, then the control register" needs no
 //! further fences: whoever sees the control register sees the data written before it.
 
-use super::access::{self, BLOCK, Value};
+use super::access::Value;
 use core::cell::UnsafeCell;
 use core::sync::atomic::AtomicU32;
 use zerocopy::{FromBytes, IntoBytes, KnownLayout};
@@ -103,54 +103,6 @@ cell!(
     /// A 64-bit word of the header page; the device itself has no register that wide.
     Cell64, 8, u64
 );
-
-/// What sixteen words held when they were last looked at, to be compared with what they hold now. Both are faster than
-/// word by word.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Block(access::Block);
-
-impl Block {
-    /// How many words it holds.
-    pub(crate) const WORDS: usize = BLOCK;
-
-    /// These words.
-    pub(crate) const fn new(words: [u64; BLOCK]) -> Self {
-        Block(access::Block(words))
-    }
-
-    /// The words.
-    #[inline]
-    pub(crate) fn words(&self) -> &[u64; BLOCK] {
-        &self.0.0
-    }
-
-    /// The words, to change them.
-    #[inline]
-    pub(crate) fn words_mut(&mut self) -> &mut [u64; BLOCK] {
-        &mut self.0.0
-    }
-
-    /// Takes over what the cells hold now.
-    #[inline]
-    pub(crate) fn load(&mut self, cells: &[Cell64; BLOCK]) {
-        // SAFETY: cells have size and alignment of their values, are valid, and are accessed in this way only.
-        unsafe { access::load_block(core::ptr::from_ref(cells).cast(), &mut self.0) }
-    }
-
-    /// Whether the cells hold something else now.
-    #[inline]
-    pub(crate) fn differs(&self, cells: &[Cell64; BLOCK]) -> bool {
-        // SAFETY: as in `load`.
-        unsafe { access::block_differs(core::ptr::from_ref(cells).cast(), &self.0, None) }
-    }
-
-    /// The same for the bits of `watched` alone.
-    #[inline]
-    pub(crate) fn differs_in(&self, cells: &[Cell64; BLOCK], watched: &Block) -> bool {
-        // SAFETY: as in `load`.
-        unsafe { access::block_differs(core::ptr::from_ref(cells).cast(), &self.0, Some(&watched.0)) }
-    }
-}
 
 impl Cell32 {
     /// Where the cell lies, for calls of the kernel that want to know.

@@ -4,9 +4,15 @@
 //! look at it through typed [`View`]s of register cells; tools that only know addresses use its raw
 //! accesses at a given [`Width`].
 
+#[cfg_attr(
+    not(feature = "emulator"),
+    expect(dead_code, reason = "only the emulator looks at several words at a time")
+)]
 mod access;
 mod attach;
 pub mod bell;
+#[cfg(feature = "emulator")]
+mod block;
 pub mod cell;
 pub mod contract;
 pub(crate) mod directory;
@@ -36,7 +42,7 @@ pub use crate::layout::{Address, Width};
 pub use attach::{AttachMode, Attached, LockstepTask};
 pub use bell::Bell;
 #[cfg(feature = "emulator")]
-pub(crate) use cell::Block;
+pub(crate) use block::Block;
 pub use cell::{Cell8, Cell16, Cell32, Cell64, SharedRegs};
 pub use error::MemoryError;
 #[cfg(feature = "channel")]

@@ -74,6 +74,19 @@ impl SyncLock {
         self.locked = now_us.saturating_sub(since) >= self.lock_time_us;
     }
 
+    /// The same for an edge that comes in time, give or take a quarter of the interval, while the lock stands. `false`: it is
+    /// not of this kind, and nothing has happened.
+    #[inline]
+    pub(crate) fn goes_on(&mut self, now_us: u64, interval_us: u32) -> bool {
+        let interval = u64::from(interval_us);
+        let in_time = now_us.saturating_sub(self.last).abs_diff(interval) <= interval / 4;
+        let goes_on = self.locked && interval == self.interval_us && in_time;
+        if goes_on {
+            self.last = now_us;
+        }
+        goes_on
+    }
+
     /// Time has passed: the signal may have been gone for too long.
     pub fn pass(&mut self, now_us: u64) {
         if self.lost_at().is_some_and(|time| time <= now_us) {

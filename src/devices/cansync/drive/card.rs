@@ -4,6 +4,8 @@
 //! The ZK parameters are resolved to bit positions and store places when the drive is built, so that a
 //! frame costs a few instructions.
 
+mod run;
+
 use super::card_function::CardFunction;
 use super::config::ZkError;
 use super::parameters::{ParamFormat, ParameterStore, Slot};

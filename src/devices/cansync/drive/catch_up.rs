@@ -33,7 +33,8 @@ impl Drive {
     /// all: of all these edges that is the last one.
     pub(crate) fn catch_up(&mut self, passed: &[Passed]) {
         let last = passed.iter().rposition(|it| matches!(it, Passed::Edge { .. }));
-        for (index, it) in passed.iter().enumerate() {
+        let taken = last.and_then(|last| passed.get(..last)).map_or(0, |earlier| self.cruise(earlier));
+        for (index, it) in passed.iter().enumerate().skip(taken) {
             match *it {
                 Passed::Edge { now_us, interval_us } => {
                     self.edge(now_us, interval_us, Some(index) == last);

@@ -22,6 +22,7 @@ mod card;
 mod card_function;
 mod catch_up;
 mod config;
+mod cruise;
 mod drivecom;
 mod look;
 mod monitoring;
@@ -34,8 +35,8 @@ mod tests;
 mod zk;
 
 pub use built_in::{BuiltInDrive, BuiltInDriveConfig};
-pub(crate) use catch_up::Passed;
 pub use card_function::{CardFunction, UnknownFunction};
+pub(crate) use catch_up::Passed;
 pub use config::{DriveConfig, DriveError, ParameterNumbers, ZkError};
 pub use drivecom::{Enable, State};
 pub use monitoring::{BapsMonitoring, CardMonitoring, Reaction, Watch};

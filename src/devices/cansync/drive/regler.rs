@@ -1,5 +1,7 @@
 //! The drive itself (V-Regler), whatever it is connected by: parameters, state machine, speed and position loop.
 
+mod run;
+
 use super::angle::{self, SetPoint};
 use super::config::{DriveError, ParameterNumbers};
 use super::drivecom::{Enable, State, StateMachine};

@@ -242,7 +242,8 @@ impl NodeWatch {
         for register in maps.of_phase(judge.place.live).registers(offset, bytes) {
             let start = usize::from(register.offset);
             let Some(word) = judge.registers.now.get(start / WORD).map(Cell64::load) else { continue };
-            let [before, after] = [judge.registers.left.word(start / WORD), word].map(|word| register.of(word));
+            let [before, after] =
+                [judge.registers.left.word(start / WORD), word].map(|word| register.of(word));
             judge.write(register, before, after);
         }
         for register in self.maps.of_phase(self.live).registers(offset, bytes) {

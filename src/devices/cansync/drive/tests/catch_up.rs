@@ -6,7 +6,8 @@ use crate::state::{Saving, State};
 use proptest::prelude::*;
 
 fn passed() -> impl Strategy<Value = Passed> {
-    let reference = (prop_oneof![9 => Just(500), 1 => Just(250)], any::<bool>(), any::<[u16; 4]>(), 0..5usize);
+    let reference =
+        (prop_oneof![9 => Just(500), 1 => Just(250)], any::<bool>(), any::<[u16; 4]>(), 0..5usize);
     prop_oneof![
         // Mostly in time, so that the drive gets and stays synchronized.
         3 => prop_oneof![9 => Just(2000_u64), 1 => 0..9000_u64]
@@ -36,6 +37,16 @@ fn drives() -> Vec<Drive> {
     configs.map(|cfg| Drive::new(&quick(cfg), 500)).into_iter().collect::<Result<_, _>>().unwrap()
 }
 
+fn takes(drive: &mut Drive, passed: &Passed) {
+    match *passed {
+        Passed::Edge { now_us, interval_us } => drive.sync_edge(now_us, interval_us),
+        Passed::Reference { kbit_s, channel, ref payload } if kbit_s == drive.kbit_s() => {
+            drive.reference_frame(channel, payload);
+        }
+        Passed::Reference { .. } => {}
+    }
+}
+
 fn state(drive: &Drive) -> Vec<u8> {
     let mut to = Saving::reusing(Vec::new());
     drive.save(&mut to);
@@ -58,7 +69,7 @@ proptest! {
             at_once.action_command(&ActionCommand::sync_mode(ActionCommand::ALL_SLAVES, true));
             let mut later = at_once.clone();
             for stretch in all.chunks(stretch) {
-                stretch.iter().for_each(|it| at_once.catch_up(core::slice::from_ref(it)));
+                stretch.iter().for_each(|it| takes(&mut at_once, it));
                 later.catch_up(stretch);
                 prop_assert_eq!(state(&at_once), state(&later));
                 for channel in [Channel::One, Channel::Two] {

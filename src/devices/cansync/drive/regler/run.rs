@@ -1,0 +1,53 @@
+//! What the drive does in a run: many intervals in one go, see [`Drive::cruise`](super::super::Drive::cruise).
+
+use super::{Slots, VRegler};
+use crate::devices::cansync::drive::drivecom::State;
+use crate::devices::cansync::drive::parameters::Slot;
+
+/// What a drive in speed mode goes by while no parameter but its reference values is written.
+pub(in crate::devices::cansync::drive) struct Run {
+    pub sync_slot_us: u32,
+    pub speed_reference: u32,
+    is_enabled: bool,
+    limit: i64,
+    ramp: u32,
+}
+
+impl VRegler {
+    /// The drive is about to run for many intervals in which nothing but reference values comes; `None` if it does not run
+    /// by its speed reference value alone.
+    pub(in crate::devices::cansync::drive) fn begin_run(&self) -> Option<Run> {
+        if self.is_following_angle() || self.store.is_settling() {
+            return None;
+        }
+        Some(Run {
+            sync_slot_us: self.store.get(self.slots.sync_slot),
+            speed_reference: self.store.get(self.slots.speed_reference),
+            is_enabled: self.machine.state() == State::OperationEnabled,
+            limit: i64::from(self.store.get(self.slots.speed_limit)),
+            ramp: self.store.get(self.slots.ramp),
+        })
+    }
+
+    /// Whether a reference value for this parameter can come in a run, and whether it is the speed reference value.
+    pub(in crate::devices::cansync::drive) fn takes_in_run(&self, target: Slot) -> Option<bool> {
+        let Slots { mode, speed_limit, ramp, sync_slot, angle_reference, .. } = self.slots;
+        let is_looked_at = [mode, speed_limit, ramp, sync_slot, angle_reference].contains(&target);
+        (!is_looked_at).then_some(target == self.slots.speed_reference)
+    }
+
+    /// As [`VRegler::step`], in a run.
+    #[inline]
+    pub(in crate::devices::cansync::drive) fn step_in_run(&mut self, run: &Run, us: u32) {
+        let target = if run.is_enabled { i64::from(run.speed_reference as i32) } else { 0 };
+        if self.motion.step(target.clamp(-run.limit, run.limit) as i32, us, run.ramp) == 0 {
+            self.machine.standstill();
+        }
+    }
+
+    /// The run is over: its actual values can be looked at.
+    pub(in crate::devices::cansync::drive) fn end_run(&mut self) {
+        self.store.set(self.slots.speed_actual, self.motion.speed() as u32);
+        self.store.set(self.slots.angle_actual, self.motion.angle());
+    }
+}
