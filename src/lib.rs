@@ -130,3 +130,20 @@ fn property_tests() -> proptest::test_runner::Config {
     });
     config
 }
+
+/// A fuzz target: it gets what is kept for its name in `tests/__fuzz__`, and some bytes drawn by lot. In a build for libFuzzer
+/// (`tools/nightly fuzz`) it gets whatever that makes of what is kept, without an end.
+#[cfg(all(test, feature = "emulator"))]
+fn fuzz(name: &str, target: impl Fn(&[u8]) + core::panic::RefUnwindSafe) {
+    let location = bolero::TargetLocation {
+        package_name: env!("CARGO_PKG_NAME"),
+        manifest_dir: env!("CARGO_MANIFEST_DIR"),
+        module_path: module_path!(),
+        // What is kept is sought beside this, below `__fuzz__`.
+        file: concat!(env!("CARGO_MANIFEST_DIR"), "/tests/__fuzz__"),
+        line: line!(),
+        item_path: "commram::fuzz::__bolero_item_path__",
+        test_name: Some(name.to_owned()),
+    };
+    bolero::test(location).with_iterations(50).for_each(target);
+}

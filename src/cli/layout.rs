@@ -5,8 +5,9 @@ use super::error::CliError;
 use super::output;
 use super::table::{self, FormatArg, Row};
 use crate::devices;
+use crate::handed_in;
 use clap::{Subcommand, ValueEnum};
-use commram_layoutc::declaration::{Alignment, Declarations};
+use commram_layoutc::declaration::{Alignment, Declarations, MAX_BYTES};
 use commram_layoutc::import::{Called, Import, ImportError, Row as ImportRow, Verdict};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -216,7 +217,9 @@ impl Row for Judged {
 }
 
 fn import(args: &ImportArgs) -> Result<(), CliError> {
-    let declarations = Declarations::read(&args.declaration).map_err(ImportError::from)?;
+    // A byte more than allowed tells that there are too many.
+    let found = handed_in::read_bytes(&args.declaration, MAX_BYTES + 1);
+    let declarations = Declarations::read(&args.declaration, found).map_err(ImportError::from)?;
     let called = Called::new(args.called.iter().cloned());
     let of_device = || Path::new("layouts").join(args.device.device.name);
     let layout = args.layout.clone().unwrap_or_else(of_device);

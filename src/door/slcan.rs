@@ -409,20 +409,49 @@ mod tests {
         assert_eq!(Rate::of_code(10), None);
     }
 
+    /// Whatever comes in: no panic, and one answer for each line that is not empty, at once or when its time comes.
+    fn each_line_has_one_answer(bytes: &[u8]) {
+        let (mut session, mut noted) = (Session::default(), Noted { open: Some(false), ..Noted::default() });
+        let mut answer = Vec::new();
+        session.hear(bytes, &mut noted, &mut answer);
+        let lines = bytes.split(|byte| matches!(byte, b'\r' | b'\n')).rev().skip(1);
+        let wanted = lines.filter(|line| !line.is_empty()).count();
+        let answers = answer.iter().filter(|byte| matches!(**byte, OK | BELL)).count();
+        let later = noted.asked.iter().filter(|us| **us > 0).count();
+        assert_eq!(answers + later, wanted);
+    }
+
+    #[test]
+    fn fuzz_slcan() {
+        crate::fuzz("slcan", each_line_has_one_answer);
+    }
+
     proptest! {
         #![proptest_config(crate::property_tests())]
 
-        /// Whatever comes in: no panic, and one answer for each line that is not empty, at once or when its time comes.
+        /// Every frame is told by a line that is this frame.
         #[test]
-        fn each_line_has_one_answer(bytes in prop::collection::vec(prop_oneof![any::<u8>(), Just(b'\r'), 48u8..58, Just(b't'), Just(b'K')], 0..200)) {
+        fn frames_are_what_they_were(id in 0..1_u32 << 29, is_long: bool, is_remote: bool, data in prop::collection::vec(any::<u8>(), 0..=8)) {
+            let id: crate::can::Id = if is_long {
+                ExtendedId::new(id).unwrap().into()
+            } else {
+                StandardId::new((id & 0x7FF) as u16).unwrap().into()
+            };
+            let frame = if is_remote {
+                Frame::remote(id, data.len()).unwrap()
+            } else {
+                Frame::new(id, Payload::new(&data).unwrap())
+            };
             let (mut session, mut noted) = (Session::default(), Noted { open: Some(false), ..Noted::default() });
-            let mut answer = Vec::new();
-            session.hear(&bytes, &mut noted, &mut answer);
-            let lines = bytes.split(|byte| matches!(byte, b'\r' | b'\n')).rev().skip(1);
-            let wanted = lines.filter(|line| !line.is_empty()).count();
-            let answers = answer.iter().filter(|byte| matches!(**byte, OK | BELL)).count();
-            let later = noted.asked.iter().filter(|us| **us > 0).count();
-            prop_assert_eq!(answers + later, wanted);
+            let (mut told, mut answer) = (Vec::new(), Vec::new());
+            session.tell(0, &frame, &mut told);
+            session.hear(&told, &mut noted, &mut answer);
+            prop_assert_eq!(noted.sent, vec![frame]);
+        }
+
+        #[test]
+        fn any_line_has_one_answer(bytes in prop::collection::vec(prop_oneof![any::<u8>(), Just(b'\r'), 48u8..58, Just(b't'), Just(b'K')], 0..200)) {
+            each_line_has_one_answer(&bytes);
         }
     }
 }

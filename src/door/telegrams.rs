@@ -132,6 +132,22 @@ mod tests {
         assert_eq!((noted.0.len(), noted.1), (1, vec![3000]));
     }
 
+    /// Whatever comes in: no panic, nothing that no telegram is, and the same in one piece and in pieces.
+    #[test]
+    fn fuzz_door_telegrams() {
+        crate::fuzz("door_telegrams", |bytes| {
+            let Some((piece, bytes)) = bytes.split_first() else { return };
+            let hear = |piece: usize| {
+                let (mut session, mut noted) = (Session::default(), Noted::default());
+                let ended = bytes.chunks(piece).find_map(|piece| session.hear(piece, &mut noted).err());
+                (ended, noted.0, noted.1)
+            };
+            let heard = hear(bytes.len().max(1));
+            assert!(heard.1.iter().all(|burst| (1..=MAX_OCTETS).contains(&burst.octets.len())));
+            assert_eq!(heard, hear(usize::from(*piece).max(1)));
+        });
+    }
+
     proptest! {
         #![proptest_config(crate::property_tests())]
 

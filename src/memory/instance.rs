@@ -25,7 +25,7 @@ const PATIENCE: Duration = Duration::from_millis(500);
 pub struct InstanceLock {
     instance: String,
     directory: PrivateDir,
-    _file: File,
+    file: File,
 }
 
 impl InstanceLock {
@@ -46,8 +46,10 @@ impl InstanceLock {
             };
             match file.try_lock() {
                 Ok(()) if directory.is_named() && directory.names(LOCK, &file) => {
-                    sign(&file).map_err(|reason| failed("write", reason))?;
-                    return Ok(Self { instance: instance.to_owned(), directory, _file: file });
+                    let lock = Self { instance: instance.to_owned(), directory, file };
+                    // Without room for that nothing of it stays.
+                    sign(&lock.file).map_err(|reason| failed("write", reason))?;
+                    return Ok(lock);
                 }
                 Ok(()) => continue,
                 Err(TryLockError::Error(reason)) => return Err(failed("lock", reason)),

@@ -13,6 +13,8 @@ mod guests;
 mod history;
 mod injection;
 mod load;
+#[cfg(test)]
+mod node_frames_tests;
 mod ports;
 mod rest;
 mod schedule;

@@ -261,6 +261,18 @@ mod tests {
         assert_eq!(Telegram::parse(&none), Err(TelegramError::Length { found: 3, expected: 4 }));
     }
 
+    /// A telegram, which is the same once more, or refused.
+    fn telegram_or_refused(octets: &[u8]) {
+        if let Ok(telegram) = Telegram::parse(octets) {
+            assert_eq!(Telegram::parse(&telegram.octets().unwrap()), Ok(telegram));
+        }
+    }
+
+    #[test]
+    fn fuzz_profibus_telegram() {
+        crate::fuzz("profibus_telegram", telegram_or_refused);
+    }
+
     proptest! {
     #![proptest_config(crate::property_tests())]
 
@@ -279,9 +291,7 @@ mod tests {
 
         #[test]
         fn octets_are_a_telegram_or_refused(octets in prop::collection::vec(any::<u8>(), 0..300)) {
-            if let Ok(telegram) = Telegram::parse(&octets) {
-                prop_assert!(telegram.octets().is_ok());
-            }
+            telegram_or_refused(&octets);
         }
     }
 }

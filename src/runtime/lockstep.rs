@@ -103,7 +103,7 @@ impl Lockstep {
             let seat = self.headers[plc].project(|header| &header.lockstep[place]);
             match SeatState::from_code(seat.state.load()) {
                 Some(SeatState::Asking) => self.seat(plc, seat, plant),
-                Some(SeatState::Refused | SeatState::Lost) if !seat.owner_is_running() => seat.clear(),
+                Some(SeatState::Refused | SeatState::Lost) if seat.bury() => {}
                 _ => continue,
             }
             changed = true;
@@ -113,16 +113,21 @@ impl Lockstep {
     }
 
     fn seat(&mut self, plc: usize, seat: View<Seat>, plant: &mut Plant) {
-        let event = seat.event.load() as usize;
-        let (Some(level), Some(slot), true) =
-            (plant.event_level(plc, event), self.headers[plc].events.get(event), self.stepped)
-        else {
-            seat.state.store(SeatState::Refused.code());
+        let mut found = None;
+        let answer = seat.decide(|event| {
+            let event = event as usize;
+            // Read before it is told that it has its seat: no event behind that is missed.
+            let seen = self.headers[plc].events.get(event).map(|slot| slot.bell.rings());
+            found = plant.event_level(plc, event).zip(seen).filter(|_| self.stepped);
+            found.is_some()
+        });
+        // Who has left is asked for by nobody.
+        let Some((event, _)) = answer else { return };
+        let event = event as usize;
+        let Some((level, seen)) = found else {
             plant.note_lockstep(plc, event, SeatState::Refused);
             return;
         };
-        let seen = slot.bell.rings();
-        seat.state.store(SeatState::Seated.code());
         plant.note_lockstep(plc, event, SeatState::Seated);
         self.tasks.push(Task { plc, seat, event, level, seen, until: None });
     }
@@ -280,15 +285,13 @@ impl Lockstep {
 
     fn give_up(&mut self, index: usize, plant: &mut Plant) {
         let task = self.tasks.remove(index);
-        let state = if task.has_seat() { SeatState::Lost } else { SeatState::Free };
+        let state = if task.seat.lose() { SeatState::Lost } else { SeatState::Free };
         plant.note_lockstep(task.plc, task.event, state);
         if state == SeatState::Lost {
             tracing::warn!("the task of event {} was given up: it died or took too long", task.event);
-            task.seat.state.store(state.code());
             task.seat.turn.ring();
-            if !task.seat.owner_is_running() {
-                task.seat.clear();
-            }
+            // Who has died does not leave.
+            task.seat.bury();
         }
         self.watch(task.plc, plant);
     }

@@ -243,3 +243,22 @@ fn innermost(error: &EvalAltResult, file: &Path, directory: &Path) -> Place {
     }
     place(&file, line)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Whatever a script says, it ends with an outcome, and its file is the only one it reads or leaves.
+    #[test]
+    fn fuzz_scenario() {
+        let limits = Limits { operations: 2_000, time_us: 20_000, real: Duration::from_secs(5) };
+        crate::fuzz("scenario", |bytes| {
+            let directory = tempfile::tempdir().unwrap();
+            let file = directory.path().join("fuzzed.rhai");
+            std::fs::write(&file, bytes).unwrap();
+            let report = run_file(&file, None, limits, |_| {});
+            let is_crash = matches!(report.outcome, Outcome::Died(_) | Outcome::NotRun(_));
+            assert!(!is_crash, "{:?}", report.outcome);
+        });
+    }
+}

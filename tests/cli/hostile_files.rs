@@ -142,3 +142,57 @@ fn declarations_are_refused_in_their_time() {
         assert!(outcome.fails(2).contains(told), "{name}: {}", &outcome.err[..outcome.err.len().min(400)]);
     }
 }
+
+/// A pipe to which nobody writes, a device that never ends, one file that is as long as one may be, and one that is longer.
+#[test]
+fn layouts_are_accepted_or_refused_in_their_time() {
+    let files = Files::new();
+    let layout = files.0.path().join("layout");
+    std::fs::create_dir(&layout).unwrap();
+    let head = "name = 'any'\nid = 'ANY'\n";
+    let values = |n| format!("[[meaning]]\nname = 'm{n}'\nvalues = [{{ value = {n}, text = 'x' }}]\n");
+    let check = |told: &str| {
+        let outcome = files.run(&["layout", "check", "layout"]);
+        assert!(outcome.out.contains(told), "{told}: {}", &outcome.out[..outcome.out.len().min(400)]);
+        assert_eq!(outcome.code, Some(2), "{told}");
+    };
+    let device = layout.join("device.toml");
+    rustix::fs::mkfifoat(rustix::fs::CWD, &device, rustix::fs::Mode::RUSR).unwrap();
+    check("no regular file");
+    std::fs::remove_file(&device).unwrap();
+    std::os::unix::fs::symlink("/dev/zero", &device).unwrap();
+    check("no regular file");
+    std::fs::remove_file(&device).unwrap();
+    std::fs::write(&device, filled(2 * MIB, head, values, "")).unwrap();
+    check("more than 1 MiB");
+    for text in [filled(MIB, head, values, ""), filled(MIB, "x = ", |_| "[".to_owned(), "")] {
+        std::fs::write(&device, text).unwrap();
+        check("wrong");
+    }
+    let pipe = files.0.path().join("pipe");
+    rustix::fs::mkfifoat(rustix::fs::CWD, &pipe, rustix::fs::Mode::RUSR).unwrap();
+    let outcome = files.run(&["layout", "import", "pipe", "--check"]);
+    assert!(outcome.fails(2).contains("pipe"), "{}", outcome.err);
+}
+
+/// Behind the head of a right one, and up to the length that is read at all.
+#[test]
+fn snapshots_are_refused_in_their_time() {
+    let files = Files::new();
+    let right = {
+        let emulator = crate::common::Emulator::stepped();
+        let path = files.0.path().join("right.snap");
+        emulator.run("snapshot", &[path.to_str().unwrap()]).ok();
+        std::fs::read(path).unwrap()
+    };
+    let longest = usize::try_from(commram::plant::SnapshotFile::LONGEST).unwrap();
+    for (name, bytes, told) in [
+        ("zeros", vec![0; longest], "it is no snapshot"),
+        ("longer", vec![0; longest + 1], "more than"),
+        ("tail", [&right[..right.len() / 2], &vec![0xFF; longest - right.len()][..]].concat(), "damaged"),
+    ] {
+        std::fs::write(files.0.path().join(name), bytes).unwrap();
+        let outcome = files.run(&["run", "--from", name, "-i", &unique_name()]);
+        assert!(outcome.fails(2).contains(told), "{name}: {}", outcome.err);
+    }
+}

@@ -165,11 +165,13 @@ fn who_fills_the_memory_later_hangs_and_kills_nobody() {
         "$COMMRAM peek --raw node2.w_OPTION_STATUS
         cat /dev/zero >/dev/shm/filler 2>/dev/null
         $COMMRAM peek --raw node2.w_OPTION_STATUS; echo peek $?
+        $COMMRAM run -i late; echo run $?; ls /dev/shm | grep -c late
         rm /dev/shm/filler
         $COMMRAM poke node2.w_CPU_CONTROL=1; echo poke $?",
     );
     let Some(outcome) = with_small_shm("8m", &script) else { return };
     assert!(outcome.err.contains("a client needs"), "{outcome:?}");
     assert!(outcome.out.starts_with("16#0001\npeek 3\n") && outcome.out.contains("poke 0\n"), "{outcome:?}");
+    assert!(outcome.out.contains("run 1\n0\n"), "nothing stays of one that cannot start: {outcome:?}");
     assert!(outcome.out.ends_with("ended with 0\n"), "{outcome:?}");
 }

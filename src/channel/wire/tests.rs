@@ -8,6 +8,7 @@ use crate::fault::{
 use crate::journal::{By, Change, Changed, How, Keep, Names, Turn};
 use crate::layout::{Fit, Fitted, Live, Role};
 use crate::plant::Forced;
+use crate::request::testing::TestHost;
 use crate::request::{
     BusScene, BusState, Code, DriveEntry, InstanceInfo, Refused, Reply, Station, Stranger, Waited,
 };
@@ -307,6 +308,48 @@ fn reply() -> impl Strategy<Value = Reply> {
     ]
 }
 
+/// Longest time that an operation of a fuzzer may take, in microseconds: else it would only wait.
+const FUZZED_US: u64 = 20_000;
+
+/// An operation that encodes the same, or none.
+fn operation(wire: WireOp) -> Option<Op> {
+    let op = Op::try_from(wire).ok()?;
+    assert_eq!(WireOp::from(&op), wire);
+    Some(op)
+}
+
+/// Requests of whatever operations: what is one is executed, on two PLCs one of which has a bus.
+#[test]
+fn fuzz_channel_requests() {
+    crate::fuzz("channel_requests", |bytes| {
+        let mut host = TestHost::new(true);
+        let wires = bytes.as_chunks::<32>().0.iter().map(|bytes| WireOp::read_from_bytes(bytes).unwrap());
+        let ops: Vec<_> = wires
+            .take(64)
+            .map(|wire| operation(WireOp { time_us: wire.time_us % FUZZED_US, ..wire }))
+            .collect();
+        for request in ops.split(Option::is_none) {
+            let ops: Vec<_> = request.iter().flatten().cloned().collect();
+            let mut buffer = ReplyBuffer::default();
+            // What is too long for a reply is the server's affair.
+            let _fits = host.request(&ops).iter().all(|reply| buffer.push(reply).is_ok());
+        }
+    });
+}
+
+#[test]
+fn fuzz_channel_replies() {
+    crate::fuzz("channel_replies", |bytes| {
+        let (bytes, _) = bytes.as_chunks::<16>();
+        let blocks: Vec<Block> = bytes.iter().map(|bytes| Block::read_from_bytes(bytes).unwrap()).collect();
+        let mut replies = Vec::new();
+        if decode(&blocks, &mut replies).is_ok() {
+            let mut buffer = ReplyBuffer::default();
+            let _fits = replies.iter().all(|reply| buffer.push(reply).is_ok());
+        }
+    });
+}
+
 proptest! {
     #![proptest_config(crate::property_tests())]
 
@@ -317,19 +360,14 @@ proptest! {
 
     #[test]
     fn any_bytes_decode_to_an_operation_that_encodes_the_same_or_to_an_error(bytes in any::<[u8; 32]>()) {
-        let wire = WireOp::read_from_bytes(&bytes).unwrap();
-        if let Ok(op) = Op::try_from(wire) {
-            prop_assert_eq!(WireOp::from(&op), wire);
-        }
+        let _ = operation(WireOp::read_from_bytes(&bytes).unwrap());
     }
 
     #[test]
     fn nearly_valid_operations_do_not_panic(op in op(), at in 0_usize..32, byte in any::<u8>()) {
         let mut wire = WireOp::from(&op);
         wire.as_mut_bytes()[at] = byte;
-        if let Ok(op) = Op::try_from(wire) {
-            prop_assert_eq!(WireOp::from(&op), wire);
-        }
+        let _ = operation(wire);
     }
 
     #[test]

@@ -1,7 +1,7 @@
 use super::*;
 use crate::can::{ExtendedId, Frame, Payload, StandardId};
 use crate::journal::Format;
-use crate::journal::candump::{Logged, Shown};
+use crate::journal::candump::{self, Logged, Shown};
 use proptest::prelude::*;
 
 /// A block in the order of bytes asked for.
@@ -119,6 +119,20 @@ fn frames() -> impl Strategy<Value = Frame> {
             }
         },
     )
+}
+
+/// Logs in either format are read or refused; a frame that was read from a line comes back from the line that tells it.
+#[test]
+fn fuzz_log() {
+    crate::fuzz("log", |bytes| {
+        let _ = read(bytes);
+        let Ok(text) = str::from_utf8(bytes) else { return };
+        for Logged { interface, frame, .. } in candump::read(text).unwrap_or_default() {
+            let line = format!("(1.000000) {interface} {}\n", Shown(&frame));
+            let again = candump::read(&line).unwrap().pop();
+            assert_eq!(again, Some(Logged { time_us: 1_000_000, interface, frame }));
+        }
+    });
 }
 
 proptest! {

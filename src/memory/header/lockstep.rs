@@ -1,5 +1,8 @@
 //! Lockstep: tasks that the emulated time waits for. `docs/attach.md` describes the turns.
 
+#[cfg(any(test, feature = "emulator"))]
+mod hands;
+
 use crate::memory::process::ProcessId;
 use crate::memory::published::publish;
 use crate::memory::{Bell, Cell32, Cell64, SharedRegs};

@@ -3,6 +3,8 @@
 use super::*;
 use crate::devices;
 use crate::devices::MEDIA;
+use crate::memory::Segment;
+use crate::plant::Plant;
 
 #[test]
 fn the_built_in_plant_is_a_good_one() {
@@ -18,6 +20,22 @@ fn the_documented_plant_file_is_a_good_one() {
     let plant = PlantConfig::parse("docs/plant.md", example).unwrap();
     assert_eq!(plant.media[1].participants()[0].0, "winder");
     assert!(plant.media[1].build(1).is_ok());
+}
+
+/// Whatever a plant file says, it is refused, or it is a plant that runs.
+#[test]
+fn fuzz_plant() {
+    crate::fuzz("plant", |bytes| {
+        let Ok(text) = str::from_utf8(bytes) else { return };
+        let Ok(config) = PlantConfig::parse("plant", text) else { return };
+        if config.check().is_err() || config.devices.len() > 8 {
+            return;
+        }
+        let segment = |_: &str, device| Ok::<_, Box<dyn core::error::Error>>(Segment::of(device));
+        if let Ok(mut plant) = Plant::new(&config, segment) {
+            plant.advance_to(3_000);
+        }
+    });
 }
 
 #[test]

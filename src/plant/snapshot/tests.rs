@@ -3,6 +3,7 @@
 use super::*;
 use crate::memory::Segment;
 use crate::plant::PlantConfig;
+use std::sync::{Mutex, PoisonError};
 
 fn plant(text: &str) -> Plant {
     let config = PlantConfig::parse("plant", text).unwrap();
@@ -36,6 +37,42 @@ fn a_file_comes_back_and_anything_else_is_refused() {
     assert!(error.starts_with("it was made by commram ") && error.contains("(format 2)"), "{error}");
 }
 
+/// Takes over what may be bad; whether it could.
+fn runs_or_is_refused(plant: &mut Plant, good: &Snapshot, bad: &Snapshot) -> bool {
+    let is_taken = plant.restore(bad).is_ok();
+    if is_taken {
+        plant.advance_to(plant.now().saturating_add(3_000));
+    }
+    assert!(plant.restore(good).is_ok());
+    is_taken
+}
+
+/// Bytes are written into the state of a plant of any device, behind a right checksum; and bytes as a file.
+#[test]
+fn fuzz_snapshot() {
+    let plants: Vec<_> = templates()
+        .map(|text| {
+            let mut plant = plant(text);
+            plant.advance_to(400_000);
+            let good = plant.snapshot();
+            Mutex::new((plant, good))
+        })
+        .collect();
+    crate::fuzz("snapshot", |bytes| {
+        let _ = SnapshotFile::of_bytes(bytes);
+        let Some((which, changes)) = bytes.split_first() else { return };
+        let mut plant =
+            plants[usize::from(*which) % plants.len()].lock().unwrap_or_else(PoisonError::into_inner);
+        let (plant, good) = &mut *plant;
+        let mut bad = good.clone();
+        for [low, middle, byte] in changes.as_chunks::<3>().0 {
+            let at = usize::from(u16::from_le_bytes([*low, *middle])) % bad.state.len();
+            bad.state[at] = *byte;
+        }
+        runs_or_is_refused(plant, good, &bad);
+    });
+}
+
 /// Behind a right checksum.
 #[test]
 fn a_state_that_makes_no_sense_is_refused_or_runs() {
@@ -54,13 +91,7 @@ fn a_state_that_makes_no_sense_is_refused_or_runs() {
             if random.u8(..8) == 0 {
                 bad.state.truncate(random.usize(..bad.state.len()));
             }
-            match plant.restore(&bad) {
-                Ok(()) => plant.advance_to(plant.now() + 3_000),
-                Err(_) => {
-                    refused += 1;
-                    assert!(plant.restore(&good).is_ok());
-                }
-            }
+            refused += usize::from(!runs_or_is_refused(&mut plant, &good, &bad));
         }
         assert!(refused > 0);
         plant.restore(&good).unwrap();

@@ -48,6 +48,24 @@ fn names(directory: &tempfile::TempDir) -> Vec<String> {
     entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect()
 }
 
+/// A file that is taken is one that would be written, and what is right comes back whatever its content is.
+#[test]
+fn fuzz_novram() {
+    crate::fuzz("novram", |bytes| {
+        let mut behind_a_right_checksum = bytes.to_vec();
+        behind_a_right_checksum.extend(crc32fast::hash(bytes).to_le_bytes());
+        for bytes in [bytes, &behind_a_right_checksum] {
+            if let Some(content) = decode(bytes, SIZE) {
+                assert_eq!(encode(&content), bytes);
+            }
+        }
+        if let Some((registers, retain)) = bytes.split_at_checked(REGISTERS) {
+            let content = Content::new(registers, retain);
+            assert_eq!(decode(&encode(&content), SIZE), Some(content));
+        }
+    });
+}
+
 /// A plant with fewer retain flags takes none away from one that has more.
 #[test]
 fn flags_beyond_those_of_the_plant_stay_in_the_file() {

@@ -3,6 +3,8 @@
 use crate::error::{Error, Location, Reason};
 use serde::de::DeserializeOwned;
 use std::collections::BTreeMap;
+use std::fs;
+use std::io::{self, Read};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -19,6 +21,22 @@ pub(crate) struct Sources {
 pub(crate) struct At {
     pub file: usize,
     pub byte: usize,
+}
+
+/// The longest file of a layout, in bytes; the longest that there is has a 25th of that.
+const LONGEST: u64 = 1 << 20;
+
+/// The text of a file. What never ends, or never begins, is not waited for.
+fn read(path: &Path) -> io::Result<String> {
+    if !fs::metadata(path)?.is_file() {
+        return Err(io::Error::new(io::ErrorKind::InvalidInput, "it is no regular file"));
+    }
+    let mut text = String::new();
+    fs::File::open(path)?.take(LONGEST + 1).read_to_string(&mut text)?;
+    if text.len() as u64 > LONGEST {
+        return Err(io::Error::new(io::ErrorKind::FileTooLarge, "it has more than 1 MiB"));
+    }
+    Ok(text)
 }
 
 impl Sources {
@@ -53,7 +71,7 @@ impl Sources {
             (Some(beside), Some(parent)) => parent.join(beside),
             _ => self.dir.join(name),
         };
-        let text = self.edits.get(&path).cloned().map_or_else(|| std::fs::read_to_string(&path), Ok);
+        let text = self.edits.get(&path).cloned().map_or_else(|| read(&path), Ok);
         let text = text.map_err(|error| match from {
             Some(at) => self.error(at, Reason::Unreadable(format!("{}: {error}", path.display()))),
             None => Error {

@@ -29,6 +29,51 @@ fn configuration() -> impl Strategy<Value = Vec<u8>> {
     prop_oneof![4 => modules, 1 => prop::collection::vec(any::<u8>(), 0..=244)]
 }
 
+/// Whatever a master sends as parameters, configuration and outputs, there is a state and a diagnosis that says why.
+fn a_state_and_a_diagnosis(prm: &[u8], cfg: &[u8], outputs: &[u8]) {
+    let mut bench = Bench::new(5);
+    assert_eq!(bench.ask(61, prm).0, mst_result::RECEIPT);
+    let after_prm = bench.diag();
+    assert_eq!(bench.ask(62, cfg).0, mst_result::RECEIPT);
+    let diag = bench.diag();
+    let state = bench.registers.diag.dp_state.load();
+    assert!((dp_state::WAIT_PRM..=dp_state::DATA_EXCHANGE).contains(&state));
+    for diag in [&after_prm, &diag] {
+        assert!([6, 11].contains(&diag.len()), "{:02X?}", diag);
+        assert_eq!(&diag[4..6], &[0x04, 0xA4]);
+    }
+    // Each bit has its reason, and each refusal its bit.
+    let cause = diag.get(8).copied();
+    assert_eq!(diag[0] & 0x40 != 0, cause == Some(0x3D));
+    assert_eq!(diag[0] & 0x04 != 0, cause == Some(0x3E));
+    assert_eq!(diag[0] & 0x02 != 0, state != dp_state::DATA_EXCHANGE);
+    assert_eq!(diag[1] & 0x01 != 0, state == dp_state::WAIT_PRM);
+    if cause == Some(0x3E) {
+        assert!((1..=6).contains(&diag[10]) && diag[9] <= 48, "{:02X?}", diag);
+    }
+    // Whatever it waits for, outputs are taken or refused, and time goes on.
+    let result = bench.ask(255, outputs).0;
+    let fits = outputs.is_empty() || outputs.len() == usize::from(bench.registers.cfg.output_len.load());
+    assert_eq!(result == mst_result::NOT_ACTIVATED, state != dp_state::DATA_EXCHANGE || !fits);
+    bench.run(10 * MS);
+}
+
+/// Lengths of parameters and configuration, then the octets of these and of the outputs.
+#[test]
+fn fuzz_dp_slave() {
+    crate::fuzz("dp_slave", |bytes| {
+        let [prm, cfg, rest @ ..] = bytes else { return };
+        let part = |rest: &mut &[u8], len: usize| {
+            let (part, behind) = rest.split_at(len.min(rest.len()).min(244));
+            *rest = behind;
+            part.to_vec()
+        };
+        let rest = &mut &*rest;
+        let (prm, cfg, outputs) = (part(rest, (*prm).into()), part(rest, (*cfg).into()), part(rest, 244));
+        a_state_and_a_diagnosis(&prm, &cfg, &outputs);
+    });
+}
+
 proptest! {
     #![proptest_config(crate::property_tests())]
 
@@ -38,30 +83,6 @@ proptest! {
         cfg in configuration(),
         outputs in prop::collection::vec(any::<u8>(), 0..=244),
     ) {
-        let mut bench = Bench::new(5);
-        prop_assert_eq!(bench.ask(61, &prm).0, mst_result::RECEIPT);
-        let after_prm = bench.diag();
-        prop_assert_eq!(bench.ask(62, &cfg).0, mst_result::RECEIPT);
-        let diag = bench.diag();
-        let state = bench.registers.diag.dp_state.load();
-        prop_assert!((dp_state::WAIT_PRM..=dp_state::DATA_EXCHANGE).contains(&state));
-        for diag in [&after_prm, &diag] {
-            prop_assert!([6, 11].contains(&diag.len()), "{:02X?}", diag);
-            prop_assert_eq!(&diag[4..6], &[0x04, 0xA4]);
-        }
-        // Each bit has its reason, and each refusal its bit.
-        let cause = diag.get(8).copied();
-        prop_assert_eq!(diag[0] & 0x40 != 0, cause == Some(0x3D));
-        prop_assert_eq!(diag[0] & 0x04 != 0, cause == Some(0x3E));
-        prop_assert_eq!(diag[0] & 0x02 != 0, state != dp_state::DATA_EXCHANGE);
-        prop_assert_eq!(diag[1] & 0x01 != 0, state == dp_state::WAIT_PRM);
-        if cause == Some(0x3E) {
-            prop_assert!((1..=6).contains(&diag[10]) && diag[9] <= 48, "{:02X?}", diag);
-        }
-        // Whatever it waits for, outputs are taken or refused, and time goes on.
-        let result = bench.ask(255, &outputs).0;
-        let fits = outputs.is_empty() || outputs.len() == usize::from(bench.registers.cfg.output_len.load());
-        prop_assert_eq!(result == mst_result::NOT_ACTIVATED, state != dp_state::DATA_EXCHANGE || !fits);
-        bench.run(10 * MS);
+        a_state_and_a_diagnosis(&prm, &cfg, &outputs);
     }
 }

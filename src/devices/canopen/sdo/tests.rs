@@ -175,20 +175,42 @@ fn request() -> impl Strategy<Value = Data> {
     ]
 }
 
+/// Whatever a client sends: each request but its abort has one answer, and an entry stays what it can be.
+fn each_request_has_one_answer(requests: &[Data]) {
+    let (mut server, mut entries) = (Server::default(), Entries::default());
+    for request in requests {
+        let answer = server.request(*request, &mut entries);
+        assert_eq!(answer.is_none(), request[0] >> 5 == 4);
+        assert!(entries.block.len() <= 20 && entries.byte != 0xFF);
+    }
+    // And it still serves.
+    assert_eq!(read(&mut server, &mut entries, FIXED), [1, 2, 3, 4]);
+}
+
+#[test]
+fn fuzz_sdo_server() {
+    crate::fuzz("sdo_server", |bytes| each_request_has_one_answer(bytes.as_chunks().0));
+}
+
+/// The first byte: how many are written, or that a block is read; then these, and answers.
+#[test]
+fn fuzz_sdo_client() {
+    crate::fuzz("sdo_client", |bytes| {
+        let Some((head, rest)) = bytes.split_first() else { return };
+        let is_read = head & 0x80 != 0;
+        let written = if is_read { 0 } else { usize::from(head & 0x1F).min(rest.len()) };
+        let (value, answers) = rest.split_at(written);
+        let (client, _) = if is_read { Client::read(BLOCK, 30) } else { Client::write(BLOCK, value) };
+        no_answer_upsets(client, answers.as_chunks().0);
+    });
+}
+
 proptest! {
     #![proptest_config(crate::property_tests())]
 
-    /// Whatever a client sends: each request but its abort has one answer, and an entry stays what it can be.
     #[test]
-    fn each_request_has_one_answer(requests in proptest::collection::vec(request(), 0..60)) {
-        let (mut server, mut entries) = (Server::default(), Entries::default());
-        for request in requests {
-            let answer = server.request(request, &mut entries);
-            prop_assert_eq!(answer.is_none(), request[0] >> 5 == 4);
-            prop_assert!(entries.block.len() <= 20 && entries.byte != 0xFF);
-        }
-        // And it still serves.
-        prop_assert_eq!(read(&mut server, &mut entries, FIXED), vec![1, 2, 3, 4]);
+    fn any_request_has_one_answer(requests in proptest::collection::vec(request(), 0..60)) {
+        each_request_has_one_answer(&requests);
     }
 
     #[test]
@@ -282,23 +304,27 @@ proptest! {
         prop_assert_eq!(carry_out(Client::read(BLOCK, 600)), Step::Done(value));
     }
 
-    /// Whatever comes, a transfer ends after as many answers as its data have segments, or goes on waiting.
     #[test]
     fn no_answer_upsets_a_client(
         value in proptest::collection::vec(any::<u8>(), 0..30),
         answers in proptest::collection::vec(any::<[u8; 8]>(), 0..60),
         is_read in any::<bool>(),
     ) {
-        let (mut client, _) = if is_read { Client::read(BLOCK, 30) } else { Client::write(BLOCK, &value) };
-        for answer in answers {
-            match client.answered(answer) {
-                Step::Send(_) | Step::Ignored => {}
-                Step::Done(data) => {
-                    prop_assert!(data.len() <= 30);
-                    break;
-                }
-                Step::Aborted(_) | Step::Failed(..) => break,
+        let (client, _) = if is_read { Client::read(BLOCK, 30) } else { Client::write(BLOCK, &value) };
+        no_answer_upsets(client, &answers);
+    }
+}
+
+/// Whatever comes, a transfer ends after as many answers as its data have segments, or goes on waiting.
+fn no_answer_upsets(mut client: Client, answers: &[Data]) {
+    for answer in answers {
+        match client.answered(*answer) {
+            Step::Send(_) | Step::Ignored => {}
+            Step::Done(data) => {
+                assert!(data.len() <= 30);
+                break;
             }
+            Step::Aborted(_) | Step::Failed(..) => break,
         }
     }
 }

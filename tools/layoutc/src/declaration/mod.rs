@@ -13,11 +13,11 @@ pub(crate) use error::{Fault, in_file};
 pub use size::{Alignment, Element, Shape, Sizes};
 
 use std::collections::HashMap;
-use std::io::Read;
+use std::io;
 use std::path::{Path, PathBuf};
 
 /// The longest file that is read, in bytes; the types of a whole library have some hundred kilobytes.
-const MAX_BYTES: u64 = 4 << 20;
+pub const MAX_BYTES: u64 = 4 << 20;
 
 /// The types that one file declares.
 #[derive(Debug)]
@@ -82,18 +82,14 @@ impl Types {
 }
 
 impl Declarations {
-    /// Reads the file at `path`: UTF-8, or the Latin script of older Windows programs, whose letters can only occur
+    /// Reads what was found in the file at `path`: UTF-8, or the Latin script of older Windows programs, whose letters can only occur
     /// in comments.
     ///
     /// # Errors
-    /// The file cannot be read, is too long, or does not parse; with line and column.
-    pub fn read(path: &Path) -> Result<Self, DeclarationError> {
+    /// The file could not be read, is too long, or does not parse; with line and column.
+    pub fn read(path: &Path, found: io::Result<Vec<u8>>) -> Result<Self, DeclarationError> {
         let begin = Place { line: 1, column: 1 };
-        let unreadable = |error: std::io::Error| in_file(path, (begin, Wrong::Unreadable(error.to_string())));
-        let file = std::fs::File::open(path).map_err(unreadable)?;
-        let mut bytes = Vec::new();
-        // A byte more than allowed tells that there are too many, whatever kind of file this is.
-        file.take(MAX_BYTES + 1).read_to_end(&mut bytes).map_err(unreadable)?;
+        let bytes = found.map_err(|error| in_file(path, (begin, Wrong::Unreadable(error.to_string()))))?;
         let text = decode(bytes).map_err(|wrong| in_file(path, (begin, wrong)))?;
         Self::parse(path, &text)
     }

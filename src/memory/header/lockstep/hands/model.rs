@@ -1,0 +1,144 @@
+//! Every interleaving of tasks that take a seat, ask and leave, with an emulator that answers, gives up and frees, with the memory orders of
+//! [`super::Cell32`]. What is left out is what a seat has besides: bells, of which there is a model of their own, and times.
+
+use super::{Hands, NOBODY, SeatState, Word};
+use loom::sync::Arc;
+use loom::sync::atomic::AtomicU32;
+use loom::sync::atomic::Ordering::{AcqRel, Acquire, Release};
+
+/// A word whose exchange is one step, or two.
+struct Model<const WHOLE: bool>(AtomicU32);
+
+impl<const WHOLE: bool> Word for Model<WHOLE> {
+    fn load(&self) -> u32 {
+        self.0.load(Acquire)
+    }
+
+    fn store(&self, value: u32) {
+        // Of a plain store loom does not know whether it comes before or behind what others exchange at the same time.
+        self.0.swap(value, Release);
+    }
+
+    fn exchange(&self, current: u32, new: u32) -> bool {
+        if WHOLE {
+            return self.0.compare_exchange(current, new, AcqRel, Acquire).is_ok();
+        }
+        let is_so = self.load() == current;
+        if is_so {
+            self.store(new);
+        }
+        is_so
+    }
+}
+
+struct Seat<const WHOLE: bool> {
+    owner: Model<WHOLE>,
+    state: Model<WHOLE>,
+    event: Model<WHOLE>,
+    /// Whether the first task has died.
+    is_dead: AtomicU32,
+}
+
+const FIRST: u32 = 1;
+const SECOND: u32 = 2;
+
+impl<const WHOLE: bool> Seat<WHOLE> {
+    fn new() -> Self {
+        let zero = || Model(AtomicU32::new(0));
+        Self { owner: zero(), state: zero(), event: zero(), is_dead: AtomicU32::new(0) }
+    }
+
+    fn hands(&self) -> Hands<'_, Model<WHOLE>> {
+        Hands { owner: &self.owner, state: &self.state, event: &self.event }
+    }
+
+    /// As a task does: takes the seat, of which only one can be the owner, and asks for the event of its number.
+    fn ask(&self, task: u32) -> bool {
+        let is_ours = self.owner.0.compare_exchange(0, task, AcqRel, Acquire).is_ok();
+        if is_ours {
+            self.event.store(task);
+            self.state.store(SeatState::Asking.code());
+        }
+        is_ours
+    }
+
+    fn leave(&self) {
+        self.state.store(SeatState::Free.code());
+        self.owner.store(0);
+    }
+
+    fn bury(&self) {
+        let is_running = |owner| owner != FIRST || self.is_dead.load(Acquire) == 0;
+        // As the seat itself does: the owner last.
+        self.hands().bury(is_running, || {
+            self.event.store(0);
+            self.leave();
+        });
+    }
+}
+
+/// A task asks for an event, leaves and dies, the next one asks for its own; meanwhile the emulator answers, gives up and frees. Then it looks
+/// once more, as it does when somebody has asked.
+fn one_after_the_other<const WHOLE: bool>(may_first: bool) {
+    loom::model(move || {
+        let seat = Arc::new(Seat::<WHOLE>::new());
+        assert!(seat.ask(FIRST));
+        let tasks = {
+            let seat = Arc::clone(&seat);
+            loom::thread::spawn(move || {
+                seat.leave();
+                seat.is_dead.store(1, Release);
+                seat.ask(SECOND)
+            })
+        };
+        let may = |event| event == SECOND || may_first;
+        let answered = seat.hands().decide(may);
+        if matches!(answered, Some((FIRST, true))) {
+            seat.hands().lose();
+        }
+        seat.bury();
+        let is_asking = tasks.join().unwrap();
+        assert!(is_asking, "a seat that was left is free");
+        let again = seat.hands().decide(may);
+        // One of the two answers was the second task's, and it has kept what it was told.
+        assert_eq!(seat.state.load(), SeatState::Seated.code(), "{answered:?} {again:?}");
+        assert_eq!([seat.owner.load(), seat.event.load()], [SECOND, SECOND]);
+        assert!(again.or(answered) == Some((SECOND, true)));
+    });
+}
+
+#[test]
+fn who_comes_next_has_its_seat_when_the_one_before_was_lost() {
+    one_after_the_other::<true>(true);
+}
+
+#[test]
+fn who_comes_next_has_its_seat_when_the_one_before_was_refused() {
+    one_after_the_other::<true>(false);
+}
+
+/// A task that dies instead of leaving is put out, and the next one finds the seat free.
+#[test]
+fn the_seat_of_the_dead_is_free_for_the_next() {
+    loom::model(|| {
+        let seat = Arc::new(Seat::<true>::new());
+        assert!(seat.ask(FIRST));
+        assert_eq!(seat.hands().decide(|_| false), Some((FIRST, false)));
+        seat.is_dead.store(1, Release);
+        let next = {
+            let seat = Arc::clone(&seat);
+            loom::thread::spawn(move || seat.ask(SECOND))
+        };
+        seat.bury();
+        let is_ours = next.join().unwrap();
+        assert_eq!(seat.owner.load(), if is_ours { SECOND } else { 0 });
+        assert_ne!(seat.owner.load(), NOBODY);
+        assert_eq!(seat.hands().decide(|_| true), is_ours.then_some((SECOND, true)));
+    });
+}
+
+#[test]
+#[should_panic(expected = "assertion")]
+fn the_model_would_notice_exchanges_in_two_steps() {
+    one_after_the_other::<false>(true);
+}

@@ -1,0 +1,87 @@
+//! Whatever frames and telegrams come to the nodes of a plant of any device, and whatever stands in their registers then: nothing panics, and
+//! the plant goes on once it has been switched off and on.
+
+use super::*;
+use crate::can::{ExtendedId, Frame, Payload, StandardId};
+use crate::devices;
+use crate::door::Said;
+use crate::memory::header::{BoardSetting, Power, RunSwitch};
+use crate::memory::{Segment, Width};
+use crate::profibus::Burst;
+
+/// What a guest gives a medium; half of all is of no use to it, and refused.
+fn said(head: u8, bytes: &[u8]) -> Option<Said> {
+    let [low, high, data @ ..] = bytes else { return None };
+    let number = u16::from_le_bytes([*low, *high]);
+    if head & 0x08 != 0 {
+        return Some(Said::Burst(Burst { begin: 0, octets: bytes.to_vec() }));
+    }
+    let data = &data[..data.len().min(8)];
+    let id = StandardId::new(number & 0x7FF)?;
+    let long = ExtendedId::new(u32::from(number) << 8)?;
+    Some(Said::Frame(match high >> 6 {
+        0 | 1 => Frame::new(id, Payload::new(data)?),
+        2 => Frame::remote(id, data.len())?,
+        _ => Frame::new(long, Payload::new(data)?),
+    }))
+}
+
+/// Acts are a byte that says what, the number of bytes of it, and these.
+fn act(plant: &mut Plant, head: u8, bytes: &[u8]) {
+    match head & 7 {
+        0..=3 => {
+            let bus = u16::from(head >> 4) % plant.named_media.max(1) as u16;
+            if let Some(said) = said(head, bytes) {
+                // A medium refuses what it cannot carry, and what there is no room for.
+                let _refused = plant.guest_sends(bus, 1, &said);
+            }
+            plant.advance_to(plant.now() + 1_000);
+        }
+        4 | 5 => {
+            let [low, middle, high, value @ ..] = bytes else { return };
+            let plc = usize::from(head >> 4) % plant.devices().len();
+            let offset = u32::from_le_bytes([*low, *middle, *high, 0]);
+            let value = value.iter().take(4).rev().fold(0, |value, byte| (value << 8) | u32::from(*byte));
+            for (width, value) in
+                [(Width::Byte, value & 0xFF), (Width::Word, value & 0xFFFF), (Width::Dword, value)]
+            {
+                // One of them is the register's width, if there is a register.
+                let _unmapped = plant.store(plc, offset, width, value);
+            }
+        }
+        6 => plant.advance_to(plant.now() + 10_000),
+        _ => plant.advance_to(plant.now() + u64::from(head >> 3)),
+    }
+}
+
+#[test]
+fn fuzz_node_frames() {
+    let texts: Vec<_> = devices::all().iter().filter_map(|known| known.template).collect();
+    crate::fuzz("node_frames", |bytes| {
+        let Some((which, mut rest)) = bytes.split_first() else { return };
+        let config = PlantConfig::parse("plant", texts[usize::from(*which) % texts.len()]).unwrap();
+        let segment = |_: &str, device| Ok::<_, Box<dyn core::error::Error>>(Segment::of(device));
+        let mut plant = Plant::new(&config, segment).unwrap();
+        plant.advance_to(3_000);
+        for bus in 0..plant.named_media as u16 {
+            plant.guest_joins(bus, 1, true);
+        }
+        // As many as take a bearable time.
+        for _ in 0..200 {
+            let [head, len, behind @ ..] = rest else { break };
+            let (bytes, behind) = behind.split_at(usize::from(*len).min(behind.len()));
+            act(&mut plant, *head, bytes);
+            rest = behind;
+        }
+        for plc in 0..plant.devices().len() {
+            for setting in [
+                BoardSetting::Switch(RunSwitch::Run),
+                BoardSetting::Power(Power::On),
+                BoardSetting::PowerCycle,
+            ] {
+                plant.set_board(plc, setting);
+            }
+        }
+        plant.advance_to(plant.now() + 20_000);
+    });
+}

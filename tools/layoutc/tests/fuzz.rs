@@ -1,0 +1,117 @@
+//! Whatever stands in files that people hand in: it is read or refused. What is kept for these targets lies in `__fuzz__` beside this file;
+//! `tests/__fuzz__/README.md` of the whole tells more.
+
+#![cfg(feature = "import")]
+
+use commram_layoutc::declaration::{Alignment, Declarations, Sizes};
+use commram_layoutc::import::{Called, Import};
+use std::fs;
+use std::path::Path;
+
+const FIXTURE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/fixture");
+const MIXED: &str = include_str!("__fuzz__/declarations/corpus/mixed.st");
+
+/// Whatever the text is: read or refused, and what was read is laid out, and imported, or refused.
+fn survive(text: &str) {
+    let Ok(declarations) = Declarations::parse(Path::new("x.st"), text) else { return };
+    for alignment in [Alignment::Packed, Alignment::Natural] {
+        let mut sizes = Sizes::new(&declarations, alignment);
+        for ty in declarations.structures().map(|name| declarations.find(name).unwrap()) {
+            for (offset, member) in sizes.members(ty).unwrap_or_default() {
+                let end = offset + sizes.size(member.ty).unwrap();
+                assert!(sizes.shape(member.ty).is_ok() && end <= sizes.size(ty).unwrap());
+            }
+        }
+        let _ = Import::plan(Path::new(FIXTURE), &declarations, alignment, &Called::new([]));
+    }
+}
+
+#[test]
+fn fuzz_declarations() {
+    bolero::check!(name = "declarations").with_iterations(50).for_each(|bytes: &[u8]| {
+        if let Ok(text) = str::from_utf8(bytes) {
+            survive(text);
+        }
+    });
+}
+
+/// The first byte says which file of a layout the others stand in.
+#[test]
+fn fuzz_layout() {
+    let mut files: Vec<_> = fs::read_dir(FIXTURE).unwrap().map(|entry| entry.unwrap().path()).collect();
+    files.sort();
+    bolero::check!(name = "layout").with_iterations(50).for_each(|bytes: &[u8]| {
+        let Some((which, text)) = bytes.split_first() else { return };
+        let directory = tempfile::tempdir().unwrap();
+        for (number, file) in files.iter().enumerate() {
+            let to = directory.path().join(file.file_name().unwrap());
+            if number == usize::from(*which) % files.len() {
+                fs::write(to, text).unwrap();
+            } else {
+                fs::copy(file, to).unwrap();
+            }
+        }
+        let _ = commram_layoutc::compile(directory.path());
+    });
+}
+
+const PIECES: [&str; 34] = [
+    "TYPE",
+    "END_TYPE",
+    "STRUCT",
+    "END_STRUCT",
+    "ARRAY",
+    "OF",
+    "VAR_GLOBAL",
+    "END_VAR",
+    "AT",
+    "STRING",
+    "T",
+    "U",
+    "BYTE",
+    "LREAL",
+    ":",
+    ":=",
+    ";",
+    ",",
+    "(",
+    ")",
+    "[",
+    "]",
+    "..",
+    "0",
+    "31",
+    "16#FFFF_FFFF_FFFF_FFFF",
+    "-",
+    "%MB3.5",
+    "'a'",
+    "(*",
+    "*)",
+    "{",
+    "ä",
+    "\n",
+];
+
+proptest::proptest! {
+    #[test]
+    fn no_text_does_more_than_being_refused(text in "\\PC*") {
+        survive(&text);
+    }
+
+    #[test]
+    fn no_order_of_words_does_more_than_being_refused(
+        words in proptest::collection::vec(proptest::sample::select(&PIECES[..]), 0..60)
+    ) {
+        survive(&words.join(" "));
+    }
+
+    /// One piece of a good declaration replaced by another one comes deeper into the parser.
+    #[test]
+    fn a_damaged_declaration_is_read_or_refused(
+        at in 0..MIXED.split_whitespace().count(), piece in proptest::sample::select(&PIECES[..])
+    ) {
+        let mut words: Vec<_> = MIXED.split_whitespace().collect();
+        words[at] = piece;
+        survive(&words.join("\n"));
+    }
+}
