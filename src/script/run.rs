@@ -249,7 +249,7 @@ mod tests {
     use super::*;
 
     /// As large as that of the thread in which `commram test` runs a scenario.
-    const STACK: usize = 64 << 20;
+    const STACK: usize = 16 << 20;
 
     /// Whatever a script says, it ends with an outcome, and its file is the only one it reads or leaves.
     #[test]
