@@ -44,7 +44,6 @@ struct Hands<'a, W> {
 /// A word that others write at the same time.
 trait Word {
     fn load(&self) -> u32;
-    fn store(&self, value: u32);
     /// Stores if it holds that; whether it did.
     fn exchange(&self, current: u32, new: u32) -> bool;
 }
@@ -52,10 +51,6 @@ trait Word {
 impl Word for Cell32 {
     fn load(&self) -> u32 {
         Cell32::load(self)
-    }
-
-    fn store(&self, value: u32) {
-        Cell32::store(self, value);
     }
 
     fn exchange(&self, current: u32, new: u32) -> bool {

@@ -9,14 +9,16 @@ use loom::sync::atomic::Ordering::{AcqRel, Acquire, Release};
 /// A word whose exchange is one step, or two.
 struct Model<const WHOLE: bool>(AtomicU32);
 
-impl<const WHOLE: bool> Word for Model<WHOLE> {
-    fn load(&self) -> u32 {
-        self.0.load(Acquire)
-    }
-
+impl<const WHOLE: bool> Model<WHOLE> {
     fn store(&self, value: u32) {
         // Of a plain store loom does not know whether it comes before or behind what others exchange at the same time.
         self.0.swap(value, Release);
+    }
+}
+
+impl<const WHOLE: bool> Word for Model<WHOLE> {
+    fn load(&self) -> u32 {
+        self.0.load(Acquire)
     }
 
     fn exchange(&self, current: u32, new: u32) -> bool {
