@@ -44,9 +44,20 @@ impl Segment {
         line
     }
 
+    /// Whether the line at `at` lies inside the segment and is 0. Most lines are, so nothing is copied for that.
+    #[inline(always)]
+    fn is_blank(&self, at: usize) -> bool {
+        if at + LINE > self.size() {
+            return false;
+        }
+        // SAFETY: as in `line`.
+        let four = |index| unsafe { load_four(self.base().add(at).cast::<[u64; 4]>().add(index)) };
+        four(0).iter().chain(&four(1)).fold(0, |all, word| all | word) == 0
+    }
+
     /// Saves the registers in these ranges, which ascend.
     pub(crate) fn save_registers(&self, ranges: &[Range<usize>], to: &mut Saving) {
-        for at in lines(ranges) {
+        for at in lines(ranges).filter(|at| !self.is_blank(*at)) {
             let line = self.line(at);
             if line != [0; WORDS] {
                 to.value(&((at / LINE) as u32));
@@ -64,11 +75,15 @@ impl Segment {
     ) -> Result<(), Damaged> {
         let mut saved: u32 = from.value()?;
         for at in lines(ranges) {
-            let mut bytes = [0; LINE];
-            if saved as usize == at / LINE {
-                bytes.copy_from_slice(from.raw(LINE)?);
-                saved = from.value()?;
+            if saved as usize != at / LINE {
+                if !self.is_blank(at) {
+                    self.put(at, &[0; LINE]);
+                }
+                continue;
             }
+            let mut bytes = [0; LINE];
+            bytes.copy_from_slice(from.raw(LINE)?);
+            saved = from.value()?;
             let mut line = [0; WORDS];
             line.iter_mut().zip(bytes.as_chunks().0).for_each(|(to, bytes)| *to = u64::from_ne_bytes(*bytes));
             if self.line(at) != line {
