@@ -60,7 +60,7 @@ pub(super) struct Outcome {
 /// All events that are watched.
 pub(super) struct Tally {
     places: Vec<Option<Watched>>,
-    /// No event has been counted since all counts were ended.
+    /// All counts are over.
     is_quiet: bool,
 }
 
@@ -159,7 +159,12 @@ impl Tally {
 
     /// Ends the counts whose next event should have come before `now`. Returns them in the order of time.
     pub(crate) fn overdue(&mut self, now: u64) -> Vec<Record> {
-        self.end(|watched| watched.last + u64::from(watched.period) < now)
+        if self.is_quiet {
+            return Vec::new();
+        }
+        let records = self.end(|watched| watched.last + u64::from(watched.period) < now);
+        self.is_quiet = self.places.iter().flatten().all(|watched| watched.count == 0);
+        records
     }
 
     /// Ends all counts. Returns them in the order of time.
