@@ -35,7 +35,7 @@ pub(crate) struct Settings {
     /// How many MiB of states a stepped instance keeps to go back to, see `commram step --back`; 0: none [default: 8]
     #[arg(long, value_name = "MIB", value_parser = clap::value_parser!(u32).range(..=4096))]
     keep_states: Option<u32>,
-    /// How many processor cores may work at the plant; worth it from some hundred buses on
+    /// How many processor cores may work at the plant; it goes the same way, and so far hardly faster
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=64))]
     threads: u8,
     /// Keep every change of these registers and blocks in the journal
