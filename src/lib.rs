@@ -18,6 +18,7 @@
 //! | [`check`] | the access checker: what a PLC program does against the manual |
 //! | [`journal`] | what happened, when |
 //! | [`request`] | the operations that an emulator is asked for, their replies, and the one function between them |
+//! | [`fmi`] | a plant as a unit for co-simulation by FMI 3.0 |
 //! | `plot` | registers over time as SVG or PNG (feature `studio`) |
 //! | [`script`] | scenarios: Rust tests and Rhai scripts with the same verbs |
 //! | [`runtime`] | a plant on image files, in real time or stepped |
@@ -70,6 +71,8 @@ pub mod door;
 pub mod export;
 #[cfg(feature = "emulator")]
 pub mod fault;
+#[cfg(feature = "emulator")]
+pub mod fmi;
 #[cfg(feature = "emulator")]
 pub mod handed_in;
 #[cfg(feature = "emulator")]

@@ -257,6 +257,10 @@ pub(crate) enum CliError {
     #[cfg(feature = "channel")]
     #[error(transparent)]
     Scenario(#[from] crate::script::ScenarioError),
+    /// There is no unit for other simulators of a plant.
+    #[cfg(feature = "studio")]
+    #[error(transparent)]
+    Fmu(Box<crate::fmi::ArchiveError>),
     /// A process cannot be started or watched.
     #[error("cannot handle a process: {reason}")]
     Process {

@@ -55,7 +55,7 @@ impl CliError {
     fn exit(&self) -> Exit {
         match self {
             #[cfg(feature = "studio")]
-            Self::NoTerminal { .. } => Exit::WrongUse,
+            Self::NoTerminal { .. } | Self::Fmu(_) => Exit::WrongUse,
             Self::Layout(_)
             | Self::Export(_)
             | Self::Value(_)

@@ -1,5 +1,8 @@
 //! `commram export`: the register map, and the messages of a plant's CAN bus, for other languages and tools; it needs no emulator.
 
+#[cfg(feature = "studio")]
+mod fmu;
+
 use super::device::DeviceArg;
 use super::error::CliError;
 use super::output;
@@ -23,13 +26,17 @@ Examples:
   commram export openplc --main --output hardware_layer.cpp
   commram export md > registers.md
   commram export dbc --plant plant.toml --bus open --output open.dbc
+  commram export fmu plant.toml --output plant.fmu
 
 docs/export.md tells how each format is used.")]
 pub(crate) struct Args {
     /// What to export
     #[arg(value_enum)]
     format: FormatArg,
-    /// File to write; the standard output if left out
+    /// With `fmu`: the plant file, or a snapshot to start from; the built-in plant if left out
+    #[arg(value_name = "PLANT")]
+    model: Option<PathBuf>,
+    /// File to write; the standard output if left out, but for `fmu`
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
     /// Only this block, for example `node2`
@@ -53,6 +60,12 @@ pub(crate) struct Args {
     /// With `dbc`: its bus; may be left out if it has one only
     #[arg(long, value_name = "NAME")]
     bus: Option<String>,
+    /// With `fmu`: only these registers are variables, by name or pattern; can be given several times
+    #[arg(long, value_name = "NAME")]
+    registers: Vec<String>,
+    /// With `fmu`: the shared object, libcommram_fmi.so, if it does not lie beside the program
+    #[arg(long, value_name = "FILE")]
+    library: Option<PathBuf>,
     #[command(flatten)]
     device: DeviceArg,
 }
@@ -63,15 +76,20 @@ enum FormatArg {
     Map(Format),
     /// Of a plant's bus.
     Dbc,
+    /// Of a whole plant.
+    Fmu,
 }
 
+/// What `fmu` is, in a few words.
+const ABOUT_FMU: &str = "unit for co-simulation by FMI 3.0, for Modelica, Simulink and other simulators";
 /// What `dbc` is, in a few words.
 const ABOUT_DBC: &str = "CAN database of the messages on a plant's bus, for analysis tools";
 
 impl ValueEnum for FormatArg {
     fn value_variants<'a>() -> &'a [Self] {
-        const ALL: [FormatArg; Format::ALL.len() + 1] = {
-            let mut all = [FormatArg::Dbc; Format::ALL.len() + 1];
+        const ALL: [FormatArg; Format::ALL.len() + 2] = {
+            let mut all = [FormatArg::Dbc; Format::ALL.len() + 2];
+            all[Format::ALL.len() + 1] = FormatArg::Fmu;
             let mut i = 0;
             while i < Format::ALL.len() {
                 all[i] = FormatArg::Map(Format::ALL[i]);
@@ -85,6 +103,7 @@ impl ValueEnum for FormatArg {
     fn to_possible_value(&self) -> Option<PossibleValue> {
         Some(match self {
             FormatArg::Map(format) => PossibleValue::new(format.name()).help(format.about()),
+            FormatArg::Fmu => PossibleValue::new("fmu").help(ABOUT_FMU),
             FormatArg::Dbc => PossibleValue::new("dbc").help(ABOUT_DBC),
         })
     }
@@ -92,9 +111,14 @@ impl ValueEnum for FormatArg {
 
 /// Exports.
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
+    let is_fmu = args.format == FormatArg::Fmu;
+    if !is_fmu && (args.model.is_some() || !args.registers.is_empty() || args.library.is_some()) {
+        return Err(wrong("PLANT --registers --library", "only `fmu` is about a whole plant"));
+    }
     let text = match args.format {
         FormatArg::Map(format) => of_map(args, format)?,
         FormatArg::Dbc => of_bus(args)?,
+        FormatArg::Fmu => return of_plant(args),
     };
     let Some(path) = &args.output else {
         return output::print(&text);
@@ -150,6 +174,24 @@ fn with_blocks(args: &Args, format: Format) -> Result<String, CliError> {
     };
     let parts = found.st.iter().map(|part| part.written_out()).collect::<Vec<_>>();
     Ok(export::st_with_blocks(device, &(parts.join("\n") + "\n")))
+}
+
+fn of_plant(args: &Args) -> Result<(), CliError> {
+    let of_others = args.plant.is_some() || args.bus.is_some() || args.block.is_some();
+    if of_others || args.elementary || args.for_matiec || args.blocks || args.main {
+        let right = "give the plant file behind it, --output, --registers and --library";
+        return Err(wrong("fmu --plant --bus --block --elementary --matiec --blocks --main", right));
+    }
+    let to = args.output.as_deref().ok_or_else(|| wrong("fmu", "give the file, --output plant.fmu"))?;
+    #[cfg(feature = "studio")]
+    {
+        fmu::run(args.model.as_deref(), &args.registers, args.library.as_deref(), to)
+    }
+    #[cfg(not(feature = "studio"))]
+    {
+        let text = format!("fmu --output {}", to.display());
+        Err(wrong(text, "this commram was built without it, feature `studio`"))
+    }
 }
 
 fn of_bus(args: &Args) -> Result<String, CliError> {

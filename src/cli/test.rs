@@ -3,6 +3,7 @@
 mod found;
 mod html;
 mod line;
+mod merge;
 pub(crate) mod process;
 mod progress;
 mod round;
@@ -14,7 +15,7 @@ use super::error::CliError;
 use super::table::{self, Format, FormatArg};
 use super::{output, time};
 use crate::counted::counted;
-use crate::script::{DEFINITIONS, Limits, Outcome, Report, junit};
+use crate::script::{DEFINITIONS, Limits, Outcome, Report, junit, junit_of_shard};
 use found::Shard;
 use line::{Line, Listed, summary};
 use process::Setting;
@@ -29,6 +30,11 @@ use watch::Watched;
 /// A scenario says in Rhai what to do with a plant and what to expect of it; docs/scenarios.md has all verbs. Each
 /// one runs on a plant of its own, in a process of its own, with a stepped clock.
 #[derive(clap::Args)]
+#[command(
+    args_conflicts_with_subcommands = true,
+    subcommand_negates_reqs = true,
+    disable_help_subcommand = true
+)]
 #[command(after_help = "\
 Examples:
   commram test master.rhai
@@ -36,6 +42,7 @@ Examples:
   commram test tests/scenarios --report html=report.html
   commram test . --filter '*baps*' --list
   commram test . --shard 1/3
+  commram test merge report-*.xml --output report.xml
   commram test . --watch
   commram test master.rhai --attach default
   commram test --definitions
@@ -46,6 +53,8 @@ Exit codes:
   2  wrong use: a script is missing, does not compile or uses a verb wrongly
   3  the instance to attach to is not there")]
 pub(crate) struct Args {
+    #[command(subcommand)]
+    inner: Option<Inner>,
     /// Scripts; of a directory and its subdirectories all files that end in .rhai, in the order of their names, but not
     /// those that others import and that only define functions
     #[arg(add = super::complete::files(&["rhai"]), value_name = "FILE", required_unless_present = "definitions")]
@@ -57,6 +66,9 @@ pub(crate) struct Args {
     /// Only every Nth of them, from the Ith on, so that N machines share the work
     #[arg(long, value_name = "I/N", value_parser = Shard::parse)]
     shard: Option<Shard>,
+    /// As --shard, with I counted from 0, as the index of a Kubernetes job is
+    #[arg(long, value_name = "I/N", value_parser = Shard::parse_index, conflicts_with = "shard")]
+    shard_index: Option<Shard>,
     /// Run nothing, list the scenarios
     #[arg(long, conflicts_with_all = ["junit", "watch"])]
     list: bool,
@@ -96,6 +108,18 @@ pub(crate) struct Args {
     format: FormatArg,
 }
 
+impl Args {
+    fn shard(&self) -> Option<Shard> {
+        self.shard.or(self.shard_index)
+    }
+}
+
+/// What there is to do beside running scenarios.
+#[derive(clap::Subcommand)]
+enum Inner {
+    Merge(merge::Args),
+}
+
 /// What a scenario may use up.
 #[derive(clap::Args, Clone, Copy)]
 pub(crate) struct LimitArgs {
@@ -121,11 +145,14 @@ fn jobs(text: &str) -> Result<NonZero<usize>, String> {
 
 /// Runs the scenarios and reports.
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
+    if let Some(Inner::Merge(args)) = &args.inner {
+        return merge::run(args);
+    }
     if let Some(directory) = &args.definitions {
         return define(directory);
     }
     let interrupts = Interrupts::catch()?;
-    let files = found::scenarios(&args.files, &args.filter, args.shard)?;
+    let files = found::scenarios(&args.files, &args.filter, args.shard())?;
     if args.list {
         return list(args.format.format, &files);
     }
@@ -140,7 +167,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         }
     };
     // Whatever else goes wrong, these reports are written.
-    let written = args.junit.as_ref().map_or(Ok(()), |path| write_junit(path, &reports));
+    let written = args.junit.as_ref().map_or(Ok(()), |path| write_junit(path, args.shard(), &reports));
     let page = args.report.as_ref().map_or(Ok(()), |path| write(path, &html::page(&reports)));
     shown.and(written).and(page)?;
     if interrupts.any() { Err(CliError::Interrupted) } else { verdict(&reports) }
@@ -180,9 +207,10 @@ fn play(
         // Without a reader and without another report nobody would know.
         shown.is_ok() || args.junit.is_some() || args.report.is_some()
     })?;
+    let lines = |reports: &[Report]| reports.iter().map(|it| Line::of(it, args.shard())).collect::<Vec<_>>();
     let last = || match args.format.format {
         Format::Text => output::print(&summary(&reports)),
-        format => table::print(format, &reports.iter().map(Line::of).collect::<Vec<_>>(), |_| String::new()),
+        format => table::print(format, &lines(&reports), |_| String::new()),
     };
     shown = shown.and_then(|()| last());
     Ok((reports, shown))
@@ -207,7 +235,7 @@ fn watch(args: &Args, mut files: Vec<PathBuf>, interrupts: &Interrupts) -> Resul
         }
         std::thread::sleep(watch::PAUSE);
         // A directory may be gone for a moment, as its files may be.
-        files = found::scenarios(&args.files, &args.filter, args.shard).unwrap_or(files);
+        files = found::scenarios(&args.files, &args.filter, args.shard()).unwrap_or(files);
     }
 }
 
@@ -224,9 +252,13 @@ fn reachable(instance: Option<&str>) -> Result<(), CliError> {
     instance.map_or(Ok(()), |_| Err(CliError::NoChannel { command: "test --attach" }))
 }
 
-fn write_junit(path: &Path, reports: &[Report]) -> Result<(), CliError> {
+fn write_junit(path: &Path, shard: Option<Shard>, reports: &[Report]) -> Result<(), CliError> {
     let failed = |reason| CliError::File { path: path.to_owned(), reason: io::Error::other(reason) };
-    write(path, &junit(reports).map_err(failed)?)
+    let text = match shard {
+        None => junit(reports),
+        Some(shard) => junit_of_shard(reports, &shard.to_string()),
+    };
+    write(path, &text.map_err(failed)?)
 }
 
 fn write(path: &Path, text: &str) -> Result<(), CliError> {

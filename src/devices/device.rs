@@ -1,6 +1,6 @@
 //! What a plant knows of a device: an image with firmware behind it, and ports that media end at.
 
-use super::{Context, DriveDetails, Events, ParameterRefusal, World};
+use super::{Context, DriveDetails, Events, ParameterRefusal, Shaft, World};
 use crate::fault::{Effect, Faults, Hit, Target};
 use crate::journal::Journal;
 use crate::layout::{self, Fitted};
@@ -172,6 +172,17 @@ pub trait Device: Any + Send + State {
     ) -> Result<(), ParameterRefusal> {
         let _ = (number, value, now, journal);
         Err(ParameterRefusal::NotThere)
+    }
+
+    /// What the motor of that drive is to do, and does.
+    fn shaft(&self) -> Option<Shaft> {
+        None
+    }
+
+    /// The motor of that drive turns with this speed, whatever the drive demands of it; `None`: it does what the drive
+    /// demands.
+    fn turn_shaft(&mut self, speed: Option<i32>, now: u64) {
+        let _ = (speed, now);
     }
 
     /// Interrupt level of an event: a task of a higher one interrupts one of a lower one. `None`: there is no such event.

@@ -48,6 +48,19 @@ pub struct ParameterState {
     pub read_only: bool,
 }
 
+/// What the motor of a drive is to do, and does. Speeds are in increments of the drive's speed format.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Shaft {
+    /// The speed that the drive demands of its motor: limited, and along its ramp.
+    pub demand: i32,
+    /// Whether the drive feeds its motor: only then it can do anything about the speed.
+    pub is_fed: bool,
+    /// The motor's speed.
+    pub speed: i32,
+    /// Its angle, in parts of 2^32 of a revolution.
+    pub angle: u32,
+}
+
 /// A drive with all that can be seen of it.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct DriveDetails {

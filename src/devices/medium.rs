@@ -1,7 +1,7 @@
 //! What a plant knows of a medium: a bus with the ports of devices at it, and whoever else takes part.
 
 use super::{
-    BuildError, Context, Device, DriveDetails, DriveState, GuestRefusal, Interval, ParameterRefusal,
+    BuildError, Context, Device, DriveDetails, DriveState, GuestRefusal, Interval, ParameterRefusal, Shaft,
 };
 use crate::can::{self, BitRate, ErrorCounters, ErrorState};
 use crate::door::{Guest, Said};
@@ -181,6 +181,18 @@ pub trait Medium: Any + Send + State {
     ) -> Result<(), ParameterRefusal> {
         let _ = (drive, number, value, now, journal);
         Err(ParameterRefusal::NotThere)
+    }
+
+    /// What the motor of such a drive is to do, and does.
+    fn shaft(&self, drive: usize) -> Option<Shaft> {
+        let _ = drive;
+        None
+    }
+
+    /// The motor of such a drive turns with this speed, whatever the drive demands of it; `None`: it does what the drive
+    /// demands.
+    fn turn_shaft(&mut self, drive: usize, speed: Option<i32>, now: u64) {
+        let _ = (drive, speed, now);
     }
 
     /// How long something that the journal tells of this medium has kept the wire busy, in nanoseconds: a frame.

@@ -69,7 +69,7 @@ pub use context::Context;
 #[cfg(feature = "emulator")]
 pub use device::{Device, Look, Power};
 #[cfg(feature = "emulator")]
-pub use drive::{DriveDetails, DriveState, ParameterRefusal, ParameterState};
+pub use drive::{DriveDetails, DriveState, ParameterRefusal, ParameterState, Shaft};
 #[cfg(feature = "emulator")]
 pub use events::Events;
 #[cfg(feature = "emulator")]

@@ -240,6 +240,11 @@ impl PlantConfig {
         Ok(config)
     }
 
+    /// The text of the plant file.
+    pub fn source(&self) -> &str {
+        &self.text
+    }
+
     /// The text that it was made of.
     pub(super) fn text(&self) -> &Arc<str> {
         &self.text

@@ -1,7 +1,7 @@
 //! The drives of a plant, whatever they are connected by.
 
 use super::Plant;
-use crate::devices::{DriveDetails, DriveState, ParameterRefusal};
+use crate::devices::{DriveDetails, DriveState, ParameterRefusal, Shaft};
 
 /// Where a drive is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -77,5 +77,26 @@ impl Plant {
         };
         self.find_next_device();
         Some(done)
+    }
+
+    /// What the motor of drive `number` is to do, and does; `None` if there is none.
+    pub fn shaft(&self, number: usize) -> Option<Shaft> {
+        match self.drive_at(number)? {
+            At::Bus(bus, drive) => self.media().get(bus)?.shaft(drive),
+            At::Device(index) => self.devices.get(index)?.shaft(),
+        }
+    }
+
+    /// The motor of drive `number` turns with this speed from its next control task on, whatever the drive demands of it:
+    /// somebody outside knows what it is coupled with. `None`: it does what the drive demands. `false`: no such drive.
+    pub fn turn_shaft(&mut self, number: usize, speed: Option<i32>) -> bool {
+        let Some(at) = self.drive_at(number) else { return false };
+        let Plant { now, media, devices, .. } = self;
+        match at {
+            At::Bus(bus, drive) => media[bus].turn_shaft(drive, speed, *now),
+            At::Device(index) => devices[index].turn_shaft(speed, *now),
+        }
+        self.find_next_device();
+        true
     }
 }

@@ -5,6 +5,9 @@ use quick_junit::{NonSuccessKind, SerializeError, TestCase, TestCaseStatus, Test
 use std::path::{Component, Path};
 use std::time::Duration;
 
+/// What the whole is called.
+const NAME: &str = "commram";
+
 /// The reports as JUnit XML: one test suite per scenario file, with one test case. Times are real time; the emulated time, the
 /// number of expectations and the line of a failure are properties of the suite, as far as they are known. A scenario that died
 /// is an error, as is a broken one; one that was not run is skipped.
@@ -14,9 +17,35 @@ use std::time::Duration;
 /// # Errors
 /// The XML cannot be written, which does not happen to strings.
 pub fn junit(reports: &[Report]) -> Result<String, SerializeError> {
-    let mut all = quick_junit::Report::new("commram");
+    named(reports, NAME)
+}
+
+/// As [`junit`], of the scenarios of shard `shard`, `2/3`: the name of the whole says so.
+///
+/// # Errors
+/// As [`junit`].
+pub fn junit_of_shard(reports: &[Report], shard: &str) -> Result<String, SerializeError> {
+    named(reports, &format!("{NAME} {shard}"))
+}
+
+/// The shard of a report that is called so, `2/3`.
+#[cfg(feature = "cli")]
+pub(crate) fn shard_of_junit(name: &str) -> Option<&str> {
+    name.strip_prefix(NAME)?.strip_prefix(' ')
+}
+
+fn named(reports: &[Report], name: &str) -> Result<String, SerializeError> {
+    let mut all = quick_junit::Report::new(name);
     all.set_time(reports.iter().map(|report| report.took).sum::<Duration>());
     all.add_test_suites(reports.iter().map(suite));
+    junit_text(&all)
+}
+
+/// The XML, as Jenkins' schema takes it.
+///
+/// # Errors
+/// As [`junit`].
+pub(crate) fn junit_text(all: &quick_junit::Report) -> Result<String, SerializeError> {
     let text = all.to_string()?;
     // The first one stands at the head.
     let skipped = text.find(" skipped=\"").map(|start| {

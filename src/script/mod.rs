@@ -29,7 +29,9 @@ mod verb;
 pub use bench::{Bench, Change, MemoryCopy, PastChange, Register, SeenFrame};
 pub use error::ScenarioError;
 pub use failure::{Exchanged, Failure, FailureKind, JournalLine, Numbers, Place, Way};
-pub use junit::junit;
+pub use junit::{junit, junit_of_shard};
+#[cfg(feature = "cli")]
+pub(crate) use junit::{junit_text, shard_of_junit};
 pub use lines::Lines;
 pub use part::{is_part, needs};
 pub use report::{Drawn, FoundLine, Mistake, Outcome, Report, Step};

@@ -4,7 +4,7 @@
 mod tools;
 
 #[allow(unused_imports, reason = "each test binary uses a part of it")]
-pub(crate) use tools::{is_there, python, skipped};
+pub(crate) use tools::{is_there, python, python_for, skipped};
 
 use std::io::{BufRead, BufReader, Lines, Read};
 use std::path::{Path, PathBuf};

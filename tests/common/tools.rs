@@ -19,6 +19,11 @@ pub(crate) fn skipped(tool: &str, reason: &str) {
 
 /// Python with the packages; without them the test is skipped.
 pub(crate) fn python(packages: &[&str]) -> Option<Command> {
+    python_for("python", packages)
+}
+
+/// As [`python`], with packages that are a tool of their own.
+pub(crate) fn python_for(tool: &str, packages: &[&str]) -> Option<Command> {
     let imports = packages.iter().map(|package| format!("import {package}\n")).collect::<String>();
     let program = std::env::var("COMMRAM_PYTHON").unwrap_or_else(|_| "python3".to_owned());
     let reason = match Command::new(&program).args(["-c", &imports]).output() {
@@ -26,7 +31,7 @@ pub(crate) fn python(packages: &[&str]) -> Option<Command> {
         Ok(output) => String::from_utf8_lossy(&output.stderr).lines().last().unwrap_or_default().to_owned(),
         Err(error) => format!("{program}: {error}"),
     };
-    skipped("python", &reason);
+    skipped(tool, &reason);
     None
 }
 

@@ -1,6 +1,6 @@
-//! docs/ci.md, followed word by word: its files are put where it says, its shell lines are run.
+//! docs/ci.md and docs/farm.md, followed word by word: their files are put where they say, their shell lines are run.
 
-use crate::common::{finish, python};
+use crate::common::{commram, finish, python, python_for};
 use std::os::unix::fs::{PermissionsExt, symlink};
 use std::path::Path;
 use std::process::Command;
@@ -112,4 +112,37 @@ fn the_servers_take_their_files() {
         let outcome = finish(command.current_dir(directory.path()));
         assert_eq!(outcome.code, Some(0), "{name}: {}{}", outcome.out, outcome.err);
     }
+}
+
+/// The machines of the farm are processes here, as on the page.
+#[test]
+fn the_farm_makes_one_report_of_its_shards() {
+    let page = std::fs::read_to_string(Path::new(ROOT).join("docs/farm.md")).unwrap();
+    let script = page.split("```bash\n").nth(1).and_then(|rest| rest.split("```").next()).unwrap();
+    let farm = TempDir::new().unwrap();
+    std::fs::create_dir(farm.path().join("scenarios")).unwrap();
+    for name in ["a", "b", "c", "d", "e"] {
+        let text = "poke(\"node2.w_CPU_CONTROL\", 1); wait(\"node2.w_OPTION_STATUS\", 2, \"1ms\");";
+        std::fs::write(farm.path().join("scenarios").join(name).with_extension("rhai"), text).unwrap();
+    }
+    let program = Path::new(commram().get_program()).parent().unwrap().display().to_string();
+    let path = format!("{program}:{}", std::env::var("PATH").unwrap());
+    let outcome = finish(Command::new("bash").args(["-ec", script]).current_dir(&farm).env("PATH", path));
+    assert!(outcome.ok().ends_with("5 passed, 0 failed, 0 broken\n"), "{}{}", outcome.out, outcome.err);
+    let report = std::fs::read_to_string(farm.path().join("report.xml")).unwrap();
+    assert!(report.contains("<testsuites name=\"commram\" tests=\"5\""), "{report}");
+}
+
+#[test]
+fn the_job_is_one_of_kubernetes_and_its_shards_are_as_many_as_its_pods() {
+    let manifest = Path::new(ROOT).join("tools/farm/job.yaml");
+    let text = std::fs::read_to_string(&manifest).unwrap();
+    let value =
+        |key: &str| text.lines().find_map(|line| line.trim().strip_prefix(key)).unwrap().trim().to_owned();
+    let pods = value("completions:");
+    assert_eq!(value("parallelism:"), pods);
+    assert!(text.contains(&format!("- $(JOB_COMPLETION_INDEX)/{pods}\n")), "{text}");
+    let Some(mut command) = python_for("kubernetes", &["kubernetes_validate"]) else { return };
+    let outcome = finish(command.args(["-m", "kubernetes_validate", "--strict"]).arg(manifest));
+    assert_eq!(outcome.code, Some(0), "{}{}", outcome.out, outcome.err);
 }

@@ -47,6 +47,10 @@ const ELSEWHERE: &[(&str, &str)] = &[
     ("--follow", "it ends with the emulator; tests/cli/trace.rs follows"),
     (" | ", "other programs read along; .ci/tools says which of them CI has"),
     ("commram layout import", "it wants declarations of one's own; tests/cli/layout.rs imports"),
+    (
+        "commram export fmu",
+        "it wants the shared object beside the program; tools/fmi/tests packs and runs units",
+    ),
     ("commram test ", "it wants scenarios of one's own; tests/cli/scenarios.rs runs those of the project"),
     ("matiec/iec2c", "tests/export/matiec.rs compiles"),
     ("cc ", "tests/export/c.rs compiles"),

@@ -161,6 +161,29 @@ fn cantools_reads_the_messages_of_a_bus() {
     }
 }
 
+/// What packs and runs units is tools/fmi/tests.
+#[test]
+#[cfg(feature = "studio")]
+fn a_unit_wants_its_own_shared_object_and_a_file() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = |name: &str| directory.path().join(name).to_str().unwrap().to_owned();
+    std::fs::write(path("other.so"), b"\x7FELF of somebody else").unwrap();
+    std::fs::write(path("plant.toml"), "[[plc]]\n").unwrap();
+    let (unit, other) = (path("plant.fmu"), path("other.so"));
+    for (args, why) in [
+        (&["--library", &other][..], "give the file, --output plant.fmu"),
+        (&["--output", &unit, "--library", &other], "it is not the libcommram_fmi.so of this commram"),
+        (&["--output", &unit, "--library", &path("none.so")], "No such file"),
+        (&["--output", &unit, &path("plant.toml")], "missing field `name`"),
+        (&["--output", &unit, "--block", "node2"], "give the plant file behind it"),
+    ] {
+        let outcome = run(&[&["export", "fmu"], args].concat());
+        assert!(outcome.fails(2).contains(why), "{args:?}: {}", outcome.err);
+    }
+    assert!(run(&["export", "c", "plant.toml"]).fails(2).contains("only `fmu` is about a whole plant"));
+    assert!(!Path::new(&unit).exists());
+}
+
 #[test]
 fn the_python_suite_passes() {
     let directory = tempfile::tempdir().unwrap();

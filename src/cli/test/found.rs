@@ -3,6 +3,7 @@
 use crate::cli::error::CliError;
 use crate::handed_in;
 use crate::script::{is_part, needs};
+use core::fmt;
 use core::num::NonZero;
 use std::collections::HashSet;
 use std::path::{Component, Path, PathBuf};
@@ -34,9 +35,37 @@ impl Shard {
         }
     }
 
+    /// Parses `0/3`, with the index counted from 0.
+    ///
+    /// # Errors
+    /// As [`Shard::parse`].
+    pub(crate) fn parse_index(text: &str) -> Result<Self, String> {
+        let wrong = || "write which one, from 0 on, and of how many, for example 0/3".to_owned();
+        let (index, count) = text.split_once('/').ok_or_else(wrong)?;
+        let index = index.parse::<usize>().ok().and_then(|index| index.checked_add(1)).ok_or_else(wrong)?;
+        let parsed = Self::parse(&format!("{index}/{count}"));
+        parsed.map_err(|_| format!("{}; there must be one at least, and one of this index", wrong()))
+    }
+
+    /// Which it is, from 1.
+    pub(crate) const fn index(self) -> usize {
+        self.index
+    }
+
+    /// Of how many.
+    pub(crate) const fn count(self) -> usize {
+        self.count.get()
+    }
+
     /// Those of them that are in this shard.
     fn of(self, all: Vec<PathBuf>) -> Vec<PathBuf> {
         all.into_iter().skip(self.index - 1).step_by(self.count.get()).collect()
+    }
+}
+
+impl fmt::Display for Shard {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}/{}", self.index, self.count)
     }
 }
 

@@ -1,5 +1,6 @@
 //! What is printed about scenarios.
 
+use super::found::Shard;
 use crate::cli::table::Row;
 use crate::script::{Failure, FailureKind, JournalLine, Outcome, Place, Report};
 use crate::time::seconds;
@@ -52,6 +53,9 @@ pub(crate) struct Line {
     failure: Option<Details>,
     #[serde(skip_serializing_if = "String::is_empty")]
     printed: String,
+    /// Which part of all scenarios it was run with.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    shard: Option<String>,
 }
 
 /// Where something is wrong.
@@ -93,7 +97,7 @@ struct Details {
 
 impl Line {
     /// The scenario's line.
-    pub(crate) fn of(report: &Report) -> Self {
+    pub(crate) fn of(report: &Report, shard: Option<Shard>) -> Self {
         let (message, location, failure) = match &report.outcome {
             Outcome::Passed => (None, None, None),
             Outcome::Failed(failure) => {
@@ -117,6 +121,7 @@ impl Line {
             location,
             failure,
             printed: report.printed.clone(),
+            shard: shard.map(|shard| shard.to_string()),
         }
     }
 }

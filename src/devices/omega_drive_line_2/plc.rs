@@ -14,7 +14,7 @@ use crate::devices::omega_drive_line_2::ethernet::Ethernet;
 use crate::devices::omega_drive_line_2::registers::{BAPS, BAUD_RATES, DEVICE, ETHERNET_CONFIG};
 use crate::devices::records::{BoardEvent, OnBoard};
 use crate::devices::{
-    BuildError, Context, Device, DriveDetails, Events, Look, ParameterRefusal, Plug, Power, World,
+    BuildError, Context, Device, DriveDetails, Events, Look, ParameterRefusal, Plug, Power, Shaft, World,
 };
 use crate::fault::{self, Hit, Target};
 use crate::journal::{Journal, Origin};
@@ -284,6 +284,14 @@ impl Device for Plc {
         self.baps.set_parameter(now, number, value)?;
         journal.push(now, OwnDriveSet { plc: self.index, number, value: value as u32 });
         Ok(())
+    }
+
+    fn shaft(&self) -> Option<Shaft> {
+        Some(self.baps.drive().shaft())
+    }
+
+    fn turn_shaft(&mut self, speed: Option<i32>, now: u64) {
+        self.baps.turn_shaft(now, speed);
     }
 
     fn event_level(&self, event: usize) -> Option<u8> {

@@ -49,6 +49,12 @@ impl SnapshotFile {
     /// Longest file that is read, in bytes.
     pub const LONGEST: u64 = 64 << 20;
 
+    /// Whether these bytes begin as such a file does.
+    #[must_use]
+    pub fn is_one(bytes: &[u8]) -> bool {
+        bytes.starts_with(&MAGIC)
+    }
+
     /// The content of the file.
     #[must_use]
     pub fn to_bytes(&self) -> Vec<u8> {

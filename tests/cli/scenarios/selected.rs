@@ -53,6 +53,61 @@ fn subfolders_filters_and_shards_say_which_scenarios_run() {
 }
 
 #[test]
+fn reports_of_shards_become_the_one_of_a_single_run() {
+    let good = "poke(\"node2.w_CPU_CONTROL\", 1); wait(\"node2.w_OPTION_STATUS\", 2, \"1ms\");";
+    let scripts = Scripts::new(&[
+        ("a.rhai", good),
+        ("b.rhai", "expect(\"node2.w_OPTION_STATUS\", 7);"),
+        ("c.rhai", good),
+        ("d.rhai", good),
+        ("e.rhai", "nothing("),
+    ]);
+    let ended = ["0/3", "1/3", "2/3"].map(|shard| {
+        let xml = format!("{}.xml", &shard[..1]);
+        let outcome = scripts.run(&[".", "--shard-index", shard, "--junit", &xml, "--format", "json"]);
+        std::fs::write(scripts.0.path().join(format!("{}.json", &shard[..1])), outcome.out).unwrap();
+        outcome.code
+    });
+    assert_eq!(ended, [Some(0), Some(2), Some(0)], "a and d, b and e, c");
+    let whole = scripts.run(&[".", "--junit", "whole.xml", "--format", "json"]);
+    let merged = scripts.run(&["merge", "2.xml", "0.xml", "1.xml", "--output", "all.xml"]);
+    assert_eq!((merged.code, whole.code), (Some(2), Some(2)), "{}", merged.err);
+    assert_eq!(merged.out, "3 passed, 1 failed, 1 broken\n");
+    let text = |name: &str| scripts.read(name);
+    let names =
+        |text: &str| text.split("<testcase name=\"").skip(1).map(|it| it[..1].to_owned()).collect::<String>();
+    assert_eq!(names(&text("all.xml")), "abcde");
+    // Times are those of the runs.
+    let head = |text: &str| {
+        let line = text.lines().find(|line| line.starts_with("<testsuites")).unwrap();
+        line.split(" time=").next().unwrap().to_owned()
+    };
+    assert_eq!(head(&text("all.xml")), head(&text("whole.xml")));
+
+    let merged = scripts.run(&["merge", "0.json", "1.json", "2.json"]);
+    assert_eq!(merged.code, Some(2));
+    let outcomes = |text: &str| -> Vec<(String, String)> {
+        let lines: serde_json::Value = serde_json::from_str(text).unwrap();
+        let of = |line: &serde_json::Value, name: &str| line[name].as_str().unwrap().to_owned();
+        lines.as_array().unwrap().iter().map(|line| (of(line, "file"), of(line, "outcome"))).collect()
+    };
+    assert_eq!(outcomes(&merged.out), outcomes(&whole.out));
+    assert!(!merged.out.contains("shard"));
+
+    for (given, why) in [
+        (&["0.xml", "2.xml"][..], "missing: shard 2/3"),
+        (&["0.xml", "1.xml", "2.xml", "1.xml"], "it is shard 2/3, and so is 1.xml"),
+        (&["0.xml", "1.json"], "it is no JUnit report, others are"),
+        (&["whole.xml"], "it says of no shard which one it is"),
+        (&["a.rhai"], "it is no report"),
+        (&["none.xml"], "No such file"),
+    ] {
+        let outcome = scripts.run(&[&["merge"], given].concat());
+        assert!(outcome.fails(2).contains(why), "{given:?}: {}", outcome.err);
+    }
+}
+
+#[test]
 fn a_scenario_that_expects_nothing_has_failed_unless_that_is_allowed() {
     let scripts = Scripts::new(&[
         ("empty.rhai", ""),

@@ -5,7 +5,7 @@ use super::regler::VRegler;
 use super::{BuiltInDrive, Drive, State, ZkParameters};
 use crate::devices::cansync::bus::codec::parameter::VALUE_ELEMENT;
 use crate::devices::cansync::registers::values::par_error;
-use crate::devices::{DriveDetails, DriveState, ParameterRefusal, ParameterState};
+use crate::devices::{DriveDetails, DriveState, ParameterRefusal, ParameterState, Shaft};
 
 impl State {
     /// Its name: `operation_enabled`.
@@ -68,6 +68,16 @@ impl Drive {
     pub fn set_parameter(&mut self, number: u16, value: i64) -> Result<(), ParameterRefusal> {
         self.regler.set_by_hand(number, value)
     }
+
+    /// What its motor is to do, and does.
+    pub fn shaft(&self) -> Shaft {
+        self.regler.shaft()
+    }
+
+    /// The motor turns with this speed, whatever the drive demands of it; `None`: it does what the drive demands.
+    pub fn turn_shaft(&mut self, speed: Option<i32>) {
+        self.regler.turn_shaft(speed);
+    }
 }
 
 impl BuiltInDrive {
@@ -83,6 +93,16 @@ impl BuiltInDrive {
     /// [`ParameterRefusal`].
     pub(crate) fn set_parameter(&mut self, number: u16, value: i64) -> Result<(), ParameterRefusal> {
         self.regler_mut().set_by_hand(number, value)
+    }
+
+    /// What its motor is to do, and does.
+    pub fn shaft(&self) -> Shaft {
+        self.regler().shaft()
+    }
+
+    /// The motor turns with this speed, whatever the drive demands of it; `None`: it does what the drive demands.
+    pub(crate) fn turn_shaft(&mut self, speed: Option<i32>) {
+        self.regler_mut().turn_shaft(speed);
     }
 }
 

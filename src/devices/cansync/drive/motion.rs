@@ -1,4 +1,5 @@
-//! How the drive moves: the speed follows its target, at once or along a ramp, and the angle follows the speed.
+//! How the drive moves: the speed follows its target, at once or along a ramp, and the angle follows the speed. Where somebody
+//! else knows what the motor turns, the speed is what he says.
 
 use serde::{Deserialize, Serialize};
 
@@ -6,19 +7,32 @@ use serde::{Deserialize, Serialize};
 /// the 2^32nd part of a revolution, so that the angle wraps around once per revolution (decision D-162).
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub(crate) struct Motion {
+    /// What the drive demands; without a model outside the motor does it.
     speed: i32,
     angle: u32,
     /// Part of an increment of speed left over by the ramp, in millionths.
     speed_carry: u64,
     /// Part of an increment of angle left over, in thousandths.
     angle_carry: i64,
+    /// The motor's speed by a model outside.
+    turned: Option<i32>,
 }
 
 impl Motion {
-    /// The speed.
+    /// The motor's speed.
     #[inline]
-    pub(crate) const fn speed(&self) -> i32 {
+    pub(crate) fn speed(&self) -> i32 {
+        self.turned.unwrap_or(self.speed)
+    }
+
+    /// The speed that the drive demands of its motor.
+    pub(crate) const fn demand(&self) -> i32 {
         self.speed
+    }
+
+    /// From now on the motor turns with the speed that a model outside says; `None`: with the one that the drive demands.
+    pub(crate) const fn turn(&mut self, speed: Option<i32>) {
+        self.turned = speed;
     }
 
     /// The angle.
@@ -28,7 +42,7 @@ impl Motion {
     }
 
     /// Moves on by `interval_us` towards the speed `target`, by at most `ramp` increments of speed per second
-    /// (0: at once); returns the new speed.
+    /// (0: at once); returns the motor's speed.
     #[inline]
     pub(crate) fn step(&mut self, target: i32, interval_us: u32, ramp: u32) -> i32 {
         if self.speed != target {
@@ -37,12 +51,13 @@ impl Motion {
                 _ => self.ramp(target, ramp, interval_us),
             }
         }
-        if self.speed != 0 {
-            let way = i64::from(self.speed) * i64::from(interval_us) + self.angle_carry;
+        let speed = self.speed();
+        if speed != 0 {
+            let way = i64::from(speed) * i64::from(interval_us) + self.angle_carry;
             self.angle = self.angle.wrapping_add((way / 1000) as u32);
             self.angle_carry = way % 1000;
         }
-        self.speed
+        speed
     }
 
     fn ramp(&mut self, target: i32, ramp: u32, interval_us: u32) {
@@ -113,6 +128,16 @@ mod tests {
         assert_eq!(motion.angle(), u32::MAX);
         motion.step(1 << 30, 1000, 0);
         assert_eq!(motion.angle(), (1 << 30) - 1);
+    }
+
+    #[test]
+    fn a_model_outside_turns_the_motor_and_the_drive_goes_on_demanding() {
+        let mut motion = Motion::default();
+        motion.turn(Some(1000));
+        assert_eq!(motion.step(5000, 2000, 1_000_000), 1000);
+        assert_eq!((motion.demand(), motion.speed(), motion.angle()), (2000, 1000, 2000));
+        motion.turn(None);
+        assert_eq!(motion.step(5000, 2000, 1_000_000), 4000);
     }
 
     proptest! {

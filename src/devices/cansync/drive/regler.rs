@@ -9,6 +9,7 @@ use super::monitoring::{Monitor, Reaction};
 use super::motion::Motion;
 use super::parameters::{ParamFormat, ParameterError, ParameterSpec, ParameterStore, Slot};
 use super::table::{PARAMETERS, ParameterRow, number};
+use crate::devices::Shaft;
 use crate::devices::cansync::bus::codec::parameter::{MAX_NUMBER, VALUE_ELEMENT};
 use crate::devices::cansync::registers::values::{drive_status, par_element, par_error};
 use crate::state;
@@ -195,7 +196,27 @@ impl VRegler {
         let driven = self.machine.state() == State::OperationEnabled
             && (self.is_following_angle() || self.store.get(self.slots.speed_reference) != 0);
         let braking = matches!(self.machine.state(), State::QuickStopActive | State::FaultReactionActive);
-        self.motion.speed() == 0 && !driven && !braking && !self.store.is_settling()
+        self.motion.speed() == 0
+            && self.motion.demand() == 0
+            && !driven
+            && !braking
+            && !self.store.is_settling()
+    }
+
+    /// What its motor is to do, and does.
+    pub(super) fn shaft(&self) -> Shaft {
+        use State::{FaultReactionActive, OperationEnabled, QuickStopActive};
+        Shaft {
+            demand: self.motion.demand(),
+            is_fed: matches!(self.state(), OperationEnabled | QuickStopActive | FaultReactionActive),
+            speed: self.motion.speed(),
+            angle: self.motion.angle(),
+        }
+    }
+
+    /// The motor turns with this speed, whatever the drive demands of it; `None`: it does what the drive demands.
+    pub(super) fn turn_shaft(&mut self, speed: Option<i32>) {
+        self.motion.turn(speed);
     }
 
     /// Reads an element of a parameter.

@@ -12,7 +12,7 @@ use crate::devices::cansync::faults::Effect;
 use crate::devices::cansync::firmware::Change;
 use crate::devices::cansync::records::DriveSet;
 use crate::devices::{
-    BuildError, DriveDetails, DriveState, GuestRefusal, Interval, Medium, ParameterRefusal, Stranger,
+    BuildError, DriveDetails, DriveState, GuestRefusal, Interval, Medium, ParameterRefusal, Shaft, Stranger,
     SyncSignal, World,
 };
 use crate::door::Said;
@@ -226,6 +226,18 @@ impl Medium for SimBus {
         // It may move now, also without SYNC.
         self.wake_drives(now);
         Ok(())
+    }
+
+    fn shaft(&self, drive: usize) -> Option<Shaft> {
+        Some(self.drives.look().get(drive)?.shaft())
+    }
+
+    fn turn_shaft(&mut self, drive: usize, speed: Option<i32>, now: u64) {
+        if let Some(drive) = self.drives.get_mut(drive) {
+            drive.turn_shaft(speed);
+            // It may move now, also without SYNC.
+            self.wake_drives(now);
+        }
     }
 
     fn guest_sends(

@@ -236,6 +236,14 @@ impl Baps {
         Ok(())
     }
 
+    /// Its motor turns with this speed; `None`: with the one that the drive demands.
+    pub(crate) fn turn_shaft(&mut self, now: u64, speed: Option<i32>) {
+        self.drive.turn_shaft(speed);
+        if self.next == Self::NEVER {
+            self.wake(now);
+        }
+    }
+
     /// Brings fault number `fault` upon the drive, as [`Drive::trip`](crate::devices::cansync::drive::Drive::trip) does.
     pub fn trip(&mut self, now: u64, fault: u16) -> bool {
         let trips = self.drive.trip(fault);

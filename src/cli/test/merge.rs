@@ -1,0 +1,254 @@
+//! `commram test merge`: the reports of shards become the one of a single run.
+
+use super::found::Shard;
+use crate::cli::error::CliError;
+use crate::cli::output;
+use crate::counted::counted;
+use crate::handed_in;
+use crate::script::{junit_text, shard_of_junit};
+use quick_junit::{NonSuccessKind, Report, TestCaseStatus, TestSuite};
+use serde_json::Value;
+use std::collections::HashMap;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+/// Merge the reports of all shards into that of a single run.
+///
+/// The reports are those that `commram test --shard` has written with `--junit`, or all of them those of its `--format json`. The
+/// scenarios come in the order of a single run, and the exit code is what that would have ended with.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  commram test merge report-1.xml report-2.xml --output report.xml
+  commram test merge shard-*.json --output report.json
+
+Exit codes:
+  0  all scenarios passed
+  1  a scenario failed, crashed or was not run
+  2  wrong use: a report is none, is there twice or is missing; or a scenario is wrong")]
+pub(crate) struct Args {
+    /// The reports of all shards, in any order
+    #[arg(value_name = "REPORT", required = true)]
+    reports: Vec<PathBuf>,
+    /// File to write; the standard output if left out
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+}
+
+/// How a scenario ended, as far as the exit code hangs on it.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Ending {
+    Passed,
+    /// It failed, crashed or was not run.
+    NotPassed,
+    /// Its script is wrong.
+    Broken,
+}
+
+/// One scenario of a report.
+struct Scenario<T> {
+    file: String,
+    ending: Ending,
+    is_run: bool,
+    content: T,
+}
+
+/// The report of a shard.
+struct Part<T> {
+    path: PathBuf,
+    /// Not known of a report in JSON without scenarios.
+    shard: Option<Shard>,
+    scenarios: Vec<Scenario<T>>,
+}
+
+/// Merges.
+pub(crate) fn run(args: &Args) -> Result<(), CliError> {
+    let mut texts = Vec::with_capacity(args.reports.len());
+    for path in &args.reports {
+        let text = handed_in::read(path, handed_in::LONGEST);
+        texts.push((path, text.map_err(|reason| wrong(path, reason))?));
+    }
+    let is_xml = |text: &str| text.trim_start().starts_with('<');
+    let xml = texts.iter().filter(|(_, text)| is_xml(text)).count();
+    if xml != 0
+        && let Some((path, _)) = texts.iter().find(|(_, text)| !is_xml(text))
+    {
+        return Err(wrong(path, "it is no JUnit report, others are; take those of one kind"));
+    }
+    let (text, endings) = if xml > 0 {
+        let parts = texts.iter().map(|(path, text)| of_junit(path, text)).collect::<Result<_, _>>()?;
+        let merged = in_order(parts)?;
+        let mut all = Report::new("commram");
+        let endings: Vec<_> = merged.iter().map(|it| (it.ending, it.is_run)).collect();
+        let suites: Vec<_> = merged.into_iter().map(|it| it.content).collect();
+        all.set_time(suites.iter().filter_map(|suite: &TestSuite| suite.time).sum::<Duration>());
+        all.add_test_suites(suites);
+        (junit_text(&all).map_err(|reason| output_of(args, io::Error::other(reason)))?, endings)
+    } else {
+        let parts = texts.iter().map(|(path, text)| of_json(path, text)).collect::<Result<_, _>>()?;
+        let merged = in_order(parts)?;
+        let endings = merged.iter().map(|it| (it.ending, it.is_run)).collect();
+        let lines: Vec<_> = merged.into_iter().map(|it| it.content).collect();
+        let text = serde_json::to_string_pretty(&lines);
+        (text.map_err(|reason| output_of(args, reason.into()))? + "\n", endings)
+    };
+    match &args.output {
+        None => output::print(&text)?,
+        Some(path) => {
+            std::fs::write(path, text).map_err(|reason| output_of(args, reason))?;
+            output::print(&summary(&endings))?;
+        }
+    }
+    verdict(&endings)
+}
+
+fn output_of(args: &Args, reason: io::Error) -> CliError {
+    match &args.output {
+        Some(path) => CliError::File { path: path.clone(), reason },
+        None => CliError::Output { reason },
+    }
+}
+
+fn wrong(path: &Path, what: impl ToString) -> CliError {
+    CliError::Argument { text: path.display().to_string(), right: what.to_string() }
+}
+
+fn of_junit(path: &Path, text: &str) -> Result<Part<TestSuite>, CliError> {
+    let report = Report::deserialize_from_str(text).map_err(|error| wrong(path, error))?;
+    let name = report.name.as_ref().map(|name| name.to_string()).unwrap_or_default();
+    let shard = shard_of_junit(&name).and_then(|shard| Shard::parse(shard).ok());
+    let shard = shard.ok_or_else(|| {
+        wrong(
+            path,
+            "it says of no shard which one it is; `commram test --shard I/N --junit FILE` writes those",
+        )
+    })?;
+    let scenarios = report.test_suites.into_iter().map(|suite| {
+        let file = suite.extra.get("file").map_or_else(|| suite.name.to_string(), |file| file.to_string());
+        let status = suite.test_cases.first().map(|case| &case.status);
+        let (ending, is_run) = match status {
+            Some(TestCaseStatus::Success { .. }) => (Ending::Passed, true),
+            Some(TestCaseStatus::NonSuccess { kind: NonSuccessKind::Error, ty: Some(ty), .. })
+                if ty.as_str() == "script" =>
+            {
+                (Ending::Broken, true)
+            }
+            Some(TestCaseStatus::Skipped { .. }) => (Ending::NotPassed, false),
+            _ => (Ending::NotPassed, true),
+        };
+        Scenario { file, ending, is_run, content: suite }
+    });
+    Ok(Part { path: path.to_owned(), shard: Some(shard), scenarios: scenarios.collect() })
+}
+
+fn of_json(path: &Path, text: &str) -> Result<Part<Value>, CliError> {
+    let none =
+        "it is no report; `commram test --shard I/N` writes them with --junit FILE and with --format json";
+    let lines: Vec<Value> = serde_json::from_str(text).map_err(|_| wrong(path, none))?;
+    let mut part = Part { path: path.to_owned(), shard: None, scenarios: Vec::with_capacity(lines.len()) };
+    for mut line in lines {
+        let text = |name: &str| line.get(name).and_then(Value::as_str).map(str::to_owned);
+        let (Some(file), Some(outcome)) = (text("file"), text("outcome")) else {
+            return Err(wrong(path, none));
+        };
+        let shard = text("shard").and_then(|shard| Shard::parse(&shard).ok());
+        let Some(shard) = shard.filter(|shard| part.shard.is_none_or(|known| known == *shard)) else {
+            return Err(wrong(
+                path,
+                "it does not say which shard it is; `commram test --shard I/N` writes those",
+            ));
+        };
+        part.shard = Some(shard);
+        if let Some(line) = line.as_object_mut() {
+            line.remove("shard");
+        }
+        let ending = match outcome.as_str() {
+            "passed" => Ending::Passed,
+            "broken" => Ending::Broken,
+            _ => Ending::NotPassed,
+        };
+        part.scenarios.push(Scenario { file, ending, is_run: outcome != "not run", content: line });
+    }
+    Ok(part)
+}
+
+/// The scenarios of all shards in the order of a single run: each shard has every N-th of them.
+fn in_order<T>(parts: Vec<Part<T>>) -> Result<Vec<Scenario<T>>, CliError> {
+    let (known, empty): (Vec<_>, Vec<_>) = parts.into_iter().partition(|part| part.shard.is_some());
+    let Some(count) = known.first().and_then(|part| part.shard).map(Shard::count) else {
+        // Reports in JSON without a single scenario: nobody can tell whether one is missing.
+        return Ok(Vec::new());
+    };
+    let mut places: Vec<Option<Part<T>>> = (0..count).map(|_| None).collect();
+    for part in known {
+        let Some(shard) = part.shard else { continue };
+        if shard.count() != count {
+            return Err(wrong(&part.path, format!("it is shard {shard}, others are of {count} shards")));
+        }
+        let place = &mut places[shard.index() - 1];
+        if let Some(other) = place {
+            let other = other.path.display();
+            return Err(wrong(&part.path, format!("it is shard {shard}, and so is {other}")));
+        }
+        *place = Some(part);
+    }
+    // Those that do not say which they are have no scenarios: they can only be the last ones.
+    let mut empty = empty.into_iter();
+    for place in places.iter_mut().rev().take_while(|place| place.is_none()) {
+        *place = empty.next();
+    }
+    if let Some(more) = empty.next() {
+        return Err(wrong(
+            &more.path,
+            format!("it has no scenarios, and all of {count} shards are there without it"),
+        ));
+    }
+    let missing = places.iter().enumerate().filter(|(_, place)| place.is_none());
+    let missing: Vec<_> = missing.map(|(index, _)| format!("{}/{count}", index + 1)).collect();
+    if !missing.is_empty() {
+        let right = "without their reports nobody knows how these ended".to_owned();
+        return Err(CliError::Argument { text: format!("missing: shard {}", missing.join(", ")), right });
+    }
+    let parts: Vec<_> = places.into_iter().flatten().collect();
+    let total: usize = parts.iter().map(|part| part.scenarios.len()).sum();
+    let mut files = HashMap::new();
+    for (index, part) in parts.iter().enumerate() {
+        let due = total.saturating_sub(index).div_ceil(count);
+        if part.scenarios.len() != due {
+            let has = counted(part.scenarios.len() as u64, "scenario");
+            let what = format!(
+                "it has {has} where {due} of all {total} are due; the shards are not of the same files"
+            );
+            return Err(wrong(&part.path, what));
+        }
+        for scenario in &part.scenarios {
+            if let Some(other) = files.insert(scenario.file.clone(), &part.path) {
+                let (file, other) = (&scenario.file, other.display());
+                return Err(wrong(&part.path, format!("{file} is in it, and in {other}")));
+            }
+        }
+    }
+    let mut queues: Vec<_> = parts.into_iter().map(|part| part.scenarios.into_iter()).collect();
+    Ok((0..total).filter_map(|place| queues[place % count].next()).collect())
+}
+
+fn summary(endings: &[(Ending, bool)]) -> String {
+    let of = |ending: Ending| endings.iter().filter(|(it, is_run)| *it == ending && *is_run).count();
+    let not_run = match endings.iter().filter(|(_, is_run)| !is_run).count() {
+        0 => String::new(),
+        count => format!(", {count} not run"),
+    };
+    let (passed, failed, broken) = (of(Ending::Passed), of(Ending::NotPassed), of(Ending::Broken));
+    format!("{passed} passed, {failed} failed, {broken} broken{not_run}\n")
+}
+
+fn verdict(endings: &[(Ending, bool)]) -> Result<(), CliError> {
+    if endings.iter().any(|(ending, _)| *ending == Ending::Broken) {
+        return Err(CliError::ReportedWrongUse);
+    }
+    if endings.iter().any(|(ending, _)| *ending != Ending::Passed) { Err(CliError::Reported) } else { Ok(()) }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,88 @@
+//! Shards put together.
+
+use super::*;
+use proptest::prelude::*;
+
+fn part(shard: Option<&str>, files: &[&str]) -> Part<()> {
+    let scenario = |file: &&str| Scenario {
+        file: (*file).to_owned(),
+        ending: Ending::Passed,
+        is_run: true,
+        content: (),
+    };
+    Part {
+        path: format!("{}.xml", shard.unwrap_or("empty").replace('/', "-")).into(),
+        shard: shard.map(|shard| Shard::parse(shard).unwrap()),
+        scenarios: files.iter().map(scenario).collect(),
+    }
+}
+
+fn refused(parts: Vec<Part<()>>) -> String {
+    in_order(parts).err().map(|error| error.to_string()).unwrap_or_default()
+}
+
+fn files(parts: Vec<Part<()>>) -> Vec<String> {
+    in_order(parts).unwrap_or_default().into_iter().map(|it| it.file).collect()
+}
+
+#[test]
+fn shards_are_put_together_in_the_order_of_one_run() {
+    let all = vec![part(Some("2/3"), &["b", "e"]), part(Some("3/3"), &["c"]), part(Some("1/3"), &["a", "d"])];
+    assert_eq!(files(all), ["a", "b", "c", "d", "e"]);
+    assert_eq!(files(vec![part(None, &[]), part(Some("1/3"), &["a"]), part(None, &[])]), ["a"]);
+    assert_eq!(files(vec![part(Some("1/1"), &["a", "b"])]), ["a", "b"]);
+}
+
+#[test]
+fn what_is_missing_double_or_of_others_is_refused() {
+    let one = || part(Some("1/2"), &["a", "c"]);
+    let two = || part(Some("2/2"), &["b"]);
+    assert_eq!(
+        refused(vec![two()]),
+        "`missing: shard 1/2`: without their reports nobody knows how these ended"
+    );
+    assert_eq!(refused(vec![one(), two(), two()]), "`2-2.xml`: it is shard 2/2, and so is 2-2.xml");
+    assert_eq!(
+        refused(vec![one(), part(Some("2/3"), &["b"])]),
+        "`2-3.xml`: it is shard 2/3, others are of 2 shards"
+    );
+    assert_eq!(refused(vec![one(), part(Some("2/2"), &["a"])]), "`2-2.xml`: a is in it, and in 1-2.xml");
+    let uneven = refused(vec![part(Some("1/2"), &["a", "b", "c"]), two()]);
+    assert!(
+        uneven.ends_with("it has 3 scenarios where 2 of all 4 are due; the shards are not of the same files")
+    );
+    let more = refused(vec![one(), two(), part(None, &[])]);
+    assert!(more.contains("all of 2 shards are there without it"), "{more}");
+    assert!(refused(vec![part(Some("1/3"), &["a"]), part(None, &[])]).contains("missing: shard 2/3"));
+}
+
+#[test]
+fn the_exit_code_is_that_of_one_run() {
+    let of = |endings: &[Ending]| verdict(&endings.iter().map(|it| (*it, true)).collect::<Vec<_>>());
+    assert!(of(&[]).is_ok() && of(&[Ending::Passed]).is_ok());
+    assert!(matches!(of(&[Ending::Passed, Ending::NotPassed]), Err(CliError::Reported)));
+    assert!(matches!(of(&[Ending::NotPassed, Ending::Broken]), Err(CliError::ReportedWrongUse)));
+    let endings = [(Ending::Passed, true), (Ending::NotPassed, true), (Ending::NotPassed, false)];
+    assert_eq!(summary(&endings), "1 passed, 1 failed, 0 broken, 1 not run\n");
+}
+
+proptest! {
+    #![proptest_config(crate::property_tests())]
+
+    #[test]
+    fn any_number_of_scenarios_comes_back_from_any_number_of_shards(scenarios in 0_usize..40, count in 1_usize..12) {
+        let all: Vec<_> = (0..scenarios).map(|it| format!("{it:02}")).collect();
+        let parts = (0..count).map(|index| {
+            let own: Vec<_> = all.iter().skip(index).step_by(count).map(String::as_str).collect();
+            part(Some(&format!("{}/{count}", index + 1)), &own)
+        });
+        prop_assert_eq!(files(parts.collect()), all.clone());
+    }
+
+    #[test]
+    fn no_text_is_too_much(text in "\\PC{0,60}", xml in prop::bool::ANY) {
+        let text = if xml { format!("<testsuites name=\"commram 1/2\">{text}") } else { text };
+        let _ = of_junit(Path::new("x"), &text).map(|part| in_order(vec![part]).is_ok());
+        let _ = of_json(Path::new("x"), &text).map(|part| in_order(vec![part]).is_ok());
+    }
+}

@@ -1,0 +1,88 @@
+//! The archive of a unit, an FMU: description, plant and shared object.
+
+use super::MARK;
+use super::description::description;
+use super::resources::{Resources, ResourcesError};
+use super::unit::Unit;
+use std::io::{Cursor, Write};
+use zip::result::ZipError;
+use zip::write::SimpleFileOptions;
+use zip::{CompressionMethod, ZipWriter};
+
+/// Name of the shared object in the archive, without its ending.
+pub const LIBRARY: &str = "commram_fmi";
+
+/// Directory for shared objects of this kind of machine.
+const PLATFORM: &str = if cfg!(target_arch = "aarch64") { "aarch64-linux" } else { "x86_64-linux" };
+
+/// Why there is no archive.
+#[derive(Debug, thiserror::Error)]
+pub enum ArchiveError {
+    /// The plant cannot become a unit.
+    #[error(transparent)]
+    Resources(#[from] ResourcesError),
+    /// It cannot be packed.
+    #[error("cannot pack the archive: {0}")]
+    Zip(#[from] ZipError),
+    /// It cannot be written to.
+    #[error("cannot pack the archive: {0}")]
+    Write(#[from] std::io::Error),
+}
+
+/// Whether these bytes are the shared object of this version of commram.
+#[must_use]
+pub fn is_library(bytes: &[u8]) -> bool {
+    let mark = MARK.as_bytes();
+    bytes.starts_with(b"\x7FELF") && bytes.windows(mark.len()).any(|here| here == mark)
+}
+
+/// The archive; `name` is what tools call the model, `library` the shared object. The same plant, choice of registers and shared object
+/// give the same bytes.
+///
+/// # Errors
+/// [`ArchiveError`].
+pub fn archive(resources: &Resources, name: &str, library: &[u8]) -> Result<Vec<u8>, ArchiveError> {
+    let unit = Unit::new(resources)?;
+    let mut zip = ZipWriter::new(Cursor::new(Vec::new()));
+    // Without a time of its own.
+    let options = SimpleFileOptions::default().compression_method(CompressionMethod::Deflated);
+    let mut file = |name: &str, content: &[u8], mode: u32| -> Result<(), ArchiveError> {
+        zip.start_file(name, options.unix_permissions(mode))?;
+        zip.write_all(content)?;
+        Ok(())
+    };
+    file("modelDescription.xml", description(&unit, name).as_bytes(), 0o644)?;
+    file(&format!("binaries/{PLATFORM}/{LIBRARY}.so"), library, 0o755)?;
+    for (name, content) in resources.files() {
+        file(&format!("resources/{name}"), &content, 0o644)?;
+    }
+    Ok(zip.finish()?.into_inner())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_library_is_known_by_its_mark() {
+        let other = [b"\x7FELF commram-fmi unit 0.0.1;".as_slice(), b"text"].concat();
+        assert!(!is_library(&other) && !is_library(MARK.as_bytes()) && !is_library(b""));
+        assert!(is_library(&[b"\x7FELF", MARK.as_bytes(), b"text"].concat()));
+    }
+
+    #[test]
+    fn the_archive_has_all_files_and_the_same_plant_gives_the_same_bytes() {
+        let resources = Resources::built_in(vec!["node2.w_*".to_owned()]).unwrap();
+        let bytes = archive(&resources, "built-in", b"library").unwrap();
+        assert_eq!(bytes, archive(&resources, "built-in", b"library").unwrap());
+        let mut zip = zip::ZipArchive::new(Cursor::new(bytes)).unwrap();
+        let names: Vec<_> = zip.file_names().map(|name| name.unwrap().into_owned()).collect();
+        let library = format!("binaries/{PLATFORM}/commram_fmi.so");
+        assert_eq!(
+            names,
+            ["modelDescription.xml", &library, "resources/plant.toml", "resources/registers.txt"]
+        );
+        let list = std::io::read_to_string(zip.by_name("resources/registers.txt").unwrap()).unwrap();
+        assert_eq!(list, "node2.w_*\n");
+    }
+}

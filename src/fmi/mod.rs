@@ -1,0 +1,24 @@
+//! A plant as a unit for co-simulation by FMI 3.0: its variables, how it is stepped, and the archive (FMU) that other simulators load.
+//!
+//! What is here knows no C: `tools/fmi` is the shared object in such an archive, and calls a [`Unit`].
+
+#[cfg(feature = "studio")]
+mod archive;
+#[cfg(feature = "studio")]
+mod description;
+mod resources;
+#[cfg(test)]
+mod tests;
+mod unit;
+mod variables;
+
+#[cfg(feature = "studio")]
+pub use archive::{ArchiveError, LIBRARY, archive, is_library};
+#[cfg(feature = "studio")]
+pub use description::description;
+pub use resources::{Resources, ResourcesError};
+pub use unit::{Unit, UnitError, UnitState, Value};
+pub use variables::{Causality, Kind, Variable, VariablesError};
+
+/// What the shared object has in it, so that a program can tell whether it is its own.
+pub const MARK: &str = concat!("commram-fmi unit ", env!("CARGO_PKG_VERSION"), ";");

@@ -1,0 +1,149 @@
+//! What of an archive tells which plant it is: the files in its `resources`.
+
+use super::variables::VariablesError;
+use crate::handed_in;
+use crate::memory::MemoryError;
+use crate::plant::{PlantConfig, PlantError, Snapshot, SnapshotError, SnapshotFile, SnapshotFileError};
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// The plant file.
+const PLANT: &str = "plant.toml";
+/// The snapshot that it starts from, in place of a plant file.
+const SNAPSHOT: &str = "start.snap";
+/// Which registers are variables, a pattern in each line; without the file all are.
+const REGISTERS: &str = "registers.txt";
+
+/// The plant of a unit.
+#[derive(Clone, Debug)]
+pub struct Resources {
+    /// The text of the plant file, or the content of the snapshot.
+    content: Content,
+    config: PlantConfig,
+    registers: Vec<String>,
+}
+
+#[derive(Clone, Debug)]
+enum Content {
+    Plant(String),
+    Snapshot(Vec<u8>, Box<Snapshot>),
+}
+
+/// Why a plant cannot become a unit.
+#[derive(Debug, thiserror::Error)]
+pub enum ResourcesError {
+    /// A file cannot be read.
+    #[error("{}: {reason}", .path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        reason: io::Error,
+    },
+    /// The plant file is refused.
+    #[error(transparent)]
+    Plant(#[from] PlantError),
+    /// A file that is no snapshot.
+    #[error("{}: {reason}", .path.display())]
+    SnapshotFile {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        reason: SnapshotFileError,
+    },
+    /// The plant cannot start from the snapshot.
+    #[error("the snapshot cannot be started from: {0}")]
+    Snapshot(#[from] SnapshotError),
+    /// The plant cannot be built.
+    #[error(transparent)]
+    Memory(#[from] MemoryError),
+    /// The registers that were asked for are not there.
+    #[error(transparent)]
+    Variables(#[from] VariablesError),
+}
+
+impl Resources {
+    /// Of a plant file, or of a snapshot to start from; `registers` are names and patterns of those that are to be variables, all
+    /// of them if there are none.
+    ///
+    /// # Errors
+    /// [`ResourcesError`].
+    pub fn of_file(path: &Path, registers: Vec<String>) -> Result<Self, ResourcesError> {
+        let read = || handed_in::read_bytes(path, SnapshotFile::LONGEST);
+        let failed = |reason| ResourcesError::Read { path: path.to_owned(), reason };
+        let bytes = read().map_err(failed)?;
+        let content = if SnapshotFile::is_one(&bytes) {
+            let file = SnapshotFile::of_bytes(&bytes);
+            let file =
+                file.map_err(|reason| ResourcesError::SnapshotFile { path: path.to_owned(), reason })?;
+            let config = file.config(&path.display().to_string())?;
+            (Content::Snapshot(bytes, Box::new(file.snapshot)), config)
+        } else {
+            let text = handed_in::text(bytes).map_err(failed)?;
+            let config = PlantConfig::parse(&path.display().to_string(), &text)?;
+            (Content::Plant(text), config)
+        };
+        let (content, config) = content;
+        Ok(Self { content, config, registers })
+    }
+
+    /// Of the plant that runs when no file is given.
+    ///
+    /// # Errors
+    /// As [`Resources::of_file`].
+    pub fn built_in(registers: Vec<String>) -> Result<Self, ResourcesError> {
+        let config = PlantConfig::built_in()?;
+        Ok(Self { content: Content::Plant(config.source().to_owned()), config, registers })
+    }
+
+    /// Those in the directory `resources` of an archive that somebody has unpacked.
+    ///
+    /// # Errors
+    /// As [`Resources::of_file`].
+    pub fn of_directory(directory: &Path) -> Result<Self, ResourcesError> {
+        let list = directory.join(REGISTERS);
+        let registers = match handed_in::read(&list, handed_in::LONGEST_SCRIPT) {
+            Ok(text) => text.lines().map(str::to_owned).collect(),
+            Err(reason) if reason.kind() == io::ErrorKind::NotFound => Vec::new(),
+            Err(reason) => return Err(ResourcesError::Read { path: list, reason }),
+        };
+        let snapshot = directory.join(SNAPSHOT);
+        let path = if snapshot.exists() { snapshot } else { directory.join(PLANT) };
+        Self::of_file(&path, registers)
+    }
+
+    /// Names and contents of the files.
+    #[must_use]
+    pub fn files(&self) -> Vec<(&'static str, Vec<u8>)> {
+        let mut files = vec![match &self.content {
+            Content::Plant(text) => (PLANT, text.clone().into_bytes()),
+            Content::Snapshot(bytes, _) => (SNAPSHOT, bytes.clone()),
+        }];
+        if !self.registers.is_empty() {
+            let lines: String = self.registers.iter().map(|pattern| format!("{pattern}\n")).collect();
+            files.push((REGISTERS, lines.into_bytes()));
+        }
+        files
+    }
+
+    /// The plant.
+    #[must_use]
+    pub fn config(&self) -> &PlantConfig {
+        &self.config
+    }
+
+    /// Where it starts, if not at power-on.
+    #[must_use]
+    pub fn snapshot(&self) -> Option<&Snapshot> {
+        match &self.content {
+            Content::Plant(_) => None,
+            Content::Snapshot(_, snapshot) => Some(snapshot),
+        }
+    }
+
+    /// Names and patterns of the registers that are variables; none: all are.
+    #[must_use]
+    pub fn registers(&self) -> &[String] {
+        &self.registers
+    }
+}

@@ -1,0 +1,125 @@
+//! Units without C.
+
+use super::*;
+use core::f64::consts::TAU;
+use proptest::prelude::*;
+
+fn unit(registers: &[&str]) -> Unit {
+    let registers = registers.iter().map(|it| (*it).to_owned()).collect();
+    Unit::new(&Resources::built_in(registers).unwrap()).unwrap()
+}
+
+/// The reference of a variable.
+fn at(unit: &Unit, name: &str) -> u32 {
+    unit.variables().iter().position(|it| it.name == name).unwrap_or_else(|| panic!("{name}")) as u32
+}
+
+fn names(registers: &[&str]) -> Vec<String> {
+    unit(registers).variables().iter().map(|it| it.name.clone()).collect()
+}
+
+#[test]
+fn steps_end_at_the_next_microsecond_and_errors_do_not_add_up() {
+    let mut unit = unit(&["node2.w_*"]);
+    unit.begin(7.0).unwrap();
+    let third = 0.001 / 3.0;
+    let mut point = 7.0;
+    for _ in 0..3000 {
+        unit.step(point, third).unwrap();
+        point += third;
+    }
+    assert_eq!(unit.plant().now(), 1_000_000);
+    assert_eq!(unit.step(8.0, 4e-7), Ok(8.0));
+    for (point, size) in [(8.1, 0.001), (7.9, 0.1), (f64::NAN, 0.1), (f64::INFINITY, 0.0)] {
+        assert!(matches!(unit.step(point, size), Err(UnitError::OtherTime { .. })), "{point} {size}");
+    }
+    for size in [-0.001, f64::NAN, f64::INFINITY, 1e300] {
+        assert!(matches!(unit.step(8.0, size), Err(UnitError::Step { .. })), "{size}");
+    }
+    assert!(unit.begin(f64::NAN).is_err());
+    assert_eq!(unit.plant().now(), 1_000_000);
+}
+
+#[test]
+fn a_set_is_a_store_and_one_that_changes_nothing_of_the_plcs_own_is_none() {
+    let mut unit = unit(&[]);
+    let (own, both) = (at(&unit, "node2.b_BT_1"), at(&unit, "node2.b_CTRLREG_WRC1"));
+    let mut stores = |reference, value| {
+        let before = unit.plant().journal().hash();
+        unit.set(reference, Kind::U8, Value::Integer(value)).unwrap();
+        assert_eq!(unit.get(reference, Kind::U8), Ok(Value::Integer(value)));
+        unit.plant().journal().hash() != before
+    };
+    assert!(stores(own, 0x1C) && !stores(own, 0x1C) && stores(own, 0x1D));
+    assert!(stores(both, 5) && stores(both, 5));
+    let out = at(&unit, "node2.b_CTRLREG_WRC1.out");
+    assert_eq!(unit.get(out, Kind::U8), Ok(Value::Integer(5)));
+    assert!(matches!(unit.set(out, Kind::U8, Value::Integer(0)), Err(UnitError::Output { .. })));
+    assert!(matches!(unit.get(own, Kind::U16), Err(UnitError::OtherKind { .. })));
+    assert!(matches!(unit.get(u32::MAX, Kind::U16), Err(UnitError::NoVariable { .. })));
+}
+
+#[test]
+fn registers_are_chosen_by_name_and_pattern() {
+    let of_drives = names(&["node2.w_CPU_CONTROL"]).len() - 3;
+    let chosen = names(&["node2.a_WR_VALUE[0..1]", "line:node2.w_CPU_CONTROL"]);
+    assert_eq!(chosen.len(), 5 + of_drives);
+    for name in ["time", "node2.w_CPU_CONTROL", "node2.w_CPU_CONTROL.out", "node2.a_WR_VALUE[1]"] {
+        let is_there = chosen.iter().any(|it| it == name);
+        assert!(is_there || name.ends_with(".out"), "{name} in {chosen:?}");
+    }
+    for (wrong, why) in
+        [("node2.w_NOTHING", "w_NOTHING"), ("other:node2.w_CPU_CONTROL", "its PLCs are: line")]
+    {
+        let error = Unit::new(&Resources::built_in(vec![wrong.to_owned()]).unwrap()).err().unwrap();
+        assert!(error.to_string().contains(why), "{error}");
+    }
+    assert_ne!(unit(&["node2.w_*"]).token(), unit(&[]).token());
+    assert_eq!(unit(&[]).token(), unit(&[]).token());
+}
+
+#[test]
+fn a_model_turns_the_motor_and_a_state_has_it() {
+    let mut unit = unit(&["node2.w_*"]);
+    let [actual, angle, modelled, speed] = ["speed_actual", "angle_actual", "is_modelled", "speed_modelled"]
+        .map(|it| at(&unit, &format!("drive1.{it}")));
+    unit.set(speed, Kind::F64, Value::Float(TAU)).unwrap();
+    let near = |unit: &Unit, reference, expected: f64| {
+        let Ok(Value::Float(value)) = unit.get(reference, Kind::F64) else { panic!("{reference}") };
+        assert!((value - expected).abs() < 1e-3, "{value} {expected}");
+    };
+    unit.step(0.0, 0.01).unwrap();
+    near(&unit, actual, 0.0);
+    unit.set(modelled, Kind::Bool, Value::Boolean(true)).unwrap();
+    unit.step(0.01, 0.25).unwrap();
+    near(&unit, actual, TAU);
+    let state = unit.state();
+    let bytes = unit.to_bytes(&state);
+    let Ok(Value::Float(here)) = unit.get(angle, Kind::F64) else { panic!() };
+    assert!((here - TAU / 4.0).abs() < 0.01, "{here}");
+    unit.step(0.26, 0.25).unwrap();
+    near(&unit, angle, here + TAU / 4.0);
+    unit.restore(&unit.of_bytes(&bytes).unwrap()).unwrap();
+    near(&unit, angle, here);
+    unit.step(0.26, 0.25).unwrap();
+    near(&unit, angle, here + TAU / 4.0);
+    assert!(unit.set(speed, Kind::F64, Value::Float(f64::NAN)).is_err());
+    for length in [0, 1, 8, bytes.len() / 2, bytes.len() - 1] {
+        assert!(unit.of_bytes(&bytes[..length]).is_err(), "{length}");
+    }
+}
+
+proptest! {
+    #![proptest_config(crate::property_tests())]
+
+    #[test]
+    fn any_speed_can_be_modelled(speeds in prop::collection::vec(any::<f64>(), 1..6)) {
+        let mut unit = unit(&["node2.w_*"]);
+        let (modelled, speed) = (at(&unit, "drive1.is_modelled"), at(&unit, "drive1.speed_modelled"));
+        unit.set(modelled, Kind::Bool, Value::Boolean(true)).unwrap();
+        for value in speeds {
+            prop_assert_eq!(unit.set(speed, Kind::F64, Value::Float(value)).is_ok(), value.is_finite());
+            unit.step(unit.time_s(), 0.003).unwrap();
+        }
+    }
+}

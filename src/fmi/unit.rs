@@ -1,0 +1,351 @@
+//! A plant that somebody else's clock steps.
+
+use super::resources::{Resources, ResourcesError};
+use super::variables::{Kind, ShaftValue, Variable, What, variables};
+use crate::layout::Owner;
+use crate::memory::Segment;
+use crate::plant::{Plant, Snapshot, SnapshotError, SnapshotFile};
+use crate::state::{Damaged, Saved, Saving};
+use core::f64::consts::TAU;
+use serde::{Deserialize, Serialize};
+use twox_hash::XxHash3_64;
+
+/// Increments of the drives' angle in a revolution (decision D-162).
+const REVOLUTION: f64 = 4_294_967_296.0;
+/// Microseconds per second.
+const MICROS: f64 = 1e6;
+/// Longest time that a step may take it to: of two neighbouring numbers of 64 bits the distance is below a microsecond there.
+const LONGEST_US: f64 = 9e15;
+
+/// A value of a variable.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Value {
+    /// Any integer.
+    Integer(i64),
+    /// A number.
+    Float(f64),
+    /// Yes or no.
+    Boolean(bool),
+}
+
+/// Why a unit does not do something.
+#[derive(Debug, PartialEq, thiserror::Error)]
+pub enum UnitError {
+    /// A reference that no variable has.
+    #[error("there is no variable with value reference {reference}; the highest is {last}")]
+    NoVariable {
+        /// As given.
+        reference: u32,
+        /// The highest one.
+        last: usize,
+    },
+    /// A variable of another type.
+    #[error("{name} is of type {right}, it was taken for {asked}")]
+    OtherKind {
+        /// The variable.
+        name: String,
+        /// Its type.
+        right: &'static str,
+        /// The type asked for.
+        asked: &'static str,
+    },
+    /// A variable that is not set from outside.
+    #[error("{name} is an output; inputs and parameters can be set")]
+    Output {
+        /// The variable.
+        name: String,
+    },
+    /// A number that is none, or infinite.
+    #[error("{name} cannot be {value}")]
+    NotFinite {
+        /// What.
+        name: String,
+        /// As given.
+        value: f64,
+    },
+    /// A step that does not begin where the last one has ended.
+    #[error("a step begins at {given} s, but the unit stands at {now} s")]
+    OtherTime {
+        /// As given.
+        given: f64,
+        /// Where it stands.
+        now: f64,
+    },
+    /// A step back or of no length in time, or one too far.
+    #[error("a step of {size} s; it must not be negative, and the time at its end must be below 9e9 s")]
+    Step {
+        /// As given.
+        size: f64,
+    },
+    /// A state of another unit.
+    #[error(transparent)]
+    Snapshot(#[from] SnapshotError),
+    /// Bytes that are no state.
+    #[error("it is no state of this unit: {0}")]
+    State(String),
+}
+
+/// What of a unit is not in its plant.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct Own {
+    /// Time of the co-simulation at its start, and emulated time then.
+    start_s: f64,
+    start_us: u64,
+    /// Of each drive whether a model turns it, and with which speed in rad/s.
+    shafts: Vec<(bool, f64)>,
+}
+
+/// State of a unit at a moment.
+#[derive(Clone, Debug)]
+pub struct UnitState {
+    own: Own,
+    snapshot: Snapshot,
+}
+
+/// A plant with its variables and its clock.
+pub struct Unit {
+    plant: Plant,
+    variables: Vec<Variable>,
+    own: Own,
+    /// How many entries of the access checker's table have been told.
+    told: usize,
+}
+
+impl Unit {
+    /// Builds the plant, and powers it on or goes to its snapshot.
+    ///
+    /// # Errors
+    /// [`ResourcesError`].
+    pub fn new(resources: &Resources) -> Result<Self, ResourcesError> {
+        let mut plant =
+            Plant::new(resources.config(), |_plc, device| Ok::<_, ResourcesError>(Segment::of(device)))?;
+        if let Some(snapshot) = resources.snapshot() {
+            plant.restore(snapshot)?;
+        }
+        let variables = variables(&plant, resources.registers())?;
+        let shafts = vec![(false, 0.0); plant.drives().len()];
+        let own = Own { start_s: 0.0, start_us: plant.now(), shafts };
+        Ok(Self { plant, variables, own, told: 0 })
+    }
+
+    /// The variables; the place of one is its reference.
+    #[must_use]
+    pub fn variables(&self) -> &[Variable] {
+        &self.variables
+    }
+
+    /// The plant.
+    #[must_use]
+    pub fn plant(&self) -> &Plant {
+        &self.plant
+    }
+
+    /// What tells this unit from others: a description of another plant, another choice of registers or another version of commram
+    /// does not go with it.
+    #[must_use]
+    pub fn token(&self) -> String {
+        let mut text = String::from(env!("CARGO_PKG_VERSION"));
+        for variable in &self.variables {
+            text.push_str(&format!(" {} {:?} {:?}", variable.name, variable.kind, variable.what));
+        }
+        let devices = self.plant.devices();
+        let layouts: String = devices.iter().map(|it| format!(" {:X}", it.layout().layout_hash)).collect();
+        format!("commram-{:016x}", XxHash3_64::oneshot((text + &layouts).as_bytes()))
+    }
+
+    /// The co-simulation begins at this time in seconds.
+    ///
+    /// # Errors
+    /// [`UnitError::NotFinite`].
+    pub fn begin(&mut self, start_s: f64) -> Result<(), UnitError> {
+        if !start_s.is_finite() {
+            return Err(UnitError::NotFinite { name: "the time of start".to_owned(), value: start_s });
+        }
+        self.own.start_s = start_s;
+        Ok(())
+    }
+
+    /// Time of the co-simulation in seconds.
+    #[must_use]
+    pub fn time_s(&self) -> f64 {
+        self.own.start_s + (self.plant.now() - self.own.start_us) as f64 / MICROS
+    }
+
+    /// Goes on by `size` seconds from `point` on. The end is rounded to the next microsecond since the start, so that no errors add up
+    /// (decision D-537). Returns the time at which it stands.
+    ///
+    /// # Errors
+    /// [`UnitError`]; then no time has passed.
+    pub fn step(&mut self, point: f64, size: f64) -> Result<f64, UnitError> {
+        let to_us = |time: f64| ((time - self.own.start_s) * MICROS).round();
+        let (begin, end) = (to_us(point), to_us(point + size));
+        let now = (self.plant.now() - self.own.start_us) as f64;
+        // Whoever adds his steps up may be a microsecond off.
+        if !begin.is_finite() || (begin - now).abs() > 1.0 {
+            return Err(UnitError::OtherTime { given: point, now: self.time_s() });
+        }
+        if size.is_nan() || size < 0.0 || end > LONGEST_US {
+            return Err(UnitError::Step { size });
+        }
+        for (drive, (is_modelled, speed)) in self.own.shafts.iter().enumerate() {
+            if *is_modelled {
+                let speed = speed * REVOLUTION / TAU / 1000.0;
+                // Saturates.
+                self.plant.turn_shaft(drive, Some(speed.round() as i32));
+            }
+        }
+        // Neither negative nor above what fits.
+        self.plant.advance_to(self.own.start_us + end.max(now) as u64);
+        Ok(self.time_s())
+    }
+
+    fn variable(&self, reference: u32, asked: Kind) -> Result<&Variable, UnitError> {
+        let last = self.variables.len() - 1;
+        let found =
+            self.variables.get(reference as usize).ok_or(UnitError::NoVariable { reference, last })?;
+        if found.kind == asked {
+            return Ok(found);
+        }
+        let (name, right, asked) = (found.name.clone(), found.kind.name(), asked.name());
+        Err(UnitError::OtherKind { name, right, asked })
+    }
+
+    /// The value of a variable that is of this type.
+    ///
+    /// # Errors
+    /// There is no such variable, or it is of another type.
+    pub fn get(&self, reference: u32, kind: Kind) -> Result<Value, UnitError> {
+        Ok(match self.variable(reference, kind)?.what {
+            What::Time => Value::Float(self.time_s()),
+            What::Register { plc, offset, width, ty, .. } => {
+                // The layout has a register there.
+                Value::Integer(ty.number(self.plant.load(plc, offset, width).unwrap_or_default()))
+            }
+            What::Shaft { drive, value } => self.shaft(drive, value),
+        })
+    }
+
+    fn shaft(&self, drive: usize, value: ShaftValue) -> Value {
+        let speed = |increments: i32| Value::Float(f64::from(increments) * 1000.0 * TAU / REVOLUTION);
+        let of_model = self.own.shafts.get(drive).copied().unwrap_or_default();
+        let Some(shaft) = self.plant.shaft(drive) else { return Value::Float(0.0) };
+        match value {
+            ShaftValue::Reference => {
+                let state = self.plant.drive(drive).map(|details| details.state);
+                speed(state.map_or(0, |state| state.speed_reference))
+            }
+            ShaftValue::Demand => speed(shaft.demand),
+            ShaftValue::IsFed => Value::Boolean(shaft.is_fed),
+            ShaftValue::Actual => speed(shaft.speed),
+            ShaftValue::Angle => Value::Float(f64::from(shaft.angle) * TAU / REVOLUTION),
+            ShaftValue::IsModelled => Value::Boolean(of_model.0),
+            ShaftValue::Modelled => Value::Float(of_model.1),
+        }
+    }
+
+    /// Gives a variable of this type a value: of a register that is a store of the PLC's program.
+    ///
+    /// # Errors
+    /// There is no such variable, it is of another type or an output, or the value is not finite.
+    pub fn set(&mut self, reference: u32, kind: Kind, value: Value) -> Result<(), UnitError> {
+        let variable = self.variable(reference, kind)?;
+        let name = || variable.name.clone();
+        if !matches!(variable.causality, super::Causality::Input | super::Causality::Parameter) {
+            return Err(UnitError::Output { name: name() });
+        }
+        match (variable.what, value) {
+            (What::Register { plc, offset, width, ty, owner }, Value::Integer(value)) => {
+                let bits = value as u32 & ty.mask();
+                // Tools that set everything at each step are to leave no stores where a program would not have stored (decision
+                // D-535). Where the firmware writes, too, each store counts.
+                if owner == Owner::Both || self.plant.load(plc, offset, width) != Ok(bits) {
+                    let _ = self.plant.store(plc, offset, width, bits);
+                }
+            }
+            (What::Shaft { drive, value: ShaftValue::IsModelled }, Value::Boolean(is_modelled)) => {
+                if let Some(shaft) = self.own.shafts.get_mut(drive) {
+                    shaft.0 = is_modelled;
+                }
+                if !is_modelled {
+                    self.plant.turn_shaft(drive, None);
+                }
+            }
+            (What::Shaft { .. }, Value::Float(value)) if !value.is_finite() => {
+                return Err(UnitError::NotFinite { name: name(), value });
+            }
+            (What::Shaft { drive, .. }, Value::Float(speed)) => {
+                if let Some(shaft) = self.own.shafts.get_mut(drive) {
+                    shaft.1 = speed;
+                }
+            }
+            // Its type says what value it has.
+            _ => {}
+        }
+        Ok(())
+    }
+
+    /// What the access checker has found at registers at which it had found nothing before, a line each.
+    pub fn take_findings(&mut self) -> Vec<String> {
+        let findings = self.plant.journal().findings();
+        if findings.len() == self.told {
+            return Vec::new();
+        }
+        let names = self.plant.names();
+        let lines = findings.iter().skip(self.told).map(|entry| {
+            let (rule, fitted) = (entry.last.rule, names.fitted(entry.last.plc));
+            let register = entry.last.name(fitted).unwrap_or_default();
+            let (severity, value) = (rule.severity(), entry.last.value_text(fitted));
+            format!("{severity} {rule}: {register} {value}: {} ({})", rule.text(), rule.source())
+        });
+        let lines = lines.collect();
+        self.told = findings.len();
+        lines
+    }
+
+    /// Its state now.
+    #[must_use]
+    pub fn state(&self) -> UnitState {
+        UnitState { own: self.own.clone(), snapshot: self.plant.snapshot() }
+    }
+
+    /// Goes to a state of this unit, or of another one of the same archive.
+    ///
+    /// # Errors
+    /// It is of another one.
+    pub fn restore(&mut self, state: &UnitState) -> Result<(), UnitError> {
+        if state.own.shafts.len() != self.own.shafts.len() {
+            return Err(UnitError::State("it has other drives".to_owned()));
+        }
+        self.plant.restore(&state.snapshot)?;
+        self.own = state.own.clone();
+        self.told = self.plant.journal().findings().len();
+        Ok(())
+    }
+
+    /// A state as bytes.
+    #[must_use]
+    pub fn to_bytes(&self, state: &UnitState) -> Vec<u8> {
+        let mut to = Saving::default();
+        to.value(&state.own);
+        to.value(&self.plant.file_of(state.snapshot.clone()).to_bytes());
+        to.into_bytes()
+    }
+
+    /// The state that such bytes are. Whether it is one of this unit shows when it is gone to.
+    ///
+    /// # Errors
+    /// They are none.
+    pub fn of_bytes(&self, bytes: &[u8]) -> Result<UnitState, UnitError> {
+        let damaged = |error: Damaged| UnitError::State(error.to_string());
+        let mut from = Saved::new(bytes);
+        let own: Own = from.value().map_err(damaged)?;
+        let file: Vec<u8> = from.value().map_err(damaged)?;
+        from.end().map_err(damaged)?;
+        let file = SnapshotFile::of_bytes(&file).map_err(|error| UnitError::State(error.to_string()))?;
+        let is_finite = own.start_s.is_finite() && own.shafts.iter().all(|shaft| shaft.1.is_finite());
+        if !is_finite || own.start_us > file.snapshot.time_us() {
+            return Err(UnitError::State("its times make no sense".to_owned()));
+        }
+        Ok(UnitState { own, snapshot: file.snapshot })
+    }
+}

@@ -1,0 +1,309 @@
+//! The variables of a unit: which there are, what they are called, and what they are.
+
+use crate::layout::{Fit, LayoutError, Owner, RegType, RegisterRef, Width, plc_prefix, split_plc};
+use crate::plant::Plant;
+use std::collections::BTreeSet;
+
+/// A variable.
+#[derive(Clone, Debug)]
+pub struct Variable {
+    /// Its name, which is that of the register with the PLC in front where there are several.
+    pub name: String,
+    /// What it is.
+    pub description: String,
+    /// Its type.
+    pub kind: Kind,
+    /// Who gives it its value.
+    pub causality: Causality,
+    /// What it has when the unit starts; `None` of those that the unit calculates.
+    pub start: Option<String>,
+    /// Its unit, of those that have one.
+    pub unit: &'static str,
+    pub(super) what: What,
+}
+
+/// Type of a variable.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// `UInt8`.
+    U8,
+    /// `UInt16`.
+    U16,
+    /// `UInt32`.
+    U32,
+    /// `Int8`.
+    I8,
+    /// `Int16`.
+    I16,
+    /// `Int32`.
+    I32,
+    /// `Float64`.
+    F64,
+    /// `Boolean`.
+    Bool,
+}
+
+impl Kind {
+    /// Its name in FMI.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Kind::U8 => "UInt8",
+            Kind::U16 => "UInt16",
+            Kind::U32 => "UInt32",
+            Kind::I8 => "Int8",
+            Kind::I16 => "Int16",
+            Kind::I32 => "Int32",
+            Kind::F64 => "Float64",
+            Kind::Bool => "Boolean",
+        }
+    }
+}
+
+impl From<RegType> for Kind {
+    fn from(of: RegType) -> Self {
+        match of {
+            RegType::Byte | RegType::Usint => Kind::U8,
+            RegType::Word | RegType::Uint => Kind::U16,
+            RegType::Dword | RegType::Udint => Kind::U32,
+            RegType::Sint => Kind::I8,
+            RegType::Int => Kind::I16,
+            RegType::Dint => Kind::I32,
+        }
+    }
+}
+
+/// Who gives a variable its value.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Causality {
+    /// Time itself.
+    Independent,
+    /// Whoever uses the unit, and may change it while time passes.
+    Parameter,
+    /// Whoever uses the unit.
+    Input,
+    /// The unit.
+    Output,
+}
+
+impl Causality {
+    /// Its name in FMI.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Causality::Independent => "independent",
+            Causality::Parameter => "parameter",
+            Causality::Input => "input",
+            Causality::Output => "output",
+        }
+    }
+}
+
+/// What a variable stands for.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum What {
+    Time,
+    Register { plc: usize, offset: u32, width: Width, ty: RegType, owner: Owner },
+    Shaft { drive: usize, value: ShaftValue },
+}
+
+/// A value at the shaft of a drive.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum ShaftValue {
+    Reference,
+    Demand,
+    IsFed,
+    Actual,
+    Angle,
+    IsModelled,
+    Modelled,
+}
+
+/// Why there are no such variables.
+#[derive(Debug, PartialEq, Eq, thiserror::Error)]
+pub enum VariablesError {
+    /// A name that no register has.
+    #[error(transparent)]
+    Layout(#[from] LayoutError),
+    /// A PLC that is not in the plant.
+    #[error("there is no PLC '{plc}' in the plant; its PLCs are: {known}")]
+    UnknownPlc {
+        /// As given.
+        plc: String,
+        /// Those there are.
+        known: String,
+    },
+    /// Two variables of one name.
+    #[error("two variables are called '{0}'; give the drive another name")]
+    Twice(String),
+}
+
+/// The variables of a plant, as it stands now; the place in the list is a variable's reference.
+pub(super) fn variables(plant: &Plant, patterns: &[String]) -> Result<Vec<Variable>, VariablesError> {
+    let mut all = vec![Variable {
+        name: "time".to_owned(),
+        description: "Time of the co-simulation".to_owned(),
+        kind: Kind::F64,
+        causality: Causality::Independent,
+        start: None,
+        unit: "s",
+        what: What::Time,
+    }];
+    let plcs = plant.names();
+    let wanted = Wanted::of(plant, patterns)?;
+    for (plc, fitted) in plcs.devices.iter().enumerate() {
+        let prefix = plc_prefix(&plcs.plcs, plc as u16);
+        let areas = fitted.device().areas.iter().filter(|area| fitted.area(area) != Fit::Empty);
+        for area in areas.filter(|area| !area.structures.is_empty()) {
+            for register in fitted.registers(area.name)? {
+                if !register.is_reserved() && wanted.has(plc, &register) {
+                    all.extend(of_register(plant, plc, &prefix, &register));
+                }
+            }
+        }
+    }
+    for (number, drive) in plant.drives().iter().enumerate() {
+        all.extend(of_drive(number, &drive.name));
+    }
+    let mut names = BTreeSet::new();
+    match all.iter().find(|variable| !names.insert(variable.name.as_str())) {
+        None => Ok(all),
+        Some(twice) => Err(VariablesError::Twice(twice.name.clone())),
+    }
+}
+
+/// The registers that are wanted; all, if nobody has said which.
+struct Wanted(Option<BTreeSet<(usize, u32, &'static str)>>);
+
+impl Wanted {
+    fn of(plant: &Plant, patterns: &[String]) -> Result<Self, VariablesError> {
+        if patterns.is_empty() {
+            return Ok(Self(None));
+        }
+        let plcs = plant.names();
+        let mut wanted = BTreeSet::new();
+        for pattern in patterns {
+            let (plc, name) = split_plc(pattern);
+            if let Some(unknown) = plc.filter(|plc| !plcs.plcs.iter().any(|known| known == plc)) {
+                let (plc, known) = (unknown.to_owned(), plcs.plcs.join(", "));
+                return Err(VariablesError::UnknownPlc { plc, known });
+            }
+            let meant = plcs.plcs.iter().enumerate().filter(|(_, known)| plc.is_none_or(|plc| plc == *known));
+            let found: Vec<_> =
+                meant.map(|(index, _)| (index, plcs.devices[index].registers(name))).collect();
+            // Without a PLC in front all are meant that have such registers.
+            let has_any = found.iter().any(|(_, registers)| registers.is_ok());
+            for (index, registers) in found {
+                match registers {
+                    Ok(registers) => {
+                        wanted.extend(registers.iter().map(|it| (index, it.offset(), it.register.name)));
+                    }
+                    Err(_) if has_any => {}
+                    Err(error) => return Err(error.into()),
+                }
+            }
+        }
+        Ok(Self(Some(wanted)))
+    }
+
+    fn has(&self, plc: usize, register: &RegisterRef) -> bool {
+        let key = (plc, register.offset(), register.register.name);
+        self.0.as_ref().is_none_or(|wanted| wanted.contains(&key))
+    }
+}
+
+fn of_register(plant: &Plant, plc: usize, prefix: &str, register: &RegisterRef) -> Vec<Variable> {
+    let (ty, owner) = (register.ty(), register.owner());
+    let width = Width::of(ty);
+    let value = plant.load(plc, register.offset(), width).unwrap_or_default();
+    let written_by = match owner {
+        Owner::Plc => "a PLC writes it",
+        Owner::Firmware => "the firmware writes it",
+        Owner::Both => "PLC and firmware write it",
+    };
+    let doc = register.register.doc.trim_end_matches('.');
+    let doc = if doc.is_empty() { String::new() } else { format!("{doc}; ") };
+    let page = register.register.page;
+    let page = if page.is_empty() { String::new() } else { format!("; manual p. {page}") };
+    let description = format!("{doc}{written_by}; {}{page}", register.address());
+    let variable = |name, causality, start| Variable {
+        name,
+        description: description.clone(),
+        kind: ty.into(),
+        causality,
+        start,
+        unit: "",
+        what: What::Register { plc, offset: register.offset(), width, ty, owner },
+    };
+    let name = format!("{prefix}{register}");
+    let start = || Some(ty.number(value).to_string());
+    match owner {
+        Owner::Plc => vec![variable(name, Causality::Input, start())],
+        Owner::Firmware => vec![variable(name, Causality::Output, None)],
+        // What stands there comes out by a variable of its own (decision D-535).
+        Owner::Both => {
+            let out = format!("{name}.out");
+            vec![variable(name, Causality::Input, start()), variable(out, Causality::Output, None)]
+        }
+    }
+}
+
+fn of_drive(drive: usize, name: &str) -> Vec<Variable> {
+    use Causality::{Input, Output, Parameter};
+    use ShaftValue::{Actual, Angle, Demand, IsFed, IsModelled, Modelled, Reference};
+    let variable = |suffix, kind, causality, start: Option<&str>, unit, value, description: &str| Variable {
+        name: format!("{name}.{suffix}"),
+        description: description.to_owned(),
+        kind,
+        causality,
+        start: start.map(str::to_owned),
+        unit,
+        what: What::Shaft { drive, value },
+    };
+    let speed = |suffix, value, text| variable(suffix, Kind::F64, Output, None, "rad/s", value, text);
+    vec![
+        speed("speed_reference", Reference, "Speed that the drive has been given"),
+        speed(
+            "speed_demand",
+            Demand,
+            "Speed that the drive demands of its motor: limited, and along its ramp; 0 if it is not enabled",
+        ),
+        variable(
+            "is_fed",
+            Kind::Bool,
+            Output,
+            None,
+            "",
+            IsFed,
+            "Whether the drive feeds its motor; else the motor coasts",
+        ),
+        speed("speed_actual", Actual, "Speed of the motor, as the drive tells it its master"),
+        variable(
+            "angle_actual",
+            Kind::F64,
+            Output,
+            None,
+            "rad",
+            Angle,
+            "Angle of the motor within a revolution, from 0 on",
+        ),
+        variable(
+            "is_modelled",
+            Kind::Bool,
+            Parameter,
+            Some("false"),
+            "",
+            IsModelled,
+            "Whether the motor turns with speed_modelled; else it does what the drive demands",
+        ),
+        variable(
+            "speed_modelled",
+            Kind::F64,
+            Input,
+            Some("0"),
+            "rad/s",
+            Modelled,
+            "Speed of the motor by a model of what it turns; counts while is_modelled is true",
+        ),
+    ]
+}

@@ -1,0 +1,130 @@
+//! What all functions have in common: types, pointers that may be wrong, panics.
+
+use super::instance::Inner;
+use core::ffi::{c_char, c_int, c_void};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+/// What a function says.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Status {
+    /// Done.
+    Ok,
+    /// Done, but something is to be looked at.
+    Warning,
+    /// Not done, but may be tried otherwise.
+    Discard,
+    /// Not done.
+    Error,
+    /// The instance can no longer be used.
+    Fatal,
+}
+
+/// An instance, as those who call see it.
+pub type Instance = *mut c_void;
+/// Who is told what is wrong.
+pub type LogMessage = Option<unsafe extern "C" fn(*mut c_void, Status, *const c_char, *const c_char)>;
+/// Never called: nothing can be seen within a step.
+pub type IntermediateUpdate = Option<unsafe extern "C" fn()>;
+/// Never called: there are no clocks.
+pub type ClockUpdate = Option<unsafe extern "C" fn()>;
+/// Never called: there are no clocks.
+pub type LockPreemption = Option<unsafe extern "C" fn()>;
+/// Never written.
+pub type DependencyKind = c_int;
+/// Never written.
+pub type IntervalQualifier = c_int;
+
+/// A function: name, types of the arguments, type of what is returned.
+pub type Signature = (&'static str, &'static [&'static str], &'static str);
+
+/// Functions that the shared object exports, and a table of what they look like.
+macro_rules! exported {
+    ($(fn $name:ident($($argument:ident: $ty:ty),* $(,)?) -> $returned:ty $body:block)*) => {
+        $(
+            #[doc = concat!("`", stringify!($name), "` of FMI 3.0.")]
+            #[unsafe(no_mangle)]
+            pub unsafe extern "C" fn $name($($argument: $ty),*) -> $returned $body
+        )*
+
+        /// What these functions look like.
+        pub const SIGNATURES: &[$crate::border::Signature] =
+            &[$((stringify!($name), &[$(stringify!($ty)),*], stringify!($returned))),*];
+    };
+}
+pub(crate) use exported;
+
+/// Why something was not done: what is wrong and what would be right.
+pub(crate) struct Refused(pub String);
+
+impl<E: std::error::Error> From<E> for Refused {
+    fn from(error: E) -> Self {
+        Refused(error.to_string())
+    }
+}
+
+/// Does something with an instance; what goes wrong is told to whoever listens.
+pub(crate) fn with(instance: Instance, what: impl FnOnce(&mut Inner) -> Result<(), Refused>) -> Status {
+    // SAFETY: whoever calls has the pointer from `fmi3InstantiateCoSimulation`, has not freed it, and uses it in one thread at a
+    // time, as the standard demands.
+    let Some(instance) = (unsafe { instance.cast::<Inner>().as_mut() }) else { return Status::Error };
+    if instance.is_broken() {
+        return Status::Fatal;
+    }
+    match catch_unwind(AssertUnwindSafe(|| what(&mut *instance))) {
+        Ok(Ok(())) => Status::Ok,
+        Ok(Err(Refused(text))) => {
+            instance.log(Status::Error, &text);
+            Status::Error
+        }
+        Err(_) => {
+            instance.breaks();
+            instance.log(
+                Status::Fatal,
+                "commram has made a mistake of its own; this instance is of no use any more",
+            );
+            Status::Fatal
+        }
+    }
+}
+
+/// `count` values to be read.
+///
+/// # Safety
+/// `first` points to so many, or is null.
+pub(crate) unsafe fn read<'a, T>(first: *const T, count: usize) -> Result<&'a [T], Refused> {
+    if count == 0 {
+        return Ok(&[]);
+    }
+    if first.is_null() {
+        return Err(Refused(format!("{count} values at a null pointer")));
+    }
+    // SAFETY: by the contract of this function.
+    Ok(unsafe { core::slice::from_raw_parts(first, count) })
+}
+
+/// `count` values to be written.
+///
+/// # Safety
+/// As [`read`], and nobody else uses them meanwhile.
+pub(crate) unsafe fn write<'a, T>(first: *mut T, count: usize) -> Result<&'a mut [T], Refused> {
+    if count == 0 {
+        return Ok(&mut []);
+    }
+    if first.is_null() {
+        return Err(Refused(format!("{count} values at a null pointer")));
+    }
+    // SAFETY: by the contract of this function.
+    Ok(unsafe { core::slice::from_raw_parts_mut(first, count) })
+}
+
+/// One value to be written, if anybody wants it.
+///
+/// # Safety
+/// As [`write`].
+pub(crate) unsafe fn give<T>(to: *mut T, value: T) {
+    // SAFETY: by the contract of this function.
+    if let Some(to) = unsafe { to.as_mut() } {
+        *to = value;
+    }
+}

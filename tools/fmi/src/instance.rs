@@ -1,0 +1,158 @@
+//! An instance.
+
+use super::border::{LogMessage, Refused, Status};
+use commram::fmi::{MARK, Resources, Unit};
+use core::ffi::{CStr, c_char, c_void};
+use std::ffi::CString;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::Path;
+
+/// Where an instance is in its life.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Mode {
+    /// Made, or reset.
+    Instantiated,
+    /// Being initialized.
+    Initializing,
+    /// Between steps.
+    Stepping,
+    /// Terminated.
+    Ended,
+    /// Of no use any more.
+    Broken,
+}
+
+/// Who is told what is wrong.
+#[derive(Clone, Copy)]
+struct Log {
+    environment: *mut c_void,
+    callback: LogMessage,
+}
+
+impl Log {
+    fn say(self, status: Status, category: &CStr, text: &str) {
+        let Some(callback) = self.callback else { return };
+        let text = CString::new(text.replace('\0', " ")).unwrap_or_default();
+        // SAFETY: whoever has made the instance has given both, for as long as it lives; the texts live as long as the call.
+        unsafe { callback(self.environment, status, category.as_ptr(), text.as_ptr()) }
+    }
+}
+
+/// What is behind an instance's pointer.
+pub(crate) struct Inner {
+    pub unit: Unit,
+    pub mode: Mode,
+    resources: Resources,
+    log: Log,
+    /// Whether the access checker's findings are told.
+    tells_findings: bool,
+}
+
+impl Inner {
+    /// Makes an instance; what is wrong is told to whoever listens.
+    pub(crate) fn make(
+        token: *const c_char,
+        resources: *const c_char,
+        is_logging: bool,
+        environment: *mut c_void,
+        callback: LogMessage,
+    ) -> Option<Box<Self>> {
+        let log = Log { environment, callback };
+        let make = || {
+            let resources =
+                Resources::of_directory(Path::new(text(resources, "the path of the resources")?))?;
+            let unit = Unit::new(&resources)?;
+            let (given, right) = (text(token, "the token")?, unit.token());
+            if given != right {
+                return Err(Refused(format!(
+                    "the archive's description is of another plant or version than its shared object ({MARK} \
+                     {right}, the description has {given}); `commram export fmu` makes it anew"
+                )));
+            }
+            Ok(Box::new(Self { unit, mode: Mode::Instantiated, resources, log, tells_findings: is_logging }))
+        };
+        match catch_unwind(AssertUnwindSafe(make)) {
+            Ok(Ok(made)) => Some(made),
+            Ok(Err(Refused(text))) => {
+                log.say(Status::Error, c"logStatusError", &text);
+                None
+            }
+            Err(_) => {
+                log.say(Status::Fatal, c"logStatusError", "commram has made a mistake of its own");
+                None
+            }
+        }
+    }
+
+    /// Back to how it was made.
+    pub(crate) fn reset(&mut self) -> Result<(), Refused> {
+        self.unit = Unit::new(&self.resources)?;
+        self.mode = Mode::Instantiated;
+        Ok(())
+    }
+
+    /// Goes on to another mode, from one of `from`.
+    pub(crate) fn goes(&mut self, from: &[Mode], to: Mode, function: &str) -> Result<(), Refused> {
+        self.is_in(from, function)?;
+        self.mode = to;
+        Ok(())
+    }
+
+    /// Whether `function` may be called now.
+    pub(crate) fn is_in(&self, modes: &[Mode], function: &str) -> Result<(), Refused> {
+        if modes.contains(&self.mode) {
+            return Ok(());
+        }
+        let state = match self.mode {
+            Mode::Instantiated => "before initialization",
+            Mode::Initializing => "in initialization mode",
+            Mode::Stepping => "in step mode",
+            Mode::Ended | Mode::Broken => "after the end",
+        };
+        Err(Refused(format!("{function} cannot be called {state}")))
+    }
+
+    /// Whom to tell of what.
+    pub(crate) fn listen(&mut self, is_on: bool, categories: &[*const c_char]) -> Result<(), Refused> {
+        let mut findings = categories.is_empty();
+        for category in categories {
+            findings |= text(*category, "a category")? == "findings";
+        }
+        // Errors are always told.
+        if findings {
+            self.tells_findings = is_on;
+        }
+        Ok(())
+    }
+
+    /// Tells what the access checker has found.
+    pub(crate) fn tell_findings(&mut self) {
+        if self.tells_findings {
+            for line in self.unit.take_findings() {
+                self.log.say(Status::Warning, c"findings", &line);
+            }
+        }
+    }
+
+    pub(crate) fn log(&self, status: Status, text: &str) {
+        self.log.say(status, c"logStatusError", text);
+    }
+
+    pub(crate) fn is_broken(&self) -> bool {
+        self.mode == Mode::Broken
+    }
+
+    pub(crate) fn breaks(&mut self) {
+        self.mode = Mode::Broken;
+    }
+}
+
+/// A text that was handed over.
+fn text<'a>(text: *const c_char, what: &str) -> Result<&'a str, Refused> {
+    if text.is_null() {
+        return Err(Refused(format!("{what} is a null pointer")));
+    }
+    // SAFETY: it is not null, and the standard demands of whoever calls that it ends with a zero and lives as long as the call.
+    let text = unsafe { CStr::from_ptr(text) };
+    text.to_str().map_err(|_| Refused(format!("{what} is no text in UTF-8")))
+}

@@ -1,0 +1,117 @@
+//! States of an instance: kept, gone back to, as bytes.
+
+use super::border::{Instance, Refused, Status, exported, read, with, write};
+use super::instance::Mode;
+use commram::fmi::UnitState;
+use core::ffi::c_void;
+
+/// A state, as those who call hold it.
+struct Kept {
+    state: UnitState,
+    mode: Mode,
+}
+
+/// The state at a pointer that was handed over.
+fn kept<'a>(state: *mut c_void) -> Result<&'a Kept, Refused> {
+    // SAFETY: it is null, or from `fmi3GetFMUState` or `fmi3DeserializeFMUState` and not freed.
+    unsafe { state.cast::<Kept>().as_ref() }.ok_or_else(|| Refused("the state is a null pointer".to_owned()))
+}
+
+/// Where a state is to be left.
+fn place<'a>(to: *mut *mut c_void) -> Result<&'a mut *mut c_void, Refused> {
+    // SAFETY: who calls hands over a place for a pointer, or null.
+    unsafe { to.as_mut() }.ok_or_else(|| Refused("no place for the state".to_owned()))
+}
+
+/// Leaves a state there, in place of the one that may be there.
+fn leave(to: &mut *mut c_void, state: Kept) {
+    // SAFETY: what is not null there is a state of ours that was not freed.
+    match unsafe { to.cast::<Kept>().as_mut() } {
+        Some(old) => *old = state,
+        None => *to = Box::into_raw(Box::new(state)).cast(),
+    }
+}
+
+exported! {
+    fn fmi3GetFMUState(instance: Instance, to: *mut *mut c_void) -> Status {
+        with(instance, |it| {
+            leave(place(to)?, Kept { state: it.unit.state(), mode: it.mode });
+            Ok(())
+        })
+    }
+
+    fn fmi3SetFMUState(instance: Instance, state: *mut c_void) -> Status {
+        with(instance, |it| {
+            let kept = kept(state)?;
+            it.unit.restore(&kept.state)?;
+            it.mode = kept.mode;
+            Ok(())
+        })
+    }
+
+    fn fmi3FreeFMUState(instance: Instance, state: *mut *mut c_void) -> Status {
+        with(instance, |_| {
+            let state = core::mem::replace(place(state)?, core::ptr::null_mut());
+            if !state.is_null() {
+                // SAFETY: it is one of ours, and nobody has it any more.
+                drop(unsafe { Box::from_raw(state.cast::<Kept>()) });
+            }
+            Ok(())
+        })
+    }
+
+    fn fmi3SerializedFMUStateSize(instance: Instance, state: *mut c_void, size: *mut usize) -> Status {
+        with(instance, |it| {
+            // SAFETY: who calls hands over a place for it.
+            let [size] = unsafe { write(size, 1) }? else { return Ok(()) };
+            *size = bytes(it, kept(state)?).len();
+            Ok(())
+        })
+    }
+
+    fn fmi3SerializeFMUState(instance: Instance, state: *mut c_void, to: *mut u8, size: usize) -> Status {
+        with(instance, |it| {
+            let bytes = bytes(it, kept(state)?);
+            if size < bytes.len() {
+                return Err(Refused(format!("the state has {} bytes, there is room for {size}", bytes.len())));
+            }
+            // SAFETY: who calls hands over so many.
+            unsafe { write(to, bytes.len()) }?.copy_from_slice(&bytes);
+            Ok(())
+        })
+    }
+
+    fn fmi3DeserializeFMUState(
+        instance: Instance,
+        from: *const u8,
+        size: usize,
+        to: *mut *mut c_void,
+    ) -> Status {
+        with(instance, |it| {
+            // SAFETY: who calls hands over so many.
+            let (mode, bytes) = match unsafe { read(from, size) }? {
+                [0, bytes @ ..] => (Mode::Instantiated, bytes),
+                [1, bytes @ ..] => (Mode::Initializing, bytes),
+                [2, bytes @ ..] => (Mode::Stepping, bytes),
+                [3, bytes @ ..] => (Mode::Ended, bytes),
+                _ => return Err(Refused("these bytes are no state of this unit".to_owned())),
+            };
+            let state = it.unit.of_bytes(bytes)?;
+            leave(place(to)?, Kept { state, mode });
+            Ok(())
+        })
+    }
+}
+
+/// A state as bytes: where the instance was in its life, then what the unit says.
+fn bytes(it: &super::instance::Inner, kept: &Kept) -> Vec<u8> {
+    let mode = match kept.mode {
+        Mode::Instantiated => 0,
+        Mode::Initializing => 1,
+        Mode::Stepping => 2,
+        Mode::Ended | Mode::Broken => 3,
+    };
+    let mut bytes = vec![mode];
+    bytes.extend(it.unit.to_bytes(&kept.state));
+    bytes
+}
