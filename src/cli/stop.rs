@@ -61,11 +61,10 @@ fn end_all(clean: bool) -> Result<(), CliError> {
     let killed = |image: &&ImageInfo| !clean && matches!(image.condition, Condition::Dead(_));
     let killed: BTreeSet<_> = images.iter().filter(killed).map(|image| image.instance.clone()).collect();
     let names: BTreeSet<_> = images.into_iter().filter(is_meant).map(|image| image.instance).collect();
-    for name in killed.difference(&names) {
-        output::note(&format!(
-            "instance '{name}' was killed; `commram stop --all --clean` removes what it left"
-        ));
-    }
+    let was_killed = |name: &str| {
+        output::note(&format!("instance '{name}' was killed; `commram stop --all --clean` removes what it left"));
+    };
+    killed.difference(&names).for_each(|name| was_killed(name));
     if names.is_empty() {
         return output::print("no instance is running\n");
     }
@@ -74,6 +73,7 @@ fn end_all(clean: bool) -> Result<(), CliError> {
         match end(name, clean) {
             // It has ended by itself meanwhile.
             Ok(()) | Err(CliError::NotRunning { .. }) => {}
+            Err(CliError::Dead { .. }) => was_killed(name),
             Err(error) => {
                 if let Some(before) = failed.replace(error) {
                     output::complain(&before.to_string());
@@ -113,6 +113,8 @@ fn why_not(name: &str) -> Result<CliError, CliError> {
     let instance = name.to_owned();
     Ok(match (dead(&images), alive(&images)) {
         (Some(pid), _) => CliError::Dead { instance, pid },
+        // Somebody has just killed it: it has let go of its lock, but the system has not done away with it yet.
+        (None, Some(pid)) if channel_root(name)?.symlink_metadata().is_ok() => CliError::Dead { instance, pid },
         (None, Some(pid)) => CliError::NoDirectory { instance, pid },
         (None, None) => CliError::NotRunning { instance, running: String::new() },
     })

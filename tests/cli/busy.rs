@@ -65,7 +65,8 @@ fn the_operation_of_a_killed_client_ends() {
 fn all_emulators_can_be_ended_at_once() {
     let script = "mount -t tmpfs tmpfs /dev/shm || exit 77
         for name in one two killed; do $COMMRAM run --detach -i $name >/dev/null || exit 1; done
-        kill -KILL $($COMMRAM list --format csv | sed -n 's/^killed,[^,]*,\\([0-9]*\\),.*/\\1/p')
+        pid=$($COMMRAM list --format csv | sed -n 's/^killed,[^,]*,\\([0-9]*\\),.*/\\1/p')
+        kill -KILL $pid; while readlink /proc/$pid/exe >/dev/null; do :; done
         $COMMRAM stop --all 2>&1; echo $?; $COMMRAM list | wc -l
         $COMMRAM stop --all --clean; $COMMRAM stop --all; ls /dev/shm";
     let mut shell = Command::new("unshare");
