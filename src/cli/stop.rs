@@ -62,7 +62,9 @@ fn end_all(clean: bool) -> Result<(), CliError> {
     let killed: BTreeSet<_> = images.iter().filter(killed).map(|image| image.instance.clone()).collect();
     let names: BTreeSet<_> = images.into_iter().filter(is_meant).map(|image| image.instance).collect();
     let was_killed = |name: &str| {
-        output::note(&format!("instance '{name}' was killed; `commram stop --all --clean` removes what it left"));
+        output::note(&format!(
+            "instance '{name}' was killed; `commram stop --all --clean` removes what it left"
+        ));
     };
     killed.difference(&names).for_each(|name| was_killed(name));
     if names.is_empty() {
@@ -114,7 +116,9 @@ fn why_not(name: &str) -> Result<CliError, CliError> {
     Ok(match (dead(&images), alive(&images)) {
         (Some(pid), _) => CliError::Dead { instance, pid },
         // Somebody has just killed it: it has let go of its lock, but the system has not done away with it yet.
-        (None, Some(pid)) if channel_root(name)?.symlink_metadata().is_ok() => CliError::Dead { instance, pid },
+        (None, Some(pid)) if channel_root(name)?.symlink_metadata().is_ok() => {
+            CliError::Dead { instance, pid }
+        }
         (None, Some(pid)) => CliError::NoDirectory { instance, pid },
         (None, None) => CliError::NotRunning { instance, running: String::new() },
     })
