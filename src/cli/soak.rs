@@ -1,6 +1,7 @@
 //! `commram soak`: scenarios drawn by lot, for as long as one likes.
 
 mod judge;
+mod lives;
 mod row;
 
 use super::demo::Interrupts;
@@ -9,7 +10,8 @@ use super::output;
 use super::table::{self, Format, FormatArg};
 use super::test::LimitArgs;
 use crate::devices::Exercise;
-use crate::script::soak::exercises;
+use crate::plant::PlantConfig;
+use crate::script::soak::{Round, exercises};
 use judge::{Judge, Judged};
 use row::Row;
 use std::num::NonZero;
@@ -24,8 +26,9 @@ const TOLD_EVERY: Duration = Duration::from_secs(10);
 /// Run programs drawn by lot on all devices, and see that everything goes as it must.
 ///
 /// Each round is a scenario: a plant, a program that uses its device rightly, and among what it does faults, stores to any register, or
-/// one thing that must not be done. It runs twice, the second time in other slices of time, and both must leave the same journal. What fails
-/// is made as short as possible and written as a scenario that fails alone. The same seed draws the same rounds.
+/// one thing that must not be done. It runs twice, the second time in other slices of time and with ways that are taken back, and both must
+/// leave the same journal. What fails is made as short as possible and written as a scenario that fails alone. Some rounds kill emulators
+/// and look at their NOVRAM. The same seed draws the same rounds.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -104,11 +107,18 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         seed
     });
     let judge = Judge::new(exercises, &args.keep, args.limits)?;
-    let mut rows: Vec<Row> = judge.exercises().iter().map(|exercise| Row::of(exercise.name)).collect();
+    let mut rows: Vec<Row> = judge
+        .exercises()
+        .iter()
+        .copied()
+        .map(|exercise| Ok(Row::of(exercise.name, buses(exercise)?)))
+        .collect::<Result<_, CliError>>()?;
+    rows.push(Row::of(lives::NAME, String::new()));
     let failure = play(args, seed, &judge, &interrupts, &mut rows)?;
-    let all = Row::sum(&rows);
+    // Not every exercise has something to keep.
+    let _ = rows.pop_if(|row| row.is_empty());
     if args.format.format == Format::Text {
-        rows.push(all);
+        rows.extend(Row::sums(&rows));
     }
     table::print(args.format.format, &rows, table::aligned)?;
     match failure {
@@ -155,7 +165,7 @@ fn play(
                         Err(error) => return end_with(failure, over, || Err(error)),
                     };
                     if let Some(fails) = &judged.failure {
-                        end_with(failure, over, || judge.keep(fails, &|| interrupts.any()));
+                        end_with(failure, over, || Ok(judge.keep(fails, &|| interrupts.any())));
                     }
                     // The receiver lives until all have been received.
                     let _ = send.send(judged);
@@ -173,7 +183,7 @@ fn play(
             }
             if told.elapsed() >= TOLD_EVERY {
                 told = Instant::now();
-                let all = Row::sum(rows);
+                let all = Row::sum("all", &*rows);
                 output::note(&format!("{} s: {}", begun.elapsed().as_secs(), all.sentence()));
             }
         }
@@ -193,6 +203,15 @@ fn end_with(
     if first.is_none() {
         *first = Some(told());
     }
+}
+
+/// The kinds of buses that an exercise has.
+fn buses(exercise: &'static Exercise) -> Result<String, CliError> {
+    let plant = Round::draw(0, &[exercise])?.plant();
+    let mut families: Vec<_> =
+        PlantConfig::parse(exercise.name, &plant)?.media.iter().map(|bus| bus.family()).collect();
+    families.dedup();
+    Ok(families.join(" "))
 }
 
 fn list(format: Format, exercises: &[&'static Exercise]) -> Result<(), CliError> {

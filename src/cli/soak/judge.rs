@@ -1,10 +1,11 @@
 //! Runs rounds, and shortens what fails.
 
+use super::lives;
 use crate::cli::error::CliError;
 use crate::cli::test::LimitArgs;
 use crate::cli::test::process::{self, Setting};
 use crate::devices::Exercise;
-use crate::script::soak::{Round, shrink};
+use crate::script::soak::{Kind, Round, shrink};
 use crate::script::{Outcome, Report};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -63,8 +64,16 @@ impl Judge {
     pub(super) fn round(&self, seed: u64, stop: impl Fn() -> bool) -> Result<Judged, CliError> {
         let begun = Instant::now();
         let round = Round::draw(seed, &self.exercises)?;
-        let (emulated_us, why) = self.run(&round, &stop);
-        let (exercise, took) = (round.exercise.name, begun.elapsed());
+        let (exercise, (emulated_us, why)) = match round.kind {
+            Kind::Killed => {
+                let number = self.files.fetch_add(1, Ordering::Relaxed);
+                let home = self.directory.join(format!("{number}"));
+                let instance = format!("soak-{}-{number}", std::process::id());
+                (lives::NAME, (0, lives::play(&round, &home, instance, &stop).err()))
+            }
+            _ => (round.exercise.name, self.run(&round, &stop)),
+        };
+        let took = begun.elapsed();
         // Who is told to stop has not failed.
         let failure = why.filter(|_| !stop()).map(|why| (round, why));
         Ok(Judged { exercise, emulated_us, took, failure })
@@ -72,12 +81,15 @@ impl Judge {
 
     /// Runs it twice: emulated time, and what is not as it must be.
     fn run(&self, round: &Round, stop: &impl Fn() -> bool) -> (u64, Option<String>) {
-        let [one, other] = [false, true].map(|in_slices| self.play(&round.text(in_slices), stop));
+        let [one, other] = [false, true].map(|another_way| self.play(&round.text(another_way), stop));
         let emulated_us = one.emulated_us.unwrap_or_default();
         let why =
-            wrong(&one).or_else(|| wrong(&other).map(|why| format!("in slices: {why}"))).or_else(|| {
+            wrong(&one).or_else(|| wrong(&other).map(|why| format!("another way: {why}"))).or_else(|| {
                 let (one, other) = (one.journal_hash, other.journal_hash);
-                (one != other).then(|| "two runs in other slices of time leave different journals".to_owned())
+                (one != other).then(|| {
+                    "a run in other slices of time, with ways that are taken back, leaves another journal"
+                        .to_owned()
+                })
             });
         (emulated_us, why)
     }
@@ -93,15 +105,16 @@ impl Judge {
         report
     }
 
-    /// Makes a round that fails as short as it gets and writes it; what is to be told of it.
-    ///
-    /// # Errors
-    /// It cannot be written.
-    pub(super) fn keep(
-        &self,
-        (round, why): &(Round, String),
-        stop: &impl Fn() -> bool,
-    ) -> Result<String, CliError> {
+    /// Makes a round that fails as short as it gets and writes it, if it is a scenario; what is to be told of it.
+    pub(super) fn keep(&self, (round, why): &(Round, String), stop: &impl Fn() -> bool) -> String {
+        if round.kind == Kind::Killed {
+            // What happens depends on the moment.
+            return format!(
+                "seed {}, {}: {why}; try `commram soak` with this seed again",
+                round.seed,
+                lives::NAME
+            );
+        }
         let fails = |moves: &[String]| {
             let round = round.with(moves.to_vec());
             !stop() && self.run(&round, stop).1.is_some()
@@ -112,15 +125,14 @@ impl Judge {
         let path = self.keep.join(format!("soak-{}.rhai", round.seed));
         let written =
             std::fs::create_dir_all(&self.keep).and_then(|()| std::fs::write(&path, short.text(false)));
-        written.map_err(|reason| CliError::File { path: path.clone(), reason })?;
         let (left, of) = (short.moves.len(), round.moves.len());
-        Ok(format!(
-            "seed {}, {}, {}: {why}\n{left} of its {of} moves are enough; try `commram test {}`",
-            round.seed,
-            round.exercise.name,
-            round.kind.name(),
-            path.display()
-        ))
+        let then = match written {
+            Ok(()) => format!("try `commram test {}`", path.display()),
+            Err(reason) => format!("{} cannot be written ({reason}); try this seed again", path.display()),
+        };
+        let (exercise, kind) = (round.exercise.name, round.kind.name());
+        let seed = round.seed;
+        format!("seed {seed}, {exercise}, {kind}: {why}\n{left} of its {of} moves are enough; {then}")
     }
 }
 

@@ -9,6 +9,7 @@ use serde::Serialize;
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct Row {
     exercise: &'static str,
+    buses: String,
     rounds: u64,
     failed: u64,
     emulated_us: u64,
@@ -16,9 +17,14 @@ pub(super) struct Row {
 }
 
 impl Row {
-    /// None yet.
-    pub(super) fn of(exercise: &'static str) -> Self {
-        Self { exercise, rounds: 0, failed: 0, emulated_us: 0, real_us: 0 }
+    /// None yet, of an exercise at these kinds of buses.
+    pub(super) fn of(exercise: &'static str, buses: String) -> Self {
+        Self { exercise, buses, rounds: 0, failed: 0, emulated_us: 0, real_us: 0 }
+    }
+
+    /// Whether it has counted no round.
+    pub(super) fn is_empty(&self) -> bool {
+        self.rounds == 0
     }
 
     /// Whether it counts this round.
@@ -34,9 +40,26 @@ impl Row {
         self.real_us += u64::try_from(judged.took.as_micros()).unwrap_or_default();
     }
 
-    /// All of them.
-    pub(super) fn sum(rows: &[Self]) -> Self {
-        rows.iter().fold(Self::of("all"), |mut all, row| {
+    /// Those of each kind of buses, if there are several of one, and all of them.
+    pub(super) fn sums(rows: &[Self]) -> Vec<Self> {
+        let mut kinds: Vec<&str> = rows.iter().map(|row| row.buses.as_str()).collect();
+        kinds.sort_unstable();
+        kinds.dedup();
+        let of_kind = |kind: &str| rows.iter().filter(|row| row.buses == kind).collect::<Vec<_>>();
+        let mut sums = Vec::new();
+        for kind in kinds {
+            let some = of_kind(kind);
+            if some.len() > 1 {
+                sums.push(Self { buses: kind.to_owned(), ..Self::sum("all of", some) });
+            }
+        }
+        sums.push(Self::sum("all", rows));
+        sums
+    }
+
+    /// Some of them.
+    pub(super) fn sum<'a>(name: &'static str, rows: impl IntoIterator<Item = &'a Self>) -> Self {
+        rows.into_iter().fold(Self::of(name, String::new()), |mut all, row| {
             all.rounds += row.rounds;
             all.failed += row.failed;
             all.emulated_us += row.emulated_us;
@@ -48,6 +71,12 @@ impl Row {
     /// How many times real time, both runs of a round counted once.
     fn speed(&self) -> u64 {
         self.emulated_us / self.real_us.max(1)
+    }
+
+    /// Emulated days in an hour of a processor.
+    fn days_per_hour(&self) -> f64 {
+        let hundredths = 100 * self.emulated_us / 24 / self.real_us.max(1);
+        hundredths as f64 / 100.0
     }
 
     /// `12 rounds, 340 s emulated, 40 times real time on each processor`
@@ -63,21 +92,25 @@ impl Row {
 
 impl table::Row for Row {
     const COLUMNS: &'static [&'static str] =
-        &["exercise", "rounds", "failed", "emulated_us", "real_us", "speed"];
+        &["exercise", "buses", "rounds", "failed", "emulated_us", "real_us", "speed", "days_per_hour"];
 
     fn cells(&self) -> Vec<String> {
         let numbers = [self.rounds, self.failed, self.emulated_us, self.real_us, self.speed()];
-        [self.exercise.to_owned()].into_iter().chain(numbers.map(|number| number.to_string())).collect()
+        let names = [self.exercise.to_owned(), self.buses.clone()];
+        let numbers = numbers.map(|number| number.to_string());
+        names.into_iter().chain(numbers).chain([format!("{:.2}", self.days_per_hour())]).collect()
     }
 
     fn text_cells(&self) -> Vec<String> {
         vec![
             self.exercise.to_owned(),
+            self.buses.clone(),
             self.rounds.to_string(),
             self.failed.to_string(),
             whole_seconds(self.emulated_us),
             whole_seconds(self.real_us),
             self.speed().to_string(),
+            format!("{:.2}", self.days_per_hour()),
         ]
     }
 }

@@ -19,6 +19,11 @@ const COMMON: &str = include_str!("common.rhai");
 const MOST_MOVES: usize = 60;
 /// Moves behind a recovery.
 const AFTERWARDS: usize = 4;
+/// Most ways of a second run that are gone back again, and moves of each.
+const DETOURS: core::ops::RangeInclusive<usize> = 0..=4;
+const DETOUR_MOVES: core::ops::RangeInclusive<usize> = 1..=5;
+/// One of so many rounds is about ends of the emulator, if there is anything to lose: they take real time.
+const KILLED_OF: u8 = 24;
 /// Slices in which a second run lets time pass, in microseconds.
 const SLICES: core::ops::RangeInclusive<u64> = 300..=30_000;
 
@@ -38,11 +43,13 @@ pub enum Kind {
     Hostile,
     /// A right program that ends with something that must not be done: the checker finds that.
     Wrong,
+    /// Emulators that are ended or killed at any moment, each of which goes on with what is kept of the one before. No scenario.
+    Killed,
 }
 
 impl Kind {
-    /// All of them.
-    pub const ALL: [Kind; 4] = [Kind::Right, Kind::Disturbed, Kind::Hostile, Kind::Wrong];
+    /// Those that are scenarios.
+    pub const SCENARIOS: [Kind; 4] = [Kind::Right, Kind::Disturbed, Kind::Hostile, Kind::Wrong];
 
     /// Its name in tables.
     pub const fn name(self) -> &'static str {
@@ -51,6 +58,7 @@ impl Kind {
             Kind::Disturbed => "disturbed",
             Kind::Hostile => "hostile",
             Kind::Wrong => "wrong",
+            Kind::Killed => "killed",
         }
     }
 }
@@ -70,6 +78,8 @@ pub struct Round {
     wrong: Option<&'static Wrong>,
     /// Moves after the recovery.
     afterwards: Vec<String>,
+    /// What a second run does besides and takes back, each of it lines.
+    detours: Vec<Vec<String>>,
     slice_us: u64,
 }
 
@@ -85,11 +95,13 @@ impl Round {
         let mut rng = Rng::with_seed(seed);
         let exercise = exercises[rng.usize(..exercises.len())];
         let setting: &'static [_] = rng.choice(exercise.settings).copied().unwrap_or_default();
-        let kind = match Kind::ALL[rng.usize(..Kind::ALL.len())] {
+        let plant = PlantConfig::parse(exercise.name, &filled(exercise.plant, setting))?;
+        let keeps_flags = plant.devices.iter().any(|device| device.retain_bytes() > 0);
+        let kind = match Kind::SCENARIOS[rng.usize(..Kind::SCENARIOS.len())] {
+            _ if keeps_flags && rng.u8(..KILLED_OF) == 0 => Kind::Killed,
             Kind::Wrong if exercise.wrongs.is_empty() => Kind::Right,
             kind => kind,
         };
-        let plant = PlantConfig::parse(exercise.name, &filled(exercise.plant, setting))?;
         let is_right = matches!(kind, Kind::Right | Kind::Wrong);
         let moves = (0..rng.usize(1..=MOST_MOVES)).map(|_| match kind {
             Kind::Disturbed if rng.u8(..4) == 0 => lot::fault(&plant, &mut rng),
@@ -101,7 +113,31 @@ impl Round {
         let wrong = if kind == Kind::Wrong { rng.choice(exercise.wrongs) } else { None };
         let afterwards = if is_right { 0 } else { AFTERWARDS };
         let afterwards = (0..afterwards).map(|_| lot::made(exercise, true, &mut rng)).collect();
-        Ok(Self { seed, exercise, kind, moves, setting, wrong, afterwards, slice_us: rng.u64(SLICES) })
+        let detour = |rng: &mut Rng| {
+            let line = |rng: &mut Rng| match rng.u8(..3) {
+                0 => lot::fault(&plant, rng),
+                1 => lot::store(&plant, rng),
+                _ => lot::made(exercise, false, rng),
+            };
+            (0..rng.usize(DETOUR_MOVES)).map(|_| line(rng)).collect()
+        };
+        let detours = (0..rng.usize(DETOURS)).map(|_| detour(&mut rng)).collect();
+        Ok(Self {
+            seed,
+            exercise,
+            kind,
+            moves,
+            setting,
+            wrong,
+            afterwards,
+            detours,
+            slice_us: rng.u64(SLICES),
+        })
+    }
+
+    /// Its plant file.
+    pub fn plant(&self) -> String {
+        filled(self.exercise.plant, self.setting)
     }
 
     /// The same with these moves in place of its own.
@@ -110,12 +146,13 @@ impl Round {
         Self { moves, ..self.clone() }
     }
 
-    /// The scenario. In slices, time passes in smaller steps, of which nothing may depend.
-    pub fn text(&self, in_slices: bool) -> String {
+    /// The scenario. Another way, time passes in smaller steps, and now and then something is done and taken back: nothing may depend
+    /// on that.
+    pub fn text(&self, another_way: bool) -> String {
         let mut text =
             format!("// Drawn by lot: {}, {}, seed {}.\n\n", self.exercise.name, self.kind.name(), self.seed);
-        let _ = write!(text, "plant(`\n{}`);\n\n", filled(self.exercise.plant, self.setting));
-        let slice_us = if in_slices { self.slice_us } else { 0 };
+        let _ = write!(text, "plant(`\n{}`);\n\n", self.plant());
+        let slice_us = if another_way { self.slice_us } else { 0 };
         for (name, value) in self.setting.iter().copied().chain([("SLICE_US", slice_us.to_string().as_str())])
         {
             let _ = writeln!(text, "const {name} = {value};");
@@ -125,7 +162,11 @@ impl Round {
             "\n{COMMON}\n{}\nsection(\"start\");\nstart();\n\nsection(\"moves\");\n",
             self.exercise.script
         );
-        for line in &self.moves {
+        let detours = if another_way { self.detours.as_slice() } else { &[] };
+        for (at, line) in self.moves.iter().enumerate() {
+            // Spread over the moves, however many are left.
+            let here = detours.iter().enumerate().filter(|(n, _)| n * self.moves.len() / detours.len() == at);
+            here.for_each(|(_, lines)| text += &taken_back(lines));
             text += line;
             text += "\n";
         }
@@ -144,7 +185,7 @@ impl Round {
             (Kind::Right | Kind::Wrong, _) => {
                 format!("\nsection(\"end\");\nexpect_no_findings({allowed:?});\n")
             }
-            (Kind::Disturbed | Kind::Hostile, _) => {
+            (Kind::Disturbed | Kind::Hostile | Kind::Killed, _) => {
                 let moves: String = self.afterwards.iter().map(|line| format!("{line}\n")).collect();
                 format!(
                     "\nsection(\"recovery\");\nundisturbed();\nrecover();\n\nsection(\"afterwards\");\n{moves}"
@@ -152,6 +193,12 @@ impl Round {
             }
         }
     }
+}
+
+/// Lines after which everything is as it was before.
+fn taken_back(lines: &[String]) -> String {
+    let lines: String = lines.iter().map(|line| format!("    {line}\n")).collect();
+    format!("let before = save();\ntry {{\n{lines}}} catch {{}}\nback_to(before);\n")
 }
 
 /// The text with what the setting has in place of `${NAME}`.
