@@ -3,8 +3,6 @@
 use crate::common::{
     Outcome, commram, eventually, files_of, finish, remove_remains, run, unique_name, wait_for,
 };
-use commram::memory::InstanceLock;
-use std::fs::File;
 use std::io::{BufRead, BufReader};
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
@@ -132,8 +130,8 @@ fn clients_wait_for_the_successor_of_a_killed_one() {
     assert!(Command::new("kill").args(["-KILL", &pid]).status().unwrap().success());
     assert!(eventually(|| instance.run("step", &["1ms"]).code == Some(3)));
     // It begins with the locks; until its name stands in the image as well, that of the killed one does.
-    let lock = InstanceLock::take(&instance.0).unwrap();
-    let image = File::open(format!("/dev/shm/commram.{}.line", instance.0)).unwrap();
+    let lock = commram::memory::InstanceLock::take(&instance.0).unwrap();
+    let image = std::fs::File::open(format!("/dev/shm/commram.{}.line", instance.0)).unwrap();
     image.lock().unwrap();
     let in_between = instance.run("step", &["1ms", "--connect-timeout", "50ms"]);
     assert!(
