@@ -121,7 +121,7 @@ pub(crate) unsafe fn write<'a, T>(first: *mut T, count: usize) -> Result<&'a mut
 /// One value to be written, if anybody wants it.
 ///
 /// # Safety
-/// As [`write`].
+/// As [`write()`].
 pub(crate) unsafe fn give<T>(to: *mut T, value: T) {
     // SAFETY: by the contract of this function.
     if let Some(to) = unsafe { to.as_mut() } {
