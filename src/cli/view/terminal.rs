@@ -93,7 +93,13 @@ pub(super) fn run(mut model: Model, instance: &str) -> Result<(), CliError> {
     {
         panic::resume_unwind(panicked);
     }
-    outcome.map_err(|reason| CliError::Output { reason })?;
+    match outcome {
+        // The terminal has gone while it was drawn on.
+        Err(reason) if reason.raw_os_error() == Some(Errno::IO.raw_os_error()) => {
+            ended.store(true, Ordering::Relaxed);
+        }
+        other => other.map_err(|reason| CliError::Output { reason })?,
+    }
     if model.is_interrupted || ended.load(Ordering::Relaxed) {
         Err(CliError::Ended { code: Exit::Interrupted.code() })
     } else {
