@@ -36,7 +36,7 @@ pub(crate) enum CliError {
         /// What would be right.
         right: String,
     },
-    /// A file with a snapshot that cannot be read or written, or is none.
+    /// A file with a snapshot that cannot be read, or is none, or where none can be.
     #[error("{}: {reason}", .path.display())]
     Snapshot {
         /// The file.
@@ -293,6 +293,15 @@ pub(crate) enum CliError {
         path: PathBuf,
         /// What the system says.
         reason: io::Error,
+    },
+    /// A file that was handed in cannot be read, or is none of its kind.
+    #[cfg(feature = "studio")]
+    #[error("cannot read {}: {reason}", .path.display())]
+    Unreadable {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        reason: String,
     },
     /// Declarations that cannot be taken over into the layout.
     #[error(transparent)]

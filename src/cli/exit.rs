@@ -55,7 +55,7 @@ impl CliError {
     fn exit(&self) -> Exit {
         match self {
             #[cfg(feature = "studio")]
-            Self::NoTerminal { .. } | Self::Fmu(_) => Exit::WrongUse,
+            Self::NoTerminal { .. } | Self::Fmu(_) | Self::Unreadable { .. } => Exit::WrongUse,
             Self::Layout(_)
             | Self::Export(_)
             | Self::Value(_)
@@ -172,7 +172,9 @@ mod tests {
             CliError::Client(ClientError::Refused(Refused { code, text: String::new(), waited: None }))
                 .exit_code()
         };
-        assert_eq!((code(Code::NO_SYNC), code(Code::NOT_SO_FAR)), (1, 1));
+        for state in [Code::NO_SYNC, Code::NOT_SO_FAR, Code::NOT_ALONE, Code::CLOCK_IS_REAL_TIME] {
+            assert_eq!(code(state), 1, "{state:?}");
+        }
         assert_eq!(code(Code::UNMAPPED), 2);
         assert_eq!(code(Code::SHUTTING_DOWN), 3);
         assert_eq!(CliError::Client(ClientError::EmulatorGone { instance: "x".into() }).exit_code(), 3);

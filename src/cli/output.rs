@@ -49,10 +49,24 @@ pub(crate) fn print_help(text: &str) {
     let _ = write!(io::stderr().lock(), "{text}");
 }
 
-/// The text with words and a whole that somebody wants to read.
+/// The text with words and a whole that somebody wants to read, without signs that tell a terminal what to do.
 fn shortened(text: &str) -> String {
+    let text = &harmless(text);
     let words = text.split_inclusive([' ', '\n']).map(|word| cut(word, LONGEST_WORD));
     cut(&words.collect::<String>(), LONGEST)
+}
+
+/// The text with its control characters spelt out, but for ends of lines and tabulators.
+fn harmless(text: &str) -> String {
+    let mut out = String::with_capacity(text.len());
+    for sign in text.chars() {
+        match sign {
+            '\n' | '\t' => out.push(sign),
+            sign if sign.is_control() => out.extend(sign.escape_default()),
+            sign => out.push(sign),
+        }
+    }
+    out
 }
 
 /// Begin and end of a text that is longer than this, and how long it was.
@@ -78,6 +92,7 @@ mod tests {
         assert!(text.starts_with("`xxx") && text.contains("... (5000004 characters) ..."), "{text}");
         assert!(text.ends_with("xxx`: no such register; did you mean x?"), "{text}");
         assert_eq!(shortened("unknown `w`\n  and more"), "unknown `w`\n  and more");
+        assert_eq!(shortened("a\x1b[31mb\r\u{9b}\tc\n"), "a\\u{1b}[31mb\\r\\u{9b}\tc\n");
         assert!(shortened(&"größe ".repeat(1_000_000)).chars().count() < 8_100);
     }
 }

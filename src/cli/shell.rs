@@ -45,8 +45,8 @@ pub(crate) struct Args {
 enum End {
     /// Go on.
     On,
-    /// Nobody wants to go on.
-    Enough,
+    /// Nobody wants to go on: the exit code.
+    Enough(u8),
     /// It failed: the exit code.
     Failed(u8),
 }
@@ -57,6 +57,11 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     drop(Session::open(&args.instance, 0)?);
     let mut shell = Shell { instance: args.instance.clone(), lines: None };
     if io::stdin().is_terminal() { shell.read_terminal() } else { shell.read_pipe() }
+}
+
+/// The shell ends with this exit code.
+fn ended(code: u8) -> Result<(), CliError> {
+    if code == Exit::Done.code() { Ok(()) } else { Err(CliError::Ended { code }) }
 }
 
 struct Shell {
@@ -87,7 +92,7 @@ impl Shell {
             }
             match self.line(&core::mem::take(&mut piece)) {
                 End::On => {}
-                End::Enough => break,
+                End::Enough(code) => return ended(code),
                 End::Failed(code) => {
                     output::complain(&format!("line {begin} failed; what follows was not done"));
                     return Err(CliError::Ended { code });
@@ -106,7 +111,7 @@ impl Shell {
             match read.next()? {
                 Typed::Line(line) => match self.line(&line) {
                     End::On | End::Failed(_) => {}
-                    End::Enough => return Ok(()),
+                    End::Enough(code) => return ended(code),
                 },
                 Typed::Nothing => {}
                 Typed::End => return Ok(()),
@@ -120,8 +125,13 @@ impl Shell {
         if line.is_empty() || line.starts_with("//") || line.starts_with('#') {
             return End::On;
         }
-        if words::ENOUGH.contains(&line) {
-            return End::Enough;
+        match words::of_end(line) {
+            Some(Ok(code)) => return End::Enough(code),
+            Some(Err(why)) => {
+                output::complain(why);
+                return End::Failed(Exit::WrongUse.code());
+            }
+            None => {}
         }
         match words::of_command(line, &command(self.instance.name())) {
             Some(Ok(words)) => self.command(words),
@@ -178,8 +188,10 @@ impl Shell {
             Err(outcome) => match *outcome {
                 Outcome::Failed(failure) => (failure.to_string(), Exit::Failed),
                 Outcome::Broken(mistake) => {
-                    let meant = words::meant(text, &command(self.instance.name()));
-                    (mistake.what + &meant, Exit::WrongUse)
+                    let commands = command(self.instance.name());
+                    let why = words::no_command(text, &commands)
+                        .unwrap_or_else(|| mistake.what + &words::meant(text, &commands));
+                    (why, Exit::WrongUse)
                 }
                 other => (other.name().to_owned(), Exit::Failed),
             },

@@ -84,7 +84,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let written = fs::write(&begun, &bytes).and_then(|()| fs::rename(&begun, &args.file));
     written.map_err(|reason| {
         let _ = fs::remove_file(&begun);
-        CliError::Snapshot { path: args.file.clone(), reason: reason.to_string() }
+        CliError::File { path: args.file.clone(), reason }
     })?;
     let time_us = SnapshotFile::of_bytes(&bytes).map(|file| file.snapshot.time_us()).unwrap_or_default();
     let (file, at) = (args.file.display(), time::seconds(time_us));

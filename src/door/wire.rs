@@ -16,6 +16,14 @@ pub enum Said {
     Burst(Burst),
 }
 
+#[cfg(test)]
+impl Said {
+    /// What a guest says at PROFIBUS.
+    pub(crate) fn burst(octets: Vec<u8>) -> Self {
+        Self::Burst(Burst { begin: 0, octets })
+    }
+}
+
 /// What a guest wants of whoever runs its session.
 pub(super) trait Adapter {
     /// To name a rate, or to take back that it has named one; `false` while it takes part.

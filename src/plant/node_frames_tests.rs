@@ -7,14 +7,13 @@ use crate::devices;
 use crate::door::Said;
 use crate::memory::header::{BoardSetting, Power, RunSwitch};
 use crate::memory::{Segment, Width};
-use crate::profibus::Burst;
 
 /// What a guest gives a medium; half of all is of no use to it, and refused.
 fn said(head: u8, bytes: &[u8]) -> Option<Said> {
     let [low, high, data @ ..] = bytes else { return None };
     let number = u16::from_le_bytes([*low, *high]);
     if head & 0x08 != 0 {
-        return Some(Said::Burst(Burst { begin: 0, octets: bytes.to_vec() }));
+        return Some(Said::burst(bytes.to_vec()));
     }
     let data = &data[..data.len().min(8)];
     let id = StandardId::new(number & 0x7FF)?;

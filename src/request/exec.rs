@@ -383,7 +383,7 @@ fn no_sync(host: &dyn Host, plc: u16, node: u8) -> Refused {
     Refused::new(Code::NO_SYNC, text)
 }
 
-pub(super) fn stepped(host: &dyn Host) -> Result<(), Refused> {
+fn stepped(host: &dyn Host) -> Result<(), Refused> {
     if host.is_stepped() {
         return Ok(());
     }

@@ -89,12 +89,14 @@ impl Code {
 
     /// Whether the operation asks for what cannot be. If not, it is the plant that is not in the state for it.
     pub fn is_wrong_use(self) -> bool {
-        const STATES: [Code; 6] = [
+        const STATES: [Code; 8] = [
             Code::NOT_IN_TIME,
             Code::NO_SYNC,
             Code::START_REFUSED,
             Code::NOT_NOW,
             Code::NOT_SO_FAR,
+            Code::NOT_ALONE,
+            Code::CLOCK_IS_REAL_TIME,
             Code::SHUTTING_DOWN,
         ];
         !STATES.contains(&self)

@@ -10,6 +10,7 @@ mod tests;
 
 use super::{Code, Host, Refused};
 use crate::plant::{Plant, Snapshot, SnapshotFile};
+use crate::time;
 use std::collections::{BTreeMap, VecDeque};
 
 /// Most snapshots that clients keep at a time.
@@ -36,6 +37,8 @@ pub struct Travel {
     most: usize,
     /// Somebody has done something since the last snapshot of the way.
     is_touched: bool,
+    /// The plant has come from a snapshot that was not of its way, so what was kept of that was dropped.
+    came_from_elsewhere: bool,
 }
 
 #[derive(Debug)]
@@ -78,6 +81,7 @@ impl Travel {
             size: 0,
             most,
             is_touched: false,
+            came_from_elsewhere: false,
         }
     }
 
@@ -129,7 +133,20 @@ impl Travel {
     fn is_elsewhere(&mut self) {
         self.history.clear();
         self.size = 0;
+        self.came_from_elsewhere = true;
         self.saved.values_mut().for_each(|saved| saved.is_behind = false);
+    }
+
+    /// Why there is nothing to go back to.
+    fn nothing(&self) -> String {
+        let why = match (self.most, self.came_from_elsewhere) {
+            (0, _) => "--keep-states is 0",
+            (_, true) => {
+                "no time has passed since another state was restored, by which what was kept is dropped"
+            }
+            (_, false) => "no time has passed since the start",
+        };
+        format!("nothing is kept to go back to: {why}")
     }
 
     /// The stretch in which this moment lies, if it is kept.
@@ -159,7 +176,7 @@ pub(super) fn arrived(host: &mut dyn Host) {
 
 /// Keeps a snapshot. Returns its number.
 pub(super) fn save(host: &mut dyn Host) -> Result<u32, Refused> {
-    super::exec::stepped(host)?;
+    stepped(host)?;
     let (plant, travel) = host.plant_and_travel();
     if travel.saved.len() >= MAX_SAVED {
         let text = format_args!("{MAX_SAVED} snapshots are kept, which is all that can be; forget one first");
@@ -247,8 +264,11 @@ pub(super) fn back(host: &mut dyn Host, us: u64, detached: bool) -> Result<(), R
     let earliest = host.plant_and_travel().1.earliest();
     let Some(target) = target.filter(|target| earliest.is_some_and(|earliest| earliest <= *target)) else {
         let text = earliest.map_or_else(
-            || NOTHING.to_owned(),
-            |earliest| format!("{us} us are too far: one can go back to {earliest} us, it is {now} us now"),
+            || host.plant_and_travel().1.nothing(),
+            |earliest| {
+                let [earliest, now] = [earliest, now].map(time::seconds);
+                format!("{} are too far: one can go back to {earliest}, it is {now} now", time::short(us))
+            },
         );
         return Err(Refused::new(Code::NOT_SO_FAR, text));
     };
@@ -296,11 +316,10 @@ fn find_back<T>(
     return_to(host, &here);
     let earliest = host.plant_and_travel().1.earliest();
     let text = earliest.map_or_else(
-        || NOTHING.to_owned(),
+        || host.plant_and_travel().1.nothing(),
         |earliest| {
-            format!(
-                "the conditions did not come to hold since {earliest} us, which is how far one can go back"
-            )
+            let earliest = time::seconds(earliest);
+            format!("the conditions did not come to hold since {earliest}, which is how far one can go back")
         },
     );
     Err(Refused::new(Code::NOT_SO_FAR, text))
@@ -335,7 +354,7 @@ fn last_in<T>(
 /// is again if it is refused.
 fn arrive(host: &mut dyn Host, target: u64, here: &Snapshot, detached: bool) -> Result<(), Refused> {
     let (_, travel) = host.plant_and_travel();
-    let place = travel.stretch_of(target).ok_or_else(|| Refused::new(Code::NOT_SO_FAR, NOTHING))?;
+    let place = travel.stretch_of(target).ok_or_else(|| Refused::new(Code::NOT_SO_FAR, travel.nothing()))?;
     let Stretch { begin, end: (end, hash) } = &travel.history[place];
     let (begin, end, hash) = (begin.clone(), *end, *hash);
     if target > begin.time_us() && !detached {
@@ -343,11 +362,11 @@ fn arrive(host: &mut dyn Host, target: u64, here: &Snapshot, detached: bool) -> 
         host.plant_mut().advance_to(end);
         if host.plant().journal().hash() != hash {
             return_to(host, here);
+            let from = time::seconds(begin.time_us());
             let text = format_args!(
-                "between {} us and {end} us a program has stored what it had mapped, which cannot be repeated; go back to \
-                 {} us, or give --detached to go without what it has stored",
-                begin.time_us(),
-                begin.time_us()
+                "between {from} and {} a program has stored what it had mapped, which cannot be repeated; go back to \
+                 {from}, or give --detached to go without what it has stored",
+                time::seconds(end)
             );
             return Err(Refused::new(Code::SNAPSHOT, text));
         }
@@ -358,9 +377,6 @@ fn arrive(host: &mut dyn Host, target: u64, here: &Snapshot, detached: bool) -> 
     travel.is_at(plant);
     Ok(())
 }
-
-const NOTHING: &str =
-    "nothing is kept to go back to: no time has passed since the start, or --keep-states is 0";
 
 fn go_to(host: &mut dyn Host, snapshot: &Snapshot, is_behind: bool) -> Result<(), Refused> {
     let plant = host.plant_mut();
@@ -375,7 +391,7 @@ fn return_to(host: &mut dyn Host, here: &Snapshot) {
 
 /// Refuses while the clock runs by itself, and while somebody outside takes part who cannot go back.
 fn alone(host: &mut dyn Host, detached: bool) -> Result<(), Refused> {
-    super::exec::stepped(host)?;
+    stepped(host)?;
     match host.outsiders().filter(|_| !detached) {
         None => Ok(()),
         Some(who) => {
@@ -383,6 +399,15 @@ fn alone(host: &mut dyn Host, detached: bool) -> Result<(), Refused> {
             Err(Refused::new(Code::NOT_ALONE, text))
         }
     }
+}
+
+fn stepped(host: &dyn Host) -> Result<(), Refused> {
+    if host.is_stepped() {
+        return Ok(());
+    }
+    let text = "the clock runs in real time; snapshots and going back need a stepped one (start the instance with \
+                --clock stepped)";
+    Err(Refused::new(Code::CLOCK_IS_REAL_TIME, text))
 }
 
 fn unknown(number: u32) -> Refused {

@@ -123,7 +123,8 @@ impl Guests {
 
     /// A guest that takes part, for people.
     pub(super) fn present_one(&self, plant: &Plant) -> Option<String> {
-        let it = self.present.iter().find(|it| it.is_in || it.has_seat)?;
+        // Those that have gone are forgotten only when time passes.
+        let it = self.present.iter().find(|it| (it.is_in || it.has_seat) && !it.guest.wish().has_gone)?;
         let bus = plant.media().get(usize::from(it.guest.bus)).map_or("", |medium| medium.name());
         Some(format!("guest{} at door {} of bus '{bus}'", it.guest.number, it.guest.door))
     }

@@ -329,7 +329,7 @@ impl Bench {
         })
     }
 
-    /// The last records of the journal, at most `count`, oldest first.
+    /// The last records of the journal, at most `count`, oldest first: of those that count several events the last one tells.
     ///
     /// # Errors
     /// The instance has gone.
@@ -339,7 +339,10 @@ impl Bench {
         let mut text = Text::new(self.names.clone(), devices::catalogue());
         let (before, last) = records.split_at(records.len().saturating_sub(count));
         before.iter().for_each(|record| text.skip(record));
-        Ok(last.iter().map(|record| line(record, &mut text)).collect())
+        let mut lines: Vec<_> = last.iter().map(|record| line(record, &mut text)).collect();
+        // What was counted is told when it is over, or last of all.
+        lines.sort_by_key(|line| line.time_us);
+        Ok(lines)
     }
 }
 

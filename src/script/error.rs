@@ -8,7 +8,7 @@ use crate::layout::place::BadValue;
 use crate::memory::MemoryError;
 use crate::memory::header::BoardWordError;
 use crate::plant::PlantError;
-use crate::request::{Code, Refused, WrongReply};
+use crate::request::{Refused, WrongReply};
 use crate::time::{TimeError, seconds, short};
 use core::fmt;
 use thiserror::Error;
@@ -129,11 +129,7 @@ impl ScenarioError {
         match self {
             Self::Failed(failure) => Some(failure.kind),
             Self::TooLong { .. } => Some(FailureKind::Endless),
-            // A script that steps is not wrong because it was run on a clock that cannot be stepped.
-            Self::Refused(refused) => {
-                let fails = !refused.code.is_wrong_use() || refused.code == Code::CLOCK_IS_REAL_TIME;
-                fails.then_some(FailureKind::Refused)
-            }
+            Self::Refused(refused) => (!refused.code.is_wrong_use()).then_some(FailureKind::Refused),
             Self::WrongReply(_) => Some(FailureKind::Refused),
             #[cfg(feature = "channel")]
             Self::Client(_) => Some(FailureKind::Refused),

@@ -5,7 +5,6 @@ use crate::handed_in;
 use crate::journal::Past;
 use serde::Deserialize;
 use std::collections::{BTreeMap, BTreeSet};
-use std::io;
 use std::path::Path;
 
 /// Most events that one line may stand for: a counted record ends after a second at the latest.
@@ -65,9 +64,9 @@ impl Told {
     /// # Errors
     /// It cannot be read, or is no such journal.
     pub(super) fn read(path: &Path) -> Result<Self, CliError> {
-        let wrong = |reason| CliError::File { path: path.to_owned(), reason };
-        let text = handed_in::read(path, handed_in::LONGEST).map_err(wrong)?;
-        Self::parse(&text).map_err(|right| wrong(io::Error::new(io::ErrorKind::InvalidData, right)))
+        let wrong = |reason| CliError::Unreadable { path: path.to_owned(), reason };
+        let text = handed_in::read(path, handed_in::LONGEST).map_err(|error| wrong(error.to_string()))?;
+        Self::parse(&text).map_err(wrong)
     }
 
     fn parse(text: &str) -> Result<Self, String> {

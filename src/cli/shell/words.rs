@@ -1,10 +1,16 @@
 //! Lines: whether they are commands, their words, whether they go on.
 
 use crate::layout::did_you_mean;
+use crate::script;
 
 /// The words of a line if it is a command: its first word is the name of one, and it does not go on like a call or an
-/// assignment. An error if a quote is open.
+/// assignment. An error if a quote is open, or if the name of this program stands in front of it.
 pub(super) fn of_command(line: &str, commands: &clap::Command) -> Option<Result<Vec<String>, &'static str>> {
+    if let Some((_, rest)) = behind(line, "commram")
+        && is_command(rest, commands)
+    {
+        return Some(Err("leave out `commram`: here commands stand without it"));
+    }
     is_command(line, commands).then(|| split(line).ok_or("a quote is open"))
 }
 
@@ -21,14 +27,61 @@ pub(super) fn is_command(line: &str, commands: &clap::Command) -> bool {
 }
 
 /// Who types one of these has had enough.
-pub(super) const ENOUGH: [&str; 2] = ["exit", "quit"];
+const ENOUGH: [&str; 2] = ["exit", "quit"];
+
+/// What the shell is to end with, if a line says that it is to end.
+pub(super) fn of_end(line: &str) -> Option<Result<u8, &'static str>> {
+    let (_, rest) = ENOUGH.iter().find_map(|word| behind(line, word))?;
+    match rest {
+        "" => Some(Ok(0)),
+        rest if rest.starts_with(['=', '(']) => None,
+        code => Some(
+            code.parse().map_err(|_| "behind `exit` or `quit` stands an exit code of 0 to 255, or nothing"),
+        ),
+    }
+}
+
+/// The first word of a line and what stands behind it, if it is this one.
+fn behind<'a>(line: &'a str, word: &str) -> Option<(&'a str, &'a str)> {
+    let (first, rest) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
+    (first == word).then(|| (first, rest.trim()))
+}
+
+/// With these words a statement of a scenario can begin.
+const STATEMENTS: [&str; 18] = [
+    "break", "const", "continue", "do", "else", "export", "fn", "for", "if", "import", "let", "loop",
+    "private", "return", "switch", "throw", "try", "while",
+];
+
+/// What is wrong with a line that makes no sense as a piece of a scenario, if it looks like a command and is none: two words
+/// stand side by side.
+pub(super) fn no_command(line: &str, commands: &clap::Command) -> Option<String> {
+    let (first, rest) = line.split_once(char::is_whitespace)?;
+    let goes_on = |sign: char| sign.is_alphanumeric() || matches!(sign, '_' | '%' | '\'' | '"');
+    let is_told = rest.trim_start().starts_with(goes_on) || rest.trim_start().starts_with("--");
+    if !is_told || !is_word(first) {
+        return None;
+    }
+    if script::verbs().iter().any(|verb| verb.name == first) {
+        return Some(format!(
+            "`{first}` is a verb: what it needs stands in brackets behind it, {first}(...)"
+        ));
+    }
+    Some(format!("there is no command or verb `{first}`{}", meant(line, commands)))
+}
+
+/// Whether it can be meant as a command.
+fn is_word(first: &str) -> bool {
+    first.starts_with(|sign: char| sign.is_ascii_alphabetic())
+        && first.chars().all(|sign| sign.is_ascii_alphanumeric() || matches!(sign, '-' | '_'))
+        && !STATEMENTS.contains(&first)
+}
 
 /// Which command may be meant by a line that is none and makes no sense as a piece of a scenario either; nothing if it does not
 /// look like one.
 pub(super) fn meant(line: &str, commands: &clap::Command) -> String {
     let (first, rest) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
-    let is_word = first.chars().all(|sign| sign.is_ascii_alphanumeric() || matches!(sign, '-' | '_'));
-    if !is_word || rest.trim_start().starts_with(['=', '(']) {
+    if !is_word(first) || rest.trim_start().starts_with(['=', '(']) {
         return String::new();
     }
     let names = commands.get_subcommands().filter(|command| !command.is_hide_set());
@@ -115,9 +168,28 @@ mod tests {
         let commands = super::super::command("x");
         assert!(meant("peak node2.w_CPU_CONTROL", &commands).contains("peek"));
         assert!(meant("quti", &commands).contains("quit"));
-        for piece in ["pek(1)", "peak = 1", "1 + 1", "zzzzzzzz 1"] {
+        for piece in ["pek(1)", "peak = 1", "1 + 1", "zzzzzzzz 1", "for n in 0..3 {"] {
             assert_eq!(meant(piece, &commands), "", "{piece}");
         }
+        let told = no_command("peak node2.w_CPU_CONTROL", &commands).unwrap();
+        assert!(told.starts_with("there is no command or verb `peak`; did you mean peek"), "{told}");
+        assert!(no_command("back_to 1", &commands).unwrap().contains("back_to(...)"));
+        for piece in ["peak", "peak = 1", "x + 1", "for n in 0..3 {", "let x = ", "f (1"] {
+            assert_eq!(no_command(piece, &commands), None, "{piece}");
+        }
+    }
+
+    #[test]
+    fn the_end_has_an_exit_code() {
+        assert_eq!((of_end("exit"), of_end("quit 3"), of_end("exit = 1")), (Some(Ok(0)), Some(Ok(3)), None));
+        assert!(of_end("exit 256").unwrap().is_err() && of_end("exits").is_none());
+    }
+
+    #[test]
+    fn the_name_of_the_program_is_left_out() {
+        let commands = super::super::command("x");
+        assert!(of_command("commram peek node2.w_CPU_CONTROL", &commands).unwrap().is_err());
+        assert_eq!(of_command("commram = 1", &commands), None);
     }
 
     #[test]

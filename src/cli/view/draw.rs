@@ -4,7 +4,7 @@ use super::actions::{self, Pane};
 use super::model::{Contact, Hot, Model};
 use super::panes;
 use super::prompt::{Asked, Prompt};
-use super::style::{Theme, cut, padded};
+use super::style::{Theme, cut, padded, wrapped};
 use crate::time;
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
@@ -23,17 +23,18 @@ pub(super) fn draw(frame: &mut Frame, model: &mut Model, theme: Theme) {
         frame.render_widget(Paragraph::new(text).wrap(Wrap { trim: true }), frame.area());
         return;
     }
+    let foot_lines = foot_lines(model, theme, frame.area());
     let [head, tabs, pane, foot] = Layout::vertical([
         Constraint::Length(1),
         Constraint::Length(1),
         Constraint::Min(0),
-        Constraint::Length(1),
+        Constraint::Length(foot_lines.len() as u16),
     ])
     .areas(frame.area());
     frame.render_widget(Paragraph::new(head_line(model, theme, usize::from(head.width))), head);
     draw_tabs(frame, model, theme, tabs);
     panes::draw(frame, model, theme, pane);
-    frame.render_widget(Paragraph::new(foot_line(model, theme)), foot);
+    frame.render_widget(Paragraph::new(foot_lines), foot);
     match &model.prompt {
         Some(Prompt::Text(asked)) => ask(frame, asked, theme, pane),
         Some(Prompt::Really(question, _)) => {
@@ -87,21 +88,19 @@ fn draw_tabs(frame: &mut Frame, model: &mut Model, theme: Theme, area: Rect) {
     }
 }
 
-/// A word to the user, else the keys that there are.
-fn foot_line(model: &Model, theme: Theme) -> Line<'static> {
-    if let Contact::Absent(why) = &model.contact {
-        return Line::styled(format!(" {why}"), theme.bad());
-    }
-    match &model.message {
-        Some(message) => {
-            let style = if message.is_bad { theme.bad() } else { theme.plain() };
-            Line::styled(format!(" {}", message.text), style)
+/// A word to the user in as many lines as it needs, up to a quarter of the screen; else the keys that there are.
+fn foot_lines(model: &Model, theme: Theme, area: Rect) -> Vec<Line<'static>> {
+    let (text, style) = match (&model.contact, &model.message) {
+        (Contact::Absent(why), _) => (why, theme.bad()),
+        (_, Some(message)) if message.is_bad => (&message.text, theme.bad()),
+        (_, Some(message)) => (&message.text, theme.plain()),
+        (_, None) => {
+            let keys = " / find  Space pin  p poke  f force  s step  n SYNC  w wait  ? help  q quit";
+            return vec![Line::styled(keys, theme.dim())];
         }
-        None => Line::styled(
-            " / find  Space pin  p poke  f force  s step  n SYNC  w wait  ? help  q quit",
-            theme.dim(),
-        ),
-    }
+    };
+    let lines = wrapped(text, usize::from(area.width) - 2, usize::from(area.height / 4));
+    lines.into_iter().map(|line| Line::styled(format!(" {line}"), style)).collect()
 }
 
 fn ask(frame: &mut Frame, asked: &Asked, theme: Theme, area: Rect) {

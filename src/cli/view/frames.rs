@@ -32,6 +32,19 @@ pub(super) struct Wire {
     pub is_bad: bool,
 }
 
+impl Wire {
+    /// The same at another time.
+    fn at(&self, until_us: u64) -> Self {
+        let from_us = until_us.saturating_sub(self.until_us - self.from_us);
+        Self { from_us, until_us, ..self.clone() }
+    }
+
+    /// Whether some of it lies in this part of the time.
+    fn is_in(&self, window: Window) -> bool {
+        self.until_us > window.begin_us && self.from_us < window.begin_us + window.us
+    }
+}
+
 /// A part of the time of a bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Window {
@@ -47,6 +60,8 @@ pub(super) struct Window {
 #[derive(Default)]
 pub(super) struct Frames {
     wires: VecDeque<Wire>,
+    /// What is still being counted, each with its last one.
+    counting: Vec<(Record, Wire)>,
     /// Of each bus, the oldest first.
     edges: Vec<VecDeque<u64>>,
     text: Option<Text>,
@@ -70,12 +85,18 @@ impl Frames {
         }
         let mut text = self.text.take().unwrap_or_else(|| Text::new(names.clone(), devices::catalogue()));
         for record in records {
-            let mut line = String::new();
-            text.record(record, &mut line);
-            self.add(record, &line, names, scene);
+            self.add_edges(record);
+            if let Some(last) = last_of(record, &mut text, names, scene) {
+                self.wires.extend(record.times().map(|time| last.at(time)));
+            }
+        }
+        self.counting.clear();
+        for record in pending {
+            self.add_edges(record);
+            let last = last_of(record, &mut text, names, scene);
+            self.counting.extend(last.map(|last| (*record, last)));
         }
         self.text = Some(text);
-        pending.iter().for_each(|record| self.add_edges(record));
         if self.held.is_some() {
             return;
         }
@@ -90,31 +111,6 @@ impl Frames {
     /// Whether there is no more room for what comes.
     fn is_full(&self) -> bool {
         self.wires.len() >= HELD * KEPT || self.edges.iter().any(|edges| edges.len() >= HELD * EDGES)
-    }
-
-    fn add(&mut self, record: &Record, line: &str, names: &Names, scene: &[BusScene]) {
-        let (event, source) = (record.event, record.event.source());
-        self.add_edges(record);
-        let is_bad = event.kind().ring() == Ring::Missed;
-        if event.kind().ring() != Ring::Traffic && !is_bad {
-            return;
-        }
-        let name = names.source(source);
-        let bus = match source {
-            Source::Bus(bus) => Some(usize::from(bus)),
-            _ => scene.iter().position(|bus| bus.ports.contains(&name)),
-        };
-        let Some(bus) = bus else { return };
-        let bit_s = scene.get(bus).map_or(0, |bus| bus.bit_s);
-        let us = event.frame().filter(|_| bit_s > 0).map_or(0, |carried| {
-            u64::from(wire::bits_to_end_of_frame(&carried.frame)) * 1_000_000 / u64::from(bit_s)
-        });
-        let told = line.split_once(" s  ").map_or(line, |(_, told)| told);
-        let told = told.strip_prefix(name.as_str()).unwrap_or(told).trim();
-        for until_us in record.times() {
-            let from_us = until_us.saturating_sub(us);
-            self.wires.push_back(Wire { bus, from_us, until_us, text: told.to_owned(), is_bad });
-        }
     }
 
     fn add_edges(&mut self, record: &Record) {
@@ -137,6 +133,7 @@ impl Frames {
     /// The emulated time has gone back: what was later has not happened.
     pub(super) fn go_back(&mut self, now_us: u64) {
         self.wires.retain(|wire| wire.until_us <= now_us);
+        self.counting.clear();
         self.edges.iter_mut().for_each(|edges| edges.retain(|edge| *edge <= now_us));
         self.held = self.held.filter(|held| *held <= now_us);
     }
@@ -171,17 +168,28 @@ impl Frames {
         let edges = self.edges.get(self.bus)?;
         match self.held {
             Some(held) => edges.iter().rposition(|edge| *edge <= held),
-            // With a running clock the present interval is over before anybody has read it.
-            None => edges.len().checked_sub(1 + usize::from(!info.is_stepped)),
+            None => self.latest(info),
         }
     }
 
+    /// Which edge begins the latest interval that can be seen. With a running clock that is one that was over when the time was
+    /// asked for: the journal is asked for later, and tells of others that are not complete.
+    fn latest(&self, info: &InstanceInfo) -> Option<usize> {
+        let edges = self.edges.get(self.bus)?;
+        let come = edges.partition_point(|edge| *edge <= info.time_us);
+        come.checked_sub(1 + usize::from(!info.is_stepped))
+    }
+
     /// What was on the bus then.
-    pub(super) fn within(&self, window: Window) -> Vec<&Wire> {
-        let Window { begin_us, us, .. } = window;
+    pub(super) fn within(&self, window: Window) -> Vec<Wire> {
         let of_bus = self.wires.iter().filter(|wire| wire.bus == self.bus);
-        let mut found: Vec<_> =
-            of_bus.filter(|wire| wire.until_us > begin_us && wire.from_us < begin_us + us).collect();
+        let mut found: Vec<_> = of_bus.filter(|wire| wire.is_in(window)).cloned().collect();
+        for (record, last) in self.counting.iter().filter(|(_, last)| last.bus == self.bus) {
+            // Their times alone are looked at first: there may be hundreds.
+            let end_us = window.begin_us + window.us + (last.until_us - last.from_us);
+            let times = record.times().filter(|time| (window.begin_us..end_us).contains(time));
+            found.extend(times.map(|time| last.at(time)).filter(|wire| wire.is_in(window)));
+        }
         found.sort_by_key(|wire| (wire.from_us, wire.until_us));
         found
     }
@@ -197,7 +205,7 @@ impl Frames {
         let next = match (self.edges.get(self.bus), self.place(info)) {
             (Some(edges), Some(place)) if is_back => edges.get(place.saturating_sub(1)).copied(),
             (Some(edges), Some(place)) => {
-                let latest = edges.len().saturating_sub(1 + usize::from(!info.is_stepped));
+                let latest = self.latest(info).unwrap_or(0);
                 edges.get(place + 1).copied().filter(|_| place + 1 < latest)
             }
             _ if is_interval => None,
@@ -218,4 +226,31 @@ impl Frames {
             self.edges.iter_mut().for_each(VecDeque::clear);
         }
     }
+}
+
+/// The last frame that a record tells of, or that there was none; `None` if it tells of something else.
+fn last_of(record: &Record, text: &mut Text, names: &Names, scene: &[BusScene]) -> Option<Wire> {
+    let (event, source) = (record.event, record.event.source());
+    let is_bad = event.kind().ring() == Ring::Missed;
+    if event.kind().ring() != Ring::Traffic && !is_bad {
+        text.skip(record);
+        return None;
+    }
+    // Each of those that it counts stands for itself.
+    let single = Record { seq: 0, count: 1, period_us: 0, ..*record };
+    let mut line = String::new();
+    text.record(&single, &mut line);
+    let name = names.source(source);
+    let bus = match source {
+        Source::Bus(bus) => usize::from(bus),
+        _ => scene.iter().position(|bus| bus.ports.contains(&name))?,
+    };
+    let bit_s = scene.get(bus).map_or(0, |bus| bus.bit_s);
+    let us = event.frame().filter(|_| bit_s > 0).map_or(0, |carried| {
+        u64::from(wire::bits_to_end_of_frame(&carried.frame)) * 1_000_000 / u64::from(bit_s)
+    });
+    let told = line.split_once(" s  ").map_or(line.as_str(), |(_, told)| told);
+    let told = told.strip_prefix(name.as_str()).unwrap_or(told).trim();
+    let until_us = record.time_us;
+    Some(Wire { bus, from_us: until_us.saturating_sub(us), until_us, text: told.to_owned(), is_bad })
 }

@@ -13,10 +13,10 @@ use crate::request::{
 use std::collections::HashSet;
 use std::time::{Duration, Instant};
 
-/// So much of the journal there is to begin with.
-const BACK: u64 = 4096;
 /// Most parts of changes, and of the journal, in one look.
 const PARTS: usize = 4;
+/// So much of the journal there is to begin with: a part less than one look reads, since more comes meanwhile.
+const BACK: u64 = (PARTS as u64 - 1) * MAX_RECORDS as u64;
 /// An emulator that was not asked for longer may have forgotten what is followed.
 const FORGOTTEN: Duration = Duration::from_secs(5);
 /// The buses are asked for so seldom, since the emulator looks after its guests for that.
@@ -251,20 +251,21 @@ impl Looker {
                 fits(one(source, op)?.journal())?.1.saturating_sub(BACK)
             }
         };
+        let mut latest = next;
         for _ in 0..PARTS {
             let (records, end) = fits(one(source, Op::Journal { from: next, max: MAX_RECORDS })?.journal())?;
             let (counting, done): (Vec<_>, Vec<_>) = records.into_iter().partition(Record::is_pending);
             pending = counting;
             next = done.last().map_or(end, |last| last.seq + 1);
+            latest = end;
             let is_last = done.is_empty() || next >= end;
             all.extend(done);
             if is_last {
-                self.next_record = Some(next);
-                return Ok((all, pending));
+                break;
             }
         }
         // Who cannot keep up goes on with what is new.
-        self.next_record = None;
+        self.next_record = Some(next.max(latest.saturating_sub(BACK)));
         Ok((all, pending))
     }
 

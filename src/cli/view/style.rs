@@ -94,6 +94,46 @@ pub(super) fn cut_name(name: &str, width: usize) -> String {
     front.iter().chain(&['\u{2026}']).chain(end).collect()
 }
 
+/// A text in lines of so many columns, broken between words, at most so many lines: if need be it is cut in its middle.
+pub(super) fn wrapped(text: &str, width: usize, most: usize) -> Vec<String> {
+    let (width, most) = (width.max(1), most.max(1));
+    let (mut text, mut room) = (text.to_owned(), width * most);
+    loop {
+        let lines = broken(&text, width);
+        if lines.len() <= most || room == 0 {
+            return lines;
+        }
+        let letters = text.chars().count();
+        let (front, end) = (room / 2, (room / 2).saturating_sub(1));
+        let part = |from: usize, len: usize| text.chars().skip(from).take(len).collect::<String>();
+        text = format!("{}\u{2026}{}", part(0, front), part(letters.saturating_sub(end), end));
+        // Lines that end between words are not full.
+        room -= (width / 4).clamp(1, room);
+    }
+}
+
+/// A text in lines of so many columns, broken between words where that can be.
+fn broken(text: &str, width: usize) -> Vec<String> {
+    let (mut lines, mut line) = (Vec::new(), Vec::<char>::new());
+    for word in text.split_whitespace() {
+        let word: Vec<char> = word.chars().collect();
+        if !line.is_empty() {
+            if line.len() + 1 + word.len() > width {
+                lines.push(core::mem::take(&mut line));
+            } else {
+                line.push(' ');
+            }
+        }
+        line.extend(word);
+        while line.len() > width {
+            let rest = line.split_off(width);
+            lines.push(core::mem::replace(&mut line, rest));
+        }
+    }
+    lines.push(line);
+    lines.into_iter().map(String::from_iter).collect()
+}
+
 /// The name in exactly so many columns.
 pub(super) fn padded_name(name: &str, width: usize) -> String {
     let name = cut_name(name, width);
@@ -110,6 +150,19 @@ mod tests {
         assert_eq!(cut_name("node2.a_CFG_RDC_WORD[1].b_CFG_RDC1_WORD0", 28), "node2.a…[1].b_CFG_RDC1_WORD0");
         assert_eq!(padded_name("line:node2.a[1]", 16), "line:node2.a[1] ");
         assert_eq!((cut_name("ab", 0), cut_name("ab", 1)), (String::new(), "…".to_owned()));
+    }
+
+    #[test]
+    fn long_texts_take_lines_and_keep_their_end() {
+        assert_eq!(wrapped("one two three", 80, 6), ["one two three"]);
+        assert_eq!(wrapped("one two three", 8, 6), ["one two", "three"]);
+        assert_eq!(wrapped("abcdefghij k", 4, 6), ["abcd", "efgh", "ij k"]);
+        assert_eq!(wrapped("", 4, 1), [""]);
+        let long = format!("begin {} end", "word ".repeat(100));
+        let lines = wrapped(&long, 20, 3);
+        assert!(lines.len() <= 3 && lines.iter().all(|line| line.chars().count() <= 20), "{lines:?}");
+        assert!(lines[0].starts_with("begin") && lines.last().unwrap().ends_with("end"), "{lines:?}");
+        assert!(lines.concat().contains('\u{2026}'), "{lines:?}");
     }
 
     #[test]

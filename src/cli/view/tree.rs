@@ -308,7 +308,12 @@ impl Tree {
         for (plc, fitted) in self.plcs().into_iter().filter(|(number, _)| is_meant(number)) {
             let registers = if name.starts_with('%') {
                 let address = fitted.device().address(name);
-                address.and_then(|address| fitted.registers_at(address, None)).unwrap_or_default()
+                let mut found =
+                    address.and_then(|address| fitted.registers_at(address, None)).unwrap_or_default();
+                // Structures that overlay each other have some registers in common.
+                let mut labels = HashSet::new();
+                found.retain(|register| labels.insert(register.to_string()));
+                found
             } else {
                 match fitted.area_or_registers(name) {
                     Ok(Named::Registers(registers)) => registers,

@@ -82,7 +82,10 @@ impl Task {
 
     /// Whether it takes its time.
     pub(super) fn is_long(&self) -> bool {
-        !matches!(self.work, Work::Ops(_))
+        match &self.work {
+            Work::Ops(ops) => ops.iter().any(|op| matches!(op, Op::Back { .. } | Op::BackUntil { .. })),
+            Work::Advance { .. } | Work::Until { .. } => true,
+        }
     }
 
     /// That it was ended, and how far it was.
@@ -99,7 +102,7 @@ impl Task {
     /// What is going on.
     pub(super) fn going_on(&self) -> String {
         match &self.work {
-            Work::Ops(_) => self.told.clone(),
+            Work::Ops(_) => format!("under way: {}", self.told),
             Work::Advance { us, left_us } => format!("{} passed; Esc ends", of(*us, *left_us)),
             Work::Until { us, left_us, .. } => {
                 format!("waits for {}: {} passed; Esc ends", self.told, of(*us, *left_us))

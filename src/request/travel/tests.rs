@@ -78,7 +78,10 @@ fn what_never_held_leaves_the_plant_where_it_is() {
     let Some(Reply::Error(Refused { code: Code::NOT_SO_FAR, text, .. })) = replies.last() else {
         panic!("{replies:?}")
     };
-    assert_eq!(text, "the conditions did not come to hold since 0 us, which is how far one can go back");
+    assert_eq!(
+        text,
+        "the conditions did not come to hold since 0.000000 s, which is how far one can go back"
+    );
     assert!(host.plant.snapshot() == before);
     assert_eq!(host.plant.journal().records().count(), records);
 }
@@ -88,7 +91,7 @@ fn one_can_go_back_as_far_as_is_kept_and_only_alone_with_a_stepped_clock() {
     let mut host = host();
     let (code, text) = host.refusal(back(9_001));
     assert_eq!(code, Code::NOT_SO_FAR);
-    assert_eq!(text, "9001 us are too far: one can go back to 0 us, it is 9000 us now");
+    assert_eq!(text, "9001 us are too far: one can go back to 0.000000 s, it is 0.009000 s now");
     host.outsiders = Some("soft_plc (process 7), which has mapped the registers,".to_owned());
     let (code, text) = host.refusal(back(1_000));
     assert_eq!(code, Code::NOT_ALONE);
@@ -98,7 +101,9 @@ fn one_can_go_back_as_far_as_is_kept_and_only_alone_with_a_stepped_clock() {
     );
     assert_eq!(host.request(&[Op::Back { us: 1_000, detached: true }]), [Reply::Time(8_000)]);
     let mut host = TestHost::new(false);
-    assert_eq!(host.refusal(Op::Save).0, Code::CLOCK_IS_REAL_TIME);
+    let (code, text) = host.refusal(Op::Save);
+    assert_eq!(code, Code::CLOCK_IS_REAL_TIME);
+    assert!(text.contains("snapshots and going back need a stepped one"), "{text}");
     assert_eq!(host.refusal(back(1)).0, Code::CLOCK_IS_REAL_TIME);
 }
 
@@ -116,9 +121,25 @@ fn stores_through_the_map_while_time_passes_cannot_be_repeated_and_that_is_told(
     let before = host.plant.snapshot();
     let (code, text) = host.refusal(back(5_000));
     assert_eq!(code, Code::SNAPSHOT);
-    assert!(text.starts_with("between 0 us and 10000 us a program has stored what it had mapped"), "{text}");
+    assert!(
+        text.starts_with("between 0.000000 s and 0.010000 s a program has stored what it had mapped"),
+        "{text}"
+    );
     assert!(host.plant.snapshot() == before);
     assert_eq!(host.request(&[Op::Back { us: 5_000, detached: true }]), [Reply::Time(5_000)]);
+}
+
+#[test]
+fn why_nothing_is_kept_is_told() {
+    let mut host = TestHost::new(true);
+    assert!(host.refusal(back(1)).1.ends_with("no time has passed since the start"));
+    let mut host = self::host();
+    let saved = host.request(&[Op::Save]).remove(0).value().unwrap();
+    host.request(&[Op::Back { us: 5_000, detached: false }, Op::Advance { us: 1_000 }]);
+    // Not on the way of the plant any more.
+    host.request(&[Op::BackTo { number: saved, detached: false }]);
+    let text = host.refusal(back(1)).1;
+    assert!(text.contains("since another state was restored"), "{text}");
 }
 
 #[test]

@@ -34,7 +34,7 @@ pub(super) fn draw(frame: &mut Frame, model: &mut Model, theme: Theme, area: Rec
     let inner = titled(frame, title, theme.head(), area);
     let slots =
         bus.interval.as_ref().filter(|_| window.is_interval).map_or(&[][..], |interval| &interval.slots);
-    let wires: Vec<Wire> = model.frames.within(window).into_iter().cloned().collect();
+    let wires = model.frames.within(window);
     let width = usize::from(inner.width).saturating_sub(2).max(1);
     let rows = Rect { y: inner.y + ABOVE, height: inner.height.saturating_sub(ABOVE), ..inner };
     let seen = model.frames.list.fit(usize::from(rows.height), wires.len());

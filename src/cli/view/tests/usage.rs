@@ -280,6 +280,39 @@ fn an_interval_that_is_looked_at_stays_while_the_clock_runs() {
 }
 
 #[test]
+fn with_a_running_clock_the_last_complete_interval_is_shown_with_what_is_still_counted() {
+    let mut user = User::at(TestHost::of(&PlantConfig::built_in().unwrap(), false), false);
+    user.activate();
+    user.type_in("4");
+    // In the middle of intervals, and long enough that all is counted that repeats itself.
+    for passes in [10_300, 30_700, 1_100, 1_900] {
+        user.host.run_to(user.host.plant.now() + passes);
+        user.look();
+        user.sees("interval of 2 ms");
+        user.sees("WRC1 is left out in this interval");
+        let screen = user.screen();
+        assert!(!screen.contains("no frame") && !screen.contains("\u{25b2}"), "{screen}");
+        assert_eq!(screen.matches("WRC1 is left out").count(), 1, "{screen}");
+    }
+}
+
+#[test]
+fn a_register_of_overlaid_structures_is_found_once_by_its_address() {
+    let mut user = User::built_in();
+    user.type_in("/%MW3.200000");
+    assert_eq!(user.screen().matches("node2.w_CPU_CONTROL").count(), 1, "{}", user.screen());
+}
+
+#[test]
+fn a_long_message_is_there_with_its_end() {
+    let mut user = User::built_in();
+    user.model.complain(format!("begin {} and the end", "of a message that is long ".repeat(5)));
+    user.draw();
+    user.sees("begin");
+    user.sees("and the end");
+}
+
+#[test]
 fn the_rate_is_the_number_of_changes_in_the_last_second() {
     let mut user = User::built_in();
     user.find("node2.w_CPU_CONTROL");
