@@ -1,6 +1,7 @@
 //! Emulators that end or are killed at any moment, one after the other: what the next one begins with is what was kept last, old or new.
 
 use crate::cli::demo::command;
+use crate::cli::stop::remove_remains;
 use crate::memory::{AttachMode, Image, Segment, Width};
 use crate::plant::PlantConfig;
 use crate::script::soak::Round;
@@ -132,11 +133,8 @@ struct Instance(String);
 
 impl Drop for Instance {
     fn drop(&mut self) {
-        let clean = command("stop").map(|mut stop| {
-            stop.args(["--clean", "-i", &self.0]).stdout(Stdio::null()).stderr(Stdio::null()).status()
-        });
-        // There may be nothing left.
-        let _ = clean;
+        // Nobody can be told; if it cannot be removed, `commram list` shows it.
+        let _ = remove_remains(&self.0);
     }
 }
 
