@@ -55,6 +55,8 @@
 extern crate self as commram;
 
 #[cfg(feature = "emulator")]
+mod agenda;
+#[cfg(feature = "emulator")]
 pub mod can;
 #[cfg(feature = "channel")]
 pub mod channel;

@@ -195,104 +195,80 @@ mod machine {
         compiler_fence(Ordering::Acquire);
     }
 
-    #[inline(always)]
-    pub(crate) unsafe fn block_differs(at: *const [u64; BLOCK], other: &Block) -> bool {
-        let equal: u32;
-        // SAFETY: the caller vouches for the pointer, blocks are aligned to 16; the instructions read memory and write registers.
-        unsafe {
-            asm!(
-                "movdqu {first}, xmmword ptr [{at}]",
-                "pxor {first}, xmmword ptr [{other}]",
-                "movdqu {more}, xmmword ptr [{at} + 16]",
-                "pxor {more}, xmmword ptr [{other} + 16]",
-                "por {first}, {more}",
-                "movdqu {more}, xmmword ptr [{at} + 32]",
-                "pxor {more}, xmmword ptr [{other} + 32]",
-                "por {first}, {more}",
-                "movdqu {more}, xmmword ptr [{at} + 48]",
-                "pxor {more}, xmmword ptr [{other} + 48]",
-                "por {first}, {more}",
-                "movdqu {more}, xmmword ptr [{at} + 64]",
-                "pxor {more}, xmmword ptr [{other} + 64]",
-                "por {first}, {more}",
-                "movdqu {more}, xmmword ptr [{at} + 80]",
-                "pxor {more}, xmmword ptr [{other} + 80]",
-                "por {first}, {more}",
-                "movdqu {more}, xmmword ptr [{at} + 96]",
-                "pxor {more}, xmmword ptr [{other} + 96]",
-                "por {first}, {more}",
-                "movdqu {more}, xmmword ptr [{at} + 112]",
-                "pxor {more}, xmmword ptr [{other} + 112]",
-                "por {first}, {more}",
-                "pxor {more}, {more}",
-                "pcmpeqb {first}, {more}",
-                "pmovmskb {equal:e}, {first}",
-                at = in(reg) at,
-                other = in(reg) other,
-                first = out(xmm_reg) _,
-                more = out(xmm_reg) _,
-                equal = lateout(reg) equal,
-                options(nostack, preserves_flags, readonly)
-            );
-        }
-        compiler_fence(Ordering::Acquire);
-        // A bit for each byte.
-        equal != 0xFFFF
+    /// The difference of sixteen bytes, in the bits of `watched` if there is such a block.
+    macro_rules! difference {
+        ($into:literal, $offset:literal) => {
+            concat!(
+                "movdqu ",
+                $into,
+                ", xmmword ptr [{at} + ",
+                $offset,
+                "]\n",
+                "pxor ",
+                $into,
+                ", xmmword ptr [{other} + ",
+                $offset,
+                "]\n",
+            )
+        };
+        ($into:literal, $offset:literal, $watched:ident) => {
+            concat!(
+                difference!($into, $offset),
+                "pand ",
+                $into,
+                ", xmmword ptr [{",
+                stringify!($watched),
+                "} + ",
+                $offset,
+                "]\n",
+            )
+        };
     }
 
-    #[inline(always)]
-    pub(crate) unsafe fn block_differs_in(at: *const [u64; BLOCK], other: &Block, watched: &Block) -> bool {
-        let equal: u32;
-        // SAFETY: the caller vouches for the pointer, blocks are aligned to 16; the instructions read memory and write registers.
-        unsafe {
-            asm!(
-                "movdqu {first}, xmmword ptr [{at}]",
-                "pxor {first}, xmmword ptr [{other}]",
-                "pand {first}, xmmword ptr [{watched}]",
-                "movdqu {more}, xmmword ptr [{at} + 16]",
-                "pxor {more}, xmmword ptr [{other} + 16]",
-                "pand {more}, xmmword ptr [{watched} + 16]",
-                "por {first}, {more}",
-                "movdqu {more}, xmmword ptr [{at} + 32]",
-                "pxor {more}, xmmword ptr [{other} + 32]",
-                "pand {more}, xmmword ptr [{watched} + 32]",
-                "por {first}, {more}",
-                "movdqu {more}, xmmword ptr [{at} + 48]",
-                "pxor {more}, xmmword ptr [{other} + 48]",
-                "pand {more}, xmmword ptr [{watched} + 48]",
-                "por {first}, {more}",
-                "movdqu {more}, xmmword ptr [{at} + 64]",
-                "pxor {more}, xmmword ptr [{other} + 64]",
-                "pand {more}, xmmword ptr [{watched} + 64]",
-                "por {first}, {more}",
-                "movdqu {more}, xmmword ptr [{at} + 80]",
-                "pxor {more}, xmmword ptr [{other} + 80]",
-                "pand {more}, xmmword ptr [{watched} + 80]",
-                "por {first}, {more}",
-                "movdqu {more}, xmmword ptr [{at} + 96]",
-                "pxor {more}, xmmword ptr [{other} + 96]",
-                "pand {more}, xmmword ptr [{watched} + 96]",
-                "por {first}, {more}",
-                "movdqu {more}, xmmword ptr [{at} + 112]",
-                "pxor {more}, xmmword ptr [{other} + 112]",
-                "pand {more}, xmmword ptr [{watched} + 112]",
-                "por {first}, {more}",
-                "pxor {more}, {more}",
-                "pcmpeqb {first}, {more}",
-                "pmovmskb {equal:e}, {first}",
-                at = in(reg) at,
-                other = in(reg) other,
-                watched = in(reg) watched,
-                first = out(xmm_reg) _,
-                more = out(xmm_reg) _,
-                equal = lateout(reg) equal,
-                options(nostack, preserves_flags, readonly)
-            );
-        }
-        compiler_fence(Ordering::Acquire);
-        // A bit for each byte.
-        equal != 0xFFFF
+    macro_rules! block_differs {
+        ($name:ident $(, $watched:ident)?) => {
+            #[inline(always)]
+            pub(crate) unsafe fn $name(at: *const [u64; BLOCK], other: &Block $(, $watched: &Block)?) -> bool {
+                let equal: u32;
+                // SAFETY: the caller vouches for the pointer, blocks are aligned to 16; the instructions read memory and write registers.
+                unsafe {
+                    asm!(
+                        difference!("{first}", 0 $(, $watched)?),
+                        difference!("{more}", 16 $(, $watched)?),
+                        "por {first}, {more}",
+                        difference!("{more}", 32 $(, $watched)?),
+                        "por {first}, {more}",
+                        difference!("{more}", 48 $(, $watched)?),
+                        "por {first}, {more}",
+                        difference!("{more}", 64 $(, $watched)?),
+                        "por {first}, {more}",
+                        difference!("{more}", 80 $(, $watched)?),
+                        "por {first}, {more}",
+                        difference!("{more}", 96 $(, $watched)?),
+                        "por {first}, {more}",
+                        difference!("{more}", 112 $(, $watched)?),
+                        "por {first}, {more}",
+                        "pxor {more}, {more}",
+                        "pcmpeqb {first}, {more}",
+                        "pmovmskb {equal:e}, {first}",
+                        at = in(reg) at,
+                        other = in(reg) other,
+                        $($watched = in(reg) $watched,)?
+                        first = out(xmm_reg) _,
+                        more = out(xmm_reg) _,
+                        equal = lateout(reg) equal,
+                        options(nostack, preserves_flags, readonly)
+                    );
+                }
+                compiler_fence(Ordering::Acquire);
+                // A bit for each byte.
+                equal != 0xFFFF
+            }
+        };
     }
+
+    block_differs!(block_differs);
+    block_differs!(block_differs_in, watched);
 
     // Narrow values are loaded into whole registers, which spares the processor the wait for the rest of an old one.
     value!(u8, "byte", "movzx {value:e}" as u32, reg_byte "{value}", "al");

@@ -17,7 +17,6 @@ mod load;
 mod node_frames_tests;
 mod ports;
 mod rest;
-mod schedule;
 mod schema;
 mod snapshot;
 mod writes;
@@ -30,6 +29,7 @@ pub use history::FollowError;
 pub use schema::schema;
 pub use snapshot::{Snapshot, SnapshotError, SnapshotFile, SnapshotFileError};
 
+use crate::agenda::{Agenda, NEVER};
 use crate::check::DeviceWatch;
 use crate::devices::{BuildError, Context, Device, Events, MEDIA, Medium, World};
 use crate::fault::Faults;
@@ -38,11 +38,7 @@ use crate::layout::Device as Layout;
 use crate::memory::{MemoryError, RegisterWidths, Segment};
 use force::Forces;
 use ports::Ports;
-use schedule::Schedule;
 use std::sync::Arc;
-
-/// Nothing is due.
-const NEVER: u64 = u64::MAX;
 
 /// Everything that is simulated, with its clock and its journal.
 pub struct Plant {
@@ -61,7 +57,7 @@ pub struct Plant {
     /// How many media the plant file has.
     named_media: usize,
     /// When each of them is due, while time passes; before it does, anybody may have done anything.
-    schedule: Schedule,
+    schedule: Agenda,
     /// That may not be true any more.
     is_rescheduled: bool,
     ports: Ports,
@@ -126,7 +122,7 @@ impl Plant {
             devices,
             media,
             named_media,
-            schedule: Schedule::new(named_media),
+            schedule: Agenda::of(named_media),
             is_rescheduled: false,
             ports,
             journal: Journal::default(),
@@ -182,15 +178,17 @@ impl Plant {
                 self.schedule_media();
             }
             let (mut due, mut which) = (self.next_device, Due::Device);
-            if self.schedule.time() > self.now && !self.drafts.is_empty() {
+            if self.schedule.first() > self.now && !self.drafts.is_empty() {
                 let others = due.min(self.next_cycle).min(self.faults.next_time());
-                if self.schedule.time() < others && self.go_apart(others.min(time.saturating_add(1))) {
+                if self.schedule.first() < others && self.go_apart(others.min(time.saturating_add(1))) {
                     (has_run, self.has_looked) = (true, false);
                     continue;
                 }
             }
-            if self.schedule.time() < due {
-                (due, which) = (self.schedule.time(), Due::Medium(self.schedule.first()));
+            if self.schedule.first() < due
+                && let Some(index) = self.schedule.due(0, self.schedule.first())
+            {
+                (due, which) = (self.schedule.first(), Due::Medium(index));
             }
             if self.has_looked {
                 self.leave_out_cycles(due.min(self.faults.next_time()).min(time.saturating_add(1)));

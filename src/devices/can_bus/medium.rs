@@ -5,11 +5,11 @@
 //! free, and only those take part in its arbitration that were there by then.
 
 use super::FAMILY;
-use super::agenda::NEVER;
 use super::config::CanBusConfig;
 use super::end::End;
 use super::port::CanSocket;
 use super::stations::Stations;
+use crate::agenda::NEVER;
 use crate::can;
 use crate::can::ErrorState;
 use crate::devices::can_faults;

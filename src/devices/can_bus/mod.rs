@@ -5,7 +5,6 @@
 //! which gives frames to its [`Controller`] and is given those that pass the filters.
 
 mod acceptance;
-mod agenda;
 mod config;
 mod controller;
 mod device;

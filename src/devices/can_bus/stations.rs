@@ -2,8 +2,8 @@
 //! takes part, who has errors. So the cost of a frame is that of those whom it concerns.
 
 use super::acceptance::Acceptance;
-use super::agenda::{Agenda, NEVER};
 use super::end::End;
+use crate::agenda::{Agenda, NEVER};
 use crate::can::{Arbitration, BitRate, ErrorState, Frame, Participants, Recovery};
 use crate::state::{Damaged, Saved, Saving, State};
 use serde::{Deserialize, Serialize};
@@ -45,7 +45,7 @@ impl Stations {
             ends: Vec::new(),
             rate,
             waiting: Vec::new(),
-            due: Agenda::new(),
+            due: Agenda::of(0),
             acceptance: Acceptance::new(),
             members: 0,
             last_came_ns: 0,

@@ -1,58 +1,63 @@
-//! When each station is due, so that what is due first is found without asking all of them.
+//! When each of many is due, so that what is due first is found without asking all of them: a tournament, in which an event
+//! plays only the matches of those that it concerns.
 
 /// Nothing is due.
-pub(super) const NEVER: u64 = u64::MAX;
+pub(crate) const NEVER: u64 = u64::MAX;
 
-/// A time for each of some stations: a tree whose nodes have the earlier time of their two children, the first behind its
-/// root at 1.
-pub(super) struct Agenda {
+/// A time for each of some: a tree whose nodes have the earlier time of their two children, the first behind its root at 1.
+pub(crate) struct Agenda {
     /// Leaves; a power of two.
     size: usize,
     times: Vec<u64>,
 }
 
 impl Agenda {
-    pub(super) fn new() -> Self {
-        Agenda { size: 1, times: vec![NEVER; 2] }
+    /// Of so many, none of which is due.
+    pub(crate) fn of(count: usize) -> Self {
+        let size = count.max(1).next_power_of_two();
+        Agenda { size, times: vec![NEVER; 2 * size] }
     }
 
-    /// Makes room for so many stations.
-    pub(super) fn grow(&mut self, count: usize) {
+    /// Makes room for so many.
+    pub(crate) fn grow(&mut self, count: usize) {
         if count <= self.size {
             return;
         }
-        let old = core::mem::replace(self, Agenda { size: count.next_power_of_two(), times: Vec::new() });
-        self.times = vec![NEVER; 2 * self.size];
+        let old = core::mem::replace(self, Agenda::of(count));
         for who in 0..old.size {
             self.set(who, old.times[old.size + who]);
         }
     }
 
     /// `who` is due at `time`.
-    pub(super) fn set(&mut self, who: usize, time: u64) {
+    #[inline]
+    pub(crate) fn set(&mut self, who: usize, time: u64) {
         let mut node = self.size + who;
         self.times[node] = time;
         while node > 1 {
             let earlier = self.times[node].min(self.times[node ^ 1]);
             node /= 2;
             if self.times[node] == earlier {
-                break;
+                return;
             }
             self.times[node] = earlier;
         }
     }
 
     /// When the first one is due.
-    pub(super) fn first(&self) -> u64 {
+    #[inline]
+    pub(crate) fn first(&self) -> u64 {
         self.times[1]
     }
 
-    /// The first station from `from` on that is due at `now`.
-    pub(super) fn due(&self, from: usize, now: u64) -> Option<usize> {
+    /// The first from `from` on that is due at `now`.
+    #[inline]
+    pub(crate) fn due(&self, from: usize, now: u64) -> Option<usize> {
         if from >= self.size {
             return None;
         }
-        let mut node = self.size + from;
+        // From all of them one goes down from the root.
+        let mut node = if from == 0 { 1 } else { self.size + from };
         while self.times[node] > now {
             // The next tree to the right; behind the last one there is none.
             while node & 1 == 1 {
@@ -64,10 +69,7 @@ impl Agenda {
             node += 1;
         }
         while node < self.size {
-            node *= 2;
-            if self.times[node] > now {
-                node += 1;
-            }
+            node = 2 * node + usize::from(self.times[2 * node] > now);
         }
         Some(node - self.size)
     }
@@ -87,7 +89,7 @@ mod tests {
             sets in prop::collection::vec((0usize..40, prop_oneof![0u64..20, Just(NEVER)]), 0..60),
             now in 0u64..20,
         ) {
-            let (mut agenda, mut list) = (Agenda::new(), vec![NEVER; count]);
+            let (mut agenda, mut list) = (Agenda::of(count / 2), vec![NEVER; count]);
             (1..=count).for_each(|count| agenda.grow(count));
             for (who, time) in sets {
                 agenda.set(who % count, time);
@@ -102,7 +104,7 @@ mod tests {
 
         #[test]
         fn growing_forgets_nothing(times in prop::collection::vec(0u64..20, 1..40)) {
-            let mut agenda = Agenda::new();
+            let mut agenda = Agenda::of(0);
             for (who, time) in times.iter().enumerate() {
                 agenda.grow(who + 1);
                 agenda.set(who, *time);
