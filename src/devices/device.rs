@@ -132,6 +132,12 @@ pub trait Device: Any + Send + State {
         false
     }
 
+    /// Whether a look at front and registers and a processor cycle find nothing to do, whatever time it is, as everything
+    /// stands now, whoever has written it. Whoever is not sure does not look in vain.
+    fn looks_in_vain(&self) -> bool {
+        false
+    }
+
     /// When the next of its own times is due; `u64::MAX` if none is.
     fn next_time(&self) -> u64 {
         u64::MAX

@@ -104,6 +104,15 @@ pub trait Medium: Any + Send + State {
         false
     }
 
+    /// Whether a look of the port's firmware at `now` finds nothing to do, and shows nothing but what another look shortly
+    /// after it shows anew: the traffic of the moment. `is_seen`: nobody has written since registers were looked at, so
+    /// that only what has happened on the medium can matter; else the registers are those of anybody. Whoever is not sure
+    /// does not look in vain.
+    fn looks_in_vain(&self, place: usize, now: u64, is_seen: bool) -> bool {
+        let _ = (place, now, is_seen);
+        false
+    }
+
     /// Whether any port's program has written a control register that the firmware has not looked at yet.
     fn control_changed(&self) -> bool {
         false

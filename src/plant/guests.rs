@@ -11,7 +11,7 @@ use std::sync::Arc;
 
 impl Plant {
     fn medium_of(&mut self, bus: u16) -> Option<&mut Box<dyn Medium>> {
-        self.has_looked = false;
+        (self.has_looked, self.is_seen) = (false, false);
         self.media[..self.named_media].get_mut(usize::from(bus))
     }
 
@@ -61,7 +61,7 @@ impl Plant {
     /// [`GuestRefusal`].
     pub fn guest_sends(&mut self, bus: u16, guest: u8, said: &Said) -> Result<(), GuestRefusal> {
         let now = self.now;
-        self.has_looked = false;
+        (self.has_looked, self.is_seen) = (false, false);
         let index = usize::from(bus);
         let medium = self.media[..self.named_media].get_mut(index).ok_or(GuestRefusal::NotHere)?;
         medium.guest_sends(guest, said, now, &mut self.journal)

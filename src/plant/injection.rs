@@ -48,7 +48,7 @@ impl Plant {
 
     fn tell_of_faults(&mut self) {
         self.is_rescheduled = true;
-        self.has_looked = false;
+        (self.has_looked, self.is_seen) = (false, false);
         for medium in &mut self.media {
             medium.faults_changed(self.now, &self.faults);
         }

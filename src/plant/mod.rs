@@ -49,6 +49,8 @@ pub struct Plant {
     cycle_us: u64,
     /// Nothing has happened since a processor cycle.
     has_looked: bool,
+    /// What stands in the registers was looked at, and nobody has written since.
+    is_seen: bool,
     /// Whether a watched event is to stop [`Plant::advance_until`].
     watching: bool,
     devices: Vec<Box<dyn Device>>,
@@ -118,6 +120,7 @@ impl Plant {
             next_device: NEVER,
             cycle_us,
             has_looked: false,
+            is_seen: false,
             watching: false,
             devices,
             media,
@@ -194,6 +197,9 @@ impl Plant {
                 self.leave_out_cycles(due.min(self.faults.next_time()).min(time.saturating_add(1)));
             }
             if self.next_cycle <= due {
+                if self.leaves_cycle_out(time) {
+                    continue;
+                }
                 (due, which) = (self.next_cycle, Due::Cycle);
             }
             if self.faults.next_time() <= due.min(time) {
@@ -264,6 +270,7 @@ impl Plant {
 
     /// Whatever of the devices' own is due now.
     fn devices_due(&mut self) {
+        self.is_seen = false;
         let Plant { now, devices, journal, faults, edges, .. } = self;
         let mut world = World { now: *now, journal, faults, edges };
         for device in devices.iter_mut().filter(|device| device.next_time() == *now) {
@@ -306,6 +313,7 @@ impl Plant {
         }
         self.forces.apply(&self.devices);
         self.find_next_device();
+        self.is_seen = true;
     }
 
     /// Whether a PLC has written a `w_CPU_CONTROL`, or turned a switch of its board, that the firmware has not

@@ -5,8 +5,12 @@
 //! Whoever lets time pass is the only one who can write before it has passed, but for a program that has mapped an image:
 //! that one is seen at the next look behind, so there is one whenever [`Plant::advance_to`] comes to a processor cycle for
 //! the first time.
+//!
+//! While a bus is at work, a look also shows what is on the wire at its moment. Of several in a stretch of time that passes
+//! in one go, the last one is enough for that, if none of them finds anything to do.
 
 use super::Plant;
+use super::ports::Port;
 
 impl Plant {
     /// As [`Plant::next_event`], but for processor cycles that would find nothing to do: whoever waits for a register need
@@ -32,13 +36,43 @@ impl Plant {
         }
     }
 
+    /// The next processor cycle is due: leaves it out if it would find nothing to do but to show a traffic that another one
+    /// before `time` shows anew (decision D-585).
+    #[inline]
+    pub(super) fn leaves_cycle_out(&mut self, time: u64) -> bool {
+        let at = self.next_cycle;
+        let may_be_left = at + self.cycle_us <= time && self.is_unobserved() && self.faults.is_empty();
+        if !may_be_left || !self.looks_in_vain(at) {
+            return false;
+        }
+        self.is_seen = true;
+        self.next_cycle += self.cycle_us;
+        self.journal.tick(at);
+        true
+    }
+
+    /// Whether nobody follows registers, forces them or wants to be stopped by what happens.
+    #[inline]
+    pub(super) fn is_unobserved(&self) -> bool {
+        !self.watching && !self.journal.follows() && self.forces.list().is_empty()
+    }
+
+    fn looks_in_vain(&self, now: u64) -> bool {
+        let is_seen = self.is_seen;
+        let mut devices = self.devices.iter().zip(self.ports.of_devices());
+        devices.all(|(device, ports)| {
+            let in_vain = |port: &Port| self.media[port.medium].looks_in_vain(port.place, now, is_seen);
+            (is_seen || device.looks_in_vain()) && (!device.is_up() || ports.iter().all(in_vain))
+        })
+    }
+
     /// Whether looks find nothing to do until something else is due, after one that has found what there was.
     fn rests(&self) -> bool {
         let mut devices = self.devices.iter().zip(self.ports.of_devices());
         self.faults.is_empty()
             && devices.all(|(device, ports)| {
                 let mut ports = ports.iter();
-                let rest = |port: &super::ports::Port| self.media[port.medium].rests(port.place);
+                let rest = |port: &Port| self.media[port.medium].rests(port.place);
                 (!device.is_up() || ports.all(rest)) && device.rests()
             })
     }

@@ -243,6 +243,7 @@ impl Plant {
             cycle_us: _,
             // Whoever goes on looks first.
             has_looked: _,
+            is_seen: _,
             // Somebody outside waits for an event.
             watching: _,
             devices,
@@ -280,7 +281,7 @@ impl Plant {
 
     fn read(&mut self, from: &mut Saved<'_>, goes_back: bool) -> Result<(), Damaged> {
         (self.now, self.next_cycle, self.next_device) = from.value()?;
-        self.has_looked = false;
+        (self.has_looked, self.is_seen) = (false, false);
         let is_next = self.next_cycle > self.now && self.next_cycle - self.now <= self.cycle_us;
         from.check(is_next, "time of the next processor cycle")?;
         for device in &self.devices {

@@ -9,7 +9,7 @@ impl Plant {
     /// belongs to its ports.
     #[inline]
     pub(super) fn look_for_writes(&mut self) {
-        self.has_looked = false;
+        (self.has_looked, self.is_seen) = (false, false);
         self.keep_changes(By::Program);
         if !self.drafts.is_empty() && self.look_on_cores() {
             return;
@@ -41,7 +41,7 @@ impl Plant {
 
     /// Notes a register write that came through the channel.
     pub fn note_channel_write(&mut self, plc: usize, offset: u32, width: u8, value: u32) {
-        self.has_looked = false;
+        (self.has_looked, self.is_seen) = (false, false);
         self.forces.apply(&self.devices);
         self.keep_changes(By::Channel);
         self.journal.push(self.now, ChannelWrite { plc: plc as u16, offset, width, value });

@@ -116,10 +116,16 @@ impl Ethernet {
         (&self.stored, self.generation)
     }
 
+    /// Whether a look finds nothing to do.
+    #[inline]
+    pub fn looks_in_vain(&self) -> bool {
+        self.watched() == self.seen
+    }
+
     /// One look at the two registers that matter at once.
     #[inline]
     pub fn look(&mut self, ctx: &mut Context) {
-        if self.watched() != self.seen {
+        if !self.looks_in_vain() {
             self.take(ctx);
         }
     }

@@ -239,6 +239,10 @@ impl Device for Plc {
         !self.board.has_changed()
     }
 
+    fn looks_in_vain(&self) -> bool {
+        !self.has_changed() && (!self.is_up() || self.ethernet.looks_in_vain())
+    }
+
     #[inline]
     fn next_time(&self) -> u64 {
         self.baps.next_time().min(self.board.next_time())

@@ -133,6 +133,13 @@ impl Master {
         self.node.rests()
     }
 
+    /// Whether a processor cycle finds nothing to do and shows but the traffic of the moment; `is_seen`: nobody has
+    /// written since registers were looked at.
+    #[inline]
+    pub fn looks_in_vain(&self, is_seen: bool) -> bool {
+        self.node.looks_in_vain(is_seen)
+    }
+
     /// One processor cycle; see `Node::refresh_status` for `on_wire`.
     pub fn processor_cycle(&mut self, ctx: &mut Context, on_wire: Option<bool>) -> Change {
         let regs = &self.regs;

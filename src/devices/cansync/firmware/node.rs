@@ -106,11 +106,24 @@ pub(super) struct Node {
     pub(super) controller: Controller,
     /// The SYNC signal that this node passes on has another interval than its bus (decision D-282).
     sync_is_unlike: bool,
+    /// The last look has changed nothing, and `w_CANsync_STATUS` shows what there is but for the traffic.
+    is_settled: bool,
 }
 
 impl State for Node {
     fn save(&self, to: &mut Saving) {
-        let Self { role: _, regs: _, rates, state, init, refused, orders, controller, sync_is_unlike } = self;
+        let Self {
+            role: _,
+            regs: _,
+            rates,
+            state,
+            init,
+            refused,
+            orders,
+            controller,
+            sync_is_unlike,
+            is_settled: _,
+        } = self;
         to.value(&(state, refused, controller, sync_is_unlike));
         to.value(&init.as_ref().map(|init| init.kept(rates)));
         orders.save(to);
@@ -118,6 +131,7 @@ impl State for Node {
 
     fn restore(&mut self, from: &mut Saved<'_>) -> Result<(), Damaged> {
         (self.state, self.refused, self.controller, self.sync_is_unlike) = from.value()?;
+        self.is_settled = false;
         self.init = match from.value::<Option<Kept>>()? {
             Some(kept) => {
                 Some(InitData::of_kept(kept, self.rates).ok_or_else(|| from.no("rate of the device"))?)
@@ -144,11 +158,13 @@ impl Node {
             refused: None,
             controller: Controller::default(),
             sync_is_unlike: false,
+            is_settled: false,
         })
     }
 
     /// Power-on: shows the number set at the DIP switches. All other registers hold their reset values.
     pub(super) fn power_on(&mut self, omega_nr: u8) {
+        self.is_settled = false;
         self.regs.w_OMEGA_NR.store(u16::from(omega_nr));
     }
 
@@ -223,11 +239,13 @@ impl Node {
 
     /// The CAN controller goes BUS-off, if it is working; tells whether it was.
     pub(super) fn go_bus_off(&mut self) -> bool {
+        self.is_settled = false;
         self.is_on_bus() && self.controller.go_off()
     }
 
     /// An overrun loses the frame that is arriving; tells whether the node would have received it.
     pub(super) fn overrun(&mut self) -> bool {
+        self.is_settled = false;
         self.is_on_bus() && self.controller.overrun()
     }
 
@@ -238,9 +256,20 @@ impl Node {
         !self.is_on_bus() && !self.controller.recovers() && !self.control_changed()
     }
 
+    /// Whether a look as the register stands now finds nothing to do and shows but the traffic of the moment. While a node
+    /// waits for initialization data, others than `w_CPU_CONTROL` matter: then nobody may have written since a look
+    /// (`is_seen`).
+    #[inline]
+    pub(super) fn looks_in_vain(&self, is_seen: bool) -> bool {
+        self.is_settled
+            && !self.controller.recovers()
+            && (is_seen || self.state != NodeState::WaitingForInit && !self.control_changed())
+    }
+
     /// One look at `w_CPU_CONTROL`. `clear` empties the cyclic area; it is called when initialization
     /// data were taken over and before 16#0003 is shown (decision D-03).
     pub(super) fn look_at_control(&mut self, ctx: &mut Context, clear: impl FnOnce()) -> Change {
+        self.is_settled = true;
         self.controller.recover(ctx.now);
         let Order { value, is_new, with_reset } = self.orders.take(&self.regs.w_CPU_CONTROL);
         if with_reset {
@@ -374,6 +403,7 @@ impl Node {
         let Some(timing) = self.init.as_ref().map(|init| init.timing) else { return };
         let is_unlike = u32::from(timing.b_TIME_PATTERN) * 1000 != signal.interval_us;
         let is_news = is_unlike && !self.sync_is_unlike;
+        self.is_settled &= self.sync_is_unlike == is_unlike;
         self.sync_is_unlike = is_unlike;
         if is_news {
             let (origin, node_kbit_s, bus_kbit_s) = (ctx.origin, timing.kbit_per_s, signal.kbit_s);
@@ -409,6 +439,7 @@ impl Node {
     }
 
     fn show(&mut self, ctx: &mut Context, state: NodeState) {
+        self.is_settled = false;
         let (from, to) = (self.code(self.state), self.code(state));
         self.state = state;
         self.regs.w_OPTION_STATUS.store(to);

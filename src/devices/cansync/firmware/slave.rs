@@ -179,6 +179,16 @@ impl Slave {
         self.node.rests() && !self.interval_is_active && !self.lock.is_locked()
     }
 
+    /// Whether a processor cycle at `now` finds nothing to do and shows but the traffic of the moment; `is_seen`: nobody
+    /// has written since registers were looked at.
+    #[inline]
+    pub fn looks_in_vain(&self, now: u64, is_seen: bool) -> bool {
+        self.node.looks_in_vain(is_seen)
+            && !self.jobs.are_watched()
+            && (now <= self.interval_ends || !self.interval_is_active)
+            && self.lock.lost_at().is_none_or(|time| now < time)
+    }
+
     /// One processor cycle; see `Node::refresh_status` for `on_wire`.
     pub fn processor_cycle(&mut self, ctx: &mut Context, on_wire: Option<bool>) -> Change {
         let regs = &self.regs;

@@ -119,6 +119,14 @@ impl Medium for SimBus {
         }
     }
 
+    #[inline]
+    fn looks_in_vain(&self, place: usize, now: u64, is_seen: bool) -> bool {
+        match self.places[place] {
+            Place::Master(index) => self.masters[index].firmware.looks_in_vain(is_seen),
+            Place::Slave(index) => self.slaves[index].firmware.looks_in_vain(now, is_seen),
+        }
+    }
+
     fn control_changed(&self) -> bool {
         self.slaves.iter().any(|end| end.firmware.control_changed())
             || self.masters.iter().any(|end| end.firmware.control_changed())

@@ -132,6 +132,12 @@ impl Jobs {
         self.updown.look(ctx, regs);
     }
 
+    /// Whether there is a job whose registers are looked at in processor cycles.
+    #[inline]
+    pub(super) fn are_watched(&self) -> bool {
+        self.parameter.waits_for_reset() || self.updown.is_under_way()
+    }
+
     /// The answer to the last job, at the start of the response slot.
     pub(super) fn response(&mut self, ctx: &mut Context, regs: &CANsync_SL_CTRL_BMSTRUCT) -> Option<Frame> {
         self.sending = self.due.take();

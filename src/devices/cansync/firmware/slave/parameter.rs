@@ -70,6 +70,12 @@ impl ParameterServer {
         self.changed = None;
     }
 
+    /// Whether the job was changed and the application has to confirm that.
+    #[inline]
+    pub(super) fn waits_for_reset(&self) -> bool {
+        self.changed.is_some()
+    }
+
     /// Enters the changed job as soon as the application has confirmed with bit 7 (decision D-62).
     pub(super) fn look(&mut self, ctx: &mut Context, regs: &CANsync_SL_CTRL_BMSTRUCT) {
         if let Some(job) = self.changed

@@ -127,6 +127,12 @@ impl UpDownServer {
         }
     }
 
+    /// Whether there is a transfer, which the application may cancel.
+    #[inline]
+    pub(super) fn is_under_way(&self) -> bool {
+        self.transfer.is_some()
+    }
+
     /// Enters what the master has changed to as soon as the application has confirmed with bit 7
     /// (decision D-62).
     pub(super) fn look(&mut self, ctx: &mut Context, regs: &CANsync_SL_CTRL_BMSTRUCT) {
