@@ -50,6 +50,17 @@ impl Agenda {
         self.times[1]
     }
 
+    /// When the first one but `who` is due.
+    #[inline]
+    pub(crate) fn first_besides(&self, who: usize) -> u64 {
+        let (mut node, mut first) = (self.size + who, NEVER);
+        while node > 1 {
+            first = first.min(self.times[node ^ 1]);
+            node /= 2;
+        }
+        first
+    }
+
     /// The first from `from` on that is due at `now`.
     #[inline]
     pub(crate) fn due(&self, from: usize, now: u64) -> Option<usize> {
@@ -96,6 +107,10 @@ mod tests {
                 list[who % count] = time;
             }
             prop_assert_eq!(agenda.first(), list.iter().copied().min().unwrap());
+            for who in 0..count {
+                let others = (0..count).filter(|other| *other != who);
+                prop_assert_eq!(agenda.first_besides(who), others.map(|other| list[other]).min().unwrap_or(NEVER));
+            }
             for from in 0..count + 2 {
                 let due = (from..count).find(|who| list[*who] <= now);
                 prop_assert_eq!(agenda.due(from, now), due, "{}", from);

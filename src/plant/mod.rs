@@ -230,7 +230,7 @@ impl Plant {
                 }
                 Due::Medium(index) => {
                     self.forces.apply(&self.devices);
-                    self.medium_event(index);
+                    self.medium_events(index, time);
                     self.forces.apply(&self.devices);
                 }
             }
@@ -323,11 +323,26 @@ impl Plant {
             || self.devices.iter().any(|device| device.has_changed())
     }
 
-    fn medium_event(&mut self, index: usize) {
+    /// The event that is due at a medium, and, if nobody could tell, those behind it at the same medium before anything else is
+    /// due.
+    fn medium_events(&mut self, index: usize, time: u64) {
+        let until = if self.is_unobserved() && self.faults.is_empty() {
+            let others = self.schedule.first_besides(index).min(self.next_cycle).min(self.next_device);
+            others.min(time.saturating_add(1))
+        } else {
+            0
+        };
         let Plant { now, media, journal, faults, edges, .. } = self;
         let Some(medium) = media.get_mut(index) else { return };
-        let signal = medium.event(&mut World { now: *now, journal, faults, edges });
-        self.schedule.set(index, self.media[index].next_time());
+        let signal = loop {
+            let signal = medium.event(&mut World { now: *now, journal, faults, edges });
+            let next = medium.next_time();
+            if signal.is_some() || !edges.is_empty() || next >= until {
+                self.schedule.set(index, next);
+                break signal;
+            }
+            *now = next;
+        };
         if !self.edges.is_empty() {
             self.tell_edges();
         }
