@@ -38,9 +38,7 @@ impl Left {
     pub(crate) fn copy(&mut self, now: &[Cell64]) {
         let (now, rest) = now.as_chunks();
         let (left, behind) = self.0.split_at_mut(now.len().min(self.0.len()));
-        for (left, now) in left.iter_mut().zip(now) {
-            left.load(now);
-        }
+        Block::load(left, now);
         for (left, now) in behind.iter_mut().flat_map(|block| block.words_mut()).zip(rest) {
             *left = now.load();
         }
@@ -51,10 +49,10 @@ impl Left {
     pub(crate) fn compare(&self, now: &[Cell64], changed: &mut Vec<(usize, u64)>) {
         let (now, rest) = now.as_chunks();
         let (left, behind) = self.0.split_at(now.len().min(self.0.len()));
-        for (index, (left, now)) in left.iter().zip(now).enumerate() {
-            if left.differs(now) {
-                collect(index * Block::WORDS, left.words(), now, changed);
-            }
+        let mut from = 0;
+        while let Some(index) = Block::first_unlike(left, now, from) {
+            collect(index * Block::WORDS, left[index].words(), &now[index], changed);
+            from = index + 1;
         }
         if let Some(left) = behind.first() {
             collect(now.len() * Block::WORDS, left.words(), rest, changed);
@@ -65,7 +63,7 @@ impl Left {
     #[inline]
     pub(crate) fn differs_in(&self, now: &[Cell64], watched: &[Block]) -> bool {
         let (now, _) = now.as_chunks();
-        self.0.iter().zip(now).zip(watched).any(|((left, now), watched)| left.differs_in(now, watched))
+        Block::differ_in(&self.0, now, watched)
     }
 }
 

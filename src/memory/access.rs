@@ -8,14 +8,18 @@
 //! meets a byte of it. Nothing that safe code does with views, snapshots and raw accesses can be undefined then; at worst
 //! it is not what somebody wanted, which is why a register is *written* at its own width only.
 //!
-//! The access checker reads 128 bytes in a row, sixteen at a time. The processor takes those as one access or as two of 64
-//! bits, so no register comes apart; it never writes like that.
+//! The access checker reads 128 bytes in a row, thirty-two at a time. The processor takes those as one access or as several of
+//! 64 bits and more, so no register comes apart; it never writes like that.
 //!
 //! On processors other than x86-64, and in Miri, the same functions are Rust's atomics, which on every platform of Linux
 //! compile to the instructions meant.
 //!
 //! Order: a load is `Acquire`, a store `Release`, an exchange both. On x86-64 all plain accesses of the processor are;
 //! the compiler is held back by the assembler blocks and, at loads, a compiler fence.
+
+mod blocks;
+
+pub(crate) use blocks::Block;
 
 /// A value that the RAM can be accessed as: 8, 16, 32 or 64 bits, in the host's byte order.
 pub(super) trait Value: Copy + Eq {
@@ -49,43 +53,9 @@ pub(super) unsafe fn load_four(at: *const [u64; 4]) -> [u64; 4] {
     unsafe { machine::load_four(at) }
 }
 
-/// Words of a [`Block`].
-pub(super) const BLOCK: usize = 16;
-
-/// Sixteen words of memory of one's own, to hold words of the RAM against. They have the order of the registers, as cells'
-/// values do.
-#[derive(Clone, Copy, Debug)]
-#[repr(C, align(16))]
-pub(super) struct Block(pub(super) [u64; BLOCK]);
-
-/// Loads sixteen words in a row (Acquire).
-///
-/// # Safety
-/// As [`Value::load`], for all sixteen.
-#[inline(always)]
-pub(super) unsafe fn load_block(at: *const [u64; BLOCK], to: &mut Block) {
-    // SAFETY: the caller vouches for the pointer.
-    unsafe { machine::load_block(at, to) }
-}
-
-/// Whether any of sixteen words in a row (Acquire) differs from `other` in bits of `watched`; `None`: in any bit.
-///
-/// # Safety
-/// As [`load_block`].
-#[inline(always)]
-pub(super) unsafe fn block_differs(at: *const [u64; BLOCK], other: &Block, watched: Option<&Block>) -> bool {
-    // SAFETY: the caller vouches for the pointer.
-    unsafe {
-        match watched {
-            Some(watched) => machine::block_differs_in(at, other, watched),
-            None => machine::block_differs(at, other),
-        }
-    }
-}
-
 #[cfg(all(target_arch = "x86_64", not(miri)))]
 mod machine {
-    use super::{BLOCK, Block, Value};
+    use super::Value;
     use core::arch::asm;
     use core::sync::atomic::{Ordering, compiler_fence};
 
@@ -162,114 +132,6 @@ mod machine {
         [first, second, third, fourth]
     }
 
-    #[inline(always)]
-    pub(crate) unsafe fn load_block(at: *const [u64; BLOCK], to: &mut Block) {
-        // SAFETY: the caller vouches for the pointer; the instructions write `to`, which is aligned to 16, and registers.
-        unsafe {
-            asm!(
-                "movdqu {first}, xmmword ptr [{at}]",
-                "movdqu {second}, xmmword ptr [{at} + 16]",
-                "movdqu {third}, xmmword ptr [{at} + 32]",
-                "movdqu {fourth}, xmmword ptr [{at} + 48]",
-                "movdqa xmmword ptr [{to}], {first}",
-                "movdqa xmmword ptr [{to} + 16], {second}",
-                "movdqa xmmword ptr [{to} + 32], {third}",
-                "movdqa xmmword ptr [{to} + 48], {fourth}",
-                "movdqu {first}, xmmword ptr [{at} + 64]",
-                "movdqu {second}, xmmword ptr [{at} + 80]",
-                "movdqu {third}, xmmword ptr [{at} + 96]",
-                "movdqu {fourth}, xmmword ptr [{at} + 112]",
-                "movdqa xmmword ptr [{to} + 64], {first}",
-                "movdqa xmmword ptr [{to} + 80], {second}",
-                "movdqa xmmword ptr [{to} + 96], {third}",
-                "movdqa xmmword ptr [{to} + 112], {fourth}",
-                at = in(reg) at,
-                to = in(reg) to,
-                first = out(xmm_reg) _,
-                second = out(xmm_reg) _,
-                third = out(xmm_reg) _,
-                fourth = out(xmm_reg) _,
-                options(nostack, preserves_flags)
-            );
-        }
-        compiler_fence(Ordering::Acquire);
-    }
-
-    /// The difference of sixteen bytes, in the bits of `watched` if there is such a block.
-    macro_rules! difference {
-        ($into:literal, $offset:literal) => {
-            concat!(
-                "movdqu ",
-                $into,
-                ", xmmword ptr [{at} + ",
-                $offset,
-                "]\n",
-                "pxor ",
-                $into,
-                ", xmmword ptr [{other} + ",
-                $offset,
-                "]\n",
-            )
-        };
-        ($into:literal, $offset:literal, $watched:ident) => {
-            concat!(
-                difference!($into, $offset),
-                "pand ",
-                $into,
-                ", xmmword ptr [{",
-                stringify!($watched),
-                "} + ",
-                $offset,
-                "]\n",
-            )
-        };
-    }
-
-    macro_rules! block_differs {
-        ($name:ident $(, $watched:ident)?) => {
-            #[inline(always)]
-            pub(crate) unsafe fn $name(at: *const [u64; BLOCK], other: &Block $(, $watched: &Block)?) -> bool {
-                let equal: u32;
-                // SAFETY: the caller vouches for the pointer, blocks are aligned to 16; the instructions read memory and write registers.
-                unsafe {
-                    asm!(
-                        difference!("{first}", 0 $(, $watched)?),
-                        difference!("{more}", 16 $(, $watched)?),
-                        "por {first}, {more}",
-                        difference!("{more}", 32 $(, $watched)?),
-                        "por {first}, {more}",
-                        difference!("{more}", 48 $(, $watched)?),
-                        "por {first}, {more}",
-                        difference!("{more}", 64 $(, $watched)?),
-                        "por {first}, {more}",
-                        difference!("{more}", 80 $(, $watched)?),
-                        "por {first}, {more}",
-                        difference!("{more}", 96 $(, $watched)?),
-                        "por {first}, {more}",
-                        difference!("{more}", 112 $(, $watched)?),
-                        "por {first}, {more}",
-                        "pxor {more}, {more}",
-                        "pcmpeqb {first}, {more}",
-                        "pmovmskb {equal:e}, {first}",
-                        at = in(reg) at,
-                        other = in(reg) other,
-                        $($watched = in(reg) $watched,)?
-                        first = out(xmm_reg) _,
-                        more = out(xmm_reg) _,
-                        equal = lateout(reg) equal,
-                        options(nostack, preserves_flags, readonly)
-                    );
-                }
-                compiler_fence(Ordering::Acquire);
-                // A bit for each byte.
-                equal != 0xFFFF
-            }
-        };
-    }
-
-    block_differs!(block_differs);
-    block_differs!(block_differs_in, watched);
-
     // Narrow values are loaded into whole registers, which spares the processor the wait for the rest of an old one.
     value!(u8, "byte", "movzx {value:e}" as u32, reg_byte "{value}", "al");
     value!(u16, "word", "movzx {value:e}" as u32, reg "{value:x}", "ax");
@@ -279,7 +141,7 @@ mod machine {
 
 #[cfg(any(not(target_arch = "x86_64"), miri))]
 mod machine {
-    use super::{BLOCK, Block, Value};
+    use super::Value;
     use core::sync::atomic::{AtomicU8, AtomicU16, AtomicU32, AtomicU64, Ordering, fence};
 
     macro_rules! value {
@@ -314,26 +176,6 @@ mod machine {
     pub(crate) unsafe fn load_four(at: *const [u64; 4]) -> [u64; 4] {
         // SAFETY: the caller vouches for the pointer.
         core::array::from_fn(|n| unsafe { u64::load(at.cast::<u64>().add(n)) })
-    }
-
-    #[inline(always)]
-    pub(crate) unsafe fn load_block(at: *const [u64; BLOCK], to: &mut Block) {
-        // SAFETY: the caller vouches for the pointer.
-        *to = Block(core::array::from_fn(|n| u64::from_le(unsafe { u64::load(at.cast::<u64>().add(n)) })));
-    }
-
-    #[inline(always)]
-    pub(crate) unsafe fn block_differs(at: *const [u64; BLOCK], other: &Block) -> bool {
-        // SAFETY: the caller vouches for the pointer.
-        unsafe { block_differs_in(at, other, &Block([u64::MAX; BLOCK])) }
-    }
-
-    #[inline(always)]
-    pub(crate) unsafe fn block_differs_in(at: *const [u64; BLOCK], other: &Block, watched: &Block) -> bool {
-        let mut now = Block([0; BLOCK]);
-        // SAFETY: the caller vouches for the pointer.
-        unsafe { load_block(at, &mut now) };
-        now.0.iter().zip(&other.0).zip(&watched.0).any(|((now, other), watched)| (now ^ other) & watched != 0)
     }
 
     value!(u8, AtomicU8);
@@ -396,32 +238,6 @@ mod tests {
         let words = [1_u64, 2, 0x8000_0000_0000_0003, u64::MAX];
         // SAFETY: aligned, valid, and nothing else accesses it meanwhile.
         assert_eq!(unsafe { super::load_four(&raw const words) }, words);
-    }
-
-    #[test]
-    fn a_block_is_held_against_sixteen_words() {
-        let mut words = [0_u64; 18];
-        let mut block = super::Block([u64::MAX; super::BLOCK]);
-        for place in 0..super::BLOCK {
-            for bit in [0, 31, 63] {
-                words[1 + place] = 1 << bit;
-                words[0] = !words[0];
-                let at = words[1..].as_ptr().cast();
-                // SAFETY: aligned, valid, and nothing else accesses it meanwhile.
-                unsafe {
-                    super::load_block(at, &mut block);
-                    assert_eq!(block.0, words[1..17]);
-                    assert!(!super::block_differs(at, &block, None));
-                    block.0[place] = 0;
-                    assert!(super::block_differs(at, &block, None));
-                    let mut watched = super::Block([u64::MAX; super::BLOCK]);
-                    assert!(super::block_differs(at, &block, Some(&watched)));
-                    watched.0[place] = !(1 << bit);
-                    assert!(!super::block_differs(at, &block, Some(&watched)));
-                }
-                words[1 + place] = 0;
-            }
-        }
     }
 
     #[test]

@@ -12,7 +12,6 @@ mod access;
 mod attach;
 pub mod bell;
 #[cfg(feature = "emulator")]
-mod block;
 pub mod cell;
 pub mod contract;
 pub(crate) mod directory;
@@ -39,10 +38,10 @@ mod view;
 mod widths;
 
 pub use crate::layout::{Address, Width};
+#[cfg(feature = "emulator")]
+pub(crate) use access::Block;
 pub use attach::{AttachMode, Attached, LockstepTask};
 pub use bell::Bell;
-#[cfg(feature = "emulator")]
-pub(crate) use block::Block;
 pub use cell::{Cell8, Cell16, Cell32, Cell64, SharedRegs};
 pub use error::MemoryError;
 #[cfg(feature = "channel")]
