@@ -106,8 +106,9 @@ pub trait Medium: Any + Send + State {
 
     /// Whether a look of the port's firmware at `now` finds nothing to do, and shows nothing but what another look shortly
     /// after it shows anew: the traffic of the moment. `is_seen`: nobody has written since registers were looked at, so
-    /// that only what has happened on the medium can matter; else the registers are those of anybody. Whoever is not sure
-    /// does not look in vain.
+    /// that only what has happened on the medium can matter; else the registers are those of anybody. Where looks were in vain,
+    /// what happens on the medium by itself may give one something to do, but not whether the port takes part in the traffic.
+    /// Whoever is not sure does not look in vain.
     fn looks_in_vain(&self, place: usize, now: u64, is_seen: bool) -> bool {
         let _ = (place, now, is_seen);
         false

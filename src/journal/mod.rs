@@ -282,6 +282,11 @@ impl Journal {
         }
     }
 
+    /// The first time at which [`Journal::tick`] does something.
+    pub(crate) fn next_look(&self) -> u64 {
+        self.next_look
+    }
+
     /// As [`Journal::tick`] at each of `count` times from `first` on, `step` apart.
     pub fn tick_through(&mut self, first: u64, step: u64, count: u64) {
         let end = first + count * step;

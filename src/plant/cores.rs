@@ -1,88 +1,120 @@
-//! Media on several cores.
+//! A plant with many media: each goes on by itself as long as it can, on one core or on several.
 //!
-//! Between two moments at which something passes from one to another (SYNC edges, processor cycles, times of devices) media that
-//! say so go on by themselves ([`Medium::apart_until`]), each with all its events on one core; so do the watches of the access
-//! checker. What they tell is put into the journal in the order in which one core would have told it: by time, then in
-//! plant order.
+//! Between two moments at which something passes from one to another (SYNC edges, times of devices) media that say so go on by
+//! themselves ([`Medium::apart_until`]), each with all its events in a row: what belongs to it then has to come into the
+//! processor's caches once and not for each event anew. On several cores each has a share of the media; so they do of the
+//! watches of the access checker. What is told meanwhile is put into the journal in the order in which it would have been told
+//! one event after the other: by time, then in plant order.
 
 use super::Plant;
+use super::crew::Crew;
 use super::ports::Seat;
 use crate::check::DeviceWatch;
 use crate::devices::{Medium, World};
 use crate::fault::Faults;
 use crate::journal::Journal;
 use core::num::NonZero;
-use std::sync::{Mutex, PoisonError};
-use std::thread::Builder;
 
-/// With fewer media there is less to do than it takes to ask another core.
-const LEAST: usize = 32;
-/// Of a device, what tells something at one moment: its own watch, and those over its ports.
+/// With fewer media there is less to do than it takes to put what they tell in order.
+pub(super) const LEAST: usize = 32;
+/// Of a device, what tells something at one moment: its own watch or its own look, and those of its ports.
 const TELLERS: usize = 256;
+
+/// Media that go on by themselves, and whose ports they have.
+type Share = (usize, Vec<Box<dyn Medium>>, Journal);
+
+/// Until when media go on by themselves, and the processor cycles in between, which are looked at only where one would find
+/// something.
+#[derive(Clone, Copy)]
+struct Stretch {
+    until: u64,
+    first_cycle: u64,
+    cycle_us: u64,
+    /// Those who tell something in processor cycles have lower numbers than media.
+    lookers: usize,
+}
 
 impl Plant {
     /// How many cores may work at it: 1, unless somebody says otherwise. It makes no difference but to how long it takes.
     pub fn set_cores(&mut self, count: NonZero<usize>) {
-        self.drafts = match count.get() {
-            1 => Vec::new(),
-            count => (0..count).map(|_| Journal::draft()).collect(),
+        let count = if self.named_media < LEAST { 1 } else { count.get() };
+        self.crew = Crew::of(count - 1);
+        self.drafts = if self.named_media < LEAST {
+            Vec::new()
+        } else {
+            (0..count).map(|_| Journal::draft()).collect()
         };
     }
 
-    fn can_part(&self) -> bool {
-        !self.drafts.is_empty() && self.named_media >= LEAST
-    }
-
-    /// Time moves on: lets the media go on by themselves, if they can, before anything else is due at `until`. Tells whether
-    /// they did.
-    pub(super) fn go_apart(&mut self, until: u64) -> bool {
+    /// Time moves on: lets the media go on by themselves, if they can, before anything else is due, but for processor cycles
+    /// that would find nothing. Tells whether they did.
+    pub(super) fn go_apart(&mut self, time: u64) -> bool {
         // Who strikes whom in between, and which registers were changed by whom, is found out one event after the other.
-        if !self.can_part()
-            || !self.faults.is_empty()
-            || !self.forces.list().is_empty()
-            || self.journal.follows()
-        {
+        if !self.is_unobserved() {
             return false;
         }
-        let media = &mut self.media[..self.named_media];
-        let until = media.iter().map(|medium| medium.apart_until()).fold(until, u64::min);
-        if media.iter().filter(|medium| medium.next_time() < until).count() < LEAST {
+        let first = self.next_device.min(time.saturating_add(1));
+        let until = self.media().iter().map(|medium| medium.apart_until()).fold(first, u64::min);
+        if !self.is_worth_while(until) {
             return false;
         }
-        let share = media.len().div_ceil(self.drafts.len());
-        let run = |(part, media): (usize, &mut [Box<dyn Medium>]), draft: &mut Journal| {
-            let (mut faults, mut edges) = (Faults::default(), Vec::new());
+        let until = until.min(self.last_needed_cycle(time));
+        if !self.is_worth_while(until) {
+            return false;
+        }
+        let (first_cycle, cycle_us) = (self.next_cycle, self.cycle_us);
+        let stretch = Stretch { until, first_cycle, cycle_us, lookers: self.devices.len() * TELLERS };
+        let seats = self.ports.seats();
+        let run = move |(first, mut media, mut draft): Share| {
             let mut last = 0;
             for (index, medium) in media.iter_mut().enumerate() {
-                draft.told_by(part * share + index);
-                while medium.next_time() < until {
-                    let now = medium.next_time();
-                    medium.event(&mut World { now, journal: draft, faults: &mut faults, edges: &mut edges });
-                    last = last.max(now);
-                }
+                last = stretch.run(first + index, &mut **medium, &seats[first + index], &mut draft).max(last);
             }
-            last
+            ((first, media, draft), last)
         };
-        let parts = media.chunks_mut(share).enumerate();
-        let last = on_cores(parts, &mut self.drafts, run);
+        let unnamed = self.media.split_off(self.named_media);
+        let shares = self.shares();
+        let mut last = 0;
+        for ((_, media, draft), share_last) in self.crew.share(shares, run) {
+            last = share_last.max(last);
+            self.media.extend(media);
+            self.drafts.push(draft);
+        }
+        self.media.extend(unnamed);
         self.journal.put_in(self.drafts.iter_mut());
+        if first_cycle < until {
+            self.next_cycle += (until - first_cycle).div_ceil(cycle_us) * cycle_us;
+        }
         self.now = self.now.max(last);
         self.is_rescheduled = true;
         true
     }
 
+    /// Whether enough media have something to do before that.
+    fn is_worth_while(&self, until: u64) -> bool {
+        self.media().iter().filter(|medium| medium.next_time() < until).nth(LEAST - 1).is_some()
+    }
+
+    /// All media and drafts, in as many shares as there are drafts.
+    fn shares(&mut self) -> Vec<Share> {
+        let size = self.media.len().div_ceil(self.drafts.len());
+        let mut media = core::mem::take(&mut self.media).into_iter();
+        let drafts = self.drafts.drain(..).enumerate();
+        drafts.map(|(part, draft)| (part * size, media.by_ref().take(size).collect(), draft)).collect()
+    }
+
     /// As the plant looks for writes, device by device, and then what belongs to their ports. `false`: that is for one core.
     pub(super) fn look_on_cores(&mut self) -> bool {
-        if !self.can_part() {
+        if self.drafts.len() < 2 {
             return false;
         }
         let now = self.now;
         self.each_watch(
-            |plc, watch, draft| {
+            move |plc, watch, draft| {
                 draft.told_by(plc * TELLERS);
                 watch.look(now, draft);
             },
-            |medium, place, seat, draft| {
+            move |medium, place, seat, draft| {
                 draft.told_by(seat.device * TELLERS + seat.port + 1);
                 medium.judge_writes(place, now, draft);
             },
@@ -93,66 +125,72 @@ impl Plant {
 
     /// As the plant notes what the firmware leaves. `false`: that is for one core.
     pub(super) fn leave_on_cores(&mut self) -> bool {
-        let can_part = self.can_part();
-        if can_part {
+        let is_shared = self.drafts.len() > 1;
+        if is_shared {
             self.each_watch(|_, watch, _| watch.leave(), |medium, place, _, _| medium.leave(place));
         }
-        can_part
+        is_shared
     }
 
     /// Calls the functions for the watches of all devices and for those of all ports, where they are plugged in.
     fn each_watch(
         &mut self,
-        of_device: impl Fn(usize, &mut DeviceWatch, &mut Journal) + Sync,
-        of_port: impl Fn(&mut Box<dyn Medium>, usize, Seat, &mut Journal) + Sync,
+        of_device: impl Fn(usize, &mut DeviceWatch, &mut Journal) + Copy + Send + 'static,
+        of_port: impl Fn(&mut dyn Medium, usize, Seat, &mut Journal) + Copy + Send + 'static,
     ) {
-        let Plant { media, ports, watches, drafts, .. } = self;
-        let share = watches.len().div_ceil(drafts.len());
-        let parts = watches.chunks_mut(share).enumerate();
-        on_cores(parts, drafts, |(part, watches): (usize, &mut [DeviceWatch]), draft| {
+        let size = self.watches.len().div_ceil(self.drafts.len());
+        let mut watches = core::mem::take(&mut self.watches).into_iter();
+        let parts = self.shares().into_iter().enumerate();
+        let parts: Vec<_> =
+            parts.map(|(part, share)| (part * size, watches.by_ref().take(size).collect(), share)).collect();
+        let seats = self.ports.seats();
+        let run = move |(first_watch, mut watches, (first, mut media, mut draft)): (usize, Vec<_>, Share)| {
             for (index, watch) in watches.iter_mut().enumerate() {
-                of_device(part * share + index, watch, draft);
+                of_device(first_watch + index, watch, &mut draft);
             }
-            0
-        });
-        let share = media.len().div_ceil(drafts.len());
-        let parts = media.chunks_mut(share).zip(ports.seats().chunks(share));
-        on_cores(parts, drafts, |(media, seats): (&mut [Box<dyn Medium>], &[Vec<Seat>]), draft| {
-            for (medium, seats) in media.iter_mut().zip(seats) {
+            for (medium, seats) in media.iter_mut().zip(&seats[first..]) {
                 for (place, seat) in seats.iter().enumerate() {
-                    of_port(medium, place, *seat, draft);
+                    of_port(&mut **medium, place, *seat, &mut draft);
                 }
             }
-            0
-        });
+            (watches, media, draft)
+        };
+        for (watches, media, draft) in self.crew.share(parts, run) {
+            self.watches.extend(watches);
+            self.media.extend(media);
+            self.drafts.push(draft);
+        }
     }
 }
 
-/// Does the parts at the same time, each with a draft of its own. Returns the largest number that one of them ends with.
-fn on_cores<P: Send>(
-    parts: impl Iterator<Item = P>,
-    drafts: &mut [Journal],
-    run: impl Fn(P, &mut Journal) -> u64 + Sync,
-) -> u64 {
-    let parts: Vec<_> = parts.zip(drafts).collect();
-    let others = parts.len().saturating_sub(1);
-    let parts = Mutex::new(parts);
-    let next = || parts.lock().unwrap_or_else(PoisonError::into_inner).pop();
-    let work = || {
-        let mut largest = 0;
-        while let Some((part, draft)) = next() {
-            largest = run(part, draft).max(largest);
+impl Stretch {
+    /// Medium number `index` goes on, with the processor cycles of those in `seats` at it. Returns when its last event was.
+    fn run(self, index: usize, medium: &mut dyn Medium, seats: &[Seat], draft: &mut Journal) -> u64 {
+        let (mut faults, mut edges) = (Faults::default(), Vec::new());
+        let (mut last, mut cycle) = (0, self.first_cycle);
+        loop {
+            let next = medium.next_time().min(self.until);
+            // At the same moment the processor cycle comes first.
+            while cycle < self.until && cycle <= next {
+                for (place, seat) in seats.iter().enumerate() {
+                    if !medium.looks_in_vain(place, cycle, true) {
+                        draft.told_by(seat.device * TELLERS + seat.port);
+                        medium.processor_cycle(place, cycle, draft);
+                    }
+                }
+                cycle += self.cycle_us;
+            }
+            // A look may have changed what is next.
+            let now = medium.next_time();
+            if now >= self.until {
+                return last;
+            }
+            if now > next {
+                continue;
+            }
+            draft.told_by(self.lookers + index);
+            medium.event(&mut World { now, journal: draft, faults: &mut faults, edges: &mut edges });
+            last = now;
         }
-        largest
-    };
-    std::thread::scope(|scope| {
-        // Where no thread can be had, this one does it all.
-        let start = |_| Builder::new().spawn_scoped(scope, work).ok();
-        let others: Vec<_> = (0..others).filter_map(start).collect();
-        let own = work();
-        let others = others.into_iter().map(|other| other.join());
-        // Who has panicked takes this one with it.
-        let others = others.map(|done| done.unwrap_or_else(|panic| std::panic::resume_unwind(panic)));
-        others.fold(own, u64::max)
-    })
+    }
 }

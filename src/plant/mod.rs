@@ -7,6 +7,7 @@ mod access;
 mod boards;
 mod config;
 mod cores;
+mod crew;
 mod drives;
 mod force;
 mod guests;
@@ -36,9 +37,14 @@ use crate::fault::Faults;
 use crate::journal::{By, Journal, Names, Origin};
 use crate::layout::Device as Layout;
 use crate::memory::{MemoryError, RegisterWidths, Segment};
+use core::num::NonZero;
+use crew::Crew;
 use force::Forces;
 use ports::Ports;
 use std::sync::Arc;
+
+/// How often in a row media are asked in vain whether they can go on by themselves, before it is left.
+const TRIES: u32 = 4;
 
 /// Everything that is simulated, with its clock and its journal.
 pub struct Plant {
@@ -64,8 +70,10 @@ pub struct Plant {
     is_rescheduled: bool,
     ports: Ports,
     journal: Journal,
-    /// One for each core, if there are several.
+    /// What media tell that go on by themselves: one for each core, if there are many media.
     drafts: Vec<Journal>,
+    /// The cores besides this one.
+    crew: Crew,
     forces: Forces,
     faults: Faults,
     /// Of the access checker, over each device; those over ports are the media's.
@@ -130,6 +138,7 @@ impl Plant {
             ports,
             journal: Journal::default(),
             drafts: Vec::new(),
+            crew: Crew::default(),
             watches,
             widths,
             forces: Forces::default(),
@@ -138,6 +147,7 @@ impl Plant {
             text: Arc::clone(config.text()),
             settings: config.settings(),
         };
+        plant.set_cores(NonZero::<usize>::MIN);
         (0..plant.devices.len()).for_each(|index| plant.start(index));
         plant.find_next_device();
         // The watches begin with what power-on has left.
@@ -174,6 +184,7 @@ impl Plant {
         self.is_rescheduled = true;
         let mut has_run = false;
         let mut stopped = false;
+        let mut tries = TRIES;
         while !stopped {
             // At the same moment faults come first, then the processor cycle, then the devices' own times, then the
             // media in plant order.
@@ -181,12 +192,12 @@ impl Plant {
                 self.schedule_media();
             }
             let (mut due, mut which) = (self.next_device, Due::Device);
-            if self.schedule.first() > self.now && !self.drafts.is_empty() {
-                let others = due.min(self.next_cycle).min(self.faults.next_time());
-                if self.schedule.first() < others && self.go_apart(others.min(time.saturating_add(1))) {
-                    (has_run, self.has_looked) = (true, false);
+            if tries > 0 && self.schedule.first() > self.now && !self.drafts.is_empty() {
+                if self.go_apart(time) {
+                    (tries, has_run, self.has_looked) = (TRIES, true, false);
                     continue;
                 }
+                tries -= 1;
             }
             if self.schedule.first() < due
                 && let Some(index) = self.schedule.due(0, self.schedule.first())
@@ -326,7 +337,7 @@ impl Plant {
     /// The event that is due at a medium, and, if nobody could tell, those behind it at the same medium before anything else is
     /// due.
     fn medium_events(&mut self, index: usize, time: u64) {
-        let until = if self.is_unobserved() && self.faults.is_empty() {
+        let until = if self.is_unobserved() {
             let others = self.schedule.first_besides(index).min(self.next_cycle).min(self.next_device);
             others.min(time.saturating_add(1))
         } else {

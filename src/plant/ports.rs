@@ -4,6 +4,7 @@ use super::Plant;
 use crate::devices::{BuildError, Context, Device, Look, MEDIA, Medium, Plug, SyncSignal};
 use crate::journal::Origin;
 use crate::state;
+use std::sync::Arc;
 
 /// A port of a device, plugged in.
 #[derive(Clone, Copy, Debug)]
@@ -36,7 +37,7 @@ pub(super) struct Ports {
     /// For each medium the ports that can take its SYNC signal over: their device and their index there.
     ways: Vec<Vec<(usize, usize)>>,
     /// For each medium who is at which of its places.
-    seats: Vec<Vec<Seat>>,
+    seats: Arc<Vec<Vec<Seat>>>,
 }
 
 impl Ports {
@@ -50,13 +51,14 @@ impl Ports {
         named: usize,
     ) -> Result<(), BuildError> {
         let mut ports = Vec::with_capacity(plugs.len());
-        self.seats.resize(media.len(), Vec::new());
+        let seats = Arc::make_mut(&mut self.seats);
+        seats.resize(media.len(), Vec::new());
         for Plug { number, family, medium, socket } in plugs {
             let at = |name: &String| media[..named].iter().position(|medium| medium.name() == name);
             let nowhere = MEDIA.iter().position(|kind| kind.name == family).ok_or(BuildError::OtherFamily)?;
             let medium = medium.as_ref().and_then(at).unwrap_or(named + nowhere);
             let place = media[medium].attach(socket)?;
-            self.seats[medium].push(Seat { device: self.of_device.len(), port: ports.len() });
+            seats[medium].push(Seat { device: self.of_device.len(), port: ports.len() });
             ports.push(Port { number, medium, place, takes_part: false });
         }
         self.ways.resize(media.len(), Vec::new());
@@ -82,8 +84,8 @@ impl Ports {
     }
 
     /// Who is at the places of each medium; a place is given to each port that is plugged in, one after the other.
-    pub(super) fn seats(&self) -> &[Vec<Seat>] {
-        &self.seats
+    pub(super) fn seats(&self) -> Arc<Vec<Vec<Seat>>> {
+        Arc::clone(&self.seats)
     }
 
     /// The port with this number.

@@ -41,7 +41,7 @@ impl Plant {
     #[inline]
     pub(super) fn leaves_cycle_out(&mut self, time: u64) -> bool {
         let at = self.next_cycle;
-        let may_be_left = at + self.cycle_us <= time && self.is_unobserved() && self.faults.is_empty();
+        let may_be_left = at + self.cycle_us <= time && !self.watching && self.is_unobserved();
         if !may_be_left || !self.looks_in_vain(at) {
             return false;
         }
@@ -51,10 +51,24 @@ impl Plant {
         true
     }
 
-    /// Whether nobody follows registers, forces them or wants to be stopped by what happens.
+    /// The next processor cycle up to `time` that is needed, as far as can be said now: media that go on by themselves make
+    /// those before it where one would find something to do.
+    pub(super) fn last_needed_cycle(&mut self, time: u64) -> u64 {
+        let first = self.next_cycle;
+        let may_be_left = first + self.cycle_us <= time && !self.watching && self.is_unobserved();
+        if !may_be_left || !self.looks_in_vain(first) {
+            return first;
+        }
+        self.is_seen = true;
+        // The journal is told the time at the first one behind its next look.
+        let wanted = time.min(self.journal.next_look().saturating_add(self.cycle_us - 1)).max(first);
+        first + (wanted - first) / self.cycle_us * self.cycle_us
+    }
+
+    /// Whether nobody follows registers or forces them, and nothing is to be disturbed.
     #[inline]
     pub(super) fn is_unobserved(&self) -> bool {
-        !self.watching && !self.journal.follows() && self.forces.list().is_empty()
+        self.faults.is_empty() && !self.journal.follows() && self.forces.list().is_empty()
     }
 
     fn looks_in_vain(&self, now: u64) -> bool {

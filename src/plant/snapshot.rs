@@ -256,6 +256,7 @@ impl Plant {
             journal,
             // Empty between events, as the edges are.
             drafts: _,
+            crew: _,
             forces,
             faults,
             watches,

@@ -11,7 +11,7 @@ impl Plant {
     pub(super) fn look_for_writes(&mut self) {
         (self.has_looked, self.is_seen) = (false, false);
         self.keep_changes(By::Program);
-        if !self.drafts.is_empty() && self.look_on_cores() {
+        if self.look_on_cores() {
             return;
         }
         let Plant { now, media, ports, journal, watches, .. } = self;
@@ -27,7 +27,7 @@ impl Plant {
     #[inline]
     pub(super) fn leave(&mut self) {
         self.keep_changes(By::Firmware);
-        if !self.drafts.is_empty() && self.leave_on_cores() {
+        if self.leave_on_cores() {
             return;
         }
         let Plant { media, ports, watches, .. } = self;

@@ -92,8 +92,16 @@ impl Cluster {
 
     /// The task of all PLCs, then the rest of the interval. Call it at a SYNC edge.
     pub(crate) fn interval(&mut self) {
+        self.interval_by(self.rate.interval_us);
+    }
+
+    /// The same in steps of so many microseconds.
+    pub(crate) fn interval_by(&mut self, step_us: u64) {
         self.plcs.iter().for_each(ClusterPlc::task);
-        self.plant.advance_to(self.plant.now() + self.rate.interval_us);
+        let end = self.plant.now() + self.rate.interval_us;
+        while self.plant.now() < end {
+            self.plant.advance_to(end.min(self.plant.now() + step_us));
+        }
     }
 }
 

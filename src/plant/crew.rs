@@ -1,0 +1,105 @@
+//! Threads that stay: who has work for several cores at once, again and again, does not start them anew each time.
+//!
+//! What is to be worked at is handed over whole and comes back, so that nobody else has it meanwhile. A thread without work sleeps
+//! (on a futex, in the channel that work comes by).
+
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::sync::mpsc::{self, Sender};
+use std::thread::{Builder, JoinHandle};
+
+type Work = Box<dyn FnOnce() + Send>;
+
+/// The threads besides the one that asks; those that cannot be had are done without.
+#[derive(Default)]
+pub(super) struct Crew(Vec<Worker>);
+
+struct Worker {
+    /// Taken when it is to end.
+    work: Option<Sender<Work>>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Crew {
+    /// So many threads.
+    pub(super) fn of(count: usize) -> Self {
+        let start = |_| {
+            let (work, works) = mpsc::channel::<Work>();
+            let run = move || works.into_iter().for_each(|work| work());
+            let thread = Builder::new().name("commram-crew".to_owned()).spawn(run).ok()?;
+            Some(Worker { work: Some(work), thread: Some(thread) })
+        };
+        Crew((0..count).filter_map(start).collect())
+    }
+
+    /// Does the parts at the same time, the first one here. What comes of them, in their order.
+    pub(super) fn share<P, R>(&self, parts: Vec<P>, run: impl Fn(P) -> R + Clone + Send + 'static) -> Vec<R>
+    where
+        P: Send + 'static,
+        R: Send + 'static,
+    {
+        let (done, all_done) = mpsc::channel();
+        let mut parts = parts.into_iter().enumerate();
+        let own = parts.next();
+        let mut rest = Vec::new();
+        for (place, (index, part)) in parts.enumerate() {
+            let (run, done) = (run.clone(), done.clone());
+            let work: Work = Box::new(move || {
+                let outcome = catch_unwind(AssertUnwindSafe(|| run(part)));
+                // Who does not wait any more has panicked.
+                let _ = done.send((index, outcome));
+            });
+            let worker = self.0.get(place).and_then(|worker| worker.work.as_ref());
+            let unsent = match worker {
+                Some(worker) => worker.send(work).err().map(|unsent| unsent.0),
+                None => Some(work),
+            };
+            rest.extend(unsent);
+        }
+        drop(done);
+        let mut outcomes: Vec<_> = own.map(|(index, part)| (index, Ok(run(part)))).into_iter().collect();
+        rest.into_iter().for_each(|work| work());
+        outcomes.extend(all_done);
+        outcomes.sort_by_key(|(index, _)| *index);
+        // Who has panicked takes this one with it.
+        outcomes.into_iter().map(|(_, done)| done.unwrap_or_else(|panic| resume_unwind(panic))).collect()
+    }
+}
+
+impl Drop for Crew {
+    fn drop(&mut self) {
+        self.0.iter_mut().for_each(|worker| drop(worker.work.take()));
+        for worker in &mut self.0 {
+            // Its work cannot panic.
+            let _ = worker.thread.take().map(JoinHandle::join);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parts_come_back_in_their_order_however_many_work() {
+        for count in 0..4 {
+            let crew = Crew::of(count);
+            for round in 0..50 {
+                let parts: Vec<u64> = (0..round % 7).collect();
+                let squares: Vec<_> = parts.iter().map(|part| part * part).collect();
+                assert_eq!(crew.share(parts, |part| part * part), squares);
+            }
+        }
+    }
+
+    #[test]
+    fn a_panic_comes_through_and_the_threads_stay() {
+        let crew = Crew::of(2);
+        for bad in 0..3 {
+            let run = move |part: u32| if part == bad { panic!("part {part}") } else { part };
+            let outcome = catch_unwind(AssertUnwindSafe(|| crew.share(vec![0, 1, 2], run)));
+            let panic = outcome.unwrap_err();
+            assert_eq!(panic.downcast_ref::<String>(), Some(&format!("part {bad}")));
+            assert_eq!(crew.share(vec![0, 1, 2], |part: u32| part), [0, 1, 2]);
+        }
+    }
+}
