@@ -118,7 +118,7 @@ impl Ethernet {
 
     /// Whether a look finds nothing to do.
     #[inline]
-    pub fn looks_in_vain(&self) -> bool {
+    pub(super) fn looks_in_vain(&self) -> bool {
         self.watched() == self.seen
     }
 

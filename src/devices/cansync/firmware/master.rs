@@ -136,7 +136,7 @@ impl Master {
     /// Whether a processor cycle finds nothing to do and shows but the traffic of the moment; `is_seen`: nobody has
     /// written since registers were looked at.
     #[inline]
-    pub fn looks_in_vain(&self, is_seen: bool) -> bool {
+    pub(in crate::devices::cansync) fn looks_in_vain(&self, is_seen: bool) -> bool {
         self.node.looks_in_vain(is_seen)
     }
 

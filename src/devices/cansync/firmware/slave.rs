@@ -182,7 +182,7 @@ impl Slave {
     /// Whether a processor cycle at `now` finds nothing to do and shows but the traffic of the moment; `is_seen`: nobody
     /// has written since registers were looked at.
     #[inline]
-    pub fn looks_in_vain(&self, now: u64, is_seen: bool) -> bool {
+    pub(in crate::devices::cansync) fn looks_in_vain(&self, now: u64, is_seen: bool) -> bool {
         self.node.looks_in_vain(is_seen)
             && !self.jobs.are_watched()
             && (now <= self.interval_ends || !self.interval_is_active)
