@@ -8,14 +8,16 @@
 mod rig;
 
 use core::num::NonZero;
-use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
+use criterion::{BenchmarkId, Criterion, SamplingMode, Throughput, criterion_group, criterion_main};
 use rig::OMEGA_RATES;
 use rig::cluster::Cluster;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::Duration;
 
-/// 1 + 32 + 32 x 32, ten times and about a hundred times as many, and all that a cluster can have.
-const SIZES: [usize; 4] = [33, 1_057, 10_570, 65_535];
+/// A PLC with a drive and with 32 (the difference is what a drive takes of memory), 33 PLCs, 331, 1,000, and all that a cluster
+/// can have.
+const SIZES: [usize; 6] = [2, 33, 1_057, 10_570, 32_001, 65_535];
 
 /// Bytes in use, but for those of images, which take pages only where they are touched.
 static USED: AtomicUsize = AtomicUsize::new(0);
@@ -82,6 +84,9 @@ fn clusters(criterion: &mut Criterion) {
             used / 1024
         );
         let mut value = 0;
+        // Minutes of one size would tell no more.
+        group.warm_up_time(Duration::from_millis(500)).measurement_time(Duration::from_secs(2));
+        group.sampling_mode(if plcs > 100 { SamplingMode::Flat } else { SamplingMode::Auto });
         group.bench_function(BenchmarkId::from_parameter(participants), |bencher| {
             bencher.iter(|| {
                 value += 1;

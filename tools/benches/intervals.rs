@@ -1,13 +1,16 @@
 //! Emulated CANsync intervals per second in stepped mode: drives at 500 kbit/s, both reference value and
-//! both actual value channels busy in every interval.
+//! both actual value channels busy in every interval. Beside it what it costs to let time pass in parts, a day in which nobody
+//! does anything, and a snapshot.
 
 #[path = "support/active.rs"]
 mod active;
 #[path = "support/line.rs"]
 mod line;
 
-use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use line::{INTERVAL_US, active_plant, release};
+use commram::plant::PlantConfig;
+use criterion::{Criterion, SamplingMode, Throughput, criterion_group, criterion_main};
+use line::{INTERVAL_US, active_plant, plant_of, release};
+use std::time::Duration;
 
 /// A released frame has been taken.
 const TAKEN: u8 = 0x04;
@@ -17,7 +20,7 @@ const RECEIVED: u8 = 0x02;
 fn intervals(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("intervals");
     group.throughput(Throughput::Elements(1));
-    for drives in [3, 32] {
+    for drives in [1, 3, 8, 16, 32] {
         let (mut plant, master) = active_plant(drives);
         let mut value = 0u32;
         group.bench_function(format!("{drives} drives, WRC1 RDC1 WRC2 RDC2"), |bencher| {
@@ -46,6 +49,37 @@ fn intervals(criterion: &mut Criterion) {
     group.finish();
 }
 
+/// Time that passes in one go and in parts, as it does for a request that must not keep other clients waiting.
+fn parts(criterion: &mut Criterion) {
+    const LONG_US: u64 = 5_000_000;
+    let mut group = criterion.benchmark_group("five seconds at work");
+    group.sample_size(20);
+    for (name, part_us) in [("in one go", LONG_US), ("in parts of 100 ms", 100_000)] {
+        let (mut plant, _) = active_plant(3);
+        group.bench_function(name, |bencher| {
+            bencher.iter(|| {
+                for _ in 0..LONG_US / part_us {
+                    plant.advance_to(plant.now() + part_us);
+                }
+            });
+        });
+    }
+    group.finish();
+}
+
+/// The built-in plant after power-on, nobody storing, in parts of a minute, as a request lets it pass.
+fn rest(criterion: &mut Criterion) {
+    const MINUTE_US: u64 = 60_000_000;
+    let mut group = criterion.benchmark_group("rest");
+    group.sample_size(10).sampling_mode(SamplingMode::Flat).warm_up_time(Duration::from_millis(500));
+    let config = PlantConfig::built_in().expect("the built-in plant is a good one");
+    let mut plant = plant_of(&config);
+    group.bench_function("24 h", |bencher| {
+        bencher.iter(|| (0..24 * 60).for_each(|_| plant.advance_to(plant.now() + MINUTE_US)));
+    });
+    group.finish();
+}
+
 /// A snapshot of a plant at work and the way back to it.
 fn snapshots(criterion: &mut Criterion) {
     let (mut plant, master) = active_plant(3);
@@ -59,5 +93,5 @@ fn snapshots(criterion: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, intervals, snapshots);
+criterion_group!(benches, intervals, parts, rest, snapshots);
 criterion_main!(benches);

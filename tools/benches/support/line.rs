@@ -18,6 +18,11 @@ enum Failed {
     Plant(#[from] PlantError),
 }
 
+/// The plant, its images in memory of this process.
+pub(crate) fn plant_of(config: &PlantConfig) -> Plant {
+    Plant::new(config, |_plc, device| Ok::<_, Failed>(Segment::of(device))).expect("the plant can be built")
+}
+
 /// A plant with `drives` drives in active operation, at a SYNC edge.
 pub(crate) fn active_plant(drives: u8) -> (Plant, View<CANsync_MA_CTRL_BMSTRUCT>) {
     let mut text = "[[plc]]\nname = 'line'\nnode2 = 'bus'\n[[bus]]\nname = 'bus'\n".to_owned();
@@ -25,8 +30,7 @@ pub(crate) fn active_plant(drives: u8) -> (Plant, View<CANsync_MA_CTRL_BMSTRUCT>
         let _ = writeln!(text, "[[bus.drive]]\nname = 'drive{number}'\nslave_number = {number}");
     }
     let config = PlantConfig::parse("bench", &text).expect("the plant is a good one");
-    let mut plant = Plant::new(&config, |_plc, device| Ok::<_, Failed>(Segment::of(device)))
-        .expect("the plant can be built");
+    let mut plant = plant_of(&config);
     let segment = plant.devices()[0].segment().clone();
     let master = activate(&segment, 0..=drives - 1, |us| plant.advance_to(plant.now() + us));
     let edge = plant.next_sync(0, 2).expect("SYNC runs");
