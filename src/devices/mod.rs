@@ -59,6 +59,8 @@ pub mod settings;
 mod shown;
 #[cfg(feature = "emulator")]
 mod supply;
+#[cfg(all(test, feature = "emulator"))]
+mod told_tests;
 
 #[cfg(feature = "emulator")]
 pub use catalogue::{catalogue, door_fits, fault_kinds, faults_of_device, medium_site};

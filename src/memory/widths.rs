@@ -318,6 +318,23 @@ mod tests {
         assert_eq!(parts(1_000_004, Width::Dword), [part]);
     }
 
+    /// A byte of a word register, and a word across two of them: the other bits stay.
+    #[test]
+    fn parts_of_registers_are_written_and_compared_alone() {
+        let (map, segment) = (RegisterWidths::of(&Fitted::unknown(&DEVICE)), Segment::of(&DEVICE));
+        let all = |value| map.store(&segment, 200_000, Width::Dword, value).unwrap();
+        let now = || map.load(&segment, 200_000, Width::Dword).unwrap();
+        all(0x1122_33C4);
+        map.store(&segment, 200_001, Width::Byte, 0x5A).unwrap();
+        assert_eq!(now(), 0x1122_5AC4);
+        map.store(&segment, 200_001, Width::Word, 0xABCD).unwrap();
+        assert_eq!(now(), 0x11AB_CDC4);
+        assert_eq!(map.compare_exchange(&segment, 200_003, Width::Byte, 0x11, 0xF0), Ok(Ok(0x11)));
+        assert_eq!(now(), 0xF0AB_CDC4);
+        assert_eq!(map.compare_exchange(&segment, 200_003, Width::Byte, 0x11, 0), Ok(Err(0xF0)));
+        assert_eq!(now(), 0xF0AB_CDC4);
+    }
+
     #[test]
     fn holes_are_named() {
         let (map, segment) = (RegisterWidths::of(&Fitted::unknown(&DEVICE)), Segment::of(&DEVICE));

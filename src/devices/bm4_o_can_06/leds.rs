@@ -80,3 +80,25 @@ fn fault(can: &Cell16, takes_part: bool) -> Led {
 fn is_bus_off(can: &Cell16) -> bool {
     can.load() & cansync_status::BUS_OFF != 0
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use zerocopy::FromZeros;
+
+    /// P. 28-30: what each module shows that waits, takes part with SYNC and without, and is in BUS-off.
+    #[test]
+    fn leds_show_what_the_module_does() {
+        use Led::{Flashes, Off, On};
+        let (option, can) = (Cell16::new_zeroed(), Cell16::new_zeroed());
+        let seen = |takes_part, interval_us| Seen { takes_part, interval_us };
+        let both = |seen| (Leds::of_master(&option, &can, seen).h, Leds::of_slave(&option, &can, seen).h);
+        assert_eq!(both(seen(false, None)), ([On, Off, Off, Off], [On, Off, Off, Off]));
+        option.store(option_status::WAITING_FOR_INIT + 1);
+        assert_eq!(both(seen(false, Some(2000))), ([Off; 4], [Off; 4]));
+        assert_eq!(both(seen(true, None)), ([Off; 4], [Off, On, Off, Off]));
+        assert_eq!(both(seen(true, Some(2000))), ([Flashes(1), Off, Off, Off], [Flashes(1), Off, Flashes(2), Off]));
+        can.store(cansync_status::BUS_OFF);
+        assert_eq!(both(seen(true, Some(2000))), ([Off, Flashes(1), Off, Off], [Off, Off, Flashes(2), Flashes(1)]));
+    }
+}

@@ -47,3 +47,18 @@ impl Interrupt {
         pulses.add(INTERRUPT);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn it_runs_a_period_after_it_was_set() {
+        let mut interrupt = Interrupt::default();
+        assert_eq!(interrupt.next_time(), u64::MAX);
+        interrupt.set(true, 5_400);
+        assert_eq!(interrupt.next_time(), 6_400);
+        interrupt.set(false, 5_500);
+        assert_eq!(interrupt.next_time(), u64::MAX);
+    }
+}

@@ -282,3 +282,27 @@ impl BoardSetting {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use zerocopy::FromZeros;
+
+    #[test]
+    fn a_start_takes_run_power_and_a_program() {
+        let ready = BoardState {
+            switch: RunSwitch::Run.code(),
+            power: Power::On.code(),
+            program: ProgramState::Stopped.code(),
+            ..BoardState::of(&Header::new_zeroed())
+        };
+        assert!(ready.takes_starts());
+        for missing in [
+            BoardState { switch: RunSwitch::Stop.code(), ..ready },
+            BoardState { power: Power::Off.code(), ..ready },
+            BoardState { program: ProgramState::None.code(), ..ready },
+        ] {
+            assert!(!missing.takes_starts(), "{missing:?}");
+        }
+    }
+}

@@ -304,3 +304,12 @@ fn a_segment_is_as_long_as_its_device_needs() {
         );
     }
 }
+
+#[test]
+fn words_of_the_header_end_with_its_page() {
+    for segment in both() {
+        segment.header_words::<{ HEADER_SIZE / 8 }>().unwrap();
+        let beyond = message(segment.header_words::<{ HEADER_SIZE / 8 + 1 }>().map(|_| ()));
+        assert!(beyond.contains(&(HEADER_SIZE + 8).to_string()), "{beyond}");
+    }
+}

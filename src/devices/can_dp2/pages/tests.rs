@@ -189,3 +189,21 @@ fn pages_have_an_end() {
     assert_eq!(master.page(150, &[END; 4]).1, 0);
     assert_eq!(usize::from(u16::MAX - number::DATA) + 1, 65_285);
 }
+
+/// What is received must fit on a page of inputs with its form; and there is no page of inputs behind 250.
+#[test]
+fn pages_of_what_is_received_have_an_end() {
+    let mut master = Master::new(&[32], &[COUNTER + 8]);
+    let room = carries(&master.pages.inputs) as u8;
+    assert!((2..8).contains(&room), "{room}");
+    master.page(0, &[]);
+    assert_eq!(master.page(51, &[END; 4]).1, 0);
+    assert_eq!(master.page(151, &[0, 0, 3, 1, 0, room, END, END, END, END]).1, 3);
+    assert_eq!(master.page(151, &[0, 0, 3, 1, 0, room - 1, MORE, MORE, MORE, MORE]).1, 0);
+    for number in 152..250 {
+        assert_eq!(master.page(number, &[MORE; 4]).1, 0);
+        master.counter %= 200;
+    }
+    assert_eq!(master.page(250, &[MORE; 4]).1, 1);
+    assert_eq!(master.page(250, &[END; 4]).1, 0);
+}

@@ -32,6 +32,12 @@ fn freeze_and_sync_are_passed_over() {
     bench.run(10 * MS);
     assert_eq!(bench.heard(), ["203: 01 02"]);
     assert_eq!(bench.diag()[1], 0x04);
+    // Neither clears outputs, and Clear_Data does not those of a group that it does not go to.
+    for octets in [[0x28, 0], [0x02, 0x10]] {
+        assert_eq!(bench.ask(58, &octets).0, mst_result::SENT);
+    }
+    bench.run(10 * MS);
+    assert_eq!(bench.ask(57, &[]).1, [1, 2]);
 }
 
 #[test]

@@ -128,3 +128,26 @@ pub(super) fn answered(
     };
     area.job.replace(ctx, control, end);
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::devices::samples::tables::NODES;
+    use crate::memory::Segment;
+
+    /// Where the journal says that the registers of a slave's job are, they are.
+    #[test]
+    fn the_registers_of_every_slave_stand_where_the_table_has_them() {
+        let base = NODES.area("node2").unwrap().first;
+        let segment = Segment::of(&NODES);
+        let regs = segment.view::<CANsync_MA_CTRL_BMSTRUCT>(base as usize).unwrap();
+        for slave in 0..32 {
+            let area = Area::of(&regs, slave).unwrap();
+            let of = |name: &str| NODES.register(name).unwrap().offset() - base;
+            let job = of(&format!("node2.a_CTRLREG_PAR_CMD_SL[{slave}].b_STEUREG_PAR_CMD"));
+            let data = of(&format!("node2.a_DATA_PARAMETER[{slave}].w_PAR_NR"));
+            assert_eq!((area.job.offset as u32, area.data_offset as u32), (job, data), "slave {slave}");
+        }
+        assert!(Area::of(&regs, 32).is_none());
+    }
+}

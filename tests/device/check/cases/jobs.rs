@@ -122,6 +122,9 @@ pub(crate) const CASES: &[Case] = &[
             rig.master.a_CTRLREG_PAR_CMD_SL[0].b_STEUREG_PAR_CMD.store(0);
             rig.step(100);
             enter_parameter(rig, 0, 0x05);
+            // One that has not been sent may still become another.
+            rig.step(100);
+            enter_parameter(rig, 0, 0x03);
         },
     },
 ];

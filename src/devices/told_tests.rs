@@ -1,0 +1,83 @@
+//! How each kind of event reads, for people and for programs: `tests/journal/events.txt` has it as it was last agreed.
+//! `COMMRAM_UPDATE_EVENTS=1` renews the file; what changes there changes for everybody who reads journals.
+
+use super::{all, catalogue};
+use crate::journal::jsonl::Jsonl;
+use crate::journal::text::Text;
+use crate::journal::{Format, Kind, Names, Record};
+use crate::layout::Fitted;
+use std::collections::BTreeSet;
+use std::fmt::Write;
+
+/// Lines drawn of each kind, and those of them that are kept: whose words, leaving out numbers, are like no other's.
+const DRAWN: usize = 1000;
+const KEPT: usize = 24;
+
+/// One PLC of each device by its name, on buses without names.
+fn names() -> Names {
+    Names {
+        plcs: all().iter().map(|device| device.layout.name.to_owned()).collect(),
+        buses: Vec::new(),
+        devices: all().iter().map(|device| Fitted::unknown(device.layout)).collect(),
+    }
+}
+
+/// Numbers as events have them: mostly small ones, since few others mean anything.
+fn number(random: &mut fastrand::Rng) -> u64 {
+    let bits = random.choice([1, 2, 3, 3, 5, 8, 16, 32]).unwrap();
+    random.u64(..1 << bits)
+}
+
+fn drawn(kind: &'static Kind, random: &mut fastrand::Rng) -> Option<Record> {
+    let mut pair = || number(random) << 32 | number(random);
+    let (second, third) = (pair(), pair());
+    let place = random.u64(..all().len() as u64) << 16 | random.u64(..4) << 8;
+    let words = [number(random) << 32 | place | u64::from(kind.number()), second, third];
+    let event = catalogue().event(kind.normal(words, catalogue())?)?;
+    Some(Record { seq: 7, time_us: 1_234_567, event, count: 1, period_us: 0, latency_us: None })
+}
+
+fn line(mut format: impl Format, record: &Record) -> String {
+    let mut line = String::new();
+    format.record(record, &mut line);
+    line
+}
+
+/// What is left of a line if numbers and octets say nothing.
+fn shape(line: &str) -> Vec<&str> {
+    let words = line.split(|it: char| !it.is_alphanumeric() && it != '_');
+    words.filter(|word| !word.chars().all(|it| it.is_ascii_hexdigit())).collect()
+}
+
+fn lines_of(kind: &'static Kind) -> String {
+    let mut random = fastrand::Rng::with_seed(kind.number().into());
+    let (mut shapes, mut out) = (BTreeSet::new(), format!("# {}\n", kind.name()));
+    for _ in 0..DRAWN {
+        let Some(record) = drawn(kind, &mut random) else { continue };
+        let text = line(Text::new(names(), catalogue()), &record);
+        if shapes.len() < KEPT && shapes.insert(shape(&text).join(" ")) {
+            out += &text;
+            out += &line(Jsonl::new(names(), catalogue()), &record);
+            if let Some(carried) = record.event.frame() {
+                writeln!(out, "{carried:?}").unwrap();
+            }
+        }
+    }
+    assert!(!shapes.is_empty(), "no words were found that `{}` takes", kind.name());
+    out
+}
+
+#[test]
+fn events_read_as_agreed() {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/journal/events.txt");
+    let lines: String = catalogue().kinds.iter().map(|kind| lines_of(kind)).collect();
+    if std::env::var_os("COMMRAM_UPDATE_EVENTS").is_some() {
+        std::fs::write(path, &lines).unwrap();
+    }
+    let agreed = std::fs::read_to_string(path).unwrap_or_default();
+    let differs = lines.lines().zip(agreed.lines()).find(|(is, should)| is != should);
+    assert!(
+        lines == agreed,
+        "events read otherwise than in {path}, first here: {differs:#?}; COMMRAM_UPDATE_EVENTS=1 renews it"
+    );
+}
