@@ -13,11 +13,11 @@ use std::fmt::Write;
 const DRAWN: usize = 1000;
 const KEPT: usize = 24;
 
-/// One PLC of each device by its name, on buses without names.
+/// One PLC of each device, named by a number as the buses are.
 fn names() -> Names {
     Names {
-        plcs: all().iter().map(|device| device.layout.name.to_owned()).collect(),
-        buses: Vec::new(),
+        plcs: (0..all().len()).map(|plc| format!("{plc}")).collect(),
+        buses: (0..all().len()).map(|bus| format!("{bus}")).collect(),
         devices: all().iter().map(|device| Fitted::unknown(device.layout)).collect(),
     }
 }
@@ -46,7 +46,9 @@ fn line(mut format: impl Format, record: &Record) -> String {
 /// What is left of a line if numbers and octets say nothing.
 fn shape(line: &str) -> Vec<&str> {
     let words = line.split(|it: char| !it.is_alphanumeric() && it != '_');
-    words.filter(|word| !word.chars().all(|it| it.is_ascii_hexdigit())).collect()
+    words
+        .filter(|word| !word.chars().all(|it| it.is_ascii_hexdigit()) && !word.ends_with(char::is_numeric))
+        .collect()
 }
 
 fn lines_of(kind: &'static Kind) -> String {

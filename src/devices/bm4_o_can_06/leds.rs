@@ -97,8 +97,14 @@ mod tests {
         option.store(option_status::WAITING_FOR_INIT + 1);
         assert_eq!(both(seen(false, Some(2000))), ([Off; 4], [Off; 4]));
         assert_eq!(both(seen(true, None)), ([Off; 4], [Off, On, Off, Off]));
-        assert_eq!(both(seen(true, Some(2000))), ([Flashes(1), Off, Off, Off], [Flashes(1), Off, Flashes(2), Off]));
+        assert_eq!(
+            both(seen(true, Some(2000))),
+            ([Flashes(1), Off, Off, Off], [Flashes(1), Off, Flashes(2), Off])
+        );
         can.store(cansync_status::BUS_OFF);
-        assert_eq!(both(seen(true, Some(2000))), ([Off, Flashes(1), Off, Off], [Off, Off, Flashes(2), Flashes(1)]));
+        assert_eq!(
+            both(seen(true, Some(2000))),
+            ([Off, Flashes(1), Off, Off], [Off, Off, Flashes(2), Flashes(1)])
+        );
     }
 }

@@ -145,7 +145,7 @@ mod tests {
             let area = Area::of(&regs, slave).unwrap();
             let of = |name: &str| NODES.register(name).unwrap().offset() - base;
             let job = of(&format!("node2.a_CTRLREG_PAR_CMD_SL[{slave}].b_STEUREG_PAR_CMD"));
-            let data = of(&format!("node2.a_DATA_PARAMETER[{slave}].w_PAR_NR"));
+            let data = of(&format!("node2.a_DATA_PARAMETER[{slave}].d_PAR_VALUE"));
             assert_eq!((area.job.offset as u32, area.data_offset as u32), (job, data), "slave {slave}");
         }
         assert!(Area::of(&regs, 32).is_none());
