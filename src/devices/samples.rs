@@ -4,6 +4,8 @@
 mod events;
 #[cfg(feature = "emulator")]
 pub(crate) mod master;
+#[cfg(feature = "emulator")]
+mod station;
 pub(crate) mod tables;
 
 #[cfg(feature = "channel")]

@@ -30,7 +30,7 @@ mod pattern;
 pub mod place;
 mod register;
 mod space;
-#[cfg(test)]
+#[cfg(all(test, feature = "export"))]
 pub(crate) use space::samples;
 pub mod value;
 mod width;

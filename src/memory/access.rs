@@ -235,9 +235,9 @@ mod tests {
 
     #[test]
     fn four_words_are_loaded_in_their_order() {
-        let words = [1_u64, 2, 0x8000_0000_0000_0003, u64::MAX];
+        let mut words = [1_u64, 2, 0x8000_0000_0000_0003, u64::MAX];
         // SAFETY: aligned, valid, and nothing else accesses it meanwhile.
-        assert_eq!(unsafe { super::load_four(&raw const words) }, words);
+        assert_eq!(unsafe { super::load_four(&raw mut words) }, words);
     }
 
     #[test]

@@ -5,7 +5,7 @@
 //! accesses at a given [`Width`].
 
 #[cfg_attr(
-    not(feature = "emulator"),
+    not(any(test, feature = "emulator")),
     expect(dead_code, reason = "only the emulator looks at several words at a time")
 )]
 mod access;

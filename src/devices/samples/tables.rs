@@ -1,36 +1,8 @@
 //! Register tables: of a device whose nodes are what they are, of one whose slots hold modules, of one with switches of its own, of a
 //! station that has none.
 
+#[cfg(feature = "emulator")]
+pub(crate) use super::station::STATION;
 pub(crate) use crate::devices::bm4_o_can_06::registers::DEVICE as SLOTS;
 pub(crate) use crate::devices::cs0015::registers::DEVICE as PANEL;
 pub(crate) use crate::devices::omega_drive_line_2::registers::DEVICE as NODES;
-
-use crate::layout::{Area, Device, Port, Provenance, Role, Space, Unit};
-use crate::memory::HEADER_SIZE;
-
-static SPACE: Space = Space {
-    name: "can",
-    letter: 'M',
-    segment: "",
-    unit: Unit::Byte,
-    first: 0,
-    offset: 0,
-    bytes: HEADER_SIZE as u32,
-    page: "",
-    doc: "",
-};
-static AREA: Area = Area {
-    name: "can",
-    name_from: Provenance::Manual,
-    space: &SPACE,
-    first: 0,
-    bytes: HEADER_SIZE as u32,
-    cpu: None,
-    doc: "",
-    page: "",
-    structures: &[],
-};
-static PORTS: [Port; 1] = [Port { name: "can", number: 1, medium: "can", roles: &[Role::Peer], area: &AREA }];
-
-/// A station at a CAN bus, without registers.
-pub(crate) static STATION: Device = Device { ports: &PORTS, ..Device::UNKNOWN };

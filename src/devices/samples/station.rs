@@ -1,0 +1,31 @@
+//! A station at a CAN bus, without registers.
+
+use crate::layout::{Area, Device, Port, Provenance, Role, Space, Unit};
+use crate::memory::HEADER_SIZE;
+
+static SPACE: Space = Space {
+    name: "can",
+    letter: 'M',
+    segment: "",
+    unit: Unit::Byte,
+    first: 0,
+    offset: 0,
+    bytes: HEADER_SIZE as u32,
+    page: "",
+    doc: "",
+};
+static AREA: Area = Area {
+    name: "can",
+    name_from: Provenance::Manual,
+    space: &SPACE,
+    first: 0,
+    bytes: HEADER_SIZE as u32,
+    cpu: None,
+    doc: "",
+    page: "",
+    structures: &[],
+};
+static PORTS: [Port; 1] = [Port { name: "can", number: 1, medium: "can", roles: &[Role::Peer], area: &AREA }];
+
+/// A station at a CAN bus, without registers.
+pub(crate) static STATION: Device = Device { ports: &PORTS, ..Device::UNKNOWN };
