@@ -9,6 +9,7 @@
 //! outlives the emulator does so when it leaves ([`Guest`](super::guest::Guest)).
 
 use super::limit;
+use super::passage::{self, Place, Root};
 use super::shm::{self, settles};
 use super::wire::{Block, WireOp};
 use crate::memory::MemoryError;
@@ -90,27 +91,25 @@ impl Domain {
     /// leave do not sweep.
     pub(crate) fn own(instance: &str, root: &FsPath) -> Result<(Self, Held), RootError> {
         let start = Instant::now();
-        loop {
-            let directory = Arc::new(PrivateDir::create(root)?);
-            match directory.try_lock() {
-                Some(held) if directory.is_named() => {
-                    let tag = tag(instance, &canonical(root)?);
-                    let prefix = match prefix(&directory, &tag) {
-                        Some(prefix) => prefix,
-                        None => {
-                            // Of a run that was killed and whose directory somebody has removed then.
-                            shm::remove(&tag);
-                            new_prefix(&directory, &tag).map_err(|source| io_error(root, source))?
-                        }
-                    };
-                    return Ok((Self::new(directory, tag, prefix)?, held));
-                }
-                // Whoever held it has removed it.
-                Some(_) => {}
-                None if start.elapsed() < MOVE_IN => std::thread::sleep(Duration::from_millis(1)),
-                None => return Err(RootError::Held { path: root.to_owned() }),
+        let create = || Ok(Arc::new(PrivateDir::create(root)?));
+        let wait = || {
+            if start.elapsed() >= MOVE_IN {
+                return Err(RootError::Held { path: root.to_owned() });
             }
-        }
+            std::thread::sleep(Duration::from_millis(1));
+            Ok(())
+        };
+        let (directory, held) = passage::own(create, wait)?;
+        let tag = tag(instance, &canonical(root)?);
+        let prefix = match prefix(&directory, &tag) {
+            Some(prefix) => prefix,
+            None => {
+                // Of a run that was killed and whose directory somebody has removed then.
+                shm::remove(&tag);
+                new_prefix(&directory, &tag).map_err(|source| io_error(root, source))?
+            }
+        };
+        Ok((Self::new(directory, tag, prefix)?, held))
     }
 
     /// The domain of `instance` in `root`; `None` if there is none.
@@ -189,34 +188,11 @@ impl Domain {
         self.node()
     }
 
-    /// A client has left. If the server has gone before, nobody else would remove what stays.
-    pub(super) fn leave(&self) {
-        if self.is_served() {
-            return;
-        }
-        let Some(_held) = self.root.try_lock() else { return };
-        if self.root.is_named() && !self.is_served() && !self.in_use() {
-            self.withdraw();
-            self.sweep();
-            self.remove_root();
-        }
-    }
-
-    /// Whether a living process has announced itself.
-    pub(crate) fn is_served(&self) -> bool {
-        self.announced().is_some_and(ProcessId::is_running)
-    }
-
     /// Says that the server, which is this process, is ready. Clients stay away from the domain until then, so that
     /// they do not meet the sweep before it.
     pub(crate) fn announce(&self) -> Result<(), RootError> {
         let published = self.root.publish(READY, &format!("{}\n", ProcessId::own()));
         published.map_err(|source| io_error(self.root.path(), source))
-    }
-
-    /// Takes the announcement back.
-    pub(crate) fn withdraw(&self) {
-        self.root.remove(READY);
     }
 
     /// Whether the server with process id `pid` has announced itself and not taken it back. An
@@ -227,14 +203,6 @@ impl Domain {
 
     fn announced(&self) -> Option<ProcessId> {
         ProcessId::parse(&self.root.read(READY)?)
-    }
-
-    /// Removes all that remains of earlier runs, unless a living process still uses the domain after
-    /// `patience`.
-    pub(crate) fn sweep_if_unused(&self, patience: Duration) {
-        if settles(patience, || !self.in_use()) {
-            self.sweep();
-        }
     }
 
     /// Removes what dead processes left, while others may use the domain.
@@ -267,15 +235,6 @@ impl Domain {
         used
     }
 
-    /// Whether anybody who lives is in it. If iceoryx2 cannot tell because somebody has damaged it, nobody is.
-    pub(crate) fn in_use(&self) -> bool {
-        if !self.root.path().join(DIRECTORIES[0]).exists() {
-            return false;
-        }
-        let config = self.config.clone();
-        limit::on_a_thread(limit::SHORT, move || has_living_node(&config)).unwrap_or(false)
-    }
-
     /// The nodes of processes that have died and not left. It may take for ever, if somebody has damaged the channel.
     pub(crate) fn dead_nodes(&self) -> Vec<UniqueNodeId> {
         let mut dead = Vec::new();
@@ -289,19 +248,66 @@ impl Domain {
         dead
     }
 
-    /// Removes everything of the domain. Only for the owner of the instance: whoever is still connected is
-    /// cut off.
-    pub(crate) fn sweep(&self) {
+    /// Removes all that remains of earlier runs, unless a living process still uses the domain.
+    pub(crate) fn sweep_if_unused(&self) {
+        if !self.in_use() {
+            self.sweep();
+        }
+    }
+
+    /// The server has gone. Removes everything, unless a living process still uses the domain after `patience`.
+    pub(crate) fn close(&self, patience: Duration) {
+        passage::close(self, || settles(patience, || !self.in_use()));
+    }
+}
+
+impl Root for Arc<PrivateDir> {
+    type Held = Held;
+
+    fn try_lock(&self) -> Option<Held> {
+        PrivateDir::try_lock(self)
+    }
+
+    fn is_named(&self) -> bool {
+        PrivateDir::is_named(self)
+    }
+}
+
+impl Place for Domain {
+    type Root = Arc<PrivateDir>;
+
+    fn root(&self) -> &Arc<PrivateDir> {
+        &self.root
+    }
+
+    fn is_served(&self) -> bool {
+        self.announced().is_some_and(ProcessId::is_running)
+    }
+
+    fn withdraw(&self) {
+        self.root.remove(READY);
+    }
+
+    /// If iceoryx2 cannot tell because somebody has damaged it, nobody is.
+    fn in_use(&self) -> bool {
+        if !self.root.path().join(DIRECTORIES[0]).exists() {
+            return false;
+        }
+        let config = self.config.clone();
+        limit::on_a_thread(limit::SHORT, move || has_living_node(&config)).unwrap_or(false)
+    }
+
+    /// Whoever is still connected is cut off. Of the directory that was opened: the next owner's may have its name by now.
+    fn sweep(&self) {
         for directory in DIRECTORIES {
-            let _ = std::fs::remove_dir_all(self.root.path().join(directory));
+            self.root.remove_tree(directory);
         }
         shm::remove(&self.prefix);
         // Last: without it nobody would find the rest.
         self.root.remove(PREFIX);
     }
 
-    /// Removes the root directory if nothing is in it any more.
-    pub(crate) fn remove_root(&self) {
+    fn remove_root(&self) {
         self.root.remove_if_empty();
     }
 }
@@ -395,6 +401,27 @@ mod tests {
         let _ = std::fs::remove_file(&object);
         assert!(!left);
         assert_ne!(again.prefix, domain.prefix);
+    }
+
+    /// A client that leaves late has the old directory open.
+    #[test]
+    fn a_sweep_leaves_the_next_owners_directory_alone() {
+        let root = TempDir::new().unwrap();
+        let path = root.path().join("iox.d");
+        let own = || {
+            let (domain, held) = Domain::own("a", &path).unwrap();
+            std::fs::create_dir(path.join(DIRECTORIES[0])).unwrap();
+            std::fs::write(path.join(DIRECTORIES[0]).join("node"), "").unwrap();
+            (domain, held)
+        };
+        let (old, _held) = own();
+        std::fs::rename(&path, root.path().join("gone")).unwrap();
+        let (next, _held) = own();
+        old.sweep();
+        assert!(!root.path().join("gone").join(DIRECTORIES[0]).exists());
+        assert!(path.join(DIRECTORIES[0]).join("node").exists());
+        next.sweep();
+        assert!(!path.join(DIRECTORIES[0]).exists());
     }
 
     #[test]

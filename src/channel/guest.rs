@@ -6,6 +6,7 @@
 use super::client::ClientError;
 use super::domain::{Domain, Threads};
 use super::limit::{self, Lost};
+use super::passage;
 use iceoryx2::node::NodeCreationFailure;
 use iceoryx2::prelude::Node;
 use std::time::Duration;
@@ -42,7 +43,7 @@ impl Drop for Guest {
         let (node, domain) = (self.node.take(), self.domain.clone());
         let left = limit::on_a_thread(limit::SHORT, move || {
             drop(node);
-            domain.leave();
+            passage::leave(&domain);
         });
         if left.is_err() {
             tracing::debug!("a client that leaves a damaged channel is left behind");

@@ -22,6 +22,7 @@ pub mod events;
 mod guest;
 mod header_bells;
 mod limit;
+mod passage;
 mod run;
 pub mod server;
 mod shm;

@@ -8,6 +8,7 @@ pub use super::domain::{MAX_CLIENTS, RootError};
 
 use super::departed::Departed;
 use super::domain::{Domain, Ipc, Service};
+use super::passage::Place;
 use super::run::{Progress, Run};
 use super::wire::{Block, MAX_REPLY_BLOCKS, WireOp};
 use super::{Bells, EventNotifier, limit, shm};
@@ -138,7 +139,7 @@ impl Server {
         if opened.is_err()
             && let Ok(Some(domain)) = Domain::find(instance, root)
         {
-            domain.sweep_if_unused(Duration::ZERO);
+            domain.sweep_if_unused();
         }
         opened
     }
@@ -371,8 +372,7 @@ impl Drop for Server {
                 self.domain.sweep();
             }
         }
-        self.domain.sweep_if_unused(LEAVE);
-        self.domain.remove_root();
+        self.domain.close(LEAVE);
     }
 }
 

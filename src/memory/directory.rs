@@ -10,7 +10,11 @@ use std::fs::File;
 use std::io;
 #[cfg(feature = "emulator")]
 use std::io::Write;
+#[cfg(feature = "channel")]
+use std::os::fd::AsRawFd;
 use std::path::Path;
+#[cfg(feature = "channel")]
+use std::path::PathBuf;
 
 /// How every file is opened: a pipe must be refused, not waited for.
 const CAREFULLY: OFlags =
@@ -102,6 +106,12 @@ impl Directory {
         // A rename would replace it.
         fs::linkat(&self.0, from, &self.0, to, AtFlags::empty())?;
         self.remove(from)
+    }
+
+    /// A path to it in this process that leads there whatever has its name by now.
+    #[cfg(feature = "channel")]
+    pub(crate) fn path_by_descriptor(&self) -> PathBuf {
+        format!("/proc/self/fd/{}", self.0.as_raw_fd()).into()
     }
 
     /// Removes the file `name`.

@@ -1,5 +1,6 @@
 //! Opening and judging image files, without ever touching one that is not ours.
 
+use super::image::Claimed;
 use super::{HEADER_SIZE, Header, MemoryError, State, header, names, process::ProcessId};
 use rustix::{
     fs::{FileType, Mode, OFlags, Stat},
@@ -97,25 +98,6 @@ impl ImageFile {
         Ok(())
     }
 
-    /// Whether the path still names this file, and not one that has replaced it.
-    pub(crate) fn is_named(&self) -> Result<bool, MemoryError> {
-        let own = self.stat()?;
-        match rustix::fs::lstat(&self.path) {
-            Ok(named) => Ok((named.st_dev, named.st_ino) == (own.st_dev, own.st_ino)),
-            Err(Errno::NOENT) => Ok(false),
-            Err(errno) => Err(self.failed("look at", errno.into())),
-        }
-    }
-
-    /// Takes the emulator's lock; `false` if somebody else holds it.
-    pub(crate) fn lock(&self) -> Result<bool, MemoryError> {
-        match self.file.try_lock() {
-            Ok(()) => Ok(true),
-            Err(TryLockError::WouldBlock) => Ok(false),
-            Err(TryLockError::Error(error)) => Err(self.failed("lock", error)),
-        }
-    }
-
     /// Whether the emulator that wrote `header` still lives: its process does, or, if that is in a pid
     /// namespace we cannot see into, somebody holds the lock.
     pub(crate) fn is_alive(&self, header: &Header) -> bool {
@@ -132,20 +114,37 @@ impl ImageFile {
         }
     }
 
-    /// Removes the path, if it still names this file. Only the holder of the lock may.
-    pub(crate) fn unlink(&self) -> Result<(), MemoryError> {
-        if self.is_named()? {
-            rustix::fs::unlink(&self.path).map_err(|errno| self.failed("remove", errno.into()))?;
-        }
-        Ok(())
-    }
-
     pub(crate) fn failed(&self, doing: &'static str, reason: io::Error) -> MemoryError {
         MemoryError::System { path: self.path.clone(), doing, reason }
     }
 
     fn stat(&self) -> Result<Stat, MemoryError> {
         rustix::fs::fstat(&self.file).map_err(|errno| self.failed("look at", errno.into()))
+    }
+}
+
+impl Claimed for ImageFile {
+    type Error = MemoryError;
+
+    fn lock(&self) -> Result<bool, MemoryError> {
+        match self.file.try_lock() {
+            Ok(()) => Ok(true),
+            Err(TryLockError::WouldBlock) => Ok(false),
+            Err(TryLockError::Error(error)) => Err(self.failed("lock", error)),
+        }
+    }
+
+    fn is_named(&self) -> Result<bool, MemoryError> {
+        let own = self.stat()?;
+        match rustix::fs::lstat(&self.path) {
+            Ok(named) => Ok((named.st_dev, named.st_ino) == (own.st_dev, own.st_ino)),
+            Err(Errno::NOENT) => Ok(false),
+            Err(errno) => Err(self.failed("look at", errno.into())),
+        }
+    }
+
+    fn remove_name(&self) -> Result<(), MemoryError> {
+        rustix::fs::unlink(&self.path).map_err(|errno| self.failed("remove", errno.into()))
     }
 }
 

@@ -1,32 +1,23 @@
 //! The emulator's side of an image file: create it or take it over, and remove it at the end.
 
+mod claim;
+mod place;
+
+pub(super) use claim::Claimed;
+
 use super::{
-    ClockMode, HEADER_SIZE, Header, MemoryError, Segment, State, View, Width,
-    file::{self, ImageFile},
-    guard::Guard,
-    header, names,
-    process::ProcessId,
-    room,
+    ClockMode, HEADER_SIZE, Header, MemoryError, Segment, State, View, Width, file::ImageFile, guard::Guard,
+    header, process::ProcessId, room,
 };
 use crate::layout::Device;
 use memmap2::MmapRaw;
-use rustix::{
-    fs::{AtFlags, CWD, FallocateFlags, Mode, OFlags},
-    io::Errno,
-};
+use place::Place;
+use rustix::{fs::FallocateFlags, io::Errno};
 use std::{
-    fs::File,
     os::fd::{AsFd, AsRawFd, BorrowedFd},
     path::Path,
     sync::Arc,
-    time::{Duration, Instant},
 };
-
-/// How long a starting emulator waits for a lock whose holder is not plainly a running emulator: one
-/// that is just ending, or a client that looks whether the emulator lives.
-const PATIENCE: Duration = Duration::from_millis(500);
-/// How long it waits if the holder does run: it may have been killed a moment ago and not be gone yet.
-const GRACE: Duration = Duration::from_millis(50);
 
 /// What the creator of an image tells its clients.
 #[derive(Clone, Debug)]
@@ -65,55 +56,7 @@ impl Image {
     /// has left the image ([`MemoryError::LeftByOther`]); the path names something
     /// that is not an image of our own, which is then left alone; or the system refuses.
     pub fn create(instance: &str, plc: &str, spec: &ImageSpec) -> Result<Image, MemoryError> {
-        let path = names::image_path(instance, plc)?;
-        let since = Instant::now();
-        loop {
-            let Some(file) = ImageFile::open(instance, plc, true)? else {
-                match Self::create_new(instance, plc, &path, spec)? {
-                    Some(image) => return Ok(image),
-                    // Somebody was faster; meet them as the holder of the lock.
-                    None => continue,
-                }
-            };
-            match claim(file, since)? {
-                Some(file) if file.check_shape(&*file.header()?).is_ok() => {
-                    return Self::take_over(file, spec);
-                }
-                // Dead, but of another shape: its clients cannot be served, so a new file replaces it.
-                Some(file) => file.unlink()?,
-                None => std::thread::sleep(Duration::from_millis(1)),
-            }
-        }
-    }
-
-    /// A new file gets its name only when it is locked and filled, so nobody ever sees half an image.
-    fn create_new(
-        instance: &str,
-        plc: &str,
-        path: &Path,
-        spec: &ImageSpec,
-    ) -> Result<Option<Image>, MemoryError> {
-        let failed = |reason: Errno| MemoryError::System {
-            path: path.to_owned(),
-            doing: "create",
-            reason: reason.into(),
-        };
-        let flags = OFlags::TMPFILE | OFlags::RDWR | OFlags::CLOEXEC;
-        let file =
-            rustix::fs::open(names::IMAGE_DIRECTORY, flags, Mode::RUSR | Mode::WUSR).map_err(failed)?;
-        let file = ImageFile::new(instance, plc, path.to_owned(), File::from(file));
-        if !file.lock()? {
-            return Ok(None);
-        }
-        allocate(&file, spec.device.segment_size())?;
-        let mut image = Self::map(file, spec.device.segment_size(), None)?;
-        image.fill(spec);
-        let nameless = format!("/proc/self/fd/{}", image.file.file.as_raw_fd());
-        match rustix::fs::linkat(CWD, nameless, CWD, path, AtFlags::SYMLINK_FOLLOW) {
-            Ok(()) => Ok(Some(image)),
-            Err(Errno::EXIST) => Ok(None),
-            Err(errno) => Err(failed(errno)),
-        }
+        claim::enter(&Place::new(instance, plc, spec)?)
     }
 
     fn take_over(file: ImageFile, spec: &ImageSpec) -> Result<Image, MemoryError> {
@@ -248,17 +191,7 @@ impl Image {
     /// # Errors
     /// As [`Image::create`].
     pub fn remove_dead(instance: &str, plc: &str) -> Result<bool, MemoryError> {
-        let since = Instant::now();
-        loop {
-            let Some(file) = ImageFile::open(instance, plc, true)? else { return Ok(false) };
-            match claim(file, since)? {
-                Some(file) => {
-                    file.unlink()?;
-                    return Ok(true);
-                }
-                None => std::thread::sleep(Duration::from_millis(1)),
-            }
-        }
+        claim::remove_dead(&Place::new(instance, plc, ())?)
     }
 }
 
@@ -335,31 +268,6 @@ fn allocate(file: &ImageFile, needed: usize) -> Result<(), MemoryError> {
         Err(Errno::OPNOTSUPP) => Ok(()),
         Err(errno) => Err(file.failed("allocate", errno.into())),
     }
-}
-
-/// Takes the lock of an image whose emulator is dead. `None`: try again, the file was replaced or its
-/// lock is held by somebody who is not plainly running.
-fn claim(file: ImageFile, since: Instant) -> Result<Option<ImageFile>, MemoryError> {
-    if file.lock()? {
-        // Between opening and locking, the last holder may have removed the file.
-        if !file.is_named()? {
-            return Ok(None);
-        }
-        // An empty file holds nothing that could be lost.
-        if file.size()? > 0 {
-            file.own_header()?;
-        }
-        return Ok(Some(file));
-    }
-    let header = file.own_header()?;
-    let process = file::emulator(&header);
-    let state = State::from_code(header.state.load());
-    let running = process.is_running() && matches!(state, Some(State::Starting | State::Ready));
-    if since.elapsed() >= if running { GRACE } else { PATIENCE } {
-        let pid = process.is_running().then_some(process.pid);
-        return Err(MemoryError::AlreadyRunning { instance: file.instance, plc: file.plc, pid });
-    }
-    Ok(None)
 }
 
 #[cfg(test)]

@@ -126,6 +126,12 @@ impl PrivateDir {
         let _ = self.directory.remove(name);
     }
 
+    /// Removes the directory `name` in it with all that it holds, if it is there.
+    #[cfg(feature = "channel")]
+    pub(crate) fn remove_tree(&self, name: &str) {
+        let _ = std::fs::remove_dir_all(self.directory.path_by_descriptor().join(name));
+    }
+
     /// Removes the directory, if nothing is in it any more and the path still names it.
     pub(crate) fn remove_if_empty(&self) {
         if self.is_named() {

@@ -136,8 +136,6 @@ pub struct Emulator {
     /// Before the images: it looks at their files.
     watch: Watch,
     images: Vec<Image>,
-    /// Behind the images: nobody else may be this instance before they are gone.
-    _lock: InstanceLock,
     /// Rings of each PLC's doorbell as last noted.
     rings: Vec<u32>,
     /// When the channel was first asked in this round whether it is to pause.
@@ -150,6 +148,8 @@ pub struct Emulator {
     server: Option<Box<crate::channel::Server>>,
     #[cfg(feature = "channel")]
     channel_watch: Option<crate::channel::ChannelWatch>,
+    /// Behind the images and the server: nobody else may be this instance before they are gone.
+    _lock: InstanceLock,
 }
 
 impl Emulator {

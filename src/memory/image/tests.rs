@@ -9,6 +9,7 @@ use crate::memory::{
     list::{Condition, list},
     testing::{Emulator, HASH, Instance, PLC, SEGMENT_SIZE, spec, test_device},
 };
+use rustix::fs::{CWD, Mode};
 use std::{
     fs,
     os::unix::fs::{MetadataExt, PermissionsExt, symlink},
@@ -259,10 +260,11 @@ fn a_file_that_has_lost_its_name_is_not_claimed() {
     let first = instance.create();
     let late = || ImageFile::open(&instance, PLC, true).unwrap().unwrap();
     let (one, other) = (late(), late());
+    let place = Place::new(&instance, PLC, ()).unwrap();
     drop(first);
-    assert!(claim(one, Instant::now()).unwrap().is_none(), "its path names nothing");
+    assert!(claim::claim(&place, one).unwrap().is_none(), "its path names nothing");
     let _second = instance.create();
-    assert!(claim(other, Instant::now()).unwrap().is_none(), "its path names another file");
+    assert!(claim::claim(&place, other).unwrap().is_none(), "its path names another file");
 }
 
 #[test]

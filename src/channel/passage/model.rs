@@ -1,0 +1,312 @@
+//! Interleavings of an owner that ends, the next one, and clients that leave, with the steps that the file system makes whole.
+
+use super::{Place, Root, close, leave, own};
+use core::convert::Infallible;
+use loom::sync::{Arc, Mutex, MutexGuard};
+use loom::thread;
+
+/// What the file system does, or does not.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum System {
+    /// As Linux does.
+    Right,
+    /// A lock keeps nobody out.
+    LocksAreOpen,
+    /// What is swept is what has the name, whatever directory was opened.
+    SweepsGoByName,
+}
+
+/// A directory.
+#[derive(Debug, Default)]
+struct Content {
+    /// Its lock.
+    is_locked: bool,
+    /// The lock of the instance, which is a file in it.
+    is_owned: bool,
+    /// The number of the owner that has announced itself.
+    ready: Option<u32>,
+    /// Those who are in the domain, by number, and what iceoryx2 leaves of those who were.
+    inside: Vec<u32>,
+    has_remains: bool,
+}
+
+impl Content {
+    fn is_empty(&self) -> bool {
+        !self.is_owned && self.ready.is_none() && self.inside.is_empty() && !self.has_remains
+    }
+}
+
+#[derive(Default)]
+struct World {
+    directories: Vec<Content>,
+    /// The directory that has the name.
+    named: Option<usize>,
+}
+
+impl World {
+    /// The directory that has the name, which is made if there is none.
+    fn make(&mut self) -> usize {
+        *self.named.get_or_insert_with(|| {
+            self.directories.push(Content::default());
+            self.directories.len() - 1
+        })
+    }
+
+    /// What is done to a path is done to the directory that has the name now.
+    fn at_path(&mut self) -> Option<&mut Content> {
+        self.named.and_then(|number| self.directories.get_mut(number))
+    }
+
+    fn remove_if_empty(&mut self, number: usize) {
+        if self.named == Some(number) && self.directories[number].is_empty() {
+            self.named = None;
+        }
+    }
+}
+
+/// A directory that somebody has opened.
+#[derive(Clone)]
+struct Opened {
+    world: Arc<Mutex<World>>,
+    system: System,
+    number: usize,
+}
+
+struct Held(Opened, bool);
+
+impl Opened {
+    fn world(&self) -> MutexGuard<'_, World> {
+        self.world.lock().unwrap()
+    }
+
+    fn content<R>(&self, look: impl FnOnce(&mut Content) -> R) -> R {
+        look(&mut self.world().directories[self.number])
+    }
+}
+
+impl Drop for Held {
+    fn drop(&mut self) {
+        if self.1 && !std::thread::panicking() {
+            self.0.content(|it| it.is_locked = false);
+        }
+    }
+}
+
+impl Root for Opened {
+    type Held = Held;
+
+    fn try_lock(&self) -> Option<Held> {
+        let is_free = self.content(|it| !core::mem::replace(&mut it.is_locked, true));
+        (is_free || self.system == System::LocksAreOpen).then(|| Held(self.clone(), is_free))
+    }
+
+    fn is_named(&self) -> bool {
+        self.world().named == Some(self.number)
+    }
+}
+
+impl Place for Opened {
+    type Root = Self;
+
+    fn root(&self) -> &Self {
+        self
+    }
+
+    fn is_served(&self) -> bool {
+        self.content(|it| it.ready.is_some())
+    }
+
+    fn in_use(&self) -> bool {
+        // iceoryx2 is told a path.
+        self.world().at_path().is_some_and(|it| !it.inside.is_empty())
+    }
+
+    fn withdraw(&self) {
+        self.content(|it| it.ready = None);
+    }
+
+    fn sweep(&self) {
+        let mut world = self.world();
+        let by_name = world.named.filter(|_| self.system == System::SweepsGoByName);
+        let content = &mut world.directories[by_name.unwrap_or(self.number)];
+        content.inside.clear();
+        content.has_remains = false;
+    }
+
+    fn remove_root(&self) {
+        self.world().remove_if_empty(self.number);
+    }
+}
+
+/// Where all of them go.
+#[derive(Clone)]
+struct Site {
+    world: Arc<Mutex<World>>,
+    system: System,
+}
+
+impl Site {
+    fn open(&self, number: usize) -> Opened {
+        Opened { world: Arc::clone(&self.world), system: self.system, number }
+    }
+
+    /// Takes the instance, whose lock tells owners apart, and begins to serve the channel, as `Server::open` does.
+    fn opens(&self, owner: u32) -> Opened {
+        loop {
+            let mut world = self.world.lock().unwrap();
+            let number = world.make();
+            if !core::mem::replace(&mut world.directories[number].is_owned, true) {
+                break;
+            }
+            drop(world);
+            thread::yield_now();
+        }
+        let create = || Ok::<_, Infallible>(self.open(self.world.lock().unwrap().make()));
+        let wait = || {
+            thread::yield_now();
+            Ok(())
+        };
+        let (root, _held) = own(create, wait).unwrap_or_else(|never| match never {});
+        root.withdraw();
+        if !root.in_use() {
+            root.sweep();
+        }
+        root.content(|it| {
+            it.inside.push(owner);
+            it.has_remains = true;
+        });
+        root.content(|it| it.ready = Some(owner));
+        root
+    }
+
+    /// A client comes in and sees that it is not with one that has gone; as `client::ports` does.
+    fn enters(&self, client: u32, owner: u32) -> Option<Opened> {
+        let number = self.world.lock().unwrap().named?;
+        let place = self.open(number);
+        if place.content(|it| it.ready) != Some(owner) {
+            return None;
+        }
+        place.content(|it| it.inside.push(client));
+        if place.content(|it| it.ready) == Some(owner) {
+            return Some(place);
+        }
+        leaves(&place, client);
+        None
+    }
+}
+
+/// As a client does that ends.
+fn leaves(place: &Opened, client: u32) {
+    place.content(|it| it.inside.retain(|other| *other != client));
+    leave(place);
+}
+
+/// Ends in good order, as an emulator does.
+fn ends(place: &Opened, owner: u32) {
+    place.withdraw();
+    place.content(|it| it.inside.retain(|other| *other != owner));
+    close(place, || !place.in_use());
+    let mut world = place.world();
+    world.directories[place.number].is_owned = false;
+    world.remove_if_empty(place.number);
+}
+
+/// An owner that has announced itself is found, with all that it has put there.
+fn serves(place: &Opened, owner: u32) {
+    let world = place.world();
+    assert_eq!(world.named, Some(place.number), "nobody finds the owner");
+    let content = &world.directories[place.number];
+    assert!(content.inside.contains(&owner) && content.has_remains, "the owner was swept away: {content:?}");
+    assert_eq!(content.ready, Some(owner));
+}
+
+const FIRST: u32 = 1;
+const SECOND: u32 = 2;
+const CLIENT: u32 = 10;
+
+/// Checks all interleavings with few preemptions; nothing is left in any of them.
+fn model(system: System, go: impl Fn(&Site) + Sync + Send + 'static) {
+    let mut builder = loom::model::Builder::new();
+    builder.preemption_bound = Some(2);
+    builder.check(move || {
+        let site = Site { world: Arc::default(), system };
+        go(&site);
+        let world = site.world.lock().unwrap();
+        assert_eq!(world.named, None, "something stays: {:?}", world.directories);
+    });
+}
+
+/// An owner ends, or is killed, with a client that leaves at any time, and the next one comes.
+fn one_after_the_other(system: System, is_killed: bool) {
+    model(system, move |site| {
+        let first = site.opens(FIRST);
+        let client = site.enters(CLIENT, FIRST).unwrap();
+        let leaving = thread::spawn(move || leaves(&client, CLIENT));
+        if is_killed {
+            // What dies with it: its announcement, which counts only as long as it lives, its place in the domain, and its locks.
+            first.content(|it| {
+                it.ready = None;
+                it.inside.retain(|other| *other != FIRST);
+                it.is_owned = false;
+            });
+        } else {
+            ends(&first, FIRST);
+        }
+        let second = site.opens(SECOND);
+        serves(&second, SECOND);
+        let is_in = site.enters(CLIENT + 1, SECOND).expect("the owner is ready");
+        leaving.join().unwrap();
+        serves(&second, SECOND);
+        assert!(second.content(|it| it.inside.contains(&(CLIENT + 1))), "a client was swept away");
+        ends(&second, SECOND);
+        leaves(&is_in, CLIENT + 1);
+    });
+}
+
+#[test]
+fn who_leaves_late_sweeps_nobody_away() {
+    one_after_the_other(System::Right, false);
+    one_after_the_other(System::Right, true);
+}
+
+/// Whoever is last removes everything, also if they go at the same time.
+#[test]
+fn nothing_stays_when_all_leave_at_once() {
+    model(System::Right, |site| {
+        let owner = site.opens(FIRST);
+        let clients = [CLIENT, CLIENT + 1].map(|client| (site.enters(client, FIRST).unwrap(), client));
+        let leaving = clients.map(|(place, client)| thread::spawn(move || leaves(&place, client)));
+        ends(&owner, FIRST);
+        leaving.into_iter().for_each(|thread| thread.join().unwrap());
+    });
+}
+
+/// Whoever comes when the owner ends is with it until then, or is told that nobody is there.
+#[test]
+fn who_enters_while_the_owner_ends_leaves_nothing() {
+    model(System::Right, |site| {
+        let owner = site.opens(FIRST);
+        let entering = {
+            let site = site.clone();
+            thread::spawn(move || {
+                if let Some(place) = site.enters(CLIENT, FIRST) {
+                    leaves(&place, CLIENT);
+                }
+            })
+        };
+        ends(&owner, FIRST);
+        entering.join().unwrap();
+    });
+}
+
+#[test]
+#[should_panic(expected = "swept away")]
+fn the_model_would_notice_a_lock_that_keeps_nobody_out() {
+    one_after_the_other(System::LocksAreOpen, false);
+}
+
+#[test]
+#[should_panic(expected = "swept away")]
+fn the_model_would_notice_a_sweep_that_goes_by_a_name() {
+    one_after_the_other(System::SweepsGoByName, false);
+}

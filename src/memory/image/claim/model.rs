@@ -1,0 +1,270 @@
+//! Interleavings of emulators that start and end, and clients that look, with the steps that the file system makes whole.
+
+use super::{Claimed, Site, Start, enter, remove_dead};
+use loom::sync::{Arc, Mutex, MutexGuard};
+use loom::thread;
+
+/// What the file system does, or does not.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum System {
+    /// As Linux does.
+    Right,
+    /// Nobody sees that a name has gone to another file.
+    NamesStay,
+    /// A name that is given replaces the file that has it.
+    NamesReplace,
+    /// A lock keeps nobody out.
+    LocksAreOpen,
+}
+
+#[derive(Default)]
+struct World {
+    /// The file that has the name.
+    named: Option<usize>,
+    /// Of each file, whether somebody has its lock.
+    locked: Vec<bool>,
+    /// The file that a running emulator serves.
+    served: Option<usize>,
+}
+
+impl World {
+    fn new_file(&mut self) -> usize {
+        self.locked.push(false);
+        self.locked.len() - 1
+    }
+}
+
+/// One of those that go there.
+struct Visitor {
+    world: Arc<Mutex<World>>,
+    system: System,
+    /// How often it tries before it takes the holder of a lock for alive.
+    patience: core::cell::Cell<u32>,
+}
+
+struct File {
+    world: Arc<Mutex<World>>,
+    system: System,
+    number: usize,
+    is_ours: core::cell::Cell<bool>,
+}
+
+/// The holder of a lock lives.
+#[derive(Debug, PartialEq, Eq)]
+struct Running;
+
+impl File {
+    fn world(&self) -> MutexGuard<'_, World> {
+        self.world.lock().unwrap()
+    }
+}
+
+impl Claimed for File {
+    type Error = Running;
+
+    fn lock(&self) -> Result<bool, Running> {
+        let mut world = self.world();
+        let is_free = !world.locked[self.number];
+        world.locked[self.number] = true;
+        self.is_ours.set(is_free);
+        Ok(is_free || self.system == System::LocksAreOpen)
+    }
+
+    fn is_named(&self) -> Result<bool, Running> {
+        Ok(self.world().named == Some(self.number) || self.system == System::NamesStay)
+    }
+
+    fn remove_name(&self) -> Result<(), Running> {
+        self.world().named = None;
+        Ok(())
+    }
+}
+
+impl Drop for File {
+    fn drop(&mut self) {
+        if self.is_ours.get() && !std::thread::panicking() {
+            self.world().locked[self.number] = false;
+        }
+    }
+}
+
+impl Site for Visitor {
+    type File = File;
+    type Error = Running;
+
+    fn find(&self) -> Result<Option<File>, Running> {
+        let named = self.world.lock().unwrap().named;
+        Ok(named.map(|number| self.file(number)))
+    }
+
+    fn judge(&self, _: &File) -> Result<(), Running> {
+        Ok(())
+    }
+
+    fn wait(&self, file: File) -> Result<(), Running> {
+        drop(file);
+        self.patience.set(self.patience.get().checked_sub(1).ok_or(Running)?);
+        thread::yield_now();
+        Ok(())
+    }
+}
+
+impl Start for Visitor {
+    type Image = File;
+
+    fn nameless(&self) -> Result<File, Running> {
+        let number = self.world.lock().unwrap().new_file();
+        Ok(self.file(number))
+    }
+
+    fn fill(&self, file: File) -> Result<File, Running> {
+        Ok(file)
+    }
+
+    fn name(&self, image: &File) -> Result<bool, Running> {
+        let mut world = self.world.lock().unwrap();
+        let may = world.named.is_none() || self.system == System::NamesReplace;
+        if may {
+            world.named = Some(image.number);
+        }
+        Ok(may)
+    }
+
+    fn fits(&self, file: &File) -> Result<bool, Running> {
+        // The first is of another shape in some of these tests.
+        Ok(file.number != UNFIT)
+    }
+
+    fn take_over(&self, file: File) -> Result<File, Running> {
+        Ok(file)
+    }
+}
+
+const UNFIT: usize = 0;
+const FIT: usize = 1;
+
+impl Visitor {
+    fn file(&self, number: usize) -> File {
+        File { world: Arc::clone(&self.world), system: self.system, number, is_ours: false.into() }
+    }
+
+    /// Starts, serves the image and ends, as an emulator does; whether it was let in.
+    fn starts(&self) -> bool {
+        let Ok(image) = enter(self) else { return false };
+        self.serves(&image);
+        self.ends(image);
+        true
+    }
+
+    fn serves(&self, image: &File) {
+        let before = self.world.lock().unwrap().served.replace(image.number);
+        assert_eq!(before, None, "two emulators serve an image at once");
+    }
+
+    fn ends(&self, image: File) {
+        let mut world = self.world.lock().unwrap();
+        assert_eq!(world.named, Some(image.number), "an emulator serves an image that nobody finds");
+        assert_eq!(world.served.take(), Some(image.number));
+        drop(world);
+        image.unlink().unwrap();
+    }
+
+    /// As a client does that wants to know whether somebody has the lock.
+    fn looks(&self) {
+        if let Some(file) = self.find().unwrap() {
+            let _ = file.lock();
+        }
+    }
+}
+
+/// Checks all interleavings with few preemptions: what goes wrong here needs one or two.
+fn model(system: System, left: Option<usize>, go: impl Fn(&dyn Fn(u32) -> Visitor) + Sync + Send + 'static) {
+    let mut builder = loom::model::Builder::new();
+    builder.preemption_bound = Some(2);
+    builder.check(move || {
+        let mut world = World::default();
+        assert_eq!([world.new_file(), world.new_file()], [UNFIT, FIT]);
+        world.named = left;
+        let world = Arc::new(Mutex::new(world));
+        go(&|patience| Visitor { world: Arc::clone(&world), system, patience: patience.into() });
+        let world = world.lock().unwrap();
+        assert_eq!((world.named, world.served), (None, None), "nothing stays");
+    });
+}
+
+/// Two start where a killed emulator has left its file, or none.
+fn two_start(system: System, left: Option<usize>) {
+    model(system, left, |visitor| {
+        let (one, other) = (visitor(2), visitor(2));
+        let one = thread::spawn(move || one.starts());
+        let other = other.starts();
+        assert!(one.join().unwrap() || other, "one of them is let in");
+    });
+}
+
+/// One ends while others start.
+fn two_start_while_one_ends(system: System) {
+    model(system, Some(FIT), |visitor| {
+        let old = visitor(0);
+        let image = enter(&old).unwrap();
+        old.serves(&image);
+        let (one, other) = (visitor(1), visitor(1));
+        let one = thread::spawn(move || one.starts());
+        let other = thread::spawn(move || other.starts());
+        old.ends(image);
+        one.join().unwrap();
+        other.join().unwrap();
+    });
+}
+
+#[test]
+fn of_two_that_start_one_at_a_time_serves_the_image() {
+    for left in [None, Some(UNFIT), Some(FIT)] {
+        two_start(System::Right, left);
+    }
+}
+
+#[test]
+fn who_starts_while_one_ends_has_an_image_that_is_found() {
+    two_start_while_one_ends(System::Right);
+}
+
+#[test]
+fn who_clears_away_what_is_left_takes_nothing_from_who_starts() {
+    model(System::Right, Some(FIT), |visitor| {
+        let (cleaner, starter) = (visitor(2), visitor(2));
+        let cleaner = thread::spawn(move || remove_dead(&cleaner));
+        assert!(starter.starts());
+        let _ = cleaner.join().unwrap();
+        // Whoever is refused finds nothing to clear away later.
+        assert_eq!(remove_dead(&visitor(0)), Ok(false));
+    });
+}
+
+#[test]
+fn who_looks_keeps_nobody_away() {
+    model(System::Right, Some(FIT), |visitor| {
+        let (client, starter) = (visitor(0), visitor(1));
+        let client = thread::spawn(move || client.looks());
+        assert!(starter.starts());
+        client.join().unwrap();
+    });
+}
+
+#[test]
+#[should_panic(expected = "that nobody finds")]
+fn the_model_would_notice_a_file_that_is_taken_over_behind_its_removal() {
+    two_start_while_one_ends(System::NamesStay);
+}
+
+#[test]
+#[should_panic(expected = "assertion")]
+fn the_model_would_notice_a_name_that_is_taken_from_somebody() {
+    two_start(System::NamesReplace, None);
+}
+
+#[test]
+#[should_panic(expected = "assertion")]
+fn the_model_would_notice_a_lock_that_keeps_nobody_out() {
+    two_start(System::LocksAreOpen, Some(FIT));
+}
