@@ -247,7 +247,7 @@ impl BoardEvent {
             BoardEvent::Lockstep { event, state } => {
                 let what = match state {
                     SeatState::Free => "has left",
-                    SeatState::Asking => "wants to join",
+                    SeatState::Asking | SeatState::Deciding => "wants to join",
                     SeatState::Seated => "has joined",
                     SeatState::Refused => "may not join",
                     SeatState::Lost => "was given up, its process died or took too long",

@@ -55,7 +55,7 @@ impl Attached {
         task.header.submit_request();
         let state = || SeatState::from_code(task.seat.state.load());
         let answer = self.wait_until("the answer to joining lockstep", timeout, |_| {
-            state().filter(|state| *state != SeatState::Asking)
+            state().filter(|state| !matches!(state, SeatState::Asking | SeatState::Deciding))
         })?;
         match answer {
             SeatState::Seated => Ok(task),

@@ -1,6 +1,6 @@
 //! Lockstep: tasks that the emulated time waits for. `docs/attach.md` describes the turns.
 
-#[cfg(any(test, feature = "emulator"))]
+#[cfg(feature = "emulator")]
 mod hands;
 
 use crate::memory::process::ProcessId;
@@ -50,6 +50,8 @@ codes! {
         Refused = 3,
         /// The emulator gave the task up, because its process died or its turn took too long.
         Lost = 4,
+        /// The emulator looks at what is asked; the answer comes at once.
+        Deciding = 5,
     }
 }
 

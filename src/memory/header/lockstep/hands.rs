@@ -63,20 +63,17 @@ const NOBODY: u32 = u32::MAX;
 
 impl<W: Word> Hands<'_, W> {
     fn decide(&self, mut may: impl FnMut(u32) -> bool) -> Option<(u32, bool)> {
-        let mut from = SeatState::Asking;
-        loop {
+        let (asking, deciding) = (SeatState::Asking.code(), SeatState::Deciding.code());
+        while self.state.exchange(asking, deciding) {
             let event = self.event.load();
             let is_seated = may(event);
-            let to = if is_seated { SeatState::Seated } else { SeatState::Refused };
-            if !self.state.exchange(from.code(), to.code()) {
-                return None;
-            }
-            if self.event.load() == event {
+            let answer = if is_seated { SeatState::Seated } else { SeatState::Refused };
+            if self.state.exchange(deciding, answer.code()) {
                 return Some((event, is_seated));
             }
-            // That was the answer to another one, who has asked since.
-            from = to;
+            // It has left, so the event may be that of the next one, who is told nothing before it has asked.
         }
+        None
     }
 
     fn lose(&self) -> bool {

@@ -90,7 +90,14 @@ fn one_after_the_other<const WHOLE: bool>(may_first: bool) {
             loom::thread::spawn(move || {
                 seat.leave();
                 seat.is_dead.store(1, Release);
-                seat.ask(SECOND)
+                let is_asking = seat.ask(SECOND);
+                // As it does while it waits for the answer.
+                let told = SeatState::from_code(seat.state.load());
+                assert!(
+                    !matches!(told, Some(SeatState::Refused | SeatState::Lost)),
+                    "{told:?} to a good event"
+                );
+                is_asking
             })
         };
         let may = |event| event == SECOND || may_first;
