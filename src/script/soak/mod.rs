@@ -3,6 +3,7 @@
 //! A round is an [`Exercise`] of a device with moves in an order that its seed decides. Everything about it is in the text of a scenario:
 //! what fails does so again as a file of its own, with `commram test`.
 
+mod bounds;
 mod lot;
 mod shrink;
 
@@ -81,6 +82,8 @@ pub struct Round {
     /// What a second run does besides and takes back, each of it lines.
     detours: Vec<Vec<String>>,
     slice_us: u64,
+    /// The function that looks at bounds.
+    bounds: String,
 }
 
 impl Round {
@@ -132,6 +135,7 @@ impl Round {
             afterwards,
             detours,
             slice_us: rng.u64(SLICES),
+            bounds: bounds::function(&plant),
         })
     }
 
@@ -159,8 +163,8 @@ impl Round {
         }
         let _ = write!(
             text,
-            "\n{COMMON}\n{}\nsection(\"start\");\nstart();\n\nsection(\"moves\");\n",
-            self.exercise.script
+            "\n{COMMON}\n{}\n{}\nsection(\"start\");\nstart();\n\nsection(\"moves\");\n",
+            self.bounds, self.exercise.script
         );
         let detours = if another_way { self.detours.as_slice() } else { &[] };
         for (at, line) in self.moves.iter().enumerate() {
@@ -178,17 +182,17 @@ impl Round {
         let allowed = self.exercise.allowed;
         match (self.kind, self.wrong) {
             (Kind::Wrong, Some(wrong)) => format!(
-                "\nsection(\"what must not be done\");\nexpect_no_findings({allowed:?});\n{}\npass(20_000);\n\
+                "\nsection(\"what must not be done\");\nin_bounds();\nexpect_no_findings({allowed:?});\n{}\npass(20_000);\n\
                  let found = findings();\nexpect_that(found.some(|finding| finding.rule == {:?}), `{} among ${{found}}`);\n",
                 wrong.script, wrong.rule, wrong.rule
             ),
             (Kind::Right | Kind::Wrong, _) => {
-                format!("\nsection(\"end\");\nexpect_no_findings({allowed:?});\n")
+                format!("\nsection(\"end\");\nin_bounds();\nexpect_no_findings({allowed:?});\n")
             }
             (Kind::Disturbed | Kind::Hostile | Kind::Killed, _) => {
                 let moves: String = self.afterwards.iter().map(|line| format!("{line}\n")).collect();
                 format!(
-                    "\nsection(\"recovery\");\nundisturbed();\nrecover();\n\nsection(\"afterwards\");\n{moves}"
+                    "\nsection(\"recovery\");\nundisturbed();\nrecover();\n\nsection(\"afterwards\");\n{moves}in_bounds();\n"
                 )
             }
         }

@@ -1,6 +1,7 @@
 //! Rounds are scenarios, and the same seed gives the same.
 
 use super::*;
+use crate::layout::RegisterRef;
 use crate::script::{Limits, Outcome, Report, run_file};
 
 /// Runs the text of a round.
@@ -63,6 +64,54 @@ fn every_move_is_right_and_every_wrong_thing_is_found() {
             assert_eq!(reports[0].journal_hash, reports[1].journal_hash, "{}", exercise.name);
         }
     }
+}
+
+/// A register of each exercise that has one holds what means nothing.
+#[test]
+fn a_round_fails_where_a_register_is_out_of_its_bounds() {
+    let mut tried = 0;
+    for exercise in exercises() {
+        let mut round = Round::draw(1, &[exercise]).unwrap();
+        (round.kind, round.moves) = (Kind::Right, Vec::new());
+        assert!(matches!(run("right", &round.text(false)).outcome, Outcome::Passed), "{}", exercise.name);
+        let plant = PlantConfig::parse(exercise.name, &round.plant()).unwrap();
+        let without = |it: &RegisterRef| {
+            let wrongs = [0x77, 0xEE, 0x155, 0xFFFF, u32::MAX].into_iter();
+            let mut wrongs = wrongs.filter(|value| value & !it.register.ty.mask() == 0);
+            wrongs.find(|value| it.decode(*value).contains("no meaning"))
+        };
+        let mut areas = std::collections::BTreeMap::new();
+        for device in &plant.devices {
+            for register in bounds::bounded(device.layout()) {
+                if let Some(value) = without(&register) {
+                    let place = format!("{}:{}", device.name(), register.address());
+                    areas.entry((device.name(), register.area.name)).or_insert((place, value));
+                }
+            }
+        }
+        if areas.is_empty() {
+            continue;
+        }
+        // Of a port in another role, and of a slot with another module, the register is another one.
+        let is_found = areas.into_values().any(|(place, value)| {
+            // Whatever the firmware does, it stays.
+            round.moves = vec![format!("force({place:?}, {value});")];
+            let outcome = run("wrong", &round.text(false)).outcome;
+            matches!(outcome, Outcome::Failed(it) if it.what.contains(&place) && it.what.contains("no meaning"))
+        });
+        assert!(is_found, "{}", exercise.name);
+        tried += 1;
+    }
+    assert!(tried >= 3, "{tried} exercises have such registers");
+}
+
+/// Counters are among what is looked at.
+#[test]
+fn counters_have_bounds() {
+    let devices = devices::all().iter().map(|known| known.layout);
+    let counters: Vec<_> =
+        devices.flat_map(bounds::bounded).map(|it| it.name()).filter(|it| it.contains("COUNTER")).collect();
+    assert!(counters.len() >= 3, "{counters:?}");
 }
 
 /// What a wrong program does not do is not found.

@@ -1,0 +1,32 @@
+//! What registers of the firmware may hold, whatever the device: values to which the layout gives a meaning.
+
+use crate::layout::{Device, Owner, RegisterRef};
+use crate::plant::PlantConfig;
+use core::fmt::Write;
+
+/// Registers that only the firmware writes, and whose values have meanings: states, error numbers, and counters, whose meaning is the
+/// range in which they count.
+pub(super) fn bounded(device: &Device) -> impl Iterator<Item = RegisterRef> {
+    let areas =
+        device.areas.iter().flat_map(|area| area.structures.iter().flat_map(|it| area.registers_of(it)));
+    areas.filter(|it| it.owner() == Owner::Firmware && it.register.meaning.is_some() && !it.is_reserved())
+}
+
+/// A function of a scenario that fails where one of them holds something else.
+pub(super) fn function(plant: &PlantConfig) -> String {
+    let mut text =
+        "// Registers of the firmware hold what their layout gives a meaning.\nfn in_bounds() {\n".to_owned();
+    for device in &plant.devices {
+        let mut addresses: Vec<_> = bounded(device.layout()).map(|it| it.address().to_string()).collect();
+        // What has several names is there once.
+        addresses.sort_unstable();
+        addresses.dedup();
+        for some in addresses.chunks(PER_LINE) {
+            let _ = writeln!(text, "    bounded({:?}, {some:?});", device.name());
+        }
+    }
+    text + "}\n"
+}
+
+/// Registers in a line of the scenario.
+const PER_LINE: usize = 12;
