@@ -125,7 +125,7 @@ struct CanDp2Blocks;
 struct Scenarios;
 
 /// Settings of the library's property tests: what once failed is kept below `tests/`, instead of beside `src/`.
-#[cfg(all(test, feature = "emulator"))]
+#[cfg(test)]
 fn property_tests() -> proptest::test_runner::Config {
     use proptest::test_runner::{Config, FailurePersistence, FileFailurePersistence};
     let mut config = Config::default();

@@ -95,6 +95,19 @@ mod tests {
         }
     }
 
+    proptest::proptest! {
+        #![proptest_config(crate::property_tests())]
+
+        #[test]
+        fn what_is_printed_is_read_as_the_same_time(us in proptest::num::u64::ANY) {
+            proptest::prop_assert_eq!(parse(&seconds(us)), Ok(us));
+            proptest::prop_assert_eq!(parse(&short(us)), Ok(us));
+            // Whole seconds are printed as such.
+            let whole = us - us % 1_000_000;
+            proptest::prop_assert_eq!(parse(&short(whole)), Ok(whole));
+        }
+    }
+
     #[test]
     fn everything_else_is_refused_with_a_reason() {
         assert_eq!(parse("5").unwrap_err().to_string(), "a time needs a unit: 5us, 5ms or 5s");

@@ -14,7 +14,7 @@ mod message;
 mod payload;
 mod rate;
 #[cfg(test)]
-mod reference;
+pub(crate) mod reference;
 pub mod wire;
 
 pub use arbitration::Arbitration;

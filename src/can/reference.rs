@@ -117,7 +117,7 @@ fn bytes() -> impl Strategy<Value = [u8; 8]> {
 }
 
 /// Any frame.
-pub(super) fn frame() -> impl Strategy<Value = Frame> {
+pub(crate) fn frame() -> impl Strategy<Value = Frame> {
     (arbitration(), bytes(), 0usize..=8).prop_filter_map(
         "a length up to 8",
         |((id, is_remote), bytes, len)| {

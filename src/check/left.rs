@@ -77,6 +77,7 @@ fn collect(first: usize, left: &[u64], now: &[Cell64], changed: &mut Vec<(usize,
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::memory::{HEADER_SIZE, Segment, Width};
     use zerocopy::FromZeros;
 
     #[test]
@@ -97,5 +98,44 @@ mod tests {
             }
             assert!(left.words().zip(&cells).all(|(left, now)| *left == now.load()));
         }
+    }
+    /// Registers of several widths in each word, which others write meanwhile: what is noted and what is found changed is
+    /// whole registers.
+    #[test]
+    fn no_register_is_torn() {
+        const TURNS: usize = 20_000;
+        const AT: u32 = HEADER_SIZE as u32;
+        let segment = Segment::heap(2 * HEADER_SIZE);
+        let registers = [
+            (0, Width::Dword, [0x1111_1111, 0xEEEE_EEEE_u32]),
+            (4, Width::Word, [0x2222, 0xDDDD]),
+            (6, Width::Byte, [0x33, 0xCC]),
+            (7, Width::Byte, [0x44, 0xBB]),
+        ];
+        let is_whole = |word: u64| {
+            registers.iter().all(|(offset, width, values)| {
+                let held = word >> (8 * offset) & u64::from(u32::MAX >> (32 - 8 * width.bytes()));
+                values.iter().any(|value| u64::from(*value) == held)
+            })
+        };
+        let places: Vec<_> = (0..Block::WORDS as u32).map(|word| AT + 8 * word).collect();
+        let store = |turn: usize, (offset, width, values): (u32, Width, [u32; 2])| {
+            places.iter().for_each(|place| segment.store(place + offset, width, values[turn % 2]).unwrap());
+        };
+        registers.into_iter().for_each(|register| store(0, register));
+        let cells = segment.view::<[Cell64; Block::WORDS]>(HEADER_SIZE).unwrap();
+        let (mut left, mut changed) = (Left::new(Block::WORDS), Vec::new());
+        std::thread::scope(|scope| {
+            let store = &store;
+            let writers = registers.map(|register| {
+                scope.spawn(move || (0..TURNS / Block::WORDS).for_each(|turn| store(turn, register)))
+            });
+            while !writers.iter().all(|writer| writer.is_finished()) {
+                left.copy(&*cells);
+                left.compare(&*cells, &mut changed);
+                let seen = left.words().copied().chain(changed.drain(..).map(|(_, now)| now));
+                seen.for_each(|word| assert!(is_whole(word), "{word:X}"));
+            }
+        });
     }
 }

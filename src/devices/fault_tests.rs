@@ -1,9 +1,10 @@
 //! The kinds of faults of all families: how they are described, checked and documented.
 
 use super::{bm4_o_can_06, can_dp2, cs0015, fault_kinds, omega_drive_line_2};
-use crate::fault::{Draft, Fault, FaultError, FaultSpec, Given, Kind, Place, Refusal, Target};
+use crate::fault::{Draft, Fault, FaultError, FaultSpec, Form, Given, Kind, Place, Refusal, Target};
 use crate::journal::Names;
 use crate::layout::Fitted;
+use proptest::prelude::*;
 
 fn names() -> Names {
     let list = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect();
@@ -97,6 +98,68 @@ fn descriptions_of_every_kind_are_read_and_written_alike() {
         assert_eq!(spec.resolve(fault_kinds(), &names()), Ok(fault), "as words");
     }
     assert_eq!(EACH_KIND.len(), fault_kinds().len());
+}
+
+/// Any fault that its kind allows, anywhere in this installation.
+fn any_fault() -> impl Strategy<Value = Fault> {
+    let kind = proptest::sample::select(fault_kinds());
+    let values = proptest::array::uniform5(proptest::option::of(any::<u64>()));
+    let end = (proptest::option::of(1_u64..), proptest::option::of(1_u64..));
+    let drawn = (kind, any::<(usize, u8)>(), values, any::<u64>(), end);
+    drawn.prop_filter_map(
+        "what the kind allows",
+        |(kind, (place, number), values, at_us, (count, duration_us))| {
+            let within = |form, value: u64| match form {
+                Form::Word(words) => value % words.len() as u64,
+                Form::Number { least, most } | Form::Hex { least, most, .. } | Form::Time { least, most } => {
+                    least + value % (most - least + 1)
+                }
+                Form::Name | Form::Port => value,
+            };
+            let field = |name| kind.all_fields().find(|field| field.name() == name).unwrap().form();
+            let mut draft = Draft::new(kind, target(kind, place, number));
+            for ((field, value), drawn) in kind.fields().iter().zip(&mut draft.values).zip(values) {
+                *value = drawn.map(|drawn| within(field.form(), drawn));
+            }
+            draft.at_us = within(field("at_us"), at_us);
+            draft.count = count.map(|count| within(field("count"), count));
+            draft.duration_us =
+                duration_us.map(|us| within(field("duration_us"), us)).filter(|_| draft.count.is_none());
+            draft.check().ok()
+        },
+    )
+}
+
+fn target(kind: &Kind, place: usize, number: u8) -> Target {
+    let names = names();
+    let (medium, device) = ((place % names.buses.len()) as u16, (place % names.plcs.len()) as u16);
+    match kind.place() {
+        Place::Medium => Target::Medium(medium),
+        Place::Participant => Target::Participant { medium, number: number % 32 },
+        Place::Port => {
+            let ports = names.device(device).ports;
+            Target::Port { device, port: ports[usize::from(number) % ports.len()].number }
+        }
+        Place::Device => Target::Device(device),
+    }
+}
+
+proptest! {
+    #![proptest_config(crate::property_tests())]
+
+    #[test]
+    fn any_fault_comes_back_from_its_words(fault in any_fault()) {
+        let written = fault.text(&names());
+        let words: Vec<_> = written.split(' ').skip(1).collect();
+        let spec = FaultSpec::from_words(fault_kinds(), fault.kind().name(), &words).unwrap();
+        prop_assert_eq!(spec.resolve(fault_kinds(), &names()), Ok(fault), "{}", written);
+    }
+
+    #[test]
+    fn any_fault_comes_back_from_a_plant_file(fault in any_fault()) {
+        let text = toml::to_string(&FaultSpec::of(&fault, &names())).unwrap();
+        prop_assert_eq!(resolve(&text), Ok(fault), "{}", text);
+    }
 }
 
 #[test]

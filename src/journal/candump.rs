@@ -187,6 +187,20 @@ mod tests {
         assert_eq!(shown, wanted);
     }
 
+    proptest::proptest! {
+        #![proptest_config(crate::property_tests())]
+
+        #[test]
+        fn any_frame_is_read_as_it_was_written(
+            frame in crate::can::reference::frame(), time_us in proptest::num::u64::ANY,
+        ) {
+            let (seconds, us) = (time_us / 1_000_000, time_us % 1_000_000);
+            let line = format!("({seconds:010}.{us:06}) can0 {}", Shown(&frame));
+            let read = read(&line);
+            proptest::prop_assert_eq!(read, Ok(vec![Logged { time_us, interface: "can0".to_owned(), frame }]), "{}", line);
+        }
+    }
+
     #[test]
     fn what_is_no_log_is_refused_with_its_line() {
         for (line, text) in [

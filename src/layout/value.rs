@@ -169,6 +169,7 @@ fn article(ty: RegType) -> &'static str {
 mod tests {
     use super::*;
     use crate::devices::samples::tables::NODES as DEVICE;
+    use crate::layout::format_value;
 
     #[test]
     fn bases_and_separators() {
@@ -188,6 +189,21 @@ mod tests {
         assert!(parse("2147483648", RegType::Dint).is_err());
         assert!(parse("-129", RegType::Sint).is_err());
         assert!(parse("-1", RegType::Word).is_err());
+    }
+
+    proptest::proptest! {
+        #![proptest_config(crate::property_tests())]
+
+        /// As a number of its type and as a bit pattern.
+        #[test]
+        fn what_is_shown_is_read_as_the_same_value(value in proptest::num::u32::ANY) {
+            use RegType::{Byte, Dint, Dword, Int, Sint, Udint, Uint, Usint, Word};
+            for ty in [Byte, Word, Dword, Sint, Int, Dint, Usint, Uint, Udint] {
+                let value = value & ty.mask();
+                proptest::prop_assert_eq!(parse(&format_value(ty, value), ty), Ok(value));
+                proptest::prop_assert_eq!(parse(&ty.number(value).to_string(), ty), Ok(value));
+            }
+        }
     }
 
     #[test]

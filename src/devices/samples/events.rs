@@ -21,11 +21,34 @@ pub(crate) fn event() -> impl Strategy<Value = Event> {
 mod tests {
     use super::*;
     use crate::journal::Names;
+    use crate::journal::Source;
     use crate::journal::jsonl::Jsonl;
     use crate::journal::text::Text;
     use crate::journal::{Format, Record};
     use proptest::strategy::ValueTree;
     use proptest::test_runner::TestRunner;
+
+    /// Any record of this event.
+    fn record(event: Event) -> impl Strategy<Value = Record> {
+        let seq = prop_oneof![any::<u64>(), Just(Record::PENDING)];
+        let repeated = prop_oneof![Just((1, 0)), (2..=u32::MAX, any::<u32>())];
+        (seq, any::<u64>(), repeated, any::<Option<u32>>()).prop_map(
+            move |(seq, time_us, (count, period_us), latency_us)| Record {
+                seq,
+                time_us,
+                event,
+                count,
+                period_us,
+                latency_us,
+            },
+        )
+    }
+
+    fn json(record: &Record) -> String {
+        let mut line = String::new();
+        Jsonl::new(Names::default(), catalogue()).record(record, &mut line);
+        line
+    }
 
     #[test]
     fn every_kind_is_among_the_samples() {
@@ -50,6 +73,29 @@ mod tests {
         #[test]
         fn words_differ_if_the_events_do(one in event(), other in event()) {
             prop_assert_eq!(one == other, one.words() == other.words());
+        }
+
+        #[test]
+        fn a_line_of_json_gives_the_record_back(record in event().prop_flat_map(record)) {
+            let line: serde_json::Value = serde_json::from_str(&json(&record)).unwrap();
+            let number = |name: &str| line[name].as_u64();
+            prop_assert_eq!(number("seq"), (!record.is_pending()).then_some(record.seq));
+            prop_assert_eq!(number("time_us"), Some(record.time_us));
+            let repeated = (record.count > 1).then_some((record.count, record.period_us, record.first_us()));
+            prop_assert_eq!(number("count"), repeated.map(|(count, ..)| count.into()));
+            prop_assert_eq!(number("period_us"), repeated.map(|(_, period_us, _)| period_us.into()));
+            prop_assert_eq!(number("first_us"), repeated.map(|(.., first_us)| first_us));
+            prop_assert_eq!(number("latency_us"), record.latency_us.map(u64::from));
+            prop_assert_eq!(line["kind"].as_str(), Some(record.event.kind().name()));
+            let names = Names::default();
+            let place = match record.event.source() {
+                Source::Bus(bus) => (Some(names.bus(bus)), None, None),
+                Source::Plc(plc) => (None, Some(names.plc(plc)), None),
+                Source::Node(origin) => (None, Some(names.plc(origin.plc)), Some(origin.node.into())),
+            };
+            prop_assert_eq!((line["bus"].as_str(), line["plc"].as_str()), (place.0.as_deref(), place.1.as_deref()));
+            // Of a kind that has a field of its own of this name it is that.
+            prop_assert!(place.2.is_none() || number("node") == place.2);
         }
 
         #[test]

@@ -291,6 +291,32 @@ fn the_header_lies_at_the_front() {
     }
 }
 
+/// Fields of the header page, each written at its own width, while others copy all of it.
+#[test]
+fn the_header_page_is_whole_in_a_copy() {
+    const TURNS: u64 = 20_000;
+    const TIMES: [u64; 2] = [0x1111_1111_1111_1111, 0xEEEE_EEEE_EEEE_EEEE];
+    const GENERATIONS: [u32; 2] = [0x2222_2222, 0xDDDD_DDDD];
+    for segment in both() {
+        let header = segment.header().unwrap();
+        header.virtual_time_us.store(TIMES[0]);
+        header.generation.store(GENERATIONS[0]);
+        std::thread::scope(|scope| {
+            let header = &header;
+            let time = scope
+                .spawn(|| (0..TURNS).for_each(|turn| header.virtual_time_us.store(TIMES[turn as usize % 2])));
+            let other = scope.spawn(|| {
+                (0..TURNS).for_each(|turn| header.generation.store(GENERATIONS[turn as usize % 2]))
+            });
+            while !(time.is_finished() && other.is_finished()) {
+                let copy = segment.header_snapshot();
+                assert!(TIMES.contains(&copy.virtual_time_us.load()), "{:X}", copy.virtual_time_us.load());
+                assert!(GENERATIONS.contains(&copy.generation.load()), "{:X}", copy.generation.load());
+            }
+        });
+    }
+}
+
 /// Devices differ: a b maXX PLC reaches beyond 7 MB, others have no more than a page of registers.
 #[test]
 fn a_segment_is_as_long_as_its_device_needs() {
