@@ -17,8 +17,10 @@
 //! Order: a load is `Acquire`, a store `Release`, an exchange both. On x86-64 all plain accesses of the processor are;
 //! the compiler is held back by the assembler blocks and, at loads, a compiler fence.
 
+#[cfg(feature = "emulator")]
 mod blocks;
 
+#[cfg(feature = "emulator")]
 pub(crate) use blocks::Block;
 
 /// A value that the RAM can be accessed as: 8, 16, 32 or 64 bits, in the host's byte order.

@@ -11,7 +11,6 @@
 mod access;
 mod attach;
 pub mod bell;
-#[cfg(feature = "emulator")]
 pub mod cell;
 pub mod contract;
 pub(crate) mod directory;
