@@ -208,7 +208,7 @@ impl Plant {
                 self.leave_out_cycles(due.min(self.faults.next_time()).min(time.saturating_add(1)));
             }
             if self.next_cycle <= due {
-                if self.leaves_cycle_out(time) {
+                if self.leaves_cycles_out(due, time) {
                     continue;
                 }
                 (due, which) = (self.next_cycle, Due::Cycle);

@@ -36,18 +36,23 @@ impl Plant {
         }
     }
 
-    /// The next processor cycle is due: leaves it out if it would find nothing to do but to show a traffic that another one
-    /// before `time` shows anew (decision D-585).
+    /// The next processor cycle is due: leaves it out, and those behind it up to `due`, when something else is, if they would
+    /// find nothing to do but to show a traffic that another one before `time` shows anew (decision D-585).
     #[inline]
-    pub(super) fn leaves_cycle_out(&mut self, time: u64) -> bool {
-        let at = self.next_cycle;
-        let may_be_left = at + self.cycle_us <= time && !self.watching && self.is_unobserved();
-        if !may_be_left || !self.looks_in_vain(at) {
+    pub(super) fn leaves_cycles_out(&mut self, due: u64, time: u64) -> bool {
+        let (first, cycle_us) = (self.next_cycle, self.cycle_us);
+        if first + cycle_us > time || self.watching || !self.is_unobserved() {
             return false;
         }
+        // Nothing happens in between: what the last one does not find, those before it do not find either.
+        let more = (due.min(time - cycle_us) - first) / cycle_us;
+        let Some(more) = [more, 0].into_iter().find(|more| self.looks_in_vain(first + more * cycle_us))
+        else {
+            return false;
+        };
         self.is_seen = true;
-        self.next_cycle += self.cycle_us;
-        self.journal.tick(at);
+        self.journal.tick_through(first, cycle_us, more + 1);
+        self.next_cycle += (more + 1) * cycle_us;
         true
     }
 
