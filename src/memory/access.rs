@@ -210,6 +210,7 @@ mod tests {
     /// What is here would be in vain if somebody accessed the RAM in another way. No other source of the program has
     /// atomics of these widths; the cell's is for calls of the kernel.
     #[test]
+    #[cfg_attr(miri, ignore = "reads all sources, which takes Miri for ever")]
     fn nothing_else_could_access_the_ram() {
         fn look(directory: &std::path::Path, found: &mut Vec<String>) {
             for entry in directory.read_dir().unwrap() {
