@@ -9,4 +9,4 @@ mod station;
 pub(crate) mod tables;
 
 #[cfg(feature = "channel")]
-pub(crate) use events::event;
+pub(crate) use events::{event, event_at};

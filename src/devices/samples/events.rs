@@ -1,14 +1,21 @@
 //! Events to test with, of every kind that anybody has registered.
 
 use crate::devices::catalogue;
-use crate::journal::{Event, Packer};
+use crate::journal::{Event, Kind, Packer};
 use proptest::prelude::*;
 
 /// Any event of any kind.
 pub(crate) fn event() -> impl Strategy<Value = Event> {
-    let number = prop_oneof![0..8_u32, any::<u32>()];
-    let what = (any::<(u16, u8)>(), proptest::array::uniform5(number));
-    let kind = proptest::sample::select(&catalogue().kinds[..]);
+    event_at(proptest::sample::select(&catalogue().kinds[..]), any::<(u16, u8)>())
+}
+
+/// Any event of these kinds, of the bus or the PLC of this index and the port of this number.
+pub(crate) fn event_at(
+    kind: impl Strategy<Value = &'static Kind>,
+    place: impl Strategy<Value = (u16, u8)>,
+) -> impl Strategy<Value = Event> {
+    let number = prop_oneof![3 => 0..8_u32, 1 => 0..0x40_u32, 1 => 0..0x1_0000_u32, 1 => any::<u32>()];
+    let what = (place, proptest::array::uniform5(number));
     (kind, what).prop_filter_map("numbers that mean something", |(kind, ((index, number), halves))| {
         let mut packer = Packer::new(kind, index, number);
         halves.into_iter().for_each(|half| packer.put(half));
