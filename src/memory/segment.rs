@@ -142,7 +142,7 @@ impl Segment {
     ///
     /// # Errors
     /// The segment is read-only, or the words reach beyond the header page.
-    #[cfg_attr(not(feature = "emulator"), expect(dead_code, reason = "for the access checker"))]
+    #[cfg_attr(not(any(feature = "emulator", test)), expect(dead_code, reason = "for the access checker"))]
     pub(crate) fn header_words<const N: usize>(&self) -> Result<View<[Cell64; N]>, MemoryError> {
         self.need_writable(0)?;
         let size = N * size_of::<u64>();
