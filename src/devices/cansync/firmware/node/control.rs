@@ -1,0 +1,134 @@
+//! The state machine between `w_CPU_CONTROL` and `w_OPTION_STATUS` (manual 5.00005.03a p. 147-149, 173-174; which state follows
+//! which command: decision D-05).
+
+use super::{Change, Node, NodeState, Role};
+use crate::devices::Context;
+use crate::devices::cansync::firmware::controller::Controller;
+use crate::devices::cansync::firmware::init::InitData;
+use crate::devices::cansync::firmware::orders::Order;
+use crate::devices::cansync::records::InitRefused;
+use crate::devices::cansync::registers::CANsync_INIT_BMSTRUCT;
+use crate::devices::cansync::registers::values::{cpu_control, option_status};
+use crate::journal::{Handshake, State};
+use core::mem::offset_of;
+
+impl Node {
+    /// One look at `w_CPU_CONTROL`. `clear` empties the cyclic area; it is called when initialization
+    /// data were taken over and before 16#0003 is shown (decision D-03).
+    pub(in super::super) fn look_at_control(&mut self, ctx: &mut Context, clear: impl FnOnce()) -> Change {
+        self.is_settled = true;
+        self.controller.recover(ctx.now);
+        let Order { value, is_new, with_reset } = self.orders.take(&self.regs.w_CPU_CONTROL);
+        if with_reset {
+            self.reset_controller(ctx, value);
+        }
+        if self.orders.are_left_behind() {
+            if is_new && self.state != NodeState::StartUp {
+                self.report_left_behind(ctx);
+            }
+            return Change::None;
+        }
+        match (self.state, value) {
+            (NodeState::StartUp, cpu_control::RESTART) => Change::None,
+            (_, cpu_control::RESTART) => {
+                self.init = None;
+                self.refused = None;
+                self.controller = Controller::default();
+                self.sync_is_unlike = false;
+                self.show(ctx, NodeState::StartUp);
+                Change::Restarted
+            }
+            (NodeState::StartUp, cpu_control::HANDSHAKE) => {
+                self.show(ctx, NodeState::WaitingForInit);
+                Change::Progressed
+            }
+            (NodeState::WaitingForInit, cpu_control::TAKE_OVER_INIT_DATA) => self.take_over(ctx, clear),
+            (NodeState::WaitingForStart, cpu_control::START_SYNCHRONOUS) => {
+                self.show(ctx, NodeState::SetUp);
+                Change::SetUpStarted
+            }
+            (NodeState::SetUp, value) if value & cpu_control::ENABLE_ACTIVE != 0 => {
+                self.show(ctx, NodeState::Active);
+                Change::Enabled
+            }
+            (NodeState::Active, cpu_control::START_SYNCHRONOUS) => {
+                self.show(ctx, NodeState::SetUp);
+                Change::Disabled
+            }
+            (state, value) => {
+                if is_new && !Self::is_at_rest(state, value) {
+                    self.report_ignored(ctx, value);
+                }
+                Change::None
+            }
+        }
+    }
+
+    /// Bit 7 acts in every state; clearing it left `answer`.
+    fn reset_controller(&mut self, ctx: &mut Context, answer: u16) {
+        let kbit_per_s = self.init.as_ref().map_or(500, |init| init.timing.kbit_per_s);
+        self.controller.reset(ctx.now, kbit_per_s);
+        let (origin, offset, request) = (ctx.origin, ctx.at(0), answer | cpu_control::RESET_CONTROLLER);
+        let goes_on = self.role == Role::Master && answer & 1 != 0;
+        ctx.report(Handshake { origin, offset, request, answer, goes_on });
+    }
+
+    fn take_over(&mut self, ctx: &mut Context, clear: impl FnOnce()) -> Change {
+        let data = match self.role {
+            Role::Master => InitData::of_master(&self.regs, self.rates),
+            Role::Slave => InitData::of_slave(&self.regs, self.rates),
+        };
+        match data {
+            Ok(data) => {
+                self.check_controller(ctx);
+                self.init = Some(data);
+                self.refused = None;
+                clear();
+                self.show(ctx, NodeState::WaitingForStart);
+                Change::Progressed
+            }
+            Err(fault) => {
+                if self.refused.replace(fault) != Some(fault) {
+                    let origin = ctx.origin;
+                    ctx.report(InitRefused { origin, fault });
+                    self.report_refused(ctx, fault);
+                }
+                Change::None
+            }
+        }
+    }
+
+    /// Whether `value` is simply the command that led to `state` and still stands in the register.
+    fn is_at_rest(state: NodeState, value: u16) -> bool {
+        match state {
+            NodeState::StartUp => value == cpu_control::RESTART,
+            NodeState::WaitingForInit => value == cpu_control::HANDSHAKE,
+            NodeState::WaitingForStart => value == cpu_control::TAKE_OVER_INIT_DATA,
+            NodeState::SetUp => value == cpu_control::START_SYNCHRONOUS,
+            NodeState::Active => value & cpu_control::ENABLE_ACTIVE != 0,
+        }
+    }
+
+    pub(super) fn show(&mut self, ctx: &mut Context, state: NodeState) {
+        self.is_settled = false;
+        let (from, to) = (self.code(self.state), self.code(state));
+        self.state = state;
+        self.regs.w_OPTION_STATUS.store(to);
+        let origin = ctx.origin;
+        let offset = ctx.at(offset_of!(CANsync_INIT_BMSTRUCT, w_OPTION_STATUS));
+        let command = ctx.at(offset_of!(CANsync_INIT_BMSTRUCT, w_CPU_CONTROL));
+        ctx.report(State { origin, offset, command, from, to, live: self.live() });
+    }
+
+    fn code(&self, state: NodeState) -> u16 {
+        match (state, self.role) {
+            (NodeState::StartUp, _) => option_status::START_UP,
+            (NodeState::WaitingForInit, _) => option_status::WAITING_FOR_INIT,
+            (NodeState::WaitingForStart, _) => option_status::WAITING_FOR_START,
+            (NodeState::SetUp, Role::Slave) => option_status::SLAVE_SET_UP,
+            (NodeState::SetUp, Role::Master) => option_status::MASTER_SET_UP,
+            (NodeState::Active, Role::Slave) => option_status::SLAVE_ACTIVE,
+            (NodeState::Active, Role::Master) => option_status::MASTER_ACTIVE,
+        }
+    }
+}

@@ -1,0 +1,50 @@
+//! What a node shows in `w_CANsync_STATUS` (manual 5.00005.03a p. 150).
+
+use super::Node;
+use crate::devices::Context;
+use crate::devices::cansync::registers::CANsync_INIT_BMSTRUCT;
+use crate::devices::cansync::registers::values::cansync_status;
+use crate::journal::Register;
+use core::mem::offset_of;
+
+/// The bits of `w_CANsync_STATUS` that change with every frame.
+const TRAFFIC: u16 = cansync_status::SEND_BUFFER_FREE
+    | cansync_status::SEND_JOB_DONE
+    | cansync_status::RECEIVING
+    | cansync_status::SENDING;
+
+impl Node {
+    /// Refreshes `w_CANsync_STATUS`. `on_wire` says what the controller is doing at this moment: `None`
+    /// idle, `Some(true)` sending, `Some(false)` receiving. That alone is not worth a record.
+    pub(in super::super) fn refresh_status(&self, ctx: &mut Context, on_wire: Option<bool>) {
+        let mut value = 0;
+        if self.controller.is_off() {
+            // Nothing is sent or received, nothing waits to be sent (decision D-121).
+            value = cansync_status::BUS_OFF | cansync_status::WARNING;
+        } else if self.init.is_some() {
+            value = cansync_status::SEND_BUFFER_FREE | cansync_status::SEND_JOB_DONE;
+        }
+        if self.is_on_bus() && self.is_connected() {
+            match on_wire {
+                Some(true) => value = cansync_status::SENDING,
+                Some(false) => value |= cansync_status::RECEIVING,
+                None => {}
+            }
+        }
+        if self.refused.is_some() || self.sync_is_unlike {
+            value |= cansync_status::WARNING;
+        }
+        if self.controller.has_overrun() {
+            value |= cansync_status::OVERRUN;
+        }
+        let before = self.regs.w_CANsync_STATUS.load();
+        if before != value {
+            self.regs.w_CANsync_STATUS.store(value);
+        }
+        if (before ^ value) & !TRAFFIC != 0 {
+            let origin = ctx.origin;
+            let offset = ctx.at(offset_of!(CANsync_INIT_BMSTRUCT, w_CANsync_STATUS));
+            ctx.report(Register { origin, offset, from: before.into(), to: value.into() });
+        }
+    }
+}
