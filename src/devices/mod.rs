@@ -59,7 +59,7 @@ pub mod settings;
 mod shown;
 #[cfg(feature = "emulator")]
 mod supply;
-#[cfg(all(test, feature = "emulator"))]
+#[cfg(all(test, feature = "channel"))]
 mod told_tests;
 
 #[cfg(feature = "emulator")]
