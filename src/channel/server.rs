@@ -4,28 +4,27 @@
 //! every firmware step. Polling with nothing to do costs some ten nanoseconds, and a request in the
 //! steady state makes no system call and, on our side, no allocation.
 
+mod error;
+mod opening;
+mod watch;
+
 pub use super::domain::{MAX_CLIENTS, RootError};
+pub use error::ServerError;
+pub use watch::ChannelWatch;
 
 use super::departed::Departed;
 use super::domain::{Domain, Ipc, Service};
 use super::passage::Place;
 use super::run::{Progress, Run};
-use super::wire::{Block, MAX_REPLY_BLOCKS, WireOp};
-use super::{Bells, EventNotifier, limit, shm};
-use crate::memory::room;
+use super::wire::{Block, WireOp};
+use super::{Bells, EventNotifier, limit};
 use crate::request::Host;
 use iceoryx2::active_request::ActiveRequest;
 use iceoryx2::identifiers::{UniqueClientId, UniqueNodeId};
-use iceoryx2::node::NodeCreationFailure;
-use iceoryx2::prelude::{BackpressureStrategy, CallbackProgression, Node, PortFactory};
-use iceoryx2::service::builder::request_response::{
-    RequestResponseCreateError as CreateError, RequestResponseOpenError as OpenError,
-    RequestResponseOpenOrCreateError as OpenOrCreateError,
-};
-use iceoryx2::service::port_factory::server::ServerCreateError;
-use std::path::{Path, PathBuf};
+use iceoryx2::prelude::{CallbackProgression, Node, PortFactory};
+use opening::{OpenFailure, need_room, ports};
+use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 type Port = iceoryx2::port::server::Server<Ipc, [WireOp], (), [Block], ()>;
@@ -40,55 +39,6 @@ const LEAVE: Duration = Duration::from_millis(250);
 /// Free room in the memory file system below which no channel is opened, in bytes: a reply of the greatest length,
 /// and what iceoryx2 needs for itself.
 const ROOM: u64 = 2 << 20;
-
-/// Why the channel cannot be opened. The emulator can go on without it.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum ServerError {
-    /// The channel's directory cannot be used.
-    #[error(transparent)]
-    Root(#[from] RootError),
-    /// Another server holds the channel.
-    #[error(
-        "instance {instance}: another emulator already serves the channel; end it or choose another name"
-    )]
-    AlreadyServed {
-        /// Name of the instance.
-        instance: String,
-    },
-    /// A client of another version still holds the old service.
-    #[error("instance {instance}: a client of another version is still connected ({reason:?}); end it first")]
-    Incompatible {
-        /// Name of the instance.
-        instance: String,
-        /// What iceoryx2 says.
-        reason: OpenError,
-    },
-    /// The memory file system is nearly full.
-    #[error("instance {instance}: /dev/shm has only {free_kib} KiB left, the channel needs {} KiB", ROOM / 1024)]
-    NoRoom {
-        /// Name of the instance.
-        instance: String,
-        /// What is left, in KiB.
-        free_kib: u64,
-    },
-    /// iceoryx2 cannot make a node.
-    #[error("instance {instance}: no iceoryx2 node ({reason:?}); is /dev/shm full or not writable?")]
-    Node {
-        /// Name of the instance.
-        instance: String,
-        /// What iceoryx2 says.
-        reason: NodeCreationFailure,
-    },
-    /// iceoryx2 cannot make the service or its server port.
-    #[error("instance {instance}: no iceoryx2 service ({reason}); is /dev/shm full or not writable?")]
-    Service {
-        /// Name of the instance.
-        instance: String,
-        /// What iceoryx2 says.
-        reason: String,
-    },
-}
 
 /// Removes what an emulator that was killed has left of its channel in the directory `root`. The caller holds the
 /// instance's lock; whoever is still connected is cut off.
@@ -331,31 +281,6 @@ impl Server {
     }
 }
 
-/// Looks whether a program shortens a part of the channel: whoever touches what is missing is killed (SIGBUS).
-#[derive(Clone, Debug)]
-pub struct ChannelWatch {
-    /// The server's shared memory objects and their lengths in bytes.
-    objects: Arc<[(PathBuf, u64)]>,
-    damaged: Arc<AtomicBool>,
-}
-
-impl ChannelWatch {
-    /// Looks at them all.
-    pub fn look(&self) -> bool {
-        let is_short = |(path, length): &(PathBuf, u64)| shm::length(path).is_some_and(|now| now < *length);
-        if self.objects.iter().any(is_short) {
-            self.damaged.store(true, Ordering::Release);
-        }
-        self.is_damaged()
-    }
-
-    /// Whether anybody has found one shorter than it was.
-    #[inline]
-    pub fn is_damaged(&self) -> bool {
-        self.damaged.load(Ordering::Acquire)
-    }
-}
-
 impl Drop for Server {
     fn drop(&mut self) {
         self.domain.withdraw();
@@ -395,77 +320,4 @@ fn answer(request: Request, run: &Run, bells: &dyn Bells) {
     }
     drop(request);
     bells.announce_reply();
-}
-
-/// Refuses a memory file system that is nearly full: iceoryx2 takes room without asking for it, and whoever then
-/// touches what there is none for is killed (SIGBUS).
-fn need_room(instance: &str) -> Result<(), ServerError> {
-    match room::free() {
-        Some(free) if free < ROOM => {
-            Err(ServerError::NoRoom { instance: instance.to_owned(), free_kib: free / 1024 })
-        }
-        _ => Ok(()),
-    }
-}
-
-/// Why the ports cannot be made.
-enum OpenFailure {
-    /// The service is half made or broken; sweeping the domain helps.
-    Wedged,
-    Incompatible(OpenError),
-    AlreadyServed,
-    Node(NodeCreationFailure),
-    Other(String),
-}
-
-impl OpenFailure {
-    fn into_error(self, instance: &str) -> ServerError {
-        let instance = instance.to_owned();
-        match self {
-            Self::Wedged => ServerError::Service { instance, reason: "it hangs in creation".into() },
-            Self::Incompatible(reason) => ServerError::Incompatible { instance, reason },
-            Self::AlreadyServed => ServerError::AlreadyServed { instance },
-            Self::Node(reason) => ServerError::Node { instance, reason },
-            Self::Other(reason) => ServerError::Service { instance, reason },
-        }
-    }
-}
-
-impl From<OpenOrCreateError> for OpenFailure {
-    fn from(error: OpenOrCreateError) -> Self {
-        match error {
-            OpenOrCreateError::RequestResponseOpenError(
-                OpenError::HangsInCreation | OpenError::ServiceInCorruptedState,
-            )
-            | OpenOrCreateError::RequestResponseCreateError(
-                CreateError::HangsInCreation | CreateError::ServiceInCorruptedState,
-            ) => Self::Wedged,
-            OpenOrCreateError::RequestResponseOpenError(
-                reason @ (OpenError::IncompatibleRequestOrResponseType
-                | OpenError::DoesNotSupportRequestedAmountOfClients
-                | OpenError::DoesNotSupportRequestedAmountOfNodes
-                | OpenError::VersionMismatch),
-            ) => Self::Incompatible(reason),
-            other => Self::Other(other.to_string()),
-        }
-    }
-}
-
-fn ports(instance: &str, domain: &Domain) -> Result<(Node<Ipc>, Service<Ipc>, Port), OpenFailure> {
-    domain.remove_half_made();
-    let node = domain.owners_node().map_err(OpenFailure::Node)?;
-    domain.clean_up_after_the_dead(&node);
-    let builder = Domain::service(&node).ok_or_else(|| OpenFailure::Other(instance.to_owned()))?;
-    let service = builder.open_or_create()?;
-    let port = service
-        .server_builder()
-        .initial_max_slice_len(MAX_REPLY_BLOCKS)
-        .max_loaned_responses_per_request(1)
-        .backpressure_strategy(BackpressureStrategy::DiscardData)
-        .create()
-        .map_err(|reason| match reason {
-            ServerCreateError::ExceedsMaxSupportedServers => OpenFailure::AlreadyServed,
-            other => OpenFailure::Other(format!("{other:?}")),
-        })?;
-    Ok((node, service, port))
 }

@@ -1,6 +1,8 @@
 //! The plant file: which PLCs, buses and drives there are.
 
+mod checks;
 mod doubts;
+mod error;
 mod file;
 mod places;
 #[cfg(test)]
@@ -8,19 +10,19 @@ mod tests;
 #[cfg(test)]
 mod times_tests;
 
+pub use error::PlantError;
+
 use crate::can;
 use crate::can::Message;
 use crate::devices;
-use crate::devices::settings::range;
-use crate::devices::{BuildError, DeviceConfig, MediumConfig, PortConfig};
+use crate::devices::{DeviceConfig, MediumConfig, PortConfig};
 use crate::fault::{DeviceSite, Fault, FaultError, FaultSpec, MAX_FAULTS, Refusal, Sites};
 use crate::handed_in;
 use crate::journal::Names;
 use crate::layout::Fitted;
-use std::collections::{BTreeMap, BTreeSet, HashMap};
-use std::path::{Path, PathBuf};
+use std::collections::{BTreeMap, HashMap};
+use std::path::Path;
 use std::sync::Arc;
-use thiserror::Error;
 use twox_hash::XxHash3_64;
 
 /// PLCs, and buses: the journal's records have 16 bits for them.
@@ -43,167 +45,6 @@ pub struct PlantConfig {
     pub faults: Vec<FaultSpec>,
     /// The text that all of this was made of.
     text: Arc<str>,
-}
-
-/// What can be wrong with a plant file.
-#[derive(Debug, Error)]
-pub enum PlantError {
-    /// The file cannot be read.
-    #[error("{}: {source}", path.display())]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        source: std::io::Error,
-    },
-    /// The file is no plant file.
-    #[error("{file}: {}{what}", in_line(*.line))]
-    Syntax {
-        /// The file.
-        file: String,
-        /// The line, from 1, if it is known.
-        line: Option<usize>,
-        /// What is wrong there, in one line.
-        what: String,
-    },
-    /// Something is wrong that stands in a plant file.
-    #[error("{file}: {}{source}", in_line(*.line))]
-    At {
-        /// The file.
-        file: String,
-        /// The line, from 1; none if what is wrong stands in none, because it is missing.
-        line: Option<usize>,
-        /// What.
-        source: Box<PlantError>,
-    },
-    /// No PLC in the plant.
-    #[error("the plant has no PLC; add a [[plc]] section with a name")]
-    NoPlc,
-    /// More than journal and channel have numbers for.
-    #[error("the plant has {count} {what}s; there can be at most {MOST}")]
-    TooMany {
-        /// "PLC" or "bus".
-        what: &'static str,
-        /// How many there are.
-        count: usize,
-    },
-    /// A name that cannot be used.
-    #[error("{what} name '{name}': use 1 to 31 characters of A-Z, a-z, 0-9, '_' and '-'")]
-    Name {
-        /// "PLC", "bus" or "drive".
-        what: &'static str,
-        /// The name.
-        name: String,
-    },
-    /// A name given twice.
-    #[error("there are two {what}s named '{name}'; names must be unique")]
-    Duplicate {
-        /// "PLC", "bus" or "drive".
-        what: &'static str,
-        /// The name.
-        name: String,
-    },
-    /// Something else where sections belong.
-    #[error("{file}: line {line}: [[{name}]] begins a section; there can be several")]
-    NoSection {
-        /// The file.
-        file: String,
-        /// The line, from 1.
-        line: usize,
-        /// The sections' name.
-        name: &'static str,
-    },
-    /// A section of a kind that there is not.
-    #[error("{file}: line {line}: there is no {what} of kind '{kind}'; kinds are: {known}")]
-    Kind {
-        /// The file.
-        file: String,
-        /// The line, from 1.
-        line: usize,
-        /// "device" or "bus".
-        what: &'static str,
-        /// The kind.
-        kind: String,
-        /// The kinds there are.
-        known: String,
-    },
-    /// A device refers to a bus that does not exist.
-    #[error("{port} of PLC '{plc}' is on bus '{bus}', which does not exist; buses are: {known}")]
-    UnknownBus {
-        /// The device.
-        plc: String,
-        /// Its port.
-        port: String,
-        /// The bus it names.
-        bus: String,
-        /// The buses there are.
-        known: String,
-    },
-    /// A device refers to a bus of another kind than its port is made for.
-    #[error("{port} of PLC '{plc}' is on bus '{bus}' of kind '{kind}'; it needs one of kind '{right}'")]
-    OtherKind {
-        /// The device.
-        plc: String,
-        /// Its port.
-        port: String,
-        /// The bus it names.
-        bus: String,
-        /// Kind of that bus.
-        kind: &'static str,
-        /// Kind of the buses that it can be on.
-        right: &'static str,
-    },
-    /// Two ports of a device on one bus.
-    #[error("{first} and {second} of PLC '{plc}' are both on bus '{bus}'; a PLC takes part in a bus once")]
-    BothNodes {
-        /// The device.
-        plc: String,
-        /// A port.
-        first: String,
-        /// Another port.
-        second: String,
-        /// The bus.
-        bus: String,
-    },
-    /// Two masters on one bus.
-    #[error(
-        "bus '{bus}' has two masters, {first_port} of '{first}' and {second_port} of '{second}'; a bus of its kind has one"
-    )]
-    TwoMasters {
-        /// The bus.
-        bus: String,
-        /// A device.
-        first: String,
-        /// Its port.
-        first_port: String,
-        /// Another device, or the same.
-        second: String,
-        /// Its port.
-        second_port: String,
-    },
-    /// Two slaves with one number.
-    #[error("slave number {number} is used twice on bus '{bus}', by '{first}' and '{second}'")]
-    SlaveNumber {
-        /// The bus.
-        bus: String,
-        /// The number.
-        number: u8,
-        /// A participant.
-        first: String,
-        /// Another participant.
-        second: String,
-    },
-    /// A device or medium cannot be built: a number out of its range, or a setting that only its owner can judge.
-    #[error(transparent)]
-    Build(#[from] BuildError),
-    /// A fault is refused.
-    #[error("[[fault]] {number}: {source}")]
-    Fault {
-        /// Position in the file, from 1.
-        number: usize,
-        /// Why.
-        source: FaultError,
-    },
 }
 
 impl PlantConfig {
@@ -258,44 +99,6 @@ impl PlantConfig {
         let devices = devices.iter().map(|device| of(device));
         let media = media.iter().map(|medium| of(medium));
         [u64::from(*processor_cycle_us)].into_iter().chain(devices).chain(media).collect()
-    }
-
-    /// Checks everything that a plant file can get wrong.
-    ///
-    /// # Errors
-    /// [`PlantError`], naming the thing and what would be right.
-    pub fn check(&self) -> Result<(), PlantError> {
-        if self.devices.is_empty() {
-            return Err(PlantError::NoPlc);
-        }
-        range("processor_cycle_us", "plant", self.processor_cycle_us.into(), 10..=10_000, "10 to 10000")
-            .map_err(BuildError::from)?;
-        for (what, count) in [("PLC", self.devices.len()), ("bus", self.media.len())] {
-            if count > MOST {
-                return Err(PlantError::TooMany { what, count });
-            }
-        }
-        check_names("PLC", self.devices.iter().map(|device| device.name()))?;
-        check_names("bus", self.media.iter().map(|medium| medium.name()))?;
-        let participants = self.media.iter().flat_map(|medium| medium.participants());
-        check_names("drive", participants.map(|(name, _)| name))?;
-        let media: HashMap<_, _> = self.media.iter().map(|medium| (medium.name(), &**medium)).collect();
-        for device in &self.devices {
-            device.check()?;
-            self.check_ports(&**device, &media)?;
-        }
-        for medium in &self.media {
-            medium.check()?;
-            for door in medium.doors() {
-                devices::door_fits(medium.family(), *door)
-                    .map_err(|reason| BuildError::own(medium.name(), "doors", reason))?;
-            }
-        }
-        let ports = self.ports_of_media();
-        for medium in &self.media {
-            check_medium(&**medium, ports.get(medium.name()).map_or(&[], Vec::as_slice))?;
-        }
-        self.resolved_faults().map(|_| ())
     }
 
     /// The device of this name.
@@ -384,42 +187,6 @@ impl PlantConfig {
         }
         found
     }
-
-    fn check_ports(
-        &self,
-        device: &dyn DeviceConfig,
-        media: &HashMap<&str, &dyn MediumConfig>,
-    ) -> Result<(), PlantError> {
-        let ports = device.ports();
-        for (index, port) in ports.iter().enumerate() {
-            let Some(bus) = port.medium else { continue };
-            let plc = device.name().to_owned();
-            let Some(medium) = media.get(bus) else {
-                let known: Vec<&str> = self.media.iter().map(|medium| medium.name()).collect();
-                let known = if known.is_empty() { "none".to_owned() } else { known.join(", ") };
-                let (port, bus) = (port.name.to_owned(), bus.to_owned());
-                return Err(PlantError::UnknownBus { plc, port, bus, known });
-            };
-            let right =
-                device.layout().port_numbered(port.number).map_or(medium.family(), |port| port.medium);
-            if right != medium.family() {
-                let (port, bus, kind) = (port.name.to_owned(), bus.to_owned(), medium.family());
-                return Err(PlantError::OtherKind { plc, port, bus, kind, right });
-            }
-            let mut before = ports[..index].iter().filter(|_| !medium.takes_several_of_a_device());
-            if let Some(other) = before.find(|other| other.medium == port.medium) {
-                if medium.has_one_master() && other.address.is_none() && port.address.is_none() {
-                    let (first, second) = (plc.clone(), plc);
-                    let (first_port, second_port) = (other.name.to_owned(), port.name.to_owned());
-                    let bus = bus.to_owned();
-                    return Err(PlantError::TwoMasters { bus, first, first_port, second, second_port });
-                }
-                let (first, second) = (other.name.to_owned(), port.name.to_owned());
-                return Err(PlantError::BothNodes { plc, first, second, bus: bus.to_owned() });
-            }
-        }
-        Ok(())
-    }
 }
 
 /// A port, with its device's name.
@@ -432,42 +199,4 @@ fn numbers_on<'a>(
 ) -> impl Iterator<Item = (&'a str, u8)> {
     let ports = ports.iter().filter_map(|(name, port)| port.address.map(|number| (*name, number)));
     ports.chain(medium.participants())
-}
-
-/// `line 3: `, if it is known.
-fn in_line(line: Option<usize>) -> String {
-    line.map_or_else(String::new, |line| format!("line {line}: "))
-}
-
-fn check_medium(medium: &dyn MediumConfig, ports: &[PortOf<'_>]) -> Result<(), PlantError> {
-    let bus = || medium.name().to_owned();
-    let mut masters = ports.iter().filter(|(_, port)| port.address.is_none());
-    if medium.has_one_master()
-        && let (Some((first, first_port)), Some((second, second_port))) = (masters.next(), masters.next())
-    {
-        let (first, second) = ((*first).to_owned(), (*second).to_owned());
-        let (first_port, second_port) = (first_port.name.to_owned(), second_port.name.to_owned());
-        return Err(PlantError::TwoMasters { bus: bus(), first, first_port, second, second_port });
-    }
-    let mut taken: [Option<&str>; 256] = [None; 256];
-    for (name, number) in numbers_on(medium, ports) {
-        if let Some(first) = taken[usize::from(number)].replace(name) {
-            let (first, second) = (first.to_owned(), name.to_owned());
-            return Err(PlantError::SlaveNumber { bus: bus(), number, first, second });
-        }
-    }
-    Ok(())
-}
-
-fn check_names<'a>(what: &'static str, names: impl Iterator<Item = &'a str>) -> Result<(), PlantError> {
-    let mut seen = BTreeSet::new();
-    for name in names {
-        if crate::memory::names::check_plc(name).is_err() {
-            return Err(PlantError::Name { what, name: name.to_owned() });
-        }
-        if !seen.insert(name) {
-            return Err(PlantError::Duplicate { what, name: name.to_owned() });
-        }
-    }
-    Ok(())
 }

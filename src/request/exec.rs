@@ -1,23 +1,20 @@
 //! Executes operations: the one place that tells what each of them does.
 
+mod range;
+mod time;
+
 use super::doors;
 use super::drives;
 use super::register::{Register, device_of, known_plc};
 use super::scene;
 use super::travel;
-use super::{Code, Host, MAX_ADVANCE_US, MAX_CONDITIONS, MAX_RANGE, MAX_RECORDS, Op, Refused, Reply, Waited};
+use super::{Code, Host, MAX_CONDITIONS, MAX_RANGE, MAX_RECORDS, Op, Refused, Reply, Waited};
 use crate::fault::FaultError;
-use crate::layout::{Compare, Test, Width};
-use crate::memory::Unmapped;
+use crate::layout::{Compare, Test};
 use crate::memory::header::BoardSetting;
-use crate::plant::{FollowError, Forced};
-
-/// Longest advance between two looks at [`Host::should_stop`]: 100 ms of emulated time.
-const SLICE_US: u64 = 100_000;
-/// The same while nothing changes, which takes no longer: a minute.
-const REST_US: u64 = 60_000_000;
-/// How many events a wait passes between two looks at [`Host::should_pause`], which may cost as much as an event.
-const EVENTS: u32 = 32;
+use crate::plant::Forced;
+use range::{not_followed, ranged, read_range};
+use time::{limit, look_at, no_conditions, no_sync, stepped};
 
 /// An operation under way.
 ///
@@ -250,190 +247,10 @@ impl Execution {
     pub fn is_under_way(&self) -> bool {
         self.end.is_some()
     }
-
-    /// Goes on to time `part`, at which the present part ends. `false`: it pauses on the way, or is to stop.
-    fn go_to(&mut self, host: &mut dyn Host, part: u64) -> bool {
-        if self.part.is_none() {
-            travel::set_out(host, !core::mem::replace(&mut self.has_set_out, true));
-        }
-        let has_arrived = host.advance_to(part);
-        self.part = (!has_arrived).then_some(part);
-        if has_arrived {
-            travel::arrived(host);
-        }
-        has_arrived
-    }
-
-    /// Goes to time `end` in parts, so that an hour of emulated time does not make the emulator deaf. `false`: it pauses.
-    fn advance(&mut self, host: &mut dyn Host, end: u64) -> Result<bool, Refused> {
-        self.end = Some(end);
-        loop {
-            let now = host.plant().now();
-            if now >= end && self.part.is_none() {
-                self.end = None;
-                return Ok(true);
-            }
-            if host.should_stop() {
-                return Err(Refused::shutting_down());
-            }
-            if host.should_pause() {
-                return Ok(false);
-            }
-            let [least, most] = [SLICE_US, REST_US].map(|us| now.saturating_add(us));
-            let part = self.part.unwrap_or_else(|| host.next_change().clamp(least, most).min(end));
-            if !self.go_to(host, part) {
-                return Ok(false);
-            }
-        }
-    }
-
-    fn wait_for(
-        &mut self,
-        host: &mut dyn Host,
-        any: bool,
-        within_us: u64,
-    ) -> Result<Option<Waited>, Refused> {
-        if self.conditions.is_empty() {
-            return Err(no_conditions());
-        }
-        let conditions = core::mem::take(&mut self.conditions);
-        let look = |host: &dyn Host| look_at(host, any, &conditions);
-        let not_in_time = |_: &dyn Host, waited: Waited| {
-            let (count, held, time_us) = (conditions.len(), waited.value.count_ones(), waited.time_us);
-            let text = format_args!(
-                "the conditions did not come to hold in time; at {time_us} us {held} of {count} hold"
-            );
-            Refused { waited: Some(waited), ..Refused::new(Code::NOT_IN_TIME, text) }
-        };
-        let outcome = self.wait(host, within_us, look, not_in_time);
-        if let Ok(None) = outcome {
-            self.conditions = conditions;
-        }
-        outcome
-    }
-
-    /// Waits until `look` finds what is awaited; it also tells a value for the answer.
-    fn wait(
-        &mut self,
-        host: &mut dyn Host,
-        within_us: u64,
-        look: impl Fn(&dyn Host) -> Result<(bool, u32), Refused>,
-        not_in_time: impl FnOnce(&dyn Host, Waited) -> Refused,
-    ) -> Result<Option<Waited>, Refused> {
-        limit(within_us)?;
-        let begin = host.plant().now();
-        let deadline = *self.end.get_or_insert(begin.saturating_add(within_us));
-        loop {
-            // What is awaited is looked at between two parts only, wherever the wait pauses.
-            if let Some(part) = self.part
-                && !host.should_stop()
-                && !self.go_to(host, part)
-            {
-                return Ok(None);
-            }
-            let (is_met, value) = look(host)?;
-            let waited = Waited { time_us: host.plant().now(), value };
-            if is_met {
-                self.end = None;
-                return Ok(Some(waited));
-            }
-            if waited.time_us >= deadline {
-                return Err(not_in_time(host, waited));
-            }
-            if host.should_stop() {
-                return Err(Refused::shutting_down());
-            }
-            if !host.is_stepped() {
-                return Ok(None);
-            }
-            let latest = deadline.min(waited.time_us.saturating_add(REST_US));
-            let event = host.next_change().max(waited.time_us).min(latest);
-            self.events = self.events.wrapping_add(1);
-            if !self.go_to(host, event) || self.events.is_multiple_of(EVENTS) && host.should_pause() {
-                return Ok(None);
-            }
-        }
-    }
-}
-
-/// Whether the conditions hold, any or all of them, and which do, bit n for number n.
-fn look_at(host: &dyn Host, any: bool, conditions: &[(Register, Test)]) -> Result<(bool, u32), Refused> {
-    let all = u32::MAX >> (MAX_CONDITIONS - conditions.len());
-    let mut held = 0;
-    for (bit, (register, test)) in conditions.iter().enumerate() {
-        held |= u32::from(test.holds(register.address.width(), register.load(host)?)) << bit;
-    }
-    Ok((if any { held != 0 } else { held == all }, held))
-}
-
-fn no_conditions() -> Refused {
-    Refused::new(Code::CONDITIONS, "it needs conditions in front of it")
 }
 
 fn plc_name(host: &dyn Host, plc: u16) -> &str {
     host.plant().devices().get(usize::from(plc)).map_or("", |device| device.name())
-}
-
-fn no_sync(host: &dyn Host, plc: u16, node: u8) -> Refused {
-    let ports = host.plant().devices().get(usize::from(plc)).map(|device| device.layout().ports);
-    let port = ports.unwrap_or_default().iter().find(|port| port.number == node);
-    let (plc, port) = (plc_name(host, plc), port.map_or("this port", |port| port.name));
-    let text =
-        format_args!("PLC '{plc}': nobody sends SYNC on the bus of {port}; initialize its master first");
-    Refused::new(Code::NO_SYNC, text)
-}
-
-fn stepped(host: &dyn Host) -> Result<(), Refused> {
-    if host.is_stepped() {
-        return Ok(());
-    }
-    let text = "the clock runs in real time; time can be advanced in stepped mode only (use a wait, or start the \
-                instance stepped)";
-    Err(Refused::new(Code::CLOCK_IS_REAL_TIME, text))
-}
-
-fn limit(us: u64) -> Result<(), Refused> {
-    if us <= MAX_ADVANCE_US {
-        return Ok(());
-    }
-    let text = format_args!(
-        "{us} us are too long, at most {MAX_ADVANCE_US} us (24 h of emulated time) per operation"
-    );
-    Err(Refused::new(Code::ADVANCE_TOO_LONG, text))
-}
-
-fn read_range(host: &dyn Host, plc: u16, offset: u32, len: u32) -> Result<Vec<u8>, Refused> {
-    let plc = ranged(host, plc, offset, len)?;
-    let mut bytes = vec![0; len as usize];
-    let read = host.plant().read_range(plc, offset, &mut bytes);
-    read.map_err(|hole| hole_in_range(host, plc, offset, len, hole))?;
-    Ok(bytes)
-}
-
-/// The PLC of a range that is not too long.
-fn ranged(host: &dyn Host, plc: u16, offset: u32, len: u32) -> Result<usize, Refused> {
-    let plc = known_plc(host, plc)?;
-    if len <= MAX_RANGE {
-        return Ok(plc);
-    }
-    let begin = device_of(host, plc).at(Width::Byte, offset);
-    let text = format_args!("{begin}: a range of {len} bytes is too long, at most {MAX_RANGE} per operation");
-    Err(Refused::new(Code::RANGE_TOO_LONG, text))
-}
-
-fn hole_in_range(host: &dyn Host, plc: usize, offset: u32, len: u32, hole: Unmapped) -> Refused {
-    let byte = |offset| device_of(host, plc).at(Width::Byte, offset);
-    let (begin, hole) = (byte(offset), byte(hole.offset));
-    let text =
-        format_args!("{begin}, {len} bytes: no register area covers {hole}; read each area for itself");
-    Refused::new(Code::RANGE_UNMAPPED, text)
-}
-
-fn not_followed(host: &dyn Host, plc: usize, offset: u32, len: u32, error: FollowError) -> Refused {
-    match error {
-        FollowError::Unmapped(hole) => hole_in_range(host, plc, offset, len, hole),
-        FollowError::TooMany => Refused::new(Code::TOO_MANY_FOLLOWED, format_args!("{error}")),
-    }
 }
 
 /// `max` records at most. If they reach the end, those that are still being counted follow.

@@ -1,0 +1,55 @@
+//! Why there is no channel.
+
+use super::ROOM;
+use crate::channel::domain::RootError;
+use iceoryx2::node::NodeCreationFailure;
+use iceoryx2::service::builder::request_response::RequestResponseOpenError as OpenError;
+
+/// Why the channel cannot be opened. The emulator can go on without it.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ServerError {
+    /// The channel's directory cannot be used.
+    #[error(transparent)]
+    Root(#[from] RootError),
+    /// Another server holds the channel.
+    #[error(
+        "instance {instance}: another emulator already serves the channel; end it or choose another name"
+    )]
+    AlreadyServed {
+        /// Name of the instance.
+        instance: String,
+    },
+    /// A client of another version still holds the old service.
+    #[error("instance {instance}: a client of another version is still connected ({reason:?}); end it first")]
+    Incompatible {
+        /// Name of the instance.
+        instance: String,
+        /// What iceoryx2 says.
+        reason: OpenError,
+    },
+    /// The memory file system is nearly full.
+    #[error("instance {instance}: /dev/shm has only {free_kib} KiB left, the channel needs {} KiB", ROOM / 1024)]
+    NoRoom {
+        /// Name of the instance.
+        instance: String,
+        /// What is left, in KiB.
+        free_kib: u64,
+    },
+    /// iceoryx2 cannot make a node.
+    #[error("instance {instance}: no iceoryx2 node ({reason:?}); is /dev/shm full or not writable?")]
+    Node {
+        /// Name of the instance.
+        instance: String,
+        /// What iceoryx2 says.
+        reason: NodeCreationFailure,
+    },
+    /// iceoryx2 cannot make the service or its server port.
+    #[error("instance {instance}: no iceoryx2 service ({reason}); is /dev/shm full or not writable?")]
+    Service {
+        /// Name of the instance.
+        instance: String,
+        /// What iceoryx2 says.
+        reason: String,
+    },
+}

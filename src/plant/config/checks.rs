@@ -1,0 +1,116 @@
+//! Checks of a plant as a whole: what no device or medium can judge for itself.
+
+use super::{MOST, PlantConfig, PlantError, PortOf, numbers_on};
+use crate::devices;
+use crate::devices::settings::range;
+use crate::devices::{BuildError, DeviceConfig, MediumConfig};
+use std::collections::{BTreeSet, HashMap};
+
+impl PlantConfig {
+    /// Checks everything that a plant file can get wrong.
+    ///
+    /// # Errors
+    /// [`PlantError`], naming the thing and what would be right.
+    pub fn check(&self) -> Result<(), PlantError> {
+        if self.devices.is_empty() {
+            return Err(PlantError::NoPlc);
+        }
+        range("processor_cycle_us", "plant", self.processor_cycle_us.into(), 10..=10_000, "10 to 10000")
+            .map_err(BuildError::from)?;
+        for (what, count) in [("PLC", self.devices.len()), ("bus", self.media.len())] {
+            if count > MOST {
+                return Err(PlantError::TooMany { what, count });
+            }
+        }
+        check_names("PLC", self.devices.iter().map(|device| device.name()))?;
+        check_names("bus", self.media.iter().map(|medium| medium.name()))?;
+        let participants = self.media.iter().flat_map(|medium| medium.participants());
+        check_names("drive", participants.map(|(name, _)| name))?;
+        let media: HashMap<_, _> = self.media.iter().map(|medium| (medium.name(), &**medium)).collect();
+        for device in &self.devices {
+            device.check()?;
+            self.check_ports(&**device, &media)?;
+        }
+        for medium in &self.media {
+            medium.check()?;
+            for door in medium.doors() {
+                devices::door_fits(medium.family(), *door)
+                    .map_err(|reason| BuildError::own(medium.name(), "doors", reason))?;
+            }
+        }
+        let ports = self.ports_of_media();
+        for medium in &self.media {
+            check_medium(&**medium, ports.get(medium.name()).map_or(&[], Vec::as_slice))?;
+        }
+        self.resolved_faults().map(|_| ())
+    }
+
+    fn check_ports(
+        &self,
+        device: &dyn DeviceConfig,
+        media: &HashMap<&str, &dyn MediumConfig>,
+    ) -> Result<(), PlantError> {
+        let ports = device.ports();
+        for (index, port) in ports.iter().enumerate() {
+            let Some(bus) = port.medium else { continue };
+            let plc = device.name().to_owned();
+            let Some(medium) = media.get(bus) else {
+                let known: Vec<&str> = self.media.iter().map(|medium| medium.name()).collect();
+                let known = if known.is_empty() { "none".to_owned() } else { known.join(", ") };
+                let (port, bus) = (port.name.to_owned(), bus.to_owned());
+                return Err(PlantError::UnknownBus { plc, port, bus, known });
+            };
+            let right =
+                device.layout().port_numbered(port.number).map_or(medium.family(), |port| port.medium);
+            if right != medium.family() {
+                let (port, bus, kind) = (port.name.to_owned(), bus.to_owned(), medium.family());
+                return Err(PlantError::OtherKind { plc, port, bus, kind, right });
+            }
+            let mut before = ports[..index].iter().filter(|_| !medium.takes_several_of_a_device());
+            if let Some(other) = before.find(|other| other.medium == port.medium) {
+                if medium.has_one_master() && other.address.is_none() && port.address.is_none() {
+                    let (first, second) = (plc.clone(), plc);
+                    let (first_port, second_port) = (other.name.to_owned(), port.name.to_owned());
+                    let bus = bus.to_owned();
+                    return Err(PlantError::TwoMasters { bus, first, first_port, second, second_port });
+                }
+                let (first, second) = (other.name.to_owned(), port.name.to_owned());
+                return Err(PlantError::BothNodes { plc, first, second, bus: bus.to_owned() });
+            }
+        }
+        Ok(())
+    }
+}
+
+fn check_medium(medium: &dyn MediumConfig, ports: &[PortOf<'_>]) -> Result<(), PlantError> {
+    let bus = || medium.name().to_owned();
+    let mut masters = ports.iter().filter(|(_, port)| port.address.is_none());
+    if medium.has_one_master()
+        && let (Some((first, first_port)), Some((second, second_port))) = (masters.next(), masters.next())
+    {
+        let (first, second) = ((*first).to_owned(), (*second).to_owned());
+        let (first_port, second_port) = (first_port.name.to_owned(), second_port.name.to_owned());
+        return Err(PlantError::TwoMasters { bus: bus(), first, first_port, second, second_port });
+    }
+    let mut taken: [Option<&str>; 256] = [None; 256];
+    for (name, number) in numbers_on(medium, ports) {
+        if let Some(first) = taken[usize::from(number)].replace(name) {
+            let (first, second) = (first.to_owned(), name.to_owned());
+            return Err(PlantError::SlaveNumber { bus: bus(), number, first, second });
+        }
+    }
+    Ok(())
+}
+
+fn check_names<'a>(what: &'static str, names: impl Iterator<Item = &'a str>) -> Result<(), PlantError> {
+    let mut seen = BTreeSet::new();
+    for name in names {
+        if crate::memory::names::check_plc(name).is_err() {
+            return Err(PlantError::Name { what, name: name.to_owned() });
+        }
+        if !seen.insert(name) {
+            return Err(PlantError::Duplicate { what, name: name.to_owned() });
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,173 @@
+//! What can be wrong with a plant file.
+
+use super::MOST;
+use crate::devices::BuildError;
+use crate::fault::FaultError;
+use std::path::PathBuf;
+use thiserror::Error;
+
+/// What can be wrong with a plant file.
+#[derive(Debug, Error)]
+pub enum PlantError {
+    /// The file cannot be read.
+    #[error("{}: {source}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// The file is no plant file.
+    #[error("{file}: {}{what}", in_line(*.line))]
+    Syntax {
+        /// The file.
+        file: String,
+        /// The line, from 1, if it is known.
+        line: Option<usize>,
+        /// What is wrong there, in one line.
+        what: String,
+    },
+    /// Something is wrong that stands in a plant file.
+    #[error("{file}: {}{source}", in_line(*.line))]
+    At {
+        /// The file.
+        file: String,
+        /// The line, from 1; none if what is wrong stands in none, because it is missing.
+        line: Option<usize>,
+        /// What.
+        source: Box<PlantError>,
+    },
+    /// No PLC in the plant.
+    #[error("the plant has no PLC; add a [[plc]] section with a name")]
+    NoPlc,
+    /// More than journal and channel have numbers for.
+    #[error("the plant has {count} {what}s; there can be at most {MOST}")]
+    TooMany {
+        /// "PLC" or "bus".
+        what: &'static str,
+        /// How many there are.
+        count: usize,
+    },
+    /// A name that cannot be used.
+    #[error("{what} name '{name}': use 1 to 31 characters of A-Z, a-z, 0-9, '_' and '-'")]
+    Name {
+        /// "PLC", "bus" or "drive".
+        what: &'static str,
+        /// The name.
+        name: String,
+    },
+    /// A name given twice.
+    #[error("there are two {what}s named '{name}'; names must be unique")]
+    Duplicate {
+        /// "PLC", "bus" or "drive".
+        what: &'static str,
+        /// The name.
+        name: String,
+    },
+    /// Something else where sections belong.
+    #[error("{file}: line {line}: [[{name}]] begins a section; there can be several")]
+    NoSection {
+        /// The file.
+        file: String,
+        /// The line, from 1.
+        line: usize,
+        /// The sections' name.
+        name: &'static str,
+    },
+    /// A section of a kind that there is not.
+    #[error("{file}: line {line}: there is no {what} of kind '{kind}'; kinds are: {known}")]
+    Kind {
+        /// The file.
+        file: String,
+        /// The line, from 1.
+        line: usize,
+        /// "device" or "bus".
+        what: &'static str,
+        /// The kind.
+        kind: String,
+        /// The kinds there are.
+        known: String,
+    },
+    /// A device refers to a bus that does not exist.
+    #[error("{port} of PLC '{plc}' is on bus '{bus}', which does not exist; buses are: {known}")]
+    UnknownBus {
+        /// The device.
+        plc: String,
+        /// Its port.
+        port: String,
+        /// The bus it names.
+        bus: String,
+        /// The buses there are.
+        known: String,
+    },
+    /// A device refers to a bus of another kind than its port is made for.
+    #[error("{port} of PLC '{plc}' is on bus '{bus}' of kind '{kind}'; it needs one of kind '{right}'")]
+    OtherKind {
+        /// The device.
+        plc: String,
+        /// Its port.
+        port: String,
+        /// The bus it names.
+        bus: String,
+        /// Kind of that bus.
+        kind: &'static str,
+        /// Kind of the buses that it can be on.
+        right: &'static str,
+    },
+    /// Two ports of a device on one bus.
+    #[error("{first} and {second} of PLC '{plc}' are both on bus '{bus}'; a PLC takes part in a bus once")]
+    BothNodes {
+        /// The device.
+        plc: String,
+        /// A port.
+        first: String,
+        /// Another port.
+        second: String,
+        /// The bus.
+        bus: String,
+    },
+    /// Two masters on one bus.
+    #[error(
+        "bus '{bus}' has two masters, {first_port} of '{first}' and {second_port} of '{second}'; a bus of its kind has one"
+    )]
+    TwoMasters {
+        /// The bus.
+        bus: String,
+        /// A device.
+        first: String,
+        /// Its port.
+        first_port: String,
+        /// Another device, or the same.
+        second: String,
+        /// Its port.
+        second_port: String,
+    },
+    /// Two slaves with one number.
+    #[error("slave number {number} is used twice on bus '{bus}', by '{first}' and '{second}'")]
+    SlaveNumber {
+        /// The bus.
+        bus: String,
+        /// The number.
+        number: u8,
+        /// A participant.
+        first: String,
+        /// Another participant.
+        second: String,
+    },
+    /// A device or medium cannot be built: a number out of its range, or a setting that only its owner can judge.
+    #[error(transparent)]
+    Build(#[from] BuildError),
+    /// A fault is refused.
+    #[error("[[fault]] {number}: {source}")]
+    Fault {
+        /// Position in the file, from 1.
+        number: usize,
+        /// Why.
+        source: FaultError,
+    },
+}
+
+/// `line 3: `, if it is known.
+fn in_line(line: Option<usize>) -> String {
+    line.map_or_else(String::new, |line| format!("line {line}: "))
+}
