@@ -4,6 +4,7 @@ use crate::devices::samples::tables::NODES as DEVICE;
 use crate::fault::{Fault, FaultSpec, FaultStatus};
 use crate::layout::{Fitted, Place};
 use crate::memory::Width;
+use crate::request::MAX_ADVANCE_US;
 use crate::request::testing::{RAM, TestHost};
 use core::num::NonZeroU16;
 
