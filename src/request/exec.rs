@@ -8,9 +8,10 @@ use super::drives;
 use super::register::{Register, device_of, known_plc};
 use super::scene;
 use super::travel;
+use super::travel::Store;
 use super::{Code, Host, MAX_CONDITIONS, MAX_RANGE, MAX_RECORDS, Op, Refused, Reply, Waited};
 use crate::fault::FaultError;
-use crate::layout::{Compare, Test};
+use crate::layout::{Compare, Test, Width};
 use crate::memory::header::BoardSetting;
 use crate::plant::Forced;
 use range::{not_followed, ranged, read_range};
@@ -41,7 +42,8 @@ impl Execution {
     /// # Errors
     /// [`Refused`].
     pub fn run(&mut self, host: &mut dyn Host, op: &Op) -> Result<Option<Reply>, Refused> {
-        if op.acts() {
+        // What is stored is kept as such.
+        if op.acts() && !op.stores() {
             host.plant_and_travel().1.touch();
         }
         let reply = match *op {
@@ -55,6 +57,7 @@ impl Execution {
                 register.fits(host, value)?;
                 let stored = host.plant_mut().store(register.plc, offset, width, value);
                 stored.map_err(|_| register.unmapped())?;
+                has_stored(host, register.plc, offset, width, value);
                 Reply::Written
             }
             Op::CompareExchange { plc, offset, width, current, new } => {
@@ -64,6 +67,9 @@ impl Execution {
                 register.fits(host, new)?;
                 let outcome = host.plant_mut().compare_exchange(register.plc, offset, width, current, new);
                 let outcome = outcome.map_err(|_| register.unmapped())?;
+                if outcome.is_ok() {
+                    has_stored(host, register.plc, offset, width, new);
+                }
                 Reply::Exchanged { ok: outcome.is_ok(), found: outcome.unwrap_or_else(|found| found) }
             }
             Op::ReadRange { plc, offset, len } => Reply::Bytes(read_range(host, plc, offset, len)?),
@@ -247,6 +253,12 @@ impl Execution {
     pub fn is_under_way(&self) -> bool {
         self.end.is_some()
     }
+}
+
+/// An operation has stored a value.
+fn has_stored(host: &mut dyn Host, plc: usize, offset: u32, width: Width, value: u32) {
+    let (plant, travel) = host.plant_and_travel();
+    travel.has_stored(Store { time_us: plant.now(), plc, offset, width, value });
 }
 
 fn plc_name(host: &dyn Host, plc: u16) -> &str {

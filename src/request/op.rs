@@ -366,6 +366,11 @@ impl Op {
         }
     }
 
+    /// Whether it stores a register, and nothing else.
+    pub(super) fn stores(&self) -> bool {
+        matches!(self, Op::Poke { .. } | Op::CompareExchange { .. })
+    }
+
     /// Whether it does something to the plant but letting time pass.
     pub(super) fn acts(&self) -> bool {
         matches!(

@@ -1,24 +1,29 @@
 //! Going back: what is kept of the plant on its way, and how it gets to where it was.
 //!
 //! With a stepped clock nothing but the passing of time happens between two moments at which somebody does something, and
-//! whoever does something does it before time passes on. So a snapshot is enough when time is about to pass behind something
-//! that was done: to any moment behind it the plant goes by itself, as it did the first time. Only what a program stores through the
-//! map while time passes comes by no request; who goes back over such a stretch is told.
+//! whoever does something does it before time passes on. So it is enough to keep what operations have stored, and a snapshot
+//! when time is about to pass behind anything else that was done: to any moment behind it the plant goes by itself, with the
+//! same stores, as it did the first time. Only what a program stores through the map comes by no request; who goes back over
+//! such a stretch is told.
 
+mod stretch;
 #[cfg(test)]
 mod tests;
+
+pub(super) use stretch::Store;
 
 use super::{Code, Host, Refused};
 use crate::plant::{Plant, Snapshot, SnapshotFile};
 use crate::time;
 use std::collections::{BTreeMap, VecDeque};
+use stretch::Stretch;
 
 /// Most snapshots that clients keep at a time.
 const MAX_SAVED: usize = 64;
 /// Emulated time between two snapshots while it passes in one go: so long it takes to get there again at most.
 const STRETCH_US: u64 = 10_000_000;
-/// Emulated time between two snapshots if nobody does anything by an operation, but programs may do so through the map.
-const PAUSE_US: u64 = 20_000;
+/// The same between two operations: programs may store through the map, and from a snapshot on one knows what they have stored.
+const PAUSE_US: u64 = 100_000;
 
 /// What is kept for going back.
 #[derive(Debug)]
@@ -35,7 +40,7 @@ pub struct Travel {
     /// Bytes that it takes, and may take.
     size: usize,
     most: usize,
-    /// Somebody has done something since the last snapshot of the way.
+    /// Somebody has done something since the last snapshot of the way that is not kept with it.
     is_touched: bool,
     /// The plant has come from a snapshot that was not of its way, so what was kept of that was dropped.
     came_from_elsewhere: bool,
@@ -48,15 +53,6 @@ struct Saved {
     written: u64,
     /// The plant has come here from there.
     is_behind: bool,
-}
-
-/// A stretch of time in which nobody asked for anything.
-#[derive(Debug)]
-struct Stretch {
-    /// Its beginning.
-    begin: Snapshot,
-    /// How far it went without a break, and the journal's hash there.
-    end: (u64, u64),
 }
 
 impl Default for Travel {
@@ -96,6 +92,18 @@ impl Travel {
         self.is_touched = true;
     }
 
+    /// An operation has stored something.
+    pub(super) fn has_stored(&mut self, store: Store) {
+        let stretch = self.history.back_mut().filter(|stretch| !self.is_touched && stretch.has_room());
+        match stretch {
+            Some(stretch) => {
+                stretch.stores.push(store);
+                self.size += size_of::<Store>();
+            }
+            None => self.is_touched = true,
+        }
+    }
+
     /// Whether nothing was kept for so long that it should be.
     fn is_overdue(&self, now: u64, after_us: u64) -> bool {
         self.history.back().is_none_or(|last| last.begin.time_us() + after_us <= now)
@@ -109,24 +117,34 @@ impl Travel {
         let mut room = Vec::new();
         // What was done at one moment is all in the last snapshot of it.
         while let Some(last) = self.history.pop_back_if(|last| last.begin.time_us() >= now) {
-            self.size -= last.begin.size();
+            self.size -= last.size();
             room = last.begin.into_state();
         }
-        let begin = plant.snapshot_reusing(room);
-        self.size += begin.size();
-        self.history.push_back(Stretch { begin, end: (now, plant.journal().hash()) });
+        let stretch = Stretch::from_here(plant, room);
+        self.size += stretch.size();
+        self.history.push_back(stretch);
         while self.size > self.most && self.history.len() > 1 {
-            self.size -= self.history.pop_front().map_or(0, |oldest| oldest.begin.size());
+            self.size -= self.history.pop_front().map_or(0, |oldest| oldest.size());
         }
     }
 
     /// The plant is where it is now: what was kept of later moments is no part of its way.
     fn is_at(&mut self, plant: &Plant) {
         let (now, written) = (plant.now(), plant.journal().written());
-        while let Some(later) = self.history.pop_back_if(|it| it.begin.time_us() > now) {
-            self.size -= later.begin.size();
+        self.drop_from(now + 1);
+        if let Some(last) = self.history.back_mut() {
+            let before = last.size();
+            last.ends_here(plant);
+            self.size -= before - last.size();
         }
         self.saved.values_mut().for_each(|saved| saved.is_behind &= saved.written <= written);
+    }
+
+    /// Drops what begins at a moment or behind it.
+    fn drop_from(&mut self, time_us: u64) {
+        while let Some(later) = self.history.pop_back_if(|it| it.begin.time_us() >= time_us) {
+            self.size -= later.size();
+        }
     }
 
     /// Nothing that is kept is of the plant's way.
@@ -170,7 +188,7 @@ pub(super) fn set_out(host: &mut dyn Host, is_first: bool) {
 pub(super) fn arrived(host: &mut dyn Host) {
     let (plant, travel) = host.plant_and_travel();
     if let Some(stretch) = travel.history.back_mut() {
-        stretch.end = (plant.now(), plant.journal().hash());
+        stretch.goes_on_to(plant);
     }
 }
 
@@ -183,6 +201,8 @@ pub(super) fn save(host: &mut dyn Host) -> Result<u32, Refused> {
         return Err(Refused::new(Code::SNAPSHOT, text));
     }
     travel.last = travel.last.wrapping_add(1).max(1);
+    // What is stored from here on is not of this moment, even if no time passes.
+    travel.touch();
     let (snapshot, written) = (plant.snapshot(), plant.journal().written());
     travel.saved.insert(travel.last, Saved { snapshot, written, is_behind: true });
     Ok(travel.last)
@@ -245,7 +265,10 @@ pub(super) fn back_to(host: &mut dyn Host, number: u32, detached: bool) -> Resul
     go_to(host, &snapshot, is_behind)?;
     let (plant, travel) = host.plant_and_travel();
     if is_behind {
-        travel.is_at(plant)
+        // What is kept of the same moment may be of later on: a new one is taken before time passes.
+        travel.drop_from(plant.now());
+        travel.is_at(plant);
+        travel.touch();
     } else {
         travel.is_elsewhere()
     }
@@ -333,16 +356,18 @@ fn last_in<T>(
     (end, is_behind): (u64, bool),
     look: &impl Fn(&dyn Host) -> Result<Option<T>, Refused>,
 ) -> Result<(Option<u64>, (u64, bool)), Refused> {
-    let begin = host.plant_and_travel().1.history[place].begin.clone();
-    go_to(host, &begin, true)?;
-    let first = (begin.time_us(), look(host)?.is_some());
+    let stretch = host.plant_and_travel().1.history[place].clone();
+    go_to(host, &stretch.begin, true)?;
+    let mut way = stretch.way(u64::MAX);
+    way.go_to(host.plant_mut(), stretch.begin.time_us());
+    let first = (stretch.begin.time_us(), look(host)?.is_some());
     let (mut is_found, mut last) = (first.1, None);
     loop {
-        let next = host.plant().next_change();
+        let next = host.plant().next_change().min(way.next_store());
         if next >= end {
             break;
         }
-        host.plant_mut().advance_to(next);
+        way.go_to(host.plant_mut(), next);
         if !core::mem::replace(&mut is_found, look(host)?.is_some()) && is_found {
             last = Some(next);
         }
@@ -355,14 +380,13 @@ fn last_in<T>(
 fn arrive(host: &mut dyn Host, target: u64, here: &Snapshot, detached: bool) -> Result<(), Refused> {
     let (_, travel) = host.plant_and_travel();
     let place = travel.stretch_of(target).ok_or_else(|| Refused::new(Code::NOT_SO_FAR, travel.nothing()))?;
-    let Stretch { begin, end: (end, hash) } = &travel.history[place];
-    let (begin, end, hash) = (begin.clone(), *end, *hash);
-    if target > begin.time_us() && !detached {
-        go_to(host, &begin, true)?;
-        host.plant_mut().advance_to(end);
-        if host.plant().journal().hash() != hash {
+    let stretch = travel.history[place].clone();
+    if target > stretch.begin.time_us() && !detached {
+        go_to(host, &stretch.begin, true)?;
+        let end = stretch.end_us();
+        if !stretch.is_repeated(host.plant_mut()) {
             return_to(host, here);
-            let from = time::seconds(begin.time_us());
+            let from = time::seconds(stretch.begin.time_us());
             let text = format_args!(
                 "between {from} and {} a program has stored what it had mapped, which cannot be repeated; go back to \
                  {from}, or give --detached to go without what it has stored",
@@ -371,8 +395,8 @@ fn arrive(host: &mut dyn Host, target: u64, here: &Snapshot, detached: bool) -> 
             return Err(Refused::new(Code::SNAPSHOT, text));
         }
     }
-    go_to(host, &begin, true)?;
-    host.plant_mut().advance_to(target);
+    go_to(host, &stretch.begin, true)?;
+    stretch.way(target).go_to(host.plant_mut(), target);
     let (plant, travel) = host.plant_and_travel();
     travel.is_at(plant);
     Ok(())

@@ -107,6 +107,69 @@ fn one_can_go_back_as_far_as_is_kept_and_only_alone_with_a_stepped_clock() {
     assert_eq!(host.refusal(back(1)).0, Code::CLOCK_IS_REAL_TIME);
 }
 
+/// Stores do not need snapshots: all of the way is behind the first one, and to each of its moments the plant goes back.
+#[test]
+fn what_operations_have_stored_is_stored_again() {
+    let mut host = host();
+    let travel = host.plant_and_travel().1;
+    assert_eq!(travel.history.len(), 1);
+    let stored: Vec<_> = travel.history[0].stores.iter().map(|store| (store.time_us, store.value)).collect();
+    assert_eq!(stored, [(2_000, 1), (5_000, 2)]);
+    let states = |us: u64| {
+        let mut host = self::host();
+        host.request(&[back(9_000 - us)]);
+        (held(&mut host), host.plant.journal().hash(), host.plant_and_travel().1.history[0].stores.len())
+    };
+    let value = |us| states(us).0;
+    assert_eq!([0, 1_999, 2_000, 4_999, 5_000, 8_999].map(value), [0, 0, 1, 1, 2, 2].map(Reply::Value));
+    // What comes behind is forgotten, also of the stretch.
+    assert_eq!([1_999, 2_000, 4_999, 5_000].map(|us| states(us).2), [0, 1, 1, 2]);
+    // A comparison that has failed has stored nothing.
+    let exchange =
+        |current, new| Op::CompareExchange { plc: 0, offset: RAM.start, width: WORD, current, new };
+    host.request(&[exchange(7, 8), Op::Advance { us: 1_000 }, exchange(2, 3), Op::Advance { us: 1_000 }]);
+    assert_eq!(host.plant_and_travel().1.history[0].stores.len(), 3);
+    host.request(&[back(1_000)]);
+    assert_eq!(held(&mut host), Reply::Value(3));
+    host.request(&[back(1)]);
+    assert_eq!(held(&mut host), Reply::Value(2));
+}
+
+/// A snapshot in the middle of a moment is that of what was stored before it.
+#[test]
+fn what_was_stored_behind_a_snapshot_of_the_same_moment_is_not_in_it() {
+    let mut host = host();
+    host.request(&[poke(3)]);
+    let number = host.request(&[Op::Save]).remove(0).value().unwrap();
+    host.request(&[poke(4), Op::Advance { us: 1_000 }]);
+    assert_eq!(host.request(&[Op::BackTo { number, detached: false }]), [Reply::Time(9_000)]);
+    assert_eq!(held(&mut host), Reply::Value(3));
+    let hash = host.plant.journal().hash();
+    host.request(&[Op::Advance { us: 1_000 }, back(1_000)]);
+    assert_eq!((held(&mut host), host.plant.journal().hash()), (Reply::Value(3), hash));
+    host.request(&[Op::Advance { us: 1_000 }, back(1_001)]);
+    assert_eq!(held(&mut host), Reply::Value(2));
+}
+
+/// So that going back does not take longer and longer, and what is kept stays small.
+#[test]
+fn so_many_stores_are_worth_a_snapshot() {
+    let mut host = TestHost::new(true);
+    host.request(&[Op::Advance { us: 1 }]);
+    for value in 0..300 {
+        host.request(&[poke(value), Op::Advance { us: 1 }]);
+    }
+    let travel = host.plant_and_travel().1;
+    assert_eq!(travel.history.iter().map(|stretch| stretch.stores.len()).collect::<Vec<_>>(), [256, 43]);
+    let sum: usize = travel.history.iter().map(Stretch::size).sum();
+    assert_eq!(travel.size, sum);
+    host.request(&[back(299)]);
+    let travel = host.plant_and_travel().1;
+    assert_eq!(travel.size, travel.history[0].size());
+    host.request(&[Op::Advance { us: 200_000 }, Op::Advance { us: 1 }]);
+    assert_eq!(host.plant_and_travel().1.history.len(), 2, "so much time is worth one, too");
+}
+
 #[test]
 fn stores_through_the_map_while_time_passes_cannot_be_repeated_and_that_is_told() {
     let mut host = TestHost::new(true);
@@ -193,7 +256,7 @@ fn what_is_kept_is_bounded() {
     let size = host.plant.snapshot().size();
     *host.plant_and_travel().1 = Travel::new(10 * size);
     for _ in 0..30 {
-        host.request(&[poke(1), Op::Advance { us: 1_000 }]);
+        host.request(&[Op::ClearFindings, Op::Advance { us: 1_000 }]);
     }
     let earliest = host.plant_and_travel().1.earliest().unwrap();
     assert!((18_000..29_000).contains(&earliest), "{earliest}");

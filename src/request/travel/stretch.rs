@@ -1,0 +1,106 @@
+//! A stretch of the plant's way: a snapshot, and what operations have stored since.
+
+use crate::memory::Width;
+use crate::plant::{Plant, Snapshot};
+
+/// Most stores that are kept behind one snapshot: about as many bytes as it has itself.
+const MOST_STORES: usize = 256;
+
+/// A store by an operation.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::request) struct Store {
+    pub(in crate::request) time_us: u64,
+    pub(in crate::request) plc: usize,
+    pub(in crate::request) offset: u32,
+    pub(in crate::request) width: Width,
+    pub(in crate::request) value: u32,
+}
+
+/// A stretch of time in which nobody has done anything but to store registers.
+#[derive(Clone, Debug)]
+pub(super) struct Stretch {
+    /// Its beginning.
+    pub(super) begin: Snapshot,
+    /// What was stored by operations behind that, in this order.
+    pub(super) stores: Vec<Store>,
+    /// How far it went without a break.
+    end: End,
+}
+
+/// Up to where it is known how a stretch went.
+#[derive(Clone, Copy, Debug)]
+struct End {
+    time_us: u64,
+    /// How many of its stores had been made.
+    stores: usize,
+    /// The journal's hash.
+    hash: u64,
+}
+
+impl Stretch {
+    /// One that begins where the plant is; the snapshot may take the room of a former one.
+    pub(super) fn from_here(plant: &Plant, room: Vec<u8>) -> Self {
+        let end = End { time_us: plant.now(), stores: 0, hash: plant.journal().hash() };
+        Stretch { begin: plant.snapshot_reusing(room), stores: Vec::new(), end }
+    }
+
+    /// Bytes that it takes.
+    pub(super) fn size(&self) -> usize {
+        self.begin.size() + size_of_val(&self.stores[..])
+    }
+
+    pub(super) fn has_room(&self) -> bool {
+        self.stores.len() < MOST_STORES
+    }
+
+    /// Time has passed.
+    pub(super) fn goes_on_to(&mut self, plant: &Plant) {
+        self.end = End { time_us: plant.now(), stores: self.stores.len(), hash: plant.journal().hash() };
+    }
+
+    /// The plant is at a moment of this stretch: what comes behind it is no part of the way any more.
+    pub(super) fn ends_here(&mut self, plant: &Plant) {
+        let now = plant.now();
+        self.stores.truncate(self.stores.partition_point(|store| store.time_us <= now));
+        if self.end.time_us > now {
+            self.goes_on_to(plant);
+        }
+    }
+
+    pub(super) fn end_us(&self) -> u64 {
+        self.end.time_us
+    }
+
+    /// From the beginning, at which the plant is: goes to the end, and tells whether all was as it had been the first time.
+    pub(super) fn is_repeated(&self, plant: &mut Plant) -> bool {
+        let End { time_us, stores, hash } = self.end;
+        Way(&self.stores[..stores]).go_to(plant, time_us);
+        plant.journal().hash() == hash
+    }
+
+    /// The way from the beginning on, with what was stored up to a moment.
+    pub(super) fn way(&self, until_us: u64) -> Way<'_> {
+        Way(&self.stores[..self.stores.partition_point(|store| store.time_us <= until_us)])
+    }
+}
+
+/// What is still to be stored on the way.
+pub(super) struct Way<'a>(&'a [Store]);
+
+impl Way<'_> {
+    /// When something is stored next, `u64::MAX`: nothing is.
+    pub(super) fn next_store(&self) -> u64 {
+        self.0.first().map_or(u64::MAX, |store| store.time_us)
+    }
+
+    /// Goes on to a moment, with what is stored up to it and at it.
+    pub(super) fn go_to(&mut self, plant: &mut Plant, time_us: u64) {
+        while let Some((store, rest)) = self.0.split_first().filter(|(store, _)| store.time_us <= time_us) {
+            plant.advance_to(store.time_us);
+            // It was possible then, and the plant is as it was.
+            let _ = plant.store(store.plc, store.offset, store.width, store.value);
+            self.0 = rest;
+        }
+        plant.advance_to(time_us);
+    }
+}
