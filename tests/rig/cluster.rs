@@ -3,10 +3,10 @@
 //! values come up.
 
 use super::bring_up::{Mode, Node, Stage, bring_up_in};
-use super::{Kind, Rate, plant_of};
+use super::{Kind, Memory, Rate, segment};
 use commram::devices::cansync::registers::{CANsync_MA_CTRL_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT};
-use commram::memory::{Segment, View};
-use commram::plant::Plant;
+use commram::memory::{Image, Segment, View};
+use commram::plant::{Plant, PlantConfig};
 
 /// Control registers of frames: released, taken over and sent, received, re-armed.
 const RELEASED: u8 = 0x05;
@@ -23,6 +23,7 @@ pub(crate) struct Cluster {
     pub plant: Plant,
     pub rate: Rate,
     pub plcs: Vec<ClusterPlc>,
+    _images: Vec<Image>,
 }
 
 /// A PLC of the cluster.
@@ -47,19 +48,21 @@ impl Drop for Cluster {
 impl Cluster {
     /// `widths[n]`: participants on each bus of level n; those of the last level are drives.
     pub(crate) fn new(rate: Rate, widths: &[usize]) -> Cluster {
-        Self::of(rate, plant_text(rate, widths))
+        Self::of(rate, plant_text(rate, widths), Memory::Heap)
     }
 
     /// Levels filled in order, up to so many participants: no bus has room before all have that stand before it.
-    pub(crate) fn filled(rate: Rate, participants: usize) -> Cluster {
-        Self::of(rate, filled_text(rate, participants))
+    pub(crate) fn filled(rate: Rate, participants: usize, memory: Memory) -> Cluster {
+        Self::of(rate, filled_text(rate, participants), memory)
     }
 
-    fn of(rate: Rate, (text, children): (String, Vec<usize>)) -> Cluster {
-        let plant = plant_of(&text);
+    fn of(rate: Rate, (text, children): (String, Vec<usize>), memory: Memory) -> Cluster {
+        let config = PlantConfig::parse("rig", &text).unwrap();
+        let mut images = Vec::new();
+        let plant = Plant::new(&config, |plc, device| segment(memory, plc, device, &mut images)).unwrap();
         let plcs = plant.devices().iter().zip(children).enumerate();
         let plcs = plcs.map(|(index, (plc, children))| plc_of(rate, plc.segment(), index == 0, children));
-        Cluster { plcs: plcs.collect(), plant, rate }
+        Cluster { plcs: plcs.collect(), plant, rate, _images: images }
     }
 
     /// From restart to active operation, all PLCs level with each other; ends at a SYNC edge.

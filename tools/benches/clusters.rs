@@ -2,15 +2,16 @@
 //! so on; WRC1 and RDC1 busy on all buses in every interval, the tasks of all PLCs included.
 //!
 //! `COMMRAM_BENCH_PARTICIPANTS` names other sizes, one after the other: `1057,65535`, `COMMRAM_BENCH_CORES` how many cores may work
-//! at the plant. What it takes of memory is told beside.
+//! at the plant, `COMMRAM_BENCH_IMAGES=1` puts the registers into image files. What it takes of memory is told beside.
 
 #[path = "../../tests/rig/mod.rs"]
 mod rig;
 
 use core::num::NonZero;
 use criterion::{BenchmarkId, Criterion, SamplingMode, Throughput, criterion_group, criterion_main};
-use rig::OMEGA_RATES;
 use rig::cluster::Cluster;
+use rig::{Memory, OMEGA_RATES};
+use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
@@ -69,12 +70,23 @@ fn cores() -> NonZero<usize> {
     asked.and_then(|count| count.parse().ok()).unwrap_or(NonZero::<usize>::MIN)
 }
 
+/// Where the registers lie. Image files need as many open files as there may be.
+fn memory() -> Memory {
+    if std::env::var_os("COMMRAM_BENCH_IMAGES").is_none() {
+        return Memory::Heap;
+    }
+    let Rlimit { maximum, .. } = getrlimit(Resource::Nofile);
+    setrlimit(Resource::Nofile, Rlimit { current: maximum, maximum }).expect("up to the maximum one may");
+    Memory::Mapped
+}
+
 fn clusters(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("clusters");
     group.throughput(Throughput::Elements(1)).sample_size(10);
+    let memory = memory();
     for participants in sizes() {
         let before = USED.load(Ordering::Relaxed);
-        let mut cluster = Cluster::filled(OMEGA_RATES[0], participants);
+        let mut cluster = Cluster::filled(OMEGA_RATES[0], participants, memory);
         cluster.plant.set_cores(cores());
         cluster.activate();
         let used = USED.load(Ordering::Relaxed) - before;
