@@ -6,6 +6,7 @@ use std::fs;
 use std::path::Path;
 
 mod files;
+mod round_trip;
 
 const FIXTURE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/fixture");
 
