@@ -166,13 +166,4 @@ mod tests {
         };
         assert_eq!(rows, catalogue().rules.iter().map(row).collect::<Vec<_>>());
     }
-
-    /// The page for users tells of every kind of event.
-    #[test]
-    fn the_documentation_tells_of_every_kind() {
-        let page = include_str!("../../docs/journal.md");
-        for kind in &catalogue().kinds {
-            assert!(page.contains(&format!("| `{}` |", kind.name())), "{kind:?}");
-        }
-    }
 }

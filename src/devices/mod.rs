@@ -29,6 +29,8 @@ mod events;
 mod exercise;
 #[cfg(all(test, feature = "emulator"))]
 mod fault_tests;
+#[cfg(all(test, feature = "emulator"))]
+mod fields_tests;
 #[cfg(feature = "emulator")]
 mod guest;
 #[cfg(feature = "plc")]

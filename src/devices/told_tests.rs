@@ -17,7 +17,7 @@ const DRAWN: usize = 1000;
 const KEPT: usize = 24;
 
 /// One PLC of each device, named by a number as the buses are.
-fn names() -> Names {
+pub(super) fn names() -> Names {
     Names {
         plcs: (0..all().len()).map(|plc| format!("{plc}")).collect(),
         buses: (0..all().len()).map(|bus| format!("{bus}")).collect(),
@@ -25,7 +25,7 @@ fn names() -> Names {
     }
 }
 
-fn line(mut format: impl Format, record: &Record) -> String {
+pub(super) fn line(mut format: impl Format, record: &Record) -> String {
     let mut line = String::new();
     format.record(record, &mut line);
     line
@@ -39,13 +39,19 @@ fn shape(line: &str) -> Vec<&str> {
         .collect()
 }
 
-fn lines_of(kind: &'static Kind) -> String {
+/// Events of this kind, drawn always alike.
+pub(super) fn drawn(kind: &'static Kind) -> impl Iterator<Item = Record> {
     let events = event_at(Just(kind), (0..all().len() as u16, 0..4_u8));
     let mut runner = TestRunner::deterministic();
-    let (mut shapes, mut out) = (BTreeSet::new(), format!("# {}\n", kind.name()));
-    for _ in 0..DRAWN {
+    (0..DRAWN).map(move |_| {
         let event = events.new_tree(&mut runner).unwrap().current();
-        let record = Record { seq: 7, time_us: 1_234_567, event, count: 1, period_us: 0, latency_us: None };
+        Record { seq: 7, time_us: 1_234_567, event, count: 1, period_us: 0, latency_us: None }
+    })
+}
+
+fn lines_of(kind: &'static Kind) -> String {
+    let (mut shapes, mut out) = (BTreeSet::new(), format!("# {}\n", kind.name()));
+    for record in drawn(kind) {
         let text = line(Text::new(names(), catalogue()), &record);
         if shapes.len() < KEPT && shapes.insert(shape(&text).join(" ")) {
             out += &text;

@@ -2,6 +2,7 @@
 
 use super::guest::{Guest, News};
 use super::pty::Pty;
+use super::sparing::Sparing;
 use super::spec::DoorSpec;
 use super::wire::Session;
 use super::{MAX_GUESTS, ROOM_TO_GUEST};
@@ -13,7 +14,7 @@ use std::io::{self, ErrorKind, Read, Write};
 use std::os::fd::AsRawFd;
 use std::sync::mpsc::Receiver;
 use std::sync::{Arc, Mutex, PoisonError};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// What the plant's side wants.
 pub(super) enum Command {
@@ -204,6 +205,7 @@ pub(super) struct Io {
     ring: Arc<dyn Fn() + Send + Sync>,
     stations: BTreeMap<usize, Station>,
     next_token: usize,
+    complaints: Sparing,
 }
 
 impl Io {
@@ -218,7 +220,18 @@ impl Io {
     ) -> io::Result<(Self, Waker)> {
         let poll = Poll::new()?;
         let waker = Waker::new(poll.registry(), WAKER)?;
-        Ok((Io { poll, commands, shared, ring, stations: BTreeMap::new(), next_token: 1 }, waker))
+        Ok((
+            Io {
+                poll,
+                commands,
+                shared,
+                ring,
+                stations: BTreeMap::new(),
+                next_token: 1,
+                complaints: Sparing::default(),
+            },
+            waker,
+        ))
     }
 
     pub(super) fn run(mut self) {
@@ -299,7 +312,9 @@ impl Io {
                     Err(error) if error.kind() == ErrorKind::WouldBlock => break,
                     // It has gone again, or there are no descriptors left.
                     Err(error) => {
-                        tracing::warn!("{spec}: {error}");
+                        if let Some(others) = self.complaints.complains(Instant::now()) {
+                            tracing::warn!("{spec}: {error}{others}");
+                        }
                         break;
                     }
                 }
@@ -309,8 +324,10 @@ impl Io {
             // Frames are small and cannot wait for others; nor shall the system keep many for somebody who does not read.
             let _ = stream.set_nodelay(true);
             let _ = rustix::net::sockopt::set_socket_send_buffer_size(&stream, MOST_UNWRITTEN);
-            if let Err(error) = self.let_in(door, bus, spec, Line::Tcp(stream)) {
-                tracing::warn!("{spec}: a guest was sent away: {error}");
+            if let Err(error) = self.let_in(door, bus, spec, Line::Tcp(stream))
+                && let Some(others) = self.complaints.complains(Instant::now())
+            {
+                tracing::warn!("{spec}: a guest was sent away: {error}{others}");
             }
         }
     }

@@ -11,6 +11,7 @@ mod io;
 mod pty;
 mod seat;
 mod slcan;
+mod sparing;
 mod spec;
 mod telegrams;
 mod wire;

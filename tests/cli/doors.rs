@@ -456,6 +456,21 @@ fn doors_open_and_close_while_the_plant_runs() {
     assert_eq!(buses(&emulator)[0]["doors"].as_array().unwrap().len(), 0);
 }
 
+/// Whoever can reach a door can come as often as he likes: that fills no log.
+#[test]
+fn who_is_sent_away_again_and_again_is_told_of_once() {
+    let mut emulator = start(OPEN, &[]);
+    let port = port(&emulator);
+    let _guests: Vec<_> = (0..commram::door::MAX_GUESTS).map(|_| Guest::open(port)).collect();
+    for _ in 0..100 {
+        assert_eq!(Guest::come(port).0.read(&mut [0]).unwrap_or(0), 0, "there is no room");
+    }
+    emulator.run("stop", &[]).ok();
+    emulator.wait();
+    let complaints = emulator.complaints();
+    assert_eq!(complaints.matches("a guest was sent away: there are 64 already").count(), 1, "{complaints}");
+}
+
 #[test]
 fn a_plant_file_that_lets_everybody_in_is_refused_unless_it_says_so() {
     let file = tempfile::NamedTempFile::new().unwrap();

@@ -1,12 +1,14 @@
 //! How much memory an emulator needs, and that it does not grow.
 
 use crate::common::{Emulator, run};
+use std::fmt::Write;
 
 /// A start of the master with drives and mapped process data.
 const START: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenarios/03-process-data-of-a-drive.rhai");
 
-/// Memory of a process in KB: its own, and all that it has mapped and touched.
+/// Memory of a process in KB: what is not shared, that with its images, and all that it has mapped and touched.
 struct Resident {
+    alone: u64,
     own: u64,
     all: u64,
 }
@@ -18,7 +20,11 @@ impl Resident {
             let line = status.lines().find_map(|line| line.strip_prefix(name)).unwrap();
             line.trim_end_matches("kB").trim().parse().unwrap()
         };
-        Resident { own: kilobytes("RssAnon:") + kilobytes("RssShmem:"), all: kilobytes("VmRSS:") }
+        Resident {
+            alone: kilobytes("RssAnon:"),
+            own: kilobytes("RssAnon:") + kilobytes("RssShmem:"),
+            all: kilobytes("VmRSS:"),
+        }
     }
 }
 
@@ -45,4 +51,28 @@ fn an_emulator_stays_small_and_does_not_grow() {
     // The other rings fill: a record of them in a second.
     let records = more.parse::<u64>().unwrap().min(65_536) * 4 * 64 / 1000;
     assert!(after.own <= before.own + records + 256, "{} KB, then {} KB", before.own, after.own);
+}
+
+/// PLCs with full buses beside one without anything: what docs/promises.md allows each of them and each drive beside its image.
+#[test]
+fn a_plc_and_a_drive_more_take_little() {
+    const PLCS: u64 = 8;
+    const DRIVES: u64 = 32;
+    let plant = |plcs: u64, drives: u64| {
+        let mut text = String::new();
+        for plc in 0..plcs {
+            write!(text, "[[plc]]\nname='p{plc}'\nnode2='b{plc}'\n[[bus]]\nname='b{plc}'\n").unwrap();
+            for drive in 0..drives {
+                write!(text, "[[bus.drive]]\nname='d{plc}_{drive}'\nslave_number={drive}\n").unwrap();
+            }
+        }
+        let file = tempfile::NamedTempFile::new().unwrap();
+        std::fs::write(file.path(), text).unwrap();
+        let emulator = Emulator::start(&[file.path().to_str().unwrap(), "--clock", "stepped"]);
+        emulator.step(&["1s"]);
+        Resident::of(&emulator).alone
+    };
+    let (few, many) = (plant(1, 0), plant(PLCS, DRIVES));
+    let allowed = (PLCS - 1) * 1_000 + PLCS * DRIVES * 2;
+    assert!(many <= few + allowed, "{many} KB, {few} KB with one; {allowed} KB more are allowed");
 }

@@ -1,0 +1,115 @@
+//! The fields of each kind in JSON Lines are those of the table in `docs/journal.md`, and so is the place.
+
+use super::catalogue;
+use super::told_tests::{drawn, line, names};
+use crate::journal::Kind;
+use crate::journal::jsonl::Jsonl;
+use serde_json::{Map, Value};
+use std::collections::{BTreeMap, BTreeSet};
+
+const PAGE: &str = include_str!("../../docs/journal.md");
+
+/// In every line; those of counted records and the latency come with what has happened, not with its kind.
+const ALWAYS: [&str; 4] = ["v", "seq", "time_us", "kind"];
+const NOT_OF_THE_KIND: [&str; 1] = ["latency_us"];
+
+/// What the page says of a kind.
+struct Row {
+    source: &'static str,
+    fields: &'static str,
+}
+
+fn rows() -> BTreeMap<&'static str, Row> {
+    let table = PAGE.split("| Kind | Source |").nth(1).unwrap().split("\n\n").next().unwrap();
+    let mut rows = BTreeMap::new();
+    for line in table.lines().skip(2) {
+        let cells: Vec<_> = line.split('|').map(str::trim).collect();
+        let [_, kind, source, _, fields, _] = cells[..] else { panic!("{line}") };
+        let before = rows.insert(kind.trim_matches('`'), Row { source, fields });
+        assert!(before.is_none(), "{kind} is there twice");
+    }
+    rows
+}
+
+/// What stands in backticks in a cell: names of fields and values. What is `as` something is somewhere else; all of what is
+/// `as of` a kind is this one's, too.
+fn words(cell: &'static str, rows: &BTreeMap<&str, Row>) -> BTreeSet<&'static str> {
+    let mut words = BTreeSet::new();
+    for clause in cell.split(';') {
+        let (said, other) = clause.split_once("as ").map_or((clause, ""), |(said, other)| (said, other));
+        words.extend(said.split('`').skip(1).step_by(2));
+        if let Some(kind) = other.strip_prefix("of `").and_then(|other| other.split('`').next()) {
+            words.extend(self::words(rows[kind].fields, rows));
+        }
+    }
+    words
+}
+
+/// The lines of this kind.
+fn lines(kind: &'static Kind) -> impl Iterator<Item = Map<String, Value>> {
+    drawn(kind).map(|record| serde_json::from_str(&line(Jsonl::new(names(), catalogue()), &record)).unwrap())
+}
+
+/// Names end with the unit, and what has one is a whole number; octets are pairs of digits.
+fn check_value(kind: &str, name: &str, value: &Value) {
+    let is_whole = value.is_u64() || value.is_i64();
+    assert!(!value.is_f64() && !value.is_array() && !value.is_object(), "{kind}: {name} is {value}");
+    match name.rsplit_once('_') {
+        Some((_, "us" | "s" | "errors")) => assert!(is_whole, "{kind}: {name} is {value}"),
+        Some((_, "ms" | "ns")) => panic!("{kind}: {name}, but times are in microseconds"),
+        _ => {}
+    }
+    if name == "data" {
+        let octets = value.as_str().unwrap();
+        assert!(octets.len() % 2 == 0 && octets.chars().all(|it| it.is_ascii_hexdigit()), "{kind}: {octets}");
+    }
+    if matches!(name, "id" | "width" | "slave" | "fault" | "guest" | "length" | "octets") {
+        assert!(is_whole, "{kind}: {name} is {value}");
+    }
+}
+
+#[test]
+fn the_page_lists_every_kind_once() {
+    let (rows, kinds) = (rows(), catalogue().kinds.iter().map(|kind| kind.name()).collect::<BTreeSet<_>>());
+    assert_eq!(rows.keys().copied().collect::<BTreeSet<_>>(), kinds);
+}
+
+#[test]
+fn each_kind_has_the_fields_of_its_row_and_no_others() {
+    let rows = rows();
+    for kind in &catalogue().kinds {
+        let (name, row) = (kind.name(), &rows[kind.name()]);
+        let words = words(row.fields, &rows);
+        let (mut fields, mut values) = (BTreeSet::new(), BTreeSet::new());
+        for line in lines(kind) {
+            for (field, value) in line.iter().filter(|(field, _)| !ALWAYS.contains(&field.as_str())) {
+                check_value(name, field, value);
+                values.extend(value.as_str().map(|it| it.trim_end_matches(char::is_numeric).to_owned()));
+                fields.insert(field.clone());
+            }
+        }
+        let place: &[&str] = match row.source {
+            "bus" => &["bus"],
+            "plc" | "PLC" => &["plc"],
+            "node" => &["plc", "node"],
+            "bus or node" => &["bus", "plc", "node"],
+            other => panic!("{name} has the source {other}"),
+        };
+        for field in place {
+            assert!(fields.contains(*field), "{name} has no {field}, but its source is {}", row.source);
+        }
+        for field in fields.iter().filter(|field| !place.contains(&field.as_str())) {
+            assert!(
+                words.contains(field.as_str()),
+                "{name} has {field}, which docs/journal.md does not have"
+            );
+        }
+        for word in words.into_iter().filter(|word| !NOT_OF_THE_KIND.contains(word)) {
+            let is_value = values.contains(word.trim_end_matches(char::is_numeric));
+            assert!(
+                fields.contains(word) || is_value,
+                "docs/journal.md has {word} at {name}, which it never has"
+            );
+        }
+    }
+}

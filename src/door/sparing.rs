@@ -1,0 +1,45 @@
+//! Complaints about what strangers do: who comes again and again shall not fill the log of whoever runs the emulator.
+
+use std::time::{Duration, Instant};
+
+/// Between two complaints (decision D-582).
+const PAUSE: Duration = Duration::from_secs(60);
+
+/// How many complaints were not made since the last one.
+#[derive(Debug, Default)]
+pub(super) struct Sparing {
+    last: Option<Instant>,
+    unsaid: u64,
+}
+
+impl Sparing {
+    /// Whether to complain now, and if so what to add about those before that were not told of.
+    pub(super) fn complains(&mut self, now: Instant) -> Option<String> {
+        if self.last.is_some_and(|last| now.saturating_duration_since(last) < PAUSE) {
+            self.unsaid += 1;
+            return None;
+        }
+        self.last = Some(now);
+        Some(match std::mem::take(&mut self.unsaid) {
+            0 => String::new(),
+            unsaid => format!(" (since the last message {unsaid} times more)"),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_minute_has_one_complaint_and_the_next_one_counts_the_others() {
+        let (mut sparing, begin) = (Sparing::default(), Instant::now());
+        assert_eq!(sparing.complains(begin).as_deref(), Some(""));
+        for second in 0..60 {
+            assert_eq!(sparing.complains(begin + Duration::from_secs(second)), None);
+        }
+        let told = sparing.complains(begin + PAUSE);
+        assert_eq!(told.as_deref(), Some(" (since the last message 60 times more)"));
+        assert_eq!(sparing.complains(begin + 2 * PAUSE).as_deref(), Some(""));
+    }
+}
