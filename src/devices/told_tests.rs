@@ -11,6 +11,7 @@ use proptest::strategy::{Just, Strategy, ValueTree};
 use proptest::test_runner::TestRunner;
 use std::collections::BTreeSet;
 use std::fmt::Write;
+use std::sync::LazyLock;
 
 /// Lines drawn of each kind, and those of them that are kept: whose words, leaving out numbers, are like no other's.
 const DRAWN: usize = 1000;
@@ -39,23 +40,30 @@ fn shape(line: &str) -> Vec<&str> {
         .collect()
 }
 
-/// Events of this kind, drawn always alike.
-pub(super) fn drawn(kind: &'static Kind) -> impl Iterator<Item = Record> {
+/// Events of this kind, drawn always alike, and once for all tests.
+pub(super) fn drawn(kind: &'static Kind) -> &'static [Record] {
+    static ALL: LazyLock<Vec<Vec<Record>>> =
+        LazyLock::new(|| catalogue().kinds.iter().map(|kind| draw(kind)).collect());
+    let place = catalogue().kinds.iter().position(|known| known.name() == kind.name());
+    &ALL[place.unwrap()]
+}
+
+fn draw(kind: &'static Kind) -> Vec<Record> {
     let events = event_at(Just(kind), (0..all().len() as u16, 0..4_u8));
     let mut runner = TestRunner::deterministic();
-    (0..DRAWN).map(move |_| {
-        let event = events.new_tree(&mut runner).unwrap().current();
-        Record { seq: 7, time_us: 1_234_567, event, count: 1, period_us: 0, latency_us: None }
-    })
+    let mut event = || events.new_tree(&mut runner).unwrap().current();
+    let record =
+        |event| Record { seq: 7, time_us: 1_234_567, event, count: 1, period_us: 0, latency_us: None };
+    (0..DRAWN).map(|_| record(event())).collect()
 }
 
 fn lines_of(kind: &'static Kind) -> String {
     let (mut shapes, mut out) = (BTreeSet::new(), format!("# {}\n", kind.name()));
     for record in drawn(kind) {
-        let text = line(Text::new(names(), catalogue()), &record);
+        let text = line(Text::new(names(), catalogue()), record);
         if shapes.len() < KEPT && shapes.insert(shape(&text).join(" ")) {
             out += &text;
-            out += &line(Jsonl::new(names(), catalogue()), &record);
+            out += &line(Jsonl::new(names(), catalogue()), record);
             if let Some(carried) = record.event.frame() {
                 writeln!(out, "{carried:?}").unwrap();
             }

@@ -63,6 +63,17 @@ fn canopen(script: &str, device: &str, plant: &str) -> Option<Emulator> {
     Some(emulator)
 }
 
+/// Nothing changes by it, so only the channel can tell that it was written.
+#[test]
+fn a_write_of_what_is_there_already_is_judged() {
+    let emulator = Emulator::start(&[PLANT, "--clock", "stepped"]);
+    emulator.breaks(&["owner"]);
+    emulator.poke(&["panel:inputs.I0=0"]);
+    let found = emulator.run("check", &["--format", "json"]);
+    let found: Value = serde_json::from_str(&found.out).unwrap();
+    assert_eq!((&found[0]["rule"], &found[0]["register"]), (&"owner".into(), &"inputs.I0".into()));
+}
+
 #[test]
 fn canopen_is_its_master() {
     let Some(emulator) = canopen("check_cs0015.py", "cs0015", PLANT) else { return };

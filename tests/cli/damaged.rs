@@ -1,8 +1,9 @@
 //! Channels that a program of the same user damages: nobody hangs, nobody ends without a word, and `stop` ends the emulator.
 #![cfg(feature = "channel")]
 
-use crate::common::{Emulator, Follower, Outcome, eventually, finish, remove_remains};
+use crate::common::{Emulator, Follower, Outcome, eventually, finish, promised, remove_remains};
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 /// The shared memory objects of the channel whose names end like this.
 fn objects(emulator: &Emulator, ending: &str) -> Vec<PathBuf> {
@@ -111,7 +112,7 @@ fn an_emulator_that_ends_with_a_shortened_channel_ends_in_good_order() {
     let mut emulator = Emulator::stepped();
     emulator.signal("-STOP");
     shorten(&objects(&emulator, ".dynamic"), |_| 0);
-    let outcome = emulator.run("stop", &[]);
+    let outcome = promised(Duration::from_secs(2), || emulator.run("stop", &[]));
     assert_eq!(
         (outcome.code, outcome.out.as_str()),
         (Some(0), format!("instance '{}' has stopped\n", emulator.name).as_str())

@@ -1,7 +1,7 @@
 //! Doors of a running emulator: foreign programs at its buses, over sockets and terminals.
 #![cfg(feature = "channel")]
 
-use crate::common::{Emulator, eventually, finish, python};
+use crate::common::{Emulator, eventually, finish, promised, python};
 use serde_json::Value;
 use std::fs::File;
 use std::io::{Read, Write};
@@ -321,7 +321,7 @@ fn who_hangs_or_dies_in_its_turn_loses_its_seat_and_stop_ends_it_all() {
     let mut step = emulator.command("step", &["1ms"]);
     let mut step = step.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
     assert_eq!(hangs.hear(), "K3E9\r", "it has a seat again");
-    assert_eq!(emulator.run("stop", &[]).code, Some(0));
+    assert_eq!(promised(Duration::from_secs(2), || emulator.run("stop", &[])).code, Some(0));
     assert!(!step.wait().unwrap().success());
 }
 

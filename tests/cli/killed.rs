@@ -150,7 +150,7 @@ fn clean_removes_whatever_is_left_of_an_instance() {
             std::fs::write(format!("{directory}/lock"), "").unwrap();
         }
         plcs.iter().for_each(|plc| std::fs::write(image(plc), "").unwrap());
-        let outcome = run(&["stop", "--clean", "-i", &name]);
+        let outcome = promised(Duration::from_secs(1), || run(&["stop", "--clean", "-i", &name]));
         let left = files_of(&name);
         remove_remains(&name);
         assert_eq!(outcome.ok(), format!("instance '{name}' was dead, what it left is removed\n"));

@@ -14,7 +14,17 @@ pub(crate) fn event_at(
     kind: impl Strategy<Value = &'static Kind>,
     place: impl Strategy<Value = (u16, u8)>,
 ) -> impl Strategy<Value = Event> {
-    let number = prop_oneof![3 => 0..8_u32, 1 => 0..0x40_u32, 1 => 0..0x1_0000_u32, 1 => any::<u32>()];
+    // Two small ones in one number, too, and the place of a guest.
+    let two = (0..9_u32, 0..5_u32, 1..4_u32).prop_map(|(low, high, octet)| low | high << (8 * octet));
+    let guest = 0x00FF_FF01..0x00FF_FF04_u32;
+    let number = prop_oneof![
+        12 => 0..8_u32,
+        3 => 0..0x40_u32,
+        3 => 0..0x1_0000_u32,
+        3 => any::<u32>(),
+        3 => two,
+        1 => guest,
+    ];
     let what = (place, proptest::array::uniform5(number));
     (kind, what).prop_filter_map("numbers that mean something", |(kind, ((index, number), halves))| {
         let mut packer = Packer::new(kind, index, number);

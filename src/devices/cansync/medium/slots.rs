@@ -96,3 +96,16 @@ fn place_on_wire(slot: Slot) -> usize {
         _ => 5,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A frame waits for that of the place before, so two in one place would not wait for each other.
+    #[test]
+    fn the_frames_of_an_interval_have_places_in_the_order_of_their_slots() {
+        use Slot::*;
+        let ends = [ResponseEnd, Reference1End, Actual1End, Reference2End, Actual2End, CommandEnd];
+        assert_eq!(ends.map(place_on_wire), core::array::from_fn::<usize, PLACES, _>(|place| place));
+    }
+}

@@ -24,6 +24,18 @@ fn booted() -> Bench {
     bench
 }
 
+#[test]
+fn the_boot_up_is_over_when_its_two_seconds_are() {
+    let mut bench = Bench::running("node_id = 32, program = 'attached'");
+    bench.order(0, job::COP_MSTR_BOOTUP, &[3, 500, 9]);
+    bench.run(500);
+    assert_eq!(bench.registers.flags.CAN_OPEN.load(), 1);
+    bench.run(2_000 * MS - 1_000);
+    assert!(!bench.is_answered(0));
+    bench.run(500);
+    assert!(bench.is_answered(0));
+}
+
 /// Answers the SDOs of a configuration as module 3 would that has these values, until the order is answered.
 fn configure(bench: &mut Bench, values: &mut [u8]) -> Vec<(u16, u8, bool)> {
     let mut asked = Vec::new();
