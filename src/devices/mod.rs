@@ -29,7 +29,7 @@ mod events;
 mod exercise;
 #[cfg(all(test, feature = "emulator"))]
 mod fault_tests;
-#[cfg(all(test, feature = "emulator"))]
+#[cfg(all(test, feature = "channel"))]
 mod fields_tests;
 #[cfg(feature = "emulator")]
 mod guest;
