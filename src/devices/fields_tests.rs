@@ -64,7 +64,10 @@ fn check_value(kind: &str, name: &str, value: &Value) {
     }
     if name == "data" {
         let octets = value.as_str().unwrap();
-        assert!(octets.len() % 2 == 0 && octets.chars().all(|it| it.is_ascii_hexdigit()), "{kind}: {octets}");
+        assert!(
+            octets.len().is_multiple_of(2) && octets.chars().all(|it| it.is_ascii_hexdigit()),
+            "{kind}: {octets}"
+        );
     }
     if matches!(name, "id" | "width" | "slave" | "fault" | "guest" | "length" | "octets") {
         assert!(is_whole, "{kind}: {name} is {value}");

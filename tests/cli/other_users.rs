@@ -90,6 +90,36 @@ fn a_novram_directory_of_somebody_else_is_refused() {
     assert!(files_of(&name).is_empty());
 }
 
+/// A true copy of one that an emulator has made, for everybody to read and write.
+#[test]
+fn an_image_of_somebody_else_is_neither_taken_over_nor_used() {
+    if !can_be_another_user() {
+        return;
+    }
+    let (emulator, name, copy) =
+        (Emulator::stepped(), unique_name(), tempfile::NamedTempFile::new().unwrap());
+    std::fs::copy(format!("/dev/shm/commram.{}.line", emulator.name), &copy).unwrap();
+    std::fs::set_permissions(copy.path(), std::os::unix::fs::PermissionsExt::from_mode(0o644)).unwrap();
+    let image = format!("/dev/shm/commram.{name}.line");
+    let made = attack(&format!("cp {} {image} && chmod 666 {image}", copy.path().display()));
+    let before = std::fs::read(&image);
+    let started = run(&["run", "-i", &name]);
+    let others = [
+        run(&["peek", "node2.w_OPTION_STATUS", "-i", &name]),
+        run(&["poke", "node2.w_CPU_CONTROL=1", "-i", &name]),
+        run(&["stop", "--clean", "-i", &name]),
+    ];
+    let after = std::fs::read(&image);
+    std::fs::remove_file(&image).unwrap();
+    assert_eq!(made.code, Some(0), "{}", made.err);
+    let expected = format!("{image} belongs to user {NOBODY}, not to user 0");
+    assert!(started.fails(1).contains(&expected), "{}", started.err);
+    for outcome in others {
+        assert!(outcome.fails(3).contains(&expected), "{}", outcome.err);
+    }
+    assert!(before.unwrap() == after.unwrap(), "it was written to");
+}
+
 /// With a client connected and another that listens to events, so that all kinds of objects are there.
 #[test]
 fn nothing_of_a_running_instance_can_be_read_written_or_removed_by_others() {
