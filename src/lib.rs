@@ -20,6 +20,8 @@
 //! | [`request`] | the operations that an emulator is asked for, their replies, and the one function between them |
 //! | [`fmi`] | a plant as a unit for co-simulation by FMI 3.0 |
 //! | `plot` | registers over time as SVG or PNG (feature `studio`) |
+//! | [`federation`] | one plant over several hosts |
+//! | `helics` | how federates find each other and talk, by HELICS (feature `helics`) |
 //! | [`script`] | scenarios: Rust tests and Rhai scripts with the same verbs |
 //! | [`runtime`] | a plant on image files, in real time or stepped |
 //! | [`channel`] | the request-response door for tools and tests |
@@ -73,10 +75,14 @@ pub mod door;
 pub mod export;
 #[cfg(feature = "emulator")]
 pub mod fault;
+#[cfg(feature = "channel")]
+pub mod federation;
 #[cfg(feature = "emulator")]
 pub mod fmi;
 #[cfg(feature = "emulator")]
 pub mod handed_in;
+#[cfg(feature = "helics")]
+pub mod helics;
 #[cfg(feature = "emulator")]
 pub mod journal;
 pub mod layout;

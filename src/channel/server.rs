@@ -187,7 +187,7 @@ impl Server {
     fn go_on(&mut self, host: &mut dyn Host) -> usize {
         let mut answered = 0;
         while let Some((request, run)) = self.waiting.first_mut() {
-            if run.go(host, request.payload()) == Progress::Waiting {
+            if !host.may_act() || run.go(host, request.payload()) == Progress::Waiting {
                 break;
             }
             let (request, run) = self.waiting.remove(0);
@@ -221,7 +221,7 @@ impl Server {
             let Some(request) = self.next_request() else { break };
             let mut run = self.spare.pop().unwrap_or_default();
             run.reset();
-            let progress = if !host.is_stepped() || self.waiting.is_empty() {
+            let progress = if !host.is_stepped() || self.waiting.is_empty() && host.may_act() {
                 run.go(host, request.payload())
             } else if Run::only_looks(request.payload()) {
                 run.look(host, request.payload())

@@ -222,6 +222,10 @@ pub(crate) enum CliError {
     /// The emulator.
     #[error(transparent)]
     Runtime(#[from] RuntimeError),
+    /// There is no way to the other federates.
+    #[cfg(feature = "helics")]
+    #[error(transparent)]
+    Helics(#[from] crate::helics::HelicsError),
     /// There is nothing to demonstrate.
     #[error("there is no demonstration of {device}; `commram demo` shows one of another device")]
     NoDemo {

@@ -1,6 +1,8 @@
 //! What the program ends with, whatever the command: one list, which help and documentation repeat word for word.
 
 use super::error::CliError;
+#[cfg(feature = "channel")]
+use crate::federation::FederationError;
 use crate::memory::MemoryError;
 use crate::runtime::RuntimeError;
 use commram_layoutc::import::ImportError;
@@ -86,6 +88,19 @@ impl CliError {
             ) => Exit::WrongUse,
             #[cfg(feature = "channel")]
             Self::UnknownBus { .. } => Exit::WrongUse,
+            #[cfg(feature = "channel")]
+            Self::Runtime(RuntimeError::Federation(
+                FederationError::OtherCount { .. }
+                | FederationError::OtherPlant { .. }
+                | FederationError::OtherVersion { .. }
+                | FederationError::NobodyLeads,
+            )) => Exit::WrongUse,
+            #[cfg(feature = "channel")]
+            Self::Runtime(RuntimeError::Federation(
+                FederationError::Exchange(_) | FederationError::Silent { .. },
+            )) => Exit::NotThere,
+            #[cfg(feature = "helics")]
+            Self::Helics(_) => Exit::NotThere,
             Self::Import(_)
             | Self::Reported
             | Self::Ended { .. }

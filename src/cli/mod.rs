@@ -19,6 +19,8 @@ mod error;
 mod exit;
 mod export;
 mod fault;
+#[cfg(feature = "helics")]
+mod federate;
 mod find;
 mod force;
 mod instance;

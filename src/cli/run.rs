@@ -59,6 +59,9 @@ pub(crate) struct Args {
     parent: Option<u32>,
     #[command(flatten)]
     settings: Settings,
+    #[cfg(feature = "helics")]
+    #[command(flatten)]
+    federate: super::federate::FederateArgs,
     #[command(flatten)]
     instance: InstanceName,
 }
@@ -84,12 +87,16 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     }
     let detached = args.detached.then(|| Detached::begin(args.log.as_deref())).transpose()?;
     let clock = args.settings.clock()?;
+    #[cfg(feature = "helics")]
+    args.federate.check(clock, args.settings.keeps_novram())?;
     // From here on a signal ends the emulator in good order, unless its start hangs.
     let signals = SignalsTaken::take()?;
     if let Some(parent) = args.parent {
         end_with(parent)?;
     }
     let (mut emulator, started) = args.settings.start(args.begin(), name, signals)?;
+    #[cfg(feature = "helics")]
+    args.federate.join(&mut emulator)?;
     // A reader that has gone away is no reason to end.
     let _ = output::print(&ready_line(name, &emulator, clock));
     if let Some(detached) = detached {

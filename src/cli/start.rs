@@ -136,6 +136,12 @@ impl Settings {
 }
 
 impl Settings {
+    /// Whether NOVRAM outlasts the emulator.
+    #[cfg(feature = "helics")]
+    pub(crate) fn keeps_novram(&self) -> bool {
+        self.novram.is_some()
+    }
+
     /// Registers whose changes are to be in the journal.
     fn keep_changes(&self, emulator: &mut Emulator, instance: &str) -> Result<(), CliError> {
         let names = emulator.plant().names();

@@ -9,7 +9,8 @@
 //! it is not what somebody wanted, which is why a register is *written* at its own width only.
 //!
 //! The access checker reads 128 bytes in a row, thirty-two at a time. The processor takes those as one access or as several of
-//! 64 bits and more, so no register comes apart; it never writes like that.
+//! 64 bits and more, so no register comes apart; it never writes like that. Copies of many words are made by one instruction,
+//! which moves them in the same way.
 //!
 //! On processors other than x86-64, and in Miri, the same functions are Rust's atomics, which on every platform of Linux
 //! compile to the instructions meant.
@@ -53,6 +54,16 @@ pub(super) trait Value: Copy + Eq {
 pub(super) unsafe fn load_four(at: *const [u64; 4]) -> [u64; 4] {
     // SAFETY: the caller vouches for the pointer.
     unsafe { machine::load_four(at) }
+}
+
+/// Loads 32-bit words into memory of one's own, each as by a load of its own, in the order of their addresses.
+///
+/// # Safety
+/// As [`Value::load`], for all of them.
+#[cfg(feature = "channel")]
+pub(super) unsafe fn load_words(from: *const u32, into: &mut [u32]) {
+    // SAFETY: the caller vouches for the pointer.
+    unsafe { machine::load_words(from, into) }
 }
 
 #[cfg(all(target_arch = "x86_64", not(miri)))]
@@ -134,6 +145,22 @@ mod machine {
         [first, second, third, fourth]
     }
 
+    #[cfg(feature = "channel")]
+    pub(crate) unsafe fn load_words(from: *const u32, into: &mut [u32]) {
+        // SAFETY: the caller vouches for the pointer; as many words are written as the slice has. The direction is upwards by
+        // convention.
+        unsafe {
+            asm!(
+                "rep movsd",
+                inout("rcx") into.len() => _,
+                inout("rsi") from => _,
+                inout("rdi") into.as_mut_ptr() => _,
+                options(nostack, preserves_flags)
+            );
+        }
+        compiler_fence(Ordering::Acquire);
+    }
+
     // Narrow values are loaded into whole registers, which spares the processor the wait for the rest of an old one.
     value!(u8, "byte", "movzx {value:e}" as u32, reg_byte "{value}", "al");
     value!(u16, "word", "movzx {value:e}" as u32, reg "{value:x}", "ax");
@@ -178,6 +205,14 @@ mod machine {
     pub(crate) unsafe fn load_four(at: *const [u64; 4]) -> [u64; 4] {
         // SAFETY: the caller vouches for the pointer.
         core::array::from_fn(|n| unsafe { u64::load(at.cast::<u64>().add(n)) })
+    }
+
+    #[cfg(feature = "channel")]
+    pub(crate) unsafe fn load_words(from: *const u32, into: &mut [u32]) {
+        for (n, word) in into.iter_mut().enumerate() {
+            // SAFETY: the caller vouches for the pointer.
+            *word = unsafe { u32::load(from.add(n)) };
+        }
     }
 
     value!(u8, AtomicU8);
@@ -241,6 +276,15 @@ mod tests {
         let mut words = [1_u64, 2, 0x8000_0000_0000_0003, u64::MAX];
         // SAFETY: aligned, valid, and nothing else accesses it meanwhile.
         assert_eq!(unsafe { super::load_four(&raw mut words) }, words);
+    }
+
+    #[cfg(feature = "channel")]
+    #[test]
+    fn many_words_are_loaded_in_their_order() {
+        let (from, mut into) = ([1_u32, 2, 0x8000_0003, u32::MAX, 5], [0; 4]);
+        // SAFETY: aligned, valid, and nothing else accesses it meanwhile.
+        unsafe { super::load_words(from.as_ptr(), &mut into) };
+        assert_eq!(into, from[..4]);
     }
 
     #[test]

@@ -13,6 +13,8 @@ mod attach;
 pub mod bell;
 pub mod cell;
 pub mod contract;
+#[cfg(feature = "channel")]
+mod copied;
 pub(crate) mod directory;
 mod error;
 mod file;
@@ -42,6 +44,8 @@ pub(crate) use access::Block;
 pub use attach::{AttachMode, Attached, LockstepTask};
 pub use bell::Bell;
 pub use cell::{Cell8, Cell16, Cell32, Cell64, SharedRegs};
+#[cfg(feature = "channel")]
+pub(crate) use copied::{RegisterCopy, StoredBytes};
 pub use error::MemoryError;
 #[cfg(feature = "channel")]
 pub(crate) use guard::channel_has_gaps;

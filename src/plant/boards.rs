@@ -11,7 +11,7 @@ impl Plant {
     /// Answers what clients ask of the boards at the present time: requests and switches in the header pages. Tells
     /// whether there was anything.
     pub fn look_at_boards(&mut self) -> bool {
-        if !self.devices.iter().any(|device| device.front_has_changed()) {
+        if !self.is_asked() {
             return false;
         }
         self.look_for_writes();
@@ -24,6 +24,11 @@ impl Plant {
             self.leave();
         }
         changed
+    }
+
+    /// Whether somebody has asked the board of a device for something, or turned a switch.
+    pub(crate) fn is_asked(&self) -> bool {
+        self.devices.iter().any(|device| device.front_has_changed())
     }
 
     pub(super) fn look_at_requests(&mut self) -> bool {

@@ -16,6 +16,8 @@ mod injection;
 mod load;
 #[cfg(test)]
 mod node_frames_tests;
+#[cfg(feature = "channel")]
+mod outside;
 mod ports;
 mod rest;
 mod schema;
@@ -27,6 +29,8 @@ pub use config::{PlantConfig, PlantError};
 pub use drives::PlantDrive;
 pub use force::{ForceError, Forced};
 pub use history::FollowError;
+#[cfg(feature = "channel")]
+pub(crate) use outside::{Outside, Stored};
 pub use schema::schema;
 pub use snapshot::{Snapshot, SnapshotError, SnapshotFile, SnapshotFileError};
 

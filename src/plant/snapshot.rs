@@ -17,6 +17,7 @@ use crate::state::{Damaged, Saved, Saving, State};
 use core::borrow::Borrow;
 use core::ops::Range;
 use std::sync::Arc;
+use twox_hash::XxHash3_64;
 
 /// The state of a plant at a moment, for that plant or one of the same plant file.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -73,6 +74,11 @@ pub enum SnapshotError {
         /// What is set otherwise there.
         what: String,
     },
+    /// Everything is set alike, but it stands elsewhere.
+    #[error(
+        "its state is another one: it has other faults in its plant file, or does not begin at the same moment"
+    )]
+    OtherState,
     /// Its bytes are no state of this plant.
     #[error("it is damaged, or was made by another build of commram: {0}")]
     Damaged(#[from] Damaged),
@@ -172,6 +178,26 @@ impl Plant {
     pub(crate) fn end_search(&mut self, search: Search) {
         self.journal.put_back(search.0);
         self.keep_changes(By::Channel);
+    }
+
+    /// What tells this plant from others at this moment, for [`Plant::is_like`]: what it consists of, and a number for the state.
+    pub(crate) fn likeness(&self) -> Vec<u8> {
+        let snapshot = self.snapshot();
+        let state = XxHash3_64::oneshot(&snapshot.state).to_le_bytes().to_vec();
+        let mut to = Saving::default();
+        Snapshot { state, ..snapshot }.save(&mut to);
+        to.into_bytes()
+    }
+
+    /// Whether another plant consists of the same, and stands where this one does.
+    ///
+    /// # Errors
+    /// What is otherwise.
+    pub(crate) fn is_like(&self, likeness: &[u8]) -> Result<(), SnapshotError> {
+        let mut from = Saved::new(likeness);
+        let theirs = Snapshot::of_saved(&mut from)?;
+        self.fits(&theirs)?;
+        if self.likeness() == likeness { Ok(()) } else { Err(SnapshotError::OtherState) }
     }
 
     fn take_over(&mut self, snapshot: &Snapshot, goes_back: bool) -> Result<(), SnapshotError> {
@@ -309,7 +335,7 @@ impl Plant {
 }
 
 /// Where registers lie that can hold something, in ascending order.
-fn registers_of(device: &dyn Device) -> Vec<Range<usize>> {
+pub(super) fn registers_of(device: &dyn Device) -> Vec<Range<usize>> {
     let layout: &'static Layout = device.layout();
     let areas = layout.areas.iter().map(|area| area.first as usize..area.last() as usize + 1);
     let retain = layout.retain.map(|retain| {

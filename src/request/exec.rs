@@ -42,6 +42,7 @@ impl Execution {
     /// # Errors
     /// [`Refused`].
     pub fn run(&mut self, host: &mut dyn Host, op: &Op) -> Result<Option<Reply>, Refused> {
+        host.permit(op)?;
         // What is stored is kept as such.
         if op.acts() && !op.stores() {
             host.plant_and_travel().1.touch();

@@ -1,7 +1,7 @@
 //! Who runs a plant.
 
-use super::InstanceInfo;
 use super::travel::Travel;
+use super::{InstanceInfo, Op, Refused};
 use crate::door::Doors;
 use crate::plant::Plant;
 
@@ -17,6 +17,20 @@ pub trait Host {
 
     /// Whether the time only passes on request.
     fn is_stepped(&self) -> bool;
+
+    /// An operation is about to be executed.
+    ///
+    /// # Errors
+    /// [`Refused`]: this host cannot have that.
+    fn permit(&mut self, op: &Op) -> Result<(), Refused> {
+        let _ = op;
+        Ok(())
+    }
+
+    /// Whether operations may be executed now that do more than look; if not, they wait.
+    fn may_act(&self) -> bool {
+        true
+    }
 
     /// A request has come, and nothing else is under way. What guests at doors want is learned first; with a stepped clock, what
     /// the boards were asked for before it is answered, too: whoever asks of them and then sends a request always sees the same.

@@ -372,7 +372,7 @@ impl Op {
     }
 
     /// Whether it does something to the plant but letting time pass.
-    pub(super) fn acts(&self) -> bool {
+    pub(crate) fn acts(&self) -> bool {
         matches!(
             self,
             Op::Poke { .. }

@@ -9,7 +9,7 @@ mod channel;
 
 use super::clock::{Clock, WallClock};
 use super::guests::Guests;
-use super::lockstep::Lockstep;
+use super::lockstep::{Lockstep, NoWitness};
 use super::novram::{Directory, Found, Keeper, Novram, NovramError};
 use super::open_files;
 
@@ -28,7 +28,7 @@ use std::time::{Duration, Instant};
 use thiserror::Error;
 
 /// Longest sleep; a bound for everything that does not ring.
-const LONGEST_SLEEP: Duration = Duration::from_millis(100);
+pub(super) const LONGEST_SLEEP: Duration = Duration::from_millis(100);
 
 /// Most emulated time that passes unseen while nobody can see or store a register: whoever comes finds them that old at first.
 const UNSEEN_US: u64 = 10_000;
@@ -67,6 +67,10 @@ pub enum RuntimeError {
     /// The snapshot to start from is refused.
     #[error(transparent)]
     Snapshot(#[from] SnapshotError),
+    /// It cannot share its plant with others, or no longer.
+    #[cfg(feature = "channel")]
+    #[error(transparent)]
+    Federation(#[from] crate::federation::FederationError),
     /// A door does not open.
     #[error(transparent)]
     Door(#[from] DoorError),
@@ -140,6 +144,8 @@ pub struct Emulator {
     rings: Vec<u32>,
     /// When the channel was first asked in this round whether it is to pause.
     pub(super) slice: Cell<Option<Instant>>,
+    #[cfg(feature = "channel")]
+    pub(super) membership: super::federated::Membership,
     /// Before the server, on whose node it is.
     #[cfg(feature = "channel")]
     events: Option<crate::channel::EventNotifier>,
@@ -239,6 +245,8 @@ impl Emulator {
         Ok(Emulator {
             rings,
             slice: Cell::default(),
+            #[cfg(feature = "channel")]
+            membership: super::federated::Membership::default(),
             lockstep,
             guests,
             novram,
@@ -323,9 +331,13 @@ impl Emulator {
     /// Runs until asked to end.
     ///
     /// # Errors
+    /// [`RuntimeError::Federation`]: another federate, or the way there, has failed.
     /// [`RuntimeError::Novram`]: what has changed in NOVRAM could not be written; everything else ended in good order.
     pub fn run(&mut self) -> Result<(), RuntimeError> {
+        let mut outcome = Ok(());
         match self.options.clock {
+            #[cfg(feature = "channel")]
+            Clock::Stepped if self.membership.federation.is_some() => outcome = self.run_federated(),
             Clock::Stepped => self.run_stepped(),
             Clock::RealTime { speed } => {
                 // The default of 50 us would make each SYNC edge that much later. Without it, it is later.
@@ -340,7 +352,7 @@ impl Emulator {
         // Ahead of the channel: a program that has damaged that one can get us killed when we leave it.
         let saved = self.close_novram();
         self.close_channel();
-        saved
+        outcome.and(saved)
     }
 
     /// Writes NOVRAM a last time, unless registers were lost.
@@ -387,7 +399,7 @@ impl Emulator {
             }
             if look {
                 self.plant.processor_cycle();
-                self.lockstep.look(&mut self.plant);
+                self.lockstep.look(&mut self.plant, &mut NoWitness);
             }
             self.guests.tell(&self.plant);
             self.guests.grant(self.plant.now());
@@ -425,7 +437,8 @@ impl Emulator {
     pub(super) fn look_at_rings(&mut self) {
         if self.note_rings() {
             self.guests.look(&mut self.plant);
-            let (boards, tasks) = (self.plant.look_at_boards(), self.lockstep.look(&mut self.plant));
+            let (boards, tasks) =
+                (self.plant.look_at_boards(), self.lockstep.look(&mut self.plant, &mut NoWitness));
             if boards || tasks {
                 self.travel.touch();
                 self.announce();

@@ -4,6 +4,8 @@ use super::emulator::Emulator;
 use crate::door::Doors;
 use crate::plant::Plant;
 use crate::request::{Host, InstanceInfo, Travel};
+#[cfg(feature = "channel")]
+use crate::request::{Op, Refused};
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
@@ -39,7 +41,23 @@ impl Host for Emulator {
         self.options.clock.is_stepped()
     }
 
+    #[cfg(feature = "channel")]
+    fn permit(&mut self, op: &Op) -> Result<(), Refused> {
+        let Emulator { plant, membership, .. } = self;
+        membership.federation.as_mut().map_or(Ok(()), |federation| federation.permit(plant, op))
+    }
+
+    #[cfg(feature = "channel")]
+    fn may_act(&self) -> bool {
+        self.membership.may_act()
+    }
+
     fn begin_request(&mut self) {
+        #[cfg(feature = "channel")]
+        if self.membership.federation.is_some() {
+            self.look_around();
+            return;
+        }
         self.guests.look(&mut self.plant);
         if self.options.clock.is_stepped() {
             self.look_at_rings();
@@ -55,6 +73,10 @@ impl Host for Emulator {
     }
 
     fn advance_to(&mut self, t: u64) -> bool {
+        #[cfg(feature = "channel")]
+        if self.membership.federation.is_some() {
+            return self.ask_for(t);
+        }
         let has_arrived = self.step_to(t);
         self.tell_events();
         has_arrived
@@ -86,7 +108,10 @@ impl Host for Emulator {
             pid: header.firmware_pid.load(),
             abi_version: header.abi_version.load(),
             version: env!("CARGO_PKG_VERSION").to_owned(),
+            #[cfg(not(feature = "channel"))]
             waits_for: self.lockstep.waits_for(&self.plant),
+            #[cfg(feature = "channel")]
+            waits_for: self.lockstep.waits_for(&self.plant).or_else(|| self.membership.waits_for()),
             names: self.plant.names(),
         }
     }

@@ -66,6 +66,31 @@ pub(super) struct Lockstep {
     stepped: bool,
 }
 
+/// Who is told what tasks do to a plant at other times than those of events.
+pub(crate) trait Witness {
+    /// The boards are to answer what they are asked, if anything; tells whether there was anything.
+    fn boards(&mut self, plant: &mut Plant) -> bool;
+
+    /// The plant has noted what became of a task.
+    fn task(&mut self, plc: usize, event: usize, state: SeatState);
+}
+
+/// Nobody but the plant.
+pub(crate) struct NoWitness;
+
+impl Witness for NoWitness {
+    fn boards(&mut self, plant: &mut Plant) -> bool {
+        plant.look_at_boards()
+    }
+
+    fn task(&mut self, _: usize, _: usize, _: SeatState) {}
+}
+
+fn note(plant: &mut Plant, witness: &mut dyn Witness, plc: usize, event: usize, state: SeatState) {
+    plant.note_lockstep(plc, event, state);
+    witness.task(plc, event, state);
+}
+
 impl Lockstep {
     pub(crate) fn new(headers: Vec<View<Header>>, stepped: bool) -> Self {
         let requests = vec![0; headers.len()];
@@ -73,7 +98,7 @@ impl Lockstep {
     }
 
     /// Seats those that ask for it and forgets those that have left; tells whether there was anything.
-    pub(crate) fn look(&mut self, plant: &mut Plant) -> bool {
+    pub(crate) fn look(&mut self, plant: &mut Plant, witness: &mut dyn Witness) -> bool {
         // Who comes or leaves during a turn does so behind it.
         if self.turn.is_some() {
             return false;
@@ -83,18 +108,18 @@ impl Lockstep {
             let requests = self.headers[plc].board_requests.load();
             if requests != self.requests[plc] {
                 self.requests[plc] = requests;
-                changed |= self.look_at(plc, plant);
+                changed |= self.look_at(plc, plant, witness);
             }
         }
         changed
     }
 
-    fn look_at(&mut self, plc: usize, plant: &mut Plant) -> bool {
+    fn look_at(&mut self, plc: usize, plant: &mut Plant, witness: &mut dyn Witness) -> bool {
         let before = self.tasks.len();
         self.tasks.retain(|task| {
             let stays = task.plc != plc || task.has_seat();
             if !stays {
-                plant.note_lockstep(task.plc, task.event, SeatState::Free);
+                note(plant, witness, task.plc, task.event, SeatState::Free);
             }
             stays
         });
@@ -102,7 +127,7 @@ impl Lockstep {
         for place in 0..self.headers[plc].lockstep.len() {
             let seat = self.headers[plc].project(|header| &header.lockstep[place]);
             match SeatState::from_code(seat.state.load()) {
-                Some(SeatState::Asking) => self.seat(plc, seat, plant),
+                Some(SeatState::Asking) => self.seat(plc, seat, plant, witness),
                 Some(SeatState::Refused | SeatState::Lost) if seat.bury() => {}
                 _ => continue,
             }
@@ -112,7 +137,7 @@ impl Lockstep {
         changed
     }
 
-    fn seat(&mut self, plc: usize, seat: View<Seat>, plant: &mut Plant) {
+    fn seat(&mut self, plc: usize, seat: View<Seat>, plant: &mut Plant, witness: &mut dyn Witness) {
         let mut found = None;
         let answer = seat.decide(|event| {
             let event = event as usize;
@@ -125,34 +150,57 @@ impl Lockstep {
         let Some((event, _)) = answer else { return };
         let event = event as usize;
         let Some((level, seen)) = found else {
-            plant.note_lockstep(plc, event, SeatState::Refused);
+            note(plant, witness, plc, event, SeatState::Refused);
             return;
         };
-        plant.note_lockstep(plc, event, SeatState::Seated);
+        note(plant, witness, plc, event, SeatState::Seated);
         self.tasks.push(Task { plc, seat, event, level, seen, until: None });
     }
 
     /// The plant stops at the events that tasks of a PLC wait for.
     fn watch(&self, plc: usize, plant: &mut Plant) {
+        plant.watch(plc, self.watched_of(plc));
+    }
+
+    fn watched_of(&self, plc: usize) -> u16 {
         let tasks = self.tasks.iter().filter(|task| task.plc == plc);
-        plant.watch(plc, tasks.fold(0, |events, task| events | 1 << task.event));
+        tasks.fold(0, |events, task| events | 1 << task.event)
     }
 
     /// Lets emulated time pass until `target`, with a turn for each task whenever it is due. Returns early if `stop`
     /// says so, and while a task has its turn and somebody rings: then it is to be called again with the same target.
     pub(crate) fn advance(&mut self, plant: &mut Plant, target: u64, stop: impl Fn() -> bool) {
-        self.look(plant);
+        let witness = &mut NoWitness;
+        self.look(plant, witness);
         loop {
-            if !self.give_turns(plant, &stop) {
+            if !self.give_turns(plant, &stop, witness) {
                 return;
             }
             let until = self.next_turn().min(target);
             let stopped = plant.advance_until(until);
             if !stopped && until == target {
-                self.give_turns(plant, &stop);
+                self.give_turns(plant, &stop, witness);
                 return;
             }
         }
+    }
+
+    /// Turns for all tasks that are due now, and nothing else. `false`: told to stop, or a turn goes on.
+    #[cfg(feature = "channel")]
+    pub(crate) fn take_turns(
+        &mut self,
+        plant: &mut Plant,
+        stop: impl Fn() -> bool,
+        witness: &mut dyn Witness,
+    ) -> bool {
+        self.look(plant, witness);
+        self.give_turns(plant, &stop, witness)
+    }
+
+    /// Of each PLC the events that tasks wait for, bit n for event n.
+    #[cfg(feature = "channel")]
+    pub(crate) fn watched(&self) -> Vec<u16> {
+        (0..self.headers.len()).map(|plc| self.watched_of(plc)).collect()
     }
 
     /// Whether the time waits for a task.
@@ -184,18 +232,18 @@ impl Lockstep {
     }
 
     /// Turns for all tasks that are due now. `false`: told to stop, or a turn goes on.
-    fn give_turns(&mut self, plant: &mut Plant, stop: &impl Fn() -> bool) -> bool {
+    fn give_turns(&mut self, plant: &mut Plant, stop: &impl Fn() -> bool, witness: &mut dyn Witness) -> bool {
         loop {
             if let Some(turn) = self.turn.take() {
-                match self.await_end(&turn, plant) {
+                match self.await_end(&turn, plant, witness) {
                     Look::Ended => self.claim(turn.index, plant),
-                    Look::Lost => self.give_up(turn.index, plant),
+                    Look::Lost => self.give_up(turn.index, plant, witness),
                     Look::GoesOn => {
                         self.turn = Some(turn);
                         return false;
                     }
                 }
-                self.look(plant);
+                self.look(plant, witness);
             }
             match self.due(plant.now()) {
                 Some(_) if stop() => return false,
@@ -259,7 +307,7 @@ impl Lockstep {
 
     /// Waits for the end of a turn, but not while somebody else rings. Meanwhile the boards answer, so that the task can ask
     /// them.
-    fn await_end(&self, turn: &Turn, plant: &mut Plant) -> Look {
+    fn await_end(&self, turn: &Turn, plant: &mut Plant, witness: &mut dyn Witness) -> Look {
         let task = &self.tasks[turn.index];
         let (header, seat) = (&self.headers[task.plc], &task.seat);
         let patience = match seat.patience_ms.load() {
@@ -267,7 +315,7 @@ impl Lockstep {
             ms => Duration::from_millis(ms.into()),
         };
         let rings = header.doorbell.rings();
-        if plant.look_at_boards() {
+        if witness.boards(plant) {
             header.answer.ring();
         }
         if seat.done.rings() != turn.done {
@@ -283,10 +331,10 @@ impl Lockstep {
         }
     }
 
-    fn give_up(&mut self, index: usize, plant: &mut Plant) {
+    fn give_up(&mut self, index: usize, plant: &mut Plant, witness: &mut dyn Witness) {
         let task = self.tasks.remove(index);
         let state = if task.seat.lose() { SeatState::Lost } else { SeatState::Free };
-        plant.note_lockstep(task.plc, task.event, state);
+        note(plant, witness, task.plc, task.event, state);
         if state == SeatState::Lost {
             tracing::warn!("the task of event {} was given up: it died or took too long", task.event);
             task.seat.turn.ring();

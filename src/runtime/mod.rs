@@ -2,6 +2,8 @@
 
 mod clock;
 mod emulator;
+#[cfg(feature = "channel")]
+mod federated;
 mod guests;
 mod host;
 mod lockstep;

@@ -23,6 +23,7 @@ pub use register::Register;
 
 use super::carrier::Carrier;
 use super::failure::{FailureKind, JournalLine};
+#[cfg(not(all(test, feature = "channel")))]
 use super::local::Local;
 use super::{Failure, Place, ScenarioError, Value};
 use crate::devices;
@@ -119,7 +120,11 @@ impl Bench {
     /// # Errors
     /// The plant is refused.
     pub fn new(config: &PlantConfig) -> Result<Self, ScenarioError> {
-        let mut bench = Self::on(Box::new(Local::new(config)?))?;
+        #[cfg(not(all(test, feature = "channel")))]
+        let carrier = Box::new(Local::new(config)?);
+        #[cfg(all(test, feature = "channel"))]
+        let carrier = super::federated::carrier(config)?;
+        let mut bench = Self::on(carrier)?;
         // The plant numbers its faults in the order of the file.
         let required = (1..).zip(&config.faults).filter(|(_, spec)| spec.required);
         let required =

@@ -12,6 +12,8 @@ mod complaint;
 mod engine;
 mod error;
 mod failure;
+#[cfg(all(test, feature = "channel"))]
+mod federated;
 mod imports;
 mod junit;
 mod lines;

@@ -18,6 +18,7 @@ mod doors;
 mod drives;
 mod exit_codes;
 mod faults;
+mod federates;
 mod footprint;
 mod force;
 mod hostile_files;

@@ -6,6 +6,7 @@ mod tools;
 #[allow(unused_imports, reason = "each test binary uses a part of it")]
 pub(crate) use tools::{is_there, python, python_for, skipped};
 
+use std::ffi::OsStr;
 use std::io::{BufRead, BufReader, Lines, Read};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStderr, ChildStdout, Command, ExitStatus, Stdio};
@@ -236,7 +237,13 @@ impl Emulator {
 
     /// Starts an instance of the given name.
     pub(crate) fn start_as(name: &str, args: &[&str]) -> Self {
+        Self::start_with(name, args, &[])
+    }
+
+    /// As [`Emulator::start_as`], with these variables in its environment.
+    pub(crate) fn start_with(name: &str, args: &[&str], environment: &[(&str, &OsStr)]) -> Self {
         let mut command = commram();
+        command.envs(environment.iter().copied());
         command.arg("run").args(args).args(["-i", name]).stdout(Stdio::piped()).stderr(Stdio::piped());
         let mut child = command.spawn().unwrap();
         let err = collect(child.stderr.take().unwrap());

@@ -17,7 +17,7 @@ impl Emulator {
     }
 
     /// Handles what came through the channel; tells whether there was anything.
-    pub(super) fn serve_channel(&mut self) -> bool {
+    pub(in crate::runtime) fn serve_channel(&mut self) -> bool {
         if self.channel_is_damaged() {
             self.give_channel_up();
         }
@@ -30,7 +30,7 @@ impl Emulator {
     }
 
     /// Whether an operation has paused; with a stepped clock it lets time pass.
-    pub(super) fn is_time_passing(&self) -> bool {
+    pub(in crate::runtime) fn is_time_passing(&self) -> bool {
         self.server.as_ref().is_some_and(|server| server.waiting() > 0)
     }
 

@@ -1,0 +1,230 @@
+//! The way of federates to each other by HELICS: each is a federate, and what they tell each other are commands, which HELICS
+//! delivers at once and in their order, whatever time it has granted to whom (decision D-574).
+//!
+//! The library's calls wait, so threads of their own make them: one joins and sends, the other one waits for commands.
+
+mod library;
+
+use crate::federation::Exchange;
+use library::{Federate, Functions, VARIABLE};
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender, TryRecvError};
+use std::thread::Builder;
+use std::time::Duration;
+
+/// Longest time that the last message to the others may take.
+const FAREWELL: Duration = Duration::from_secs(3);
+
+/// Why there is no way to the others.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum HelicsError {
+    /// There is no library.
+    #[error(
+        "HELICS cannot be loaded{}: {reason}; install it, for example by `pip install helics`, and let {VARIABLE} name its \
+         libhelics.so.3 or the directory in which that is", .given.as_ref().map(|path| format!(" ({VARIABLE}={})", path.display()))
+            .unwrap_or_default()
+    )]
+    NoLibrary {
+        /// What the variable says.
+        given: Option<PathBuf>,
+        /// What the loader says.
+        reason: String,
+    },
+    /// It does not get into the federation.
+    #[error(
+        "the HELICS federation cannot be joined: {reason}; does a broker run there, and does it wait for this federate?"
+    )]
+    NotJoined {
+        /// What HELICS says.
+        reason: String,
+    },
+    /// No thread can be started.
+    #[error("cannot start a thread: {0}")]
+    Thread(std::io::Error),
+}
+
+/// Where the others are.
+#[derive(Clone, Debug)]
+pub struct Place {
+    /// What the federation is called: the federates are this, a slash and their numbers.
+    pub federation: String,
+    /// Number of this federate, and how many there are.
+    pub own: u8,
+    /// See there.
+    pub count: u8,
+    /// Where the broker is: `tcp://127.0.0.1:23404`.
+    pub broker: String,
+    /// How long the broker is waited for.
+    pub limit: Duration,
+}
+
+impl Place {
+    fn name_of(&self, number: u8) -> String {
+        format!("{}/{number}", self.federation)
+    }
+}
+
+/// What the emulator asks of the thread that sends.
+enum Command {
+    Send(Vec<u8>),
+    Leave(Vec<u8>),
+}
+
+/// What has come: from whom, and what.
+type Told = Result<(u8, Vec<u8>), String>;
+
+/// The emulator's end of the way.
+pub struct ByHelics {
+    commands: Sender<Command>,
+    messages: Receiver<Told>,
+    has_left: Receiver<()>,
+}
+
+impl ByHelics {
+    /// Begins to join; `wake` is called whenever there is something to [receive](Exchange::receive).
+    ///
+    /// # Errors
+    /// There is no library. That there is no broker shows later.
+    pub fn join(place: Place, wake: impl Fn() + Send + Sync + 'static) -> Result<Self, HelicsError> {
+        let functions = library::load()?;
+        let (commands, asked) = mpsc::channel();
+        let (told, messages) = mpsc::channel();
+        let (left, has_left) = mpsc::channel();
+        let thread = Builder::new().name("helics".to_owned());
+        let run = move || {
+            let tell = |news: Told| {
+                // If nobody listens any more, nobody need be told.
+                let _ = told.send(news);
+                wake();
+            };
+            if let Err(reason) = talk(functions, &place, &asked, &tell) {
+                tell(Err(reason));
+            }
+            drop(left);
+        };
+        thread.spawn(run).map_err(HelicsError::Thread)?;
+        Ok(ByHelics { commands, messages, has_left })
+    }
+}
+
+impl Exchange for ByHelics {
+    fn send(&mut self, message: &[u8]) -> Result<(), String> {
+        // A thread that has ended has said why, which is received next.
+        let _ = self.commands.send(Command::Send(message.to_vec()));
+        Ok(())
+    }
+
+    fn receive(&mut self) -> Result<Option<(u8, Vec<u8>)>, String> {
+        match self.messages.try_recv() {
+            Ok(message) => message.map(Some),
+            Err(TryRecvError::Empty) => Ok(None),
+            Err(TryRecvError::Disconnected) => Err("the thread of HELICS has ended".to_owned()),
+        }
+    }
+
+    fn leave(&mut self, message: &[u8]) {
+        let _ = self.commands.send(Command::Leave(message.to_vec()));
+        // It is never sent anything, but ends with the thread.
+        if self.has_left.recv_timeout(FAREWELL) == Err(RecvTimeoutError::Timeout) {
+            library::end_without_it();
+        }
+    }
+}
+
+/// Joins, sends what is asked for, and leaves.
+fn talk(
+    functions: Functions,
+    place: &Place,
+    asked: &Receiver<Command>,
+    tell: &(impl Fn(Told) + Sync),
+) -> Result<(), String> {
+    let init = format!(
+        "--federates=1 --broker_address={} --timeout={}ms --loglevel=no_print",
+        place.broker,
+        place.limit.as_millis()
+    );
+    let own = place.name_of(place.own);
+    let federate = Federate::join(functions, &own, &init).map_err(|error| error.to_string())?;
+    let others: Vec<_> = (0..place.count).filter(|number| *number != place.own).collect();
+    let ends = AtomicBool::new(false);
+    let said = std::thread::scope(|scope| {
+        let listener = Builder::new().name("helics-listens".to_owned());
+        let listener = listener.spawn_scoped(scope, || listen(&federate, place, &others, &ends, tell));
+        listener.map_err(|error| HelicsError::Thread(error).to_string())?;
+        let to_all = |bytes: Vec<u8>| {
+            let command = in_text(&bytes);
+            others.iter().try_for_each(|other| federate.send(&place.name_of(*other), &command))
+        };
+        let mut said = Ok(());
+        while said.is_ok() {
+            said = match asked.recv() {
+                Ok(Command::Send(bytes)) => to_all(bytes),
+                Ok(Command::Leave(bytes)) => {
+                    said = to_all(bytes);
+                    break;
+                }
+                Err(_) => break,
+            };
+        }
+        // Whatever comes next ends the wait for commands.
+        ends.store(true, Ordering::Release);
+        said.and(federate.send(&own, "end"))
+    });
+    federate.leave();
+    said
+}
+
+/// Tells the emulator what the other ones send.
+fn listen(federate: &Federate, place: &Place, others: &[u8], ends: &AtomicBool, tell: &impl Fn(Told)) {
+    let mut strangers = Vec::new();
+    loop {
+        let command = federate.wait();
+        if ends.load(Ordering::Acquire) {
+            return;
+        }
+        match command {
+            Ok((source, command)) => match others.iter().find(|number| place.name_of(**number) == source) {
+                // What is no message is one that nobody understands.
+                Some(number) => tell(Ok((*number, of_text(&command).unwrap_or_default()))),
+                None if source.is_empty() => return tell(Err("HELICS has ended".to_owned())),
+                None if !strangers.contains(&source) => {
+                    tracing::warn!(
+                        "{source} sends commands, and is no federate of this plant; they are left out"
+                    );
+                    strangers.push(source);
+                }
+                None => {}
+            },
+            Err(reason) => return tell(Err(reason)),
+        }
+    }
+}
+
+/// Bytes as a text without any character that means something to HELICS.
+fn in_text(bytes: &[u8]) -> String {
+    let digits = bytes.iter().flat_map(|byte| [byte >> 4, byte & 0xF]);
+    digits.map(|digit| char::from(b"0123456789abcdef"[usize::from(digit)])).collect()
+}
+
+/// The bytes of such a text.
+fn of_text(text: &str) -> Option<Vec<u8>> {
+    let digit = |byte: u8| char::from(byte).to_digit(16).map(|digit| digit as u8);
+    let (pairs, rest) = text.as_bytes().as_chunks::<2>();
+    let bytes = pairs.iter().map(|[high, low]| Some(digit(*high)? << 4 | digit(*low)?));
+    bytes.collect::<Option<_>>().filter(|_| rest.is_empty())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bytes_come_back_from_their_text() {
+        let all: Vec<u8> = (0..=255).collect();
+        assert_eq!(of_text(&in_text(&all)), Some(all));
+        assert_eq!(in_text(&[0x0A, 0xF0]), "0af0");
+        assert_eq!([of_text("0af"), of_text("0g"), of_text("\u{e4}")], [None, None, None]);
+    }
+}

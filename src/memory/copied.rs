@@ -1,0 +1,137 @@
+//! What others have stored between two looks: copies of registers that are compared.
+
+use super::access::load_words;
+use super::{HEADER_SIZE, Segment, Width};
+use core::ops::Range;
+use serde::{Deserialize, Serialize};
+
+/// Ranges are widened to multiples of it.
+const LINE: usize = 64;
+/// How many words are compared before single ones are looked at: most are as they were.
+const AT_ONCE: usize = 256;
+
+/// What stood in the registers of some ranges at a moment.
+pub(crate) struct RegisterCopy {
+    words: Vec<u32>,
+    /// What stands there now, while it is compared.
+    now: Vec<u32>,
+}
+
+/// Bytes of a word of the RAM that somebody has stored.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub(crate) struct StoredBytes {
+    /// Where the word lies.
+    pub(crate) offset: u32,
+    /// Bits of the bytes that are meant.
+    pub(crate) mask: u32,
+    /// What stands in them now; 0 elsewhere.
+    pub(crate) value: u32,
+}
+
+/// In which words, the first of which lies at `first`, these differ.
+fn differences(first: usize, now: &[u32], before: &[u32]) -> impl Iterator<Item = StoredBytes> {
+    let words = now.iter().zip(before).enumerate().filter(|(_, (now, before))| now != before);
+    words.map(move |(n, (now, before))| {
+        let (is, was) = (now.to_le_bytes(), before.to_le_bytes());
+        let differs = core::array::from_fn(|byte| if is[byte] == was[byte] { 0 } else { 0xFF });
+        let mask = u32::from_le_bytes(differs);
+        StoredBytes { offset: (first + 4 * n) as u32, mask, value: now & mask }
+    })
+}
+
+impl Segment {
+    /// These ranges, which ascend, as blocks of whole lines, each once.
+    fn blocks(&self, ranges: &[Range<usize>]) -> impl Iterator<Item = Range<usize>> {
+        let mut next = HEADER_SIZE;
+        ranges.iter().map(move |range| {
+            let first = (range.start / LINE * LINE).max(next);
+            next = range.end.next_multiple_of(LINE).max(next);
+            first..next.min(self.size()).max(first)
+        })
+    }
+
+    fn copy_words(&self, ranges: &[Range<usize>], into: &mut Vec<u32>) {
+        into.resize(self.blocks(ranges).map(|block| block.len() / 4).sum(), 0);
+        let mut rest = into.as_mut_slice();
+        for block in self.blocks(ranges).filter(|block| !block.is_empty()) {
+            let (words, behind) = core::mem::take(&mut rest).split_at_mut(block.len() / 4);
+            // SAFETY: the block lies inside the segment, whose length is a multiple of 4, and begins at a line; the memory is
+            // mapped for as long as `self` lives.
+            unsafe { load_words(self.base().add(block.start).cast(), words) };
+            rest = behind;
+        }
+    }
+
+    /// Copies the registers in these ranges, which ascend.
+    pub(crate) fn copy_registers(&self, ranges: &[Range<usize>]) -> RegisterCopy {
+        let mut copy = RegisterCopy { words: Vec::new(), now: Vec::new() };
+        self.renew_copy(ranges, &mut copy);
+        copy
+    }
+
+    /// Copies them again.
+    pub(crate) fn renew_copy(&self, ranges: &[Range<usize>], copy: &mut RegisterCopy) {
+        self.copy_words(ranges, &mut copy.words);
+    }
+
+    /// What others have stored into these ranges since the copy, which is renewed.
+    pub(crate) fn stored_since(&self, ranges: &[Range<usize>], copy: &mut RegisterCopy) -> Vec<StoredBytes> {
+        self.copy_words(ranges, &mut copy.now);
+        if copy.now == copy.words {
+            return Vec::new();
+        }
+        let (mut stored, mut at) = (Vec::new(), 0);
+        for block in self.blocks(ranges) {
+            let words = at..at + block.len() / 4;
+            at = words.end;
+            let parts = copy.now[words.clone()].chunks(AT_ONCE).zip(copy.words[words].chunks(AT_ONCE));
+            for (n, (now, before)) in parts.enumerate().filter(|(_, (now, before))| now != before) {
+                stored.extend(differences(block.start + n * AT_ONCE * 4, now, before));
+            }
+        }
+        core::mem::swap(&mut copy.now, &mut copy.words);
+        stored
+    }
+
+    /// Stores what somebody has stored into another segment like this one. What would lie outside is left out.
+    pub(crate) fn store_bytes(&self, stored: &StoredBytes) {
+        let StoredBytes { offset, mask, value } = *stored;
+        let _ = self.update(offset, Width::Dword, |word| word & !mask | value & mask);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::memory::testing::DEVICE;
+
+    #[test]
+    fn what_was_stored_is_found_once_and_makes_another_segment_alike() {
+        let [segment, other] = [Segment::of(&DEVICE), Segment::of(&DEVICE)];
+        let end = segment.size();
+        let ranges =
+            [HEADER_SIZE + 3..HEADER_SIZE + 70, HEADER_SIZE + 72..HEADER_SIZE + 90, end - 2..end + 500];
+        let mut copy = segment.copy_registers(&ranges);
+        assert_eq!(segment.stored_since(&ranges, &mut copy), []);
+        let first = HEADER_SIZE as u32;
+        segment.store(first + 2, Width::Byte, 0x81).unwrap();
+        segment.store(first + 126, Width::Word, 0xFEDC).unwrap();
+        segment.store(end as u32 - 4, Width::Dword, 0x0100_0001).unwrap();
+        // Nobody has asked for that.
+        segment.store(first + 128, Width::Dword, 7).unwrap();
+        let stored = segment.stored_since(&ranges, &mut copy);
+        assert_eq!(
+            stored,
+            [
+                StoredBytes { offset: first, mask: 0x00FF_0000, value: 0x0081_0000 },
+                StoredBytes { offset: first + 124, mask: 0xFFFF_0000, value: 0xFEDC_0000 },
+                StoredBytes { offset: end as u32 - 4, mask: 0xFF00_00FF, value: 0x0100_0001 },
+            ]
+        );
+        assert_eq!(segment.stored_since(&ranges, &mut copy), []);
+        stored.iter().for_each(|stored| other.store_bytes(stored));
+        assert_eq!(other.stored_since(&ranges, &mut copy), []);
+        // Nowhere.
+        other.store_bytes(&StoredBytes { offset: u32::MAX - 3, mask: 1, value: 1 });
+    }
+}

@@ -1,0 +1,155 @@
+//! An emulator that shares its plant with others: a stepped clock that waits for all of them.
+//!
+//! What enters from here does so in this federate's turn: requests of clients, stores of programs that have mapped an image,
+//! tasks in lockstep. A turn ends when somebody here wants time to pass, or at once if this federate only follows.
+
+use super::emulator::{Emulator, RuntimeError};
+use super::lockstep::Witness;
+use crate::federation::{Exchange, Federation, FederationError, News, Part};
+use crate::memory::header::SeatState;
+use crate::plant::Plant;
+use crate::request::Travel;
+use std::sync::atomic::Ordering;
+
+/// What became of a turn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Had {
+    /// A task goes on.
+    GoesOn,
+    /// It has ended.
+    Ended,
+    /// The time that was asked for has come.
+    Arrived,
+}
+
+/// This emulator among the others.
+#[derive(Default)]
+pub(super) struct Membership {
+    pub(super) federation: Option<Federation>,
+    /// What has gone wrong where nobody could be told.
+    error: Option<FederationError>,
+}
+
+impl Membership {
+    /// Whether something may enter the plant here now.
+    pub(super) fn may_act(&self) -> bool {
+        self.federation.as_ref().is_none_or(Federation::is_own_turn)
+    }
+
+    /// For whom the time waits, for people.
+    pub(super) fn waits_for(&self) -> Option<String> {
+        self.federation.as_ref()?.waits_for()
+    }
+}
+
+impl Witness for Federation {
+    fn boards(&mut self, plant: &mut Plant) -> bool {
+        self.look_at_boards(plant)
+    }
+
+    fn task(&mut self, plc: usize, event: usize, state: SeatState) {
+        self.note_task(plc, event, state);
+    }
+}
+
+impl Emulator {
+    /// Shares the plant with other emulators from now on. The clock must be stepped, and nothing may have happened yet.
+    ///
+    /// # Errors
+    /// The others cannot be told.
+    pub fn join(&mut self, part: Part, exchange: Box<dyn Exchange>) -> Result<(), RuntimeError> {
+        // Nobody goes back alone.
+        self.travel = Travel::new(0);
+        self.membership.federation = Some(Federation::join(part, &self.plant, exchange)?);
+        Ok(())
+    }
+
+    /// Wakes the emulator up to look for messages, from any thread.
+    pub fn waker(&self) -> impl Fn() + Send + Sync + use<> {
+        let handle = self.stop_handle();
+        move || handle.wake()
+    }
+
+    /// Runs until asked to end, or until another federate ends.
+    pub(super) fn run_federated(&mut self) -> Result<(), RuntimeError> {
+        let mut outcome = Ok(());
+        while !self.is_stopping() && outcome.is_ok() {
+            let has_rung = self.note_rings();
+            let news = self.look_for_news();
+            if !matches!(news, Ok(News::Nothing)) {
+                self.tell_events();
+                self.announce();
+            }
+            if let Ok(News::Left(who)) = news {
+                tracing::warn!("federate {who} has left; the plant ends here as well");
+                self.stop.store(true, Ordering::Release);
+                break;
+            }
+            let has_news = matches!(news, Ok(News::Moved));
+            let had_turn = self.membership.may_act();
+            if has_rung {
+                self.look_around();
+            }
+            let served = self.serve_channel();
+            if served {
+                self.announce();
+            }
+            let follows = self.membership.federation.as_ref().is_some_and(Federation::follows);
+            let mut goes_on = self.is_time_passing() && self.membership.may_act();
+            if follows && !goes_on && self.membership.may_act() {
+                goes_on = self.have_turn(None) == Had::GoesOn;
+            }
+            // Then the others are to be listened to.
+            let has_ended = had_turn && !self.membership.may_act();
+            outcome = news.map(drop).and_then(|()| self.membership.error.take().map_or(Ok(()), Err));
+            if !has_news && !served && !has_ended && !goes_on && outcome.is_ok() {
+                self.sleep(super::emulator::LONGEST_SLEEP);
+            }
+        }
+        if let Some(federation) = self.membership.federation.take() {
+            federation.leave(outcome.as_ref().err());
+        }
+        outcome.map_err(RuntimeError::Federation)
+    }
+
+    fn look_for_news(&mut self) -> Result<News, FederationError> {
+        // Taken out for the call: what enters elsewhere is not told again.
+        let Some(mut federation) = self.membership.federation.take() else { return Ok(News::Nothing) };
+        let news = federation.look(self);
+        self.membership.federation = Some(federation);
+        news
+    }
+
+    /// In this federate's turn: boards answer, and tasks get seats, without any time to pass.
+    pub(super) fn look_around(&mut self) {
+        let Emulator { plant, lockstep, membership, .. } = self;
+        let Some(federation) = membership.federation.as_mut().filter(|it| it.is_own_turn()) else { return };
+        let boards = federation.look_at_boards(plant);
+        if lockstep.look(plant, federation) || boards {
+            self.announce();
+        }
+    }
+
+    /// Lets those here have this federate's turn who take part in lockstep, and ends it with the wish to go to `target`.
+    fn have_turn(&mut self, target: Option<u64>) -> Had {
+        let Emulator { plant, lockstep, membership, stop, .. } = self;
+        let Some(federation) = &mut membership.federation else { return Had::GoesOn };
+        federation.look_at_boards(plant);
+        let is_over = lockstep.take_turns(plant, || stop.load(Ordering::Acquire), federation);
+        if !is_over {
+            return Had::GoesOn;
+        }
+        if target.is_some_and(|target| federation.has_come_to(target)) {
+            return Had::Arrived;
+        }
+        let want = lockstep.next_turn().min(target.unwrap_or(u64::MAX));
+        let ended = federation.end_turn(plant, target, want, lockstep.watched());
+        membership.error = ended.err();
+        Had::Ended
+    }
+
+    /// As [`Host::advance_to`](crate::request::Host::advance_to): `true` when the time has come.
+    pub(super) fn ask_for(&mut self, target: u64) -> bool {
+        self.membership.may_act() && self.have_turn(Some(target)) == Had::Arrived
+    }
+}

@@ -1,0 +1,233 @@
+//! The promise of federates: whatever a scenario does to a plant of several hosts leaves the journal that it leaves in one
+//! process. Here the hosts are plants in this process that talk through memory.
+
+use super::ScenarioError;
+use super::carrier::Carrier;
+use super::local::Local;
+use crate::federation::{Exchange, Federation, Part};
+use crate::memory::Segment;
+use crate::memory::header::ABI_VERSION;
+use crate::plant::{Plant, PlantConfig};
+use crate::request::{Execution, Host, InstanceInfo, Op, Refused, Reply, Travel};
+use core::cell::Cell;
+use std::collections::VecDeque;
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+thread_local! {
+    /// How many federates the plants of scenarios on this thread have, and which of them the scenario is at.
+    static FEDERATES: Cell<(u8, u8)> = const { Cell::new((1, 0)) };
+}
+
+/// The plant of a scenario.
+pub(super) fn carrier(config: &PlantConfig) -> Result<Box<dyn Carrier>, ScenarioError> {
+    match FEDERATES.get() {
+        (1, _) => Ok(Box::new(Local::new(config)?)),
+        (count, own) => Ok(Box::new(Federated::new(config, count, own)?)),
+    }
+}
+
+/// What was sent to each federate and was not received yet.
+type Letters = Arc<Mutex<Vec<VecDeque<(u8, Vec<u8>)>>>>;
+
+struct ByMemory {
+    own: usize,
+    letters: Letters,
+}
+
+impl Exchange for ByMemory {
+    fn send(&mut self, message: &[u8]) -> Result<(), String> {
+        for (to, letters) in self.letters.lock().unwrap().iter_mut().enumerate() {
+            if to != self.own {
+                letters.push_back((self.own as u8, message.to_vec()));
+            }
+        }
+        Ok(())
+    }
+
+    fn receive(&mut self) -> Result<Option<(u8, Vec<u8>)>, String> {
+        Ok(self.letters.lock().unwrap()[self.own].pop_front())
+    }
+
+    fn leave(&mut self, _: &[u8]) {}
+}
+
+struct Federate {
+    plant: Plant,
+    travel: Travel,
+    federation: Option<Federation>,
+}
+
+impl Federate {
+    fn nobody_watches(&self) -> Vec<u16> {
+        vec![0; self.plant.devices().len()]
+    }
+
+    /// Takes in what there is; if it is its turn then, whether it follows or not.
+    fn look(&mut self) -> bool {
+        let mut federation = self.federation.take().unwrap();
+        federation.look(self).unwrap();
+        let is_own_turn = federation.is_own_turn();
+        self.federation = Some(federation);
+        is_own_turn
+    }
+
+    fn end_turn(&mut self, target: Option<u64>) {
+        let watched = self.nobody_watches();
+        let Federate { plant, federation, .. } = self;
+        let federation = federation.as_mut().unwrap();
+        federation.end_turn(plant, target, target.unwrap_or(u64::MAX), watched).unwrap();
+    }
+}
+
+impl Host for Federate {
+    fn plant(&self) -> &Plant {
+        &self.plant
+    }
+
+    fn plant_mut(&mut self) -> &mut Plant {
+        &mut self.plant
+    }
+
+    fn plant_and_travel(&mut self) -> (&mut Plant, &mut Travel) {
+        (&mut self.plant, &mut self.travel)
+    }
+
+    fn is_stepped(&self) -> bool {
+        true
+    }
+
+    fn permit(&mut self, op: &Op) -> Result<(), Refused> {
+        let Federate { plant, federation, .. } = self;
+        federation.as_mut().map_or(Ok(()), |federation| federation.permit(plant, op))
+    }
+
+    fn begin_request(&mut self) {}
+
+    fn next_event(&self) -> u64 {
+        self.plant.next_event()
+    }
+
+    fn next_change(&self) -> u64 {
+        self.plant.next_change()
+    }
+
+    fn advance_to(&mut self, t: u64) -> bool {
+        let federation = self.federation.as_mut().unwrap();
+        if federation.is_own_turn() && !federation.has_come_to(t) {
+            self.end_turn(Some(t));
+            return false;
+        }
+        self.federation.as_ref().unwrap().is_own_turn()
+    }
+
+    fn info(&self) -> InstanceInfo {
+        InstanceInfo {
+            name: "federate".to_owned(),
+            is_stepped: true,
+            speed: 0,
+            time_us: self.plant.now(),
+            generation: 1,
+            pid: std::process::id(),
+            abi_version: ABI_VERSION,
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            waits_for: None,
+            names: self.plant.names(),
+        }
+    }
+
+    fn request_stop(&mut self) {}
+
+    fn should_stop(&self) -> bool {
+        false
+    }
+}
+
+struct Federated {
+    all: Vec<Federate>,
+    own: usize,
+}
+
+impl Federated {
+    fn new(config: &PlantConfig, count: u8, own: u8) -> Result<Self, ScenarioError> {
+        let letters: Letters = Arc::new(Mutex::new(vec![VecDeque::new(); count.into()]));
+        let federate = |number: u8| {
+            let plant = Plant::new(config, |_, device| Ok::<_, ScenarioError>(Segment::of(device)))?;
+            let exchange = ByMemory { own: number.into(), letters: Arc::clone(&letters) };
+            let limit = Duration::from_secs(60);
+            let part = Part { own: number, count, follows: number != own, limit };
+            let federation = Federation::join(part, &plant, Box::new(exchange)).unwrap();
+            Ok(Federate { plant, travel: Travel::new(0), federation: Some(federation) })
+        };
+        let all = (0..count).map(federate).collect::<Result<_, ScenarioError>>()?;
+        Ok(Federated { all, own: own.into() })
+    }
+
+    /// The others have their turns, until it is the scenario's.
+    fn others(&mut self) {
+        while !self.all[self.own].look() {
+            for (number, federate) in self.all.iter_mut().enumerate() {
+                if number != self.own && federate.look() {
+                    federate.end_turn(None);
+                }
+            }
+        }
+    }
+}
+
+impl Carrier for Federated {
+    fn ask(&mut self, op: Op) -> Result<Reply, ScenarioError> {
+        let mut execution = Execution::default();
+        loop {
+            self.others();
+            if let Some(reply) = execution.run(&mut self.all[self.own], &op)? {
+                return Ok(reply);
+            }
+        }
+    }
+
+    fn segment(&mut self, plc: u16) -> Result<Segment, ScenarioError> {
+        Ok(self.all[self.own].plant.devices()[usize::from(plc)].segment().clone())
+    }
+
+    fn journal_hash(&self) -> Option<u64> {
+        Some(self.all[self.own].plant.journal().hash())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::script::soak::{Kind, Round, exercises};
+    use crate::script::{Limits, run_file};
+
+    /// Hash of the journal that a scenario leaves, at one of so many federates.
+    fn hash(text: &str, federates: (u8, u8)) -> Option<u64> {
+        let directory = tempfile::tempdir().unwrap();
+        let file = directory.path().join("round.rhai");
+        std::fs::write(&file, text).unwrap();
+        FEDERATES.set(federates);
+        let report = run_file(&file, None, Limits::default(), |_| {});
+        FEDERATES.set((1, 0));
+        report.journal_hash
+    }
+
+    /// A round of each exercise, with faults or with stores to any register as well.
+    #[test]
+    fn several_hosts_leave_the_journal_of_one() {
+        let mut kinds = Vec::new();
+        for (number, exercise) in (0_u64..).zip(exercises()) {
+            let kind = [Kind::Disturbed, Kind::Hostile][number as usize % 2];
+            let mut rounds = (number * 1000..).map(|seed| Round::draw(seed, &[exercise]).unwrap());
+            let round =
+                rounds.find(|round| round.kind == kind && (3..=8).contains(&round.moves.len())).unwrap();
+            let federates = [(2, 0), (3, 1), (2, 1), (3, 2)][number as usize % 4];
+            let text = round.text(false);
+            let one = hash(&text, (1, 0));
+            assert!(one.is_some());
+            assert_eq!(hash(&text, federates), one, "{federates:?}:\n{text}");
+            kinds.push(kind.name());
+        }
+        assert!(kinds.len() > 1, "{kinds:?}");
+    }
+}

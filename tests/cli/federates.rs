@@ -1,0 +1,366 @@
+//! One plant in several processes, which find each other by HELICS.
+#![cfg(all(feature = "channel", feature = "helics"))]
+
+use crate::common::{Emulator, Outcome, commram, eventually, finish, python_for, unique_name};
+use commram::devices::omega_drive_line_2::registers::{CANsync_INIT_BMSTRUCT, LAYOUT_HASH, NODE2};
+use commram::memory::{AttachMode, Image, MemoryError, Width};
+use std::net::TcpListener;
+use std::num::NonZeroU32;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+use tempfile::TempDir;
+
+const LONG: Duration = Duration::from_secs(60);
+/// How long a task that is not needed any more may take to notice.
+const SHORT: Duration = Duration::from_millis(5);
+/// The event of a SYNC edge.
+const SYNC: usize = 12;
+/// `b_CTRLREG_WRC1` of node 2.
+const WRC1: u32 = NODE2 as u32 + 12;
+
+/// Two PLCs that are alike, each with a bus of its own, and faults.
+const PLANT: &str = "\
+[[plc]]
+name = 'line'
+node2 = 'drives'
+[[plc]]
+name = 'press'
+node2 = 'rams'
+[[bus]]
+name = 'drives'
+[[bus.drive]]
+name = 'drive1'
+slave_number = 1
+[[bus]]
+name = 'rams'
+[[bus.drive]]
+name = 'ram1'
+slave_number = 1
+[[fault]]
+kind = 'lose_frame'
+bus = 'drives'
+slot = 'CC'
+at_us = 6000
+count = 2
+[[fault]]
+kind = 'jitter_sync'
+bus = 'rams'
+amplitude_us = 40
+at_us = 8000
+duration_us = 9000
+";
+
+/// What brings these PLCs into active operation, all at the same emulated times, and disturbs them.
+fn program(plcs: &str) -> String {
+    format!(
+        "let plcs = {plcs};
+        for plc in plcs {{ poke(plc + \":node2.w_CPU_CONTROL\", 0x0001); }}
+        for plc in plcs {{ wait(plc + \":node2.w_OPTION_STATUS\", 0x0002, \"1ms\"); }}
+        for plc in plcs {{
+            poke(plc + \":node2.b_MA_SL_MODE\", 0x00);
+            poke(plc + \":node2.b_BT_0\", 0x00);
+            poke(plc + \":node2.b_BT_1\", 0x1C);
+            poke(plc + \":node2.b_TIME_PATTERN\", 2);
+            poke(plc + \":node2.b_AC\", 0xFF);
+            poke(plc + \":node2.b_AM\", 0xFF);
+            poke(plc + \":node2.b_OUTPUT_CONTROL\", 0xFA);
+            poke(plc + \":node2.b_CLOCK_DIVIDER\", 0x07);
+            poke(plc + \":node2.a_SL_TYP[1]\", 1);
+            poke(plc + \":node2.w_CPU_CONTROL\", 0x0002);
+        }}
+        for plc in plcs {{ wait(plc + \":node2.w_OPTION_STATUS\", 0x0003, \"1ms\"); }}
+        for plc in plcs {{ poke(plc + \":node2.w_CPU_CONTROL\", 0x0020); }}
+        for plc in plcs {{ wait(plc + \":node2.w_OPTION_STATUS\", 0x0043, \"1ms\"); }}
+        step(20_000 - now());
+        for plc in plcs {{
+            poke(plc + \":node2.w_CPU_CONTROL\", 0x0040);
+            fault(\"lose_sync bus=\" + if plc == \"line\" {{ \"drives\" }} else {{ \"rams\" }} + \" count=2\");
+        }}
+        step(40_000 - now());
+        "
+    )
+}
+
+/// HELICS as Python has it: Python itself, the directory of the library, and the broker.
+#[derive(Clone)]
+struct Helics {
+    python: PathBuf,
+    library: PathBuf,
+    broker: PathBuf,
+}
+
+fn helics() -> Option<Helics> {
+    let mut python = python_for("helics", &["helics"])?;
+    let interpreter = python.get_program().into();
+    let place =
+        python.args(["-c", "import helics, os; print(os.path.dirname(helics.__file__))"]).output().unwrap();
+    let install = Path::new(String::from_utf8(place.stdout).unwrap().trim()).join("install");
+    Some(Helics {
+        python: interpreter,
+        library: install.join("lib64"),
+        broker: install.join("bin/helics_broker"),
+    })
+}
+
+/// A broker for so many federates.
+struct Broker {
+    _process: Ends,
+    address: String,
+    library: PathBuf,
+}
+
+impl Broker {
+    fn start(helics: &Helics, federates: u8) -> Self {
+        let port = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
+        // Also when this test is killed, which cannot tell it then.
+        let mut command = Command::new("setpriv");
+        command.args(["--pdeathsig", "KILL"]).arg(&helics.broker);
+        command.args(["--coretype=zmq", "--loglevel=no_print", "--local_interface=127.0.0.1"]);
+        command.args([format!("--federates={federates}"), format!("--port={port}")]);
+        let child = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+        Broker {
+            _process: Ends(child),
+            address: format!("tcp://127.0.0.1:{port}"),
+            library: helics.library.clone(),
+        }
+    }
+
+    /// The arguments of `commram run` for federate `part`.
+    fn arguments<'a>(&'a self, plant: &'a str, part: &'a str) -> Vec<&'a str> {
+        let federate = ["--federate", part, "--broker", &self.address];
+        [&[plant, "--clock", "stepped"][..], &federate].concat()
+    }
+
+    fn federate(&self, plant: &Path, part: &str, more: &[&str]) -> Emulator {
+        let arguments = self.arguments(plant.to_str().unwrap(), part);
+        let environment = [("COMMRAM_HELICS", self.library.as_os_str())];
+        Emulator::start_with(&unique_name(), &[&arguments, more].concat(), &environment)
+    }
+}
+
+/// A process that does not outlast this value.
+struct Ends(Child);
+
+impl Drop for Ends {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+fn written(directory: &TempDir, name: &str, text: &str) -> PathBuf {
+    let path = directory.path().join(name);
+    std::fs::write(&path, text).unwrap();
+    path
+}
+
+/// A program that runs at a running instance.
+fn at(emulator: &Emulator, program: &Path) -> Child {
+    let mut command = commram();
+    command.args(["test", "--attach", &emulator.name]).arg(program);
+    command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()
+}
+
+#[track_caller]
+fn passes(program: Child) {
+    let output = program.wait_with_output().unwrap();
+    let said = [output.stdout, output.stderr].concat();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&said));
+}
+
+fn journal(emulator: &Emulator) -> String {
+    emulator.run("trace", &[]).ok().to_owned()
+}
+
+/// A federate that is not to get far, at its end.
+fn ends(arguments: &[&str], library: &Path) -> Outcome {
+    let mut command = commram();
+    command.arg("run").args(arguments).args(["-i", &unique_name()]).env("COMMRAM_HELICS", library);
+    finish(&mut command)
+}
+
+#[test]
+fn processes_leave_the_journal_of_one() {
+    let Some(helics) = helics() else { return };
+    let directory = TempDir::new().unwrap();
+    let plant = written(&directory, "plant.toml", PLANT);
+    let both = written(&directory, "both.rhai", &program("[\"line\", \"press\"]"));
+    let one = Emulator::start(&[plant.to_str().unwrap(), "--clock", "stepped"]);
+    passes(at(&one, &both));
+    let expected = journal(&one);
+    for count in [2, 3] {
+        let broker = Broker::start(&helics, count);
+        let follows = |number| broker.federate(&plant, &format!("{number}/{count}"), &["--follow"]);
+        // Whoever leads, the others have the same.
+        let leader = count - 2;
+        let mut federates: Vec<_> = (0..count).filter(|number| *number != leader).map(follows).collect();
+        federates.push(broker.federate(&plant, &format!("{leader}/{count}"), &[]));
+        passes(at(federates.last().unwrap(), &both));
+        for federate in &federates {
+            assert!(eventually(|| journal(federate).lines().count() >= expected.lines().count()));
+            assert_eq!(journal(federate), expected, "{count} federates");
+        }
+    }
+    assert!(expected.contains("lose_frame") && expected.contains("jitter_sync"), "{expected}");
+}
+
+/// A task in lockstep and a program that stores into an image, on two hosts, of which the other one leads.
+#[test]
+fn programs_on_several_hosts_have_one_plant() {
+    let Some(helics) = helics() else { return };
+    let directory = TempDir::new().unwrap();
+    let plant = written(&directory, "plant.toml", PLANT);
+    let broker = Broker::start(&helics, 2);
+    let leads = broker.federate(&plant, "0/2", &[]);
+    let follows = broker.federate(&plant, "1/2", &["--follow"]);
+    passes(at(&leads, &written(&directory, "line.rhai", &program("[\"line\"]"))));
+    let attach = |emulator: &Emulator, plc| {
+        Image::attach(&emulator.name, plc, AttachMode::ReadWrite, Some(LAYOUT_HASH)).unwrap()
+    };
+    let (joined, is_over) = (AtomicBool::new(false), AtomicBool::new(false));
+    let turns = std::thread::scope(|scope| {
+        let task = scope.spawn(|| {
+            let image = attach(&follows, "line");
+            let mut task = image.join_lockstep(SYNC, LONG, LONG).unwrap();
+            // The board is asked by the header page.
+            let header = image.header().unwrap();
+            let request = header.interrupts[SYNC].ask(0, true);
+            header.submit_request();
+            let outcome = |_: &_| header.interrupts[SYNC].outcome(request);
+            assert_eq!(image.wait_until("INTR_SET", LONG, outcome).unwrap(), 0);
+            joined.store(true, Ordering::Release);
+            let mut turns = 0;
+            while !is_over.load(Ordering::Acquire) {
+                match task.next_event(SHORT) {
+                    Ok(_) => {
+                        task.run_for(NonZeroU32::new(80).unwrap(), LONG).unwrap();
+                        image.segment().store(WRC1, Width::Byte, 0x05).unwrap();
+                        turns += 1;
+                    }
+                    Err(MemoryError::Timeout { .. }) => {}
+                    Err(other) => panic!("{other}"),
+                }
+            }
+            turns
+        });
+        // It gets its seat and its answers in turns of its own host.
+        assert!(eventually(|| {
+            leads.step(&["100us"]);
+            joined.load(Ordering::Acquire)
+        }));
+        leads.step(&["20ms"]);
+        is_over.store(true, Ordering::Release);
+        leads.step(&["5ms"]);
+        task.join().unwrap()
+    });
+    assert!(turns >= 10, "{turns} turns");
+    let press = attach(&follows, "press");
+    press.segment().view::<CANsync_INIT_BMSTRUCT>(NODE2).unwrap().w_CPU_CONTROL.store(1);
+    leads.step(&["5ms"]);
+    let status = |emulator: &Emulator| emulator.run("peek", &["press:node2.w_OPTION_STATUS"]).ok().to_owned();
+    assert!(eventually(|| status(&leads) == status(&follows)));
+    assert!(status(&leads).contains('2'), "{}", status(&leads));
+    assert_eq!(journal(&leads), journal(&follows));
+}
+
+/// What another program does that has the name of a federate of this plant.
+const IMPOSTOR: &str = "\
+import sys, helics as h
+info = h.helicsCreateFederateInfo()
+h.helicsFederateInfoSetCoreTypeFromString(info, 'zmq')
+h.helicsFederateInfoSetCoreInitString(info, '--federates=1 --loglevel=no_print --broker_address=' + sys.argv[1])
+federate = h.helicsCreateValueFederate('commram/1', info)
+h.helicsFederateEnterExecutingMode(federate)
+h.helicsCoreSendCommand(h.helicsFederateGetCore(federate), 'commram/0', 'hello', h.helicsErrorInitialize())
+h.helicsFederateSendCommand(federate, 'commram/0', sys.argv[2])
+h.helicsFederateWaitCommand(federate)
+h.helicsFederateDisconnect(federate)
+";
+
+#[test]
+fn what_is_no_federate_of_this_plant_is_told_so() {
+    let Some(helics) = helics() else { return };
+    // A greeting by another version; something that is none.
+    let other_version = "0005392e392e39020000";
+    for (says, code, complaint) in [
+        (other_version, 2, "federate 1 is commram 9.9.9"),
+        ("nonsense", 1, "federate 1 has sent what no federate sends"),
+    ] {
+        let broker = Broker::start(&helics, 2);
+        let mut python = Command::new(&helics.python);
+        python.args(["-c", IMPOSTOR, &broker.address, says]).stdout(Stdio::null()).stderr(Stdio::null());
+        let mut impostor = Ends(python.spawn().unwrap());
+        let outcome = ends(&broker.arguments("", "0/2")[1..], &broker.library);
+        assert_eq!(outcome.code, Some(code), "{}", outcome.err);
+        assert!(outcome.err.contains(complaint), "{}", outcome.err);
+        let _ = impostor.0.wait();
+    }
+}
+
+#[test]
+fn who_dies_is_missed_and_who_ends_takes_the_others_along() {
+    let Some(helics) = helics() else { return };
+    let directory = TempDir::new().unwrap();
+    let plant = written(&directory, "plant.toml", PLANT);
+    let broker = Broker::start(&helics, 2);
+    let mut leads = broker.federate(&plant, "0/2", &["--limit", "3s"]);
+    let mut follows = broker.federate(&plant, "1/2", &["--follow", "--limit", "3s"]);
+    leads.step(&["1ms"]);
+    let back = leads.run("step", &["--back", "1ms"]);
+    assert!(back.fails(1).contains("the other federates cannot go back"), "{}", back.err);
+    follows.kill();
+    // It is missed when time is to pass. Without the broker it would not be heard either.
+    drop(broker);
+    leads.run("step", &["1ms"]);
+    assert_eq!(leads.wait().code(), Some(3));
+    let complaints = leads.complaints();
+    assert!(complaints.contains("federate 1 has not been heard of for 3 s"), "{complaints}");
+
+    let broker = Broker::start(&helics, 2);
+    let leads = broker.federate(&plant, "0/2", &[]);
+    let mut follows = broker.federate(&plant, "1/2", &["--follow"]);
+    leads.step(&["1ms"]);
+    assert!(eventually(|| follows.run("status", &[]).ok().contains("at 0.001000 s")));
+    leads.run("stop", &[]).ok();
+    assert_eq!(follows.wait().code(), Some(0));
+    assert!(follows.complaints().contains("federate 0 has left"));
+}
+
+#[test]
+fn who_does_not_fit_is_told_why() {
+    let outcome = finish(commram().args(["run", "--federate", "0/2"]));
+    assert!(outcome.fails(2).contains("add --clock stepped"), "{}", outcome.err);
+    let outcome = finish(commram().args(["run", "--clock", "stepped", "--federate", "2/2"]));
+    assert!(outcome.fails(2).contains("0/2 and 1/2"), "{}", outcome.err);
+    let nowhere = ["--clock", "stepped", "--federate", "0/2"];
+    let outcome = ends(&nowhere, Path::new("/nonexistent/libhelics.so.3"));
+    assert!(outcome.fails(3).contains("COMMRAM_HELICS=/nonexistent/libhelics.so.3"), "{}", outcome.err);
+    let Some(helics) = helics() else { return };
+    let library = helics.library.clone();
+    let outcome = ends(&nowhere, &library.join("libzmq.so.5"));
+    assert!(outcome.fails(3).contains("undefined symbol: helics"), "{}", outcome.err);
+    // Nobody listens there.
+    let away = ["--broker", "tcp://127.0.0.1:9", "--limit", "2s"];
+    let outcome = ends(&[&nowhere[..], &away].concat(), &library);
+    assert_eq!(outcome.code, Some(3), "{}", outcome.err);
+    assert!(outcome.err.contains("does a broker run"), "{}", outcome.err);
+    let directory = TempDir::new().unwrap();
+    let plant = written(&directory, "plant.toml", PLANT);
+    let other = written(&directory, "other.toml", &PLANT.replace("at_us = 8000", "at_us = 8001"));
+    for (other, part, complaint) in
+        [(&other, "1/2", "its state is another one"), (&plant, "1/3", "federates, here there are")]
+    {
+        let broker = Broker::start(&helics, 2);
+        let start =
+            |plant: &Path, part: &str| ends(&broker.arguments(plant.to_str().unwrap(), part), &library);
+        let ended = std::thread::scope(|scope| {
+            let one = scope.spawn(|| start(&plant, "0/2"));
+            let other = start(other, part);
+            [one.join().unwrap(), other]
+        });
+        let is_told = |it: &Outcome| it.code == Some(2) && it.err.contains(complaint);
+        assert!(ended.iter().any(is_told), "{:?}", ended.map(|it| it.err));
+    }
+}
