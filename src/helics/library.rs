@@ -154,8 +154,11 @@ impl Federate {
         // SAFETY: here and below: the objects are the library's own; texts live through the calls.
         let info = unsafe { (functions.create_info)() };
         let made = (|| {
+            // SAFETY: as above.
             functions.checked(|it, status| unsafe { (it.set_core_type)(info, core.as_ptr(), status) })?;
+            // SAFETY: as above.
             functions.checked(|it, status| unsafe { (it.set_core_init)(info, init.as_ptr(), status) })?;
+            // SAFETY: as above.
             functions.checked(|it, status| unsafe { (it.create_federate)(name.as_ptr(), info, status) })
         })();
         // SAFETY: as above; the federate has taken over what it needs.
@@ -178,15 +181,19 @@ impl Federate {
     /// Waits for the next command: who has sent it, and what it says. On one thread only.
     pub(super) fn wait(&self) -> Result<(String, String), String> {
         let functions = &self.functions;
-        // SAFETY: as above; where the command stands is left alone until the next wait, and it is copied before.
-        let copied = |at: *const c_char| match at.is_null() {
-            true => String::new(),
-            false => unsafe { CStr::from_ptr(at) }.to_string_lossy().into_owned(),
+        let copied = |at: *const c_char| {
+            // SAFETY: where the command stands is left alone until the next wait, and it is copied now.
+            let text = unsafe { (!at.is_null()).then(|| CStr::from_ptr(at)) };
+            text.unwrap_or_default().to_string_lossy().into_owned()
         };
-        let command =
-            functions.checked(|it, status| copied(unsafe { (it.wait_command)(self.federate, status) }))?;
-        let source =
-            functions.checked(|it, status| copied(unsafe { (it.command_source)(self.federate, status) }))?;
+        let command = functions.checked(|it, status| {
+            // SAFETY: as above.
+            copied(unsafe { (it.wait_command)(self.federate, status) })
+        })?;
+        let source = functions.checked(|it, status| {
+            // SAFETY: as above.
+            copied(unsafe { (it.command_source)(self.federate, status) })
+        })?;
         Ok((source, command))
     }
 
