@@ -117,6 +117,27 @@ fn logs_and_dumps_are_accepted_or_refused_in_their_time() {
     assert!(outcome.fails(2).contains("dump is no dump"), "{}", outcome.err);
 }
 
+/// Nobody writes to it, nobody ever will: what is read from it is nothing.
+#[test]
+fn pipes_without_a_writer_are_no_reason_to_wait() {
+    let (files, name) = (Files::new(), unique_name());
+    let pipe = files.0.path().join("pipe");
+    rustix::fs::mkfifoat(rustix::fs::CWD, pipe, rustix::fs::Mode::RUSR).unwrap();
+    for (args, code) in [
+        (&["run", "pipe"][..], 2),
+        (&["run", "--check", "pipe"], 2),
+        (&["run", "--from", "pipe"], 2),
+        (&["diff", "pipe", "pipe"], 2),
+        (&["bus", "compare", "pipe"], 3),
+        (&["test", "pipe", "--allow-empty"], 0),
+    ] {
+        let instance = ["-i", &name];
+        let with = if matches!(args[0], "diff" | "test") { &[][..] } else { &instance[..] };
+        let outcome = files.run(&[args, with].concat());
+        assert_eq!(outcome.code, Some(code), "{args:?}: {}", outcome.err);
+    }
+}
+
 #[test]
 fn declarations_are_refused_in_their_time() {
     let files = Files::new();
