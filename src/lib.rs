@@ -20,6 +20,7 @@
 //! | [`request`] | the operations that an emulator is asked for, their replies, and the one function between them |
 //! | [`fmi`] | a plant as a unit for co-simulation by FMI 3.0 |
 //! | `plot` | registers over time as SVG or PNG (feature `studio`) |
+//! | [`coupling`] | a plant and other simulators that give each other values and frames |
 //! | [`federation`] | one plant over several hosts |
 //! | `helics` | how federates find each other and talk, by HELICS (feature `helics`) |
 //! | [`script`] | scenarios: Rust tests and Rhai scripts with the same verbs |
@@ -68,6 +69,8 @@ pub mod check;
 pub mod cli;
 #[cfg(any(feature = "script", feature = "cli"))]
 mod counted;
+#[cfg(feature = "channel")]
+pub mod coupling;
 pub mod devices;
 #[cfg(feature = "emulator")]
 pub mod door;

@@ -2,6 +2,8 @@
 
 use super::error::CliError;
 #[cfg(feature = "channel")]
+use crate::coupling::CouplingError;
+#[cfg(feature = "channel")]
 use crate::federation::FederationError;
 use crate::memory::MemoryError;
 use crate::runtime::RuntimeError;
@@ -93,11 +95,14 @@ impl CliError {
                 FederationError::OtherCount { .. }
                 | FederationError::OtherPlant { .. }
                 | FederationError::OtherVersion { .. }
-                | FederationError::NobodyLeads,
+                | FederationError::NobodyLeads
+                | FederationError::Coupling(
+                    CouplingError::File { .. } | CouplingError::Unknown { .. } | CouplingError::Unfit { .. },
+                ),
             )) => Exit::WrongUse,
             #[cfg(feature = "channel")]
             Self::Runtime(RuntimeError::Federation(
-                FederationError::Exchange(_) | FederationError::Silent { .. },
+                FederationError::Exchange(_) | FederationError::Silent { .. } | FederationError::Coupling(_),
             )) => Exit::NotThere,
             #[cfg(feature = "helics")]
             Self::Helics(_) => Exit::NotThere,

@@ -1,38 +1,44 @@
-//! `commram run --federate`: one plant over several hosts.
+//! `commram run --federate` and `--exchange`: one plant over several hosts, and among other simulators.
 
 use super::error::CliError;
-use crate::federation::{MOST, Part};
-use crate::helics::{ByHelics, Place};
+use crate::coupling::{Coupling, CouplingConfig};
+use crate::federation::{Alone, Exchange, FederationError, MOST, Part};
+use crate::helics::{ByHelics, Place, SimulatorsByHelics};
 use crate::runtime::{Clock, Emulator};
 use crate::time;
+use std::path::PathBuf;
 use std::time::Duration;
 
 /// How this emulator shares its plant with others.
 #[derive(clap::Args)]
+#[command(group(clap::ArgGroup::new("helics").args(["federate", "exchange"]).multiple(true)))]
 pub(crate) struct FederateArgs {
     /// Share the plant with other emulators by HELICS: this one's number, from 0, and how many there are, such as 0/2
     #[arg(long, value_name = "N/COUNT", value_parser = number)]
     federate: Option<(u8, u8)>,
-    /// Let time pass as the other federates want, and wait for no client of this one
-    #[arg(long, requires = "federate")]
+    /// Exchange values and frames with other simulators by HELICS, as this file says (docs/helics.md)
+    #[arg(add = super::complete::files(&["toml"]), long, value_name = "FILE.toml")]
+    exchange: Option<PathBuf>,
+    /// Let time pass as the other federates and simulators want, and wait for no client of this one
+    #[arg(long, requires = "helics")]
     follow: bool,
     /// Where the HELICS broker is
-    #[arg(long, value_name = "ADDRESS", requires = "federate", default_value = "tcp://127.0.0.1:23404")]
+    #[arg(long, value_name = "ADDRESS", requires = "helics", default_value = "tcp://127.0.0.1:23404")]
     broker: String,
     /// What the federation is called, if the broker has several
-    #[arg(long, value_name = "NAME", requires = "federate", default_value = "commram")]
+    #[arg(long, value_name = "NAME", requires = "helics", default_value = "commram")]
     federation: String,
-    /// How long another federate or the broker may not be heard of, in real time
-    #[arg(long, value_name = "TIME", requires = "federate", default_value = "30s", value_parser = limit)]
+    /// How long another federate, a simulator or the broker may not be heard of, in real time
+    #[arg(long, value_name = "TIME", requires = "helics", default_value = "30s", value_parser = limit)]
     limit: Duration,
 }
 
 fn number(text: &str) -> Result<(u8, u8), String> {
     let parts = text.split_once('/').and_then(|(own, count)| Some((own.parse().ok()?, count.parse().ok()?)));
-    let right = |&(own, count): &(u8, u8)| own < count && (2..=MOST).contains(&count);
+    let right = |&(own, count): &(u8, u8)| own < count && (1..=MOST).contains(&count);
     parts.filter(right).ok_or_else(|| {
         format!(
-            "it is a number from 0 on, a slash and how many federates there are, 2 to {MOST}: 0/2 and 1/2"
+            "it is a number from 0 on, a slash and how many federates there are, up to {MOST}: 0/2 and 1/2"
         )
     })
 }
@@ -56,16 +62,19 @@ impl FederateArgs {
         let refuse = |text: &str, right: &str| {
             Err(CliError::Argument { text: text.to_owned(), right: right.to_owned() })
         };
-        match self.federate {
-            None => Ok(()),
-            Some(_) if !clock.is_stepped() => {
-                refuse("--federate", "federates have one clock, a stepped one; add --clock stepped")
-            }
-            Some(_) if keeps_novram => refuse(
+        match (self.federate, &self.exchange) {
+            (None, None) => Ok(()),
+            (Some((_, 1)), None) => refuse("--federate", "there are two at least, or one with --exchange"),
+            (Some((1.., _)), Some(_)) => refuse("--exchange", "the exchange is that of federate 0"),
+            (federate, _) if !clock.is_stepped() => refuse(
+                if federate.is_some() { "--federate" } else { "--exchange" },
+                "federates have one clock, a stepped one; add --clock stepped",
+            ),
+            _ if keeps_novram => refuse(
                 "--novram",
                 "federates begin alike: without NOVRAM of their own, or all --from one snapshot",
             ),
-            Some(_) => Ok(()),
+            _ => Ok(()),
         }
     }
 
@@ -74,13 +83,16 @@ impl FederateArgs {
     /// # Errors
     /// There is no library of HELICS, or the plant has doors.
     pub(crate) fn join(&self, emulator: &mut Emulator) -> Result<(), CliError> {
-        let Some((own, count)) = self.federate else { return Ok(()) };
+        if self.federate.is_none() && self.exchange.is_none() {
+            return Ok(());
+        }
         if let Some((bus, door)) = emulator.doors().first() {
             return Err(CliError::Argument {
                 text: format!("door {door} to bus {bus}"),
                 right: "a federate has no doors: their guests would be on one host only".to_owned(),
             });
         }
+        let (own, count) = self.federate.unwrap_or((0, 1));
         let place = Place {
             federation: self.federation.clone(),
             own,
@@ -88,8 +100,27 @@ impl FederateArgs {
             broker: self.broker.clone(),
             limit: self.limit,
         };
-        let exchange = ByHelics::join(place, emulator.waker())?;
-        let part = Part { own, count, follows: self.follow, limit: self.limit };
-        Ok(emulator.join(part, Box::new(exchange))?)
+        let coupling = self.coupling(emulator)?;
+        let exchange: Box<dyn Exchange> = match count {
+            1 => Box::new(Alone),
+            _ => Box::new(ByHelics::join(place.clone(), emulator.waker())?),
+        };
+        let exchange_us = coupling.as_ref().map(Coupling::period_us);
+        emulator.join(Part { own, count, follows: self.follow, limit: self.limit, exchange_us }, exchange)?;
+        if let Some(mut coupling) = coupling {
+            let (interface, first) = (coupling.interface().clone(), coupling.first(emulator.plant()));
+            let simulators = SimulatorsByHelics::join(place, interface, first, emulator.waker())?;
+            coupling.connect(Box::new(simulators));
+            emulator.couple(coupling);
+        }
+        Ok(())
+    }
+
+    fn coupling(&self, emulator: &Emulator) -> Result<Option<Coupling>, CliError> {
+        let Some(path) = &self.exchange else { return Ok(None) };
+        let coupling = CouplingConfig::load(path)
+            .and_then(|config| Coupling::new(&config, emulator.plant(), self.limit))
+            .map_err(FederationError::from);
+        Ok(Some(coupling.map_err(crate::runtime::RuntimeError::from)?))
     }
 }

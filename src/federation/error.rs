@@ -71,6 +71,9 @@ pub enum FederationError {
         /// Emulated time at which it was noticed.
         at_us: u64,
     },
+    /// Other simulators take part, and that has gone wrong.
+    #[error(transparent)]
+    Coupling(#[from] crate::coupling::CouplingError),
     /// A message that is none, or comes when another was due.
     #[error("federate {who} has sent what no federate sends now; is something else on the way there?")]
     Nonsense {

@@ -26,6 +26,8 @@ pub(super) struct Hello {
     /// How many there are.
     pub(super) count: u8,
     pub(super) follows: bool,
+    /// Emulated time from one exchange with other simulators to the next, if it has any.
+    pub(super) exchange_us: Option<u64>,
     /// Of its plant, see `Plant::is_like`.
     pub(super) plant: Vec<u8>,
 }
@@ -55,6 +57,8 @@ pub(super) enum Input {
     Boards,
     /// What became of a task in lockstep: device, event, code of the state.
     Task(u16, u16, u32),
+    /// A motor that a model turns: number of the drive, and speed; none: it does what the drive demands.
+    Shaft(u16, Option<i32>),
 }
 
 impl Input {

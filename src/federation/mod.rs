@@ -8,10 +8,12 @@
 //!
 //! How messages travel is not told here: that is an [`Exchange`].
 
+mod alone;
 mod error;
 mod exchange;
 mod message;
 
+pub use alone::Alone;
 pub use error::FederationError;
 pub use exchange::Exchange;
 
@@ -39,6 +41,8 @@ pub struct Part {
     pub follows: bool,
     /// How long another one may not be heard of.
     pub limit: Duration,
+    /// Emulated time from one exchange with other simulators to the next, if it has any; federate 0 only (decision D-578).
+    pub exchange_us: Option<u64>,
 }
 
 /// What has come of a look at the messages.
@@ -70,6 +74,8 @@ pub struct Federation {
     outside: Outside,
     /// Of each federate the events of each device at which it wants to have a turn.
     watched: Vec<Vec<u16>>,
+    /// Emulated time at which it has joined.
+    start: u64,
     /// Where somebody here wants to go.
     asked: Option<u64>,
     /// He is there.
@@ -87,7 +93,8 @@ impl Federation {
         let hello = Hello {
             version: env!("CARGO_PKG_VERSION").to_owned(),
             count: part.count,
-            follows: part.follows,
+            follows: part.follows && part.exchange_us.is_none(),
+            exchange_us: part.exchange_us,
             plant: plant.likeness(),
         };
         let message = Message::Hello(hello.clone());
@@ -105,6 +112,7 @@ impl Federation {
             inputs: Vec::new(),
             outside: Outside::of(plant),
             watched: vec![vec![0; plant.devices().len()]; part.count.into()],
+            start: plant.now(),
             asked: None,
             arrived: None,
             heard: Instant::now(),
@@ -174,6 +182,21 @@ impl Federation {
     /// The plant has noted what became of a task in lockstep.
     pub fn note_task(&mut self, plc: usize, event: usize, state: SeatState) {
         self.inputs.push(Input::Task(plc as u16, event as u16, state.code()));
+    }
+
+    /// A motor turns now as a model here says.
+    pub fn note_shaft(&mut self, drive: usize, speed: Option<i32>) {
+        self.inputs.push(Input::Shaft(drive as u16, speed));
+    }
+
+    /// When the next exchange with other simulators is behind this emulated time, at whichever federate: then registers may change.
+    /// `u64::MAX` if there is none.
+    pub fn next_exchange(&self, now: u64) -> u64 {
+        let Some(period) = self.hellos.iter().flatten().find_map(|hello| hello.exchange_us) else {
+            return u64::MAX;
+        };
+        let periods = (now - self.start) / period.max(1) + 1;
+        periods.saturating_mul(period).saturating_add(self.start)
     }
 
     /// Whether time has passed up to `target`, for whoever asked for it by [`Federation::end_turn`].
@@ -301,6 +324,9 @@ impl Federation {
                 Input::Task(plc, event, state) => {
                     let state = SeatState::from_code(state).ok_or(FederationError::Nonsense { who })?;
                     host.plant_mut().note_lockstep(plc.into(), event.into(), state);
+                }
+                Input::Shaft(drive, speed) => {
+                    host.plant_mut().turn_shaft(drive.into(), speed);
                 }
             }
         }

@@ -6,10 +6,13 @@
 mod archive;
 #[cfg(feature = "studio")]
 mod description;
+#[cfg(feature = "channel")]
+mod named;
 mod resources;
 #[cfg(test)]
 mod tests;
 mod unit;
+mod values;
 mod variables;
 
 #[cfg(feature = "studio")]
@@ -17,8 +20,13 @@ pub use archive::{ArchiveError, LIBRARY, archive, is_library};
 #[cfg(feature = "studio")]
 pub use description::description;
 pub use resources::{Resources, ResourcesError};
-pub use unit::{Unit, UnitError, UnitState, Value};
+pub use unit::{Unit, UnitError, UnitState};
+#[cfg(feature = "channel")]
+pub(crate) use values::Shafts;
+pub use values::Value;
 pub use variables::{Causality, Kind, Variable, VariablesError};
+#[cfg(feature = "channel")]
+pub(crate) use variables::{ShaftValue, What, named};
 
 /// What the shared object has in it, so that a program can tell whether it is its own.
 pub const MARK: &str = concat!("commram-fmi unit ", env!("CARGO_PKG_VERSION"), ";");

@@ -1,32 +1,19 @@
 //! A plant that somebody else's clock steps.
 
 use super::resources::{Resources, ResourcesError};
+use super::values::{Shafts, Value};
 use super::variables::{Kind, ShaftValue, Variable, What, variables};
 use crate::layout::Owner;
 use crate::memory::Segment;
 use crate::plant::{Plant, Snapshot, SnapshotError, SnapshotFile};
 use crate::state::{Damaged, Saved, Saving};
-use core::f64::consts::TAU;
 use serde::{Deserialize, Serialize};
 use twox_hash::XxHash3_64;
 
-/// Increments of the drives' angle in a revolution (decision D-162).
-const REVOLUTION: f64 = 4_294_967_296.0;
 /// Microseconds per second.
 const MICROS: f64 = 1e6;
 /// Longest time that a step may take it to: of two neighbouring numbers of 64 bits the distance is below a microsecond there.
 const LONGEST_US: f64 = 9e15;
-
-/// A value of a variable.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Value {
-    /// Any integer.
-    Integer(i64),
-    /// A number.
-    Float(f64),
-    /// Yes or no.
-    Boolean(bool),
-}
 
 /// Why a unit does not do something.
 #[derive(Debug, PartialEq, thiserror::Error)]
@@ -91,8 +78,7 @@ struct Own {
     /// Time of the co-simulation at its start, and emulated time then.
     start_s: f64,
     start_us: u64,
-    /// Of each drive whether a model turns it, and with which speed in rad/s.
-    shafts: Vec<(bool, f64)>,
+    shafts: Shafts,
 }
 
 /// State of a unit at a moment.
@@ -123,7 +109,7 @@ impl Unit {
             plant.restore(snapshot)?;
         }
         let variables = variables(&plant, resources.registers())?;
-        let shafts = vec![(false, 0.0); plant.drives().len()];
+        let shafts = Shafts::of(&plant);
         let own = Own { start_s: 0.0, start_us: plant.now(), shafts };
         Ok(Self { plant, variables, own, told: 0 })
     }
@@ -187,12 +173,8 @@ impl Unit {
         if size.is_nan() || size < 0.0 || end > LONGEST_US {
             return Err(UnitError::Step { size });
         }
-        for (drive, (is_modelled, speed)) in self.own.shafts.iter().enumerate() {
-            if *is_modelled {
-                let speed = speed * REVOLUTION / TAU / 1000.0;
-                // Saturates.
-                self.plant.turn_shaft(drive, Some(speed.round() as i32));
-            }
+        for (drive, speed) in self.own.shafts.turned() {
+            self.plant.turn_shaft(drive, Some(speed));
         }
         // Neither negative nor above what fits.
         self.plant.advance_to(self.own.start_us + end.max(now) as u64);
@@ -217,30 +199,8 @@ impl Unit {
     pub fn get(&self, reference: u32, kind: Kind) -> Result<Value, UnitError> {
         Ok(match self.variable(reference, kind)?.what {
             What::Time => Value::Float(self.time_s()),
-            What::Register { plc, offset, width, ty, .. } => {
-                // The layout has a register there.
-                Value::Integer(ty.number(self.plant.load(plc, offset, width).unwrap_or_default()))
-            }
-            What::Shaft { drive, value } => self.shaft(drive, value),
+            what => self.own.shafts.value(&self.plant, what),
         })
-    }
-
-    fn shaft(&self, drive: usize, value: ShaftValue) -> Value {
-        let speed = |increments: i32| Value::Float(f64::from(increments) * 1000.0 * TAU / REVOLUTION);
-        let of_model = self.own.shafts.get(drive).copied().unwrap_or_default();
-        let Some(shaft) = self.plant.shaft(drive) else { return Value::Float(0.0) };
-        match value {
-            ShaftValue::Reference => {
-                let state = self.plant.drive(drive).map(|details| details.state);
-                speed(state.map_or(0, |state| state.speed_reference))
-            }
-            ShaftValue::Demand => speed(shaft.demand),
-            ShaftValue::IsFed => Value::Boolean(shaft.is_fed),
-            ShaftValue::Actual => speed(shaft.speed),
-            ShaftValue::Angle => Value::Float(f64::from(shaft.angle) * TAU / REVOLUTION),
-            ShaftValue::IsModelled => Value::Boolean(of_model.0),
-            ShaftValue::Modelled => Value::Float(of_model.1),
-        }
     }
 
     /// Gives a variable of this type a value: of a register that is a store of the PLC's program.
@@ -263,9 +223,7 @@ impl Unit {
                 }
             }
             (What::Shaft { drive, value: ShaftValue::IsModelled }, Value::Boolean(is_modelled)) => {
-                if let Some(shaft) = self.own.shafts.get_mut(drive) {
-                    shaft.0 = is_modelled;
-                }
+                self.own.shafts.set_modelled(drive, is_modelled);
                 if !is_modelled {
                     self.plant.turn_shaft(drive, None);
                 }
@@ -274,9 +232,7 @@ impl Unit {
                 return Err(UnitError::NotFinite { name: name(), value });
             }
             (What::Shaft { drive, .. }, Value::Float(speed)) => {
-                if let Some(shaft) = self.own.shafts.get_mut(drive) {
-                    shaft.1 = speed;
-                }
+                self.own.shafts.set_speed(drive, speed);
             }
             // Its type says what value it has.
             _ => {}
@@ -342,7 +298,7 @@ impl Unit {
         let file: Vec<u8> = from.value().map_err(damaged)?;
         from.end().map_err(damaged)?;
         let file = SnapshotFile::of_bytes(&file).map_err(|error| UnitError::State(error.to_string()))?;
-        let is_finite = own.start_s.is_finite() && own.shafts.iter().all(|shaft| shaft.1.is_finite());
+        let is_finite = own.start_s.is_finite() && own.shafts.are_finite();
         if !is_finite || own.start_us > file.snapshot.time_us() {
             return Err(UnitError::State("its times make no sense".to_owned()));
         }

@@ -19,7 +19,7 @@ pub struct Variable {
     pub start: Option<String>,
     /// Its unit, of those that have one.
     pub unit: &'static str,
-    pub(super) what: What,
+    pub(crate) what: What,
 }
 
 /// Type of a variable.
@@ -101,7 +101,7 @@ impl Causality {
 
 /// What a variable stands for.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum What {
+pub(crate) enum What {
     Time,
     Register { plc: usize, offset: u32, width: Width, ty: RegType, owner: Owner },
     Shaft { drive: usize, value: ShaftValue },
@@ -109,7 +109,7 @@ pub(super) enum What {
 
 /// A value at the shaft of a drive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum ShaftValue {
+pub(crate) enum ShaftValue {
     Reference,
     Demand,
     IsFed,
@@ -133,6 +133,16 @@ pub enum VariablesError {
         /// Those there are.
         known: String,
     },
+    /// A value that no drive has.
+    #[error("drive '{drive}' has no value '{value}'; it has: {known}")]
+    UnknownOfDrive {
+        /// The drive.
+        drive: String,
+        /// As given.
+        value: String,
+        /// What there is.
+        known: String,
+    },
     /// Two variables of one name.
     #[error("two variables are called '{0}'; give the drive another name")]
     Twice(String),
@@ -149,8 +159,19 @@ pub(super) fn variables(plant: &Plant, patterns: &[String]) -> Result<Vec<Variab
         unit: "s",
         what: What::Time,
     }];
-    let plcs = plant.names();
-    let wanted = Wanted::of(plant, patterns)?;
+    all.extend(of_registers(plant, &Wanted::of(plant, patterns)?)?);
+    for (number, drive) in plant.drives().iter().enumerate() {
+        all.extend(of_drive(number, &drive.name));
+    }
+    let mut names = BTreeSet::new();
+    match all.iter().find(|variable| !names.insert(variable.name.as_str())) {
+        None => Ok(all),
+        Some(twice) => Err(VariablesError::Twice(twice.name.clone())),
+    }
+}
+
+pub(super) fn of_registers(plant: &Plant, wanted: &Wanted) -> Result<Vec<Variable>, VariablesError> {
+    let (plcs, mut all) = (plant.names(), Vec::new());
     for (plc, fitted) in plcs.devices.iter().enumerate() {
         let prefix = plc_prefix(&plcs.plcs, plc as u16);
         let areas = fitted.device().areas.iter().filter(|area| fitted.area(area) != Fit::Empty);
@@ -162,21 +183,14 @@ pub(super) fn variables(plant: &Plant, patterns: &[String]) -> Result<Vec<Variab
             }
         }
     }
-    for (number, drive) in plant.drives().iter().enumerate() {
-        all.extend(of_drive(number, &drive.name));
-    }
-    let mut names = BTreeSet::new();
-    match all.iter().find(|variable| !names.insert(variable.name.as_str())) {
-        None => Ok(all),
-        Some(twice) => Err(VariablesError::Twice(twice.name.clone())),
-    }
+    Ok(all)
 }
 
 /// The registers that are wanted; all, if nobody has said which.
-struct Wanted(Option<BTreeSet<(usize, u32, &'static str)>>);
+pub(super) struct Wanted(Option<BTreeSet<(usize, u32, &'static str)>>);
 
 impl Wanted {
-    fn of(plant: &Plant, patterns: &[String]) -> Result<Self, VariablesError> {
+    pub(super) fn of(plant: &Plant, patterns: &[String]) -> Result<Self, VariablesError> {
         if patterns.is_empty() {
             return Ok(Self(None));
         }
@@ -248,7 +262,7 @@ fn of_register(plant: &Plant, plc: usize, prefix: &str, register: &RegisterRef) 
     }
 }
 
-fn of_drive(drive: usize, name: &str) -> Vec<Variable> {
+pub(super) fn of_drive(drive: usize, name: &str) -> Vec<Variable> {
     use Causality::{Input, Output, Parameter};
     use ShaftValue::{Actual, Angle, Demand, IsFed, IsModelled, Modelled, Reference};
     let variable = |suffix, kind, causality, start: Option<&str>, unit, value, description: &str| Variable {

@@ -12,17 +12,31 @@ use std::path::{Path, PathBuf};
 /// The variable that says where the library is.
 pub(super) const VARIABLE: &str = "COMMRAM_HELICS";
 /// How cores and broker talk. By `tcp` HELICS 3.6.1 loses long commands.
-const CORE: &str = "zmq";
+pub(super) const CORE: &str = "zmq";
 /// What it is called.
 const NAMES: [&str; 2] = ["libhelics.so.3", "libhelics.so"];
+
 /// `HelicsError`.
 #[repr(C)]
-struct Status {
+pub(super) struct Status {
     code: i32,
     message: *const c_char,
 }
 
-type Object = *mut c_void;
+impl Status {
+    /// What went wrong, if anything did.
+    pub(super) fn outcome<T>(&self, value: T) -> Result<T, String> {
+        if self.code == 0 {
+            return Ok(value);
+        }
+        // SAFETY: the library's text lasts until its next call on this thread, and is copied now.
+        let message = unsafe { (!self.message.is_null()).then(|| CStr::from_ptr(self.message)) };
+        let message = message.map(|message| message.to_string_lossy().into_owned()).unwrap_or_default();
+        Err(format!("{message} (HELICS error {})", self.code))
+    }
+}
+
+pub(super) type Object = *mut c_void;
 type OfInfo = unsafe extern "C" fn(Object, *const c_char, *mut Status);
 
 /// The functions that are called.
@@ -59,6 +73,13 @@ unsafe impl Sync for Federate {}
 /// # Errors
 /// It is not there, or lacks something.
 pub(super) fn load() -> Result<Functions, HelicsError> {
+    load_with(functions)
+}
+
+/// As [`load`], for those functions that `functions` finds.
+pub(super) fn load_with<T>(
+    functions: impl Fn(&Path) -> Result<T, libloading::Error>,
+) -> Result<T, HelicsError> {
     let given = std::env::var_os(VARIABLE).filter(|path| !path.is_empty()).map(PathBuf::from);
     let candidates: Vec<PathBuf> = match &given {
         Some(path) if path.is_dir() => NAMES.map(|name| path.join(name)).into(),
@@ -123,7 +144,7 @@ pub(super) fn end_without_it() {
 }
 
 /// Text for C; a NUL in it ends it.
-fn text(text: &str) -> CString {
+pub(super) fn text(text: &str) -> CString {
     CString::new(text.split('\0').next().unwrap_or_default()).unwrap_or_default()
 }
 
@@ -133,13 +154,7 @@ impl Functions {
         // SAFETY: it only fills in a structure.
         let mut status = unsafe { (self.initialize_error)() };
         let value = call(self, &mut status);
-        if status.code == 0 {
-            return Ok(value);
-        }
-        // SAFETY: the library's text lasts until its next call on this thread, and is copied now.
-        let message = unsafe { (!status.message.is_null()).then(|| CStr::from_ptr(status.message)) };
-        let message = message.map(|message| message.to_string_lossy().into_owned()).unwrap_or_default();
-        Err(format!("{message} (HELICS error {})", status.code))
+        status.outcome(value)
     }
 }
 

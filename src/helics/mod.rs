@@ -3,7 +3,11 @@
 //!
 //! The library's calls wait, so threads of their own make them: one joins and sends, the other one waits for commands.
 
+mod combination;
 mod library;
+mod simulators;
+
+pub use simulators::SimulatorsByHelics;
 
 use crate::federation::Exchange;
 use library::{Federate, Functions, VARIABLE};
@@ -63,6 +67,12 @@ pub struct Place {
 impl Place {
     fn name_of(&self, number: u8) -> String {
         format!("{}/{number}", self.federation)
+    }
+
+    /// What the core of a federate is told.
+    fn of_core(&self) -> String {
+        let (broker, limit) = (&self.broker, self.limit.as_millis());
+        format!("--federates=1 --broker_address={broker} --timeout={limit}ms --loglevel=no_print")
     }
 }
 
@@ -140,11 +150,7 @@ fn talk(
     asked: &Receiver<Command>,
     tell: &(impl Fn(Told) + Sync),
 ) -> Result<(), String> {
-    let init = format!(
-        "--federates=1 --broker_address={} --timeout={}ms --loglevel=no_print",
-        place.broker,
-        place.limit.as_millis()
-    );
+    let init = place.of_core();
     let own = place.name_of(place.own);
     let federate = Federate::join(functions, &own, &init).map_err(|error| error.to_string())?;
     let others: Vec<_> = (0..place.count).filter(|number| *number != place.own).collect();

@@ -114,7 +114,7 @@ fn logged(line: &str) -> Result<Logged, &'static str> {
     }
     let time = time.strip_prefix('(').and_then(|time| time.strip_suffix(')')).ok_or(NO_LINE)?;
     let time_us = time_of(time).ok_or(NO_LINE)?;
-    Ok(Logged { time_us, interface: interface.to_owned(), frame: frame_of(frame)? })
+    Ok(Logged { time_us, interface: interface.to_owned(), frame: self::frame(frame)? })
 }
 
 /// `0000000002.001234`
@@ -127,8 +127,11 @@ fn time_of(text: &str) -> Option<u64> {
     seconds.parse::<u64>().ok()?.checked_mul(1_000_000)?.checked_add(us.parse().ok()?)
 }
 
-/// `583#7900210000000000`, `00000123#R4`
-fn frame_of(text: &str) -> Result<Frame, &'static str> {
+/// Reads a frame as [`Shown`] writes it: `583#7900210000000000`, `00000123#R4`.
+///
+/// # Errors
+/// What would be right.
+pub fn frame(text: &str) -> Result<Frame, &'static str> {
     let (id, data) = text.split_once('#').ok_or(NO_LINE)?;
     if data.starts_with('#') {
         return Err("a frame of CAN FD; there are none on these buses");

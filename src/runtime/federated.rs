@@ -5,6 +5,7 @@
 
 use super::emulator::{Emulator, RuntimeError};
 use super::lockstep::Witness;
+use crate::coupling::Coupling;
 use crate::federation::{Exchange, Federation, FederationError, News, Part};
 use crate::memory::header::SeatState;
 use crate::plant::Plant;
@@ -26,19 +27,35 @@ enum Had {
 #[derive(Default)]
 pub(super) struct Membership {
     pub(super) federation: Option<Federation>,
+    /// Other simulators that this federate gives values to, and takes values from.
+    pub(super) coupling: Option<Coupling>,
     /// What has gone wrong where nobody could be told.
     error: Option<FederationError>,
 }
 
 impl Membership {
-    /// Whether something may enter the plant here now.
-    pub(super) fn may_act(&self) -> bool {
+    /// Whether something may enter the plant here at this emulated time. What other simulators give comes first.
+    pub(super) fn may_act(&self, now: u64) -> bool {
+        self.has_turn() && !self.is_exchange_due(now)
+    }
+
+    pub(super) fn has_turn(&self) -> bool {
         self.federation.as_ref().is_none_or(Federation::is_own_turn)
     }
 
+    fn is_exchange_due(&self, now: u64) -> bool {
+        self.coupling.as_ref().is_some_and(|coupling| coupling.is_due(now))
+    }
+
     /// For whom the time waits, for people.
-    pub(super) fn waits_for(&self) -> Option<String> {
-        self.federation.as_ref()?.waits_for()
+    pub(super) fn waits_for(&self, now: u64) -> Option<String> {
+        let others = self.federation.as_ref()?.waits_for();
+        others.or_else(|| self.is_exchange_due(now).then(|| "the other simulators".to_owned()))
+    }
+
+    /// When what comes from other simulators may change registers next.
+    pub(super) fn next_exchange(&self, now: u64) -> u64 {
+        self.federation.as_ref().map_or(u64::MAX, |federation| federation.next_exchange(now))
     }
 }
 
@@ -85,8 +102,15 @@ impl Emulator {
                 self.stop.store(true, Ordering::Release);
                 break;
             }
-            let has_news = matches!(news, Ok(News::Moved));
-            let had_turn = self.membership.may_act();
+            let mut has_news = matches!(news, Ok(News::Moved));
+            match self.exchange() {
+                Ok(has_taken) => has_news |= has_taken,
+                Err(error) => {
+                    outcome = Err(error);
+                    break;
+                }
+            }
+            let had_turn = self.may_act_now();
             if has_rung {
                 self.look_around();
             }
@@ -95,16 +119,21 @@ impl Emulator {
                 self.announce();
             }
             let follows = self.membership.federation.as_ref().is_some_and(Federation::follows);
-            let mut goes_on = self.is_time_passing() && self.membership.may_act();
-            if follows && !goes_on && self.membership.may_act() {
+            let mut goes_on = self.is_time_passing() && self.may_act_now();
+            let mut has_ended = false;
+            if follows && !goes_on && self.may_act_now() {
                 goes_on = self.have_turn(None) == Had::GoesOn;
+                has_ended = !goes_on;
             }
-            // Then the others are to be listened to.
-            let has_ended = had_turn && !self.membership.may_act();
+            // Then the others are to be listened to; it is the next turn of who is alone.
+            has_ended |= had_turn && !self.may_act_now();
             outcome = news.map(drop).and_then(|()| self.membership.error.take().map_or(Ok(()), Err));
             if !has_news && !served && !has_ended && !goes_on && outcome.is_ok() {
                 self.sleep(super::emulator::LONGEST_SLEEP);
             }
+        }
+        if let Some(mut coupling) = self.membership.coupling.take() {
+            coupling.leave();
         }
         if let Some(federation) = self.membership.federation.take() {
             federation.leave(outcome.as_ref().err());
@@ -122,8 +151,11 @@ impl Emulator {
 
     /// In this federate's turn: boards answer, and tasks get seats, without any time to pass.
     pub(super) fn look_around(&mut self) {
+        if !self.may_act_now() {
+            return;
+        }
         let Emulator { plant, lockstep, membership, .. } = self;
-        let Some(federation) = membership.federation.as_mut().filter(|it| it.is_own_turn()) else { return };
+        let Some(federation) = &mut membership.federation else { return };
         let boards = federation.look_at_boards(plant);
         if lockstep.look(plant, federation) || boards {
             self.announce();
@@ -143,6 +175,7 @@ impl Emulator {
             return Had::Arrived;
         }
         let want = lockstep.next_turn().min(target.unwrap_or(u64::MAX));
+        let want = want.min(federation.next_exchange(plant.now()));
         let ended = federation.end_turn(plant, target, want, lockstep.watched());
         membership.error = ended.err();
         Had::Ended
@@ -150,6 +183,6 @@ impl Emulator {
 
     /// As [`Host::advance_to`](crate::request::Host::advance_to): `true` when the time has come.
     pub(super) fn ask_for(&mut self, target: u64) -> bool {
-        self.membership.may_act() && self.have_turn(Some(target)) == Had::Arrived
+        self.may_act_now() && self.have_turn(Some(target)) == Had::Arrived
     }
 }

@@ -12,6 +12,16 @@ use std::time::{Duration, Instant};
 /// How long an operation may really take before others are heard.
 const SLICE: Duration = Duration::from_millis(5);
 
+impl Emulator {
+    /// When somebody outside may do something next.
+    fn next_from_outside(&self) -> u64 {
+        let next = self.lockstep.next_turn().min(self.guests.next_turn());
+        #[cfg(feature = "channel")]
+        let next = next.min(self.membership.next_exchange(self.plant.now()));
+        next
+    }
+}
+
 impl Host for Emulator {
     fn plant(&self) -> &Plant {
         &self.plant
@@ -49,7 +59,7 @@ impl Host for Emulator {
 
     #[cfg(feature = "channel")]
     fn may_act(&self) -> bool {
-        self.membership.may_act()
+        self.membership.may_act(self.plant.now())
     }
 
     fn begin_request(&mut self) {
@@ -65,11 +75,11 @@ impl Host for Emulator {
     }
 
     fn next_event(&self) -> u64 {
-        self.plant.next_event().min(self.lockstep.next_turn()).min(self.guests.next_turn())
+        self.plant.next_event().min(self.next_from_outside())
     }
 
     fn next_change(&self) -> u64 {
-        self.plant.next_change().min(self.lockstep.next_turn()).min(self.guests.next_turn())
+        self.plant.next_change().min(self.next_from_outside())
     }
 
     fn advance_to(&mut self, t: u64) -> bool {
@@ -111,7 +121,10 @@ impl Host for Emulator {
             #[cfg(not(feature = "channel"))]
             waits_for: self.lockstep.waits_for(&self.plant),
             #[cfg(feature = "channel")]
-            waits_for: self.lockstep.waits_for(&self.plant).or_else(|| self.membership.waits_for()),
+            waits_for: self
+                .lockstep
+                .waits_for(&self.plant)
+                .or_else(|| self.membership.waits_for(self.plant.now())),
             names: self.plant.names(),
         }
     }

@@ -1,6 +1,8 @@
 //! A running emulator: a plant on image files, driven by a clock, reachable through the channel.
 
 mod clock;
+#[cfg(feature = "channel")]
+mod coupled;
 mod emulator;
 #[cfg(feature = "channel")]
 mod federated;

@@ -155,7 +155,7 @@ impl Federated {
             let plant = Plant::new(config, |_, device| Ok::<_, ScenarioError>(Segment::of(device)))?;
             let exchange = ByMemory { own: number.into(), letters: Arc::clone(&letters) };
             let limit = Duration::from_secs(60);
-            let part = Part { own: number, count, follows: number != own, limit };
+            let part = Part { own: number, count, follows: number != own, limit, exchange_us: None };
             let federation = Federation::join(part, &plant, Box::new(exchange)).unwrap();
             Ok(Federate { plant, travel: Travel::new(0), federation: Some(federation) })
         };

@@ -85,13 +85,13 @@ fn program(plcs: &str) -> String {
 
 /// HELICS as Python has it: Python itself, the directory of the library, and the broker.
 #[derive(Clone)]
-struct Helics {
-    python: PathBuf,
+pub(crate) struct Helics {
+    pub(crate) python: PathBuf,
     library: PathBuf,
     broker: PathBuf,
 }
 
-fn helics() -> Option<Helics> {
+pub(crate) fn helics() -> Option<Helics> {
     let mut python = python_for("helics", &["helics"])?;
     let interpreter = python.get_program().into();
     let place =
@@ -105,14 +105,14 @@ fn helics() -> Option<Helics> {
 }
 
 /// A broker for so many federates.
-struct Broker {
+pub(crate) struct Broker {
     _process: Ends,
-    address: String,
+    pub(crate) address: String,
     library: PathBuf,
 }
 
 impl Broker {
-    fn start(helics: &Helics, federates: u8) -> Self {
+    pub(crate) fn start(helics: &Helics, federates: u8) -> Self {
         let port = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
         // Also when this test is killed, which cannot tell it then.
         let mut command = Command::new("setpriv");
@@ -133,6 +133,21 @@ impl Broker {
         [&[plant, "--clock", "stepped"][..], &federate].concat()
     }
 
+    /// `commram run` with the stepped clock at this broker; `plant` is what it runs.
+    pub(crate) fn command(&self, plant: &[&str], more: &[&str]) -> Command {
+        let mut command = commram();
+        command.arg("run").args(plant).args(["--clock", "stepped", "--broker", &self.address]);
+        command.args(more).env("COMMRAM_HELICS", &self.library);
+        command
+    }
+
+    /// The same, running.
+    pub(crate) fn emulator(&self, plant: &[&str], more: &[&str]) -> Emulator {
+        let clock = ["--clock", "stepped", "--broker", &self.address];
+        let environment = [("COMMRAM_HELICS", self.library.as_os_str())];
+        Emulator::start_with(&unique_name(), &[plant, &clock, more].concat(), &environment)
+    }
+
     fn federate(&self, plant: &Path, part: &str, more: &[&str]) -> Emulator {
         let arguments = self.arguments(plant.to_str().unwrap(), part);
         let environment = [("COMMRAM_HELICS", self.library.as_os_str())];
@@ -150,27 +165,27 @@ impl Drop for Ends {
     }
 }
 
-fn written(directory: &TempDir, name: &str, text: &str) -> PathBuf {
+pub(crate) fn written(directory: &TempDir, name: &str, text: &str) -> PathBuf {
     let path = directory.path().join(name);
     std::fs::write(&path, text).unwrap();
     path
 }
 
 /// A program that runs at a running instance.
-fn at(emulator: &Emulator, program: &Path) -> Child {
+pub(crate) fn at(emulator: &Emulator, program: &Path) -> Child {
     let mut command = commram();
     command.args(["test", "--attach", &emulator.name]).arg(program);
     command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()
 }
 
 #[track_caller]
-fn passes(program: Child) {
+pub(crate) fn passes(program: Child) {
     let output = program.wait_with_output().unwrap();
     let said = [output.stdout, output.stderr].concat();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&said));
 }
 
-fn journal(emulator: &Emulator) -> String {
+pub(crate) fn journal(emulator: &Emulator) -> String {
     emulator.run("trace", &[]).ok().to_owned()
 }
 

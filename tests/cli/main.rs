@@ -39,6 +39,7 @@ mod registers;
 mod scenarios;
 mod schemas;
 mod shm;
+mod simulators;
 mod soak;
 mod starting;
 mod trace;

@@ -1,0 +1,120 @@
+//! The file that says what a plant and other simulators give each other.
+
+use super::CouplingError;
+use crate::handed_in;
+use crate::request::MAX_ADVANCE_US;
+use crate::time;
+use serde::Deserialize;
+use std::collections::BTreeSet;
+use std::path::Path;
+
+/// What the file says. Names in it have not been looked up yet.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct CouplingConfig {
+    /// Emulated time from one exchange to the next, in microseconds: 1 up to a day.
+    pub period_us: u64,
+    /// What the plant is called among the simulators.
+    pub name: String,
+    /// What the plant gives.
+    pub publish: Vec<Named>,
+    /// What the plant takes.
+    pub subscribe: Vec<Named>,
+    /// Buses whose frames the others hear, and send frames to.
+    pub buses: Vec<NamedBus>,
+}
+
+/// A value and its key.
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Named {
+    /// Name of a register, a pattern, or a value at the shaft of a drive.
+    pub value: String,
+    /// What it is called among the simulators; without it, as here, behind the name of the plant.
+    pub key: Option<String>,
+}
+
+/// A bus.
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct NamedBus {
+    /// Its name.
+    pub name: String,
+    /// The endpoint to which the others send; without it the bus's name behind that of the plant.
+    pub endpoint: Option<String>,
+    /// The endpoints that hear the bus.
+    #[serde(default)]
+    pub to: Vec<String>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct File {
+    period: String,
+    #[serde(default = "plant")]
+    name: String,
+    #[serde(default)]
+    publish: Vec<Named>,
+    #[serde(default)]
+    subscribe: Vec<Named>,
+    #[serde(default)]
+    bus: Vec<NamedBus>,
+}
+
+impl File {
+    /// A name that HELICS does not take.
+    fn bad_name(&self) -> Option<&str> {
+        let keys = self.publish.iter().chain(&self.subscribe).filter_map(|it| it.key.as_ref());
+        let endpoints = self.bus.iter().flat_map(|it| it.to.iter().chain(&it.endpoint));
+        let mut names = [&self.name].into_iter().chain(keys).chain(endpoints).map(String::as_str);
+        names.find(|name| name.is_empty() || name.chars().any(char::is_control))
+    }
+}
+
+fn plant() -> String {
+    "plant".to_owned()
+}
+
+impl CouplingConfig {
+    /// Reads the file.
+    ///
+    /// # Errors
+    /// [`CouplingError::File`].
+    pub fn load(path: &Path) -> Result<Self, CouplingError> {
+        let file = path.display().to_string();
+        let text = handed_in::read(path, handed_in::LONGEST)
+            .map_err(|reason| CouplingError::File { file: file.clone(), what: reason.to_string() })?;
+        Self::parse(&file, &text)
+    }
+
+    /// What the text of a file called `file` says.
+    ///
+    /// # Errors
+    /// [`CouplingError::File`].
+    pub fn parse(file: &str, text: &str) -> Result<Self, CouplingError> {
+        let wrong = |what: String| CouplingError::File { file: file.to_owned(), what };
+        let read: File = toml::from_str(text).map_err(|error| {
+            let before = error.span().and_then(|span| text.get(..span.start));
+            let line = before.map(|before| before.matches('\n').count() + 1);
+            let line = line.map(|line| format!("line {line}: ")).unwrap_or_default();
+            wrong(format!("{line}{}", error.message().replace('\n', " ")))
+        })?;
+        let period_us = time::parse(&read.period).map_err(|error| wrong(format!("period: {error}")))?;
+        if !(1..=MAX_ADVANCE_US).contains(&period_us) {
+            return Err(wrong(format!("period: {} is not 1us to 24h", read.period)));
+        }
+        if read.publish.is_empty() && read.subscribe.is_empty() && read.bus.is_empty() {
+            return Err(wrong(
+                "nothing is exchanged; add [[publish]], [[subscribe]] or [[bus]] sections".to_owned(),
+            ));
+        }
+        if let Some(bad) = read.bad_name() {
+            return Err(wrong(format!("{bad:?} is no name for HELICS")));
+        }
+        let mut buses = BTreeSet::new();
+        if let Some(twice) = read.bus.iter().find(|bus| !buses.insert(&bus.name)) {
+            return Err(wrong(format!("bus '{}' stands there twice", twice.name)));
+        }
+        let File { name, publish, subscribe, bus: buses, .. } = read;
+        Ok(CouplingConfig { period_us, name, publish, subscribe, buses })
+    }
+}

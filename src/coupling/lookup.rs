@@ -1,0 +1,124 @@
+//! What is exchanged: names of the file, looked up in a plant.
+
+use super::{CouplingConfig, CouplingError, Named};
+use crate::fmi::{Causality, Kind, Variable, What, named};
+use crate::plant::Plant;
+use std::collections::BTreeSet;
+
+/// What is exchanged with other simulators.
+#[derive(Clone, Debug)]
+pub struct Interface {
+    /// What the plant is called among them.
+    pub name: String,
+    /// What it gives.
+    pub publications: Vec<Publication>,
+    /// What it takes.
+    pub subscriptions: Vec<Subscription>,
+    /// Its buses.
+    pub endpoints: Vec<Endpoint>,
+}
+
+/// A value that the plant gives.
+#[derive(Clone, Debug)]
+pub struct Publication {
+    /// What the others call it.
+    pub key: String,
+    /// Its type.
+    pub kind: Kind,
+    /// Its unit; empty if it has none.
+    pub unit: &'static str,
+    pub(super) what: What,
+}
+
+/// A value that the plant takes.
+#[derive(Clone, Debug)]
+pub struct Subscription {
+    /// What the plant calls it.
+    pub name: String,
+    /// What the others call it.
+    pub key: String,
+    /// Its type.
+    pub kind: Kind,
+    /// Its unit; empty if it has none.
+    pub unit: &'static str,
+    pub(super) what: What,
+}
+
+/// A bus.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Endpoint {
+    /// What the others call it.
+    pub name: String,
+    /// Its name in the plant.
+    pub bus_name: String,
+    /// Who hears it.
+    pub to: Vec<String>,
+    pub(super) bus: u16,
+}
+
+impl Interface {
+    pub(super) fn of(config: &CouplingConfig, plant: &Plant) -> Result<Self, CouplingError> {
+        let CouplingConfig { name, publish, subscribe, buses, .. } = config;
+        let mut publications = Vec::new();
+        for it in publish {
+            let found = looked_up(plant, it)?;
+            if it.key.is_some() && found.len() > 1 {
+                let why = "several values cannot have one key; leave it out, or name one of them".to_owned();
+                return Err(CouplingError::Unfit { name: it.value.clone(), why });
+            }
+            publications.extend(found.into_iter().map(|found| {
+                let Variable { name: value, kind, unit, what, .. } = found;
+                let key = it.key.clone().unwrap_or_else(|| format!("{name}/{value}"));
+                Publication { key, kind, unit, what }
+            }));
+        }
+        let mut subscriptions = Vec::new();
+        for it in subscribe {
+            subscriptions.push(subscription(plant, name, it)?);
+        }
+        let known: Vec<&str> = plant.bus_names().collect();
+        let mut endpoints = Vec::new();
+        for it in buses {
+            let bus =
+                known.iter().position(|known| *known == it.name).ok_or_else(|| CouplingError::Unfit {
+                    name: it.name.clone(),
+                    why: format!("there is no such bus; the buses are: {}", known.join(", ")),
+                })?;
+            let endpoint = it.endpoint.clone().unwrap_or_else(|| format!("{name}/{}", it.name));
+            let (bus_name, to) = (it.name.clone(), it.to.clone());
+            endpoints.push(Endpoint { name: endpoint, bus_name, to, bus: bus as u16 });
+        }
+        let all = publications.iter().map(|it| &it.key).chain(endpoints.iter().map(|it| &it.name));
+        let mut keys = BTreeSet::new();
+        if let Some(twice) = all.clone().find(|key| !keys.insert(*key)) {
+            let why = "the plant gives that twice; each needs a key of its own".to_owned();
+            return Err(CouplingError::Unfit { name: twice.clone(), why });
+        }
+        let mut taken = BTreeSet::new();
+        if let Some(twice) = subscriptions.iter().find(|it| !taken.insert(&it.name)) {
+            let why = "it is taken from two; leave one of them out".to_owned();
+            return Err(CouplingError::Unfit { name: twice.name.clone(), why });
+        }
+        Ok(Interface { name: name.clone(), publications, subscriptions, endpoints })
+    }
+}
+
+fn looked_up(plant: &Plant, it: &Named) -> Result<Vec<Variable>, CouplingError> {
+    named(plant, &it.value).map_err(|why| CouplingError::Unknown { name: it.value.clone(), why })
+}
+
+fn subscription(plant: &Plant, plant_name: &str, it: &Named) -> Result<Subscription, CouplingError> {
+    let unfit = |why: &str| CouplingError::Unfit { name: it.value.clone(), why: why.to_owned() };
+    let mut found = looked_up(plant, it)?;
+    let (Some(one), true) = (found.pop(), found.is_empty()) else {
+        return Err(unfit("it names several values; subscribe to each with a key of its own"));
+    };
+    if !matches!(one.causality, Causality::Input | Causality::Parameter) {
+        return Err(unfit(
+            "the plant gives it and does not take it; only what a PLC's program writes can be taken",
+        ));
+    }
+    let key = it.key.clone().unwrap_or_else(|| format!("{plant_name}/{}", one.name));
+    let Variable { name, kind, unit, what, .. } = one;
+    Ok(Subscription { name, key, kind, unit, what })
+}

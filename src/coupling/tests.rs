@@ -1,0 +1,243 @@
+//! Exchanges with simulators that are functions.
+
+use super::*;
+use crate::fmi::{Resources, Unit};
+use crate::memory::Segment;
+use crate::memory::header::ABI_VERSION;
+use crate::plant::PlantConfig;
+use crate::request::{InstanceInfo, Travel};
+use std::collections::VecDeque;
+use std::sync::{Arc, Mutex};
+
+/// A plant that others ask.
+struct Alone {
+    plant: Plant,
+    travel: Travel,
+}
+
+impl Host for Alone {
+    fn plant(&self) -> &Plant {
+        &self.plant
+    }
+
+    fn plant_mut(&mut self) -> &mut Plant {
+        &mut self.plant
+    }
+
+    fn plant_and_travel(&mut self) -> (&mut Plant, &mut Travel) {
+        (&mut self.plant, &mut self.travel)
+    }
+
+    fn is_stepped(&self) -> bool {
+        true
+    }
+
+    fn begin_request(&mut self) {}
+
+    fn next_event(&self) -> u64 {
+        self.plant.next_event()
+    }
+
+    fn advance_to(&mut self, time: u64) -> bool {
+        self.plant.advance_to(time);
+        true
+    }
+
+    fn info(&self) -> InstanceInfo {
+        InstanceInfo {
+            name: "alone".to_owned(),
+            is_stepped: true,
+            speed: 0,
+            time_us: self.plant.now(),
+            generation: 1,
+            pid: 1,
+            abi_version: ABI_VERSION,
+            version: String::new(),
+            waits_for: None,
+            names: self.plant.names(),
+        }
+    }
+
+    fn request_stop(&mut self) {}
+
+    fn should_stop(&self) -> bool {
+        false
+    }
+}
+
+/// What is taken, and what was given.
+#[derive(Clone, Default)]
+struct Letters(Arc<Mutex<(VecDeque<Taken>, Vec<Given>)>>);
+
+impl Simulators for Letters {
+    fn give(&mut self, given: Given) {
+        self.0.lock().unwrap().1.push(given);
+    }
+
+    fn take(&mut self) -> Result<Option<Taken>, String> {
+        Ok(self.0.lock().unwrap().0.pop_front())
+    }
+
+    fn leave(&mut self) {}
+}
+
+fn plant(toml: &str) -> Alone {
+    let config = match toml {
+        "" => PlantConfig::built_in().unwrap(),
+        toml => PlantConfig::parse("plant", toml).unwrap(),
+    };
+    let plant = Plant::new(&config, |_, device| Ok::<_, Box<dyn std::error::Error>>(Segment::of(device)));
+    Alone { plant: plant.unwrap(), travel: Travel::new(0) }
+}
+
+fn coupling(plant: &Plant, file: &str) -> Result<Coupling, String> {
+    let config = CouplingConfig::parse("exchange.toml", file).map_err(|error| error.to_string())?;
+    Coupling::new(&config, plant, Duration::from_secs(9)).map_err(|error| error.to_string())
+}
+
+const EXCHANGE: &str = "\
+period = '1ms'
+[[publish]]
+value = 'node2.w_OPTION_STATUS'
+[[publish]]
+value = 'drive1.speed_actual'
+key = 'speed'
+[[subscribe]]
+value = 'node2.w_CPU_CONTROL'
+key = 'control'
+[[subscribe]]
+value = 'drive1.speed_modelled'
+";
+
+fn taken(values: &[(usize, f64)]) -> Taken {
+    Taken { values: values.to_vec(), ..Taken::default() }
+}
+
+#[test]
+fn what_is_taken_is_stored_and_what_changes_is_given() {
+    let mut host = plant("");
+    let mut coupling = coupling(&host.plant, EXCHANGE).unwrap();
+    assert_eq!(coupling.interface().publications[0].key, "plant/node2.w_OPTION_STATUS");
+    assert_eq!(coupling.interface().subscriptions[1].key, "plant/drive1.speed_modelled");
+    let first = coupling.first(&host.plant);
+    assert_eq!(first.values, [(0, Value::Integer(1)), (1, Value::Float(0.0))]);
+    let letters = Letters::default();
+    coupling.connect(Box::new(letters.clone()));
+    assert!(coupling.is_due(0));
+    assert_eq!(coupling.take(&mut host).unwrap(), Progress::Waits);
+    let give = |values: &[(usize, f64)]| letters.0.lock().unwrap().0.push_back(taken(values));
+    give(&[(0, 1.2), (1, 10.0)]);
+    let Progress::Taken(turned) = coupling.take(&mut host).unwrap() else { panic!() };
+    assert_eq!(turned.len(), 1);
+    coupling.give(&host.plant);
+    assert!(!coupling.is_due(999) && coupling.is_due(1000));
+    host.plant.advance_to(1000);
+    // The same once more is no store, and what does not fit is left out.
+    let before = host.plant.journal().hash();
+    give(&[(0, 1.0), (0, 65_536.0), (0, f64::NAN), (1, f64::INFINITY)]);
+    assert_eq!(coupling.take(&mut host).unwrap(), Progress::Taken(Vec::new()));
+    assert_eq!(host.plant.journal().hash(), before);
+    assert_eq!(coupling.refused_values.iter().map(|it| it.0).collect::<Vec<_>>(), [2, 1]);
+    coupling.give(&host.plant);
+    assert_eq!(coupling.take(&mut host).unwrap(), Progress::Nothing);
+    let expected = [
+        Given { next_us: 1000, ..Given::default() },
+        Given { values: vec![(0, Value::Integer(2))], next_us: 2000, ..Given::default() },
+    ];
+    assert_eq!(letters.0.lock().unwrap().1, expected);
+    letters.0.lock().unwrap().0.push_back(Taken { have_gone: true, ..Taken::default() });
+    host.plant.advance_to(2000);
+    assert_eq!(coupling.take(&mut host).unwrap(), Progress::HaveGone);
+}
+
+#[test]
+fn frames_go_both_ways() {
+    let mut host = plant("[[plc]]\nname = 'line'\n[[bus]]\nname = 'open'\nkind = 'can'\nkbit_s = 125\n");
+    let file = "period = '1ms'\n[[bus]]\nname = 'open'\nto = ['sensor/can']\n";
+    let mut coupling = coupling(&host.plant, file).unwrap();
+    let letters = Letters::default();
+    coupling.connect(Box::new(letters.clone()));
+    let say = |frames: &[&str]| {
+        let frames = frames.iter().map(|text| (0, text.as_bytes().to_vec())).collect();
+        letters.0.lock().unwrap().0.push_back(Taken { frames, ..Taken::default() });
+    };
+    say(&["123#1122", "(0000000000.000000) other 00000007#R3", "nonsense", "", "123#11 22"]);
+    assert!(matches!(coupling.take(&mut host), Ok(Progress::Taken(_))));
+    assert_eq!(coupling.refused_frames[0].0, 3);
+    coupling.give(&host.plant);
+    host.plant.advance_to(1000);
+    say(&[]);
+    assert!(matches!(coupling.take(&mut host), Ok(Progress::Taken(_))));
+    coupling.give(&host.plant);
+    host.plant.advance_to(2000);
+    say(&[]);
+    assert!(matches!(coupling.take(&mut host), Ok(Progress::Taken(_))));
+    coupling.give(&host.plant);
+    let given = letters.0.lock().unwrap().1.clone();
+    let frames: Vec<_> =
+        given.iter().flat_map(|given| &given.frames).map(|(_, line)| line.as_str()).collect();
+    let words: Vec<_> = frames.iter().map(|line| line.split_once(") ").unwrap().1).collect();
+    assert_eq!(words.len(), 2, "{frames:?}");
+    assert!(words.contains(&"open 123#1122") && words.contains(&"open 00000007#R3"), "{frames:?}");
+}
+
+#[test]
+fn files_that_cannot_be_are_refused() {
+    let plant = plant("").plant;
+    let told = |file: &str| coupling(&plant, file).err().unwrap_or_else(|| panic!("taken: {file}"));
+    let section = |section: &str| told(&format!("period = '1ms'\n{section}"));
+    for (file, why) in [
+        ("", "period"),
+        ("period = '1ms'", "nothing is exchanged"),
+        ("period = '0us'\n[[bus]]\nname = 'drives'", "is not 1us to 24h"),
+        ("period = '5'\n[[bus]]\nname = 'drives'", "5ms"),
+        ("period = '1ms'\nperiods = 3", "line 2"),
+        ("period = '1ms'\nname = ''\n[[bus]]\nname = 'drives'", "no name for HELICS"),
+    ] {
+        assert!(told(file).contains(why), "{file}: {}", told(file));
+    }
+    for (text, why) in [
+        ("[[bus]]\nname = 'nobus'", "the buses are: drives"),
+        ("[[bus]]\nname = 'drives'\n[[bus]]\nname = 'drives'", "twice"),
+        ("[[publish]]\nvalue = 'node2.w_CPU_CONTROLL'", "w_CPU_CONTROL"),
+        ("[[publish]]\nvalue = 'other:node2.w_CPU_CONTROL'", "its PLCs are: line"),
+        ("[[publish]]\nvalue = 'drive1.speed'", "speed_demand"),
+        ("[[publish]]\nvalue = 'node2.w_*'\nkey = 'one'", "one key"),
+        ("[[publish]]\nvalue = 'node2.w_CPU_CONTROL'\n[[publish]]\nvalue = 'node2.w_*'", "gives that twice"),
+        ("[[subscribe]]\nvalue = 'node2.w_*'", "names several"),
+        ("[[subscribe]]\nvalue = 'node2.w_OPTION_STATUS'", "does not take it"),
+        ("[[subscribe]]\nvalue = 'drive1.speed_demand'", "does not take it"),
+    ] {
+        assert!(section(text).contains(why), "{text}: {}", section(text));
+    }
+}
+
+/// The same model at a unit and at a coupling.
+#[test]
+fn a_model_is_as_at_a_unit() {
+    let mut host = plant("");
+    let mut coupling = coupling(&host.plant, EXCHANGE).unwrap();
+    let letters = Letters::default();
+    coupling.connect(Box::new(letters.clone()));
+    let mut unit = Unit::new(&Resources::built_in(Vec::new()).unwrap()).unwrap();
+    let at = |name: &str| unit.variables().iter().position(|it| it.name == name).unwrap() as u32;
+    let [control, modelled, speed] =
+        ["node2.w_CPU_CONTROL", "drive1.is_modelled", "drive1.speed_modelled"].map(at);
+    unit.set(modelled, crate::fmi::Kind::Bool, Value::Boolean(true)).unwrap();
+    for step in 0..50_u32 {
+        let (word, turns) = (u32::from(step > 3), f64::from(step) * 1.7);
+        letters.0.lock().unwrap().0.push_back(taken(&[(0, f64::from(word)), (1, turns)]));
+        let Progress::Taken(turned) = coupling.take(&mut host).unwrap() else { panic!() };
+        turned.iter().for_each(|(drive, speed)| assert!(host.plant.turn_shaft(*drive, *speed)));
+        coupling.give(&host.plant);
+        host.plant.advance_to(u64::from(step + 1) * 1000);
+        unit.set(control, crate::fmi::Kind::U16, Value::Integer(word.into())).unwrap();
+        unit.set(speed, crate::fmi::Kind::F64, Value::Float(turns)).unwrap();
+        unit.step(unit.time_s(), 0.001).unwrap();
+        assert_eq!(
+            host.plant.shaft(0).map(|it| (it.speed, it.angle)),
+            unit.plant().shaft(0).map(|it| (it.speed, it.angle))
+        );
+    }
+    assert_eq!(host.plant.journal().hash(), unit.plant().journal().hash());
+}

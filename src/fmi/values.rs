@@ -1,0 +1,94 @@
+//! What variables stand at, and the motors that a model outside turns.
+
+use super::variables::{ShaftValue, What};
+use crate::plant::Plant;
+use core::f64::consts::TAU;
+use serde::{Deserialize, Serialize};
+
+/// Increments of the drives' angle in a revolution (decision D-162).
+const REVOLUTION: f64 = 4_294_967_296.0;
+
+/// A value of a variable.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Value {
+    /// Any integer.
+    Integer(i64),
+    /// A number.
+    Float(f64),
+    /// Yes or no.
+    Boolean(bool),
+}
+
+/// Of each drive whether a model turns it, and with which speed in rad/s.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Shafts(Vec<(bool, f64)>);
+
+impl Shafts {
+    /// No model turns anything.
+    pub(crate) fn of(plant: &Plant) -> Self {
+        Shafts(vec![(false, 0.0); plant.drives().len()])
+    }
+
+    /// Of how many drives.
+    pub(super) fn len(&self) -> usize {
+        self.0.len()
+    }
+
+    pub(super) fn are_finite(&self) -> bool {
+        self.0.iter().all(|shaft| shaft.1.is_finite())
+    }
+
+    /// Whether a model turns the motor of this drive.
+    pub(crate) fn set_modelled(&mut self, drive: usize, is_modelled: bool) {
+        if let Some(shaft) = self.0.get_mut(drive) {
+            shaft.0 = is_modelled;
+        }
+    }
+
+    /// The speed that the model gives this drive, in rad/s; must be finite.
+    pub(crate) fn set_speed(&mut self, drive: usize, speed: f64) {
+        if let Some(shaft) = self.0.get_mut(drive) {
+            shaft.1 = speed;
+        }
+    }
+
+    /// The drives that a model turns, each with its speed as the plant counts it.
+    pub(crate) fn turned(&self) -> impl Iterator<Item = (usize, i32)> {
+        let all = self.0.iter().enumerate();
+        all.filter(|(_, shaft)| shaft.0).map(|(drive, (_, speed))| {
+            let increments = speed * REVOLUTION / TAU / 1000.0;
+            // Saturates.
+            (drive, increments.round() as i32)
+        })
+    }
+
+    /// What a variable stands at that is no time.
+    pub(crate) fn value(&self, plant: &Plant, what: What) -> Value {
+        match what {
+            What::Time => Value::Float(plant.now() as f64 * 1e-6),
+            What::Register { plc, offset, width, ty, .. } => {
+                // The layout has a register there.
+                Value::Integer(ty.number(plant.load(plc, offset, width).unwrap_or_default()))
+            }
+            What::Shaft { drive, value } => self.at_shaft(plant, drive, value),
+        }
+    }
+
+    fn at_shaft(&self, plant: &Plant, drive: usize, value: ShaftValue) -> Value {
+        let speed = |increments: i32| Value::Float(f64::from(increments) * 1000.0 * TAU / REVOLUTION);
+        let of_model = self.0.get(drive).copied().unwrap_or_default();
+        let Some(shaft) = plant.shaft(drive) else { return Value::Float(0.0) };
+        match value {
+            ShaftValue::Reference => {
+                let state = plant.drive(drive).map(|details| details.state);
+                speed(state.map_or(0, |state| state.speed_reference))
+            }
+            ShaftValue::Demand => speed(shaft.demand),
+            ShaftValue::IsFed => Value::Boolean(shaft.is_fed),
+            ShaftValue::Actual => speed(shaft.speed),
+            ShaftValue::Angle => Value::Float(f64::from(shaft.angle) * TAU / REVOLUTION),
+            ShaftValue::IsModelled => Value::Boolean(of_model.0),
+            ShaftValue::Modelled => Value::Float(of_model.1),
+        }
+    }
+}

@@ -1,0 +1,355 @@
+//! A federate of HELICS with values and messages, as other simulators have them: its functions of the C interface, whose names are
+//! those of its header `helics.h`.
+
+use super::HelicsError;
+use super::library::{CORE, Object, Status, load_with, text};
+use crate::coupling::{Endpoint, Publication, Subscription};
+use crate::fmi::{Kind, Value};
+use core::ffi::{CStr, c_char, c_int, c_void};
+use core::mem::ManuallyDrop;
+use libloading::{Library, Symbol};
+use serde::Deserialize;
+use std::path::Path;
+
+/// `HELICS_DATA_TYPE_DOUBLE`, `_INT`, `_BOOLEAN`.
+const DOUBLE: c_int = 1;
+const INT: c_int = 2;
+const BOOLEAN: c_int = 7;
+/// `HELICS_FLAG_UNINTERRUPTIBLE`, `HELICS_FLAG_WAIT_FOR_CURRENT_TIME_UPDATE`.
+const UNINTERRUPTIBLE: c_int = 1;
+const WAIT_FOR_CURRENT_TIME_UPDATE: c_int = 10;
+/// `HELICS_HANDLE_OPTION_CONNECTION_REQUIRED`.
+const CONNECTION_REQUIRED: c_int = 397;
+/// `HELICS_PROPERTY_TIME_DELTA`.
+const TIME_DELTA: c_int = 137;
+/// `HELICS_PROPERTY_INT_LOG_LEVEL`, `HELICS_LOG_LEVEL_NO_PRINT`: what it has to say comes as errors.
+const LOG_LEVEL: c_int = 271;
+const NO_PRINT: c_int = -4;
+/// The shortest time between two grants, in seconds.
+const SHORTEST: f64 = 1e-9;
+/// The end of all times, in seconds.
+const LATEST: f64 = 9_223_372_036.0;
+
+/// States of federates that are not there any more.
+const GONE: [&str; 2] = ["disconnected", "error"];
+
+type Set<T> = unsafe extern "C" fn(Object, T, *mut Status);
+type Do = unsafe extern "C" fn(Object, *mut Status);
+type Name = *const c_char;
+
+macro_rules! functions {
+    ($($name:ident: $ty:ty = $symbol:literal,)*) => {
+        /// The functions that are called.
+        pub(super) struct Functions {
+            $($name: $ty,)*
+            /// It has threads of its own, so it stays where it is.
+            _library: ManuallyDrop<Library>,
+        }
+
+        fn functions(path: &Path) -> Result<Functions, libloading::Error> {
+            // SAFETY: as for the other federate: whoever names a library lets it run in this process, and the types are those of
+            // its header.
+            unsafe {
+                let library = Library::new(path)?;
+                $(let $name: $ty = {
+                    let symbol: Symbol<'_, $ty> = library.get($symbol)?;
+                    *symbol
+                };)*
+                Ok(Functions { $($name,)* _library: ManuallyDrop::new(library) })
+            }
+        }
+    };
+}
+
+functions! {
+    initialize_error: unsafe extern "C" fn() -> Status = b"helicsErrorInitialize\0",
+    create_info: unsafe extern "C" fn() -> Object = b"helicsCreateFederateInfo\0",
+    free_info: unsafe extern "C" fn(Object) = b"helicsFederateInfoFree\0",
+    set_core_type: Set<Name> = b"helicsFederateInfoSetCoreTypeFromString\0",
+    set_core_init: Set<Name> = b"helicsFederateInfoSetCoreInitString\0",
+    set_time: unsafe extern "C" fn(Object, c_int, f64, *mut Status) = b"helicsFederateInfoSetTimeProperty\0",
+    set_integer: unsafe extern "C" fn(Object, c_int, c_int, *mut Status) = b"helicsFederateInfoSetIntegerProperty\0",
+    set_flag: unsafe extern "C" fn(Object, c_int, c_int, *mut Status) = b"helicsFederateInfoSetFlagOption\0",
+    create_federate: unsafe extern "C" fn(Name, Object, *mut Status) -> Object = b"helicsCreateCombinationFederate\0",
+    register_publication: unsafe extern "C" fn(Object, Name, c_int, Name, *mut Status) -> Object = b"helicsFederateRegisterGlobalPublication\0",
+    register_input: unsafe extern "C" fn(Object, Name, c_int, Name, *mut Status) -> Object = b"helicsFederateRegisterInput\0",
+    add_target: Set<Name> = b"helicsInputAddTarget\0",
+    set_input: unsafe extern "C" fn(Object, c_int, c_int, *mut Status) = b"helicsInputSetOption\0",
+    register_endpoint: unsafe extern "C" fn(Object, Name, Name, *mut Status) -> Object = b"helicsFederateRegisterGlobalEndpoint\0",
+    enter_initializing: Do = b"helicsFederateEnterInitializingMode\0",
+    enter_executing: Do = b"helicsFederateEnterExecutingMode\0",
+    request_time: unsafe extern "C" fn(Object, f64, *mut Status) -> f64 = b"helicsFederateRequestTime\0",
+    publish_integer: Set<i64> = b"helicsPublicationPublishInteger\0",
+    publish_double: Set<f64> = b"helicsPublicationPublishDouble\0",
+    publish_boolean: Set<c_int> = b"helicsPublicationPublishBoolean\0",
+    type_of: unsafe extern "C" fn(Object) -> Name = b"helicsInputGetPublicationType\0",
+    is_updated: unsafe extern "C" fn(Object) -> c_int = b"helicsInputIsUpdated\0",
+    get_double: unsafe extern "C" fn(Object, *mut Status) -> f64 = b"helicsInputGetDouble\0",
+    send: unsafe extern "C" fn(Object, *const c_void, c_int, Name, *mut Status) = b"helicsEndpointSendBytesTo\0",
+    has_message: unsafe extern "C" fn(Object) -> c_int = b"helicsEndpointHasMessage\0",
+    get_message: unsafe extern "C" fn(Object) -> Object = b"helicsEndpointGetMessage\0",
+    bytes_of: unsafe extern "C" fn(Object) -> *const c_void = b"helicsMessageGetBytesPointer\0",
+    count_of: unsafe extern "C" fn(Object) -> c_int = b"helicsMessageGetByteCount\0",
+    free_message: unsafe extern "C" fn(Object) = b"helicsMessageFree\0",
+    create_query: unsafe extern "C" fn(Name, Name) -> Object = b"helicsCreateQuery\0",
+    execute_query: unsafe extern "C" fn(Object, Object, *mut Status) -> Name = b"helicsQueryExecute\0",
+    free_query: unsafe extern "C" fn(Object) = b"helicsQueryFree\0",
+    disconnect: Do = b"helicsFederateDisconnect\0",
+}
+
+/// Loads the library.
+///
+/// # Errors
+/// It is not there, or lacks something.
+pub(super) fn load() -> Result<Functions, HelicsError> {
+    load_with(functions)
+}
+
+impl Functions {
+    /// Calls a function that reports by its last argument.
+    fn checked<T>(&self, call: impl FnOnce(&Self, *mut Status) -> T) -> Result<T, String> {
+        // SAFETY: it only fills in a structure.
+        let mut status = unsafe { (self.initialize_error)() };
+        let value = call(self, &mut status);
+        status.outcome(value)
+    }
+}
+
+/// A federate with values and messages. It stays on the thread that has made it.
+pub(super) struct Combination {
+    functions: Functions,
+    federate: Object,
+    name: String,
+    publications: Vec<Object>,
+    /// Whether it takes part: others look at that, since HELICS does not tell them who has gone.
+    runs: Option<Object>,
+    inputs: Vec<Object>,
+    endpoints: Vec<Object>,
+}
+
+impl Combination {
+    /// Becomes one.
+    ///
+    /// # Errors
+    /// There is no broker, or somebody has the name.
+    pub(super) fn create(functions: Functions, name: &str, init: &str) -> Result<Self, String> {
+        let (c_name, core, init) = (text(name), text(CORE), text(init));
+        // SAFETY: here and below: the objects are the library's own and are used on this thread only; texts and bytes live
+        // through the calls.
+        let info = unsafe { (functions.create_info)() };
+        let federate = (|| {
+            // SAFETY: as above.
+            unsafe {
+                functions.checked(|it, status| (it.set_core_type)(info, core.as_ptr(), status))?;
+                functions.checked(|it, status| (it.set_core_init)(info, init.as_ptr(), status))?;
+                functions.checked(|it, status| (it.set_time)(info, TIME_DELTA, SHORTEST, status))?;
+                functions.checked(|it, status| (it.set_integer)(info, LOG_LEVEL, NO_PRINT, status))?;
+                for flag in [UNINTERRUPTIBLE, WAIT_FOR_CURRENT_TIME_UPDATE] {
+                    functions.checked(|it, status| (it.set_flag)(info, flag, 1, status))?;
+                }
+                functions.checked(|it, status| (it.create_federate)(c_name.as_ptr(), info, status))
+            }
+        })();
+        // SAFETY: as above; the federate has taken over what it needs.
+        unsafe { (functions.free_info)(info) };
+        let (publications, inputs, endpoints) = Default::default();
+        Ok(Combination {
+            federate: federate?,
+            name: name.to_owned(),
+            functions,
+            publications,
+            runs: None,
+            inputs,
+            endpoints,
+        })
+    }
+
+    /// Says what it gives, what it takes, and where it sends to.
+    pub(super) fn register(
+        &mut self,
+        publications: &[Publication],
+        subscriptions: &[Subscription],
+        endpoints: &[Endpoint],
+    ) -> Result<(), String> {
+        let Combination { functions, federate, .. } = self;
+        let federate = *federate;
+        let publication = |key: &str, ty, unit: &str| {
+            let (key, unit) = (text(key), text(unit));
+            functions.checked(|it, status| {
+                // SAFETY: as above.
+                unsafe { (it.register_publication)(federate, key.as_ptr(), ty, unit.as_ptr(), status) }
+            })
+        };
+        for Publication { key, kind, unit, .. } in publications {
+            let ty = match kind {
+                Kind::F64 => DOUBLE,
+                Kind::Bool => BOOLEAN,
+                _ => INT,
+            };
+            self.publications.push(publication(key, ty, unit)?);
+        }
+        self.runs = Some(publication(&format!("{}/runs", self.name), BOOLEAN, "")?);
+        for Subscription { name, key, unit, .. } in subscriptions {
+            // So that a message of HELICS says what it is about.
+            let name = text(&format!("{name} from {key}"));
+            let (key, unit) = (text(key), text(unit));
+            // SAFETY: as above.
+            unsafe {
+                let input = functions.checked(|it, status| {
+                    (it.register_input)(federate, name.as_ptr(), DOUBLE, unit.as_ptr(), status)
+                })?;
+                functions.checked(|it, status| (it.add_target)(input, key.as_ptr(), status))?;
+                functions.checked(|it, status| (it.set_input)(input, CONNECTION_REQUIRED, 1, status))?;
+                self.inputs.push(input);
+            }
+        }
+        for Endpoint { name, .. } in endpoints {
+            let (name, none) = (text(name), text(""));
+            self.endpoints.push(functions.checked(|it, status| {
+                // SAFETY: as above.
+                unsafe { (it.register_endpoint)(federate, name.as_ptr(), none.as_ptr(), status) }
+            })?);
+        }
+        Ok(())
+    }
+
+    /// Waits until all federates are there that the broker waits for; what is published then is there at time 0.
+    pub(super) fn enter_initializing(&self) -> Result<(), String> {
+        // SAFETY: as above.
+        self.functions.checked(|it, status| unsafe { (it.enter_initializing)(self.federate, status) })?;
+        self.say_runs(true)
+    }
+
+    fn say_runs(&self, runs: bool) -> Result<(), String> {
+        self.runs.map_or(Ok(()), |it| self.publish_to(it, Value::Boolean(runs)))
+    }
+
+    /// Time begins to pass.
+    pub(super) fn enter_executing(&self) -> Result<(), String> {
+        // SAFETY: as above.
+        self.functions.checked(|it, status| unsafe { (it.enter_executing)(self.federate, status) })
+    }
+
+    /// Waits until the time in microseconds has come for everybody.
+    pub(super) fn go_to(&self, time_us: u64) -> Result<(), String> {
+        let time = time_us as f64 * 1e-6;
+        // SAFETY: as above.
+        let granted =
+            self.functions.checked(|it, status| unsafe { (it.request_time)(self.federate, time, status) })?;
+        if granted >= LATEST { Err("the federation has come to its end".to_owned()) } else { Ok(()) }
+    }
+
+    /// Those federates of the federation that have not left, by their names; none, if HELICS does not say it.
+    pub(super) fn present(&self) -> Option<Vec<String>> {
+        #[derive(Deserialize)]
+        struct Answer {
+            federates: Vec<Present>,
+        }
+        #[derive(Deserialize)]
+        struct Present {
+            attributes: Attributes,
+            state: String,
+        }
+        #[derive(Deserialize)]
+        struct Attributes {
+            name: String,
+        }
+        let (root, what) = (text("root"), text("current_state"));
+        // SAFETY: as above; the answer lasts until the query is freed, and is copied before.
+        let answer = unsafe {
+            let query = (self.functions.create_query)(root.as_ptr(), what.as_ptr());
+            let answer =
+                self.functions.checked(|it, status| (it.execute_query)(query, self.federate, status));
+            let answer = answer.ok().filter(|answer| !answer.is_null());
+            let copy = answer.map(|answer| CStr::from_ptr(answer).to_string_lossy().into_owned());
+            (self.functions.free_query)(query);
+            copy
+        };
+        let answer: Answer = serde_json::from_str(&answer?).ok()?;
+        let present = answer.federates.into_iter().filter(|it| !GONE.contains(&it.state.as_str()));
+        Some(present.map(|it| it.attributes.name).collect())
+    }
+
+    pub(super) fn publish(&self, place: usize, value: Value) -> Result<(), String> {
+        self.publications.get(place).map_or(Ok(()), |it| self.publish_to(*it, value))
+    }
+
+    fn publish_to(&self, it: Object, value: Value) -> Result<(), String> {
+        // SAFETY: as above.
+        self.functions.checked(|functions, status| unsafe {
+            match value {
+                Value::Integer(value) => (functions.publish_integer)(it, value, status),
+                Value::Float(value) => (functions.publish_double)(it, value, status),
+                Value::Boolean(value) => (functions.publish_boolean)(it, value.into(), status),
+            }
+        })
+    }
+
+    /// The types in which the values are published that it takes.
+    pub(super) fn types(&self) -> Vec<String> {
+        let of = |input: &Object| {
+            // SAFETY: as above; the text is the input's own.
+            let ty = unsafe { (self.functions.type_of)(*input) };
+            // SAFETY: it is a text.
+            if ty.is_null() {
+                String::new()
+            } else {
+                unsafe { CStr::from_ptr(ty) }.to_string_lossy().into_owned()
+            }
+        };
+        self.inputs.iter().map(of).collect()
+    }
+
+    /// What was published since the last time, with the places of the values.
+    pub(super) fn values(&self) -> Result<Vec<(usize, f64)>, String> {
+        let mut found = Vec::new();
+        for (place, input) in self.inputs.iter().copied().enumerate() {
+            // SAFETY: as above.
+            if unsafe { (self.functions.is_updated)(input) } != 0 {
+                // SAFETY: as above.
+                let value = self.functions.checked(|it, status| unsafe { (it.get_double)(input, status) })?;
+                found.push((place, value));
+            }
+        }
+        Ok(found)
+    }
+
+    /// The messages that have come, with the places of their endpoints.
+    pub(super) fn messages(&self) -> Vec<(usize, Vec<u8>)> {
+        let mut found = Vec::new();
+        let Functions { has_message, get_message, bytes_of, count_of, free_message, .. } = self.functions;
+        for (place, endpoint) in self.endpoints.iter().copied().enumerate() {
+            // SAFETY: as above; the bytes are the message's, are as many as it says, and are copied before it is freed.
+            unsafe {
+                while has_message(endpoint) != 0 {
+                    let message = get_message(endpoint);
+                    let (bytes, count) = (bytes_of(message).cast::<u8>(), count_of(message));
+                    if !bytes.is_null() {
+                        let count = usize::try_from(count).unwrap_or_default();
+                        found.push((place, core::slice::from_raw_parts(bytes, count).to_vec()));
+                    }
+                    free_message(message);
+                }
+            }
+        }
+        found
+    }
+
+    /// Sends a text to an endpoint of somebody.
+    pub(super) fn send(&self, place: usize, to: &str, line: &str) -> Result<(), String> {
+        let Some(endpoint) = self.endpoints.get(place).copied() else { return Ok(()) };
+        let to = text(to);
+        let count = c_int::try_from(line.len()).map_err(|_| "a message is too long".to_owned())?;
+        self.functions.checked(|it, status| {
+            // SAFETY: as above.
+            unsafe { (it.send)(endpoint, line.as_ptr().cast(), count, to.as_ptr(), status) }
+        })
+    }
+
+    /// Tells the others, and leaves.
+    pub(super) fn leave(self) {
+        let _ = self.say_runs(false);
+        // SAFETY: as above. Whether it succeeds is all the same to who leaves.
+        let _ = self.functions.checked(|it, status| unsafe { (it.disconnect)(self.federate, status) });
+    }
+}

@@ -1,0 +1,139 @@
+//! The way to simulators of others by HELICS: a federate with the values and the buses that are exchanged.
+//!
+//! A thread of its own calls the library, whose calls wait. At each exchange it waits for what the others publish at that very time,
+//! whoever comes first (decision D-577).
+
+use super::combination::{self, Combination, Functions};
+use super::library;
+use super::{FAREWELL, HelicsError, Place};
+use crate::coupling::{Given, Interface, Simulators, Taken};
+use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender, TryRecvError};
+use std::thread::Builder;
+use std::time::Duration;
+
+/// How much sooner the core gives up.
+const SOONER: Duration = Duration::from_secs(1);
+/// Types of publications that can be taken.
+const TAKEN: [&str; 4] = ["double", "int64", "int", "bool"];
+
+/// The emulator's end of the way.
+pub struct SimulatorsByHelics {
+    given: Option<Sender<Given>>,
+    taken: Receiver<Result<Taken, String>>,
+    has_left: Receiver<()>,
+}
+
+impl SimulatorsByHelics {
+    /// Begins to join; `first` is published before time begins to pass, and `wake` is called whenever there is something to take.
+    ///
+    /// # Errors
+    /// There is no library. That there is no broker shows later.
+    pub fn join(
+        place: Place,
+        interface: Interface,
+        first: Given,
+        wake: impl Fn() + Send + 'static,
+    ) -> Result<Self, HelicsError> {
+        let functions = combination::load()?;
+        let (give, given) = mpsc::channel();
+        let (tell, taken) = mpsc::channel();
+        let (left, has_left) = mpsc::channel();
+        let run = move || {
+            if let Err(reason) = talk(functions, &place, &interface, first, &given, &tell, &wake) {
+                // If nobody listens any more, nobody need be told.
+                let _ = tell.send(Err(reason));
+                wake();
+            }
+            drop(left);
+        };
+        Builder::new().name("simulators".to_owned()).spawn(run).map_err(HelicsError::Thread)?;
+        Ok(SimulatorsByHelics { given: Some(give), taken, has_left })
+    }
+}
+
+impl Simulators for SimulatorsByHelics {
+    fn give(&mut self, given: Given) {
+        // A thread that has ended has said why, which is taken next.
+        let _ = self.given.as_ref().map(|thread| thread.send(given));
+    }
+
+    fn take(&mut self) -> Result<Option<Taken>, String> {
+        match self.taken.try_recv() {
+            Ok(taken) => taken.map(Some),
+            Err(TryRecvError::Empty) => Ok(None),
+            Err(TryRecvError::Disconnected) => Err("the thread of HELICS has ended".to_owned()),
+        }
+    }
+
+    fn leave(&mut self) {
+        self.given = None;
+        // It is never sent anything, but ends with the thread.
+        if self.has_left.recv_timeout(FAREWELL) == Err(RecvTimeoutError::Timeout) {
+            library::end_without_it();
+        }
+    }
+}
+
+/// What the thread does.
+fn talk(
+    functions: Functions,
+    place: &Place,
+    interface: &Interface,
+    first: Given,
+    given: &Receiver<Given>,
+    tell: &Sender<Result<Taken, String>>,
+    wake: &impl Fn(),
+) -> Result<(), String> {
+    let Interface { name, publications, subscriptions, endpoints } = interface;
+    // Whoever waits for what comes from here gives up behind the core, which knows why.
+    let init = Place { limit: place.limit.saturating_sub(SOONER), ..place.clone() }.of_core();
+    let not_joined = |reason| HelicsError::NotJoined { reason }.to_string();
+    let mut federate = Combination::create(functions, name, &init).map_err(not_joined)?;
+    federate.register(publications, subscriptions, endpoints).map_err(not_joined)?;
+    federate.enter_initializing().map_err(not_joined)?;
+    publish(&federate, interface, &first)?;
+    federate.enter_executing().map_err(not_joined)?;
+    for (subscription, ty) in subscriptions.iter().zip(federate.types()) {
+        if !TAKEN.contains(&ty.as_str()) {
+            return Err(format!(
+                "'{}' is published as {ty}; {} takes double, int and bool",
+                subscription.key, subscription.name
+            ));
+        }
+    }
+    let mut had_company = false;
+    loop {
+        let (values, frames) = (federate.values()?, federate.messages());
+        let is_idle = values.is_empty() && frames.is_empty();
+        let have_gone = is_idle && place.is_alone(&federate, name, &mut had_company);
+        let told = tell.send(Ok(Taken { values, frames, have_gone }));
+        wake();
+        // The emulator has ended.
+        let Some(given) = told.ok().and_then(|()| given.recv().ok()) else { break };
+        publish(&federate, interface, &given)?;
+        federate.go_to(given.next_us)?;
+    }
+    federate.leave();
+    Ok(())
+}
+
+impl Place {
+    /// Whether nobody is there any more but the hosts of the plant.
+    fn is_alone(&self, federate: &Combination, plant: &str, had_company: &mut bool) -> bool {
+        let Some(present) = federate.present() else { return false };
+        let is_own = |name: &String| name == plant || (0..self.count).any(|host| *name == self.name_of(host));
+        let has_company = !present.iter().all(is_own);
+        *had_company |= has_company;
+        *had_company && !has_company
+    }
+}
+
+fn publish(federate: &Combination, interface: &Interface, given: &Given) -> Result<(), String> {
+    given.values.iter().try_for_each(|(place, value)| federate.publish(*place, *value))?;
+    for (place, line) in &given.frames {
+        for to in interface.endpoints.get(*place).map_or(&[][..], |endpoint| &endpoint.to) {
+            federate.send(*place, to, line)?;
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,50 @@
+//! An emulator whose plant is coupled with other simulators: the exchanges are in its federate's turns.
+
+use super::emulator::Emulator;
+use crate::coupling::{Coupling, Progress};
+use crate::federation::FederationError;
+use std::sync::atomic::Ordering;
+
+impl Emulator {
+    /// Exchanges values with other simulators from now on; this federate has [joined](Emulator::join) with the coupling's period.
+    pub fn couple(&mut self, coupling: Coupling) {
+        self.membership.coupling = Some(coupling);
+    }
+
+    /// Whether something may enter the plant here now.
+    pub(super) fn may_act_now(&self) -> bool {
+        self.membership.may_act(self.plant.now())
+    }
+
+    /// The exchange with other simulators, if one is due and this federate has its turn; `true` if there was one. When the
+    /// others have gone, the emulator is to end.
+    pub(super) fn exchange(&mut self) -> Result<bool, FederationError> {
+        if !self.membership.has_turn() {
+            return Ok(false);
+        }
+        // Taken out for the call, which does what a client would have asked for.
+        let Some(mut coupling) = self.membership.coupling.take() else { return Ok(false) };
+        let progress = coupling.take(self);
+        let was_one = matches!(progress, Ok(Progress::Taken(_)));
+        match &progress {
+            Ok(Progress::Taken(turned)) => {
+                for (drive, speed) in turned {
+                    self.plant.turn_shaft(*drive, *speed);
+                    if let Some(federation) = &mut self.membership.federation {
+                        federation.note_shaft(*drive, *speed);
+                    }
+                }
+                coupling.give(&self.plant);
+                self.announce();
+            }
+            Ok(Progress::HaveGone) => {
+                tracing::warn!("the other simulators have ended; the plant ends here as well");
+                self.stop.store(true, Ordering::Release);
+            }
+            Ok(Progress::Nothing | Progress::Waits) | Err(_) => {}
+        }
+        self.membership.coupling = Some(coupling);
+        progress?;
+        Ok(was_one)
+    }
+}
