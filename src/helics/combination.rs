@@ -290,12 +290,11 @@ impl Combination {
         let of = |input: &Object| {
             // SAFETY: as above; the text is the input's own.
             let ty = unsafe { (self.functions.type_of)(*input) };
-            // SAFETY: it is a text.
             if ty.is_null() {
-                String::new()
-            } else {
-                unsafe { CStr::from_ptr(ty) }.to_string_lossy().into_owned()
+                return String::new();
             }
+            // SAFETY: as above; it is copied at once.
+            unsafe { CStr::from_ptr(ty) }.to_string_lossy().into_owned()
         };
         self.inputs.iter().map(of).collect()
     }
