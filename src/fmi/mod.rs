@@ -19,6 +19,8 @@ mod variables;
 pub use archive::{ArchiveError, LIBRARY, archive, is_library};
 #[cfg(feature = "studio")]
 pub use description::description;
+#[cfg(feature = "channel")]
+pub(crate) use named::named;
 pub use resources::{Resources, ResourcesError};
 pub use unit::{Unit, UnitError, UnitState};
 #[cfg(feature = "channel")]
@@ -26,7 +28,7 @@ pub(crate) use values::Shafts;
 pub use values::Value;
 pub use variables::{Causality, Kind, Variable, VariablesError};
 #[cfg(feature = "channel")]
-pub(crate) use variables::{ShaftValue, What, named};
+pub(crate) use variables::{ShaftValue, What};
 
 /// What the shared object has in it, so that a program can tell whether it is its own.
 pub const MARK: &str = concat!("commram-fmi unit ", env!("CARGO_PKG_VERSION"), ";");
