@@ -298,7 +298,7 @@ h.helicsFederateDisconnect(federate)
 fn what_is_no_federate_of_this_plant_is_told_so() {
     let Some(helics) = helics() else { return };
     // A greeting by another version; something that is none.
-    let other_version = "0005392e392e39020000";
+    let other_version = "0005392e392e3902000000";
     for (says, code, complaint) in [
         (other_version, 2, "federate 1 is commram 9.9.9"),
         ("nonsense", 1, "federate 1 has sent what no federate sends"),
