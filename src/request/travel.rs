@@ -6,15 +6,18 @@
 //! same stores, as it did the first time. Only what a program stores through the map comes by no request; who goes back over
 //! such a stretch is told.
 
+mod back;
+mod file;
 mod stretch;
 #[cfg(test)]
 mod tests;
 
+pub(super) use back::{back, back_until};
+pub(super) use file::{read, restore, take_in};
 pub(super) use stretch::Store;
 
 use super::{Code, Host, Refused};
-use crate::plant::{Plant, Snapshot, SnapshotFile};
-use crate::time;
+use crate::plant::{Plant, Snapshot};
 use std::collections::{BTreeMap, VecDeque};
 use stretch::Stretch;
 
@@ -214,48 +217,6 @@ pub(super) fn forget(host: &mut dyn Host, number: u32) -> Result<(), Refused> {
     travel.saved.remove(&number).map(drop).ok_or_else(|| unknown(number))
 }
 
-/// A part of one as a file, at most `most` bytes from byte `from` on; none behind its end.
-pub(super) fn read(host: &mut dyn Host, number: u32, from: u32, most: usize) -> Result<Vec<u8>, Refused> {
-    let (plant, travel) = host.plant_and_travel();
-    if travel.leaving.0 != number || from == 0 {
-        let saved = travel.saved.get(&number).ok_or_else(|| unknown(number))?;
-        travel.leaving = (number, plant.file_of(saved.snapshot.clone()).to_bytes());
-    }
-    let rest = travel.leaving.1.get(from as usize..).unwrap_or_default();
-    let part = rest.get(..most).unwrap_or(rest).to_vec();
-    if part.len() < most {
-        travel.leaving = (0, Vec::new());
-    }
-    Ok(part)
-}
-
-/// A part of a file comes in, from its byte `at` on.
-pub(super) fn take_in(host: &mut dyn Host, at: u32, bytes: &[u8]) -> Result<(), Refused> {
-    let (_, travel) = host.plant_and_travel();
-    if at == 0 {
-        travel.coming = Vec::new();
-    }
-    let come = travel.coming.len();
-    if at as usize != come || come + bytes.len() > SnapshotFile::LONGEST as usize {
-        let text = format_args!("byte {at} of a snapshot does not come next, byte {come} does");
-        return Err(Refused::new(Code::SNAPSHOT, text));
-    }
-    travel.coming.extend_from_slice(bytes);
-    Ok(())
-}
-
-/// Goes to the snapshot in the file that has come in.
-pub(super) fn restore(host: &mut dyn Host, detached: bool) -> Result<(), Refused> {
-    alone(host, detached)?;
-    let (_, travel) = host.plant_and_travel();
-    let file = SnapshotFile::of_bytes(&core::mem::take(&mut travel.coming));
-    let file = file.map_err(|error| Refused::new(Code::SNAPSHOT, error))?;
-    go_to(host, &file.snapshot, false)?;
-    host.plant_and_travel().1.is_elsewhere();
-    host.has_travelled();
-    Ok(())
-}
-
 /// Goes back to a snapshot that is kept.
 pub(super) fn back_to(host: &mut dyn Host, number: u32, detached: bool) -> Result<(), Refused> {
     alone(host, detached)?;
@@ -279,138 +240,10 @@ pub(super) fn back_to(host: &mut dyn Host, number: u32, detached: bool) -> Resul
     Ok(())
 }
 
-/// Goes back by so many microseconds.
-pub(super) fn back(host: &mut dyn Host, us: u64, detached: bool) -> Result<(), Refused> {
-    alone(host, detached)?;
-    let now = host.plant().now();
-    let target = now.checked_sub(us);
-    let earliest = host.plant_and_travel().1.earliest();
-    let Some(target) = target.filter(|target| earliest.is_some_and(|earliest| earliest <= *target)) else {
-        let text = earliest.map_or_else(
-            || host.plant_and_travel().1.nothing(),
-            |earliest| {
-                let [earliest, now] = [earliest, now].map(time::seconds);
-                format!("{} are too far: one can go back to {earliest}, it is {now} now", time::short(us))
-            },
-        );
-        return Err(Refused::new(Code::NOT_SO_FAR, text));
-    };
-    let here = host.plant().snapshot();
-    let search = host.plant_mut().search();
-    let outcome = arrive(host, target, &here, detached);
-    host.plant_mut().end_search(search);
-    host.has_travelled();
-    outcome
-}
-
-/// Goes back to the last moment before now at which `look` came to find something. What it finds there is returned.
-pub(super) fn back_until<T>(
-    host: &mut dyn Host,
-    detached: bool,
-    look: impl Fn(&dyn Host) -> Result<Option<T>, Refused>,
-) -> Result<T, Refused> {
-    alone(host, detached)?;
-    let search = host.plant_mut().search();
-    let outcome = find_back(host, detached, look);
-    host.plant_mut().end_search(search);
-    host.has_travelled();
-    outcome
-}
-
-fn find_back<T>(
-    host: &mut dyn Host,
-    detached: bool,
-    look: impl Fn(&dyn Host) -> Result<Option<T>, Refused>,
-) -> Result<T, Refused> {
-    let here = host.plant().snapshot();
-    // Behind a stretch: when the next one begins, and whether it is found there.
-    let mut behind = (here.time_us(), false);
-    for place in (0..host.plant_and_travel().1.history.len()).rev() {
-        let found = last_in(host, place, behind, &look);
-        let (found, first) = found.inspect_err(|_| return_to(host, &here))?;
-        let is_first = place == 0 && first.1;
-        if let Some(target) = found.or(is_first.then_some(first.0)) {
-            arrive(host, target, &here, detached)?;
-            let none = || Refused::new(Code::SNAPSHOT, "what was found is not found again");
-            return look(host)?.ok_or_else(none);
-        }
-        behind = first;
-    }
-    return_to(host, &here);
-    let earliest = host.plant_and_travel().1.earliest();
-    let text = earliest.map_or_else(
-        || host.plant_and_travel().1.nothing(),
-        |earliest| {
-            let earliest = time::seconds(earliest);
-            format!("the conditions did not come to hold since {earliest}, which is how far one can go back")
-        },
-    );
-    Err(Refused::new(Code::NOT_SO_FAR, text))
-}
-
-/// When `look` came to find something last in a stretch or at the beginning of the next one, and when this stretch begins and
-/// whether it is found there.
-fn last_in<T>(
-    host: &mut dyn Host,
-    place: usize,
-    (end, is_behind): (u64, bool),
-    look: &impl Fn(&dyn Host) -> Result<Option<T>, Refused>,
-) -> Result<(Option<u64>, (u64, bool)), Refused> {
-    let stretch = host.plant_and_travel().1.history[place].clone();
-    go_to(host, &stretch.begin, true)?;
-    let mut way = stretch.way(u64::MAX);
-    way.go_to(host.plant_mut(), stretch.begin.time_us());
-    let first = (stretch.begin.time_us(), look(host)?.is_some());
-    let (mut is_found, mut last) = (first.1, None);
-    loop {
-        let next = host.plant().next_change().min(way.next_store());
-        if next >= end {
-            break;
-        }
-        way.go_to(host.plant_mut(), next);
-        if !core::mem::replace(&mut is_found, look(host)?.is_some()) && is_found {
-            last = Some(next);
-        }
-    }
-    Ok(((is_behind && !is_found).then_some(end).or(last), first))
-}
-
-/// Goes to a moment of the way, from wherever the plant is; `here` is where it was when somebody asked for that, and where it
-/// is again if it is refused.
-fn arrive(host: &mut dyn Host, target: u64, here: &Snapshot, detached: bool) -> Result<(), Refused> {
-    let (_, travel) = host.plant_and_travel();
-    let place = travel.stretch_of(target).ok_or_else(|| Refused::new(Code::NOT_SO_FAR, travel.nothing()))?;
-    let stretch = travel.history[place].clone();
-    if target > stretch.begin.time_us() && !detached {
-        go_to(host, &stretch.begin, true)?;
-        let end = stretch.end_us();
-        if !stretch.is_repeated(host.plant_mut()) {
-            return_to(host, here);
-            let from = time::seconds(stretch.begin.time_us());
-            let text = format_args!(
-                "between {from} and {} a program has stored what it had mapped, which cannot be repeated; go back to \
-                 {from}, or give --detached to go without what it has stored",
-                time::seconds(end)
-            );
-            return Err(Refused::new(Code::SNAPSHOT, text));
-        }
-    }
-    go_to(host, &stretch.begin, true)?;
-    stretch.way(target).go_to(host.plant_mut(), target);
-    let (plant, travel) = host.plant_and_travel();
-    travel.is_at(plant);
-    Ok(())
-}
-
 fn go_to(host: &mut dyn Host, snapshot: &Snapshot, is_behind: bool) -> Result<(), Refused> {
     let plant = host.plant_mut();
     let gone = if is_behind { plant.go_back(snapshot) } else { plant.restore(snapshot) };
     gone.map_err(|error| Refused::new(Code::SNAPSHOT, error))
-}
-
-/// To where the plant was when somebody asked for something that is refused. It was there a moment ago.
-fn return_to(host: &mut dyn Host, here: &Snapshot) {
-    let _ = go_to(host, here, true);
 }
 
 /// Refuses while the clock runs by itself, and while somebody outside takes part who cannot go back.

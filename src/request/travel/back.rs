@@ -1,0 +1,134 @@
+//! Going back by a time, or to when something came to be.
+
+use super::{alone, go_to};
+use crate::plant::Snapshot;
+use crate::request::{Code, Host, Refused};
+use crate::time;
+
+/// Goes back by so many microseconds.
+pub(in crate::request) fn back(host: &mut dyn Host, us: u64, detached: bool) -> Result<(), Refused> {
+    alone(host, detached)?;
+    let now = host.plant().now();
+    let target = now.checked_sub(us);
+    let earliest = host.plant_and_travel().1.earliest();
+    let Some(target) = target.filter(|target| earliest.is_some_and(|earliest| earliest <= *target)) else {
+        let text = earliest.map_or_else(
+            || host.plant_and_travel().1.nothing(),
+            |earliest| {
+                let [earliest, now] = [earliest, now].map(time::seconds);
+                format!("{} are too far: one can go back to {earliest}, it is {now} now", time::short(us))
+            },
+        );
+        return Err(Refused::new(Code::NOT_SO_FAR, text));
+    };
+    let here = host.plant().snapshot();
+    let search = host.plant_mut().search();
+    let outcome = arrive(host, target, &here, detached);
+    host.plant_mut().end_search(search);
+    host.has_travelled();
+    outcome
+}
+
+/// Goes back to the last moment before now at which `look` came to find something. What it finds there is returned.
+pub(in crate::request) fn back_until<T>(
+    host: &mut dyn Host,
+    detached: bool,
+    look: impl Fn(&dyn Host) -> Result<Option<T>, Refused>,
+) -> Result<T, Refused> {
+    alone(host, detached)?;
+    let search = host.plant_mut().search();
+    let outcome = find_back(host, detached, look);
+    host.plant_mut().end_search(search);
+    host.has_travelled();
+    outcome
+}
+
+fn find_back<T>(
+    host: &mut dyn Host,
+    detached: bool,
+    look: impl Fn(&dyn Host) -> Result<Option<T>, Refused>,
+) -> Result<T, Refused> {
+    let here = host.plant().snapshot();
+    // Behind a stretch: when the next one begins, and whether it is found there.
+    let mut behind = (here.time_us(), false);
+    for place in (0..host.plant_and_travel().1.history.len()).rev() {
+        let found = last_in(host, place, behind, &look);
+        let (found, first) = found.inspect_err(|_| return_to(host, &here))?;
+        let is_first = place == 0 && first.1;
+        if let Some(target) = found.or(is_first.then_some(first.0)) {
+            arrive(host, target, &here, detached)?;
+            let none = || Refused::new(Code::SNAPSHOT, "what was found is not found again");
+            return look(host)?.ok_or_else(none);
+        }
+        behind = first;
+    }
+    return_to(host, &here);
+    let earliest = host.plant_and_travel().1.earliest();
+    let text = earliest.map_or_else(
+        || host.plant_and_travel().1.nothing(),
+        |earliest| {
+            let earliest = time::seconds(earliest);
+            format!("the conditions did not come to hold since {earliest}, which is how far one can go back")
+        },
+    );
+    Err(Refused::new(Code::NOT_SO_FAR, text))
+}
+
+/// When `look` came to find something last in a stretch or at the beginning of the next one, and when this stretch begins and
+/// whether it is found there.
+fn last_in<T>(
+    host: &mut dyn Host,
+    place: usize,
+    (end, is_behind): (u64, bool),
+    look: &impl Fn(&dyn Host) -> Result<Option<T>, Refused>,
+) -> Result<(Option<u64>, (u64, bool)), Refused> {
+    let stretch = host.plant_and_travel().1.history[place].clone();
+    go_to(host, &stretch.begin, true)?;
+    let mut way = stretch.way(u64::MAX);
+    way.go_to(host.plant_mut(), stretch.begin.time_us());
+    let first = (stretch.begin.time_us(), look(host)?.is_some());
+    let (mut is_found, mut last) = (first.1, None);
+    loop {
+        let next = host.plant().next_change().min(way.next_store());
+        if next >= end {
+            break;
+        }
+        way.go_to(host.plant_mut(), next);
+        if !core::mem::replace(&mut is_found, look(host)?.is_some()) && is_found {
+            last = Some(next);
+        }
+    }
+    Ok(((is_behind && !is_found).then_some(end).or(last), first))
+}
+
+/// Goes to a moment of the way, from wherever the plant is; `here` is where it was when somebody asked for that, and where it
+/// is again if it is refused.
+fn arrive(host: &mut dyn Host, target: u64, here: &Snapshot, detached: bool) -> Result<(), Refused> {
+    let (_, travel) = host.plant_and_travel();
+    let place = travel.stretch_of(target).ok_or_else(|| Refused::new(Code::NOT_SO_FAR, travel.nothing()))?;
+    let stretch = travel.history[place].clone();
+    if target > stretch.begin.time_us() && !detached {
+        go_to(host, &stretch.begin, true)?;
+        let end = stretch.end_us();
+        if !stretch.is_repeated(host.plant_mut()) {
+            return_to(host, here);
+            let from = time::seconds(stretch.begin.time_us());
+            let text = format_args!(
+                "between {from} and {} a program has stored what it had mapped, which cannot be repeated; go back to \
+                 {from}, or give --detached to go without what it has stored",
+                time::seconds(end)
+            );
+            return Err(Refused::new(Code::SNAPSHOT, text));
+        }
+    }
+    go_to(host, &stretch.begin, true)?;
+    stretch.way(target).go_to(host.plant_mut(), target);
+    let (plant, travel) = host.plant_and_travel();
+    travel.is_at(plant);
+    Ok(())
+}
+
+/// To where the plant was when somebody asked for something that is refused. It was there a moment ago.
+fn return_to(host: &mut dyn Host, here: &Snapshot) {
+    let _ = go_to(host, here, true);
+}
