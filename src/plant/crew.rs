@@ -1,17 +1,26 @@
 //! Threads that stay: who has work for several cores at once, again and again, does not start them anew each time.
 //!
-//! What is to be worked at is handed over whole and comes back, so that nobody else has it meanwhile. A thread without work sleeps
-//! (on a futex, in the channel that work comes by).
+//! What is to be worked at is handed over whole and comes back, so that nobody else has it meanwhile. A thread without work looks
+//! for some for a moment, because work mostly comes again soon, then sleeps (on a futex, in the channel that work comes by).
 
+use core::time::Duration;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
-use std::sync::mpsc::{self, Sender};
-use std::thread::{Builder, JoinHandle};
+use std::sync::mpsc::{self, Receiver, Sender, TryRecvError};
+use std::thread::{Builder, JoinHandle, available_parallelism};
+use std::time::Instant;
 
 type Work = Box<dyn FnOnce() + Send>;
 
+/// How long a thread looks before it sleeps: about as long as it takes to sleep and to be woken up.
+const LOOKS: Duration = Duration::from_micros(100);
+
 /// The threads besides the one that asks; those that cannot be had are done without.
 #[derive(Default)]
-pub(super) struct Crew(Vec<Worker>);
+pub(super) struct Crew {
+    workers: Vec<Worker>,
+    /// How long one looks before it sleeps.
+    looks: Duration,
+}
 
 struct Worker {
     /// Taken when it is to end.
@@ -22,13 +31,16 @@ struct Worker {
 impl Crew {
     /// So many threads.
     pub(super) fn of(count: usize) -> Self {
+        // On a processor less, who looks would keep the one from working for which he waits.
+        let is_room = available_parallelism().is_ok_and(|processors| processors.get() > count);
+        let looks = if is_room { LOOKS } else { Duration::ZERO };
         let start = |_| {
             let (work, works) = mpsc::channel::<Work>();
-            let run = move || works.into_iter().for_each(|work| work());
+            let run = move || core::iter::from_fn(|| next(&works, looks)).for_each(|work| work());
             let thread = Builder::new().name("commram-crew".to_owned()).spawn(run).ok()?;
             Some(Worker { work: Some(work), thread: Some(thread) })
         };
-        Crew((0..count).filter_map(start).collect())
+        Crew { workers: (0..count).filter_map(start).collect(), looks }
     }
 
     /// Does the parts at the same time, the first one here. What comes of them, in their order.
@@ -38,6 +50,7 @@ impl Crew {
         R: Send + 'static,
     {
         let (done, all_done) = mpsc::channel();
+        let count = parts.len();
         let mut parts = parts.into_iter().enumerate();
         let own = parts.next();
         let mut rest = Vec::new();
@@ -48,7 +61,7 @@ impl Crew {
                 // Who does not wait any more has panicked.
                 let _ = done.send((index, outcome));
             });
-            let worker = self.0.get(place).and_then(|worker| worker.work.as_ref());
+            let worker = self.workers.get(place).and_then(|worker| worker.work.as_ref());
             let unsent = match worker {
                 Some(worker) => worker.send(work).err().map(|unsent| unsent.0),
                 None => Some(work),
@@ -58,7 +71,8 @@ impl Crew {
         drop(done);
         let mut outcomes: Vec<_> = own.map(|(index, part)| (index, Ok(run(part)))).into_iter().collect();
         rest.into_iter().for_each(|work| work());
-        outcomes.extend(all_done);
+        let left = count - outcomes.len();
+        outcomes.extend(core::iter::from_fn(|| next(&all_done, self.looks)).take(left));
         outcomes.sort_by_key(|(index, _)| *index);
         // Who has panicked takes this one with it.
         outcomes.into_iter().map(|(_, done)| done.unwrap_or_else(|panic| resume_unwind(panic))).collect()
@@ -67,10 +81,23 @@ impl Crew {
 
 impl Drop for Crew {
     fn drop(&mut self) {
-        self.0.iter_mut().for_each(|worker| drop(worker.work.take()));
-        for worker in &mut self.0 {
+        self.workers.iter_mut().for_each(|worker| drop(worker.work.take()));
+        for worker in &mut self.workers {
             // Its work cannot panic.
             let _ = worker.thread.take().map(JoinHandle::join);
+        }
+    }
+}
+
+/// What comes next; `None`: nothing more comes.
+fn next<T>(from: &Receiver<T>, looks: Duration) -> Option<T> {
+    let begin = Instant::now();
+    loop {
+        match from.try_recv() {
+            Ok(next) => return Some(next),
+            Err(TryRecvError::Disconnected) => return None,
+            Err(TryRecvError::Empty) if begin.elapsed() < looks => core::hint::spin_loop(),
+            Err(TryRecvError::Empty) => return from.recv().ok(),
         }
     }
 }
