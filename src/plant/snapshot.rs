@@ -17,7 +17,6 @@ use crate::state::{Damaged, Saved, Saving, State};
 use core::borrow::Borrow;
 use core::ops::Range;
 use std::sync::Arc;
-use twox_hash::XxHash3_64;
 
 /// The state of a plant at a moment, for that plant or one of the same plant file.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -181,9 +180,10 @@ impl Plant {
     }
 
     /// What tells this plant from others at this moment, for [`Plant::is_like`]: what it consists of, and a number for the state.
+    #[cfg(feature = "channel")]
     pub(crate) fn likeness(&self) -> Vec<u8> {
         let snapshot = self.snapshot();
-        let state = XxHash3_64::oneshot(&snapshot.state).to_le_bytes().to_vec();
+        let state = twox_hash::XxHash3_64::oneshot(&snapshot.state).to_le_bytes().to_vec();
         let mut to = Saving::default();
         Snapshot { state, ..snapshot }.save(&mut to);
         to.into_bytes()
@@ -193,6 +193,7 @@ impl Plant {
     ///
     /// # Errors
     /// What is otherwise.
+    #[cfg(feature = "channel")]
     pub(crate) fn is_like(&self, likeness: &[u8]) -> Result<(), SnapshotError> {
         let mut from = Saved::new(likeness);
         let theirs = Snapshot::of_saved(&mut from)?;

@@ -334,11 +334,13 @@ impl Emulator {
     /// [`RuntimeError::Federation`]: another federate, or the way there, has failed.
     /// [`RuntimeError::Novram`]: what has changed in NOVRAM could not be written; everything else ended in good order.
     pub fn run(&mut self) -> Result<(), RuntimeError> {
-        let mut outcome = Ok(());
-        match self.options.clock {
+        let outcome = match self.options.clock {
             #[cfg(feature = "channel")]
-            Clock::Stepped if self.membership.federation.is_some() => outcome = self.run_federated(),
-            Clock::Stepped => self.run_stepped(),
+            Clock::Stepped if self.membership.federation.is_some() => self.run_federated(),
+            Clock::Stepped => {
+                self.run_stepped();
+                Ok(())
+            }
             Clock::RealTime { speed } => {
                 // The default of 50 us would make each SYNC edge that much later. Without it, it is later.
                 let _ = rustix::thread::set_current_timer_slack(core::num::NonZeroU64::new(1));
@@ -346,8 +348,9 @@ impl Emulator {
                 let epoch = clock.epoch_ns();
                 self.images.iter().for_each(|image| image.header().real_epoch_ns.store(epoch));
                 self.run_real_time(&clock);
+                Ok(())
             }
-        }
+        };
         self.images.iter().for_each(Image::set_stopping);
         // Ahead of the channel: a program that has damaged that one can get us killed when we leave it.
         let saved = self.close_novram();
