@@ -1,7 +1,7 @@
 //! The way to simulators of others by HELICS: a federate with the values and the buses that are exchanged.
 //!
 //! A thread of its own calls the library, whose calls wait. At each exchange it waits for what the others publish at that very time,
-//! whoever comes first (decision D-577).
+//! whoever comes first (decision D-576).
 
 use super::combination::{self, Combination, Functions};
 use super::library;
