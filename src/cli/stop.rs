@@ -29,6 +29,8 @@ pub(crate) struct Args {
 
 /// How long an emulator may take to clean up.
 const PATIENCE: Duration = Duration::from_secs(10);
+/// How long the system may take to do away with a process that has died.
+const DYING: Duration = Duration::from_secs(1);
 /// How long the way into the channel, and then the answer, may take before it gets a signal.
 #[cfg(feature = "channel")]
 const ANSWER: Duration = Duration::from_millis(500);
@@ -149,13 +151,22 @@ fn stop(name: &str, process: Option<EmulatorProcess>) -> Result<(), CliError> {
             process.pid()
         ));
     }
-    if let Err(error) = ask(name) {
-        process.ok_or(error)?.terminate()?;
+    let refused = ask(name).err();
+    if refused.is_some()
+        && let Some(process) = process
+    {
+        process.terminate()?;
     }
+    // One that cannot be seen gets no signal, but mostly it has just died.
+    let unseen = refused.filter(|_| process.is_none());
+    let patience = if unseen.is_some() { DYING } else { PATIENCE };
     let start = Instant::now();
     // Its process may have more to do: that of `commram with` waits for its command.
     while InstanceLock::holder(name)?.is_some() || serving(name).is_some() {
-        if start.elapsed() > PATIENCE {
+        if start.elapsed() > patience {
+            if let Some(refused) = unseen {
+                return Err(refused);
+            }
             let pid = process.map(|process| process.pid());
             return Err(CliError::StillThere { instance: name.to_owned(), pid, seconds: PATIENCE.as_secs() });
         }
