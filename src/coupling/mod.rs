@@ -150,7 +150,8 @@ impl Coupling {
     /// # Errors
     /// The others are not there any more.
     pub fn take(&mut self, host: &mut dyn Host) -> Result<Progress, CouplingError> {
-        let Some(simulators) = self.simulators.as_mut().filter(|_| host.plant().now() >= self.due_us) else {
+        let is_due = self.is_due(host.plant().now());
+        let Some(simulators) = self.simulators.as_mut().filter(|_| is_due) else {
             return Ok(Progress::Nothing);
         };
         let Some(taken) = simulators.take().map_err(CouplingError::Broken)? else {

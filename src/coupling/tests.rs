@@ -2,68 +2,10 @@
 
 use super::*;
 use crate::fmi::{Resources, Unit};
-use crate::memory::Segment;
-use crate::memory::header::ABI_VERSION;
 use crate::plant::PlantConfig;
-use crate::request::{InstanceInfo, Travel};
+use crate::request::testing::TestHost;
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex};
-
-/// A plant that others ask.
-struct Alone {
-    plant: Plant,
-    travel: Travel,
-}
-
-impl Host for Alone {
-    fn plant(&self) -> &Plant {
-        &self.plant
-    }
-
-    fn plant_mut(&mut self) -> &mut Plant {
-        &mut self.plant
-    }
-
-    fn plant_and_travel(&mut self) -> (&mut Plant, &mut Travel) {
-        (&mut self.plant, &mut self.travel)
-    }
-
-    fn is_stepped(&self) -> bool {
-        true
-    }
-
-    fn begin_request(&mut self) {}
-
-    fn next_event(&self) -> u64 {
-        self.plant.next_event()
-    }
-
-    fn advance_to(&mut self, time: u64) -> bool {
-        self.plant.advance_to(time);
-        true
-    }
-
-    fn info(&self) -> InstanceInfo {
-        InstanceInfo {
-            name: "alone".to_owned(),
-            is_stepped: true,
-            speed: 0,
-            time_us: self.plant.now(),
-            generation: 1,
-            pid: 1,
-            abi_version: ABI_VERSION,
-            version: String::new(),
-            waits_for: None,
-            names: self.plant.names(),
-        }
-    }
-
-    fn request_stop(&mut self) {}
-
-    fn should_stop(&self) -> bool {
-        false
-    }
-}
 
 /// What is taken, and what was given.
 #[derive(Clone, Default)]
@@ -81,13 +23,13 @@ impl Simulators for Letters {
     fn leave(&mut self) {}
 }
 
-fn plant(toml: &str) -> Alone {
+/// A host with the built-in plant, or with that of a plant file.
+fn host_of(toml: &str) -> TestHost {
     let config = match toml {
         "" => PlantConfig::built_in().unwrap(),
         toml => PlantConfig::parse("plant", toml).unwrap(),
     };
-    let plant = Plant::new(&config, |_, device| Ok::<_, Box<dyn std::error::Error>>(Segment::of(device)));
-    Alone { plant: plant.unwrap(), travel: Travel::new(0) }
+    TestHost::of(&config, true)
 }
 
 fn coupling(plant: &Plant, file: &str) -> Result<Coupling, String> {
@@ -117,7 +59,7 @@ fn taken(values: &[(usize, f64)]) -> Taken {
 
 #[test]
 fn what_is_taken_is_stored_and_what_changes_is_given() {
-    let mut host = plant("");
+    let mut host = host_of("");
     let mut coupling = coupling(&host.plant, EXCHANGE).unwrap();
     assert_eq!(coupling.interface().publications[0].key, "plant/node2.w_OPTION_STATUS");
     assert_eq!(coupling.interface().subscriptions[1].key, "plant/drive1.speed_modelled");
@@ -153,7 +95,7 @@ fn what_is_taken_is_stored_and_what_changes_is_given() {
 
 #[test]
 fn frames_go_both_ways() {
-    let mut host = plant("[[plc]]\nname = 'line'\n[[bus]]\nname = 'open'\nkind = 'can'\nkbit_s = 125\n");
+    let mut host = host_of("[[plc]]\nname = 'line'\n[[bus]]\nname = 'open'\nkind = 'can'\nkbit_s = 125\n");
     // Somebody has to acknowledge frames.
     host.plant.guest_joins(0, 1, true);
     let file = "period = '1ms'\n[[bus]]\nname = 'open'\nto = ['sensor/can']\n";
@@ -186,7 +128,7 @@ fn frames_go_both_ways() {
 
 #[test]
 fn files_that_cannot_be_are_refused() {
-    let plant = plant("").plant;
+    let plant = host_of("").plant;
     let told = |file: &str| coupling(&plant, file).err().unwrap_or_else(|| panic!("taken: {file}"));
     let section = |section: &str| told(&format!("period = '1ms'\n{section}"));
     for (file, why) in [
@@ -218,7 +160,7 @@ fn files_that_cannot_be_are_refused() {
 /// The same model at a unit and at a coupling.
 #[test]
 fn a_model_is_as_at_a_unit() {
-    let mut host = plant("");
+    let mut host = host_of("");
     let mut coupling = coupling(&host.plant, EXCHANGE).unwrap();
     let letters = Letters::default();
     coupling.connect(Box::new(letters.clone()));

@@ -1,15 +1,10 @@
-//! A federate of HELICS with values and messages, as other simulators have them: its functions of the C interface, whose names are
-//! those of its header `helics.h`.
+//! A federate of HELICS with values and messages, as other simulators have them.
 
-use super::HelicsError;
-use super::library::{CORE, Object, Status, load_with, text};
+use super::library::{Functions, Object, text};
 use crate::coupling::{Endpoint, Publication, Subscription};
 use crate::fmi::{Kind, Value};
-use core::ffi::{CStr, c_char, c_int, c_void};
-use core::mem::ManuallyDrop;
-use libloading::{Library, Symbol};
+use core::ffi::{CStr, c_int};
 use serde::Deserialize;
-use std::path::Path;
 
 /// `HELICS_DATA_TYPE_DOUBLE`, `_INT`, `_BOOLEAN`.
 const DOUBLE: c_int = 1;
@@ -33,88 +28,6 @@ const LATEST: f64 = 9_223_372_036.0;
 /// States of federates that are not there any more.
 const GONE: [&str; 2] = ["disconnected", "error"];
 
-type Set<T> = unsafe extern "C" fn(Object, T, *mut Status);
-type Do = unsafe extern "C" fn(Object, *mut Status);
-type Name = *const c_char;
-
-macro_rules! functions {
-    ($($name:ident: $ty:ty = $symbol:literal,)*) => {
-        /// The functions that are called.
-        pub(super) struct Functions {
-            $($name: $ty,)*
-            /// It has threads of its own, so it stays where it is.
-            _library: ManuallyDrop<Library>,
-        }
-
-        fn functions(path: &Path) -> Result<Functions, libloading::Error> {
-            // SAFETY: as for the other federate: whoever names a library lets it run in this process, and the types are those of
-            // its header.
-            unsafe {
-                let library = Library::new(path)?;
-                $(let $name: $ty = {
-                    let symbol: Symbol<'_, $ty> = library.get($symbol)?;
-                    *symbol
-                };)*
-                Ok(Functions { $($name,)* _library: ManuallyDrop::new(library) })
-            }
-        }
-    };
-}
-
-functions! {
-    initialize_error: unsafe extern "C" fn() -> Status = b"helicsErrorInitialize\0",
-    create_info: unsafe extern "C" fn() -> Object = b"helicsCreateFederateInfo\0",
-    free_info: unsafe extern "C" fn(Object) = b"helicsFederateInfoFree\0",
-    set_core_type: Set<Name> = b"helicsFederateInfoSetCoreTypeFromString\0",
-    set_core_init: Set<Name> = b"helicsFederateInfoSetCoreInitString\0",
-    set_time: unsafe extern "C" fn(Object, c_int, f64, *mut Status) = b"helicsFederateInfoSetTimeProperty\0",
-    set_integer: unsafe extern "C" fn(Object, c_int, c_int, *mut Status) = b"helicsFederateInfoSetIntegerProperty\0",
-    set_flag: unsafe extern "C" fn(Object, c_int, c_int, *mut Status) = b"helicsFederateInfoSetFlagOption\0",
-    create_federate: unsafe extern "C" fn(Name, Object, *mut Status) -> Object = b"helicsCreateCombinationFederate\0",
-    register_publication: unsafe extern "C" fn(Object, Name, c_int, Name, *mut Status) -> Object = b"helicsFederateRegisterGlobalPublication\0",
-    register_input: unsafe extern "C" fn(Object, Name, c_int, Name, *mut Status) -> Object = b"helicsFederateRegisterInput\0",
-    add_target: Set<Name> = b"helicsInputAddTarget\0",
-    set_input: unsafe extern "C" fn(Object, c_int, c_int, *mut Status) = b"helicsInputSetOption\0",
-    register_endpoint: unsafe extern "C" fn(Object, Name, Name, *mut Status) -> Object = b"helicsFederateRegisterGlobalEndpoint\0",
-    enter_initializing: Do = b"helicsFederateEnterInitializingMode\0",
-    enter_executing: Do = b"helicsFederateEnterExecutingMode\0",
-    request_time: unsafe extern "C" fn(Object, f64, *mut Status) -> f64 = b"helicsFederateRequestTime\0",
-    publish_integer: Set<i64> = b"helicsPublicationPublishInteger\0",
-    publish_double: Set<f64> = b"helicsPublicationPublishDouble\0",
-    publish_boolean: Set<c_int> = b"helicsPublicationPublishBoolean\0",
-    type_of: unsafe extern "C" fn(Object) -> Name = b"helicsInputGetPublicationType\0",
-    is_updated: unsafe extern "C" fn(Object) -> c_int = b"helicsInputIsUpdated\0",
-    get_double: unsafe extern "C" fn(Object, *mut Status) -> f64 = b"helicsInputGetDouble\0",
-    send: unsafe extern "C" fn(Object, *const c_void, c_int, Name, *mut Status) = b"helicsEndpointSendBytesTo\0",
-    has_message: unsafe extern "C" fn(Object) -> c_int = b"helicsEndpointHasMessage\0",
-    get_message: unsafe extern "C" fn(Object) -> Object = b"helicsEndpointGetMessage\0",
-    bytes_of: unsafe extern "C" fn(Object) -> *const c_void = b"helicsMessageGetBytesPointer\0",
-    count_of: unsafe extern "C" fn(Object) -> c_int = b"helicsMessageGetByteCount\0",
-    free_message: unsafe extern "C" fn(Object) = b"helicsMessageFree\0",
-    create_query: unsafe extern "C" fn(Name, Name) -> Object = b"helicsCreateQuery\0",
-    execute_query: unsafe extern "C" fn(Object, Object, *mut Status) -> Name = b"helicsQueryExecute\0",
-    free_query: unsafe extern "C" fn(Object) = b"helicsQueryFree\0",
-    disconnect: Do = b"helicsFederateDisconnect\0",
-}
-
-/// Loads the library.
-///
-/// # Errors
-/// It is not there, or lacks something.
-pub(super) fn load() -> Result<Functions, HelicsError> {
-    load_with(functions)
-}
-
-impl Functions {
-    /// Calls a function that reports by its last argument.
-    fn checked<T>(&self, call: impl FnOnce(&Self, *mut Status) -> T) -> Result<T, String> {
-        // SAFETY: it only fills in a structure.
-        let mut status = unsafe { (self.initialize_error)() };
-        let value = call(self, &mut status);
-        status.outcome(value)
-    }
-}
-
 /// A federate with values and messages. It stays on the thread that has made it.
 pub(super) struct Combination {
     functions: Functions,
@@ -133,28 +46,20 @@ impl Combination {
     /// # Errors
     /// There is no broker, or somebody has the name.
     pub(super) fn create(functions: Functions, name: &str, init: &str) -> Result<Self, String> {
-        let (c_name, core, init) = (text(name), text(CORE), text(init));
         // SAFETY: here and below: the objects are the library's own and are used on this thread only; texts and bytes live
         // through the calls.
-        let info = unsafe { (functions.create_info)() };
-        let federate = (|| {
-            // SAFETY: as above.
-            unsafe {
-                functions.checked(|it, status| (it.set_core_type)(info, core.as_ptr(), status))?;
-                functions.checked(|it, status| (it.set_core_init)(info, init.as_ptr(), status))?;
-                functions.checked(|it, status| (it.set_time)(info, TIME_DELTA, SHORTEST, status))?;
-                functions.checked(|it, status| (it.set_integer)(info, LOG_LEVEL, NO_PRINT, status))?;
-                for flag in [UNINTERRUPTIBLE, WAIT_FOR_CURRENT_TIME_UPDATE] {
-                    functions.checked(|it, status| (it.set_flag)(info, flag, 1, status))?;
-                }
-                functions.checked(|it, status| (it.create_federate)(c_name.as_ptr(), info, status))
+        let set_up = |info| unsafe {
+            functions.checked(|it, status| (it.set_time)(info, TIME_DELTA, SHORTEST, status))?;
+            functions.checked(|it, status| (it.set_integer)(info, LOG_LEVEL, NO_PRINT, status))?;
+            for flag in [UNINTERRUPTIBLE, WAIT_FOR_CURRENT_TIME_UPDATE] {
+                functions.checked(|it, status| (it.set_flag)(info, flag, 1, status))?;
             }
-        })();
-        // SAFETY: as above; the federate has taken over what it needs.
-        unsafe { (functions.free_info)(info) };
+            Ok(())
+        };
+        let federate = functions.create(functions.create_combination, (name, init), set_up)?;
         let (publications, inputs, endpoints) = Default::default();
         Ok(Combination {
-            federate: federate?,
+            federate,
             name: name.to_owned(),
             functions,
             publications,

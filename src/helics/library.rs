@@ -1,6 +1,6 @@
 //! The library of HELICS, loaded when it is needed: nobody else has to have it.
 //!
-//! Of its C interface only what federates need that send each other bytes; the names are those of its header `helics.h`.
+//! Of its C interface only what is called; the names are those of its header `helics.h`.
 
 use super::HelicsError;
 use core::ffi::{CStr, c_char, c_int, c_void};
@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 /// The variable that says where the library is.
 pub(super) const VARIABLE: &str = "COMMRAM_HELICS";
 /// How cores and broker talk. By `tcp` HELICS 3.6.1 loses long commands.
-pub(super) const CORE: &str = "zmq";
+const CORE: &str = "zmq";
 /// What it is called.
 const NAMES: [&str; 2] = ["libhelics.so.3", "libhelics.so"];
 
@@ -25,7 +25,7 @@ pub(super) struct Status {
 
 impl Status {
     /// What went wrong, if anything did.
-    pub(super) fn outcome<T>(&self, value: T) -> Result<T, String> {
+    fn outcome<T>(&self, value: T) -> Result<T, String> {
         if self.code == 0 {
             return Ok(value);
         }
@@ -37,49 +37,81 @@ impl Status {
 }
 
 pub(super) type Object = *mut c_void;
-type OfInfo = unsafe extern "C" fn(Object, *const c_char, *mut Status);
+type Set<T> = unsafe extern "C" fn(Object, T, *mut Status);
+type Do = unsafe extern "C" fn(Object, *mut Status);
+type Name = *const c_char;
+/// Makes a federate with this name of what it is made by.
+type Constructor = unsafe extern "C" fn(Name, Object, *mut Status) -> Object;
 
-/// The functions that are called.
-pub(super) struct Functions {
-    initialize_error: unsafe extern "C" fn() -> Status,
-    create_info: unsafe extern "C" fn() -> Object,
-    free_info: unsafe extern "C" fn(Object),
-    set_core_type: OfInfo,
-    set_core_init: OfInfo,
-    create_federate: unsafe extern "C" fn(*const c_char, Object, *mut Status) -> Object,
-    enter_executing: unsafe extern "C" fn(Object, *mut Status),
-    send_command: unsafe extern "C" fn(Object, *const c_char, *const c_char, *mut Status),
-    wait_command: unsafe extern "C" fn(Object, *mut Status) -> *const c_char,
-    command_source: unsafe extern "C" fn(Object, *mut Status) -> *const c_char,
-    disconnect: unsafe extern "C" fn(Object, *mut Status),
-    /// It has threads of its own, so it stays where it is.
-    _library: ManuallyDrop<Library>,
+macro_rules! functions {
+    ($($name:ident: $ty:ty = $symbol:literal,)*) => {
+        /// The functions that are called.
+        pub(super) struct Functions {
+            $(pub(super) $name: $ty,)*
+            /// It has threads of its own, so it stays where it is.
+            _library: ManuallyDrop<Library>,
+        }
+
+        fn functions(path: &Path) -> Result<Functions, libloading::Error> {
+            // SAFETY: whoever names a library lets it run in this process; what HELICS does when it is loaded is to set up its own
+            // tables. The types are those of its header, which all versions 3 have.
+            unsafe {
+                let library = Library::new(path)?;
+                $(let $name: $ty = {
+                    let symbol: Symbol<'_, $ty> = library.get($symbol)?;
+                    *symbol
+                };)*
+                Ok(Functions { $($name,)* _library: ManuallyDrop::new(library) })
+            }
+        }
+    };
 }
 
-/// A federate of HELICS that has nothing but commands: no time of others waits for it, and it waits for none.
-pub(super) struct Federate {
-    functions: Functions,
-    federate: Object,
+functions! {
+    initialize_error: unsafe extern "C" fn() -> Status = b"helicsErrorInitialize\0",
+    create_info: unsafe extern "C" fn() -> Object = b"helicsCreateFederateInfo\0",
+    free_info: unsafe extern "C" fn(Object) = b"helicsFederateInfoFree\0",
+    set_core_type: Set<Name> = b"helicsFederateInfoSetCoreTypeFromString\0",
+    set_core_init: Set<Name> = b"helicsFederateInfoSetCoreInitString\0",
+    set_time: unsafe extern "C" fn(Object, c_int, f64, *mut Status) = b"helicsFederateInfoSetTimeProperty\0",
+    set_integer: unsafe extern "C" fn(Object, c_int, c_int, *mut Status) = b"helicsFederateInfoSetIntegerProperty\0",
+    set_flag: unsafe extern "C" fn(Object, c_int, c_int, *mut Status) = b"helicsFederateInfoSetFlagOption\0",
+    create_combination: Constructor = b"helicsCreateCombinationFederate\0",
+    create_plain: Constructor = b"helicsCreateValueFederate\0",
+    register_publication: unsafe extern "C" fn(Object, Name, c_int, Name, *mut Status) -> Object = b"helicsFederateRegisterGlobalPublication\0",
+    register_input: unsafe extern "C" fn(Object, Name, c_int, Name, *mut Status) -> Object = b"helicsFederateRegisterInput\0",
+    add_target: Set<Name> = b"helicsInputAddTarget\0",
+    set_input: unsafe extern "C" fn(Object, c_int, c_int, *mut Status) = b"helicsInputSetOption\0",
+    register_endpoint: unsafe extern "C" fn(Object, Name, Name, *mut Status) -> Object = b"helicsFederateRegisterGlobalEndpoint\0",
+    enter_initializing: Do = b"helicsFederateEnterInitializingMode\0",
+    enter_executing: Do = b"helicsFederateEnterExecutingMode\0",
+    request_time: unsafe extern "C" fn(Object, f64, *mut Status) -> f64 = b"helicsFederateRequestTime\0",
+    publish_integer: Set<i64> = b"helicsPublicationPublishInteger\0",
+    publish_double: Set<f64> = b"helicsPublicationPublishDouble\0",
+    publish_boolean: Set<c_int> = b"helicsPublicationPublishBoolean\0",
+    type_of: unsafe extern "C" fn(Object) -> Name = b"helicsInputGetPublicationType\0",
+    is_updated: unsafe extern "C" fn(Object) -> c_int = b"helicsInputIsUpdated\0",
+    get_double: unsafe extern "C" fn(Object, *mut Status) -> f64 = b"helicsInputGetDouble\0",
+    send: unsafe extern "C" fn(Object, *const c_void, c_int, Name, *mut Status) = b"helicsEndpointSendBytesTo\0",
+    has_message: unsafe extern "C" fn(Object) -> c_int = b"helicsEndpointHasMessage\0",
+    get_message: unsafe extern "C" fn(Object) -> Object = b"helicsEndpointGetMessage\0",
+    bytes_of: unsafe extern "C" fn(Object) -> *const c_void = b"helicsMessageGetBytesPointer\0",
+    count_of: unsafe extern "C" fn(Object) -> c_int = b"helicsMessageGetByteCount\0",
+    free_message: unsafe extern "C" fn(Object) = b"helicsMessageFree\0",
+    create_query: unsafe extern "C" fn(Name, Name) -> Object = b"helicsCreateQuery\0",
+    execute_query: unsafe extern "C" fn(Object, Object, *mut Status) -> Name = b"helicsQueryExecute\0",
+    free_query: unsafe extern "C" fn(Object) = b"helicsQueryFree\0",
+    send_command: unsafe extern "C" fn(Object, Name, Name, *mut Status) = b"helicsFederateSendCommand\0",
+    wait_command: unsafe extern "C" fn(Object, *mut Status) -> Name = b"helicsFederateWaitCommand\0",
+    command_source: unsafe extern "C" fn(Object, *mut Status) -> Name = b"helicsFederateGetCommandSource\0",
+    disconnect: Do = b"helicsFederateDisconnect\0",
 }
-
-// SAFETY: HELICS looks federates up by their handles and keeps what it does in queues that several threads may use. What is not
-// guarded is where the last command stands: that is of the one thread that waits for commands.
-unsafe impl Send for Federate {}
-// SAFETY: as above.
-unsafe impl Sync for Federate {}
 
 /// Loads the library.
 ///
 /// # Errors
 /// It is not there, or lacks something.
 pub(super) fn load() -> Result<Functions, HelicsError> {
-    load_with(functions)
-}
-
-/// As [`load`], for those functions that `functions` finds.
-pub(super) fn load_with<T>(
-    functions: impl Fn(&Path) -> Result<T, libloading::Error>,
-) -> Result<T, HelicsError> {
     let given = std::env::var_os(VARIABLE).filter(|path| !path.is_empty()).map(PathBuf::from);
     let candidates: Vec<PathBuf> = match &given {
         Some(path) if path.is_dir() => NAMES.map(|name| path.join(name)).into(),
@@ -96,34 +128,6 @@ pub(super) fn load_with<T>(
         }
     }
     Err(HelicsError::NoLibrary { given, reason })
-}
-
-fn functions(path: &Path) -> Result<Functions, libloading::Error> {
-    // SAFETY: whoever names a library lets it run in this process; what HELICS does when it is loaded is to set up its own
-    // tables. The types are those of its header, which all versions 3 have.
-    unsafe {
-        let library = Library::new(path)?;
-        macro_rules! function {
-            ($name:literal) => {{
-                let symbol: Symbol<'_, _> = library.get($name)?;
-                *symbol
-            }};
-        }
-        Ok(Functions {
-            initialize_error: function!(b"helicsErrorInitialize\0"),
-            create_info: function!(b"helicsCreateFederateInfo\0"),
-            free_info: function!(b"helicsFederateInfoFree\0"),
-            set_core_type: function!(b"helicsFederateInfoSetCoreTypeFromString\0"),
-            set_core_init: function!(b"helicsFederateInfoSetCoreInitString\0"),
-            create_federate: function!(b"helicsCreateValueFederate\0"),
-            enter_executing: function!(b"helicsFederateEnterExecutingMode\0"),
-            send_command: function!(b"helicsFederateSendCommand\0"),
-            wait_command: function!(b"helicsFederateWaitCommand\0"),
-            command_source: function!(b"helicsFederateGetCommandSource\0"),
-            disconnect: function!(b"helicsFederateDisconnect\0"),
-            _library: ManuallyDrop::new(library),
-        })
-    }
 }
 
 /// When this process ends, it does so without what the library has to do then: a call of it is under way, for which that would
@@ -150,71 +154,38 @@ pub(super) fn text(text: &str) -> CString {
 
 impl Functions {
     /// Calls a function that reports by its last argument.
-    fn checked<T>(&self, call: impl FnOnce(&Self, *mut Status) -> T) -> Result<T, String> {
+    pub(super) fn checked<T>(&self, call: impl FnOnce(&Self, *mut Status) -> T) -> Result<T, String> {
         // SAFETY: it only fills in a structure.
         let mut status = unsafe { (self.initialize_error)() };
         let value = call(self, &mut status);
         status.outcome(value)
     }
-}
 
-impl Federate {
-    /// Joins a federation as `name`. Returns when all federates are there that the broker waits for, or when the core gives up.
+    /// A federate called `name`, made by `constructor`, with a core that is started with `init`; `set_up` is given what the
+    /// federate is made by.
     ///
     /// # Errors
     /// There is no broker, or somebody has the name.
-    pub(super) fn join(functions: Functions, name: &str, init: &str) -> Result<Self, HelicsError> {
-        let failed = |reason| HelicsError::NotJoined { reason };
+    pub(super) fn create(
+        &self,
+        constructor: Constructor,
+        (name, init): (&str, &str),
+        set_up: impl FnOnce(Object) -> Result<(), String>,
+    ) -> Result<Object, String> {
         let (name, core, init) = (text(name), text(CORE), text(init));
         // SAFETY: here and below: the objects are the library's own; texts live through the calls.
-        let info = unsafe { (functions.create_info)() };
+        let info = unsafe { (self.create_info)() };
         let made = (|| {
             // SAFETY: as above.
-            functions.checked(|it, status| unsafe { (it.set_core_type)(info, core.as_ptr(), status) })?;
+            self.checked(|it, status| unsafe { (it.set_core_type)(info, core.as_ptr(), status) })?;
             // SAFETY: as above.
-            functions.checked(|it, status| unsafe { (it.set_core_init)(info, init.as_ptr(), status) })?;
+            self.checked(|it, status| unsafe { (it.set_core_init)(info, init.as_ptr(), status) })?;
+            set_up(info)?;
             // SAFETY: as above.
-            functions.checked(|it, status| unsafe { (it.create_federate)(name.as_ptr(), info, status) })
+            self.checked(|_, status| unsafe { constructor(name.as_ptr(), info, status) })
         })();
         // SAFETY: as above; the federate has taken over what it needs.
-        unsafe { (functions.free_info)(info) };
-        let federate = made.map_err(failed)?;
-        // SAFETY: as above.
-        functions.checked(|it, status| unsafe { (it.enter_executing)(federate, status) }).map_err(failed)?;
-        Ok(Federate { functions, federate })
-    }
-
-    /// Sends a command to a federate; one that is not there does not get it.
-    pub(super) fn send(&self, to: &str, command: &str) -> Result<(), String> {
-        let (to, command) = (text(to), text(command));
-        self.functions.checked(|it, status| {
-            // SAFETY: as above.
-            unsafe { (it.send_command)(self.federate, to.as_ptr(), command.as_ptr(), status) }
-        })
-    }
-
-    /// Waits for the next command: who has sent it, and what it says. On one thread only.
-    pub(super) fn wait(&self) -> Result<(String, String), String> {
-        let functions = &self.functions;
-        let copied = |at: *const c_char| {
-            // SAFETY: where the command stands is left alone until the next wait, and it is copied now.
-            let text = unsafe { (!at.is_null()).then(|| CStr::from_ptr(at)) };
-            text.unwrap_or_default().to_string_lossy().into_owned()
-        };
-        let command = functions.checked(|it, status| {
-            // SAFETY: as above.
-            copied(unsafe { (it.wait_command)(self.federate, status) })
-        })?;
-        let source = functions.checked(|it, status| {
-            // SAFETY: as above.
-            copied(unsafe { (it.command_source)(self.federate, status) })
-        })?;
-        Ok((source, command))
-    }
-
-    /// Leaves the federation. What was sent arrives before.
-    pub(super) fn leave(&self) {
-        // SAFETY: as above. Whether it succeeds is all the same to who leaves.
-        let _ = self.functions.checked(|it, status| unsafe { (it.disconnect)(self.federate, status) });
+        unsafe { (self.free_info)(info) };
+        made
     }
 }

@@ -4,13 +4,15 @@
 //! The library's calls wait, so threads of their own make them: one joins and sends, the other one waits for commands.
 
 mod combination;
+mod federate;
 mod library;
 mod simulators;
 
 pub use simulators::SimulatorsByHelics;
 
 use crate::federation::Exchange;
-use library::{Federate, Functions, VARIABLE};
+use federate::Federate;
+use library::{Functions, VARIABLE};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender, TryRecvError};

@@ -3,8 +3,8 @@
 //! A thread of its own calls the library, whose calls wait. At each exchange it waits for what the others publish at that very time,
 //! whoever comes first (decision D-576).
 
-use super::combination::{self, Combination, Functions};
-use super::library;
+use super::combination::Combination;
+use super::library::{self, Functions};
 use super::{FAREWELL, HelicsError, Place};
 use crate::coupling::{Given, Interface, Simulators, Taken};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender, TryRecvError};
@@ -34,7 +34,7 @@ impl SimulatorsByHelics {
         first: Given,
         wake: impl Fn() + Send + 'static,
     ) -> Result<Self, HelicsError> {
-        let functions = combination::load()?;
+        let functions = library::load()?;
         let (give, given) = mpsc::channel();
         let (tell, taken) = mpsc::channel();
         let (left, has_left) = mpsc::channel();

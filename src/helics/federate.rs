@@ -1,0 +1,66 @@
+//! A federate of HELICS that sends and gets commands.
+
+use super::HelicsError;
+use super::library::{Functions, Object, text};
+use core::ffi::{CStr, c_char};
+
+/// A federate of HELICS that has nothing but commands: no time of others waits for it, and it waits for none.
+pub(super) struct Federate {
+    functions: Functions,
+    federate: Object,
+}
+
+// SAFETY: HELICS looks federates up by their handles and keeps what it does in queues that several threads may use. What is not
+// guarded is where the last command stands: that is of the one thread that waits for commands.
+unsafe impl Send for Federate {}
+// SAFETY: as above.
+unsafe impl Sync for Federate {}
+
+impl Federate {
+    /// Joins a federation as `name`. Returns when all federates are there that the broker waits for, or when the core gives up.
+    ///
+    /// # Errors
+    /// There is no broker, or somebody has the name.
+    pub(super) fn join(functions: Functions, name: &str, init: &str) -> Result<Self, HelicsError> {
+        let failed = |reason| HelicsError::NotJoined { reason };
+        let made = functions.create(functions.create_plain, (name, init), |_| Ok(()));
+        let federate = made.map_err(failed)?;
+        // SAFETY: here and below: the objects are the library's own; texts live through the calls.
+        functions.checked(|it, status| unsafe { (it.enter_executing)(federate, status) }).map_err(failed)?;
+        Ok(Federate { functions, federate })
+    }
+
+    /// Sends a command to a federate; one that is not there does not get it.
+    pub(super) fn send(&self, to: &str, command: &str) -> Result<(), String> {
+        let (to, command) = (text(to), text(command));
+        self.functions.checked(|it, status| {
+            // SAFETY: as above.
+            unsafe { (it.send_command)(self.federate, to.as_ptr(), command.as_ptr(), status) }
+        })
+    }
+
+    /// Waits for the next command: who has sent it, and what it says. On one thread only.
+    pub(super) fn wait(&self) -> Result<(String, String), String> {
+        let functions = &self.functions;
+        let copied = |at: *const c_char| {
+            // SAFETY: where the command stands is left alone until the next wait, and it is copied now.
+            let text = unsafe { (!at.is_null()).then(|| CStr::from_ptr(at)) };
+            text.unwrap_or_default().to_string_lossy().into_owned()
+        };
+        let command = functions.checked(|it, status| {
+            // SAFETY: as above.
+            copied(unsafe { (it.wait_command)(self.federate, status) })
+        })?;
+        let source = functions.checked(|it, status| {
+            // SAFETY: as above.
+            copied(unsafe { (it.command_source)(self.federate, status) })
+        })?;
+        Ok((source, command))
+    }
+
+    /// Leaves the federation. What was sent arrives before.
+    pub(super) fn leave(&self) {
+        // SAFETY: as above. Whether it succeeds is all the same to who leaves.
+        let _ = self.functions.checked(|it, status| unsafe { (it.disconnect)(self.federate, status) });
+    }
+}
