@@ -84,6 +84,8 @@ pub mod federation;
 pub mod fmi;
 #[cfg(feature = "emulator")]
 pub mod handed_in;
+#[cfg(feature = "cli")]
+mod handed_out;
 #[cfg(feature = "helics")]
 pub mod helics;
 #[cfg(feature = "emulator")]

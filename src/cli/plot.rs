@@ -10,6 +10,7 @@ use super::session::{Read, Session};
 use super::time;
 use super::{Instance, output};
 use crate::devices;
+use crate::handed_out;
 use crate::journal::{Selection, Waves};
 use crate::layout::Live;
 use crate::plot::{Picture, Plot, Row, address_of};
@@ -73,7 +74,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         None => of_instance(args)?,
     };
     let bytes = plot.render(picture).map_err(|error| wrong(&args.output, &error))?;
-    std::fs::write(&args.output, bytes)
+    handed_out::write(&args.output, &bytes)
         .map_err(|reason| CliError::File { path: args.output.clone(), reason })?;
     for row in &plot.rows {
         let how = if row.is_recorded { "" } else { " (run --watch, record)" };

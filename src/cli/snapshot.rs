@@ -61,10 +61,10 @@ pub(crate) fn load(path: &Path) -> Result<SnapshotFile, CliError> {
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     use super::session::Session;
     use super::{output, time};
+    use crate::handed_out;
     use crate::request::{MAX_RANGE, Op};
-    use std::fs;
 
-    if fs::metadata(&args.file).is_ok_and(|found| !found.is_file()) {
+    if std::fs::metadata(&args.file).is_ok_and(|found| !found.is_file()) {
         let reason = "it is a directory, a device or a pipe; a snapshot goes into a file".to_owned();
         return Err(CliError::Snapshot { path: args.file.clone(), reason });
     }
@@ -79,13 +79,8 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         }
     }
     session.ask(Op::Forget { number })?.written()?;
-    // Nobody finds half a snapshot under the name.
-    let begun = args.file.with_added_extension(format!("{}.part", std::process::id()));
-    let written = fs::write(&begun, &bytes).and_then(|()| fs::rename(&begun, &args.file));
-    written.map_err(|reason| {
-        let _ = fs::remove_file(&begun);
-        CliError::File { path: args.file.clone(), reason }
-    })?;
+    handed_out::write(&args.file, &bytes)
+        .map_err(|reason| CliError::File { path: args.file.clone(), reason })?;
     let time_us = SnapshotFile::of_bytes(&bytes).map(|file| file.snapshot.time_us()).unwrap_or_default();
     let (file, at) = (args.file.display(), time::seconds(time_us));
     output::print(&format!("{file}: the state at {at}, {} bytes\n", bytes.len()))

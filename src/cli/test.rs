@@ -15,6 +15,7 @@ use super::error::CliError;
 use super::table::{self, Format, FormatArg};
 use super::{output, time};
 use crate::counted::counted;
+use crate::handed_out;
 use crate::script::{DEFINITIONS, Limits, Outcome, Report, junit, junit_of_shard};
 use found::Shard;
 use line::{Line, Listed, summary};
@@ -262,7 +263,7 @@ fn write_junit(path: &Path, shard: Option<Shard>, reports: &[Report]) -> Result<
 }
 
 fn write(path: &Path, text: &str) -> Result<(), CliError> {
-    std::fs::write(path, text).map_err(|reason| CliError::File { path: path.to_owned(), reason })
+    handed_out::write(path, text.as_bytes()).map_err(|reason| CliError::File { path: path.to_owned(), reason })
 }
 
 /// The file of a report for people.

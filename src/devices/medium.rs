@@ -224,6 +224,12 @@ pub trait Medium: Any + Send + State {
         let _ = (guest, now);
     }
 
+    /// It has gone for ever, and has more to send than there was room for. What would keep that waiting for ever it sends no longer:
+    /// what it wanted to send later than now, and all if nobody is there to hear it.
+    fn guest_has_gone(&mut self, guest: u8, now: u64) {
+        let _ = (guest, now);
+    }
+
     /// The error state of a guest's controller, where there is such a thing.
     fn guest_errors(&self, guest: u8) -> ErrorState {
         let _ = guest;

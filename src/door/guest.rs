@@ -303,7 +303,17 @@ impl Guest {
 
     /// It sends a frame without data, and is told that it may.
     pub(crate) fn says(&self, id: u16) {
-        assert!((&mut &*self).send(Said::Frame(crate::can::Frame::standard(id, crate::can::Payload::EMPTY))));
+        self.says_this(Said::Frame(crate::can::Frame::standard(id, crate::can::Payload::EMPTY)));
+    }
+
+    /// It sends this, and is told that it may.
+    pub(crate) fn says_this(&self, said: Said) {
+        assert!((&mut &*self).send(said));
+    }
+
+    /// It leaves.
+    pub(crate) fn goes(&self) {
+        self.leave();
     }
 
     /// The next that it is told of, if it is something it hears.

@@ -43,6 +43,14 @@ impl Plant {
         self.journal.push(now, GuestNews { bus, guest, news: Attendance::Left });
     }
 
+    /// It has gone for ever, and has more to send than there was room for; what would wait for ever is given up.
+    pub(crate) fn guest_has_gone(&mut self, bus: u16, guest: u8) {
+        let now = self.now;
+        if let Some(medium) = self.medium_of(bus) {
+            medium.guest_has_gone(guest, now);
+        }
+    }
+
     /// Notes what has become of a guest's seat in lockstep.
     pub fn note_guest(&mut self, bus: u16, guest: u8, news: Attendance) {
         self.journal.push(self.now, GuestNews { bus, guest, news });

@@ -135,6 +135,10 @@ pub struct Emulator {
     pub(super) stop: Arc<AtomicBool>,
     pub(super) lockstep: Lockstep,
     pub(super) guests: Guests,
+    /// Since when guests have their turns, if any have.
+    pub(super) turn_since: Option<Instant>,
+    /// Where the way leads on which emulated time stands for others to be heard.
+    pub(super) under_way: Option<u64>,
     /// Before the images: it must have written everything before another emulator can have them.
     novram: Keeper,
     /// Before the images: it looks at their files.
@@ -249,6 +253,8 @@ impl Emulator {
             membership: super::federated::Membership::default(),
             lockstep,
             guests,
+            turn_since: None,
+            under_way: None,
             novram,
             plant,
             travel: Travel::default(),

@@ -124,9 +124,13 @@ impl Guests {
     /// A guest that takes part, for people.
     pub(super) fn present_one(&self, plant: &Plant) -> Option<String> {
         // Those that have gone are forgotten only when time passes.
-        let it = self.present.iter().find(|it| (it.is_in || it.has_seat) && !it.guest.wish().has_gone)?;
-        let bus = plant.media().get(usize::from(it.guest.bus)).map_or("", |medium| medium.name());
-        Some(format!("guest{} at door {} of bus '{bus}'", it.guest.number, it.guest.door))
+        let is_here = |it: &&Present| (it.is_in || it.has_seat) && !it.guest.wish().has_gone;
+        self.present.iter().find(is_here).map(|it| it.label(plant))
+    }
+
+    /// For whom the time waits, for people.
+    pub(super) fn waits_for(&self, plant: &Plant) -> Option<String> {
+        self.present.iter().find(|it| it.has_turn()).map(|it| it.label(plant))
     }
 
     /// The plant has gone to another moment, at which others took part than are here: those who are here come in again, and what
@@ -240,6 +244,10 @@ fn bring_in_all(
     }
     for it in present.iter_mut().filter(|it| are_meant(it)) {
         let is_through = it.send(plant);
+        if it.wish.has_gone && !is_through {
+            // Its place is for others.
+            plant.guest_has_gone(it.guest.bus, it.guest.number);
+        }
         if it.is_in && is_through && (!it.wish.takes_part || !it.fits) {
             plant.guest_leaves(it.guest.bus, it.guest.number);
             it.is_in = false;
@@ -264,6 +272,12 @@ impl Present {
             deaf: None,
             is_nonsense: false,
         }
+    }
+
+    /// Who it is, for people.
+    fn label(&self, plant: &Plant) -> String {
+        let bus = plant.media().get(usize::from(self.guest.bus)).map_or("", |medium| medium.name());
+        format!("guest{} at door {} of bus '{bus}'", self.guest.number, self.guest.door)
     }
 
     /// Learns what it wants.
@@ -324,17 +338,21 @@ impl Present {
 mod tests {
     use super::*;
     use crate::memory::Segment;
+    use crate::profibus::Burst;
 
     const OPEN: &str = "[[plc]]\nname = 'line'\n[[bus]]\nname = 'open'\nkind = 'can'\nkbit_s = 125\n";
+
+    fn plant(text: &str) -> (PlantConfig, Plant) {
+        let config = PlantConfig::parse("plant.toml", text).unwrap();
+        let plant = Plant::new(&config, |_, device| Ok::<_, Box<dyn std::error::Error>>(Segment::of(device)));
+        (config, plant.unwrap())
+    }
 
     /// What is said between a look and what follows from it belongs to the next look. Otherwise the frame of somebody who is
     /// not in yet would be lost, though its door has said yes.
     #[test]
     fn a_frame_that_comes_while_guests_are_brought_in_is_not_lost() {
-        let config = PlantConfig::parse("plant.toml", OPEN).unwrap();
-        let mut plant =
-            Plant::new(&config, |_, device| Ok::<_, Box<dyn std::error::Error>>(Segment::of(device)))
-                .unwrap();
+        let (config, mut plant) = plant(OPEN);
         let mut guests = Guests::new(&config, || {}).unwrap();
         let [one, other] = [1, 2].map(|number| Guest::of_a_test(0, number));
         for guest in [&one, &other] {
@@ -351,5 +369,25 @@ mod tests {
         plant.advance_to(10_000);
         guests.tell(&plant);
         assert_eq!(other.heard(), 1);
+    }
+    /// Otherwise somebody who comes and goes would have all places for ever.
+    #[test]
+    fn nobody_keeps_a_place_for_what_it_can_never_send() {
+        let frame = Said::Frame(crate::can::Frame::standard(1, crate::can::Payload::EMPTY));
+        let later = Said::Burst(Burst { begin: u64::MAX / 2, octets: vec![0xE5] });
+        for (kind, said) in [("can", frame), ("profibus", later)] {
+            let (config, mut plant) = plant(&OPEN.replace("'can'", &format!("'{kind}'")).replace("125", "500"));
+            let mut guests = Guests::new(&config, || {}).unwrap();
+            let guest = Guest::of_a_test(0, 1);
+            guests.present.push(Present::new(Arc::clone(&guest)));
+            guest.opens();
+            (0..200).for_each(|_| guest.says_this(said.clone()));
+            guest.goes();
+            for _ in 0..10 {
+                guests.enter(&mut plant, false);
+                plant.advance_to(plant.now() + 10_000);
+            }
+            assert!(!guests.are_present(), "{kind}: {} wait", guest.waiting());
+        }
     }
 }

@@ -20,6 +20,14 @@ impl Emulator {
         let next = next.min(self.membership.next_exchange(self.plant.now()));
         next
     }
+
+    /// For whom the time waits, for people.
+    fn waits_for(&self) -> Option<String> {
+        let here = self.lockstep.waits_for(&self.plant).or_else(|| self.guests.waits_for(&self.plant));
+        #[cfg(feature = "channel")]
+        let here = here.or_else(|| self.membership.waits_for(self.plant.now()));
+        here
+    }
 }
 
 impl Host for Emulator {
@@ -118,13 +126,7 @@ impl Host for Emulator {
             pid: header.firmware_pid.load(),
             abi_version: header.abi_version.load(),
             version: env!("CARGO_PKG_VERSION").to_owned(),
-            #[cfg(not(feature = "channel"))]
-            waits_for: self.lockstep.waits_for(&self.plant),
-            #[cfg(feature = "channel")]
-            waits_for: self
-                .lockstep
-                .waits_for(&self.plant)
-                .or_else(|| self.membership.waits_for(self.plant.now())),
+            waits_for: self.waits_for(),
             names: self.plant.names(),
         }
     }

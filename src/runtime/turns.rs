@@ -15,12 +15,19 @@ const LOOK: Duration = Duration::from_millis(20);
 const PATIENCE: Duration = Duration::from_secs(5);
 
 impl Emulator {
-    /// Lets emulated time pass until `target`. `false`: the emulator is to stop, or a task has its turn and somebody is to be
-    /// heard meanwhile; then it is to be called again with the same target.
+    /// Lets emulated time pass until `target`. `false`: the emulator is to stop, or a task or a guest has its turn and somebody is to
+    /// be heard meanwhile; then it is to be called again with the same target.
     pub(super) fn step_to(&mut self, target: u64) -> bool {
-        if !self.lockstep.is_in_turn() {
+        // On the way nobody enters but those with seats, wherever it pauses.
+        if self.under_way.take() != Some(target) && !self.lockstep.is_in_turn() {
             self.guests.enter(&mut self.plant, true);
         }
+        let has_arrived = self.go_on_to(target);
+        self.under_way = (!has_arrived).then_some(target);
+        has_arrived
+    }
+
+    fn go_on_to(&mut self, target: u64) -> bool {
         loop {
             if !self.lockstep.is_in_turn() && !self.give_turns() {
                 return false;
@@ -36,11 +43,15 @@ impl Emulator {
             if self.plant.now() >= target && !is_due {
                 return true;
             }
+            // Who has one turn after the other keeps nobody waiting.
+            if self.guests.have_seats() && self.should_pause() {
+                return false;
+            }
         }
     }
 
     /// Turns for all guests with seats that are due now, and what they and those before them have sent enters. `false`: told
-    /// to stop.
+    /// to stop, or a turn goes on.
     fn give_turns(&mut self) -> bool {
         while self.guests.have_seats() {
             self.guests.grant(self.plant.now());
@@ -56,9 +67,9 @@ impl Emulator {
     }
 
     /// Waits until nobody has a turn. Meanwhile the boards answer, so that guests that have mapped an image can ask them.
-    /// `false`: the emulator is to stop.
+    /// `false`: the emulator is to stop, or somebody is to be heard before that.
     fn await_guests(&mut self) -> bool {
-        let start = Instant::now();
+        let since = *self.turn_since.get_or_insert_with(Instant::now);
         while self.guests.have_turns() {
             if self.note_rings() && self.plant.look_at_boards() {
                 self.announce();
@@ -66,15 +77,19 @@ impl Emulator {
             if self.stop.load(Ordering::Acquire) {
                 return false;
             }
-            if start.elapsed() >= PATIENCE {
+            if since.elapsed() >= PATIENCE {
                 self.guests.give_up(&mut self.plant);
-                return true;
+                break;
+            }
+            if self.should_pause() {
+                return false;
             }
             // Whatever a guest does rings.
             if self.guests.have_turns() {
                 self.sleep(LOOK);
             }
         }
+        self.turn_since = None;
         true
     }
 }

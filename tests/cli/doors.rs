@@ -325,6 +325,30 @@ fn who_hangs_or_dies_in_its_turn_loses_its_seat_and_stop_ends_it_all() {
     assert!(!step.wait().unwrap().success());
 }
 
+/// A step that never ends: its guest has one turn after the other.
+#[test]
+fn others_look_while_guests_have_their_turns() {
+    let mut emulator = start(OPEN, &["--clock", "stepped"]);
+    let mut guest = Guest::open(port(&emulator));
+    guest.say("K1\r");
+    seated(&emulator, 1);
+    let mut step = emulator.command("step", &["24h"]);
+    let mut step = step.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+    let turns = std::thread::spawn(move || {
+        let mut told = [0; 64];
+        while guest.0.read(&mut told).is_ok_and(|bytes| bytes > 0) && guest.0.write_all(b"K1\r").is_ok() {}
+    });
+    for _ in 0..3 {
+        assert_eq!(emulator.peek(&["node2.w_OPTION_STATUS"]), "16#0001");
+        assert_eq!(buses(&emulator)[0]["guests"].as_array().unwrap().len(), 1);
+    }
+    assert!(step.try_wait().unwrap().is_none(), "it is under way");
+    promised(Duration::from_secs(2), || emulator.run("stop", &[])).ok();
+    assert_eq!(emulator.wait().code(), Some(0));
+    turns.join().unwrap();
+    assert!(!step.wait().unwrap().success());
+}
+
 #[test]
 fn in_real_time_a_request_is_answered_when_its_time_has_come() {
     let emulator = start(OPEN, &[]);

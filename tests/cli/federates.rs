@@ -104,6 +104,13 @@ pub(crate) fn helics() -> Option<Helics> {
     })
 }
 
+/// A program that ends with this process, also when that is killed, which cannot tell it then.
+pub(crate) fn mortal(program: &Path) -> Command {
+    let mut command = Command::new("setpriv");
+    command.args(["--pdeathsig", "KILL"]).arg(program);
+    command
+}
+
 /// A broker for so many federates.
 pub(crate) struct Broker {
     _process: Ends,
@@ -114,9 +121,7 @@ pub(crate) struct Broker {
 impl Broker {
     pub(crate) fn start(helics: &Helics, federates: u8) -> Self {
         let port = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
-        // Also when this test is killed, which cannot tell it then.
-        let mut command = Command::new("setpriv");
-        command.args(["--pdeathsig", "KILL"]).arg(&helics.broker);
+        let mut command = mortal(&helics.broker);
         command.args(["--coretype=zmq", "--loglevel=no_print", "--local_interface=127.0.0.1"]);
         command.args([format!("--federates={federates}"), format!("--port={port}")]);
         let child = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();

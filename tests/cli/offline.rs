@@ -1,7 +1,7 @@
 //! What needs no emulator: `map`, `completions`, help, and how errors are told.
 
 use crate::common::{commram, finish, run};
-use std::process::Stdio;
+use std::process::{Command, Stdio};
 
 #[test]
 fn the_map_tells_all_about_a_register() {
@@ -227,6 +227,26 @@ fn a_full_disk_is_an_error() {
     let mut err = String::new();
     std::io::Read::read_to_string(&mut child.stderr.take().unwrap(), &mut err).unwrap();
     assert!(err.starts_with("commram: cannot write the output: "), "{err}");
+}
+
+/// A file that may not become longer than a kilobyte stands for the disk.
+#[test]
+fn a_full_disk_takes_nothing_away() {
+    let directory = tempfile::tempdir().unwrap();
+    let outputs = [("export c --output", "a.h"), ("test one.rhai --junit", "a.xml")];
+    let script = format!("print(\"{}\");", "long ".repeat(1_000));
+    std::fs::write(directory.path().join("one.rhai"), script).unwrap();
+    for (command, name) in outputs {
+        let path = directory.path().join(name);
+        std::fs::write(&path, "old").unwrap();
+        let script = format!("trap '' XFSZ; ulimit -f 1; exec \"$0\" {command} {name}");
+        let mut shell = Command::new("sh");
+        shell.args(["-c", &script]).arg(commram().get_program()).current_dir(directory.path());
+        let outcome = finish(shell.env("TMPDIR", directory.path()));
+        assert!(outcome.fails(3).contains(name), "{}", outcome.err);
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), "old");
+    }
+    assert_eq!(directory.path().read_dir().unwrap().count(), 3);
 }
 
 #[test]

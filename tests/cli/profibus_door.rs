@@ -168,6 +168,24 @@ fn a_length_that_no_telegram_has_closes_the_door_for_this_guest() {
     assert_eq!(other.hear().1.len(), 17);
 }
 
+/// By the bits of its bus that is never.
+#[test]
+fn who_leaves_with_much_to_say_later_leaves_its_place() {
+    let emulator = start();
+    let mut later = 1u16.to_le_bytes().to_vec();
+    later.extend((1u64 << 62).to_le_bytes());
+    later.push(0xE5);
+    let address = ("127.0.0.1", port(&emulator));
+    for _ in 0..200 {
+        // Who comes while there is no room is sent away while it speaks.
+        let _ = TcpStream::connect(address).unwrap().write_all(&later.repeat(100));
+    }
+    assert!(eventually(|| {
+        let _guest = Guest::come(&emulator);
+        buses(&emulator)[0]["guests"].as_array().unwrap().len() == 1
+    }));
+}
+
 #[test]
 fn a_bus_has_doors_of_its_own_kind() {
     let emulator = start();

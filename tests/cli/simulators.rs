@@ -2,11 +2,11 @@
 #![cfg(all(feature = "channel", feature = "helics"))]
 
 use crate::common::{Emulator, commram, finish, unique_name};
-use crate::federates::{Broker, Helics, at, helics, journal, passes, written};
+use crate::federates::{Broker, Helics, at, helics, journal, mortal, passes, written};
 use commram::fmi::{Kind, Resources, Unit, Value};
 use std::io::Read;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Stdio};
 use tempfile::TempDir;
 
 /// A model. It does not outlast this value, nor a test that is killed.
@@ -14,8 +14,8 @@ struct Model(Child);
 
 impl Model {
     fn start(helics: &Helics, script: &Path, broker: &Broker, more: &[&str]) -> Self {
-        let mut command = Command::new("setpriv");
-        command.args(["--pdeathsig", "KILL"]).arg(&helics.python).arg(script).arg(&broker.address).args(more);
+        let mut command = mortal(&helics.python);
+        command.arg(script).arg(&broker.address).args(more);
         command.stdin(Stdio::null()).stdout(Stdio::piped());
         Model(command.spawn().unwrap())
     }

@@ -5,6 +5,7 @@ use crate::cli::error::CliError;
 use crate::cli::output;
 use crate::counted::counted;
 use crate::handed_in;
+use crate::handed_out;
 use crate::script::{junit_text, shard_of_junit};
 use quick_junit::{NonSuccessKind, Report, TestCaseStatus, TestSuite};
 use serde_json::Value;
@@ -96,7 +97,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     match &args.output {
         None => output::print(&text)?,
         Some(path) => {
-            std::fs::write(path, text).map_err(|reason| output_of(args, reason))?;
+            handed_out::write(path, text.as_bytes()).map_err(|reason| output_of(args, reason))?;
             output::print(&summary(&endings))?;
         }
     }

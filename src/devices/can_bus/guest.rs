@@ -54,6 +54,14 @@ impl CanBus {
         self.plan(now);
     }
 
+    /// The same if nobody is there to hear what it has given to its controller; who has just come may not be alone yet.
+    pub(super) fn see_off_if_alone(&mut self, guest: u8, now: u64) {
+        let is_member = |place: usize| self.stations.all()[place].member_since_ns.is_some();
+        if self.present(guest).is_some_and(is_member) && self.stations.members() == 1 {
+            self.see_off(guest, now);
+        }
+    }
+
     /// Guests that are to leave do so if they have nothing to send, or nobody to send it to.
     pub(super) fn let_guests_leave(&mut self, now: u64) {
         for place in 0..self.stations.all().len() {

@@ -195,6 +195,10 @@ impl Medium for CanBus {
         self.see_off(guest, now);
     }
 
+    fn guest_has_gone(&mut self, guest: u8, now: u64) {
+        self.see_off_if_alone(guest, now);
+    }
+
     fn guest_errors(&self, guest: u8) -> ErrorState {
         self.errors_of_guest(guest)
     }

@@ -342,6 +342,11 @@ impl Medium for ProfibusBus {
         self.plan(now);
     }
 
+    fn guest_has_gone(&mut self, guest: u8, now: u64) {
+        self.visitors.give_up_later(guest, self.rate.bits_at(now));
+        self.plan(now);
+    }
+
     fn guest_sends(&mut self, guest: u8, said: &Said, now: u64, _: &mut Journal) -> Result<(), GuestRefusal> {
         self.visitors.say(guest, said, self.rate.bits_at(now))?;
         self.plan(now);

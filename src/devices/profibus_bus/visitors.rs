@@ -89,11 +89,18 @@ impl Visitors {
 
     /// It takes part no longer. What it wanted to say later than at bit time `now` it does not say.
     pub(super) fn leave(&mut self, number: u8, now: u64) {
+        self.give_up_later(number, now);
         if let Some(visitor) = self.get(number) {
             (visitor.is_leaving, visitor.ear) = (true, None);
-            visitor.to_say.retain(|waiting| waiting.from <= now);
         }
         self.0.retain(|it| !it.is_leaving || !it.to_say.is_empty());
+    }
+
+    /// What it wanted to say later than at bit time `now` it does not say.
+    pub(super) fn give_up_later(&mut self, number: u8, now: u64) {
+        if let Some(visitor) = self.get(number) {
+            visitor.to_say.retain(|waiting| waiting.from <= now);
+        }
     }
 
     /// It says something at bit time `now` or later.

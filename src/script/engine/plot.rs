@@ -22,6 +22,7 @@ impl Verbs {
 impl Stage {
     /// Draws registers into a file beside the scenario, and for the report.
     fn plot(&mut self, file: &str, registers: &Array, since: Option<u64>) -> Result<(), ScenarioError> {
+        use crate::handed_out;
         use crate::plot::Picture;
         use crate::script::Drawn;
         use std::path::{Component, Path};
@@ -48,25 +49,10 @@ impl Stage {
             let right = format!("a scenario draws at most {MOST} plots, of {} MiB together", LARGEST >> 20);
             return Err(wrong(&right));
         }
-        write_anew(&self.directory.join(file), &bytes).map_err(|error| wrong(&error))?;
+        handed_out::replace(&self.directory.join(file), &bytes).map_err(|error| wrong(&error))?;
         self.plots.push(Drawn { name: file.to_owned(), svg });
         Ok(())
     }
-}
-
-/// Puts a new file in the place of whatever stands there, and follows no link.
-#[cfg(feature = "studio")]
-fn write_anew(path: &std::path::Path, bytes: &[u8]) -> std::io::Result<()> {
-    use std::io::Write;
-    let mut name = path.file_name().unwrap_or_default().to_owned();
-    name.push(format!(".{}.tmp", std::process::id()));
-    let temporary = path.with_file_name(name);
-    let mut file = std::fs::File::create_new(&temporary)?;
-    let written = file.write_all(bytes).and_then(|()| std::fs::rename(&temporary, path));
-    written.inspect_err(|_| {
-        // What is left of it helps nobody.
-        let _ = std::fs::remove_file(&temporary);
-    })
 }
 
 #[cfg(not(feature = "studio"))]
