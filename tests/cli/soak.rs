@@ -82,3 +82,11 @@ fn exercises_are_listed() {
         assert!(outcome.ok().contains(name), "{name}: {}", outcome.out);
     }
 }
+
+/// Drives have a supply of their own: one that has failed does so still when its PLC was switched off and on.
+#[test]
+fn a_drive_that_has_failed_runs_again_behind_a_recovery() {
+    let outcome = run(&["soak", "--seed", "20261582", "--rounds", "1", "--jobs", "1", "--format", "json"]);
+    let rows: Vec<Value> = serde_json::from_str(outcome.ok()).unwrap();
+    assert_eq!((&rows[0]["exercise"], rows[0]["failed"].as_u64()), (&"bm4-cansync".into(), Some(0)));
+}
