@@ -263,7 +263,8 @@ fn write_junit(path: &Path, shard: Option<Shard>, reports: &[Report]) -> Result<
 }
 
 fn write(path: &Path, text: &str) -> Result<(), CliError> {
-    handed_out::write(path, text.as_bytes()).map_err(|reason| CliError::File { path: path.to_owned(), reason })
+    handed_out::write(path, text.as_bytes())
+        .map_err(|reason| CliError::File { path: path.to_owned(), reason })
 }
 
 /// The file of a report for people.

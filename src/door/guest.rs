@@ -303,12 +303,13 @@ impl Guest {
 
     /// It sends a frame without data, and is told that it may.
     pub(crate) fn says(&self, id: u16) {
-        self.says_this(Said::Frame(crate::can::Frame::standard(id, crate::can::Payload::EMPTY)));
+        assert!((&mut &*self).send(Said::Frame(crate::can::Frame::standard(id, crate::can::Payload::EMPTY))));
     }
 
-    /// It sends this, and is told that it may.
-    pub(crate) fn says_this(&self, said: Said) {
-        assert!((&mut &*self).send(said));
+    /// It sends a telegram for a bit time that is never, and is told that it may.
+    pub(crate) fn says_later(&self) {
+        let burst = crate::profibus::Burst { begin: u64::MAX / 2, octets: vec![0xE5] };
+        assert!((&mut &*self).send(Said::Burst(burst)));
     }
 
     /// It leaves.

@@ -338,7 +338,6 @@ impl Present {
 mod tests {
     use super::*;
     use crate::memory::Segment;
-    use crate::profibus::Burst;
 
     const OPEN: &str = "[[plc]]\nname = 'line'\n[[bus]]\nname = 'open'\nkind = 'can'\nkbit_s = 125\n";
 
@@ -373,15 +372,16 @@ mod tests {
     /// Otherwise somebody who comes and goes would have all places for ever.
     #[test]
     fn nobody_keeps_a_place_for_what_it_can_never_send() {
-        let frame = Said::Frame(crate::can::Frame::standard(1, crate::can::Payload::EMPTY));
-        let later = Said::Burst(Burst { begin: u64::MAX / 2, octets: vec![0xE5] });
-        for (kind, said) in [("can", frame), ("profibus", later)] {
-            let (config, mut plant) = plant(&OPEN.replace("'can'", &format!("'{kind}'")).replace("125", "500"));
+        let kinds: [(_, fn(&Guest)); 2] =
+            [("can", |guest| guest.says(1)), ("profibus", |guest| guest.says_later())];
+        for (kind, says) in kinds {
+            let (config, mut plant) =
+                plant(&OPEN.replace("'can'", &format!("'{kind}'")).replace("125", "500"));
             let mut guests = Guests::new(&config, || {}).unwrap();
             let guest = Guest::of_a_test(0, 1);
             guests.present.push(Present::new(Arc::clone(&guest)));
             guest.opens();
-            (0..200).for_each(|_| guest.says_this(said.clone()));
+            (0..200).for_each(|_| says(&guest));
             guest.goes();
             for _ in 0..10 {
                 guests.enter(&mut plant, false);

@@ -210,7 +210,10 @@ fn ranges_at_any_alignment() {
 /// A word, a doubleword and a byte beside each other, each written at its own width, while others look at all of it in
 /// words of 64 and 32 bits: no register is ever seen torn, and none is written by who writes its neighbour.
 #[test]
-#[cfg_attr(miri, ignore = "accesses of several widths at once are the machine's affair; Miri's model has none")]
+#[cfg_attr(
+    miri,
+    ignore = "accesses of several widths at once are the machine's affair; Miri's model has none"
+)]
 fn registers_are_whole_whatever_width_they_are_looked_at_in() {
     const TURNS: u32 = 20_000;
     // Offset, width, and the two values it alternates between.
@@ -299,7 +302,10 @@ fn the_header_lies_at_the_front() {
 
 /// Fields of the header page, each written at its own width, while others copy all of it.
 #[test]
-#[cfg_attr(miri, ignore = "accesses of several widths at once are the machine's affair; Miri's model has none")]
+#[cfg_attr(
+    miri,
+    ignore = "accesses of several widths at once are the machine's affair; Miri's model has none"
+)]
 fn the_header_page_is_whole_in_a_copy() {
     const TURNS: u64 = 20_000;
     const TIMES: [u64; 2] = [0x1111_1111_1111_1111, 0xEEEE_EEEE_EEEE_EEEE];

@@ -191,8 +191,10 @@ impl Round {
             }
             (Kind::Disturbed | Kind::Hostile | Kind::Killed, _) => {
                 let moves: String = self.afterwards.iter().map(|line| format!("{line}\n")).collect();
+                // Memory that needs no supply keeps what somebody has stored there.
+                let bounds = if self.kind == Kind::Hostile { "" } else { "in_bounds();\n" };
                 format!(
-                    "\nsection(\"recovery\");\nundisturbed();\nrecover();\n\nsection(\"afterwards\");\n{moves}in_bounds();\n"
+                    "\nsection(\"recovery\");\nundisturbed();\nrecover();\n\nsection(\"afterwards\");\n{moves}{bounds}"
                 )
             }
         }
