@@ -186,3 +186,34 @@ impl fmt::Debug for MediumKind {
         f.debug_struct("MediumKind").field("name", &self.name).finish_non_exhaustive()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::devices::samples::tables::STATION;
+
+    #[derive(Debug)]
+    struct Silent;
+
+    impl DeviceConfig for Silent {
+        fn name(&self) -> &str {
+            "silent"
+        }
+
+        fn layout(&self) -> &'static layout::Device {
+            &STATION
+        }
+
+        fn build(&self, _: usize, _: Segment) -> Result<(Box<dyn Device>, Vec<Plug>), BuildError> {
+            unreachable!("nobody builds it")
+        }
+    }
+
+    /// As [`DeviceConfig`] says of each.
+    #[test]
+    fn a_device_that_says_nothing_has_nothing() {
+        assert!(Silent.check().is_ok() && Silent.ports().is_empty() && Silent.novram().is_none());
+        assert!((0..8).all(|port| Silent.kbit_s(port).is_empty() && Silent.messages(port).is_empty()));
+        assert_eq!((Silent.name(), Silent.layout().name, Silent.retain_bytes()), ("silent", STATION.name, 0));
+    }
+}

@@ -233,3 +233,17 @@ impl<F: Firmware> Device for Plain<F> {
         self.firmware.due(&mut world.context(origin, 0));
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// As [`Firmware`] says of each.
+    #[test]
+    fn firmware_that_says_nothing_has_nothing() {
+        let mut none = ();
+        assert!(none.kept().is_none() && none.events().is_none() && none.is_fed() && none.rests());
+        let kept = (none.next_time(), none.novram(), (0..16).find_map(|event| none.event_level(event)));
+        assert_eq!(kept, (u64::MAX, (&[][..], 0), None));
+    }
+}

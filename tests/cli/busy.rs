@@ -60,6 +60,28 @@ fn the_operation_of_a_killed_client_ends() {
     assert_eq!(time(&emulator), ended + 1);
 }
 
+/// They are answered only when the emulator has noticed that the first one is dead.
+#[test]
+fn those_behind_a_killed_client_come_to_their_turn() {
+    let emulator = Emulator::stepped();
+    let nodes = format!("/dev/shm/commram.{}.iox.d/nodes", emulator.name);
+    let count = || std::fs::read_dir(&nodes).map_or(0, |entries| entries.count());
+    let mut busy = Busy::start(&emulator, "step", &["24h"]);
+    let before = count();
+    let behind: Vec<_> = (0..3)
+        .map(|_| {
+            let mut step = emulator.command("step", &["1us"]);
+            std::thread::spawn(move || finish(&mut step))
+        })
+        .collect();
+    assert!(eventually(|| count() >= before + behind.len()));
+    busy.0.kill().unwrap();
+    busy.0.wait().unwrap();
+    for client in behind {
+        client.join().unwrap().ok();
+    }
+}
+
 /// In a `/dev/shm` of its own, since it ends all there are.
 #[test]
 fn all_emulators_can_be_ended_at_once() {

@@ -15,9 +15,11 @@ fn stop(emulator: &mut Emulator) -> (Outcome, ExitStatus) {
 #[test]
 fn a_killed_client_does_not_disturb_the_others() {
     let emulator = Emulator::start(&[]);
-    let mut waiting = emulator.command("wait", &["node2.w_OPTION_STATUS==16#0002", "--within", "1h"]);
-    let mut clients: Vec<_> =
-        (0..3).map(|_| waiting.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap()).collect();
+    let wait = || emulator.command("wait", &["node2.w_OPTION_STATUS==16#0002", "--within", "1h"]);
+    let mut waiting = wait();
+    let patient = std::thread::spawn(move || finish(&mut waiting));
+    let spawn = || wait().stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+    let mut clients: Vec<_> = (0..3).map(|_| spawn()).collect();
     emulator.peek(&["node2.w_OPTION_STATUS"]);
     for client in &mut clients {
         client.kill().unwrap();
@@ -25,6 +27,7 @@ fn a_killed_client_does_not_disturb_the_others() {
     }
     emulator.poke(&["node2.w_CPU_CONTROL=1"]);
     emulator.run("wait", &["node2.w_OPTION_STATUS==16#0002", "--within", "10s"]).ok();
+    patient.join().unwrap().ok();
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! PLCs that write anything anywhere, at any time, while anything goes wrong on the bus: nothing panics or hangs, the
 //! same writes give the same journal, and PLCs that start over find everything in working order.
 
+use crate::rig::bring_up::{Mode, Stage};
 use crate::rig::{BOTH, FASTEST, Memory, Rate, Rig};
 use commram::devices::fault_kinds;
 use commram::fault::FaultSpec;
@@ -205,4 +206,30 @@ proptest! {
         });
         prop_assert_eq!(heap, mapped, "the same in any slices and on both memories");
     }
+}
+
+/// What lots would hardly ever draw: each bit of `w_CPU_CONTROL` that means something with any others of its half, and each
+/// bit that means nothing, in every state of both nodes.
+#[test]
+fn no_command_is_too_strange_in_any_state() {
+    let mut rig = Rig::of(Memory::Heap, FASTEST[0], DRIVES);
+    rig.tolerate_errors(&commram::devices::catalogue().rules);
+    let commands = || (0..=0xFFu16).chain((0..=0xFFu16).map(|high| high << 8 | 0x20));
+    for stage in Stage::ALL {
+        rig.bring_up(&[&rig.slave_node(), &rig.master_node()], stage..=stage);
+        let snapshot = rig.plant.snapshot();
+        for command in commands() {
+            for node in [&rig.master_init, &rig.slave_init] {
+                node.w_CPU_CONTROL.store(command);
+            }
+            rig.step(1_000);
+            for (node, mode) in [(&rig.master_init, Mode::Master), (&rig.slave_init, Mode::Slave)] {
+                let status = node.w_OPTION_STATUS.load();
+                let is_known = Stage::ALL.iter().any(|stage| stage.status(mode) == status);
+                assert!(is_known, "16#{command:04X} in {stage:?}: 16#{status:04X}");
+            }
+            rig.plant.go_back(&snapshot).unwrap();
+        }
+    }
+    start_over(&mut rig);
 }

@@ -17,6 +17,7 @@ use commram::devices::records::{BoardEvent, OnBoard};
 use commram::fault::FaultSpec;
 use commram::journal::Format;
 use commram::journal::text::Text;
+use commram::memory::header::BoardSetting;
 use commram::memory::{Segment, View};
 use commram::plant::{Plant, Power};
 use std::ops::RangeBounds;
@@ -290,6 +291,25 @@ fn intr_set_knows_event_11_only() {
         bm4.step(500);
         block.call(&ram);
         assert_eq!((block.is_answered(), block.x_ERR), (true, event != 11), "event {event}");
+    }
+}
+
+/// P. 27: DIP switches give a slave its number; a master has none, and an empty slot has no switches.
+#[test]
+fn slave_modules_alone_have_switches_that_can_be_set() {
+    let mut bm4 = Bm4::new(&plant_text(1000));
+    let dips = |bm4: &Bm4| {
+        let header = bm4.segment(0).header().unwrap();
+        header.ports.iter().take(6).map(|port| port.dip.load()).collect::<Vec<_>>()
+    };
+    for port in 1..=6 {
+        let (before, dip) = (dips(&bm4), 8 + port);
+        let is_set = bm4.plant.set_board(0, BoardSetting::ModuleDip { port, dip });
+        let mut expected = before;
+        if is_set {
+            expected[usize::from(port) - 1] = dip.into();
+        }
+        assert_eq!((is_set, dips(&bm4)), (port == 2, expected), "port {port}");
     }
 }
 

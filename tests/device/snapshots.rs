@@ -268,7 +268,7 @@ fn init_data(plant: &Plant) {
 }
 
 /// All nodes of CANsync into active operation, the gateway into data exchange.
-fn bring_up(plant: &mut Plant) {
+pub(crate) fn bring_up(plant: &mut Plant) {
     let up = [
         Act::Command(0),
         Act::Command(1),

@@ -386,3 +386,21 @@ impl Told for BaudRateMismatch {
         Fields::new().with("node_kbit_s", self.node_kbit_s).with("bus_kbit_s", self.bus_kbit_s)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::can::Payload;
+    use embedded_can::ExtendedId;
+
+    #[test]
+    fn a_frame_is_told_as_the_bus_means_it() {
+        let payload = || Payload::new(&[0x20, 0x0A, 0x00]).unwrap();
+        let frame = can::Frame::standard(0x505, payload());
+        let told = says(&frame);
+        assert!(told.starts_with("16#505 "), "{told}");
+        assert_eq!(told, frame_text(&Frame::new(0x505, &[0x20, 0x0A, 0x00]).unwrap()));
+        let foreign = can::Frame::new(ExtendedId::new(0x505).unwrap(), payload());
+        assert_eq!(says(&foreign), "", "no frame of a CANsync bus");
+    }
+}

@@ -42,3 +42,29 @@ pub(super) fn of(config: &Cs0015Config) -> Vec<Message> {
     }
     all.into_iter().flatten().collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::devices::cs0015::config::BootUp;
+
+    #[test]
+    fn each_pdo_of_both_ways_has_its_name_and_its_registers() {
+        let (name, program) = ("panel".to_owned(), Program::Attached);
+        let config =
+            Cs0015Config { name, bus: None, node_id: 5, kbit_s: 125, boot_up: BootUp::default(), program };
+        let told: Vec<_> = of(&config).into_iter().map(|it| (it.name, it.signals)).collect();
+        for (area, pdo) in ["rx_pdo", "tx_pdo"].into_iter().flat_map(|area| (1..=PDOS).map(move |pdo| (area, pdo))) {
+            let name = format!("panel_{}{pdo}", area.to_uppercase());
+            let mut found = told.iter().filter(|(told, _)| *told == name);
+            let Some((_, signals)) = found.next() else { continue };
+            assert!(found.next().is_none(), "{name} is told twice");
+            let first = DEVICE.area(area).unwrap().first + 8 * (pdo as u32 - 1);
+            let about: Vec<_> = signals.iter().map(|signal| signal.about.as_str()).collect();
+            let expected = [0, 2, 4, 6].map(|byte| DEVICE.at(Width::Word, first + byte).to_string());
+            assert_eq!(about, expected, "{name}");
+        }
+        let names: Vec<_> = told.iter().map(|(name, _)| name.as_str()).filter(|name| name.contains("PDO")).collect();
+        assert_eq!(names, ["panel_RX_PDO1", "panel_RX_PDO2", "panel_TX_PDO1", "panel_TX_PDO2"]);
+    }
+}

@@ -93,6 +93,29 @@ fn flags_beyond_those_of_the_plant_stay_in_the_file() {
     assert_eq!(held, [5, 7]);
 }
 
+/// The memory goes while its retain flags are read: the file keeps the last that is known.
+#[test]
+fn what_is_lost_while_it_is_read_is_not_written() {
+    let directory = tempfile::tempdir().unwrap();
+    let kept = |is_lost: bool| {
+        let (segment, opened) = (segment(), open(&directory));
+        let (novram, _) = restored(&opened, "[[plc]]\nname = 'line'\n", &segment).unwrap();
+        let mut keeper = Keeper::new(Some(opened), vec![Some(novram)]).unwrap();
+        segment.store(FLAG, Width::Dword, if is_lost { 0 } else { 7 }).unwrap();
+        let looks = std::cell::Cell::new(0);
+        let registers = [0; REGISTERS];
+        let stored = |_| {
+            looks.set(looks.get() + 1);
+            (!is_lost || looks.get() == 1).then_some((&registers[..], 0))
+        };
+        keeper.save(stored, true);
+        keeper.close().unwrap();
+        fs::read(directory.path().join("line.novram")).unwrap()
+    };
+    let last_known = kept(false);
+    assert_eq!(kept(true), last_known);
+}
+
 #[test]
 fn content_survives_power_off() {
     let directory = tempfile::tempdir().unwrap();

@@ -2,15 +2,17 @@
 
 mod cases;
 
-use crate::rig::{BOTH, FASTEST, Memory, OMEGA_RATES, RATES, Rig};
+use crate::rig::{BOTH, FASTEST, Memory, OMEGA_RATES, RATES, Rig, plant_of};
 use cases::cases;
 use commram::check::rules;
 use commram::devices::cansync;
 use commram::devices::cansync::registers::CANsync_MA_CTRL_BMSTRUCT;
 use commram::devices::omega_drive_line_2::registers::BAPS;
 use commram::journal::{Entry, Rule};
+use commram::layout::{Fitted, Owner};
 use commram::memory::{Cell8, Width};
 use core::mem::offset_of;
+use std::collections::BTreeSet;
 
 fn findings(rig: &Rig) -> Vec<Entry> {
     rig.plant.journal().findings().iter().copied().collect()
@@ -68,6 +70,39 @@ fn every_rule_has_a_case() {
         })
         .collect();
     assert_eq!(without, Vec::<&Rule>::new());
+}
+
+/// Whoever stores through the channel has named the register: what is the firmware's is found even if its value stays.
+#[test]
+fn what_the_channel_stores_is_judged_at_ports_of_every_medium() {
+    const PLANT: &str = "[[device]]\nkind = 'cs0015'\nname = 'panel'\nbus = 'open'\nnode_id = 5\n\
+                         [[device]]\nkind = 'can-dp2'\nname = 'gw'\nprofibus = 'dp'\ncan = 'open'\n\
+                         [[bus]]\nname = 'open'\nkind = 'can'\nkbit_s = 125\n\
+                         [[bus]]\nname = 'dp'\nkind = 'profibus'\nkbit_s = 500\n";
+    let mut plant = plant_of(PLANT);
+    plant.advance_to(3_000);
+    let mut expected = Vec::new();
+    for plc in 0..plant.devices().len() {
+        let layout = plant.devices()[plc].layout();
+        for port in layout.ports {
+            let mut registers = Fitted::unknown(layout).used_registers(port.area);
+            let Some(register) = registers.find(|register| register.owner() == Owner::Firmware) else { continue };
+            let (offset, width) = (register.offset(), register.address().width());
+            let value = plant.load(plc, offset, width).unwrap();
+            plant.store(plc, offset, width, value).unwrap();
+            expected.push((plc as u16, port.medium, Some(register.to_string())));
+        }
+    }
+    let media: BTreeSet<_> = expected.iter().map(|(_, medium, _)| *medium).collect();
+    assert_eq!(media, BTreeSet::from(["can", "profibus"]));
+    let found = plant.journal().findings();
+    for (plc, medium, name) in expected {
+        let fitted = plant.names().fitted(plc);
+        let is_it = |entry: &&Entry| {
+            (entry.last.rule, entry.last.plc) == (&rules::OWNER, plc) && entry.last.name(fitted) == name
+        };
+        assert!(found.iter().any(|entry| is_it(&entry)), "{name:?} at {medium}");
+    }
 }
 
 /// What becomes of a program that has a structure as VAR_IN_OUT of a function block, which is copied in and out: what the

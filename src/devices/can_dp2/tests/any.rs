@@ -55,6 +55,11 @@ fn a_state_and_a_diagnosis(prm: &[u8], cfg: &[u8], outputs: &[u8]) {
     let result = bench.ask(255, outputs).0;
     let fits = outputs.is_empty() || outputs.len() == usize::from(bench.registers.cfg.output_len.load());
     assert_eq!(result == mst_result::NOT_ACTIVATED, state != dp_state::DATA_EXCHANGE || !fits);
+    let after = bench.registers.diag.dp_state.load();
+    assert!((dp_state::WAIT_PRM..=dp_state::DATA_EXCHANGE).contains(&after), "{after} behind outputs");
+    let diag = bench.diag();
+    assert!([6, 11].contains(&diag.len()), "{diag:02X?}");
+    assert_eq!(diag[0] & 0x02 != 0, after != dp_state::DATA_EXCHANGE);
     bench.run(10 * MS);
 }
 

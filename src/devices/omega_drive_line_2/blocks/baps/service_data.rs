@@ -148,3 +148,48 @@ impl Client {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn job(ticket: u32) -> Job {
+        Job { ticket, kind: Kind::Write, number: 1, element: 1, doubleword: false, value: 0 }
+    }
+
+    const CALL: [bool; 2] = [true, false];
+    const RESET: [bool; 2] = [false, true];
+
+    #[test]
+    fn a_reset_drops_the_own_job_and_no_other() {
+        let (mut shared, mut one, mut other) =
+            (BAPS_BMSTRUCT::default(), Client::default(), Client::default());
+        one.step(&mut shared, CALL, job);
+        other.step(&mut shared, CALL, job);
+        other.step(&mut shared, RESET, job);
+        assert!(matches!(shared.stage, Stage::Entered(Job { ticket: 1, .. })), "{:?}", shared.stage);
+        // The variable was reset and taken by another block meanwhile.
+        shared.stage = Stage::Free;
+        other.step(&mut shared, CALL, job);
+        one.step(&mut shared, RESET, job);
+        assert!(matches!(shared.stage, Stage::Entered(Job { ticket: 2, .. })), "{:?}", shared.stage);
+        other.step(&mut shared, RESET, job);
+        assert!(matches!(shared.stage, Stage::Dropped(Kind::Write)), "{:?}", shared.stage);
+    }
+
+    #[test]
+    fn an_answer_that_nobody_wants_any_more_makes_room() {
+        let (mut shared, mut one, mut other) =
+            (BAPS_BMSTRUCT::default(), Client::default(), Client::default());
+        one.step(&mut shared, CALL, job);
+        shared.stage = Stage::Answered(job(2), Answer::default());
+        one.step(&mut shared, RESET, job);
+        assert!(matches!(shared.stage, Stage::Answered(..)), "it is another one's");
+        other.step(&mut shared, RESET, job);
+        shared.stage = Stage::Free;
+        one.step(&mut shared, CALL, job);
+        shared.stage = Stage::Answered(job(shared.tickets), Answer::default());
+        one.step(&mut shared, RESET, job);
+        assert!(matches!(shared.stage, Stage::Free), "{:?}", shared.stage);
+    }
+}
