@@ -283,6 +283,7 @@ pub fn set_name<const N: usize>(field: &[Cell8; N], text: &str) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::devices::samples::tables::PANEL;
     use zerocopy::FromZeros;
 
     #[test]
@@ -312,6 +313,19 @@ mod tests {
         header.magic.store(MAGIC);
         let mut header = header;
         assert_eq!(&header.as_mut_bytes()[..8], b"commram\0");
+    }
+
+    #[test]
+    fn each_word_of_a_front_stands_for_itself() {
+        let header = Header::new_box_zeroed().unwrap();
+        for (word, cell) in (100..).zip(&header.front) {
+            cell.store(word);
+        }
+        let words: Vec<_> = header.front_words(&PANEL).collect();
+        assert!(!words.is_empty());
+        for (word, value) in words {
+            assert_eq!((value, header.front_value(word)), (100 + word.index() as u32, value), "{}", word.name);
+        }
     }
 
     #[test]

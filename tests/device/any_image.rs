@@ -8,6 +8,7 @@ use commram::memory::{Image, Width};
 use commram::memory::header::{BoardSetting, Power, RunSwitch};
 use commram::plant::{Plant, PlantConfig};
 use proptest::prelude::*;
+use std::collections::BTreeMap;
 use std::fs::{File, OpenOptions};
 use std::os::unix::fs::FileExt;
 
@@ -152,25 +153,44 @@ proptest! {
     }
 }
 
+/// The registers of a device with their bytes, of each array the first and the last.
+fn registers_by_name(device: &'static Device) -> Vec<(u64, usize)> {
+    let fitted = Fitted::unknown(device);
+    let mut places = BTreeMap::<String, [(u64, usize); 2]>::new();
+    for found in device.areas.iter().flat_map(|area| fitted.used_registers(area)) {
+        let name = found.to_string().chars().filter(|letter| !letter.is_ascii_digit()).collect();
+        let place = (found.offset().into(), Width::of(found.ty()).bytes() as usize);
+        places.entry(name).or_insert([place; 2])[1] = place;
+    }
+    places.into_values().flatten().collect()
+}
+
 /// Lots hardly ever draw the one word that somebody looks at, so each has its turn here: it holds for a processor cycle what
 /// means nothing, while everything is under way.
 #[test]
 fn each_word_may_hold_anything() {
     let mut rig = rig();
     bring_up(&mut rig.plant);
-    let Rig { plant, files, registers, .. } = &mut rig;
-    for (file, registers) in files.iter().zip(registers) {
-        let words = (0..HEADER).step_by(4).map(|offset| (offset, 4));
-        for (offset, bytes) in words.chain(registers.iter().copied()) {
-            let mut before = [0; 4];
-            file.read_exact_at(&mut before[..bytes], offset).unwrap();
-            for value in [u32::MAX, 0x0505_0505] {
+    let Rig { plant, files, layouts, .. } = &mut rig;
+    let turn = |plant: &mut Plant, value: u32, places: &[Vec<(u64, usize)>]| {
+        for number in 0..places.iter().map(Vec::len).max().unwrap() {
+            let mut before = Vec::new();
+            for (file, places) in files.iter().zip(places) {
+                let Some(&(offset, bytes)) = places.get(number) else { continue };
+                let mut word = [0; 4];
+                file.read_exact_at(&mut word[..bytes], offset).unwrap();
                 write(file, offset, &value.to_le_bytes()[..bytes]);
-                plant.advance_to(plant.now() + 500);
+                before.push((file, offset, bytes, word));
             }
-            write(file, offset, &before[..bytes]);
+            plant.advance_to(plant.now() + 500);
+            before.iter().for_each(|(file, offset, bytes, word)| write(file, *offset, &word[..*bytes]));
         }
         plant.advance_to(plant.now() + 1_000);
-    }
+    };
+    let words: Vec<_> = (0..HEADER).step_by(4).map(|offset| (offset, 4)).collect();
+    turn(plant, u32::MAX, &vec![words; DEVICES]);
+    let registers: Vec<_> = layouts.iter().map(|layout| registers_by_name(layout)).collect();
+    turn(plant, u32::MAX, &registers);
+    turn(plant, 0x0505_0505, &registers);
     answers_after_power_on(&mut rig);
 }

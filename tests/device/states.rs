@@ -89,6 +89,22 @@ fn every_command_in_every_state() {
     }
 }
 
+/// Who polls asks for that before anything else.
+#[test]
+fn whether_something_was_ordered_is_known_without_a_look() {
+    for rate in FASTEST {
+        let mut rig = Rig::new(Memory::Heap, rate);
+        rig.step(1_000);
+        for role in [Role::Master, Role::Slave] {
+            assert!(!rig.plant.control_changed(), "{role:?}");
+            node(&rig, role).init.w_CPU_CONTROL.store(0x0001);
+            assert!(rig.plant.control_changed(), "{role:?}");
+            rig.step(500);
+        }
+        assert!(!rig.plant.control_changed(), "all was looked at");
+    }
+}
+
 #[test]
 fn an_ignored_command_is_noted_once() {
     for rate in FASTEST {

@@ -46,25 +46,29 @@ pub(super) fn of(config: &Cs0015Config) -> Vec<Message> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::devices::cs0015::config::BootUp;
+    use crate::can::Arbitration;
+    use crate::devices::cs0015::node::BootUp;
 
     #[test]
     fn each_pdo_of_both_ways_has_its_name_and_its_registers() {
-        let (name, program) = ("panel".to_owned(), Program::Attached);
+        let (name, program) = ("panel".to_owned(), Program::Attached { cycle_us: 1_000 });
         let config =
             Cs0015Config { name, bus: None, node_id: 5, kbit_s: 125, boot_up: BootUp::default(), program };
-        let told: Vec<_> = of(&config).into_iter().map(|it| (it.name, it.signals)).collect();
-        for (area, pdo) in ["rx_pdo", "tx_pdo"].into_iter().flat_map(|area| (1..=PDOS).map(move |pdo| (area, pdo))) {
-            let name = format!("panel_{}{pdo}", area.to_uppercase());
-            let mut found = told.iter().filter(|(told, _)| *told == name);
-            let Some((_, signals)) = found.next() else { continue };
-            assert!(found.next().is_none(), "{name} is told twice");
-            let first = DEVICE.area(area).unwrap().first + 8 * (pdo as u32 - 1);
-            let about: Vec<_> = signals.iter().map(|signal| signal.about.as_str()).collect();
-            let expected = [0, 2, 4, 6].map(|byte| DEVICE.at(Width::Word, first + byte).to_string());
-            assert_eq!(about, expected, "{name}");
+        let ids: Vec<_> = of(&config).into_iter().map(|it| (it.name, Arbitration::new(it.id, false).number())).collect();
+        for (name, id) in [("panel_TX_PDO1", 0x185), ("panel_RX_PDO1", 0x205), ("panel_RX_PDO2", 0x305)] {
+            assert!(ids.contains(&(name.to_owned(), id)), "{name}: {ids:X?}");
         }
-        let names: Vec<_> = told.iter().map(|(name, _)| name.as_str()).filter(|name| name.contains("PDO")).collect();
-        assert_eq!(names, ["panel_RX_PDO1", "panel_RX_PDO2", "panel_TX_PDO1", "panel_TX_PDO2"]);
+        let told: Vec<_> = of(&config).into_iter().map(|it| (it.name, it.signals)).collect();
+        for area in ["rx_pdo", "tx_pdo"] {
+            let named = format!("panel_{}", area.to_uppercase());
+            let pdos: Vec<_> = told.iter().filter(|(name, _)| name.starts_with(&named)).collect();
+            assert_eq!(pdos.len(), PDOS);
+            for (pdo, (name, signals)) in (0..).zip(pdos) {
+                assert_eq!(*name, format!("{named}{}", pdo + 1));
+                let first = DEVICE.area(area).unwrap().first + 8 * pdo;
+                let about: Vec<_> = signals.iter().map(|signal| signal.about.as_str()).collect();
+                assert_eq!(about, [0, 2, 4, 6].map(|byte| DEVICE.at(Width::Word, first + byte).to_string()));
+            }
+        }
     }
 }

@@ -98,3 +98,26 @@ impl SdoClient {
         Some(abort)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const AT: At = At { index: 0x1008, sub: 0 };
+
+    /// A long entry: each answer begins the wait anew, one of somebody else does not.
+    #[test]
+    fn patience_counts_from_the_last_answer() {
+        let mut client = SdoClient::default();
+        client.write(3, 5, AT, &[7; 20], 1_000);
+        assert_eq!(client.next_time(), 1_000 + PATIENCE_US);
+        let taken = [0x60, 0x08, 0x10, 0, 0, 0, 0, 0];
+        assert!(client.answered(5, taken, 400_000).is_some(), "the first part goes out");
+        assert_eq!(client.answered(6, taken, 500_000), None);
+        let until = 400_000 + PATIENCE_US;
+        assert_eq!((client.next_time(), client.due(until - 1)), (until, None));
+        assert_eq!(client.due(until).map(|(node, _)| node), Some(5));
+        assert_eq!(client.finished(3), Some(Err(Abort::TimeOut.code())));
+        assert!(client.is_free());
+    }
+}

@@ -379,3 +379,6 @@ impl Medium for ProfibusBus {
         None
     }
 }
+
+#[cfg(test)]
+mod tests;

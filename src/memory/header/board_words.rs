@@ -241,6 +241,44 @@ mod tests {
         assert!(message("display=8").contains("there are dip, leds, switch, power, start, project"));
     }
 
+    /// As words, and as the two numbers that travel.
+    #[test]
+    fn every_setting_has_a_word_and_numbers_of_its_own() {
+        use BoardSetting as Set;
+        let all = [
+            ("dip=17", Set::Dip(17)),
+            ("leds=9", Set::Leds(9)),
+            ("switch=run", Set::Switch(RunSwitch::Run)),
+            ("switch=stop", Set::Switch(RunSwitch::Stop)),
+            ("switch=reset", Set::Switch(RunSwitch::Reset)),
+            ("power=on", Set::Power(Power::On)),
+            ("power=off", Set::Power(Power::Off)),
+            ("start=cold", Set::Start(Start::Cold)),
+            ("start=warm", Set::Start(Start::Warm)),
+            ("start=hot", Set::Start(Start::Hot)),
+            ("start=stop", Set::Start(Start::Stop)),
+            ("project=none", Set::Project(Project::None)),
+            ("project=boot", Set::Project(Project::Boot)),
+            ("project=sent", Set::Project(Project::Sent)),
+            ("slotH.dip=21", Set::ModuleDip { port: 2, dip: 21 }),
+        ];
+        let mut numbers = Vec::new();
+        for (text, setting) in all {
+            assert_eq!(BoardWord::parse(text).unwrap().at(&SLOTS), Ok(setting), "{text}");
+            let (which, value) = setting.numbers();
+            assert_eq!(BoardSetting::from_numbers(which, value), Some(setting), "{text}");
+            assert!(!numbers.contains(&(which, value)), "{text}");
+            numbers.push((which, value));
+        }
+        for (text, right) in [
+            ("power=half", "power is on or off"),
+            ("start=slow", "starts are cold, warm, hot; stop ends the program"),
+            ("project=old", "projects are boot and sent; none deletes the one that is loaded"),
+        ] {
+            assert_eq!(BoardWord::parse(text).unwrap_err().right, right);
+        }
+    }
+
     #[test]
     fn a_device_can_have_switches_of_its_own() {
         let setting = |text| BoardWord::parse(text).and_then(|word| word.at(&PANEL));

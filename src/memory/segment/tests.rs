@@ -352,3 +352,16 @@ fn words_of_the_header_end_with_its_page() {
         assert!(beyond.contains(&(HEADER_SIZE + 8).to_string()), "{beyond}");
     }
 }
+
+#[test]
+fn a_copy_ends_with_the_segment() {
+    type Four = [Cell32; 4];
+    for segment in both() {
+        segment.store(LAST, Width::Byte, 0xA5).unwrap();
+        let end = SEGMENT_SIZE - size_of::<Four>();
+        assert_eq!(segment.snapshot::<Four>(end).unwrap()[3].load(), 0xA500_0000);
+        for beyond in [end + 4, SEGMENT_SIZE, 2 * SEGMENT_SIZE, usize::MAX - 3] {
+            assert!(segment.snapshot::<Four>(beyond).is_err(), "{beyond}");
+        }
+    }
+}

@@ -127,3 +127,23 @@ fn the_offset_says_when_reference_values_are_taken_over() {
         }
     }
 }
+
+/// A trigger that is not the drive's moves its slices to each of its edges: they come closer than 0.5 ms then, and a ramp takes
+/// its time all the same.
+#[test]
+fn a_ramp_takes_its_time_wherever_the_slices_lie() {
+    let speed_behind_a_ramp = |period_us: u32| {
+        let mut bench = Bench::new(Memory::Heap, "ramp_per_second = 10000");
+        bench.configure(SAME_CYCLE, &[SPEED_REFERENCE], &[SPEED_ACTUAL]);
+        bench.enable();
+        bench.opt_init(2, period_us);
+        bench.regs.a_WR_VALUE[0].store(8_000);
+        bench.exchange(1);
+        bench.step(200_000);
+        i64::from(bench.p(SPEED_ACTUAL))
+    };
+    let alone = speed_behind_a_ramp(0);
+    assert!((1_500..4_000).contains(&alone), "{alone}: on its way");
+    let moved = speed_behind_a_ramp(1_200);
+    assert!((moved - alone).abs() <= 20, "{moved} instead of {alone}: slices of other lengths count as they are");
+}

@@ -2,6 +2,7 @@
 
 mod cases;
 
+use crate::rig::bring_up::Stage;
 use crate::rig::{BOTH, FASTEST, Memory, OMEGA_RATES, RATES, Rig, plant_of};
 use cases::cases;
 use commram::check::rules;
@@ -102,6 +103,20 @@ fn what_the_channel_stores_is_judged_at_ports_of_every_medium() {
             (entry.last.rule, entry.last.plc) == (&rules::OWNER, plc) && entry.last.name(fitted) == name
         };
         assert!(found.iter().any(|entry| is_it(&entry)), "{name:?} at {medium}");
+    }
+}
+
+/// The end of the initialization data shares a word with what lies behind: what stands there is seen once, not in every look.
+#[test]
+fn what_is_wrong_at_the_end_of_the_initialization_data_is_found_once() {
+    for rate in FASTEST {
+        let mut rig = Rig::new(Memory::Heap, rate);
+        rig.tolerate_errors(&commram::devices::catalogue().rules);
+        rig.bring_up(&[&rig.master_node()], ..=Stage::WaitingForInit);
+        rig.master_init.a_SL_TYP[31].store(0xFF);
+        rig.step(20_000);
+        let found: Vec<_> = findings(&rig).iter().map(|entry| (entry.last.rule.id(), entry.count)).collect();
+        assert_eq!(found, [(rules::RESERVED_VALUE.id(), 1)], "{rate:?}");
     }
 }
 

@@ -109,6 +109,20 @@ pub(crate) const CASES: &[Case] = &[
             rig.master.a_DATA_UPDOWNBLK1[74].store(1);
         },
     },
+    // Another command under the same number is another job; the other bits are free.
+    Case {
+        rule: &cansync::rules::JOB_CHANGED,
+        register: "MASTER.a_CTRLREG_PAR_CMD_SL[0].b_STEUREG_PAR_CMD",
+        value: |_| 0x1D,
+        wrong: |rig| {
+            parameter_under_way(rig);
+            rig.master.a_CTRLREG_PAR_CMD_SL[0].b_STEUREG_PAR_CMD.store(0x1D);
+        },
+        right: |rig| {
+            parameter_under_way(rig);
+            rig.master.a_CTRLREG_PAR_CMD_SL[0].b_STEUREG_PAR_CMD.store(0x0D);
+        },
+    },
     Case {
         rule: &cansync::rules::JOB_REPLACED,
         register: "MASTER.a_CTRLREG_PAR_CMD_SL[0].b_STEUREG_PAR_CMD",

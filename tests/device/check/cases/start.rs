@@ -17,6 +17,17 @@ pub(crate) const CASES: &[Case] = &[
         },
         right: |rig| set_up_with_drive(rig, &[], 167, rig.rate.interval_us as u16),
     },
+    // One that the master does not ask for anything: it hears the order of SYNC mode like all others.
+    Case {
+        rule: &cansync::rules::DRIVE_SYNC_SLOT,
+        register: "MASTER.a_DATA_PARAMETER[5].d_PAR_VALUE",
+        value: |rate| other_slot(rate).into(),
+        wrong: |rig| {
+            let slot = other_slot(rig.rate);
+            set_up_with_slave(rig, 5, &[&cansync::rules::DRIVE_SYNC_SLOT], 167, slot);
+        },
+        right: |rig| set_up_with_slave(rig, 5, &[], 167, rig.rate.interval_us as u16),
+    },
     Case {
         rule: &cansync::rules::DRIVE_BAUD_RATE,
         register: "slave1",
@@ -159,8 +170,12 @@ fn drive_at(rig: &mut Rig, expected: &[&'static Rule], kbit_s: u16) {
 
 /// The same plant with a drive that has this value in a parameter, its master in set-up mode.
 fn set_up_with_drive(rig: &mut Rig, expected: &[&'static Rule], parameter: u16, value: u16) {
+    set_up_with_slave(rig, 1, expected, parameter, value);
+}
+
+fn set_up_with_slave(rig: &mut Rig, slave: u8, expected: &[&'static Rule], parameter: u16, value: u16) {
     let drive = format!(
-        "[[bus.drive]]\nname = 'd'\nslave_number = 1\n\
+        "[[bus.drive]]\nname = 'd'\nslave_number = {slave}\n\
          parameters = [{{ number = {parameter}, format = 'word', initial = {value} }}]\n"
     );
     replace(rig, expected, &rig.rate.plant(&drive));

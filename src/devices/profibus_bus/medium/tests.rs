@@ -1,0 +1,44 @@
+//! A segment without ports: what it knows of the line.
+
+use super::*;
+use crate::profibus::Frame;
+
+fn bus() -> ProfibusBus {
+    let config = ProfibusConfig { name: "dp".to_owned(), rate: BusRate::ALL[6], slot_factor: 1, doors: Vec::new() };
+    ProfibusBus::new(0, &config)
+}
+
+/// At 500 kbit/s a bit takes 2 us, and an octet has 11.
+#[test]
+fn the_line_is_busy_for_as_long_as_the_octets_take() {
+    let (bus, sender) = (bus(), Origin { plc: 0, node: 1 });
+    assert_eq!(bus.bit_s(), 500_000);
+    let busy = |telegram: &Telegram| {
+        let event = match (short(0, sender, telegram), telegram) {
+            (Some(short), _) => short.into(),
+            (None, Telegram::Frame(frame)) => DpTelegram::new(0, sender, frame).into(),
+            (None, _) => unreachable!("only frames are long"),
+        };
+        assert_eq!(bus.busy_ns(&event) % 22_000, 0);
+        bus.busy_ns(&event) / 22_000
+    };
+    assert_eq!((busy(&Telegram::ShortAck), busy(&Telegram::Token { da: 2, sa: 3 })), (1, 3));
+    for length in [0, 1, 5, 200] {
+        let frame = Frame { da: 5, sa: 2, fc: 0x6D, dsap: None, ssap: None, data: vec![7; length] };
+        let telegram = Telegram::Frame(frame);
+        assert_eq!(busy(&telegram), telegram.octets().unwrap().len() as u64, "{length} octets of data");
+    }
+}
+
+/// Nobody is there to answer; a file that says so is damaged.
+#[test]
+fn a_state_that_waits_for_somebody_who_is_not_there_is_refused() {
+    for sender in [0, 1, 200] {
+        let mut bus = bus();
+        bus.asked = Some(Asked { sender, until: 100 });
+        let mut saved = Saving::default();
+        bus.save(&mut saved);
+        assert!(bus.restore(&mut Saved::new(saved.bytes())).is_err(), "{sender}");
+    }
+    assert_eq!(bus().apart_until(), 0, "it asks for others in each of its events");
+}
