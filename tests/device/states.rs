@@ -105,6 +105,27 @@ fn whether_something_was_ordered_is_known_without_a_look() {
     }
 }
 
+/// 16#0000 over 16#0000 is a restart if somebody has stored it, and only then (D-29).
+#[test]
+fn restarts_are_counted_where_they_are_stored() {
+    for rate in FASTEST {
+        let mut rig = Rig::new(Memory::Heap, rate);
+        rig.step(1_000);
+        let (at, others) = (rig.master_at, rig.master_at.base as u32 + 20);
+        let counted = |rig: &Rig| -> u32 {
+            let header = rig.plant.devices()[at.plc].header();
+            header.ports.iter().map(|port| port.restarts_written.load()).sum()
+        };
+        let before = counted(&rig);
+        rig.plant.store(at.plc, others, Width::Byte, 0).unwrap();
+        assert_eq!(counted(&rig), before, "that was another register");
+        rig.plant.store(at.plc, at.base as u32, Width::Word, 0x0000).unwrap();
+        assert_eq!(counted(&rig), before + 1);
+        rig.plant.store(at.plc, at.base as u32, Width::Word, 0x0001).unwrap();
+        assert_eq!(counted(&rig), before + 1, "that was no restart");
+    }
+}
+
 #[test]
 fn an_ignored_command_is_noted_once() {
     for rate in FASTEST {

@@ -179,6 +179,16 @@ mod tests {
         assert_eq!(text(&Frame::remote(ExtendedId::MAX, 4).unwrap()), "16#1FFFFFFF remote, length 4");
     }
 
+    #[test]
+    fn each_end_of_a_frame_has_its_reason() {
+        let told = [Fate::NotAcknowledged, Fate::Disturbed, Fate::Withdrawn, Fate::SenderGone, Fate::Arrives].map(reason);
+        let names: std::collections::BTreeSet<_> = told.iter().map(|(name, _)| *name).collect();
+        assert_eq!(names.len(), told.len());
+        for ((name, text), word) in told.iter().zip(["acknowledged", "destroyed", "given up", "cut off", "arrived"]) {
+            assert!(text.contains(word), "{name}: {text}");
+        }
+    }
+
     /// Words that a client might send back.
     #[test]
     fn a_frame_of_nine_bytes_is_none() {

@@ -221,6 +221,13 @@ mod tests {
     }
 
     #[test]
+    fn answers_may_be_wanted_late() {
+        for bits in [11, 12, 200, 255] {
+            assert_eq!(with(3, bits).unwrap().min_tsdr(), u64::from(bits));
+        }
+    }
+
+    #[test]
     fn times_that_are_stored_are_none() {
         let defaults = Parameters::parse(&DEFAULTS).unwrap();
         assert_eq!((defaults.wakeup_s(), defaults.sync_ms()), (None, None));

@@ -201,3 +201,27 @@ fn sdo(mut desk: Desk, job: &Job) -> Outcome {
     }
     Err(Refusal::Later)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::can::{Frame, Payload};
+    use crate::devices::cs0015::communication::Factory;
+    use crate::devices::cs0015::node::BootUp;
+    use crate::devices::cs0015::ram::Registers;
+    use crate::devices::cs0015::registers::DEVICE;
+    use crate::memory::Segment;
+
+    /// What the node has still to send is to go into the controller as well.
+    #[test]
+    fn there_is_room_for_as_many_frames_as_the_controller_takes() {
+        let registers = Registers::new(&Segment::of(&DEVICE)).unwrap();
+        let node = Node::new(registers, Factory { node: 1, kbit_s: 125 }, BootUp::None);
+        let mut controller = Controller::default();
+        for _ in 0..Controller::ROOM {
+            assert!(has_room(&node, &controller));
+            controller.send(Frame::standard(0x80, Payload::EMPTY)).unwrap();
+        }
+        assert!(!has_room(&node, &controller));
+    }
+}

@@ -151,6 +151,20 @@ fn re_initialization_goes_on_while_the_plc_only_exchanges() {
     });
 }
 
+/// Another cycle in the middle of it does not let it begin anew.
+#[test]
+fn re_initialization_outlasts_a_change_of_the_cycle() {
+    Bench::on_both("", |mut bench| {
+        bench.configure(SAME_CYCLE, &[], &[]);
+        for _ in 0..2 {
+            assert_eq!(bench.command(RE_INITIALIZE, 500), 0x03);
+        }
+        bench.regs.w_COMMAND_REG.store(0x0024);
+        let answers: Vec<u8> = (0..6).map(|_| bench.command(RE_INITIALIZE, 1000)).collect();
+        assert_eq!(answers, [0x03, 0x03, 0x03, 0x03, 0x01, 0x01]);
+    });
+}
+
 #[test]
 fn re_initialization_needs_the_drive_software_and_the_method() {
     Bench::on_both("software = 308", |mut bench| {

@@ -169,3 +169,13 @@ fn reset_forgets_what_was_late() {
     bench.step(20_000);
     assert_eq!((bench.regs.b_SL_QUIT.load(), hits(&bench)), (0x00, Some(1)));
 }
+
+/// Nobody uses the BAPS, so there are no slices; a fault of the drive runs its course all the same.
+#[test]
+fn a_drive_that_nobody_uses_can_have_a_fault() {
+    let mut bench = Bench::new(Memory::Heap, "");
+    bench.step(5_000);
+    bench.trip(17);
+    bench.step(5_000);
+    assert_eq!((bench.drive().status_word() & 0x004F, bench.p(308)), (0x0008, 17));
+}

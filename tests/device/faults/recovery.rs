@@ -108,6 +108,23 @@ fn an_answer_does_not_survive_the_power_of_its_slave() {
     }
 }
 
+/// Two faults that switch the same slave off do not make up for each other.
+#[test]
+fn a_slave_that_is_off_twice_is_off() {
+    for rate in FASTEST {
+        let mut rig = running(Memory::Heap, rate);
+        for _ in 0..2 {
+            add(&mut rig, "kind = 'slave_off'\nslave = 1");
+        }
+        enter_parameter(&rig, DRIVE, 0x03, 1000, 0);
+        intervals(&mut rig, 6);
+        assert_ne!(parameter(&rig, DRIVE).0, 0x02, "nobody answers");
+        rig.plant.clear_faults();
+        intervals(&mut rig, 12);
+        assert_eq!(parameter(&rig, DRIVE), (0x02, 100));
+    }
+}
+
 /// What the PLC asks for in one interval.
 #[derive(Clone, Copy, Debug)]
 struct Wishes {

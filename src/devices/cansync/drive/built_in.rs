@@ -266,6 +266,16 @@ mod tests {
         );
     }
 
+    /// D-155: the slices of a drive lie where its trigger says; of one that is synchronized only where that is in time.
+    #[test]
+    fn a_synchronized_drive_goes_by_no_edge_that_is_off_its_time() {
+        let mut drive = drive();
+        let counts: Vec<_> = [0, 1500, 4000, 6000, 8000].map(|at| drive.trigger_edge(at)).into();
+        assert_eq!((counts, drive.is_synchronized()), (vec![true; 5], true), "it goes by each until then");
+        assert!(!drive.trigger_edge(8_300), "off its time");
+        assert!(drive.trigger_edge(10_000), "in time");
+    }
+
     #[test]
     fn another_distance_never_locks() {
         for distance in [1000, 2021, 4000] {

@@ -75,6 +75,21 @@ pub(crate) const CASES: &[Case] = &[
         },
     },
     Case {
+        rule: &cansync::rules::ORDER,
+        register: "SLAVE.b_STEUREG_PAR_CMD",
+        value: |_| 0x52,
+        wrong: |rig| answer_parameter(rig, |slave| slave.b_STEUREG_PAR_CMD.store(0x52)),
+        // The format alone is no end of the job yet.
+        right: |rig| {
+            answer_parameter(rig, |slave| {
+                slave.b_STATREG_PAR_CMD.store(0x52);
+                slave.b_STEUREG_PAR_CMD.store(0x53);
+            });
+            rig.step(100);
+            rig.slave.b_STEUREG_PAR_CMD.store(0x52);
+        },
+    },
+    Case {
         rule: &cansync::rules::JOB_CHANGED,
         register: "MASTER.a_DATA_PARAMETER[0].w_PAR_NR",
         value: |_| 9,
