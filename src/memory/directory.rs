@@ -130,3 +130,20 @@ impl Directory {
         fs::statat(&self.0, name, AtFlags::SYMLINK_NOFOLLOW)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::os::unix::fs::PermissionsExt;
+
+    #[test]
+    fn new_files_are_for_this_user_alone() {
+        let parent = tempfile::tempdir().unwrap();
+        let directory = Directory::open_itself(parent.path()).unwrap();
+        let mode = || {
+            let file = directory.read_write("new").unwrap();
+            file.metadata().unwrap().permissions().mode() & 0o777
+        };
+        assert_eq!([mode(), mode()], [0o600; 2], "made, and then opened");
+    }
+}

@@ -285,6 +285,8 @@ mod tests {
         assert_eq!(of(1_000_000, 8), [(1_000_000, Width::Dword), (1_000_004, Width::Dword)]);
         let odd = [1_000_001, 1_000_002, 1_000_003].map(|byte| (byte, Width::Byte));
         assert_eq!(of(1_000_001, 3), odd);
+        let rest = [(1_000_000, Width::Dword), (1_000_004, Width::Byte), (1_000_005, Width::Byte)];
+        assert_eq!(of(1_000_000, 6), rest, "nothing behind the range");
         assert!(widths.registers(&ram, 0, 4).is_err());
     }
 

@@ -67,6 +67,24 @@ pub(crate) const CASES: &[Case] = &[
     },
     Case {
         rule: &cansync::rules::SPLIT_DOUBLEWORD,
+        register: "SLAVE.a_CFG_RDC_WORD[9].b_CFG_RDC1_WORD1",
+        value: |_| 0x09,
+        wrong: |rig| {
+            rig.activate();
+            rig.slave.a_CFG_RDC_WORD[9].b_CFG_RDC1_WORD1.store(0x09);
+            rig.slave.a_CFG_RDC_WORD[9].b_CFG_RDC2_WORD0.store(0x0B);
+            rig.run_to_sync();
+        },
+        // A half of value 2 and one of value 1: words of their own.
+        right: |rig| {
+            rig.activate();
+            rig.slave.a_CFG_RDC_WORD[9].b_CFG_RDC1_WORD1.store(0x09);
+            rig.slave.a_CFG_RDC_WORD[9].b_CFG_RDC2_WORD0.store(0x07);
+            rig.run_to_sync();
+        },
+    },
+    Case {
+        rule: &cansync::rules::SPLIT_DOUBLEWORD,
         register: "SLAVE._CFG_RDC_WORD.b_CFG_RDC2_WORD0",
         value: |_| 0x01,
         wrong: |rig| {

@@ -168,10 +168,14 @@ mod tests {
         other.step(&mut shared, CALL, job);
         other.step(&mut shared, RESET, job);
         assert!(matches!(shared.stage, Stage::Entered(Job { ticket: 1, .. })), "{:?}", shared.stage);
+        let mut running = one;
         // The variable was reset and taken by another block meanwhile.
         shared.stage = Stage::Free;
         other.step(&mut shared, CALL, job);
-        one.step(&mut shared, RESET, job);
+        let outcome = one.step(&mut shared, CALL, job);
+        assert!(matches!(outcome, Outcome::Answered(Answer { communication: -1, .. })), "nobody will answer");
+        assert!(matches!(other.step(&mut shared, CALL, job), Outcome::Busy));
+        running.step(&mut shared, RESET, job);
         assert!(matches!(shared.stage, Stage::Entered(Job { ticket: 2, .. })), "{:?}", shared.stage);
         other.step(&mut shared, RESET, job);
         assert!(matches!(shared.stage, Stage::Dropped(Kind::Write)), "{:?}", shared.stage);
