@@ -5,6 +5,7 @@ use crate::rig::{RATES, Rate, plant_of};
 use commram::can::{Frame, Payload};
 use commram::devices::can_dp2::registers::values::mst_control;
 use commram::devices::can_dp2::registers::{CAN_DP2_MST, MST};
+use commram::devices::cansync::records::InitRefused;
 use commram::devices::{all, fault_kinds};
 use commram::door::Said;
 use commram::fault::FaultSpec;
@@ -333,6 +334,27 @@ proptest! {
         plant.advance_to(plant.now() + 3_000);
         prop_assert_eq!(plant.journal().hash(), journals[0].1);
         prop_assert!(plant.snapshot() == other.snapshot());
+    }
+}
+
+/// Initialization data that mean nothing are told once, on this side of a snapshot or on that.
+#[test]
+fn what_was_told_is_not_told_again_behind_a_snapshot() {
+    for text in [OMEGA, BM4] {
+        let mut plant = plant_of(text);
+        for command in [0, 1, 2] {
+            take(&mut plant, &Act::Command(command));
+            plant.advance_to(plant.now() + 2_000);
+        }
+        let told = plant.journal().records().filter(|record| record.event.get::<InitRefused>().is_some()).count();
+        assert!(told > 0, "nothing is refused");
+        let mut other = plant_of(text);
+        other.restore(&plant.snapshot()).unwrap();
+        for plant in [&mut plant, &mut other] {
+            take(plant, &Act::Store { device: 0, register: 3, value: 0, through_channel: true });
+            plant.advance_to(plant.now() + 5_000);
+        }
+        assert_eq!(plant.journal().hash(), other.journal().hash());
     }
 }
 

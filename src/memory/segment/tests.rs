@@ -363,5 +363,7 @@ fn a_copy_ends_with_the_segment() {
         for beyond in [end + 4, SEGMENT_SIZE, 2 * SEGMENT_SIZE, usize::MAX - 3] {
             assert!(segment.snapshot::<Four>(beyond).is_err(), "{beyond}");
         }
+        let error = message(segment.snapshot::<Four>(HEADER_SIZE - size_of::<Four>()));
+        assert!(error.contains("header page"), "{error}");
     }
 }
