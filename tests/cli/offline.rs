@@ -103,6 +103,8 @@ fn the_map_in_the_formats_of_programs() {
         (&"manual".into(), &"inferred D-330".into())
     );
     assert_eq!(plain["provenance"]["area"], "inferred D-220");
+    let plain = run(&["map", "option1", "--format", "csv"]);
+    assert!(plain.ok().contains(",\"type D-330, owner D-330, reset D-330\","), "{}", plain.out);
     let csv = run(&["map", "node1", "--format", "csv"]);
     let head = "name,structure,address,cpu_address,type,owner,reset,reserved,page,provenance,meaning\n";
     assert!(csv.ok().starts_with(head), "{}", csv.out);
