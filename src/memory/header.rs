@@ -324,7 +324,12 @@ mod tests {
         let words: Vec<_> = header.front_words(&PANEL).collect();
         assert!(!words.is_empty());
         for (word, value) in words {
-            assert_eq!((value, header.front_value(word)), (100 + word.index() as u32, value), "{}", word.name);
+            assert_eq!(
+                (value, header.front_value(word)),
+                (100 + word.index() as u32, value),
+                "{}",
+                word.name
+            );
         }
     }
 

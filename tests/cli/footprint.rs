@@ -74,5 +74,9 @@ fn a_plc_and_a_drive_more_take_little() {
     };
     let (one, plcs, drives) = (plant(1, 0), plant(PLCS, 0), plant(PLCS, DRIVES));
     assert!(plcs <= one + (PLCS - 1) * 1_000, "{PLCS} PLCs take {plcs} KB, one takes {one} KB");
-    assert!(drives <= plcs + PLCS * DRIVES * 2, "{drives} KB with {} drives, {plcs} KB without", PLCS * DRIVES);
+    assert!(
+        drives <= plcs + PLCS * DRIVES * 2,
+        "{drives} KB with {} drives, {plcs} KB without",
+        PLCS * DRIVES
+    );
 }

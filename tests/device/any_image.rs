@@ -4,8 +4,8 @@
 use crate::rig::{Memory, RigError, segment};
 use crate::snapshots::bring_up;
 use commram::layout::{Device, Fitted};
-use commram::memory::{Image, Width};
 use commram::memory::header::{BoardSetting, Power, RunSwitch};
+use commram::memory::{Image, Width};
 use commram::plant::{Plant, PlantConfig};
 use proptest::prelude::*;
 use std::collections::BTreeMap;

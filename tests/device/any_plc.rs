@@ -223,10 +223,11 @@ fn no_command_is_too_strange_in_any_state() {
                 node.w_CPU_CONTROL.store(command);
             }
             rig.step(500);
-            let states = [(&rig.master_init, Mode::Master), (&rig.slave_init, Mode::Slave)].map(|(node, mode)| {
-                let status = node.w_OPTION_STATUS.load();
-                Stage::ALL.into_iter().find(|stage| stage.status(mode) == status)
-            });
+            let states =
+                [(&rig.master_init, Mode::Master), (&rig.slave_init, Mode::Slave)].map(|(node, mode)| {
+                    let status = node.w_OPTION_STATUS.load();
+                    Stage::ALL.into_iter().find(|stage| stage.status(mode) == status)
+                });
             assert!(states.iter().all(Option::is_some), "16#{command:04X} in {stage:?}");
             if states != [Some(stage); 2] {
                 rig.plant.go_back(&snapshot).unwrap();

@@ -346,7 +346,8 @@ fn what_was_told_is_not_told_again_behind_a_snapshot() {
             take(&mut plant, &Act::Command(command));
             plant.advance_to(plant.now() + 2_000);
         }
-        let told = plant.journal().records().filter(|record| record.event.get::<InitRefused>().is_some()).count();
+        let told =
+            plant.journal().records().filter(|record| record.event.get::<InitRefused>().is_some()).count();
         assert!(told > 0, "nothing is refused");
         let mut other = plant_of(text);
         other.restore(&plant.snapshot()).unwrap();

@@ -193,7 +193,9 @@ mod tests {
     #[test]
     fn a_period_is_high_in_its_first_half() {
         let inputs = with(0, 1_000);
-        for (at, is_high) in [(0, true), (499_999, true), (500_000, false), (999_999, false), (1_000_000, true)] {
+        for (at, is_high) in
+            [(0, true), (499_999, true), (500_000, false), (999_999, false), (1_000_000, true)]
+        {
             assert_eq!(inputs.levels(at), (u16::from(is_high), 1), "at {at} us");
         }
         assert_eq!(with(0, 0).levels(MS), (0, 0), "no signal, no level");

@@ -54,7 +54,8 @@ mod tests {
         let (name, program) = ("panel".to_owned(), Program::Attached { cycle_us: 1_000 });
         let config =
             Cs0015Config { name, bus: None, node_id: 5, kbit_s: 125, boot_up: BootUp::default(), program };
-        let ids: Vec<_> = of(&config).into_iter().map(|it| (it.name, Arbitration::new(it.id, false).number())).collect();
+        let ids: Vec<_> =
+            of(&config).into_iter().map(|it| (it.name, Arbitration::new(it.id, false).number())).collect();
         for (name, id) in [("panel_TX_PDO1", 0x185), ("panel_RX_PDO1", 0x205), ("panel_RX_PDO2", 0x305)] {
             assert!(ids.contains(&(name.to_owned(), id)), "{name}: {ids:X?}");
         }

@@ -145,5 +145,8 @@ fn a_ramp_takes_its_time_wherever_the_slices_lie() {
     let alone = speed_behind_a_ramp(0);
     assert!((1_500..4_000).contains(&alone), "{alone}: on its way");
     let moved = speed_behind_a_ramp(1_200);
-    assert!((moved - alone).abs() <= 20, "{moved} instead of {alone}: slices of other lengths count as they are");
+    assert!(
+        (moved - alone).abs() <= 20,
+        "{moved} instead of {alone}: slices of other lengths count as they are"
+    );
 }

@@ -87,7 +87,9 @@ fn what_the_channel_stores_is_judged_at_ports_of_every_medium() {
         let layout = plant.devices()[plc].layout();
         for port in layout.ports {
             let mut registers = Fitted::unknown(layout).used_registers(port.area);
-            let Some(register) = registers.find(|register| register.owner() == Owner::Firmware) else { continue };
+            let Some(register) = registers.find(|register| register.owner() == Owner::Firmware) else {
+                continue;
+            };
             let (offset, width) = (register.offset(), register.address().width());
             let value = plant.load(plc, offset, width).unwrap();
             plant.store(plc, offset, width, value).unwrap();

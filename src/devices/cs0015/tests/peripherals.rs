@@ -137,7 +137,11 @@ fn the_display_shows_what_the_program_wants() {
     assert_eq!(with_data(&mut bench, job::LCD_TEXT, &[0, 0, 0, 0], b"OTHER"), job_error::NONE);
     assert_eq!(display(&bench), "12.345ON", "without CHANGE it stays");
     assert_eq!(with_data(&mut bench, job::LCD_TEXT, &[1, 0, 0, 0], b"123456789"), job_error::ARGUMENTS);
-    assert_eq!(with_data(&mut bench, job::LCD_TEXT, &[1, 0, 0, 0], b"12345678"), job_error::NONE, "it is full");
+    assert_eq!(
+        with_data(&mut bench, job::LCD_TEXT, &[1, 0, 0, 0], b"12345678"),
+        job_error::NONE,
+        "it is full"
+    );
     assert_eq!(display(&bench), "12345678");
     assert_eq!(with_data(&mut bench, job::LCD_TEXT, &[1, 0, 0x10, 0x02], b"12345ON"), job_error::NONE);
     let segments = [0xC0, 0xDF, 0, 0, 0xD7, 0, 0, 0x55, 0x40, 0, 0];

@@ -4,7 +4,8 @@ use super::*;
 use crate::profibus::Frame;
 
 fn bus() -> ProfibusBus {
-    let config = ProfibusConfig { name: "dp".to_owned(), rate: BusRate::ALL[6], slot_factor: 1, doors: Vec::new() };
+    let config =
+        ProfibusConfig { name: "dp".to_owned(), rate: BusRate::ALL[6], slot_factor: 1, doors: Vec::new() };
     ProfibusBus::new(0, &config)
 }
 
