@@ -12,7 +12,7 @@ static SLAVE: Exercise = Exercise {
     script: include_str!("exercise_slave.rhai"),
     moves: &[
         Move::new("entry", &[0..=255]).often(3),
-        Move::new("no_entry", &[0x5000..=0x5FFF]),
+        Move::new("no_entry", &[0x5000..=0x57FF]),
         Move::new("pdos", &[0..=0xFFFF, 0..=0xFFFF]).often(4),
         Move::new("guarding", &[1..=5]).often(2),
         Move::new("pre_operational", &[]),
