@@ -209,9 +209,9 @@ mod tests {
         assert_eq!(decode("node2.b_CMD_BC0", 1), "control word");
         assert_eq!(decode("node2.b_CMD_BC0", 2), "SYNC mode (D-06)");
         assert_eq!(decode("node1.b_STEUREG_PAR_CMD", 0x43), "active, read, word, answer not yet sent");
-        // A bit, too.
-        let idle = decode("node1.b_STEUREG_PAR_CMD", 0);
-        assert!(idle.contains("no job") && idle.contains("(D-322)"), "{idle}");
+        // Bits, too.
+        let release = decode("node2.i_SW1_RELEASE", 0x0302);
+        assert!(release.ends_with("(D-35)"), "{release}");
     }
 
     #[test]
