@@ -38,6 +38,8 @@ const UNSEEN_US: u64 = 10_000;
 const LONGEST_STEP_US: u64 = 100_000;
 /// Rounds that a polling emulator may leave the channel alone, as long as each has a register write to answer.
 const LONGEST_CHAIN: u32 = 16;
+/// How often a polling emulator looks in vain for the next register write behind an answer, before it does anything else.
+const LOOKS: u32 = 64;
 
 /// How an emulator is run.
 #[derive(Clone, Debug)]
@@ -418,7 +420,11 @@ impl Emulator {
                 self.tell_events();
             }
             // Who polls mostly writes again at once: the next answer comes before the rest.
-            if self.options.busy && look && chain < LONGEST_CHAIN {
+            if self.options.busy
+                && look
+                && chain < LONGEST_CHAIN
+                && (0..LOOKS).any(|_| self.plant.control_changed())
+            {
                 chain += 1;
                 continue;
             }

@@ -20,6 +20,9 @@ use tempfile::TempDir;
 /// Name of the server's role.
 pub(crate) const ROLE: &str = "request-response";
 
+/// How often a client looks whether its server is ready.
+pub(crate) const LOOK: Duration = Duration::from_micros(200);
+
 /// Where channel and POSIX shared memory lie.
 const SHARED_MEMORY: &str = "/dev/shm";
 
@@ -42,18 +45,20 @@ pub(crate) struct Pair {
 }
 
 impl Pair {
-    /// Starts the server on processor `cpu`. `waiting`: busy or sleeping.
-    pub(crate) fn start(waiting: &str, cpu: usize) -> Self {
+    /// Starts the server, on processor `cpu` if that is named. `waiting`: busy or sleeping.
+    pub(crate) fn start(waiting: &str, cpu: Option<usize>) -> Self {
         let files = Files::new();
         let page = Page::create();
-        let server =
-            Child::play(&[ROLE, waiting, &page.path(), files.root(), &files.prefix, &cpu.to_string()]);
+        let (path, cpu) = (page.path(), cpu.map(|cpu| cpu.to_string()));
+        let mut args = vec![ROLE, waiting, &path, files.root(), &files.prefix];
+        args.extend(cpu.as_deref());
+        let server = Child::play(&args);
         let node = node(files.root(), &files.prefix);
         // The server shows in the page that it is ready.
         let start = Instant::now();
         while page.registers().status.load() == 0 {
             assert!(start.elapsed() < PATIENCE, "the server does not start");
-            std::thread::sleep(Duration::from_millis(1));
+            std::thread::sleep(LOOK);
         }
         let service = service(&node);
         let client = service.client_builder().create().expect("a client can be made");
@@ -88,8 +93,10 @@ impl Pair {
 
 /// The server.
 pub(crate) fn play(args: &[String]) {
-    let [waiting, page, root, prefix, processor] = args else { panic!("wrong arguments {args:?}") };
-    cpu::pin(processor.parse().expect("the number of a processor"));
+    let [waiting, page, root, prefix, processor @ ..] = args else { panic!("wrong arguments {args:?}") };
+    if let [processor] = processor {
+        cpu::pin(processor.parse().expect("the number of a processor"));
+    }
     let page = Page::open(page);
     let Registers { doorbell, answer, status, .. } = page.registers();
     let stop = Arc::new(AtomicBool::new(false));

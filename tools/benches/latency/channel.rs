@@ -45,7 +45,7 @@ fn peek(criterion: &mut Criterion, waiting: &'static str, spin: Duration) -> Out
 
     let pair = OnceCell::new();
     group.bench_function("bare iceoryx2", |bencher| {
-        let pair = pair.get_or_init(|| Pair::start(waiting, server));
+        let pair = pair.get_or_init(|| Pair::start(waiting, Some(server)));
         bencher.iter_custom(|times| (0..times).map(|number| raw.time(|| pair.exchange(number))).sum());
     });
     drop(pair);
@@ -75,9 +75,18 @@ fn one_peek(client: &Client) {
 pub(crate) fn message(criterion: &mut Criterion) -> Outcome {
     let [cpu, _] = cpu::pair();
     let _pinned = Pinned::to(cpu);
-    let mut samples = Samples::new();
+    let mut group = criterion.benchmark_group("message, 1 CPU");
+    let (mut raw, mut samples) = (Samples::new(), Samples::new());
+
+    let pair = OnceCell::new();
+    group.bench_function("bare iceoryx2", |bencher| {
+        let pair = pair.get_or_init(|| Pair::start("sleeping", Some(cpu)));
+        bencher.iter_custom(|times| (0..times).map(|number| raw.time(|| pair.exchange(number))).sum());
+    });
+    drop(pair);
+
     let connection = OnceCell::new();
-    criterion.bench_function("message of poke, 2 ms step and peek", |bencher| {
+    group.bench_function("poke, 2 ms step and peek", |bencher| {
         let (client, _) = connection.get_or_init(|| {
             let remote = Remote::start(How { clock: Clock::Stepped, busy: false, cpu });
             let client = remote.connect(Duration::ZERO);
@@ -92,8 +101,9 @@ pub(crate) fn message(criterion: &mut Criterion) -> Outcome {
             (0..times).map(|_| samples.time(|| one_message(client, &mut replies))).sum()
         });
     });
+    group.finish();
     let what = "message of poke, 2 ms step and peek, 1 CPU";
-    Outcome { what, samples, target: Target::Microseconds(8.0) }
+    Outcome { what, samples, target: Target::Microseconds(5.0, "bare iceoryx2 request-response, 1 CPU", raw) }
 }
 
 fn one_message(client: &Client, replies: &mut Vec<Reply>) {

@@ -1,5 +1,7 @@
-//! From the start of `commram run` to the first answered peek of a client that waits for it.
+//! From the start of `commram run` to the first answered peek of a client that waits for it, beside a process that has nothing
+//! but a bare iceoryx2 server.
 
+use crate::bare::{LOOK, Pair};
 use crate::support::PATIENCE;
 use crate::support::child;
 use crate::support::emulator::{attach, connect, unique_instance};
@@ -14,20 +16,28 @@ use std::time::{Duration, Instant};
 /// `w_OPTION_STATUS` of node 2, and its value after power-on.
 const W_OPTION_STATUS: u32 = NODE2 as u32 + 2;
 const START_UP: u32 = 0x0001;
-/// How often the client looks whether the emulator is ready.
-const LOOK: Duration = Duration::from_micros(200);
 
 /// Not pinned: this is what a script meets that starts an emulator and goes on at once.
 pub(crate) fn first_peek(criterion: &mut Criterion) -> Outcome {
-    let mut samples = Samples::new();
+    let (mut raw, mut samples) = (Samples::new(), Samples::new());
     let mut group = criterion.benchmark_group("start");
     group.sample_size(20);
+    group.bench_function("bare iceoryx2 server to first answer", |bencher| {
+        bencher.iter_custom(|times| {
+            (0..times)
+                .map(|number| {
+                    let mut pair = None;
+                    raw.time(|| pair.insert(Pair::start("sleeping", None)).exchange(number))
+                })
+                .sum()
+        });
+    });
     group.bench_function("commram run to first answered peek", |bencher| {
         bencher.iter_custom(|times| (0..times).map(|_| one_start(&mut samples)).sum());
     });
     group.finish();
     let what = "process start to first answered peek";
-    Outcome { what, samples, target: Target::Microseconds(15_000.0) }
+    Outcome { what, samples, target: Target::Microseconds(4_000.0, "bare iceoryx2 server", raw) }
 }
 
 fn one_start(samples: &mut Samples) -> Duration {

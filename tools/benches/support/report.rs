@@ -67,8 +67,8 @@ impl Samples {
 pub(crate) enum Target {
     /// At most that many times the median of the other samples, which are named.
     Times(f64, &'static str, Samples),
-    /// At most that many microseconds.
-    Microseconds(f64),
+    /// At most that many microseconds; the other samples, which are named, say what of it is not the emulator's.
+    Microseconds(f64, &'static str, Samples),
 }
 
 /// A measurement and its target.
@@ -99,7 +99,10 @@ impl Outcome {
                 let ratio = median / raw.microseconds(0.5);
                 println!("{ratio:.2} times; target: at most {times} times: {}", verdict(ratio <= *times));
             }
-            Target::Microseconds(most) => {
+            Target::Microseconds(most, name, raw) => {
+                if !raw.is_empty() {
+                    print_line(name, raw);
+                }
                 println!("target: at most {most} us: {}", verdict(median <= *most));
             }
         }

@@ -87,6 +87,12 @@ impl SyncLock {
         goes_on
     }
 
+    /// More edges of this kind have come, each in time behind the one before it; the last one at `now_us`.
+    #[inline]
+    pub(crate) fn has_gone_on(&mut self, now_us: u64) {
+        self.last = now_us;
+    }
+
     /// Time has passed: the signal may have been gone for too long.
     pub fn pass(&mut self, now_us: u64) {
         if self.lost_at().is_some_and(|time| time <= now_us) {

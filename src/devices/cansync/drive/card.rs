@@ -6,6 +6,8 @@
 
 mod run;
 
+pub(super) use run::References;
+
 use super::card_function::CardFunction;
 use super::config::ZkError;
 use super::parameters::{ParamFormat, ParameterStore, Slot};

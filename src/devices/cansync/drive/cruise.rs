@@ -1,43 +1,92 @@
 //! Many intervals in one go, of a drive that runs in step with SYNC and gets nothing but reference values of the master.
 //!
 //! It is the same as interval by interval: what cannot change meanwhile is looked at once, what changes is at hand. A drive
-//! or an edge that is not of this kind is left to [`Drive::edge`].
+//! or an edge that is not of this kind is left to [`Drive::edge`]. Where all intervals are alike, not even each of them is
+//! looked at: of what they bring, only the speed reference values of all of them matter.
 
+use super::catch_up::{Alike, Passed, Since};
 use super::monitoring::Monitor;
-use super::{Drive, Passed};
+use super::{Drive, card, regler};
 
 impl Drive {
-    /// Takes as much as can be taken in this way; returns how much that is. The card samples nothing.
-    pub(super) fn cruise(&mut self, passed: &[Passed]) -> usize {
+    /// Takes as much of what came before the last edge as can be taken in this way; returns how much that is. The card
+    /// samples nothing.
+    pub(super) fn cruise(&mut self, since: &Since) -> usize {
         let is_disturbed = self.regler.reports_error() || self.monitors.iter().any(Monitor::is_away);
         if !self.is_synchronized() || is_disturbed {
             return 0;
         }
         let Some(mut run) = self.regler.begin_run() else { return 0 };
         let Some(mut references) = self.card.begin_run(&self.regler) else { return 0 };
-        let mut taken = 0;
-        for it in passed {
-            match *it {
-                Passed::Edge { now_us, interval_us } => {
-                    if interval_us != run.sync_slot_us || !self.sync.goes_on(now_us, interval_us) {
-                        break;
-                    }
-                    self.edge_is_missing = false;
-                    if let Some(speed) = self.card.hand_over_in_run(&mut references) {
-                        run.speed_reference = speed;
-                    }
-                    self.regler.step_in_run(&run, interval_us);
-                }
-                Passed::Reference { kbit_s, channel, ref payload } => {
-                    if kbit_s == self.kbit_s {
-                        self.card.receive_in_run(&mut references, channel, payload);
-                    }
-                }
-            }
-            taken += 1;
+        let mut taken = self.take_in_run(since.one_by_one, &mut run, &mut references);
+        if taken == since.one_by_one.len() {
+            taken += match self.leap(&since.alike, &mut run, &mut references) {
+                true => since.alike.passed().len(),
+                false => self.take_in_run(since.alike.passed(), &mut run, &mut references),
+            };
         }
         self.card.end_run(&references, &mut self.regler.store);
         self.regler.end_run();
         taken
+    }
+
+    /// Interval by interval, up to an edge that is not of this kind.
+    fn take_in_run(
+        &mut self,
+        passed: &[Passed],
+        run: &mut regler::Run,
+        references: &mut card::References,
+    ) -> usize {
+        for (taken, it) in passed.iter().enumerate() {
+            match *it {
+                Passed::Edge { now_us, interval_us } => {
+                    if interval_us != run.sync_slot_us || !self.sync.goes_on(now_us, interval_us) {
+                        return taken;
+                    }
+                    self.edge_is_missing = false;
+                    if let Some(speed) = self.card.hand_over_in_run(references) {
+                        run.speed_reference = speed;
+                    }
+                    self.regler.step_in_run(run, interval_us);
+                }
+                Passed::Reference { kbit_s, channel, ref payload } => {
+                    if kbit_s == self.kbit_s {
+                        self.card.receive_in_run(references, channel, payload);
+                    }
+                }
+            }
+        }
+        passed.len()
+    }
+
+    /// All intervals at once; `false`: they are to be taken one by one.
+    fn leap(&mut self, alike: &Alike, run: &mut regler::Run, references: &mut card::References) -> bool {
+        let Some((first_us, last_us, interval_us)) = alike.edges() else { return false };
+        let heard = alike.heard_at(self.kbit_s);
+        if interval_us != run.sync_slot_us
+            || !self.card.misses_nothing(references, heard)
+            || !self.sync.goes_on(first_us, interval_us)
+        {
+            return false;
+        }
+        self.sync.has_gone_on(last_us);
+        self.edge_is_missing = false;
+        if let Some(speed) = self.card.hand_over_in_run(references) {
+            run.speed_reference = speed;
+        }
+        let now = run.speed_reference;
+        match references.speeds(alike, heard) {
+            // What comes in an interval counts from the next one on.
+            Some(speeds) => {
+                let before_last = speeds.len() - 1;
+                let speeds = speeds.take(before_last);
+                self.regler.steps_in_run(run, interval_us, core::iter::once(now).chain(speeds));
+            }
+            None => {
+                self.regler.steps_in_run(run, interval_us, core::iter::repeat_n(now, alike.count()));
+            }
+        }
+        self.card.leap(references, alike, heard);
+        true
     }
 }

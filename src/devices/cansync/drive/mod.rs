@@ -36,7 +36,7 @@ mod zk;
 
 pub use built_in::{BuiltInDrive, BuiltInDriveConfig};
 pub use card_function::{CardFunction, UnknownFunction};
-pub(crate) use catch_up::Passed;
+pub(crate) use catch_up::{Log, Passed};
 pub use config::{DriveConfig, DriveError, ParameterNumbers, ZkError};
 pub use drivecom::{Enable, State};
 pub use monitoring::{BapsMonitoring, CardMonitoring, Reaction, Watch};

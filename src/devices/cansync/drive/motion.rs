@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 /// Speed of the drive in increments per millisecond, and the angle it has come to in increments. An increment is
 /// the 2^32nd part of a revolution, so that the angle wraps around once per revolution (decision D-162).
-#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Motion {
     /// What the drive demands; without a model outside the motor does it.
     speed: i32,
@@ -58,6 +58,45 @@ impl Motion {
             self.angle_carry = way % 1000;
         }
         speed
+    }
+
+    /// As many steps one behind the other, each with its target; returns whether the motor stands still in any of them.
+    #[inline]
+    pub(crate) fn steps(
+        &mut self,
+        targets: impl Iterator<Item = i32> + Clone,
+        interval_us: u32,
+        ramp: u32,
+    ) -> bool {
+        if ramp == 0
+            && let Some(stands) = self.steps_at_once(targets.clone(), interval_us)
+        {
+            return stands;
+        }
+        targets.fold(false, |stands, target| stands | (self.step(target, interval_us, ramp) == 0))
+    }
+
+    /// The same without a ramp, if it does not depend on their order: the part of an increment that is left over points the
+    /// way that the motor turned last.
+    #[inline]
+    fn steps_at_once(&mut self, targets: impl Iterator<Item = i32>, interval_us: u32) -> Option<bool> {
+        let (mut last, mut sum, mut stands) = (self.speed, 0_i64, false);
+        let (mut lowest, mut highest) = (self.angle_carry.min(0), self.angle_carry.max(0));
+        for target in targets {
+            last = target;
+            let speed = i64::from(self.turned.unwrap_or(target));
+            sum += speed;
+            stands |= speed == 0;
+            (lowest, highest) = (lowest.min(speed), highest.max(speed));
+        }
+        if lowest < 0 && highest > 0 {
+            return None;
+        }
+        let way = sum.checked_mul(interval_us.into())?.checked_add(self.angle_carry)?;
+        self.speed = last;
+        self.angle = self.angle.wrapping_add((way / 1000) as u32);
+        self.angle_carry = way % 1000;
+        Some(stands)
     }
 
     fn ramp(&mut self, target: i32, ramp: u32, interval_us: u32) {
@@ -142,6 +181,30 @@ mod tests {
 
     proptest! {
         #![proptest_config(crate::property_tests())]
+
+        #[test]
+        fn steps_are_as_many_single_ones(
+            targets in prop_oneof![
+                prop::collection::vec(any::<i32>(), 0..9),
+                prop::collection::vec(-3..=0, 0..9),
+                prop::collection::vec(0..2000, 0..9),
+            ],
+            speed in -2000..2000,
+            interval in prop_oneof![Just(2000_u32), 1..9000_u32, any::<u32>()],
+            ramp in prop_oneof![Just(0), any::<u32>()],
+            turned: Option<i16>,
+        ) {
+            let mut one_by_one = Motion::default();
+            one_by_one.step(speed, 1, 0);
+            one_by_one.turn(turned.map(i32::from));
+            let mut at_once = one_by_one;
+            let mut stands = false;
+            for target in &targets {
+                stands |= one_by_one.step(*target, interval, ramp) == 0;
+            }
+            prop_assert_eq!(at_once.steps(targets.iter().copied(), interval, ramp), stands);
+            prop_assert_eq!(at_once, one_by_one);
+        }
 
         #[test]
         fn never_overshoots(speed: i32, target: i32, ramp: u32, interval: u32) {

@@ -2,6 +2,8 @@
 
 mod run;
 
+pub(super) use run::Run;
+
 use super::angle::{self, SetPoint};
 use super::config::{DriveError, ParameterNumbers};
 use super::drivecom::{Enable, State, StateMachine};

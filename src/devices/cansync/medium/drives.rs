@@ -3,7 +3,7 @@
 //! SYNC edges and reference value frames come to all drives in every interval, but hardly any drive is asked for something
 //! in it. So the bus notes what has passed for all of them. Whoever gets hold of a drive here finds it up to date.
 
-use crate::devices::cansync::drive::{Drive, Passed};
+use crate::devices::cansync::drive::{Drive, Log, Passed};
 use crate::state::{Damaged, Saved, Saving, State};
 use std::sync::OnceLock;
 
@@ -17,7 +17,7 @@ pub(super) struct Drives {
     /// Their states at power-on.
     fresh: Vec<Box<[u8]>>,
     /// What has passed since all of them were up to date.
-    passed: Vec<Passed>,
+    passed: Log,
     /// How much of that each drive has taken.
     taken: Vec<usize>,
     /// Drives that are off, bit n for slave n: nothing comes to them.
@@ -78,7 +78,7 @@ impl Drives {
         let (drive, taken) = (self.all.get_mut(index)?, self.taken.get_mut(index)?);
         let from = core::mem::replace(taken, self.passed.len());
         if !is_off(self.off, drive) {
-            drive.catch_up(self.passed.get(from..).unwrap_or_default());
+            drive.catch_up(&self.passed.since(from));
         }
         self.shown.take();
         Some(drive)
@@ -88,7 +88,7 @@ impl Drives {
     pub(super) fn settle(&mut self) -> &mut [Drive] {
         for (drive, from) in self.all.iter_mut().zip(&mut self.taken) {
             if !is_off(self.off, drive) {
-                drive.catch_up(self.passed.get(*from..).unwrap_or_default());
+                drive.catch_up(&self.passed.since(*from));
             }
             *from = 0;
         }
@@ -106,7 +106,7 @@ impl Drives {
             let up_to_date = |(drive, from): (&Drive, &usize)| {
                 let mut drive = drive.clone();
                 if !is_off(self.off, &drive) {
-                    drive.catch_up(self.passed.get(*from..).unwrap_or_default());
+                    drive.catch_up(&self.passed.since(*from));
                 }
                 drive
             };

@@ -3,6 +3,7 @@
 use super::{Card, DELAY_LINE};
 use crate::can::Payload;
 use crate::devices::cansync::bus::Channel;
+use crate::devices::cansync::drive::catch_up::Alike;
 use crate::devices::cansync::drive::parameters::{ParameterStore, Slot};
 use crate::devices::cansync::drive::regler::VRegler;
 use crate::devices::cansync::drive::zk::Source;
@@ -36,6 +37,45 @@ impl InRun {
         received: None,
         value: None,
     };
+
+    /// Whether its value comes, if these frames of eight bytes do.
+    #[inline]
+    fn is_heard(&self, channels: u8) -> bool {
+        self.target.is_some()
+            && usize::from(self.end) <= size_of::<u64>()
+            && self.channel_bit() & channels != 0
+    }
+
+    #[inline]
+    fn channel_bit(&self) -> u8 {
+        1 << self.channel.index()
+    }
+
+    /// Its value in the data of a frame.
+    #[inline]
+    fn value_in(&self, bits: u64) -> u32 {
+        (bits >> self.shift) as u32 & self.mask
+    }
+}
+
+impl References {
+    /// Speed reference values that come, one in each interval; `None`: there are none.
+    #[inline]
+    pub(crate) fn speeds<'a>(
+        &self,
+        alike: &Alike<'a>,
+        heard: u8,
+    ) -> Option<impl ExactSizeIterator<Item = u32> + Clone + use<'a>> {
+        let slot = *self.0.iter().find(|slot| slot.is_speed && slot.is_heard(heard))?;
+        Some(alike.bits(slot.channel).map(move |bits| slot.value_in(bits)))
+    }
+
+    /// The channels of those values that come.
+    #[inline]
+    fn heard(&self, channels: u8) -> u8 {
+        let heard = self.0.iter().filter(|slot| slot.is_heard(channels));
+        heard.fold(0, |all, slot| all | slot.channel_bit())
+    }
 }
 
 impl Card {
@@ -78,9 +118,9 @@ impl Card {
         let bits = u64::from_le_bytes(payload.padded());
         for slot in &mut references.0 {
             if slot.channel == channel && payload.len() >= usize::from(slot.end) {
-                slot.received = Some((bits >> slot.shift) as u32 & slot.mask);
+                slot.received = Some(slot.value_in(bits));
                 self.underway = DELAY_LINE as u8;
-                self.losses.seen |= 1 << channel.index();
+                self.losses.seen |= slot.channel_bit();
             }
         }
     }
@@ -100,6 +140,36 @@ impl Card {
             }
         }
         speed
+    }
+
+    /// Whether no reference value that is expected is missing as long as these frames of eight bytes come in each interval.
+    #[inline]
+    pub(crate) fn misses_nothing(&self, references: &References, channels: u8) -> bool {
+        (self.losses.expected | self.losses.seen) & !references.heard(channels) == 0
+    }
+
+    /// All these intervals but the first hand-over: as [`Card::receive_in_run`] and [`Card::hand_over_in_run`] for each of them, if
+    /// they miss nothing ([`Card::misses_nothing`]).
+    #[inline]
+    pub(crate) fn leap(&mut self, references: &mut References, alike: &Alike, channels: u8) {
+        let heard = references.heard(channels);
+        let handed_over = alike.count() - 1;
+        if handed_over > 0 {
+            self.losses.expected |= heard;
+            self.losses.in_succession = 0;
+        }
+        self.losses.seen |= heard;
+        self.underway = match heard {
+            0 => self.underway.saturating_sub(handed_over.min(DELAY_LINE) as u8),
+            _ => DELAY_LINE as u8,
+        };
+        for slot in references.0.iter_mut().filter(|slot| slot.is_heard(channels)) {
+            let mut bits = alike.bits(slot.channel);
+            if let Some(before) = handed_over.checked_sub(1) {
+                slot.value = bits.nth(before).map(|bits| slot.value_in(bits));
+            }
+            slot.received = bits.next().map(|bits| slot.value_in(bits));
+        }
     }
 
     /// The run is over: what was handed over stands in the parameters.

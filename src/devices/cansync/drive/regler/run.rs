@@ -13,6 +13,15 @@ pub(in crate::devices::cansync::drive) struct Run {
     ramp: u32,
 }
 
+impl Run {
+    /// The speed that is aimed at with this reference value.
+    #[inline]
+    fn target(&self, reference: u32) -> i32 {
+        let target = if self.is_enabled { i64::from(reference as i32) } else { 0 };
+        target.clamp(-self.limit, self.limit) as i32
+    }
+}
+
 impl VRegler {
     /// The drive is about to run for many intervals in which nothing but reference values comes; `None` if it does not run
     /// by its speed reference value alone.
@@ -39,10 +48,23 @@ impl VRegler {
     /// As [`VRegler::step`], in a run.
     #[inline]
     pub(in crate::devices::cansync::drive) fn step_in_run(&mut self, run: &Run, us: u32) {
-        let target = if run.is_enabled { i64::from(run.speed_reference as i32) } else { 0 };
-        if self.motion.step(target.clamp(-run.limit, run.limit) as i32, us, run.ramp) == 0 {
+        if self.motion.step(run.target(run.speed_reference), us, run.ramp) == 0 {
             self.machine.standstill();
         }
+    }
+
+    /// As many intervals one behind the other, each with its speed reference value, of which the last one stays.
+    #[inline]
+    pub(in crate::devices::cansync::drive) fn steps_in_run(
+        &mut self,
+        run: &mut Run,
+        us: u32,
+        references: impl Iterator<Item = u32> + Clone,
+    ) {
+        if self.motion.steps(references.clone().map(|speed| run.target(speed)), us, run.ramp) {
+            self.machine.standstill();
+        }
+        run.speed_reference = references.last().unwrap_or(run.speed_reference);
     }
 
     /// The run is over: its actual values can be looked at.

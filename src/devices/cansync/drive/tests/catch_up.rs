@@ -1,7 +1,7 @@
 //! A drive that catches up is as one that has taken everything when it came.
 
 use super::*;
-use crate::devices::cansync::drive::Passed;
+use crate::devices::cansync::drive::{Log, Passed};
 use crate::state::{Saving, State};
 use proptest::prelude::*;
 
@@ -18,6 +18,30 @@ fn passed() -> impl Strategy<Value = Passed> {
             payload: Payload::from_words(words, count),
         }),
     ]
+}
+
+/// Something, or intervals that are all alike: the frames of `channels`, of eight bytes each.
+fn stretches() -> impl Strategy<Value = Vec<Passed>> {
+    let small = || (0..9_u16, 0..9_u16).prop_map(|(one, two)| [one, 0, two, 0]);
+    let words = || prop_oneof![any::<[u16; 4]>(), small()];
+    let alike = prop::collection::vec((words(), words()), 1..9);
+    let alike = (alike, prop_oneof![9 => Just(500), 1 => Just(250)], 0..4_u8).prop_map(
+        |(intervals, kbit_s, channels)| {
+            let frame = |channel: Channel, words| Passed::Reference {
+                kbit_s,
+                channel,
+                payload: Payload::from_words(words, 4),
+            };
+            let interval = |(one, two)| {
+                let frames = [frame(Channel::One, one), frame(Channel::Two, two)].into_iter().enumerate();
+                let frames = frames.filter(|(bit, _)| channels >> bit & 1 != 0).map(|(_, frame)| frame);
+                let edge = Passed::Edge { now_us: INTERVAL.into(), interval_us: INTERVAL };
+                core::iter::once(edge).chain(frames).collect::<Vec<_>>()
+            };
+            intervals.into_iter().flat_map(interval).collect()
+        },
+    );
+    prop_oneof![1 => passed().prop_map(|one| vec![one]), 2 => alike]
 }
 
 /// Drives whose cards do different things with what comes.
@@ -57,8 +81,8 @@ proptest! {
     #![proptest_config(crate::property_tests())]
 
     #[test]
-    fn it_does_not_matter_when(mut all in prop::collection::vec(passed(), 1..60), stretch in 1..20usize) {
-        let mut now = 0;
+    fn it_does_not_matter_when(all in prop::collection::vec(stretches(), 1..30), stretch in 1..40usize) {
+        let (mut all, mut now) = (all.concat(), 0);
         for it in &mut all {
             if let Passed::Edge { now_us, .. } = it {
                 now += *now_us;
@@ -68,14 +92,38 @@ proptest! {
         for mut at_once in drives() {
             at_once.action_command(&ActionCommand::sync_mode(ActionCommand::ALL_SLAVES, true));
             let mut later = at_once.clone();
+            let mut log = Log::default();
             for stretch in all.chunks(stretch) {
+                let taken = log.len();
                 stretch.iter().for_each(|it| takes(&mut at_once, it));
-                later.catch_up(stretch);
+                stretch.iter().for_each(|it| log.push(*it));
+                later.catch_up(&log.since(taken));
                 prop_assert_eq!(state(&at_once), state(&later));
                 for channel in [Channel::One, Channel::Two] {
                     prop_assert_eq!(at_once.actual_value_frame(channel), later.actual_value_frame(channel));
                 }
             }
         }
+    }
+}
+
+#[test]
+fn intervals_that_are_alike_are_found_wherever_one_begins() {
+    let mut log = Log::default();
+    let mut now_us = 0;
+    for interval in 0..6 {
+        now_us += if interval == 2 { 2600 } else { u64::from(INTERVAL) };
+        log.push(Passed::Edge { now_us, interval_us: INTERVAL });
+        for channel in [Channel::One, Channel::Two] {
+            log.push(Passed::Reference { kbit_s: 500, channel, payload: Payload::from_words([7; 4], 4) });
+        }
+    }
+    // The third edge is late, so the intervals from there on are alike up to the last edge.
+    for (taken, one_by_one, alike, rest) in
+        [(0, 6, 3, 3), (6, 0, 3, 3), (7, 2, 2, 3), (9, 0, 2, 3), (15, 0, 0, 3), (16, 0, 0, 2), (18, 0, 0, 0)]
+    {
+        let since = log.since(taken);
+        let parts = (since.one_by_one.len(), since.alike.count(), since.rest.len());
+        assert_eq!(parts, (one_by_one, alike, rest), "{taken}");
     }
 }
