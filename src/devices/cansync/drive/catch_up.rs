@@ -192,13 +192,33 @@ impl<'a> Alike<'a> {
 
     /// What the frames of this channel bring, interval by interval, first byte lowest; 0 where there is none.
     #[inline]
-    pub(crate) fn bits(&self, channel: Channel) -> impl ExactSizeIterator<Item = u64> + Clone + use<'a> {
+    pub(crate) fn bits(
+        &self,
+        channel: Channel,
+    ) -> impl ExactSizeIterator<Item = u64> + DoubleEndedIterator + Clone + use<'a> {
+        let place = self.place(channel);
+        self.passed.chunks_exact(self.frames.stride()).map(move |interval| bits_of(interval.get(place)))
+    }
+
+    /// The same of one interval.
+    #[inline]
+    pub(crate) fn bits_in(&self, interval: usize, channel: Channel) -> u64 {
+        bits_of(self.passed.get(interval * self.frames.stride() + self.place(channel)))
+    }
+
+    /// Where in an interval its frame stands.
+    #[inline]
+    fn place(&self, channel: Channel) -> usize {
         let before = self.frames.channels & ((1 << channel.index()) - 1);
-        let place = 1 + before.count_ones() as usize;
-        self.passed.chunks_exact(self.frames.stride()).map(move |interval| match interval.get(place) {
-            Some(Passed::Reference { payload, .. }) => u64::from_le_bytes(payload.padded()),
-            _ => 0,
-        })
+        1 + before.count_ones() as usize
+    }
+}
+
+#[inline]
+fn bits_of(frame: Option<&Passed>) -> u64 {
+    match frame {
+        Some(Passed::Reference { payload, .. }) => u64::from_le_bytes(payload.padded()),
+        _ => 0,
     }
 }
 
@@ -206,10 +226,22 @@ impl Drive {
     /// Takes what has passed since it was last up to date. What the card samples at an edge goes out in its interval, if at
     /// all: of all these edges that is the last one.
     pub(crate) fn catch_up(&mut self, since: &Since) {
-        let taken = self.cruise(since);
-        let earlier = since.one_by_one.iter().chain(since.alike.passed).skip(taken);
-        earlier.for_each(|it| self.take(it, false));
-        since.rest.iter().for_each(|it| self.take(it, true));
+        let before = since.one_by_one.len() + since.alike.passed.len();
+        if before > 0 {
+            let taken = self.cruise(since);
+            if taken < before {
+                self.take_edges(since.one_by_one.iter().chain(since.alike.passed).skip(taken));
+            }
+        }
+        for it in since.rest {
+            self.take(it, true);
+        }
+    }
+
+    /// One by one, of all of which nobody can tell what the card samples.
+    #[cold]
+    fn take_edges<'a>(&mut self, passed: impl Iterator<Item = &'a Passed>) {
+        passed.for_each(|it| self.take(it, false));
     }
 
     /// Takes one of them; unless it `is_looked_at` before the next edge, nobody can tell what the card samples.

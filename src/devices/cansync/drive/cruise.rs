@@ -20,10 +20,9 @@ impl Drive {
         let Some(mut references) = self.card.begin_run(&self.regler) else { return 0 };
         let mut taken = self.take_in_run(since.one_by_one, &mut run, &mut references);
         if taken == since.one_by_one.len() {
-            taken += match self.leap(&since.alike, &mut run, &mut references) {
-                true => since.alike.passed().len(),
-                false => self.take_in_run(since.alike.passed(), &mut run, &mut references),
-            };
+            let alike = since.alike.passed();
+            let is_taken = self.leap(&since.alike, &mut run, &mut references);
+            taken += if is_taken { alike.len() } else { self.take_in_run(alike, &mut run, &mut references) };
         }
         self.card.end_run(&references, &mut self.regler.store);
         self.regler.end_run();

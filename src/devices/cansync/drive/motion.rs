@@ -80,16 +80,24 @@ impl Motion {
     /// way that the motor turned last.
     #[inline]
     fn steps_at_once(&mut self, targets: impl Iterator<Item = i32>, interval_us: u32) -> Option<bool> {
-        let (mut last, mut sum, mut stands) = (self.speed, 0_i64, false);
-        let (mut lowest, mut highest) = (self.angle_carry.min(0), self.angle_carry.max(0));
-        for target in targets {
-            last = target;
-            let speed = i64::from(self.turned.unwrap_or(target));
-            sum += speed;
+        let (mut last, mut sum, mut stands) = (self.speed, 0, false);
+        let (mut lowest, mut highest) = (0, 0);
+        let mut add = |speed: i32| {
+            sum += i64::from(speed);
             stands |= speed == 0;
-            (lowest, highest) = (lowest.min(speed), highest.max(speed));
+            (lowest, highest) = (speed.min(lowest), speed.max(highest));
+        };
+        match self.turned {
+            None => targets.for_each(|target| {
+                add(target);
+                last = target;
+            }),
+            Some(speed) => targets.for_each(|target| {
+                add(speed);
+                last = target;
+            }),
         }
-        if lowest < 0 && highest > 0 {
+        if (lowest < 0 || self.angle_carry < 0) && (highest > 0 || self.angle_carry > 0) {
             return None;
         }
         let way = sum.checked_mul(interval_us.into())?.checked_add(self.angle_carry)?;

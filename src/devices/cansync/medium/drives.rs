@@ -7,8 +7,8 @@ use crate::devices::cansync::drive::{Drive, Log, Passed};
 use crate::state::{Damaged, Saved, Saving, State};
 use std::sync::OnceLock;
 
-/// Notes after which all drives catch up: some 32 intervals, which stay in the processor's nearest cache.
-const MOST: usize = 96;
+/// Notes after which all drives catch up: some 128 intervals, four times as many as drives that are asked in turn.
+const MOST: usize = 384;
 
 /// The drives on a bus.
 #[derive(Default)]

@@ -65,7 +65,7 @@ impl References {
         &self,
         alike: &Alike<'a>,
         heard: u8,
-    ) -> Option<impl ExactSizeIterator<Item = u32> + Clone + use<'a>> {
+    ) -> Option<impl ExactSizeIterator<Item = u32> + DoubleEndedIterator + Clone + use<'a>> {
         let slot = *self.0.iter().find(|slot| slot.is_speed && slot.is_heard(heard))?;
         Some(alike.bits(slot.channel).map(move |bits| slot.value_in(bits)))
     }
@@ -164,11 +164,10 @@ impl Card {
             _ => DELAY_LINE as u8,
         };
         for slot in references.0.iter_mut().filter(|slot| slot.is_heard(channels)) {
-            let mut bits = alike.bits(slot.channel);
-            if let Some(before) = handed_over.checked_sub(1) {
-                slot.value = bits.nth(before).map(|bits| slot.value_in(bits));
-            }
-            slot.received = bits.next().map(|bits| slot.value_in(bits));
+            let its = *slot;
+            let value_in = |interval| its.value_in(alike.bits_in(interval, its.channel));
+            slot.received = Some(value_in(handed_over));
+            slot.value = handed_over.checked_sub(1).map(value_in).or(slot.value);
         }
     }
 

@@ -8,8 +8,8 @@ use crate::devices::cansync::drive::parameters::Slot;
 pub(in crate::devices::cansync::drive) struct Run {
     pub sync_slot_us: u32,
     pub speed_reference: u32,
-    is_enabled: bool,
-    limit: i64,
+    /// The lowest and the highest speed that is aimed at.
+    bounds: (i32, i32),
     ramp: u32,
 }
 
@@ -17,8 +17,7 @@ impl Run {
     /// The speed that is aimed at with this reference value.
     #[inline]
     fn target(&self, reference: u32) -> i32 {
-        let target = if self.is_enabled { i64::from(reference as i32) } else { 0 };
-        target.clamp(-self.limit, self.limit) as i32
+        (reference as i32).clamp(self.bounds.0, self.bounds.1)
     }
 }
 
@@ -29,11 +28,14 @@ impl VRegler {
         if self.is_following_angle() || self.store.is_settling() {
             return None;
         }
+        let limit = match self.machine.state() {
+            State::OperationEnabled => self.store.get(self.slots.speed_limit),
+            _ => 0,
+        };
         Some(Run {
             sync_slot_us: self.store.get(self.slots.sync_slot),
             speed_reference: self.store.get(self.slots.speed_reference),
-            is_enabled: self.machine.state() == State::OperationEnabled,
-            limit: i64::from(self.store.get(self.slots.speed_limit)),
+            bounds: (0_i32.saturating_sub_unsigned(limit), 0_i32.saturating_add_unsigned(limit)),
             ramp: self.store.get(self.slots.ramp),
         })
     }
@@ -59,12 +61,12 @@ impl VRegler {
         &mut self,
         run: &mut Run,
         us: u32,
-        references: impl Iterator<Item = u32> + Clone,
+        mut references: impl DoubleEndedIterator<Item = u32> + Clone,
     ) {
         if self.motion.steps(references.clone().map(|speed| run.target(speed)), us, run.ramp) {
             self.machine.standstill();
         }
-        run.speed_reference = references.last().unwrap_or(run.speed_reference);
+        run.speed_reference = references.next_back().unwrap_or(run.speed_reference);
     }
 
     /// The run is over: its actual values can be looked at.
