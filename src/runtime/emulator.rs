@@ -36,9 +36,9 @@ const UNSEEN_US: u64 = 10_000;
 /// Most emulated time handled in one go. After the machine was suspended there may be hours to catch up
 /// with; signals and clients are heard in between.
 const LONGEST_STEP_US: u64 = 100_000;
-/// Rounds that a polling emulator may leave the channel alone, as long as each has a register write to answer.
+/// How many register writes a polling emulator may answer at one moment before it does anything else.
 const LONGEST_CHAIN: u32 = 16;
-/// How often a polling emulator looks in vain for the next register write behind an answer, before it does anything else.
+/// How often it looks in vain for the next one behind an answer.
 const LOOKS: u32 = 64;
 
 /// How an emulator is run.
@@ -397,7 +397,6 @@ impl Emulator {
     }
 
     fn run_real_time(&mut self, clock: &WallClock) {
-        let mut chain = 0;
         while !self.is_stopping() {
             let rung = self.note_rings();
             let now = clock.now().min(self.plant.now() + LONGEST_STEP_US);
@@ -410,6 +409,9 @@ impl Emulator {
             }
             if look {
                 self.plant.processor_cycle();
+                if self.options.busy {
+                    self.answer_on();
+                }
                 self.lockstep.look(&mut self.plant, &mut NoWitness);
             }
             self.guests.tell(&self.plant);
@@ -419,16 +421,6 @@ impl Emulator {
                 self.announce();
                 self.tell_events();
             }
-            // Who polls mostly writes again at once: the next answer comes before the rest.
-            if self.options.busy
-                && look
-                && chain < LONGEST_CHAIN
-                && (0..LOOKS).any(|_| self.plant.control_changed())
-            {
-                chain += 1;
-                continue;
-            }
-            chain = 0;
             self.save_novram(false);
             if self.serve_channel() {
                 // A write through the channel is as good as a ring.
@@ -437,6 +429,17 @@ impl Emulator {
             } else if !self.options.busy {
                 self.sleep(clock.until(self.next_seen()).min(LONGEST_SLEEP));
             }
+        }
+    }
+
+    /// Who polls mostly writes again at once: the next answers come before the rest, at the same moment.
+    fn answer_on(&mut self) {
+        for _ in 0..LONGEST_CHAIN {
+            self.announce();
+            if !(0..LOOKS).any(|_| self.plant.control_changed()) {
+                return;
+            }
+            self.plant.processor_cycle();
         }
     }
 
