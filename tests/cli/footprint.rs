@@ -51,6 +51,7 @@ fn an_emulator_stays_small_and_does_not_grow() {
     // The other rings fill: a record of them in a second.
     let records = more.parse::<u64>().unwrap().min(65_536) * 4 * 64 / 1000;
     assert!(after.own <= before.own + records + 256, "{} KB, then {} KB", before.own, after.own);
+    assert!(after.own < 32_000, "{} KB", after.own);
 }
 
 /// PLCs with full buses beside one without anything: what docs/promises.md allows each of them and each drive beside its image.
