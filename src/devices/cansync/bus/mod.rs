@@ -13,3 +13,4 @@ pub mod wire;
 pub use frame::{Frame, FrameLength};
 pub use ident::{Channel, FrameKind, LAST_SLAVE};
 pub use sync::SyncLock;
+pub(crate) use sync::is_in_time;

@@ -6,6 +6,12 @@
 
 use crate::state;
 
+/// Whether an edge comes in time, so long after the one before it: give or take a quarter of the interval.
+#[inline]
+pub(crate) const fn is_in_time(distance_us: u64, interval_us: u32) -> bool {
+    distance_us.abs_diff(interval_us as u64) <= (interval_us / 4) as u64
+}
+
 /// A slave's lock to its SYNC signal.
 #[derive(Clone, Copy, Debug)]
 pub struct SyncLock {
@@ -74,13 +80,12 @@ impl SyncLock {
         self.locked = now_us.saturating_sub(since) >= self.lock_time_us;
     }
 
-    /// The same for an edge that comes in time, give or take a quarter of the interval, while the lock stands. `false`: it is
-    /// not of this kind, and nothing has happened.
+    /// The same for an edge that comes in time ([`is_in_time`]) while the lock stands. `false`: it is not of this kind, and
+    /// nothing has happened.
     #[inline]
     pub(crate) fn goes_on(&mut self, now_us: u64, interval_us: u32) -> bool {
-        let interval = u64::from(interval_us);
-        let in_time = now_us.saturating_sub(self.last).abs_diff(interval) <= interval / 4;
-        let goes_on = self.locked && interval == self.interval_us && in_time;
+        let in_time = is_in_time(now_us.saturating_sub(self.last), interval_us);
+        let goes_on = self.locked && u64::from(interval_us) == self.interval_us && in_time;
         if goes_on {
             self.last = now_us;
         }

@@ -5,7 +5,7 @@
 
 use super::Drive;
 use crate::can::Payload;
-use crate::devices::cansync::bus::Channel;
+use crate::devices::cansync::bus::{Channel, is_in_time};
 
 /// Something that has come to all drives on a bus.
 #[derive(Clone, Copy, Debug)]
@@ -134,12 +134,6 @@ impl Log {
         let (one_by_one, alike) = before.split_at((self.alike_from + behind).max(taken) - taken);
         Since { one_by_one, alike: Alike { passed: alike, frames: self.frames }, rest }
     }
-}
-
-/// Whether an edge comes in time so long after the one before it, give or take a quarter of the interval.
-#[inline]
-fn is_in_time(distance_us: u64, interval_us: u32) -> bool {
-    distance_us.abs_diff(interval_us.into()) <= u64::from(interval_us / 4)
 }
 
 /// What a drive has not taken yet, in three parts one behind the other.
