@@ -432,7 +432,7 @@ impl Emulator {
         }
     }
 
-    /// Who polls mostly writes again at once: the next answers come before the rest, at the same moment.
+    /// Who polls mostly writes again at once: the next answers come before the rest, at the same moment (decision D-583).
     fn answer_on(&mut self) {
         for _ in 0..LONGEST_CHAIN {
             self.announce();
