@@ -26,6 +26,12 @@ impl Plant {
         changed
     }
 
+    /// From now on boards answer only in [`Plant::look_at_boards`]: of what clients ask while time passes, nobody else would know
+    /// the moment.
+    pub(crate) fn let_boards_wait(&mut self) {
+        self.boards_wait = true;
+    }
+
     /// Whether somebody has asked the board of a device for something, or turned a switch.
     pub(crate) fn is_asked(&self) -> bool {
         self.devices.iter().any(|device| device.front_has_changed())

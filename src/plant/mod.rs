@@ -63,6 +63,8 @@ pub struct Plant {
     is_seen: bool,
     /// Whether a watched event is to stop [`Plant::advance_until`].
     watching: bool,
+    /// Boards answer only when they are told to ([`Plant::look_at_boards`]), not in processor cycles.
+    boards_wait: bool,
     devices: Vec<Box<dyn Device>>,
     /// Those of the plant file; behind them where ports are that none is plugged in at.
     media: Vec<Box<dyn Medium>>,
@@ -134,6 +136,7 @@ impl Plant {
             has_looked: false,
             is_seen: false,
             watching: false,
+            boards_wait: false,
             devices,
             media,
             named_media,
@@ -308,7 +311,9 @@ impl Plant {
     }
 
     fn run_cycle(&mut self) {
-        self.look_at_requests();
+        if !self.boards_wait {
+            self.look_at_requests();
+        }
         self.forces.apply(&self.devices);
         if !self.faults.is_empty() {
             self.strike();

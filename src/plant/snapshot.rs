@@ -273,6 +273,7 @@ impl Plant {
             is_seen: _,
             // Somebody outside waits for an event.
             watching: _,
+            boards_wait: _,
             devices,
             media,
             named_media: _,

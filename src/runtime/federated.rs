@@ -77,6 +77,7 @@ impl Emulator {
     pub fn join(&mut self, part: Part, exchange: Box<dyn Exchange>) -> Result<(), RuntimeError> {
         // Nobody goes back alone.
         self.travel = Travel::new(0);
+        self.plant.let_boards_wait();
         self.membership.federation = Some(Federation::join(part, &self.plant, exchange)?);
         Ok(())
     }
