@@ -369,6 +369,7 @@ mod tests {
         guests.tell(&plant);
         assert_eq!(other.heard(), 1);
     }
+
     /// Otherwise somebody who comes and goes would have all places for ever.
     #[test]
     fn nobody_keeps_a_place_for_what_it_can_never_send() {
