@@ -78,12 +78,17 @@ impl FederateArgs {
         }
     }
 
+    /// Whether the emulator is to share its plant.
+    pub(crate) fn is_federate(&self) -> bool {
+        self.federate.is_some() || self.exchange.is_some()
+    }
+
     /// Lets the emulator join, if it is to share its plant.
     ///
     /// # Errors
     /// There is no library of HELICS, or the plant has doors.
     pub(crate) fn join(&self, emulator: &mut Emulator) -> Result<(), CliError> {
-        if self.federate.is_none() && self.exchange.is_none() {
+        if !self.is_federate() {
             return Ok(());
         }
         if let Some((bus, door)) = emulator.doors().first() {

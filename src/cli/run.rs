@@ -94,7 +94,11 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     if let Some(parent) = args.parent {
         end_with(parent)?;
     }
-    let (mut emulator, started) = args.settings.start(args.begin(), name, signals)?;
+    #[cfg(feature = "helics")]
+    let is_federate = args.federate.is_federate();
+    #[cfg(not(feature = "helics"))]
+    let is_federate = false;
+    let (mut emulator, started) = args.settings.start(args.begin(), name, signals, is_federate)?;
     #[cfg(feature = "helics")]
     args.federate.join(&mut emulator)?;
     // A reader that has gone away is no reason to end.

@@ -91,12 +91,14 @@ impl Settings {
         begin: Begin<'_>,
         instance: &str,
         signals: SignalsTaken,
+        is_federate: bool,
     ) -> Result<(Emulator, Sender<OnSignal>), CliError> {
         let options = Options {
             instance: instance.to_owned(),
             clock: self.clock()?,
             busy: self.busy,
             novram: self.novram.clone(),
+            is_federate,
         };
         if let Some(dir) = &self.layout {
             check_layout(dir)?;

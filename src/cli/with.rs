@@ -57,8 +57,12 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let mut command = Command::new(program);
     command.args(arguments).env("COMMRAM_INSTANCE", &name);
     let signals = SignalsTaken::take()?;
-    let (mut emulator, started) =
-        args.settings.start(args.plant.as_deref().map_or(Begin::BuiltIn, Begin::Plant), &name, signals)?;
+    let (mut emulator, started) = args.settings.start(
+        args.plant.as_deref().map_or(Begin::BuiltIn, Begin::Plant),
+        &name,
+        signals,
+        false,
+    )?;
     let stop = emulator.stop_handle();
     // As long as it is there, a signal waits for its end; what cannot be started ends the emulator at once.
     let child = command.spawn();

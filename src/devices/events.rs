@@ -3,8 +3,8 @@
 
 use super::Context;
 use super::records::{BoardEvent, OnBoard};
-use crate::memory::Header;
 use crate::memory::header::InterruptResult;
+use crate::memory::{Face, Header};
 use crate::state::{Damaged, Saved, Saving, State};
 
 /// Enabled events and what has become of them. Bit n stands for event n.
@@ -73,11 +73,11 @@ impl Events {
     pub fn answer(
         &mut self,
         ctx: &mut Context,
-        header: &Header,
+        face: &Face,
         mut set: impl FnMut(&mut Self, usize, i16, bool) -> InterruptResult,
     ) {
-        for (event, slot) in header.interrupts.iter().enumerate() {
-            let request = slot.request.load();
+        for (event, (slot, asked)) in face.interrupts.iter().zip(&face.asked().interrupts).enumerate() {
+            let request = asked.request.load();
             if request == slot.answer.load() {
                 continue;
             }

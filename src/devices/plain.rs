@@ -6,7 +6,7 @@ use crate::fault::{Effect, Faults, Hit, Owner, Target};
 use crate::layout;
 use crate::layout::{Area, Fitted};
 use crate::memory::header::BoardSetting;
-use crate::memory::{Header, MemoryError, Segment, View};
+use crate::memory::{Face, Header, MemoryError, Segment};
 use crate::state;
 use crate::state::State;
 
@@ -94,13 +94,13 @@ pub struct Plain<F> {
     name: String,
     layout: &'static layout::Device,
     segment: Segment,
-    header: View<Header>,
+    face: Face,
     /// The firmware.
     pub firmware: F,
     supply: Supply,
 }
 
-state!(where [F: Firmware] Plain<F> { parts: firmware, supply; built: index, name, layout, segment, header });
+state!(where [F: Firmware] Plain<F> { parts: firmware, supply; built: index, name, layout, segment, face });
 
 impl<F: Firmware> Plain<F> {
     /// Device number `index` of the plant, called `name`, in this image.
@@ -114,11 +114,11 @@ impl<F: Firmware> Plain<F> {
         segment: Segment,
         firmware: F,
     ) -> Result<Self, MemoryError> {
-        let header = segment.header()?;
-        header.retain_size.store(layout.retain.map_or(0, |retain| retain.default_bytes));
-        let supply = Supply::new(&header);
+        let face = segment.face()?;
+        face.retain_size.store(layout.retain.map_or(0, |retain| retain.default_bytes));
+        let supply = Supply::new(&face);
         let (index, name) = (index as u16, name.to_owned());
-        let it = Plain { index, name, layout, segment, header, firmware, supply };
+        let it = Plain { index, name, layout, segment, face, firmware, supply };
         it.reset_registers()?;
         Ok(it)
     }
@@ -149,24 +149,24 @@ impl<F: Firmware> Device for Plain<F> {
     }
 
     fn header(&self) -> &Header {
-        &self.header
+        &self.face
     }
 
     fn turn(&self, setting: BoardSetting) -> bool {
         let BoardSetting::Power(power) = setting else { return false };
-        self.header.program.power.store(power.code());
+        self.face.put(|page| &page.program.power, power.code());
         true
     }
 
     fn set_power(&mut self, power: Power) -> Look {
-        self.supply.set(&self.header, power)
+        self.supply.set(&self.face, power)
     }
 
     fn look(&mut self, _: &mut Context) -> Look {
         if !self.front_has_changed() {
             return Look::Nothing;
         }
-        match self.supply.feed(&self.header, self.firmware.is_fed()) {
+        match self.supply.feed(&self.face, self.firmware.is_fed()) {
             Look::Nothing => Look::Answered,
             look => look,
         }
@@ -177,7 +177,7 @@ impl<F: Firmware> Device for Plain<F> {
     }
 
     fn start(&mut self, ctx: &mut Context) {
-        self.supply.start(ctx, &self.header);
+        self.supply.start(ctx, &self.face);
         // They were there when it was built.
         let _ = self.reset_registers();
         self.firmware.start(ctx);
@@ -189,7 +189,7 @@ impl<F: Firmware> Device for Plain<F> {
     }
 
     fn front_has_changed(&self) -> bool {
-        self.supply.has_changed(&self.header) || self.supply.is_fed() != self.firmware.is_fed()
+        self.supply.has_changed(&self.face) || self.supply.is_fed() != self.firmware.is_fed()
     }
 
     fn processor_cycle(&mut self, ctx: &mut Context) {

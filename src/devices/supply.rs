@@ -3,7 +3,7 @@
 
 use super::records::{BoardEvent, OnBoard};
 use super::{Context, Look, Power};
-use crate::memory::Header;
+use crate::memory::Face;
 use crate::memory::header;
 use crate::state;
 
@@ -23,13 +23,13 @@ state!(Supply { values: is_powered, is_fed, is_up, is_used, seen });
 
 impl Supply {
     /// On, and the device not started yet.
-    pub(super) fn new(header: &Header) -> Self {
+    pub(super) fn new(face: &Face) -> Self {
         Supply {
             is_powered: true,
             is_fed: true,
             is_up: false,
             is_used: false,
-            seen: header.program.power.load(),
+            seen: face.asked().program.power.load(),
         }
     }
 
@@ -43,28 +43,28 @@ impl Supply {
     }
 
     /// The supply behind the switch drops, or is back.
-    pub(super) fn feed(&mut self, header: &Header, is_fed: bool) -> Look {
+    pub(super) fn feed(&mut self, face: &Face, is_fed: bool) -> Look {
         self.is_fed = is_fed;
-        self.look(header)
+        self.look(face)
     }
 
     /// Whether a client has turned the switch since the last look.
     #[inline]
-    pub(super) fn has_changed(&self, header: &Header) -> bool {
-        header.program.power.load() != self.seen
+    pub(super) fn has_changed(&self, face: &Face) -> bool {
+        face.asked().program.power.load() != self.seen
     }
 
     /// Switches it, as if a client had turned the switch.
-    pub(super) fn set(&mut self, header: &Header, power: Power) -> Look {
+    pub(super) fn set(&mut self, face: &Face, power: Power) -> Look {
         let on = matches!(power, Power::On | Power::ReleaseReset);
         self.seen = if on { header::Power::On } else { header::Power::Off }.code();
-        header.program.power.store(self.seen);
+        face.put(|page| &page.program.power, self.seen);
         self.switch(on)
     }
 
     /// One look at the switch.
-    pub(super) fn look(&mut self, header: &Header) -> Look {
-        self.seen = header.program.power.load();
+    pub(super) fn look(&mut self, face: &Face) -> Look {
+        self.seen = face.asked().program.power.load();
         self.switch(self.seen != header::Power::Off.code())
     }
 
@@ -77,9 +77,9 @@ impl Supply {
     }
 
     /// The device starts; from the second time on that is an event.
-    pub(super) fn start(&mut self, ctx: &mut Context, header: &Header) {
+    pub(super) fn start(&mut self, ctx: &mut Context, face: &Face) {
         self.is_up = true;
-        header.program.restarts.increment();
+        face.program.restarts.increment();
         if core::mem::replace(&mut self.is_used, true) {
             ctx.report(OnBoard { plc: ctx.origin.plc, what: BoardEvent::Up { dip: 0 } });
         }

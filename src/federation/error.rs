@@ -9,6 +9,11 @@ pub enum FederationError {
     /// The way to the others is broken, or never was one.
     #[error("{0}")]
     Exchange(String),
+    /// It was not started as an emulator that shares its plant.
+    #[error(
+        "the emulator was started with a plant of its own: set Options::is_federate, so that boards are asked on all hosts alike"
+    )]
+    Unprepared,
     /// Another one is not heard any more.
     #[error(
         "federate {who} has not been heard of for {} s: it has not been started or has died, its host is gone, or nobody \

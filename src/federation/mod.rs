@@ -171,7 +171,7 @@ impl Federation {
     /// In this federate's turn: the boards answer what programs here have asked them by the header page; tells whether there was
     /// anything.
     pub fn look_at_boards(&mut self, plant: &mut Plant) -> bool {
-        if !plant.is_asked() {
+        if !plant.has_untold() {
             return false;
         }
         self.gather(plant);
@@ -289,7 +289,10 @@ impl Federation {
         if hello.count != count {
             return Err(FederationError::OtherCount { who, theirs: hello.count, ours: count });
         }
-        plant.is_like(&hello.plant).map_err(|why| FederationError::OtherPlant { who, why: in_words(why) })?;
+        let own = usize::from(self.part.own);
+        let Some(Some(ours)) = self.hellos.get(own) else { return Err(FederationError::Nonsense { who }) };
+        let is_like = plant.is_like(&ours.plant, &hello.plant);
+        is_like.map_err(|why| FederationError::OtherPlant { who, why: in_words(why) })?;
         match self.hellos.get_mut(usize::from(who)) {
             Some(place @ None) => *place = Some(hello),
             _ => return Err(FederationError::Nonsense { who }),
@@ -301,15 +304,23 @@ impl Federation {
         Ok(())
     }
 
-    /// What programs have stored since the last look belongs to the turn to come.
+    /// In this federate's turn: what programs have stored since the last look belongs to it.
     fn gather(&mut self, plant: &Plant) {
+        // A program that asks a board has stored before what belongs to it, so that is looked for behind it and told ahead of it.
+        let asked = plant.tell_boards();
+        self.gather_registers(plant);
+        self.inputs.extend(asked.into_iter().map(Input::Stored));
+    }
+
+    /// What programs have stored into registers meanwhile belongs to the turn to come.
+    fn gather_registers(&mut self, plant: &Plant) {
         self.inputs.extend(self.outside.stored(plant).into_iter().map(Input::Stored));
     }
 
     /// What enters elsewhere enters here.
     fn take_in(&mut self, host: &mut dyn Host, turn: Turn) -> Result<(), FederationError> {
         let who = self.turn;
-        self.gather(host.plant());
+        self.gather_registers(host.plant());
         for input in turn.inputs {
             match input {
                 Input::Op(bytes) => {

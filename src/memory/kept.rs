@@ -140,27 +140,6 @@ impl Header {
         self.events.iter().chain(&self.triggers).chain(&self.timers).map(|slot| &slot.time_us)
     }
 
-    /// What programs ask of the boards, and what stands beside it: what is kept but for the number of requests.
-    #[cfg(feature = "channel")]
-    fn asked(&self) -> impl Iterator<Item = &Cell32> {
-        self.kept().filter(|cell| !core::ptr::eq(*cell, &raw const self.board_requests))
-    }
-
-    /// The values of that.
-    #[cfg(feature = "channel")]
-    pub(crate) fn copy_asked(&self) -> Vec<u32> {
-        self.asked().map(Cell32::load).collect()
-    }
-
-    /// Stores one of them, as a program that asks; one that is not there is left out.
-    #[cfg(feature = "channel")]
-    pub(crate) fn store_asked(&self, index: usize, value: u32) {
-        if let Some(cell) = self.asked().nth(index) {
-            cell.store(value);
-            self.board_requests.increment();
-        }
-    }
-
     /// Saves what of the page belongs to the plant.
     pub(crate) fn save(&self, to: &mut Saving) {
         self.kept().for_each(|cell| to.value(&cell.load()));

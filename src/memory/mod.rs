@@ -9,6 +9,8 @@
     expect(dead_code, reason = "only the emulator looks at several words at a time")
 )]
 mod access;
+#[cfg(feature = "channel")]
+mod asked;
 mod attach;
 pub mod bell;
 pub mod cell;
@@ -17,6 +19,8 @@ pub mod contract;
 mod copied;
 pub(crate) mod directory;
 mod error;
+#[cfg(feature = "emulator")]
+mod face;
 mod file;
 mod guard;
 pub mod header;
@@ -47,6 +51,8 @@ pub use cell::{Cell8, Cell16, Cell32, Cell64, SharedRegs};
 #[cfg(feature = "channel")]
 pub(crate) use copied::{RegisterCopy, StoredBytes};
 pub use error::MemoryError;
+#[cfg(feature = "emulator")]
+pub use face::Face;
 #[cfg(feature = "channel")]
 pub(crate) use guard::channel_has_gaps;
 pub use guard::{end_on_shortened_files, survive_shortened_files};

@@ -14,6 +14,8 @@
 //! 4. The first [`HEADER_SIZE`] bytes are the header page and cannot be reached by raw accesses, but for the words of the device's
 //!    front, [`Header::front`].
 
+#[cfg(feature = "emulator")]
+use super::Face;
 use super::header::FRONT;
 use super::{
     Cell8, Cell16, Cell32, Cell64, HEADER_SIZE, Header, MemoryError, View, Width, access::Value,
@@ -61,7 +63,10 @@ impl Backing {
 /// Segment 3 of one PLC. Cloning gives another handle on the same memory.
 #[derive(Clone)]
 pub struct Segment {
-    backing: Arc<Backing>,
+    pub(super) backing: Arc<Backing>,
+    /// A header page apart, in which firmware reads what it is asked; usually it reads that in the page that programs write.
+    #[cfg(feature = "emulator")]
+    pub(super) asked: Option<Arc<Backing>>,
 }
 
 impl Segment {
@@ -83,7 +88,7 @@ impl Segment {
         let size = size.max(HEADER_SIZE).next_multiple_of(4);
         let map = MmapOptions::new().len(size).map_anon().ok();
         match map.and_then(|map| Backing::new(MmapRaw::from(map), size, true)) {
-            Some(backing) => Self { backing: Arc::new(backing) },
+            Some(backing) => Self::from_backing(Arc::new(backing)),
             None => std::alloc::handle_alloc_error(std::alloc::Layout::new::<Header>()),
         }
     }
@@ -91,7 +96,7 @@ impl Segment {
     /// The segment in the first `size` bytes of a mapped file; `None` if the map is shorter, or that is less than the
     /// header page.
     pub(super) fn mapped(map: MmapRaw, size: usize, writable: bool) -> Option<Segment> {
-        Some(Self { backing: Arc::new(Backing::new(map, size, writable)?) })
+        Some(Self::from_backing(Arc::new(Backing::new(map, size, writable)?)))
     }
 
     /// Its length in bytes.
@@ -108,7 +113,11 @@ impl Segment {
     }
 
     pub(super) fn from_backing(backing: Arc<Backing>) -> Segment {
-        Self { backing }
+        Self {
+            backing,
+            #[cfg(feature = "emulator")]
+            asked: None,
+        }
     }
 
     /// Whether registers can be written through this handle.
@@ -136,6 +145,28 @@ impl Segment {
     pub fn header(&self) -> Result<View<Header>, MemoryError> {
         self.need_writable(0)?;
         View::new(Arc::clone(&self.backing), 0)
+    }
+
+    /// The header page for firmware.
+    ///
+    /// # Errors
+    /// The segment is read-only.
+    #[cfg(feature = "emulator")]
+    pub fn face(&self) -> Result<Face, MemoryError> {
+        let shown = self.header()?;
+        let asked = match &self.asked {
+            Some(page) => View::new(Arc::clone(page), 0)?,
+            None => shown.clone(),
+        };
+        Ok(Face::new(shown, asked))
+    }
+
+    /// The same memory for firmware that reads what it is asked in a page of its own, in which nothing is asked yet.
+    #[cfg(feature = "emulator")]
+    #[must_use]
+    pub(crate) fn asked_apart(self) -> Segment {
+        let page = Segment::heap(HEADER_SIZE);
+        Segment { asked: Some(page.backing), ..self }
     }
 
     /// The beginning of the header page in words of 64 bits, for comparing it as a whole.

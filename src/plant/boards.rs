@@ -5,7 +5,7 @@ use crate::devices::records::{BoardEvent, OnBoard};
 use crate::devices::{Context, Events, Look, Power};
 use crate::journal::Origin;
 use crate::layout::{FrontWord, Owner};
-use crate::memory::header::{BoardSetting, SeatState};
+use crate::memory::header::{BoardSetting, FRONT, SeatState};
 
 impl Plant {
     /// Answers what clients ask of the boards at the present time: requests and switches in the header pages. Tells
@@ -24,12 +24,6 @@ impl Plant {
             self.leave();
         }
         changed
-    }
-
-    /// From now on boards answer only in [`Plant::look_at_boards`]: of what clients ask while time passes, nobody else would know
-    /// the moment.
-    pub(crate) fn let_boards_wait(&mut self) {
-        self.boards_wait = true;
     }
 
     /// Whether somebody has asked the board of a device for something, or turned a switch.
@@ -91,8 +85,10 @@ impl Plant {
         let is_it =
             |word: &&FrontWord| word.index() == index && word.owner == Owner::Plc && word.takes(value);
         let word = device.layout().front.iter().find(is_it);
-        let cell = word.and_then(|word| device.header().front.get(word.index()));
-        cell.map(|cell| cell.store(value)).is_some()
+        let index = word.map(FrontWord::index).filter(|index| *index < FRONT);
+        // Firmware has such a face, so there is one.
+        let face = device.segment().face().ok();
+        index.zip(face).map(|(index, face)| face.put(|page| &page.front[index], value)).is_some()
     }
 
     /// Notes what became of a task in lockstep.

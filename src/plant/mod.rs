@@ -63,8 +63,6 @@ pub struct Plant {
     is_seen: bool,
     /// Whether a watched event is to stop [`Plant::advance_until`].
     watching: bool,
-    /// Boards answer only when they are told to ([`Plant::look_at_boards`]), not in processor cycles.
-    boards_wait: bool,
     devices: Vec<Box<dyn Device>>,
     /// Those of the plant file; behind them where ports are that none is plugged in at.
     media: Vec<Box<dyn Medium>>,
@@ -136,7 +134,6 @@ impl Plant {
             has_looked: false,
             is_seen: false,
             watching: false,
-            boards_wait: false,
             devices,
             media,
             named_media,
@@ -311,9 +308,7 @@ impl Plant {
     }
 
     fn run_cycle(&mut self) {
-        if !self.boards_wait {
-            self.look_at_requests();
-        }
+        self.look_at_requests();
         self.forces.apply(&self.devices);
         if !self.faults.is_empty() {
             self.strike();

@@ -7,13 +7,13 @@ use crate::memory::{RegisterCopy, StoredBytes};
 use core::ops::Range;
 use serde::{Deserialize, Serialize};
 
-/// What stood in the registers and on the boards of all devices when they were looked at last.
+/// What stood in the registers of all devices when they were looked at last. What boards were asked needs no copy: their firmware
+/// reads it in pages of its own.
 pub(crate) struct Outside(Vec<Seen>);
 
 struct Seen {
     ranges: Vec<Range<usize>>,
     registers: RegisterCopy,
-    asked: Vec<u32>,
 }
 
 /// A store by somebody outside.
@@ -26,7 +26,7 @@ pub(crate) struct Stored {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 enum What {
     Registers(StoredBytes),
-    /// To the header page: which of the cells by which boards are asked, and the value.
+    /// To the header page: which of the cells that programs write there, and the value.
     Board(u16, u32),
 }
 
@@ -34,21 +34,7 @@ impl Seen {
     fn of(device: &dyn Device) -> Self {
         let ranges = registers_of(device);
         let registers = device.segment().copy_registers(&ranges);
-        Seen { ranges, registers, asked: device.header().copy_asked() }
-    }
-
-    fn stored(&mut self, device: &dyn Device) -> impl Iterator<Item = What> {
-        let registers = device.segment().stored_since(&self.ranges, &mut self.registers);
-        let before = core::mem::replace(&mut self.asked, device.header().copy_asked());
-        let asked = (0..).zip(before.into_iter().zip(self.asked.clone()));
-        let asked = asked.filter(|(_, (before, now))| before != now);
-        let registers = registers.into_iter().map(What::Registers);
-        registers.chain(asked.map(|(index, (_, now))| What::Board(index, now)))
-    }
-
-    fn renew(&mut self, device: &dyn Device) {
-        device.segment().renew_copy(&self.ranges, &mut self.registers);
-        self.asked = device.header().copy_asked();
+        Seen { ranges, registers }
     }
 }
 
@@ -58,28 +44,45 @@ impl Outside {
         Outside(plant.devices().iter().map(|device| Seen::of(&**device)).collect())
     }
 
-    /// What differs from the last look.
+    /// Which registers differ from the last look.
     pub(crate) fn stored(&mut self, plant: &Plant) -> Vec<Stored> {
         let devices = (0..).zip(plant.devices().iter().zip(&mut self.0));
-        let stored = devices
-            .flat_map(|(plc, (device, seen))| seen.stored(&**device).map(move |what| Stored { plc, what }));
+        let stored = devices.flat_map(|(plc, (device, seen))| {
+            let stored = device.segment().stored_since(&seen.ranges, &mut seen.registers);
+            stored.into_iter().map(move |bytes| Stored { plc, what: What::Registers(bytes) })
+        });
         stored.collect()
     }
 
-    /// What stands there now is no news.
+    /// What stands in the registers now is no news.
     pub(crate) fn renew(&mut self, plant: &Plant) {
         let devices = plant.devices().iter().zip(&mut self.0);
-        devices.for_each(|(device, seen)| seen.renew(&**device));
+        devices.for_each(|(device, seen)| device.segment().renew_copy(&seen.ranges, &mut seen.registers));
     }
 }
 
 impl Plant {
+    /// Whether programs have asked a board for something that its firmware was not told, or the boards have something to look at.
+    pub(crate) fn has_untold(&self) -> bool {
+        let is_asked = |device: &dyn Device| device.segment().is_asked(device.layout().front);
+        self.is_asked() || self.devices().iter().any(|device| is_asked(&**device))
+    }
+
+    /// Tells the firmware what programs have asked of the boards by the header page.
+    pub(crate) fn tell_boards(&self) -> Vec<Stored> {
+        let told = (0..).zip(self.devices().iter()).flat_map(|(plc, device)| {
+            let told = device.segment().tell_asked(device.layout().front);
+            told.into_iter().map(move |(index, value)| Stored { plc, what: What::Board(index, value) })
+        });
+        told.collect()
+    }
+
     /// Stores what a program has stored into the image of another plant like this one, as a program here would.
     pub(crate) fn store_as_outside(&self, stored: &Stored) {
         let Some(device) = self.devices().get(usize::from(stored.plc)) else { return };
         match stored.what {
             What::Registers(bytes) => device.segment().store_bytes(&bytes),
-            What::Board(index, value) => device.header().store_asked(index.into(), value),
+            What::Board(index, value) => device.segment().store_asked(device.layout().front, index, value),
         }
     }
 }

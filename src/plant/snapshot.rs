@@ -189,16 +189,15 @@ impl Plant {
         to.into_bytes()
     }
 
-    /// Whether another plant consists of the same, and stands where this one does.
+    /// Whether another plant, of which [`Plant::likeness`] has told `theirs`, consists of the same, and stood then where this one
+    /// stood when it told `ours`.
     ///
     /// # Errors
     /// What is otherwise.
     #[cfg(feature = "channel")]
-    pub(crate) fn is_like(&self, likeness: &[u8]) -> Result<(), SnapshotError> {
-        let mut from = Saved::new(likeness);
-        let theirs = Snapshot::of_saved(&mut from)?;
-        self.fits(&theirs)?;
-        if self.likeness() == likeness { Ok(()) } else { Err(SnapshotError::OtherState) }
+    pub(crate) fn is_like(&self, ours: &[u8], theirs: &[u8]) -> Result<(), SnapshotError> {
+        self.fits(&Snapshot::of_saved(&mut Saved::new(theirs))?)?;
+        if ours == theirs { Ok(()) } else { Err(SnapshotError::OtherState) }
     }
 
     fn take_over(&mut self, snapshot: &Snapshot, goes_back: bool) -> Result<(), SnapshotError> {
@@ -273,7 +272,6 @@ impl Plant {
             is_seen: _,
             // Somebody outside waits for an event.
             watching: _,
-            boards_wait: _,
             devices,
             media,
             named_media: _,
@@ -316,6 +314,8 @@ impl Plant {
         for device in &self.devices {
             device.segment().restore_registers(&registers_of(&**device), from)?;
             device.header().restore(from)?;
+            #[cfg(feature = "channel")]
+            device.segment().ask_as_written(device.layout().front);
             device.show_time(self.now);
         }
         self.devices.restore(from)?;

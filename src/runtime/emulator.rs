@@ -52,6 +52,8 @@ pub struct Options {
     pub busy: bool,
     /// Directory that keeps the NOVRAM of the PLCs; none: it is forgotten at the end.
     pub novram: Option<PathBuf>,
+    /// It will share its plant with others, by [`Emulator::join`].
+    pub is_federate: bool,
 }
 
 /// Why an emulator cannot run.
@@ -204,6 +206,7 @@ impl Emulator {
             };
             let image = Image::create(&options.instance, plc, &spec)?;
             let segment = image.segment().clone();
+            let segment = if options.is_federate { segment.asked_apart() } else { segment };
             images.push(image);
             if let (Some(path), Some(of)) = (&options.novram, config.device(plc)) {
                 // After the first image: who starts an instance twice is told so, not that the directory is in use.

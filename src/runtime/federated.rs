@@ -70,14 +70,17 @@ impl Witness for Federation {
 }
 
 impl Emulator {
-    /// Shares the plant with other emulators from now on. The clock must be stepped, and nothing may have happened yet.
+    /// Shares the plant with other emulators from now on. The clock must be stepped, [`Options::is_federate`]
+    /// set, and nothing may have happened yet.
     ///
     /// # Errors
-    /// The others cannot be told.
+    /// The emulator is not one that shares its plant, or the others cannot be told.
     pub fn join(&mut self, part: Part, exchange: Box<dyn Exchange>) -> Result<(), RuntimeError> {
+        if !self.options.is_federate {
+            return Err(FederationError::Unprepared.into());
+        }
         // Nobody goes back alone.
         self.travel = Travel::new(0);
-        self.plant.let_boards_wait();
         self.membership.federation = Some(Federation::join(part, &self.plant, exchange)?);
         Ok(())
     }

@@ -23,16 +23,20 @@ thread_local! {
 pub(super) fn carrier(config: &PlantConfig) -> Result<Box<dyn Carrier>, ScenarioError> {
     match FEDERATES.get() {
         (1, _) => Ok(Box::new(Local::new(config)?)),
-        (count, own) => Ok(Box::new(Federated::new(config, count, own)?)),
+        (count, own) => Ok(Box::new(Federated::new(config, count, own, |_, _| Box::new(|| {}))?)),
     }
 }
 
 /// What was sent to each federate and was not received yet.
 type Letters = Arc<Mutex<Vec<VecDeque<(u8, Vec<u8>)>>>>;
 
+/// What a program of this host does while time passes there, or while somebody else has his turn.
+type Program = Box<dyn FnMut() + Send>;
+
 struct ByMemory {
     own: usize,
     letters: Letters,
+    program: Program,
 }
 
 impl Exchange for ByMemory {
@@ -42,10 +46,12 @@ impl Exchange for ByMemory {
                 letters.push_back((self.own as u8, message.to_vec()));
             }
         }
+        (self.program)();
         Ok(())
     }
 
     fn receive(&mut self) -> Result<Option<(u8, Vec<u8>)>, String> {
+        (self.program)();
         Ok(self.letters.lock().unwrap()[self.own].pop_front())
     }
 
@@ -76,6 +82,7 @@ impl Federate {
         let watched = self.nobody_watches();
         let Federate { plant, federation, .. } = self;
         let federation = federation.as_mut().unwrap();
+        federation.look_at_boards(plant);
         federation.end_turn(plant, target, target.unwrap_or(u64::MAX), watched).unwrap();
     }
 }
@@ -149,11 +156,22 @@ struct Federated {
 }
 
 impl Federated {
-    fn new(config: &PlantConfig, count: u8, own: u8) -> Result<Self, ScenarioError> {
+    /// As many federates as that, the scenario at federate `own`, and at each of them this program.
+    fn new(
+        config: &PlantConfig,
+        count: u8,
+        own: u8,
+        program: impl Fn(u8, &Plant) -> Program,
+    ) -> Result<Self, ScenarioError> {
         let letters: Letters = Arc::new(Mutex::new(vec![VecDeque::new(); count.into()]));
         let federate = |number: u8| {
-            let plant = Plant::new(config, |_, device| Ok::<_, ScenarioError>(Segment::of(device)))?;
-            let exchange = ByMemory { own: number.into(), letters: Arc::clone(&letters) };
+            let plant =
+                Plant::new(config, |_, device| Ok::<_, ScenarioError>(Segment::of(device).asked_apart()))?;
+            let exchange = ByMemory {
+                own: number.into(),
+                letters: Arc::clone(&letters),
+                program: program(number, &plant),
+            };
             let limit = Duration::from_secs(60);
             let part = Part { own: number, count, follows: number != own, limit, exchange_us: None };
             let federation = Federation::join(part, &plant, Box::new(exchange)).unwrap();
@@ -210,6 +228,45 @@ mod tests {
         let report = run_file(&file, None, Limits::default(), |_| {});
         FEDERATES.set((1, 0));
         report.journal_hash
+    }
+
+    /// A program at federate `number` that asks the board of PLC 0 for an event again and again, whenever it has an answer, and is
+    /// never in its turn; it counts the answers, and notes what became of them.
+    fn asks(number: u8, plant: &Plant, answers: &Arc<Mutex<Vec<u32>>>) -> Program {
+        let image = plant.devices()[0].segment().clone();
+        let event = [5, 12][usize::from(number)];
+        let (answers, mut pending) = (Arc::clone(answers), None);
+        Box::new(move || {
+            let header = image.header().unwrap();
+            let slot = &header.interrupts[event];
+            match pending.and_then(|request| slot.outcome(request)) {
+                Some(outcome) => answers.lock().unwrap().push(outcome),
+                None if pending.is_some() => return,
+                None => {}
+            }
+            let is_set = answers.lock().unwrap().len().is_multiple_of(2);
+            pending = Some(slot.ask(0, is_set));
+            header.submit_request();
+        })
+    }
+
+    /// A board's answer comes at the same time everywhere, and none is lost, whenever a program has asked.
+    #[test]
+    fn boards_are_asked_at_any_time() {
+        let answers = [(); 2].map(|()| Arc::new(Mutex::new(Vec::new())));
+        let program = |number: u8, plant: &Plant| asks(number, plant, &answers[usize::from(number)]);
+        let mut carrier = Federated::new(&PlantConfig::built_in().unwrap(), 2, 0, program).unwrap();
+        for _ in 0..20 {
+            carrier.ask(Op::Advance { us: 3_700 }).unwrap();
+        }
+        carrier.others();
+        let [one, other] = [0, 1].map(|number| carrier.all[number].plant.journal());
+        assert_eq!(one.hash(), other.hash());
+        for (answers, event) in answers.iter().zip([5, 12]) {
+            let answers = answers.lock().unwrap();
+            assert!(answers.len() >= 10, "event {event}: {answers:?}");
+            assert!(answers.iter().all(|outcome| *outcome == 0), "event {event}: {answers:?}");
+        }
     }
 
     /// A round of each exercise, with faults or with stores to any register as well.

@@ -6,7 +6,7 @@ use crate::devices::records::{BoardEvent, OnBoard};
 use crate::devices::supply::Supply;
 use crate::devices::{Context, Look, Power};
 use crate::memory::header::{InterruptResult, ProgramState, Start};
-use crate::memory::{Header, View};
+use crate::memory::{Face, Header};
 use crate::state;
 use serde::{Deserialize, Serialize};
 
@@ -15,7 +15,7 @@ const SYNC_EVENT: usize = 11;
 
 /// Supply, program and events.
 pub(super) struct Front {
-    header: View<Header>,
+    pub(super) face: Face,
     pub events: Events,
     supply: Supply,
     /// Cells that clients write, as last seen.
@@ -30,17 +30,17 @@ struct Seen {
 
 impl Seen {
     #[inline]
-    fn now(header: &Header) -> Self {
-        Seen { requests: header.board_requests.load(), program: header.program.state.load() }
+    fn now(asked: &Header) -> Self {
+        Seen { requests: asked.board_requests.load(), program: asked.program.state.load() }
     }
 }
 
-state!(Front { values: seen; parts: events, supply; built: header });
+state!(Front { values: seen; parts: events, supply; built: face });
 
 impl Front {
-    pub(crate) fn new(header: View<Header>) -> Self {
-        let (supply, seen) = (Supply::new(&header), Seen::now(&header));
-        Front { header, events: Events::default(), supply, seen }
+    pub(crate) fn new(face: Face) -> Self {
+        let (supply, seen) = (Supply::new(&face), Seen::now(face.asked()));
+        Front { face, events: Events::default(), supply, seen }
     }
 
     pub(crate) fn is_up(&self) -> bool {
@@ -49,14 +49,14 @@ impl Front {
 
     #[inline]
     pub(crate) fn has_changed(&self) -> bool {
-        self.supply.has_changed(&self.header) || Seen::now(&self.header) != self.seen
+        self.supply.has_changed(&self.face) || Seen::now(self.face.asked()) != self.seen
     }
 
     /// Power-on.
     pub(crate) fn start(&mut self, ctx: &mut Context) {
         self.events.disable_all();
-        self.header.interrupts.iter().for_each(|interrupt| interrupt.clear());
-        self.supply.start(ctx, &self.header);
+        self.face.clear_interrupts();
+        self.supply.start(ctx, &self.face);
     }
 
     /// Power-off.
@@ -66,7 +66,7 @@ impl Front {
     }
 
     pub(crate) fn set_power(&mut self, power: Power) -> Look {
-        self.supply.set(&self.header, power)
+        self.supply.set(&self.face, power)
     }
 
     /// One look at switches and requests.
@@ -74,9 +74,9 @@ impl Front {
         if !self.has_changed() {
             return Look::Nothing;
         }
-        let seen = Seen::now(&self.header);
+        let seen = Seen::now(self.face.asked());
         let before = core::mem::replace(&mut self.seen, seen);
-        let look = self.supply.look(&self.header);
+        let look = self.supply.look(&self.face);
         if look != Look::Nothing || !self.is_up() {
             return look;
         }
@@ -87,18 +87,17 @@ impl Front {
         }
         if seen.requests != before.requests {
             self.look_at_start_request(ctx);
-            self.events.answer(ctx, &self.header, set);
+            self.events.answer(ctx, &self.face, set);
         }
         Look::Answered
     }
 
     fn look_at_start_request(&mut self, ctx: &mut Context) {
-        let request = &self.header.program.start_request;
-        let code = request.load();
-        if code == Start::None.code() || request.compare_exchange(code, Start::None.code()).is_err() {
+        let code = self.face.asked().program.start_request.load();
+        if code == Start::None.code() || !self.face.take(|page| &page.program.start_request, code) {
             return;
         }
-        let has_program = self.header.program.state.load() != ProgramState::None.code();
+        let has_program = self.face.asked().program.state.load() != ProgramState::None.code();
         match Start::from_code(code) {
             Some(kind) if has_program => self.order(ctx, kind),
             _ => {
@@ -110,15 +109,15 @@ impl Front {
 
     fn order(&mut self, ctx: &mut Context, kind: Start) {
         self.events.held = kind == Start::Stop;
-        self.header.program.start_kind.store(kind.code());
-        self.header.program.start.ring();
+        self.face.program.start_kind.store(kind.code());
+        self.face.program.start.ring();
         ctx.report(OnBoard { plc: ctx.origin.plc, what: BoardEvent::Start { kind } });
     }
 
     /// An edge of the SYNC signal at the module that raises the event.
     #[inline]
     pub(crate) fn sync(&mut self, now: u64) {
-        self.events.fire(&self.header, SYNC_EVENT, now);
+        self.events.fire(&self.face, SYNC_EVENT, now);
     }
 }
 

@@ -70,7 +70,6 @@ pub struct Bm4Plc {
     index: u16,
     name: String,
     segment: Segment,
-    header: View<Header>,
     front: Front,
     modules: Vec<Module>,
     /// Number of the port whose SYNC signal is event 11.
@@ -81,7 +80,7 @@ pub struct Bm4Plc {
 
 state!(Bm4Plc {
     parts: front, modules;
-    built: index, name, segment, header, sync_source, sync_ways
+    built: index, name, segment, sync_source, sync_ways
 });
 
 impl Bm4Plc {
@@ -92,11 +91,11 @@ impl Bm4Plc {
         segment: Segment,
     ) -> Result<(Self, Vec<Plug>), BuildError> {
         let index = index as u16;
-        let header = segment.header()?;
+        let face = segment.face()?;
         let mut modules = Vec::with_capacity(config.modules.len());
         for module in &config.modules {
             let module = Module::new(module, &segment)?;
-            header.ports[module.place()].dip.store(module.dip.into());
+            face.put(|page| &page.ports[module.place()].dip, module.dip.into());
             modules.push(module);
         }
         let plug = |module: &ModuleConfig| {
@@ -126,8 +125,7 @@ impl Bm4Plc {
         let device = Bm4Plc {
             index,
             name: config.name.clone(),
-            front: Front::new(header.clone()),
-            header,
+            front: Front::new(face),
             modules,
             sync_source: config.sync_source.map(|port| port.number),
             sync_ways: config.modules.iter().filter_map(way).collect(),
@@ -142,7 +140,7 @@ impl Bm4Plc {
 
     fn show_leds(&self, now: u64) {
         for module in &self.modules {
-            self.header.ports[module.place()].leds.store(module.leds(now).code());
+            self.front.face.ports[module.place()].leds.store(module.leds(now).code());
         }
     }
 }
@@ -161,7 +159,7 @@ impl Device for Bm4Plc {
     }
 
     fn header(&self) -> &Header {
-        &self.header
+        &self.front.face
     }
 
     fn fitted(&self) -> Fitted {
@@ -180,15 +178,14 @@ impl Device for Bm4Plc {
     /// DIP switches and LEDs are the modules'; a program and a switch for it are not described (decision D-366).
     fn turn(&self, setting: BoardSetting) -> bool {
         match setting {
-            BoardSetting::Power(power) => self.header.program.power.store(power.code()),
+            BoardSetting::Power(power) => self.front.face.put(|page| &page.program.power, power.code()),
             BoardSetting::Start(start) => {
-                self.header.program.start_request.store(start.code());
-                self.header.board_requests.increment();
+                self.front.face.ask(|page| &page.program.start_request, start.code());
             }
             BoardSetting::ModuleDip { port, dip } => {
                 let slave = |module: &&Module| module.number == port && module.kind == ModuleKind::Can05;
                 let Some(module) = self.modules.iter().find(slave) else { return false };
-                self.header.ports[module.place()].dip.store(dip.into());
+                self.front.face.put(|page| &page.ports[module.place()].dip, dip.into());
             }
             BoardSetting::Reset | BoardSetting::PowerCycle => {}
             _ => return false,
@@ -212,7 +209,7 @@ impl Device for Bm4Plc {
     fn start(&mut self, ctx: &mut Context) {
         self.front.start(ctx);
         for module in &mut self.modules {
-            let dip = self.header.ports[module.place()].dip.load();
+            let dip = self.front.face.asked().ports[module.place()].dip.load();
             module.dip = (dip & u32::from(DIP_LAST)) as u8;
             module.edge = None;
         }
@@ -222,7 +219,7 @@ impl Device for Bm4Plc {
     fn stop(&mut self, ctx: &mut Context) {
         self.front.stop(ctx);
         for module in &self.modules {
-            self.header.ports[module.place()].leds.store(0);
+            self.front.face.ports[module.place()].leds.store(0);
         }
     }
 
@@ -275,7 +272,7 @@ impl Device for Bm4Plc {
     /// LEDs follow what the modules' firmware shows after the device has looked.
     fn rests(&self) -> bool {
         let is_shown = |module: &Module| {
-            let shown = self.header.ports[module.place()].leds.load();
+            let shown = self.front.face.ports[module.place()].leds.load();
             module.edge.is_none() && (!self.front.is_up() || shown == module.leds(0).code())
         };
         !self.front.has_changed() && self.modules.iter().all(is_shown)
@@ -290,7 +287,7 @@ impl Device for Bm4Plc {
     }
 
     fn named(&self, offset: u32, bytes: u32) {
-        note_restarts(&self.segment, &self.header, DEVICE.ports.iter().map(seat), offset, bytes);
+        note_restarts(&self.segment, &self.front.face, DEVICE.ports.iter().map(seat), offset, bytes);
     }
 }
 

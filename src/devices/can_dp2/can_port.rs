@@ -40,7 +40,7 @@ impl CanSide {
                 gateway.lost_frame();
             }
         }
-        self.registers.front(FRONT_LED_C).store(match gateway.bus() {
+        self.registers.shown(FRONT_LED_C).store(match gateway.bus() {
             bus_state::WARN => led_c::WARNING,
             bus_state::ERROR_PASSIVE => led_c::ERROR,
             bus_state::BUS_OFF => led_c::OFF,
@@ -78,7 +78,7 @@ impl CanPort for CanSide {
 
     fn power_off(&mut self) {
         lock(&self.gateway).power_off();
-        self.registers.front(FRONT_LED_C).store(0);
+        self.registers.shown(FRONT_LED_C).store(0);
     }
 
     fn look(&mut self, ctx: &mut Context, controller: &mut Controller) {

@@ -107,7 +107,7 @@ impl DeviceConfig for CanDp2Config {
             let medium = self.medium(port).map(str::to_owned);
             plugs.push(Plug { number: port.number, family: port.medium, medium, socket });
         }
-        segment.header()?.front[FRONT_SWITCHES].store(self.switches.into());
+        segment.face()?.put(|page| &page.front[FRONT_SWITCHES], self.switches.into());
         let stored = Stored::new(&segment)?;
         Ok((Box::new(Plain::new(index, &self.name, &DEVICE, segment, stored)?), plugs))
     }

@@ -55,9 +55,9 @@ impl DpPort {
         }
         let state = slave.state();
         let is_exchanging = state == dp_state::DATA_EXCHANGE;
-        self.registers.front(FRONT_LED_D).store(if is_exchanging { led_d::ON } else { led_d::DARK });
+        self.registers.shown(FRONT_LED_D).store(if is_exchanging { led_d::ON } else { led_d::DARK });
         // Codes 1 to 4 are the states in their order (p. 15).
-        self.registers.front(FRONT_LED_E).store(if is_exchanging { led_e::DARK } else { state.into() });
+        self.registers.shown(FRONT_LED_E).store(if is_exchanging { led_e::DARK } else { state.into() });
         done
     }
 }
@@ -70,13 +70,13 @@ fn find(ctx: &mut Context, rule: &'static Rule, offset: u32, value: u32) {
 
 impl ProfibusPort for DpPort {
     fn power_on(&mut self, ctx: &mut Context, _: &mut Station) {
-        let switches = self.registers.front(FRONT_SWITCHES).load();
+        let switches = self.registers.turned(FRONT_SWITCHES);
         let address = switches.clamp(FIRST_ADDRESS, LAST_ADDRESS);
         if let (true, Some(front)) = (address != switches, DEVICE.front_area) {
             find(ctx, &rules::SWITCHES, front.first + 4 * FRONT_SWITCHES as u32, switches);
         }
-        self.registers.front(FRONT_ADDRESS).store(address);
-        self.registers.front(FRONT_LED_P).store(led_p::ON);
+        self.registers.shown(FRONT_ADDRESS).store(address);
+        self.registers.shown(FRONT_LED_P).store(led_p::ON);
         self.slave = Some(Slave::new(address as u8));
         self.run(ctx, |_, _, _| ());
     }
@@ -85,7 +85,7 @@ impl ProfibusPort for DpPort {
         self.slave = None;
         self.registers.diag.dp_state.store(dp_state::OFF);
         for word in [FRONT_ADDRESS, FRONT_LED_D, FRONT_LED_E, FRONT_LED_P] {
-            self.registers.front(word).store(0);
+            self.registers.shown(word).store(0);
         }
     }
 

@@ -8,7 +8,7 @@ use super::registers::{
     CAN_DP2_STORED, CFG, DIAG, INPUTS, OUTPUTS, PRM, STORED,
 };
 use crate::can::Id;
-use crate::memory::{Cell8, Cell32, Header, MemoryError, Segment, View};
+use crate::memory::{Cell8, Cell32, Face, MemoryError, Segment, View};
 
 /// What the gateway's firmware finds in the image.
 pub(super) struct Registers {
@@ -19,7 +19,7 @@ pub(super) struct Registers {
     pub cfg: View<CAN_DP2_CFG>,
     inputs: View<CAN_DP2_INPUTS>,
     outputs: View<CAN_DP2_OUTPUTS>,
-    header: View<Header>,
+    face: Face,
 }
 
 /// Writes octets from the first cell on, and 0 behind them.
@@ -42,13 +42,18 @@ impl Registers {
             cfg: segment.view(CFG)?,
             inputs: segment.view(INPUTS)?,
             outputs: segment.view(OUTPUTS)?,
-            header: segment.header()?,
+            face: segment.face()?,
         })
     }
 
-    /// A word of the front.
-    pub(super) fn front(&self, word: usize) -> &Cell32 {
-        &self.header.front[word]
+    /// A word of the front that the firmware shows.
+    pub(super) fn shown(&self, word: usize) -> &Cell32 {
+        &self.face.front[word]
+    }
+
+    /// What stands in a word of the front that others turn.
+    pub(super) fn turned(&self, word: usize) -> u32 {
+        self.face.asked().front[word].load()
     }
 
     /// The first so many inputs.

@@ -246,7 +246,7 @@ impl Bench {
     }
 
     fn front(&self, word: usize) -> u32 {
-        self.registers.front(word).load()
+        self.registers.shown(word).load()
     }
 }
 

@@ -14,7 +14,7 @@ use crate::devices::canopen::guard::Guarded;
 use crate::devices::canopen::nmt::{Command, State};
 use crate::devices::canopen::records::NodeState;
 use crate::devices::canopen::sdo::Server;
-use crate::memory::{Header, MemoryError, Segment, View};
+use crate::memory::{Face, MemoryError, Segment, View};
 use crate::state;
 use embedded_can::{Frame as _, Id, StandardId};
 
@@ -39,7 +39,7 @@ const SYNC: u16 = 0x080;
 pub(super) struct Module {
     node: u8,
     registers: View<CR201X_CHANNELS>,
-    header: View<Header>,
+    face: Face,
     /// As it was written last, which it keeps without supply.
     written: Channels,
     /// What is in force.
@@ -62,7 +62,7 @@ pub(super) struct Module {
 
 state!(Module {
     values: written, channels, is_on, state, told_state, guarding, guarded, server, errors, told, waiting, outputs, out;
-    built: node, registers, header
+    built: node, registers, face
 });
 
 impl Module {
@@ -71,7 +71,7 @@ impl Module {
         Ok(Module {
             node,
             registers: segment.view(AREA)?,
-            header: segment.header()?,
+            face: segment.face()?,
             written: channels,
             channels,
             is_on: false,
@@ -152,7 +152,7 @@ impl Module {
     }
 
     fn word(&self, front: usize) -> u32 {
-        self.header.front[front].load()
+        self.face.asked().front[front].load()
     }
 
     /// Which of its connectors, bit n for connector n + 1, are so.
@@ -258,8 +258,8 @@ impl Module {
             });
             registers.a_OUTPUT[connector].store(self.driven(connector));
         }
-        self.header.front[FRONT_OUTPUTS].store(self.which(|it| self.driven(it) != 0).into());
-        self.header.front[FRONT_STATE].store(self.state.code().into());
+        self.face.front[FRONT_OUTPUTS].store(self.which(|it| self.driven(it) != 0).into());
+        self.face.front[FRONT_STATE].store(self.state.code().into());
     }
 }
 
@@ -277,7 +277,7 @@ impl CanPort for Module {
     fn power_off(&mut self) {
         (self.is_on, self.state, self.told_state) = (false, State::Initialising, State::Initialising);
         self.out.clear();
-        [FRONT_STATE, FRONT_OUTPUTS].into_iter().for_each(|word| self.header.front[word].store(0));
+        [FRONT_STATE, FRONT_OUTPUTS].into_iter().for_each(|word| self.face.front[word].store(0));
     }
 
     fn look(&mut self, ctx: &mut Context, controller: &mut Controller) {

@@ -2,8 +2,8 @@
 
 use super::port::{Firmware, Program};
 use super::records::{CommandRefused, Refused};
+use super::registers::FRONT_S1;
 use super::registers::values::{loaded, program, s1, state};
-use super::registers::{FRONT_PROGRAM, FRONT_S1};
 use crate::devices::Context;
 use crate::devices::canopen::nmt::State;
 
@@ -11,12 +11,8 @@ impl Firmware {
     /// A command, for which S1 has to stand at UNLOCK (p. 11, 13, 17).
     pub(super) fn look_at_command(&mut self, ctx: &mut Context) {
         let registers = &self.node.registers;
-        let request = registers.front(FRONT_PROGRAM);
-        let command = request.load();
-        if command == program::NOTHING || request.compare_exchange(command, program::NOTHING).is_err() {
-            return;
-        }
-        let is_locked = registers.front(FRONT_S1).load() != s1::UNLOCK;
+        let Some(command) = registers.take_command() else { return };
+        let is_locked = registers.turned(FRONT_S1) != s1::UNLOCK;
         let done = if is_locked { Err(Refused::Locked) } else { self.carry_out(ctx, command) };
         if let Err(why) = done {
             ctx.report(CommandRefused { plc: ctx.origin.plc, command: command as u8, why: why as u8 });

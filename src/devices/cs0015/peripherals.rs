@@ -54,10 +54,10 @@ impl Peripherals {
     /// The processor cycle: what others have done to the terminals since.
     pub(super) fn look(&mut self, registers: &Registers, now: u64) {
         for (signal, word) in self.fast_inputs.signals.iter_mut().zip(MHZ) {
-            signal.set(registers.front(word).load(), now);
+            signal.set(registers.turned(word), now);
         }
         for (is_backwards, word) in self.fast_inputs.is_backwards.iter_mut().zip(TURN) {
-            *is_backwards = registers.front(word).load() == turn::BACKWARDS;
+            *is_backwards = registers.turned(word) == turn::BACKWARDS;
         }
         self.serial.look(&registers.peripherals, now);
         self.findings.extend(self.watch.look(registers));
@@ -66,7 +66,7 @@ impl Peripherals {
     /// The terminals In 0 to In 15: where there is a signal, its level.
     pub(super) fn inputs(&self, registers: &Registers, now: u64) -> u16 {
         let (levels, there) = self.fast_inputs.levels(now);
-        registers.front(FRONT_INPUTS).load() as u16 & !there | levels
+        registers.turned(FRONT_INPUTS) as u16 & !there | levels
     }
 
     /// When the next of its times is due; `u64::MAX` if none is.
@@ -107,12 +107,12 @@ impl Peripherals {
         });
         characters.iter_mut().zip(places).for_each(|(to, from)| *to = from);
         for (word, four) in DISPLAY.into_iter().zip(characters.as_chunks().0) {
-            registers.front(word).store(u32::from_le_bytes(*four));
+            registers.shown(word).store(u32::from_le_bytes(*four));
         }
     }
 
     /// Without supply nothing is lit.
     pub(super) fn power_off(&self, registers: &Registers) {
-        DISPLAY.into_iter().for_each(|word| registers.front(word).store(0));
+        DISPLAY.into_iter().for_each(|word| registers.shown(word).store(0));
     }
 }

@@ -207,7 +207,7 @@ impl Firmware {
     /// Inputs and the SYNC flag, as the program finds them for a cycle.
     fn read_inputs(&mut self, now: u64) {
         let registers = &self.node.registers;
-        let front = |word| registers.front(word).load();
+        let front = |word| registers.turned(word);
         registers.inputs.I0.store(self.peripherals.inputs(registers, now));
         registers.inputs.S2.store((front(FRONT_S2) & 0xF) as u8);
         let keys = [
@@ -301,18 +301,18 @@ impl Firmware {
         let registers = &self.node.registers;
         let is = |so: bool| if so { bool::TRUE } else { bool::FALSE };
         registers.flags.COP_PREOPERATIONAL.store(is(state == State::PreOperational));
-        registers.flags.UNLOCK.store(is(registers.front(FRONT_S1).load() == s1::UNLOCK));
+        registers.flags.UNLOCK.store(is(registers.turned(FRONT_S1) == s1::UNLOCK));
         let is_driven = self.state == state::RUN && !has_error;
         let outputs = self.wanted() & !self.diagnosis.short_circuits;
-        registers.front(FRONT_OUTPUTS).store(if is_driven { outputs.into() } else { 0 });
+        registers.shown(FRONT_OUTPUTS).store(if is_driven { outputs.into() } else { 0 });
         self.peripherals.show(registers, is_driven);
-        registers.front(FRONT_STATE).store(self.state);
+        registers.shown(FRONT_STATE).store(self.state);
         registers.tell_program(match (&self.program, self.state) {
             (Program::None, _) => ProgramState::None,
             (_, state::RUN) => ProgramState::Cyclic,
             _ => ProgramState::Stopped,
         });
-        registers.front(FRONT_STAT).store(self.stat(has_error));
+        registers.shown(FRONT_STAT).store(self.stat(has_error));
         if let Some(filters) = self.node.take_filters() {
             controller.set_filters(filters);
         }
@@ -347,7 +347,7 @@ impl CanPort for Firmware {
     fn power_off(&mut self) {
         (self.state, self.end_at) = (state::OFF, None);
         for word in [FRONT_STATE, FRONT_STAT, FRONT_OUTPUTS] {
-            self.node.registers.front(word).store(0);
+            self.node.registers.shown(word).store(0);
         }
         self.peripherals.power_off(&self.node.registers);
     }
@@ -364,7 +364,7 @@ impl CanPort for Firmware {
 
     fn has_changed(&self) -> bool {
         let registers = &self.node.registers;
-        registers.front(FRONT_PROGRAM).load() != program::NOTHING
+        registers.turned(FRONT_PROGRAM) != program::NOTHING
             || self.state == state::RUN && self.under_way.has_new_orders(registers)
     }
 

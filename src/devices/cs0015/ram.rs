@@ -1,13 +1,14 @@
 //! What the firmware finds in the image.
 
+use super::registers::values::program;
 use super::registers::{
     CS0015_FLAGS, CS0015_FUNCTION, CS0015_INPUTS, CS0015_JOBS, CS0015_OUTPUTS, CS0015_PARAMETERS,
-    CS0015_PERIPHERALS, CS0015_RX_PDO, CS0015_SLAVES, CS0015_TX_PDO, DEVICE, FLAGS, FUNCTION, INPUTS, JOBS,
-    OUTPUTS, PARAMETERS, PERIPHERALS, RX_PDO, SLAVES, TX_PDO,
+    CS0015_PERIPHERALS, CS0015_RX_PDO, CS0015_SLAVES, CS0015_TX_PDO, DEVICE, FLAGS, FRONT_PROGRAM, FUNCTION,
+    INPUTS, JOBS, OUTPUTS, PARAMETERS, PERIPHERALS, RX_PDO, SLAVES, TX_PDO,
 };
 use crate::layout::Width;
 use crate::memory::header::ProgramState;
-use crate::memory::{Cell16, Cell32, Header, MemoryError, Segment, View};
+use crate::memory::{Cell16, Cell32, Face, MemoryError, Segment, View};
 
 /// Bytes of the retain flags, %MB0 to %MB255 (p. 107).
 pub(super) const RETAIN_BYTES: usize = 256;
@@ -28,7 +29,7 @@ pub(super) struct Registers {
     pub peripherals: View<CS0015_PERIPHERALS>,
     /// Words of I/O modules.
     pub slaves: View<CS0015_SLAVES>,
-    header: View<Header>,
+    face: Face,
     segment: Segment,
 }
 
@@ -55,24 +56,36 @@ impl Registers {
             function: segment.view(FUNCTION)?,
             peripherals: segment.view(PERIPHERALS)?,
             slaves: segment.view(SLAVES)?,
-            header: segment.header()?,
+            face: segment.face()?,
             segment: segment.clone(),
         })
     }
 
-    /// A word of the front.
-    pub(super) fn front(&self, word: usize) -> &Cell32 {
-        &self.header.front[word]
+    /// A word of the front that the firmware shows.
+    pub(super) fn shown(&self, word: usize) -> &Cell32 {
+        &self.face.front[word]
+    }
+
+    /// What stands in a word of the front that others turn.
+    pub(super) fn turned(&self, word: usize) -> u32 {
+        self.face.asked().front[word].load()
+    }
+
+    /// A command at the front, which is taken.
+    pub(super) fn take_command(&self) -> Option<u32> {
+        let command = self.turned(FRONT_PROGRAM);
+        let is_one = command != program::NOTHING;
+        (is_one && self.face.take(|page| &page.front[FRONT_PROGRAM], command)).then_some(command)
     }
 
     /// What the program does, for whoever looks at the board.
     pub(super) fn tell_program(&self, state: ProgramState) {
-        self.header.program.state.store(state.code());
+        self.face.put(|page| &page.program.state, state.code());
     }
 
     /// An event of the program, for whoever waits for it.
     pub(super) fn tell_event(&self, event: usize, now: u64) {
-        if let Some(slot) = self.header.events.get(event) {
+        if let Some(slot) = self.face.events.get(event) {
             slot.fire(now);
         }
     }

@@ -185,7 +185,7 @@ impl Bench {
 
     fn front(&self, word: usize) -> String {
         let word = DEVICE.front.iter().find(|known| known.index() == word).unwrap();
-        word.called(self.registers.front(word.index()).load())
+        word.called(self.registers.shown(word.index()).load())
     }
 
     fn state(&self) -> String {
@@ -198,7 +198,7 @@ impl Bench {
 
     /// A switch or a command at the front.
     fn set(&mut self, word: usize, value: u32) {
-        self.registers.front(word).store(value);
+        self.registers.shown(word).store(value);
         self.run(MS);
     }
 
@@ -206,7 +206,7 @@ impl Bench {
     fn command(&mut self, command: u32) {
         self.set(FRONT_S1, 1);
         self.set(FRONT_PROGRAM, command);
-        assert_eq!(self.registers.front(FRONT_PROGRAM).load(), 0, "it is answered");
+        assert_eq!(self.registers.shown(FRONT_PROGRAM).load(), 0, "it is answered");
     }
 
     /// Gives an order with data at a place of the job block.

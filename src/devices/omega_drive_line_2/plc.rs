@@ -20,7 +20,7 @@ use crate::fault::{self, Hit, Target};
 use crate::journal::{Journal, Origin};
 use crate::layout;
 use crate::memory::header::BoardSetting;
-use crate::memory::{Header, Segment, View};
+use crate::memory::{Face, Header, Segment};
 use crate::state;
 
 /// Numbers of the two ports.
@@ -39,7 +39,7 @@ pub struct Plc {
     index: u16,
     name: String,
     segment: Segment,
-    header: View<Header>,
+    face: Face,
     baps: Baps,
     board: Board,
     ethernet: Ethernet,
@@ -47,7 +47,7 @@ pub struct Plc {
     slave_is_on_bus: bool,
 }
 
-state!(Plc { values: slave_is_on_bus; parts: baps, board, ethernet; built: index, name, segment, header });
+state!(Plc { values: slave_is_on_bus; parts: baps, board, ethernet; built: index, name, segment, face });
 
 impl Plc {
     /// Device number `index` of the plant, and its ports, which are still to be plugged in.
@@ -58,9 +58,9 @@ impl Plc {
     ) -> Result<(Self, Vec<Plug>), BuildError> {
         let index = index as u16;
         let drive = BuiltInDrive::new(&config.name, &config.drive)?;
-        let header = segment.header()?;
-        header.board.dip.store(u32::from(config.dip));
-        header.retain_size.store(config.retain_bytes);
+        let face = segment.face()?;
+        face.put(|page| &page.board.dip, u32::from(config.dip));
+        face.retain_size.store(config.retain_bytes);
         let lock = SyncLock::new(config.lock_time_us, config.sync_loss_us);
         let plug = |port: &'static layout::Port, medium: &Option<String>, role: SocketRole| Plug {
             number: port.number,
@@ -82,7 +82,7 @@ impl Plc {
         let device = Plc {
             index,
             name: config.name.clone(),
-            header,
+            face,
             baps: Baps::new(&segment, drive, &config.drive)?,
             board: Board::new(&segment, config.option_sync_us, config.project.into())?,
             ethernet: Ethernet::new(&segment, config.ethernet_mbit)?,
@@ -137,23 +137,17 @@ impl Device for Plc {
     }
 
     fn header(&self) -> &Header {
-        &self.header
+        &self.face
     }
 
     fn turn(&self, setting: BoardSetting) -> bool {
         match setting {
-            BoardSetting::Dip(number) => self.header.board.dip.store(number.into()),
-            BoardSetting::Leds(leds) => self.header.board.leds.store(leds.into()),
-            BoardSetting::Switch(switch) => self.header.board.switch.store(switch.code()),
-            BoardSetting::Power(power) => self.header.program.power.store(power.code()),
-            BoardSetting::Start(start) => {
-                self.header.program.start_request.store(start.code());
-                self.header.board_requests.increment();
-            }
-            BoardSetting::Project(project) => {
-                self.header.project_request.store(project.code() + 1);
-                self.header.board_requests.increment();
-            }
+            BoardSetting::Dip(number) => self.face.put(|page| &page.board.dip, number.into()),
+            BoardSetting::Leds(leds) => self.face.put(|page| &page.board.leds, leds.into()),
+            BoardSetting::Switch(switch) => self.face.put(|page| &page.board.switch, switch.code()),
+            BoardSetting::Power(power) => self.face.put(|page| &page.program.power, power.code()),
+            BoardSetting::Start(start) => self.face.ask(|page| &page.program.start_request, start.code()),
+            BoardSetting::Project(project) => self.face.ask(|page| &page.project_request, project.code() + 1),
             BoardSetting::ModuleDip { .. } | BoardSetting::Front { .. } => return false,
             BoardSetting::Reset | BoardSetting::PowerCycle => {}
         }
@@ -307,7 +301,7 @@ impl Device for Plc {
     }
 
     fn named(&self, offset: u32, bytes: u32) {
-        note_restarts(&self.segment, &self.header, DEVICE.ports.iter().map(seat), offset, bytes);
+        note_restarts(&self.segment, &self.face, DEVICE.ports.iter().map(seat), offset, bytes);
     }
 
     /// `d_IP_CONFIG` is the one.

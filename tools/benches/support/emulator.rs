@@ -36,7 +36,13 @@ pub(crate) fn play(args: &[String]) {
     let [instance, clock, waiting, processor] = args else { panic!("emulator: wrong arguments {args:?}") };
     cpu::pin(processor.parse().expect("the number of a processor"));
     let clock = if clock == "stepped" { Clock::Stepped } else { Clock::RealTime { speed: 1.0 } };
-    let options = Options { instance: instance.clone(), clock, busy: waiting == "busy", novram: None };
+    let options = Options {
+        instance: instance.clone(),
+        clock,
+        busy: waiting == "busy",
+        novram: None,
+        is_federate: false,
+    };
     let plant = PlantConfig::built_in().expect("the built-in plant is a good one");
     let mut emulator = Emulator::start(&plant, options).expect("the emulator starts");
     let stop = emulator.stop_handle();

@@ -65,7 +65,7 @@ impl Ring {
         let gateway = share(Gateway::new(registers()));
         let mut slave = DpPort::new(registers(), gateway.clone());
         let (mut journal, mut line) = (Journal::default(), Line::alone(rate_of_ours));
-        registers().front(FRONT_SWITCHES).store(5);
+        registers().shown(FRONT_SWITCHES).store(5);
         let origin = Origin { plc: 0, node: 1 };
         slave.power_on(&mut Context { now: 0, journal: &mut journal, origin, base: 0 }, &mut line);
         Ring {

@@ -17,7 +17,7 @@ fn switches_give_the_address() {
 #[test]
 fn switches_count_at_power_on_only() {
     let mut bench = Bench::new(5);
-    bench.registers.front(FRONT_SWITCHES).store(7);
+    bench.registers.shown(FRONT_SWITCHES).store(7);
     bench.run(MS);
     assert_eq!(bench.front(FRONT_ADDRESS), 5);
     bench.power(Power::Off);

@@ -2,12 +2,12 @@
 
 use super::Seat;
 use crate::devices::cansync::registers::values::cpu_control;
-use crate::memory::{Cell16, Header, MemoryError, Segment, View, Width};
+use crate::memory::{Cell16, Face, MemoryError, Segment, Width};
 use crate::state::{Damaged, Saved, Saving, State};
 
 /// What the PLC has ordered, as far as the register tells.
 pub(super) struct Orders {
-    header: View<Header>,
+    face: Face,
     /// Index in what the header page has for both nodes.
     node: usize,
     /// Last value seen, so that an ignored command is reported once.
@@ -31,7 +31,7 @@ pub(super) struct Order {
 
 impl State for Orders {
     fn save(&self, to: &mut Saving) {
-        let Self { header: _, node: _, seen, left_behind, restarts } = self;
+        let Self { face: _, node: _, seen, left_behind, restarts } = self;
         // The header page goes on counting whatever is restored, so what is kept is how many have not been seen.
         to.value(&(seen, left_behind, self.restarts_written().wrapping_sub(*restarts)));
     }
@@ -51,7 +51,7 @@ impl Orders {
     /// If the segment is read-only.
     pub(crate) fn new(segment: &Segment, node: usize) -> Result<Self, MemoryError> {
         let mut orders = Orders {
-            header: segment.header()?,
+            face: segment.face()?,
             node,
             seen: cpu_control::RESTART,
             left_behind: false,
@@ -94,7 +94,7 @@ impl Orders {
     }
 
     fn restarts_written(&self) -> u32 {
-        self.header.ports[self.node].restarts_written.load()
+        self.face.asked().ports[self.node].restarts_written.load()
     }
 }
 
@@ -102,7 +102,7 @@ impl Orders {
 /// nodes at `seats`, 16#0000 in it is a restart, even if it stood there before (decision D-29).
 pub(crate) fn note_restarts(
     segment: &Segment,
-    header: &Header,
+    face: &Face,
     seats: impl IntoIterator<Item = Seat>,
     offset: u32,
     bytes: u32,
@@ -114,7 +114,7 @@ pub(crate) fn note_restarts(
             segment.load(register, Width::Word).is_ok_and(|value| value == u32::from(cpu_control::RESTART))
         };
         if is_hit && holds_restart() {
-            header.ports[seat.place].restarts_written.increment();
+            face.count(|page| &page.ports[seat.place].restarts_written);
         }
     }
 }

@@ -13,7 +13,7 @@ fn put(bench: &mut Bench, outputs: u16) {
 }
 
 fn driven(bench: &Bench) -> u32 {
-    bench.registers.front(FRONT_OUTPUTS).load()
+    bench.registers.shown(FRONT_OUTPUTS).load()
 }
 
 /// The error register as an SDO reads it.

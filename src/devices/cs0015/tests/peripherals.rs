@@ -18,7 +18,7 @@ fn ask(bench: &mut Bench, function: u16, arguments: &[u32]) -> Vec<u32> {
 fn outputs(bench: &mut Bench, wanted: u16) -> u32 {
     bench.registers.outputs.Q0.store(wanted);
     bench.run(12 * MS);
-    bench.registers.front(FRONT_OUTPUTS).load()
+    bench.registers.shown(FRONT_OUTPUTS).load()
 }
 
 /// The rules that were broken, by their names.
@@ -38,7 +38,7 @@ fn pwm_takes_a_whole_group_of_outputs() {
         let registers = &bench.registers.peripherals;
         (registers.a_PWM_DUTY[0].load(), registers.a_PWM_HZ[0].load(), registers.a_PWM_HZ[1].load())
     };
-    assert_eq!((shown(&bench), bench.registers.front(FRONT_OUTPUTS).load()), ((5_000, 200, 0), 0x0101));
+    assert_eq!((shown(&bench), bench.registers.shown(FRONT_OUTPUTS).load()), ((5_000, 200, 0), 0x0101));
     assert_eq!(broken(&mut bench), [""; 0], "nothing has been changed since");
     assert_eq!(outputs(&mut bench, 0x0105), 0x0101, "they are no digital outputs any more");
     assert_eq!(broken(&mut bench), ["pwm-output"]);
@@ -81,7 +81,7 @@ fn what_the_manual_forbids_of_pwm_is_found() {
 #[test]
 fn fast_inputs_measure_what_is_at_them() {
     let mut bench = Bench::operational("");
-    bench.registers.front(FRONT_INPUTS).store(0x0003);
+    bench.registers.shown(FRONT_INPUTS).store(0x0003);
     bench.set(FRONT_MHZ_0, 100_000);
     ask(&mut bench, job::FREQUENCY, &[1, 0, 100]);
     ask(&mut bench, job::CYCLE, &[1, 0]);
@@ -115,7 +115,7 @@ fn fast_inputs_measure_what_is_at_them() {
 
 fn display(bench: &Bench) -> String {
     let front: Vec<_> =
-        DEVICE.front.iter().map(|word| (word, bench.registers.front(word.index()).load())).collect();
+        DEVICE.front.iter().map(|word| (word, bench.registers.shown(word.index()).load())).collect();
     shown_text(&front).unwrap()
 }
 
@@ -156,7 +156,7 @@ fn the_display_shows_what_the_program_wants() {
     }
     bench.fault("supply", &["what=drop"]);
     bench.run(2 * MS);
-    assert_eq!((display(&bench), bench.registers.front(FRONT_DISPLAY_1).load()), (String::new(), 0));
+    assert_eq!((display(&bench), bench.registers.shown(FRONT_DISPLAY_1).load()), (String::new(), 0));
 }
 
 /// Vectors T39 and T40; p. 107-110.
@@ -260,12 +260,12 @@ fn the_interrupt_program_has_its_own_inputs_and_outputs() {
     assert_eq!(runs(&bench), 0);
     ask(&mut bench, job::SET_INTERRUPT_1MS, &[1]);
     let before = runs(&bench);
-    bench.registers.front(FRONT_INPUTS).store(0x0303);
+    bench.registers.shown(FRONT_INPUTS).store(0x0303);
     bench.registers.outputs.Q0.store(0x0505);
     bench.run(10 * MS);
     assert_eq!(runs(&bench), before + 10);
     let seen =
-        |bench: &Bench| (bench.registers.inputs.I0.load(), bench.registers.front(FRONT_OUTPUTS).load());
+        |bench: &Bench| (bench.registers.inputs.I0.load(), bench.registers.shown(FRONT_OUTPUTS).load());
     assert_eq!(seen(&bench), (0x0003, 0x0005));
     bench.run(100 * MS);
     assert_eq!(seen(&bench), (0x0303, 0x0505), "the others once in each cycle");

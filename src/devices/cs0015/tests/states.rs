@@ -124,7 +124,7 @@ fn terminals_and_keys_are_inputs() {
 #[test]
 fn outputs_are_driven_while_the_program_runs_without_error() {
     let mut bench = Bench::operational("");
-    let outputs = |bench: &Bench| bench.registers.front(FRONT_OUTPUTS).load();
+    let outputs = |bench: &Bench| bench.registers.shown(FRONT_OUTPUTS).load();
     bench.registers.outputs.Q0.store(0x00FF);
     bench.run(20 * MS);
     assert_eq!(outputs(&bench), 0x00FF);

@@ -16,10 +16,10 @@ use core::mem::offset_of;
 const CYCLES_BEFORE: u32 = 5;
 
 /// Whether the PLC program has not come to its sixth cycle yet, as far as it tells (decision D-313).
-pub(super) fn is_too_early(header: &Header) -> bool {
-    match ProgramState::from_code(header.program.state.load()) {
+pub(super) fn is_too_early(asked: &Header) -> bool {
+    match ProgramState::from_code(asked.program.state.load()) {
         Some(ProgramState::Initializing) => true,
-        Some(ProgramState::Cyclic) => (1..=CYCLES_BEFORE).contains(&header.program_cycles.load()),
+        Some(ProgramState::Cyclic) => (1..=CYCLES_BEFORE).contains(&asked.program_cycles.load()),
         _ => false,
     }
 }

@@ -10,7 +10,7 @@ use crate::devices::omega_drive_line_2::registers::BAPS_CTRL_BMSTRUCT;
 use crate::devices::omega_drive_line_2::registers::values::{baps_command, baps_quit};
 use crate::devices::omega_drive_line_2::rules;
 use crate::devices::shown::Shown;
-use crate::memory::{Header, MemoryError, Segment, View};
+use crate::memory::{Face, MemoryError, Segment};
 use crate::state;
 use core::mem::offset_of;
 use serde::{Deserialize, Serialize};
@@ -49,13 +49,13 @@ enum ReInit {
 
 /// The process data of one BAPS.
 pub(super) struct Process {
-    header: View<Header>,
+    face: Face,
     configured: Option<Configured>,
     /// Communications, each of which is an event "BAPS process data".
     events: u64,
 }
 
-state!(Process { values: configured, events; built: header });
+state!(Process { values: configured, events; built: face });
 
 impl Process {
     /// Not configured.
@@ -63,7 +63,7 @@ impl Process {
     /// # Errors
     /// If the segment is read-only.
     pub(crate) fn new(segment: &Segment) -> Result<Self, MemoryError> {
-        Ok(Process { header: segment.header()?, configured: None, events: 0 })
+        Ok(Process { face: segment.face()?, configured: None, events: 0 })
     }
 
     /// The board starts anew: without configuration, as at first (manual p. 90).
@@ -152,7 +152,7 @@ impl Process {
                 baps_command::CONFIGURE.into(),
             );
         }
-        if is_too_early(&self.header) {
+        if is_too_early(self.face.asked()) {
             find(
                 ctx,
                 &rules::BAPS_EARLY,

@@ -49,12 +49,12 @@ impl Flags {
     }
 
     /// Answers a request, if there is one.
-    pub(crate) fn look(&mut self, slot: &InitialFlag) {
-        let request = slot.request.load();
+    pub(crate) fn look(&mut self, asked: &InitialFlag, slot: &InitialFlag) {
+        let request = asked.request.load();
         if request == slot.answer.load() {
             return;
         }
-        let done = self.set(slot.flag.load(), slot.width.load(), slot.value.load()).is_some();
+        let done = self.set(asked.flag.load(), asked.width.load(), asked.value.load()).is_some();
         let result = if done { InitialFlagResult::Done } else { InitialFlagResult::NoSuchFlag };
         slot.result.store(result.code());
         slot.answer.store(request);

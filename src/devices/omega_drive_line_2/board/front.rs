@@ -6,8 +6,8 @@ use super::report;
 use crate::devices::omega_drive_line_2::registers::DIP_LAST;
 use crate::devices::records::BoardEvent;
 use crate::devices::{Context, Look, Power};
-use crate::memory::Header;
 use crate::memory::header::{self, ProgramState, Project, RunSwitch, Start};
+use crate::memory::{Face, Header};
 use crate::state;
 use serde::{Deserialize, Serialize};
 
@@ -47,11 +47,11 @@ struct Seen {
 
 impl Seen {
     #[inline]
-    fn now(header: &Header) -> Self {
+    fn now(asked: &Header) -> Self {
         Seen {
-            switch: header.board.switch.load(),
-            power: header.program.power.load(),
-            program: header.program.state.load(),
+            switch: asked.board.switch.load(),
+            power: asked.program.power.load(),
+            program: asked.program.state.load(),
         }
     }
 }
@@ -62,7 +62,7 @@ state!(Front {
 });
 
 impl Front {
-    pub(crate) fn new(header: &Header, flags: Flags, project: Project) -> Self {
+    pub(crate) fn new(face: &Face, flags: Flags, project: Project) -> Self {
         let mut projects = Projects::new(project);
         if flags.are_kept() {
             projects.retain_was_kept();
@@ -70,7 +70,7 @@ impl Front {
         Front {
             flags,
             projects,
-            seen: Seen::now(header),
+            seen: Seen::now(face.asked()),
             switch: RunSwitch::Run,
             powered: true,
             program: ProgramState::None,
@@ -97,56 +97,56 @@ impl Front {
 
     /// Whether something was turned since the last look, or the display has to blink.
     #[inline]
-    pub(crate) fn has_changed(&self, header: &Header) -> bool {
-        Seen::now(header) != self.seen || self.program == ProgramState::CopyingBootProject
+    pub(crate) fn has_changed(&self, face: &Face) -> bool {
+        Seen::now(face.asked()) != self.seen || self.program == ProgramState::CopyingBootProject
     }
 
     /// Power-on or end of reset: reads the DIP switches and returns their number.
-    pub(crate) fn start(&mut self, ctx: &mut Context, header: &Header) -> u8 {
+    pub(crate) fn start(&mut self, ctx: &mut Context, face: &Face) -> u8 {
         self.up = true;
-        self.dip = (header.board.dip.load() & u32::from(DIP_LAST)) as u8;
-        header.program.dip_latched.store(self.dip.into());
+        self.dip = (face.asked().board.dip.load() & u32::from(DIP_LAST)) as u8;
+        face.program.dip_latched.store(self.dip.into());
         // Everybody knows that there was a first time.
-        if header.program.restarts.increment() > 1 {
+        if face.program.restarts.increment() > 1 {
             report(ctx, BoardEvent::Up { dip: self.dip });
         }
         // The first power-on finds what the plant file says.
         if core::mem::replace(&mut self.is_used, true) {
             // A process may have come or gone meanwhile.
-            self.read(header);
+            self.read(face);
             let told = ProgramState::from_code(self.seen.program).unwrap_or(self.program);
-            self.note_program(header, told);
+            self.note_program(face, told);
             self.projects.restart();
         }
         self.halted = false;
-        self.show_project(header);
-        self.see(ctx, header);
+        self.show_project(face);
+        self.see(ctx, face);
         self.dip
     }
 
     /// Power-off, or RESET is held: everything dark.
-    pub(crate) fn stop(&mut self, header: &Header) {
+    pub(crate) fn stop(&mut self, face: &Face) {
         self.up = false;
         self.released = false;
-        header.board.leds.store(0);
-        header.board.display.store(0);
+        face.put(|page| &page.board.leds, 0);
+        face.board.display.store(0);
     }
 
-    pub(crate) fn set_power(&mut self, header: &Header, power: Power) -> Look {
+    pub(crate) fn set_power(&mut self, face: &Face, power: Power) -> Look {
         match power {
-            Power::Off => header.program.power.store(header::Power::Off.code()),
-            Power::On => header.program.power.store(header::Power::On.code()),
-            Power::HoldReset => header.board.switch.store(RunSwitch::Reset.code()),
-            Power::ReleaseReset => header.board.switch.store(RunSwitch::Stop.code()),
+            Power::Off => face.put(|page| &page.program.power, header::Power::Off.code()),
+            Power::On => face.put(|page| &page.program.power, header::Power::On.code()),
+            Power::HoldReset => face.put(|page| &page.board.switch, RunSwitch::Reset.code()),
+            Power::ReleaseReset => face.put(|page| &page.board.switch, RunSwitch::Stop.code()),
         }
         let had_supply = self.powered;
-        self.read(header);
+        self.read(face);
         self.change(had_supply)
     }
 
     /// Takes over what clients have turned. Numbers that mean nothing leave things as they were.
-    fn read(&mut self, header: &Header) {
-        self.seen = Seen::now(header);
+    fn read(&mut self, face: &Face) {
+        self.seen = Seen::now(face.asked());
         self.switch = RunSwitch::from_code(self.seen.switch).unwrap_or(self.switch);
         if let Some(power) = header::Power::from_code(self.seen.power) {
             self.powered = power == header::Power::On;
@@ -163,38 +163,38 @@ impl Front {
         }
     }
 
-    pub(crate) fn look(&mut self, ctx: &mut Context, header: &Header) -> Look {
+    pub(crate) fn look(&mut self, ctx: &mut Context, face: &Face) -> Look {
         let (before, had_supply) = (self.switch, self.powered);
-        self.read(header);
+        self.read(face);
         if self.switch != before {
             report(ctx, BoardEvent::Switch { to: self.switch });
         }
         let change = self.change(had_supply);
         if change == Look::Nothing && self.up {
-            self.see(ctx, header);
+            self.see(ctx, face);
         }
         change
     }
 
     /// Program and switch: starts and stops the program, shows its state.
-    fn see(&mut self, ctx: &mut Context, header: &Header) {
-        self.read(header);
+    fn see(&mut self, ctx: &mut Context, face: &Face) {
+        self.read(face);
         let told = ProgramState::from_code(self.seen.program).unwrap_or(self.program);
-        self.note_program(header, told);
+        self.note_program(face, told);
         let is_loaded = self.projects.loaded() != Project::None;
         let may_run = self.switch == RunSwitch::Run && is_loaded;
         if may_run && !self.released {
             let kind = if self.projects.starts_cold() { Start::Cold } else { Start::Warm };
-            self.order(ctx, header, kind);
+            self.order(ctx, face, kind);
         } else if self.released && !may_run && is_loaded {
-            self.order(ctx, header, Start::Stop);
+            self.order(ctx, face, Start::Stop);
         }
         self.released = may_run;
-        header.board.display.store(self.character(ctx.now));
+        face.board.display.store(self.character(ctx.now));
     }
 
     /// What the PLC tells of its program: it comes, goes, or copies the boot project.
-    fn note_program(&mut self, header: &Header, told: ProgramState) {
+    fn note_program(&mut self, face: &Face, told: ProgramState) {
         use ProgramState::*;
         let before = self.program;
         self.program = told;
@@ -211,37 +211,37 @@ impl Front {
             (_, BootProjectCopied) if before != told => self.projects.copied(),
             _ => {}
         }
-        header.project.store(self.projects.loaded().code());
+        face.project.store(self.projects.loaded().code());
     }
 
     /// Another project is loaded, or none: the PLC's program stands.
-    fn show_project(&mut self, header: &Header) {
+    fn show_project(&mut self, face: &Face) {
         let loaded = self.projects.loaded();
         if loaded == Project::None {
             self.flags.forget();
         }
         let state = if loaded == Project::None { ProgramState::None } else { ProgramState::Stopped };
         self.program = state;
-        header.program.state.store(state.code());
-        header.project.store(loaded.code());
+        face.put(|page| &page.program.state, state.code());
+        face.project.store(loaded.code());
     }
 
     /// A project that a client sends or deletes, as the control dialog does (manual p. 37-38).
-    pub(crate) fn look_at_project_request(&mut self, ctx: &mut Context, header: &Header) {
-        let code = header.project_request.load();
-        if code == 0 || header.project_request.compare_exchange(code, 0).is_err() {
+    pub(crate) fn look_at_project_request(&mut self, ctx: &mut Context, face: &Face) {
+        let code = face.asked().project_request.load();
+        if code == 0 || !face.take(|page| &page.project_request, code) {
             return;
         }
         let Some(project) = Project::from_code(code - 1) else { return };
         if self.released {
-            self.order(ctx, header, Start::Stop);
+            self.order(ctx, face, Start::Stop);
             self.released = false;
         }
         self.projects.load(project);
         self.halted = false;
-        self.show_project(header);
+        self.show_project(face);
         report(ctx, BoardEvent::Project { project });
-        self.see(ctx, header);
+        self.see(ctx, face);
     }
 
     /// Whether events may occur: no event task runs while the switch or the program stands at STOP.
@@ -250,36 +250,36 @@ impl Front {
     }
 
     /// A start that a client asks for, as the control dialog does: possible only at RUN (manual p. 38).
-    pub(crate) fn look_at_start_request(&mut self, ctx: &mut Context, header: &Header) {
-        let code = header.program.start_request.load();
+    pub(crate) fn look_at_start_request(&mut self, ctx: &mut Context, face: &Face) {
+        let code = face.asked().program.start_request.load();
         if code == Start::None.code() {
             return;
         }
         // If it was replaced meanwhile, the next look takes the new one.
-        if header.program.start_request.compare_exchange(code, Start::None.code()).is_err() {
+        if !face.take(|page| &page.program.start_request, code) {
             return;
         }
         match Start::from_code(code) {
-            Some(kind) if self.released => self.order(ctx, header, kind),
+            Some(kind) if self.released => self.order(ctx, face, kind),
             _ => report(ctx, BoardEvent::StartRefused { code: code as u8 }),
         }
     }
 
-    fn order(&mut self, ctx: &mut Context, header: &Header, kind: Start) {
+    fn order(&mut self, ctx: &mut Context, face: &Face, kind: Start) {
         if kind == Start::Cold {
             self.projects.started_cold();
             self.flags.initialize();
         }
         self.halted = kind == Start::Stop;
         self.started |= matches!(kind, Start::Cold | Start::Warm);
-        header.program.start_kind.store(kind.code());
-        header.program.start.ring();
+        face.program.start_kind.store(kind.code());
+        face.program.start.ring();
         report(ctx, BoardEvent::Start { kind });
     }
 
     /// Initial values that a client gives the retain flags.
-    pub(crate) fn look_at_flags(&mut self, header: &Header) {
-        self.flags.look(&header.initial_flag);
+    pub(crate) fn look_at_flags(&mut self, face: &Face) {
+        self.flags.look(&face.asked().initial_flag, &face.initial_flag);
     }
 
     /// Whether a cold or warm start was ordered since the last call.

@@ -3,7 +3,7 @@
 use super::timers::{CPU_STEP, Timer, Timers};
 use crate::devices::Context;
 use crate::devices::Events;
-use crate::memory::Header;
+use crate::memory::Face;
 use crate::memory::header::InterruptResult;
 
 /// Interrupt level of an event number, 14 before 13; `None`: reserved (manual p. 43, 48).
@@ -27,10 +27,9 @@ fn excluded_by(event: usize) -> Option<usize> {
 }
 
 /// Answers the requests that have come in.
-pub(super) fn look(events: &mut Events, ctx: &mut Context, header: &Header, timers: &mut Timers) {
+pub(super) fn look(events: &mut Events, ctx: &mut Context, face: &Face, timers: &mut Timers) {
     let now = ctx.now;
-    events
-        .answer(ctx, header, |events, event, factor, enable| set(events, event, factor, enable, now, timers));
+    events.answer(ctx, face, |events, event, factor, enable| set(events, event, factor, enable, now, timers));
 }
 
 fn set(

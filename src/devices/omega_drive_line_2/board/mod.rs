@@ -21,7 +21,7 @@ use crate::devices::Events;
 use crate::devices::records::{BoardEvent, OnBoard};
 use crate::devices::{Context, Look, Power};
 use crate::memory::header;
-use crate::memory::{Header, MemoryError, Segment, View};
+use crate::memory::{Face, MemoryError, Segment};
 use flags::Flags;
 use front::Front;
 use timers::{Timer, Timers};
@@ -29,7 +29,7 @@ use triggers::{Source, Triggers};
 
 /// The board of one PLC.
 pub struct Board {
-    header: View<Header>,
+    face: Face,
     events: Events,
     timers: Timers,
     triggers: Triggers,
@@ -40,7 +40,7 @@ pub struct Board {
     option_sync_us: Option<u32>,
 }
 
-state!(Board { values: requests, triggers, timers; parts: events, front; built: header, option_sync_us });
+state!(Board { values: requests, triggers, timers; parts: events, front; built: face, option_sync_us });
 
 impl Board {
     /// The board whose header page is in `segment`, with the `project` that it has at the first power-on;
@@ -53,11 +53,11 @@ impl Board {
         option_sync_us: Option<u32>,
         project: header::Project,
     ) -> Result<Self, MemoryError> {
-        let header = segment.header()?;
+        let face = segment.face()?;
         Ok(Board {
-            requests: header.board_requests.load(),
-            front: Front::new(&header, Flags::new(segment)?, project),
-            header,
+            requests: face.asked().board_requests.load(),
+            front: Front::new(&face, Flags::new(segment)?, project),
+            face,
             events: Events::default(),
             timers: Timers::default(),
             triggers: Triggers::default(),
@@ -69,12 +69,12 @@ impl Board {
     /// number.
     pub fn start(&mut self, ctx: &mut Context) -> u8 {
         self.stop();
-        self.header.interrupts.iter().for_each(|interrupt| interrupt.clear());
-        self.header.opt_init.clear();
+        self.face.clear_interrupts();
+        self.face.clear_opt_init();
         if let Some(period) = self.option_sync_us {
             self.timers.start(Timer::OptionSync, ctx.now, u64::from(period) * timers::PER_US);
         }
-        let dip = self.front.start(ctx, &self.header);
+        let dip = self.front.start(ctx, &self.face);
         self.events.held = !self.front.runs_events();
         dip
     }
@@ -84,7 +84,7 @@ impl Board {
         self.events.disable_all();
         self.triggers = Triggers::default();
         self.timers = Timers::default();
-        self.front.stop(&self.header);
+        self.front.stop(&self.face);
     }
 
     /// Whether the board has power and is not held in RESET.
@@ -99,7 +99,7 @@ impl Board {
 
     /// Switches the supply or holds RESET from outside, as [`Board::look`] does when a client has turned a switch.
     pub fn set_power(&mut self, power: Power) -> Look {
-        self.front.set_power(&self.header, power)
+        self.front.set_power(&self.face, power)
     }
 
     /// The present DIP number, as latched at power-on or reset.
@@ -110,7 +110,7 @@ impl Board {
     /// Whether a client has turned a switch or put in a request since the last look. For busy polling.
     #[inline]
     pub fn has_changed(&self) -> bool {
-        self.header.board_requests.load() != self.requests || self.front.has_changed(&self.header)
+        self.face.asked().board_requests.load() != self.requests || self.front.has_changed(&self.face)
     }
 
     /// One look at switches and requests. Costs a few loads if nothing has changed.
@@ -127,20 +127,20 @@ impl Board {
     }
 
     fn look_at_all(&mut self, ctx: &mut Context) -> Look {
-        let requests = self.header.board_requests.load();
+        let requests = self.face.asked().board_requests.load();
         let asked = requests != self.requests;
         self.requests = requests;
         if asked && self.is_up() {
             // Ahead of a start, which needs both.
-            self.front.look_at_flags(&self.header);
-            self.front.look_at_project_request(ctx, &self.header);
+            self.front.look_at_flags(&self.face);
+            self.front.look_at_project_request(ctx, &self.face);
         }
-        let look = self.front.look(ctx, &self.header);
+        let look = self.front.look(ctx, &self.face);
         if look != Look::Nothing || !self.is_up() {
             return look;
         }
         if asked {
-            self.front.look_at_start_request(ctx, &self.header);
+            self.front.look_at_start_request(ctx, &self.face);
         }
         if self.front.take_start() {
             self.triggers.permit();
@@ -148,9 +148,9 @@ impl Board {
         if !asked {
             return Look::Answered;
         }
-        interrupts::look(&mut self.events, ctx, &self.header, &mut self.timers);
-        if let Some(result) = self.triggers.look(ctx.now, &self.header, &mut self.timers) {
-            let modes = [0, 1, 2].map(|n| self.header.opt_init.triggers[n].load() as u8);
+        interrupts::look(&mut self.events, ctx, &self.face, &mut self.timers);
+        if let Some(result) = self.triggers.look(ctx.now, &self.face, &mut self.timers) {
+            let modes = [0, 1, 2].map(|n| self.face.asked().opt_init.triggers[n].load() as u8);
             report(ctx, BoardEvent::Triggers { modes, result });
         }
         Look::Answered
@@ -167,19 +167,19 @@ impl Board {
         let due = self.timers.take_due(now);
         for (timer, slot) in [(Timer::A, 0), (Timer::B, 1)] {
             if due.has(timer) {
-                self.header.timers[slot].fire(now);
+                self.face.timers[slot].fire(now);
             }
         }
         for (timer, source) in [(Timer::A, Source::TimerA), (Timer::OptionSync, Source::SyncOption)] {
             if due.has(timer) {
-                self.triggers.pulse(&self.header, source, now);
+                self.triggers.pulse(&self.face, source, now);
             }
         }
         for (timer, event) in
             [(Timer::Cpu1, 0), (Timer::A, 5), (Timer::OptionSync, 11), (Timer::Cpu2, 2), (Timer::A, 6)]
         {
             if due.has(timer) {
-                self.events.fire(&self.header, event, now);
+                self.events.fire(&self.face, event, now);
             }
         }
     }
@@ -187,15 +187,15 @@ impl Board {
     /// An edge of the CANsync network's SYNC signal: triggers, then event 12.
     #[inline]
     pub fn sync_net(&mut self, now: u64) {
-        self.triggers.pulse(&self.header, Source::SyncNet, now);
-        self.events.fire(&self.header, 12, now);
+        self.triggers.pulse(&self.face, Source::SyncNet, now);
+        self.events.fire(&self.face, 12, now);
     }
 
     /// The drive has process data for the BAPS: event 4 or 8, whichever is enabled.
     #[inline]
     pub fn baps(&mut self, now: u64) {
-        self.events.fire(&self.header, 8, now);
-        self.events.fire(&self.header, 4, now);
+        self.events.fire(&self.face, 8, now);
+        self.events.fire(&self.face, 4, now);
     }
 
     /// Whether the trigger controller of the drive was pulsed since the last call.

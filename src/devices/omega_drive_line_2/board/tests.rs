@@ -6,6 +6,7 @@ use super::*;
 use crate::devices::omega_drive_line_2::registers::SEGMENT_END;
 use crate::journal::{Journal, Origin, Record};
 use crate::memory::header::{InterruptResult, OptInitResult, ProgramState, Project, RunSwitch, Start};
+use crate::memory::{Header, View};
 
 /// A board on heap memory, with a clock that stands where the test puts it.
 struct Rig {

@@ -1,8 +1,8 @@
 //! Triggers: which source pulses which unit, and `OPT_INIT` (manual 5.00005.03a p. 56-59).
 
 use super::timers::{Timer, Timers};
-use crate::memory::Header;
-use crate::memory::header::{OptInitResult, TRIGGERS, TimerSetup, Trigger};
+use crate::memory::header::{OptInit, OptInitResult, TRIGGERS, TimerSetup, Trigger};
+use crate::memory::{Face, Header};
 use serde::{Deserialize, Serialize};
 
 /// A source of trigger pulses that this emulator has. Interrupts of option cards can be chosen and never pulse.
@@ -52,28 +52,28 @@ impl Triggers {
     }
 
     /// Answers an `OPT_INIT`, if there is one; tells what became of it.
-    pub(crate) fn look(&mut self, now: u64, header: &Header, timers: &mut Timers) -> Option<OptInitResult> {
-        let request = header.opt_init.request.load();
-        if request == header.opt_init.answer.load() {
+    pub(crate) fn look(&mut self, now: u64, face: &Face, timers: &mut Timers) -> Option<OptInitResult> {
+        let request = face.asked().opt_init.request.load();
+        if request == face.opt_init.answer.load() {
             return None;
         }
-        let result = self.set(now, header, timers);
-        header.opt_init.result.store(result.code());
-        header.opt_init.answer.store(request);
+        let result = self.set(now, &face.asked().opt_init, timers);
+        face.opt_init.result.store(result.code());
+        face.opt_init.answer.store(request);
         Some(result)
     }
 
-    fn set(&mut self, now: u64, header: &Header, timers: &mut Timers) -> OptInitResult {
+    fn set(&mut self, now: u64, asked: &OptInit, timers: &mut Timers) -> OptInitResult {
         if self.closed {
             return OptInitResult::AlreadyRun;
         }
-        let [one, two, controller] = &header.opt_init.triggers;
+        let [one, two, controller] = &asked.triggers;
         let (Some(one), Some(two), Some(controller)) =
             (option_mode(one.load()), option_mode(two.load()), controller_mode(controller.load()))
         else {
             return OptInitResult::BadTrigger;
         };
-        let [Some(a), Some(b)] = [0, 1].map(|n| period(&header.opt_init.timers[n])) else {
+        let [Some(a), Some(b)] = [0, 1].map(|n| period(&asked.timers[n])) else {
             return OptInitResult::BadTimer;
         };
         for (timer, period) in [(Timer::A, a), (Timer::B, b)] {
