@@ -202,6 +202,15 @@ pub(crate) enum CliError {
         /// How long it was waited for.
         seconds: u64,
     },
+    /// An emulator has ended and lost something.
+    #[error(
+        "instance '{instance}' has stopped, but could not write NOVRAM: the last changes are lost; why stands in what it \
+         printed, or in the file of --log"
+    )]
+    Unsaved {
+        /// The instance.
+        instance: String,
+    },
     /// A fault that cannot be, or not here.
     #[error(transparent)]
     Fault(#[from] FaultError),

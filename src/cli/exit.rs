@@ -111,6 +111,7 @@ impl CliError {
             | Self::Ended { .. }
             | Self::NotFound { .. }
             | Self::StillThere { .. }
+            | Self::Unsaved { .. }
             | Self::Demo(_)
             | Self::Runtime(_)
             | Self::Memory(MemoryError::AlreadyRunning { .. } | MemoryError::InstanceTaken { .. }) => {

@@ -116,7 +116,7 @@ fn state_name(state: Option<State>) -> &'static str {
     match state {
         Some(State::Starting) => "starting",
         Some(State::Ready) => "ready",
-        Some(State::Stopping | State::Stopped) => "stopping",
+        Some(State::Stopping | State::Stopped | State::Unsaved) => "stopping",
         None => "unknown",
     }
 }

@@ -152,6 +152,13 @@ impl Attached {
         self.file.is_alive(&self.header_snapshot())
     }
 
+    /// Whether the emulator attached to has ended and could not write what had changed in NOVRAM.
+    #[must_use]
+    pub fn is_unsaved(&self) -> bool {
+        let header = self.header_snapshot();
+        header.generation.load() == self.generation && header.state.load() == State::Unsaved.code()
+    }
+
     /// Looks whether the emulator attached to still serves the image.
     ///
     /// # Errors
@@ -171,7 +178,7 @@ impl Attached {
             return Err(MemoryError::EmulatorRestarted { path, attached: self.generation, found });
         }
         match State::from_code(header.state.load()) {
-            Some(State::Stopping | State::Stopped) => {
+            Some(State::Stopping | State::Stopped | State::Unsaved) => {
                 Err(MemoryError::EmulatorStopped { path: self.file.path.clone() })
             }
             _ => Ok(()),

@@ -332,7 +332,7 @@ fn state_name(state: Option<State>) -> &'static str {
         Some(State::Starting) => "starting",
         Some(State::Ready) => "ready",
         Some(State::Stopping) => "stopping",
-        Some(State::Stopped) => "stopped",
+        Some(State::Stopped | State::Unsaved) => "stopped",
         None => "in an unknown state",
     }
 }

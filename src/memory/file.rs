@@ -101,7 +101,8 @@ impl ImageFile {
     /// Whether the emulator that wrote `header` still lives: its process does, or, if that is in a pid
     /// namespace we cannot see into, somebody holds the lock.
     pub(crate) fn is_alive(&self, header: &Header) -> bool {
-        header.state.load() != State::Stopped.code() && (emulator(header).is_running() || self.is_locked())
+        !State::from_code(header.state.load()).is_some_and(State::is_over)
+            && (emulator(header).is_running() || self.is_locked())
     }
 
     /// Holds a shared lock for a moment, which a starting emulator has the patience to sit out.

@@ -174,8 +174,18 @@ codes! {
         Stopping = 3,
         /// The emulator has ended; the file is about to disappear.
         Stopped = 4,
+        /// As stopped, and what had changed in NOVRAM could not be written.
+        Unsaved = 5,
     }
 }
+impl State {
+    /// Whether the emulator has ended.
+    #[must_use]
+    pub fn is_over(self) -> bool {
+        matches!(self, State::Stopped | State::Unsaved)
+    }
+}
+
 codes! {
     /// What drives the emulated time.
     ClockMode {
@@ -300,8 +310,8 @@ mod tests {
 
     #[test]
     fn codes_have_a_way_back() {
-        for code in 0..6 {
-            assert_eq!(State::from_code(code).map(State::code), (1..=4).contains(&code).then_some(code));
+        for code in 0..7 {
+            assert_eq!(State::from_code(code).map(State::code), (1..=5).contains(&code).then_some(code));
             assert_eq!(RunSwitch::from_code(code).is_some(), code < 3);
             assert_eq!(ClockMode::from_code(code).is_some(), code < 2);
         }

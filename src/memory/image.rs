@@ -42,6 +42,8 @@ pub struct Image {
     segment: Segment,
     header: View<Header>,
     taken_over: Option<u32>,
+    /// Its state at the end.
+    end: State,
 }
 
 impl Image {
@@ -86,7 +88,7 @@ impl Image {
         })?;
         let header = segment.header()?;
         let guard = Arc::new(Guard::new(segment.base(), segment.size(), file.file.as_raw_fd()));
-        Ok(Self { guard, file: Arc::new(file), segment, header, taken_over })
+        Ok(Self { guard, file: Arc::new(file), segment, header, taken_over, end: State::Stopped })
     }
 
     /// Zeroes everything behind the header page without ever shortening the file, which would kill
@@ -131,6 +133,11 @@ impl Image {
     /// Tells clients that nothing is answered any more.
     pub fn set_stopping(&self) {
         self.set_state(State::Stopping);
+    }
+
+    /// Notes for who has asked for the end that what has changed in NOVRAM could not be written.
+    pub fn set_unsaved(&mut self) {
+        self.end = State::Unsaved;
     }
 
     fn set_state(&self, state: State) {
@@ -200,7 +207,7 @@ impl Drop for Image {
         // Nobody is left to be told; the file then is a dead one, which the next emulator takes over.
         let _ = self.file.unlink();
         // Last, so that who sees this finds the name free.
-        self.set_state(State::Stopped);
+        self.set_state(self.end);
     }
 }
 

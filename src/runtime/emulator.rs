@@ -365,6 +365,9 @@ impl Emulator {
         self.images.iter().for_each(Image::set_stopping);
         // Ahead of the channel: a program that has damaged that one can get us killed when we leave it.
         let saved = self.close_novram();
+        if saved.is_err() && self.options.novram.is_some() {
+            self.images.iter_mut().for_each(Image::set_unsaved);
+        }
         self.close_channel();
         outcome.and(saved)
     }

@@ -27,7 +27,12 @@ fn the_exit_code_says_that_a_flag_is_lost() {
     let mut emulator = Emulator::start(&["--novram", directory.path().to_str().unwrap()]);
     let _in_the_way = block(directory.path());
     set_flag(&emulator, 7);
-    emulator.run("stop", &[]).ok();
+    let stopped = emulator.run("stop", &[]);
+    assert!(
+        stopped.fails(1).contains("could not write NOVRAM: the last changes are lost"),
+        "{}",
+        stopped.err
+    );
     assert_eq!(emulator.wait().code(), Some(1));
     let complaints = emulator.complaints();
     assert!(complaints.contains("the last changes are lost"), "{complaints}");
