@@ -139,6 +139,52 @@ fn the_second_actual_value_frame_has_a_later_deadline() {
     }
 }
 
+/// D-26: the time of that is the end of WRC1 and 15 us for each word that the slave takes of it, within the limits of the rate;
+/// without WRC1 it is the latest.
+#[test]
+fn the_second_deadline_follows_reference_value_frame_1() {
+    for rate in FASTEST {
+        let [earliest, latest] =
+            [rate.timing.deadline_RDC2.earliest, rate.timing.deadline_RDC2.latest].map(u64::from);
+        // Whether frame 2, released so many microseconds after the edge, is acknowledged, and when WRC1 ended.
+        let released = |words: usize, has_wrc1: bool, after: u64| {
+            let mut rig = with_drives(Memory::Heap, rate);
+            let taken = &rig.slave._CFG_WRC_WORD;
+            let bytes = [
+                &taken.b_CFG_WRC1_WORD0,
+                &taken.b_CFG_WRC1_WORD1,
+                &taken.b_CFG_WRC1_WORD2,
+                &taken.b_CFG_WRC1_WORD3,
+            ];
+            bytes
+                .into_iter()
+                .zip([0x01, 0x03, 0x05, 0x07])
+                .take(words)
+                .for_each(|(cell, byte)| cell.store(byte));
+            rig.run_to_sync();
+            let edge = rig.plant.now();
+            if has_wrc1 {
+                rig.master.b_CTRLREG_WRC1.store(0x05);
+            }
+            rig.step(after);
+            rig.slave.b_CTRLREG_RD_RDC2.store(0x05);
+            rig.run_to_sync();
+            let wrc1 = rig.frames().into_iter().rfind(|(end, frame)| *end > edge && frame.id() == 0x100);
+            (rig.slave.b_CTRLREG_RD_RDC2.load() == 0x04, wrc1.map(|(end, _)| end - edge))
+        };
+        let mut deadlines = Vec::new();
+        for words in [1, 4] {
+            let (_, wrc1) = released(words, true, 0);
+            let due = (wrc1.unwrap() + 15 * words as u64).clamp(earliest, latest);
+            assert!(released(words, true, due - 1).0, "{words} words, {due} us");
+            assert!(!released(words, true, due).0, "{words} words, {due} us");
+            deadlines.push(due);
+        }
+        assert!(earliest == latest || deadlines[0] < deadlines[1], "{deadlines:?}: nothing else decides");
+        assert!(released(4, false, latest - 1).0 && !released(4, false, latest).0);
+    }
+}
+
 /// D-25: a number that no slave has asks nobody, whatever its lower bits are; the reference values go out all the same.
 #[test]
 fn a_number_that_no_slave_has_asks_nobody() {
