@@ -9,6 +9,8 @@ mod common;
 mod attach_contract;
 mod bm4;
 mod events;
+#[cfg(feature = "channel")]
+mod federate;
 mod lockstep;
 mod novram;
 mod novram_kill;

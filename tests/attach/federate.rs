@@ -1,0 +1,27 @@
+//! Emulators in this process that share their plant.
+
+use crate::common::unique_name;
+use commram::federation::{Alone, Part};
+use commram::plant::PlantConfig;
+use commram::runtime::{Clock, Emulator, Options};
+use std::time::Duration;
+
+/// Its firmware would see what a program asks before the others are told.
+#[test]
+fn an_emulator_with_a_plant_of_its_own_joins_nobody() {
+    let join = |is_federate| {
+        let options = Options {
+            instance: unique_name(),
+            clock: Clock::Stepped,
+            busy: false,
+            novram: None,
+            is_federate,
+        };
+        let mut emulator = Emulator::start(&PlantConfig::built_in().unwrap(), options).unwrap();
+        let limit = Duration::from_secs(30);
+        let part = Part { own: 0, count: 1, follows: false, limit, exchange_us: None };
+        emulator.join(part, Box::new(Alone)).map_err(|error| error.to_string())
+    };
+    assert_eq!(join(true), Ok(()));
+    assert!(join(false).unwrap_err().contains("set Options::is_federate"));
+}
