@@ -116,6 +116,7 @@ fn states_of_the_can_bus() {
     bench.exchange(&[1, 2]);
     bench.run(50 * MS);
     assert_eq!((bench.registers.can.bus_state.load(), bench.front(FRONT_LED_C)), (0x80, 3));
+    assert_eq!(bench.registers.diag.ext_cause.load(), 0x80, "nobody has asked meanwhile");
     assert_eq!(bench.ask(255, &[1, 2]).0, mst_result::DATA_AND_DIAGNOSIS);
     assert_eq!(bench.diag(), [0x08, 0x04, 0x00, 1, 0x04, 0xA4, 5, 4, 0x80, 0, 0]);
     // Somebody is there again: the frame arrives, and counts the errors down.

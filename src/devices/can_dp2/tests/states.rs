@@ -119,6 +119,25 @@ fn the_watchdog_ends_data_exchange() {
     assert_eq!(bench.heard(), ["203: 03 04"]);
 }
 
+/// D-386.
+#[test]
+fn no_cyclic_output_outlives_data_exchange() {
+    let mut bench = Bench::new(5);
+    let mut watched = prm(0, 0);
+    (watched[0], watched[1], watched[2]) = (0x88, 2, 5);
+    bench.ask(61, &watched);
+    bench.ask(62, &[0x85, 0, 2, 3, 0, 0, 20]);
+    bench.exchange(&[7]);
+    bench.run(90 * MS);
+    assert!(bench.heard().len() >= 4, "every 20 ms");
+    assert_eq!(bench.registers.diag.dp_state.load(), dp_state::DATA_EXCHANGE);
+    bench.run(15 * MS);
+    assert_ne!(bench.registers.diag.dp_state.load(), dp_state::DATA_EXCHANGE);
+    bench.heard();
+    bench.run(200 * MS);
+    assert_eq!(bench.heard(), Vec::<String>::new());
+}
+
 #[test]
 fn other_masters_wait_until_it_is_unlocked() {
     let mut bench = Bench::exchanging(0, 0, &CFG);

@@ -147,3 +147,28 @@ impl State for Drives {
         self.all.restore(from)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::devices::cansync::bus::Channel;
+    use crate::devices::cansync::drive::{DriveConfig, ParamFormat, ReferenceMapping, Source, ZkParameters};
+
+    /// A drive that takes a reference value from what this slave sends.
+    fn follower(slave: u8) -> Drive {
+        let (channel, format) = (Channel::One, ParamFormat::Doubleword);
+        let mapping = ReferenceMapping { word: 0, channel, format, source: Source::Slave(slave) };
+        let demo = DriveConfig::demo("follower", 1);
+        let zk = ZkParameters { zk_4: mapping.to_zk(), ..demo.standard_mapping() };
+        Drive::new(&DriveConfig { zk: Some(zk), ..demo }, 500).unwrap()
+    }
+
+    #[test]
+    fn frames_are_overheard_of_the_slaves_that_any_drive_follows() {
+        let mut drives = Drives::default();
+        assert!(!(0..=u8::MAX).any(|number| drives.overhears(number)));
+        [2, 5].into_iter().for_each(|slave| drives.push(follower(slave)));
+        let heard: Vec<u8> = (0..=u8::MAX).filter(|number| drives.overhears(*number)).collect();
+        assert_eq!(heard, [2, 5]);
+    }
+}
