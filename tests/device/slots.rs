@@ -1,9 +1,10 @@
 //! Frames in their slots: how long they are, when their receivers have them, and who waits for whom (D-10, D-23,
 //! D-280).
 
+use crate::faults::add;
 use crate::rig::{FASTEST, Memory, RATES, Rate, Rig};
 use commram::can::wire;
-use commram::devices::cansync::bus::{Frame, FrameKind};
+use commram::devices::cansync::bus::{Channel, Frame, FrameKind};
 use proptest::prelude::*;
 
 /// Behind `[[bus]]`: two drives with the standard mapping.
@@ -142,6 +143,34 @@ fn a_frame_is_there_before_the_intermission() {
     }
 }
 
+/// Two doublewords with so many stuff bits that the frame of this identifier takes more than 130 bit times, and that frame.
+fn longer_than_its_slot(id: u16) -> ([u32; 2], Frame) {
+    let words = |low: u32| [STUFFED, STUFFED & !0xFFFF | low];
+    let frame = |low: u32| {
+        let [a, b] = words(low).map(u32::to_le_bytes);
+        Frame::new(id, &[a, b].concat()).unwrap()
+    };
+    let low = (0..=0xFFFF).find(|low| wire::bits(&frame(*low).into()) > 130).expect("there is one");
+    (words(low), frame(low))
+}
+
+/// D-127: one that a fault delays takes nobody's time, however little it is delayed.
+#[test]
+fn a_delayed_frame_keeps_nobody_waiting() {
+    for rate in RATES {
+        let (words, expected) = longer_than_its_slot(0x300);
+        let mut rig = running(rate, DRIVES);
+        fill(&mut rig, ALL_WORDS, words, [0x1234_5678; 2]);
+        add(&mut rig, "kind = 'delay_frame'\nslot = 'RDC1'\ndelay_us = 1\ncount = 1");
+        let edge = rig.plant.now();
+        let frames = full_interval(&mut rig, [0, 0]);
+        assert!(frames.iter().any(|(_, frame)| *frame == expected));
+        let (end, wrc2) = of_kind(&frames, |kind| matches!(kind, FrameKind::ReferenceValue(Channel::Two, _)));
+        let us = wire::bits_to_end_of_frame(&wrc2.into()) * 1000 / u32::from(rate.kbit_s);
+        assert_eq!(end, edge + u64::from(rate.timing.t_WRC2 + us), "{wrc2:?}");
+    }
+}
+
 /// The gaps RDC1-WRC2 and RDC2-CC are 130 bit times; eight bytes with more than 19 stuff bits take longer. Who comes
 /// next begins right behind the intermission.
 #[test]
@@ -149,16 +178,7 @@ fn a_frame_longer_than_its_slot_keeps_the_next_one_waiting() {
     for rate in RATES {
         let us = |bits: u32| u64::from(bits * 1000 / u32::from(rate.kbit_s));
         let mut rig = running(rate, DRIVES);
-        let [long, longer] = [0x300, 0x380].map(|id| {
-            let words = |low: u32| [STUFFED, STUFFED & !0xFFFF | low];
-            let frame = |low: u32| {
-                let [a, b] = words(low).map(u32::to_le_bytes);
-                Frame::new(id, &[a, b].concat()).unwrap()
-            };
-            let low = (0..=0xFFFF).find(|low| wire::bits(&frame(*low).into()) > 130).expect("there is one");
-            (words(low), frame(low))
-        });
-        for (words, expected) in [long, longer] {
+        for (words, expected) in [0x300, 0x380].map(longer_than_its_slot) {
             fill(&mut rig, ALL_WORDS, words, [0x1234_5678; 2]);
             let frames = full_interval(&mut rig, [0, 0]);
             let at =

@@ -31,7 +31,7 @@ fn fault(rig: &Rig, text: &str) -> Fault {
 }
 
 /// Adds a fault; returns its number.
-fn add(rig: &mut Rig, text: &str) -> u16 {
+pub(crate) fn add(rig: &mut Rig, text: &str) -> u16 {
     let fault = fault(rig, text);
     rig.plant.add_fault(fault).unwrap()
 }

@@ -132,6 +132,26 @@ fn drives_whose_master_is_restarted_lose_their_lock_in_time() {
     }
 }
 
+/// The same when the edge before that was lost on the line.
+#[test]
+fn drives_run_on_behind_a_lost_edge() {
+    for rate in FASTEST {
+        let mut rig = running(Memory::Heap, rate);
+        rig.master.a_WR_VALUE[0].store(1000);
+        rig.send_wrc1();
+        rig.send_wrc1();
+        add(&mut rig, "kind = 'lose_sync'\ncount = 1");
+        rig.step(rate.interval_us);
+        assert_eq!(hits(&rig), [0]);
+        rig.master.w_CPU_CONTROL.store(0x0000);
+        let position = |rig: &Rig| drives(rig.plant.media()).next().unwrap().parameter(303).unwrap();
+        rig.step(10_000);
+        let before = position(&rig);
+        rig.step(20_000);
+        assert_eq!(position(&rig).wrapping_sub(before), 20 * 1000, "1000 increments in each millisecond");
+    }
+}
+
 #[test]
 fn set_up_mode_shows_the_lost_lock() {
     for rate in FASTEST {

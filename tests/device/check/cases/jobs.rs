@@ -4,6 +4,8 @@ use super::Case;
 use crate::rig::Rig;
 use commram::devices::cansync;
 use commram::devices::omega_drive_line_2::registers::*;
+use commram::memory::Width;
+use core::mem::offset_of;
 
 pub(crate) const CASES: &[Case] = &[
     Case {
@@ -138,6 +140,20 @@ pub(crate) const CASES: &[Case] = &[
             rig.master.a_CTRLREG_PAR_CMD_SL[0].b_STEUREG_PAR_CMD.store(0x0D);
         },
     },
+    // By the channel the checker knows what stood there before as well.
+    Case {
+        rule: &cansync::rules::JOB_CHANGED,
+        register: "MASTER.a_CTRLREG_PAR_CMD_SL[0].b_STEUREG_PAR_CMD",
+        value: |_| 0x1D,
+        wrong: |rig| {
+            parameter_under_way(rig);
+            store_by_channel(rig, 0x1D);
+        },
+        right: |rig| {
+            parameter_under_way(rig);
+            store_by_channel(rig, 0x0D);
+        },
+    },
     Case {
         rule: &cansync::rules::JOB_REPLACED,
         register: "MASTER.a_CTRLREG_PAR_CMD_SL[0].b_STEUREG_PAR_CMD",
@@ -162,6 +178,14 @@ fn enter_parameter(rig: &mut Rig, slave: usize, command: u8) {
     let job = &rig.master.a_CTRLREG_PAR_CMD_SL[slave];
     job.b_STATREG_PAR_CMD.store(command);
     job.b_STEUREG_PAR_CMD.store(command);
+}
+
+/// The control register of the parameter job for slave 0.
+fn store_by_channel(rig: &mut Rig, command: u32) {
+    let register = offset_of!(CANsync_MA_CTRL_BMSTRUCT, a_CTRLREG_PAR_CMD_SL)
+        + offset_of!(CTRLREG_PAR_CMD_SL, b_STEUREG_PAR_CMD);
+    let at = rig.master_at;
+    rig.plant.store(at.plc, (at.base + register) as u32, Width::Byte, command).unwrap();
 }
 
 /// A write job for slave 0 that its application has not answered yet.
