@@ -70,7 +70,7 @@ impl Witness for Federation {
 }
 
 impl Emulator {
-    /// Shares the plant with other emulators from now on. The clock must be stepped, [`Options::is_federate`]
+    /// Shares the plant with other emulators from now on. The clock must be stepped, [`is_federate`](super::Options::is_federate)
     /// set, and nothing may have happened yet.
     ///
     /// # Errors

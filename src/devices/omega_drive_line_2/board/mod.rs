@@ -34,7 +34,7 @@ pub struct Board {
     timers: Timers,
     triggers: Triggers,
     front: Front,
-    /// [`Header::board_requests`] as last seen.
+    /// [`board_requests`](crate::memory::Header::board_requests) as last seen.
     requests: u32,
     /// Period of the SYNC signal of a simulated option card, in us.
     option_sync_us: Option<u32>,
