@@ -4,7 +4,7 @@ use super::error::CliError;
 use super::session::{alive, dead, images_of, is_alive};
 use super::{InstanceName, output};
 use crate::memory::names::channel_root;
-use crate::memory::{AttachMode, Attached, Condition, EmulatorProcess, Image, ImageInfo, InstanceLock};
+use crate::memory::{AttachMode, Condition, EmulatorProcess, Image, ImageInfo, InstanceLock};
 use std::collections::BTreeSet;
 use std::time::{Duration, Instant};
 
@@ -151,10 +151,9 @@ fn stop(name: &str, process: Option<EmulatorProcess>) -> Result<(), CliError> {
             process.pid()
         ));
     }
-    // What the emulator says at its very end stands there, also when the files are gone.
-    let images = images_of(name).into_iter().flatten().filter(is_alive);
+    // What the emulator says at its very end stands in each of its images, also when the files are gone.
     let seen = |image: ImageInfo| Image::attach(name, &image.plc, AttachMode::ReadOnly, None).ok();
-    let images: Vec<_> = images.filter_map(seen).collect();
+    let image = images_of(name).into_iter().flatten().filter(is_alive).find_map(seen);
     let refused = ask(name).err();
     if refused.is_some()
         && let Some(process) = process
@@ -179,7 +178,7 @@ fn stop(name: &str, process: Option<EmulatorProcess>) -> Result<(), CliError> {
     // One that ends in good order leaves no images.
     match images_of(name).ok().and_then(|images| dead(&images)) {
         Some(pid) => Err(CliError::Dead { instance: name.to_owned(), pid }),
-        None if images.iter().any(Attached::is_unsaved) => {
+        None if image.is_some_and(|image| image.is_unsaved()) => {
             Err(CliError::Unsaved { instance: name.to_owned() })
         }
         None => Ok(()),
@@ -190,16 +189,14 @@ fn stop(name: &str, process: Option<EmulatorProcess>) -> Result<(), CliError> {
 fn ask(name: &str) -> Result<(), CliError> {
     use crate::channel::client::Patience;
     use crate::channel::{Client, ClientError, HeaderBells};
-    use crate::memory::{MemoryError, State};
+    use crate::memory::MemoryError;
     use crate::request::{Op, Reply, WrongReply};
     let images = images_of(name)?;
     let Some(image) = images.iter().find(|image| is_alive(image)) else {
         return Err(why_not(name)?);
     };
     let attached = match Image::attach(name, &image.plc, AttachMode::ReadWrite, None) {
-        Err(MemoryError::NotReady {
-            state: Some(State::Stopping | State::Stopped | State::Unsaved), ..
-        }) => return Ok(()),
+        Err(MemoryError::NotReady { state: Some(state), .. }) if state.is_ending() => return Ok(()),
         other => other?,
     };
     let bells = Box::new(HeaderBells::of_client(attached)?);

@@ -150,11 +150,11 @@ mod tests {
         header.program.start_request.store(2);
         assert_eq!(told(&segment), [2]);
         header.program.start_request.store(4);
-        assert!(!face.take(|page| &page.program.start_request, 4), "that was not told yet");
-        assert!(face.take(|page| &page.program.start_request, 2));
+        assert_eq!(face.take(|page| &page.program.start_request), Some(2), "the other one was not told yet");
+        assert_eq!(face.take(|page| &page.program.start_request), None);
         assert_eq!((request(face.asked()), request(&header)), (0, 4));
         assert_eq!(told(&segment), [4]);
-        assert!(face.take(|page| &page.program.start_request, 4));
+        assert_eq!(face.take(|page| &page.program.start_request), Some(4));
         assert_eq!((request(face.asked()), request(&header)), (0, 0));
         assert!(told(&segment).is_empty());
     }
@@ -166,10 +166,12 @@ mod tests {
         header.program.power.store(1);
         assert_eq!(face.asked().program.power.load(), 1);
         assert!(!segment.is_asked(PANEL.front) && told(&segment).is_empty());
-        face.count(|page| &page.program.restarts);
+        face.both(|page| {
+            page.program.restarts.increment();
+        });
         face.ask(|page| &page.program.start_request, 3);
         assert_eq!((header.program.restarts.load(), header.board_requests.load()), (1, 1), "once");
-        assert!(face.take(|page| &page.program.start_request, 3));
+        assert_eq!(face.take(|page| &page.program.start_request), Some(3));
         assert_eq!(header.program.start_request.load(), 0);
     }
 

@@ -178,7 +178,7 @@ impl Attached {
             return Err(MemoryError::EmulatorRestarted { path, attached: self.generation, found });
         }
         match State::from_code(header.state.load()) {
-            Some(State::Stopping | State::Stopped | State::Unsaved) => {
+            Some(state) if state.is_ending() => {
                 Err(MemoryError::EmulatorStopped { path: self.file.path.clone() })
             }
             _ => Ok(()),

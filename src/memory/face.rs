@@ -4,7 +4,6 @@
 //! before any firmware sees it, whenever a program stores it: there firmware reads it in a page of its own, which whoever tells it
 //! renews.
 
-use super::header::Interrupt;
 use super::{Cell32, Header, View};
 use core::ops::Deref;
 
@@ -39,40 +38,28 @@ impl Face {
         core::ptr::eq(&raw const *self.shown, &raw const *self.asked)
     }
 
-    /// Stores what programs write as well, as a switch that the firmware turns.
-    pub fn put(&self, cell: impl Fn(&Header) -> &Cell32, value: u32) {
-        cell(&self.asked).store(value);
+    /// Does something to what programs write as well, once.
+    pub fn both(&self, act: impl Fn(&Header)) {
+        act(&self.asked);
         if !self.is_one() {
-            cell(&self.shown).store(value);
+            act(&self.shown);
         }
     }
 
-    /// Takes a request: `false` if another one stands there meanwhile.
-    pub fn take(&self, cell: impl Fn(&Header) -> &Cell32, request: u32) -> bool {
-        let is_taken = cell(&self.asked).compare_exchange(request, 0).is_ok();
+    /// Stores what programs write as well, as a switch that the firmware turns.
+    pub fn put(&self, cell: impl Fn(&Header) -> &Cell32, value: u32) {
+        self.both(|page| cell(page).store(value));
+    }
+
+    /// Takes a request, if there is one; if it was replaced meanwhile, the next look takes the new one.
+    pub fn take(&self, cell: impl Fn(&Header) -> &Cell32) -> Option<u32> {
+        let request = cell(&self.asked).load();
+        let is_taken = request != 0 && cell(&self.asked).compare_exchange(request, 0).is_ok();
         if is_taken && !self.is_one() {
             // A further one that stands there is told in its turn.
             let _ = cell(&self.shown).compare_exchange(request, 0);
         }
-        is_taken
-    }
-
-    /// Counts one further in a cell that programs count in as well.
-    pub fn count(&self, cell: impl Fn(&Header) -> &Cell32) {
-        cell(&self.asked).increment();
-        if !self.is_one() {
-            cell(&self.shown).increment();
-        }
-    }
-
-    /// No `INTR_SET` was asked for or answered.
-    pub fn clear_interrupts(&self) {
-        [self.asked(), self].into_iter().for_each(|page| page.interrupts.iter().for_each(Interrupt::clear));
-    }
-
-    /// No `OPT_INIT` was asked for or answered.
-    pub fn clear_opt_init(&self) {
-        [self.asked(), self].into_iter().for_each(|page| page.opt_init.clear());
+        is_taken.then_some(request)
     }
 
     /// Puts in a request, as a program that submits it.

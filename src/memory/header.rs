@@ -179,6 +179,12 @@ codes! {
     }
 }
 impl State {
+    /// Whether nothing is answered any more: the emulator ends or has ended.
+    #[must_use]
+    pub fn is_ending(self) -> bool {
+        self == State::Stopping || self.is_over()
+    }
+
     /// Whether the emulator has ended.
     #[must_use]
     pub fn is_over(self) -> bool {

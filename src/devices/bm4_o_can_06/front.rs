@@ -5,7 +5,7 @@ use crate::devices::Events;
 use crate::devices::records::{BoardEvent, OnBoard};
 use crate::devices::supply::Supply;
 use crate::devices::{Context, Look, Power};
-use crate::memory::header::{InterruptResult, ProgramState, Start};
+use crate::memory::header::{Interrupt, InterruptResult, ProgramState, Start};
 use crate::memory::{Face, Header};
 use crate::state;
 use serde::{Deserialize, Serialize};
@@ -55,7 +55,7 @@ impl Front {
     /// Power-on.
     pub(crate) fn start(&mut self, ctx: &mut Context) {
         self.events.disable_all();
-        self.face.clear_interrupts();
+        self.face.both(|page| page.interrupts.iter().for_each(Interrupt::clear));
         self.supply.start(ctx, &self.face);
     }
 
@@ -93,10 +93,7 @@ impl Front {
     }
 
     fn look_at_start_request(&mut self, ctx: &mut Context) {
-        let code = self.face.asked().program.start_request.load();
-        if code == Start::None.code() || !self.face.take(|page| &page.program.start_request, code) {
-            return;
-        }
+        let Some(code) = self.face.take(|page| &page.program.start_request) else { return };
         let has_program = self.face.asked().program.state.load() != ProgramState::None.code();
         match Start::from_code(code) {
             Some(kind) if has_program => self.order(ctx, kind),

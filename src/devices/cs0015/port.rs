@@ -207,15 +207,15 @@ impl Firmware {
     /// Inputs and the SYNC flag, as the program finds them for a cycle.
     fn read_inputs(&mut self, now: u64) {
         let registers = &self.node.registers;
-        let front = |word| registers.turned(word);
         registers.inputs.I0.store(self.peripherals.inputs(registers, now));
-        registers.inputs.S2.store((front(FRONT_S2) & 0xF) as u8);
+        registers.inputs.S2.store((registers.turned(FRONT_S2) & 0xF) as u8);
         let keys = [
             (&registers.inputs.S3, FRONT_S3),
             (&registers.inputs.S4, FRONT_S4),
             (&registers.inputs.S5, FRONT_S5),
         ];
-        keys.into_iter().for_each(|(register, word)| register.store(u8::from(front(word) == key::PRESSED)));
+        keys.into_iter()
+            .for_each(|(register, word)| register.store(u8::from(registers.turned(word) == key::PRESSED)));
         let has_sync = core::mem::take(&mut self.node.has_sync);
         registers.flags.COP_SYNC.store(if has_sync { bool::TRUE } else { bool::FALSE });
     }

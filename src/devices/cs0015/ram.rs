@@ -1,6 +1,5 @@
 //! What the firmware finds in the image.
 
-use super::registers::values::program;
 use super::registers::{
     CS0015_FLAGS, CS0015_FUNCTION, CS0015_INPUTS, CS0015_JOBS, CS0015_OUTPUTS, CS0015_PARAMETERS,
     CS0015_PERIPHERALS, CS0015_RX_PDO, CS0015_SLAVES, CS0015_TX_PDO, DEVICE, FLAGS, FRONT_PROGRAM, FUNCTION,
@@ -73,9 +72,7 @@ impl Registers {
 
     /// A command at the front, which is taken.
     pub(super) fn take_command(&self) -> Option<u32> {
-        let command = self.turned(FRONT_PROGRAM);
-        let is_one = command != program::NOTHING;
-        (is_one && self.face.take(|page| &page.front[FRONT_PROGRAM], command)).then_some(command)
+        self.face.take(|page| &page.front[FRONT_PROGRAM])
     }
 
     /// What the program does, for whoever looks at the board.

@@ -92,12 +92,17 @@ fn nobody_answers_without_power() {
     assert_eq!(bench.ask(60, &[]), (mst_result::NO_ANSWER, Vec::new()));
 }
 
+/// Parameters with a watchdog of 100 ms.
+fn watched() -> Vec<u8> {
+    let mut watched = prm(0, 0);
+    (watched[0], watched[1], watched[2]) = (0x88, 2, 5);
+    watched
+}
+
 #[test]
 fn the_watchdog_ends_data_exchange() {
     let mut bench = Bench::new(5);
-    let mut watched = prm(0, 0);
-    (watched[0], watched[1], watched[2]) = (0x88, 2, 5);
-    bench.ask(61, &watched);
+    bench.ask(61, &watched());
     bench.ask(62, &CFG);
     assert_eq!(bench.diag()[..4], [0x00, 0x0C, 0x00, 1]);
     bench.exchange(&[1, 2]);
@@ -123,9 +128,7 @@ fn the_watchdog_ends_data_exchange() {
 #[test]
 fn no_cyclic_output_outlives_data_exchange() {
     let mut bench = Bench::new(5);
-    let mut watched = prm(0, 0);
-    (watched[0], watched[1], watched[2]) = (0x88, 2, 5);
-    bench.ask(61, &watched);
+    bench.ask(61, &watched());
     bench.ask(62, &[0x85, 0, 2, 3, 0, 0, 20]);
     bench.exchange(&[7]);
     bench.run(90 * MS);

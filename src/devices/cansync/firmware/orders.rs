@@ -114,7 +114,9 @@ pub(crate) fn note_restarts(
             segment.load(register, Width::Word).is_ok_and(|value| value == u32::from(cpu_control::RESTART))
         };
         if is_hit && holds_restart() {
-            face.count(|page| &page.ports[seat.place].restarts_written);
+            face.both(|page| {
+                page.ports[seat.place].restarts_written.increment();
+            });
         }
     }
 }

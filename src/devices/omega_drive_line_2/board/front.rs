@@ -228,10 +228,7 @@ impl Front {
 
     /// A project that a client sends or deletes, as the control dialog does (manual p. 37-38).
     pub(crate) fn look_at_project_request(&mut self, ctx: &mut Context, face: &Face) {
-        let code = face.asked().project_request.load();
-        if code == 0 || !face.take(|page| &page.project_request, code) {
-            return;
-        }
+        let Some(code) = face.take(|page| &page.project_request) else { return };
         let Some(project) = Project::from_code(code - 1) else { return };
         if self.released {
             self.order(ctx, face, Start::Stop);
@@ -251,14 +248,7 @@ impl Front {
 
     /// A start that a client asks for, as the control dialog does: possible only at RUN (manual p. 38).
     pub(crate) fn look_at_start_request(&mut self, ctx: &mut Context, face: &Face) {
-        let code = face.asked().program.start_request.load();
-        if code == Start::None.code() {
-            return;
-        }
-        // If it was replaced meanwhile, the next look takes the new one.
-        if !face.take(|page| &page.program.start_request, code) {
-            return;
-        }
+        let Some(code) = face.take(|page| &page.program.start_request) else { return };
         match Start::from_code(code) {
             Some(kind) if self.released => self.order(ctx, face, kind),
             _ => report(ctx, BoardEvent::StartRefused { code: code as u8 }),

@@ -69,8 +69,10 @@ impl Board {
     /// number.
     pub fn start(&mut self, ctx: &mut Context) -> u8 {
         self.stop();
-        self.face.clear_interrupts();
-        self.face.clear_opt_init();
+        self.face.both(|page| {
+            page.interrupts.iter().for_each(|interrupt| interrupt.clear());
+            page.opt_init.clear();
+        });
         if let Some(period) = self.option_sync_us {
             self.timers.start(Timer::OptionSync, ctx.now, u64::from(period) * timers::PER_US);
         }
