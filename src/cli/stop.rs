@@ -141,16 +141,22 @@ pub(crate) fn remove_remains(instance: &str) -> Result<bool, CliError> {
 }
 
 /// Asks the emulator through its channel. If it does not answer, because it has no channel or its clock waits for
-/// somebody, it gets a signal; one that was stopped goes on first.
+/// somebody, it gets a signal; one that is stopped, before or meanwhile, goes on.
 fn stop(name: &str, process: Option<EmulatorProcess>) -> Result<(), CliError> {
-    if let Some(process) = process
-        && process.resume()?
-    {
-        output::note(&format!(
-            "instance '{name}' was stopped (process {}); it goes on to end",
-            process.pid()
-        ));
-    }
+    let mut is_told = false;
+    let mut let_go_on = || -> Result<(), CliError> {
+        if let Some(process) = process
+            && process.resume()?
+            && !core::mem::replace(&mut is_told, true)
+        {
+            output::note(&format!(
+                "instance '{name}' was stopped (process {}); it goes on to end",
+                process.pid()
+            ));
+        }
+        Ok(())
+    };
+    let_go_on()?;
     // What the emulator says at its very end stands in each of its images, also when the files are gone.
     let seen = |image: ImageInfo| Image::attach(name, &image.plc, AttachMode::ReadOnly, None).ok();
     let image = images_of(name).into_iter().flatten().filter(is_alive).find_map(seen);
@@ -173,6 +179,8 @@ fn stop(name: &str, process: Option<EmulatorProcess>) -> Result<(), CliError> {
             let pid = process.map(|process| process.pid());
             return Err(CliError::StillThere { instance: name.to_owned(), pid, seconds: PATIENCE.as_secs() });
         }
+        // The signal that stops it may have come behind the first look, and is done only when it runs.
+        let_go_on()?;
         std::thread::sleep(Duration::from_millis(1));
     }
     // One that ends in good order leaves no images.

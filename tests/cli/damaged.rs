@@ -115,7 +115,9 @@ fn an_emulator_that_ends_with_a_shortened_channel_ends_in_good_order() {
     let outcome = promised(Duration::from_secs(2), || emulator.run("stop", &[]));
     assert_eq!(
         (outcome.code, outcome.out.as_str()),
-        (Some(0), format!("instance '{}' has stopped\n", emulator.name).as_str())
+        (Some(0), format!("instance '{}' has stopped\n", emulator.name).as_str()),
+        "{}",
+        outcome.err
     );
     assert_eq!(emulator.wait().code(), Some(0));
     assert!(emulator.files().is_empty());

@@ -177,13 +177,40 @@ fn a_stopped_emulator_can_be_ended() {
         let (outcome, status) = stop(&mut emulator);
         let (name, pid) = (&emulator.name, emulator.pid());
         assert_eq!((outcome.code, outcome.out), (Some(0), format!("instance '{name}' has stopped\n")));
-        let note =
-            format!("commram: note: instance '{name}' was stopped (process {pid}); it goes on to end\n");
-        // The signal that stops it may come after the look.
-        assert!(outcome.err == note || outcome.err.is_empty(), "{}", outcome.err);
+        // The signal that stops it may be done only after it has ended.
+        assert!(outcome.err == goes_on(name, pid) || outcome.err.is_empty(), "{}", outcome.err);
         assert_eq!(status.code(), Some(0));
         assert_eq!(emulator.files(), Vec::<std::path::PathBuf>::new());
     }
+}
+
+fn goes_on(name: &str, pid: u32) -> String {
+    format!("commram: note: instance '{name}' was stopped (process {pid}); it goes on to end\n")
+}
+
+/// Whatever stops it does not wait until `stop` looks.
+#[test]
+fn one_that_is_stopped_again_and_again_is_ended() {
+    let mut emulator = Emulator::stepped();
+    let pid = emulator.pid();
+    let is_stopped = || {
+        let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).unwrap();
+        stat.rsplit(')').next().is_some_and(|rest| rest.starts_with(" T"))
+    };
+    emulator.signal("-STOP");
+    assert!(eventually(is_stopped));
+    let mut stop = emulator.command("stop", &[]);
+    let outcome = promised(Duration::from_secs(2), || {
+        let stop = std::thread::spawn(move || finish(&mut stop));
+        for _ in 0..5 {
+            assert!(eventually(|| !is_stopped()));
+            emulator.signal("-STOP");
+        }
+        stop.join().unwrap()
+    });
+    assert_eq!((outcome.code, outcome.err), (Some(0), goes_on(&emulator.name, pid)));
+    assert_eq!(emulator.wait().code(), Some(0));
+    assert_eq!(emulator.files(), Vec::<std::path::PathBuf>::new());
 }
 
 /// The lock went with the directory; the images still tell whose they are.
