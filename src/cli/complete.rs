@@ -1,8 +1,17 @@
 //! What shells complete that only register map and running emulators know: registers, values, instances, PLCs, buses,
 //! faults.
 //!
-//! A completer gets the word under the cursor alone; what stands in front of it is read from the arguments of this process,
-//! which a shell calls as `commram -- WORDS`. Bash breaks words at `:` and `=`, the others do not: [`whole`] mends them.
+//! A completer gets the word under the cursor alone; what stands in front of it is in [`mod@line`].
+
+mod known;
+mod line;
+
+#[cfg(feature = "studio")]
+pub(crate) use line::within;
+pub(super) use line::{front_of_last, whole};
+
+use known::{known_buses, known_drives, known_faults, known_parameters};
+use line::{instance, option, words};
 
 use super::session::Session;
 use crate::devices;
@@ -10,9 +19,8 @@ use crate::fault::{Field, Form, Kind};
 use crate::layout::{Device, Fit, Fitted, Named, RegisterRef, split_plc, value};
 use clap_complete::engine::CompletionCandidate as Candidate;
 use clap_complete::engine::{ArgValueCompleter, PathCompleter, ValueCompleter};
-use core::cell::RefCell;
 use std::collections::BTreeMap;
-use std::ffi::{OsStr, OsString};
+use std::ffi::OsStr;
 
 /// What commands complete; each is a value for `#[arg(add = ...)]`.
 fn of(list: fn(&str) -> Vec<Candidate>) -> ArgValueCompleter {
@@ -191,147 +199,6 @@ fn starting(current: &str, all: impl IntoIterator<Item = (String, String)>) -> V
         .collect()
 }
 
-/// Whether bash has broken a word here.
-fn is_sign(word: &OsStr) -> bool {
-    word.to_str().is_some_and(|word| !word.is_empty() && word.bytes().all(|byte| matches!(byte, b'=' | b':')))
-}
-
-/// The words of a command line as they were typed. Bash breaks them at `=` and `:`, which are words of their own then.
-pub(super) fn whole(words: &[OsString]) -> Vec<OsString> {
-    let mut all: Vec<OsString> = Vec::new();
-    let mut goes_on = false;
-    for word in words {
-        match all.last_mut() {
-            Some(last) if goes_on || is_sign(word) => last.push(word),
-            _ => all.push(word.clone()),
-        }
-        goes_on = is_sign(word);
-    }
-    all
-}
-
-/// What of the last of these words bash leaves as it is: all that stands in front of the part under the cursor.
-pub(super) fn front_of_last(words: &[OsString]) -> OsString {
-    let end = match words.split_last() {
-        Some((last, rest)) if !is_sign(last) && rest.last().is_some_and(|word| is_sign(word)) => rest,
-        Some((last, _)) if is_sign(last) => words,
-        _ => return OsString::new(),
-    };
-    whole(end).pop().unwrap_or_default()
-}
-
-thread_local! {
-    /// The words of a line that this program reads itself, the last one being completed.
-    static LINE: RefCell<Option<Vec<String>>> = const { RefCell::new(None) };
-}
-
-/// What `complete` finds for the last of these words of a command line, of which the first one is this program.
-#[cfg(feature = "studio")]
-pub(crate) fn within<T>(words: &[String], complete: impl FnOnce() -> T) -> T {
-    LINE.set(Some(words.to_vec()));
-    let found = complete();
-    LINE.set(None);
-    found
-}
-
-/// Names of registers that begin so, as they can be typed on.
-#[cfg(feature = "studio")]
-pub(crate) fn register_names(current: &str) -> Vec<String> {
-    let name = |candidate: Candidate| candidate.get_value().to_string_lossy().into_owned();
-    registers_with(current, "").into_iter().map(name).collect()
-}
-
-/// The words of the command line.
-fn words() -> Vec<String> {
-    if let Some(words) = LINE.with_borrow(Clone::clone) {
-        return words;
-    }
-    let words: Vec<_> = std::env::args_os().skip_while(|word| word != "--").skip(1).collect();
-    whole(&words).into_iter().map(|word| word.to_string_lossy().into_owned()).collect()
-}
-
-/// What the command line gives for an option that is called so, or so.
-fn option(names: &[&str]) -> Option<String> {
-    let words = words();
-    let mut words = words.iter().map(String::as_str);
-    while let Some(word) = words.next() {
-        for name in names {
-            let given = match word.strip_prefix(name) {
-                Some("") => words.next(),
-                Some(value) if name.starts_with("--") => value.strip_prefix('='),
-                other => other,
-            };
-            if let Some(given) = given {
-                return Some(given.to_owned());
-            }
-        }
-    }
-    None
-}
-
-/// The instance that the command line names, else the usual one.
-fn instance() -> String {
-    option(&["-i", "--instance"]).unwrap_or_else(super::InstanceName::usual)
-}
-
-#[cfg(feature = "channel")]
-fn known_buses() -> Vec<String> {
-    let session = Session::open(&super::Instance::running(&instance()), 0);
-    let info = session.and_then(Session::into_client).ok().and_then(|client| client.info().ok());
-    info.map(|info| info.names.buses).unwrap_or_default()
-}
-
-#[cfg(feature = "channel")]
-fn known_faults() -> Vec<(String, String)> {
-    use crate::request::Op;
-    let Ok(session) = Session::open(&super::Instance::running(&instance()), 0) else { return Vec::new() };
-    let (Ok(info), Ok(faults)) = (session.ask(Op::Info), session.ask(Op::FaultList)) else {
-        return Vec::new();
-    };
-    let names = info.info().map(|info| info.names).unwrap_or_default();
-    let faults = faults.faults().unwrap_or_default().into_iter();
-    faults.map(|it| (it.id.to_string(), it.fault.text(&names))).collect()
-}
-
-/// The drives with their states.
-#[cfg(feature = "channel")]
-fn known_drives() -> Vec<(String, String)> {
-    use crate::request::Op;
-    let session = Session::open(&super::Instance::running(&instance()), 0);
-    let drives = session.and_then(|session| Ok(session.ask(Op::Drives)?.drives()?)).unwrap_or_default();
-    drives.into_iter().map(|drive| (drive.name, drive.state.state)).collect()
-}
-
-/// The parameters of a drive that can be set, with what they are.
-#[cfg(feature = "channel")]
-fn known_parameters(drive: u16) -> Vec<(String, String)> {
-    use crate::request::Op;
-    let session = Session::open(&super::Instance::running(&instance()), 0);
-    let details = session.and_then(|session| Ok(session.ask(Op::Drive { drive })?.drive()?));
-    let parameters = details.map(|details| details.parameters).unwrap_or_default().into_iter();
-    parameters.filter(|it| !it.read_only).map(|it| (format!("P{}", it.number), it.name)).collect()
-}
-
-#[cfg(not(feature = "channel"))]
-fn known_drives() -> Vec<(String, String)> {
-    Vec::new()
-}
-
-#[cfg(not(feature = "channel"))]
-fn known_parameters(_: u16) -> Vec<(String, String)> {
-    Vec::new()
-}
-
-#[cfg(not(feature = "channel"))]
-fn known_buses() -> Vec<String> {
-    Vec::new()
-}
-
-#[cfg(not(feature = "channel"))]
-fn known_faults() -> Vec<(String, String)> {
-    Vec::new()
-}
-
 /// What is there to be named.
 struct Scene {
     /// The PLCs of the instance; without one the device that is meant if none is named.
@@ -423,6 +290,13 @@ fn registers_with(current: &str, behind: &str) -> Vec<Candidate> {
         .collect()
 }
 
+/// Names of registers that begin so, as they can be typed on.
+#[cfg(feature = "studio")]
+pub(crate) fn register_names(current: &str) -> Vec<String> {
+    let name = |candidate: Candidate| candidate.get_value().to_string_lossy().into_owned();
+    registers_with(current, "").into_iter().map(name).collect()
+}
+
 fn registers_of(fitted: &Fitted, front: &str) -> Vec<RegisterRef> {
     match fitted.area_or_registers(front) {
         Ok(Named::Area(area)) => fitted.placed(area).flat_map(|placed| area.registers_of(placed)).collect(),
@@ -446,26 +320,4 @@ fn values_of(current: &str, signs: &[&str]) -> Option<Vec<Candidate>> {
         names.map(move |(name, value)| (name, found.decode(value)))
     });
     Some(starting(current, named.map(|(name, help)| (format!("{front}{name}"), help))))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn words_that_bash_has_broken_are_whole_again() {
-        let of = |words: &[&str]| words.iter().map(OsString::from).collect::<Vec<_>>();
-        for (broken, typed, front) in [
-            (&["poke", "a.b", "=", "re"][..], &["poke", "a.b=re"][..], "a.b="),
-            (&["poke", "a.b", "="], &["poke", "a.b="], "a.b="),
-            (&["wait", "line", ":", "a.b", "==", "7"], &["wait", "line:a.b==7"], "line:a.b=="),
-            (&["poke", "line", ":"], &["poke", "line:"], "line:"),
-            (&["poke", "a=1", ""], &["poke", "a=1", ""], ""),
-            (&["poke", "a", "=", "1", "b"], &["poke", "a=1", "b"], ""),
-            (&["poke", "a.b=re"], &["poke", "a.b=re"], ""),
-        ] {
-            assert_eq!(whole(&of(broken)), of(typed), "{broken:?}");
-            assert_eq!(front_of_last(&of(broken)), front, "{broken:?}");
-        }
-    }
 }

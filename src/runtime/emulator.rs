@@ -1,45 +1,30 @@
-//! The emulator's main loop.
-//!
-//! One thread does it all: it lets emulated time pass, answers rung doorbells and channel requests, and
-//! sleeps on the doorbells until the next event is due. The order "note the rings, look at everything,
-//! sleep unless it rang since" makes sure that nothing is slept through.
+//! An emulator from its start to its end; what it does in between is in [`rounds`].
 
 #[cfg(feature = "channel")]
 mod channel;
+mod rounds;
+
+#[cfg(feature = "channel")]
+pub(super) use rounds::LONGEST_SLEEP;
 
 use super::clock::{Clock, WallClock};
+use super::error::RuntimeError;
 use super::guests::Guests;
-use super::lockstep::{Lockstep, NoWitness};
-use super::novram::{Directory, Found, Keeper, Novram, NovramError};
+use super::lockstep::Lockstep;
+use super::novram::{Directory, Found, Keeper, Novram};
 use super::open_files;
-
 use super::watch::Watch;
-use crate::door::{DoorError, DoorSpec};
+use crate::door::DoorSpec;
 use crate::journal::Keep;
-use crate::memory::{Header, Image, ImageSpec, InstanceLock, MemoryError, View, bell, room};
-use crate::plant::{FollowError, Plant, PlantConfig, PlantError, Snapshot, SnapshotError};
+use crate::memory::{Header, Image, ImageSpec, InstanceLock, MemoryError, View, room};
+use crate::plant::{FollowError, Plant, PlantConfig, Snapshot};
 use crate::request::Travel;
 use core::num::NonZero;
 use std::cell::Cell;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
-use thiserror::Error;
-
-/// Longest sleep; a bound for everything that does not ring.
-pub(super) const LONGEST_SLEEP: Duration = Duration::from_millis(100);
-
-/// Most emulated time that passes unseen while nobody can see or store a register: whoever comes finds them that old at first.
-const UNSEEN_US: u64 = 10_000;
-
-/// Most emulated time handled in one go. After the machine was suspended there may be hours to catch up
-/// with; signals and clients are heard in between.
-const LONGEST_STEP_US: u64 = 100_000;
-/// How many register writes a polling emulator may answer at one moment before it does anything else.
-const LONGEST_CHAIN: u32 = 16;
-/// How often it looks in vain for the next one behind an answer.
-const LOOKS: u32 = 64;
+use std::time::Instant;
 
 /// How an emulator is run.
 #[derive(Clone, Debug)]
@@ -54,61 +39,6 @@ pub struct Options {
     pub novram: Option<PathBuf>,
     /// It will share its plant with others, by [`Emulator::join`].
     pub is_federate: bool,
-}
-
-/// Why an emulator cannot run.
-#[derive(Debug, Error)]
-pub enum RuntimeError {
-    /// Image file trouble.
-    #[error(transparent)]
-    Memory(#[from] MemoryError),
-    /// The plant is refused.
-    #[error(transparent)]
-    Plant(#[from] PlantError),
-    /// A NOVRAM file cannot be used.
-    #[error(transparent)]
-    Novram(#[from] NovramError),
-    /// The snapshot to start from is refused.
-    #[error(transparent)]
-    Snapshot(#[from] SnapshotError),
-    /// It cannot share its plant with others, or no longer.
-    #[cfg(feature = "channel")]
-    #[error(transparent)]
-    Federation(#[from] crate::federation::FederationError),
-    /// A door does not open.
-    #[error(transparent)]
-    Door(#[from] DoorError),
-    /// Somebody has shortened an image while it was in use.
-    #[error("{}: another program has shortened it while it was in use, so the registers are lost; nothing of them was \
-             written to NOVRAM, start again", .path.display())]
-    Shortened {
-        /// The image.
-        path: PathBuf,
-    },
-    /// No thread can be started.
-    #[error("cannot start a thread: {reason}")]
-    Thread {
-        /// Why not.
-        reason: std::io::Error,
-    },
-    /// More PLCs than this process may have files for.
-    #[error(
-        "{plcs} PLCs need {needed} open files, and a process may have {most}: raise that (`ulimit -Hn {needed}` as root)"
-    )]
-    OpenFiles {
-        /// How many PLCs.
-        plcs: usize,
-        /// Files that they need.
-        needed: u64,
-        /// Files that there may be.
-        most: u64,
-    },
-    /// A speed factor out of range.
-    #[error("speed {speed}: must be {} to {}", Clock::SLOWEST, Clock::FASTEST)]
-    Speed {
-        /// The factor.
-        speed: f64,
-    },
 }
 
 /// Ends a running emulator from another thread.
@@ -390,122 +320,12 @@ impl Emulator {
         lost(self)
     }
 
-    fn run_stepped(&mut self) {
-        while !self.is_stopping() {
-            self.look_at_rings();
-            self.save_novram(false);
-            if self.serve_channel() {
-                self.announce();
-            } else if !self.options.busy && !self.is_time_passing() {
-                self.sleep(LONGEST_SLEEP);
-            }
-        }
-    }
-
-    fn run_real_time(&mut self, clock: &WallClock) {
-        while !self.is_stopping() {
-            let rung = self.note_rings();
-            let now = clock.now().min(self.plant.now() + LONGEST_STEP_US);
-            let due = self.plant.next_event() <= now;
-            let look = rung || self.options.busy && self.plant.control_changed();
-            if due {
-                self.plant.advance_to(now);
-            } else {
-                self.plant.pass_to(now);
-            }
-            if look {
-                self.plant.processor_cycle();
-                if self.options.busy {
-                    self.answer_on();
-                }
-                self.lockstep.look(&mut self.plant, &mut NoWitness);
-            }
-            self.guests.tell(&self.plant);
-            self.guests.grant(self.plant.now());
-            self.guests.enter(&mut self.plant, false);
-            if look || due {
-                self.announce();
-                self.tell_events();
-            }
-            self.save_novram(false);
-            if self.serve_channel() {
-                // A write through the channel is as good as a ring.
-                self.plant.processor_cycle();
-                self.announce();
-            } else if !self.options.busy {
-                self.sleep(clock.until(self.next_seen()).min(LONGEST_SLEEP));
-            }
-        }
-    }
-
-    /// Who polls mostly writes again at once: the next answers come before the rest, at the same moment (decision D-583).
-    fn answer_on(&mut self) {
-        for _ in 0..LONGEST_CHAIN {
-            self.announce();
-            if !(0..LOOKS).any(|_| self.plant.control_changed()) {
-                return;
-            }
-            self.plant.processor_cycle();
-        }
-    }
-
-    /// In real time: when something is due that somebody may see, or see to.
-    fn next_seen(&self) -> u64 {
-        let next = self.plant.next_event();
-        let is_seen = !self.watch.is_alone() || self.is_listened_to() || self.guests.are_present();
-        let next = if is_seen { next } else { next.max(self.plant.now() + UNSEEN_US) };
-        next.min(self.guests.next_turn())
-    }
-
-    /// With a stepped clock: what the boards are asked for needs no time to pass; everything else is seen when it does.
-    pub(super) fn look_at_rings(&mut self) {
-        if self.note_rings() {
-            self.guests.look(&mut self.plant);
-            let (boards, tasks) =
-                (self.plant.look_at_boards(), self.lockstep.look(&mut self.plant, &mut NoWitness));
-            if boards || tasks {
-                self.travel.touch();
-                self.announce();
-            }
-        }
-    }
-
-    /// Notes how often each PLC's doorbell has been rung; tells whether one was rung since last time.
-    pub(super) fn note_rings(&mut self) -> bool {
-        let mut rung = false;
-        for (noted, image) in self.rings.iter_mut().zip(&self.images) {
-            let rings = image.header().doorbell.rings();
-            rung |= core::mem::replace(noted, rings) != rings;
-        }
-        rung
-    }
-
-    /// Sleeps until a doorbell is rung again, or until `timeout`.
-    pub(super) fn sleep(&self, timeout: Duration) {
-        if let ([image], [rings]) = (&self.images[..], &self.rings[..]) {
-            image.header().doorbell.wait(*rings, Some(timeout));
-            return;
-        }
-        let bells: Vec<_> = self
-            .images
-            .iter()
-            .map(|image| &image.header().doorbell)
-            .zip(self.rings.iter().copied())
-            .collect();
-        bell::wait_any(&bells, Some(timeout));
-    }
-
     /// Writes NOVRAM that has changed.
     fn save_novram(&mut self, last: bool) {
         let (devices, images) = (self.plant.devices(), &self.images);
         let is_lost = |plc: usize| images.get(plc).is_some_and(Image::was_shortened);
         let stored = |plc: usize| Some(devices.get(plc).filter(|_| !is_lost(plc))?.novram());
         self.novram.save(stored, last);
-    }
-
-    /// Tells waiting clients that registers may have changed.
-    pub(super) fn announce(&self) {
-        self.images.iter().for_each(|image| image.header().answer.ring());
     }
 }
 

@@ -3,7 +3,8 @@
 //! What enters from here does so in this federate's turn: requests of clients, stores of programs that have mapped an image,
 //! tasks in lockstep. A turn ends when somebody here wants time to pass, or at once if this federate only follows.
 
-use super::emulator::{Emulator, RuntimeError};
+use super::emulator::{Emulator, LONGEST_SLEEP};
+use super::error::RuntimeError;
 use super::lockstep::Witness;
 use crate::coupling::Coupling;
 use crate::federation::{Exchange, Federation, FederationError, News, Part};
@@ -133,7 +134,7 @@ impl Emulator {
             has_ended |= had_turn && !self.may_act_now();
             outcome = news.map(drop).and_then(|()| self.membership.error.take().map_or(Ok(()), Err));
             if !has_news && !served && !has_ended && !goes_on && outcome.is_ok() {
-                self.sleep(super::emulator::LONGEST_SLEEP);
+                self.sleep(LONGEST_SLEEP);
             }
         }
         if let Some(mut coupling) = self.membership.coupling.take() {

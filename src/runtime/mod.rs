@@ -4,6 +4,7 @@ mod clock;
 #[cfg(feature = "channel")]
 mod coupled;
 mod emulator;
+mod error;
 #[cfg(feature = "channel")]
 mod federated;
 mod guests;
@@ -15,5 +16,6 @@ mod turns;
 mod watch;
 
 pub use clock::Clock;
-pub use emulator::{Emulator, Options, RuntimeError, StopHandle};
+pub use emulator::{Emulator, Options, StopHandle};
+pub use error::RuntimeError;
 pub use novram::{Directory, Found, Keeper, Novram, NovramError};

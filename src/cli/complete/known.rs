@@ -1,0 +1,66 @@
+//! What only a running emulator knows: nothing, if there is none or it does not answer.
+
+#[cfg(feature = "channel")]
+use super::line::instance;
+#[cfg(feature = "channel")]
+use crate::cli::session::Session;
+
+#[cfg(feature = "channel")]
+pub(super) fn known_buses() -> Vec<String> {
+    let session = Session::open(&crate::cli::Instance::running(&instance()), 0);
+    let info = session.and_then(Session::into_client).ok().and_then(|client| client.info().ok());
+    info.map(|info| info.names.buses).unwrap_or_default()
+}
+
+#[cfg(feature = "channel")]
+pub(super) fn known_faults() -> Vec<(String, String)> {
+    use crate::request::Op;
+    let Ok(session) = Session::open(&crate::cli::Instance::running(&instance()), 0) else {
+        return Vec::new();
+    };
+    let (Ok(info), Ok(faults)) = (session.ask(Op::Info), session.ask(Op::FaultList)) else {
+        return Vec::new();
+    };
+    let names = info.info().map(|info| info.names).unwrap_or_default();
+    let faults = faults.faults().unwrap_or_default().into_iter();
+    faults.map(|it| (it.id.to_string(), it.fault.text(&names))).collect()
+}
+
+/// The drives with their states.
+#[cfg(feature = "channel")]
+pub(super) fn known_drives() -> Vec<(String, String)> {
+    use crate::request::Op;
+    let session = Session::open(&crate::cli::Instance::running(&instance()), 0);
+    let drives = session.and_then(|session| Ok(session.ask(Op::Drives)?.drives()?)).unwrap_or_default();
+    drives.into_iter().map(|drive| (drive.name, drive.state.state)).collect()
+}
+
+/// The parameters of a drive that can be set, with what they are.
+#[cfg(feature = "channel")]
+pub(super) fn known_parameters(drive: u16) -> Vec<(String, String)> {
+    use crate::request::Op;
+    let session = Session::open(&crate::cli::Instance::running(&instance()), 0);
+    let details = session.and_then(|session| Ok(session.ask(Op::Drive { drive })?.drive()?));
+    let parameters = details.map(|details| details.parameters).unwrap_or_default().into_iter();
+    parameters.filter(|it| !it.read_only).map(|it| (format!("P{}", it.number), it.name)).collect()
+}
+
+#[cfg(not(feature = "channel"))]
+pub(super) fn known_drives() -> Vec<(String, String)> {
+    Vec::new()
+}
+
+#[cfg(not(feature = "channel"))]
+pub(super) fn known_parameters(_: u16) -> Vec<(String, String)> {
+    Vec::new()
+}
+
+#[cfg(not(feature = "channel"))]
+pub(super) fn known_buses() -> Vec<String> {
+    Vec::new()
+}
+
+#[cfg(not(feature = "channel"))]
+pub(super) fn known_faults() -> Vec<(String, String)> {
+    Vec::new()
+}

@@ -1,0 +1,105 @@
+//! The words in front of the one that is completed.
+//!
+//! They are read from the arguments of this process, which a shell calls as `commram -- WORDS`. Bash breaks words at `:` and
+//! `=`, the others do not: [`whole`] mends them.
+
+use core::cell::RefCell;
+use std::ffi::{OsStr, OsString};
+
+/// Whether bash has broken a word here.
+fn is_sign(word: &OsStr) -> bool {
+    word.to_str().is_some_and(|word| !word.is_empty() && word.bytes().all(|byte| matches!(byte, b'=' | b':')))
+}
+
+/// The words of a command line as they were typed. Bash breaks them at `=` and `:`, which are words of their own then.
+pub(crate) fn whole(words: &[OsString]) -> Vec<OsString> {
+    let mut all: Vec<OsString> = Vec::new();
+    let mut goes_on = false;
+    for word in words {
+        match all.last_mut() {
+            Some(last) if goes_on || is_sign(word) => last.push(word),
+            _ => all.push(word.clone()),
+        }
+        goes_on = is_sign(word);
+    }
+    all
+}
+
+/// What of the last of these words bash leaves as it is: all that stands in front of the part under the cursor.
+pub(crate) fn front_of_last(words: &[OsString]) -> OsString {
+    let end = match words.split_last() {
+        Some((last, rest)) if !is_sign(last) && rest.last().is_some_and(|word| is_sign(word)) => rest,
+        Some((last, _)) if is_sign(last) => words,
+        _ => return OsString::new(),
+    };
+    whole(end).pop().unwrap_or_default()
+}
+
+thread_local! {
+    /// The words of a line that this program reads itself, the last one being completed.
+    static LINE: RefCell<Option<Vec<String>>> = const { RefCell::new(None) };
+}
+
+/// What `complete` finds for the last of these words of a command line, of which the first one is this program.
+#[cfg(feature = "studio")]
+pub(crate) fn within<T>(words: &[String], complete: impl FnOnce() -> T) -> T {
+    LINE.set(Some(words.to_vec()));
+    let found = complete();
+    LINE.set(None);
+    found
+}
+
+/// The words of the command line.
+pub(super) fn words() -> Vec<String> {
+    if let Some(words) = LINE.with_borrow(Clone::clone) {
+        return words;
+    }
+    let words: Vec<_> = std::env::args_os().skip_while(|word| word != "--").skip(1).collect();
+    whole(&words).into_iter().map(|word| word.to_string_lossy().into_owned()).collect()
+}
+
+/// What the command line gives for an option that is called so, or so.
+pub(super) fn option(names: &[&str]) -> Option<String> {
+    let words = words();
+    let mut words = words.iter().map(String::as_str);
+    while let Some(word) = words.next() {
+        for name in names {
+            let given = match word.strip_prefix(name) {
+                Some("") => words.next(),
+                Some(value) if name.starts_with("--") => value.strip_prefix('='),
+                other => other,
+            };
+            if let Some(given) = given {
+                return Some(given.to_owned());
+            }
+        }
+    }
+    None
+}
+
+/// The instance that the command line names, else the usual one.
+pub(super) fn instance() -> String {
+    option(&["-i", "--instance"]).unwrap_or_else(crate::cli::InstanceName::usual)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_that_bash_has_broken_are_whole_again() {
+        let of = |words: &[&str]| words.iter().map(OsString::from).collect::<Vec<_>>();
+        for (broken, typed, front) in [
+            (&["poke", "a.b", "=", "re"][..], &["poke", "a.b=re"][..], "a.b="),
+            (&["poke", "a.b", "="], &["poke", "a.b="], "a.b="),
+            (&["wait", "line", ":", "a.b", "==", "7"], &["wait", "line:a.b==7"], "line:a.b=="),
+            (&["poke", "line", ":"], &["poke", "line:"], "line:"),
+            (&["poke", "a=1", ""], &["poke", "a=1", ""], ""),
+            (&["poke", "a", "=", "1", "b"], &["poke", "a=1", "b"], ""),
+            (&["poke", "a.b=re"], &["poke", "a.b=re"], ""),
+        ] {
+            assert_eq!(whole(&of(broken)), of(typed), "{broken:?}");
+            assert_eq!(front_of_last(&of(broken)), front, "{broken:?}");
+        }
+    }
+}

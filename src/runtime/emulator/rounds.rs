@@ -1,0 +1,137 @@
+//! The emulator's main loop.
+//!
+//! One thread does it all: it lets emulated time pass, answers rung doorbells and channel requests, and
+//! sleeps on the doorbells until the next event is due. The order "note the rings, look at everything,
+//! sleep unless it rang since" makes sure that nothing is slept through.
+
+use super::Emulator;
+use crate::memory::bell;
+use crate::runtime::clock::WallClock;
+use crate::runtime::lockstep::NoWitness;
+use std::time::Duration;
+
+/// Longest sleep; a bound for everything that does not ring.
+pub(in crate::runtime) const LONGEST_SLEEP: Duration = Duration::from_millis(100);
+
+/// Most emulated time that passes unseen while nobody can see or store a register: whoever comes finds them that old at first.
+const UNSEEN_US: u64 = 10_000;
+
+/// Most emulated time handled in one go. After the machine was suspended there may be hours to catch up
+/// with; signals and clients are heard in between.
+const LONGEST_STEP_US: u64 = 100_000;
+/// How many register writes a polling emulator may answer at one moment before it does anything else.
+const LONGEST_CHAIN: u32 = 16;
+/// How often it looks in vain for the next one behind an answer.
+const LOOKS: u32 = 64;
+
+impl Emulator {
+    pub(super) fn run_stepped(&mut self) {
+        while !self.is_stopping() {
+            self.look_at_rings();
+            self.save_novram(false);
+            if self.serve_channel() {
+                self.announce();
+            } else if !self.options.busy && !self.is_time_passing() {
+                self.sleep(LONGEST_SLEEP);
+            }
+        }
+    }
+
+    pub(super) fn run_real_time(&mut self, clock: &WallClock) {
+        while !self.is_stopping() {
+            let rung = self.note_rings();
+            let now = clock.now().min(self.plant.now() + LONGEST_STEP_US);
+            let due = self.plant.next_event() <= now;
+            let look = rung || self.options.busy && self.plant.control_changed();
+            if due {
+                self.plant.advance_to(now);
+            } else {
+                self.plant.pass_to(now);
+            }
+            if look {
+                self.plant.processor_cycle();
+                if self.options.busy {
+                    self.answer_on();
+                }
+                self.lockstep.look(&mut self.plant, &mut NoWitness);
+            }
+            self.guests.tell(&self.plant);
+            self.guests.grant(self.plant.now());
+            self.guests.enter(&mut self.plant, false);
+            if look || due {
+                self.announce();
+                self.tell_events();
+            }
+            self.save_novram(false);
+            if self.serve_channel() {
+                // A write through the channel is as good as a ring.
+                self.plant.processor_cycle();
+                self.announce();
+            } else if !self.options.busy {
+                self.sleep(clock.until(self.next_seen()).min(LONGEST_SLEEP));
+            }
+        }
+    }
+
+    /// Who polls mostly writes again at once: the next answers come before the rest, at the same moment (decision D-583).
+    fn answer_on(&mut self) {
+        for _ in 0..LONGEST_CHAIN {
+            self.announce();
+            if !(0..LOOKS).any(|_| self.plant.control_changed()) {
+                return;
+            }
+            self.plant.processor_cycle();
+        }
+    }
+
+    /// In real time: when something is due that somebody may see, or see to.
+    fn next_seen(&self) -> u64 {
+        let next = self.plant.next_event();
+        let is_seen = !self.watch.is_alone() || self.is_listened_to() || self.guests.are_present();
+        let next = if is_seen { next } else { next.max(self.plant.now() + UNSEEN_US) };
+        next.min(self.guests.next_turn())
+    }
+
+    /// With a stepped clock: what the boards are asked for needs no time to pass; everything else is seen when it does.
+    pub(in crate::runtime) fn look_at_rings(&mut self) {
+        if self.note_rings() {
+            self.guests.look(&mut self.plant);
+            let (boards, tasks) =
+                (self.plant.look_at_boards(), self.lockstep.look(&mut self.plant, &mut NoWitness));
+            if boards || tasks {
+                self.travel.touch();
+                self.announce();
+            }
+        }
+    }
+
+    /// Notes how often each PLC's doorbell has been rung; tells whether one was rung since last time.
+    pub(in crate::runtime) fn note_rings(&mut self) -> bool {
+        let mut rung = false;
+        for (noted, image) in self.rings.iter_mut().zip(&self.images) {
+            let rings = image.header().doorbell.rings();
+            rung |= core::mem::replace(noted, rings) != rings;
+        }
+        rung
+    }
+
+    /// Sleeps until a doorbell is rung again, or until `timeout`.
+    pub(in crate::runtime) fn sleep(&self, timeout: Duration) {
+        if let ([image], [rings]) = (&self.images[..], &self.rings[..]) {
+            image.header().doorbell.wait(*rings, Some(timeout));
+            return;
+        }
+        let bells: Vec<_> = self
+            .images
+            .iter()
+            .map(|image| &image.header().doorbell)
+            .zip(self.rings.iter().copied())
+            .collect();
+        bell::wait_any(&bells, Some(timeout));
+    }
+
+    /// Tells waiting clients that registers may have changed.
+    pub(in crate::runtime) fn announce(&self) {
+        self.images.iter().for_each(|image| image.header().answer.ring());
+    }
+}
