@@ -15,7 +15,8 @@ fn parameters() -> impl Strategy<Value = Vec<u8>> {
     prop_oneof![4 => almost, 1 => prop::collection::vec(any::<u8>(), 0..=244)]
 }
 
-/// Octets of Chk_Cfg: modules that are good or almost, segments of pages, or anything.
+/// Octets of Chk_Cfg: modules that are good or almost, segments of pages, good modules of which the last one is cut off, or
+/// anything.
 fn configuration() -> impl Strategy<Value = Vec<u8>> {
     let module = prop_oneof![
         (any::<bool>(), 0..10_u8, 0..9_u8, any::<u8>()).prop_map(|(is_input, length, high, low)| {
@@ -26,7 +27,15 @@ fn configuration() -> impl Strategy<Value = Vec<u8>> {
         any::<u8>().prop_map(|octet| vec![octet]),
     ];
     let modules = prop::collection::vec(module, 0..12).prop_map(|modules| modules.concat());
-    prop_oneof![4 => modules, 1 => prop::collection::vec(any::<u8>(), 0..=244)]
+    let good = prop::collection::vec((any::<bool>(), any::<u8>()), 1..12).prop_map(|modules| {
+        let module = |(is_input, low)| [if is_input { 0x43 } else { 0x83 }, 7, 1, low, 0xB8];
+        modules.into_iter().flat_map(module).collect::<Vec<u8>>()
+    });
+    let cut_off = (good, 1..5_usize).prop_map(|(mut octets, cut)| {
+        octets.truncate(octets.len() - cut);
+        octets
+    });
+    prop_oneof![4 => modules, 1 => cut_off, 1 => prop::collection::vec(any::<u8>(), 0..=244)]
 }
 
 /// Whatever a master sends as parameters, configuration and outputs, there is a state and a diagnosis that says why.
