@@ -23,12 +23,14 @@ const OMEGA: &str = "[[plc]]\nname = 'a'\nnode2 = 'drives'\noption_sync_us = 100
                      [[bus]]\nname = 'lower'\nkbit_s = 250\n\
                      [[fault]]\nkind = 'lose_sync'\nbus = 'drives'\nat_us = 90000\ncount = 2\n";
 
+/// With a drive that hands its reference values over two intervals later.
 const BM4: &str = "[[device]]\nkind = 'bm4-plc'\nname = 'a'\n\
                    [[device.module]]\nslot = 'G'\nkind = 'can-06'\nbus = 'drives'\n\
                    [[device.module]]\nslot = 'H'\nkind = 'can-05'\nbus = 'upper'\n\
                    [[device.module]]\nslot = 'J'\nkind = 'can-06'\nbus = 'lower'\nsync_in_from = 'H'\n\
                    [[bus]]\nname = 'drives'\nkbit_s = 1000\n\
                    [[bus.drive]]\nname = 'd1'\nslave_number = 1\ncard_function = 0\n\
+                   [bus.drive.zk]\nzk_0 = 0x12C\nzk_4 = 0x41\nzk_16 = 0x12D\nzk_20 = 0x41\nzk_24 = 2\n\
                    [[bus]]\nname = 'upper'\nkbit_s = 500\n[[bus]]\nname = 'lower'\nkbit_s = 500\n";
 
 /// A master with a slave and modules that it finds and guards, and a controller whose orders come from the job block.
