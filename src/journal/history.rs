@@ -82,6 +82,9 @@ pub(super) struct Followed {
     live: Live,
     in_journal: bool,
     for_onlookers: bool,
+    /// What onlookers know it held, from when the plant has gone to another moment until they are told.
+    #[serde(skip)]
+    left: Option<u32>,
 }
 
 /// The registers that are followed, and what became of them.
@@ -130,6 +133,8 @@ impl History {
             register.in_journal = true;
             match self.find(register.plc, register.offset) {
                 Ok(at) => {
+                    let known = &self.followed[at];
+                    register.left = known.left.or(Some(known.held));
                     register.for_onlookers = true;
                     self.followed[at] = register;
                 }
@@ -163,8 +168,8 @@ impl History {
             Err(at) => {
                 let held = rams.load(plc, offset, width).unwrap_or(0);
                 let live = rams.live(plc, offset);
-                let register =
-                    Followed { plc, offset, width, held, live, in_journal: false, for_onlookers: false };
+                let (in_journal, for_onlookers, left) = (false, false, None);
+                let register = Followed { plc, offset, width, held, live, in_journal, for_onlookers, left };
                 self.followed.insert(at, register);
                 at
             }
@@ -191,6 +196,29 @@ impl History {
             let by = if rams.is_forced(register.plc, register.offset) { By::Force } else { by };
             let keep = |change| keep(changes, end, time_us, change);
             register.tell(now, by, (!*is_searching).then_some(keep), &mut note);
+        }
+    }
+
+    /// The plant has gone to another moment: those who look on are told what is otherwise. The journal is told nothing: what a
+    /// program had written there, and nobody had looked at yet, is still to be found.
+    pub(super) fn arrived(&mut self, time_us: u64, rams: &impl Rams) {
+        let History { followed, changes, end, is_searching, .. } = self;
+        if *is_searching {
+            return;
+        }
+        for register in followed.iter_mut().filter(|register| register.for_onlookers) {
+            let from = register.left.take().unwrap_or(register.held);
+            let &mut Followed { plc, offset, width, in_journal, .. } = register;
+            let live = rams.live(plc, offset);
+            if !in_journal {
+                register.held = rams.load(plc, offset, width).unwrap_or(register.held);
+                register.live = live;
+            }
+            if from != register.held {
+                let by = if rams.is_forced(plc, offset) { By::Force } else { By::Channel };
+                let how = How { width, by, live };
+                keep(changes, end, time_us, Changed { plc, offset, how, from, to: register.held });
+            }
         }
     }
 
@@ -322,6 +350,34 @@ mod tests {
         history.compare(7, By::Firmware, &rams, |_| panic!("told by then"));
         assert_eq!(noted, [(4, 5, By::Program), (5, 4, By::Firmware)]);
         assert!(told(&mut history).is_empty());
+    }
+
+    /// Of a moment before, at which a program had just written.
+    #[test]
+    fn who_goes_back_has_written_nothing() {
+        let (rams, mut history) = (Loose::default(), History::new());
+        for (offset, keep) in
+            [(2, Keep::InJournal), (4, Keep::InJournal), (4, Keep::ForOnlookers), (6, Keep::ForOnlookers)]
+        {
+            history.follow(0, offset, Width::Word, keep, &rams);
+        }
+        let kept = |history: &History| {
+            let copy = |it: &Followed| Followed { left: None, for_onlookers: false, ..*it };
+            history.in_journal().map(copy).collect::<Vec<_>>()
+        };
+        let before = kept(&history);
+        let store = |value: u32| [2, 4, 6].map(|offset| rams.store(offset, value));
+        store(9);
+        history.compare(1, By::Program, &rams, drop);
+        let known = told(&mut history).len();
+        store(5);
+        history.restore_in_journal(before);
+        history.arrived(2, &rams);
+        assert_eq!(told(&mut history)[known..], [(4, 9, 0, By::Channel), (6, 9, 5, By::Channel)]);
+        let mut noted = Vec::new();
+        history.compare(3, By::Program, &rams, |change| noted.push((change.offset, change.from, change.to)));
+        assert_eq!(noted, [(2, 0, 5), (4, 0, 5)]);
+        assert_eq!(told(&mut history)[known + 2..], [(4, 0, 5, By::Program)]);
     }
 
     #[test]

@@ -214,6 +214,12 @@ impl Journal {
         noted.into_iter().for_each(|change| self.push(time_us, change));
     }
 
+    /// The plant has gone to another moment, which is news for those who look on.
+    #[cold]
+    pub(crate) fn arrived(&mut self, time_us: u64, rams: &impl Rams) {
+        self.history.arrived(time_us, rams);
+    }
+
     #[cold]
     fn stored(&mut self, time_us: u64, stored: Stored) {
         let mut noted = Vec::new();

@@ -64,6 +64,14 @@ impl Plant {
             journal.compare(*now, by, &Compared { devices, forces });
         }
     }
+
+    /// Tells those who look on what is otherwise at this moment, which the plant has gone to.
+    pub(super) fn arrive(&mut self) {
+        if self.journal.follows() {
+            let Plant { now, devices, forces, journal, .. } = self;
+            journal.arrived(*now, &Compared { devices, forces });
+        }
+    }
 }
 
 struct Compared<'a> {

@@ -11,7 +11,7 @@ pub use file::{SnapshotFile, SnapshotFileError};
 
 use super::Plant;
 use crate::devices::{self, Device};
-use crate::journal::{By, Rings};
+use crate::journal::Rings;
 use crate::layout::Device as Layout;
 use crate::state::{Damaged, Saved, Saving, State};
 use core::borrow::Borrow;
@@ -176,7 +176,7 @@ impl Plant {
     /// The search has come to its end.
     pub(crate) fn end_search(&mut self, search: Search) {
         self.journal.put_back(search.0);
-        self.keep_changes(By::Channel);
+        self.arrive();
     }
 
     /// What tells this plant from others at this moment, for [`Plant::is_like`]: what it consists of, and a number for the state.
@@ -206,14 +206,12 @@ impl Plant {
         self.save(&mut before);
         let mut from = Saved::new(&snapshot.state);
         let taken = self.read(&mut from, goes_back).and_then(|()| from.end());
-        if let Err(damaged) = taken {
+        if taken.is_err() {
             // What this plant has saved a moment ago it can read.
             let _ = self.read(&mut Saved::new(before.bytes()), true);
-            return Err(damaged.into());
         }
-        // Those who look on are told what is otherwise now.
-        self.keep_changes(By::Channel);
-        Ok(())
+        self.arrive();
+        taken.map_err(SnapshotError::from)
     }
 
     fn fits(&self, snapshot: &Snapshot) -> Result<(), SnapshotError> {

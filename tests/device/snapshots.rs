@@ -6,7 +6,7 @@ use commram::can::{Frame, Payload};
 use commram::devices::can_dp2::registers::values::mst_control;
 use commram::devices::can_dp2::registers::{CAN_DP2_MST, MST};
 use commram::devices::cansync::records::InitRefused;
-use commram::devices::{all, fault_kinds};
+use commram::devices::{Device, all, fault_kinds};
 use commram::door::Said;
 use commram::fault::FaultSpec;
 use commram::journal::{Keep, Record};
@@ -28,8 +28,8 @@ const BM4: &str = "[[device]]\nkind = 'bm4-plc'\nname = 'a'\n\
                    [[device.module]]\nslot = 'G'\nkind = 'can-06'\nbus = 'drives'\n\
                    [[device.module]]\nslot = 'H'\nkind = 'can-05'\nbus = 'upper'\n\
                    [[device.module]]\nslot = 'J'\nkind = 'can-06'\nbus = 'lower'\nsync_in_from = 'H'\n\
-                   [[bus]]\nname = 'drives'\nkbit_s = 1000\n\
-                   [[bus.drive]]\nname = 'd1'\nslave_number = 1\ncard_function = 0\n\
+                   [[bus]]\nname = 'drives'\nkbit_s = 500\n\
+                   [[bus.drive]]\nname = 'd1'\nslave_number = 1\ncard_function = 0\nlock_time_us = 8000\n\
                    [bus.drive.zk]\nzk_0 = 0x12C\nzk_4 = 0x41\nzk_16 = 0x12D\nzk_20 = 0x41\nzk_24 = 2\n\
                    [[bus]]\nname = 'upper'\nkbit_s = 500\n[[bus]]\nname = 'lower'\nkbit_s = 500\n";
 
@@ -85,6 +85,8 @@ enum Act {
     /// All nodes of CANsync are brought a step further.
     Command(u16),
     InitData,
+    /// Masters release this reference value.
+    Reference(u32),
     Board {
         device: usize,
         setting: BoardSetting,
@@ -139,6 +141,7 @@ fn act() -> impl Strategy<Value = Act> {
             .prop_map(|(device, register, value, through_channel)| Act::Store { device, register, value, through_channel }),
         4 => prop::sample::select(vec![0u16, 1, 2, 0x20, 0x40, 0x80]).prop_map(Act::Command),
         2 => Just(Act::InitData),
+        4 => any::<u32>().prop_map(Act::Reference),
         1 => (device.clone(), setting).prop_map(|(device, setting)| Act::Board { device, setting }),
         1 => (device.clone(), 0..16usize, 1..9u16).prop_map(|(device, event, factor)| Act::Event { device, event, factor }),
         2 => (0..FAULTS.len(), device.clone(), 0..3usize).prop_map(|(kind, device, bus)| Act::Fault { kind, device, bus }),
@@ -172,6 +175,38 @@ fn nodes(plant: &Plant) -> Vec<(usize, u32)> {
     nodes.collect()
 }
 
+/// A node of CANsync that is a master.
+struct Master<'a> {
+    device: &'a dyn Device,
+    node: &'static str,
+}
+
+impl Master<'_> {
+    fn place(&self, register: &str) -> (u32, Width) {
+        let register = self.device.fitted().register(&format!("{}.{register}", self.node)).unwrap();
+        (register.offset(), register.address().width())
+    }
+
+    fn store(&self, register: &str, value: u32) {
+        let (offset, width) = self.place(register);
+        self.device.segment().store(offset, width, value).unwrap();
+    }
+
+    fn load(&self, register: &str) -> u32 {
+        let (offset, width) = self.place(register);
+        self.device.segment().load(offset, width).unwrap()
+    }
+}
+
+fn masters(plant: &Plant) -> impl Iterator<Item = Master<'_>> {
+    plant.devices().iter().flat_map(|device| {
+        let nodes = device.layout().ports.iter().filter(|port| port.medium == "cansync");
+        let is_master = |number| device.fitted().port(number).role() == Some(Role::Master);
+        let masters = nodes.filter(move |port| port.role() == Some(Role::Master) || is_master(port.number));
+        masters.map(move |port| Master { device: device.as_ref(), node: port.name })
+    })
+}
+
 fn take(plant: &mut Plant, act: &Act) {
     let count = plant.devices().len();
     let place = |plant: &Plant, device: usize, register: usize| {
@@ -194,6 +229,12 @@ fn take(plant: &mut Plant, act: &Act) {
             }
         }
         Act::InitData => init_data(plant),
+        Act::Reference(value) => {
+            for master in masters(plant) {
+                master.store("a_WR_VALUE[0]", value);
+                master.store("b_CTRLREG_WRC1", 0x05);
+            }
+        }
         Act::Board { device, setting } => {
             plant.set_board(device % count, setting);
         }
@@ -282,8 +323,26 @@ pub(crate) fn bring_up(plant: &mut Plant) {
     ];
     let telegrams = [0, 0, 1, 4, 2].map(Act::Telegram);
     for act in up.iter().chain(&telegrams) {
+        // What the time slots hold counts from the start of the network on.
+        for master in masters(plant) {
+            master.store("_CFG_WRC_WORD.b_CFG_WRC1_WORD0", 0x01);
+            master.store("_CFG_WRC_WORD.b_CFG_WRC1_WORD1", 0x03);
+        }
         take(plant, act);
         plant.advance_to(plant.now() + 4_000);
+    }
+}
+
+/// What comes up is at work: reference values go out.
+#[test]
+fn masters_that_have_come_up_send_reference_values() {
+    for text in [OMEGA, BM4] {
+        let mut plant = plant_of(text);
+        bring_up(&mut plant);
+        take(&mut plant, &Act::Reference(7));
+        plant.advance_to(plant.now() + 10_000);
+        let sent: Vec<_> = masters(&plant).map(|master| master.load("b_CTRLREG_WRC1")).collect();
+        assert_eq!(sent, [0x04; 2], "{text}");
     }
 }
 
