@@ -68,6 +68,11 @@ pub(crate) trait Rams {
 
     /// Whether the register is forced.
     fn is_forced(&self, plc: u16, offset: u32) -> bool;
+
+    /// Whose change it is: the force's, if the register is forced, else that of `by`.
+    fn changed_by(&self, plc: u16, offset: u32, by: By) -> By {
+        if self.is_forced(plc, offset) { By::Force } else { by }
+    }
 }
 
 /// A register that is followed.
@@ -193,7 +198,7 @@ impl History {
                 continue;
             }
             register.live = rams.live(register.plc, register.offset);
-            let by = if rams.is_forced(register.plc, register.offset) { By::Force } else { by };
+            let by = rams.changed_by(register.plc, register.offset, by);
             let keep = |change| keep(changes, end, time_us, change);
             register.tell(now, by, (!*is_searching).then_some(keep), &mut note);
         }
@@ -215,8 +220,7 @@ impl History {
                 register.live = live;
             }
             if from != register.held {
-                let by = if rams.is_forced(plc, offset) { By::Force } else { By::Channel };
-                let how = How { width, by, live };
+                let how = How { width, by: rams.changed_by(plc, offset, By::Channel), live };
                 keep(changes, end, time_us, Changed { plc, offset, how, from, to: register.held });
             }
         }

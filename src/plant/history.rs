@@ -4,7 +4,7 @@
 use super::Plant;
 use super::force::Forces;
 use crate::devices::Device;
-use crate::journal::{By, Change, Keep, MAX_FOLLOWED, Rams};
+use crate::journal::{By, Change, Journal, Keep, MAX_FOLLOWED, Rams};
 use crate::layout::Live;
 use crate::layout::place::{live_by, status_of};
 use crate::memory::{Unmapped, Width};
@@ -43,8 +43,7 @@ impl Plant {
         self.keep_changes(By::Program);
         let (widths, ram) = self.ram(plc, offset)?;
         let registers = widths.registers(ram, offset, len)?;
-        let Plant { devices, forces, journal, .. } = self;
-        let rams = Compared { devices, forces };
+        let (journal, rams) = self.compared();
         let follows =
             |&(offset, width): &(u32, Width)| journal.follow(plc as u16, offset, width, keep, &rams);
         if registers.iter().all(follows) { Ok(()) } else { Err(FollowError::TooMany) }
@@ -60,21 +59,29 @@ impl Plant {
     #[inline]
     pub(super) fn keep_changes(&mut self, by: By) {
         if self.journal.follows() {
-            let Plant { now, devices, forces, journal, .. } = self;
-            journal.compare(*now, by, &Compared { devices, forces });
+            let (journal, rams) = self.compared();
+            journal.compare(rams.now, by, &rams);
         }
     }
 
     /// Tells those who look on what is otherwise at this moment, which the plant has gone to.
     pub(super) fn arrive(&mut self) {
         if self.journal.follows() {
-            let Plant { now, devices, forces, journal, .. } = self;
-            journal.arrived(*now, &Compared { devices, forces });
+            let (journal, rams) = self.compared();
+            journal.arrived(rams.now, &rams);
         }
+    }
+
+    /// The journal, and beside it what it compares.
+    #[inline]
+    fn compared(&mut self) -> (&mut Journal, Compared<'_>) {
+        let Plant { now, devices, forces, journal, .. } = self;
+        (journal, Compared { now: *now, devices, forces })
     }
 }
 
 struct Compared<'a> {
+    now: u64,
     devices: &'a [Box<dyn Device>],
     forces: &'a Forces,
 }

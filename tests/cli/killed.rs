@@ -2,7 +2,7 @@
 #![cfg(feature = "channel")]
 
 use crate::common::{
-    Emulator, Outcome, eventually, files_of, finish, promised, remove_remains, run, unique_name,
+    Emulator, Outcome, eventually, files_of, finish, promised, remove_remains, run, stat, unique_name,
 };
 use std::process::{ExitStatus, Stdio};
 use std::time::Duration;
@@ -193,10 +193,7 @@ fn goes_on(name: &str, pid: u32) -> String {
 fn one_that_is_stopped_again_and_again_is_ended() {
     let mut emulator = Emulator::stepped();
     let pid = emulator.pid();
-    let is_stopped = || {
-        let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).unwrap();
-        stat.rsplit(')').next().is_some_and(|rest| rest.starts_with(" T"))
-    };
+    let is_stopped = || stat(&pid.to_string())[0] == "T";
     emulator.signal("-STOP");
     assert!(eventually(is_stopped));
     let mut stop = emulator.command("stop", &[]);

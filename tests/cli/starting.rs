@@ -1,7 +1,7 @@
 //! Ways to start an emulator: `run --detach`, `with`, and clients that come while it is just starting.
 
 use crate::common::{
-    Outcome, commram, eventually, files_of, finish, remove_remains, run, unique_name, wait_for,
+    Outcome, commram, eventually, files_of, finish, remove_remains, run, stat, unique_name, wait_for,
 };
 use std::io::{BufRead, BufReader};
 use std::path::PathBuf;
@@ -54,9 +54,7 @@ fn a_detached_emulator_has_left_its_terminal_and_outputs() {
     let instance = Background::new();
     let outcome = instance.run("run", &["--detach"]);
     let pid = outcome.ok().split("process ").nth(1).unwrap().split(' ').next().unwrap().to_owned();
-    let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).unwrap();
-    let session = stat.rsplit(')').next().unwrap().split_ascii_whitespace().nth(3).unwrap();
-    assert_eq!(session, pid, "it leads a session of its own");
+    assert_eq!(stat(&pid)[3], pid, "it leads a session of its own");
     for output in ["0", "1", "2"] {
         let file = std::fs::read_link(format!("/proc/{pid}/fd/{output}")).unwrap();
         assert_eq!(file, PathBuf::from("/dev/null"));

@@ -133,6 +133,12 @@ pub(crate) fn wait_for(child: &mut Child, what: &str) -> ExitStatus {
     status.unwrap()
 }
 
+/// What the system tells of a process behind its name: its state, parent, group, session and more.
+pub(crate) fn stat(pid: &str) -> Vec<String> {
+    let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).unwrap();
+    stat.rsplit(')').next().unwrap().split_ascii_whitespace().map(str::to_owned).collect()
+}
+
 /// What docs/promises.md promises within `figure`. The watchdog barks after ten times that, because a test machine may be slow.
 pub(crate) fn promised<T>(figure: Duration, act: impl FnOnce() -> T) -> T {
     let start = Instant::now();

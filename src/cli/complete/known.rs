@@ -3,21 +3,23 @@
 #[cfg(feature = "channel")]
 use super::line::instance;
 #[cfg(feature = "channel")]
-use crate::cli::session::Session;
+use crate::cli::{Instance, error::CliError, session::Session};
+
+#[cfg(feature = "channel")]
+fn session() -> Result<Session, CliError> {
+    Session::open(&Instance::running(&instance()), 0)
+}
 
 #[cfg(feature = "channel")]
 pub(super) fn known_buses() -> Vec<String> {
-    let session = Session::open(&crate::cli::Instance::running(&instance()), 0);
-    let info = session.and_then(Session::into_client).ok().and_then(|client| client.info().ok());
+    let info = session().and_then(Session::into_client).ok().and_then(|client| client.info().ok());
     info.map(|info| info.names.buses).unwrap_or_default()
 }
 
 #[cfg(feature = "channel")]
 pub(super) fn known_faults() -> Vec<(String, String)> {
     use crate::request::Op;
-    let Ok(session) = Session::open(&crate::cli::Instance::running(&instance()), 0) else {
-        return Vec::new();
-    };
+    let Ok(session) = session() else { return Vec::new() };
     let (Ok(info), Ok(faults)) = (session.ask(Op::Info), session.ask(Op::FaultList)) else {
         return Vec::new();
     };
@@ -30,8 +32,7 @@ pub(super) fn known_faults() -> Vec<(String, String)> {
 #[cfg(feature = "channel")]
 pub(super) fn known_drives() -> Vec<(String, String)> {
     use crate::request::Op;
-    let session = Session::open(&crate::cli::Instance::running(&instance()), 0);
-    let drives = session.and_then(|session| Ok(session.ask(Op::Drives)?.drives()?)).unwrap_or_default();
+    let drives = session().and_then(|session| Ok(session.ask(Op::Drives)?.drives()?)).unwrap_or_default();
     drives.into_iter().map(|drive| (drive.name, drive.state.state)).collect()
 }
 
@@ -39,8 +40,7 @@ pub(super) fn known_drives() -> Vec<(String, String)> {
 #[cfg(feature = "channel")]
 pub(super) fn known_parameters(drive: u16) -> Vec<(String, String)> {
     use crate::request::Op;
-    let session = Session::open(&crate::cli::Instance::running(&instance()), 0);
-    let details = session.and_then(|session| Ok(session.ask(Op::Drive { drive })?.drive()?));
+    let details = session().and_then(|session| Ok(session.ask(Op::Drive { drive })?.drive()?));
     let parameters = details.map(|details| details.parameters).unwrap_or_default().into_iter();
     parameters.filter(|it| !it.read_only).map(|it| (format!("P{}", it.number), it.name)).collect()
 }

@@ -18,19 +18,17 @@ fn parameters() -> impl Strategy<Value = Vec<u8>> {
 /// Octets of Chk_Cfg: modules that are good or almost, segments of pages, good modules of which the last one is cut off, or
 /// anything.
 fn configuration() -> impl Strategy<Value = Vec<u8>> {
+    let of_can =
+        |(is_input, length, high, low)| vec![if is_input { 0x43 } else { 0x83 }, length, high, low, 0xB8];
     let module = prop_oneof![
-        (any::<bool>(), 0..10_u8, 0..9_u8, any::<u8>()).prop_map(|(is_input, length, high, low)| {
-            vec![if is_input { 0x43 } else { 0x83 }, length, high, low, 0xB8]
-        }),
+        (any::<bool>(), 0..10_u8, 0..9_u8, any::<u8>()).prop_map(of_can),
         any::<bool>().prop_map(|is_input| vec![if is_input { 0x43 } else { 0x83 }, 0x8F, 0xFF, 0xEF, 0]),
         any::<bool>().prop_map(|is_input| vec![if is_input { 0x40 } else { 0x80 }, 0x9F]),
         any::<u8>().prop_map(|octet| vec![octet]),
     ];
     let modules = prop::collection::vec(module, 0..12).prop_map(|modules| modules.concat());
-    let good = prop::collection::vec((any::<bool>(), any::<u8>()), 1..12).prop_map(|modules| {
-        let module = |(is_input, low)| [if is_input { 0x43 } else { 0x83 }, 7, 1, low, 0xB8];
-        modules.into_iter().flat_map(module).collect::<Vec<u8>>()
-    });
+    let good = (any::<bool>(), Just(7), Just(1), any::<u8>()).prop_map(of_can);
+    let good = prop::collection::vec(good, 1..12).prop_map(|modules| modules.concat());
     let cut_off = (good, 1..5_usize).prop_map(|(mut octets, cut)| {
         octets.truncate(octets.len() - cut);
         octets
