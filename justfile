@@ -27,6 +27,7 @@ registers:
     cargo run --quiet -- export md --device bm4-plc --output docs/registers-bm4-plc.md
     cargo run --quiet -- export md --device cs0015 --output docs/registers-cs0015.md
     cargo run --quiet -- export md --device can-dp2 --output docs/registers-can-dp2.md
+    cargo run --quiet -- export md --device cr201x --output docs/registers-cr201x.md
 
 # All benchmarks; docs/performance.md tells what they measure.
 bench:

@@ -110,10 +110,10 @@ pub mod script;
 pub mod state;
 pub mod time;
 
-/// The examples of the README are tests.
+/// The example of the attach contract is a test.
 #[cfg(all(doctest, feature = "cli"))]
-#[doc = include_str!("../README.md")]
-struct Readme;
+#[doc = include_str!("../docs/attach.md")]
+struct AttachContract;
 
 /// So are those of the function blocks' documentation.
 #[cfg(all(doctest, feature = "cli"))]
