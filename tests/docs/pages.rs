@@ -151,7 +151,8 @@ fn type_in(steps: &[(String, String)]) {
 #[test]
 fn the_session_of_the_readme_works_as_printed() {
     let readme = include_str!("../../README.md");
-    let session_and_rest = readme.split("From restart to initialization data:").nth(1).expect("the session's title");
+    let session_and_rest =
+        readme.split("From restart to initialization data:").nth(1).expect("the session's title");
     type_in(&session(session_and_rest.split("## ").next().unwrap()));
 }
 
@@ -164,7 +165,8 @@ fn the_session_of_the_command_line_works_as_printed() {
 fn the_session_of_getting_started_works_as_printed() {
     let mut steps = session(include_str!("../../docs/getting-started.md"));
     let last_peek = "peek 'node2.a_RD_BMARRAY[1][0]'";
-    let (_, shown) = steps.iter().find(|(command, _)| command.contains(last_peek)).expect("a value comes back");
+    let (_, shown) =
+        steps.iter().find(|(command, _)| command.contains(last_peek)).expect("a value comes back");
     assert!(shown.contains("16#11223344"), "the reference value came back: {shown}");
     // Other tests run these.
     let elsewhere = ["cargo install", "commram demo"];
