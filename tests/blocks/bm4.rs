@@ -28,6 +28,8 @@ mod device {
     pub(crate) const RECEIVED: [i8; 2] = [1, 2];
     /// `b_ERR` of `CANsync_UPDOWNLOAD_MA`: the slave's error, wrong length, timeout (p. 192).
     pub(crate) const TRANSFER_ERRORS: [u8; 3] = [1 << 0, 1 << 1, 1 << 2];
+    /// A slave has no single-frame area: it refuses transfers while block 1 is not enabled (p. 95-97, D-307).
+    pub(crate) const HAS_SINGLE_FRAME_AREA: bool = false;
 }
 
 #[path = "cansync/mod.rs"]

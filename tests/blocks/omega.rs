@@ -27,6 +27,8 @@ pub(crate) mod device {
     pub(crate) const RECEIVED: [i8; 2] = [2, 2];
     /// `b_ERR` of `CANsync_UPDOWNLOAD_MA`: the slave's error, wrong length, timeout (p. 267, D-20).
     pub(crate) const TRANSFER_ERRORS: [u8; 3] = [0, 1 << 1, 1 << 0];
+    /// A slave shows transfers in a single-frame area while block 1 is not enabled (p. 191-193).
+    pub(crate) const HAS_SINGLE_FRAME_AREA: bool = true;
 }
 
 #[path = "cansync/mod.rs"]

@@ -263,6 +263,77 @@ fn a_job_the_master_changes_is_reset() {
     assert_eq!(application.parameters[&21], (5, false));
 }
 
+/// Manual p. 189-190, 227; 5.02066.01a p. 94-95, 142: an answer that nobody fetches does not stop the slave's block, whichever way
+/// that begins anew.
+#[test]
+fn a_slaves_block_begins_anew_behind_an_answer_that_nobody_fetches() {
+    let resets: [fn(&mut Application, &Bench); 3] = [
+        |application, bench| {
+            application.block.x_RESET = true;
+            application.cycle(bench);
+            application.block.x_RESET = false;
+        },
+        |application, bench| {
+            (application.block.x_EN, application.block.x_RESET) = (false, true);
+            application.cycle(bench);
+            (application.block.x_EN, application.block.x_RESET) = (true, false);
+        },
+        |application, _| *application = Application::new(),
+    ];
+    for (way, reset) in resets.into_iter().enumerate() {
+        for (parameter, answer) in [(20, 0x42), (9, 0x62)] {
+            let mut bench = Bench::active(Memory::Heap);
+            let mut application = Application::new();
+            application.parameters.insert(20, (7, false));
+            application.delay = u32::MAX;
+            let mut get = read(0, parameter);
+            bench.until(|b| {
+                get.call(&b.ma);
+                application.cycle(b);
+                application.block.x_READ
+            });
+            get.x_EN = false;
+            get.call(&bench.ma);
+            application.delay = 0;
+            bench.cycles(5, |b| application.cycle(b));
+            assert!(application.block.x_BUSY);
+            assert_eq!(bench.sl.b_STEUREG_PAR_CMD.load(), answer, "nobody fetches it");
+            reset(&mut application, &bench);
+            let mut set = write(0, 21, 5);
+            bench.until(|b| {
+                set.call(&b.ma);
+                application.cycle(b);
+                !set.x_BUSY
+            });
+            assert!(set.x_OK, "way {way}, answer 16#{answer:02X}: {set:?}");
+            assert_eq!(application.parameters[&21], (5, false));
+        }
+    }
+}
+
+/// Manual p. 227; 5.02066.01a p. 144: the job shown does not count any more when the firmware has dropped it (D-63).
+#[test]
+fn a_job_that_the_firmware_drops_is_reset() {
+    for is_answered in [false, true] {
+        let dead = Dead::new();
+        let base = dead.slave();
+        let mut block = CANsync_PAR_SL { x_EN: true, ..Default::default() };
+        base.b_STEUREG_PAR_CMD.store(0x43);
+        block.call(&base);
+        assert!(block.x_READ && block.x_ACTIV);
+        block.x_OK_IN = is_answered;
+        block.call(&base);
+        block.x_OK_IN = false;
+        base.b_STEUREG_PAR_CMD.store(0x00);
+        block.call(&base);
+        assert_eq!((block.x_RESET_JOB, block.x_BUSY, block.x_READ, block.x_OK), (true, false, false, false));
+        assert_eq!(base.b_STEUREG_PAR_CMD.load(), 0x00);
+        base.b_STEUREG_PAR_CMD.store(0x45);
+        block.call(&base);
+        assert_eq!((block.x_RESET_JOB, block.x_WRITE), (false, true));
+    }
+}
+
 /// Manual p. 228: without `x_EN` nothing is shown; dropped too early it needs a reset.
 #[test]
 fn the_slaves_block_can_be_switched_off() {

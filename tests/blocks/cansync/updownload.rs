@@ -31,8 +31,26 @@ impl Both {
     /// One call of each; the master sends from and receives into the same array, the slave likewise.
     fn call(&mut self) {
         self.call_slave();
+        self.call_master();
+    }
+
+    fn call_master(&mut self) {
         let source = self.at_master;
         self.ma.call(&self.bench.ma, &source, &mut self.at_master);
+    }
+
+    fn reset_master(&mut self) {
+        self.ma.x_RESET = true;
+        self.call_master();
+        self.ma.x_RESET = false;
+    }
+
+    /// Calls of the master's block alone, as before the slave's program runs.
+    fn master_alone(&mut self, cycles: u32) {
+        for _ in 0..cycles {
+            self.call_master();
+            self.bench.rig.step(1000);
+        }
     }
 
     fn call_slave(&mut self) {
@@ -93,6 +111,87 @@ fn transfers_of_every_kind_of_length() {
     assert_eq!(transfer(Memory::Mapped, 76, true).lengths, [75, 1]);
     let both = transfer(Memory::Heap, 2048, true);
     assert_eq!(both.lengths, [75, 23]);
+}
+
+/// Manual p. 191, 263; 5.02066.01a p. 96, 187: a transfer that begins while the slave's block has not run yet is done when it does
+/// (D-600), or refused where nothing can show it (D-307).
+#[test]
+fn a_transfer_may_begin_before_the_slaves_block_runs() {
+    for download in [false, true] {
+        let mut both = Both::new(Memory::Heap);
+        (both.ma.u_LENGTH, both.ma.x_UPDOWN) = (80, download);
+        (both.at_master, both.at_slave) = (values(1), values(2));
+        both.master_alone(50);
+        assert_eq!((both.ma.x_BUSY, both.ma.x_ERR_SL), (HAS_SINGLE_FRAME_AREA, !HAS_SINGLE_FRAME_AREA));
+        if HAS_SINGLE_FRAME_AREA {
+            let shown = if download { 0x55 } else { 0x45 };
+            assert_eq!(both.bench.rig.slave.b_STEUREG_UPDOWN_SINGLE.load(), shown);
+        } else {
+            assert_eq!(both.ma.w_ERR_SL, 0x0104);
+            both.reset_master();
+        }
+        both.until(|both| both.ma.x_OK && both.sl.x_OK);
+        let sent = values(if download { 1 } else { 2 });
+        assert_eq!((&both.at_master[..80], &both.at_slave[..80]), (&sent[..80], &sent[..80]));
+    }
+}
+
+/// As before, but the master has given up by then: what comes later is not in its way.
+#[test]
+fn a_transfer_cancelled_before_the_slaves_block_runs_leaves_no_trace() {
+    for download in [false, true] {
+        let mut both = Both::new(Memory::Heap);
+        (both.ma.u_LENGTH, both.ma.x_UPDOWN) = (80, download);
+        both.ma.t_TIME = Duration::from_millis(50);
+        both.master_alone(100);
+        assert!(!both.ma.x_BUSY && (both.ma.x_ERR || both.ma.x_ERR_SL));
+        if HAS_SINGLE_FRAME_AREA {
+            let shown = if download { 0x57 } else { 0x47 };
+            assert_eq!(
+                both.bench.rig.slave.b_STEUREG_UPDOWN_SINGLE.load(),
+                shown,
+                "the change waits for a block"
+            );
+        }
+        both.ma.t_TIME = Duration::from_secs(30);
+        both.reset_master();
+        both.master_alone(50);
+        if !HAS_SINGLE_FRAME_AREA {
+            both.reset_master();
+        }
+        both.until(|both| both.ma.x_OK && both.sl.x_OK);
+    }
+}
+
+/// Manual p. 263, 266; 5.02066.01a p. 187, 189: a slave that the command channel never asks keeps no later transfer waiting.
+#[test]
+fn a_job_for_a_slave_without_a_turn_keeps_nobody_waiting() {
+    // Never sent: slave 5 is above b_MAX_SL_NR (D-601).
+    let mut both = Both::new(Memory::Heap);
+    both.bench.rig.expect_errors(&[&cansync::rules::NEVER_POLLED]);
+    (both.ma.si_SL_NR, both.ma.u_LENGTH) = (5, 1);
+    both.ma.t_TIME = Duration::from_millis(100);
+    both.until(|both| !both.ma.x_BUSY);
+    assert!(both.ma.x_ERR);
+    both.ma.si_SL_NR = 0;
+    both.reset_master();
+    both.until(|both| both.ma.x_OK);
+
+    // Sent, but slave 0 has no turn any more when it is cancelled.
+    let mut both = Both::new(Memory::Heap);
+    both.bench.rig.tolerate_errors(&[&cansync::rules::NEVER_POLLED]);
+    both.ma.u_LENGTH = 75;
+    both.until(|both| both.sl.x_BUSY);
+    both.bench.ma.b_SL_NR_UPDOWN.store(1);
+    both.ma.x_EN = false;
+    both.call();
+    (both.ma.si_SL_NR, both.ma.x_EN, both.ma.t_TIME) = (1, true, Duration::from_millis(100));
+    both.reset_master();
+    both.until(|both| !both.ma.x_BUSY);
+    assert!(both.ma.x_ERR && !both.ma.x_ERR_SL, "a monitoring time for the cancel");
+    both.reset_master();
+    both.until(|both| !both.ma.x_BUSY);
+    assert_eq!(both.ma.w_ERR_SL, 0x0104, "the drive has answered");
 }
 
 #[test]

@@ -86,9 +86,10 @@ impl CANsync_PAR_SL {
             Phase::Locked => {}
             Phase::Shown | Phase::Answered if control & CHANGED != 0 => {
                 job.change(|value| value | RESET);
-                self.x_RESET_JOB = true;
-                self.show(Phase::Idle);
+                self.drop_job();
             }
+            // The firmware keeps READ or WRITE until it drops the job (decision D-63).
+            Phase::Shown | Phase::Answered if control & (READ | WRITE) == 0 => self.drop_job(),
             Phase::Shown => self.take_results(_BASE, &job),
             // A new job shows that the answer to the one before has gone out, too.
             Phase::Answered if control & BUSY == 0 || control & ACTIVE != 0 => {
@@ -97,7 +98,10 @@ impl CANsync_PAR_SL {
             }
             Phase::Answered => {}
             // Bit 7: the firmware has not yet entered what the master has changed to.
-            Phase::Idle if control & (ACTIVE | RESET) == ACTIVE => self.enter(_BASE, &job, control),
+            Phase::Idle if control & RESET != 0 => {}
+            // The job was never shown, or `x_RESET` has taken it back, answered or not (p. 190).
+            Phase::Idle if control & CHANGED != 0 => job.change(|value| value | RESET),
+            Phase::Idle if control & ACTIVE != 0 => self.enter(_BASE, control),
             Phase::Idle => {}
         }
     }
@@ -112,13 +116,14 @@ impl CANsync_PAR_SL {
         }
     }
 
-    /// A job stands in the registers.
-    fn enter(&mut self, base: &CANsync_SL_CTRL_BMSTRUCT, job: &Job, control: u8) {
-        if control & CHANGED != 0 {
-            // Changed before it was ever shown.
-            job.change(|value| value | RESET);
-            return;
-        }
+    /// The job shown does not count any more.
+    fn drop_job(&mut self) {
+        self.x_RESET_JOB = true;
+        self.show(Phase::Idle);
+    }
+
+    /// Shows the job in the registers.
+    fn enter(&mut self, base: &CANsync_SL_CTRL_BMSTRUCT, control: u8) {
         self.u_PAR_NR = base.w_PAR_NR.load();
         self.x_READ = control & READ != 0;
         self.x_WRITE = control & WRITE != 0;

@@ -187,6 +187,10 @@ impl Transfer {
         if !this.watch.is_over(base.ram()) {
             return;
         }
+        // The command channel has not asked the slave of an earlier job for so long: its cancel keeps nothing waiting any more.
+        if matches!(self.phase, Phase::Waiting(_)) && job(base).control() & CANCEL != 0 {
+            job(base).enter(0);
+        }
         if this.number < inputs.tries {
             // The new job replaces the old one: the registers are free as soon as it is withdrawn.
             if let Phase::Running(_) = self.phase {

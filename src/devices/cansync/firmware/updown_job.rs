@@ -93,6 +93,10 @@ impl BlockJob {
             self.transfer = None;
             return None;
         }
+        if self.is_cancelled_unsent(control) {
+            registers(regs).replace(ctx, control, 0);
+            return None;
+        }
         let order = Order::entered(regs, control);
         if order.slave != turn {
             return None;
@@ -110,6 +114,15 @@ impl BlockJob {
         let shown = control & !(updown_master::MODE | updown_master::ERROR) | mode | updown_master::SENT;
         self.transfer = Some(Transfer { control: shown, ..transfer });
         registers(regs).replace(ctx, control, shown).then_some(job)
+    }
+
+    /// Whether the PLC has cancelled a job of which no frame has gone out. No slave knows of it, and the turn of its slave may
+    /// never come (decision D-601).
+    fn is_cancelled_unsent(&self, control: u8) -> bool {
+        const STATE: u8 = updown_master::ACTIVE | updown_master::SENT | updown_master::CANCEL;
+        let is_under_way =
+            self.transfer.is_some_and(|transfer| transfer.control & updown_master::ACTIVE != 0);
+        !is_under_way && control & STATE == updown_master::ACTIVE | updown_master::CANCEL
     }
 
     /// The slave's answer to `job`. One that does not fit is as good as none; only the number of a block

@@ -36,7 +36,7 @@ pub(super) struct Transfer {
     next: u16,
     /// The frame that the application has to acknowledge.
     shown: Option<UpDownJob>,
-    pub(super) changed: Option<Successor>,
+    changed: Option<Successor>,
 }
 
 impl Transfer {
@@ -90,6 +90,24 @@ impl Transfer {
     /// Whether the application has confirmed a change.
     pub(super) fn is_reset(&self, regs: &CANsync_SL_CTRL_BMSTRUCT) -> bool {
         self.changed.is_some() && self.area(regs).job.control() & RESET != 0
+    }
+
+    /// Whether the job is shown in the single-frame area, where the application has not answered it, although block 1 is
+    /// enabled by now and takes it (p. 191).
+    pub(super) fn belongs_to_block_1(&self, regs: &CANsync_SL_CTRL_BMSTRUCT) -> bool {
+        self.place == Place::Single
+            && self.shown == Some(self.init)
+            && self.area(regs).job.control() & ACTIVE != 0
+            && Place::of(regs, self.length, true) == Ok(Place::Block1)
+    }
+
+    /// The job that comes after this area has been cleared: the one that the master has changed to, otherwise this one.
+    pub(super) fn successor(&self) -> Option<UpDownJob> {
+        match self.changed {
+            None => Some(self.init),
+            Some(Successor::Init(job)) => Some(job),
+            Some(Successor::Nothing) => None,
+        }
     }
 
     /// Empties the registers of the area.

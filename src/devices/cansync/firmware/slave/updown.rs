@@ -133,13 +133,14 @@ impl UpDownServer {
         self.transfer.is_some()
     }
 
-    /// Enters what the master has changed to as soon as the application has confirmed with bit 7
-    /// (decision D-62).
+    /// Enters what the master has changed to as soon as the application has confirmed with bit 7 (decision D-62), and takes
+    /// a job that the application has left alone to block 1 once that is enabled (decision D-600).
     pub(super) fn look(&mut self, ctx: &mut Context, regs: &CANsync_SL_CTRL_BMSTRUCT) {
-        let Some(transfer) = self.transfer.take_if(|transfer| transfer.is_reset(regs)) else { return };
+        let is_over = |transfer: &mut Transfer| transfer.is_reset(regs) || transfer.belongs_to_block_1(regs);
+        let Some(transfer) = self.transfer.take_if(is_over) else { return };
         transfer.clear(ctx, regs);
         // Where block 1 has been disabled meanwhile, the master's repetition is refused.
-        if let Some(Successor::Init(job)) = transfer.changed
+        if let Some(job) = transfer.successor()
             && let Ok(place) = self.place(regs, &job)
         {
             self.enter(ctx, regs, place, &job);
