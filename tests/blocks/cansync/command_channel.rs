@@ -128,3 +128,54 @@ fn a_control_word_is_repeated_while_enabled() {
     let turns = (40_000 / (2 * rate().interval_us)) as i8;
     assert!((turns - 2..=turns).contains(&count), "{count}");
 }
+
+/// Manual p. 203, 210; 5.02066.01a p. 112, 122: broadcast command 1 is a control word, which both blocks show once, whichever is
+/// called first, and each of them alone (D-603).
+#[test]
+fn a_control_word_is_broadcast_command_1_too() {
+    for order in [&[0, 1][..], &[1, 0], &[0], &[1]] {
+        let dead = Dead::new();
+        let base = dead.slave();
+        let mut broadcast = CANsync_BC_SL { si_BC_BYTE: 7, ..Default::default() };
+        let mut control_word = CANsync_CONTROLWORD_SL::default();
+        for word in [0x1234, 0xABCD, 0xABCD] {
+            base.w_CONTROLWORD.store(word);
+            base.b_STATREG_CONTROLWORD.store(0x02);
+            for received in [2, 0] {
+                for block in order {
+                    if *block == 0 {
+                        broadcast.call(&base);
+                        let shown = (broadcast.us_BC_CMD_NR, broadcast.si_BC_BYTE, broadcast.i_BC_WORD);
+                        assert_eq!((broadcast.si_BC_RECEIVED, shown), (received, (1, 0, word as i16)));
+                    } else {
+                        control_word.call(&base);
+                        assert_eq!((control_word.si_RECEIVED, control_word.w_CONTROLWORD), (received, word));
+                    }
+                }
+            }
+        }
+        // Another command comes first.
+        base.b_STATREG_CONTROLWORD.store(0x02);
+        base.b_AKT_CMD.store(200);
+        base.b_STATREG_AKT_CMD.store(0x02);
+        for number in [200, 1] {
+            broadcast.call(&base);
+            assert_eq!((broadcast.si_BC_RECEIVED, broadcast.us_BC_CMD_NR), (2, number));
+        }
+    }
+}
+
+/// The same on the bus: the master sends command 1 by its block for broadcast commands.
+#[test]
+fn broadcast_command_1_reaches_the_slave() {
+    let mut bench = Bench::active(Memory::Heap);
+    let mut send =
+        CANsync_BC_MA1 { us_BC_CMD_NR: 1, i_BC_WORD: 0x000F, d_SL_MASK: 1, x_EN: true, ..Default::default() };
+    let mut received = CANsync_BC_SL::default();
+    send.call(&bench.ma);
+    bench.until(|b| {
+        received.call(&b.sl);
+        received.si_BC_RECEIVED == 2
+    });
+    assert_eq!((received.us_BC_CMD_NR, received.i_BC_WORD), (1, 0x000F));
+}

@@ -1,7 +1,7 @@
 //! `CANsync_BC_MA0`, `_MA1`, `_MA2`, `CANsync_BC_SL`: broadcast commands (p. 196-203).
 
-use super::registers::take_received;
-use crate::devices::cansync::registers::values::send;
+use super::registers::{ControlWordReader, take_received};
+use crate::devices::cansync::registers::values::{action_command, send};
 use crate::devices::cansync::registers::{CANsync_MA_CTRL_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT};
 use crate::plc::{Base, Like, function_block};
 
@@ -82,13 +82,16 @@ sender!(
 
 function_block! {
     /// Receives broadcast commands of the master (manual p. 202-203).
+    ///
+    /// Command 1 is a control word, which [`CANsync_CONTROLWORD_SL`](super::CANsync_CONTROLWORD_SL) shows as well
+    /// (decision D-603). If another command has come, too, that one is shown first.
     pub struct CANsync_BC_SL(_BASE: Base<CANsync_SL_CTRL_BMSTRUCT>) {
         out {
             /// Command number; the one before until a new command is received.
             us_BC_CMD_NR: u8;
-            /// Data byte, likewise.
+            /// Data byte, likewise; 0 with command 1.
             si_BC_BYTE: i8;
-            /// Data word, likewise.
+            /// Data word, likewise; the control word with command 1.
             i_BC_WORD: i16;
             /// 2: a command was received since the last call; otherwise 0.
             si_BC_RECEIVED: i8;
@@ -105,6 +108,12 @@ impl CANsync_BC_SL {
             self.us_BC_CMD_NR = _BASE.b_AKT_CMD.load();
             self.si_BC_BYTE = _BASE.b_DATA_BYTE_AKT_CMD.load() as i8;
             self.i_BC_WORD = _BASE.w_DATAWORD_AKT_CMD.load() as i16;
+            return;
+        }
+        self.si_BC_RECEIVED = ControlWordReader::Broadcast.take(&_BASE.b_STATREG_CONTROLWORD);
+        if self.si_BC_RECEIVED != 0 {
+            (self.us_BC_CMD_NR, self.si_BC_BYTE) = (action_command::CONTROL_WORD, 0);
+            self.i_BC_WORD = _BASE.w_CONTROLWORD.load() as i16;
         }
     }
 }

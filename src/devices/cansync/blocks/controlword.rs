@@ -1,6 +1,6 @@
 //! `CANsync_CONTROLWORD_MA`, `CANsync_CONTROLWORD_SL`: control words (p. 207-210).
 
-use super::registers::{slave_index, take_received};
+use super::registers::{ControlWordReader, slave_index};
 use crate::devices::cansync::registers::values::send;
 use crate::devices::cansync::registers::{CANsync_MA_CTRL_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT};
 use crate::plc::{Base, Like, function_block};
@@ -61,7 +61,7 @@ impl CANsync_CONTROLWORD_SL {
     /// One PLC cycle.
     pub fn call(&mut self, _BASE: &Base<impl Like<CANsync_SL_CTRL_BMSTRUCT>>) {
         let _BASE = &_BASE.viewed();
-        self.si_RECEIVED = take_received(&_BASE.b_STATREG_CONTROLWORD);
+        self.si_RECEIVED = ControlWordReader::ControlWord.take(&_BASE.b_STATREG_CONTROLWORD);
         if self.si_RECEIVED != 0 {
             self.w_CONTROLWORD = _BASE.w_CONTROLWORD.load();
         }

@@ -39,6 +39,39 @@ pub(super) fn take_received(register: &Cell8) -> i8 {
     }
 }
 
+/// A block that shows the control words of a slave. Each one is shown by both (decision D-603).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum ControlWordReader {
+    /// `CANsync_BC_SL`, as broadcast command 1.
+    Broadcast,
+    /// `CANsync_CONTROLWORD_SL`.
+    ControlWord,
+}
+
+impl ControlWordReader {
+    /// What it leaves in `b_STATREG_CONTROLWORD` for the other one.
+    const fn mark(self) -> u8 {
+        match self {
+            ControlWordReader::Broadcast => 0x10,
+            ControlWordReader::ControlWord => 0x20,
+        }
+    }
+
+    const fn other(self) -> Self {
+        match self {
+            ControlWordReader::Broadcast => ControlWordReader::ControlWord,
+            ControlWordReader::ControlWord => ControlWordReader::Broadcast,
+        }
+    }
+
+    /// As [`take_received`], of `b_STATREG_CONTROLWORD`.
+    pub(super) fn take(self, register: &Cell8) -> i8 {
+        let taken = register.compare_exchange(receive::RECEIVED, self.mark()).is_ok()
+            || register.compare_exchange(self.other().mark(), receive::NOTHING).is_ok();
+        if taken { receive::RECEIVED.cast_signed() } else { 0 }
+    }
+}
+
 /// Control and status register of a job.
 pub(super) struct Job<'a> {
     pub(super) control: &'a Cell8,
