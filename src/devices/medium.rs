@@ -87,6 +87,12 @@ pub trait Medium: Any + Send + State {
     /// If the port belongs to another family, or its registers cannot be had.
     fn attach(&mut self, socket: Box<dyn Any + Send>) -> Result<usize, BuildError>;
 
+    /// Length of the processor cycle of all devices of the plant in microseconds. Called once, before any other function but
+    /// [`Medium::attach`].
+    fn set_processor_cycle(&mut self, us: u32) {
+        let _ = us;
+    }
+
     /// Its device starts, with this number at its switches; `false` if somebody else has it and the port is therefore not
     /// connected.
     fn power_on(&mut self, place: usize, address: u8, now: u64, journal: &mut Journal) -> bool;

@@ -120,6 +120,7 @@ impl Plant {
             devices.push(device);
         }
         let cycle_us = u64::from(config.processor_cycle_us.max(1));
+        media.iter_mut().for_each(|medium| medium.set_processor_cycle(config.processor_cycle_us));
         let mut watches = Vec::with_capacity(devices.len());
         for (index, device) in devices.iter().enumerate() {
             watches.push(DeviceWatch::new(index as u16, device.segment(), device.layout())?);

@@ -1,7 +1,7 @@
 //! `w_CPU_CONTROL` and `w_OPTION_STATUS` of both nodes (manual 5.00005.03a p. 147-150, 173-175; D-05).
 
 use crate::rig::bring_up::{Mode, Node, Stage};
-use crate::rig::{BOTH, FASTEST, Memory, Rig};
+use crate::rig::{BOTH, FASTEST, Memory, RATES, Rig};
 use commram::devices::cansync;
 use commram::devices::cansync::firmware::InitFault;
 use commram::devices::cansync::records::{Command, CommandIgnored, InitRefused};
@@ -46,6 +46,7 @@ fn next(state: usize, command: u16) -> Option<usize> {
         (_, 0x0000) => Some(0),
         (0, 0x0001) => Some(1),
         (1, 0x0002) => Some(2),
+        (1, 0x0020) => Some(3),
         (2, 0x0020) => Some(3),
         (3, 0x0040 | 0x0060) => Some(4),
         (4, 0x0020) => Some(3),
@@ -86,6 +87,48 @@ fn every_command_in_every_state() {
                 }
             }
         }
+    }
+}
+
+/// Manual p. 218, 221; 5.02066.01a p. 131, 134: a node that waits for initialization data takes the command that sets the mode,
+/// too. After a restart that goes with the data that it had (D-602).
+#[test]
+fn the_mode_can_be_set_with_the_data_from_before_a_restart() {
+    for rate in FASTEST {
+        for role in [Role::Master, Role::Slave] {
+            let mut rig = Rig::new(Memory::Heap, rate);
+            let regs = bring_to(&mut rig, role, 4);
+            for (command, state) in [(0x0000, 0), (0x0001, 1), (0x0020, 3), (0x0040, 4)] {
+                regs.w_CPU_CONTROL.store(command);
+                rig.step(500);
+                assert_eq!(regs.w_OPTION_STATUS.load(), status(role)[state], "{role:?}, 16#{command:04X}");
+            }
+        }
+        let mut rig = Rig::new(Memory::Heap, rate);
+        rig.activate();
+        rig.initialize_master();
+        let regs = bring_to(&mut rig, Role::Master, 1);
+        regs.w_CPU_CONTROL.store(0x0020);
+        rig.step(500);
+        assert!(rig.next_sync().is_some(), "the bus runs at the rate it had");
+    }
+}
+
+/// Without data from before, those in the registers count, as with 16#0002.
+#[test]
+fn the_mode_cannot_be_set_with_bad_data() {
+    for rate in FASTEST {
+        let mut rig = Rig::new(Memory::Heap, rate);
+        rig.expect_errors(&[&cansync::rules::INIT_INTERVAL]);
+        let regs = bring_to(&mut rig, Role::Master, 1);
+        rig.master_node().write_init_data();
+        regs.b_TIME_PATTERN.store(16);
+        regs.w_CPU_CONTROL.store(0x0020);
+        rig.step(1000);
+        assert_eq!((regs.w_OPTION_STATUS.load(), regs.w_CANsync_STATUS.load()), (0x0002, 0x0040));
+        regs.b_TIME_PATTERN.store(rig.rate.timing.b_TIME_PATTERN);
+        rig.step(500);
+        assert_eq!(regs.w_OPTION_STATUS.load(), 0x0043);
     }
 }
 
@@ -406,9 +449,14 @@ fn the_can_status_shows_what_the_controller_does() {
     for rate in FASTEST {
         let mut rig = Rig::new(Memory::Heap, rate);
         rig.activate();
-        assert_eq!(rig.master.w_CANsync_STATUS.load(), 0x0020, "\"SYNC mode: on\" is still on the wire");
+        let look = |rig: &mut Rig| {
+            rig.step(10);
+            rig.plant.processor_cycle();
+            rig.master.w_CANsync_STATUS.load()
+        };
+        assert_eq!(look(&mut rig), 0x0020, "\"SYNC mode: on\" is still on the wire");
         rig.run_to_sync();
-        assert_eq!(rig.master.w_CANsync_STATUS.load(), 0x000C, "send buffer free, last job done");
+        assert_eq!(look(&mut rig), 0x000C, "send buffer free, last job done");
         // WRC1 is on the wire from then on.
         rig.configure_wrc1([0x01, 0x03, 0x05, 0x07]);
         rig.run_to_sync();
@@ -417,5 +465,42 @@ fn the_can_status_shows_what_the_controller_does() {
         rig.plant.processor_cycle();
         assert_eq!(rig.master.w_CANsync_STATUS.load(), 0x0020, "sending");
         assert_eq!(rig.slave.w_CANsync_STATUS.load(), 0x001C, "receiving");
+    }
+}
+
+/// Manual p. 148; 5.02066.01a p. 47: a program that reads the status of a master meets frames on the wire both ways, although SYNC
+/// edges and processor cycles are in step (D-604).
+#[test]
+fn a_master_is_seen_receiving_as_often_as_it_does() {
+    const SENDING: u16 = 1 << 5;
+    const RECEIVING: u16 = 1 << 4;
+    for rate in RATES {
+        let mut rig = Rig::new(Memory::Heap, rate);
+        rig.activate();
+        rig.configure_wrc1([0x01, 0x03, 0x05, 0x07]);
+        let words = &rig.slave._CFG_RDC_WORD;
+        let words = [
+            &words.b_CFG_RDC1_WORD0,
+            &words.b_CFG_RDC1_WORD1,
+            &words.b_CFG_RDC1_WORD2,
+            &words.b_CFG_RDC1_WORD3,
+        ];
+        words.into_iter().zip([0x01, 0x03, 0x05, 0x07]).for_each(|(word, byte)| word.store(byte));
+        let cycles = 400 * u64::from(rate.timing.b_TIME_PATTERN);
+        let mut seen = [0u64; 2];
+        for _ in 0..cycles {
+            rig.master.b_CTRLREG_WRC1.store(0x05);
+            rig.slave.b_CTRLREG_RD_RDC1.store(0x05);
+            rig.step(500);
+            let status = rig.master.w_CANsync_STATUS.load() & (SENDING | RECEIVING);
+            assert_ne!(status, SENDING | RECEIVING);
+            for (count, bit) in seen.iter_mut().zip([SENDING, RECEIVING]) {
+                *count += u64::from(status & bit != 0);
+            }
+        }
+        // Each of the two frames has 64 data bits, and takes about an eighth of the interval.
+        for count in seen {
+            assert!((cycles / 14..cycles / 6).contains(&count), "{rate:?}: {seen:?} of {cycles}");
+        }
     }
 }

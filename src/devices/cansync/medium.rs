@@ -88,6 +88,8 @@ pub struct SimBus {
     /// Baud rate that the plant file gives, in kbit/s: that of its drives, as far as they have none of their own.
     kbit_s: u16,
     frame_length: FrameLength,
+    /// 0: the status is read in the moment of each look.
+    processor_cycle_us: u64,
     running: Option<Running>,
     agenda: Agenda,
     next: u64,
@@ -137,6 +139,7 @@ impl SimBus {
             drives: Drives::default(),
             kbit_s: config.kbit_s,
             frame_length: config.frame_length,
+            processor_cycle_us: 0,
             running: None,
             agenda: Agenda::empty(),
             next: Agenda::NEVER,

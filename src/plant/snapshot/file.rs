@@ -8,7 +8,7 @@ use twox_hash::XxHash3_64;
 /// What such a file begins with.
 const MAGIC: [u8; 8] = *b"cmrmsnap";
 /// Number of the format behind it. Whoever changes what a snapshot holds counts it up.
-const FORMAT: u16 = 2;
+const FORMAT: u16 = 3;
 const CHECKSUM: usize = size_of::<u64>();
 
 /// A snapshot with the plant that it is of.

@@ -34,7 +34,7 @@ fn a_file_comes_back_and_anything_else_is_refused() {
     let mut other = bytes.clone();
     other[8] += 1;
     let error = SnapshotFile::of_bytes(&other).unwrap_err().to_string();
-    assert!(error.starts_with("it was made by commram ") && error.contains("(format 2)"), "{error}");
+    assert!(error.starts_with("it was made by commram ") && error.contains("(format 3)"), "{error}");
 }
 
 /// Takes over what may be bad; whether it could.

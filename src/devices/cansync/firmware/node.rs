@@ -69,6 +69,8 @@ pub(super) struct Node {
     rates: &'static [BaudRate],
     state: NodeState,
     init: Option<InitData>,
+    /// The initialization data before the last restart.
+    last_init: Option<InitData>,
     refused: Option<InitFault>,
     orders: Orders,
     pub(super) controller: Controller,
@@ -86,6 +88,7 @@ impl State for Node {
             rates,
             state,
             init,
+            last_init,
             refused,
             orders,
             controller,
@@ -93,19 +96,18 @@ impl State for Node {
             is_settled: _,
         } = self;
         to.value(&(state, refused, controller, sync_is_unlike));
-        to.value(&init.as_ref().map(|init| init.kept(rates)));
+        to.value(&[init, last_init].map(|data| data.as_ref().map(|init| init.kept(rates))));
         orders.save(to);
     }
 
     fn restore(&mut self, from: &mut Saved<'_>) -> Result<(), Damaged> {
         (self.state, self.refused, self.controller, self.sync_is_unlike) = from.value()?;
         self.is_settled = false;
-        self.init = match from.value::<Option<Kept>>()? {
-            Some(kept) => {
-                Some(InitData::of_kept(kept, self.rates).ok_or_else(|| from.no("rate of the device"))?)
-            }
-            None => None,
-        };
+        let rates = self.rates;
+        let [init, last_init] = from.value::<[Option<Kept>; 2]>()?.map(|kept| {
+            kept.map(|kept| InitData::of_kept(kept, rates).ok_or_else(|| from.no("rate of the device")))
+        });
+        (self.init, self.last_init) = (init.transpose()?, last_init.transpose()?);
         self.orders.restore(from)
     }
 }
@@ -123,6 +125,7 @@ impl Node {
             rates: seat.rates,
             state: NodeState::StartUp,
             init: None,
+            last_init: None,
             refused: None,
             controller: Controller::default(),
             sync_is_unlike: false,
@@ -154,7 +157,7 @@ impl Node {
     pub(super) fn facts(&self, punctual: [Punctual; 2]) -> Facts {
         let ordered = || {
             let others = self.regs.w_CPU_CONTROL.load() & !cpu_control::RESET_CONTROLLER;
-            others == cpu_control::TAKE_OVER_INIT_DATA
+            matches!(others, cpu_control::TAKE_OVER_INIT_DATA | cpu_control::START_SYNCHRONOUS)
         };
         Facts {
             is_master: self.role == Role::Master,

@@ -16,6 +16,7 @@ impl State for SimBus {
             drives,
             kbit_s: _,
             frame_length: _,
+            processor_cycle_us: _,
             running,
             agenda,
             next,

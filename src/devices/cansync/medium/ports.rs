@@ -64,6 +64,10 @@ impl Medium for SimBus {
         is_free
     }
 
+    fn set_processor_cycle(&mut self, us: u32) {
+        self.processor_cycle_us = us.into();
+    }
+
     fn power_off(&mut self, place: usize, now: u64, journal: &mut Journal) {
         match self.places[place] {
             Place::Master(index) => {
@@ -361,9 +365,11 @@ impl SimBus {
         }
     }
 
-    /// What the controller of a node is doing: `Some(true)` sending, `Some(false)` receiving.
+    /// What the controller of a node was doing when a look at `now` read its status: `Some(true)` sending, `Some(false)`
+    /// receiving.
     fn on_wire(&self, now: u64, place: Place) -> Option<bool> {
-        let wire = self.on_wire.iter().flatten().find(|wire| (wire.from..wire.until).contains(&now))?;
+        let read = self.status_read(now);
+        let wire = self.on_wire.iter().flatten().find(|wire| (wire.from..wire.until).contains(&read))?;
         Some(match (wire.sender, place) {
             (_, Place::Slave(index)) if self.is_off(index) => return None,
             (Sender::Master, Place::Master(_)) => true,
@@ -372,6 +378,24 @@ impl SimBus {
             }
             _ => false,
         })
+    }
+
+    /// When the firmware reads the status of the CAN controller for a look at `now`. A processor cycle does so at another
+    /// moment each time, as if its length were no fraction of the interval. A look that a doorbell asks for reads it at once
+    /// (decision D-604).
+    fn status_read(&self, now: u64) -> u64 {
+        /// 2^64 over the golden ratio: its multiples spread evenly over any span.
+        const SPREAD: u64 = 0x9E37_79B9_7F4A_7C15;
+        let Some(running) = &self.running else { return now };
+        let cycle = self.processor_cycle_us;
+        if !now.is_multiple_of(cycle) {
+            return now;
+        }
+        // The frames of the last half interval are all known.
+        let span = cycle.min(u64::from(running.signal.interval_us) / 2);
+        let turn = (now / cycle.max(1)).wrapping_mul(SPREAD);
+        let before = (u128::from(turn) * u128::from(span)) >> u64::BITS;
+        now.saturating_sub(before as u64)
     }
 
     /// Whether the plug of slave node `index` is pulled.

@@ -4,7 +4,7 @@
 use super::{Change, Node, NodeState, Role};
 use crate::devices::Context;
 use crate::devices::cansync::firmware::controller::Controller;
-use crate::devices::cansync::firmware::init::InitData;
+use crate::devices::cansync::firmware::init::{InitData, InitFault};
 use crate::devices::cansync::firmware::orders::Order;
 use crate::devices::cansync::records::InitRefused;
 use crate::devices::cansync::registers::CANsync_INIT_BMSTRUCT;
@@ -31,7 +31,8 @@ impl Node {
         match (self.state, value) {
             (NodeState::StartUp, cpu_control::RESTART) => Change::None,
             (_, cpu_control::RESTART) => {
-                self.init = None;
+                let used = self.init.take();
+                self.last_init = used.or(self.last_init.take());
                 self.refused = None;
                 self.controller = Controller::default();
                 self.sync_is_unlike = false;
@@ -42,7 +43,15 @@ impl Node {
                 self.show(ctx, NodeState::WaitingForInit);
                 Change::Progressed
             }
-            (NodeState::WaitingForInit, cpu_control::TAKE_OVER_INIT_DATA) => self.take_over(ctx, clear),
+            (NodeState::WaitingForInit, cpu_control::TAKE_OVER_INIT_DATA) => {
+                let data = self.read_init_data();
+                self.take_over(ctx, data, NodeState::WaitingForStart, clear)
+            }
+            // Data taken over before a restart still count (decision D-602).
+            (NodeState::WaitingForInit, cpu_control::START_SYNCHRONOUS) => {
+                let data = self.last_init.clone().map_or_else(|| self.read_init_data(), Ok);
+                self.take_over(ctx, data, NodeState::SetUp, clear)
+            }
             (NodeState::WaitingForStart, cpu_control::START_SYNCHRONOUS) => {
                 self.show(ctx, NodeState::SetUp);
                 Change::SetUpStarted
@@ -73,19 +82,29 @@ impl Node {
         ctx.report(Handshake { origin, offset, request, answer, goes_on });
     }
 
-    fn take_over(&mut self, ctx: &mut Context, clear: impl FnOnce()) -> Change {
-        let data = match self.role {
+    fn read_init_data(&self) -> Result<InitData, InitFault> {
+        match self.role {
             Role::Master => InitData::of_master(&self.regs, self.rates),
             Role::Slave => InitData::of_slave(&self.regs, self.rates),
-        };
+        }
+    }
+
+    /// Takes over initialization data and goes on to `next`, unless they are refused.
+    fn take_over(
+        &mut self,
+        ctx: &mut Context,
+        data: Result<InitData, InitFault>,
+        next: NodeState,
+        clear: impl FnOnce(),
+    ) -> Change {
         match data {
             Ok(data) => {
                 self.check_controller(ctx);
                 self.init = Some(data);
                 self.refused = None;
                 clear();
-                self.show(ctx, NodeState::WaitingForStart);
-                Change::Progressed
+                self.show(ctx, next);
+                if next == NodeState::SetUp { Change::SetUpStarted } else { Change::Progressed }
             }
             Err(fault) => {
                 if self.refused.replace(fault) != Some(fault) {
