@@ -74,6 +74,8 @@ rules! {
         "A drive is set to another baud rate than its bus runs at and hears nothing; the value is its own rate in kbit/s. Set \
          switches 1 and 2 of S20 on its card (kbit_s in the plant file) to the rate that the master is initialized with, \
          and P167 with them.";
+    DRIVE_SYNC_OFFSET: 91, "drive-sync-offset", Warning, "5.01010.01 p. 13",
+        "The SYNC offset (P168) of a drive with CANsync card is not 0. Set P168 to 0 at every baud rate.";
     FOREIGN_FRAME: 61, "foreign-frame", Warning, "D-315",
         "A program at a door has sent a frame into a CANsync bus, where only master and slaves send, each in its slot. Only \
          listen there.";

@@ -1,5 +1,5 @@
 //! The CANsync card in the drive: takes reference values out of frames, puts actual values into frames
-//! and exchanges both with the drive once per interval (manual 5.01010.01 p. 14-20).
+//! and exchanges both with the drive once per interval, and the control word with them (manual 5.01010.01 p. 14-20).
 //!
 //! The ZK parameters are resolved to bit positions and store places when the drive is built, so that a
 //! frame costs a few instructions.
@@ -11,7 +11,8 @@ pub(super) use run::References;
 use super::card_function::CardFunction;
 use super::config::ZkError;
 use super::parameters::{ParamFormat, ParameterStore, Slot};
-use super::table::number::{CONTROL_WORD, STATUS_WORD};
+use super::regler::VRegler;
+use super::table::number::{ANGLE_REFERENCE, CONTROL_WORD, STATUS_WORD};
 use super::zk::{ActualMapping, ReferenceMapping, Source, ZkParameters};
 use crate::can::Payload;
 use crate::devices::cansync::bus::Channel;
@@ -31,6 +32,8 @@ struct ReferenceSlot {
     /// Bytes a frame must have to carry the value.
     end: u8,
     target: Slot,
+    /// A synchronous position reference value, which a drive takes only while it is synchronized (decision D-82).
+    is_position: bool,
     /// Such a frame must have come in the interval before as well.
     needs_every: bool,
     /// It has.
@@ -69,6 +72,8 @@ pub(super) struct Card {
     actuals: [Option<ActualSlot>; 3],
     delay: u8,
     turn: u8,
+    /// The control word that waits for the next hand-over.
+    control_word: Option<u16>,
     /// Hand-overs until every delay line is empty; 0: nothing to hand over.
     underway: u8,
     losses: Losses,
@@ -81,7 +86,7 @@ pub(super) struct Card {
 
 state!(ReferenceSlot {
     values: came_before, received, delayed;
-    built: source, channel, format, shift, end, target, needs_every
+    built: source, channel, format, shift, end, target, is_position, needs_every
 });
 state!(Losses { values: expected, seen, in_succession, total; built: allowed, wanted });
 
@@ -92,6 +97,7 @@ impl State for Card {
             actuals: _,
             delay: _,
             turn,
+            control_word,
             underway,
             losses,
             stopped,
@@ -99,13 +105,14 @@ impl State for Card {
             frames,
             lens: _,
         } = self;
-        to.value(&(turn, underway, stopped, sampled_status, frames));
+        to.value(&(turn, control_word, underway, stopped, sampled_status, frames));
         references.save(to);
         losses.save(to);
     }
 
     fn restore(&mut self, from: &mut Saved<'_>) -> Result<(), Damaged> {
-        (self.turn, self.underway, self.stopped, self.sampled_status, self.frames) = from.value()?;
+        let Self { turn, control_word, underway, stopped, sampled_status, frames, .. } = self;
+        (*turn, *control_word, *underway, *stopped, *sampled_status, *frames) = from.value()?;
         from.check(usize::from(self.turn) < DELAY_LINE, "place in the delay line")?;
         self.references.restore(from)?;
         self.losses.restore(from)
@@ -122,6 +129,12 @@ impl ReferenceSlot {
         }
         let came_before = core::mem::replace(&mut self.came_before, received.is_some());
         received.filter(|_| came_before)
+    }
+
+    /// Whether a value reaches a drive that is synchronized, or not.
+    #[inline]
+    const fn reaches(&self, is_synchronized: bool) -> bool {
+        is_synchronized || !self.is_position
     }
 }
 
@@ -150,6 +163,7 @@ impl Card {
             ],
             delay: zk.zk_24 as u8, // at most 3
             turn: 0,
+            control_word: None,
             underway: 0,
             losses: Losses {
                 allowed: if function.counts_losses() { zk.zk_26.into() } else { 0 },
@@ -203,6 +217,11 @@ impl Card {
         }
     }
 
+    /// The master's control word has come; the last one counts.
+    pub(crate) fn receive_control_word(&mut self, word: u16) {
+        self.control_word = Some(word);
+    }
+
     /// Takes the actual values and the status word out of the drive, to be sent in this interval.
     #[inline]
     pub(crate) fn sample(&mut self, store: &mut ParameterStore, status_word: u16) {
@@ -221,6 +240,11 @@ impl Card {
         self.frames = frames;
     }
 
+    /// The status word that the drive gave last, if it has given one.
+    pub(crate) const fn sampled_status(&self) -> Option<u16> {
+        self.sampled_status
+    }
+
     /// While nothing comes from the drive its last status word stands, but bit 15 is the card's own (p. 30).
     fn sample_sync_state(&mut self, sync_state: u16) {
         let Some(last) = self.sampled_status.filter(|last| last & drive_status::SYNCHRONIZED != sync_state)
@@ -233,41 +257,49 @@ impl Card {
         }
     }
 
-    /// Gives the drive the reference values of the interval that has just ended, or of up to three
-    /// intervals before (ZK 24). Where none came the drive keeps the last one.
+    /// Gives the drive the control word, and the reference values of the interval that has just ended, or of up to three
+    /// intervals before (ZK 24). Where none came, and where it refuses one, the drive keeps the last one. `is_synchronized`:
+    /// the drive was and is.
     #[inline]
-    pub(crate) fn hand_over(&mut self, store: &mut ParameterStore) {
-        self.count_losses();
+    pub(crate) fn hand_over(&mut self, regler: &mut VRegler, is_synchronized: bool) {
+        if let (Some(word), false) = (self.control_word, self.stopped) {
+            self.control_word = None;
+            regler.command(word);
+        }
         if self.underway == 0 {
             return;
         }
         self.underway -= 1;
         if self.delay == 0 {
-            return self.hand_over_at_once(store);
+            return self.hand_over_at_once(regler, is_synchronized);
         }
         self.turn = (self.turn + 1) % DELAY_LINE as u8;
         let (now, later) = (usize::from(self.turn), usize::from(self.turn + self.delay) % DELAY_LINE);
         for slot in self.references.iter_mut().flatten() {
-            let received = slot.take_received();
-            slot.delayed[later] = received;
-            if let (Some(value), false) = (slot.delayed[now].take(), self.stopped) {
-                store.set(slot.target, value);
+            let reaches = slot.reaches(is_synchronized);
+            slot.delayed[later] = slot.take_received().filter(|_| reaches);
+            let value = slot.delayed[now].take().filter(|_| reaches && !self.stopped);
+            if let Some(value) = value {
+                regler.take_reference(slot.target, slot.format, value);
             }
         }
     }
 
     /// Without a delay nothing waits in the line.
     #[inline]
-    fn hand_over_at_once(&mut self, store: &mut ParameterStore) {
+    fn hand_over_at_once(&mut self, regler: &mut VRegler, is_synchronized: bool) {
         for slot in self.references.iter_mut().flatten() {
-            if let (Some(value), false) = (slot.take_received(), self.stopped) {
-                store.set(slot.target, value);
+            let reaches = slot.reaches(is_synchronized) && !self.stopped;
+            if let Some(value) = slot.take_received().filter(|_| reaches) {
+                regler.take_reference(slot.target, slot.format, value);
             }
         }
     }
 
+    /// Counts the expected reference value frames that did not come in the interval that has just ended. Too many stop the
+    /// exchange (ZK 26).
     #[inline]
-    fn count_losses(&mut self) {
+    pub(crate) fn count_losses(&mut self) {
         let losses = &mut self.losses;
         losses.expected |= losses.seen;
         let missing = losses.expected & !losses.seen;
@@ -284,7 +316,7 @@ impl Card {
         }
     }
 
-    /// Forgets what came while the drive was not synchronized.
+    /// Forgets the reference values that came while nothing is exchanged; the control word waits.
     #[inline]
     pub(crate) fn discard(&mut self) {
         self.losses.seen = 0;
@@ -385,6 +417,7 @@ fn reference(
     let end = 2 * word + format.bytes() as u8;
     let shift = 16 * word;
     let delayed = [None; DELAY_LINE];
+    let is_position = number.1 == ANGLE_REFERENCE;
     Ok(Some(ReferenceSlot {
         source,
         channel,
@@ -392,6 +425,7 @@ fn reference(
         shift,
         end,
         target,
+        is_position,
         needs_every: false,
         came_before: false,
         received: None,

@@ -6,7 +6,7 @@
 
 use super::catch_up::{Alike, Passed, Since};
 use super::monitoring::Monitor;
-use super::{Drive, card, regler};
+use super::{Drive, card, parts_of, regler};
 
 impl Drive {
     /// Takes as much of what came before the last edge as can be taken in this way; returns how much that is. The card
@@ -24,7 +24,7 @@ impl Drive {
             let is_taken = self.leap(&since.alike, &mut run, &mut references);
             taken += if is_taken { alike.len() } else { self.take_in_run(alike, &mut run, &mut references) };
         }
-        self.card.end_run(&references, &mut self.regler.store);
+        self.card.end_run(&references, &mut self.regler);
         self.regler.end_run();
         taken
     }
@@ -42,11 +42,13 @@ impl Drive {
                     if interval_us != run.sync_slot_us || !self.sync.goes_on(now_us, interval_us) {
                         return taken;
                     }
-                    self.edge_is_missing = false;
+                    (self.edge_is_missing, self.exchanges) = (false, true);
+                    let [before_us, after_us] = parts_of(interval_us);
+                    self.regler.step_in_run(run, before_us);
                     if let Some(speed) = self.card.hand_over_in_run(references) {
                         run.speed_reference = speed;
                     }
-                    self.regler.step_in_run(run, interval_us);
+                    self.regler.step_in_run(run, after_us);
                 }
                 Passed::Reference { kbit_s, channel, ref payload } => {
                     if kbit_s == self.kbit_s {
@@ -69,20 +71,18 @@ impl Drive {
             return false;
         }
         self.sync.has_gone_on(last_us);
-        self.edge_is_missing = false;
-        if let Some(speed) = self.card.hand_over_in_run(references) {
-            run.speed_reference = speed;
-        }
-        let now = run.speed_reference;
+        (self.edge_is_missing, self.exchanges) = (false, true);
+        let now = self.card.hand_over_in_run(references).unwrap_or(run.speed_reference);
+        let parts = parts_of(interval_us);
         match references.speeds(alike, heard) {
             // What comes in an interval counts from the next one on.
             Some(speeds) => {
                 let before_last = speeds.len() - 1;
                 let speeds = speeds.take(before_last);
-                self.regler.steps_in_run(run, interval_us, core::iter::once(now).chain(speeds));
+                self.regler.steps_in_run(run, parts, core::iter::once(now).chain(speeds));
             }
             None => {
-                self.regler.steps_in_run(run, interval_us, core::iter::repeat_n(now, alike.count()));
+                self.regler.steps_in_run(run, parts, core::iter::repeat_n(now, alike.count()));
             }
         }
         self.card.leap(references, alike, heard);

@@ -7,14 +7,18 @@
 //!
 //! 1. At the SYNC edge the card samples actual values and status word; they go out when the master asks
 //!    for them in this interval.
-//! 2. Then the card hands over the reference values received in the interval before. On the device that
-//!    is about 100 us after the edge, and the drive acts on them 750 us after the edge (manual
-//!    5.01010.01 p. 14 and 19); nothing on the bus can tell the difference.
-//! 3. The drive moves.
+//! 2. For 750 us the drive moves as before.
+//! 3. Then the drive acts on what the card hands over: the control word, and the reference values received in the interval
+//!    before (manual 5.01010.01 p. 14 and 20; decision D-34).
+//! 4. The drive moves for the rest of the interval.
+//!
+//! All this is calculated at the edge, so that a drive shows between two edges how it stands at the end of the interval.
 //!
 //! So a reference value of interval k moves the drive in interval k+1 and shows in the actual value of
-//! interval k+2. Reference values reach the drive only while it is synchronized (p. 22); actual values
-//! are sampled at every edge, so that a master can watch a drive on its way there.
+//! interval k+2. Without SYNC signal, and when lost reference values have stopped the exchange (ZK 26), card and drive
+//! exchange nothing (p. 17 and 22): reference values are lost, the control word waits in the card, and parameter jobs are
+//! answered with BUSY (decision D-615). A drive that is not synchronized yet takes everything but position reference values
+//! (5.00005.03a p. 135; decision D-82). Actual values are sampled at every edge, so that a master can watch the drive.
 
 pub mod angle;
 mod built_in;
@@ -51,7 +55,7 @@ use crate::devices::cansync::bus::codec::{
     Access, Action, ActionCommand, ParameterJob, ParameterResponse, ParameterResult, UpDownJob, UpDownResult,
 };
 use crate::devices::cansync::bus::{Channel, Frame, SyncLock};
-use crate::devices::cansync::registers::values::{par_error, updown_error};
+use crate::devices::cansync::registers::values::{drive_status, par_error, updown_error};
 use crate::state;
 use card::Card;
 use monitoring::{Monitor, fault};
@@ -59,10 +63,21 @@ use regler::{Setup, VRegler};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
+/// How long after the SYNC edge the drive acts on what the card hands over in an interval, in us (manual 5.01010.01 p. 20).
+const ACTS_AFTER_US: u32 = 750;
+
+/// The parts of an interval before and after the drive acts on what the card hands over, in us.
+#[inline]
+fn parts_of(interval_us: u32) -> [u32; 2] {
+    let before = ACTS_AFTER_US.min(interval_us);
+    [before, interval_us - before]
+}
+
 /// Parameters that must fit each other, and the bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 struct Settings {
     slot_us: u32,
+    offset_us: u32,
     pwm_khz: u32,
     interval_us: u32,
 }
@@ -72,6 +87,8 @@ struct Settings {
 pub(crate) enum Objection {
     /// P167 does not belong to the bus's baud rate (manual 5.01010.01 p. 13).
     SyncSlot(u32),
+    /// P168 is not 0 (manual 5.01010.01 p. 13).
+    SyncOffset(u32),
     /// P103 is a frequency for which the manual has no masks of P258 (5.00005.03a p. 74).
     Pwm(u32),
 }
@@ -90,6 +107,8 @@ pub struct Drive {
     sync: SyncLock,
     /// The present interval began without its edge.
     edge_is_missing: bool,
+    /// Card and drive exchange data in the present interval, unless lost reference values have stopped them.
+    exchanges: bool,
     /// What the last objections were about.
     objected: Option<Settings>,
     /// SYNC and reference values.
@@ -101,7 +120,7 @@ pub struct Drive {
 }
 
 state!(Drive {
-    values: edge_is_missing, objected;
+    values: edge_is_missing, exchanges, objected;
     parts: sync, monitors, card, regler;
     built: name, slave_number, kbit_s, zk
 });
@@ -142,6 +161,7 @@ impl Drive {
             kbit_s,
             sync: SyncLock::new(cfg.lock_time_us, cfg.sync_loss_us),
             edge_is_missing: false,
+            exchanges: false,
             objected: None,
             monitors: [
                 Monitor::new(&cfg.monitoring.sync, fault::SYNC),
@@ -191,14 +211,14 @@ impl Drive {
         } else {
             self.sync.unlock();
         }
-        self.edge_is_missing = false;
+        (self.edge_is_missing, self.exchanges) = (false, true);
         self.notice_lock(was_synchronized, now_us);
         self.show_synchronized();
         if is_looked_at || self.card.may_stop() {
             let status_word = self.status_word();
             self.card.sample(&mut self.regler.store, status_word);
         }
-        // What came in an interval without lock is lost, also if the lock comes right after it.
+        // A position reference value that came in an interval without lock is lost, also if the lock comes right after it.
         self.go_on(was_synchronized && self.is_synchronized(), now_us, interval_us);
     }
 
@@ -208,14 +228,15 @@ impl Drive {
     pub fn interval_without_edge(&mut self, now_us: u64, interval_us: u32) {
         let runs_through = self.sync.runs_through(now_us);
         self.pass(now_us);
-        self.edge_is_missing = true;
+        (self.edge_is_missing, self.exchanges) = (true, runs_through);
         self.go_on(runs_through, now_us, interval_us);
     }
 
+    /// Goes through the interval that begins at `now_us`. `is_synchronized`: the drive is, and was in the interval before.
     #[inline]
-    fn go_on(&mut self, exchanges: bool, now_us: u64, interval_us: u32) {
-        if exchanges {
-            self.card.hand_over(&mut self.regler.store);
+    fn go_on(&mut self, is_synchronized: bool, now_us: u64, interval_us: u32) {
+        if self.exchanges {
+            self.card.count_losses();
         } else {
             self.card.discard();
         }
@@ -225,7 +246,13 @@ impl Drive {
             self.monitors[1].there();
         }
         self.monitor(now_us);
-        self.regler.step(interval_us);
+        if !self.exchanges {
+            return self.regler.step(interval_us);
+        }
+        let [before_us, after_us] = parts_of(interval_us);
+        self.regler.step(before_us);
+        self.card.hand_over(&mut self.regler, is_synchronized);
+        self.regler.step(after_us);
     }
 
     /// The card overwrites bit 15 of the status word with the SYNC state (manual 5.01010.01 p. 30).
@@ -268,7 +295,8 @@ impl Drive {
 
     /// Whether the drive has nothing to do while no SYNC edge comes.
     pub fn is_at_rest(&self) -> bool {
-        self.regler.is_at_rest()
+        // An exchange that goes on ends when the next edge stays away.
+        self.regler.is_at_rest() && !self.exchanges
     }
 
     /// The master's reference value frame of `channel`. Frames that do not carry a mapped value entirely
@@ -304,14 +332,14 @@ impl Drive {
 
     /// An action command; commands that do not concern the drive (SLAVE_GROUP) are ignored here.
     ///
-    /// A control word acts at once. SYNC mode on resumes an exchange stopped by reference value losses
-    /// (ZK 26); off ends the synchronized state. Other commands mean nothing to the drive.
+    /// A control word waits for the next exchange between card and drive (decision D-81). SYNC mode on resumes an exchange
+    /// stopped by reference value losses (ZK 26); off ends the synchronized state. Other commands mean nothing to the drive.
     pub fn action_command(&mut self, command: &ActionCommand) {
         if !command.concerns(self.slave_number) {
             return;
         }
         match command.action() {
-            Action::ControlWord(word) => self.regler.command(word),
+            Action::ControlWord(word) => self.card.receive_control_word(word),
             Action::SyncMode(on) => {
                 self.sync.set_mode(on);
                 self.show_synchronized();
@@ -337,7 +365,8 @@ impl Drive {
         Some(refusal.frame(self.slave_number))
     }
 
-    /// A parameter job; the drive answers at once.
+    /// A parameter job; the drive answers at once. While card and drive exchange nothing the card answers with BUSY, so that
+    /// the master repeats the job (5.01010.01 p. 22, 26-27; decision D-615); only the status word can be read.
     ///
     /// The element selection of a read job is ignored, as the manual allows (5.01010.01 p. 26); only
     /// element 7 can be written, others are 16#FFFC "not changeable". The drive has no sub-slaves: any
@@ -349,6 +378,9 @@ impl Drive {
     fn service(&mut self, job: &ParameterJob) -> Result<ParameterResult, u16> {
         if job.sub_slave() != 0 {
             return Err(par_error::NOT_PRESENT);
+        }
+        if !self.exchanges || self.is_exchange_stopped() {
+            return Ok(self.answer_of_the_card(job));
         }
         let (format, value) = match job.access() {
             Access::Read => {
@@ -364,14 +396,27 @@ impl Drive {
         Ok(ParameterResult::Done)
     }
 
+    /// While card and drive exchange nothing, the card knows the status word that the drive gave last, and its own bit 15
+    /// (5.01010.01 p. 30). Everything else has to wait.
+    fn answer_of_the_card(&self, job: &ParameterJob) -> ParameterResult {
+        match (job.number(), job.access(), self.card.sampled_status()) {
+            (number::STATUS_WORD, Access::Read, Some(word)) => {
+                let sync_state = self.status_word() & drive_status::SYNCHRONIZED;
+                ParameterResult::Word(word & !drive_status::SYNCHRONIZED | sync_state)
+            }
+            _ => ParameterResult::Busy,
+        }
+    }
+
     /// What is wrong with the drive's parameters on a bus with this interval; once for each pair of values.
     pub(crate) fn take_objections(&mut self, interval_us: u32) -> impl Iterator<Item = Objection> + use<> {
-        let (slot_us, pwm_khz) = (self.regler.sync_times().0, self.regler.pwm_khz());
-        let settings = Settings { slot_us, pwm_khz, interval_us };
+        let ((slot_us, offset_us), pwm_khz) = (self.regler.sync_times(), self.regler.pwm_khz());
+        let settings = Settings { slot_us, offset_us, pwm_khz, interval_us };
         let is_new = self.objected.replace(settings) != Some(settings);
         let slot = (is_new && slot_us != interval_us).then_some(Objection::SyncSlot(slot_us));
+        let offset = (is_new && offset_us != 0).then_some(Objection::SyncOffset(offset_us));
         let pwm = is_new.then(|| pwm_objection(pwm_khz)).flatten();
-        slot.into_iter().chain(pwm)
+        slot.into_iter().chain(offset).chain(pwm)
     }
 
     /// The value of parameter `number`, if the drive has it.
@@ -396,7 +441,7 @@ impl Drive {
         self.regler.state()
     }
 
-    /// Reference value frames missed so far. Counted while synchronized, from the first frame on.
+    /// Reference value frames missed so far. Counted while card and drive exchange data, from the first frame on.
     pub fn reference_losses(&self) -> u64 {
         self.card.total_losses()
     }

@@ -60,28 +60,43 @@ impl Motion {
         speed
     }
 
-    /// As many steps one behind the other, each with its target; returns whether the motor stands still in any of them.
+    /// Moves through one interval for each of the `targets`, of which there is at least one. An interval has two parts, whose
+    /// lengths in us are `parts`: the target of the interval before, at first `before`, still counts in the first part. Returns
+    /// whether the motor stands still in any part.
     #[inline]
     pub(crate) fn steps(
         &mut self,
+        before: i32,
         targets: impl Iterator<Item = i32> + Clone,
-        interval_us: u32,
+        parts: [u32; 2],
         ramp: u32,
     ) -> bool {
         if ramp == 0
-            && let Some(stands) = self.steps_at_once(targets.clone(), interval_us)
+            && let Some(stands) = self.steps_at_once(before, targets.clone(), parts)
         {
             return stands;
         }
-        targets.fold(false, |stands, target| stands | (self.step(target, interval_us, ramp) == 0))
+        let (mut before, mut stands) = (before, false);
+        for target in targets {
+            stands |= self.step(before, parts[0], ramp) == 0;
+            stands |= self.step(target, parts[1], ramp) == 0;
+            before = target;
+        }
+        stands
     }
 
     /// The same without a ramp, if it does not depend on their order: the part of an increment that is left over points the
     /// way that the motor turned last.
     #[inline]
-    fn steps_at_once(&mut self, targets: impl Iterator<Item = i32>, interval_us: u32) -> Option<bool> {
-        let (mut last, mut sum, mut stands) = (self.speed, 0, false);
-        let (mut lowest, mut highest) = (0, 0);
+    fn steps_at_once(
+        &mut self,
+        before: i32,
+        targets: impl Iterator<Item = i32>,
+        [old_us, new_us]: [u32; 2],
+    ) -> Option<bool> {
+        let first = self.turned.unwrap_or(before);
+        let (mut last, mut sum, mut stands) = (before, 0, first == 0);
+        let (mut lowest, mut highest) = (first.min(0), first.max(0));
         let mut add = |speed: i32| {
             sum += i64::from(speed);
             stands |= speed == 0;
@@ -100,7 +115,12 @@ impl Motion {
         if (lowest < 0 || self.angle_carry < 0) && (highest > 0 || self.angle_carry > 0) {
             return None;
         }
-        let way = sum.checked_mul(interval_us.into())?.checked_add(self.angle_carry)?;
+        // Each target counts for a whole interval. But the first interval begins with `before`, and the old part of the last target
+        // lies in the interval that follows.
+        let interval_us = i64::from(old_us) + i64::from(new_us);
+        let shift = i64::from(first) - i64::from(self.turned.unwrap_or(last));
+        let way = sum.checked_mul(interval_us)?.checked_add(shift.checked_mul(old_us.into())?)?;
+        let way = way.checked_add(self.angle_carry)?;
         self.speed = last;
         self.angle = self.angle.wrapping_add((way / 1000) as u32);
         self.angle_carry = way % 1000;
@@ -193,12 +213,13 @@ mod tests {
         #[test]
         fn steps_are_as_many_single_ones(
             targets in prop_oneof![
-                prop::collection::vec(any::<i32>(), 0..9),
-                prop::collection::vec(-3..=0, 0..9),
-                prop::collection::vec(0..2000, 0..9),
+                prop::collection::vec(any::<i32>(), 1..9),
+                prop::collection::vec(-3..=0, 1..9),
+                prop::collection::vec(0..2000, 1..9),
             ],
             speed in -2000..2000,
-            interval in prop_oneof![Just(2000_u32), 1..9000_u32, any::<u32>()],
+            before in prop_oneof![-2000..2000, any::<i32>()],
+            parts in prop_oneof![Just([750, 1250]), [1..9000_u32, 1..9000_u32], any::<[u32; 2]>()],
             ramp in prop_oneof![Just(0), any::<u32>()],
             turned: Option<i16>,
         ) {
@@ -207,10 +228,13 @@ mod tests {
             one_by_one.turn(turned.map(i32::from));
             let mut at_once = one_by_one;
             let mut stands = false;
+            let mut old = before;
             for target in &targets {
-                stands |= one_by_one.step(*target, interval, ramp) == 0;
+                stands |= one_by_one.step(old, parts[0], ramp) == 0;
+                stands |= one_by_one.step(*target, parts[1], ramp) == 0;
+                old = *target;
             }
-            prop_assert_eq!(at_once.steps(targets.iter().copied(), interval, ramp), stands);
+            prop_assert_eq!(at_once.steps(before, targets.iter().copied(), parts, ramp), stands);
             prop_assert_eq!(at_once, one_by_one);
         }
 

@@ -79,13 +79,18 @@ impl ParameterSpec {
             && *self == ParameterSpec { initial: self.initial, ..ParameterSpec::new(own.number, own.format) }
     }
 
-    /// Lowest and highest value.
-    fn limits(&self) -> (u32, u32) {
-        let (lowest, highest) = match (self.is_signed(), self.format) {
+    /// Lowest and highest value that the format has.
+    fn format_limits(&self) -> (u32, u32) {
+        match (self.is_signed(), self.format) {
             (false, format) => (0, format.mask()),
             (true, ParamFormat::Word) => (0x8000, 0x7FFF),
             (true, ParamFormat::Doubleword) => (0x8000_0000, 0x7FFF_FFFF),
-        };
+        }
+    }
+
+    /// Lowest and highest value.
+    fn limits(&self) -> (u32, u32) {
+        let (lowest, highest) = self.format_limits();
         let bits = |limit: i64| limit as u32 & self.format.mask();
         (self.min.map_or(lowest, bits), self.max.map_or(highest, bits))
     }
@@ -286,7 +291,7 @@ impl ParameterStore {
         self.values[slot.index()]
     }
 
-    /// Sets a parameter from inside the drive; limits do not apply.
+    /// Sets a parameter from inside the drive; limits do not apply. What comes from outside takes [`ParameterStore::write`].
     #[inline]
     pub(crate) fn set(&mut self, slot: Slot, value: u32) {
         let place = &mut self.values[slot.index()];
@@ -301,7 +306,14 @@ impl ParameterStore {
         std::mem::take(&mut self.changed)
     }
 
-    /// Writes a parameter for a parameter job; the error is an error number of the manual.
+    /// Whether [`ParameterStore::write`] takes every value of the parameter's format at any time.
+    pub(crate) fn takes_every_value(&self, slot: Slot) -> bool {
+        let spec = &self.specs[slot.index()];
+        !spec.read_only && spec.settle_us == 0 && spec.limits() == spec.format_limits()
+    }
+
+    /// Writes a parameter with a value from outside, on whatever way it comes; the error is an error number of the manual
+    /// (5.00005.03a p. 166).
     pub(crate) fn write(&mut self, slot: Slot, format: ParamFormat, value: u32) -> Result<(), u16> {
         let spec = &self.specs[slot.index()];
         if spec.read_only {
@@ -387,6 +399,27 @@ mod tests {
             (ParameterSpec { min: Some(-1), format: Doubleword, ..word }, (0xFFFF_FFFF, 0x7FFF_FFFF)),
         ] {
             assert_eq!(spec.limits(), limits, "{spec:?}");
+        }
+    }
+
+    #[test]
+    fn a_parameter_takes_every_value_if_its_limits_are_those_of_its_format() {
+        let word = ParameterSpec::new(1, Word);
+        let wide = ParameterSpec::new(1, Doubleword);
+        let signed = ParameterSpec { min: Some(i32::MIN.into()), max: Some(i32::MAX.into()), ..wide };
+        for (spec, takes) in [
+            (word, true),
+            (wide, true),
+            (signed, true),
+            (ParameterSpec { max: None, ..signed }, true),
+            (ParameterSpec { min: Some(0), max: Some(0xFFFF), ..word }, true),
+            (ParameterSpec { max: Some(5), ..word }, false),
+            (ParameterSpec { min: Some(-5), ..wide }, false),
+            (ParameterSpec { settle_us: 1, ..word }, false),
+            (word.read_only(), false),
+        ] {
+            let store = store(&[ParameterSpec { initial: 0, ..spec }]).unwrap();
+            assert_eq!(store.takes_every_value(store.slot(1).unwrap()), takes, "{spec:?}");
         }
     }
 

@@ -53,6 +53,7 @@ struct Slots {
     sync_offset: Slot,
     pwm: Slot,
     fault: Slot,
+    control_word: Slot,
 }
 
 /// A V-Regler.
@@ -134,6 +135,7 @@ impl VRegler {
             sync_offset: slot(number::SYNC_OFFSET)?,
             pwm: slot(number::PWM_FREQUENCY)?,
             fault: slot(number::FAULT_NUMBER)?,
+            control_word: slot(number::CONTROL_WORD)?,
         };
         store.watch(slots.angle_reference);
         Ok(VRegler {
@@ -253,11 +255,29 @@ impl VRegler {
         if element != VALUE_ELEMENT {
             return Err(par_error::NOT_CHANGEABLE);
         }
+        self.write(slot, format, value)
+    }
+
+    /// Writes a parameter with a value from outside. This is the one way in: parameter jobs, process data of the card and of
+    /// the BAPS, and somebody in front of the drive all come here.
+    ///
+    /// # Errors
+    /// The error number of the manual (5.00005.03a p. 95 and 166); the parameter keeps its value.
+    #[inline]
+    fn write(&mut self, slot: Slot, format: ParamFormat, value: u32) -> Result<(), u16> {
         self.store.write(slot, format, value)?;
-        if number == number::CONTROL_WORD {
-            self.command(value as u16);
+        if slot == self.slots.control_word {
+            self.take_control_word(value as u16);
         }
         Ok(())
+    }
+
+    /// Takes over a cyclic reference value of the card. One that a parameter job could not write is refused as well: the
+    /// parameter keeps its value (decision D-616).
+    #[inline]
+    pub(super) fn take_reference(&mut self, target: Slot, format: ParamFormat, value: u32) {
+        // A frame has no answer that could tell the master.
+        let _ = self.write(target, format, value);
     }
 
     /// Whether `number` can be a cyclic reference value.
@@ -289,8 +309,14 @@ impl VRegler {
         self.store.slot(number).map(|slot| self.value(number, slot))
     }
 
-    /// Takes over a control word. A fault reset clears the fault number.
+    /// Takes over the control word of process data.
     pub(crate) fn command(&mut self, word: u16) {
+        // The control word has no limits, and the plant file cannot give it any.
+        let _ = self.write(self.slots.control_word, ParamFormat::Word, word.into());
+    }
+
+    /// A fault reset clears the fault number.
+    fn take_control_word(&mut self, word: u16) {
         let was_faulty = self.machine.state() == State::Fault;
         self.machine.command(word);
         if was_faulty && self.machine.state() != State::Fault {

@@ -57,6 +57,7 @@ impl Run<'_> {
         for objection in objections {
             let (rule, value) = match objection {
                 Objection::SyncSlot(us) => (&cansync::rules::DRIVE_SYNC_SLOT, us),
+                Objection::SyncOffset(us) => (&cansync::rules::DRIVE_SYNC_OFFSET, us),
                 Objection::Pwm(khz) => (&cansync::rules::DRIVE_PWM, khz),
             };
             let data = offset_of!(CANsync_MA_CTRL_BMSTRUCT, a_DATA_PARAMETER)

@@ -43,6 +43,13 @@ pub(crate) const CASES: &[Case] = &[
         right: |rig| set_up_with_drive(rig, &[], 103, 8),
     },
     Case {
+        rule: &cansync::rules::DRIVE_SYNC_OFFSET,
+        register: "MASTER.a_DATA_PARAMETER[1].d_PAR_VALUE",
+        value: |_| 100,
+        wrong: |rig| set_up_with_drive(rig, &[], 168, 100),
+        right: |rig| set_up_with_drive(rig, &[], 168, 0),
+    },
+    Case {
         rule: &cansync::rules::CLUSTER_BAUD_RATE,
         register: "MASTER.b_BT_0",
         value: |rate| rate.slower().timing.b_BT_0.into(),

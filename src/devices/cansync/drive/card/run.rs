@@ -4,7 +4,7 @@ use super::{Card, DELAY_LINE};
 use crate::can::Payload;
 use crate::devices::cansync::bus::Channel;
 use crate::devices::cansync::drive::catch_up::Alike;
-use crate::devices::cansync::drive::parameters::{ParameterStore, Slot};
+use crate::devices::cansync::drive::parameters::Slot;
 use crate::devices::cansync::drive::regler::VRegler;
 use crate::devices::cansync::drive::zk::Source;
 
@@ -82,7 +82,7 @@ impl Card {
     /// Many intervals are about to come, of which none is lost. `None` if the card does more than to hand the master's
     /// reference values over at once.
     pub(crate) fn begin_run(&self, regler: &VRegler) -> Option<References> {
-        if self.delay != 0 || self.stopped || self.may_stop() {
+        if self.delay != 0 || self.stopped || self.may_stop() || self.control_word.is_some() {
             return None;
         }
         let mut references = References([InRun::NONE; 2]);
@@ -172,14 +172,13 @@ impl Card {
     }
 
     /// The run is over: what was handed over stands in the parameters.
-    pub(crate) fn end_run(&mut self, references: &References, store: &mut ParameterStore) {
+    pub(crate) fn end_run(&mut self, references: &References, regler: &mut VRegler) {
         for (slot, own) in references.0.iter().zip(&mut self.references) {
-            if let (Some(target), Some(value)) = (slot.target, slot.value) {
-                store.set(target, value);
+            let Some(own) = own else { continue };
+            if let Some(value) = slot.value {
+                regler.take_reference(own.target, own.format, value);
             }
-            if let Some(own) = own {
-                own.received = slot.received;
-            }
+            own.received = slot.received;
         }
     }
 }

@@ -44,7 +44,8 @@ impl VRegler {
     pub(in crate::devices::cansync::drive) fn takes_in_run(&self, target: Slot) -> Option<bool> {
         let Slots { mode, speed_limit, ramp, sync_slot, angle_reference, .. } = self.slots;
         let is_looked_at = [mode, speed_limit, ramp, sync_slot, angle_reference].contains(&target);
-        (!is_looked_at).then_some(target == self.slots.speed_reference)
+        let takes = !is_looked_at && self.store.takes_every_value(target);
+        takes.then_some(target == self.slots.speed_reference)
     }
 
     /// As [`VRegler::step`], in a run.
@@ -55,15 +56,18 @@ impl VRegler {
         }
     }
 
-    /// As many intervals one behind the other, each with its speed reference value, of which the last one stays.
+    /// Goes through one interval for each of the speed reference values, of which there is at least one and the last one stays.
+    /// An interval has two parts: its reference value counts in the second one.
     #[inline]
     pub(in crate::devices::cansync::drive) fn steps_in_run(
         &mut self,
         run: &mut Run,
-        us: u32,
+        parts: [u32; 2],
         mut references: impl DoubleEndedIterator<Item = u32> + Clone,
     ) {
-        if self.motion.steps(references.clone().map(|speed| run.target(speed)), us, run.ramp) {
+        let before = run.target(run.speed_reference);
+        let targets = references.clone().map(|speed| run.target(speed));
+        if self.motion.steps(before, targets, parts, run.ramp) {
             self.machine.standstill();
         }
         run.speed_reference = references.next_back().unwrap_or(run.speed_reference);

@@ -48,6 +48,7 @@ fn stretches() -> impl Strategy<Value = Vec<Passed>> {
 fn drives() -> Vec<Drive> {
     let quick = |cfg: DriveConfig| DriveConfig { lock_time_us: 4000, ..cfg };
     let mode = ParameterSpec { initial: 1, ..ParameterSpec::new(number::OPERATING_MODE, ParamFormat::Word) };
+    let limited = ParameterSpec { max: Some(5), ..ParameterSpec::new(400, ParamFormat::Word) };
     let ramped = DriveConfig { ramp_per_second: core::num::NonZeroU32::new(70_000), ..demo() };
     let configs = [
         demo(),
@@ -55,6 +56,8 @@ fn drives() -> Vec<Drive> {
         with_zk(|zk| zk.zk_26 = 1),
         with_zk(|zk| zk.zk_24 = 2),
         with_zk(|zk| (zk.zk_0, zk.zk_25) = (number::ANGLE_REFERENCE, 0x000D)),
+        with_zk(|zk| (zk.zk_1, zk.zk_5) = (number::PWM_FREQUENCY, 0x0009)),
+        DriveConfig { parameters: vec![limited], ..with_zk(|zk| (zk.zk_1, zk.zk_5) = (400, 0x0009)) },
         DriveConfig { parameters: vec![mode], ..with_zk(|zk| zk.zk_0 = number::ANGLE_REFERENCE) },
         DriveConfig { card_function: CardFunction::Old, ..with_zk(|zk| zk.zk_5 |= 0x0980) },
     ];
@@ -81,7 +84,11 @@ proptest! {
     #![proptest_config(crate::property_tests())]
 
     #[test]
-    fn it_does_not_matter_when(all in prop::collection::vec(stretches(), 1..30), stretch in 1..40usize) {
+    fn it_does_not_matter_when(
+        all in prop::collection::vec(stretches(), 1..30),
+        stretch in 1..40usize,
+        control_word: Option<u16>,
+    ) {
         let (mut all, mut now) = (all.concat(), 0);
         for it in &mut all {
             if let Passed::Edge { now_us, .. } = it {
@@ -91,6 +98,9 @@ proptest! {
         }
         for mut at_once in drives() {
             at_once.action_command(&ActionCommand::sync_mode(ActionCommand::ALL_SLAVES, true));
+            if let Some(word) = control_word {
+                at_once.action_command(&ActionCommand::control_word(ActionCommand::ALL_SLAVES, word));
+            }
             let mut later = at_once.clone();
             let mut log = Log::default();
             for stretch in all.chunks(stretch) {

@@ -184,10 +184,9 @@ fn zk_26_stops_the_exchange_after_more_losses_in_succession() {
     bench.edge().edge().edge();
     assert!(bench.drive.is_exchange_stopped());
     let frozen = bench.drive.actual_value_frame(Channel::One);
-    bench.send(Channel::One, &[3, 0]).control(0x0007).edge().edge();
+    bench.send(Channel::One, &[3, 0]).edge().edge();
     assert_eq!((bench.p(300), bench.drive.actual_value_frame(Channel::One)), (2, frozen));
-    bench.drive.action_command(&ActionCommand::sync_mode(1 << 3, true));
-    bench.send(Channel::One, &[3, 0]).edge();
+    bench.sync_mode(true).send(Channel::One, &[3, 0]).edge();
     assert_eq!((bench.p(300), bench.drive.is_exchange_stopped()), (3, false));
 }
 
@@ -199,14 +198,14 @@ fn bit_15_goes_with_the_lock_also_after_the_exchange_was_stopped() {
     assert!(bench.drive.is_exchange_stopped());
     let frame = |bench: &Bench| bench.drive.actual_value_frame(Channel::One);
     assert_eq!(frame(&bench), Some(words_of(&[7, 0, 0x8037])));
-    bench.drive.action_command(&ActionCommand::sync_mode(1 << 3, false));
-    bench.control(0x0007).edge();
+    bench.sync_mode(false).control(0x0007).edge();
     assert_eq!(frame(&bench), Some(words_of(&[7, 0, 0x0037])), "nothing else comes from the drive");
     bench.edge();
     assert_eq!(frame(&bench), Some(words_of(&[7, 0, 0x0037])));
-    bench.drive.action_command(&ActionCommand::sync_mode(1 << 3, true));
+    bench.sync_mode(true).edge();
+    assert_eq!(frame(&bench), Some(words_of(&[7, 0, 0x80B7])), "as it is: enabled, error reported");
     bench.edge();
-    assert_eq!(frame(&bench), Some(words_of(&[0, 0, 0x80B3])), "as it is: switched on, error reported");
+    assert_eq!(frame(&bench), Some(words_of(&[0, 0, 0x8033])), "the control word has been handed over");
 }
 
 #[test]

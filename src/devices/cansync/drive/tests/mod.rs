@@ -1,6 +1,7 @@
 //! The drive as the bus sees it.
 
 mod catch_up;
+mod exchange;
 mod mapping;
 mod service;
 mod states;
@@ -48,6 +49,16 @@ impl Bench {
     fn control(&mut self, word: u16) -> &mut Self {
         self.drive.action_command(&ActionCommand::control_word(1 << self.drive.slave_number(), word));
         self
+    }
+
+    fn sync_mode(&mut self, on: bool) -> &mut Self {
+        self.drive.action_command(&ActionCommand::sync_mode(1 << self.drive.slave_number(), on));
+        self
+    }
+
+    /// The answer to a parameter job.
+    fn job(&mut self, number: u16, access: Access) -> ParameterResult {
+        self.drive.parameter_job(&ParameterJob::new(number, access).unwrap()).result()
     }
 
     fn p(&self, number: u16) -> u32 {

@@ -91,6 +91,7 @@ fn parameter_jobs() {
         ParameterSpec { initial: 9, ..ParameterSpec::new(0, ParamFormat::Doubleword) },
     ];
     let mut bench = Bench::new(&DriveConfig { parameters, ..demo() });
+    bench.edge();
     for (number, access, result) in [
         (400, Read, Word(7)),
         (400, WriteWord(8), Done),
@@ -121,6 +122,7 @@ fn parameter_jobs() {
 #[test]
 fn elements_and_sub_slaves() {
     let mut bench = Bench::new(&demo());
+    bench.edge();
     for element in 0..8 {
         let read = ParameterJob::new(302, Access::Read).unwrap().with_element(element).unwrap();
         assert_eq!(bench.drive.parameter_job(&read).result(), ParameterResult::Doubleword(0));
