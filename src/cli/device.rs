@@ -24,29 +24,52 @@ fn known() -> impl TypedValueParser<Value = &'static Device> {
         .try_map(|name| devices::find(&name).map(|known| known.layout).ok_or("no device of this name"))
 }
 
-/// Looks a name up without knowing the device, nor how it is fitted: what this refuses, no instance has.
+/// Looks a name or an address up without knowing the device, nor how it is fitted: no instance has what this refuses.
 ///
 /// # Errors
-/// What the device says that has at least such an area, else the default one.
+/// The refusal of the device that comes closest: it has such an area, or such addresses. [`CliError::NoDeviceHas`] if no device
+/// has such addresses.
 pub(crate) fn on_any_device<T>(look_up: impl Fn(&Fitted) -> Result<T, LayoutError>) -> Result<T, CliError> {
-    let mut refusal = None;
+    let mut refusals = Vec::new();
     for known in devices::all() {
         match on_any_fit(known.layout, &look_up) {
             Ok(found) => return Ok(found),
-            Err(other) => {
-                let has_area = |refusal: &LayoutError| {
-                    !matches!(refusal, LayoutError::UnknownArea { .. } | LayoutError::UnknownName { .. })
-                };
-                if refusal.as_ref().is_none_or(|refusal| has_area(&other) && !has_area(refusal)) {
-                    refusal = Some(other);
-                }
-            }
+            Err(refusal) => refusals.push(refusal),
         }
     }
-    match refusal {
+    match refusals.into_iter().min_by_key(distance) {
+        Some(LayoutError::NoSpace { text, .. } | LayoutError::BadAddress { text, .. }) => {
+            let known = addresses_like(&text);
+            Err(CliError::NoDeviceHas { text, known })
+        }
         Some(refusal) => Err(refusal.into()),
         None => Ok(look_up(&Fitted::unknown(&Device::UNKNOWN))?),
     }
+}
+
+/// How far a refusal is from what was meant; less is closer.
+fn distance(refusal: &LayoutError) -> u8 {
+    match refusal {
+        LayoutError::UnknownArea { .. } | LayoutError::UnknownName { .. } => 2,
+        LayoutError::BadAddress { .. } | LayoutError::NoSpace { .. } => 1,
+        _ => 0,
+    }
+}
+
+/// The addresses of each device that begin with the same letter as `text`; all addresses if no device has such.
+fn addresses_like(text: &str) -> String {
+    let letter =
+        text.strip_prefix('%').and_then(|rest| rest.chars().next()).map(|it| it.to_ascii_uppercase());
+    let of = |device: &Device, is_wanted: &dyn Fn(char) -> bool| {
+        let spaces: Vec<_> =
+            device.spaces.iter().filter(|it| is_wanted(it.letter)).map(ToString::to_string).collect();
+        (!spaces.is_empty()).then(|| format!("{} has {}", device.title, spaces.join(", ")))
+    };
+    let devices = |is_wanted: &dyn Fn(char) -> bool| {
+        devices::all().iter().filter_map(|known| of(known.layout, is_wanted)).collect::<Vec<_>>().join("; ")
+    };
+    let alike = devices(&|it| Some(it) == letter);
+    if alike.is_empty() { devices(&|_| true) } else { alike }
 }
 
 /// The same on one device. Where it depends on what a port is, any of it will do.
@@ -75,14 +98,14 @@ pub(crate) fn of_any_device(text: &str) -> Result<Place, CliError> {
     on_any_device(|fitted| Place::parse(fitted, text))
 }
 
-/// The same, before `instance` is asked what it is there. Where no device has such an area, it tells which ones that PLC has,
-/// if it runs.
+/// The same, before `instance` is asked what it is there. A register or address that no device has is refused by the PLC's own
+/// device, if the instance runs.
 pub(crate) fn of_any_device_but_told_by(instance: &Instance) -> impl Fn(&str) -> Result<Place, CliError> {
     |text| of_any_device(text).or_else(|refusal| told_by(instance, refusal, |session| session.place(text)))
 }
 
-/// What `ask` gets from the instance, if it runs and `refusal` is that no device has such an area, or several registers are
-/// called so: of a modular PLC perhaps one of them is fitted.
+/// What `ask` gets from the instance, if it runs and `refusal` is about a name or an address: the instance knows which devices
+/// its PLCs are, and how they are fitted.
 ///
 /// # Errors
 /// What `ask` is refused with, else `refusal`.
@@ -91,22 +114,15 @@ pub(crate) fn told_by<T>(
     refusal: CliError,
     ask: impl Fn(&Session) -> Result<T, CliError>,
 ) -> Result<T, CliError> {
-    use LayoutError::{Ambiguous, NoMatch, UnknownArea, UnknownName, UnknownVariable};
-    let may_know = matches!(
-        refusal,
-        CliError::Layout(
-            Ambiguous { .. }
-                | NoMatch { .. }
-                | UnknownArea { .. }
-                | UnknownName { .. }
-                | UnknownVariable { .. }
-        )
-    );
-    if !may_know {
+    if !matches!(refusal, CliError::Layout(_) | CliError::NoDeviceHas { .. }) {
         return Err(refusal);
     }
-    match Session::open_for_reading(&Instance::running(instance.name())) {
-        Ok(session) => ask(&session),
-        Err(_) => Err(refusal),
-    }
+    let Ok(session) = Session::open_for_reading(&Instance::running(instance.name())) else {
+        return Err(refusal);
+    };
+    ask(&session).map_err(|told| match (&told, &refusal) {
+        // What is wrong whichever PLC is meant comes before the question which one.
+        (CliError::WhichPlc { .. }, CliError::Layout(error)) if distance(error) == 0 => refusal,
+        _ => told,
+    })
 }

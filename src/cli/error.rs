@@ -22,6 +22,16 @@ pub(crate) enum CliError {
     /// A register or block that does not exist.
     #[error("{0}")]
     Layout(#[from] LayoutError),
+    /// An address that no device has.
+    #[error(
+        "`{text}` is no address of any device: {known}; W is for words, D for double words, X and .bit for bits"
+    )]
+    NoDeviceHas {
+        /// The address as given.
+        text: String,
+        /// The addresses of the devices.
+        known: String,
+    },
     /// No such export.
     #[error(transparent)]
     Export(#[from] ExportError),

@@ -61,6 +61,7 @@ impl CliError {
             #[cfg(feature = "studio")]
             Self::NoTerminal { .. } | Self::Fmu(_) | Self::Unreadable { .. } => Exit::WrongUse,
             Self::Layout(_)
+            | Self::NoDeviceHas { .. }
             | Self::Export(_)
             | Self::Value(_)
             | Self::Argument { .. }

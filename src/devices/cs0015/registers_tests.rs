@@ -36,6 +36,16 @@ fn addresses_are_the_manuals() {
     assert_eq!(DEVICE.retain.unwrap().area.bytes, 256, "%MB0 to %MB255, p. 107");
 }
 
+/// P. 107, 154: %MW0 to %MW4095 are the flags, each of which lies in an area.
+#[test]
+fn every_flag_has_an_address() {
+    for word in 0..4096 {
+        let place = Place::parse(&Fitted::unknown(&DEVICE), &format!("%MW{word}")).unwrap();
+        assert_eq!(place.offset(), 8192 + 2 * word);
+    }
+    assert!(DEVICE.address("%MW4096").is_ok_and(|it| DEVICE.area_at(it).unwrap().name == "jobs"), "D-434");
+}
+
 /// Vectors T33 and T34: p. 71.
 #[test]
 fn the_words_of_the_slaves_tell_node_and_connector() {
