@@ -299,7 +299,8 @@ fn get(plc: Option<&str>, format: &FormatArg, instance: &Instance) -> Result<(),
 #[cfg(feature = "channel")]
 fn set(instance: &Instance, words: &[BoardWord<'_>]) -> Result<(), CliError> {
     use super::session::Session;
-    use crate::request::Op;
+    use crate::channel::ClientError;
+    use crate::request::{Op, Reply};
     let session = Session::open(instance, 0)?;
     let op = |word: &BoardWord<'_>| {
         let plc = session.plc(word.plc, word.text)?;
@@ -309,15 +310,16 @@ fn set(instance: &Instance, words: &[BoardWord<'_>]) -> Result<(), CliError> {
         Ok(Op::SetBoard { plc, setting })
     };
     let ops = words.iter().map(op).collect::<Result<Vec<_>, CliError>>()?;
-    session.request(&ops).map(drop).inspect_err(|_| {
-        // A start depends on what stands in front of it, so it can be refused once that is set.
-        let is_start = |op: &Op| matches!(op, Op::SetBoard { setting: BoardSetting::Start(_), .. });
-        let done = ops.iter().position(is_start).and_then(|count| words.get(..count)).unwrap_or_default();
-        if !done.is_empty() {
-            let done: Vec<_> = done.iter().map(|word| word.text).collect();
+    // A command depends on the switches set before it, so it can be refused once those are set.
+    for (done, reply) in session.replies(&ops)?.into_iter().enumerate() {
+        let Reply::Error(refused) = reply else { continue };
+        if done > 0 {
+            let done: Vec<_> = words.iter().take(done).map(|word| word.text).collect();
             super::output::note(&format!("set before that: {}", done.join(" ")));
         }
-    })
+        return Err(ClientError::Refused(refused).into());
+    }
+    Ok(())
 }
 
 /// Refuses a switch that the PLC, or the module in the slot, does not have.

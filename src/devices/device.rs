@@ -67,6 +67,13 @@ pub trait Device: Any + Send + State {
     /// no such switch.
     fn turn(&self, setting: BoardSetting) -> bool;
 
+    /// Why the device would not carry out this setting now: a command that its switches or its state do not allow. `None`: it
+    /// would.
+    fn refusal(&self, setting: BoardSetting) -> Option<&'static str> {
+        let _ = setting;
+        None
+    }
+
     /// Switches supply or RESET, as if somebody had turned the switch.
     fn set_power(&mut self, power: Power) -> Look;
 

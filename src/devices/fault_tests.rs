@@ -21,7 +21,7 @@ fn resolve(text: &str) -> Result<Fault, FaultError> {
 }
 
 /// One description of each kind with all its fields, and how it is written in a list.
-const EACH_KIND: [(&str, &str); 25] = [
+const EACH_KIND: [(&str, &str); 26] = [
     (
         "kind = 'lose_frame'\nbus = 'drives'\nslot = 'WRC1'\nid = 0x101\nmask = 0x70F\nat_us = 5\ncount = 3",
         "lose_frame bus=drives slot=WRC1 id=16#101 mask=16#70F at_us=5 count=3",
@@ -80,6 +80,7 @@ const EACH_KIND: [(&str, &str); 25] = [
     ("kind = 'memory'\nplc = 'saw'", "memory plc=saw count=1"),
     ("kind = 'fatal'\nplc = 'saw'\ncount = 2", "fatal plc=saw count=2"),
     ("kind = 'can_init'\nplc = 'saw'", "can_init plc=saw"),
+    ("kind = 'hang'\nplc = 'saw'", "hang plc=saw"),
 ];
 
 #[test]
@@ -185,7 +186,8 @@ fn each_mistake_names_the_field_and_what_would_be_right() {
             "kind = \"explode\": there is no such fault; the kinds are: lose_frame, delay_frame, \
              duplicate_frame, lose_sync, jitter_sync, slave_off, slave_late, slave_busy, slave_error, \
              wrong_offset, bus_off, overrun, drive_fault, baps_drive_fault, baps_silent, baps_slow, \
-             error_frame, lost_arbitration, short_circuit, wire_break, supply, temperature, memory, fatal, can_init",
+             error_frame, lost_arbitration, short_circuit, wire_break, supply, temperature, memory, fatal, can_init, \
+             hang",
         ),
         (
             "kind = 'baps_drive_fault'\nplc = 'saw'\nerror = 0",

@@ -64,6 +64,12 @@ pub trait Firmware: State + Send + 'static {
         let _ = (faults, owner);
     }
 
+    /// As [`Device::refusal`].
+    fn refusal(&self, setting: BoardSetting) -> Option<&'static str> {
+        let _ = setting;
+        None
+    }
+
     /// Whether a supply comes in when it is switched on. Asked at each look.
     fn is_fed(&self) -> bool {
         true
@@ -158,6 +164,10 @@ impl<F: Firmware> Device for Plain<F> {
         true
     }
 
+    fn refusal(&self, setting: BoardSetting) -> Option<&'static str> {
+        self.firmware.refusal(setting)
+    }
+
     fn set_power(&mut self, power: Power) -> Look {
         self.supply.set(&self.face, power)
     }
@@ -245,5 +255,6 @@ mod tests {
         assert!(none.kept().is_none() && none.events().is_none() && none.is_fed() && none.rests());
         let kept = (none.next_time(), none.novram(), (0..16).find_map(|event| none.event_level(event)));
         assert_eq!(kept, (u64::MAX, (&[][..], 0), None));
+        assert_eq!(none.refusal(BoardSetting::Reset), None);
     }
 }

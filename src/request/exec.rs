@@ -278,6 +278,10 @@ fn journal(host: &dyn Host, from: u64, max: usize) -> Reply {
 
 fn set_board(host: &mut dyn Host, plc: u16, setting: BoardSetting) -> Result<(), Refused> {
     let number = known_plc(host, plc)?;
+    let device = host.plant().devices().get(number);
+    if let Some(why) = device.and_then(|device| device.refusal(setting)) {
+        return Err(Refused::setting(plc_name(host, plc), device_of(host, number), setting, why));
+    }
     if !host.plant_mut().set_board(number, setting) {
         return Err(Refused::no_such_switch(plc_name(host, plc), device_of(host, number), setting));
     }

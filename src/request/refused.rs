@@ -133,6 +133,18 @@ impl Refused {
         Self::new(Code::NO_SUCH_SWITCH, text)
     }
 
+    /// A PLC of this name, which is this device, does not carry out the setting now.
+    pub(crate) fn setting(plc: &str, device: &Device, setting: BoardSetting, why: &str) -> Self {
+        let word = match setting {
+            BoardSetting::Front { word, value } => {
+                let known = device.front.iter().find(|known| known.index() == usize::from(word));
+                known.map_or_else(String::new, |known| format!("{}={}", known.name, known.called(value)))
+            }
+            other => other.name().to_owned(),
+        };
+        Self::new(Code::START_REFUSED, format_args!("PLC '{plc}' refuses {word}: {why}"))
+    }
+
     /// The emulator ends before the operation is done.
     pub(crate) fn shutting_down() -> Self {
         Self::new(Code::SHUTTING_DOWN, "the emulator is shutting down")

@@ -125,9 +125,13 @@ fn its_switches_and_its_led_are_those_of_its_front() {
     assert_eq!((&running["program"], &running["s1"]), (&"cyclic".into(), &"lock".into()));
     emulator.run("board", &["set", "panel:inputs=16#8001", "panel:s2=7", "panel:s3=on"]).ok();
     emulator.poke(&["panel:outputs.Q0=16#8000"]);
-    emulator.step(&["20ms"]);
+    emulator.step(&["40ms"]);
     assert_eq!(emulator.peek(&["panel:%IW0", "panel:inputs.S2", "panel:%IX1.8"]), "16#8001 16#07 1");
     assert_eq!((&board()["outputs"], &board()["inputs"]), (&0x8000.into(), &0x8001.into()));
+    let locked = emulator.run("board", &["set", "panel:s2=8", "panel:program=stop"]);
+    let told = locked.fails(1);
+    assert!(told.contains("PLC 'panel' refuses program=stop: S1 stands at LOCK"), "{told}");
+    assert!(told.contains("set before that: panel:s2=8"), "{told}");
     emulator.run("board", &["set", "panel:s1=unlock", "panel:program=stop"]).ok();
     emulator.step(&["20ms"]);
     let stopped = board();
@@ -137,6 +141,37 @@ fn its_switches_and_its_led_are_those_of_its_front() {
     assert!(text.ok().contains("state stop, stat green, outputs 0"), "{}", text.out);
     let refused = emulator.run("board", &["set", "panel:s2=16"]);
     assert!(refused.fails(2).contains("s2 can be 0 to 15"), "{}", refused.err);
+}
+
+/// P. 107, 154: each flag has an address, and what is no address is refused with those of the device that was asked.
+#[test]
+fn addresses_are_those_of_the_device_that_is_asked() {
+    let emulator = Emulator::start(&[PLANT, "--clock", "stepped"]);
+    assert_eq!(emulator.peek(&["panel:%MW4032", "panel:%MW4095", "panel:%MX4095.15"]), "16#0000 16#0000 0");
+    for text in ["%IW9", "%MW20000", "%MZ4", "panel:%IW9", "%MB3.80000"] {
+        for command in ["peek", "wait", "poke"] {
+            let argument = match command {
+                "wait" => format!("{text}==1"),
+                "poke" => format!("{text}=1"),
+                _ => text.to_owned(),
+            };
+            let refused = emulator.run(command, &[&argument]);
+            let told = refused.fails(2);
+            let own = "%IW0 to %IW3 (inputs), %QW0 to %QW1 (outputs), %MW0 to %MW4095 (flags)";
+            assert!(told.contains(own) && !told.contains("%MB3.80000 to"), "{command} {argument}: {told}");
+        }
+    }
+    let refused = emulator.run("peek", &["%MX10.16"]);
+    assert!(refused.fails(2).contains("%MX10.16: a WORD has bits 0 to 15, not 16"), "{}", refused.err);
+    // Where nothing runs, all devices with such addresses are named.
+    for (text, expected) in [
+        ("%IW9", "`%IW9` is no address of any device: ecomat 100 CS0015 has %IW0 to %IW3 (inputs)"),
+        ("%MX10.16", "%MX10.16: a WORD has bits 0 to 15, not 16"),
+        ("%MW20000", "ecomat 100 CS0015 has %MW0 to %MW4095 (flags)"),
+    ] {
+        let refused = run(&["peek", text, "--instance", "nothing-runs-here"]);
+        assert!(refused.fails(2).contains(expected), "{}", refused.err);
+    }
 }
 
 /// P. 107, 155.

@@ -110,6 +110,8 @@ fn every_command_of_the_pages_works() {
             "cat > plant.toml <<'END'\n{OTHERS}END\ncommram run plant.toml --clock stepped --detach"
         ))
         .ok();
+    // A CS0015 takes commands of the programming system once its reset is over.
+    others.run("commram step 300ms").ok();
     // Logs to be played and compared, as a page before has them written.
     others.run("commram trace --bus open --format candump > open.log && commram trace --format pcapng > open.pcapng").ok();
     let (mut run, mut failed) = (0, Vec::new());

@@ -68,8 +68,10 @@ def exchange(network, node):
     network.send_message(0x220, struct.pack("<4H", 0x1234, 0x5678, 1, 2))
     words = [struct.unpack("<H", node.sdo.upload(0x5800, word))[0] for word in range(1, 5)]
     assert words == [0x1234, 0x5678, 1, 2], words
-    # With every SYNC.
+    # With every SYNC, from the next Operational on.
     node.sdo.download(0x1801, 2, b"\x01")
+    node.nmt.state = "PRE-OPERATIONAL"
+    node.nmt.state = "OPERATIONAL"
     synchronous, has_come = heard(network, 0x2A0)
     for count in range(1, 4):
         has_come.clear()

@@ -61,16 +61,24 @@ impl Session {
     /// # Errors
     /// The first operation that was refused, or no reply.
     pub(crate) fn request(&self, ops: &[Op]) -> Result<Vec<Reply>, CliError> {
+        let replies = self.replies(ops)?;
+        match replies.iter().find(|reply| matches!(reply, Reply::Error(_))) {
+            Some(Reply::Error(refused)) => Err(ClientError::Refused(refused.clone()).into()),
+            _ => Ok(replies),
+        }
+    }
+
+    /// The replies to these operations, in their order: [`Reply::Error`] to the one that is refused, if one is.
+    ///
+    /// # Errors
+    /// The request as a whole got no replies.
+    pub(crate) fn replies(&self, ops: &[Op]) -> Result<Vec<Reply>, CliError> {
         let Door::Channel(client) = &self.door else {
             return Err(no_channel(&self.instance));
         };
         let plc = self.plcs.first().map_or("", String::as_str);
         let replies = progress::shown(&self.instance, plc, || client.request(ops));
-        let replies = replies.map_err(|error| self.explain(error, client, ops))?;
-        match replies.iter().find(|reply| matches!(reply, Reply::Error(_))) {
-            Some(Reply::Error(refused)) => Err(ClientError::Refused(refused.clone()).into()),
-            _ => Ok(replies),
-        }
+        replies.map_err(|error| self.explain(error, client, ops))
     }
 
     /// Why there is no reply. An emulator that is busy with another client tells with what.

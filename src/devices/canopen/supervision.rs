@@ -7,30 +7,39 @@ use serde::{Deserialize, Serialize};
 pub struct Supervision {
     /// In us; 0 is off.
     period_us: u64,
-    /// Until when it must have come; none if it is not awaited, or missing.
+    /// It was started and not stopped since. A period that is set later then counts from that moment.
+    is_awaited: bool,
+    /// Until when it must have come; none if the supervision is off, or it is missing.
     deadline: Option<u64>,
     is_missing: bool,
 }
 
 impl Supervision {
-    /// From `now` on it must come every `period_us` microseconds, if it is awaited; 0 switches it off.
+    /// Sets the period in microseconds; 0 switches the supervision off. A new period counts from `now` on if it is awaited.
+    /// The period that holds already changes nothing.
     pub fn set_period(&mut self, period_us: u64, now: u64) {
+        if period_us == self.period_us {
+            return;
+        }
         self.period_us = period_us;
         if period_us == 0 {
-            self.stop();
-        } else if self.deadline.is_some() {
+            self.deadline = None;
+            self.is_missing = false;
+        } else if self.is_awaited && !self.is_missing {
             self.deadline = now.checked_add(period_us);
         }
     }
 
     /// It has come, or is awaited from `now` on.
     pub fn start(&mut self, now: u64) {
+        self.is_awaited = true;
         self.is_missing = false;
         self.deadline = if self.period_us == 0 { None } else { now.checked_add(self.period_us) };
     }
 
     /// It is not awaited any more, and so not missing.
     pub fn stop(&mut self) {
+        self.is_awaited = false;
         self.deadline = None;
         self.is_missing = false;
     }
@@ -71,10 +80,8 @@ mod tests {
     #[test]
     fn what_does_not_come_is_missing_once_until_it_comes() {
         let mut it = Supervision::default();
-        it.start(5);
-        assert_eq!(it.next_time(), u64::MAX, "off");
         it.set_period(100, 10);
-        assert_eq!(it.next_time(), u64::MAX, "nobody awaits it");
+        assert_eq!(it.next_time(), u64::MAX, "not awaited");
         it.start(20);
         assert_eq!((it.look(119), it.next_time()), (false, 120));
         it.start(100);
@@ -87,5 +94,30 @@ mod tests {
         assert_eq!(it.next_time(), 360);
         it.set_period(0, 320);
         assert!(!it.is_active());
+    }
+
+    #[test]
+    fn a_period_set_while_awaited_counts_from_that_moment() {
+        let mut it = Supervision::default();
+        it.start(5);
+        assert_eq!(it.next_time(), u64::MAX, "off");
+        it.set_period(100, 10);
+        assert_eq!(it.next_time(), 110);
+        it.stop();
+        it.set_period(0, 20);
+        it.set_period(100, 30);
+        assert_eq!(it.next_time(), u64::MAX, "not awaited");
+    }
+
+    #[test]
+    fn setting_the_same_period_again_does_not_prolong_it() {
+        let mut it = Supervision::default();
+        it.set_period(100, 0);
+        it.start(0);
+        it.set_period(100, 90);
+        assert_eq!(it.next_time(), 100);
+        assert!(it.look(100));
+        it.set_period(100, 150);
+        assert!(it.is_missing());
     }
 }

@@ -7,47 +7,81 @@ use super::registers::values::{loaded, program, s1, state};
 use crate::devices::Context;
 use crate::devices::canopen::nmt::State;
 
-impl Firmware {
-    /// A command, for which S1 has to stand at UNLOCK (p. 11, 13, 17).
-    pub(super) fn look_at_command(&mut self, ctx: &mut Context) {
-        let registers = &self.node.registers;
-        let Some(command) = registers.take_command() else { return };
-        let is_locked = registers.turned(FRONT_S1) != s1::UNLOCK;
-        let done = if is_locked { Err(Refused::Locked) } else { self.carry_out(ctx, command) };
-        if let Err(why) = done {
-            ctx.report(CommandRefused { plc: ctx.origin.plc, command: command as u8, why: why as u8 });
-        }
-    }
+/// What decides whether a command of the programming system is carried out.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Readiness {
+    /// S1 is at UNLOCK.
+    pub is_unlocked: bool,
+    /// A program is loaded.
+    pub has_program: bool,
+    /// The operating system was erased since the last reset.
+    pub has_been_erased: bool,
+    /// Operating state, as `state` of the front.
+    pub state: u32,
+}
 
-    fn carry_out(&mut self, ctx: &mut Context, command: u32) -> Result<(), Refused> {
-        let has_program = self.program != Program::None;
+impl Readiness {
+    /// Whether `command`, as `program` of the front, is carried out (p. 11-17).
+    ///
+    /// # Errors
+    /// Why the device refuses it.
+    pub(super) fn check(self, command: u32) -> Result<(), Refused> {
         match (command, self.state) {
-            (program::RUN | program::STOP, _) if !has_program => Err(Refused::NoProgram),
-            (program::STOP, state::RUN | state::STOP) => {
-                self.is_stopped = true;
-                self.go(ctx, State::Stopped, state::STOP);
-                Ok(())
-            }
-            (program::RUN, state::STOP) => {
-                self.is_stopped = false;
-                self.go(ctx, State::PreOperational, state::RUN);
-                Ok(())
-            }
-            (program::RUN, state::RUN) => Ok(()),
-            // P. 16: the operating system is erased, and nobody answers any more.
-            (program::ERASE, state::RUN | state::STOP) => {
-                self.has_been_erased = true;
-                self.node.registers.parameters.b_OPERATING_SYSTEM.store(loaded::NO);
-                self.fall_silent(ctx, state::NO_OPERATING_SYSTEM);
+            _ if !self.is_unlocked => Err(Refused::Locked),
+            (program::RUN | program::STOP, _) if !self.has_program => Err(Refused::NoProgram),
+            (program::RUN | program::STOP | program::ERASE | program::RESET, state::RUN | state::STOP) => {
                 Ok(())
             }
             (program::LOAD, state::NO_OPERATING_SYSTEM) if self.has_been_erased => Err(Refused::NeedsReset),
-            (program::LOAD, state::NO_OPERATING_SYSTEM) => {
+            (program::LOAD, state::NO_OPERATING_SYSTEM) => Ok(()),
+            _ => Err(Refused::State),
+        }
+    }
+}
+
+impl Firmware {
+    /// Carries out a command of the programming system, or reports why not.
+    pub(super) fn look_at_command(&mut self, ctx: &mut Context) {
+        let registers = &self.node.registers;
+        let Some(command) = registers.take_command() else { return };
+        let readiness = Readiness {
+            is_unlocked: registers.turned(FRONT_S1) == s1::UNLOCK,
+            has_program: self.program != Program::None,
+            has_been_erased: self.shared.defects().has_been_erased,
+            state: self.state,
+        };
+        match readiness.check(command) {
+            Ok(()) => self.carry_out(ctx, command),
+            Err(why) => {
+                ctx.report(CommandRefused { plc: ctx.origin.plc, command: command as u8, why: why as u8 });
+            }
+        }
+    }
+
+    /// Carries out a command that [`Readiness::check`] allows.
+    fn carry_out(&mut self, ctx: &mut Context, command: u32) {
+        match command {
+            program::STOP => {
+                self.is_stopped = true;
+                self.go(ctx, State::Stopped, state::STOP);
+            }
+            program::RUN if self.state == state::STOP => {
+                self.is_stopped = false;
+                self.go(ctx, State::PreOperational, state::RUN);
+            }
+            // P. 16: the operating system is erased, and nobody answers any more.
+            program::ERASE => {
+                self.shared.erased();
+                self.node.registers.parameters.b_OPERATING_SYSTEM.store(loaded::NO);
+                self.fall_silent(ctx, state::NO_OPERATING_SYSTEM);
+            }
+            program::LOAD => {
                 self.node.registers.parameters.b_OPERATING_SYSTEM.store(loaded::YES);
                 self.shared.restart();
-                Ok(())
             }
-            _ => Err(Refused::State),
+            // P. 28: afterwards the device is no CANopen node until the program makes it one.
+            program::RESET => self.shared.restart(),
+            _ => {}
         }
     }
 

@@ -53,7 +53,10 @@ pub struct PdoConfig {
 pub(super) struct Pdo {
     /// None follows from the Node-ID, or is the factory's.
     cob_id: Option<u32>,
+    /// Transmission type in force.
     pub kind: Transmission,
+    /// Transmission type in the object dictionary, in force from the next begin of Operational on (p. 155).
+    pub written_kind: Transmission,
     pub inhibit_us: u64,
 }
 
@@ -61,7 +64,8 @@ impl Pdo {
     fn new(config: Option<PdoConfig>) -> Self {
         let config =
             config.unwrap_or(PdoConfig { id: None, kind: Transmission::Asynchronous(255), inhibit_us: 0 });
-        Pdo { cob_id: config.id.map(u32::from), kind: config.kind, inhibit_us: config.inhibit_us }
+        let PdoConfig { id, kind, inhibit_us } = config;
+        Pdo { cob_id: id.map(u32::from), kind, written_kind: kind, inhibit_us }
     }
 }
 
@@ -125,7 +129,7 @@ impl Communication {
     pub(super) fn power_on(&mut self, registers: &Registers) {
         let stored = &registers.parameters;
         *self = Communication::new(self.factory);
-        self.node = Some(stored.b_NODE_ID.load()).filter(|node| *node != 0).unwrap_or(self.factory.node);
+        self.node = Some(stored.b_NODE_ID.load()).filter(|it| is_node(*it)).unwrap_or(self.factory.node);
         let kbit_s = self.stored_kbit_s(registers);
         registers.flags.CANBAUDRATE.store(kbit_s);
         registers.flags.NODEID.store(self.node);
@@ -138,6 +142,11 @@ impl Communication {
         let [receive, transmit] = self.asked;
         self.receive = receive.map(Pdo::new);
         self.transmit = transmit.map(Pdo::new);
+    }
+
+    /// Operational begins: the transmission types written since the last time are in force (p. 155).
+    pub(super) fn take_over_kinds(&mut self) {
+        self.receive.iter_mut().chain(&mut self.transmit).for_each(|pdo| pdo.kind = pdo.written_kind);
     }
 
     /// The program asks for PDO number `pdo`, from 0, to be so; it is from the next reset of the communication on.
@@ -154,7 +163,7 @@ impl Communication {
 
     fn stored_kbit_s(&self, registers: &Registers) -> u16 {
         let stored = registers.parameters.w_KBIT_S.load();
-        if stored == 0 { self.factory.kbit_s } else { stored }
+        if is_rate(stored) { stored } else { self.factory.kbit_s }
     }
 
     /// The Node-ID in force.
@@ -221,7 +230,7 @@ impl Communication {
     /// Node-ID is in force at once, a bit rate after the next power-on (p. 41, 163).
     pub(super) fn enter(&mut self, registers: &Registers, entry: usize, value: u8) -> bool {
         let is_node = entry < 2;
-        let is_right = if is_node { (1..=127).contains(&value) } else { usize::from(value) < RATES.len() };
+        let is_right = if is_node { self::is_node(value) } else { usize::from(value) < RATES.len() };
         if !is_right {
             return false;
         }
@@ -283,6 +292,11 @@ fn valid(cob_id: u32) -> Option<StandardId> {
 /// The code of a bit rate.
 fn code(kbit_s: u16) -> u8 {
     RATES.iter().position(|rate| *rate == kbit_s).unwrap_or(3) as u8
+}
+
+/// Whether a Node-ID can have this value.
+pub(super) fn is_node(number: u8) -> bool {
+    (1..=127).contains(&number)
 }
 
 /// Whether the device can be set to so many kbit/s.

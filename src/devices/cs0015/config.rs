@@ -5,7 +5,7 @@ use super::events::Pulses;
 use super::hardware::{Hardware, Shared};
 use super::master::MasterConfig;
 use super::node::{BootUp, GuardingConfig, Node};
-use super::port::{Firmware, Program};
+use super::port::{Firmware, Program, WATCHDOG_US};
 use super::ram::{RETAIN_BYTES, Registers};
 use super::registers::DEVICE;
 use crate::can::Message;
@@ -121,7 +121,7 @@ impl Cs0015Config {
             let text = format!("kbit_s of '{name}' is {}; it must be {right}", kbit_s.get_ref());
             return Err(refused_at(kbit_s.span(), text));
         }
-        let limits = (1_000..=1_000_000, "1000 to 1000000");
+        let limits = (1_000..=WATCHDOG_US, "1000 to 200000: a longer cycle trips the watchdog");
         let cycle_us = checked("cycle_us", name, section.cycle_us.as_ref(), 10_000, limits)?;
         let boot_up = match section.boot_up.as_ref().map(|it| (it.get_ref().as_str(), it.span())) {
             None | Some(("none", _)) => BootUp::None,
@@ -276,7 +276,8 @@ impl DeviceConfig for Cs0015Config {
             let (number, medium) = (port.number, self.bus.clone());
             plugs.push(Plug { number, family: port.medium, medium, socket: Box::new(socket) });
         }
-        let hardware = Hardware::new(&segment, shared, pulses)?;
+        let has_program = self.program != Program::None;
+        let hardware = Hardware::new(&segment, has_program, shared, pulses)?;
         Ok((Box::new(Plain::new(index, &self.name, &DEVICE, segment, hardware)?), plugs))
     }
 }
@@ -306,7 +307,7 @@ mod tests {
         for (key, expected) in [
             ("node_id = 0", "node_id of 'panel' is 0; it must be 1 to 127"),
             ("kbit_s = 33", "kbit_s of 'panel' is 33; it must be 10, 20"),
-            ("cycle_us = 999", "cycle_us of 'panel' is 999; it must be 1000 to 1000000"),
+            ("cycle_us = 999", "cycle_us of 'panel' is 999; it must be 1000 to 200000"),
             ("boot_up = '600'", "boot_up of 'panel' is '600'; it is one of none, empty-emcy, 700"),
             (
                 "program = 'other'",

@@ -65,7 +65,7 @@ impl Entries<'_> {
             (0x20F0..=0x20F3, _) => communication.entered(usize::from(at.index - 0x20F0)).into(),
             (index, sub) => match (parameter(index), sub) {
                 (Some((way, pdo)), 1) => communication.pdo_cob_id(way, pdo),
-                (Some((way, pdo)), 2) => communication.pdo(way, pdo).kind.code().into(),
+                (Some((way, pdo)), 2) => communication.pdo(way, pdo).written_kind.code().into(),
                 _ => object.default.at_node(communication.node()),
             },
         }
@@ -100,7 +100,7 @@ impl Entries<'_> {
                     self.communication.set_pdo_cob_id(way, pdo, value);
                 } else {
                     let kind = Transmission::from_code(value as u8).ok_or(Abort::Value)?;
-                    self.communication.pdo_mut(way, pdo).kind = kind;
+                    self.communication.pdo_mut(way, pdo).written_kind = kind;
                 }
             }
         }

@@ -55,15 +55,18 @@ impl Direct {
         self.queues.iter().map(|queue| queue.id)
     }
 
-    /// A frame has come.
-    pub(super) fn received(&mut self, frame: &Frame) {
+    /// Puts a received frame into the queue of its identifier, if there is one. `false`: the queue is full and the frame is
+    /// lost.
+    pub(super) fn received(&mut self, frame: &Frame) -> bool {
         let queue = self.queues.iter_mut().find(|queue| frame.id() == Id::Standard(queue.id));
-        let Some(queue) = queue.filter(|_| frame.is_data_frame()) else { return };
-        if queue.messages.len() < DEPTH {
+        let Some(queue) = queue.filter(|_| frame.is_data_frame()) else { return true };
+        let has_room = queue.messages.len() < DEPTH;
+        if has_room {
             queue.messages.push_back(frame.data().to_vec());
         } else {
             queue.has_overflown = true;
         }
+        has_room
     }
 
     /// Takes the oldest message of an identifier; if `is_to_clear`, all are thrown away. None: nobody has made it known.
@@ -107,10 +110,10 @@ mod tests {
         direct.received(&message(99));
         assert!(direct.configure(id(0x111)) && !direct.configure(id(0x111)));
         assert_eq!(direct.take(id(0x111), false), found(0, false, &[]), "before it was known");
-        (0..30).for_each(|number| direct.received(&message(number)));
+        assert!((0..30).all(|number| direct.received(&message(number))));
         assert_eq!(direct.take(id(0x111), false), found(30, false, &[0]));
         assert_eq!(direct.take(id(0x111), false), found(29, false, &[1]));
-        (30..33).for_each(|number| direct.received(&message(number)));
+        assert_eq!([30, 31, 32].map(|number| direct.received(&message(number))), [true, true, false]);
         assert_eq!(direct.take(id(0x111), false), found(30, true, &[2]), "the last one is lost");
         for number in 3..31 {
             assert_eq!(direct.take(id(0x111), false), found(32 - number, true, &[number]));
@@ -126,7 +129,7 @@ mod tests {
         direct.received(&Frame::standard(0x112, Payload::new(&[1]).unwrap()));
         direct.received(&Frame::remote(id(0x111), 1).unwrap());
         assert_eq!(direct.take(id(0x111), false), found(0, false, &[]));
-        (0..31).for_each(|number| direct.received(&message(number)));
+        (0..31).for_each(|number| assert_eq!(direct.received(&message(number)), number < 30));
         assert_eq!(direct.take(id(0x111), true), found(0, false, &[]));
         assert_eq!(direct.ids().collect::<Vec<_>>(), [id(0x111)]);
         direct.clear();

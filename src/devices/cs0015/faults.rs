@@ -22,6 +22,8 @@ pub(super) enum Effect {
     Fatal,
     /// Its CAN controller cannot be initialised.
     NoCan,
+    /// Its program does not come to the end of a cycle.
+    Hang,
 }
 
 /// What is wrong with the supply.
@@ -110,6 +112,16 @@ static CAN_INIT: Kind = Kind::new(
 .without_hits()
 .shown("duration=10s");
 
+static HANG: Kind = Kind::new(
+    63,
+    "hang",
+    Place::Device,
+    "The program of a CS0015 does not end its cycle: after 200 ms the watchdog resets the device",
+    |_| fault::Effect::new(Effect::Hang),
+)
+.without_hits()
+.shown("duration=1s");
+
 /// All kinds.
 pub static KINDS: &[&Kind] =
-    &[&SHORT_CIRCUIT, &WIRE_BREAK, &SUPPLY, &TEMPERATURE, &MEMORY, &FATAL, &CAN_INIT];
+    &[&SHORT_CIRCUIT, &WIRE_BREAK, &SUPPLY, &TEMPERATURE, &MEMORY, &FATAL, &CAN_INIT, &HANG];

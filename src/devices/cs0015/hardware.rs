@@ -1,14 +1,17 @@
 //! The device itself, besides its port: its supply, what it keeps without it, and what is wrong with its hardware.
 
+use super::command::Readiness;
 use super::events::{self, Pulses};
 use super::faults::{Effect, Wrong};
-use super::registers::values::{bool, state};
-use super::registers::{CS0015_FLAGS, FLAGS, FRONT_STATE};
+use super::records::Refused;
+use super::registers::values::{bool, program, s1, state};
+use super::registers::{CS0015_FLAGS, FLAGS, FRONT_PROGRAM, FRONT_S1, FRONT_STATE};
 use super::retained::{Retained, area};
 use crate::devices::{Context, Events, Firmware};
 use crate::fault::{self, Faults, Hit, Owner};
 use crate::layout::Area;
-use crate::memory::{Header, MemoryError, Segment, View};
+use crate::memory::header::BoardSetting;
+use crate::memory::{Face, MemoryError, Segment, View};
 use crate::state::{Damaged, Saved, Saving, State};
 use serde::{Deserialize, Serialize};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -28,10 +31,14 @@ pub(super) struct Defects {
     pub is_fatal: bool,
     /// The CAN controller cannot be initialised.
     pub has_no_can: bool,
+    /// The program does not come to the end of a cycle.
+    pub is_hanging: bool,
     /// There is no supply.
     pub has_dropped: bool,
     /// The firmware wants the supply off and on.
     pub wants_restart: bool,
+    /// The operating system was erased since the last reset.
+    pub has_been_erased: bool,
 }
 
 /// What the device and the firmware at its port both know.
@@ -52,6 +59,11 @@ impl Shared {
     pub(super) fn restart(&self) {
         self.change(|defects| defects.wants_restart = true);
     }
+
+    /// The operating system was erased.
+    pub(super) fn erased(&self) {
+        self.change(|defects| defects.has_been_erased = true);
+    }
 }
 
 /// What is no port's.
@@ -59,27 +71,38 @@ pub(super) struct Hardware {
     retained: Retained,
     shared: Shared,
     flags: View<CS0015_FLAGS>,
-    header: View<Header>,
+    face: Face,
+    has_program: bool,
     pulses: Pulses,
     events: Events,
 }
 
 impl Hardware {
-    pub(super) fn new(segment: &Segment, shared: Shared, pulses: Pulses) -> Result<Self, MemoryError> {
-        let (flags, header) = (segment.view(FLAGS)?, segment.header()?);
+    pub(super) fn new(
+        segment: &Segment,
+        has_program: bool,
+        shared: Shared,
+        pulses: Pulses,
+    ) -> Result<Self, MemoryError> {
+        let (flags, face) = (segment.view(FLAGS)?, segment.face()?);
         let (retained, events) = (Retained::new(segment)?, Events::default());
-        Ok(Hardware { retained, shared, flags, header, pulses, events })
+        Ok(Hardware { retained, shared, flags, face, has_program, pulses, events })
+    }
+
+    /// Operating state, as `state` of the front.
+    fn state(&self) -> u32 {
+        self.face.front[FRONT_STATE].load()
     }
 
     /// Whether there is an operating system at work that can find anything.
     fn is_at_work(&self) -> bool {
-        matches!(self.header.front[FRONT_STATE].load(), state::RESET | state::RUN | state::STOP)
+        matches!(self.state(), state::RESET | state::RUN | state::STOP)
     }
 }
 
 impl State for Hardware {
     fn save(&self, to: &mut Saving) {
-        let Self { retained, shared, flags: _, header: _, pulses, events } = self;
+        let Self { retained, shared, flags: _, face: _, has_program: _, pulses, events } = self;
         retained.save(to);
         to.value(&(shared.defects(), pulses.waiting()));
         events.save(to);
@@ -96,7 +119,9 @@ impl State for Hardware {
 
 impl Firmware for Hardware {
     fn start(&mut self, _: &mut Context) {
-        self.shared.change(|defects| defects.is_fatal = false);
+        // Before the port reads them.
+        self.retained.keep();
+        self.shared.change(|defects| (defects.is_fatal, defects.has_been_erased) = (false, false));
     }
 
     fn stop(&mut self) {
@@ -138,7 +163,8 @@ impl Firmware for Hardware {
             | Effect::WireBreak(_)
             | Effect::Supply(_)
             | Effect::Hot
-            | Effect::NoCan => {
+            | Effect::NoCan
+            | Effect::Hang => {
                 return None;
             }
         }
@@ -155,12 +181,32 @@ impl Firmware for Hardware {
                 Effect::Supply(Wrong::Gone) => found.has_dropped = true,
                 Effect::Hot => found.is_hot = true,
                 Effect::NoCan => found.has_no_can = true,
+                Effect::Hang => found.is_hanging = true,
                 Effect::Memory | Effect::Fatal => {}
             }
         }
         self.shared.change(|defects| {
-            *defects = Defects { is_fatal: defects.is_fatal, wants_restart: defects.wants_restart, ..found };
+            let Defects { is_fatal, wants_restart, has_been_erased, .. } = *defects;
+            *defects = Defects { is_fatal, wants_restart, has_been_erased, ..found };
         });
+    }
+
+    fn refusal(&self, setting: BoardSetting) -> Option<&'static str> {
+        let BoardSetting::Front { word, value } = setting else { return None };
+        if usize::from(word) != FRONT_PROGRAM || value == program::NOTHING {
+            return None;
+        }
+        let asked = self.face.asked();
+        if asked.front[FRONT_PROGRAM].load() != program::NOTHING {
+            return Some("the command before it still waits until time passes");
+        }
+        let readiness = Readiness {
+            is_unlocked: asked.front[FRONT_S1].load() == s1::UNLOCK,
+            has_program: self.has_program,
+            has_been_erased: self.shared.defects().has_been_erased,
+            state: self.state(),
+        };
+        readiness.check(value).err().map(Refused::reason)
     }
 
     fn is_fed(&self) -> bool {

@@ -79,6 +79,8 @@ mod sdo_client;
 mod serial;
 #[cfg(feature = "emulator")]
 mod slave_jobs;
+#[cfg(feature = "emulator")]
+mod slow_inputs;
 #[cfg(all(test, feature = "emulator"))]
 mod tests;
 #[cfg(feature = "emulator")]

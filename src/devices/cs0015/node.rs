@@ -148,9 +148,9 @@ impl Node {
         self.has_moved = true;
     }
 
-    /// A frame has come, whatever it is: it may be one that the program will fetch.
-    pub(super) fn keep(&mut self, frame: &Frame) {
-        self.direct.received(frame);
+    /// Keeps a received frame if the program has made its identifier known. `false`: the queue is full and the frame is lost.
+    pub(super) fn keep(&mut self, frame: &Frame) -> bool {
+        self.direct.received(frame)
     }
 
     /// The program asks for a PDO, from 0, to be so; a [`Node::restart`] follows.
@@ -217,6 +217,7 @@ impl Node {
     pub(super) fn set_state(&mut self, state: State, now: u64) {
         let before = core::mem::replace(&mut self.state, state);
         if state.has_pdo() && !before.has_pdo() {
+            self.communication.take_over_kinds();
             self.receive.iter_mut().for_each(Receive::start);
             for (pdo, transmit) in self.transmit.iter_mut().enumerate() {
                 transmit.start(self.registers.transmit(pdo));

@@ -11,6 +11,7 @@ use super::registers::{
     FRONT_MHZ_1, FRONT_MHZ_2, FRONT_MHZ_3, FRONT_TURN_0, FRONT_TURN_1,
 };
 use super::serial::Serial;
+use super::slow_inputs::SlowInputs;
 use super::watch::{Found, Watch};
 use crate::state;
 
@@ -18,11 +19,17 @@ const MHZ: [usize; INPUTS] = [FRONT_MHZ_0, FRONT_MHZ_1, FRONT_MHZ_2, FRONT_MHZ_3
 const TURN: [usize; ENCODERS] = [FRONT_TURN_0, FRONT_TURN_1];
 const DISPLAY: [usize; 4] = [FRONT_DISPLAY_1, FRONT_DISPLAY_2, FRONT_DISPLAY_3, FRONT_DISPLAY_4];
 
+/// The terminals In 0 to In 15 as the front has them, bit n for input n.
+fn terminals(registers: &Registers) -> u16 {
+    registers.turned(FRONT_INPUTS) as u16
+}
+
 /// What the program works with by the functions of chapters 6 to 9.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Peripherals {
     pub pwm: Pwm,
     pub fast_inputs: FastInputs,
+    slow_inputs: SlowInputs,
     pub lcd: Lcd,
     pub serial: Serial,
     pub eeprom: Eeprom,
@@ -36,7 +43,7 @@ pub(super) struct Peripherals {
 }
 
 state!(Peripherals {
-    values: pwm, fast_inputs, lcd, serial, eeprom, on_since, shown;
+    values: pwm, fast_inputs, slow_inputs, lcd, serial, eeprom, on_since, shown;
     parts: watch;
     // Told before the port is left.
     built: findings
@@ -47,7 +54,8 @@ impl Peripherals {
     pub(super) fn power_on(&mut self, registers: &Registers, now: u64) {
         self.fast_inputs.power_on();
         let fast_inputs = core::mem::take(&mut self.fast_inputs);
-        *self = Peripherals { fast_inputs, on_since: now, ..Self::default() };
+        let slow_inputs = SlowInputs::power_on(terminals(registers), now);
+        *self = Peripherals { fast_inputs, slow_inputs, on_since: now, ..Self::default() };
         self.serial.power_on(&registers.peripherals);
     }
 
@@ -59,14 +67,15 @@ impl Peripherals {
         for (is_backwards, word) in self.fast_inputs.is_backwards.iter_mut().zip(TURN) {
             *is_backwards = registers.turned(word) == turn::BACKWARDS;
         }
+        self.slow_inputs.look(terminals(registers), now);
         self.serial.look(&registers.peripherals, now);
         self.findings.extend(self.watch.look(registers));
     }
 
-    /// The terminals In 0 to In 15: where there is a signal, its level.
+    /// Inputs 0 to 15 as the program reads them: the level of a signal where there is one, filtered from input 4 on.
     pub(super) fn inputs(&self, registers: &Registers, now: u64) -> u16 {
         let (levels, there) = self.fast_inputs.levels(now);
-        registers.turned(FRONT_INPUTS) as u16 & !there | levels
+        self.slow_inputs.levels(terminals(registers)) & !there | levels
     }
 
     /// When the next of its times is due; `u64::MAX` if none is.

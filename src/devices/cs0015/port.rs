@@ -11,7 +11,7 @@ use super::master::{Master, MasterConfig};
 use super::nmt::Nmt;
 use super::node::{GuardingConfig, Node};
 use super::peripherals::Peripherals;
-use super::records::ControllerState;
+use super::records::{ControllerState, Watchdog};
 use super::registers::values::{bool, key, loaded, program, s1, stat, state};
 use super::registers::{
     FRONT_OUTPUTS, FRONT_PROGRAM, FRONT_S1, FRONT_S2, FRONT_S3, FRONT_S4, FRONT_S5, FRONT_STAT, FRONT_STATE,
@@ -29,6 +29,8 @@ use embedded_can::{Frame as _, Id, StandardId};
 
 /// How long the checks of the reset take, in us (D-429).
 const RESET_US: u64 = 200_000;
+/// Longest cycle of a program that the watchdog allows, in us (p. 7).
+pub(super) const WATCHDOG_US: u64 = 200_000;
 
 /// Who the program is.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -65,6 +67,10 @@ pub(super) struct Firmware {
     pub(super) is_stopped: bool,
     /// When the reset, or the present cycle of the program, ends; none if nothing runs.
     end_at: Option<u64>,
+    /// When the present cycle began.
+    begun_at: u64,
+    /// The present cycle has not ended when it should have; `end_at` is when the watchdog resets the device.
+    is_overdue: bool,
     /// It is the master of the network.
     pub(super) nmt: Option<Nmt>,
     /// What the built-in program does as one.
@@ -82,14 +88,11 @@ pub(super) struct Firmware {
     diagnosis: Diagnosis,
     pub(super) interrupt: Interrupt,
     pub(super) can_errors: CanErrors,
-    /// The operating system was erased since the last reset.
-    pub(super) has_been_erased: bool,
     pulses: Pulses,
 }
 
 crate::state!(Firmware {
-    values: state, told, is_stopped, end_at, nmt, master, under_way, cycles, outputs, diagnosis, interrupt, can_errors,
-        has_been_erased;
+    values: state, told, is_stopped, end_at, begun_at, is_overdue, nmt, master, under_way, cycles, outputs, diagnosis, interrupt, can_errors;
     parts: node, peripherals;
     // What the device itself knows it keeps itself.
     built: program, shared, pulses
@@ -104,6 +107,8 @@ impl Firmware {
             told: State::Initialising,
             is_stopped: false,
             end_at: None,
+            begun_at: 0,
+            is_overdue: false,
             nmt: None,
             master: None,
             under_way: UnderWay::default(),
@@ -114,7 +119,6 @@ impl Firmware {
             diagnosis: Diagnosis::default(),
             interrupt: Interrupt::default(),
             can_errors: CanErrors::default(),
-            has_been_erased: false,
             pulses,
         }
     }
@@ -199,6 +203,7 @@ impl Firmware {
     /// The begin of a cycle: the program is given inputs and flags, and told.
     fn begin_cycle(&mut self, now: u64) {
         self.read_inputs(now);
+        (self.begun_at, self.is_overdue) = (now, false);
         self.end_at = self.cycle_us().map(|cycle_us| now + cycle_us);
         self.node.registers.tell_event(events::CYCLE, now);
         self.pulses.add(events::CYCLE);
@@ -259,6 +264,17 @@ impl Firmware {
         self.outputs = outputs;
         self.node.cycle(ctx.now);
         self.begin_cycle(ctx.now);
+    }
+
+    /// The program does not come to the end of its cycle: the watchdog resets the device 200 ms after the cycle began (p. 7).
+    fn overdue(&mut self, ctx: &mut Context) {
+        let bites_at = self.begun_at + WATCHDOG_US;
+        self.is_overdue = true;
+        self.end_at = Some(bites_at).filter(|at| ctx.now < *at);
+        if self.end_at.is_none() {
+            ctx.report(Watchdog { plc: ctx.origin.plc });
+            self.shared.restart();
+        }
     }
 
     /// The outputs that the program has on. Where PWM is in force %QW0 is not (p. 91).
@@ -332,7 +348,7 @@ impl CanPort for Firmware {
         self.end_master();
         self.under_way = UnderWay::default();
         (self.told, self.is_stopped, self.cycles, self.outputs) = (State::Initialising, false, 0, 0);
-        (self.diagnosis, self.has_been_erased) = (Diagnosis::default(), false);
+        self.diagnosis = Diagnosis::default();
         (self.interrupt, self.can_errors) = (Interrupt::default(), CanErrors::default());
         if self.node.registers.parameters.b_OPERATING_SYSTEM.load() == loaded::NO {
             self.enter(ctx, state::NO_OPERATING_SYSTEM);
@@ -345,7 +361,7 @@ impl CanPort for Firmware {
     }
 
     fn power_off(&mut self) {
-        (self.state, self.end_at) = (state::OFF, None);
+        (self.state, self.end_at, self.is_overdue) = (state::OFF, None, false);
         for word in [FRONT_STATE, FRONT_STAT, FRONT_OUTPUTS] {
             self.node.registers.shown(word).store(0);
         }
@@ -357,6 +373,10 @@ impl CanPort for Firmware {
             return;
         }
         self.look_at_command(ctx);
+        // A program that does not hang any more ends its cycle.
+        if self.is_overdue && self.end_at.is_some() && !self.shared.defects().is_hanging {
+            self.end_at = Some(ctx.now);
+        }
         self.peripherals.look(&self.node.registers, ctx.now);
         self.look_at_jobs(ctx, controller);
         self.show(ctx, controller);
@@ -369,7 +389,9 @@ impl CanPort for Firmware {
     }
 
     fn received(&mut self, ctx: &mut Context, controller: &mut Controller, frame: &Frame) {
-        self.node.keep(frame);
+        if !self.node.keep(frame) {
+            self.can_errors.lost_received(&self.node.registers.flags);
+        }
         if frame.id() == Id::Standard(StandardId::ZERO) {
             if let Some(command) = Command::parse(frame.data(), self.node.number()) {
                 self.command(ctx, command);
@@ -420,6 +442,7 @@ impl CanPort for Firmware {
             match self.state {
                 state::RESET if self.program == Program::None => self.enter(ctx, state::STOP),
                 state::RESET => self.enter(ctx, state::RUN),
+                _ if self.shared.defects().is_hanging => self.overdue(ctx),
                 _ => {
                     // A built-in program calls CAN_ERRORHANDLER in each cycle, as any should (p. 19, 36).
                     if matches!(self.program, Program::BuiltIn { .. }) {

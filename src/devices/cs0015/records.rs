@@ -6,7 +6,8 @@ use crate::devices::canopen::records::NODE_STATE;
 use crate::journal::{Coded, Fields, Kind, Reader, Told};
 
 /// All kinds.
-pub static KINDS: &[&Kind] = &[ControllerState::KIND, NODE_STATE, CommandRefused::KIND, JobRefused::KIND];
+pub static KINDS: &[&Kind] =
+    &[ControllerState::KIND, NODE_STATE, CommandRefused::KIND, JobRefused::KIND, Watchdog::KIND];
 
 coded! {
     /// The controller is in another operating state (p. 13).
@@ -28,6 +29,8 @@ coded! {
         /// As `a_ERROR` of the job block.
         error: u8,
     }
+    /// The program has not ended its cycle in time, and the watchdog resets the device (p. 7).
+    Watchdog = 93, "watchdog", Rare, at plc {}
 }
 
 /// Why a command of the programming system is not carried out.
@@ -45,14 +48,18 @@ pub enum Refused {
 }
 
 impl Refused {
-    fn text(code: u8) -> &'static str {
-        match bytemuck::checked::try_cast(code) {
-            Ok(Refused::NoProgram) => "there is no program",
-            Ok(Refused::Locked) => "S1 stands at LOCK",
-            Ok(Refused::State) => "not in this operating state",
-            Ok(Refused::NeedsReset) => "the device needs a reset first",
-            Err(_) => "unknown",
+    /// The reason for people.
+    pub(super) const fn reason(self) -> &'static str {
+        match self {
+            Refused::NoProgram => "there is no program",
+            Refused::Locked => "S1 stands at LOCK",
+            Refused::State => "not in this operating state",
+            Refused::NeedsReset => "the device needs a reset first",
         }
+    }
+
+    fn text(code: u8) -> &'static str {
+        bytemuck::checked::try_cast(code).map_or("unknown", Refused::reason)
     }
 }
 
@@ -92,6 +99,16 @@ impl Told for JobRefused {
     fn fields(&self, _: &mut Reader) -> Fields {
         let [function, error] = self.called();
         Fields::new().with("function", function).with("error", error)
+    }
+}
+
+impl Told for Watchdog {
+    fn text(&self, _: &mut Reader) -> String {
+        "watchdog: the program has not ended its cycle within 200 ms; the device is reset".to_owned()
+    }
+
+    fn fields(&self, _: &mut Reader) -> Fields {
+        Fields::new()
     }
 }
 

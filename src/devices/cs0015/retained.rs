@@ -1,15 +1,18 @@
 //! What a CS0015 keeps without supply besides its retain flags: the parameters that p. 155 has saved automatically, and the EEPROM.
 
+use super::communication::{is_cob_id, is_node, is_rate};
+use super::registers::values::loaded;
 use super::registers::{CS0015_PARAMETERS, DEVICE, PARAMETERS};
 use crate::layout::Area;
 use crate::memory::{MemoryError, Segment, View};
 use crate::state::{Damaged, Saved, Saving, State};
+use core::mem::offset_of;
 use zerocopy::IntoBytes;
 
 /// Its length.
 const BYTES: usize = size_of::<CS0015_PARAMETERS>();
 /// What tells that something has changed: everything but the EEPROM, whose writes are counted there.
-const HEAD: usize = core::mem::offset_of!(CS0015_PARAMETERS, a_EEPROM);
+const HEAD: usize = offset_of!(CS0015_PARAMETERS, a_EEPROM);
 
 /// Where it lies.
 pub(super) fn area() -> Option<&'static Area> {
@@ -51,15 +54,64 @@ impl Retained {
         (&self.stored, self.generation)
     }
 
-    /// It is stored when it changes (p. 155).
+    /// The parameters are stored when they change (p. 155). A value that a parameter cannot have is put back to the stored one
+    /// (D-661).
     pub(super) fn keep(&mut self) {
-        let mut head = [0; HEAD];
-        // It lies in the image.
-        let _ = self.segment.read_range(PARAMETERS as u32, &mut head);
-        if !self.stored.starts_with(&head) {
+        if self.has_changed() {
+            self.put_back();
+        }
+        if self.has_changed() {
             // Of the same size by its definition.
             let _ = self.parameters.snapshot().write_to(&mut self.stored);
             self.generation = self.generation.wrapping_add(1);
         }
+    }
+
+    fn has_changed(&self) -> bool {
+        let mut head = [0; HEAD];
+        // It lies in the image.
+        let _ = self.segment.read_range(PARAMETERS as u32, &mut head);
+        !self.stored.starts_with(&head)
+    }
+
+    /// Puts the stored value back where a register holds none that its parameter can have. 0 is the factory setting.
+    fn put_back(&self) {
+        let CS0015_PARAMETERS {
+            d_COB_ID_SYNC,
+            d_COB_ID_GUARDING,
+            d_COB_ID_EMCY,
+            w_KBIT_S,
+            b_NODE_ID,
+            b_OPERATING_SYSTEM,
+            ..
+        } = &*self.parameters;
+        for (register, offset) in [
+            (d_COB_ID_SYNC, offset_of!(CS0015_PARAMETERS, d_COB_ID_SYNC)),
+            (d_COB_ID_GUARDING, offset_of!(CS0015_PARAMETERS, d_COB_ID_GUARDING)),
+            (d_COB_ID_EMCY, offset_of!(CS0015_PARAMETERS, d_COB_ID_EMCY)),
+        ] {
+            let value = register.load();
+            if value != 0 && !is_cob_id(value) {
+                register.store(u32::from_le_bytes(self.stored(offset)));
+            }
+        }
+        let kbit_s = w_KBIT_S.load();
+        if kbit_s != 0 && !is_rate(kbit_s) {
+            w_KBIT_S.store(u16::from_le_bytes(self.stored(offset_of!(CS0015_PARAMETERS, w_KBIT_S))));
+        }
+        let node = b_NODE_ID.load();
+        if node != 0 && !is_node(node) {
+            let [stored] = self.stored(offset_of!(CS0015_PARAMETERS, b_NODE_ID));
+            b_NODE_ID.store(stored);
+        }
+        if ![loaded::YES, loaded::NO].contains(&b_OPERATING_SYSTEM.load()) {
+            let [stored] = self.stored(offset_of!(CS0015_PARAMETERS, b_OPERATING_SYSTEM));
+            b_OPERATING_SYSTEM.store(stored);
+        }
+    }
+
+    /// The bytes at `offset` of what is stored.
+    fn stored<const BYTES: usize>(&self, offset: usize) -> [u8; BYTES] {
+        core::array::from_fn(|index| self.stored[offset + index])
     }
 }

@@ -12,6 +12,7 @@ mod master_jobs;
 mod pdos;
 mod peripherals;
 mod sdo;
+mod settings;
 mod states;
 
 use super::config::Cs0015Config;

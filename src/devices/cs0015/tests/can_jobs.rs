@@ -25,6 +25,9 @@ fn messages_wait_for_the_program() {
     }
     bench.send(0x112, &[1]);
     bench.run(60 * MS);
+    let flags = &bench.registers.flags;
+    let overrun = (flags.CAN_RX_OVERRUN_ERROR.load(), flags.CAN_ERROR.load());
+    assert_eq!(overrun, (1, 1), "the last one is lost (p. 18, D-478)");
     assert_eq!(receive(&mut bench, 0x111), (30, 1, vec![0, 7]));
     assert_eq!(receive(&mut bench, 0x111), (29, 1, vec![1, 7]));
     assert_eq!(bench.job(job::CAN_RECEIVE, &[0, 1, 0x111]).1[2..4], [0, 0], "cleared");

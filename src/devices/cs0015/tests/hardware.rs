@@ -1,7 +1,7 @@
 //! Faults of the hardware, and the operating states that they lead to.
 
 use super::*;
-use crate::devices::cs0015::records::{CommandRefused, Refused};
+use crate::devices::cs0015::records::{CommandRefused, Refused, Watchdog};
 use crate::devices::cs0015::registers::FRONT_OUTPUTS;
 use crate::journal::Record;
 use crate::memory::Width;
@@ -205,4 +205,32 @@ fn nobody_is_missed_during_the_reset() {
     bench.run(5 * MS);
     bench.power_cycle();
     assert_eq!(bench.registers.flags.COP_GUARDFAIL_ERROR.load(), 0);
+}
+
+/// P. 7: the watchdog resets a device whose program does not end its cycle within 200 ms. D-664.
+#[test]
+fn a_program_that_hangs_trips_the_watchdog() {
+    let mut bench = Bench::operational("");
+    bench.registers.outputs.Q0.store(1);
+    bench.run(20 * MS);
+    let is_reset = |record: &Record| record.event.get::<Watchdog>().is_some();
+    let resets = |bench: &Bench| bench.journal.records().filter(|record| is_reset(record)).count();
+    let id = bench.fault("hang", &[]);
+    bench.registers.outputs.Q0.store(2);
+    bench.run(185 * MS);
+    assert_eq!((resets(&bench), driven(&bench)), (0, 1), "nothing is done for the program");
+    bench.clear_fault(id);
+    bench.run(10 * MS);
+    assert_eq!((resets(&bench), driven(&bench)), (0, 2), "it has come to its end in time");
+    let id = bench.fault("hang", &[]);
+    bench.run(205 * MS);
+    assert_eq!((resets(&bench), bench.state(), driven(&bench)), (1, "reset".to_owned(), 0));
+    bench.run(420 * MS);
+    assert_eq!(resets(&bench), 2, "as long as it hangs");
+    bench.clear_fault(id);
+    bench.run(450 * MS);
+    assert_eq!(
+        (resets(&bench), bench.state(), bench.stat()),
+        (2, "run".to_owned(), "green 0.5 Hz".to_owned())
+    );
 }

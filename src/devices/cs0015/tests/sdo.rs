@@ -5,20 +5,20 @@ use crate::devices::canopen::sdo::Abort;
 use crate::layout::object::{Access, Type};
 
 /// A transfer, as a client at this Node-ID does it.
-fn transfer(bench: &mut Bench, node: u16, request: [u8; 8]) -> [u8; 8] {
+pub(super) fn transfer(bench: &mut Bench, node: u16, request: [u8; 8]) -> [u8; 8] {
     let heard = bench.exchange(0x600 + node, &request);
     let [(id, data)] = heard.as_slice() else { panic!("{request:X?}: {heard:X?}") };
     assert_eq!(*id, 0x580 + node, "{request:X?}");
     data.as_slice().try_into().unwrap()
 }
 
-fn request(command: u8, index: u16, sub: u8, value: u32) -> [u8; 8] {
+pub(super) fn request(command: u8, index: u16, sub: u8, value: u32) -> [u8; 8] {
     let ([low, high], [a, b, c, d]) = (index.to_le_bytes(), value.to_le_bytes());
     [command, low, high, sub, a, b, c, d]
 }
 
 /// Writes so many bytes to node 32.
-fn write(bench: &mut Bench, index: u16, sub: u8, value: u32, bytes: u8) -> Result<(), u32> {
+pub(super) fn write(bench: &mut Bench, index: u16, sub: u8, value: u32, bytes: u8) -> Result<(), u32> {
     let command = 0x23 | (4 - bytes) << 2;
     let answer = transfer(bench, 32, request(command, index, sub, value));
     let told = u32::from_le_bytes(answer[4..].try_into().unwrap());
@@ -30,7 +30,7 @@ fn write(bench: &mut Bench, index: u16, sub: u8, value: u32, bytes: u8) -> Resul
 }
 
 /// Reads from node 32, in segments if need be.
-fn read(bench: &mut Bench, index: u16, sub: u8) -> Result<Vec<u8>, u32> {
+pub(super) fn read(bench: &mut Bench, index: u16, sub: u8) -> Result<Vec<u8>, u32> {
     let answer = transfer(bench, 32, request(0x40, index, sub, 0));
     if answer[0] == 0x80 {
         return Err(u32::from_le_bytes(answer[4..].try_into().unwrap()));
@@ -50,7 +50,7 @@ fn read(bench: &mut Bench, index: u16, sub: u8) -> Result<Vec<u8>, u32> {
     Ok(value)
 }
 
-fn number(bench: &mut Bench, index: u16, sub: u8) -> u32 {
+pub(super) fn number(bench: &mut Bench, index: u16, sub: u8) -> u32 {
     let value = read(bench, index, sub).unwrap();
     value.iter().rev().fold(0, |number, byte| number << 8 | u32::from(*byte))
 }

@@ -101,6 +101,54 @@ fn who_is_stopped_by_the_programming_system_is_not_started_by_the_master() {
     assert_eq!(bench.state(), "stop", "a stop of the master is always executed");
 }
 
+/// P. 28: afterwards the device is no CANopen node until its program makes it one. D-663.
+#[test]
+fn a_reset_command_begins_in_direct_mode() {
+    let mut bench = Bench::running("program = 'attached'");
+    let flags = &bench.registers.flags;
+    flags.CAN_OPEN.store(1);
+    flags.ERROR.store(1);
+    bench.run(20 * MS);
+    bench.send(0, &[1, 0]);
+    bench.run(5 * MS);
+    bench.command(program::RESET);
+    bench.run(MS);
+    assert_eq!(bench.state(), "reset");
+    bench.run(250 * MS);
+    let flags = &bench.registers.flags;
+    assert_eq!((bench.state(), flags.CAN_OPEN.load(), flags.ERROR.load()), ("run".into(), 0, 0));
+    bench.heard();
+    bench.ask(0x720);
+    bench.run(5 * MS);
+    assert_eq!(bench.heard(), [], "it is no node");
+    bench.registers.flags.CAN_OPEN.store(1);
+    bench.run(20 * MS);
+    bench.ask(0x720);
+    bench.run(5 * MS);
+    assert_eq!(bench.heard(), [(0x720, vec![0x7F])]);
+}
+
+/// P. 7: 25 Hz at inputs 4 to 15.
+#[test]
+fn a_short_signal_at_a_slow_input_is_not_seen() {
+    let mut bench = Bench::running("cycle_us = 1000");
+    let seen = |bench: &mut Bench, ms: u64| {
+        bench.set(FRONT_INPUTS, 0x8011);
+        bench.run((ms - 1) * MS);
+        bench.set(FRONT_INPUTS, 0);
+        let mut seen = 0;
+        for _ in 0..45 {
+            bench.run(MS);
+            seen |= bench.registers.inputs.I0.load();
+        }
+        seen & 0xFFF0
+    };
+    assert_eq!((seen(&mut bench, 18), seen(&mut bench, 21)), (0, 0x8010));
+    bench.set(FRONT_INPUTS, 0x0011);
+    bench.run(2 * MS);
+    assert_eq!(bench.registers.inputs.I0.load(), 0x0001, "input 0 has no such filter");
+}
+
 /// Vectors T36 and T37; p. 11-12, 152-153.
 #[test]
 fn terminals_and_keys_are_inputs() {
@@ -108,7 +156,7 @@ fn terminals_and_keys_are_inputs() {
     bench.set(FRONT_INPUTS, 0x8001);
     bench.set(FRONT_S2, 15);
     bench.set(FRONT_S3, 1);
-    bench.run(10 * MS);
+    bench.run(30 * MS);
     let inputs = |bench: &Bench| {
         let inputs = &bench.registers.inputs;
         (inputs.I0.load(), inputs.S2.load(), inputs.S3.load(), inputs.S4.load(), inputs.S5.load())
