@@ -68,8 +68,7 @@ const SESSIONS: &[(&str, &str)] = &[
     ("getting-started.md", "pages.rs"),
     ("snapshots.md", "pages.rs"),
     ("can-dp2.md", "tests/cli/can_dp2.rs and tests/cli/profibus_door.rs: each line needs those before it"),
-    ("helics.md", "tests/cli/federates.rs: it needs a broker and two emulators"),
-    ("helics-values.md", "tests/cli/simulators.rs: it needs a broker and a model"),
+    ("helics.md", "tests/cli/federates.rs and simulators.rs: it needs a broker and other federates"),
     ("openplc.md", "it is typed in beside OpenPLC's own sources"),
     ("architecture.md", "it shows no commands, but how one goes its way"),
 ];
