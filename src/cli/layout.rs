@@ -82,6 +82,8 @@ Verdicts:
   left        a structure with something missing or unlike, whose file stays as it is
   undeclared  a structure that the file does not declare
 
+An export of commram itself is compared and never taken over: it proves nothing about the device.
+
 Exit codes:
   0  all declared structures have been taken over; with --check: nothing is to be changed
   1  a structure stays as it is, or the offsets make no layout; with --check: something is to be changed
@@ -240,6 +242,13 @@ fn import(args: &ImportArgs) -> Result<(), CliError> {
 
 /// What becomes of the files, and whether this program still fits them.
 fn tell(args: &ImportArgs, import: &Import) {
+    if import.is_own_export {
+        let file = args.declaration.display();
+        output::note(&format!(
+            "{file} is an export of commram, which proves nothing about the device: nothing is changed; import the \
+             declarations of the vendor's library"
+        ));
+    }
     let verb = if args.check { "would be changed" } else { "changed" };
     for path in import.files() {
         output::note(&format!("{} {verb}", path.display()));

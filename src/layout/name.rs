@@ -74,6 +74,23 @@ impl<'a> Path<'a> {
         }
     }
 
+    /// The path with the register's own name, where it has what the manual calls the register in another place
+    /// ([`Register::also`]).
+    fn in_block(mut self, block: &Block) -> Self {
+        let registers = || block.placed().flat_map(|placed| placed.structure.registers);
+        let is_also = |register: &&Register| {
+            !register.also.is_empty()
+                && register.also == self.register.name
+                && register.group == self.group_name()
+        };
+        if !registers().any(|register| self.is(register))
+            && let Some(register) = registers().find(is_also)
+        {
+            self.register.name = register.name;
+        }
+        self
+    }
+
     fn group_name(&self) -> &'a str {
         self.group.as_ref().map_or("", |group| group.name)
     }
@@ -174,6 +191,7 @@ impl Fitted {
     /// All registers of a block that `path` stands for.
     fn all_named(&self, block: &Block, path: &str, name: &str) -> Result<Vec<RegisterRef>, LayoutError> {
         let parsed = Path::parse(path)?;
+        let parsed = if path == name { parsed } else { parsed.in_block(block) };
         if parsed.group.is_none() && parsed.register.index.is_empty() {
             let wanted = parsed.register.name;
             let all = block.by_address(|found| {
@@ -202,7 +220,9 @@ impl Fitted {
     /// Place and descriptor of the register called `path` in a block, whose indices are not yet checked. `name` is all
     /// that was given.
     fn named<'a>(&self, block: &Block, path: &'a str, name: &str) -> Result<Found<'a>, LayoutError> {
-        let path = Path::parse(path)?;
+        let parsed = Path::parse(path)?;
+        // A name alone is that of the only register that has it.
+        let path = if path == name { parsed } else { parsed.in_block(block) };
         let mut found: Vec<(&'static Placed, &'static Register)> = Vec::new();
         for placed in block.placed() {
             let hidden = found.iter().any(|(preferred, _)| preferred.shares_role(placed));

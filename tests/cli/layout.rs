@@ -28,8 +28,12 @@ struct Checkout(tempfile::TempDir);
 
 impl Checkout {
     fn new(declarations: &str) -> Self {
+        Self::with(declarations, &["omega-drive-line-2", "cansync"].map(str::to_owned))
+    }
+
+    fn with(declarations: &str, directories: &[String]) -> Self {
         let dir = tempfile::tempdir().unwrap();
-        for directory in ["omega-drive-line-2", "cansync"] {
+        for directory in directories {
             let layout = dir.path().join("layouts").join(directory);
             fs::create_dir_all(&layout).unwrap();
             for (name, text) in files(&Path::new(LAYOUT).with_file_name(directory)) {
@@ -38,6 +42,15 @@ impl Checkout {
         }
         fs::write(dir.path().join("TYPES.st"), declarations).unwrap();
         Self(dir)
+    }
+
+    /// Every layout file, by its directory and name.
+    fn all_files(&self) -> Vec<(String, String)> {
+        let of = |directory: String| {
+            let path = self.0.path().join("layouts").join(&directory);
+            files(&path).into_iter().map(move |(name, text)| (format!("{directory}/{name}"), text))
+        };
+        every_layout().into_iter().flat_map(of).collect()
     }
 
     fn layout(&self) -> PathBuf {
@@ -50,6 +63,14 @@ impl Checkout {
     }
 }
 
+/// The directories of all layouts.
+fn every_layout() -> Vec<String> {
+    let entries = fs::read_dir(Path::new(LAYOUT).parent().unwrap()).unwrap();
+    let mut names: Vec<_> = entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+    names.sort();
+    names
+}
+
 fn files(dir: &Path) -> Vec<(String, String)> {
     let mut files: Vec<_> = fs::read_dir(dir)
         .unwrap()
@@ -60,9 +81,36 @@ fn files(dir: &Path) -> Vec<(String, String)> {
     files
 }
 
+/// Promise 26: our own export is what the layout says, and confirms nothing.
 #[test]
-fn the_exported_declarations_say_what_the_layout_says() {
-    let checkout = Checkout::new(run(&["export", "st"]).ok());
+fn an_export_of_commram_is_recognized_for_every_device_and_proves_nothing() {
+    for device in commram::devices::all().iter().map(|device| device.layout.name) {
+        let export = run(&["export", "st", "--device", device]).ok().to_owned();
+        let checkout = Checkout::with(&export, &every_layout());
+        let before = checkout.all_files();
+        for args in [&["--check"][..], &[]] {
+            let import = checkout.import(&[args, &["--device", device]].concat());
+            assert_eq!(
+                (import.code, import.out.as_str()),
+                (Some(0), "all registers lie as declared\n"),
+                "{device}: {}",
+                import.err
+            );
+            assert!(import.err.contains("TYPES.st is an export of commram"), "{device}: {}", import.err);
+            assert_eq!(checkout.all_files(), before, "{device}");
+        }
+    }
+    // One that says something else is no evidence either.
+    let export = run(&["export", "st"]).ok().replacen("w_STATUS : WORD", "w_STATUS : DWORD", 1);
+    let checkout = Checkout::new(&export.replace("END_STRUCT", "w_MORE : WORD; END_STRUCT"));
+    let before = files(&checkout.layout());
+    assert_eq!(checkout.import(&[]).code, Some(1));
+    assert_eq!(files(&checkout.layout()), before);
+}
+
+#[test]
+fn a_vendors_declarations_that_confirm_the_layout_change_its_provenance() {
+    let checkout = Checkout::new(&vendors(run(&["export", "st"]).ok()));
     let before = files(&checkout.layout());
     let check = checkout.import(&["--check"]);
     assert_eq!(
@@ -92,6 +140,76 @@ fn the_exported_declarations_say_what_the_layout_says() {
         assert_eq!(before.lines().count(), after.lines().count());
     }
     assert_eq!(checkout.import(&["--check"]).ok(), "all registers lie as declared\n");
+}
+
+/// 5.02066.01a p. 42, 47, 72: the library of the b maXX PLC has structures of its own, and their names are those of the manual.
+#[test]
+fn the_library_of_the_bmaxx_plc_is_found_by_its_own_names() {
+    let device = ["--device", "bm4-plc"];
+    let declared = vendors(run(&["export", "st", "--device", "bm4-plc"]).ok());
+    let checkout = Checkout::with(&declared.replace("a_RD_BMARRAY :", "a_RD_VALUE :"), &every_layout());
+    let before = checkout.all_files();
+    let import = checkout.import(&device);
+    assert_eq!(
+        (import.code, import.out.as_str()),
+        (Some(0), "all registers lie as declared\n"),
+        "{}",
+        import.err
+    );
+    let after = checkout.all_files();
+    let changed: Vec<_> = before.iter().zip(&after).filter(|(before, after)| before != after).collect();
+    let names: Vec<_> = changed.iter().map(|(_, (name, _))| name.as_str()).collect();
+    let own = [
+        "CANsync_PLC_INIT_BMSTRUCT",
+        "CANsync_PLC_MA_BMSTRUCT",
+        "CANsync_PLC_SL_BMSTRUCT",
+        "CANsync_PLC_parts",
+    ];
+    assert_eq!(names, own.map(|name| format!("bm4-plc/{name}.toml")), "the family's are the Omega's too");
+    for ((_, before), (name, after)) in &changed {
+        let differs = after.lines().zip(before.lines()).filter(|(after, before)| after != before);
+        let marked: Vec<_> = differs.map(|(after, _)| after).collect();
+        assert_eq!(marked, ["offsets = \"manual: BM_TYPES, TYPES.st\""], "{name}");
+    }
+    assert_eq!(checkout.import(&["--device", "bm4-plc", "--check"]).ok(), "all registers lie as declared\n");
+}
+
+/// Where the library has its registers elsewhere, the family's structure follows, which the firmware looks at (D-296).
+#[test]
+fn true_offsets_of_the_bmaxx_plc_move_the_structure_of_the_family() {
+    let declared = vendors(run(&["export", "st", "--device", "bm4-plc"]).ok());
+    // Something of eight bytes in front of the base values of the master.
+    let (head, tail) = declared.split_once("CANsync_PLC_MA_BMSTRUCT : (*").unwrap();
+    let moved =
+        tail.replacen("        a_WR_VALUE :", "        d_NEW1 : DWORD; d_NEW2 : DWORD; a_WR_VALUE :", 1);
+    let checkout = Checkout::with(&format!("{head}CANsync_PLC_MA_BMSTRUCT : (*{moved}"), &every_layout());
+    let import = checkout.import(&["--device", "bm4-plc", "--format", "json"]);
+    assert_eq!(import.code, Some(0), "{}", import.err);
+    let rows: Vec<serde_json::Value> = serde_json::from_str(&import.out).unwrap();
+    let row = |name: &str| rows.iter().find(|row| row["member"] == name).unwrap();
+    assert_eq!((&row("a_WR_VALUE")["before"], &row("a_WR_VALUE")["after"]), (&52.into(), &60.into()));
+    assert!(import.err.contains("cansync/CANsync_MA_CTRL_BMSTRUCT.toml changed"), "{}", import.err);
+    let text = |path: &str| fs::read_to_string(checkout.0.path().join("layouts").join(path)).unwrap();
+    let family = text("cansync/CANsync_MA_CTRL_BMSTRUCT.toml");
+    let offset_of = |name: &str| {
+        let line = family.lines().find(|line| line.contains(&format!("name = \"{name}\""))).unwrap();
+        let number = line.split("offset = ").nth(1).unwrap().split(',').next().unwrap();
+        number.trim().parse::<u32>().unwrap()
+    };
+    assert_eq!((offset_of("b_CTRLREG_WRC1"), offset_of("a_WR_VALUE")), (12, 60));
+    assert!(family.contains("offsets = \"inferred D-02\""), "the Omega's library has not said so");
+    assert!(
+        text("bm4-plc/CANsync_PLC_MA_BMSTRUCT.toml").contains("offsets = \"manual: BM_TYPES, TYPES.st\"")
+    );
+    let judged =
+        finish(commram().args(["layout", "check", "--format", "json"]).current_dir(checkout.0.path()));
+    assert!(!judged.out.contains("\"wrong\""), "{}", judged.out);
+}
+
+/// The same declarations as a vendor's tool would write them: without what our export says of itself.
+fn vendors(export: &str) -> String {
+    let lines = export.lines().filter(|line| !line.starts_with("(* Made by commram "));
+    lines.collect::<Vec<_>>().join("\n")
 }
 
 #[test]

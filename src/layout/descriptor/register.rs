@@ -26,6 +26,8 @@ pub struct Register {
     pub group_dims: usize,
     /// The vendor's name of the whole array's type, where it does not follow the pattern of the others; else empty.
     pub array_type: &'static str,
+    /// What the vendor's manual calls the register in another place; else empty. Names lead to it, nothing shows it.
+    pub also: &'static str,
     /// Who writes the register.
     pub owner: Owner,
     /// Value after power-on, in two's complement of the register's width.

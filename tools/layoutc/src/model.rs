@@ -165,6 +165,8 @@ pub(crate) struct Field {
     pub used: Vec<u32>,
     /// The manual's name of the whole array's type; empty if it follows the pattern.
     pub array_type: String,
+    /// What the manual calls the register in another place; empty if nothing else.
+    pub also: String,
     pub reserved: bool,
     pub owner: Owner,
     pub reset: u32,

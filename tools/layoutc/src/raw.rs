@@ -271,6 +271,8 @@ pub(crate) struct Entry {
     pub used: Option<Spanned<Vec<u32>>>,
     /// The manual's name of the whole array's type, where it is not made of the element's and the number of elements.
     pub array_type: Option<Spanned<String>>,
+    /// What the manual calls the register in another place.
+    pub also: Option<Spanned<String>>,
     #[serde(default)]
     pub reserved: bool,
     pub owner: Option<Owner>,

@@ -51,6 +51,13 @@ pub(crate) fn check(
         }
         None => String::new(),
     };
+    let also = match &entry.also {
+        Some(also) => {
+            identifier(sources, at(file, also.span()), also.get_ref())?;
+            also.get_ref().clone()
+        }
+        None => String::new(),
+    };
     let doc = entry.doc.clone().ok_or_else(|| missing("doc"))?;
     let (owner, owner_from) = match (entry.reserved, entry.owner) {
         (true, Some(_)) => return Err(sources.error(place, Reason::ReservedWithOwner(name.clone()))),
@@ -88,6 +95,7 @@ pub(crate) fn check(
         dims,
         used,
         array_type,
+        also,
         reserved: entry.reserved,
         owner,
         reset,
@@ -122,6 +130,7 @@ pub(crate) fn gap(offset: u32, bytes: u32, home: &raw::Structure) -> Field {
         dims: Vec::new(),
         used: Vec::new(),
         array_type: String::new(),
+        also: String::new(),
         reserved: true,
         owner: Owner::Firmware,
         reset: 0,

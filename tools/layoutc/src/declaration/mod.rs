@@ -24,8 +24,15 @@ pub const MAX_BYTES: u64 = 4 << 20;
 pub struct Declarations {
     /// The file, as it was named.
     pub path: PathBuf,
+    /// Whether commram has written the file itself: what it declares is what the layout says, and proves nothing.
+    pub is_own_export: bool,
     types: Types,
 }
+
+/// How the second line of a file begins that `commram export` has written.
+const EXPORT_HEAD: &str = "(* Made by commram ";
+/// Lines in which that line is looked for.
+const HEAD_LINES: usize = 20;
 
 /// Number of a type, with a name or written in place.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -100,7 +107,9 @@ impl Declarations {
     /// It does not parse; with line and column.
     pub fn parse(path: &Path, text: &str) -> Result<Self, DeclarationError> {
         let types = parser::parse(text).map_err(|fault| in_file(path, fault))?;
-        Ok(Self { path: path.to_owned(), types })
+        let is_own_export =
+            text.lines().take(HEAD_LINES).any(|line| line.trim_start().starts_with(EXPORT_HEAD));
+        Ok(Self { path: path.to_owned(), is_own_export, types })
     }
 
     /// The type of this name; upper and lower case are not distinguished.

@@ -235,6 +235,7 @@ fn front_field(word: &Front, ours: &Provenance) -> Field {
         dims: Vec::new(),
         used: Vec::new(),
         array_type: String::new(),
+        also: String::new(),
         reserved: false,
         owner: *owner,
         reset: 0,
@@ -311,7 +312,7 @@ fn emit_register(out: &mut String, device: &Device, group: Option<&Field>, field
         }
         None => "None".to_owned(),
     };
-    let Field { name, array_type, reset, reserved, doc, .. } = field;
+    let Field { name, array_type, also, reset, reserved, doc, .. } = field;
     // Of sub-structures that several structures share, the page where this one uses it.
     let page = group.map_or(&field.page, |group| &group.page);
     let owner = match field.owner {
@@ -322,7 +323,7 @@ fn emit_register(out: &mut String, device: &Device, group: Option<&Field>, field
     let _ = writeln!(
         out,
         "            Register {{ group: {:?}, group_type: {:?}, group_type_from: {}, group_bytes: {}, name: {name:?}, ty: RegType::{}, offset: {}, dims: &[{}], \
-         group_dims: {group_dims}, array_type: {array_type:?}, owner: Owner::{owner}, reset: 0x{reset:X}, reserved: {reserved}, \
+         group_dims: {group_dims}, array_type: {array_type:?}, also: {also:?}, owner: Owner::{owner}, reset: 0x{reset:X}, reserved: {reserved}, \
          doc: {doc:?}, page: {page:?}, meaning: {meaning}, name_from: {}, offset_from: {}, type_from: {}, owner_from: {}, reset_from: {} }},",
         group.map_or("", |group| &group.name),
         group_type.map_or("", |group| &group.name),

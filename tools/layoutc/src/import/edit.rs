@@ -25,6 +25,12 @@ pub(crate) fn files(
                 Some(document) => document,
                 none => none.insert(text.parse().map_err(|_| form())?),
             };
+            let mark = homes.is_marked(placement.home).then_some(mark);
+            if home.view.is_some() {
+                // The family's structure says where its registers lie.
+                marks(document, home, placement, mark).ok_or_else(form)?;
+                continue;
+            }
             let gaps = gaps(homes, placements, placement);
             structure(document, home, placement, &gaps, mark).ok_or_else(form)?;
         }
@@ -40,14 +46,30 @@ fn structure(
     home: &Home,
     placement: &Placement,
     gaps: &[Range<u32>],
-    mark: &str,
+    mark: Option<&str>,
 ) -> Option<()> {
-    let table: &mut dyn TableLike = match home.table {
+    marks(document, home, placement, mark)?;
+    let table = table(document, home)?;
+    put(table, "size", i64::from(placement.size).into());
+    let registers = table.get_mut("register")?.as_array_mut()?;
+    let offsets: Vec<_> =
+        placement.places.iter().map(|place| place.as_ref().map(|place| place.start)).collect();
+    list::place(registers, &offsets, gaps)
+}
+
+/// Where a structure, sub-structure or block is written.
+fn table<'a>(document: &'a mut DocumentMut, home: &Home) -> Option<&'a mut dyn TableLike> {
+    Some(match home.table {
         Table::Top => document.as_table_mut(),
         Table::Substructure(index) => element(document, "substructure", index)?,
         Table::Block(index) => element(document, "block", index)?,
-    };
-    put(table, "size", i64::from(placement.size).into());
+    })
+}
+
+/// Writes where the offsets are from, and the names as far as they were inferred.
+fn marks(document: &mut DocumentMut, home: &Home, placement: &Placement, mark: Option<&str>) -> Option<()> {
+    let table = table(document, home)?;
+    let Some(mark) = mark else { return Some(()) };
     put(table, "offsets", mark.into());
     let names =
         placement.is_named_alike && table.get("names").and_then(Item::as_value).is_some_and(is_inferred);
@@ -61,9 +83,7 @@ fn structure(
             remove(entry, "name_from");
         }
     }
-    let offsets: Vec<_> =
-        placement.places.iter().map(|place| place.as_ref().map(|place| place.start)).collect();
-    list::place(registers, &offsets, gaps)
+    Some(())
 }
 
 fn element<'a>(document: &'a mut DocumentMut, name: &str, index: usize) -> Option<&'a mut dyn TableLike> {

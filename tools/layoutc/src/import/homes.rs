@@ -4,7 +4,9 @@ use crate::check::files;
 use crate::error::Error;
 use crate::raw;
 use crate::source::Sources;
+use std::collections::BTreeMap;
 use std::path::PathBuf;
+use toml::Spanned;
 
 /// Where a list of registers stands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -21,6 +23,10 @@ pub(crate) enum Table {
 pub(crate) struct Home {
     pub file: usize,
     pub table: Table,
+    /// Whether it is the family's, which other devices have too.
+    pub is_shared: bool,
+    /// The family's structure that says where the registers lie, if this one does not: an index into [`Homes::all`].
+    pub view: Option<usize>,
     pub raw: raw::Structure,
 }
 
@@ -36,20 +42,77 @@ impl Homes {
         let top = files::read(&mut sources)?;
         let mut all = Vec::new();
         for part in &top.parts {
-            let (file, part): (usize, raw::Parts) = sources.parse(&part.path, None)?;
+            let (file, parts): (usize, raw::Parts) = sources.parse(&part.path, None)?;
             let home = |table: fn(usize) -> Table| {
-                move |(index, raw): (usize, raw::Structure)| Home { file, table: table(index), raw }
+                let is_shared = part.shared;
+                move |(index, raw): (usize, raw::Structure)| Home {
+                    file,
+                    table: table(index),
+                    is_shared,
+                    view: None,
+                    raw,
+                }
             };
-            all.extend(part.substructure.into_iter().enumerate().map(home(Table::Substructure)));
-            all.extend(part.block.into_iter().enumerate().map(home(Table::Block)));
+            all.extend(parts.substructure.into_iter().enumerate().map(home(Table::Substructure)));
+            all.extend(parts.block.into_iter().enumerate().map(home(Table::Block)));
         }
         for structure in &top.structures {
             let (file, raw) = sources.parse(&structure.path, None)?;
-            let home = Home { file, table: Table::Top, raw };
-            // One with a view has no offsets of its own.
-            all.extend(home.raw.view.is_none().then_some(home));
+            all.push(Home { file, table: Table::Top, is_shared: structure.shared, view: None, raw });
         }
-        Ok(Self { all, files: sources.into_files() })
+        let mut homes = Self { all, files: Vec::new() };
+        homes.place_views();
+        homes.files = sources.into_files();
+        Ok(homes)
+    }
+
+    /// Gives the registers of structures with a view the offsets that the family's structure has for them.
+    fn place_views(&mut self) {
+        for index in 0..self.all.len() {
+            let Some(view) = self.all[index].raw.view.as_ref().map(|view| view.get_ref().clone()) else {
+                continue;
+            };
+            let is_it =
+                |home: &Home| home.table == Table::Top && home.raw.view.is_none() && home.name() == view;
+            let Some(base) = self.all.iter().position(is_it) else { continue };
+            let offsets: BTreeMap<String, u32> =
+                self.registers(base).map(|(_, name, offset)| (name.to_owned(), offset)).collect();
+            let size = self.all[base].size();
+            for list in self.lists(index) {
+                let raw = &mut self.all[list].raw;
+                raw.size.get_or_insert_with(|| Spanned::new(0..0, size));
+                for entry in raw.register.iter_mut().map(Spanned::get_mut) {
+                    let offset = called_there(entry).and_then(|name| offsets.get(name)).copied();
+                    entry.offset =
+                        entry.offset.take().or_else(|| offset.map(|offset| Spanned::new(0..0, offset)));
+                }
+                self.all[list].view = Some(base);
+            }
+        }
+    }
+
+    /// The registers of a structure and its blocks, in ascending order: list, name and offset.
+    pub(crate) fn registers(&self, structure: usize) -> impl Iterator<Item = (usize, &str, u32)> {
+        let of_list = |list: usize| {
+            let entries = self.all[list].raw.register.iter().map(Spanned::get_ref);
+            entries.filter_map(move |entry| {
+                Some((list, entry.name.as_ref()?.get_ref().as_str(), *entry.offset.as_ref()?.get_ref()))
+            })
+        };
+        let mut all: Vec<_> = self.lists(structure).into_iter().flat_map(of_list).collect();
+        all.sort_by_key(|(.., offset)| *offset);
+        all.into_iter()
+    }
+
+    /// Whether the device looks at a structure through one of its own.
+    pub(crate) fn is_viewed(&self, structure: usize) -> bool {
+        self.all.iter().any(|home| home.table == Table::Top && home.view == Some(structure))
+    }
+
+    /// Whether a file of the device's own takes the marks of an import: the family's are other devices' too, where this device
+    /// looks at its structures through some of its own.
+    pub(crate) fn is_marked(&self, home: usize) -> bool {
+        !(self.all[home].is_shared && self.all.iter().any(|home| home.view.is_some()))
     }
 
     /// Indices of the structures.
@@ -83,6 +146,11 @@ impl Homes {
         parts.dedup();
         parts
     }
+}
+
+/// What the structure of `view` calls a register.
+pub(crate) fn called_there(entry: &raw::Entry) -> Option<&str> {
+    entry.view_name.as_ref().or(entry.name.as_ref()).map(|name| name.get_ref().as_str())
 }
 
 impl Home {

@@ -66,7 +66,10 @@ impl<'a> Matcher<'a> {
             let places = entries.map(|entry| self.entry(&mut structure, entry.get_ref(), ty));
             let places = places.collect::<Result<Vec<_>, _>>()?;
             let end = places.iter().flatten().map(|place| place.end).max().unwrap_or_default();
-            let size = if list == index { self.sizes.size(ty)?.next_multiple_of(4) } else { end };
+            let declared = self.sizes.size(ty)?.next_multiple_of(4);
+            // What the family's structure has besides, the library need not declare.
+            let least = home.view.map_or(0, |_| home.size());
+            let size = if list == index { declared.max(least) } else { end };
             let user = format!("`{}`", structure.name);
             let is_named_alike = !self.called.has_inside(structure.name);
             structure.placements.push(Placement { home: list, user, places, size, is_named_alike });
@@ -100,7 +103,11 @@ impl<'a> Matcher<'a> {
         let (name, our_type) = (name.get_ref().as_str(), our_type.get_ref().as_str());
         let before = *offset.get_ref();
         let wanted = self.called.of(structure.name, name);
-        let Some(found) = self.find(ty, &wanted)? else {
+        let mut found = self.find(ty, &wanted)?;
+        if let (None, Some(also)) = (&found, &entry.also) {
+            found = self.find(ty, also.get_ref())?;
+        }
+        let Some(found) = found else {
             structure.row(name, Verdict::Missing, Some(before), None, not_called(name, &wanted));
             return Ok(None);
         };

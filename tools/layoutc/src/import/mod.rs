@@ -10,6 +10,7 @@ mod homes;
 mod list;
 mod matching;
 mod rows;
+mod views;
 
 pub use error::ImportError;
 pub use rows::{Row, Verdict};
@@ -37,6 +38,8 @@ pub struct Import {
     pub hash_before: u64,
     /// Layout hash after.
     pub hash_after: u64,
+    /// Whether the declarations are an export of commram itself: then nothing changes, whatever they say.
+    pub is_own_export: bool,
     /// Files that change, with their new content.
     files: Vec<(PathBuf, String)>,
 }
@@ -63,6 +66,10 @@ impl Import {
         for index in homes.structures() {
             let name = homes.all[index].name();
             let Some(ty) = declarations.find(&called.of_structure(name)) else {
+                // The device has it under the name of a structure of its own.
+                if homes.is_viewed(index) {
+                    continue;
+                }
                 rows.push(undeclared(name, homes.all[index].size()));
                 left.push(index);
                 continue;
@@ -70,7 +77,10 @@ impl Import {
             let matched = matcher.structure(index, ty)?;
             rows.extend(matched.rows);
             match matched.placements {
-                Some(found) => placements.extend(found),
+                Some(found) => {
+                    placements.extend(views::of_family(&homes, index, &found));
+                    placements.extend(found);
+                }
                 None => left.push(index),
             }
         }
@@ -78,11 +88,12 @@ impl Import {
             return Err(nothing_declared(&homes, declarations));
         }
         let placements = agree(&homes, placements, &left)?;
+        let is_own_export = declarations.is_own_export;
         let mark = mark(&declarations.path);
-        let files = edit::files(&homes, &placements, &mark)?;
+        let files = if is_own_export { Vec::new() } else { edit::files(&homes, &placements, &mark)? };
         let mut after = Sources::with_edits(dir, files.iter().cloned().collect());
         let device = check::load(&mut after).map_err(|error| ImportError::Refused(error.reason))?;
-        Ok(Self { rows, hash_before, hash_after: layout_hash(&device), files })
+        Ok(Self { rows, hash_before, hash_after: layout_hash(&device), is_own_export, files })
     }
 
     /// Whether the layout files stay as they are.
@@ -90,9 +101,14 @@ impl Import {
         self.files.is_empty()
     }
 
-    /// Whether all declared structures can be taken over.
+    /// Whether all declared structures can be taken over; of an export of commram itself whether the layout says the same.
     pub fn is_whole(&self) -> bool {
-        self.rows.iter().all(|row| row.verdict != Verdict::Left)
+        let is_fine = |verdict| match verdict {
+            Verdict::Left => false,
+            Verdict::Moved | Verdict::New | Verdict::Type => !self.is_own_export,
+            Verdict::Same | Verdict::Missing | Verdict::Unlike | Verdict::Undeclared => true,
+        };
+        self.rows.iter().all(|row| is_fine(row.verdict))
     }
 
     /// The files that change.
