@@ -155,6 +155,7 @@ fn module_json(front: &ModuleFront) -> Value {
             Led::Off => "off".into(),
             Led::On => "on".into(),
             Led::Flashes(count) => Value::from(*count),
+            Led::InTurn => "in_turn".into(),
         };
         ((*name).to_owned(), shown)
     };
@@ -186,6 +187,7 @@ fn module_lines(entries: &[Entry]) -> String {
                 Led::On => format!("{name} on"),
                 Led::Flashes(1) => format!("{name} flashes once"),
                 Led::Flashes(count) => format!("{name} flashes {count} times"),
+                Led::InTurn => format!("{name} flashes in turn"),
             });
             let join = |texts: Vec<String>| texts.join(", ");
             lines.push(vec![

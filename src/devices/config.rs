@@ -9,6 +9,7 @@ use crate::fault::Fault;
 use crate::journal::{Kind, Rule};
 use crate::layout;
 use crate::memory::Segment;
+use core::any::Any;
 use core::fmt;
 use std::sync::Arc;
 use toml::de::{Error, ValueDeserializer};
@@ -27,6 +28,11 @@ pub trait DeviceConfig: fmt::Debug + Send + Sync {
     /// [`BuildError::Setting`] names the key and what would be right, [`BuildError::Own`] the part of the device.
     fn check(&self) -> Result<(), BuildError> {
         Ok(())
+    }
+
+    /// Settings that are allowed and are probably a mistake, as far as the device can judge them alone.
+    fn doubts(&self) -> Vec<Doubt> {
+        Vec::new()
     }
 
     /// Its ports, plugged in or not.
@@ -96,7 +102,7 @@ pub struct MasterConfig {
 /// Something in a plant file that can hardly be meant. It is allowed: there are plants with faults on purpose.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Doubt {
-    /// Name in the section that it stands in.
+    /// Name in the section that it stands in; of a module that of its port, as in `maxx:slotG`.
     pub section: String,
     /// The key, if it stands there.
     pub key: &'static str,
@@ -141,11 +147,6 @@ pub trait MediumConfig: fmt::Debug + Send + Sync {
         false
     }
 
-    /// Whether several ports of one device can be at it.
-    fn takes_several_of_a_device(&self) -> bool {
-        false
-    }
-
     /// Medium number `index` of the plant, without ports.
     ///
     /// # Errors
@@ -179,6 +180,8 @@ pub struct MediumKind {
     pub says: fn(&can::Frame) -> String,
     /// Where ports of this family are that no medium is plugged in at.
     pub unplugged: fn() -> Box<dyn Medium>,
+    /// Whether a port, by its [`Plug::socket`], does something even then, and needs an unplugged medium of its own for it.
+    pub runs_alone: fn(&dyn Any) -> bool,
 }
 
 impl fmt::Debug for MediumKind {

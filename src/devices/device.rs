@@ -108,6 +108,12 @@ pub trait Device: Any + Send + State {
         let _ = (port, takes_part);
     }
 
+    /// The firmware of `port` has looked at its registers in a processor cycle at `now`; `last_frame` is when the port last sent or
+    /// received a frame since it takes part, where its medium tells.
+    fn port_looked(&mut self, port: u8, last_frame: Option<u64>, now: u64) {
+        let _ = (port, last_frame, now);
+    }
+
     /// The ports whose SYNC signal goes on to another port of the device, if the firmware there wants it: from, to.
     fn sync_ways(&self) -> &[(u8, u8)] {
         &[]

@@ -33,6 +33,26 @@ pub struct SyncSignal {
     pub kbit_s: u16,
 }
 
+/// Where the SYNC signal of a medium comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SyncOrigin {
+    /// The medium has no such signal.
+    Unknown,
+    /// There is no master that could make one.
+    NoMaster,
+    /// The master has not started.
+    Idle {
+        /// Its port.
+        port: Origin,
+        /// What its status register shows.
+        state: u16,
+    },
+    /// The master makes the signal itself.
+    Own(Origin),
+    /// The master passes on the signal of another port of its device.
+    Forwarded(Origin),
+}
+
 /// A port of a device, as the device hands it over to be attached to a medium.
 pub struct Plug {
     /// Its number in the device's layout.
@@ -284,6 +304,18 @@ pub trait Medium: Any + Send + State {
 
     /// The next SYNC edge, if the signal is made here.
     fn next_sync(&self) -> Option<u64> {
+        None
+    }
+
+    /// Where its SYNC signal comes from.
+    fn sync_origin(&self) -> SyncOrigin {
+        SyncOrigin::Unknown
+    }
+
+    /// When a port last sent or received a frame since it takes part, in emulated microseconds; `None` if it has not, or the
+    /// medium does not tell.
+    fn last_frame(&self, place: usize) -> Option<u64> {
+        let _ = place;
         None
     }
 

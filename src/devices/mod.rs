@@ -81,7 +81,7 @@ pub use exercise::{Exercise, Move, Wrong};
 #[cfg(feature = "emulator")]
 pub use guest::{Attendance, GuestNews, GuestRefusal};
 #[cfg(feature = "emulator")]
-pub use medium::{Medium, Plug, StationState, Stranger, SyncSignal, Whose, World};
+pub use medium::{Medium, Plug, StationState, Stranger, SyncOrigin, SyncSignal, Whose, World};
 #[cfg(feature = "emulator")]
 pub use module::{Led, ModuleFront, ReadModule, Switch, modules};
 #[cfg(feature = "emulator")]
@@ -109,6 +109,7 @@ pub static MEDIA: &[MediumKind] = &[
         speech: Speech::Frames,
         says: cansync::records::says,
         unplugged: || Box::new(cansync::medium::SimBus::unplugged()),
+        runs_alone: cansync::medium::runs_alone,
     },
     MediumKind {
         name: can_bus::FAMILY,
@@ -121,6 +122,7 @@ pub static MEDIA: &[MediumKind] = &[
         speech: Speech::Frames,
         says: |_| String::new(),
         unplugged: || Box::new(can_bus::CanBus::unplugged()),
+        runs_alone: |_| false,
     },
     MediumKind {
         name: profibus_bus::FAMILY,
@@ -133,5 +135,6 @@ pub static MEDIA: &[MediumKind] = &[
         speech: Speech::Telegrams,
         says: |_| String::new(),
         unplugged: || Box::new(profibus_bus::ProfibusBus::unplugged()),
+        runs_alone: |_| false,
     },
 ];

@@ -14,6 +14,8 @@ pub enum Led {
     On,
     /// Flashes: so many times, then a pause.
     Flashes(u8),
+    /// Flashes in turn with the other LED of the module that does so.
+    InTurn,
 }
 
 /// How a switch of a module stands.
@@ -36,18 +38,22 @@ pub struct ModuleFront {
     pub leds: Vec<(&'static str, Led)>,
 }
 
-/// Tells what the module of a port is and shows: from its role, its DIP switches and its LEDs as they stand in the header
-/// page ([`PortEntry`](crate::memory::header::PortEntry)).
-pub type ReadModule = fn(Role, u32, u32) -> ModuleFront;
+/// What the module of a port is and shows: from its role, its DIP switches and its LEDs as they stand in the header
+/// page ([`PortEntry`](crate::memory::header::PortEntry)). A module without registers in the device has no role; `None` if there is
+/// no module.
+pub type ReadModule = fn(Option<Role>, u32, u32) -> Option<ModuleFront>;
 
 /// The modules of a device by the names of their ports, in the order of these; `None` if it is not modular.
 pub fn modules(header: &Header, device: &'static Layout) -> Option<Vec<(&'static str, ModuleFront)>> {
     let read = of_hash(device.layout_hash)?.module?;
     let fitted = header.fitted(device);
     let ports = device.ports.iter().zip(&header.ports);
-    let modules = ports.filter_map(|(port, entry)| match fitted.port(port.number) {
-        Fit::As(role) => Some((port.name, read(role, entry.dip.load(), entry.leds.load()))),
-        Fit::Empty | Fit::Unknown => None,
+    let modules = ports.filter_map(|(port, entry)| {
+        let role = match fitted.port(port.number) {
+            Fit::As(role) => Some(role),
+            Fit::Empty | Fit::Unknown => None,
+        };
+        Some((port.name, read(role, entry.dip.load(), entry.leds.load())?))
     });
     Some(modules.collect())
 }

@@ -45,8 +45,8 @@ impl Part for BoardEvent {
 pub enum BoardEvent {
     /// Power-on, or RESET was released: all registers have their start values.
     Up {
-        /// The DIP number read.
-        dip: u8,
+        /// The number read at the DIP switches of the device itself; `None` if it has none there.
+        dip: Option<u8>,
     },
     /// The supply was switched off, or RESET is held.
     Down,
@@ -125,6 +125,9 @@ pub enum BoardEvent {
     },
 }
 
+/// Number of [`BoardEvent::Up`] in the journal for a device without DIP switches of its own.
+const NO_DIP: u64 = 1 << 8;
+
 impl BoardEvent {
     /// What it is, and its numbers.
     fn words(&self) -> (u8, u64) {
@@ -132,7 +135,7 @@ impl BoardEvent {
             |config: u32, address: Ipv4Addr| u64::from(config) << 32 | u64::from(address.to_bits());
         let byte = |value: u8, place: u32| u64::from(value) << (8 * place);
         match *self {
-            BoardEvent::Up { dip } => (1, dip.into()),
+            BoardEvent::Up { dip } => (1, dip.map_or(NO_DIP, u64::from)),
             BoardEvent::Down => (2, 0),
             BoardEvent::Switch { to } => (3, to.code().into()),
             BoardEvent::Start { kind } => (4, kind.code().into()),
@@ -159,7 +162,7 @@ impl BoardEvent {
         let code = u32::from(first);
         let (config, address) = ((numbers >> 32) as u32, Ipv4Addr::from_bits(numbers as u32));
         Some(match what {
-            1 => BoardEvent::Up { dip: first },
+            1 => BoardEvent::Up { dip: (numbers != NO_DIP).then_some(first) },
             2 => BoardEvent::Down,
             3 => BoardEvent::Switch { to: RunSwitch::from_code(code)? },
             4 => BoardEvent::Start { kind: Start::from_code(code)? },
@@ -206,7 +209,8 @@ impl BoardEvent {
     /// What happened, in words; `port_name` tells the name of a port.
     fn text<'a>(&self, port_name: impl Fn(u8) -> Cow<'a, str>) -> String {
         match *self {
-            BoardEvent::Up { dip } => format!("on, DIP number {dip}"),
+            BoardEvent::Up { dip: Some(dip) } => format!("on, DIP number {dip}"),
+            BoardEvent::Up { dip: None } => "on".to_owned(),
             BoardEvent::Down => "off, or held in RESET".to_owned(),
             BoardEvent::Switch { to } => format!("switch at {}", format!("{to:?}").to_uppercase()),
             BoardEvent::Start { kind: Start::Stop } => "program is to stop".to_owned(),

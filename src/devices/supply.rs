@@ -81,7 +81,7 @@ impl Supply {
         self.is_up = true;
         face.program.restarts.increment();
         if core::mem::replace(&mut self.is_used, true) {
-            ctx.report(OnBoard { plc: ctx.origin.plc, what: BoardEvent::Up { dip: 0 } });
+            ctx.report(OnBoard { plc: ctx.origin.plc, what: BoardEvent::Up { dip: None } });
         }
     }
 

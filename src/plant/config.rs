@@ -20,6 +20,7 @@ use crate::fault::{DeviceSite, Fault, FaultError, FaultSpec, MAX_FAULTS, Refusal
 use crate::handed_in;
 use crate::journal::Names;
 use crate::layout::Fitted;
+use std::borrow::Cow;
 use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
 use std::sync::Arc;
@@ -146,7 +147,7 @@ impl PlantConfig {
         let ports = self.ports_of_media();
         let mask = |medium: &Arc<dyn MediumConfig>| {
             let ports = ports.get(medium.name()).map_or(&[][..], Vec::as_slice);
-            let numbers = numbers_on(&**medium, ports).map(|(_, number)| number);
+            let numbers = numbers_on(&**medium, ports).into_iter().map(|(_, number)| number);
             numbers.fold(0, |mask, number| mask | 1u32.checked_shl(number.into()).unwrap_or(0))
         };
         let index_of: HashMap<_, _> =
@@ -192,11 +193,14 @@ impl PlantConfig {
 /// A port, with its device's name.
 type PortOf<'a> = (&'a str, PortConfig<'a>);
 
-/// Whoever has a number on a medium: `ports` first, then participants of its own.
-fn numbers_on<'a>(
-    medium: &'a dyn MediumConfig,
-    ports: &'a [PortOf<'a>],
-) -> impl Iterator<Item = (&'a str, u8)> {
-    let ports = ports.iter().filter_map(|(name, port)| port.address.map(|number| (*name, number)));
-    ports.chain(medium.participants())
+/// The participants with a number on a medium: `ports` first, then those of the medium itself. A port goes by the name of its
+/// device, or as in `maxx:slotG` where the device has several there.
+fn numbers_on<'a>(medium: &'a dyn MediumConfig, ports: &'a [PortOf<'a>]) -> Vec<(Cow<'a, str>, u8)> {
+    let is_alone = |name: &str| ports.iter().filter(|(other, _)| *other == name).nth(1).is_none();
+    let numbered = ports.iter().filter_map(|(name, port)| {
+        let called = if is_alone(name) { (*name).into() } else { format!("{name}:{}", port.name).into() };
+        Some((called, port.address?))
+    });
+    let own = medium.participants().into_iter().map(|(name, number)| (name.into(), number));
+    numbered.chain(own).collect()
 }

@@ -54,6 +54,9 @@ impl Plant {
             return false;
         }
         let first = self.next_device.min(time.saturating_add(1));
+        // What has no bus goes on one event after the other.
+        let unnamed = self.media[self.named_media..].iter().map(|medium| medium.next_time());
+        let first = unnamed.fold(first, u64::min);
         let until = self.media().iter().map(|medium| medium.apart_until()).fold(first, u64::min);
         if !self.is_worth_while(until) {
             return false;

@@ -64,7 +64,8 @@ pub struct Plant {
     /// Whether a watched event is to stop [`Plant::advance_until`].
     watching: bool,
     devices: Vec<Box<dyn Device>>,
-    /// Those of the plant file; behind them where ports are that none is plugged in at.
+    /// The media of the plant file, then those for ports that no medium is plugged in at: one for each kind, and one for each
+    /// port that runs alone.
     media: Vec<Box<dyn Medium>>,
     /// How many media the plant file has.
     named_media: usize,
@@ -136,9 +137,9 @@ impl Plant {
             is_seen: false,
             watching: false,
             devices,
+            schedule: Agenda::of(media.len()),
             media,
             named_media,
-            schedule: Agenda::of(named_media),
             is_rescheduled: false,
             ports,
             journal: Journal::default(),
@@ -369,7 +370,7 @@ impl Plant {
 
     /// Asks all media when they are due.
     fn schedule_media(&mut self) {
-        for (index, medium) in self.media[..self.named_media].iter().enumerate() {
+        for (index, medium) in self.media.iter().enumerate() {
             self.schedule.set(index, medium.next_time());
         }
         self.is_rescheduled = false;

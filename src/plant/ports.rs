@@ -1,8 +1,8 @@
 //! Which port of which device is where, and what passes between the two.
 
 use super::Plant;
-use crate::devices::{BuildError, Context, Device, Look, MEDIA, Medium, Plug, SyncSignal};
-use crate::journal::Origin;
+use crate::devices::{BuildError, Context, Device, Look, MEDIA, Medium, Plug, SyncOrigin, SyncSignal};
+use crate::journal::{Origin, Source};
 use crate::state;
 use std::sync::Arc;
 
@@ -34,29 +34,38 @@ state!(Ports { parts: of_device; built: ways, seats });
 #[derive(Default)]
 pub(super) struct Ports {
     of_device: Vec<Vec<Port>>,
-    /// For each medium the ports that can take its SYNC signal over: their device and their index there.
-    ways: Vec<Vec<(usize, usize)>>,
+    /// For each medium the ports that can take its SYNC signal over: their device, their index there, and that of the port
+    /// at this medium.
+    ways: Vec<Vec<(usize, usize, usize)>>,
     /// For each medium who is at which of its places.
     seats: Arc<Vec<Vec<Seat>>>,
 }
 
 impl Ports {
-    /// Plugs the ports of the next device in; behind the `named` media come those for ports without a medium, one for
-    /// each kind.
+    /// Plugs the ports of the next device in; after the `named` media come those for ports without a medium: one for
+    /// each kind, then one for each port that runs alone.
     pub(super) fn plug_in(
         &mut self,
         device: &dyn Device,
         plugs: Vec<Plug>,
-        media: &mut [Box<dyn Medium>],
+        media: &mut Vec<Box<dyn Medium>>,
         named: usize,
     ) -> Result<(), BuildError> {
         let mut ports = Vec::with_capacity(plugs.len());
         let seats = Arc::make_mut(&mut self.seats);
         seats.resize(media.len(), Vec::new());
         for Plug { number, family, medium, socket } in plugs {
+            let kind = MEDIA.iter().position(|kind| kind.name == family).ok_or(BuildError::OtherFamily)?;
             let at = |name: &String| media[..named].iter().position(|medium| medium.name() == name);
-            let nowhere = MEDIA.iter().position(|kind| kind.name == family).ok_or(BuildError::OtherFamily)?;
-            let medium = medium.as_ref().and_then(at).unwrap_or(named + nowhere);
+            let medium = match medium.as_ref().and_then(at) {
+                Some(index) => index,
+                None if (MEDIA[kind].runs_alone)(&*socket) => {
+                    media.push((MEDIA[kind].unplugged)());
+                    media.len() - 1
+                }
+                None => named + kind,
+            };
+            seats.resize(media.len(), Vec::new());
             let place = media[medium].attach(socket)?;
             seats[medium].push(Seat { device: self.of_device.len(), port: ports.len() });
             ports.push(Port { number, medium, place, takes_part: false });
@@ -64,10 +73,8 @@ impl Ports {
         self.ways.resize(media.len(), Vec::new());
         let find = |number: u8| ports.iter().position(|port| port.number == number);
         for &(from, to) in device.sync_ways() {
-            if let (Some(from), Some(to)) = (find(from), find(to))
-                && ports[from].medium < named
-            {
-                self.ways[ports[from].medium].push((self.of_device.len(), to));
+            if let (Some(from), Some(to)) = (find(from), find(to)) {
+                self.ways[ports[from].medium].push((self.of_device.len(), to, from));
             }
         }
         self.of_device.push(ports);
@@ -158,26 +165,24 @@ impl Plant {
         for port in &mut self.ports.of_device[index] {
             let medium = &mut self.media[port.medium];
             let takes_part = medium.processor_cycle(port.place, self.now, &mut self.journal);
-            if port.medium < self.named_media {
-                self.schedule.set(port.medium, medium.next_time());
-            }
+            self.schedule.set(port.medium, medium.next_time());
+            let last_frame = medium.last_frame(port.place);
             if takes_part != port.takes_part {
                 port.takes_part = takes_part;
                 self.devices[index].port_joined(port.number, takes_part);
             }
+            self.devices[index].port_looked(port.number, last_frame, self.now);
         }
     }
 
     /// Passes a SYNC edge on to the media whose masters take it over from medium `from` (decision D-12).
     pub(super) fn forward_sync(&mut self, from: usize, signal: SyncSignal) {
-        for &(device, port) in &self.ports.ways[from] {
+        for &(device, port, _) in &self.ports.ways[from] {
             let port = self.ports.of_device[device][port];
             let medium = &mut self.media[port.medium];
             if medium.takes_sync(port.place) {
                 medium.forwarded_edge(port.place, self.now, signal, &mut self.journal);
-                if port.medium < self.named_media {
-                    self.schedule.set(port.medium, medium.next_time());
-                }
+                self.schedule.set(port.medium, medium.next_time());
             }
         }
     }
@@ -191,13 +196,73 @@ impl Plant {
             if let Some(time) = self.media.get(medium)?.next_sync() {
                 return Some(time);
             }
-            medium = self.ports.ways.iter().position(|ways| {
-                ways.iter().any(|&(device, port)| {
-                    let port = self.ports.of_device[device][port];
-                    port.medium == medium && self.media[medium].takes_sync(port.place)
-                })
-            })?;
+            medium = self.sync_comes_from(medium)?.medium;
         }
         None
+    }
+
+    /// The port whose SYNC signal the master at a medium passes on now.
+    fn sync_comes_from(&self, medium: usize) -> Option<Port> {
+        let takes_it = |&&(device, to, _): &&(usize, usize, usize)| {
+            let port = self.ports.of_device[device][to];
+            port.medium == medium && self.media[medium].takes_sync(port.place)
+        };
+        let &(device, _, from) = self.ports.ways.iter().flatten().find(takes_it)?;
+        Some(self.ports.of_device[device][from])
+    }
+
+    /// Why there is no SYNC signal at port `port` of device `device`, in words, when [`Plant::next_sync`] has none.
+    pub fn why_no_sync(&self, device: usize, port: u8) -> String {
+        let names = self.names();
+        let Some(mut at) = self.ports.find(device, port).copied() else {
+            return "the port is not there".to_owned();
+        };
+        let origin = |at: Port| Origin { plc: self.device_of(at) as u16, node: at.number };
+        let name = |it: Origin| names.source(Source::Node(it));
+        let mut way = String::new();
+        for _ in 0..=self.media.len() {
+            let medium = &self.media[at.medium];
+            let is_plugged = at.medium < self.named_media;
+            let here = if is_plugged { format!("bus '{}'", medium.name()) } else { name(origin(at)) };
+            let master = |port| {
+                if is_plugged { format!("the master of {here}, {},", name(port)) } else { name(port) }
+            };
+            return match medium.sync_origin() {
+                SyncOrigin::Unknown => format!("{way}{here} has no SYNC signal"),
+                SyncOrigin::NoMaster if !is_plugged => format!("{way}{here} is at no bus"),
+                SyncOrigin::NoMaster => format!("{way}{here} has no master"),
+                SyncOrigin::Idle { port, .. } if !self.is_up(port) => {
+                    format!("{way}{} has no power or is held in RESET", master(port))
+                }
+                SyncOrigin::Idle { port, state } => format!(
+                    "{way}{} has not started: w_OPTION_STATUS is 16#{state:04X}; initialize it first",
+                    master(port)
+                ),
+                SyncOrigin::Own(port) => {
+                    format!("{way}{} makes a SYNC signal, which does not get here", name(port))
+                }
+                SyncOrigin::Forwarded(port) => match self.sync_comes_from(at.medium) {
+                    Some(from) => {
+                        way = format!("{} passes on the SYNC signal at {}: ", name(port), name(origin(from)));
+                        at = from;
+                        continue;
+                    }
+                    None => format!(
+                        "{way}{} is to pass a SYNC signal on (b_MA_SL_MODE 16#02), and no other port hands it one",
+                        name(port)
+                    ),
+                },
+            };
+        }
+        format!("{way}the signal goes round in a circle")
+    }
+
+    fn is_up(&self, port: Origin) -> bool {
+        self.devices.get(usize::from(port.plc)).is_some_and(|device| device.is_up())
+    }
+
+    fn device_of(&self, port: Port) -> usize {
+        let is_it = |other: &Port| (other.medium, other.place) == (port.medium, port.place);
+        self.ports.of_device.iter().position(|ports| ports.iter().any(is_it)).unwrap_or_default()
     }
 }

@@ -23,7 +23,7 @@ impl Plant {
     /// When something other than a processor cycle is due.
     fn next_besides_cycle(&self) -> u64 {
         let first = self.next_device.min(self.faults.next_time());
-        self.media().iter().map(|medium| medium.next_time()).fold(first, u64::min)
+        self.media.iter().map(|medium| medium.next_time()).fold(first, u64::min)
     }
 
     /// A processor cycle was the last that happened: leaves those before `until` out if they would find nothing to do.

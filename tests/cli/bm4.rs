@@ -290,9 +290,9 @@ fn plant_files_are_refused_where_they_are_wrong() {
             "bus 'b' has two masters, slotG of 'maxx' and slotM of 'maxx'; a bus of its kind has one",
         ),
         (
-            device("maxx", &(g.clone() + &module("H", &slave(1)))) + bus,
-            11,
-            "slotG and slotH of PLC 'maxx' are both on bus 'b'; a PLC takes part in a bus once",
+            device("maxx", &(module("G", &slave(6)) + &module("H", &slave(6)))) + bus,
+            13,
+            "slave number 6 is used twice on bus 'b', by 'maxx:slotG' and 'maxx:slotH'",
         ),
         (
             device("maxx", &module("G", &slave(6))) + bus + drive,

@@ -175,7 +175,8 @@ fn time_passes_on_request_only() {
     let outcome = emulator.run("step", &["--to-sync"]);
     assert_eq!(
         outcome.fails(1),
-        "commram: PLC 'line': nobody sends SYNC on the bus of node2; initialize its master first\n"
+        "commram: PLC 'line': there is no SYNC signal at node2; the master of bus 'drives', line:node2, has not started: \
+         w_OPTION_STATUS is 16#0001; initialize it first\n"
     );
 }
 

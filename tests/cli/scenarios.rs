@@ -142,7 +142,10 @@ fn every_kind_of_expectation_can_fail() {
             "poke(\"node2.w_OPTION_STATUS\", 3); step(\"1ms\"); expect_no_findings()",
             "error: owner: node2.w_OPTION_STATUS (%MW3.200002) := 16#0003, 1 time since 0.000000 s: A register",
         ),
-        ("step_to_sync()", "PLC 'line': nobody sends SYNC on the bus of node2"),
+        (
+            "step_to_sync()",
+            "PLC 'line': there is no SYNC signal at node2; the master of bus 'drives', line:node2, has not started",
+        ),
         ("throw \"enough\"", "the script throws enough"),
     ];
     for (verb, expected) in cases {

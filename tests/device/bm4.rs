@@ -19,7 +19,7 @@ use commram::journal::Format;
 use commram::journal::text::Text;
 use commram::memory::header::BoardSetting;
 use commram::memory::{Segment, View};
-use commram::plant::{Plant, Power};
+use commram::plant::{Plant, PlantConfig, Power};
 use std::ops::RangeBounds;
 
 type Master = View<family::CANsync_MA_CTRL_BMSTRUCT>;
@@ -327,6 +327,335 @@ fn a_number_that_is_taken_is_told_with_its_slot() {
     let mut text = String::new();
     Text::new(bm4.plant.names(), commram::devices::catalogue()).record(record, &mut text);
     assert!(text.contains("nobody can address slotH"), "{text}");
+    let findings = bm4.plant.journal().findings();
+    let [entry] = findings.iter().copied().collect::<Vec<_>>()[..] else { panic!("one finding") };
+    let name = entry.last.name(bm4.plant.names().fitted(0));
+    assert_eq!((entry.last.rule, entry.last.value), (&rules::NUMBER_TAKEN, 7));
+    assert_eq!(name.as_deref(), Some("slotH.w_SLAVE_NUMBER"));
+}
+
+/// The PLC itself has no DIP switches (p. 26 describes those of a slave module): its power-on names none.
+#[test]
+fn the_power_on_of_a_plc_without_dip_switches_names_no_number() {
+    let mut bm4 = Bm4::new(&plant_text(1000));
+    bm4.plant.set_power(0, Power::Off);
+    bm4.plant.set_power(0, Power::On);
+    let up = OnBoard { plc: 0, what: BoardEvent::Up { dip: None } };
+    let record = bm4.plant.journal().records().find(|record| record.event == up.into()).unwrap();
+    let mut text = String::new();
+    Text::new(bm4.plant.names(), commram::devices::catalogue()).record(record, &mut text);
+    assert!(text.trim_end().ends_with("  on"), "{text}");
+}
+
+/// P. 15 and 26: slaves of a bus differ in their numbers, and nothing else is asked of them. A master and two slaves of one PLC
+/// make a test bench.
+#[test]
+fn a_master_and_slaves_of_one_plc_share_a_bus() {
+    let module = |slot: &str, rest: &str| format!("[[device.module]]\nslot = '{slot}'\nbus = 'b'\n{rest}\n");
+    let slave = |dip: u8| format!("kind = 'can-05'\ndip = {dip}\nlock_time_us = 20000");
+    let text = "[[device]]\nkind = 'bm4-plc'\nname = 'maxx'\n".to_owned()
+        + &module("G", "kind = 'can-06'")
+        + &module("H", &slave(1))
+        + &module("M", &slave(2))
+        + "[[bus]]\nname = 'b'\n";
+    for rate in &BAUD_RATES {
+        let mut bm4 = Bm4::new(&text);
+        let master: Master = bm4.segment(0).view(SLOTG).unwrap();
+        let slaves: [Slave; 2] = [SLOTH, SLOTM].map(|slot| bm4.segment(0).view(slot).unwrap());
+        let nodes = [(SLOTH, Mode::Slave), (SLOTM, Mode::Slave), (SLOTG, Mode::Master)]
+            .map(|(slot, mode)| bm4.node(0, slot, rate, mode));
+        bm4.bring_up(&nodes.each_ref(), ..=Stage::SetUp);
+        bm4.step(400_000);
+        assert_eq!(
+            [master.a_STAT_SL[1].load(), master.a_STAT_SL[2].load()],
+            [0x03; 2],
+            "{}",
+            rate.kbit_per_s
+        );
+        bm4.bring_up(&nodes.each_ref(), Stage::Active..);
+        master._CFG_WRC_WORD.b_CFG_WRC1_WORD0.store(0x01);
+        master.a_CFG_RDC_WORD[2].b_CFG_RDC1_WORD0.store(0x01);
+        for (number, slave) in slaves.iter().enumerate() {
+            slave._CFG_WRC_WORD.b_CFG_WRC1_WORD0.store(0x01);
+            slave._CFG_RDC_WORD.b_CFG_RDC1_WORD0.store(0x01);
+            slave.a_RD_VALUE_SEND[0].store(0x10 + number as u32);
+        }
+        master.a_WR_VALUE[0].store(0x4321);
+        master.b_CTRLREG_RD_ORDER_RDC1.store(2);
+        bm4.run_to_sync(0, 1);
+        slaves.iter().for_each(|slave| slave.b_CTRLREG_RD_RDC1.store(0x05));
+        master.b_CTRLREG_WRC1.store(0x05);
+        bm4.run_to_sync(0, 1);
+        assert_eq!(slaves.each_ref().map(|slave| slave.a_WR_VALUE_RECEIVE[0].load()), [0x4321; 2]);
+        assert_eq!((master.b_STATREG_RDC1.load(), master.a_RD_BMARRAY[2][0].load()), (2, 0x11));
+        let findings = bm4.plant.journal().findings();
+        assert!(findings.errors().is_empty(), "{:?}", findings.errors());
+    }
+}
+
+/// P. 15-16, 25: the module itself makes the SYNC signal, so it raises event 11 and takes its handshakes back without a bus.
+/// Nothing of it is on a bus, so the journal has no frames and no edges. A slave has no signal there.
+#[test]
+fn a_master_without_a_bus_makes_its_sync_signal_for_the_plc() {
+    let mut bm4 = Bm4::new(
+        "[[device]]\nkind = 'bm4-plc'\nname = 'maxx'\n[[device.module]]\nslot = 'G'\nkind = 'can-06'\n\
+         [[device.module]]\nslot = 'H'\nkind = 'can-05'\n[[device.module]]\nslot = 'J'\nkind = 'can-06'\n\
+         sync_in_from = 'G'\nbus = 'b'\n[[bus]]\nname = 'b'\n[[bus.drive]]\nname = 'd'\nslave_number = 1\n\
+         lock_time_us = 20000\n",
+    );
+    let (rate, header) = (rate(500), bm4.segment(0).header().unwrap());
+    let master: Master = bm4.segment(0).view(SLOTG).unwrap();
+    let passed_on: Master = bm4.segment(0).view(SLOTJ).unwrap();
+    let nodes = [(SLOTH, Mode::Slave), (SLOTG, Mode::Master), (SLOTJ, Mode::SyncIn)]
+        .map(|(slot, mode)| bm4.node(0, slot, rate, mode));
+    let request = header.interrupts[11].ask(0, true);
+    header.submit_request();
+    bm4.bring_up(&nodes[..2].iter().collect::<Vec<_>>(), ..);
+    bm4.run_to_sync(0, 1);
+    assert_eq!(header.interrupts[11].outcome(request), Some(0));
+    let rings = header.events[11].bell.rings();
+    master.b_CTRLREG_WRC1.store(0x05);
+    bm4.step(20_000);
+    assert_eq!(header.events[11].bell.rings() - rings, 10, "every 2 ms");
+    assert_eq!(master.b_CTRLREG_WRC1.load(), 0x04, "the firmware has sent it");
+    assert_eq!(bm4.frames(), [], "there is no bus that it could be on");
+    assert_eq!(header.sync_counter[1].load(), 0, "no signal at the slave");
+    assert_eq!(bm4.plant.next_sync(0, 2), None);
+    assert_eq!(bm4.plant.why_no_sync(0, 2), "maxx:slotH is at no bus");
+    // Another module passes this signal on.
+    bm4.bring_up(&[&nodes[2]], ..=Stage::SetUp);
+    bm4.step(100_000);
+    assert_eq!(passed_on.a_STAT_SL[1].load(), 0x03, "the drive there is synchronized");
+    assert_eq!(bm4.plant.next_sync(0, 3), bm4.plant.next_sync(0, 1));
+    let findings = bm4.plant.journal().findings();
+    assert!(findings.errors().is_empty(), "{:?}", findings.errors());
+}
+
+/// P. 49-51: a master that is to pass a SYNC signal on and is handed none waits; a finding and the refusal of a step to the next
+/// edge name the reason.
+#[test]
+fn a_master_without_a_signal_to_pass_on_is_found() {
+    for (sync_in, why) in [
+        ("", "maxx:slotG is to pass a SYNC signal on (b_MA_SL_MODE 16#02), and no other port hands it one"),
+        (
+            "sync_in_from = 'H'\n",
+            "maxx:slotG passes on the SYNC signal at maxx:slotH: the master of bus 'upper', top:slotM, has not \
+             started: w_OPTION_STATUS is 16#0001; initialize it first",
+        ),
+    ] {
+        let text = plant_text(500).replace("bus = 'fast'\n", &format!("bus = 'fast'\n{sync_in}"));
+        let mut bm4 = Bm4::new(&text);
+        bm4.bring_up(&[&bm4.node(0, SLOTG, rate(500), Mode::SyncIn)], ..=Stage::SetUp);
+        bm4.step(100_000);
+        assert_eq!(bm4.plant.next_sync(0, 1), None);
+        assert_eq!(bm4.plant.why_no_sync(0, 1), why);
+        let expected: &[_] = if sync_in.is_empty() { &[&rules::NO_SYNC_IN] } else { &[] };
+        assert_eq!(bm4.plant.journal().findings().errors(), expected);
+    }
+    let mut bm4 = Bm4::new(&plant_text(500));
+    assert_eq!(
+        bm4.plant.why_no_sync(0, 2),
+        "the master of bus 'upper', top:slotM, has not started: w_OPTION_STATUS is 16#0001; initialize it first"
+    );
+    bm4.plant.set_power(1, Power::Off);
+    assert_eq!(
+        bm4.plant.why_no_sync(0, 2),
+        "the master of bus 'upper', top:slotM, has no power or is held in RESET"
+    );
+}
+
+/// P. 29-30: H1 shows frames that are sent and received, whatever the SYNC signal does.
+#[test]
+fn the_first_led_shows_frames_and_not_the_sync_signal() {
+    let mut bm4 = Bm4::new(&plant_text(500));
+    let led = |bm4: &Bm4, device: usize, slot: usize| {
+        Leds::of_code(bm4.segment(device).header().unwrap().ports[slot].leds.load()).h[0]
+    };
+    let (wrong, right) = (rate(1000), rate(500));
+    let slave = bm4.node(0, SLOTH, wrong, Mode::Slave);
+    let master = bm4.node(1, SLOTM, right, Mode::Master);
+    bm4.bring_up(&[&slave, &master], ..=Stage::SetUp);
+    bm4.step(50_000);
+    let h3 = Leds::of_code(bm4.segment(0).header().unwrap().ports[1].leds.load()).h[2];
+    assert_eq!((led(&bm4, 0, 1), h3), (Led::Off, Led::Flashes(2)), "SYNC comes, frames do not");
+    assert_eq!(led(&bm4, 1, 5), Led::Flashes(1), "the master asks for status words");
+    // In active operation a master that is given nothing sends nothing.
+    bm4.bring_up(&[&master], Stage::Active..);
+    bm4.step(1_000_000);
+    assert_eq!(led(&bm4, 1, 5), Led::Off);
+    let registers: Master = bm4.segment(1).view(SLOTM).unwrap();
+    bm4.run_to_sync(1, 6);
+    registers.b_CTRLREG_WRC1.store(0x05);
+    bm4.step(10_000);
+    assert_eq!(led(&bm4, 1, 5), Led::Flashes(1));
+    // A slave at the right rate receives that.
+    bm4.bring_up(&[&bm4.node(0, SLOTH, right, Mode::Slave)], ..=Stage::SetUp);
+    assert_eq!(led(&bm4, 0, 1), Led::Off);
+    bm4.run_to_sync(1, 6);
+    registers.b_CTRLREG_WRC1.store(0x05);
+    bm4.step(10_000);
+    assert_eq!(led(&bm4, 0, 1), Led::Flashes(1));
+    bm4.step(200_000);
+    assert_eq!((led(&bm4, 0, 1), led(&bm4, 1, 5)), (Led::Off, Led::Off), "nothing since");
+}
+
+/// P. 76-77 of a slave's lock: `sync_loss_us` as at every other slave (D-124).
+#[test]
+fn a_module_keeps_its_lock_for_the_time_that_the_plant_file_gives() {
+    for (setting, is_locked) in [("", false), ("sync_loss_us = 60000\n", true)] {
+        let text = plant_text(500).replace("dip = 6\n", &format!("dip = 6\n{setting}"));
+        let mut bm4 = Bm4::new(&text);
+        let nodes = [bm4.node(0, SLOTH, rate(500), Mode::Slave), bm4.node(1, SLOTM, rate(500), Mode::Master)];
+        bm4.bring_up(&nodes.each_ref(), ..=Stage::SetUp);
+        bm4.step(60_000);
+        let master: Master = bm4.segment(1).view(SLOTM).unwrap();
+        assert_eq!(master.a_STAT_SL[6].load(), 0x03);
+        let spec = "kind = 'lose_sync'\nbus = 'upper'\nduration_us = 30000";
+        let spec: FaultSpec = toml::from_str(spec).unwrap();
+        bm4.plant.add_fault(spec.resolve(fault_kinds(), &bm4.plant.names()).unwrap()).unwrap();
+        bm4.step(38_000);
+        assert_eq!(master.a_STAT_SL[6].load() & 0x02 != 0, is_locked, "{setting}");
+    }
+}
+
+/// A slave of the controller in slot H of one PLC, as slave 4 of the master in another one.
+fn with_controllers_slave(switches: &str) -> Bm4 {
+    Bm4::new(&format!(
+        "[[device]]\nkind = 'bm4-plc'\nname = 'maxx'\n[[device.module]]\nslot = 'H'\nkind = 'can-05'\nbus = 'b'\n\
+         dip = 4\nlock_time_us = 20000\n{switches}\n[[device]]\nkind = 'bm4-plc'\nname = 'top'\n\
+         [[device.module]]\nslot = 'M'\nkind = 'can-06'\nbus = 'b'\n[[bus]]\nname = 'b'\n"
+    ))
+}
+
+/// LEDs of the module in slot H.
+fn leds_of_slot_h(bm4: &Bm4) -> [Led; 4] {
+    Leds::of_code(bm4.segment(0).header().unwrap().ports[1].leds.load()).h
+}
+
+/// P. 16-19, 27, 30-32: DIP switch 9 at OFF makes a module a slave of the controller, which the PLC has no registers of (D-649).
+#[test]
+fn a_slave_of_the_controller_is_a_drive_of_its_bus() {
+    let mut bm4 = with_controllers_slave("dip9 = false");
+    let rate = rate(500);
+    assert_eq!(leds_of_slot_h(&bm4), [Led::Off, Led::On, Led::Off, Led::On], "waits for the master");
+    let names: Vec<_> = bm4.plant.drives().into_iter().map(|drive| drive.name).collect();
+    assert_eq!(names, ["maxx:slotH"]);
+    let master: Master = bm4.segment(1).view(SLOTM).unwrap();
+    let node = bm4.node(1, SLOTM, rate, Mode::Master);
+    bm4.bring_up(&[&node], ..=Stage::SetUp);
+    bm4.step(200_000);
+    assert_eq!(master.a_STAT_SL[4].load(), 0x03, "bit 15 of its status word (p. 32)");
+    assert_eq!(leds_of_slot_h(&bm4), [Led::Flashes(1), Led::Off, Led::Flashes(2), Led::Off]);
+    bm4.bring_up(&[&node], Stage::Active..);
+    master._CFG_WRC_WORD.b_CFG_WRC1_WORD0.store(0x01);
+    master._CFG_WRC_WORD.b_CFG_WRC1_WORD1.store(0x03);
+    master.a_CFG_RDC_WORD[4].b_CFG_RDC1_WORD0.store(0x01);
+    master.a_CFG_RDC_WORD[4].b_CFG_RDC1_WORD1.store(0x03);
+    master.a_WR_VALUE[0].store(4711);
+    master.b_CTRLREG_RD_ORDER_RDC1.store(4);
+    for _ in 0..4 {
+        bm4.run_to_sync(1, 6);
+        master.b_CTRLREG_WRC1.store(0x05);
+    }
+    assert_eq!((master.b_STATREG_RDC1.load(), master.a_RD_BMARRAY[4][0].load()), (4, 4711), "its speed");
+    // Both are in one unit, and the supply is one.
+    bm4.plant.set_power(0, Power::Off);
+    master.b_STATREG_RDC1.store(0x7F);
+    for _ in 0..3 {
+        bm4.run_to_sync(1, 6);
+        master.b_CTRLREG_WRC1.store(0x05);
+    }
+    assert_eq!((master.b_STATREG_RDC1.load(), leds_of_slot_h(&bm4)), (0x7F, [Led::Off; 4]));
+    bm4.plant.set_power(0, Power::On);
+    bm4.step(200_000);
+    assert_eq!(
+        leds_of_slot_h(&bm4)[..2],
+        [Led::Off, Led::Off],
+        "SYNC is there, frames were last seen before"
+    );
+    let findings = bm4.plant.journal().findings();
+    assert!(findings.errors().is_empty(), "{:?}", findings.errors());
+}
+
+/// P. 27 and 29-31: an error at initialization, and DIP switches 1 to 3 that name no baud rate.
+#[test]
+fn modules_whose_switches_are_wrong_show_it_and_take_no_part() {
+    let (together, alone) = (
+        [Led::Off, Led::Flashes(1), Led::Off, Led::Flashes(1)],
+        [Led::Off, Led::Flashes(1), Led::Off, Led::Off],
+    );
+    let in_turn = [Led::Off, Led::InTurn, Led::Off, Led::InTurn];
+    for (switches, leds) in [
+        ("dip10 = true", together),
+        ("dip9 = false\ndip10 = true", alone),
+        ("dip9 = false\ndip_baud = 0b111", in_turn),
+        ("dip9 = false\ndip_baud = 0b010", in_turn),
+    ] {
+        let mut bm4 = with_controllers_slave(switches);
+        assert_eq!(leds_of_slot_h(&bm4), leds, "{switches}");
+        let slave: Slave = bm4.segment(0).view(SLOTH).unwrap();
+        slave.w_CPU_CONTROL.store(0x0001);
+        bm4.bring_up(&[&bm4.node(1, SLOTM, rate(500), Mode::Master)], ..=Stage::SetUp);
+        bm4.step(200_000);
+        let master: Master = bm4.segment(1).view(SLOTM).unwrap();
+        assert_eq!((master.a_STAT_SL[4].load(), leds_of_slot_h(&bm4)), (0, leds), "{switches}");
+        let shown = if switches == "dip10 = true" { 0x0001 } else { 0 };
+        assert_eq!(slave.w_OPTION_STATUS.load(), shown, "{switches}: start up, or no register");
+    }
+}
+
+/// 5.02066.01a p. 15-16, 26, 49-51: what a module cannot do its work with is said with its line, and allowed.
+#[test]
+fn modules_without_a_signal_are_doubted() {
+    let plant = |modules: &str| {
+        let text = format!(
+            "[[device]]\nkind = 'bm4-plc'\nname = 'm'\n{modules}[[bus]]\nname = 'b'\n[[bus]]\nname = 'c'\n"
+        );
+        let doubts = PlantConfig::parse("p.toml", &text).unwrap().doubts(&text);
+        doubts.into_iter().map(|(line, doubt)| (line, doubt.text)).collect::<Vec<_>>()
+    };
+    let module = |slot: &str, rest: &str| format!("[[device.module]]\nslot = '{slot}'\n{rest}\n");
+    let slave = module("H", "kind = 'can-05'\nbus = 'b'");
+    let passes_on = "kind = 'can-06'\nsync_in_from = 'H'\nbus = ";
+    assert_eq!(plant(&(slave.clone() + &module("G", &format!("{passes_on}'c'")))), []);
+    for (modules, line, text) in [
+        (module("G", "kind = 'can-06'"), 5, "module 'm:slotG' has no bus: its PLC has a SYNC signal"),
+        (module("G", "kind = 'can-05'"), 5, "module 'm:slotG' has no bus: no SYNC signal"),
+        (
+            module("G", "kind = 'can-05'\nbus = 'b'\ndip10 = true"),
+            8,
+            "DIP switch 10 of module 'm:slotG' must be OFF",
+        ),
+        (
+            module("G", "kind = 'can-05'\nbus = 'b'\ndip9 = false\ndip_baud = 7"),
+            9,
+            "DIP switches 3, 2 and 1 of module 'm:slotG' name no baud rate",
+        ),
+        (
+            slave + &module("G", &format!("{passes_on}'b'")),
+            11,
+            "'m:slotG' can pass on the SYNC signal at slotH, and none can come from there: that module is on the same bus",
+        ),
+    ] {
+        let doubts = plant(&modules);
+        let [(at, found)] = &doubts[..] else { panic!("{doubts:?}") };
+        assert!(*at == Some(line) && found.starts_with(text), "{doubts:?}");
+    }
+}
+
+/// P. 46 and 75: an example of the manual calls the array of the tables on p. 59 and 90 by another name.
+#[test]
+fn the_name_of_the_manuals_example_leads_to_the_register() {
+    let bm4 = Bm4::new(&plant_text(500));
+    let fitted = bm4.plant.names().fitted(0);
+    for front in ["slotG", "_CANsyncMaster_Ctrl_Slot_G", "slotH", "_CANsyncSlave_Ctrl_Slot_H"] {
+        let found = fitted.register(&format!("{front}.a_RD_VALUE[5][7]")).unwrap();
+        let named = fitted.register(&format!("{front}.a_RD_BMARRAY[5][7]")).unwrap();
+        assert_eq!((found.offset(), found.to_string()), (named.offset(), named.to_string()));
+        assert_eq!(fitted.registers(&format!("{front}.a_RD_VALUE[5]")).unwrap().len(), 16);
+    }
+    let last = fitted.register("slotG.a_RD_VALUE[5][16]").unwrap_err().to_string();
+    assert!(last.contains("a_RD_VALUE[5][16]"), "{last}");
 }
 
 /// An Omega Drive-Line II knows no 1 Mbit/s: it hears nothing there.

@@ -202,6 +202,7 @@ fn a_number_that_is_taken_leaves_the_node_alone() {
     rig.plant.set_power(B, Power::On);
     let taken = OnBoard { plc: B as u16, what: BoardEvent::NumberTaken { port: 1, number: 2 } }.into();
     assert!(rig.records().any(|record| record.event == taken));
+    rig.expect_errors(&[&commram::devices::cansync::rules::NUMBER_TAKEN]);
     // Back to a free one.
     rig.plant.devices()[B].segment().header().unwrap().board.dip.store(1);
     rig.plant.set_power(B, Power::Off);

@@ -2,8 +2,9 @@
 
 use super::Bm4Plc;
 use super::registers::{BAUD_RATES, DEVICE};
-use crate::devices::settings::{range, refused_at, time};
-use crate::devices::{BuildError, Device, DeviceConfig, Plug, PortConfig};
+use crate::devices::cansync::drive::{CardFunction, DriveConfig};
+use crate::devices::settings::{range, refused_at, time, time_or_none};
+use crate::devices::{BuildError, Device, DeviceConfig, Doubt, Plug, PortConfig};
 use crate::layout;
 use crate::layout::Port;
 use crate::memory::Segment;
@@ -20,9 +21,24 @@ pub enum ModuleKind {
     /// BM4-O-CAN-06: the master of its bus.
     #[serde(rename = "can-06")]
     Can06,
-    /// BM4-O-CAN-05 with DIP switch 9 at ON: a slave.
+    /// BM4-O-CAN-05: a slave of the PLC with DIP switch 9 at ON, of the controller at OFF.
     #[serde(rename = "can-05")]
     Can05,
+}
+
+/// What a module is once it has power.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Work {
+    /// The master of its bus.
+    Master,
+    /// A slave with registers in the PLC.
+    PlcSlave,
+    /// A slave of the controller, at this baud rate in kbit/s; `None`: that of its bus in the plant file.
+    ControllerSlave(Option<u16>),
+    /// Nothing: DIP switch 10 is at ON (decision D-648).
+    InitError,
+    /// Nothing: DIP switches 1 to 3 name no baud rate (p. 27, 31).
+    UnknownBaudRate,
 }
 
 /// A CANsync option module.
@@ -36,11 +52,43 @@ pub struct ModuleConfig {
     pub bus: Option<String>,
     /// Slave number at DIP switches 4 to 8, 0 to 31; a BM4-O-CAN-06 has none.
     pub dip: u8,
+    /// DIP switch 9 of a BM4-O-CAN-05: `true` is ON, a slave with registers in the PLC.
+    pub dip9: bool,
+    /// DIP switches 3, 2 and 1 of a slave of the controller as a binary number: its baud rate. `None`: that of its bus.
+    pub dip_baud: Option<u8>,
+    /// DIP switch 10, which must be OFF: `true` is ON.
+    pub dip10: bool,
     /// The module whose SYNC signal a master can pass on (decision D-12).
     pub sync_in_from: Option<&'static Port>,
     /// Emulated time that a slave needs to lock to the SYNC signal, in us (default 1 s; D-07).
     pub lock_time_us: u64,
+    /// Emulated time without SYNC that ends the lock, in us; `None`: two and a half intervals (D-124).
+    pub sync_loss_us: Option<u64>,
 }
+
+impl ModuleConfig {
+    /// What the module is once it has power.
+    pub(super) fn work(&self) -> Work {
+        match (self.kind, self.dip9, self.dip_baud) {
+            (ModuleKind::Can06, ..) => Work::Master,
+            (ModuleKind::Can05, ..) if self.dip10 => Work::InitError,
+            (ModuleKind::Can05, true, _) => Work::PlcSlave,
+            (ModuleKind::Can05, false, None) => Work::ControllerSlave(None),
+            (ModuleKind::Can05, false, Some(switches)) => {
+                let known = CONTROLLER_RATES.iter().find(|(number, _)| *number == switches);
+                known.map_or(Work::UnknownBaudRate, |(_, kbit_s)| Work::ControllerSlave(Some(*kbit_s)))
+            }
+        }
+    }
+
+    /// Whether the PLC has registers of it.
+    pub(super) fn has_registers(&self) -> bool {
+        self.kind == ModuleKind::Can06 || self.dip9
+    }
+}
+
+/// DIP switches 3, 2 and 1 of a slave of the controller, with the baud rates in kbit/s that they name (p. 27).
+const CONTROLLER_RATES: [(u8, u16); 4] = [(0b011, 125), (0b100, 250), (0b101, 500), (0b110, 1000)];
 
 /// A b maXX PLC of the plant file.
 #[derive(Clone, Debug)]
@@ -73,8 +121,11 @@ struct ModuleSection {
     bus: Option<String>,
     dip: Option<Spanned<u8>>,
     dip9: Option<Spanned<bool>>,
+    dip_baud: Option<Spanned<u8>>,
+    dip10: Option<Spanned<bool>>,
     sync_in_from: Option<Spanned<String>>,
     lock_time_us: Option<Spanned<u64>>,
+    sync_loss_us: Option<Spanned<u64>>,
 }
 
 impl Bm4Config {
@@ -104,9 +155,85 @@ impl Bm4Config {
         }
         let sync_source = match sync_source {
             Some(slot) => Some(occupied(&modules, "sync_source", &slot)?),
-            None => modules.first().map(|module| module.port),
+            None => modules.iter().find(|module| module.has_registers()).map(|module| module.port),
         };
         Ok(Arc::new(Bm4Config { name, sync_source, modules }))
+    }
+}
+
+impl Bm4Config {
+    /// Whether the SYNC signal that this master can pass on can come to it: the module that is to hand it over has a signal, and
+    /// not that of the master's own bus (decision D-646).
+    pub(super) fn hands_sync_to(&self, module: &ModuleConfig) -> bool {
+        let source = module.sync_in_from.and_then(|port| self.module(port));
+        source.is_some_and(|source| match source.work() {
+            Work::Master => true,
+            Work::PlcSlave => source.bus.is_some() && source.bus != module.bus,
+            Work::ControllerSlave(_) | Work::InitError | Work::UnknownBaudRate => false,
+        })
+    }
+
+    fn module(&self, port: &Port) -> Option<&ModuleConfig> {
+        self.modules.iter().find(|module| module.port.number == port.number)
+    }
+
+    /// A setting of a module with which it cannot do its work.
+    fn doubt_of(&self, module: &ModuleConfig) -> Option<Doubt> {
+        let name = format!("{}:{}", self.name, module.port.name);
+        let doubt = |key, text| Some(Doubt { section: name.clone(), key, text });
+        match (module.work(), &module.bus, module.sync_in_from) {
+            (Work::InitError, ..) => {
+                let text = format!(
+                    "DIP switch 10 of module '{name}' must be OFF: its initialization ends with an error, and it does nothing"
+                );
+                doubt("dip10", text)
+            }
+            (Work::UnknownBaudRate, ..) => {
+                let text = format!(
+                    "DIP switches 3, 2 and 1 of module '{name}' name no baud rate, so it does nothing; 0b011 is 125 kbit/s, \
+                     0b100 250, 0b101 500, 0b110 1000"
+                );
+                doubt("dip_baud", text)
+            }
+            (Work::Master, _, Some(from)) if !self.hands_sync_to(module) => {
+                let source = self.module(from);
+                let why = match source.map(|source| (source.work(), &source.bus)) {
+                    Some((Work::PlcSlave, Some(_))) => "that module is on the same bus",
+                    Some((Work::PlcSlave, None)) => "that module has no bus",
+                    _ => "that module has no registers in the PLC",
+                };
+                let text = format!(
+                    "'{name}' can pass on the SYNC signal at {}, and none can come from there: {why}",
+                    from.name
+                );
+                doubt("sync_in_from", text)
+            }
+            (Work::Master, None, _) => {
+                let text = format!(
+                    "module '{name}' has no bus: its PLC has a SYNC signal, and no slave receives what the module sends"
+                );
+                doubt("slot", text)
+            }
+            (Work::PlcSlave | Work::ControllerSlave(_), None, _) => {
+                let text = format!("module '{name}' has no bus: no SYNC signal and no frame reaches it");
+                doubt("slot", text)
+            }
+            _ => None,
+        }
+    }
+
+    /// A slave of the controller as a drive of its bus, called as `maxx:slotH`: with the mapping and the parameters of a drive with
+    /// CANsync card (decision D-649).
+    pub(super) fn drive_of(&self, module: &ModuleConfig, kbit_s: Option<u16>) -> DriveConfig {
+        let name = format!("{}:{}", self.name, module.port.name);
+        DriveConfig {
+            kbit_s,
+            // The function that runs at all four rates.
+            card_function: CardFunction::Old,
+            lock_time_us: module.lock_time_us,
+            sync_loss_us: module.sync_loss_us,
+            ..DriveConfig::demo(name, module.dip)
+        }
     }
 }
 
@@ -125,8 +252,12 @@ impl ModuleSection {
             let no_dip = "a BM4-O-CAN-06 has no DIP switches";
             refuse(self.dip.as_ref().map(Spanned::span), no_dip)?;
             refuse(self.dip9.as_ref().map(Spanned::span), no_dip)?;
+            refuse(self.dip_baud.as_ref().map(Spanned::span), no_dip)?;
+            refuse(self.dip10.as_ref().map(Spanned::span), no_dip)?;
             let no_lock = "a BM4-O-CAN-06 does not synchronize, lock_time_us is a BM4-O-CAN-05's";
             refuse(self.lock_time_us.as_ref().map(Spanned::span), no_lock)?;
+            let no_loss = "a BM4-O-CAN-06 does not synchronize, sync_loss_us is a BM4-O-CAN-05's";
+            refuse(self.sync_loss_us.as_ref().map(Spanned::span), no_loss)?;
         } else {
             let no_sync_in = "only a BM4-O-CAN-06 passes a SYNC signal on";
             refuse(self.sync_in_from.as_ref().map(Spanned::span), no_sync_in)?;
@@ -136,19 +267,26 @@ impl ModuleSection {
             let checked = range("dip", &name, (*dip.get_ref()).into(), 0..=31, "0 to 31");
             checked.map_err(|error| refused_at(dip.span(), error.to_string()))?;
         }
-        let for_controller = self.dip9.filter(|dip9| !*dip9.get_ref());
-        refuse(
-            for_controller.as_ref().map(Spanned::span),
-            "with DIP switch 9 at OFF a BM4-O-CAN-05 is a slave for the controller, which is not emulated; a \
-             [[bus.drive]] is such a slave",
-        )?;
+        let dip9 = self.dip9.is_none_or(Spanned::into_inner);
+        if let Some(baud) = &self.dip_baud {
+            let reserved =
+                "DIP switches 1 to 3 are reserved with DIP switch 9 at ON; the program sets the baud rate";
+            refuse(dip9.then(|| baud.span()), reserved)?;
+            let name = format!("{plc}:{}", port.name);
+            let checked = range("dip_baud", &name, (*baud.get_ref()).into(), 0..=7, "0 to 7");
+            checked.map_err(|error| refused_at(baud.span(), error.to_string()))?;
+        }
         let module = ModuleConfig {
             port,
             kind: self.kind,
             bus: self.bus,
             dip: self.dip.map_or(0, Spanned::into_inner),
+            dip9,
+            dip_baud: self.dip_baud.map(Spanned::into_inner),
+            dip10: self.dip10.is_some_and(Spanned::into_inner),
             sync_in_from: None,
             lock_time_us: self.lock_time_us.map_or(1_000_000, Spanned::into_inner),
+            sync_loss_us: self.sync_loss_us.map(Spanned::into_inner),
         };
         Ok((module, self.sync_in_from))
     }
@@ -195,6 +333,7 @@ impl DeviceConfig for Bm4Config {
         for module in &self.modules {
             let name = format!("{}:{}", self.name, module.port.name);
             time("lock_time_us", &name, module.lock_time_us)?;
+            time_or_none("sync_loss_us", &name, module.sync_loss_us)?;
         }
         Ok(())
     }
@@ -206,11 +345,17 @@ impl DeviceConfig for Bm4Config {
             medium: module.bus.as_deref(),
             address: (module.kind == ModuleKind::Can05).then_some(module.dip),
         };
-        self.modules.iter().map(port).collect()
+        let takes_part =
+            |module: &&ModuleConfig| !matches!(module.work(), Work::InitError | Work::UnknownBaudRate);
+        self.modules.iter().filter(takes_part).map(port).collect()
     }
 
     fn kbit_s(&self, _: u8) -> Vec<u16> {
         BAUD_RATES.iter().map(|rate| rate.kbit_per_s).collect()
+    }
+
+    fn doubts(&self) -> Vec<Doubt> {
+        self.modules.iter().filter_map(|module| self.doubt_of(module)).collect()
     }
 
     /// The manual of the modules tells of none.
@@ -257,9 +402,11 @@ mod tests {
             ("{ slot = 'G', kind = 'can-06' },\n{ slot = 'G', kind = 'can-06' }", "two modules in slot 'G'"),
             ("{ slot = 'G', kind = 'can-07' }", "unknown variant `can-07`"),
             ("{ slot = 'G', kind = 'can-06', dip = 3 }", "a BM4-O-CAN-06 has no DIP switches"),
+            ("{ slot = 'G', kind = 'can-06', dip10 = true }", "a BM4-O-CAN-06 has no DIP switches"),
+            ("{ slot = 'G', kind = 'can-05', dip_baud = 0b101 }", "reserved with DIP switch 9 at ON"),
             (
-                "{ slot = 'G', kind = 'can-05', dip9 = false }",
-                "slave for the controller, which is not emulated",
+                "{ slot = 'G', kind = 'can-05', dip9 = false, dip_baud = 8 }",
+                "dip_baud of 'maxx:slotG' is 8; it must be 0 to 7",
             ),
             ("{ slot = 'G', kind = 'can-05', sync_in_from = 'G' }", "only a BM4-O-CAN-06 passes"),
             ("{ slot = 'G', kind = 'can-05', dip = 32 }", "dip of 'maxx:slotG' is 32; it must be 0 to 31"),

@@ -11,6 +11,9 @@ pub struct Leds {
     pub h: [Led; 4],
 }
 
+/// Code in the header page of a LED that flashes in turn with another one.
+const IN_TURN: u8 = 0xFE;
+
 /// What they depend on.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Seen {
@@ -18,26 +21,49 @@ pub(super) struct Seen {
     pub takes_part: bool,
     /// Interval of the SYNC signal in us; `None` while there is none.
     pub interval_us: Option<u64>,
+    /// The module has just sent or received a frame.
+    pub has_traffic: bool,
 }
 
 impl Leds {
     /// The LEDs of a master.
     pub(super) fn of_master(option: &Cell16, can: &Cell16, seen: Seen) -> Self {
-        let Seen { takes_part, interval_us } = seen;
-        let h1 = green(option, can, takes_part && interval_us.is_some());
+        let Seen { takes_part, has_traffic, .. } = seen;
+        let h1 = green(option, can, takes_part && has_traffic);
         Leds { h: [h1, fault(can, takes_part), Led::Off, Led::Off] }
     }
 
     /// The LEDs of a slave.
     pub(super) fn of_slave(option: &Cell16, can: &Cell16, seen: Seen) -> Self {
-        let Seen { takes_part, interval_us } = seen;
-        let h1 = green(option, can, takes_part && interval_us.is_some());
+        let Seen { takes_part, interval_us, has_traffic } = seen;
+        let h1 = green(option, can, takes_part && has_traffic);
         let h2 = if takes_part && interval_us.is_none() { Led::On } else { Led::Off };
-        // 1, 2, 4 and 8 flashes for as many ms.
-        let h3 = interval_us.filter(|_| takes_part).map_or(Led::Off, |us| {
-            Led::Flashes(((us + 500) / 1000).clamp(1, 8) as u8) // at most 8
-        });
+        let h3 = interval(interval_us.filter(|_| takes_part));
         Leds { h: [h1, h2, h3, fault(can, takes_part)] }
+    }
+
+    /// The LEDs of a slave for the controller (p. 30-31): it waits for the master until SYNC has come for the first time, and `has_sync`
+    /// tells whether that was so.
+    pub(super) fn of_controllers_slave(has_sync: bool, seen: Seen) -> Self {
+        let Seen { interval_us, has_traffic, .. } = seen;
+        if !has_sync {
+            return Leds { h: [Led::Off, Led::On, Led::Off, Led::On] };
+        }
+        let h1 = if has_traffic { Led::Flashes(1) } else { Led::Off };
+        let h2 = if interval_us.is_none() { Led::On } else { Led::Off };
+        Leds { h: [h1, h2, interval(interval_us), Led::Off] }
+    }
+
+    /// Initialization has ended with an error (p. 29-30): H2 and H4 of a slave for the PLC flash together, H2 of a slave for the
+    /// controller alone.
+    pub(super) fn of_init_error(is_for_plc: bool) -> Self {
+        let h4 = if is_for_plc { Led::Flashes(1) } else { Led::Off };
+        Leds { h: [Led::Off, Led::Flashes(1), Led::Off, h4] }
+    }
+
+    /// A slave for the controller whose DIP switches 1 to 3 name no baud rate (p. 31).
+    pub(super) fn of_unknown_baud_rate() -> Self {
+        Leds { h: [Led::Off, Led::InTurn, Led::Off, Led::InTurn] }
     }
 
     /// As in the header page: eight bits for each, H1 lowest.
@@ -45,6 +71,7 @@ impl Leds {
         let code = |led| match led {
             Led::Off => 0,
             Led::On => 0xFF,
+            Led::InTurn => IN_TURN,
             Led::Flashes(count) => count,
         };
         u32::from_le_bytes(self.h.map(code))
@@ -55,10 +82,16 @@ impl Leds {
         let led = |byte| match byte {
             0 => Led::Off,
             0xFF => Led::On,
+            IN_TURN => Led::InTurn,
             count => Led::Flashes(count),
         };
         Leds { h: code.to_le_bytes().map(led) }
     }
+}
+
+/// H3: 1, 2, 4 and 8 flashes for an interval of as many ms.
+fn interval(interval_us: Option<u64>) -> Led {
+    interval_us.map_or(Led::Off, |us| Led::Flashes(((us + 500) / 1000).clamp(1, 8) as u8)) // at most 8
 }
 
 /// H1: lit while the module waits for the program, then it shows frames, of which a controller in BUS-off has none.
@@ -91,19 +124,24 @@ mod tests {
     fn leds_show_what_the_module_does() {
         use Led::{Flashes, Off, On};
         let (option, can) = (Cell16::new_zeroed(), Cell16::new_zeroed());
-        let seen = |takes_part, interval_us| Seen { takes_part, interval_us };
+        let seen = |takes_part, interval_us, has_traffic| Seen { takes_part, interval_us, has_traffic };
         let both = |seen| (Leds::of_master(&option, &can, seen).h, Leds::of_slave(&option, &can, seen).h);
-        assert_eq!(both(seen(false, None)), ([On, Off, Off, Off], [On, Off, Off, Off]));
+        assert_eq!(both(seen(false, None, false)), ([On, Off, Off, Off], [On, Off, Off, Off]));
         option.store(option_status::WAITING_FOR_INIT + 1);
-        assert_eq!(both(seen(false, Some(2000))), ([Off; 4], [Off; 4]));
-        assert_eq!(both(seen(true, None)), ([Off; 4], [Off, On, Off, Off]));
+        assert_eq!(both(seen(false, Some(2000), false)), ([Off; 4], [Off; 4]));
+        assert_eq!(both(seen(true, None, false)), ([Off; 4], [Off, On, Off, Off]));
         assert_eq!(
-            both(seen(true, Some(2000))),
+            both(seen(true, Some(2000), false)),
+            ([Off; 4], [Off, Off, Flashes(2), Off]),
+            "SYNC alone"
+        );
+        assert_eq!(
+            both(seen(true, Some(2000), true)),
             ([Flashes(1), Off, Off, Off], [Flashes(1), Off, Flashes(2), Off])
         );
         can.store(cansync_status::BUS_OFF);
         assert_eq!(
-            both(seen(true, Some(2000))),
+            both(seen(true, Some(2000), true)),
             ([Off, Flashes(1), Off, Off], [Off, Off, Flashes(2), Flashes(1)])
         );
     }

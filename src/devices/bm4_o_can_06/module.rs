@@ -8,16 +8,30 @@ use crate::layout::Role;
 /// Names of the LEDs.
 const LEDS: [&str; 4] = ["H1", "H2", "H3", "H4"];
 
+/// DIP switches 1 to 3, in the word of the header page whose lowest five bits are DIP switches 4 to 8.
+pub(super) const DIP_BAUD: u32 = 5;
+/// A BM4-O-CAN-05 with DIP switch 9 at OFF: it has no registers, so this bit alone tells that it is there.
+pub(super) const DIP_9_OFF: u32 = 1 << 8;
+/// DIP switch 10 at ON.
+pub(super) const DIP_10_ON: u32 = 1 << 9;
+
 /// The module with this role, from what stands in the header page of its DIP switches and LEDs.
-pub(crate) fn read(role: Role, dip: u32, leds: u32) -> ModuleFront {
+pub(crate) fn read(role: Option<Role>, dip: u32, leds: u32) -> Option<ModuleFront> {
     let leds = LEDS.into_iter().zip(Leds::of_code(leds).h);
-    match role {
-        Role::Master => ModuleFront { kind: "can-06", switches: Vec::new(), leds: leds.take(2).collect() },
-        Role::Slave | Role::Peer => {
-            let number = Switch::Number((dip & u32::from(DIP_LAST)) as u8);
-            // A module with registers in the PLC: at OFF it would be the controller's.
-            let switches = vec![("dip", number), ("dip9", Switch::Is(true))];
-            ModuleFront { kind: "can-05", switches, leds: leds.collect() }
-        }
+    let is_for_controller = dip & DIP_9_OFF != 0;
+    if role == Some(Role::Master) {
+        return Some(ModuleFront { kind: "can-06", switches: Vec::new(), leds: leds.take(2).collect() });
     }
+    if role.is_none() && !is_for_controller {
+        return None;
+    }
+    let number = Switch::Number((dip & u32::from(DIP_LAST)) as u8);
+    let mut switches = vec![("dip", number), ("dip9", Switch::Is(!is_for_controller))];
+    if is_for_controller {
+        switches.push(("dip_baud", Switch::Number((dip >> DIP_BAUD & 0b111) as u8)));
+    }
+    if dip & DIP_10_ON != 0 {
+        switches.push(("dip10", Switch::Is(true)));
+    }
+    Some(ModuleFront { kind: "can-05", switches, leds: leds.collect() })
 }

@@ -1,12 +1,13 @@
 //! One b maXX PLC: its communication RAM, its option modules as far as their nodes do not run where their buses are, and
 //! its front.
 
-use super::config::{Bm4Config, ModuleConfig, ModuleKind};
+use super::config::{Bm4Config, ModuleConfig, Work};
 use super::front::{self, Front};
 use super::leds::{Leds, Seen};
+use super::module::{DIP_9_OFF, DIP_10_ON, DIP_BAUD};
 use super::registers::{BAUD_RATES, CANsync_PLC_INIT_BMSTRUCT, DEVICE, DIP_LAST};
 use crate::devices::cansync::bus::SyncLock;
-use crate::devices::cansync::firmware::{Seat, note_restarts};
+use crate::devices::cansync::firmware::{Seat, find_number_taken, note_restarts};
 use crate::devices::cansync::medium::{Socket, SocketRole};
 use crate::devices::records::{BoardEvent, OnBoard};
 use crate::devices::{BuildError, Context, Device, Events, Look, Plug, Power};
@@ -16,31 +17,54 @@ use crate::memory::header::BoardSetting;
 use crate::memory::{Header, MemoryError, Segment, View};
 use crate::state;
 
+/// DIP switches 3, 2 and 1 of a slave of the controller at 500 kbit/s, which is what drives are set to.
+const DEFAULT_BAUD: u8 = 0b101;
+
+/// How long H1 shows a frame (decision D-367).
+const TRAFFIC_US: u64 = 100_000;
+
 /// A module, seen from the PLC.
 struct Module {
     /// Number of its port.
     number: u8,
-    kind: ModuleKind,
+    work: Work,
+    /// Whether DIP switch 9 is at ON, or it is a master.
+    has_registers: bool,
+    /// DIP switches 1 to 3, 9 and 10 as the header page has them.
+    other_switches: u32,
     regs: View<CANsync_PLC_INIT_BMSTRUCT>,
     /// Number at the DIP switches, as read at the last power-on.
     dip: u8,
     takes_part: bool,
     /// The last edge of its SYNC signal, and the time from the one before.
     edge: Option<(u64, u64)>,
+    /// When it last sent or received a frame.
+    last_frame: Option<u64>,
 }
 
-state!(Module { values: dip, takes_part, edge; built: number, kind, regs });
+state!(Module { values: dip, takes_part, edge, last_frame; built: number, work, has_registers, other_switches, regs });
 
 impl Module {
     fn new(config: &ModuleConfig, segment: &Segment) -> Result<Self, MemoryError> {
         Ok(Module {
             number: config.port.number,
-            kind: config.kind,
+            work: config.work(),
+            has_registers: config.has_registers(),
+            other_switches: u32::from(config.dip_baud.unwrap_or(DEFAULT_BAUD)) << DIP_BAUD
+                | if config.has_registers() { 0 } else { DIP_9_OFF }
+                | if config.dip10 { DIP_10_ON } else { 0 },
             regs: segment.view(config.port.area.first as usize)?,
             dip: config.dip,
             takes_part: false,
             edge: None,
+            last_frame: None,
         })
+    }
+
+    /// Its DIP switches as the header page has them: those of the other numbers mean nothing to a slave of the PLC.
+    fn switches(&self) -> u32 {
+        let others = if self.has_registers { self.other_switches & DIP_10_ON } else { self.other_switches };
+        u32::from(self.dip) | others
     }
 
     /// Its place among the ports of the header page.
@@ -56,11 +80,15 @@ impl Module {
     }
 
     fn leds(&self, now: u64) -> Leds {
-        let seen = Seen { takes_part: self.takes_part, interval_us: self.interval_us(now) };
+        let has_traffic = self.last_frame.is_some_and(|at| now.saturating_sub(at) <= TRAFFIC_US);
+        let seen = Seen { takes_part: self.takes_part, interval_us: self.interval_us(now), has_traffic };
         let (option, can) = (&self.regs.w_OPTION_STATUS, &self.regs.w_CANsync_STATUS);
-        match self.kind {
-            ModuleKind::Can06 => Leds::of_master(option, can, seen),
-            ModuleKind::Can05 => Leds::of_slave(option, can, seen),
+        match self.work {
+            Work::Master => Leds::of_master(option, can, seen),
+            Work::PlcSlave => Leds::of_slave(option, can, seen),
+            Work::ControllerSlave(_) => Leds::of_controllers_slave(self.edge.is_some(), seen),
+            Work::InitError => Leds::of_init_error(self.has_registers),
+            Work::UnknownBaudRate => Leds::of_unknown_baud_rate(),
         }
     }
 }
@@ -95,19 +123,22 @@ impl Bm4Plc {
         let mut modules = Vec::with_capacity(config.modules.len());
         for module in &config.modules {
             let module = Module::new(module, &segment)?;
-            face.put(|page| &page.ports[module.place()].dip, module.dip.into());
+            face.put(|page| &page.ports[module.place()].dip, module.switches());
             modules.push(module);
         }
         let plug = |module: &ModuleConfig| {
-            let role = match module.kind {
-                ModuleKind::Can06 => SocketRole::Master,
-                ModuleKind::Can05 => {
-                    SocketRole::Slave { number: module.dip, lock: SyncLock::new(module.lock_time_us, None) }
+            let role = match module.work() {
+                Work::Master => SocketRole::Master { has_sync_in: config.hands_sync_to(module) },
+                Work::PlcSlave => {
+                    let lock = SyncLock::new(module.lock_time_us, module.sync_loss_us);
+                    SocketRole::Slave { number: module.dip, lock }
                 }
+                Work::ControllerSlave(kbit_s) => SocketRole::Drive(Box::new(config.drive_of(module, kbit_s))),
+                Work::InitError | Work::UnknownBaudRate => return None,
             };
             let number = module.port.number;
             let origin = Origin { plc: index, node: number };
-            Plug {
+            Some(Plug {
                 number,
                 family: module.port.medium,
                 medium: module.bus.clone(),
@@ -118,9 +149,9 @@ impl Bm4Plc {
                     area: module.port.area,
                     role,
                 }),
-            }
+            })
         };
-        let ports = config.modules.iter().map(plug).collect();
+        let ports = config.modules.iter().filter_map(plug).collect();
         let way = |module: &ModuleConfig| Some((module.sync_in_from?.number, module.port.number));
         let device = Bm4Plc {
             index,
@@ -166,11 +197,9 @@ impl Device for Bm4Plc {
         let layout = self.layout();
         let empty =
             layout.ports.iter().fold(Fitted::unknown(layout), |it, port| it.with(port.number, Fit::Empty));
-        self.modules.iter().fold(empty, |fitted, module| {
-            let role = match module.kind {
-                ModuleKind::Can06 => Role::Master,
-                ModuleKind::Can05 => Role::Slave,
-            };
+        let with_registers = self.modules.iter().filter(|module| module.has_registers);
+        with_registers.fold(empty, |fitted, module| {
+            let role = if module.work == Work::Master { Role::Master } else { Role::Slave };
             fitted.with(module.number, Fit::As(role))
         })
     }
@@ -183,9 +212,13 @@ impl Device for Bm4Plc {
                 self.front.face.ask(|page| &page.program.start_request, start.code());
             }
             BoardSetting::ModuleDip { port, dip } => {
-                let slave = |module: &&Module| module.number == port && module.kind == ModuleKind::Can05;
-                let Some(module) = self.modules.iter().find(slave) else { return false };
-                self.front.face.put(|page| &page.ports[module.place()].dip, dip.into());
+                // The number of a slave of the controller is the plant file's.
+                let is_it = |module: &&Module| {
+                    module.number == port && module.has_registers && module.work != Work::Master
+                };
+                let Some(module) = self.modules.iter().find(is_it) else { return false };
+                let switches = u32::from(dip) | module.switches() & !u32::from(DIP_LAST);
+                self.front.face.put(|page| &page.ports[module.place()].dip, switches);
             }
             BoardSetting::Reset | BoardSetting::PowerCycle => {}
             _ => return false,
@@ -209,9 +242,16 @@ impl Device for Bm4Plc {
     fn start(&mut self, ctx: &mut Context) {
         self.front.start(ctx);
         for module in &mut self.modules {
-            let dip = self.front.face.asked().ports[module.place()].dip.load();
-            module.dip = (dip & u32::from(DIP_LAST)) as u8;
+            if module.has_registers {
+                let dip = self.front.face.asked().ports[module.place()].dip.load();
+                module.dip = (dip & u32::from(DIP_LAST)) as u8;
+            }
             module.edge = None;
+            module.last_frame = None;
+            if module.work == Work::InitError && module.has_registers {
+                // No firmware runs that would do so.
+                module.regs.reset_from(0);
+            }
         }
         self.show_leds(ctx.now);
     }
@@ -232,6 +272,7 @@ impl Device for Bm4Plc {
     fn address_taken(&mut self, ctx: &mut Context, port: u8) {
         let (plc, number) = (self.index, self.address(port));
         ctx.report(OnBoard { plc, what: BoardEvent::NumberTaken { port, number } });
+        find_number_taken(ctx, DEVICE.port_numbered(port), number);
     }
 
     fn port_joined(&mut self, port: u8, takes_part: bool) {
@@ -265,11 +306,14 @@ impl Device for Bm4Plc {
         self.front.has_changed()
     }
 
-    fn processor_cycle(&mut self, ctx: &mut Context) {
-        self.show_leds(ctx.now);
+    /// LEDs follow what the module's firmware shows and what is on its bus.
+    fn port_looked(&mut self, port: u8, last_frame: Option<u64>, now: u64) {
+        let Some(module) = self.module(port) else { return };
+        module.last_frame = last_frame;
+        let (place, leds) = (module.place(), module.leds(now).code());
+        self.front.face.ports[place].leds.store(leds);
     }
 
-    /// LEDs follow what the modules' firmware shows after the device has looked.
     fn rests(&self) -> bool {
         let is_shown = |module: &Module| {
             let shown = self.front.face.ports[module.place()].leds.load();

@@ -34,9 +34,10 @@ use crate::devices::{Context, Medium, SyncSignal, World};
 use crate::fault::{Faults, Owner};
 use crate::journal::{Journal, Origin};
 use agenda::{Agenda, Slot};
+use core::any::Any;
 use disturbance::Disturbance;
 use drives::Drives;
-use end::{End, Place};
+use end::{DriveEnd, End, Place};
 use own_clock::OwnClock;
 use serde::{Deserialize, Serialize};
 use slots::{OnWire, PLACES};
@@ -76,13 +77,15 @@ struct Running {
 pub struct SimBus {
     index: u16,
     name: String,
-    /// Whether there is a bus at all. The nodes that no bus is plugged in at have one without wires in common.
+    /// Whether there is a bus at all. A node that no bus is plugged in at has a medium without wires.
     is_wired: bool,
     /// The ports in the order in which they were attached.
     places: Vec<Place>,
-    /// The master, if there is one; several only where there are no wires.
+    /// The master, if there is one.
     masters: Vec<End<Master>>,
     slaves: Vec<End<Slave>>,
+    /// The drives among `drives` that are ports of devices.
+    drive_ends: Vec<DriveEnd>,
     stations: [Station; 32],
     drives: Drives,
     /// Baud rate that the plant file gives, in kbit/s: that of its drives, as far as they have none of their own.
@@ -108,7 +111,8 @@ pub struct SimBus {
 }
 
 impl SimBus {
-    /// Where nodes are that no bus is plugged in at: their firmware runs, and nothing is ever due.
+    /// Where nodes are that no bus is plugged in at. A master makes its SYNC signal there and sends, and no station hears it; the
+    /// journal has no record of that traffic (decision D-645).
     pub fn unplugged() -> Self {
         Self::empty(u16::MAX, false, &BusConfig::default())
     }
@@ -135,6 +139,7 @@ impl SimBus {
             places: Vec::new(),
             masters: Vec::new(),
             slaves: Vec::new(),
+            drive_ends: Vec::new(),
             stations: [Station::Nobody; 32],
             drives: Drives::default(),
             kbit_s: config.kbit_s,
@@ -174,9 +179,6 @@ impl SimBus {
     /// The master starts synchronous operation; with its own SYNC signal the first edge comes at once.
     fn start(&mut self, now: u64, timing: &'static BaudRate, own_sync: bool) {
         self.stop(now);
-        if !self.is_wired {
-            return;
-        }
         self.running = Some(Running { timing, own_sync, signal: signal_of(timing), start: now });
         if own_sync {
             self.agenda.set(Slot::Sync, now);
@@ -298,6 +300,11 @@ impl Run<'_> {
 /// The drives at all CANsync buses among these media, as [`Plant::media`](crate::plant::Plant::media) has them.
 pub fn drives(media: &[Box<dyn Medium>]) -> impl Iterator<Item = &Drive> {
     media.iter().filter_map(|medium| medium.as_a::<SimBus>()).flat_map(SimBus::drives)
+}
+
+/// Whether the node of a [`Socket`] does something without a bus: a master makes its SYNC signal itself.
+pub(crate) fn runs_alone(socket: &dyn Any) -> bool {
+    socket.downcast_ref::<Socket>().is_some_and(|socket| matches!(socket.role, SocketRole::Master { .. }))
 }
 
 /// The SYNC signal of a master at this rate.

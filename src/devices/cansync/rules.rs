@@ -62,8 +62,8 @@ rules! {
         "A register behind the initialization structure was written before the initialization data were taken \
          over, which clears it. Wait for w_OPTION_STATUS 16#0003 first.";
     AFTER_INIT: 24, "after-init", Error, "5.00005.03a p. 145; 5.02066.01a p. 42, 71; D-02, D-03",
-        "A register of the initialization structure was written after the data had been taken over: it has no \
-         effect and hits a reserved register. Restart the node with 16#0000 to initialize it anew.";
+        "A register of the initialization structure was written after the data had been taken over and before \
+         the start: it has no effect and hits a reserved register. Restart the node with 16#0000 to initialize it anew.";
     DRIVE_SYNC_SLOT: 31, "drive-sync-slot", Error, "5.01010.01 p. 13; D-291",
         "The SYNC slot (P167) of a drive does not belong to the baud rate of its bus, so the drive never locks. Set P167 to 1000 \
          at 1000 kbit/s, 2000 at 500, 4000 at 250, 8000 at 125.";
@@ -76,6 +76,12 @@ rules! {
          and P167 with them.";
     DRIVE_SYNC_OFFSET: 91, "drive-sync-offset", Warning, "5.01010.01 p. 13",
         "The SYNC offset (P168) of a drive with CANsync card is not 0. Set P168 to 0 at every baud rate.";
+    NO_SYNC_IN: 99, "no-sync-in", Error, "5.00005.03a p. 149; 5.02066.01a p. 50-51; D-12, D-646",
+        "A master is to pass a SYNC signal on (b_MA_SL_MODE 16#02), but no other port can hand it one, so it waits without \
+         end. Write 16#00, or connect the port that receives the signal: node1 of an Omega Drive-Line II, sync_in_from of a module.";
+    NUMBER_TAKEN: 100, "number-taken", Error, "5.00005.03a p. 22; 5.02066.01a p. 15, 26; D-184",
+        "The slave number at the DIP switches of a node belongs to another station of its bus, so no master reaches the node. \
+         Set a number that is free and switch the supply off and on.";
     FOREIGN_FRAME: 61, "foreign-frame", Warning, "D-315",
         "A program at a door has sent a frame into a CANsync bus, where only master and slaves send, each in its slot. Only \
          listen there.";

@@ -5,7 +5,7 @@ use super::config::PlcConfig;
 use super::faults::{Effect, pace};
 use crate::devices::cansync::bus::SyncLock;
 use crate::devices::cansync::drive::BuiltInDrive;
-use crate::devices::cansync::firmware::{Seat, note_restarts};
+use crate::devices::cansync::firmware::{Seat, find_number_taken, note_restarts};
 use crate::devices::cansync::medium::{Socket, SocketRole};
 use crate::devices::cansync::records::OwnDriveSet;
 use crate::devices::omega_drive_line_2::baps::Baps;
@@ -75,9 +75,11 @@ impl Plc {
             }),
         };
         let slave = SocketRole::Slave { number: config.dip, lock };
+        // On one bus node 2 would wait for the signal that it is to make.
+        let has_sync_in = config.node1.is_some() && config.node1 != config.node2;
         let ports = vec![
             plug(&DEVICE.ports[0], &config.node1, slave),
-            plug(&DEVICE.ports[1], &config.node2, SocketRole::Master),
+            plug(&DEVICE.ports[1], &config.node2, SocketRole::Master { has_sync_in }),
         ];
         let device = Plc {
             index,
@@ -192,6 +194,7 @@ impl Device for Plc {
     fn address_taken(&mut self, ctx: &mut Context, port: u8) {
         let (plc, number) = (self.index, self.board.dip());
         ctx.report(OnBoard { plc, what: BoardEvent::NumberTaken { port, number } });
+        find_number_taken(ctx, DEVICE.port_numbered(port), number);
     }
 
     fn port_joined(&mut self, port: u8, takes_part: bool) {

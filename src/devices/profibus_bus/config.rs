@@ -83,11 +83,6 @@ impl MediumConfig for ProfibusConfig {
         &self.doors
     }
 
-    /// A slave and a master without a stack may belong to one device.
-    fn takes_several_of_a_device(&self) -> bool {
-        true
-    }
-
     fn build(&self, index: usize) -> Result<Box<dyn Medium>, BuildError> {
         Ok(Box::new(ProfibusBus::new(index, self)))
     }

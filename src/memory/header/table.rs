@@ -50,7 +50,7 @@ pub struct PortEntry {
     pub restarts_written: Cell32,
     /// Its DIP switches, where it has any of its own.
     pub dip: Cell32,
-    /// Its LEDs, where it has any of its own: eight bits for each, 0 off, 16#FF on, else the number of flashes.
+    /// Its LEDs, where it has any of its own: eight bits for each, 0 off, 16#FF on, 16#FE in turn with another one, else the number of flashes.
     pub leds: Cell32,
     /// What it is at its medium: 0 nothing, there is no such module; 1 master, 2 slave, 3 peer.
     pub role: Cell32,

@@ -50,8 +50,7 @@ impl PlantConfig {
         device: &dyn DeviceConfig,
         media: &HashMap<&str, &dyn MediumConfig>,
     ) -> Result<(), PlantError> {
-        let ports = device.ports();
-        for (index, port) in ports.iter().enumerate() {
+        for port in &device.ports() {
             let Some(bus) = port.medium else { continue };
             let plc = device.name().to_owned();
             let Some(medium) = media.get(bus) else {
@@ -65,17 +64,6 @@ impl PlantConfig {
             if right != medium.family() {
                 let (port, bus, kind) = (port.name.to_owned(), bus.to_owned(), medium.family());
                 return Err(PlantError::OtherKind { plc, port, bus, kind, right });
-            }
-            let mut before = ports[..index].iter().filter(|_| !medium.takes_several_of_a_device());
-            if let Some(other) = before.find(|other| other.medium == port.medium) {
-                if medium.has_one_master() && other.address.is_none() && port.address.is_none() {
-                    let (first, second) = (plc.clone(), plc);
-                    let (first_port, second_port) = (other.name.to_owned(), port.name.to_owned());
-                    let bus = bus.to_owned();
-                    return Err(PlantError::TwoMasters { bus, first, first_port, second, second_port });
-                }
-                let (first, second) = (other.name.to_owned(), port.name.to_owned());
-                return Err(PlantError::BothNodes { plc, first, second, bus: bus.to_owned() });
             }
         }
         Ok(())
@@ -92,10 +80,11 @@ fn check_medium(medium: &dyn MediumConfig, ports: &[PortOf<'_>]) -> Result<(), P
         let (first_port, second_port) = (first_port.name.to_owned(), second_port.name.to_owned());
         return Err(PlantError::TwoMasters { bus: bus(), first, first_port, second, second_port });
     }
+    let numbers = numbers_on(medium, ports);
     let mut taken: [Option<&str>; 256] = [None; 256];
-    for (name, number) in numbers_on(medium, ports) {
-        if let Some(first) = taken[usize::from(number)].replace(name) {
-            let (first, second) = (first.to_owned(), name.to_owned());
+    for (name, number) in &numbers {
+        if let Some(first) = taken[usize::from(*number)].replace(name) {
+            let (number, first, second) = (*number, first.to_owned(), name.to_string());
             return Err(PlantError::SlaveNumber { bus: bus(), number, first, second });
         }
     }

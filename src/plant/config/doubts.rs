@@ -24,6 +24,7 @@ impl PlantConfig {
             let offset = places::offset_of_key(&doubt.section, doubt.key, text);
             (offset.map(|offset| file::line_of(text, offset)), doubt)
         };
-        self.media.iter().flat_map(of).map(placed).collect()
+        let of_devices = self.devices.iter().flat_map(|device| device.doubts());
+        of_devices.chain(self.media.iter().flat_map(of)).map(placed).collect()
     }
 }

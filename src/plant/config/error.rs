@@ -114,18 +114,6 @@ pub enum PlantError {
         /// Kind of the buses that it can be on.
         right: &'static str,
     },
-    /// Two ports of a device on one bus.
-    #[error("{first} and {second} of PLC '{plc}' are both on bus '{bus}'; a PLC takes part in a bus once")]
-    BothNodes {
-        /// The device.
-        plc: String,
-        /// A port.
-        first: String,
-        /// Another port.
-        second: String,
-        /// The bus.
-        bus: String,
-    },
     /// Two masters on one bus.
     #[error(
         "bus '{bus}' has two masters, {first_port} of '{first}' and {second_port} of '{second}'; a bus of its kind has one"

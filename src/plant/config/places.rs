@@ -25,9 +25,7 @@ pub(super) fn offset_of(error: &PlantError, text: &str) -> Option<usize> {
         PlantError::Duplicate { what, name } => {
             sections_of(root, what).filter(|it| is_named(it, name)).last()
         }
-        PlantError::UnknownBus { plc, bus, .. } | PlantError::BothNodes { plc, bus, .. } => {
-            plugged_at(root, plc, bus).last().map(|(_, key)| key)
-        }
+        PlantError::UnknownBus { plc, bus, .. } => plugged_at(root, plc, bus).last().map(|(_, key)| key),
         PlantError::OtherKind { plc, bus, .. } => plugged_at(root, plc, bus).next().map(|(_, key)| key),
         PlantError::TwoMasters { bus, second, .. } => {
             plugged_at(root, second, bus).last().map(|(_, key)| key)
@@ -41,7 +39,8 @@ pub(super) fn offset_of(error: &PlantError, text: &str) -> Option<usize> {
 /// Offset of a key in the section of this name, or of the section where it does not stand there.
 pub(super) fn offset_of_key(section: &str, key: &str, text: &str) -> Option<usize> {
     let table = DeTable::parse(text).ok()?;
-    let section = named(table.get_ref(), section).last()?;
+    let root = table.get_ref();
+    let section = named(root, section).last().or_else(|| module(root, section))?;
     Some(section.get_ref().get(key).unwrap_or(section).span().start)
 }
 
@@ -59,12 +58,21 @@ fn setting<'a, 't>(root: &'a DeTable<'t>, error: &SettingError) -> Option<&'a Va
         let found = what.split('.').try_fold(section, |section, key| section.get_ref().get(key));
         found.filter(|found| integer(found) == Some(*value))
     };
-    let (device, port) = name.split_once(':').unwrap_or((name, ""));
-    let modules = named(root, device).flat_map(|section| below(section.get_ref(), "module"));
-    let module =
-        modules.filter(|module| text_at(module, "slot").is_some_and(|slot| port == format!("slot{slot}")));
+    let module = module(root, name);
     let own = root.get(*what).filter(|found| integer(found) == Some(*value));
     own.or_else(|| named(root, name).chain(module).find_map(at))
+}
+
+/// The section of a module that `name` names by its port, as in `maxx:slotG`.
+fn module<'a, 't>(root: &'a DeTable<'t>, name: &str) -> Option<&'a Value<'t>> {
+    let (device, port) = name.split_once(':')?;
+    let mut modules = named(root, device).flat_map(|section| below(section.get_ref(), "module"));
+    modules.find(|module| text_at(module, "slot").is_some_and(|slot| is_port_of(port, slot)))
+}
+
+/// Whether the port is that of the module in this slot.
+fn is_port_of(port: &str, slot: &str) -> bool {
+    port.strip_prefix("slot") == Some(slot)
 }
 
 /// The number that the later one of two gives itself on a bus; where it leaves it at the default, its bus.
@@ -75,7 +83,12 @@ fn slave_number<'a, 't>(root: &'a DeTable<'t>, bus: &str, number: u8, second: &s
         drives.filter(|drive| is_named(drive, second)).find_map(|drive| drive.get_ref().get("slave_number"));
     let drive = drive.filter(|found| integer(found) == Some(number.into()));
     drive.or_else(|| {
-        let (section, key) = plugged_at(root, second, bus).last()?;
+        let (device, port) = second.split_once(':').unwrap_or((second, ""));
+        let is_its = |section: &DeValue<'_>| {
+            let slot = section.get("slot").and_then(|slot| slot.get_ref().as_str());
+            port.is_empty() || slot.is_none_or(|slot| is_port_of(port, slot))
+        };
+        let (section, key) = plugged_at(root, device, bus).filter(|(section, _)| is_its(section)).last()?;
         Some(section.get("dip").unwrap_or(key))
     })
 }

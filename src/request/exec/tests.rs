@@ -329,7 +329,10 @@ fn advance_to_sync_ends_on_the_edge() {
     assert_eq!((times[1] - times[0], times[2] - times[1]), (2_000, 2_000));
     let (code, text) = host.refusal(Op::AdvanceToSync { plc: 1, node: 2 });
     assert_eq!(code, Code::NO_SYNC);
-    assert_eq!(text, "PLC 'saw': nobody sends SYNC on the bus of node2; initialize its master first");
+    assert_eq!(
+        text,
+        "PLC 'saw': there is no SYNC signal at node2; saw:node2 has not started: w_OPTION_STATUS is 16#0001; initialize it first"
+    );
 }
 
 #[test]

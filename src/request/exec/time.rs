@@ -139,9 +139,9 @@ pub(super) fn no_conditions() -> Refused {
 pub(super) fn no_sync(host: &dyn Host, plc: u16, node: u8) -> Refused {
     let ports = host.plant().devices().get(usize::from(plc)).map(|device| device.layout().ports);
     let port = ports.unwrap_or_default().iter().find(|port| port.number == node);
-    let (plc, port) = (plc_name(host, plc), port.map_or("this port", |port| port.name));
-    let text =
-        format_args!("PLC '{plc}': nobody sends SYNC on the bus of {port}; initialize its master first");
+    let name = port.map_or("this port", |port| port.name);
+    let why = host.plant().why_no_sync(plc.into(), node);
+    let text = format_args!("PLC '{}': there is no SYNC signal at {name}; {why}", plc_name(host, plc));
     Refused::new(Code::NO_SYNC, text)
 }
 

@@ -19,7 +19,7 @@ impl Bench {
     /// there are several; without a name of the device's first master.
     ///
     /// # Errors
-    /// There is no such port, or nobody sends SYNC.
+    /// There is no such port, or there is no SYNC signal.
     pub fn step_to_sync(&mut self, port: &str) -> Result<(), ScenarioError> {
         let (plc, name) = split_plc(port);
         let first = || self.names.fitted(0).first_master().map_or("", |port| port.name);

@@ -89,6 +89,7 @@ fn module_map(front: ModuleFront) -> Map {
             Led::Off => "off".into(),
             Led::On => "on".into(),
             Led::Flashes(count) => int(count.into()).into(),
+            Led::InTurn => "in_turn".into(),
         };
         (name.into(), shown)
     });

@@ -4,6 +4,7 @@
 
 #![allow(non_snake_case, reason = "the manual's names, letter for letter")]
 
+use crate::rig::bring_up::Stage;
 use crate::rig::{Memory, RATES, Rate, Rig};
 use commram::devices::bm4_o_can_06::blocks::*;
 use commram::devices::bm4_o_can_06::registers::*;
@@ -33,6 +34,7 @@ const VECTORS: &[Vector] = &[
     Vector { id: "T23", source: "p. 192: length 0", check: t23 },
     Vector { id: "T24", source: "p. 189-190: 2048 values (blocks inferred)", check: t24 },
     Vector { id: "T26", source: "p. 27: DIP switches 8 to 4", check: t26 },
+    Vector { id: "T27", source: "p. 27: DIP switches 3 to 1, with 9 at OFF", check: t27 },
     Vector { id: "T28", source: "p. 36-38: read job (identifiers inferred)", check: t28 },
     Vector { id: "T30", source: "p. 50: bit 7 ends BUS-off", check: t30 },
     Vector { id: "T36", source: "p. 62-64: order of jobs", check: t36 },
@@ -232,6 +234,24 @@ fn t26() {
         rig.plant.set_power(rig.slave_at.plc, commram::plant::Power::Off);
         rig.plant.set_power(rig.slave_at.plc, commram::plant::Power::On);
         assert_eq!(rig.slave.w_OMEGA_NR.load(), number, "w_SLAVE_NUMBER");
+    }
+}
+
+fn t27() {
+    for (switches, kbit_s) in [(0b011, 125), (0b100, 250), (0b101, 500), (0b110, 1000)] {
+        for rate in RATES.iter().filter(|rate| !rate.kind.is_omega()) {
+            let module = format!(
+                "[[device.module]]\nslot = 'G'\nkind = 'can-05'\nbus = 'line'\ndip = 2\ndip9 = false\ndip_baud = {switches}\n\
+                 lock_time_us = 20000\n"
+            );
+            let text = rate.plant("").replacen("[[bus]]", &(module + "[[bus]]"), 1);
+            let mut rig = Rig::of_plant(Memory::Heap, *rate, &text);
+            rig.bring_up(&[&rig.master_node()], ..=Stage::SetUp);
+            rig.step(100 * rate.interval_us);
+            let expected = if rate.kbit_s == kbit_s { 0x03 } else { 0 };
+            assert_eq!(rig.master.a_STAT_SL[2].load(), expected, "{switches:03b} at {} kbit/s", rate.kbit_s);
+            rig.tolerate_errors(&[&commram::devices::cansync::rules::DRIVE_BAUD_RATE]);
+        }
     }
 }
 

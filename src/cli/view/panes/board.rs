@@ -139,6 +139,7 @@ fn module_line(port: &str, module: &ModuleFront, theme: Theme) -> FrontLine {
             Led::Off => ("\u{25cb}".to_owned(), theme.dim()),
             Led::On => ("\u{25cf}".to_owned(), theme.good()),
             Led::Flashes(count) => (format!("\u{25d0}{count}"), theme.warning()),
+            Led::InTurn => ("\u{25d1}".to_owned(), theme.warning()),
         };
         spans.push(Span::styled(format!("{sign} "), style));
         spans.push(Span::raw(format!("{name}  ")));

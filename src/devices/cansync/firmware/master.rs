@@ -95,6 +95,11 @@ impl Master {
         self.node.state()
     }
 
+    /// What `w_OPTION_STATUS` shows.
+    pub fn option_status(&self) -> u16 {
+        self.node.shown_state()
+    }
+
     /// Slot times, once initialization data were taken over.
     pub fn timing(&self) -> Option<&'static BaudRate> {
         self.node.init().map(|init| init.timing)
@@ -121,6 +126,12 @@ impl Master {
     #[inline]
     pub fn is_on_bus(&self) -> bool {
         self.node.is_on_bus()
+    }
+
+    /// Whether a frame with this identifier reaches the node: its controller works and its acceptance filter lets the frame pass.
+    #[inline]
+    pub fn accepts(&self, identifier: u16) -> bool {
+        self.node.accepts(identifier)
     }
 
     /// Whether the PLC wrote `w_CPU_CONTROL` since the last look.

@@ -27,6 +27,7 @@ mod word_config;
 
 pub use init::{InitData, InitFault};
 pub use master::{Built, Master};
+pub(crate) use node::find_number_taken;
 pub use node::{Change, NodeState, Seat};
 pub(crate) use orders::note_restarts;
 pub use slave::Slave;

@@ -7,6 +7,7 @@ mod findings;
 mod seat;
 mod status;
 
+pub(crate) use findings::find_number_taken;
 pub use seat::Seat;
 
 use super::controller::Controller;
@@ -163,6 +164,7 @@ impl Node {
             is_master: self.role == Role::Master,
             live: self.live(),
             takes_over_init: self.state == NodeState::WaitingForInit && ordered(),
+            is_on_bus: self.is_on_bus(),
             is_active: self.state == NodeState::Active,
             missed: punctual.map(|frame| frame.missed_at()),
             expected: self.init.as_ref().map_or(0, |init| init.expected),

@@ -164,6 +164,12 @@ impl Slave {
         now + u64::from(self.interval_us) * 3 / 2
     }
 
+    /// Whether a frame with this identifier reaches the node: its controller works and its acceptance filter lets the frame pass.
+    #[inline]
+    pub fn accepts(&self, identifier: u16) -> bool {
+        self.node.accepts(identifier)
+    }
+
     /// Whether the PLC wrote `w_CPU_CONTROL` since the last look.
     pub fn control_changed(&self) -> bool {
         self.node.control_changed()

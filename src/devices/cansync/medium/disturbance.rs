@@ -11,6 +11,10 @@ use serde::{Deserialize, Serialize};
 pub(super) struct Disturbance {
     /// Slaves that are off, bit n for slave n.
     off: u32,
+    /// Those of them that faults have switched off.
+    faulty: u32,
+    /// Those of them whose device has no power.
+    unpowered: u32,
     /// Frames under way that nobody receives at all, by place on the wire.
     pub(super) lost: u8,
     /// Frames under way that end later than regularly, by place on the wire.
@@ -96,9 +100,25 @@ impl Disturbance {
 }
 
 impl SimBus {
+    /// Slaves that faults have switched off, bit n for slave n.
+    pub(super) fn switch_off_by_faults(&mut self, now: u64, off: u32) {
+        self.disturbance.faulty = off;
+        self.switch_off(now, off | self.disturbance.unpowered);
+    }
+
+    /// The device of a drive has power or not.
+    pub(super) fn supply_drive(&mut self, now: u64, number: u8, has_power: bool) {
+        let bit = 1u32.checked_shl(number.into()).unwrap_or(0);
+        let unpowered = self.disturbance.unpowered;
+        self.disturbance.unpowered = if has_power { unpowered & !bit } else { unpowered | bit };
+        if self.disturbance.unpowered != unpowered {
+            self.switch_off(now, self.disturbance.faulty | self.disturbance.unpowered);
+        }
+    }
+
     /// Slaves that are off from now on, bit n for slave n. Drives that go off are as at power-on when they come
     /// back; a PLC's node has its plug pulled (decision D-123).
-    pub(super) fn switch_off(&mut self, now: u64, off: u32) {
+    fn switch_off(&mut self, now: u64, off: u32) {
         let changed = self.disturbance.off ^ off;
         self.disturbance.off = off;
         self.drives.switch_off(off);

@@ -2,6 +2,7 @@
 
 use crate::devices::Context;
 use crate::devices::cansync::bus::SyncLock;
+use crate::devices::cansync::drive::DriveConfig;
 use crate::devices::cansync::firmware::{Master, Seat, Slave};
 use crate::devices::cansync::watch::NodeWatch;
 use crate::journal::{Journal, Origin};
@@ -25,10 +26,13 @@ pub struct Socket {
 }
 
 /// What a node is on its bus.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub enum SocketRole {
     /// The master.
-    Master,
+    Master {
+        /// Whether the device can hand it the SYNC signal of another port, for `b_MA_SL_MODE` 16#02 (decision D-12).
+        has_sync_in: bool,
+    },
     /// A slave.
     Slave {
         /// Its number, until the device starts with another one at its switches.
@@ -36,6 +40,8 @@ pub enum SocketRole {
         /// How it synchronizes.
         lock: SyncLock,
     },
+    /// A slave without registers: a drive of the bus that is built into the device, under its slave number.
+    Drive(Box<DriveConfig>),
 }
 
 /// A node with its firmware.
@@ -43,6 +49,8 @@ pub(super) struct End<F> {
     pub(super) firmware: F,
     pub(super) watch: NodeWatch,
     pub(super) origin: Origin,
+    /// When the node last sent or received a frame, in emulated microseconds; `None` since it is on the bus.
+    pub(super) last_frame: Option<u64>,
     header: View<Header>,
     segment: Segment,
     seat: Seat,
@@ -54,25 +62,44 @@ pub(super) struct End<F> {
 pub(super) enum Place {
     Master(usize),
     Slave(usize),
+    Drive(usize),
 }
 
-state!(where [F: State] End<F> { parts: firmware, watch; built: origin, header, segment, seat, role });
+/// The end of a bus at a device with a drive.
+#[derive(Clone, Debug)]
+pub(super) struct DriveEnd {
+    pub(super) origin: Origin,
+    pub(super) number: u8,
+    pub(super) kbit_s: u16,
+    /// When the drive last sent or received a frame.
+    pub(super) last_frame: Option<u64>,
+}
+
+state!(DriveEnd { values: last_frame; built: origin, number, kbit_s });
+
+state!(where [F: State] End<F> { values: last_frame; parts: firmware, watch; built: origin, header, segment, seat, role });
 
 impl<F> End<F> {
     fn new(socket: &Socket, firmware: F) -> Result<Self, MemoryError> {
         let role = match socket.role {
-            SocketRole::Master => Role::Master,
-            SocketRole::Slave { .. } => Role::Slave,
+            SocketRole::Master { .. } => Role::Master,
+            SocketRole::Slave { .. } | SocketRole::Drive(_) => Role::Slave,
         };
         Ok(End {
             firmware,
             watch: NodeWatch::new(socket.origin.plc, socket.area, role, &socket.segment)?,
             origin: socket.origin,
+            last_frame: None,
             header: socket.segment.header()?,
             segment: socket.segment.clone(),
             seat: socket.seat,
-            role: socket.role,
+            role: socket.role.clone(),
         })
+    }
+
+    /// Whether the device can hand this master the SYNC signal of another port.
+    pub(super) fn has_sync_in(&self) -> bool {
+        matches!(self.role, SocketRole::Master { has_sync_in: true })
     }
 
     /// Runs `f` on the firmware.
@@ -117,8 +144,8 @@ impl End<Slave> {
 
     /// As [`End::forget`] of a master; it is the slave with this number from now on.
     pub(super) fn begin_as(&mut self, number: u8) {
-        let SocketRole::Slave { lock, .. } = self.role else { return };
-        if let Ok(slave) = Slave::new(&self.segment, self.seat, number, lock) {
+        let SocketRole::Slave { lock, .. } = &self.role else { return };
+        if let Ok(slave) = Slave::new(&self.segment, self.seat, number, *lock) {
             self.firmware = slave;
         }
     }

@@ -105,6 +105,7 @@ impl Run<'_> {
             match place {
                 Place::Master(index) => self.bus.masters[index].firmware.frame_is_past(),
                 Place::Slave(index) => self.bus.slaves[index].firmware.frame_is_past(),
+                Place::Drive(_) => {}
             }
         }
     }
@@ -146,6 +147,7 @@ impl Run<'_> {
             let lost = match place {
                 Place::Slave(index) => sender != Station::Node(index) && bus.slaves[index].firmware.overrun(),
                 Place::Master(index) => !from_master && bus.masters[index].firmware.overrun(),
+                Place::Drive(_) => false,
             };
             lost.then(|| {
                 deaf.push(place);

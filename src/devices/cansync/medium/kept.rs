@@ -12,6 +12,7 @@ impl State for SimBus {
             places: _,
             masters,
             slaves,
+            drive_ends,
             stations,
             drives,
             kbit_s: _,
@@ -32,6 +33,7 @@ impl State for SimBus {
         } = self;
         masters.save(to);
         slaves.save(to);
+        drive_ends.save(to);
         drives.save(to);
         to.value(stations);
         // The rate is the master's, who has started the bus.
@@ -43,6 +45,7 @@ impl State for SimBus {
     fn restore(&mut self, from: &mut Saved<'_>) -> Result<(), Damaged> {
         self.masters.restore(from)?;
         self.slaves.restore(from)?;
+        self.drive_ends.restore(from)?;
         self.drives.restore(from)?;
         self.stations = from.value()?;
         let is_there = |station: &Station| match *station {

@@ -1,7 +1,7 @@
 //! A CANsync bus as the plant sees it, and what its ports do apart from the traffic.
 
 use super::agenda::Slot;
-use super::end::{End, Place, Socket, SocketRole};
+use super::end::{DriveEnd, End, Place, Socket, SocketRole};
 use super::rates::report_mismatch;
 use super::{FAMILY, Sender, SimBus, Station};
 use crate::devices;
@@ -11,14 +11,19 @@ use crate::devices::cansync::drive::Drive;
 use crate::devices::cansync::faults::Effect;
 use crate::devices::cansync::firmware::Change;
 use crate::devices::cansync::records::DriveSet;
+use crate::devices::cansync::registers::CANsync_INIT_BMSTRUCT;
+use crate::devices::cansync::registers::values::ma_sl_mode;
+use crate::devices::cansync::rules;
 use crate::devices::{
-    BuildError, DriveDetails, DriveState, GuestRefusal, Interval, Medium, ParameterRefusal, Shaft, Stranger,
-    SyncSignal, World,
+    BuildError, Context, DriveDetails, DriveState, GuestRefusal, Interval, Medium, ParameterRefusal, Shaft,
+    Stranger, SyncOrigin, SyncSignal, World,
 };
 use crate::door::Said;
 use crate::fault::{self, Faults, Hit, Target};
 use crate::journal::{Journal, Origin};
+use crate::layout::Live;
 use core::any::Any;
+use core::mem::offset_of;
 
 impl Medium for SimBus {
     fn name(&self) -> &str {
@@ -31,25 +36,35 @@ impl Medium for SimBus {
 
     fn attach(&mut self, socket: Box<dyn Any + Send>) -> Result<usize, BuildError> {
         let socket = socket.downcast::<Socket>().map_err(|_| BuildError::OtherFamily)?;
-        let place = match socket.role {
-            SocketRole::Master => {
+        let place = match &socket.role {
+            SocketRole::Master { .. } => {
                 self.masters.push(End::master(&socket)?);
                 Place::Master(self.masters.len() - 1)
             }
             SocketRole::Slave { number, lock } => {
                 let index = self.slaves.len();
-                self.slaves.push(End::slave(&socket, number, lock)?);
+                self.slaves.push(End::slave(&socket, *number, *lock)?);
                 if self.is_wired {
-                    self.connect(number, Station::Node(index));
+                    self.connect(*number, Station::Node(index));
                 }
                 Place::Slave(index)
+            }
+            SocketRole::Drive(config) => {
+                let drive = Drive::new(config, self.kbit_s)?;
+                let (origin, number, kbit_s) = (socket.origin, drive.slave_number(), drive.kbit_s());
+                if self.is_wired {
+                    self.connect(number, Station::Drive(self.drives.len()));
+                }
+                self.drives.push(drive);
+                self.drive_ends.push(DriveEnd { origin, number, kbit_s, last_frame: None });
+                Place::Drive(self.drive_ends.len() - 1)
             }
         };
         self.places.push(place);
         Ok(self.places.len() - 1)
     }
 
-    fn power_on(&mut self, place: usize, address: u8, _: u64, _: &mut Journal) -> bool {
+    fn power_on(&mut self, place: usize, address: u8, now: u64, _: &mut Journal) -> bool {
         let mut is_free = true;
         match self.places[place] {
             Place::Master(index) => self.masters[index].firmware.power_on(address),
@@ -60,6 +75,7 @@ impl Medium for SimBus {
                 }
                 self.slaves[index].firmware.power_on();
             }
+            Place::Drive(index) => self.supply_drive(now, self.drive_ends[index].number, true),
         }
         is_free
     }
@@ -80,6 +96,10 @@ impl Medium for SimBus {
                 self.slaves[index].run(now, journal, |slave, ctx| slave.power_off(ctx));
                 self.slaves[index].begin_as(number);
             }
+            Place::Drive(index) => {
+                self.drive_ends[index].last_frame = None;
+                self.supply_drive(now, self.drive_ends[index].number, false);
+            }
         }
     }
 
@@ -92,6 +112,12 @@ impl Medium for SimBus {
                 let master = &end.firmware;
                 let (is_on_bus, timing, own_sync) =
                     (master.is_on_bus(), master.timing(), !master.forwards_sync());
+                if !is_on_bus {
+                    end.last_frame = None;
+                }
+                if change == Change::SetUpStarted && !own_sync && !end.has_sync_in() {
+                    end.run(now, journal, |_, ctx| report_no_sync_in(ctx));
+                }
                 match (change, timing) {
                     (Change::SetUpStarted, Some(timing)) => {
                         self.start(now, timing, own_sync);
@@ -111,8 +137,22 @@ impl Medium for SimBus {
                         report_mismatch(slave, ctx, kbit_s);
                     }
                 });
-                end.firmware.is_on_bus()
+                let is_on_bus = end.firmware.is_on_bus();
+                if !is_on_bus {
+                    end.last_frame = None;
+                }
+                is_on_bus
             }
+            // Nothing of it is seen in registers.
+            Place::Drive(_) => false,
+        }
+    }
+
+    fn last_frame(&self, place: usize) -> Option<u64> {
+        match self.places[place] {
+            Place::Master(index) => self.masters[index].last_frame,
+            Place::Slave(index) => self.slaves[index].last_frame,
+            Place::Drive(index) => self.drive_ends[index].last_frame,
         }
     }
 
@@ -120,6 +160,7 @@ impl Medium for SimBus {
         match self.places[place] {
             Place::Master(index) => self.masters[index].firmware.rests(),
             Place::Slave(index) => self.slaves[index].firmware.rests(),
+            Place::Drive(_) => true,
         }
     }
 
@@ -128,6 +169,7 @@ impl Medium for SimBus {
         match self.places[place] {
             Place::Master(index) => self.masters[index].firmware.looks_in_vain(is_seen),
             Place::Slave(index) => self.slaves[index].firmware.looks_in_vain(now, is_seen),
+            Place::Drive(_) => true,
         }
     }
 
@@ -138,19 +180,22 @@ impl Medium for SimBus {
 
     #[inline]
     fn judge_writes(&mut self, place: usize, now: u64, journal: &mut Journal) {
-        let (watch, facts) = self.watched(place);
-        watch.look(now, &facts, journal);
+        if let Some((watch, facts)) = self.watched(place) {
+            watch.look(now, &facts, journal);
+        }
     }
 
     #[inline]
     fn leave(&mut self, place: usize) {
-        let (watch, facts) = self.watched(place);
-        watch.leave(facts.live);
+        if let Some((watch, facts)) = self.watched(place) {
+            watch.leave(facts.live);
+        }
     }
 
     fn judge_write(&mut self, place: usize, offset: u32, bytes: u32, now: u64, journal: &mut Journal) {
-        let (watch, facts) = self.watched(place);
-        watch.written(offset as usize, bytes as usize, now, &facts, journal);
+        if let Some((watch, facts)) = self.watched(place) {
+            watch.written(offset as usize, bytes as usize, now, &facts, journal);
+        }
     }
 
     #[inline]
@@ -269,7 +314,7 @@ impl Medium for SimBus {
                 let master = &self.masters[index].firmware;
                 master.is_on_bus() && master.forwards_sync()
             }
-            Place::Slave(_) => false,
+            Place::Slave(_) | Place::Drive(_) => false,
         }
     }
 
@@ -288,6 +333,18 @@ impl Medium for SimBus {
         self.agenda.at(Slot::Sync)
     }
 
+    fn sync_origin(&self) -> SyncOrigin {
+        let Some(end) = self.masters.first() else { return SyncOrigin::NoMaster };
+        let (port, state) = (end.origin, end.firmware.option_status());
+        if !end.firmware.is_on_bus() {
+            SyncOrigin::Idle { port, state }
+        } else if end.firmware.forwards_sync() {
+            SyncOrigin::Forwarded(port)
+        } else {
+            SyncOrigin::Own(port)
+        }
+    }
+
     fn participants(&self) -> u32 {
         let present = self.stations.iter().enumerate().filter(|(_, station)| **station != Station::Nobody);
         present.fold(0, |mask, (number, _)| mask | 1 << number)
@@ -300,7 +357,7 @@ impl Medium for SimBus {
             }
             _ => off,
         });
-        self.switch_off(now, off);
+        self.switch_off_by_faults(now, off);
     }
 
     /// BUS-off of nodes whose CAN controller works, faults of drives that have none.
@@ -319,12 +376,19 @@ impl Medium for SimBus {
     }
 }
 
+/// A master starts that is to pass a SYNC signal on, and no other port can hand it one.
+fn report_no_sync_in(ctx: &mut Context) {
+    let offset = offset_of!(CANsync_INIT_BMSTRUCT, b_MA_SL_MODE);
+    ctx.find(&rules::NO_SYNC_IN, Live::Init, offset, ma_sl_mode::MASTER_SYNC_IN.into());
+}
+
 impl SimBus {
     /// The port of a node.
     pub(super) fn place_of(&self, origin: Origin) -> Option<Place> {
         let is_there = |place: &Place| match *place {
             Place::Master(index) => self.masters[index].origin == origin,
             Place::Slave(index) => self.slaves[index].origin == origin,
+            Place::Drive(index) => self.drive_ends[index].origin == origin,
         };
         self.places.iter().copied().find(is_there)
     }
@@ -337,7 +401,7 @@ impl SimBus {
                 let slave = &mut self.slaves[index].firmware;
                 (slave.go_bus_off(), Sender::Slave(slave.number()))
             }
-            None => return false,
+            Some(Place::Drive(_)) | None => return false,
         };
         if goes {
             self.destroy_frames_of(now, sender);

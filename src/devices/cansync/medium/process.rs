@@ -34,7 +34,9 @@ impl Run<'_> {
         if lost {
             self.miss_edge(interval_us);
         } else {
-            self.journal.push(self.now, SyncEdge { bus: self.bus.index });
+            if self.bus.is_wired {
+                self.journal.push(self.now, SyncEdge { bus: self.bus.index });
+            }
             self.deliver_edge(interval_us);
         }
         self.sync_events(lost);
@@ -48,6 +50,8 @@ impl Run<'_> {
             let disturbance = &self.bus.disturbance;
             let heard = self.bus.slaves.iter().filter(|end| !disturbance.is_off(end.firmware.number()));
             self.edges.extend(heard.map(|end| end.origin));
+            let drives = self.bus.drive_ends.iter().filter(|end| !disturbance.is_off(end.number));
+            self.edges.extend(drives.map(|end| end.origin));
         }
     }
 

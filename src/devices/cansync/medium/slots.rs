@@ -2,8 +2,9 @@
 
 use super::agenda::Slot;
 use super::disturbance::Fate;
-use super::{Run, Sender};
+use super::{Run, Sender, SimBus, Station};
 use crate::devices::cansync::bus::{Frame, wire};
+use crate::devices::cansync::firmware::Slave;
 use crate::devices::cansync::records::Transmitted;
 use serde::{Deserialize, Serialize};
 
@@ -72,7 +73,11 @@ impl Run<'_> {
 
     /// The regular end of a frame: notes it, if it arrives now.
     pub(super) fn arrives(&mut self, slot: Slot, frame: &Frame) -> Fate {
-        let fate = self.bus.disturbance.take_fate(place_on_wire(slot));
+        let place = place_on_wire(slot);
+        let fate = self.bus.disturbance.take_fate(place);
+        if let Some(wire) = self.bus.on_wire[place] {
+            self.show_sent(wire.sender);
+        }
         if fate == Fate::Arrives {
             self.note_frame(*frame);
         }
@@ -80,7 +85,45 @@ impl Run<'_> {
     }
 
     pub(super) fn note_frame(&mut self, frame: Frame) {
-        self.journal.push(self.now, Transmitted { bus: self.bus.index, frame });
+        if self.bus.is_wired {
+            self.journal.push(self.now, Transmitted { bus: self.bus.index, frame });
+        }
+        self.show_received(&frame);
+    }
+
+    /// The end of a frame that a node has sent, for its LED.
+    fn show_sent(&mut self, sender: Sender) {
+        let now = Some(self.now);
+        match sender {
+            Sender::Master => self.bus.masters.iter_mut().for_each(|end| end.last_frame = now),
+            Sender::Slave(number) => {
+                if let Some(Station::Node(index)) = self.bus.stations.get(usize::from(number)) {
+                    self.bus.slaves[*index].last_frame = now;
+                }
+                let mut ends = self.bus.drive_ends.iter_mut();
+                ends.find(|end| end.number == number).into_iter().for_each(|end| end.last_frame = now);
+            }
+        }
+    }
+
+    /// A frame on the bus, for the LEDs of the nodes that receive it.
+    fn show_received(&mut self, frame: &Frame) {
+        let (now, kbit_per_s, id) = (Some(self.now), self.timing.kbit_per_s, frame.id());
+        let SimBus { masters, slaves, drive_ends, disturbance, .. } = &mut *self.bus;
+        for end in masters.iter_mut().filter(|end| end.firmware.accepts(id)) {
+            end.last_frame = now;
+        }
+        let hears = |slave: &Slave| {
+            slave.hears(kbit_per_s) && slave.accepts(id) && !disturbance.is_off(slave.number())
+        };
+        for end in slaves.iter_mut().filter(|end| hears(&end.firmware)) {
+            end.last_frame = now;
+        }
+        for end in
+            drive_ends.iter_mut().filter(|end| end.kbit_s == kbit_per_s && !disturbance.is_off(end.number))
+        {
+            end.last_frame = now;
+        }
     }
 }
 

@@ -45,7 +45,7 @@ impl Bench {
         let mut bus = SimBus::new(0, &config).unwrap();
         let segment = Segment::heap(DEVICE.segment_size());
         let lock = SyncLock::new(0, None);
-        let roles = [SocketRole::Master, SocketRole::Slave { number: NODE, lock }];
+        let roles = [SocketRole::Master { has_sync_in: false }, SocketRole::Slave { number: NODE, lock }];
         for (place, (role, rates)) in roles.into_iter().zip([master, slave]).enumerate() {
             let port = &DEVICE.ports[place];
             let (area, origin) = (port.area, Origin { plc: 0, node: port.number });

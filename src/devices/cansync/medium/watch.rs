@@ -6,10 +6,10 @@ use crate::devices::cansync::watch::{Facts, NodeWatch};
 use crate::journal::Journal;
 
 impl SimBus {
-    /// The watch over a port, and what it must know of the node.
+    /// The watch over a port with registers, and what it must know of the node.
     #[inline]
-    pub(super) fn watched(&mut self, place: usize) -> (&mut NodeWatch, Facts) {
-        match self.places[place] {
+    pub(super) fn watched(&mut self, place: usize) -> Option<(&mut NodeWatch, Facts)> {
+        Some(match self.places[place] {
             Place::Master(index) => {
                 let end = &mut self.masters[index];
                 (&mut end.watch, end.firmware.facts())
@@ -18,7 +18,8 @@ impl SimBus {
                 let end = &mut self.slaves[index];
                 (&mut end.watch, end.firmware.facts())
             }
-        }
+            Place::Drive(_) => return None,
+        })
     }
 
     /// A SYNC edge, at which nodes in active operation have taken their mapping over.
@@ -28,12 +29,13 @@ impl SimBus {
             let watch = match self.places[place] {
                 Place::Master(index) => &self.masters[index].watch,
                 Place::Slave(index) => &self.slaves[index].watch,
+                Place::Drive(_) => continue,
             };
-            if watch.is_unsettled() {
-                let (watch, facts) = self.watched(place);
-                if facts.is_active {
-                    watch.settle(now, &facts, journal);
-                }
+            if watch.is_unsettled()
+                && let Some((watch, facts)) = self.watched(place)
+                && facts.is_active
+            {
+                watch.settle(now, &facts, journal);
             }
         }
     }
@@ -60,7 +62,7 @@ mod tests {
         for port in DEVICE.ports {
             let number = port.number;
             let role = match number % 2 {
-                0 => SocketRole::Master,
+                0 => SocketRole::Master { has_sync_in: false },
                 _ => SocketRole::Slave { number, lock: SyncLock::new(0, None) },
             };
             let seat = Seat::of(port, &BAUD_RATES);

@@ -64,7 +64,11 @@ impl Judge<'_> {
         match register.kind {
             Kind::Owned => return self.find(&check::rules::OWNER, offset, after),
             Kind::Reserved => return self.find(&check::rules::RESERVED_REGISTER, offset, after),
-            Kind::ReservedUnderInit => return self.find(&rules::AFTER_INIT, offset, after),
+            // While the node waits for its start, a program can still believe that it initializes it.
+            Kind::ReservedUnderInit if !self.facts.is_on_bus => {
+                return self.find(&rules::AFTER_INIT, offset, after);
+            }
+            Kind::ReservedUnderInit => return self.find(&check::rules::RESERVED_REGISTER, offset, after),
             _ => {}
         }
         if after & register.reserved_bits != 0 {

@@ -21,6 +21,8 @@ pub(super) struct Facts {
     pub live: Live,
     /// The node waits for initialization data, and the PLC has ordered to take them over.
     pub takes_over_init: bool,
+    /// The node is in set-up mode or active operation.
+    pub is_on_bus: bool,
     /// The node is in active operation.
     pub is_active: bool,
     /// For frames 1 and 2: when in the present interval the deadline was missed, in emulated microseconds, if the

@@ -108,7 +108,7 @@ impl Front {
         face.program.dip_latched.store(self.dip.into());
         // Everybody knows that there was a first time.
         if face.program.restarts.increment() > 1 {
-            report(ctx, BoardEvent::Up { dip: self.dip });
+            report(ctx, BoardEvent::Up { dip: Some(self.dip) });
         }
         // The first power-on finds what the plant file says.
         if core::mem::replace(&mut self.is_used, true) {

@@ -107,6 +107,33 @@ pub(crate) const CASES: &[Case] = &[
         },
     },
     Case {
+        rule: &rules::RESERVED_REGISTER,
+        // P. 51 of 5.02066.01a, p. 151 of 5.00005.03a: channels 3 to 8, which lie where the initialization data lay.
+        register: "MASTER.b_CTRLREG_WRC3",
+        value: |_| 0x05,
+        wrong: |rig| {
+            rig.activate();
+            rig.master.b_CTRLREG_WRC3.store(0x05);
+        },
+        right: |rig| {
+            rig.activate();
+            rig.master.b_CTRLREG_WRC2.store(0x04);
+        },
+    },
+    Case {
+        rule: &rules::RESERVED_REGISTER,
+        register: "MASTER._CFG_WRC_WORD.b_CFG_WRC3_WORD0",
+        value: |_| 0x01,
+        wrong: |rig| {
+            rig.set_up();
+            rig.master._CFG_WRC_WORD.b_CFG_WRC3_WORD0.store(0x01);
+        },
+        right: |rig| {
+            rig.set_up();
+            rig.master._CFG_WRC_WORD.b_CFG_WRC2_WORD0.store(0x01);
+        },
+    },
+    Case {
         rule: &rules::HEADER,
         register: "header.sync_counter",
         value: |_| 77,

@@ -56,6 +56,17 @@ pub(crate) const CASES: &[Case] = &[
         wrong: |rig| cluster(rig, rig.rate.slower()),
         right: |rig| cluster(rig, rig.rate),
     },
+    // The PLC has no slave node that could receive a signal to be passed on.
+    Case {
+        rule: &cansync::rules::NO_SYNC_IN,
+        register: "MASTER.b_MA_SL_MODE",
+        value: |_| 0x02,
+        wrong: |rig| {
+            let node = Node { mode: Mode::SyncIn, ..rig.master_node() };
+            rig.bring_up(&[&node], ..=Stage::SetUp);
+        },
+        right: |rig| rig.bring_up(&[&rig.master_node()], ..=Stage::SetUp),
+    },
     Case {
         rule: &cansync::rules::COMMAND,
         register: "MASTER.w_CPU_CONTROL",

@@ -139,6 +139,11 @@ impl Node {
         ctx.report(State { origin, offset, command, from, to, live: self.live() });
     }
 
+    /// What `w_OPTION_STATUS` shows.
+    pub(in super::super) fn shown_state(&self) -> u16 {
+        self.code(self.state)
+    }
+
     fn code(&self, state: NodeState) -> u16 {
         match (state, self.role) {
             (NodeState::StartUp, _) => option_status::START_UP,

@@ -7,8 +7,15 @@ use crate::devices::cansync::registers::CANsync_INIT_BMSTRUCT;
 use crate::devices::cansync::registers::values::{clock_divider, cpu_control, output_control};
 use crate::devices::cansync::rules;
 use crate::devices::{Context, SyncSignal};
-use crate::layout::Live;
+use crate::layout::{Live, Port};
 use core::mem::offset_of;
+
+/// The number at the DIP switches of the slave at `port` belongs to another station of its bus.
+pub(crate) fn find_number_taken(ctx: &mut Context, port: Option<&Port>, number: u8) {
+    let Some(port) = port else { return };
+    let offset = port.area.first as usize + offset_of!(CANsync_INIT_BMSTRUCT, w_OMEGA_NR);
+    ctx.find(&rules::NUMBER_TAKEN, Live::Init, offset, number.into());
+}
 
 impl Node {
     /// From here on a restart in the RAM alone cannot be told from what stands there.
