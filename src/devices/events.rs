@@ -51,6 +51,11 @@ impl Events {
         self.stop |= self.watched & bit != 0;
     }
 
+    /// The board has ordered a start or stop: tasks that are waited for obey it now.
+    pub(super) fn note_order(&mut self) {
+        self.stop |= self.watched != 0;
+    }
+
     /// As after power-on. Who watches and what has occurred stays.
     pub fn disable_all(&mut self) {
         self.enabled = 0;

@@ -46,6 +46,8 @@ pub mod omega_drive_line_2;
 mod plain;
 #[cfg(feature = "emulator")]
 pub mod profibus_bus;
+#[cfg(feature = "emulator")]
+mod program;
 #[cfg(test)]
 mod provenance_tests;
 #[cfg(feature = "emulator")]

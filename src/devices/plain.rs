@@ -1,5 +1,6 @@
 //! A device with nothing in front but its supply: what an ordinary device needs around its firmware.
 
+use super::program::Starts;
 use super::supply::Supply;
 use super::{Context, Device, Events, Look, Power, World};
 use crate::fault::{Effect, Faults, Hit, Owner, Target};
@@ -85,6 +86,12 @@ pub trait Firmware: State + Send + 'static {
     fn events(&mut self) -> Option<&mut Events> {
         None
     }
+
+    /// Whether the device has a program of its own, which its firmware starts and stops. Otherwise the program that a client brings
+    /// runs while the device is up.
+    fn starts_program(&self) -> bool {
+        false
+    }
 }
 
 impl Firmware for () {
@@ -94,7 +101,8 @@ impl Firmware for () {
 }
 
 /// A device with registers, ports and a supply that can be switched off and on. At power-on its registers get their reset
-/// values, and retain flags, of which it has as many as its layout says, are left as they are. A reset does the same; a program, events and switches it does not have.
+/// values, and retain flags, of which it has as many as its layout says, are left as they are. A reset does the same. It has no switches and
+/// no events. The program that a client brings runs while the device is up.
 pub struct Plain<F> {
     index: u16,
     name: String,
@@ -104,9 +112,10 @@ pub struct Plain<F> {
     /// The firmware.
     pub firmware: F,
     supply: Supply,
+    starts: Starts,
 }
 
-state!(where [F: Firmware] Plain<F> { parts: firmware, supply; built: index, name, layout, segment, face });
+state!(where [F: Firmware] Plain<F> { parts: firmware, supply, starts; built: index, name, layout, segment, face });
 
 impl<F: Firmware> Plain<F> {
     /// Device number `index` of the plant, called `name`, in this image.
@@ -122,11 +131,17 @@ impl<F: Firmware> Plain<F> {
     ) -> Result<Self, MemoryError> {
         let face = segment.face()?;
         face.retain_size.store(layout.retain.map_or(0, |retain| retain.default_bytes));
-        let supply = Supply::new(&face);
+        let (supply, starts) = (Supply::new(&face), Starts::new(&face));
         let (index, name) = (index as u16, name.to_owned());
-        let it = Plain { index, name, layout, segment, face, firmware, supply };
+        let it = Plain { index, name, layout, segment, face, firmware, supply, starts };
         it.reset_registers()?;
         Ok(it)
+    }
+
+    fn note_order(&mut self) {
+        if let Some(events) = self.firmware.events() {
+            events.note_order();
+        }
     }
 
     /// Every register as it is after power-on.
@@ -172,14 +187,18 @@ impl<F: Firmware> Device for Plain<F> {
         self.supply.set(&self.face, power)
     }
 
-    fn look(&mut self, _: &mut Context) -> Look {
+    fn look(&mut self, ctx: &mut Context) -> Look {
         if !self.front_has_changed() {
             return Look::Nothing;
         }
-        match self.supply.feed(&self.face, self.firmware.is_fed()) {
-            Look::Nothing => Look::Answered,
-            look => look,
+        let look = self.supply.feed(&self.face, self.firmware.is_fed());
+        if !self.firmware.starts_program() {
+            let is_up = look == Look::Nothing && self.supply.is_up();
+            if self.starts.look(ctx, &self.face, is_up).is_some() {
+                self.note_order();
+            }
         }
+        if look == Look::Nothing { Look::Answered } else { look }
     }
 
     fn is_up(&self) -> bool {
@@ -191,6 +210,9 @@ impl<F: Firmware> Device for Plain<F> {
         // They were there when it was built.
         let _ = self.reset_registers();
         self.firmware.start(ctx);
+        if !self.firmware.starts_program() && self.starts.start(ctx, &self.face).is_some() {
+            self.note_order();
+        }
     }
 
     fn stop(&mut self, ctx: &mut Context) {
@@ -199,7 +221,9 @@ impl<F: Firmware> Device for Plain<F> {
     }
 
     fn front_has_changed(&self) -> bool {
-        self.supply.has_changed(&self.face) || self.supply.is_fed() != self.firmware.is_fed()
+        self.supply.has_changed(&self.face)
+            || self.supply.is_fed() != self.firmware.is_fed()
+            || !self.firmware.starts_program() && self.starts.has_changed(&self.face)
     }
 
     fn processor_cycle(&mut self, ctx: &mut Context) {

@@ -59,6 +59,15 @@ pub(crate) fn tables(scope: &Scope) -> String {
         "/* What located variables take in memory: whole pages, however large those are. */\n\
          #define COMMRAM_MATIEC_BYTES {bytes}u\n#define COMMRAM_NO_NUMBER 0xFFFFFFFFu\n\n"
     );
+    let retain = scope.device.retain.filter(|_| scope.block.is_none()).map(|retain| &retain.area);
+    for (name, what, area) in [("RETAIN", "retain flags", retain), ("FLAGS", "other flags", flags(scope))] {
+        let bytes = area.map_or(0, |area| area.bytes);
+        let _ = write!(
+            out,
+            "/* Bytes of {what}, as many as there can be. */\n#define COMMRAM_MATIEC_{name}_BYTES {bytes}u\n\n"
+        );
+    }
+    out.push_str(&bits(retain.into_iter().chain(flags(scope))));
     let spaces = || scope.device.spaces.iter().filter(|space| !scope.device.is_front(space.offset));
     out.push_str(
         "/* Whether the numbers of a located variable stand for a place of the device; other variables are the program's own. */\n\
@@ -66,6 +75,10 @@ pub(crate) fn tables(scope: &Scope) -> String {
     );
     for space in spaces() {
         let _ = write!(out, " \\\n    || {}", is_meant(space));
+    }
+    // Memory of the device is nobody else's, also where it ends.
+    if spaces().any(|space| space.letter == 'M' && space.segment.is_empty()) {
+        out.push_str(" \\\n    || ((letter) == 'M' && ((is_bit) || COMMRAM_IS_NO_LEVEL(b)))");
     }
     out.push_str(
         ")\n\n/* The byte of the image that it begins at; 0, which is in the header page, where there is none. */\n\
@@ -81,7 +94,6 @@ pub(crate) fn tables(scope: &Scope) -> String {
         );
     }
     out.push_str(")\n\n/* Whether byte n of the image lies in an area. */\n#define COMMRAM_IN_AREA(n) (0");
-    let retain = scope.device.retain.filter(|_| scope.block.is_none()).map(|retain| &retain.area);
     for Area { first, bytes, .. } in scope.areas.iter().copied().chain(retain) {
         let _ = write!(out, " \\\n    || ((n) >= {first}u && (n) < {}u)", first + bytes);
     }
@@ -101,6 +113,38 @@ pub(crate) fn tables(scope: &Scope) -> String {
     }
     out.push_str(")\n\n");
     out
+}
+
+/// Flags that are not retained: memory without registers whose addresses are those of the device's program alone.
+fn flags(scope: &Scope) -> Option<&'static Area> {
+    scope.areas.iter().copied().find(|area| {
+        let is_free = area.structures.is_empty() && !scope.device.is_retain(area.first);
+        is_free && area.space.letter == 'M' && area.space.segment.is_empty()
+    })
+}
+
+/// Bits of flags, counted through all `areas` of flags, in C: from a place in the image to the number of a bit, and back to the place of
+/// its byte.
+fn bits<'a>(areas: impl Iterator<Item = &'a Area>) -> String {
+    let (mut bit, mut byte, mut bytes) = (String::new(), "0u".to_owned(), 0);
+    for area in areas {
+        let (first, end, unit) = (area.first, area.first + area.bytes, 8 * area.space.unit.width().bytes());
+        let _ = write!(
+            bit,
+            "(n) >= {first}u && (n) < {end}u && (bit) < {unit}u ? ((n) - {first}u + {bytes}u) * 8u + (bit) \\\n    : "
+        );
+        byte = match bytes {
+            0 => format!("{first}u + (n)"),
+            _ => format!("(n) < {bytes}u ? {byte} : {first}u + (n) - {bytes}u"),
+        };
+        bytes += area.bytes;
+    }
+    format!(
+        "/* The number of a bit among those of all flags, if byte n of the image is a flag; and the byte of the image that flag n is. */\n\
+         #define COMMRAM_FLAG_BIT(n, bit) ({bit}COMMRAM_NO_NUMBER)\n#define COMMRAM_FLAG_BYTE(n) ({byte})\n\
+         #define COMMRAM_FLAG_BITS {}u\n\n",
+        8 * bytes.max(1)
+    )
 }
 
 /// The C program around a program that matiec compiled with the glue.

@@ -33,7 +33,9 @@ pub(crate) fn generate(scope: &Scope) -> String {
         xml.leaf("resetValue", "0x0");
         xml.leaf("resetMask", "0xFFFFFFFF");
         xml.node("peripherals", "", |xml| {
-            for area in &scope.areas {
+            // Where the device's manual has CPU addresses, an area without one has no place for a debugger.
+            let has_cpu = device.areas.iter().any(|area| area.cpu.is_some());
+            for area in scope.areas.iter().filter(|area| area.cpu.is_some() || !has_cpu) {
                 if area.structures.is_empty() {
                     plain(xml, area);
                 }

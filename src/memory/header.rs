@@ -16,7 +16,7 @@ pub use board::{Board, BoardSetting, BoardState, Power, Program, ProgramState, P
 pub use board_words::{BoardWord, BoardWordError, BoardWords};
 pub use events::{EventSlot, Interrupt, InterruptResult, OptInit, OptInitResult, TimerSetup, Trigger};
 pub use initial_flag::{InitialFlag, InitialFlagResult};
-pub use lockstep::{Seat, SeatState};
+pub use lockstep::{SEAT_ORDERS, Seat, SeatState};
 pub use table::{AREAS, AreaEntry, PORTS, PortEntry, TABLE_NAME_LENGTH};
 
 use super::published::publish;

@@ -99,6 +99,8 @@ pub struct Tasks<P: Program> {
     /// Event numbers and how often each event had come at the last look.
     events: Vec<(usize, u32)>,
     phase: Phase,
+    /// Its variables have had their initial values once.
+    is_initialized: bool,
     /// Orders of the board seen so far.
     orders: u32,
     /// Power-ons and resets of the board seen so far.
@@ -133,6 +135,7 @@ impl<P: Program> Tasks<P> {
             period_us: u64::try_from(period.as_micros()).unwrap_or(u64::MAX).max(1),
             events: events.iter().map(|&number| (number, 0)).collect(),
             phase: Phase::Stopped,
+            is_initialized: false,
             orders,
             restarts: header.program.restarts.load(),
             next_us: 0,
@@ -186,7 +189,8 @@ impl<P: Program> Tasks<P> {
     /// Runs the program until it ends. `patience` is how long, in real time, nothing may fall due.
     ///
     /// In stepped mode the emulated time waits for the event tasks (lockstep): each event gets its call, at its own
-    /// emulated time. Event tasks take no emulated time. It does not wait for start and cyclic tasks.
+    /// emulated time. Event tasks take no emulated time. An order of the board is obeyed at the emulated time at which it is given. The time
+    /// does not wait for start and cyclic tasks.
     ///
     /// # Errors
     /// The program gave up, the emulator has gone, or `patience` is over.
@@ -197,23 +201,29 @@ impl<P: Program> Tasks<P> {
         let stepped = self.ram.header().clock_mode.load() == ClockMode::Stepped.code();
         let mut seats = Vec::new();
         for (event, _) in self.events.iter().filter(|_| stepped) {
-            seats.push(attached.join_lockstep(*event, patience, patience)?);
+            // One of them has the turns of orders.
+            seats.push(match seats.is_empty() {
+                true => attached.join_with_orders(*event, patience, patience)?,
+                false => attached.join_lockstep(*event, patience, patience)?,
+            });
         }
+        let obeys_in_turns = !seats.is_empty();
         loop {
             if self.scan().map_err(RunError::Program)? == Progress::Done {
                 return Ok(());
             }
             attached.ring()?;
-            if !attached.wait_turns(&mut seats, patience, || self.is_due())? {
+            if !attached.wait_turns(&mut seats, patience, || self.is_due(obeys_in_turns))? {
                 let what = "a task to fall due".to_owned();
                 return Err(MemoryError::Timeout { what, timeout: patience }.into());
             }
         }
     }
 
-    fn is_due(&self) -> bool {
+    /// `obeys_in_turns`: an order brings a turn.
+    fn is_due(&self, obeys_in_turns: bool) -> bool {
         let header = self.ram.header();
-        header.program.start.rings() != self.orders
+        !obeys_in_turns && header.program.start.rings() != self.orders
             || self.next_us().is_some_and(|time| self.ram.now_us() >= time)
             || self.phase == Phase::Cyclic
                 && self.events.iter().any(|&(event, seen)| count(&self.ram, event) != seen)
@@ -231,8 +241,14 @@ impl<P: Program> Tasks<P> {
         let orders = header.program.start.rings();
         if core::mem::replace(&mut self.orders, orders) != orders {
             let now = self.ram.now_us();
-            match Start::from_code(header.program.start_kind.load()) {
+            let kind = match Start::from_code(header.program.start_kind.load()) {
+                // A program that was never started has nothing to continue.
+                Some(Start::Hot) if !self.is_initialized => Some(Start::Warm),
+                kind => kind,
+            };
+            match kind {
                 Some(kind @ (Start::Cold | Start::Warm)) => {
+                    self.is_initialized = true;
                     self.program.initialize(kind);
                     header.program_cycles.store(0);
                     self.next_us = now;

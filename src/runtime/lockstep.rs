@@ -5,7 +5,7 @@
 //! higher level interrupts one of a lower level, which then needs as much longer; tasks of the same level wait for
 //! each other (manual 5.00005.03a p. 43-44, 73). Who dies, leaves or takes too long is given up.
 
-use crate::memory::header::{Seat, SeatState};
+use crate::memory::header::{SEAT_ORDERS, Seat, SeatState};
 use crate::memory::{Header, View, bell};
 use crate::plant::Plant;
 use std::time::{Duration, Instant};
@@ -21,6 +21,8 @@ struct Task {
     level: u8,
     /// Events seen by it.
     seen: u32,
+    /// Orders of the board seen by it; none if it does not obey any.
+    orders: Option<u32>,
     /// It runs, until this emulated time.
     until: Option<u64>,
 }
@@ -86,6 +88,11 @@ impl Witness for NoWitness {
     fn task(&mut self, _: usize, _: usize, _: SeatState) {}
 }
 
+/// Orders, power-ons and resets of a board, counted.
+fn orders_of(header: &Header) -> u32 {
+    header.program.start.rings().wrapping_add(header.program.restarts.load())
+}
+
 fn note(plant: &mut Plant, witness: &mut dyn Witness, plc: usize, event: usize, state: SeatState) {
     plant.note_lockstep(plc, event, state);
     witness.task(plc, event, state);
@@ -140,21 +147,23 @@ impl Lockstep {
     fn seat(&mut self, plc: usize, seat: View<Seat>, plant: &mut Plant, witness: &mut dyn Witness) {
         let mut found = None;
         let answer = seat.decide(|event| {
-            let event = event as usize;
+            let number = (event & !SEAT_ORDERS) as usize;
             // Read before it is told that it has its seat: no event behind that is missed.
-            let seen = self.headers[plc].events.get(event).map(|slot| slot.bell.rings());
-            found = plant.event_level(plc, event).zip(seen).filter(|_| self.stepped);
+            let seen = self.headers[plc].events.get(number).map(|slot| slot.bell.rings());
+            found = plant.event_level(plc, number).zip(seen).filter(|_| self.stepped);
             found.is_some()
         });
         // Who has left is asked for by nobody.
-        let Some((event, _)) = answer else { return };
-        let event = event as usize;
+        let Some((asked, _)) = answer else { return };
+        let event = (asked & !SEAT_ORDERS) as usize;
+        // An order may have been given before the task came, so its first turn comes at once.
+        let orders = (asked & SEAT_ORDERS != 0).then(|| orders_of(&self.headers[plc]).wrapping_sub(1));
         let Some((level, seen)) = found else {
             note(plant, witness, plc, event, SeatState::Refused);
             return;
         };
         note(plant, witness, plc, event, SeatState::Seated);
-        self.tasks.push(Task { plc, seat, event, level, seen, until: None });
+        self.tasks.push(Task { plc, seat, event, level, seen, orders, until: None });
     }
 
     /// The plant stops at the events that tasks of a PLC wait for.
@@ -186,7 +195,6 @@ impl Lockstep {
     }
 
     /// Turns for all tasks that are due now, and nothing else. `false`: told to stop, or a turn goes on.
-    #[cfg(feature = "channel")]
     pub(crate) fn take_turns(
         &mut self,
         plant: &mut Plant,
@@ -195,6 +203,11 @@ impl Lockstep {
     ) -> bool {
         self.look(plant, witness);
         self.give_turns(plant, &stop, witness)
+    }
+
+    /// Whether the time is to wait for a task although it does not pass: an order of a board waits, or its turn goes on.
+    pub(crate) fn has_turns(&self) -> bool {
+        self.turn.is_some() || self.tasks.iter().any(|task| task.until.is_none() && self.has_orders(task))
     }
 
     /// Of each PLC the events that tasks wait for, bit n for event n.
@@ -257,7 +270,7 @@ impl Lockstep {
     fn due(&self, now: u64) -> Option<usize> {
         let ready = |task: &Task| match task.until {
             Some(until) => until <= now,
-            None => self.has_event(task) && !self.is_held_up(task),
+            None => (self.has_event(task) || self.has_orders(task)) && !self.is_held_up(task),
         };
         let tasks = self.tasks.iter().enumerate().filter(|(_, task)| ready(task));
         // Of equals the first one.
@@ -266,6 +279,10 @@ impl Lockstep {
 
     fn has_event(&self, task: &Task) -> bool {
         self.rings(task) != task.seen
+    }
+
+    fn has_orders(&self, task: &Task) -> bool {
+        task.orders.is_some_and(|seen| seen != orders_of(&self.headers[task.plc]))
     }
 
     fn rings(&self, task: &Task) -> u32 {
@@ -281,9 +298,11 @@ impl Lockstep {
 
     fn give_turn(&mut self, index: usize, plant: &Plant) {
         let (now, rings) = (plant.now(), self.rings(&self.tasks[index]));
+        let orders = orders_of(&self.headers[self.tasks[index].plc]);
         let task = &mut self.tasks[index];
         if task.until.take().is_none() {
             task.seen = rings;
+            task.orders = task.orders.map(|_| orders);
         }
         self.turn = Some(Turn { index, done: task.seat.done.rings(), since: Instant::now() });
         task.seat.time_us.store(now);

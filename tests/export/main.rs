@@ -9,4 +9,5 @@ mod layout_moves;
 mod matiec;
 mod openplc;
 mod st_blocks;
+mod starts;
 mod tools;

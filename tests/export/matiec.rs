@@ -64,8 +64,18 @@ impl Plc {
     }
 
     pub(crate) fn start_at(program: &Path, emulator: &Emulator, plc: &str, args: &[&str]) -> Self {
+        Self::start_in(program, emulator, plc, args, Path::new("."))
+    }
+
+    pub(crate) fn start_in(
+        program: &Path,
+        emulator: &Emulator,
+        plc: &str,
+        args: &[&str],
+        directory: &Path,
+    ) -> Self {
         let mut command = Command::new(program);
-        command.arg(image_of(emulator, plc)).args(args).stdin(Stdio::null());
+        command.arg(image_of(emulator, plc)).args(args).stdin(Stdio::null()).current_dir(directory);
         Plc(command.spawn().unwrap())
     }
 

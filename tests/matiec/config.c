@@ -40,7 +40,7 @@ void START_UP_init__(START_UP *data__, BOOL retain) {
   __INIT_LOCATED_VALUE(data__->SPEED,0)
   __INIT_LOCATED(BOOL,__QX0_1,data__->LAMP,retain)
   __INIT_LOCATED_VALUE(data__->LAMP,0)
-  __INIT_LOCATED(UINT,__MW7,data__->CYCLES,retain)
+  __INIT_LOCATED(UINT,__QW7,data__->CYCLES,retain)
   __INIT_LOCATED_VALUE(data__->CYCLES,0)
   __INIT_EXTERNAL(ETHERNET_DIAGNOSE_BMSTRUCT,_ETHERNET,data__->_ETHERNET,retain)
 }

@@ -21,6 +21,7 @@ typedef int16_t INT;
 typedef int32_t DINT;
 typedef uint32_t DWORD;
 typedef IEC_TIMESPEC TIME;
+#define __IEC_FORCE_FLAG 0x02
 #define __IEC_RETAIN_FLAG 0x04
 
 #define __DECLARE_COMPLEX_STRUCT(type)                                                                           \

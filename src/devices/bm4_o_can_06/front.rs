@@ -2,13 +2,12 @@
 //! tells nothing of it but event 11 (p. 25); the rest is as far as a program needs it (decision D-366).
 
 use crate::devices::Events;
-use crate::devices::records::{BoardEvent, OnBoard};
+use crate::devices::program::Starts;
 use crate::devices::supply::Supply;
 use crate::devices::{Context, Look, Power};
-use crate::memory::header::{Interrupt, InterruptResult, ProgramState, Start};
-use crate::memory::{Face, Header};
+use crate::memory::Face;
+use crate::memory::header::{Interrupt, InterruptResult, Start};
 use crate::state;
-use serde::{Deserialize, Serialize};
 
 /// The one event there is: SYNC signal 1 of an option module.
 const SYNC_EVENT: usize = 11;
@@ -18,29 +17,18 @@ pub(super) struct Front {
     pub(super) face: Face,
     pub events: Events,
     supply: Supply,
-    /// Cells that clients write, as last seen.
-    seen: Seen,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-struct Seen {
+    starts: Starts,
+    /// [`board_requests`](crate::memory::Header::board_requests) as last seen.
     requests: u32,
-    program: u32,
 }
 
-impl Seen {
-    #[inline]
-    fn now(asked: &Header) -> Self {
-        Seen { requests: asked.board_requests.load(), program: asked.program.state.load() }
-    }
-}
-
-state!(Front { values: seen; parts: events, supply; built: face });
+state!(Front { values: requests; parts: events, supply, starts; built: face });
 
 impl Front {
     pub(crate) fn new(face: Face) -> Self {
-        let (supply, seen) = (Supply::new(&face), Seen::now(face.asked()));
-        Front { face, events: Events::default(), supply, seen }
+        let (supply, starts) = (Supply::new(&face), Starts::new(&face));
+        let requests = face.asked().board_requests.load();
+        Front { face, events: Events::default(), supply, starts, requests }
     }
 
     pub(crate) fn is_up(&self) -> bool {
@@ -49,7 +37,7 @@ impl Front {
 
     #[inline]
     pub(crate) fn has_changed(&self) -> bool {
-        self.supply.has_changed(&self.face) || Seen::now(self.face.asked()) != self.seen
+        self.supply.has_changed(&self.face) || self.starts.has_changed(&self.face)
     }
 
     /// Power-on.
@@ -57,6 +45,8 @@ impl Front {
         self.events.disable_all();
         self.face.both(|page| page.interrupts.iter().for_each(Interrupt::clear));
         self.supply.start(ctx, &self.face);
+        let ordered = self.starts.start(ctx, &self.face);
+        self.follow(ordered);
     }
 
     /// Power-off.
@@ -74,41 +64,27 @@ impl Front {
         if !self.has_changed() {
             return Look::Nothing;
         }
-        let seen = Seen::now(self.face.asked());
-        let before = core::mem::replace(&mut self.seen, seen);
+        let requests = self.face.asked().board_requests.load();
+        let is_asked = core::mem::replace(&mut self.requests, requests) != requests;
         let look = self.supply.look(&self.face);
-        if look != Look::Nothing || !self.is_up() {
+        let is_up = look == Look::Nothing && self.is_up();
+        let ordered = self.starts.look(ctx, &self.face, is_up);
+        self.follow(ordered);
+        if !is_up {
             return look;
         }
-        let stopped = ProgramState::Stopped.code();
-        if seen.program != before.program && seen.program == stopped {
-            // Nothing remembers a program that was loaded before, so it starts with initial values.
-            self.order(ctx, Start::Cold);
-        }
-        if seen.requests != before.requests {
-            self.look_at_start_request(ctx);
+        if is_asked {
             self.events.answer(ctx, &self.face, set);
         }
         Look::Answered
     }
 
-    fn look_at_start_request(&mut self, ctx: &mut Context) {
-        let Some(code) = self.face.take(|page| &page.program.start_request) else { return };
-        let has_program = self.face.asked().program.state.load() != ProgramState::None.code();
-        match Start::from_code(code) {
-            Some(kind) if has_program => self.order(ctx, kind),
-            _ => {
-                let what = BoardEvent::StartRefused { code: code as u8 };
-                ctx.report(OnBoard { plc: ctx.origin.plc, what });
-            }
+    /// No event occurs while the program is stopped (decision D-300).
+    fn follow(&mut self, ordered: Option<Start>) {
+        if let Some(kind) = ordered {
+            self.events.held = kind == Start::Stop;
+            self.events.note_order();
         }
-    }
-
-    fn order(&mut self, ctx: &mut Context, kind: Start) {
-        self.events.held = kind == Start::Stop;
-        self.face.program.start_kind.store(kind.code());
-        self.face.program.start.ring();
-        ctx.report(OnBoard { plc: ctx.origin.plc, what: BoardEvent::Start { kind } });
     }
 
     /// An edge of the SYNC signal at the module that raises the event.

@@ -9,6 +9,9 @@ pub(super) const CYCLE: usize = 1;
 /// The interrupt program of 1 ms runs (p. 118).
 pub(super) const INTERRUPT: usize = 2;
 
+/// No event: the program was ordered to start or stop.
+const ORDER: usize = 15;
+
 /// Interrupt level of an event; none if there is no such event.
 pub(super) fn level(event: usize) -> Option<u8> {
     match event {
@@ -28,6 +31,11 @@ impl Pulses {
         *self.0.lock().unwrap_or_else(PoisonError::into_inner) |= 1 << event;
     }
 
+    /// The program was ordered to start.
+    pub(super) fn add_order(&self) {
+        self.add(ORDER);
+    }
+
     /// Those under way.
     pub(super) fn waiting(&self) -> u16 {
         *self.0.lock().unwrap_or_else(PoisonError::into_inner)
@@ -41,7 +49,10 @@ impl Pulses {
     /// What has occurred since the last call.
     pub(super) fn pass_to(&self, events: &mut Events) {
         let fired = core::mem::take(&mut *self.0.lock().unwrap_or_else(PoisonError::into_inner));
-        events.fired |= fired;
+        events.fired |= fired & !(1 << ORDER);
         events.stop |= fired & events.watched != 0;
+        if fired & 1 << ORDER != 0 {
+            events.note_order();
+        }
     }
 }

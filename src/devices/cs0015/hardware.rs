@@ -137,6 +137,10 @@ impl Firmware for Hardware {
         area()
     }
 
+    fn starts_program(&self) -> bool {
+        true
+    }
+
     fn novram(&self) -> (&[u8], u32) {
         self.retained.novram()
     }

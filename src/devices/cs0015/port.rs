@@ -12,19 +12,20 @@ use super::nmt::Nmt;
 use super::node::{GuardingConfig, Node};
 use super::peripherals::Peripherals;
 use super::records::{ControllerState, Watchdog};
-use super::registers::values::{bool, key, loaded, program, s1, stat, state};
+use super::registers::values::{bool, key, loaded, program as command, s1, stat, state};
 use super::registers::{
     FRONT_OUTPUTS, FRONT_PROGRAM, FRONT_S1, FRONT_S2, FRONT_S3, FRONT_S4, FRONT_S5, FRONT_STAT, FRONT_STATE,
 };
 use super::watch;
 use crate::can::{ErrorState, Frame};
-use crate::devices::Context;
 use crate::devices::can_bus::{CanPort, Controller};
 use crate::devices::canopen::nmt::{Command, State};
 use crate::devices::canopen::records::NodeState;
+use crate::devices::records::BoardEvent;
+use crate::devices::{Context, program};
 use crate::journal::Finding;
 use crate::layout::Live;
-use crate::memory::header::ProgramState;
+use crate::memory::header::{ProgramState, Start};
 use embedded_can::{Frame as _, Id, StandardId};
 
 /// How long the checks of the reset take, in us (D-429).
@@ -132,13 +133,52 @@ impl Firmware {
 
     /// The controller goes into another state: the program runs in Run only.
     pub(super) fn enter(&mut self, ctx: &mut Context, to: u32) {
-        if core::mem::replace(&mut self.state, to) == to {
+        let before = core::mem::replace(&mut self.state, to);
+        if before == to {
             return;
         }
         self.end_at = None;
         ctx.report(ControllerState { plc: ctx.origin.plc, to: to as u8 });
+        self.order_program(before);
         if to == state::RUN {
             self.begin_cycle(ctx.now);
+        }
+    }
+
+    /// The program starts after the reset, continues after a stop, and is stopped in all other states (p. 13-14, D-630).
+    fn order_program(&self, before: u32) {
+        match (before, self.state) {
+            _ if self.program == Program::None => {}
+            (state::RESET, state::RUN) => self.node.registers.order(Start::Warm),
+            (_, state::RUN) => self.node.registers.order(Start::Hot),
+            (state::RUN, _) => self.node.registers.order(Start::Stop),
+            _ => {}
+        }
+    }
+
+    /// A start that a client asks for, such as one that brings its program while the controller runs.
+    fn look_at_start_request(&mut self, ctx: &mut Context) {
+        let Some(code) = self.node.registers.take_start_request() else { return };
+        match Start::from_code(code) {
+            Some(kind @ (Start::Cold | Start::Warm | Start::Hot)) if self.runs_program() => {
+                self.node.registers.order(kind);
+                self.pulses.add_order();
+                program::report(ctx, BoardEvent::Start { kind });
+            }
+            _ => program::refuse_start(ctx, code),
+        }
+    }
+
+    fn runs_program(&self) -> bool {
+        self.state == state::RUN && self.program != Program::None
+    }
+
+    /// What the program does, as the board shows it.
+    fn program_state(&self) -> ProgramState {
+        match (&self.program, self.state) {
+            (Program::None, _) => ProgramState::None,
+            (_, state::RUN) => ProgramState::Cyclic,
+            _ => ProgramState::Stopped,
         }
     }
 
@@ -323,11 +363,7 @@ impl Firmware {
         registers.shown(FRONT_OUTPUTS).store(if is_driven { outputs.into() } else { 0 });
         self.peripherals.show(registers, is_driven);
         registers.shown(FRONT_STATE).store(self.state);
-        registers.tell_program(match (&self.program, self.state) {
-            (Program::None, _) => ProgramState::None,
-            (_, state::RUN) => ProgramState::Cyclic,
-            _ => ProgramState::Stopped,
-        });
+        registers.tell_program(self.program_state());
         registers.shown(FRONT_STAT).store(self.stat(has_error));
         if let Some(filters) = self.node.take_filters() {
             controller.set_filters(filters);
@@ -361,7 +397,9 @@ impl CanPort for Firmware {
     }
 
     fn power_off(&mut self) {
-        (self.state, self.end_at, self.is_overdue) = (state::OFF, None, false);
+        let before = core::mem::replace(&mut self.state, state::OFF);
+        self.order_program(before);
+        (self.end_at, self.is_overdue) = (None, false);
         for word in [FRONT_STATE, FRONT_STAT, FRONT_OUTPUTS] {
             self.node.registers.shown(word).store(0);
         }
@@ -373,6 +411,7 @@ impl CanPort for Firmware {
             return;
         }
         self.look_at_command(ctx);
+        self.look_at_start_request(ctx);
         // A program that does not hang any more ends its cycle.
         if self.is_overdue && self.end_at.is_some() && !self.shared.defects().is_hanging {
             self.end_at = Some(ctx.now);
@@ -384,7 +423,10 @@ impl CanPort for Firmware {
 
     fn has_changed(&self) -> bool {
         let registers = &self.node.registers;
-        registers.turned(FRONT_PROGRAM) != program::NOTHING
+        registers.turned(FRONT_PROGRAM) != command::NOTHING
+            || self.state != state::OFF
+                && (registers.has_program_request()
+                    || registers.reported_program() != self.program_state().code())
             || self.state == state::RUN && self.under_way.has_new_orders(registers)
     }
 

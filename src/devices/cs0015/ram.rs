@@ -5,8 +5,9 @@ use super::registers::{
     CS0015_PERIPHERALS, CS0015_RX_PDO, CS0015_SLAVES, CS0015_TX_PDO, DEVICE, FLAGS, FRONT_PROGRAM, FUNCTION,
     INPUTS, JOBS, OUTPUTS, PARAMETERS, PERIPHERALS, RX_PDO, SLAVES, TX_PDO,
 };
+use crate::devices::program;
 use crate::layout::Width;
-use crate::memory::header::ProgramState;
+use crate::memory::header::{ProgramState, Project, Start};
 use crate::memory::{Cell16, Cell32, Face, MemoryError, Segment, View};
 
 /// Bytes of the retain flags, %MB0 to %MB255 (p. 107).
@@ -75,9 +76,34 @@ impl Registers {
         self.face.take(|page| &page.front[FRONT_PROGRAM])
     }
 
-    /// What the program does, for whoever looks at the board.
+    /// Shows on the board what the program does, and whether there is one.
     pub(super) fn tell_program(&self, state: ProgramState) {
         self.face.put(|page| &page.program.state, state.code());
+        let project = if state == ProgramState::None { Project::None } else { Project::Boot };
+        self.face.project.store(project.code());
+    }
+
+    /// What stands where clients report what the program does.
+    pub(super) fn reported_program(&self) -> u32 {
+        self.face.asked().program.state.load()
+    }
+
+    /// Orders a start or stop of the program.
+    pub(super) fn order(&self, kind: Start) {
+        program::order(&self.face, kind);
+    }
+
+    /// Whether a client asks for something that concerns the program.
+    pub(super) fn has_program_request(&self) -> bool {
+        let asked = self.face.asked();
+        asked.program.start_request.load() != 0
+            || asked.initial_flag.request.load() != self.face.initial_flag.answer.load()
+    }
+
+    /// A start that a client asks for; the request is taken.
+    pub(super) fn take_start_request(&self) -> Option<u32> {
+        program::refuse_initial_flag(&self.face);
+        self.face.take(|page| &page.program.start_request)
     }
 
     /// An event of the program, for whoever waits for it.

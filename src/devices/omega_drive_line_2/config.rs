@@ -46,7 +46,7 @@ pub struct PlcConfig {
     /// The project that the PLC has at the first power-on (default: none).
     #[serde(default)]
     pub project: ProjectConfig,
-    /// Number of retain flags in bytes, 4..=71808 and divisible by 4: `%MB10000000` and up (default 20000; p. 42).
+    /// Number of retain flags in bytes, 4..=57344 and divisible by 4: `%MB10000000` and up (default 20000; p. 42).
     #[serde(default = "default_retain_bytes")]
     pub retain_bytes: u32,
 }
@@ -125,7 +125,7 @@ impl DeviceConfig for PlcConfig {
             let (name, value) = (self.name.clone(), self.ethernet_mbit.into());
             return Err(SettingError { what: "ethernet_mbit", name, value, right: "100, 10 or 0" }.into());
         }
-        let right = "4 to 71808 and divisible by 4";
+        let right = "4 to 57344 (the 56 kB of the NOVRAM) and divisible by 4";
         range("retain_bytes", &self.name, self.retain_bytes.into(), 4..=RETAIN_BYTES as u64, right)?;
         if !self.retain_bytes.is_multiple_of(4) {
             let (name, value) = (self.name.clone(), self.retain_bytes.into());

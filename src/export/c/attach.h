@@ -15,7 +15,8 @@ typedef enum commram_result {
     COMMRAM_READ_ONLY,    /* attached for reading */
     COMMRAM_REFUSED,      /* the emulator says no; what was asked for tells why */
     COMMRAM_NO_SEAT,      /* all seats of lockstep are taken */
-    COMMRAM_LOST          /* the emulator has given the task up: its turn took too long */
+    COMMRAM_LOST,         /* the emulator has given the task up: its turn took too long */
+    COMMRAM_STOPPED       /* the board has ordered no start of the program, or a stop */
 } commram_result;
 
 /* An attached image. */
@@ -46,6 +47,7 @@ static inline const char *commram_text(commram_result result)
     case COMMRAM_REFUSED: return "the emulator refuses it";
     case COMMRAM_NO_SEAT: return "all seats are taken";
     case COMMRAM_LOST: return "the emulator has given the task up, its turn took too long";
+    case COMMRAM_STOPPED: return "the program is stopped: the board has ordered no start, or a stop";
     }
     return "unknown result";
 }

@@ -83,6 +83,12 @@ static inline commram_result commram_await_event(commram *ram, uint32_t event, u
     return result;
 }
 
+/*
+ * Added to the event of commram_join: the task has a turn at once, and whenever the board orders a start or stop of the program or has
+ * been reset, also while no event occurs. commram_event_count tells whether the event has occurred, too.
+ */
+#define COMMRAM_SEAT_ORDERS 0x100u
+
 /* A task that the emulated time waits for (lockstep, stepped mode only). */
 typedef struct commram_task {
     commram *ram;
@@ -231,6 +237,44 @@ static inline uint32_t commram_order(commram_plc *plc)
     if (ordered)
         return COMMRAM_LOAD(header->program.start_kind);
     return restarted && plc->runs ? COMMRAM_START_STOP : COMMRAM_START_NONE;
+}
+
+/*
+ * Initial value of `width` bytes, 1, 2 or 4, of retain flag `flag`, counted from 0: a cold start writes it. Width 0 takes back what was
+ * asked for before. COMMRAM_REFUSED: the device has no such flag, or no cold start that would write it.
+ */
+static inline commram_result
+commram_give_initial_value(commram *ram, uint32_t flag, uint32_t width, uint32_t value, uint32_t timeout_ms)
+{
+    commram_initial_flag *slot = &ram->header->initial_flag;
+    commram_expected answered;
+    commram_result result;
+    answered.cell = &slot->answer;
+    answered.value = COMMRAM_LOAD(slot->answer) + 1u;
+    answered.wanted = 1;
+    if (!ram->writable)
+        return COMMRAM_READ_ONLY;
+    COMMRAM_STORE(slot->flag, flag);
+    COMMRAM_STORE(slot->width, width);
+    COMMRAM_STORE(slot->value, value);
+    COMMRAM_STORE(slot->request, answered.value);
+    commram_request(ram);
+    result = commram_wait_until(ram, commram_is_expected, &answered, timeout_ms);
+    if (result != COMMRAM_DONE)
+        return result;
+    return COMMRAM_LOAD(slot->result) == COMMRAM_INITIAL_FLAG_RESULT_DONE ? COMMRAM_DONE : COMMRAM_REFUSED;
+}
+
+/* Why a program that is loaded does not run, in English. */
+static inline const char *commram_stopped_because(const commram *ram)
+{
+    if (COMMRAM_LOAD(ram->header->program.power) != COMMRAM_POWER_ON)
+        return "the program is stopped: the supply is off";
+    if (COMMRAM_LOAD(ram->header->board.switch_) != COMMRAM_RUN_SWITCH_RUN)
+        return "the program is stopped: the switch is not at RUN";
+    if (COMMRAM_LOAD(ram->header->program.state) == COMMRAM_PROGRAM_STATE_NONE)
+        return "the program is stopped: the device says that no program is loaded";
+    return "the program is stopped: the device has ordered no start, or a stop";
 }
 
 /* Takes the program away. */

@@ -49,15 +49,18 @@
         commram_bound_##name = COMMRAM_IN_RAM(letter, is_bit, size, a, b),                                       \
         commram_place_##name = COMMRAM_PLACE(letter, is_bit, size, a, b)                                         \
     };                                                                                                           \
+    enum { commram_bit_##name = (is_bit) ? (int)COMMRAM_REACHED_BIT((unsigned)commram_place_##name, b) : -1 };  \
     enum {                                                                                                       \
         commram_whole_##name = COMMRAM_STRUCTURE_AT(commram_place_##name, sizeof(type)),                         \
         commram_widths_##name = COMMRAM_WIDTHS_AT(commram_place_##name)                                          \
     };                                                                                                           \
     COMMRAM_RULES(COMMRAM_CHECK, #name, commram_bound_##name, is_bit, size,                                      \
                   COMMRAM_IS_NO_LEVEL(c) && COMMRAM_IS_NO_LEVEL(d) && COMMRAM_IS_NO_LEVEL(e) && COMMRAM_IS_NO_LEVEL(f),\
-                  sizeof(type), commram_whole_##name, commram_place_##name, commram_widths_##name)               \
+                  sizeof(type), commram_whole_##name, commram_place_##name, commram_widths_##name,               \
+                  (unsigned)commram_bit_##name)                                                                  \
     static type commram_own_##name;                                                                              \
-    type *name = commram_bound_##name ? (type *)(void *)(commram_matiec_ram + commram_place_##name)              \
-                                      : &commram_own_##name;
+    type *name = !commram_bound_##name     ? &commram_own_##name                                                 \
+                 : commram_bit_##name >= 0 ? (type *)(void *)(commram_matiec_bits + commram_bit_##name)          \
+                                           : (type *)(void *)(commram_matiec_ram + commram_place_##name);
 #define COMMRAM_CHECK(condition, name, text) COMMRAM_ASSERT(condition, name ": " text);
 

@@ -8,9 +8,9 @@
  *          program's task is over, by the clock of this computer, which suits an emulator in real time
  * I_PAR1   enables the event with INTR_SET first: of a CPU timer, events 0 and 2, the factor of 50 us
  *
- * In stepped mode emulated time waits for each scan of an event (lockstep). TON and the like count emulated time. The
- * board's switch and supply start and stop the program (docs/board.md); a cold or warm start gives all variables
- * their initial values, also retained ones. It ends by SIGINT and SIGTERM.
+ * In stepped mode emulated time waits for each scan of an event, and for what the board orders (lockstep). TON and the like count
+ * emulated time. The device starts and stops the program (docs/board.md): a cold start gives all variables their initial values, a warm
+ * start all but those declared RETAIN and the retain flags, a hot start none. It ends by SIGINT and SIGTERM.
  *
  * Exit code: 0 ended by a signal, 1 the emulator is gone or has refused something, 2 wrong use or not attached.
  */
@@ -26,6 +26,8 @@ COMMRAM_MATIEC_STORAGE
 /* How long the emulator may really take for an answer, and how often a wait looks for signals. */
 #define ANSWER_MS 5000u
 #define SLICE_MS 100u
+/* How long a program is stopped before it says why. */
+#define STOPPED_SECONDS 2
 
 /* What matiec's code wants of its runtime, and gives to it. */
 TIME __CURRENT_TIME;
@@ -59,11 +61,11 @@ static void sleep_until(struct timespec *due)
 }
 
 /* A cold or warm start of the program. */
-static commram_result begin(commram_plc *plc, const char *image, const char *event, const char *par1)
+static commram_result begin(commram_plc *plc, uint32_t kind, const char *image, const char *event, const char *par1)
 {
     commram_result result;
     commram_tell(plc, COMMRAM_PROGRAM_STATE_INITIALIZING);
-    result = commram_matiec_start(plc->ram, image, config_init__);
+    result = commram_matiec_begin(plc->ram, image, config_init__, kind);
     if (result == COMMRAM_DONE && par1) {
         result = commram_intr_set(plc->ram, (uint32_t)strtoul(event, NULL, 0), 1,
                                   (uint16_t)strtoul(par1, NULL, 0), ANSWER_MS);
@@ -79,12 +81,14 @@ static commram_result begin(commram_plc *plc, const char *image, const char *eve
 static commram_result obey(commram_plc *plc, const char *image, const char *event, const char *par1)
 {
     commram_result result = commram_check(plc->ram);
+    uint32_t order;
     if (result != COMMRAM_DONE)
         return result;
-    switch (commram_order(plc)) {
+    order = commram_order(plc);
+    switch (order) {
     case COMMRAM_START_COLD:
     case COMMRAM_START_WARM:
-        return begin(plc, image, event, par1);
+        return begin(plc, order, image, event, par1);
     case COMMRAM_START_HOT:
         commram_tell(plc, COMMRAM_PROGRAM_STATE_CYCLIC);
         break;
@@ -95,6 +99,21 @@ static commram_result obey(commram_plc *plc, const char *image, const char *even
         break;
     }
     return COMMRAM_DONE;
+}
+
+/* Says why the program is stopped, once each time that it is for a while. */
+static void say_stopped(const commram_plc *plc)
+{
+    static time_t since;
+    static int is_said;
+    time_t now = time(NULL);
+    if (plc->runs || !since) {
+        since = now;
+        is_said = 0;
+    } else if (!is_said && now - since >= STOPPED_SECONDS) {
+        is_said = 1;
+        fprintf(stderr, "%s\n", commram_stopped_because(plc->ram));
+    }
 }
 
 static void scan(commram *ram, unsigned long tick)
@@ -114,7 +133,7 @@ int main(int argc, char **argv)
     commram_plc plc;
     commram_task task;
     commram_result result;
-    uint32_t event, seen = 0;
+    uint32_t event, seen;
     unsigned long tick = 0;
     int stepped;
     event = number ? (uint32_t)strtoul(number, NULL, 0) : 0;
@@ -134,36 +153,49 @@ int main(int argc, char **argv)
         failed(image, result);
         return 2;
     }
+    result = commram_matiec_flags(&ram, ANSWER_MS);
+    if (result == COMMRAM_REFUSED)
+        fprintf(stderr, "retain flags keep what they hold: this device gives them no initial values, or has fewer of them\n");
+    else if (result != COMMRAM_DONE)
+        return failed("initial values of retain flags", result);
     stepped = number && COMMRAM_LOAD(ram.header->clock_mode) == COMMRAM_CLOCK_MODE_STEPPED;
+    seen = commram_event_count(&ram, event);
     if (stepped) {
-        result = commram_join(&ram, &task, event, ANSWER_MS, ANSWER_MS);
+        result = commram_join(&ram, &task, event | COMMRAM_SEAT_ORDERS, ANSWER_MS, ANSWER_MS);
         if (result != COMMRAM_DONE)
             return failed("lockstep", result);
-    } else {
-        seen = commram_event_count(&ram, event);
     }
     result = commram_load(&plc, &ram);
     clock_gettime(CLOCK_MONOTONIC, &due);
 
     while (!ended && result == COMMRAM_DONE) {
-        int is_due = 1;
-        result = obey(&plc, image, number, par1);
-        if (result != COMMRAM_DONE)
-            break;
-        if (stepped)
+        int is_due = 1, has_turn = 0;
+        if (stepped) {
             result = commram_turn(&task, SLICE_MS);
-        else if (number)
+            has_turn = result == COMMRAM_DONE;
+        } else if (number) {
             result = commram_await_event(&ram, event, &seen, SLICE_MS);
-        else
+        } else {
             sleep_until(&due);
+        }
         if (result == COMMRAM_TIMEOUT) {
             is_due = 0;
             result = COMMRAM_DONE;
         }
+        /* Between the wait and the scan: what was ordered meanwhile concerns this scan. In lockstep each order has a turn. */
+        if (result == COMMRAM_DONE && (has_turn || !stepped))
+            result = obey(&plc, image, number, par1);
+        if (has_turn) {
+            uint32_t count = commram_event_count(&ram, event);
+            is_due = count != seen;
+            seen = count;
+        }
         if (is_due && result == COMMRAM_DONE && plc.runs)
             scan(&ram, tick++);
-        if (is_due && result == COMMRAM_DONE && stepped)
+        if (has_turn)
             commram_done(&task);
+        if (result == COMMRAM_DONE)
+            say_stopped(&plc);
     }
     if (result != COMMRAM_DONE)
         return failed(image, result);

@@ -78,10 +78,27 @@ COMMRAM_CONSTANT int commram_is_structure(unsigned place, unsigned long bytes)
 
 COMMRAM_CONSTANT unsigned commram_widths(unsigned place) { return COMMRAM_WIDTHS_AT(place); }
 
+/* The number of its bit among those of all flags; COMMRAM_NO_NUMBER if it is none. */
+COMMRAM_CONSTANT unsigned commram_bit_at(unsigned place, unsigned bit)
+{
+    return (void)place, (void)bit, COMMRAM_REACHED_BIT(place, bit);
+}
+
+COMMRAM_CONSTANT unsigned commram_bit_of(const char *name)
+{
+    return commram_is_bit(name) ? commram_bit_at(commram_place(name), commram_level(name, 1)) : COMMRAM_NO_NUMBER;
+}
+
+/* What a variable of the device points to. */
+static inline unsigned char *commram_matiec_at(const char *name)
+{
+    return commram_is_bit(name) ? commram_matiec_bits + commram_bit_of(name) : commram_matiec_ram + commram_place(name);
+}
+
 #define COMMRAM_RULES_OF(rule, name, bytes)                                                                      \
     COMMRAM_RULES(rule, name, commram_is_bound(name), commram_is_bit(name), commram_size(name),                  \
                   commram_levels_are_0(name), bytes, commram_is_structure(commram_place(name), bytes),           \
-                  commram_place(name), commram_widths(commram_place(name)))
+                  commram_place(name), commram_widths(commram_place(name)), commram_bit_of(name))
 
 #ifdef __cplusplus
 /* OpenPLC's glue_generator writes behind its tables at other numbers; it has none for %MB. */
@@ -92,7 +109,7 @@ COMMRAM_CONSTANT unsigned commram_widths(unsigned place) { return COMMRAM_WIDTHS
 #define COMMRAM_OTHER(type, location) extern type *location;
 #define COMMRAM_ACCEPT(type, location) COMMRAM_RULES_OF(COMMRAM_RULE, #location, sizeof(type)) COMMRAM_RULE_OF_TABLES(#location)
 #define COMMRAM_BOUND(type, location)                                                                            \
-    (commram_is_bound(#location) ? (type *)(void *)(commram_matiec_ram + commram_place(#location)) : location)
+    (commram_is_bound(#location) ? (type *)(void *)commram_matiec_at(#location) : location)
 #else
 /* What is wrong with the first variable that is refused; nothing may be attached then. */
 extern char commram_matiec_refused[160];
@@ -110,7 +127,7 @@ static inline void *commram_bound(const char *name, size_t bytes, void *other)
     const char *wrong = !commram_is_bound(name) ? (other ? NULL : "the device has no such address, nor anybody else")
                                                 : commram_refusal(name, bytes);
     if (!wrong)
-        return commram_is_bound(name) ? commram_matiec_ram + commram_place(name) : other;
+        return commram_is_bound(name) ? commram_matiec_at(name) : other;
     if (!commram_matiec_refused[0])
         snprintf(commram_matiec_refused, sizeof commram_matiec_refused, "%s: %s", name, wrong);
     return commram_matiec_ram;

@@ -9,8 +9,15 @@
 #endif
 #define COMMRAM_MATIEC_STORAGE                                                                                   \
     COMMRAM_MATIEC_TEXT                                                                                          \
+    int commram_matiec_keeps_retain;                                                                             \
+    unsigned char commram_matiec_bits[COMMRAM_FLAG_BITS];                                                        \
     unsigned char commram_matiec_ram[COMMRAM_MATIEC_BYTES] __attribute__((aligned(0x10000)));
 extern unsigned char commram_matiec_ram[COMMRAM_MATIEC_BYTES];
+extern int commram_matiec_keeps_retain;
+extern unsigned char commram_matiec_bits[COMMRAM_FLAG_BITS];
+
+/* Initial values of located flags, as config_init__ last left them: those that are retained, then the others. */
+static unsigned char commram_matiec_initial[COMMRAM_MATIEC_RETAIN_BYTES + COMMRAM_MATIEC_FLAGS_BYTES + 1u];
 
 /* Puts memory of this process, all zero, in the image's place; the variables stay usable. */
 static inline void commram_matiec_detach(commram *ram)
@@ -41,31 +48,163 @@ static inline commram_result commram_matiec_attach(commram *ram, const char *pat
     return result;
 }
 
-/* A start of the program: `init` gives its variables initial values, of which none reaches a register. */
+/* Keeps the initial values of located flags and of their bits, before an image is mapped over them. */
+static inline void commram_matiec_keep_initial(void)
+{
+    size_t i, bytes = COMMRAM_MATIEC_RETAIN_BYTES + COMMRAM_MATIEC_FLAGS_BYTES;
+    for (i = 0; i < bytes; i++) {
+        unsigned bit, value = commram_matiec_ram[COMMRAM_FLAG_BYTE(i)];
+        for (bit = 0; bit < 8u; bit++)
+            value |= commram_matiec_bits[8u * i + bit] ? 1u << bit : 0u;
+        commram_matiec_initial[i] = (unsigned char)value;
+    }
+}
+
+/*
+ * A start of the program of this kind, COMMRAM_START_COLD or COMMRAM_START_WARM: `init` gives its variables initial values, at a warm
+ * start not those that are declared RETAIN. None of them reaches a register; flags that are not retained get them here, and retain
+ * flags by commram_matiec_flags.
+ */
+static inline commram_result
+commram_matiec_begin(commram *ram, const char *path, void (*init)(void), uint32_t kind)
+{
+    commram_result result;
+    size_t i, bytes = COMMRAM_MATIEC_RETAIN_BYTES + COMMRAM_MATIEC_FLAGS_BYTES;
+    commram_matiec_detach(ram);
+    commram_matiec_keeps_retain = kind == COMMRAM_START_WARM;
+    init();
+    commram_matiec_keeps_retain = 0;
+    commram_matiec_keep_initial();
+    result = commram_matiec_attach(ram, path);
+    for (i = COMMRAM_MATIEC_RETAIN_BYTES; result == COMMRAM_DONE && i < bytes; i++) {
+        /* The device has set all others to 0 when it ordered the start. */
+        if (commram_matiec_initial[i])
+            *(volatile unsigned char *)(commram_matiec_ram + COMMRAM_FLAG_BYTE(i)) = commram_matiec_initial[i];
+    }
+    return result;
+}
+
+/* A first start of the program, before the board has ordered any. */
 static inline commram_result commram_matiec_start(commram *ram, const char *path, void (*init)(void))
 {
+    return commram_matiec_begin(ram, path, init, COMMRAM_START_COLD);
+}
+
+/*
+ * Registers the initial values of the program's retain flags, which each cold start gives them; to be called after
+ * commram_matiec_start and before commram_load. COMMRAM_REFUSED: the device gives them none, or has fewer flags.
+ */
+static inline commram_result commram_matiec_flags(commram *ram, uint32_t timeout_ms)
+{
+    commram_result result = COMMRAM_DONE;
+    uint32_t i, has_any = 0, bytes = COMMRAM_MATIEC_RETAIN_BYTES;
+    for (i = 0; i < bytes; i++)
+        has_any |= commram_matiec_initial[i];
+    if (bytes) {
+        result = commram_give_initial_value(ram, 0, 0, 0, timeout_ms);
+        if (result == COMMRAM_REFUSED && !has_any)
+            return COMMRAM_DONE;
+    }
+    for (i = 0; result == COMMRAM_DONE && i + 4u <= bytes; i += 4u) {
+        uint32_t value;
+        memcpy(&value, commram_matiec_initial + i, sizeof value);
+        if (value)
+            result = commram_give_initial_value(ram, i, 4, value, timeout_ms);
+    }
+    return result;
+}
+
+/* The program of a runtime whose scans cannot be held up, see commram_matiec_keep. */
+typedef struct commram_matiec_program {
+    commram board; /* the image a second time, for orders */
+    commram_plc plc;
+} commram_matiec_program;
+
+/* How long the board may really take to order the first start, and to answer. */
+#define COMMRAM_MATIEC_FIRST_MS 50u
+#define COMMRAM_MATIEC_ANSWER_MS 1000u
+
+static inline commram_result
+commram_matiec_load(commram_matiec_program *program, commram *ram, const char *path, void (*init)(void))
+{
+    commram_result result = commram_attach(&program->board, path, 1);
+    if (result != COMMRAM_DONE)
+        return result;
+    result = commram_matiec_start(ram, path, init);
     commram_matiec_detach(ram);
-    init();
-    return commram_matiec_attach(ram, path);
+    if (result == COMMRAM_DONE)
+        result = commram_matiec_flags(&program->board, COMMRAM_MATIEC_ANSWER_MS);
+    if (result == COMMRAM_DONE || result == COMMRAM_REFUSED)
+        result = commram_load(&program->plc, &program->board);
+    if (result == COMMRAM_DONE) {
+        result = commram_wait_ring(&program->board, &program->board.header->program.start, program->plc.orders,
+                                   COMMRAM_MATIEC_FIRST_MS);
+        result = result == COMMRAM_TIMEOUT ? COMMRAM_DONE : result;
+    }
+    if (result != COMMRAM_DONE)
+        commram_detach(&program->board);
+    return result;
+}
+
+/* Does what the board orders: registers are under the located variables while the program may run, and only then. */
+static inline commram_result
+commram_matiec_obey(commram_matiec_program *program, commram *ram, const char *path, void (*init)(void))
+{
+    uint32_t order = commram_order(&program->plc);
+    commram_result result = COMMRAM_DONE;
+    switch (order) {
+    case COMMRAM_START_COLD:
+    case COMMRAM_START_WARM:
+        result = commram_matiec_begin(ram, path, init, order);
+        break;
+    case COMMRAM_START_HOT:
+        result = ram->base ? COMMRAM_DONE : commram_matiec_attach(ram, path);
+        break;
+    case COMMRAM_START_STOP:
+        commram_matiec_detach(ram);
+        commram_tell(&program->plc, COMMRAM_PROGRAM_STATE_STOPPED);
+        return COMMRAM_STOPPED;
+    default:
+        return program->plc.runs ? COMMRAM_DONE : COMMRAM_STOPPED;
+    }
+    if (result == COMMRAM_DONE)
+        commram_tell(&program->plc, COMMRAM_PROGRAM_STATE_CYCLIC);
+    return result;
+}
+
+static inline commram_matiec_program *commram_matiec_own(void)
+{
+    static commram_matiec_program program;
+    return &program;
 }
 
 /*
  * For runtimes whose scans begin and go on without being asked; to be called in front of each, with a `ram` that begins
- * as zeros. Starts the program as soon as there is an emulator, and lets go of one that is gone.
+ * as zeros. Starts and stops the program as the board orders, as soon as there is an emulator, and lets go of one that is gone.
+ * COMMRAM_STOPPED: the program is stopped, and its scans find memory of this process.
  */
 static inline commram_result commram_matiec_keep(commram *ram, const char *path, void (*init)(void))
 {
-    commram_result result = ram->base ? commram_check(ram) : commram_matiec_attach(ram, path);
-    static int is_started;
-    if (result != COMMRAM_DONE) {
-        if (ram->base)
-            commram_matiec_detach(ram);
-        is_started = 0;
-    } else if (!is_started) {
-        result = commram_matiec_start(ram, path, init);
-        is_started = result == COMMRAM_DONE;
+    commram_matiec_program *program = commram_matiec_own();
+    commram_result result = program->board.base ? commram_check(&program->board) : commram_matiec_load(program, ram, path, init);
+    if (result == COMMRAM_DONE)
+        result = commram_matiec_obey(program, ram, path, init);
+    if (result != COMMRAM_DONE && result != COMMRAM_STOPPED && program->board.base) {
+        commram_matiec_detach(ram);
+        commram_detach(&program->board);
     }
     return result;
+}
+
+/* The end of a program that commram_matiec_keep has started: the board is informed that it is gone. */
+static inline void commram_matiec_leave(commram *ram)
+{
+    commram_matiec_program *program = commram_matiec_own();
+    commram_matiec_detach(ram);
+    if (program->board.base) {
+        commram_unload(&program->plc);
+        commram_detach(&program->board);
+    }
 }
 
 /* Gives emulated time to a variable of matiec's type TIME. */

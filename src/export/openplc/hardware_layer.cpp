@@ -2,8 +2,8 @@
  * A hardware layer for OpenPLC: it maps the registers under the program's located variables. Save it as
  * webserver/core/hardware_layer.cpp; docs/openplc.md has the rest.
  *
- * The environment variable COMMRAM_IMAGE names the image, /dev/shm/commram.default.line if there is none. The program
- * starts, with its initial values, each time that an emulator appears there. TON and the like count emulated time.
+ * The environment variable COMMRAM_IMAGE names the image, /dev/shm/commram.default.line if there is none. The device there
+ * starts and stops the program; while it is stopped its scans do not reach any register. TON and the like count emulated time.
  */
 #include "iec_types.h"
 #include "ladder.h"
@@ -40,4 +40,4 @@ void updateBuffersOut()
 
 void initializeHardware() {}
 
-void finalizeHardware() { commram_matiec_detach(&ram); }
+void finalizeHardware() { commram_matiec_leave(&ram); }

@@ -5,7 +5,7 @@
 //! exactly that emulated time, be it before or after a deadline.
 
 use super::{Attached, LIVENESS};
-use crate::memory::header::{SEATS, Seat, SeatState};
+use crate::memory::header::{SEAT_ORDERS, SEATS, Seat, SeatState};
 use crate::memory::process::ProcessId;
 use crate::memory::{Header, MemoryError, View, bell};
 use core::num::NonZeroU32;
@@ -38,6 +38,27 @@ impl Attached {
         patience: Duration,
         timeout: Duration,
     ) -> Result<LockstepTask<'_>, MemoryError> {
+        self.join(event, 0, patience, timeout)
+    }
+
+    /// As [`Attached::join_lockstep`], with a turn for each order of the board, too.
+    #[cfg_attr(not(feature = "plc"), expect(dead_code, reason = "for the runner of tasks"))]
+    pub(crate) fn join_with_orders(
+        &self,
+        event: usize,
+        patience: Duration,
+        timeout: Duration,
+    ) -> Result<LockstepTask<'_>, MemoryError> {
+        self.join(event, SEAT_ORDERS, patience, timeout)
+    }
+
+    fn join(
+        &self,
+        event: usize,
+        flags: u32,
+        patience: Duration,
+        timeout: Duration,
+    ) -> Result<LockstepTask<'_>, MemoryError> {
         let header = self.header()?.clone();
         let own = ProcessId::own();
         let free = |seat: &Seat| seat.owner.compare_exchange(0, own.pid).is_ok();
@@ -49,7 +70,7 @@ impl Attached {
         let turns = seat.turn.rings();
         let task = LockstepTask { attached: self, header, seat, event, turns, in_turn: false };
         task.seat.owner_start.store(own.start);
-        task.seat.event.store(u32::try_from(event).unwrap_or(u32::MAX));
+        task.seat.event.store(u32::try_from(event).map_or(u32::MAX, |event| event | flags));
         task.seat.patience_ms.store(u32::try_from(patience.as_millis()).unwrap_or(u32::MAX));
         task.seat.state.store(SeatState::Asking.code());
         task.header.submit_request();

@@ -10,7 +10,7 @@ use zerocopy::{FromBytes, IntoBytes, KnownLayout};
 pub struct InitialFlag {
     /// Which flag, from 0: the n of `%MB10000000` + n.
     pub flag: Cell32,
-    /// Width in bytes: 1, 2, 4. The flag must suit it.
+    /// Width in bytes: 1, 2, 4. The flag must suit it. 0 takes back all initial values.
     pub width: Cell32,
     /// The initial value.
     pub value: Cell32,

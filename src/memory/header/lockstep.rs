@@ -8,6 +8,10 @@ use crate::memory::published::publish;
 use crate::memory::{Bell, Cell32, Cell64, SharedRegs};
 use zerocopy::{FromBytes, IntoBytes, KnownLayout};
 
+/// Added to the event of a seat: the task has a turn at once, and whenever the board orders a start or stop of the program or has been
+/// reset, also while no event occurs.
+pub const SEAT_ORDERS: u32 = 0x100;
+
 /// The place of one task that takes part in lockstep.
 #[derive(FromBytes, IntoBytes, KnownLayout, Debug)]
 #[repr(C)]
@@ -18,7 +22,7 @@ pub struct Seat {
     pub state: Cell32,
     /// Start time of that process: field 22 of `/proc/<pid>/stat`.
     pub owner_start: Cell64,
-    /// Number of the event that the task runs on.
+    /// Number of the event that the task runs on, plus [`SEAT_ORDERS`] if orders of the board are to give it a turn, too.
     pub event: Cell32,
     /// How long a turn may really take before the task counts as lost, in ms; 0: as long as its process lives.
     pub patience_ms: Cell32,

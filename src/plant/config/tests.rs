@@ -58,10 +58,10 @@ fn each_mistake_is_named() {
         (format!("{plc}dip = 32\n"), "dip of 'p' is 32; it must be 0 to 31"),
         (format!("{plc}option_sync_us = 49\n"), "option_sync_us of 'p' is 49; it must be 50 to 1000000"),
         (
-            format!("{plc}retain_bytes = 71812\n"),
-            "retain_bytes of 'p' is 71812; it must be 4 to 71808 and divisible by 4",
+            format!("{plc}retain_bytes = 57348\n"),
+            "retain_bytes of 'p' is 57348; it must be 4 to 57344 (the 56 kB of the NOVRAM) and divisible by 4",
         ),
-        (format!("{plc}retain_bytes = 6\n"), "retain_bytes of 'p' is 6; it must be 4 to 71808"),
+        (format!("{plc}retain_bytes = 6\n"), "retain_bytes of 'p' is 6; it must be 4 to 57344"),
         (format!("{plc}ethernet_mbit = 1\n"), "ethernet_mbit of 'p' is 1; it must be 100, 10 or 0"),
         (
             format!("{plc}node2 = 'x'\n{bus}"),

@@ -8,6 +8,7 @@ use super::Emulator;
 use crate::memory::bell;
 use crate::runtime::clock::WallClock;
 use crate::runtime::lockstep::NoWitness;
+use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 /// Longest sleep; a bound for everything that does not ring.
@@ -28,10 +29,11 @@ impl Emulator {
     pub(super) fn run_stepped(&mut self) {
         while !self.is_stopping() {
             self.look_at_rings();
+            self.give_order_turns();
             self.save_novram(false);
             if self.serve_channel() {
                 self.announce();
-            } else if !self.options.busy && !self.is_time_passing() {
+            } else if !self.options.busy && !self.is_time_passing() && !self.lockstep.is_in_turn() {
                 self.sleep(LONGEST_SLEEP);
             }
         }
@@ -82,6 +84,18 @@ impl Emulator {
             }
             self.plant.processor_cycle();
         }
+    }
+
+    /// With a stepped clock: a task in lockstep obeys an order of its board at the moment at which it is given, also while no time
+    /// passes.
+    fn give_order_turns(&mut self) {
+        if self.is_time_passing() || !self.lockstep.has_turns() {
+            return;
+        }
+        let Emulator { plant, lockstep, stop, .. } = self;
+        lockstep.take_turns(plant, || stop.load(Ordering::Acquire), &mut NoWitness);
+        self.travel.touch();
+        self.announce();
     }
 
     /// In real time: when something is due that somebody may see, or see to.

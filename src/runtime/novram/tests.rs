@@ -15,7 +15,7 @@ const ADDRESS: u32 = 180_016 + 4;
 const FLAG: u32 = 8192;
 /// How many retain flags it has, in bytes, and most that it can have.
 const FLAGS: usize = 20_000;
-const SIZE: Size = Size { registers: REGISTERS, flags: 71_808 };
+const SIZE: Size = Size { registers: REGISTERS, flags: 57_344 };
 const LAST_FLAG: u32 = FLAG + FLAGS as u32 - 1;
 
 fn content(byte: u8) -> Content {
@@ -79,16 +79,16 @@ fn flags_beyond_those_of_the_plant_stay_in_the_file() {
         file::store(&mut open(&directory), &novram.name, &content).unwrap();
     };
     let (many, few) = (segment(), segment());
-    let (last, first) = (79_996, FLAG);
+    let (last, first) = (65_532, FLAG);
     many.store(last, Width::Dword, 7).unwrap();
-    save(&mut on(&many, 71_808));
+    save(&mut on(&many, 57_344));
     let mut novram = on(&few, 8);
     assert_eq!(few.load(last, Width::Dword).unwrap(), 0, "this plant has no such flag");
     assert_eq!(novram.changed((&[0; REGISTERS], 0), true), None);
     few.store(first, Width::Dword, 5).unwrap();
     save(&mut novram);
     let again = segment();
-    on(&again, 71_808);
+    on(&again, 57_344);
     let held = [first, last].map(|flag| again.load(flag, Width::Dword).unwrap());
     assert_eq!(held, [5, 7]);
 }

@@ -6,6 +6,8 @@ use crate::devices::cs0015::records::CommandRefused;
 use crate::devices::cs0015::registers::values::program;
 use crate::devices::cs0015::registers::{FRONT_INPUTS, FRONT_OUTPUTS, FRONT_S2, FRONT_S3, FRONT_S5};
 use crate::layout::Width;
+use crate::memory::Header;
+use crate::memory::header::{ProgramState, Project, Start};
 
 /// Vectors T18, T19, T20; p. 13-14.
 #[test]
@@ -28,6 +30,44 @@ fn network_management_makes_it_run_and_stop() {
     let states: Vec<_> =
         bench.journal.records().filter_map(|record| record.event.get().map(|it: NodeState| it.to)).collect();
     assert_eq!(states, [127, 5, 4, 127]);
+}
+
+/// P. 13-14, 28: the program starts after the reset, and continues after a stop (D-630). A process that brings its program while the
+/// controller runs asks for a start, as on any device that has a project.
+#[test]
+fn the_program_is_started_and_stopped_as_the_states_go() {
+    let mut bench = Bench::new("program = 'attached'");
+    let header = bench.segment.header().unwrap();
+    let ordered = |header: &Header| {
+        let kind = Start::from_code(header.program.start_kind.load()).unwrap();
+        (header.program.start.rings(), kind)
+    };
+    bench.run(100 * MS);
+    assert_eq!(ordered(&header), (0, Start::None), "the reset goes on");
+    bench.registers.flags.CAN_OPEN.store(1);
+    bench.run(150 * MS);
+    assert_eq!((ordered(&header), header.project.load()), ((1, Start::Warm), Project::Boot.code()));
+    bench.exchange(0, &[2, 0]);
+    assert_eq!(ordered(&header), (2, Start::Stop));
+    header.program.start_request.store(Start::Cold.code());
+    bench.run(MS);
+    assert_eq!((ordered(&header).0, header.program.start_request.load()), (2, 0), "refused in Stop");
+    bench.exchange(0, &[128, 0]);
+    assert_eq!(ordered(&header), (3, Start::Hot));
+    // A program has gone, and another one comes before the firmware has looked.
+    header.program.state.store(ProgramState::None.code());
+    header.program.state.store(ProgramState::Stopped.code());
+    header.program.start_request.store(Start::Cold.code());
+    bench.run(MS);
+    assert_eq!(
+        (ordered(&header), header.program.state.load()),
+        ((4, Start::Cold), ProgramState::Cyclic.code())
+    );
+    bench.power_cycle();
+    assert_eq!(ordered(&header), (6, Start::Warm), "stopped without supply, then started");
+    let without = Bench::running("program = 'none'");
+    let header = without.segment.header().unwrap();
+    assert_eq!((ordered(&header), header.project.load()), ((0, Start::None), Project::None.code()));
 }
 
 /// Vector T53; p. 13.

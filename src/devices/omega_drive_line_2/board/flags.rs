@@ -1,6 +1,6 @@
-//! The retain flags and what a cold start makes of them (manual 5.00005.03a p. 38, 41).
+//! The flags, and what power-on and starts make of them (manual 5.00005.03a p. 38, 41-42).
 
-use crate::devices::omega_drive_line_2::registers::{RETAIN, RETAIN_BYTES};
+use crate::devices::omega_drive_line_2::registers::{DEVICE, RETAIN, RETAIN_BYTES};
 use crate::memory::header::{InitialFlag, InitialFlagResult};
 use crate::memory::{MemoryError, Segment, Width};
 use crate::state::{Damaged, Saved, Saving, State};
@@ -8,7 +8,7 @@ use crate::state::{Damaged, Saved, Saving, State};
 /// Where the first flag lies.
 const FIRST: u32 = RETAIN as u32;
 
-/// The retain flags of a PLC with their initial values.
+/// The flags of a PLC; the retain flags with their initial values.
 #[derive(Debug)]
 pub(super) struct Flags {
     segment: Segment,
@@ -60,8 +60,12 @@ impl Flags {
         slot.answer.store(request);
     }
 
-    /// Gives flags an initial value; `None` if that is not possible.
+    /// Gives flags an initial value, or takes all of them back if the width is 0; `None` if that is not possible.
     fn set(&mut self, flag: u32, width: u32, value: u32) -> Option<()> {
+        if width == 0 {
+            self.forget();
+            return Some(());
+        }
         let width = [Width::Byte, Width::Word, Width::Dword].into_iter().find(|it| it.bytes() == width)?;
         let first = flag as usize;
         let of = self.initial.get_mut(first..)?.get_mut(..width.bytes() as usize)?;
@@ -75,6 +79,18 @@ impl Flags {
     /// The program is gone, and its initial values with it.
     pub(crate) fn forget(&mut self) {
         self.initial.fill(0);
+    }
+
+    /// Power-on, reset, cold and warm start: flags that are not retained are 0. A program gives its own other initial values itself (D-632).
+    pub(crate) fn clear(&self) {
+        for area in DEVICE.areas.iter().filter(|area| area.space.name == "free_flags") {
+            for offset in (area.first..area.last()).step_by(4) {
+                // They lie in the segment, which is writable. Memory that nobody has used stays untouched.
+                if self.segment.load(offset, Width::Dword).is_ok_and(|flags| flags != 0) {
+                    let _: Result<(), MemoryError> = self.segment.store(offset, Width::Dword, 0);
+                }
+            }
+        }
     }
 
     /// Cold start: all flags get their initial values.
@@ -114,6 +130,11 @@ mod tests {
         ] {
             assert_eq!(flags.set(flag, width, value).is_some(), is_set, "{flag}, {width}");
         }
+        assert!(
+            flags.set(9, 0, 7).is_some() && flags.set(0, 4, 0x0403_0201).is_some(),
+            "width 0 takes all back"
+        );
+        assert!(flags.set(6, 2, 0xBEEF).is_some() && flags.set(23, 1, 0x7F).is_some());
         let behind = FIRST + 24;
         for offset in [8, 24] {
             flags.segment.store(FIRST + offset, Width::Dword, 9).unwrap();
@@ -126,5 +147,20 @@ mod tests {
         flags.forget();
         flags.initialize();
         assert_eq!(load(&flags, 23), 0);
+    }
+
+    /// P. 10, 41-42: RAM, which power-on and starts set to 0.
+    #[test]
+    fn flags_that_are_not_retained_are_cleared() {
+        let flags = flags(24);
+        let first = DEVICE.area("flags").unwrap().first;
+        for offset in [first, first + 79_996] {
+            flags.segment.store(offset, Width::Dword, 9).unwrap();
+        }
+        flags.segment.store(FIRST, Width::Dword, 9).unwrap();
+        flags.clear();
+        let left =
+            [first, first + 79_996, FIRST].map(|offset| flags.segment.load(offset, Width::Dword).unwrap());
+        assert_eq!(left, [0, 0, 9]);
     }
 }

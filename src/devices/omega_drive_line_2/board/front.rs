@@ -5,7 +5,7 @@ use super::project::Projects;
 use super::report;
 use crate::devices::omega_drive_line_2::registers::DIP_LAST;
 use crate::devices::records::BoardEvent;
-use crate::devices::{Context, Look, Power};
+use crate::devices::{Context, Look, Power, program};
 use crate::memory::header::{self, ProgramState, Project, RunSwitch, Start};
 use crate::memory::{Face, Header};
 use crate::state;
@@ -34,6 +34,8 @@ pub(super) struct Front {
     released: bool,
     /// A cold or warm start was ordered since somebody asked last.
     started: bool,
+    /// A start or stop was ordered since somebody asked last.
+    ordered: bool,
     flags: Flags,
 }
 
@@ -57,7 +59,7 @@ impl Seen {
 }
 
 state!(Front {
-    values: seen, switch, powered, program, up, dip, projects, is_used, halted, released, started;
+    values: seen, switch, powered, program, up, dip, projects, is_used, halted, released, started, ordered;
     parts: flags
 });
 
@@ -80,6 +82,7 @@ impl Front {
             halted: false,
             released: false,
             started: false,
+            ordered: false,
         }
     }
 
@@ -104,6 +107,7 @@ impl Front {
     /// Power-on or end of reset: reads the DIP switches and returns their number.
     pub(crate) fn start(&mut self, ctx: &mut Context, face: &Face) -> u8 {
         self.up = true;
+        self.flags.clear();
         self.dip = (face.asked().board.dip.load() & u32::from(DIP_LAST)) as u8;
         face.program.dip_latched.store(self.dip.into());
         // Everybody knows that there was a first time.
@@ -260,16 +264,24 @@ impl Front {
             self.projects.started_cold();
             self.flags.initialize();
         }
+        if matches!(kind, Start::Cold | Start::Warm) {
+            self.flags.clear();
+        }
         self.halted = kind == Start::Stop;
         self.started |= matches!(kind, Start::Cold | Start::Warm);
-        face.program.start_kind.store(kind.code());
-        face.program.start.ring();
+        self.ordered = true;
+        program::order(face, kind);
         report(ctx, BoardEvent::Start { kind });
     }
 
     /// Initial values that a client gives the retain flags.
     pub(crate) fn look_at_flags(&mut self, face: &Face) {
         self.flags.look(&face.asked().initial_flag, &face.initial_flag);
+    }
+
+    /// Whether a start or stop was ordered since the last call.
+    pub(crate) fn take_order(&mut self) -> bool {
+        core::mem::take(&mut self.ordered)
     }
 
     /// Whether a cold or warm start was ordered since the last call.

@@ -144,6 +144,9 @@ impl Board {
         if asked {
             self.front.look_at_start_request(ctx, &self.face);
         }
+        if self.front.take_order() {
+            self.events.note_order();
+        }
         if self.front.take_start() {
             self.triggers.permit();
         }

@@ -1,0 +1,199 @@
+//! Starts of the program of a device that has no RUN/STOP switch: the program may run while the device is up (decision D-630).
+
+use super::Context;
+use super::records::{BoardEvent, OnBoard};
+use crate::memory::Face;
+use crate::memory::header::{InitialFlagResult, ProgramState, Project, Start};
+use crate::state;
+use serde::{Deserialize, Serialize};
+
+/// The program that a client has brought, and what it was last ordered.
+pub(super) struct Starts {
+    seen: Seen,
+    is_loaded: bool,
+    /// The next start is a cold one: the program is new.
+    is_new: bool,
+}
+
+state!(Starts { values: seen, is_loaded, is_new });
+
+/// Cells that clients write, as last seen.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+struct Seen {
+    requests: u32,
+    program: u32,
+}
+
+impl Seen {
+    #[inline]
+    fn now(face: &Face) -> Self {
+        let asked = face.asked();
+        Seen { requests: asked.board_requests.load(), program: asked.program.state.load() }
+    }
+}
+
+impl Starts {
+    /// No program is loaded.
+    pub(super) fn new(face: &Face) -> Self {
+        Starts { seen: Seen::now(face), is_loaded: false, is_new: true }
+    }
+
+    /// Whether a client has put in a request or reported what its program does since the last look.
+    #[inline]
+    pub(super) fn has_changed(&self, face: &Face) -> bool {
+        Seen::now(face) != self.seen
+    }
+
+    /// Looks at what clients ask and report. `is_up`: the program may run. Returns the last start or stop ordered.
+    pub(super) fn look(&mut self, ctx: &mut Context, face: &Face, is_up: bool) -> Option<Start> {
+        let seen = Seen::now(face);
+        let is_asked = core::mem::replace(&mut self.seen, seen).requests != seen.requests;
+        let mut ordered = self.note_program(ctx, face, is_up);
+        if is_asked {
+            refuse_initial_flag(face);
+            ordered = self.look_at_request(ctx, face, is_up).or(ordered);
+        }
+        ordered
+    }
+
+    /// Power-on: a program that is loaded starts, warm unless it is new.
+    pub(super) fn start(&mut self, ctx: &mut Context, face: &Face) -> Option<Start> {
+        self.is_loaded.then(|| self.order(ctx, face, if self.is_new { Start::Cold } else { Start::Warm }))
+    }
+
+    /// A program comes or goes.
+    fn note_program(&mut self, ctx: &mut Context, face: &Face, is_up: bool) -> Option<Start> {
+        let is_loaded = self.seen.program != ProgramState::None.code();
+        if core::mem::replace(&mut self.is_loaded, is_loaded) == is_loaded {
+            return None;
+        }
+        self.is_new = true;
+        let project = if is_loaded { Project::Boot } else { Project::None };
+        face.project.store(project.code());
+        (is_loaded && is_up).then(|| self.order(ctx, face, Start::Cold))
+    }
+
+    fn look_at_request(&mut self, ctx: &mut Context, face: &Face, is_up: bool) -> Option<Start> {
+        let code = face.take(|page| &page.program.start_request)?;
+        match Start::from_code(code) {
+            Some(kind) if self.is_loaded && is_up => Some(self.order(ctx, face, kind)),
+            _ => {
+                refuse_start(ctx, code);
+                None
+            }
+        }
+    }
+
+    fn order(&mut self, ctx: &mut Context, face: &Face, kind: Start) -> Start {
+        self.is_new &= kind != Start::Cold;
+        order(face, kind);
+        report(ctx, BoardEvent::Start { kind });
+        kind
+    }
+}
+
+/// Orders a start or stop of the program.
+pub(super) fn order(face: &Face, kind: Start) {
+    face.program.start_kind.store(kind.code());
+    face.program.start.ring();
+}
+
+/// Refuses a start that a client asks for.
+pub(super) fn refuse_start(ctx: &mut Context, code: u32) {
+    report(ctx, BoardEvent::StartRefused { code: code as u8 });
+}
+
+/// Answers a client that gives a retain flag an initial value: the device has no cold start that would write it.
+pub(super) fn refuse_initial_flag(face: &Face) {
+    let (slot, request) = (&face.initial_flag, face.asked().initial_flag.request.load());
+    if request != slot.answer.load() {
+        slot.result.store(InitialFlagResult::NoSuchFlag.code());
+        slot.answer.store(request);
+    }
+}
+
+pub(super) fn report(ctx: &mut Context, what: BoardEvent) {
+    ctx.report(OnBoard { plc: ctx.origin.plc, what });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::journal::{Journal, Origin};
+    use crate::memory::{Header, Segment};
+
+    struct Rig {
+        face: Face,
+        starts: Starts,
+        journal: Journal,
+    }
+
+    impl Rig {
+        fn new() -> Self {
+            let face = Segment::heap(8192).face().unwrap();
+            Rig { starts: Starts::new(&face), face, journal: Journal::default() }
+        }
+
+        fn with(
+            &mut self,
+            act: impl FnOnce(&mut Starts, &mut Context, &Face) -> Option<Start>,
+        ) -> Option<Start> {
+            let origin = Origin { plc: 0, node: 0 };
+            let ctx = &mut Context { now: 0, journal: &mut self.journal, origin, base: 0 };
+            act(&mut self.starts, ctx, &self.face)
+        }
+
+        /// A program reports this.
+        fn report(&mut self, state: ProgramState, is_up: bool) -> Option<Start> {
+            self.face.program.state.store(state.code());
+            self.with(|starts, ctx, face| starts.look(ctx, face, is_up))
+        }
+
+        fn ask(&mut self, kind: Start, is_up: bool) -> Option<Start> {
+            self.face.ask(|page: &Header| &page.program.start_request, kind.code());
+            self.with(|starts, ctx, face| starts.look(ctx, face, is_up))
+        }
+
+        fn power_on(&mut self) -> Option<Start> {
+            self.with(Starts::start)
+        }
+    }
+
+    /// A program that has been stopped and reports it is no new one.
+    #[test]
+    fn a_program_starts_when_it_comes_and_when_the_supply_comes() {
+        let mut rig = Rig::new();
+        assert_eq!((rig.power_on(), rig.ask(Start::Cold, true)), (None, None), "there is none");
+        assert_eq!(rig.report(ProgramState::Stopped, true), Some(Start::Cold));
+        assert_eq!(rig.face.project.load(), Project::Boot.code());
+        assert_eq!(rig.report(ProgramState::Cyclic, true), None);
+        assert_eq!(rig.ask(Start::Stop, true), Some(Start::Stop));
+        assert_eq!(rig.report(ProgramState::Stopped, true), None);
+        assert_eq!(rig.ask(Start::Hot, true), Some(Start::Hot));
+        assert_eq!((rig.report(ProgramState::Stopped, false), rig.ask(Start::Warm, false)), (None, None));
+        assert_eq!(rig.power_on(), Some(Start::Warm));
+        assert_eq!(
+            (rig.face.program.start.rings(), rig.face.program.start_kind.load()),
+            (4, Start::Warm.code())
+        );
+        assert_eq!((rig.report(ProgramState::None, true), rig.power_on()), (None, None));
+        assert_eq!(rig.face.project.load(), Project::None.code());
+    }
+
+    #[test]
+    fn a_program_that_comes_without_supply_starts_cold_with_it() {
+        let mut rig = Rig::new();
+        assert_eq!(rig.report(ProgramState::Stopped, false), None);
+        assert_eq!((rig.power_on(), rig.power_on()), (Some(Start::Cold), Some(Start::Warm)));
+    }
+
+    /// Nobody waits for an answer that does not come.
+    #[test]
+    fn initial_values_of_retain_flags_are_refused() {
+        let mut rig = Rig::new();
+        let request = rig.face.initial_flag.ask(0, 1, 7);
+        rig.face.board_requests.increment();
+        rig.with(|starts, ctx, face| starts.look(ctx, face, true));
+        assert_eq!(rig.face.initial_flag.outcome(request), Some(InitialFlagResult::NoSuchFlag.code()));
+    }
+}

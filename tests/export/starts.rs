@@ -1,0 +1,245 @@
+//! Starts of a program around which the exported runner is: on every device, and in all kinds.
+
+use crate::common::{Emulator, eventually, finish, run};
+use crate::matiec::{Plc, SOURCES};
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// Declarations of a program in matiec's form.
+const POUS: &str = "#include \"iec_std_lib.h\"\n";
+
+/// A program without a register: it leaves the number of its scans since the start in a file.
+const SCANS: &str = r#"
+#include "POUS.h"
+unsigned long long common_ticktime__ = 2000000ULL;
+static struct { __DECLARE_VAR(INT,SCANS) __DECLARE_VAR(INT,KEPT) } own;
+void config_init__(void) { __INIT_VAR(own.SCANS,0,0) __INIT_VAR(own.KEPT,100,1) }
+void config_run__(unsigned long tick) {
+  FILE *file = fopen("scans.tmp", "w");
+  own.SCANS.value++, own.KEPT.value++, (void)tick;
+  fprintf(file, "%d %d", own.SCANS.value, own.KEPT.value);
+  fclose(file), rename("scans.tmp", "scans");
+}
+"#;
+
+/// Variables of all kinds, each one more after each scan. What is in none of them is copied where it can be seen.
+const KINDS: &str = r#"
+#include "POUS.h"
+unsigned long long common_ticktime__ = 2000000ULL;
+static struct {
+  __DECLARE_VAR(INT,KEPT) __DECLARE_VAR(INT,LOST)
+  __DECLARE_LOCATED(BYTE,FLAG) __DECLARE_LOCATED(BYTE,BARE) __DECLARE_LOCATED(BYTE,KEPT_SEEN) __DECLARE_LOCATED(BYTE,LOST_SEEN)
+} own, *data__ = &own;
+void config_init__(void) {
+  BOOL retain = 0;
+  __INIT_VAR(own.KEPT,7,1)
+  __INIT_VAR(own.LOST,3,retain)
+  __INIT_LOCATED(BYTE,__MB10000008,own.FLAG,retain)
+  __INIT_LOCATED_VALUE(own.FLAG,5)
+  __INIT_LOCATED(BYTE,__MB10000009,own.BARE,retain)
+  __INIT_LOCATED_VALUE(own.BARE,0)
+  __INIT_LOCATED(BYTE,__MB10000012,own.KEPT_SEEN,retain)
+  __INIT_LOCATED_VALUE(own.KEPT_SEEN,0)
+  __INIT_LOCATED(BYTE,__MB10000013,own.LOST_SEEN,retain)
+  __INIT_LOCATED_VALUE(own.LOST_SEEN,0)
+}
+void config_run__(unsigned long tick) {
+  (void)tick;
+  __SET_VAR(data__->,KEPT,,__GET_VAR(data__->KEPT,) + 1);
+  __SET_VAR(data__->,LOST,,__GET_VAR(data__->LOST,) + 1);
+  __SET_LOCATED(data__->,FLAG,,__GET_LOCATED(data__->FLAG,) + 1);
+  __SET_LOCATED(data__->,BARE,,__GET_LOCATED(data__->BARE,) + 1);
+  __SET_LOCATED(data__->,KEPT_SEEN,,(BYTE)__GET_VAR(data__->KEPT,));
+  __SET_LOCATED(data__->,LOST_SEEN,,(BYTE)__GET_VAR(data__->LOST,));
+}
+"#;
+const LOCATED: &str = "__LOCATED_VAR(BYTE,__MB10000008,M,B,10000008)\n__LOCATED_VAR(BYTE,__MB10000009,M,B,10000009)\n\
+                       __LOCATED_VAR(BYTE,__MB10000012,M,B,10000012)\n__LOCATED_VAR(BYTE,__MB10000013,M,B,10000013)\n";
+/// What `KINDS` leaves to be seen: KEPT, LOST, FLAG, BARE.
+const SEEN: [&str; 4] = ["%MB10000012", "%MB10000013", "%MB10000008", "%MB10000009"];
+
+/// A plant with a CS0015.
+const PANEL: &str = "[[device]]\nkind = 'cs0015'\nname = 'panel'\nbus = 'open'\nprogram = 'attached'\n\
+                     [[bus]]\nname = 'open'\nkind = 'can'\nkbit_s = 125\n";
+
+/// Such a program with the runner for the device.
+fn built(directory: &Path, device: &str, program: &str, located: &str) -> PathBuf {
+    for (args, name) in [(&[][..], "commram_matiec.h"), (&["--main"], "main.c")] {
+        let path = directory.join(name);
+        let args = [&["export", "matiec", "--device", device], args, &["--output", path.to_str().unwrap()]];
+        run(&args.concat()).ok();
+    }
+    for name in ["accessor.h", "iec_std_lib.h", "iec_types.h"] {
+        fs::copy(Path::new(SOURCES).join(name), directory.join(name)).unwrap();
+    }
+    for (name, text) in [("POUS.h", POUS), ("config.c", program), ("commram_located.h", located)] {
+        fs::write(directory.join(name), text).unwrap();
+    }
+    let flags = "-std=gnu11 -O2 -Wall -Wextra -Werror -DCOMMRAM_MATIEC_ACCESS -include commram_matiec.h";
+    let mut command = Command::new("cc");
+    command.current_dir(directory).args(flags.split(' ')).args(["main.c", "config.c", "-o", "plc"]);
+    finish(&mut command).ok();
+    directory.join("plc")
+}
+
+/// What `SCANS` has left: scans since the start, and the variable that is declared RETAIN.
+fn scans(directory: &Path) -> Option<(i32, i32)> {
+    let text = fs::read_to_string(directory.join("scans")).ok()?;
+    let (scans, kept) = text.split_once(' ')?;
+    Some((scans.parse().ok()?, kept.parse().ok()?))
+}
+
+/// Every device lets a program run while it has power, and orders a new start when the supply is back: variables that are declared
+/// RETAIN keep their values then (5.00005.03a p. 38; D-630).
+#[test]
+fn a_program_runs_on_every_device_while_there_is_power() {
+    for (device, plc, section) in [
+        ("omega-drive-line-2", "line", "[[plc]]\nname = 'line'\n"),
+        ("bm4-plc", "maxx", "[[device]]\nkind = 'bm4-plc'\nname = 'maxx'\n"),
+        ("cs0015", "panel", PANEL),
+        (
+            "cr201x",
+            "inputs",
+            "[[device]]\nkind = 'cr201x'\nmodule = 'cr2010'\nname = 'inputs'\nnode_id = 1\n",
+        ),
+        ("can-dp2", "gate", "[[device]]\nkind = 'can-dp2'\nname = 'gate'\n"),
+    ] {
+        let directory = tempfile::tempdir().unwrap();
+        let directory = directory.path();
+        let program = built(directory, device, SCANS, "");
+        let plant = directory.join("plant.toml");
+        fs::write(&plant, section).unwrap();
+        let emulator = Emulator::start(&[plant.to_str().unwrap()]);
+        let running = Plc::start_in(&program, &emulator, plc, &[], directory);
+        let scans = || scans(directory);
+        assert!(eventually(|| scans().is_some_and(|(scans, _)| scans > 20)), "{device}: {:?}", scans());
+        emulator.run("board", &["set", &format!("{plc}:power=off")]).ok();
+        let mut last = None;
+        assert!(
+            eventually(|| core::mem::replace(&mut last, scans()) == scans()),
+            "{device} runs without supply"
+        );
+        emulator.run("board", &["set", &format!("{plc}:power=on")]).ok();
+        let (_, kept) = last.unwrap();
+        assert!(eventually(|| scans().is_some_and(|(scans, now)| scans > 20 && now > kept)), "{device}");
+        let (scans, now) = scans().unwrap();
+        assert!(
+            now - kept >= scans && now - kept < scans + 20,
+            "{device}: {kept} became {now} in {scans} scans"
+        );
+        assert_eq!(running.end(), Some(0));
+    }
+}
+
+/// 5.00005.03a p. 38: what a start makes of variables and flags. The first scan after it finds the new values, whatever has run before.
+#[test]
+fn each_kind_of_start_gives_the_values_of_its_kind() {
+    let directory = tempfile::tempdir().unwrap();
+    let program = built(directory.path(), "omega-drive-line-2", KINDS, LOCATED);
+    let journal = || {
+        let emulator = Emulator::stepped();
+        let running = Plc::start_at(&program, &emulator, "line", &["0", "40"]);
+        assert!(eventually(|| emulator.run("board", &["get"]).ok().contains("cyclic")));
+        let after_scans = |ms: &str| {
+            emulator.step(&[ms]);
+            SEEN.map(|flag| u32::from_str_radix(&emulator.peek(&[flag])[3..], 16).unwrap())
+        };
+        let board = |setting: &str| drop(emulator.run("board", &["set", setting]).ok().to_owned());
+        assert_eq!(after_scans("7ms"), [10, 6, 8, 3], "cold, three scans");
+        board("line:start=warm");
+        assert_eq!(after_scans("2ms"), [11, 4, 9, 4], "warm");
+        board("line:start=hot");
+        assert_eq!(after_scans("2ms"), [12, 5, 10, 5], "hot");
+        board("line:start=stop");
+        assert_eq!(after_scans("20ms"), [12, 5, 10, 5], "stop");
+        board("line:start=cold");
+        assert_eq!(after_scans("2ms"), [8, 4, 6, 1], "cold");
+        board("line:switch=stop");
+        assert_eq!(after_scans("20ms"), [8, 4, 6, 1], "the switch at STOP");
+        board("line:switch=run");
+        assert_eq!(after_scans("2ms"), [9, 4, 7, 2], "back at RUN: warm");
+        emulator.run("board", &["power-cycle", "line"]).ok();
+        assert_eq!(after_scans("2ms"), [10, 4, 8, 3], "the boot project, after the supply: warm");
+        assert_eq!(running.end(), Some(0));
+        emulator.run("trace", &[]).ok().to_owned()
+    };
+    let once = journal();
+    for _ in 0..3 {
+        assert_eq!(once, journal(), "the same, however fast this computer is");
+    }
+}
+
+/// A word, its byte and a bit of it are one place, and get their initial values together.
+const OVERLAID: &str = r#"
+#include "POUS.h"
+unsigned long long common_ticktime__ = 2000000ULL;
+static struct {
+  __DECLARE_LOCATED(WORD,WORD_) __DECLARE_LOCATED(BYTE,BYTE_) __DECLARE_LOCATED(BOOL,BIT) __DECLARE_LOCATED(BOOL,KEPT)
+  __DECLARE_LOCATED(BYTE,SEEN)
+} own, *data__ = &own;
+void config_init__(void) {
+  BOOL retain = 0;
+  __INIT_LOCATED(WORD,__MW100,own.WORD_,retain)
+  __INIT_LOCATED_VALUE(own.WORD_,0x0100)
+  __INIT_LOCATED(BYTE,__MB100,own.BYTE_,retain)
+  __INIT_LOCATED_VALUE(own.BYTE_,0)
+  __INIT_LOCATED(BOOL,__MX100_2,own.BIT,retain)
+  __INIT_LOCATED_VALUE(own.BIT,1)
+  __INIT_LOCATED(BOOL,__MX10000000_7,own.KEPT,retain)
+  __INIT_LOCATED_VALUE(own.KEPT,1)
+  __INIT_LOCATED(BYTE,__MB101,own.SEEN,retain)
+}
+void config_run__(unsigned long tick) {
+  (void)tick;
+  __SET_LOCATED(data__->,BYTE_,,__GET_LOCATED(data__->BYTE_,) + 0x10);
+  __SET_LOCATED(data__->,BIT,,!__GET_LOCATED(data__->BIT,));
+  __SET_LOCATED(data__->,WORD_,,__GET_LOCATED(data__->WORD_,) + 0x0100);
+  __SET_LOCATED(data__->,KEPT,,!__GET_LOCATED(data__->KEPT,));
+}
+"#;
+const OVERLAID_PLACES: &str = "__LOCATED_VAR(WORD,__MW100,M,W,100)\n__LOCATED_VAR(BYTE,__MB100,M,B,100)\n\
+                               __LOCATED_VAR(BOOL,__MX100_2,M,X,100,2)\n__LOCATED_VAR(BOOL,__MX10000000_7,M,X,10000000,7)\n\
+                               __LOCATED_VAR(BYTE,__MB101,M,B,101)\n";
+
+/// 5.00005.03a p. 41-42: flags are memory of the device, whatever width they are named with. P. 38: which start leaves them (D-632).
+#[test]
+fn located_flags_overlay_each_other() {
+    let directory = tempfile::tempdir().unwrap();
+    let program = built(directory.path(), "omega-drive-line-2", OVERLAID, OVERLAID_PLACES);
+    let emulator = Emulator::stepped();
+    let running = Plc::start_at(&program, &emulator, "line", &["0", "40"]);
+    assert!(eventually(|| emulator.run("board", &["get"]).ok().contains("cyclic")));
+    let after_scan = || {
+        emulator.step(&["2ms"]);
+        emulator.peek(&["%MW100", "%MB200", "%MB10000000"])
+    };
+    emulator.poke(&["%MB200=7"]);
+    assert_eq!(after_scan(), "16#0210 16#07 16#00", "the bit is off, so 16#10 is left of 16#14");
+    assert_eq!(after_scan(), "16#0324 16#07 16#80");
+    for (start, found) in
+        [("hot", "16#0430 16#07 16#00"), ("warm", "16#0210 16#00 16#80"), ("cold", "16#0210 16#00 16#00")]
+    {
+        emulator.run("board", &["set", &format!("line:start={start}")]).ok();
+        assert_eq!(after_scan(), found, "{start}");
+    }
+    emulator.run("board", &["power-cycle", "line"]).ok();
+    assert_eq!(after_scan(), "16#0210 16#00 16#80", "the supply: RAM loses what it holds, NOVRAM does not");
+    assert_eq!(running.end(), Some(0));
+}
+
+/// A program that is not started says why.
+#[test]
+fn a_stopped_program_says_why() {
+    let directory = tempfile::tempdir().unwrap();
+    let directory = directory.path();
+    let program = built(directory, "cs0015", SCANS, "");
+    let plant = directory.join("plant.toml");
+    fs::write(&plant, "[[device]]\nkind = 'cs0015'\nname = 'panel'\nprogram = 'none'\n").unwrap();
+    let emulator = Emulator::start(&[plant.to_str().unwrap()]);
+    let image = format!("/dev/shm/commram.{}.panel", emulator.name);
+    let mut command = Command::new("timeout");
+    let said = finish(command.current_dir(directory).args(["-s", "TERM", "4"]).arg(program).arg(image));
+    assert_eq!(said.err, "the program is stopped: the device says that no program is loaded\n");
+    assert_eq!(scans(directory), None);
+}
