@@ -3,6 +3,9 @@
 #[cfg(feature = "channel")]
 mod by_channel;
 
+#[cfg(feature = "channel")]
+pub(crate) use by_channel::continues;
+
 use super::Instance;
 use super::error::CliError;
 use super::output;

@@ -53,6 +53,8 @@ impl Journal {
             fingerprint,
             history,
             turn: _,
+            // The time of the snapshot.
+            since_us: _,
             // A plant's own journal is none.
             draft: _,
         } = self;

@@ -121,6 +121,8 @@ pub struct Journal {
     fingerprint: Fingerprint,
     history: History,
     turn: Turn,
+    /// Emulated time in microseconds from which on it has records: that of the snapshot from which it continues.
+    since_us: u64,
     /// It is a draft: what is told is only laid by.
     draft: Option<Box<Draft>>,
 }
@@ -142,6 +144,7 @@ impl Journal {
             fingerprint: Fingerprint::new(),
             history: History::new(),
             turn: Turn::default(),
+            since_us: 0,
             draft: None,
         }
     }
@@ -322,6 +325,17 @@ impl Journal {
     /// among [`Journal::records`] as soon as it is complete, at the latest after a second.
     pub fn pending(&self) -> Vec<Record> {
         self.tally.pending()
+    }
+
+    /// Emulated time in microseconds from which on it can have records: 0, or that of the snapshot of another plant from which it
+    /// continues.
+    pub fn since_us(&self) -> u64 {
+        self.since_us
+    }
+
+    /// The records begin at this emulated time.
+    pub(crate) fn continue_from(&mut self, now_us: u64) {
+        self.since_us = now_us;
     }
 
     /// The number that the next record will have.

@@ -9,10 +9,10 @@ const LATE_US: u64 = 2_000_000;
 impl Plant {
     /// How much of the last `span_us` of emulated time, or of the time since power-on if that is less, the wire of bus `bus`
     /// was busy with frames that have arrived, in thousandths; `None` if no time has passed. It is made of what the journal
-    /// still has.
+    /// still has; a journal that continues from a snapshot knows nothing of the time before that.
     pub fn bus_load(&self, bus: usize, span_us: u64) -> Option<u16> {
         let medium = self.media().get(bus)?;
-        let begin = self.now().saturating_sub(span_us);
+        let begin = self.now().saturating_sub(span_us).max(self.journal().since_us());
         let mut busy_ns = 0;
         for record in self.journal().records().rev() {
             if record.time_us > begin {

@@ -329,6 +329,9 @@ impl Plant {
         let sites = self.sites();
         self.faults.restore(from, devices::fault_kinds(), &sites)?;
         self.journal.restore(from, devices::catalogue(), goes_back)?;
+        if !goes_back {
+            self.journal.continue_from(self.now);
+        }
         self.watches.restore(from)?;
         from.check(self.next_event() >= self.now, "time of the next event")
     }

@@ -1,6 +1,6 @@
 //! The replies.
 
-use super::Refused;
+use super::{JournalPart, Refused};
 use crate::devices::{DriveDetails, DriveState, Interval};
 use crate::door::{DoorSpec, DoorState};
 use crate::fault::FaultStatus;
@@ -239,8 +239,8 @@ contents! {
     journal: Reply::Journal { records, end, .. } => (records, end), (Vec<Record>, u64);
     /// Changes of registers, and the number that the next one will have.
     changes: Reply::Changes { changes, end, .. } => (changes, end), (Vec<Change>, u64);
-    /// What is read of the journal: records, the number of the next one, which history they are of.
-    turned_journal: Reply::Journal { records, end, turn } => (records, end, turn), (Vec<Record>, u64, Turn);
+    /// A part of the journal, with the number at which the next part begins.
+    journal_part: Reply::Journal { records, end, turn } => JournalPart::new(records, end, turn), JournalPart;
     /// Changes of registers, the number of the next one, which history they are of.
     turned_changes: Reply::Changes { changes, end, turn } => (changes, end, turn), (Vec<Change>, u64, Turn);
     /// The forced registers.

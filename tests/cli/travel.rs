@@ -35,8 +35,52 @@ fn a_file_brings_the_instance_back_and_starts_another_one() {
         emulator.set_up(&[]);
         emulator.step(&["50ms"]);
     }
-    let [one, two] = [&emulator, &other].map(|emulator| emulator.run("trace", &[]).ok().to_owned());
-    assert_eq!(one, two);
+    let [one, two] = [&emulator, &other].map(|emulator| emulator.run("trace", &[]));
+    assert_eq!((one.code, &one.out, &one.err), (Some(0), &two.out, &two.err));
+}
+
+/// Every reader of the journal, on one that has an end but no records, and on the same one with some: of an instance that was
+/// restored, and of one that was started from the snapshot.
+#[test]
+fn readers_take_a_journal_that_continues_from_a_snapshot() {
+    let emulator = Emulator::stepped();
+    let directory = TempDir::new().unwrap();
+    let file = |name: &str| directory.path().join(name).to_str().unwrap().to_owned();
+    let (snapshot, log, scenario) = (file("a.snap"), file("a.log"), file("a.rhai"));
+    emulator.set_up(&[]);
+    emulator.step(&["50ms"]);
+    emulator.run("snapshot", &[&snapshot]).ok();
+    fs::write(&log, emulator.run("trace", &["--format", "candump"]).ok()).unwrap();
+    let verbs = "record(\"node2.w_CPU_CONTROL\"); journal(0); history(\"node2.w_CPU_CONTROL\"); \
+                 frames(\"drives\", 0); expect(\"node2.w_OPTION_STATUS\", 0x0043);\n";
+    fs::write(&scenario, verbs).unwrap();
+    emulator.run("restore", &[&snapshot]).ok();
+    let other = Emulator::start(&["--clock", "stepped", "--from", &snapshot]);
+    for emulator in [&emulator, &other] {
+        for has_records in [false, true] {
+            let mut follower = Follower::start(emulator, "trace", &["--follow", "--last", "0"]);
+            let begin = "the instance continues from a snapshot; its journal begins with record ";
+            assert!(follower.note().contains(begin));
+            if has_records {
+                emulator.step(&["10ms"]);
+                follower.line();
+            }
+            for format in ["text", "jsonl", "candump", "vcd", "pcapng"] {
+                let told = emulator.command("trace", &["--format", format]).output().unwrap();
+                let err = String::from_utf8(told.stderr).unwrap();
+                assert_eq!((told.status.code(), err.matches(begin).count()), (Some(0), 1), "{format}: {err}");
+                assert_eq!(err.lines().count(), 1, "{format}: {err}");
+                assert!(!has_records || told.stdout.len() > 100, "{format}");
+            }
+            let compared = emulator.run("bus", &["compare", &log]);
+            assert!(matches!(compared.code, Some(0 | 1)) && compared.err.contains(begin), "{compared:?}");
+            let played = run(&["test", &scenario, "--attach", &emulator.name]);
+            assert_eq!(played.code, Some(0), "{}{}", played.out, played.err);
+            emulator.run("check", &[]).ok();
+            emulator.run("status", &[]).ok();
+            emulator.run("bus", &["list"]).ok();
+        }
+    }
 }
 
 #[test]

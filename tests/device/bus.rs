@@ -307,6 +307,15 @@ fn the_load_of_a_bus_is_what_its_frames_take() {
         assert!(expected > 100, "{expected}");
         // Whole microseconds there, nanoseconds here.
         assert!(load.abs_diff(expected) <= 10, "{load}, {expected}");
+        // A journal that continues from a snapshot knows nothing of the time before it.
+        let snapshot = rig.plant.snapshot();
+        rig.plant.restore(&snapshot).unwrap();
+        let begin = rig.plant.now();
+        assert_eq!(rig.plant.bus_load(0, span_us), None);
+        (0..3).for_each(|_| rig.send_wrc1());
+        let passed_us = rig.plant.now() - begin;
+        let load = rig.plant.bus_load(0, 10 * span_us);
+        assert!(load > Some(0) && load == rig.plant.bus_load(0, passed_us), "{load:?}");
     }
     let idle = Rig::new(Memory::Heap, RATES[0]);
     assert_eq!(idle.plant.bus_load(0, 1000), None, "no time has passed");

@@ -8,7 +8,7 @@ use crate::journal::{Names, Record};
 use crate::memory::names::channel_root;
 #[cfg(feature = "studio")]
 use crate::request::InstanceInfo;
-use crate::request::{MAX_RECORDS, Op, Reply, WrongReply};
+use crate::request::{Op, Reply, WrongReply, read_journal};
 use std::time::Duration;
 
 impl Session {
@@ -116,26 +116,18 @@ impl Session {
     /// # Errors
     /// The emulator has gone.
     pub(crate) fn records(&self, from: u64) -> Result<Vec<Record>, CliError> {
-        let (mut records, mut next) = (Vec::new(), from);
-        loop {
-            let (some, end) = self.ask(Op::Journal { from: next, max: MAX_RECORDS })?.journal()?;
-            let last = some.iter().rfind(|record| !record.is_pending()).map(|last| last.seq);
-            let is_last = some.is_empty() || last.is_none_or(|last| last + 1 >= end);
-            next = last.map_or(end, |last| last + 1);
-            records.extend(some);
-            if is_last {
-                break;
-            }
+        let mut part = read_journal(from, |op| self.ask(op))?;
+        let begin = part.begins_at(from);
+        if let Some(begin) = begin {
+            output::note(&continues(begin));
         }
-        let mut numbered = records.iter().filter(|record| !record.is_pending());
-        let kept = numbered.clone().count() as u64;
-        if let Some(first) = numbered.next() {
-            let lost = (next - first.seq).saturating_sub(kept) + first.seq.saturating_sub(from);
-            if lost > 0 {
-                output::note(&format!("{lost} records are lost: more came than are kept"));
-            }
+        let begin = begin.unwrap_or(from);
+        let lost = part.end.saturating_sub(begin).saturating_sub(part.records.len() as u64);
+        if lost > 0 {
+            output::note(&format!("{lost} records are lost: more came than are kept"));
         }
-        Ok(records)
+        part.records.append(&mut part.pending);
+        Ok(part.records)
     }
 
     pub(super) fn boards_by_channel(&self) -> Result<Vec<BoardState>, CliError> {
@@ -162,6 +154,11 @@ impl Session {
         }
         Ok(Snapshot { time_us, data, forces })
     }
+}
+
+/// Says that the records before number `begin` are not in the journal.
+pub(crate) fn continues(begin: u64) -> String {
+    format!("the instance continues from a snapshot; its journal begins with record {begin}")
 }
 
 /// Attaches to the first image.

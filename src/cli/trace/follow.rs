@@ -7,7 +7,7 @@ use crate::cli::error::CliError;
 use crate::cli::exit::Exit;
 use crate::cli::output;
 use crate::cli::pause::{Look, Pause, Wake};
-use crate::cli::session::Session;
+use crate::cli::session::{self, Session};
 use crate::cli::time;
 use crate::devices;
 use crate::door::Speech;
@@ -140,7 +140,8 @@ impl<T: Default + AsRef<[u8]>> Trace<'_, T> {
         loop {
             let from = self.printer.next();
             let reply = self.session.ask(Op::Journal { from, max: MAX_RECORDS })?;
-            let (records, end, turn) = reply.turned_journal()?;
+            let part = reply.journal_part()?;
+            let turn = part.turn;
             self.counting.clear();
             if self.turn.replace(turn.number).is_some_and(|known| known != turn.number) {
                 self.out.flush()?;
@@ -151,22 +152,21 @@ impl<T: Default + AsRef<[u8]>> Trace<'_, T> {
                 self.printer.turn_to(turn.begin.min(from));
                 continue;
             }
-            self.printer.begin_part();
-            for record in records {
-                if record.is_pending() {
-                    self.counting.push(record);
-                } else {
-                    self.print(&record);
-                }
+            if let Some(begin) = part.begins_at(from) {
+                output::note(&session::continues(begin));
+                self.printer.turn_to(begin);
             }
+            self.printer.begin_part();
+            part.records.iter().for_each(|record| self.print(record));
             if self.out.keep.is_none() {
                 self.out.flush()?;
             }
-            if self.printer.next() >= end {
+            if part.is_last() {
+                self.counting = part.pending;
                 return Ok(());
             }
             // Without progress there would be no end.
-            if self.printer.next() == from {
+            if part.next() <= from {
                 return Err(WrongReply.into());
             }
         }

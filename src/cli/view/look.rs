@@ -3,12 +3,12 @@
 use super::source::{Haste, Source, Trouble};
 use crate::devices;
 use crate::devices::ModuleFront;
-use crate::journal::{Change, Entry, Keep, Record};
+use crate::journal::{Change, Changed, Entry, Keep, Record, Turn};
 use crate::layout::{FrontWord, Place, RegisterRef, Width};
 use crate::memory::header::BoardState;
 use crate::plant::Forced;
 use crate::request::{
-    BusScene, BusState, DriveEntry, InstanceInfo, MAX_OPS, MAX_RECORDS, Op, Reply, WrongReply,
+    BusScene, BusState, DriveEntry, InstanceInfo, JournalPart, MAX_OPS, MAX_RECORDS, Op, Reply, WrongReply,
 };
 use std::collections::HashSet;
 use std::time::{Duration, Instant};
@@ -17,6 +17,8 @@ use std::time::{Duration, Instant};
 const PARTS: usize = 4;
 /// So much of the journal there is to begin with: a part less than one look reads, since more comes meanwhile.
 const BACK: u64 = (PARTS as u64 - 1) * MAX_RECORDS as u64;
+/// Most parts of the journal in one look in which changes of recorded registers are searched.
+const PAST_PARTS: usize = 16;
 /// An emulator that was not asked for longer may have forgotten what is followed.
 const FORGOTTEN: Duration = Duration::from_secs(5);
 /// The buses are asked for so seldom, since the emulator looks after its guests for that.
@@ -62,6 +64,8 @@ pub(super) struct Wish {
     pub buses: bool,
     /// What comes into the journal.
     pub journal: bool,
+    /// The changes of all recorded registers.
+    pub recorded: bool,
 }
 
 /// The front of a device.
@@ -88,6 +92,8 @@ pub(super) struct Seen {
     pub changes: Vec<Change>,
     /// How many changes were no longer kept.
     pub lost: u64,
+    /// Changes of recorded registers that the journal holds, since the last look.
+    pub recorded: Vec<Change>,
     /// Records of the journal since the last look.
     pub records: Vec<Record>,
     /// Those that are still being counted.
@@ -113,8 +119,39 @@ pub(super) struct Looker {
     asked: Option<Instant>,
     asked_for_buses: Option<Instant>,
     next_change: Option<u64>,
-    next_record: Option<u64>,
+    next_record: Option<Cursor>,
+    /// The journal as far as it was searched for changes of recorded registers.
+    past: Cursor,
+    /// Number of the record that came next when a register was followed last.
+    followed_from: u64,
     plcs: u16,
+}
+
+/// A place in the journal.
+#[derive(Debug, Default)]
+struct Cursor {
+    /// The history that was read last.
+    turn: Option<Turn>,
+    /// Number of the next record.
+    next: u64,
+}
+
+impl Cursor {
+    fn at(next: u64) -> Self {
+        Cursor { turn: None, next }
+    }
+
+    /// Reads a part; `None` if the plant has gone to another moment: then reading continues where the histories part.
+    fn read(&mut self, source: &mut dyn Source) -> Result<Option<JournalPart>, Trouble> {
+        let part = part(source, self.next, MAX_RECORDS)?;
+        let known = self.turn.replace(part.turn);
+        if known.is_some_and(|known| known.number != part.turn.number) && self.next > part.turn.begin {
+            self.next = part.turn.begin;
+            return Ok(None);
+        }
+        self.next = part.next();
+        Ok(Some(part))
+    }
 }
 
 impl Looker {
@@ -159,6 +196,7 @@ impl Looker {
         self.plcs = u16::try_from(info.names.plcs.len()).unwrap_or(u16::MAX);
         let (changes, lost) = self.changes(source)?;
         let (records, pending) = if wish.journal { self.journal(source)? } else { Default::default() };
+        let recorded = self.recorded(source, wish.recorded)?;
         let buses = if wish.buses { self.buses(source)? } else { None };
         self.asked = Some(Instant::now());
         let faces = wish.fronts.then_some(faces);
@@ -168,6 +206,7 @@ impl Looker {
             values,
             changes,
             lost,
+            recorded,
             records,
             pending,
             faces,
@@ -202,22 +241,21 @@ impl Looker {
             self.followed.clear();
         }
         let new: Vec<_> = wanted.iter().filter(|spot| !self.followed.contains(spot)).copied().collect();
-        for part in new.chunks(MAX_OPS - 1) {
+        for part in new.chunks(MAX_OPS - 2) {
             let follow = |spot: &Spot| {
                 let (plc, offset, len) = (spot.plc, spot.offset, spot.width.bytes());
                 Op::Follow { plc, offset, len, keep: Keep::ForOnlookers }
             };
-            let end = Op::Changes { from: u64::MAX, max: 0 };
-            let ops: Vec<_> = part.iter().map(follow).chain([end]).collect();
+            let ends = [Op::Journal { from: u64::MAX, max: 0 }, Op::Changes { from: u64::MAX, max: 0 }];
+            let ops: Vec<_> = part.iter().map(follow).chain(ends).collect();
             let mut replies = source.request(&ops, Haste::Look)?;
-            let end = replies.pop();
-            if let Some(Reply::Error(refused)) =
-                replies.iter().chain(&end).find(|reply| matches!(reply, Reply::Error(_)))
+            if let Some(Reply::Error(refused)) = replies.iter().find(|reply| matches!(reply, Reply::Error(_)))
             {
                 return Err(Trouble::Refused(refused.to_string()));
             }
-            let (_, end) = fits(end.ok_or_else(wrong)?.changes())?;
+            let (_, end) = fits(replies.pop().ok_or_else(wrong)?.changes())?;
             self.next_change.get_or_insert(end);
+            self.followed_from = fits(replies.pop().ok_or_else(wrong)?.journal())?.1;
             self.followed.extend(part);
         }
         Ok(())
@@ -242,31 +280,49 @@ impl Looker {
         Ok((all, lost))
     }
 
+    /// Records since the last look, and those that are still being counted.
     fn journal(&mut self, source: &mut dyn Source) -> Result<(Vec<Record>, Vec<Record>), Trouble> {
         let (mut all, mut pending) = (Vec::new(), Vec::new());
-        let mut next = match self.next_record {
-            Some(next) => next,
-            None => {
-                let op = Op::Journal { from: u64::MAX, max: 0 };
-                fits(one(source, op)?.journal())?.1.saturating_sub(BACK)
-            }
+        let mut cursor = match self.next_record.take() {
+            Some(cursor) => cursor,
+            None => Cursor::at(part(source, u64::MAX, 0)?.end.saturating_sub(BACK)),
         };
-        let mut latest = next;
+        let mut latest = cursor.next;
         for _ in 0..PARTS {
-            let (records, end) = fits(one(source, Op::Journal { from: next, max: MAX_RECORDS })?.journal())?;
-            let (counting, done): (Vec<_>, Vec<_>) = records.into_iter().partition(Record::is_pending);
-            pending = counting;
-            next = done.last().map_or(end, |last| last.seq + 1);
-            latest = end;
-            let is_last = done.is_empty() || next >= end;
-            all.extend(done);
+            let Some(part) = cursor.read(source)? else { continue };
+            latest = part.end;
+            let is_last = part.is_last();
+            all.extend(part.records);
+            pending = part.pending;
             if is_last {
                 break;
             }
         }
-        // Who cannot keep up goes on with what is new.
-        self.next_record = Some(next.max(latest.saturating_sub(BACK)));
+        // A view that cannot keep up continues with what is new.
+        cursor.next = cursor.next.max(latest.saturating_sub(BACK));
+        self.next_record = Some(cursor);
         Ok((all, pending))
+    }
+
+    /// Changes that the journal holds of recorded registers: those from before the registers were followed, and with
+    /// `is_live` those after that, too.
+    fn recorded(&mut self, source: &mut dyn Source, is_live: bool) -> Result<Vec<Change>, Trouble> {
+        let mut all = Vec::new();
+        for _ in 0..PAST_PARTS {
+            if !is_live && self.past.next >= self.followed_from {
+                break;
+            }
+            let Some(part) = self.past.read(source)? else { continue };
+            let change = |record: &Record| {
+                let what = record.event.get::<Changed>()?;
+                Some(Change { seq: record.seq, time_us: record.time_us, what })
+            };
+            all.extend(part.records.iter().filter_map(change));
+            if part.is_last() {
+                break;
+            }
+        }
+        Ok(all)
     }
 
     fn buses(&mut self, source: &mut dyn Source) -> Result<Option<Vec<BusState>>, Trouble> {
@@ -287,6 +343,11 @@ fn face(source: &mut dyn Source, info: &InstanceInfo, plc: u16, board: BoardStat
     let (header, device) = (source.header(plc)?, info.names.device(plc));
     let front = header.front_words(device).collect();
     Some(Face { board, front, modules: devices::modules(&header, device).unwrap_or_default() })
+}
+
+/// A part of the journal.
+fn part(source: &mut dyn Source, from: u64, max: u32) -> Result<JournalPart, Trouble> {
+    fits(one(source, Op::Journal { from, max })?.journal_part())
 }
 
 fn one(source: &mut dyn Source, op: Op) -> Result<Reply, Trouble> {

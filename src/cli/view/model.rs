@@ -165,6 +165,7 @@ impl Model {
             values,
             changes,
             lost,
+            recorded,
             records,
             pending,
             faces,
@@ -194,7 +195,7 @@ impl Model {
         self.info = Some(info);
         self.forces = forces;
         self.values.extend(values);
-        self.pins.take(&changes, now_us);
+        self.pins.take(&changes, &recorded, now_us);
         self.pins.lost += lost;
         self.faces = faces.unwrap_or_default();
         self.findings = findings.unwrap_or_default();
@@ -217,7 +218,7 @@ impl Model {
         self.buses.clear();
         self.frames = Frames::default();
         self.drives = Drives::default();
-        self.pins.changes.clear();
+        self.pins.forget();
         let was_pinned: Vec<_> = self.pins.all.drain(..).map(|pin| (pin.plc, pin.place)).collect();
         for (plc, place) in was_pinned {
             let name = old.plcs.get(usize::from(plc));
@@ -265,6 +266,7 @@ impl Model {
             scene: matches!(self.pane, Pane::Plant | Pane::Frames | Pane::Drives),
             buses: self.pane == Pane::Plant,
             journal: self.pane == Pane::Frames,
+            recorded: self.pane == Pane::Changes && self.pins.all.is_empty(),
         }
     }
 
@@ -321,7 +323,7 @@ impl Model {
                 Some((plc, Place::parse(&fitted, &register.name()).ok()?))
             }
             Pane::Changes => {
-                let change = self.pins.changes.get(self.pins.history.chosen)?;
+                let change = self.pins.shown().get(self.pins.history.chosen)?;
                 let pin = self
                     .pins
                     .all
@@ -356,7 +358,10 @@ impl Model {
                 (&mut self.tree.list, len)
             }
             Which::Pins => (&mut self.pins.list, self.pins.all.len()),
-            Which::Changes => (&mut self.pins.history, self.pins.changes.len()),
+            Which::Changes => {
+                let len = self.pins.shown().len();
+                (&mut self.pins.history, len)
+            }
             // How many there are the drawing knows.
             Which::Frames => (&mut self.frames.list, usize::MAX),
             Which::Board => (&mut self.board, self.knobs.len()),

@@ -30,8 +30,12 @@ pub(super) struct Pins {
     pub list: List,
     /// In the order in which they were pinned.
     pub all: Vec<Pin>,
-    /// Their changes, the oldest first.
-    pub changes: VecDeque<Change>,
+    /// Their changes since they were pinned, the oldest first.
+    changes: VecDeque<Change>,
+    /// Changes of recorded registers, pinned or not, that the journal holds, the oldest first.
+    recorded: VecDeque<Change>,
+    /// The changes to be seen, from both lists, the oldest first.
+    shown: Vec<Change>,
     /// Which change is chosen.
     pub history: List,
     /// How many changes the emulator did not keep for us.
@@ -77,11 +81,14 @@ impl Pins {
             let all = &self.all;
             self.changes.retain(|change| all.iter().any(|pin| pin.is_of(change)));
         }
+        self.join();
         is_new
     }
 
-    /// Takes changes; those of other registers, which others follow, are left out.
-    pub(super) fn take(&mut self, changes: &[Change], now_us: u64) {
+    /// Takes changes since the last look, and those of recorded registers that the journal holds. Changes of registers that only
+    /// other clients follow are left out.
+    pub(super) fn take(&mut self, changes: &[Change], recorded: &[Change], now_us: u64) {
+        let mut is_news = !recorded.is_empty();
         for change in changes {
             let mut is_ours = false;
             for pin in self.all.iter_mut().filter(|pin| pin.is_of(change)) {
@@ -91,23 +98,73 @@ impl Pins {
             }
             if is_ours {
                 self.changes.push_back(*change);
+                is_news = true;
             }
         }
+        self.recorded.extend(recorded);
         for pin in &mut self.all {
             pin.times.retain(|time| time.saturating_add(WINDOW_US) > now_us);
         }
-        let surplus = self.changes.len().saturating_sub(KEPT);
-        self.changes.drain(..surplus);
-        self.history.choose(self.history.chosen.saturating_sub(surplus), self.changes.len());
+        for list in [&mut self.changes, &mut self.recorded] {
+            list.drain(..list.len().saturating_sub(KEPT));
+        }
+        if is_news {
+            self.join();
+        }
+    }
+
+    /// The changes to be seen, the oldest first: of the pinned registers, or of all recorded ones if none is pinned.
+    pub(super) fn shown(&self) -> &[Change] {
+        &self.shown
+    }
+
+    /// Makes one list of both. A change that both lists hold is shown once.
+    fn join(&mut self) {
+        let is_shown = |change: &&Change| self.all.is_empty() || self.all.iter().any(|pin| pin.is_of(change));
+        let mut shown: Vec<Change> = self.recorded.iter().filter(is_shown).copied().collect();
+        let mut at = 0;
+        let mut matched = vec![false; shown.len()];
+        let mut others = Vec::new();
+        for change in &self.changes {
+            at += shown[at..].partition_point(|known| known.time_us < change.time_us);
+            let same_time = shown[at..].iter().take_while(|known| known.time_us == change.time_us);
+            let mut same = same_time.zip(at..).filter(|(known, _)| known.what == change.what);
+            match same.find(|(_, place)| !matched[*place]) {
+                Some((_, place)) => matched[place] = true,
+                None => others.push(*change),
+            }
+        }
+        shown.append(&mut others);
+        shown.sort_by_key(|change| change.time_us);
+        let surplus = shown.len().saturating_sub(KEPT);
+        shown.drain(..surplus);
+        let growth = shown.len().saturating_sub(self.shown.len());
+        let is_older = |first: &Change| self.shown.first().is_some_and(|known| first.time_us < known.time_us);
+        // What comes in front of the chosen line moves it.
+        let moved = if shown.first().is_some_and(is_older) { growth } else { 0 };
+        self.history.choose((self.history.chosen + moved).saturating_sub(surplus), shown.len());
+        self.shown = shown;
+        for pin in self.all.iter_mut().filter(|pin| pin.last_us.is_none()) {
+            pin.last_us = self.shown.iter().rfind(|change| pin.is_of(change)).map(|change| change.time_us);
+        }
+    }
+
+    /// Forgets all changes: they are of another emulator.
+    pub(super) fn forget(&mut self) {
+        self.changes.clear();
+        self.recorded.clear();
+        self.join();
     }
 
     /// The emulated time has gone back to `now_us`: what was later has not happened.
     pub(super) fn go_back(&mut self, now_us: u64) {
         self.changes.retain(|change| change.time_us <= now_us);
+        self.recorded.retain(|change| change.time_us <= now_us);
         for pin in &mut self.all {
             pin.times.retain(|time| *time <= now_us);
             pin.last_us = pin.last_us.filter(|time| *time <= now_us).or(pin.times.back().copied());
         }
+        self.join();
     }
 
     /// What a pin is called in front of its register's name.

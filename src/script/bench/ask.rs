@@ -5,7 +5,7 @@ use crate::journal::{Entry, Record};
 use crate::memory::header::{BoardSetting, BoardState};
 use crate::memory::{Address, Width};
 use crate::plant::Forced;
-use crate::request::{MAX_ADVANCE_US, MAX_RECORDS, Op, Refused, Reply, Waited};
+use crate::request::{MAX_ADVANCE_US, Op, Refused, Reply, Waited, read_journal};
 use crate::script::ScenarioError;
 use std::time::Duration;
 
@@ -134,15 +134,8 @@ impl Bench {
     /// The journal from record number `from` on, and the number of the record to come. What is still being
     /// counted comes last.
     pub(super) fn records(&mut self, from: u64) -> Result<(Vec<Record>, u64), ScenarioError> {
-        let (mut all, mut next) = (Vec::new(), from);
-        loop {
-            let (records, end) = self.ask(Op::Journal { from: next, max: MAX_RECORDS })?.journal()?;
-            let complete = records.last().is_none_or(|last| last.is_pending() || last.seq + 1 >= end);
-            next = records.iter().rfind(|record| !record.is_pending()).map_or(end, |last| last.seq + 1);
-            all.extend(records);
-            if complete {
-                return Ok((all, end));
-            }
-        }
+        let mut part = read_journal(from, |op| self.ask(op))?;
+        part.records.append(&mut part.pending);
+        Ok((part.records, part.end))
     }
 }

@@ -17,26 +17,31 @@ pub(super) fn draw(frame: &mut Frame, model: &mut Model, theme: Theme, area: Rec
         0 => String::new(),
         count => format!("; {count} are lost, more came than are kept"),
     };
-    let title = format!(" changes of the pinned registers, the latest at the end{lost} ");
+    let which = if model.pins.all.is_empty() { "recorded" } else { "pinned" };
+    let title = format!(" changes of the {which} registers, the latest at the end{lost} ");
     let inner = titled(frame, title, theme.head(), area);
-    if model.pins.changes.is_empty() {
+    if model.pins.shown().is_empty() {
         let text = match model.pins.all.is_empty() {
-            true => " no register is pinned: Space pins one in pane 2",
-            false => " none of the pinned registers has changed since",
+            true => {
+                " no register is pinned: Space pins one in pane 2; the journal holds no changes of recorded ones"
+            }
+            false => {
+                " no pinned register has changed since it was pinned; the journal holds no earlier changes"
+            }
         };
         return lines(frame, vec![Line::styled(text, theme.dim())], inner);
     }
     let width = usize::from(inner.width);
     // The times of a plant that has run for long are longer.
-    let times = model.pins.changes.back().map_or(0, |last| time::seconds(last.time_us).len()).max(TIMES);
+    let times = model.pins.shown().last().map_or(0, |last| time::seconds(last.time_us).len()).max(TIMES);
     let head = ["time", "after", "register", "from", "to", "by", "meaning"].map(str::to_owned);
     let head = columns(width, times, head);
     let rows = Rect { y: inner.y + 1, height: inner.height.saturating_sub(1), ..inner };
-    let seen = model.pins.history.fit(usize::from(rows.height), model.pins.changes.len());
+    let seen = model.pins.history.fit(usize::from(rows.height), model.pins.shown().len());
     let names = model.names();
     let line = |number: usize| {
-        let change = model.pins.changes.get(number)?;
-        let before = number.checked_sub(1).and_then(|before| model.pins.changes.get(before));
+        let change = model.pins.shown().get(number)?;
+        let before = number.checked_sub(1).and_then(|before| model.pins.shown().get(before));
         let cells = change_cells(names, change, before);
         let line = change_line(columns(width, times, cells), change.what.how.by, theme);
         Some(marked(line, number == model.pins.history.chosen, true, theme))

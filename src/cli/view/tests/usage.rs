@@ -4,9 +4,11 @@ use super::User;
 use crate::cli::view::link::News;
 use crate::cli::view::model::Contact;
 use crate::devices;
+use crate::journal::{Changed, Keep};
 use crate::layout::Place;
 use crate::plant::PlantConfig;
 use crate::request::testing::TestHost;
+use crate::request::{Op, Reply};
 use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyModifiers};
 
 /// What a register of the first PLC holds.
@@ -335,4 +337,60 @@ fn to_quit_and_to_interrupt_are_two_ends() {
     let mut user = User::built_in();
     user.type_in("q");
     assert!(user.model.quits && !user.model.is_interrupted);
+}
+
+/// Lines of the screen that name a register of the master.
+fn changes_of(user: &User, name: &str) -> Vec<String> {
+    user.screen().lines().filter(|line| line.contains(name)).map(str::to_owned).collect()
+}
+
+/// What happened before the view was opened is shown as far as the journal holds it, and each change once.
+#[test]
+fn changes_that_were_recorded_before_the_view_was_opened_are_shown() {
+    let mut before = User::built_in();
+    let fitted = before.host.plant.names().fitted(0);
+    let place = Place::parse(&fitted, "node2.w_OPTION_STATUS").unwrap();
+    let (offset, len) = (place.offset(), place.width().bytes());
+    let follow = Op::Follow { plc: 0, offset, len, keep: Keep::InJournal };
+    assert_eq!(before.host.request(&[follow]), [Reply::Written]);
+    before.poke(&[("node2.w_CPU_CONTROL", 0)], 1_000);
+    before.poke(&[("node2.w_CPU_CONTROL", 1)], 5_000);
+    let recorded = before.host.plant.journal().records().filter(|it| it.event.is::<Changed>()).count();
+    assert!(recorded >= 1);
+    let mut user = User::at(before.host, false);
+    user.type_in("3");
+    assert_eq!(changes_of(&user, "node2.w_OPTION_STATUS").len(), recorded, "{}", user.screen());
+    user.sees("recorded registers");
+    user.type_in("2");
+    user.find("node2.w_OPTION_STATUS");
+    user.type_in(" 3");
+    user.sees("pinned registers");
+    assert_eq!(changes_of(&user, "node2.w_OPTION_STATUS").len(), recorded, "{}", user.screen());
+    user.poke(&[("node2.w_CPU_CONTROL", 0)], 5_000);
+    user.look();
+    let now = user.host.plant.journal().records().filter(|it| it.event.is::<Changed>()).count();
+    assert_eq!(changes_of(&user, "node2.w_OPTION_STATUS").len(), now, "{}", user.screen());
+}
+
+/// A plant at a snapshot has a journal with an end and no records.
+#[test]
+fn a_journal_that_continues_from_a_snapshot_is_shown() {
+    let mut user = User::built_in();
+    user.activate();
+    let snapshot = user.host.plant.snapshot();
+    user.host.plant.restore(&snapshot).unwrap();
+    let mut user = User::at(user.host, false);
+    user.type_in("34");
+    user.host.run_to(user.host.plant.now() + 10_000);
+    user.look();
+    user.sees("interval of 2 ms");
+    let before = user.host.plant.snapshot();
+    user.host.run_to(user.host.plant.now() + 10_000);
+    user.look();
+    user.host.plant.restore(&before).unwrap();
+    user.look();
+    user.host.run_to(user.host.plant.now() + 4_000);
+    user.look();
+    user.sees("interval of 2 ms");
+    assert!(!user.screen().contains("no frame"), "{}", user.screen());
 }
