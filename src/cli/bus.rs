@@ -36,7 +36,8 @@ enum Command {
 
 /// List the buses, the doors to them and the guests there.
 ///
-/// `seat`: it has asked for emulated time, which waits for it if the clock is stepped. `dropped` counts the frames that a guest did not take in time, `refused` those of its own that the bus did not take. `stations`
+/// `seat`: it has asked for emulated time, which waits for it if the clock is stepped. `dropped` counts the frames that a guest did not take in time, `refused` those of its own that the bus did not take. `sent_away`
+/// counts the guests at the doors of the bus for which there was no place or no file descriptor. `stations`
 /// are those whose controllers have counted any, with transmit and receive errors. `other_rates` are those that are set
 /// to another rate, in kbit/s, and hear nothing; while a bus waits for its master, its rate is the one of the plant file.
 #[derive(ClapArgs)]
@@ -118,6 +119,7 @@ mod by_channel {
         kind: String,
         kbit_s: Rate,
         doors: Vec<String>,
+        sent_away: u64,
         guests: Vec<Guest>,
         stations: Vec<Station>,
         other_rates: Vec<Stranger>,
@@ -211,6 +213,7 @@ mod by_channel {
                 kind: state.kind.clone(),
                 kbit_s: Rate::of(state.bit_s),
                 doors: state.doors.iter().map(|door| door.door.to_string()).collect(),
+                sent_away: state.doors.iter().map(|door| door.refused).sum(),
                 guests: state.doors.iter().flat_map(|door| &door.guests).map(Guest::of).collect(),
                 stations: state.stations.clone(),
                 other_rates: state.strangers.iter().map(Stranger::of).collect(),
@@ -231,12 +234,15 @@ mod by_channel {
 
         fn cells(&self) -> Vec<String> {
             let listed = |texts: Vec<String>| if texts.is_empty() { "-".to_owned() } else { texts.join(" ") };
+            let sent_away = Some(self.sent_away).filter(|count| *count > 0);
+            let guests = self.guests.iter().map(Guest::text);
+            let guests = guests.chain(sent_away.map(|count| format!("({count} sent away)")));
             vec![
                 self.bus.clone(),
                 self.kind.clone(),
                 self.kbit_s.text(),
                 listed(self.doors.clone()),
-                listed(self.guests.iter().map(Guest::text).collect()),
+                listed(guests.collect()),
                 listed(self.stations.iter().filter_map(trouble).collect()),
                 listed(self.other_rates.iter().map(Stranger::text).collect()),
             ]

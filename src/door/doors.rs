@@ -1,5 +1,6 @@
 //! The doors of an instance, from the side of whoever runs its plant.
 
+use super::descriptors;
 use super::guest::{Guest, GuestState};
 use super::io::{Command, Entrance, Io, Shared};
 use super::pty::Pty;
@@ -29,6 +30,8 @@ pub struct DoorState {
     pub door: DoorSpec,
     /// Who is there.
     pub guests: Vec<GuestState>,
+    /// How many guests were sent away because there was no place or no descriptor for them.
+    pub refused: u64,
 }
 
 struct Door {
@@ -37,7 +40,7 @@ struct Door {
     key: usize,
 }
 
-/// All doors. Nothing here blocks.
+/// All doors. Nothing here waits for a guest.
 pub struct Doors {
     doors: Vec<Door>,
     guests: Vec<Arc<Guest>>,
@@ -78,7 +81,8 @@ impl Doors {
     /// Opens a door to a bus; returns what it is called, with its real port or number.
     ///
     /// # Errors
-    /// [`DoorError`]: the address is taken or not this machine's, there is no pseudo-terminal.
+    /// [`DoorError`]: the address is taken or not this machine's, there is no pseudo-terminal, no place for the guest at it, or no
+    /// descriptor that is not reserved. The door is then not open.
     pub fn open(&mut self, bus: u16, door: DoorSpec) -> Result<DoorSpec, DoorError> {
         self.try_open(bus, door).map_err(|reason| DoorError { door, reason })
     }
@@ -87,11 +91,13 @@ impl Doors {
         let (entrance, spec) = match door {
             DoorSpec::SlcanTcp { at } | DoorSpec::ProfibusTcp { at } => {
                 let listener = TcpListener::bind(SocketAddr::V4(at))?;
+                descriptors::check_room()?;
                 let port = listener.local_addr()?.port();
                 (Entrance::Tcp(listener), door.at(SocketAddrV4::new(*at.ip(), port)))
             }
             DoorSpec::SlcanPty { number: None } => {
                 let pty = Pty::open()?;
+                descriptors::check_room()?;
                 let number = Some(pty.number);
                 (Entrance::Pty(pty), DoorSpec::SlcanPty { number })
             }
@@ -101,8 +107,11 @@ impl Doors {
             }
         };
         let key = self.next_key;
-        self.io()?.tell(Command::Open { key, bus, spec, entrance });
         self.next_key += 1;
+        let (result, opened) = mpsc::sync_channel(1);
+        self.io()?.tell(Command::Open { key, bus, spec, entrance, result });
+        // The thread never waits for anything, so it answers at once.
+        opened.recv().map_err(|_| io::Error::other("the thread of the doors has ended; see the log"))??;
         self.doors.push(Door { bus, spec, key });
         Ok(spec)
     }
@@ -139,6 +148,7 @@ impl Doors {
         let state = |door: &Door| DoorState {
             door: door.spec,
             guests: guests(door.spec).map(|guest| guest.state()).collect(),
+            refused: self.io.as_ref().map_or(0, |io| io.shared.refused(door.key)),
         };
         of_bus.map(state).collect()
     }

@@ -28,6 +28,8 @@ struct Inner {
     open: Option<bool>,
     rate: Option<Rate>,
     has_gone: bool,
+    /// It has taken part or listened, now or before.
+    has_opened: bool,
     to_plant: VecDeque<Said>,
     to_guest: VecDeque<News>,
     seat: Seat,
@@ -114,6 +116,16 @@ impl Guest {
             has_gone: inner.has_gone,
             bad_length: inner.bad_length,
         }
+    }
+
+    /// Whether it has left.
+    pub(super) fn has_gone(&self) -> bool {
+        self.inner().has_gone
+    }
+
+    /// Whether it has taken part or listened, now or before. If not, no plant knows it.
+    pub(super) fn has_opened(&self) -> bool {
+        self.inner().has_opened
     }
 
     /// How much it has to send.
@@ -247,7 +259,9 @@ impl Adapter for &Guest {
     }
 
     fn open(&mut self, listens: bool) {
-        self.inner().open = Some(listens);
+        let mut inner = self.inner();
+        inner.open = Some(listens);
+        inner.has_opened = true;
     }
 
     fn close(&mut self) {

@@ -1,18 +1,19 @@
 //! The thread that deals with sockets and terminals: none of its descriptors ever makes it wait.
 
+use super::descriptors;
 use super::guest::{Guest, News};
 use super::pty::Pty;
 use super::sparing::Sparing;
 use super::spec::DoorSpec;
 use super::wire::Session;
-use super::{MAX_GUESTS, ROOM_TO_GUEST};
+use super::{MAX_GUESTS, MAX_KNOWN_GUESTS, ROOM_TO_GUEST};
 use mio::net::{TcpListener, TcpStream};
 use mio::unix::SourceFd;
 use mio::{Events, Interest, Poll, Token, Waker};
 use std::collections::BTreeMap;
 use std::io::{self, ErrorKind, Read, Write};
 use std::os::fd::AsRawFd;
-use std::sync::mpsc::Receiver;
+use std::sync::mpsc::{Receiver, SyncSender};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -28,6 +29,8 @@ pub(super) enum Command {
         spec: DoorSpec,
         /// Where they come in.
         entrance: Entrance,
+        /// Takes the result: the door is open only if it is `Ok`.
+        result: SyncSender<io::Result<()>>,
     },
     /// No longer.
     Close {
@@ -57,6 +60,21 @@ struct Present {
     guests: Vec<Arc<Guest>>,
     /// How many of them it has not been told of.
     new: usize,
+    /// How many guests were sent away, by the numbers of their doors.
+    refused: BTreeMap<usize, u64>,
+}
+
+/// Why no further guest is let in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+enum NoPlace {
+    #[error(
+        "{MAX_GUESTS} guests are there already, which is all that an instance has places for; let one leave"
+    )]
+    Taken,
+    #[error(
+        "the places are free again at the next step of the clock: frames of guests that have left are still to enter the plant"
+    )]
+    Kept,
 }
 
 impl Shared {
@@ -72,23 +90,44 @@ impl Shared {
         present.new = 0;
     }
 
+    /// Forgets a guest, whether the plant's side was told of it or not.
     pub(super) fn forget(&self, guest: &Arc<Guest>) {
-        // One that was taken is not new.
-        self.present().guests.retain(|it| !Arc::ptr_eq(it, guest));
+        let mut present = self.present();
+        let Some(at) = present.guests.iter().position(|it| Arc::ptr_eq(it, guest)) else { return };
+        let known = present.guests.len() - present.new;
+        present.new -= usize::from(at >= known);
+        present.guests.remove(at);
     }
 
-    /// Lets somebody in, under the first number that is free on its bus; `None` if there are too many.
-    fn admit(&self, bus: u16, door: DoorSpec) -> Option<Arc<Guest>> {
+    /// Lets a guest in, under the first number that is free on its bus. Guests that have left take no place.
+    fn admit(&self, bus: u16, door: DoorSpec) -> Result<Arc<Guest>, NoPlace> {
         let mut present = self.present();
-        if present.guests.len() >= MAX_GUESTS {
-            return None;
+        if present.guests.iter().filter(|it| !it.has_gone()).count() >= MAX_GUESTS {
+            return Err(NoPlace::Taken);
+        }
+        if present.guests.len() >= MAX_KNOWN_GUESTS {
+            return Err(NoPlace::Kept);
         }
         let is_taken = |number: &u8| present.guests.iter().any(|it| it.bus == bus && it.number == *number);
-        let number = (1..=u8::MAX).find(|number| !is_taken(number))?;
+        let number = (1..=u8::MAX).find(|number| !is_taken(number)).ok_or(NoPlace::Kept)?;
         let guest = Arc::new(Guest::new(bus, number, door));
         present.guests.push(Arc::clone(&guest));
         present.new += 1;
-        Some(guest)
+        Ok(guest)
+    }
+
+    /// Counts a guest that is sent away.
+    fn refuse(&self, door: usize) {
+        *self.present().refused.entry(door).or_default() += 1;
+    }
+
+    /// How many guests were sent away at a door.
+    pub(super) fn refused(&self, door: usize) -> u64 {
+        self.present().refused.get(&door).copied().unwrap_or_default()
+    }
+
+    fn close(&self, door: usize) {
+        self.present().refused.remove(&door);
     }
 }
 
@@ -96,6 +135,9 @@ impl Shared {
 const CHUNK: usize = 4096;
 /// Bytes that may wait to be written: who does not read is not listened to.
 const MOST_UNWRITTEN: usize = 16 * CHUNK;
+
+/// After this time the doors accept again, if the system had no descriptor or memory for a guest: nothing reports when it has.
+const RETRY: Duration = Duration::from_millis(100);
 
 const WAKER: Token = Token(0);
 
@@ -113,6 +155,8 @@ struct Visit {
     session: Session,
     /// Whether there may be something to be read.
     has_more: bool,
+    /// Whether the guest has sent any byte.
+    has_spoken: bool,
     unwritten: Vec<u8>,
 }
 
@@ -149,12 +193,18 @@ impl Visit {
         self.has_more && self.unwritten.len() < MOST_UNWRITTEN
     }
 
+    /// Whether it is a connection over which nothing has come, and that takes part in nothing.
+    fn is_silent(&self) -> bool {
+        matches!(self.line, Line::Tcp(_)) && !self.has_spoken && !self.guest.has_opened()
+    }
+
     /// Reads once. Tells whether the plant may have something to do, and whether the guest is still there.
     fn read(&mut self) -> (bool, Presence) {
         let mut room = [0; CHUNK];
         match self.line.read(&mut room) {
             Ok(0) => (true, Presence::Leaves),
             Ok(count) => {
+                self.has_spoken = true;
                 let heard = self.session.hear(&room[..count], &mut &*self.guest, &mut self.unwritten);
                 let is_nonsense = heard.inspect_err(|length| self.guest.talks_nonsense(*length)).is_err();
                 self.has_more &= !is_nonsense;
@@ -197,6 +247,11 @@ impl Visit {
     }
 }
 
+/// Whether the guest has gone while it was accepted: it concerns no others.
+fn is_of_the_guest(error: &io::Error) -> bool {
+    matches!(error.kind(), ErrorKind::Interrupted | ErrorKind::ConnectionAborted | ErrorKind::ConnectionReset)
+}
+
 /// The thread.
 pub(super) struct Io {
     poll: Poll,
@@ -206,6 +261,8 @@ pub(super) struct Io {
     stations: BTreeMap<usize, Station>,
     next_token: usize,
     complaints: Sparing,
+    /// When guests are accepted again although no event tells of one.
+    retry: Option<Instant>,
 }
 
 impl Io {
@@ -229,6 +286,7 @@ impl Io {
                 stations: BTreeMap::new(),
                 next_token: 1,
                 complaints: Sparing::default(),
+                retry: None,
             },
             waker,
         ))
@@ -238,7 +296,8 @@ impl Io {
         let mut events = Events::with_capacity(2 * MAX_GUESTS);
         loop {
             let waits = !self.stations.values().any(|it| matches!(it, Station::Guest(it) if it.may_read()));
-            let timeout = if waits { None } else { Some(Duration::ZERO) };
+            let retry = self.retry.map(|at| at.saturating_duration_since(Instant::now()));
+            let timeout = if waits { retry } else { Some(Duration::ZERO) };
             if let Err(error) = self.poll.poll(&mut events, timeout)
                 && error.kind() != ErrorKind::Interrupted
             {
@@ -262,10 +321,10 @@ impl Io {
     fn obey(&mut self) -> bool {
         while let Ok(command) = self.commands.try_recv() {
             match command {
-                Command::Open { key, bus, spec, entrance } => {
-                    if let Err(error) = self.open(key, bus, spec, entrance) {
-                        tracing::error!("{spec}: {error}");
-                    }
+                Command::Open { key, bus, spec, entrance, result } => {
+                    let opened = self.open(key, bus, spec, entrance);
+                    // The other side waits for it, unless it has ended.
+                    let _ = result.send(opened);
                 }
                 Command::Close { key } => {
                     let is_its = |station: &Station| match station {
@@ -275,6 +334,7 @@ impl Io {
                     let its: Vec<_> =
                         self.stations.iter().filter(|(_, it)| is_its(it)).map(|(token, _)| *token).collect();
                     its.into_iter().for_each(|token| self.remove(token));
+                    self.shared.close(key);
                     (self.ring)();
                 }
                 Command::End => return false,
@@ -303,31 +363,41 @@ impl Io {
     /// Lets everybody in who stands at a door.
     fn accept(&mut self) {
         let mut come = Vec::new();
+        self.retry = None;
         for station in self.stations.values() {
             let Station::Listener { listener, door, bus, spec } = station else { continue };
-            // Whoever comes too fast has to wait until others were attended to.
+            let now = Instant::now();
+            // Guests that come too fast have to wait until others were attended to.
+            let mut retry = Some(now);
             for _ in 0..MAX_GUESTS {
                 match listener.accept() {
                     Ok((stream, _)) => come.push((*door, *bus, *spec, stream)),
-                    Err(error) if error.kind() == ErrorKind::WouldBlock => break,
-                    // It has gone again, or there are no descriptors left.
+                    Err(error) if error.kind() == ErrorKind::WouldBlock => {
+                        retry = None;
+                        break;
+                    }
+                    Err(error) if is_of_the_guest(&error) => {}
                     Err(error) => {
-                        if let Some(others) = self.complaints.complains(Instant::now()) {
-                            tracing::warn!("{spec}: {error}{others}");
+                        // No descriptor or memory is left. The guest waits, and no event will tell of it again.
+                        if let Some(others) = self.complaints.complains(now) {
+                            tracing::warn!("{spec}: no guest can be accepted at the moment: {error}{others}");
                         }
+                        retry = Some(now + RETRY);
                         break;
                     }
                 }
             }
+            self.retry = self.retry.into_iter().chain(retry).min();
         }
         for (door, bus, spec, stream) in come {
             // Frames are small and cannot wait for others; nor shall the system keep many for somebody who does not read.
             let _ = stream.set_nodelay(true);
             let _ = rustix::net::sockopt::set_socket_send_buffer_size(&stream, MOST_UNWRITTEN);
-            if let Err(error) = self.let_in(door, bus, spec, Line::Tcp(stream))
-                && let Some(others) = self.complaints.complains(Instant::now())
-            {
-                tracing::warn!("{spec}: a guest was sent away: {error}{others}");
+            if let Err(error) = self.let_in(door, bus, spec, Line::Tcp(stream)) {
+                self.shared.refuse(door);
+                if let Some(others) = self.complaints.complains(Instant::now()) {
+                    tracing::warn!("{spec}: a guest was sent away: {error}{others}");
+                }
             }
         }
     }
@@ -337,18 +407,42 @@ impl Io {
         let interest = Interest::READABLE | Interest::WRITABLE;
         let registry = self.poll.registry();
         match &mut line {
-            Line::Tcp(stream) => registry.register(stream, Token(token), interest)?,
+            Line::Tcp(stream) => {
+                descriptors::check_room()?;
+                registry.register(stream, Token(token), interest)?;
+            }
             Line::Pty(pty) => {
                 registry.register(&mut SourceFd(&pty.master.as_raw_fd()), Token(token), interest)?;
             }
         }
-        let full = || io::Error::other(format!("there are {MAX_GUESTS} already"));
-        let guest = self.shared.admit(bus, spec).ok_or_else(full)?;
+        let guest = match self.shared.admit(bus, spec) {
+            Err(NoPlace::Taken) if self.send_a_silent_one_away() => self.shared.admit(bus, spec),
+            admitted => admitted,
+        };
+        let guest = guest.map_err(io::Error::other)?;
         let session = Session::begin(spec.speech(), &mut &*guest);
-        let visit = Visit { line, door, guest, session, has_more: true, unwritten: Vec::new() };
+        let unwritten = Vec::new();
+        let visit = Visit { line, door, guest, session, has_more: true, has_spoken: false, unwritten };
         self.stations.insert(token, Station::Guest(Box::new(visit)));
         (self.ring)();
         Ok(())
+    }
+
+    /// Makes a place free: that of the connection that is silent for the longest time. `false` if there is none.
+    fn send_a_silent_one_away(&mut self) -> bool {
+        let silent = self.stations.iter_mut().find_map(|(token, station)| {
+            let Station::Guest(visit) = station else { return None };
+            if !visit.is_silent() {
+                return None;
+            }
+            // What it says may have come a moment ago.
+            let (_, presence) = visit.read();
+            (presence == Presence::Leaves || visit.is_silent()).then_some((*token, visit.door))
+        });
+        let Some((token, door)) = silent else { return false };
+        self.shared.refuse(door);
+        self.remove(token);
+        true
     }
 
     fn remove(&mut self, token: usize) {
@@ -360,6 +454,10 @@ impl Io {
                 }
             }
             visit.guest.leave();
+            if !visit.guest.has_opened() {
+                // The plant has nothing to do with it.
+                self.shared.forget(&visit.guest);
+            }
         }
     }
 

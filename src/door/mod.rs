@@ -5,6 +5,7 @@
 //! hands over what guests send and takes what they are to hear, both by bounded queues, so that a slow or dead guest delays
 //! nobody. A thread of its own does all that could block. A guest that asks for emulated time has a [`Seat`] in lockstep.
 
+mod descriptors;
 mod doors;
 mod guest;
 mod io;
@@ -25,6 +26,9 @@ pub use wire::Said;
 
 /// Most guests that an instance has at once.
 pub const MAX_GUESTS: usize = 64;
+/// Most guests that an instance knows: those that are there, and those that have left but whose frames are still to enter the
+/// plant, which with a stepped clock happens at the next step.
+pub const MAX_KNOWN_GUESTS: usize = 192;
 /// Frames or telegrams of a guest that wait until the plant takes them. Who sends more gets the protocol's error answer, if there
 /// is one.
 pub const ROOM_TO_PLANT: usize = 1024;

@@ -74,6 +74,8 @@ impl Format for Candump {
 /// A frame of a log.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Logged {
+    /// Where it is in the log: its line in a candump log, counted from 1; the byte at which its block begins in a pcapng log.
+    pub at: usize,
     /// Its time, in microseconds.
     pub time_us: u64,
     /// The interface: the bus, in a log of this program.
@@ -98,12 +100,14 @@ pub struct BadLine {
 /// [`BadLine`]: no such line, or a frame that Classical CAN does not have.
 pub fn read(log: &str) -> Result<Vec<Logged>, BadLine> {
     let lines = log.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
-    lines.map(|(index, line)| logged(line).map_err(|right| BadLine { line: index + 1, right })).collect()
+    lines
+        .map(|(index, line)| logged(index + 1, line).map_err(|right| BadLine { line: index + 1, right }))
+        .collect()
 }
 
 const NO_LINE: &str = "a line of a candump log is for example (0000000002.001234) can0 583#7900210000000000";
 
-fn logged(line: &str) -> Result<Logged, &'static str> {
+fn logged(at: usize, line: &str) -> Result<Logged, &'static str> {
     let mut words = line.split_whitespace();
     let (Some(time), Some(interface), Some(frame)) = (words.next(), words.next(), words.next()) else {
         return Err(NO_LINE);
@@ -114,7 +118,7 @@ fn logged(line: &str) -> Result<Logged, &'static str> {
     }
     let time = time.strip_prefix('(').and_then(|time| time.strip_suffix(')')).ok_or(NO_LINE)?;
     let time_us = time_of(time).ok_or(NO_LINE)?;
-    Ok(Logged { time_us, interface: interface.to_owned(), frame: self::frame(frame)? })
+    Ok(Logged { at, time_us, interface: interface.to_owned(), frame: self::frame(frame)? })
 }
 
 /// `0000000002.001234`
@@ -200,7 +204,7 @@ mod tests {
             let (seconds, us) = (time_us / 1_000_000, time_us % 1_000_000);
             let line = format!("({seconds:010}.{us:06}) can0 {}", Shown(&frame));
             let read = read(&line);
-            proptest::prop_assert_eq!(read, Ok(vec![Logged { time_us, interface: "can0".to_owned(), frame }]), "{}", line);
+            proptest::prop_assert_eq!(read, Ok(vec![Logged { at: 1, time_us, interface: "can0".to_owned(), frame }]), "{}", line);
         }
     }
 

@@ -92,6 +92,7 @@ impl Guests {
         self.present.sort_by_key(|it| (it.guest.bus, it.guest.number));
         let was_heard = self.present.iter().any(Present::hears);
         learn_all(&mut self.present, |_| true, plant);
+        self.forget_the_gone();
         if !was_heard {
             self.next = plant.journal().end();
         }
@@ -110,7 +111,14 @@ impl Guests {
     /// Does what guests wanted at the last look.
     fn bring_in(&mut self, plant: &mut Plant, is_stepped: bool) {
         bring_in_all(&mut self.present, |_| true, plant, is_stepped);
-        for gone in self.present.extract_if(.., |it| it.wish.has_gone && !it.is_in && !it.has_seat) {
+        self.forget_the_gone();
+    }
+
+    /// Forgets guests that have left, whom the plant does not know and from whom nothing is to enter it.
+    fn forget_the_gone(&mut self) {
+        let is_over =
+            |it: &mut Present| it.wish.has_gone && !it.is_in && !it.has_seat && it.guest.waiting() == 0;
+        for gone in self.present.extract_if(.., is_over) {
             self.doors.forget(&gone.guest);
         }
     }

@@ -6,7 +6,7 @@ mod turns;
 use crate::common::{Emulator, eventually, finish, python};
 use serde_json::Value;
 use std::fs::File;
-use std::io::{Read, Write};
+use std::io::{ErrorKind, Read, Write};
 use std::net::TcpStream;
 use std::path::Path;
 use std::time::Duration;
@@ -330,7 +330,11 @@ fn who_is_sent_away_again_and_again_is_told_of_once() {
     emulator.run("stop", &[]).ok();
     emulator.wait();
     let complaints = emulator.complaints();
-    assert_eq!(complaints.matches("a guest was sent away: there are 64 already").count(), 1, "{complaints}");
+    assert_eq!(
+        complaints.matches("a guest was sent away: 64 guests are there already").count(),
+        1,
+        "{complaints}"
+    );
 }
 
 #[test]
@@ -412,7 +416,15 @@ fn a_log_is_played_and_compared() {
     for clock in [&["--clock", "stepped"][..], &[]] {
         let emulator = start(OPEN, clock);
         let mut guest = Guest::open(port(&emulator));
-        assert_eq!(emulator.run("bus", &["play", path]).ok(), "3 frames in 10 ms\n");
+        let played = emulator.run("bus", &["play", path]);
+        let is_told = match clock.is_empty() {
+            true => {
+                played.ok().starts_with("3 frames in 10 ms of the log; sent within ")
+                    && played.out.contains(" late\n")
+            }
+            false => played.ok() == "3 frames in 10 ms\n",
+        };
+        assert!(is_told, "{}", played.out);
         if !clock.is_empty() {
             emulator.step(&["5ms"]);
         }
@@ -455,4 +467,130 @@ fn a_log_is_played_and_compared() {
     let emulator = start(OPEN, &[]);
     let refused = emulator.run("bus", &["play", path]);
     assert!(refused.fails(2).contains("line 1") && refused.err.contains("CAN FD"), "{}", refused.err);
+}
+
+#[test]
+fn times_that_cannot_be_played_are_reported_with_their_line() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("can0.log");
+    let path = path.to_str().unwrap();
+    let write = |times: &[&str]| {
+        let lines: String = times.iter().map(|time| format!("({time}) can0 123#AA\n")).collect();
+        std::fs::write(path, format!("\n{lines}")).unwrap();
+    };
+    for clock in [&["--clock", "stepped"][..], &[]] {
+        let emulator = start(OPEN, clock);
+        let _guest = Guest::open(port(&emulator));
+        write(&["1436509052.000000", "1436509052.001000", "2436509052.000000"]);
+        let refused = emulator.run("bus", &["play", path]);
+        let gap = "line 4: its frame comes 999999999.999000 s after the one before";
+        assert!(
+            refused.fails(2).contains(gap) && refused.err.contains("86400.000000 s at most"),
+            "{}",
+            refused.err
+        );
+        write(&["0000000005.000000", "0000000005.002000", "0000000004.000000", "0000000005.001000"]);
+        let played = emulator.run("bus", &["play", path]);
+        assert_eq!(played.code, Some(0), "{}", played.err);
+        assert!(played.out.starts_with("4 frames in 2 ms"), "{}", played.out);
+        let note =
+            "line 4: its time is before that of an earlier frame, and 1 more frames; they are sent at once";
+        assert!(played.err.contains(note), "{}", played.err);
+    }
+}
+
+/// A terminal that has no place for its guest does not exist, at the start or later.
+#[test]
+fn a_door_without_a_place_for_its_guest_does_not_open() {
+    let emulator = start(OPEN, &["--clock", "stepped"]);
+    let port = port(&emulator);
+    let mut guests: Vec<_> = (0..64).map(|_| Guest::open(port)).collect();
+    let refused = emulator.run("bus", &["open", "open", "slcan-pty"]);
+    assert!(refused.fails(2).contains("64 guests are there already"), "{}", refused.err);
+    assert_eq!(buses(&emulator)[0]["doors"].as_array().unwrap().len(), 1);
+    guests.pop();
+    assert!(eventually(|| emulator.run("bus", &["open", "open", "slcan-pty"]).code == Some(0)));
+    assert_eq!(buses(&emulator)[0]["doors"].as_array().unwrap().len(), 2);
+    let doors = "doors = [".to_owned() + &"\"slcan-pty\", ".repeat(65);
+    let many = tempfile::NamedTempFile::new().unwrap();
+    std::fs::write(many.path(), OPEN.replace("doors = [", &doors)).unwrap();
+    let started =
+        crate::common::run(&["run", many.path().to_str().unwrap(), "-i", &crate::common::unique_name()]);
+    assert!(started.fails(1).contains("64 guests are there already"), "{}", started.err);
+}
+
+/// Whether a guest that comes is answered.
+fn is_answered(port: u16, line: &str) -> bool {
+    let mut guest = Guest::come(port);
+    let _ = guest.0.write_all(line.as_bytes());
+    guest.0.read(&mut [0]).is_ok_and(|count| count > 0)
+}
+
+/// With a stepped clock, and no step in between.
+#[test]
+fn guests_that_have_left_or_say_nothing_take_no_place() {
+    let emulator = start(OPEN, &["--clock", "stepped"]);
+    let port = port(&emulator);
+    let guests = || buses(&emulator)[0]["guests"].as_array().unwrap().len();
+    // Connections that say nothing: the oldest makes room.
+    let mut silent: Vec<_> = (0..100).map(|_| Guest::come(port)).collect();
+    let mut speaker = Guest::open(port);
+    assert_eq!(silent[0].0.read(&mut [0]).unwrap(), 0, "the oldest was sent away");
+    assert!(buses(&emulator)[0]["sent_away"].as_u64().unwrap() >= 37);
+    let mut hearer = silent.pop().unwrap();
+    assert_eq!(hearer.ask("O"), "\r", "a younger one is there");
+    drop(silent);
+    // More guests that take part and leave than an instance knows at once.
+    for _ in 0..250 {
+        assert!(eventually(|| is_answered(port, "O\r")));
+    }
+    assert!(eventually(|| guests() == 2));
+    assert_eq!(speaker.ask("t1230"), "z\r");
+    emulator.step(&["5ms"]);
+    assert_eq!(hearer.hear(), "t1230\r");
+}
+
+/// Leaves so many descriptors to an emulator beside those that it has. Whether that could be done.
+fn leave_descriptors(emulator: &Emulator, count: usize) -> bool {
+    let numbers = || -> Vec<u64> {
+        let all = std::fs::read_dir(format!("/proc/{}/fd", emulator.pid())).unwrap();
+        all.map(|entry| entry.unwrap().file_name().to_str().unwrap().parse().unwrap()).collect()
+    };
+    // Those of a client that has just left are closed a little later.
+    let mut used = Vec::new();
+    assert!(eventually(|| std::mem::replace(&mut used, numbers()) == numbers()));
+    // The limit is one of their numbers, not of how many there are.
+    let limit = (0..).filter(|number| !used.contains(number)).nth(count);
+    let limits = rustix::process::Rlimit { current: limit, maximum: limit };
+    let pid = rustix::process::Pid::from_raw(emulator.pid() as i32);
+    rustix::process::prlimit(pid, rustix::process::Resource::Nofile, limits).is_ok()
+}
+
+#[test]
+fn guests_leave_descriptors_to_the_channel_and_come_in_when_there_are_some() {
+    let emulator = start(OPEN, &[]);
+    let port = port(&emulator);
+    assert!(leave_descriptors(&emulator, 32 + 16));
+    let mut guests: Vec<_> = (0..30).map(|_| Guest::come(port)).collect();
+    let is_in = |guest: &mut Guest<TcpStream>| {
+        let _ = guest.0.write_all(b"V\r");
+        guest.0.read(&mut [0]).is_ok_and(|count| count > 0)
+    };
+    let inside = guests.iter_mut().filter_map(|guest| is_in(guest).then_some(())).count();
+    assert!((10..30).contains(&inside), "{inside}");
+    assert_eq!(buses(&emulator)[0]["sent_away"].as_u64(), Some(30 - inside as u64));
+    for _ in 0..5 {
+        emulator.peek(&["node2.w_CPU_CONTROL"]);
+    }
+    // No descriptor is left, not even for a guest that is sent away: it is answered when there is one.
+    assert!(leave_descriptors(&emulator, 0));
+    let mut waiting = Guest::come(port);
+    waiting.say("V\r");
+    drop(guests);
+    let answer = waiting.0.read(&mut [0]).map_err(|error| error.kind());
+    assert!(matches!(answer, Ok(_) | Err(ErrorKind::ConnectionReset)), "an answer, or the end: {answer:?}");
+    // Only root may give a process more than it had.
+    if leave_descriptors(&emulator, 200) {
+        assert!(eventually(|| is_answered(port, "V\r")));
+    }
 }

@@ -131,8 +131,8 @@ fn buses() -> impl Strategy<Value = Vec<BusState>> {
             refused,
         },
     );
-    let door = (door(), proptest::collection::vec(guest, 0..3))
-        .prop_map(|(door, guests)| DoorState { door, guests });
+    let door = (door(), proptest::collection::vec(guest, 0..3), any::<u64>())
+        .prop_map(|(door, guests, refused)| DoorState { door, guests, refused });
     let station =
         (".*", ".*", any::<(u16, u16)>()).prop_map(|(name, state, (transmit_errors, receive_errors))| {
             Station { name, state, transmit_errors, receive_errors }

@@ -1,10 +1,11 @@
 //! `commram bus play` and `commram bus compare`: logs of frames.
 
 use super::super::error::CliError;
-use super::super::{Instance, time};
+use super::super::{Instance, output, time};
 use crate::handed_in;
 use crate::journal::candump::{self, Logged};
 use crate::journal::pcapng;
+use crate::request::MAX_ADVANCE_US;
 use std::path::{Path, PathBuf};
 
 /// Send the frames of a log into buses, with the distances in time that they have there.
@@ -54,18 +55,67 @@ pub(super) struct Compare {
     instance: Instance,
 }
 
+/// A log that was read.
+struct Log {
+    frames: Vec<Logged>,
+    /// What [`Logged::at`] counts in it.
+    unit: &'static str,
+}
+
+/// Longest time between two frames of a log that is played: what one operation can let pass, 24 h in microseconds.
+const LONGEST_GAP_US: u64 = MAX_ADVANCE_US;
+
+impl Log {
+    /// Checks that the times of the frames can be played. A frame whose time is before that of the frame in front of it can: it is
+    /// sent at once, and noted.
+    fn check_times(&self, path: &Path) -> Result<(), CliError> {
+        let unit = self.unit;
+        let mut latest = self.frames.first().map_or(0, |first| first.time_us);
+        let mut earlier = Vec::new();
+        for frame in &self.frames {
+            let gap_us = frame.time_us.saturating_sub(latest);
+            if gap_us > LONGEST_GAP_US {
+                let right = format!(
+                    "{unit} {}: its frame comes {} after the one before; a gap in a log that is played can have {} at most",
+                    frame.at,
+                    time::seconds(gap_us),
+                    time::seconds(LONGEST_GAP_US)
+                );
+                return Err(CliError::Argument { text: path.display().to_string(), right });
+            }
+            if frame.time_us < latest {
+                earlier.push(frame.at);
+            }
+            latest = latest.max(frame.time_us);
+        }
+        if let Some((first, others)) = earlier.split_first() {
+            let others = match others.len() {
+                0 => String::new(),
+                count => format!(", and {count} more frames"),
+            };
+            output::note(&format!(
+                "{}: {unit} {first}: its time is before that of an earlier frame{others}; they are sent at once",
+                path.display()
+            ));
+        }
+        Ok(())
+    }
+}
+
 /// The frames of a log.
-fn read(path: &Path) -> Result<Vec<Logged>, CliError> {
+fn read(path: &Path) -> Result<Log, CliError> {
     let wrong = |right: String| CliError::Argument { text: path.display().to_string(), right };
     let bytes =
         handed_in::read_bytes(path, handed_in::LONGEST).map_err(|reason| wrong(reason.to_string()))?;
     if pcapng::is_one(&bytes) {
-        return pcapng::read(&bytes).map_err(|error| wrong(error.to_string()));
+        let frames = pcapng::read(&bytes).map_err(|error| wrong(error.to_string()))?;
+        return Ok(Log { frames, unit: "byte" });
     }
     let text = handed_in::text(bytes).map_err(|_| {
         wrong("it is neither a log of candump nor one in pcapng (Wireshark writes the latter)".to_owned())
     })?;
-    candump::read(&text).map_err(|error| wrong(error.to_string()))
+    let frames = candump::read(&text).map_err(|error| wrong(error.to_string()))?;
+    Ok(Log { frames, unit: "line" })
 }
 
 /// A frame at its time.
@@ -129,13 +179,15 @@ pub(super) use by_channel::{compare, play};
 
 #[cfg(feature = "channel")]
 mod by_channel {
+    use super::super::super::demo::Interrupts;
     use super::super::super::session::Session;
     use super::super::super::{error::CliError, output, time};
     use super::{Compare, Play, Timed, differences, read};
     use crate::can::Frame;
-    use crate::journal::Source;
+    use crate::counted::counted;
     use crate::journal::candump::Logged;
-    use crate::request::{InstanceInfo, MAX_OPS, MAX_RECORDS, Op};
+    use crate::journal::{Record, Source};
+    use crate::request::{InstanceInfo, MAX_OPS, Op};
     use std::time::Duration;
 
     /// A frame of the log, with the number of its bus.
@@ -166,23 +218,46 @@ mod by_channel {
 
     pub(crate) fn play(args: &Play) -> Result<(), CliError> {
         let log = read(&args.log)?;
+        log.check_times(&args.log)?;
         let info = Session::open(&args.instance, 0)?.ask(Op::Info)?.info()?;
-        let log = aim(log, args.bus.as_deref(), &info)?;
-        let (Some(first), Some(last)) = (log.first(), log.last()) else {
+        let log = aim(log.frames, args.bus.as_deref(), &info)?;
+        let Some(first) = log.first() else {
             return output::print("0 frames\n");
         };
-        let (start_us, length_us) = (first.time_us, last.time_us.saturating_sub(first.time_us));
+        let start_us = first.time_us;
+        let length_us = log.iter().map(|it| it.time_us).max().unwrap_or(start_us).saturating_sub(start_us);
         let session = Session::open(&args.instance, length_us)?;
-        if info.is_stepped {
-            stepped(&session, &log, start_us)?
-        } else {
-            in_real_time(&session, &log, start_us)?
+        let mut sent = 0;
+        let played = match info.is_stepped {
+            true => stepped(&session, &log, start_us, &mut sent).map(|()| String::new()),
+            false => in_real_time(&session, &log, start_us, &mut sent).map(|timing| timing.text()),
+        };
+        let counted = counted(log.len() as u64, "frame");
+        if played.is_err() {
+            output::note(&format!("{sent} of {counted} were sent"));
         }
-        let frames = if log.len() == 1 { "frame" } else { "frames" };
-        output::print(&format!("{} {frames} in {}\n", log.len(), time::short(length_us)))
+        output::print(&format!("{counted} in {}{}\n", time::short(length_us), played?))
     }
 
-    fn stepped(session: &Session, log: &[Aimed], start_us: u64) -> Result<(), CliError> {
+    /// How a log was played while the clock ran by itself. Times are emulated, in microseconds.
+    struct Timing {
+        took_us: u64,
+        latest_us: u64,
+    }
+
+    impl Timing {
+        fn text(&self) -> String {
+            let Timing { took_us, latest_us } = self;
+            format!(
+                " of the log; sent within {}, up to {} late",
+                time::short(*took_us),
+                time::short(*latest_us)
+            )
+        }
+    }
+
+    /// Lets the time pass from frame to frame. `sent` counts the frames of complete requests.
+    fn stepped(session: &Session, log: &[Aimed], start_us: u64, sent: &mut usize) -> Result<(), CliError> {
         let mut now_us = start_us;
         for part in log.chunks(MAX_OPS / 2) {
             let mut ops = Vec::with_capacity(2 * part.len());
@@ -193,32 +268,48 @@ mod by_channel {
                 ops.push(Op::BusSend { bus: it.bus, frame: Some(it.frame) });
             }
             session.request(&ops)?;
+            *sent += part.len();
         }
         Ok(())
     }
 
-    fn in_real_time(session: &Session, log: &[Aimed], start_us: u64) -> Result<(), CliError> {
+    /// Waits for the time of each frame. `sent` counts the frames.
+    fn in_real_time(
+        session: &Session,
+        log: &[Aimed],
+        start_us: u64,
+        sent: &mut usize,
+    ) -> Result<Timing, CliError> {
+        let interrupts = Interrupts::catch()?;
         let begin_us = session.ask(Op::Time)?.time()?;
+        let mut timing = Timing { took_us: 0, latest_us: 0 };
         for it in log {
             let due_us = begin_us + it.time_us.saturating_sub(start_us);
-            loop {
-                let left_us = due_us.saturating_sub(session.ask(Op::Time)?.time()?);
+            let now_us = loop {
+                if interrupts.any() {
+                    return Err(CliError::Interrupted);
+                }
+                let now_us = session.ask(Op::Time)?.time()?;
+                let left_us = due_us.saturating_sub(now_us);
                 if left_us == 0 {
-                    break;
+                    break now_us;
                 }
                 // Emulated time may pass faster or slower than this: short enough to be asked again.
                 std::thread::sleep(Duration::from_micros(left_us.min(10_000)));
-            }
+            };
             session.ask(Op::BusSend { bus: it.bus, frame: Some(it.frame) })?.written()?;
+            *sent += 1;
+            timing.took_us = now_us.saturating_sub(begin_us);
+            timing.latest_us = timing.latest_us.max(now_us.saturating_sub(due_us));
         }
-        Ok(())
+        Ok(timing)
     }
 
     pub(crate) fn compare(args: &Compare) -> Result<(), CliError> {
         let log = read(&args.log)?;
         let session = Session::open(&args.instance, 0)?;
         let info = session.ask(Op::Info)?.info()?;
-        let log = aim(log, args.bus.as_deref(), &info)?;
+        let log = aim(log.frames, args.bus.as_deref(), &info)?;
         let journal = frames(&session, args.since)?;
         let mut buses: Vec<u16> = log.iter().map(|it| it.bus).collect();
         buses.sort_unstable();
@@ -232,8 +323,8 @@ mod by_channel {
             lines.extend(differences(name, &wanted, &found, args.tolerance));
         }
         if lines.is_empty() {
-            let frames = if log.len() == 1 { "frame" } else { "frames" };
-            return output::print(&format!("{} {frames}, no difference\n", log.len()));
+            let frames = counted(log.len() as u64, "frame");
+            return output::print(&format!("{frames}, no difference\n"));
         }
         output::print(&(lines.join("\n") + "\n"))?;
         Err(CliError::Reported)
@@ -241,27 +332,19 @@ mod by_channel {
 
     /// The frames of the journal with their buses.
     fn frames(session: &Session, since_us: u64) -> Result<Vec<(u16, Timed)>, CliError> {
-        let (mut frames, mut next) = (Vec::new(), 0);
-        loop {
-            let (records, end) = session.ask(Op::Journal { from: next, max: MAX_RECORDS })?.journal()?;
-            for record in &records {
-                if let (Some(carried), Source::Bus(bus)) = (record.event.frame(), record.event.source())
-                    && record.time_us >= since_us
-                {
-                    frames.push((bus, (record.time_us, carried.frame)));
-                }
-            }
-            match records.iter().rfind(|record| !record.is_pending()) {
-                Some(last) if last.seq + 1 < end => next = last.seq + 1,
-                _ => return Ok(frames),
-            }
-        }
+        let frame = |record: &Record| {
+            let (carried, source) = (record.event.frame()?, record.event.source());
+            let Source::Bus(bus) = source else { return None };
+            (record.time_us >= since_us).then_some((bus, (record.time_us, carried.frame)))
+        };
+        Ok(session.records(0)?.iter().filter_map(frame).collect())
     }
 }
 
 #[cfg(not(feature = "channel"))]
 pub(super) fn play(args: &Play) -> Result<(), CliError> {
-    let (_, _) = (read(&args.log)?, (&args.bus, args.instance.name()));
+    read(&args.log)?.check_times(&args.log)?;
+    let (_, _) = (&args.bus, args.instance.name());
     Err(CliError::NoChannel { command: "bus" })
 }
 

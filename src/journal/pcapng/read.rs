@@ -44,7 +44,7 @@ pub fn read(log: &[u8]) -> Result<Vec<Logged>, BadLog> {
         let (kind, body, length) =
             section.block(rest).ok_or_else(|| bad("the block is cut off, or its length is wrong".into()))?;
         if let Some(frame) = section.take(kind, body).map_err(bad)? {
-            frames.push(frame);
+            frames.push(Logged { at, ..frame });
         }
         at += length;
     }
@@ -154,7 +154,7 @@ impl Section {
         let ticks = u64::from(word(4)?) << 32 | u64::from(word(8)?);
         let time_us = interface.time_us(ticks).ok_or("there is no such time")?;
         let data = body.get(20..).and_then(|rest| rest.get(..word(12).ok()? as usize)).ok_or(CUT_OFF)?;
-        Ok(Some(Logged { time_us, interface: name, frame: frame(data)? }))
+        Ok(Some(Logged { at: 0, time_us, interface: name, frame: frame(data)? }))
     }
 }
 

@@ -130,7 +130,7 @@ fn fuzz_log() {
         for Logged { interface, frame, .. } in candump::read(text).unwrap_or_default() {
             let line = format!("(1.000000) {interface} {}\n", Shown(&frame));
             let again = candump::read(&line).unwrap().pop();
-            assert_eq!(again, Some(Logged { time_us: 1_000_000, interface, frame }));
+            assert_eq!(again, Some(Logged { at: 1, time_us: 1_000_000, interface, frame }));
         }
     });
 }
@@ -142,7 +142,9 @@ proptest! {
     #[test]
     fn frames_come_back(frame in frames(), ticks in 0..u64::MAX / 1_000_000) {
         let read = read(&log(false, SOCKETCAN, &[(NAME, b"open")], ticks, &write::packet(&frame))).unwrap();
-        prop_assert_eq!(read, vec![Logged { time_us: ticks, interface: "open".into(), frame }]);
+        let at = read.first().map_or(0, |first| first.at);
+        prop_assert!(at > 0, "the first block is none of a packet");
+        prop_assert_eq!(read, vec![Logged { at, time_us: ticks, interface: "open".into(), frame }]);
     }
 
     /// Whatever becomes of a log: it is read or refused.
