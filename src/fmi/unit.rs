@@ -6,7 +6,7 @@ use super::variables::{Kind, ShaftValue, Variable, What, variables};
 use crate::layout::Owner;
 use crate::memory::Segment;
 use crate::plant::{Plant, Snapshot, SnapshotError, SnapshotFile};
-use crate::state::{Damaged, Saved, Saving};
+use crate::state::{Damaged, Saved, Saving, seal, unseal};
 use serde::{Deserialize, Serialize};
 use twox_hash::XxHash3_64;
 
@@ -284,7 +284,7 @@ impl Unit {
         let mut to = Saving::default();
         to.value(&state.own);
         to.value(&self.plant.file_of(state.snapshot.clone()).to_bytes());
-        to.into_bytes()
+        seal(to.into_bytes())
     }
 
     /// The state that such bytes are. Whether it is one of this unit shows when it is gone to.
@@ -293,7 +293,8 @@ impl Unit {
     /// They are none.
     pub fn of_bytes(&self, bytes: &[u8]) -> Result<UnitState, UnitError> {
         let damaged = |error: Damaged| UnitError::State(error.to_string());
-        let mut from = Saved::new(bytes);
+        let wrong = || UnitError::State("its checksum is wrong, or its end is missing".to_owned());
+        let mut from = Saved::new(unseal(bytes).ok_or_else(wrong)?);
         let own: Own = from.value().map_err(damaged)?;
         let file: Vec<u8> = from.value().map_err(damaged)?;
         from.end().map_err(damaged)?;

@@ -11,8 +11,10 @@
 //! [`Damaged`], in memory that is bounded by the length of the bytes.
 
 mod saved;
+mod sealed;
 
 pub use saved::{Damaged, Saved, Saving};
+pub use sealed::{seal, unseal};
 
 /// Something of which a snapshot holds what has happened to it.
 pub trait State {

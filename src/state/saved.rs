@@ -107,7 +107,7 @@ impl<'a> Saved<'a> {
                 self.rest = rest;
                 Ok(value)
             }
-            Err(_) => Err(self.no(core::any::type_name::<T>())),
+            Err(_) => Err(self.no("readable value")),
         }
     }
 

@@ -2,14 +2,12 @@
 
 use super::Snapshot;
 use crate::plant::{PlantConfig, PlantError};
-use crate::state::{Damaged, Saved, Saving};
-use twox_hash::XxHash3_64;
+use crate::state::{Damaged, Saved, Saving, seal, unseal};
 
 /// What such a file begins with.
 const MAGIC: [u8; 8] = *b"cmrmsnap";
 /// Number of the format behind it. Whoever changes what a snapshot holds counts it up.
 const FORMAT: u16 = 3;
-const CHECKSUM: usize = size_of::<u64>();
 
 /// A snapshot with the plant that it is of.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -64,9 +62,7 @@ impl SnapshotFile {
         to.value(env!("CARGO_PKG_VERSION"));
         to.value(&self.plant);
         self.snapshot.save(&mut to);
-        let sum = XxHash3_64::oneshot(to.bytes());
-        to.raw(&sum.to_le_bytes());
-        to.into_bytes()
+        seal(to.into_bytes())
     }
 
     /// A file's content.
@@ -74,20 +70,19 @@ impl SnapshotFile {
     /// # Errors
     /// [`SnapshotFileError`].
     pub fn of_bytes(bytes: &[u8]) -> Result<Self, SnapshotFileError> {
-        let content = bytes.strip_prefix(&MAGIC).ok_or(SnapshotFileError::NoSnapshot)?;
-        let mut from = Saved::new(content);
+        if !Self::is_one(bytes) {
+            return Err(SnapshotFileError::NoSnapshot);
+        }
+        // First of all: a damaged header must not be taken for that of another version. All formats have this checksum.
+        let written = unseal(bytes).ok_or(SnapshotFileError::Checksum)?;
+        let mut from = Saved::new(written);
+        let _magic = from.raw(MAGIC.len())?;
         let format = from.raw(size_of::<u16>())?.try_into().map_or(0, u16::from_le_bytes);
         let found: String = from.value()?;
-        // Who has another version has another checksum, perhaps.
         if (format, found.as_str()) != (FORMAT, env!("CARGO_PKG_VERSION")) {
             return Err(SnapshotFileError::OtherVersion { found, format });
         }
-        let (written, sum) = bytes.split_at(bytes.len().saturating_sub(CHECKSUM));
-        if *sum != XxHash3_64::oneshot(written).to_le_bytes() {
-            return Err(SnapshotFileError::Checksum);
-        }
         let (plant, snapshot) = (from.value()?, Snapshot::of_saved(&mut from)?);
-        let _checksum = from.raw(CHECKSUM)?;
         from.end()?;
         Ok(SnapshotFile { plant, snapshot })
     }

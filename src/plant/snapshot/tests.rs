@@ -3,6 +3,7 @@
 use super::*;
 use crate::memory::Segment;
 use crate::plant::PlantConfig;
+use crate::state::{seal, unseal};
 use std::sync::{Mutex, PoisonError};
 
 fn plant(text: &str) -> Plant {
@@ -26,15 +27,33 @@ fn a_file_comes_back_and_anything_else_is_refused() {
     for len in 0..bytes.len() {
         assert!(SnapshotFile::of_bytes(&bytes[..len]).is_err(), "cut off at {len}");
     }
-    for at in (0..bytes.len()).step_by(7) {
-        let mut bytes = bytes.clone();
-        bytes[at] ^= 1 << (at % 8);
-        assert!(SnapshotFile::of_bytes(&bytes).is_err(), "flipped at {at}");
+    // Each bit up to the state, header included, and some after it.
+    let header = bytes.len() - file_state(&bytes);
+    for at in (0..header).chain((header..bytes.len()).step_by(7)) {
+        for bit in (0..8).filter(|bit| at < header || *bit == at % 8) {
+            let mut bytes = bytes.clone();
+            bytes[at] ^= 1 << bit;
+            let wanted = if at < 8 { SnapshotFileError::NoSnapshot } else { SnapshotFileError::Checksum };
+            assert_eq!(SnapshotFile::of_bytes(&bytes), Err(wanted), "bit {bit} of byte {at} flipped");
+        }
     }
-    let mut other = bytes.clone();
+    let mut other = unseal(&bytes).unwrap().to_vec();
     other[8] += 1;
+    let other = seal(other);
     let error = SnapshotFile::of_bytes(&other).unwrap_err().to_string();
     assert!(error.starts_with("it was made by commram ") && error.contains("(format 3)"), "{error}");
+}
+
+/// Bytes of the state in a file, and what comes after it.
+fn file_state(bytes: &[u8]) -> usize {
+    SnapshotFile::of_bytes(bytes).unwrap().snapshot.state.len() + size_of::<u64>()
+}
+
+/// What cannot be read is named in words, not by a type of the program.
+#[test]
+fn messages_name_no_types() {
+    let error = Saved::new(&[0xFF; 3]).value::<(u64, Vec<String>)>().unwrap_err().to_string();
+    assert_eq!(error, "there is no readable value at byte 0 of the state");
 }
 
 /// Takes over what may be bad; whether it could.

@@ -3,6 +3,7 @@
 use super::border::{Instance, Refused, Status, exported, read, with, write};
 use super::instance::Mode;
 use commram::fmi::UnitState;
+use commram::state::{seal, unseal};
 use core::ffi::c_void;
 
 /// A state, as those who call hold it.
@@ -89,12 +90,16 @@ exported! {
     ) -> Status {
         with(instance, |it| {
             // SAFETY: who calls hands over so many.
-            let (mode, bytes) = match unsafe { read(from, size) }? {
+            let bytes = unseal(unsafe { read(from, size) }?);
+            let (mode, bytes) = match bytes.unwrap_or_default() {
                 [0, bytes @ ..] => (Mode::Instantiated, bytes),
                 [1, bytes @ ..] => (Mode::Initializing, bytes),
                 [2, bytes @ ..] => (Mode::Stepping, bytes),
                 [3, bytes @ ..] => (Mode::Ended, bytes),
-                _ => return Err(Refused("these bytes are no state of this unit".to_owned())),
+                _ => {
+                    let text = "these bytes are no state of this unit, or are damaged: their checksum is wrong";
+                    return Err(Refused(text.to_owned()));
+                }
             };
             let state = it.unit.of_bytes(bytes)?;
             leave(place(to)?, Kept { state, mode });
@@ -113,5 +118,5 @@ fn bytes(it: &super::instance::Inner, kept: &Kept) -> Vec<u8> {
     };
     let mut bytes = vec![mode];
     bytes.extend(it.unit.to_bytes(&kept.state));
-    bytes
+    seal(bytes)
 }
