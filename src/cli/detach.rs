@@ -40,9 +40,13 @@ pub(crate) fn start(instance: &str) -> Result<(), CliError> {
     }
     let said = String::from_utf8_lossy(&said);
     let pid = child.id();
-    output::print(&format!(
-        "{said}commram: process {pid} goes on in the background; end it with `commram stop -i {instance}`\n"
-    ))
+    let goes_on =
+        format!("process {pid} goes on in the background; end it with `commram stop -i {instance}`");
+    let printed = output::print(&format!("{said}commram: {goes_on}\n"));
+    if matches!(printed, Err(CliError::Output { .. })) {
+        output::note(&goes_on);
+    }
+    printed
 }
 
 /// All that comes before the end of the stream.

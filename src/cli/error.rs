@@ -304,7 +304,7 @@ pub(crate) enum CliError {
         command: &'static str,
     },
     /// The standard output cannot be written.
-    #[error("cannot write the output: {reason}")]
+    #[error("cannot write the output: {reason}; what else was asked for is done")]
     Output {
         /// What the system says.
         reason: io::Error,

@@ -21,14 +21,16 @@ pub(crate) enum Exit {
     WrongUse = 2,
     /// Nobody is there to do it.
     NotThere = 3,
+    /// The standard output cannot be written; everything else is done.
+    NoOutput = 4,
     /// The user has had enough.
     Interrupted = 130,
 }
 
 impl Exit {
     /// All of them.
-    pub(crate) const ALL: [Self; 5] =
-        [Self::Done, Self::Failed, Self::WrongUse, Self::NotThere, Self::Interrupted];
+    pub(crate) const ALL: [Self; 6] =
+        [Self::Done, Self::Failed, Self::WrongUse, Self::NotThere, Self::NoOutput, Self::Interrupted];
 
     /// The number.
     pub(crate) const fn code(self) -> u8 {
@@ -42,6 +44,7 @@ impl Exit {
             Self::Failed => "an expectation failed, or the emulator could not start or end as it should",
             Self::WrongUse => "wrong use",
             Self::NotThere => "the emulator is not there or has gone, or the system refuses what is needed",
+            Self::NoOutput => "the output cannot be written; what else was asked for is done",
             Self::Interrupted => "ended by Ctrl-C",
         }
     }
@@ -128,8 +131,8 @@ impl CliError {
             | Self::Memory(_)
             | Self::Process { .. }
             | Self::Signals { .. }
-            | Self::Output { .. }
             | Self::File { .. } => Exit::NotThere,
+            Self::Output { .. } => Exit::NoOutput,
             #[cfg(not(feature = "channel"))]
             Self::NoChannel { .. } => Exit::NotThere,
             #[cfg(feature = "channel")]
@@ -181,6 +184,7 @@ mod tests {
         );
         assert_eq!(CliError::Reported.exit_code(), 1);
         assert_eq!(CliError::ReportedWrongUse.exit_code(), 2);
+        assert_eq!(CliError::Output { reason: std::io::ErrorKind::StorageFull.into() }.exit_code(), 4);
         assert_eq!(CliError::Interrupted.exit_code(), 130);
         assert_eq!(CliError::Ended { code: 42 }.exit_code(), 42);
     }

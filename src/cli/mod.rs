@@ -172,15 +172,7 @@ pub fn main() -> ExitCode {
         }
         Err(error) => return refuse(&told_without_environment(error)),
     };
-    match result {
-        Ok(()) => ExitCode::from(Exit::Done.code()),
-        Err(error) => {
-            if !error.is_told() {
-                output::complain(&error.to_string());
-            }
-            ExitCode::from(error.exit_code())
-        }
-    }
+    finish(result)
 }
 
 impl Command {
@@ -260,9 +252,16 @@ fn refuse(error: &clap::Error) -> ExitCode {
         output::complain(text.strip_prefix("error: ").unwrap_or(&text).trim_end());
         return ExitCode::from(Exit::WrongUse.code());
     }
-    // Nothing can be done if help cannot be shown.
-    let _ = output::print(&shown(style::is_on(&std::io::stdout())));
-    ExitCode::SUCCESS
+    finish(output::print(&shown(style::is_on(&std::io::stdout()))))
+}
+
+/// Reports an error that was not reported yet, and returns the exit code.
+fn finish(result: Result<(), CliError>) -> ExitCode {
+    let Err(error) = result else { return ExitCode::from(Exit::Done.code()) };
+    if !error.is_told() {
+        output::complain(&error.to_string());
+    }
+    ExitCode::from(error.exit_code())
 }
 
 #[cfg(test)]

@@ -57,7 +57,7 @@ fn shortened(text: &str) -> String {
 }
 
 /// The text with its control characters spelt out, but for ends of lines and tabulators.
-fn harmless(text: &str) -> String {
+pub(crate) fn harmless(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for sign in text.chars() {
         match sign {

@@ -101,8 +101,13 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let (mut emulator, started) = args.settings.start(args.begin(), name, signals, is_federate)?;
     #[cfg(feature = "helics")]
     args.federate.join(&mut emulator)?;
-    // A reader that has gone away is no reason to end.
-    let _ = output::print(&ready_line(name, &emulator, clock));
+    // A reader that has gone away, or an output that is full, is no reason to end.
+    let printed = output::print(&ready_line(name, &emulator, clock));
+    let printed = printed.inspect_err(|error| {
+        if !error.is_told() {
+            output::note(&format!("instance '{name}' is ready, but its output cannot be written"));
+        }
+    });
     if let Some(detached) = detached {
         detached.let_go()?;
     }
@@ -121,7 +126,10 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     if by_ctrl_c.load(Ordering::Relaxed) {
         return Err(CliError::Ended { code: Exit::Interrupted.code() });
     }
-    Ok(())
+    match printed {
+        Err(error @ CliError::Output { .. }) => Err(error),
+        _ => Ok(()),
+    }
 }
 
 fn ready_line(instance: &str, emulator: &Emulator, clock: Clock) -> String {

@@ -181,7 +181,7 @@ impl Shell {
         };
         let (why, exit) = match outcome {
             Ok(None) => return End::On,
-            Ok(Some(value)) => match output::print(&format!("{value}\n")) {
+            Ok(Some(value)) => match output::print(&(output::harmless(&value) + "\n")) {
                 Ok(()) => return End::On,
                 Err(error) => return End::Failed(error.exit_code()),
             },
@@ -211,7 +211,7 @@ impl Shell {
                 let client = Session::open(&self.instance, LONGEST_US)?.into_client()?;
                 Lines::new(Bench::attach(client)?, Path::new("."), |line| {
                     // If nobody reads it, the next line that is shown tells.
-                    let _ = output::print(line);
+                    let _ = output::print(&output::harmless(line));
                 })
             }
         };

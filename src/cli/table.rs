@@ -90,6 +90,8 @@ const NARROW: usize = 24;
 const INDENT: usize = 4;
 
 fn within(lines: &[Vec<String>], most: Option<usize>) -> Vec<String> {
+    let harmless = |line: &Vec<String>| line.iter().map(|cell| output::harmless(cell)).collect::<Vec<_>>();
+    let lines = &lines.iter().map(harmless).collect::<Vec<_>>();
     let mut widths: Vec<usize> = Vec::new();
     for line in lines {
         widths.resize(widths.len().max(line.len()), 0);

@@ -183,7 +183,7 @@ fn define(directory: &Path) -> Result<(), CliError> {
 
 fn list(format: Format, files: &[PathBuf]) -> Result<(), CliError> {
     let rows: Vec<_> = files.iter().map(|file| Listed::of(file)).collect();
-    let lines = || files.iter().map(|file| format!("{}\n", file.display())).collect();
+    let lines = || files.iter().map(|file| output::harmless(&file.display().to_string()) + "\n").collect();
     table::print(format, &rows, |_| lines())
 }
 

@@ -1,7 +1,7 @@
 //! The exit codes of all commands: docs/command-line.md.
 #![cfg(feature = "channel")]
 
-use crate::common::{Emulator, commram, finish, run, unique_name, wait_for};
+use crate::common::{Emulator, commram, finish, finish_on_a_full_disk, run, unique_name, wait_for};
 use std::io::{BufRead, BufReader};
 use std::process::{Command, Stdio};
 
@@ -148,4 +148,24 @@ fn a_reader_that_goes_is_no_error() {
     let script = format!("'{}' map --all | head -1", env!("CARGO_BIN_EXE_commram"));
     let outcome = finish(Command::new("bash").args(["-c", &format!("set -o pipefail; {script}")]));
     assert_eq!((outcome.code, outcome.err.as_str()), (Some(0), ""));
+}
+
+/// The exit code tells that the output failed, and the act was done.
+#[test]
+fn what_acts_is_done_although_its_output_cannot_be_written() {
+    let name = unique_name();
+    let full = |args: &[&str]| {
+        let outcome = finish_on_a_full_disk(commram().args(args).args(["-i", &name]));
+        assert_eq!(outcome.code, Some(4), "{args:?}: {}", outcome.err);
+        let told = "commram: cannot write the output: ";
+        assert!(outcome.err.contains(told) && outcome.err.contains("is done"), "{args:?}: {}", outcome.err);
+        outcome.err
+    };
+    let told = full(&["run", "--detach", "--clock", "stepped"]);
+    assert!(told.contains("goes on in the background"), "{told}");
+    full(&["step", "1ms"]);
+    let time = run(&["step", "1ms", "-i", &name]);
+    assert_eq!(time.ok(), "0.002000 s\n");
+    full(&["stop"]);
+    assert!(run(&["peek", "node2.w_CPU_CONTROL", "-i", &name]).fails(3).contains("is not running"));
 }

@@ -25,6 +25,29 @@ fn what_prints_for_ever_is_cut_and_ends() {
     );
 }
 
+/// A terminal is not to obey what a script prints, expects, or is called.
+#[test]
+fn control_characters_of_scripts_are_spelled_out() {
+    let clears = "\u{1b}[2J";
+    let text = format!(
+        "section(\"part {clears}\"); print(\"says {clears}\\r\u{9b}1m\");\nexpect(\"node2.b_BT_0\", 1); // {clears}\n"
+    );
+    let scripts =
+        Scripts::new(&[("clear.rhai", &text), ("wrong.rhai", &format!("let x = \"{clears}\"; x +;\n"))]);
+    let outcome = scripts.run(&["clear.rhai", "wrong.rhai"]);
+    assert_eq!(outcome.code, Some(2), "{}", outcome.err);
+    let is_harmless = |text: &str| !text.chars().any(|sign| sign.is_control() && sign != '\n');
+    assert!(is_harmless(&outcome.out) && is_harmless(&outcome.err), "{:?}", outcome.out);
+    for told in [
+        "  section   part \\u{1b}[2J\n",
+        "| says \\u{1b}[2J\\r\\u{9b}1m\n",
+        "expect(\"node2.b_BT_0\", 1); // \\u{1b}[2J\n",
+        "let x = \"\\u{1b}[2J\"; x +;\n",
+    ] {
+        assert!(outcome.out.contains(told), "{}\nlacks {told}", outcome.out);
+    }
+}
+
 /// Two imports that go round in a circle, directly and by way of the scenario itself, and one that is merely used twice.
 #[test]
 fn imports_in_a_circle_are_named_with_their_lines() {

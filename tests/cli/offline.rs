@@ -1,6 +1,6 @@
 //! What needs no emulator: `map`, `completions`, help, and how errors are told.
 
-use crate::common::{commram, finish, run};
+use crate::common::{commram, finish, finish_on_a_full_disk, run};
 use std::process::{Command, Stdio};
 
 #[test]
@@ -222,13 +222,14 @@ fn a_closed_pipe_is_no_error() {
 }
 
 #[test]
-fn a_full_disk_is_an_error() {
-    let full = std::fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
-    let mut child = commram().arg("map").stdout(full).stderr(Stdio::piped()).spawn().unwrap();
-    assert_eq!(crate::common::wait_for(&mut child, "map").code(), Some(3));
-    let mut err = String::new();
-    std::io::Read::read_to_string(&mut child.stderr.take().unwrap(), &mut err).unwrap();
-    assert!(err.starts_with("commram: cannot write the output: "), "{err}");
+fn an_output_that_cannot_be_written_has_its_exit_code() {
+    for args in [&["map"][..], &["--version"], &["--help"], &["help"], &["help", "run"], &["peek", "--help"]]
+    {
+        let outcome = finish_on_a_full_disk(commram().args(args));
+        assert_eq!(outcome.code, Some(4), "{args:?}: {}", outcome.err);
+        let told = "commram: cannot write the output: ";
+        assert!(outcome.err.starts_with(told), "{args:?}: {}", outcome.err);
+    }
 }
 
 /// A file that may not become longer than a kilobyte stands for the disk.

@@ -108,6 +108,15 @@ pub(crate) fn finish(command: &mut Command) -> Outcome {
     Outcome { code: status.code(), out: text(out), err: text(err) }
 }
 
+/// Runs a command to its end whose standard output has no room.
+pub(crate) fn finish_on_a_full_disk(command: &mut Command) -> Outcome {
+    let full = std::fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
+    let mut child = command.stdout(full).stderr(Stdio::piped()).spawn().unwrap();
+    let err = collect(child.stderr.take().unwrap());
+    let status = wait_for(&mut child, "a command");
+    Outcome { code: status.code(), out: String::new(), err: err.recv_timeout(WATCHDOG).unwrap() }
+}
+
 fn collect(mut stream: impl Read + Send + 'static) -> mpsc::Receiver<String> {
     let (send, receive) = mpsc::channel();
     std::thread::spawn(move || {

@@ -1,6 +1,7 @@
 //! What is printed about scenarios.
 
 use super::found::Shard;
+use crate::cli::output;
 use crate::cli::table::Row;
 use crate::script::{Failure, FailureKind, JournalLine, Outcome, Place, Report};
 use crate::time::seconds;
@@ -169,7 +170,7 @@ impl Row for Line {
 pub(crate) fn text(report: &Report) -> String {
     let emulated = report.emulated_us.map(|us| format!("{} emulated ", seconds(us))).unwrap_or_default();
     if let Outcome::NotRun(why) = &report.outcome {
-        return format!("not run  {}  {why}\n", report.file.display());
+        return output::harmless(&format!("not run  {}  {why}\n", report.file.display()));
     }
     let mut text = format!(
         "{:<6}  {}  {emulated}in {} ms\n",
@@ -188,7 +189,8 @@ pub(crate) fn text(report: &Report) -> String {
         // Writing to a String cannot fail.
         let _ = writeln!(text, "  {line}");
     }
-    text
+    // What a script says is not for the terminal to obey.
+    output::harmless(&text)
 }
 
 /// `12 passed, 1 failed, 0 broken; 3.250000 s emulated in 41 ms`, and how many died or were not run, if any.
