@@ -47,16 +47,16 @@ pub struct ParameterSpec {
     /// Value after power-on.
     #[serde(default)]
     pub initial: u32,
-    /// Lowest value that a parameter job may write; a negative one makes the parameter signed.
+    /// Lowest value that can be written from outside; a negative one makes the parameter signed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub min: Option<i64>,
-    /// Highest value that a parameter job may write.
+    /// Highest value that can be written from outside.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub max: Option<i64>,
-    /// Parameter jobs cannot change it.
+    /// Only the drive itself writes it.
     #[serde(default)]
     pub read_only: bool,
-    /// How long the drive recalculates after a parameter job has written it, in us; parameter jobs cannot have
+    /// How long the drive recalculates after it was written from outside, in us; parameter jobs cannot have
     /// it meanwhile.
     #[serde(default)]
     pub settle_us: u32,
@@ -68,7 +68,7 @@ impl ParameterSpec {
         ParameterSpec { number, format, initial: 0, min: None, max: None, read_only: false, settle_us: 0 }
     }
 
-    /// The same, closed to parameter jobs.
+    /// The same, which only the drive itself writes.
     pub const fn read_only(self) -> Self {
         ParameterSpec { read_only: true, ..self }
     }
