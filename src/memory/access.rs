@@ -45,22 +45,11 @@ pub(super) trait Value: Copy + Eq {
     unsafe fn compare_exchange(at: *mut Self, current: Self, new: Self) -> Result<Self, Self>;
 }
 
-/// Loads four words in a row (Acquire), each of them whole. Comparisons of whole structures take 0.7 times as long with it
-/// as with loads one by one, which the compiler must keep one by one.
-///
-/// # Safety
-/// As [`Value::load`], for all four.
-#[inline(always)]
-pub(super) unsafe fn load_four(at: *const [u64; 4]) -> [u64; 4] {
-    // SAFETY: the caller vouches for the pointer.
-    unsafe { machine::load_four(at) }
-}
-
 /// Loads 32-bit words into memory of one's own, each as by a load of its own, in the order of their addresses.
 ///
 /// # Safety
 /// As [`Value::load`], for all of them.
-#[cfg(feature = "channel")]
+#[cfg(feature = "emulator")]
 pub(super) unsafe fn load_words(from: *const u32, into: &mut [u32]) {
     // SAFETY: the caller vouches for the pointer.
     unsafe { machine::load_words(from, into) }
@@ -123,29 +112,7 @@ mod machine {
         };
     }
 
-    #[inline(always)]
-    pub(crate) unsafe fn load_four(at: *const [u64; 4]) -> [u64; 4] {
-        let (first, second, third, fourth);
-        // SAFETY: the caller vouches for the pointer; the instructions read it and write registers.
-        unsafe {
-            asm!(
-                "mov {first}, qword ptr [{at}]",
-                "mov {second}, qword ptr [{at} + 8]",
-                "mov {third}, qword ptr [{at} + 16]",
-                "mov {fourth}, qword ptr [{at} + 24]",
-                first = out(reg) first,
-                second = out(reg) second,
-                third = out(reg) third,
-                fourth = lateout(reg) fourth,
-                at = in(reg) at,
-                options(nostack, preserves_flags, readonly)
-            );
-        }
-        compiler_fence(Ordering::Acquire);
-        [first, second, third, fourth]
-    }
-
-    #[cfg(feature = "channel")]
+    #[cfg(feature = "emulator")]
     pub(crate) unsafe fn load_words(from: *const u32, into: &mut [u32]) {
         // SAFETY: the caller vouches for the pointer; as many words are written as the slice has. The direction is upwards by
         // convention.
@@ -201,13 +168,7 @@ mod machine {
         };
     }
 
-    #[inline(always)]
-    pub(crate) unsafe fn load_four(at: *const [u64; 4]) -> [u64; 4] {
-        // SAFETY: the caller vouches for the pointer.
-        core::array::from_fn(|n| unsafe { u64::load(at.cast::<u64>().add(n)) })
-    }
-
-    #[cfg(feature = "channel")]
+    #[cfg(feature = "emulator")]
     pub(crate) unsafe fn load_words(from: *const u32, into: &mut [u32]) {
         for (n, word) in into.iter_mut().enumerate() {
             // SAFETY: the caller vouches for the pointer.
@@ -271,14 +232,7 @@ mod tests {
         assert_eq!(found, ["access.rs", "cell.rs"]);
     }
 
-    #[test]
-    fn four_words_are_loaded_in_their_order() {
-        let mut words = [1_u64, 2, 0x8000_0000_0000_0003, u64::MAX];
-        // SAFETY: aligned, valid, and nothing else accesses it meanwhile.
-        assert_eq!(unsafe { super::load_four(&raw mut words) }, words);
-    }
-
-    #[cfg(feature = "channel")]
+    #[cfg(feature = "emulator")]
     #[test]
     fn many_words_are_loaded_in_their_order() {
         let (from, mut into) = ([1_u32, 2, 0x8000_0003, u32::MAX, 5], [0; 4]);

@@ -3,65 +3,70 @@
 //! Bells and the counters beside them count on whatever is restored, since somebody may be waiting on them; what belongs to
 //! the instance and to the processes that take part in it is no part of the plant.
 
-use super::access::{Value, load_four};
+use super::access::{Value, load_words};
 use super::{Cell32, Cell64, HEADER_SIZE, Header, Segment};
 use crate::state::{Damaged, Saved, Saving};
 use core::ops::Range;
+use zerocopy::IntoBytes;
 
-/// What is compared and kept at once.
+/// Lines that are 0 are not saved.
 const LINE: usize = 64;
-const WORDS: usize = LINE / size_of::<u64>();
-/// Stands behind the last line.
+/// What is copied and compared at once, in bytes and words: another program may fill all registers, and even a build that
+/// is not optimized must save them in a moment.
+const CHUNK: usize = 64 * LINE;
+const WORDS: usize = CHUNK / size_of::<u32>();
+/// Follows the last run of lines.
 const END: u32 = u32::MAX;
 
-/// The lines in which these ranges lie, each once.
-fn lines(ranges: &[Range<usize>]) -> impl Iterator<Item = usize> {
+/// The lines in which these ranges lie, each once, as chunks.
+fn chunks(ranges: &[Range<usize>]) -> impl Iterator<Item = Range<usize>> {
     let mut next = HEADER_SIZE;
     ranges.iter().flat_map(move |range| {
         let first = (range.start / LINE * LINE).max(next);
         next = range.end.next_multiple_of(LINE).max(next);
-        (first..next).step_by(LINE)
+        let end = next;
+        (first..end).step_by(CHUNK).map(move |at| at..end.min(at + CHUNK))
+    })
+}
+
+/// The lines of a chunk that are not 0, as runs without a gap.
+fn runs(bytes: &[u8]) -> impl Iterator<Item = Range<usize>> {
+    let mut lines = bytes.as_chunks::<LINE>().0.iter().map(|line| *line != [0; LINE]).enumerate().peekable();
+    core::iter::from_fn(move || {
+        let (first, _) = lines.find(|(_, is_kept)| *is_kept)?;
+        let mut end = first + 1;
+        while lines.next_if(|(_, is_kept)| *is_kept).is_some() {
+            end += 1;
+        }
+        Some(first * LINE..end * LINE)
     })
 }
 
 impl Segment {
-    /// The line at `at`; what lies behind the end of the segment is 0.
-    #[inline]
-    fn line(&self, at: usize) -> [u64; WORDS] {
-        let mut line = [0; WORDS];
-        if at + LINE <= self.size() {
-            for (index, four) in line.as_chunks_mut().0.iter_mut().enumerate() {
-                // SAFETY: the line lies inside the segment (just checked) and is aligned, since the base is aligned to
-                // pages; the memory is mapped for as long as `self` lives, and accessed by that module only.
-                *four = unsafe { load_four(self.base().add(at).cast::<[u64; 4]>().add(index)) };
-            }
-            return line;
-        }
-        let mut bytes = [0; LINE];
-        let there = self.size().saturating_sub(at);
-        self.copy_bytes(at, &mut bytes[..there]);
-        line.iter_mut().zip(bytes.as_chunks().0).for_each(|(word, bytes)| *word = u64::from_ne_bytes(*bytes));
-        line
-    }
-
-    /// Whether the line at `at` lies inside the segment and is 0. Most lines are, so nothing is copied for that.
-    #[inline(always)]
-    fn is_blank(&self, at: usize) -> bool {
-        if at + LINE > self.size() {
-            return false;
-        }
-        // SAFETY: as in `line`.
-        let four = |index| unsafe { load_four(self.base().add(at).cast::<[u64; 4]>().add(index)) };
-        four(0).iter().chain(&four(1)).fold(0, |all, word| all | word) == 0
+    /// Copies a chunk; what lies behind the end of the segment is 0.
+    fn copy_chunk<'a>(&self, chunk: &Range<usize>, into: &'a mut [u32; WORDS]) -> &'a [u8] {
+        let words = &mut into[..chunk.len() / size_of::<u32>()];
+        let existing = self.size().saturating_sub(chunk.start) / size_of::<u32>();
+        let (copied, missing) = words.split_at_mut(existing.min(words.len()));
+        // SAFETY: as many words as the segment has from here on; the start is aligned, since it is a multiple of a line and
+        // the base is aligned to pages; the memory is mapped for as long as `self` lives.
+        unsafe { load_words(self.base().add(chunk.start).cast(), copied) };
+        missing.fill(0);
+        words.as_bytes()
     }
 
     /// Saves the registers in these ranges, which ascend.
     pub(crate) fn save_registers(&self, ranges: &[Range<usize>], to: &mut Saving) {
-        for at in lines(ranges).filter(|at| !self.is_blank(*at)) {
-            let line = self.line(at);
-            if line != [0; WORDS] {
-                to.value(&((at / LINE) as u32));
-                to.raw(line.map(u64::to_ne_bytes).as_flattened());
+        let mut words = [0; WORDS];
+        for chunk in chunks(ranges) {
+            let bytes = self.copy_chunk(&chunk, &mut words);
+            if bytes == &[0; CHUNK][..bytes.len()] {
+                continue;
+            }
+            for run in runs(bytes) {
+                to.value(&((chunk.start + run.start) as u32));
+                to.value(&((run.len() / LINE) as u8));
+                to.raw(&bytes[run]);
             }
         }
         to.value(&END);
@@ -74,26 +79,29 @@ impl Segment {
         from: &mut Saved<'_>,
     ) -> Result<(), Damaged> {
         let mut saved: u32 = from.value()?;
-        for at in lines(ranges) {
-            if saved as usize != at / LINE {
-                if !self.is_blank(at) {
-                    self.put(at, &[0; LINE]);
-                }
-                continue;
+        let mut words = [0; WORDS];
+        for chunk in chunks(ranges) {
+            let mut wanted = [0; CHUNK];
+            let (wanted, _) = wanted.split_at_mut(chunk.len());
+            let mut next = 0;
+            while chunk.contains(&(saved as usize)) {
+                let at = saved as usize - chunk.start;
+                let count = usize::from(from.value::<u8>()?);
+                let run = at..at + count * LINE;
+                let bytes = from.raw(run.len())?;
+                let to = wanted.get_mut(run.clone()).filter(|_| at % LINE == 0 && at >= next);
+                to.ok_or_else(|| from.no("line of registers"))?.copy_from_slice(bytes);
+                (next, saved) = (run.end, from.value()?);
             }
-            let mut bytes = [0; LINE];
-            bytes.copy_from_slice(from.raw(LINE)?);
-            saved = from.value()?;
-            let mut line = [0; WORDS];
-            line.iter_mut().zip(bytes.as_chunks().0).for_each(|(to, bytes)| *to = u64::from_ne_bytes(*bytes));
-            if self.line(at) != line {
-                self.put(at, &bytes);
+            if self.copy_chunk(&chunk, &mut words) != wanted {
+                self.put(chunk.start, wanted);
             }
         }
         from.check(saved == END, "line of registers")
     }
 
-    fn put(&self, at: usize, bytes: &[u8; LINE]) {
+    /// Stores words that differ, up to the end of the segment.
+    fn put(&self, at: usize, bytes: &[u8]) {
         for (at, word) in (at..self.size()).step_by(4).zip(bytes.as_chunks().0) {
             // SAFETY: inside the segment, whose length is a multiple of 4, aligned and mapped as above; only a segment
             // that is writable has firmware.
@@ -160,9 +168,60 @@ mod tests {
 
     #[test]
     fn lines_of_ranges_that_meet_come_once() {
-        let of = |ranges: &[Range<usize>]| lines(ranges).collect::<Vec<_>>();
-        assert_eq!(of(&[4096..4097, 4100..4230, 4230..4231, 8200..8201]), [4096, 4160, 4224, 8192]);
-        assert_eq!(of(&[0..10, 20..30]), [] as [usize; 0], "the header page has no registers");
+        let of = |ranges: &[Range<usize>]| chunks(ranges).collect::<Vec<_>>();
+        assert_eq!(
+            of(&[4096..4097, 4100..4230, 4230..4231, 8200..8201]),
+            [4096..4160, 4160..4288, 8192..8256],
+            "the third one lies in the second one"
+        );
+        assert_eq!(of(&[4096..12_290]), [4096..8192, 8192..12_288, 12_288..12_352]);
+        assert_eq!(of(&[0..10, 20..30]), [] as [Range<usize>; 0], "the header page has no registers");
+    }
+
+    #[test]
+    fn runs_have_no_gap() {
+        let mut bytes = [0; 6 * LINE];
+        assert_eq!(runs(&bytes).count(), 0);
+        for line in [0, 1, 3, 5] {
+            bytes[line * LINE + line] = 1;
+        }
+        let lines = |run: Range<usize>| run.start / LINE..run.end / LINE;
+        assert_eq!(runs(&bytes).map(lines).collect::<Vec<_>>(), [0..2, 3..4, 5..6]);
+    }
+
+    #[test]
+    fn a_run_that_lies_elsewhere_is_damage() {
+        let segment = Segment::heap(4096 + CHUNK);
+        let ranges = [4096..4096 + CHUNK];
+        for (at, lines) in [(4096, 65), (4097, 1), (4096 + CHUNK - LINE, 2), (4096 + CHUNK, 1), (0, 1)] {
+            let mut saving = Saving::default();
+            saving.value(&(at as u32));
+            saving.value(&(lines as u8));
+            saving.raw(&vec![1; lines * LINE]);
+            saving.value(&END);
+            let refused = segment.restore_registers(&ranges, &mut Saved::new(saving.bytes()));
+            assert!(refused.is_err(), "{lines} lines at {at}");
+        }
+    }
+
+    #[test]
+    fn chunks_that_are_full_come_back() {
+        let (segment, other) = (Segment::heap(4096 + 3 * CHUNK + 36), Segment::heap(4096 + 3 * CHUNK + 36));
+        let ranges = [4096..segment.size()];
+        for offset in (4096..segment.size() as u32).step_by(4) {
+            segment.store(offset, Width::Dword, offset.wrapping_mul(0x9E37_79B1)).unwrap();
+        }
+        let mut saving = Saving::default();
+        segment.save_registers(&ranges, &mut saving);
+        other.restore_registers(&ranges, &mut Saved::new(saving.bytes())).unwrap();
+        let held = |segment: &Segment| {
+            let mut bytes = vec![0; segment.size() - 4096];
+            segment.copy_bytes(4096, &mut bytes);
+            bytes
+        };
+        assert_eq!(held(&segment), held(&other));
+        segment.restore_registers(&ranges, &mut Saved::new(&[0xFF, 0xFF, 0xFF, 0xFF, 0x0F])).unwrap();
+        assert!(held(&segment).iter().all(|byte| *byte == 0));
     }
 
     #[test]
@@ -173,7 +232,8 @@ mod tests {
         store(5120, 8);
         let mut saving = Saving::default();
         segment.save_registers(&ranges, &mut saving);
-        assert_eq!(saving.bytes().len(), 2 * (1 + LINE) + 5);
+        let runs = 2 * (LINE + 1) + 2 + 2;
+        assert_eq!(saving.bytes().len(), runs + 5, "two runs of a line, and the end");
         store(4100, 0);
         store(4160, 9);
         store(5120, 1);
