@@ -12,7 +12,7 @@ use super::Bells;
 use super::domain::{Domain, Service, Threads};
 use super::guest::{self, Guest};
 use super::wire::{self, Block, WireOp};
-use crate::memory::{Width, room};
+use crate::memory::{Width, limits, room};
 use crate::request::{InstanceInfo, MAX_OPS, Op, Reply, WrongReply};
 use iceoryx2::pending_response::PendingResponse;
 use iceoryx2::prelude::{BackpressureStrategy, Node, PortFactory};
@@ -29,6 +29,11 @@ const ALIVE_CHECK: Duration = Duration::from_millis(100);
 /// Free room in the memory file system below which a client does not enter, in bytes: a request of the greatest length,
 /// and what iceoryx2 needs for itself. Without room it would be killed.
 pub(super) const ROOM: u64 = 256 << 10;
+/// Open files of a client at most, beside those that its process has otherwise.
+const FILES: u64 = 16;
+/// Address space of a client beside that of its process, in bytes: what iceoryx2 maps, threads for the ways in and out, and what the
+/// allocator reserves for each thread.
+const SPACE: u64 = 160 << 20;
 /// Pause between two tries to connect.
 const RETRY: Duration = Duration::from_millis(2);
 
@@ -320,6 +325,7 @@ type Ends = (Port, Service<Threads>, Guest);
 
 fn ports(instance: &str, root: &Path, bells: &dyn Bells, limit: Duration) -> Result<Ends, ClientError> {
     let not_running = || not_running(instance, root);
+    check_limits(instance)?;
     let domain = domain_of(instance, root, bells)?;
     let (name, place) = (instance.to_owned(), root.to_owned());
     let ends = guest::within(limit, instance, move || enter(&name, &place, domain))?;
@@ -328,6 +334,19 @@ fn ports(instance: &str, root: &Path, bells: &dyn Bells, limit: Duration) -> Res
         return Err(not_running());
     }
     Ok(ends)
+}
+
+/// Refuses a client whose process has too little of what iceoryx2 takes: that fails half-way, and does not say why.
+fn check_limits(instance: &str) -> Result<(), ClientError> {
+    let name = || instance.to_owned();
+    limits::allow_files(FILES, FILES).map_err(|limits::FileLimit { needed, most }| {
+        ClientError::OpenFiles { instance: name(), needed, most }
+    })?;
+    limits::check_address_space(SPACE).map_err(|(needed, most)| ClientError::AddressSpace {
+        instance: name(),
+        needed,
+        most,
+    })
 }
 
 fn not_running(instance: &str, root: &Path) -> ClientError {

@@ -300,7 +300,7 @@ impl Place for Domain {
     /// Whoever is still connected is cut off. Of the directory that was opened: the next owner's may have its name by now.
     fn sweep(&self) {
         for directory in DIRECTORIES {
-            self.root.remove_tree(directory);
+            self.root.remove(directory);
         }
         shm::remove(&self.prefix);
         // Last: without it nobody would find the rest.

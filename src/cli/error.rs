@@ -7,8 +7,8 @@ use crate::export::ExportError;
 use crate::fault::FaultError;
 use crate::layout::LayoutError;
 use crate::layout::place::BadValue;
-use crate::memory::MemoryError;
 use crate::memory::header::BoardWordError;
+use crate::memory::{MemoryError, limits};
 use crate::plant::PlantError;
 use crate::runtime::RuntimeError;
 use commram_layoutc::import::ImportError;
@@ -116,17 +116,6 @@ pub(crate) enum CliError {
         instance: String,
         /// The emulator's process, if it can be seen.
         pid: Option<u32>,
-    },
-    /// The images are there and served, but the directory with the lock is gone.
-    #[error(
-        "instance '{instance}' runs, but its directory in /dev/shm was removed, so nothing but a signal can end it: \
-         kill {pid}"
-    )]
-    NoDirectory {
-        /// The instance.
-        instance: String,
-        /// The emulator's process.
-        pid: u32,
     },
     /// Only the remains of a killed emulator are there.
     #[error(
@@ -285,13 +274,13 @@ pub(crate) enum CliError {
     #[error(transparent)]
     Fmu(Box<crate::fmi::ArchiveError>),
     /// A process cannot be started or watched.
-    #[error("cannot handle a process: {reason}")]
+    #[error("cannot handle a process: {reason}{}", limits::named(.reason))]
     Process {
         /// What the system says.
         reason: io::Error,
     },
     /// Signals cannot be caught.
-    #[error("cannot catch signals: {reason}")]
+    #[error("cannot catch signals: {reason}{}", limits::named(.reason))]
     Signals {
         /// What the system says.
         reason: io::Error,
@@ -310,7 +299,7 @@ pub(crate) enum CliError {
         reason: io::Error,
     },
     /// A file cannot be written.
-    #[error("cannot write {}: {reason}", .path.display())]
+    #[error("cannot write {}: {reason}{}", .path.display(), limits::named(.reason))]
     File {
         /// The file.
         path: PathBuf,

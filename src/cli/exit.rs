@@ -126,7 +126,6 @@ impl CliError {
             Self::NotRunning { .. }
             | Self::NothingToEnd { .. }
             | Self::NoImages { .. }
-            | Self::NoDirectory { .. }
             | Self::Dead { .. }
             | Self::Memory(_)
             | Self::Process { .. }

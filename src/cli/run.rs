@@ -4,7 +4,7 @@ use super::demo::end_with;
 use super::detach::{self, Detached};
 use super::error::CliError;
 use super::exit::Exit;
-use super::start::{Begin, Settings, SignalsTaken, end_by};
+use super::start::{Begin, Settings, SignalsTaken, end_at_second_ctrl_c};
 use super::table::Format;
 use super::{InstanceName, judge, output};
 use crate::runtime::{Clock, Emulator};
@@ -17,7 +17,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 ///
 /// Stays in the foreground and says in one line when it is ready; with --detach it goes on in the background and this
 /// command ends when it is ready, or has failed to start. Ctrl-C, SIGTERM and `commram stop` end it
-/// and remove its files; a second Ctrl-C ends it at once. If what NOVRAM holds cannot be written at the end either, the
+/// and remove its files, however many of them come; only a second Ctrl-C at the terminal ends it at once. If what NOVRAM holds cannot be written at the end either, the
 /// exit code is 1. Without a plant file it runs the built-in plant:
 /// PLC `line`, whose node 2 is the master of three drives with slave numbers 1, 2 and 3.
 #[derive(clap::Args)]
@@ -91,6 +91,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     args.federate.check(clock, args.settings.keeps_novram())?;
     // From here on a signal ends the emulator in good order, unless its start hangs.
     let signals = SignalsTaken::take()?;
+    end_at_second_ctrl_c()?;
     if let Some(parent) = args.parent {
         end_with(parent)?;
     }
@@ -114,13 +115,12 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let by_ctrl_c = Arc::new(AtomicBool::new(false));
     let (stop, interrupted) = (emulator.stop_handle(), Arc::clone(&by_ctrl_c));
     let mut is_ending = false;
-    // The first signal ends the emulator in good order, the second at once.
+    // The first signal ends the emulator in good order; further ones find it ending.
     let _ = started.send(Box::new(move |signal| {
-        if core::mem::replace(&mut is_ending, true) {
-            end_by(signal);
+        if !core::mem::replace(&mut is_ending, true) {
+            interrupted.store(signal == SIGINT, Ordering::Relaxed);
+            stop.stop();
         }
-        interrupted.store(signal == SIGINT, Ordering::Relaxed);
-        stop.stop();
     }));
     emulator.run()?;
     if by_ctrl_c.load(Ordering::Relaxed) {

@@ -10,6 +10,7 @@ use core::num::NonZero;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
 use std::time::Duration;
 
@@ -201,8 +202,26 @@ impl SignalsTaken {
     }
 }
 
+/// Lets the second Ctrl-C end this process at once. Only the terminal has this privilege: a SIGINT that another process
+/// sends, as several `commram stop` or a parent do, never cuts an orderly end short.
+///
+/// # Errors
+/// The system refuses.
+pub(crate) fn end_at_second_ctrl_c() -> Result<(), CliError> {
+    let was_pressed = AtomicBool::new(false);
+    let act = move |signal: &libc::siginfo_t| {
+        // A process cannot send a signal with this code to another one.
+        if signal.si_code == libc::SI_KERNEL && was_pressed.swap(true, Ordering::Relaxed) {
+            end_by(SIGINT);
+        }
+    };
+    // SAFETY: the action only touches an atomic and calls a function that is meant for signal handlers.
+    let registered = unsafe { signal_hook_registry::register_sigaction(SIGINT, act) };
+    registered.map(drop).map_err(|reason| CliError::Signals { reason })
+}
+
 /// Ends this process as if the signal had never been caught.
-pub(crate) fn end_by(signal: i32) {
+fn end_by(signal: i32) {
     let _ = signal_hook::low_level::emulate_default_handler(signal);
 }
 

@@ -4,8 +4,9 @@ use super::error::CliError;
 use super::session::{alive, dead, images_of, is_alive};
 use super::{InstanceName, output};
 use crate::memory::names::channel_root;
-use crate::memory::{AttachMode, Condition, EmulatorProcess, Image, ImageInfo, InstanceLock};
-use std::collections::BTreeSet;
+use crate::memory::{AttachMode, EmulatorProcess, Image, ImageInfo, InstanceLock, RunningInstance};
+use std::os::unix::fs::MetadataExt;
+use std::path::Path;
 use std::time::{Duration, Instant};
 
 /// End an emulator and wait until it has cleaned up.
@@ -31,6 +32,11 @@ pub(crate) struct Args {
 const PATIENCE: Duration = Duration::from_secs(10);
 /// How long the system may take to do away with a process that has died.
 const DYING: Duration = Duration::from_secs(1);
+/// How long an emulator that has said that it ends may take until it gets a signal as well: what looked like its answer may be
+/// what another program has written into the header page.
+const DOUBT: Duration = Duration::from_secs(1);
+/// Pause between two looks whether it has ended.
+const LOOK: Duration = Duration::from_millis(2);
 /// How long the way into the channel, and then the answer, may take before it gets a signal.
 #[cfg(feature = "channel")]
 const ANSWER: Duration = Duration::from_millis(500);
@@ -52,32 +58,27 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     })
 }
 
-/// Ends all; what cannot be ended does not keep the others.
+/// Ends all; one that cannot be ended does not keep the others.
 fn end_all(clean: bool) -> Result<(), CliError> {
-    let is_meant = |image: &ImageInfo| match image.condition {
-        Condition::Alive(_) => true,
-        Condition::Dead(_) => clean,
-        Condition::Unusable(_) => false,
-    };
-    let images = crate::memory::list()?;
-    let killed = |image: &&ImageInfo| !clean && matches!(image.condition, Condition::Dead(_));
-    let killed: BTreeSet<_> = images.iter().filter(killed).map(|image| image.instance.clone()).collect();
-    let names: BTreeSet<_> = images.into_iter().filter(is_meant).map(|image| image.instance).collect();
-    let was_killed = |name: &str| {
-        output::note(&format!(
-            "instance '{name}' was killed; `commram stop --all --clean` removes what it left"
-        ));
-    };
-    killed.difference(&names).for_each(|name| was_killed(name));
-    if names.is_empty() {
-        return output::print("no instance is running\n");
-    }
     let mut failed = None;
-    for name in &names {
-        match end(name, clean) {
+    let mut any = false;
+    for name in crate::memory::instances()? {
+        // An instance that is not of this user is none of those that are meant.
+        let is_running = RunningInstance::find(&name).is_ok_and(|running| running.is_some());
+        let is_dead = || images_of(&name).is_ok_and(|images| dead(&images).is_some());
+        let is_left = || is_dead() || channel_root(&name).is_ok_and(|root| is_own(&root));
+        if !is_running && (clean && !is_left() || !clean && !is_dead()) {
+            continue;
+        }
+        if !is_running && !clean {
+            note_killed(&name);
+            continue;
+        }
+        any = true;
+        match end(&name, clean) {
             // It has ended by itself meanwhile.
             Ok(()) | Err(CliError::NotRunning { .. }) => {}
-            Err(CliError::Dead { .. }) => was_killed(name),
+            Err(CliError::Dead { .. }) => note_killed(&name),
             Err(error) => {
                 if let Some(before) = failed.replace(error) {
                     output::complain(&before.to_string());
@@ -85,45 +86,49 @@ fn end_all(clean: bool) -> Result<(), CliError> {
             }
         }
     }
+    if !any {
+        return output::print("no instance is running\n");
+    }
     failed.map_or(Ok(()), Err)
 }
 
-fn end(name: &str, clean: bool) -> Result<(), CliError> {
-    let process = match InstanceLock::holder(name)? {
-        // Somebody has removed the directory or the lock in it: the images tell who it is.
-        None => serving(name).map(Some),
-        holder => holder,
-    };
-    let Some(process) = process else {
-        if clean && remove_remains(name)? {
-            return output::print(&format!("instance '{name}' was dead, what it left is removed\n"));
-        }
-        return Err(why_not(name)?);
-    };
-    stop(name, process)?;
-    output::print(&format!("instance '{name}' has stopped\n"))
+fn note_killed(name: &str) {
+    output::note(&format!("instance '{name}' was killed; `commram stop --all --clean` removes what it left"));
 }
 
-/// The process that serves the images of an instance.
-fn serving(name: &str) -> Option<EmulatorProcess> {
-    let images = images_of(name).ok()?;
-    let alive = images.iter().filter(|image| is_alive(image));
-    alive.filter_map(|image| EmulatorProcess::serving(name, &image.plc).ok()?).next()
+/// Whether a directory exists and is of this user.
+fn is_own(directory: &Path) -> bool {
+    let user = rustix::process::geteuid().as_raw();
+    directory.symlink_metadata().is_ok_and(|it| it.is_dir() && it.uid() == user)
+}
+
+fn end(name: &str, clean: bool) -> Result<(), CliError> {
+    let removed = || output::print(&format!("instance '{name}' was dead, what it left is removed\n"));
+    let Some(running) = RunningInstance::find(name)? else {
+        if clean && remove_remains(name)? {
+            return removed();
+        }
+        return Err(why_not(name));
+    };
+    match stop(name, &running) {
+        Ok(()) => output::print(&format!("instance '{name}' has stopped\n")),
+        Err(CliError::Dead { .. }) if clean && remove_remains(name)? => removed(),
+        Err(error) => Err(error),
+    }
 }
 
 /// Why there is nothing to end.
-fn why_not(name: &str) -> Result<CliError, CliError> {
-    let images = images_of(name)?;
+fn why_not(name: &str) -> CliError {
+    let images = match images_of(name) {
+        Ok(images) => images,
+        Err(error) => return error,
+    };
     let instance = name.to_owned();
-    Ok(match (dead(&images), alive(&images)) {
-        (Some(pid), _) => CliError::Dead { instance, pid },
-        // Somebody has just killed it: it has let go of its lock, but the system has not done away with it yet.
-        (None, Some(pid)) if channel_root(name)?.symlink_metadata().is_ok() => {
-            CliError::Dead { instance, pid }
-        }
-        (None, Some(pid)) => CliError::NoDirectory { instance, pid },
-        (None, None) => CliError::NotRunning { instance, running: String::new() },
-    })
+    // A process that has none of its locks any more has just been killed, and the system has not done away with it yet.
+    match dead(&images).or_else(|| alive(&images)) {
+        Some(pid) => CliError::Dead { instance, pid },
+        None => CliError::NotRunning { instance, running: String::new() },
+    }
 }
 
 /// Removes what a killed emulator has left. Nobody else can start meanwhile. Returns whether there was anything.
@@ -132,7 +137,7 @@ fn why_not(name: &str) -> Result<CliError, CliError> {
 /// An emulator lives, something is in the way, or the system refuses.
 pub(crate) fn remove_remains(instance: &str) -> Result<bool, CliError> {
     let directory = channel_root(instance)?.symlink_metadata().is_ok();
-    let lock = InstanceLock::take(instance)?;
+    let lock = InstanceLock::take_to_clean(instance)?;
     let images = lock.remove_dead(|_| false);
     #[cfg(feature = "channel")]
     crate::channel::remove_remains(instance, &channel_root(instance)?)?;
@@ -140,11 +145,62 @@ pub(crate) fn remove_remains(instance: &str) -> Result<bool, CliError> {
     Ok(images? || directory)
 }
 
-/// Asks the emulator through its channel. If it does not answer, because it has no channel or its clock waits for
-/// somebody, it gets a signal; one that is stopped, before or meanwhile, goes on.
-fn stop(name: &str, process: Option<EmulatorProcess>) -> Result<(), CliError> {
+/// Asks the emulator through its channel. An emulator that does not answer, because it has no channel or its clock waits
+/// for somebody, gets a signal; one that is stopped, before or meanwhile, is continued.
+fn stop(name: &str, running: &RunningInstance) -> Result<(), CliError> {
+    let process = running.process();
+    let mut let_go_on = go_on(name, process);
+    let_go_on()?;
+    // What the emulator says at its very end stands in each of its images, also when the files are gone.
+    let seen = |image: ImageInfo| Image::attach(name, &image.plc, AttachMode::ReadOnly, None).ok();
+    let image = images_of(name).into_iter().flatten().filter(is_alive).find_map(seen);
+    let pid = process.map(EmulatorProcess::pid).or_else(|| alive(&images_of(name).ok()?));
+    let refused = ask(name, running).err();
+    let mut terminate = {
+        let mut is_done = false;
+        move || match process.filter(|_| !core::mem::replace(&mut is_done, true)) {
+            Some(process) => process.terminate(),
+            None => Ok(()),
+        }
+    };
+    if refused.is_some() {
+        terminate()?;
+    }
+    // An emulator that cannot be seen gets no signal, but mostly it has just died.
+    let unseen = refused.filter(|_| process.is_none());
+    let patience = if unseen.is_some() { DYING } else { PATIENCE };
+    let start = Instant::now();
+    while !running.has_ended() {
+        if start.elapsed() > patience {
+            if let Some(refused) = unseen {
+                return Err(refused);
+            }
+            return Err(CliError::StillThere { instance: name.to_owned(), pid, seconds: PATIENCE.as_secs() });
+        }
+        if start.elapsed() > DOUBT {
+            terminate()?;
+        }
+        // The signal that stops it may have come after the first look, and takes effect only when it runs.
+        let_go_on()?;
+        running.wait(LOOK);
+    }
+    // An emulator that ends in good order leaves no files.
+    if running.has_left_files() {
+        return Err(CliError::Dead { instance: name.to_owned(), pid: pid.unwrap_or_default() });
+    }
+    match image.is_some_and(|image| image.is_unsaved()) {
+        true => Err(CliError::Unsaved { instance: name.to_owned() }),
+        false => Ok(()),
+    }
+}
+
+/// Continues the emulator's process whenever it is stopped, and says so once.
+fn go_on<'a>(
+    name: &'a str,
+    process: Option<&'a EmulatorProcess>,
+) -> impl FnMut() -> Result<(), CliError> + 'a {
     let mut is_told = false;
-    let mut let_go_on = || -> Result<(), CliError> {
+    move || {
         if let Some(process) = process
             && process.resume()?
             && !core::mem::replace(&mut is_told, true)
@@ -155,53 +211,19 @@ fn stop(name: &str, process: Option<EmulatorProcess>) -> Result<(), CliError> {
             ));
         }
         Ok(())
-    };
-    let_go_on()?;
-    // What the emulator says at its very end stands in each of its images, also when the files are gone.
-    let seen = |image: ImageInfo| Image::attach(name, &image.plc, AttachMode::ReadOnly, None).ok();
-    let image = images_of(name).into_iter().flatten().filter(is_alive).find_map(seen);
-    let refused = ask(name).err();
-    if refused.is_some()
-        && let Some(process) = process
-    {
-        process.terminate()?;
-    }
-    // One that cannot be seen gets no signal, but mostly it has just died.
-    let unseen = refused.filter(|_| process.is_none());
-    let patience = if unseen.is_some() { DYING } else { PATIENCE };
-    let start = Instant::now();
-    // Its process may have more to do: that of `commram with` waits for its command.
-    while InstanceLock::holder(name)?.is_some() || serving(name).is_some() {
-        if start.elapsed() > patience {
-            if let Some(refused) = unseen {
-                return Err(refused);
-            }
-            let pid = process.map(|process| process.pid());
-            return Err(CliError::StillThere { instance: name.to_owned(), pid, seconds: PATIENCE.as_secs() });
-        }
-        // The signal that stops it may have come behind the first look, and is done only when it runs.
-        let_go_on()?;
-        std::thread::sleep(Duration::from_millis(1));
-    }
-    // One that ends in good order leaves no images.
-    match images_of(name).ok().and_then(|images| dead(&images)) {
-        Some(pid) => Err(CliError::Dead { instance: name.to_owned(), pid }),
-        None if image.is_some_and(|image| image.is_unsaved()) => {
-            Err(CliError::Unsaved { instance: name.to_owned() })
-        }
-        None => Ok(()),
     }
 }
 
+/// Asks the emulator to end, unless another one of this name has taken its place.
 #[cfg(feature = "channel")]
-fn ask(name: &str) -> Result<(), CliError> {
+fn ask(name: &str, running: &RunningInstance) -> Result<(), CliError> {
     use crate::channel::client::Patience;
     use crate::channel::{Client, ClientError, HeaderBells};
     use crate::memory::MemoryError;
     use crate::request::{Op, Reply, WrongReply};
     let images = images_of(name)?;
     let Some(image) = images.iter().find(|image| is_alive(image)) else {
-        return Err(why_not(name)?);
+        return Err(why_not(name));
     };
     let attached = match Image::attach(name, &image.plc, AttachMode::ReadWrite, None) {
         Err(MemoryError::NotReady { state: Some(state), .. }) if state.is_ending() => return Ok(()),
@@ -211,6 +233,10 @@ fn ask(name: &str) -> Result<(), CliError> {
     let patience = Patience { enter: ANSWER, reply: ANSWER, ..Patience::default() };
     // The client is gone at the end of this, so that the emulator can sweep its channel.
     let client = Client::connect(name, &channel_root(name)?, bells, patience)?;
+    // The next emulator opens its channel only when this one has let go of its locks.
+    if running.has_ended() {
+        return Ok(());
+    }
     match client.request(&[Op::Info, Op::Stop]) {
         Ok(replies) => {
             if let Some(Reply::Info(info)) = replies.first()
@@ -229,6 +255,6 @@ fn ask(name: &str) -> Result<(), CliError> {
 }
 
 #[cfg(not(feature = "channel"))]
-fn ask(_name: &str) -> Result<(), CliError> {
+fn ask(_name: &str, _running: &RunningInstance) -> Result<(), CliError> {
     Err(CliError::NoChannel { command: "stop" })
 }

@@ -10,11 +10,8 @@ use std::fs::File;
 use std::io;
 #[cfg(feature = "emulator")]
 use std::io::Write;
-#[cfg(feature = "channel")]
 use std::os::fd::AsRawFd;
-use std::path::Path;
-#[cfg(feature = "channel")]
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// How every file is opened: a pipe must be refused, not waited for.
 const CAREFULLY: OFlags =
@@ -109,7 +106,6 @@ impl Directory {
     }
 
     /// A path to it in this process that leads there whatever has its name by now.
-    #[cfg(feature = "channel")]
     pub(crate) fn path_by_descriptor(&self) -> PathBuf {
         format!("/proc/self/fd/{}", self.0.as_raw_fd()).into()
     }

@@ -1,6 +1,6 @@
 //! What can go wrong with the emulated RAM.
 
-use super::{Address, HEADER_SIZE, State, header::EVENT_SLOTS, names::IMAGE_DIRECTORY};
+use super::{Address, HEADER_SIZE, State, header::EVENT_SLOTS, limits, names::IMAGE_DIRECTORY};
 use std::{io, path::PathBuf, time::Duration};
 
 /// An access or an image file that was refused: what, where, and what would be right.
@@ -312,7 +312,7 @@ pub enum MemoryError {
         event: usize,
     },
     /// The operating system refused.
-    #[error("{}: cannot {doing}: {reason}", .path.display())]
+    #[error("{}: cannot {doing}: {reason}{}", .path.display(), limits::named(.reason))]
     System {
         /// The file.
         path: PathBuf,

@@ -3,19 +3,18 @@
 //! It is a file in the instance's directory, which belongs to one user alone. The images have locks of their own,
 //! by which clients tell whether their emulator lives; they cannot keep emulators with other PLCs apart.
 
-use super::file::{self, ImageFile};
 use super::private::PrivateDir;
 use super::process::ProcessId;
-use super::{Image, MemoryError, list, names};
-use rustix::io::Errno;
-use rustix::process::{Pid, PidfdFlags, Signal};
+use super::{EmulatorProcess, Image, MemoryError, list, names};
 use std::fs::{File, TryLockError};
 use std::io;
 use std::os::unix::fs::FileExt;
 use std::time::{Duration, Instant};
 
-/// The file in the instance's directory; holds process id and start time of the emulator.
-const LOCK: &str = "lock";
+/// The file in the instance's directory; holds process id and start time of the process that has the lock.
+pub(super) const LOCK: &str = "lock";
+/// Follows these in a lock file if the process only removes what a killed emulator has left.
+const CLEANER: &str = "cleaner";
 /// How long to wait for a lock: its holder may be just ending, or looked at.
 const PATIENCE: Duration = Duration::from_millis(500);
 
@@ -35,20 +34,33 @@ impl InstanceLock {
     /// Bad name; another emulator has the instance ([`MemoryError::InstanceTaken`]); its directory is not ours
     /// alone, or the system refuses.
     pub fn take(instance: &str) -> Result<Self, MemoryError> {
+        Self::take_as(instance, &format!("{}\n", ProcessId::own()))
+    }
+
+    /// As [`InstanceLock::take`], to remove what a killed emulator has left: nothing runs under this name meanwhile, and
+    /// nobody needs to end the process that has this lock.
+    ///
+    /// # Errors
+    /// As [`InstanceLock::take`].
+    pub fn take_to_clean(instance: &str) -> Result<Self, MemoryError> {
+        Self::take_as(instance, &format!("{} {CLEANER}\n", ProcessId::own()))
+    }
+
+    fn take_as(instance: &str, signature: &str) -> Result<Self, MemoryError> {
         let path = names::channel_root(instance)?;
         let failed = |doing, reason| MemoryError::System { path: path.join(LOCK), doing, reason };
         let start = Instant::now();
         loop {
             let directory = PrivateDir::create(&path)?;
             // Whoever had it may be removing directory and lock.
-            let Some(file) = directory.open_file(LOCK).map_err(|reason| failed("open", reason))? else {
+            let Some(file) = open(&directory).map_err(|reason| failed("open", reason))? else {
                 continue;
             };
             match file.try_lock() {
                 Ok(()) if directory.is_named() && directory.names(LOCK, &file) => {
                     let lock = Self { instance: instance.to_owned(), directory, file };
                     // Without room for that nothing of it stays.
-                    sign(&lock.file).map_err(|reason| failed("write", reason))?;
+                    sign(&lock.file, signature).map_err(|reason| failed("write", reason))?;
                     return Ok(lock);
                 }
                 Ok(()) => continue,
@@ -56,7 +68,7 @@ impl InstanceLock {
                 Err(TryLockError::WouldBlock) => {}
             }
             if start.elapsed() >= PATIENCE {
-                let pid = EmulatorProcess::signed(&file).map(|process| process.pid());
+                let pid = EmulatorProcess::holding(&file, signer(&file))?.map(|process| process.pid());
                 return Err(MemoryError::InstanceTaken { instance: instance.to_owned(), pid });
             }
             std::thread::sleep(Duration::from_millis(1));
@@ -75,7 +87,7 @@ impl InstanceLock {
         };
         match file.try_lock_shared() {
             Ok(()) => Ok(None),
-            Err(TryLockError::WouldBlock) => Ok(Some(EmulatorProcess::signed(&file))),
+            Err(TryLockError::WouldBlock) => EmulatorProcess::holding(&file, signer(&file)).map(Some),
             Err(TryLockError::Error(reason)) => {
                 Err(MemoryError::System { path: path.join(LOCK), doing: "lock", reason })
             }
@@ -107,89 +119,33 @@ impl Drop for InstanceLock {
     }
 }
 
-/// Tells who holds the lock, for messages.
-fn sign(file: &File) -> io::Result<()> {
-    file.set_len(0)?;
-    file.write_all_at(format!("{}\n", ProcessId::own()).as_bytes(), 0)
+/// Opens the lock file, and makes it if it is missing. Anything else of that name is removed: the directory is of this
+/// user alone, and no emulator makes such a thing. `None` if the directory has been removed.
+fn open(directory: &PrivateDir) -> io::Result<Option<File>> {
+    directory.remove_unless_file(LOCK);
+    directory.open_file(LOCK)
 }
 
-/// A living emulator of ours, as a process.
-#[derive(Clone, Copy, Debug)]
-pub struct EmulatorProcess(ProcessId);
+/// Writes down the process that holds the lock.
+fn sign(file: &File, signature: &str) -> io::Result<()> {
+    file.set_len(0)?;
+    file.write_all_at(signature.as_bytes(), 0)
+}
 
-impl EmulatorProcess {
-    /// The process that has signed a lock file, if it lives and can be seen.
-    fn signed(file: &File) -> Option<Self> {
-        let mut text = [0; 64];
-        let length = file.read_at(&mut text, 0).ok()?;
-        let process = ProcessId::parse(core::str::from_utf8(text.get(..length)?).ok()?)?;
-        process.is_running().then_some(Self(process))
-    }
+fn signature(file: &File) -> Option<String> {
+    let mut text = [0; 64];
+    let length = file.read_at(&mut text, 0).ok()?;
+    core::str::from_utf8(text.get(..length)?).ok().map(str::to_owned)
+}
 
-    /// The process that serves the image of a PLC, as its header page tells: when the instance's directory has been
-    /// removed, nothing else does. `None` if it does not hold the image's lock, is not of this user, has not the
-    /// start time that stands there, or cannot be seen from here.
-    ///
-    /// # Errors
-    /// Bad names, or the image is not one of ours.
-    pub fn serving(instance: &str, plc: &str) -> Result<Option<Self>, MemoryError> {
-        let Some(image) = ImageFile::open(instance, plc, false)? else { return Ok(None) };
-        let process = file::emulator(&*image.own_header()?);
-        let is_it = image.is_locked() && process.is_own() && process.is_running();
-        Ok(is_it.then_some(Self(process)))
-    }
+/// The emulator that a lock file names. Any program of this user can write that.
+pub(super) fn signer(file: &File) -> Option<ProcessId> {
+    ProcessId::parse(&signature(file)?)
+}
 
-    /// Its process id.
-    pub fn pid(&self) -> u32 {
-        self.0.pid
-    }
-
-    /// Whether it has not ended yet.
-    pub fn is_running(&self) -> bool {
-        self.0.is_running()
-    }
-
-    /// Lets it go on, if it was stopped (SIGSTOP, or Ctrl-Z in its terminal). Returns whether it was.
-    ///
-    /// # Errors
-    /// The system refuses.
-    pub fn resume(&self) -> Result<bool, MemoryError> {
-        let stopped = self.0.is_stopped();
-        if stopped {
-            self.signal(Signal::CONT)?;
-        }
-        Ok(stopped)
-    }
-
-    /// Asks it to end in good order, by SIGTERM.
-    ///
-    /// # Errors
-    /// The system refuses.
-    pub fn terminate(&self) -> Result<(), MemoryError> {
-        self.signal(Signal::TERM)
-    }
-
-    fn signal(&self, signal: Signal) -> Result<(), MemoryError> {
-        let failed = |errno: Errno| MemoryError::System {
-            path: format!("/proc/{}", self.pid()).into(),
-            doing: "send a signal",
-            reason: errno.into(),
-        };
-        let Some(pid) = i32::try_from(self.pid()).ok().and_then(Pid::from_raw) else { return Ok(()) };
-        let process = match rustix::process::pidfd_open(pid, PidfdFlags::empty()) {
-            Ok(process) => process,
-            Err(Errno::SRCH) => return Ok(()),
-            Err(errno) => return Err(failed(errno)),
-        };
-        // The descriptor stands for one process for ever; now it is certain that it is the right one.
-        if !self.0.is_running() {
-            return Ok(());
-        }
-        match rustix::process::pidfd_send_signal(process, signal) {
-            Ok(()) | Err(Errno::SRCH) => Ok(()),
-            Err(errno) => Err(failed(errno)),
-        }
-    }
+/// Whether the process that holds a lock file says that it only removes what a killed emulator has left.
+pub(super) fn is_cleaner(file: &File) -> bool {
+    signature(file).is_some_and(|text| text.trim_end().ends_with(CLEANER))
 }
 
 #[cfg(test)]

@@ -4,9 +4,9 @@ use super::{
     ClockMode, Header, MemoryError, State,
     file::ImageFile,
     header,
-    names::{IMAGE_DIRECTORY, parse_image_name},
+    names::{IMAGE_DIRECTORY, parse_directory_name, parse_image_name},
 };
-use std::{fs, path::PathBuf};
+use std::{collections::BTreeSet, fs, path::PathBuf};
 
 /// An image file, or something that bears the name of one.
 #[derive(Debug)]
@@ -79,6 +79,19 @@ pub fn list() -> Result<Vec<ImageInfo>, MemoryError> {
     Ok(images)
 }
 
+/// The names of all instances of which an image or the directory exists, whatever their condition.
+///
+/// # Errors
+/// [`IMAGE_DIRECTORY`] cannot be read.
+pub fn instances() -> Result<BTreeSet<String>, MemoryError> {
+    let mut instances = BTreeSet::new();
+    for_each_file(|name| {
+        let of_image = || parse_image_name(name).map(|(instance, _)| instance);
+        instances.extend(parse_directory_name(name).or_else(of_image).map(str::to_owned));
+    })?;
+    Ok(instances)
+}
+
 /// The PLCs of which something bears the name of an image in `instance`.
 pub(super) fn named(instance: &str) -> Result<Vec<String>, MemoryError> {
     let mut plcs = Vec::new();
@@ -92,11 +105,19 @@ pub(super) fn named(instance: &str) -> Result<Vec<String>, MemoryError> {
 
 /// Calls `found` with instance and PLC of everything that bears the name of an image.
 fn for_each_name(mut found: impl FnMut(&str, &str)) -> Result<(), MemoryError> {
+    for_each_file(|name| {
+        if let Some((instance, plc)) = parse_image_name(name) {
+            found(instance, plc);
+        }
+    })
+}
+
+/// Calls `found` with the name of everything in [`IMAGE_DIRECTORY`].
+fn for_each_file(mut found: impl FnMut(&str)) -> Result<(), MemoryError> {
     let failed = |reason| MemoryError::System { path: PathBuf::from(IMAGE_DIRECTORY), doing: "list", reason };
     for entry in fs::read_dir(IMAGE_DIRECTORY).map_err(failed)? {
-        let name = entry.map_err(failed)?.file_name();
-        if let Some((instance, plc)) = name.to_str().and_then(parse_image_name) {
-            found(instance, plc);
+        if let Some(name) = entry.map_err(failed)?.file_name().to_str() {
+            found(name);
         }
     }
     Ok(())

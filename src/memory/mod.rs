@@ -18,6 +18,7 @@ pub mod contract;
 #[cfg(feature = "channel")]
 mod copied;
 pub(crate) mod directory;
+mod emulator_process;
 mod error;
 #[cfg(feature = "emulator")]
 mod face;
@@ -28,7 +29,9 @@ mod image;
 mod instance;
 #[cfg(feature = "emulator")]
 mod kept;
+pub(crate) mod limits;
 mod list;
+mod locks;
 #[cfg(feature = "emulator")]
 mod mapped;
 pub mod names;
@@ -38,6 +41,7 @@ pub(crate) mod private;
 pub(crate) mod process;
 mod published;
 pub(crate) mod room;
+mod running;
 mod segment;
 mod view;
 mod widths;
@@ -50,6 +54,7 @@ pub use bell::Bell;
 pub use cell::{Cell8, Cell16, Cell32, Cell64, SharedRegs};
 #[cfg(feature = "channel")]
 pub(crate) use copied::{RegisterCopy, StoredBytes};
+pub use emulator_process::EmulatorProcess;
 pub use error::MemoryError;
 #[cfg(feature = "emulator")]
 pub use face::Face;
@@ -58,10 +63,11 @@ pub(crate) use guard::channel_has_gaps;
 pub use guard::{end_on_shortened_files, survive_shortened_files};
 pub use header::{Board, ClockMode, EventSlot, HEADER_SIZE, Header, RunSwitch, State};
 pub use image::{FileState, Image, ImageFileWatch, ImageSpec};
-pub use instance::{EmulatorProcess, InstanceLock};
-pub use list::{Condition, ImageInfo, ImageSummary, list};
+pub use instance::InstanceLock;
+pub use list::{Condition, ImageInfo, ImageSummary, instances, list};
 #[cfg(feature = "emulator")]
 pub(crate) use onlookers::{Onlookers, Woken, end as end_of_wait};
+pub use running::RunningInstance;
 pub use segment::Segment;
 pub use view::View;
 pub use widths::{RegisterWidths, Unmapped};

@@ -11,6 +11,8 @@ pub const IMAGE_DIRECTORY: &str = "/dev/shm";
 /// Longest instance or PLC name in bytes.
 pub const MAX_NAME: usize = 31;
 const PREFIX: &str = "commram.";
+/// Ends the name of an instance's directory.
+const DIRECTORY: &str = ".iox.d";
 /// What the names of all channels' shared memory objects begin with.
 pub(crate) const CHANNEL_PREFIX: &str = "commram_";
 
@@ -47,13 +49,19 @@ pub fn image_path(instance: &str, plc: &str) -> Result<PathBuf, MemoryError> {
 /// As [`check_instance`].
 pub fn channel_root(instance: &str) -> Result<PathBuf, MemoryError> {
     check_instance(instance)?;
-    Ok(Path::new(IMAGE_DIRECTORY).join(format!("{PREFIX}{instance}.iox.d")))
+    Ok(Path::new(IMAGE_DIRECTORY).join(format!("{PREFIX}{instance}{DIRECTORY}")))
 }
 
 /// Instance and PLC of an image's file name; `None` if it is not the name of an image.
 pub(super) fn parse_image_name(file_name: &str) -> Option<(&str, &str)> {
     let (instance, plc) = file_name.strip_prefix(PREFIX)?.split_once('.')?;
     (is_name(instance) && is_name(plc)).then_some((instance, plc))
+}
+
+/// Instance of a directory's name; `None` if it is not the name of an instance's directory.
+pub(super) fn parse_directory_name(file_name: &str) -> Option<&str> {
+    let instance = file_name.strip_prefix(PREFIX)?.strip_suffix(DIRECTORY)?;
+    is_name(instance).then_some(instance)
 }
 
 fn check(what: &'static str, name: &str) -> Result<(), MemoryError> {
@@ -97,6 +105,10 @@ mod tests {
             ["commram.line-1.iox.d", "commram.a", "commram..b", "commram.a.", "commram.a.b.c", "a.b.c"]
         {
             assert_eq!(parse_image_name(other), None, "{other}");
+        }
+        assert_eq!(parse_directory_name("commram.line-1.iox.d"), Some("line-1"));
+        for other in ["commram..iox.d", "commram.a.b.iox.d", "commram.a.b", "a.iox.d"] {
+            assert_eq!(parse_directory_name(other), None, "{other}");
         }
     }
 }

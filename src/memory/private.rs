@@ -94,6 +94,14 @@ impl PrivateDir {
         }
     }
 
+    /// Removes what has the name `name` in it, unless that is a regular file.
+    pub(crate) fn remove_unless_file(&self, name: &str) {
+        let kind = self.directory.stat_of(name).map(|stat| FileType::from_raw_mode(stat.st_mode));
+        if kind.is_ok_and(|kind| kind != FileType::RegularFile) {
+            self.remove(name);
+        }
+    }
+
     /// Opens the file `name` in it for reading; `None` if there is none.
     pub(crate) fn find_file(&self, name: &str) -> Option<File> {
         self.directory.read(name).ok()
@@ -118,18 +126,15 @@ impl PrivateDir {
     pub(crate) fn publish(&self, name: &str, text: &str) -> io::Result<()> {
         let new = format!("{name}.new");
         self.remove(&new);
+        self.remove_unless_file(name);
         self.directory.with_new(&new, text.as_bytes(), |_| Ok(self.directory.rename(&new, name)?))
     }
 
-    /// Removes the file `name`, if it is there.
+    /// Removes what has the name `name` in it, if anything has, a directory with all that it holds. No link is followed.
     pub(crate) fn remove(&self, name: &str) {
-        let _ = self.directory.remove(name);
-    }
-
-    /// Removes the directory `name` in it with all that it holds, if it is there.
-    #[cfg(feature = "channel")]
-    pub(crate) fn remove_tree(&self, name: &str) {
-        let _ = std::fs::remove_dir_all(self.directory.path_by_descriptor().join(name));
+        if self.directory.remove(name) == Err(Errno::ISDIR) {
+            let _ = std::fs::remove_dir_all(self.directory.path_by_descriptor().join(name));
+        }
     }
 
     /// Removes the directory, if nothing is in it any more and the path still names it.
@@ -250,6 +255,32 @@ mod tests {
         let mode = Mode::RUSR | Mode::WUSR;
         rustix::fs::mknodat(rustix::fs::CWD, path.join("ready"), FileType::Fifo, mode, 0).unwrap();
         assert!(directory.read("ready").is_none_or(|text| text.is_empty()));
+    }
+
+    #[test]
+    fn whatever_has_a_name_is_removed_and_no_link_followed() {
+        let (parent, path) = place();
+        let victim = parent.path().join("victim");
+        std::fs::write(&victim, "precious").unwrap();
+        let directory = PrivateDir::create(&path).unwrap();
+        let name = path.join("name");
+        for make in [
+            |name: &Path, _: &Path| std::fs::write(name, "").unwrap(),
+            |name: &Path, _: &Path| std::fs::create_dir_all(name.join("deep/er")).unwrap(),
+            |name: &Path, victim: &Path| symlink(victim, name).unwrap(),
+            |name: &Path, victim: &Path| {
+                std::fs::create_dir(name).unwrap();
+                symlink(victim, name.join("link")).unwrap();
+            },
+        ] {
+            make(&name, &victim);
+            let is_file = name.symlink_metadata().unwrap().is_file();
+            directory.remove_unless_file("name");
+            assert_eq!(name.symlink_metadata().is_ok(), is_file);
+            directory.remove("name");
+            assert!(name.symlink_metadata().is_err());
+        }
+        assert_eq!(std::fs::read_to_string(&victim).unwrap(), "precious");
     }
 
     #[test]

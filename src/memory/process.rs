@@ -20,6 +20,11 @@ impl ProcessId {
         Self { pid, start }
     }
 
+    /// The process that has this number now; `None` if there is none in this pid namespace, or it has ended.
+    pub(crate) fn of(pid: u32) -> Option<Self> {
+        running_since(pid).map(|start| Self { pid, start })
+    }
+
     /// The process in a text as [`core::fmt::Display`] writes it.
     pub(crate) fn parse(text: &str) -> Option<Self> {
         let (pid, start) = text.trim_end().split_once(' ')?;

@@ -123,7 +123,8 @@ impl Emulator {
         let lock = take_instance(config, &options.instance)?;
         let sizes = config.devices.iter().map(|device| (device.name(), device.layout().segment_size()));
         room::check(&options.instance, sizes)?;
-        open_files::allow(config.devices.len())?;
+        let doors = config.media.iter().map(|medium| medium.doors().len()).sum();
+        open_files::allow(config.devices.len(), doors)?;
         let mut images = Vec::with_capacity(config.devices.len());
         let mut directory = None;
         let mut novram = Vec::new();

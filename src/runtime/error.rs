@@ -3,7 +3,7 @@
 use super::clock::Clock;
 use super::novram::NovramError;
 use crate::door::DoorError;
-use crate::memory::MemoryError;
+use crate::memory::{MemoryError, limits};
 use crate::plant::{PlantError, SnapshotError};
 use std::path::PathBuf;
 use thiserror::Error;
@@ -38,14 +38,15 @@ pub enum RuntimeError {
         path: PathBuf,
     },
     /// No thread can be started.
-    #[error("cannot start a thread: {reason}")]
+    #[error("cannot start a thread: {reason}{}", limits::named(.reason))]
     Thread {
         /// Why not.
         reason: std::io::Error,
     },
     /// More PLCs than this process may have files for.
     #[error(
-        "{plcs} PLCs need {needed} open files, and a process may have {most}: raise that (`ulimit -Hn {needed}` as root)"
+        "an emulator with {plcs} PLC{} has {needed} open files, and this process may have {most}: raise that limit \
+         (`ulimit -Hn {needed}` as root)", if *.plcs == 1 { "" } else { "s" }
     )]
     OpenFiles {
         /// How many PLCs.

@@ -1,27 +1,28 @@
-//! Open files: an emulator has some for each PLC, which may be more than a process may have unless it asks.
+//! Open files: an emulator has some for each PLC, door and client, which may be more than a process may have unless it asks.
 
 use super::RuntimeError;
-use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
+use crate::memory::limits::{FileLimit, allow_files};
 
-/// For each PLC: its image, and three of its event service.
-const PER_PLC: u64 = 4;
-/// Whatever the number of PLCs is.
+/// For each PLC: its image, its NOVRAM, and three of its event service.
+const PER_PLC: u64 = 5;
+/// For each door that the plant file opens: a listening socket, or both ends of a terminal.
+const PER_DOOR: u64 = 2;
+/// For each client of the channel.
+const PER_CLIENT: u64 = 3;
+/// The channel itself, the thread of the doors, what watches the images, and files that are only open for a moment.
 const BESIDES: u64 = 24;
+/// An emulator without room for so many clients at a time is not started.
+const FEW_CLIENTS: u64 = 4;
+/// With room for so many none is refused because of open files.
+const ALL_CLIENTS: u64 = 32;
 
-/// Asks the system for as many as so many PLCs need.
+/// Asks the system for the files that so many PLCs and doors need, and the clients of the channel, beside those that are open
+/// already.
 ///
 /// # Errors
 /// They are more than this process may have.
-pub(super) fn allow(plcs: usize) -> Result<(), RuntimeError> {
-    let needed = PER_PLC * plcs as u64 + BESIDES;
-    let Rlimit { current, maximum } = getrlimit(Resource::Nofile);
-    if current.is_none_or(|current| current >= needed) {
-        return Ok(());
-    }
-    let raised = Rlimit { current: Some(needed), maximum };
-    let refused = maximum.is_some_and(|most| most < needed) || setrlimit(Resource::Nofile, raised).is_err();
-    if refused {
-        return Err(RuntimeError::OpenFiles { plcs, needed, most: maximum.or(current).unwrap_or(needed) });
-    }
-    Ok(())
+pub(super) fn allow(plcs: usize, doors: usize) -> Result<(), RuntimeError> {
+    let needed = PER_PLC * plcs as u64 + PER_DOOR * doors as u64 + BESIDES;
+    allow_files(needed + FEW_CLIENTS * PER_CLIENT, needed + ALL_CLIENTS * PER_CLIENT)
+        .map_err(|FileLimit { needed, most }| RuntimeError::OpenFiles { plcs, needed, most })
 }

@@ -231,23 +231,3 @@ fn one_whose_directory_or_lock_was_removed_is_stopped_all_the_same() {
         assert!(!objects.any(|it| it.file_name().to_string_lossy().starts_with(prefix.trim_end())));
     }
 }
-
-/// Registers can be written by any program of the user, the header page too.
-#[test]
-fn a_process_that_only_has_the_number_is_not_signalled() {
-    use commram::memory::{AttachMode, Image};
-    let mut emulator = Emulator::stepped();
-    let mut bystander = std::process::Command::new("sleep").arg("600").spawn().unwrap();
-    let image = Image::attach(&emulator.name, "line", AttachMode::ReadWrite, None).unwrap();
-    image.header().unwrap().firmware_pid.store(bystander.id());
-    std::fs::remove_dir_all(format!("/dev/shm/commram.{}.iox.d", emulator.name)).unwrap();
-    let outcome = emulator.run("stop", &[]);
-    let lives = bystander.try_wait().unwrap().is_none();
-    let _ = bystander.kill();
-    let _ = bystander.wait();
-    assert!(lives);
-    assert!(outcome.fails(3).contains("nothing but a signal can end it"), "{}", outcome.err);
-    emulator.signal("-TERM");
-    assert_eq!(emulator.wait().code(), Some(0));
-    remove_remains(&emulator.name);
-}

@@ -235,10 +235,8 @@ fn more_plcs_than_there_may_be_open_files_are_refused_by_number() {
         finish(command.arg(&plant).args(arguments))
     };
     let refused = run(34, &[]);
-    assert!(
-        refused.fails(1).contains("3 PLCs need 36 open files, and a process may have 34"),
-        "{}",
-        refused.err
-    );
+    let message = refused.fails(1);
+    let named = ["an emulator with 3 PLCs has ", " open files, and this process may have 34"];
+    assert!(named.iter().all(|part| message.contains(part)), "{message}");
     run(200, &["--detach"]).ok();
 }

@@ -59,6 +59,32 @@ pub enum ClientError {
         /// What is left, in KiB.
         free_kib: u64,
     },
+    /// This process may have too few open files.
+    #[error(
+        "instance {instance}: a client would have {needed} open files, and this process may have {most}: raise that \
+         limit (`ulimit -n`)"
+    )]
+    OpenFiles {
+        /// Name of the instance.
+        instance: String,
+        /// How many it would have.
+        needed: u64,
+        /// How many it may have.
+        most: u64,
+    },
+    /// This process may have too little address space.
+    #[error(
+        "instance {instance}: a client would have {} KiB of address space, and this process may have {}: raise that \
+         limit (`ulimit -v`)", .needed.div_ceil(1024), .most / 1024
+    )]
+    AddressSpace {
+        /// Name of the instance.
+        instance: String,
+        /// How much it would have, in bytes.
+        needed: u64,
+        /// How much it may have, in bytes.
+        most: u64,
+    },
     /// Too many clients are connected.
     #[error(
         "instance {instance} already has {} clients, which is all it takes; end one of them",

@@ -45,7 +45,10 @@ pub enum ServerError {
         reason: NodeCreationFailure,
     },
     /// iceoryx2 cannot make the service or its server port.
-    #[error("instance {instance}: no iceoryx2 service ({reason}); is /dev/shm full or not writable?")]
+    #[error(
+        "instance {instance}: no iceoryx2 service ({reason}); is /dev/shm full or not writable?{}",
+        crate::memory::limits::named_space()
+    )]
     Service {
         /// Name of the instance.
         instance: String,

@@ -1,0 +1,149 @@
+//! The process of an emulator, pinned by a descriptor and its start time: no later process of the same number is ever
+//! taken for it.
+
+use super::file::{self, ImageFile};
+use super::process::ProcessId;
+use super::{MemoryError, locks};
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::io::Errno;
+use rustix::process::{Pid, PidfdFlags, Signal};
+use std::fs::File;
+use std::os::fd::OwnedFd;
+use std::time::Duration;
+
+/// How many times the kernel's table is read for a lock that somebody holds: a line may be missed while others change.
+const READS: usize = 3;
+
+/// A living emulator of this user, as a process.
+#[derive(Debug)]
+pub struct EmulatorProcess {
+    id: ProcessId,
+    descriptor: OwnedFd,
+}
+
+impl EmulatorProcess {
+    /// The process that has locked `file`: the one that the kernel names, whatever is written anywhere. Only if the kernel
+    /// shows none, the one that has `signed`. `None` if it has ended, is not of this user, or cannot be seen from here.
+    pub(super) fn holding(file: &File, signed: Option<ProcessId>) -> Result<Option<Self>, MemoryError> {
+        for _ in 0..READS {
+            let Some(pid) = locks::holder_of(file) else { continue };
+            let process = ProcessId::of(pid).map_or(Ok(None), Self::pin)?;
+            // The number may have gone to another process before it was pinned.
+            if locks::holder_of(file) == Some(pid) {
+                return Ok(process);
+            }
+        }
+        signed.map_or(Ok(None), Self::pin)
+    }
+
+    /// The process that serves the image of a PLC. `None` if nobody has locked that, or the process has ended, is not of
+    /// this user, or cannot be seen from here.
+    ///
+    /// # Errors
+    /// Bad names, the image is not one of this user, or the system refuses.
+    pub fn serving(instance: &str, plc: &str) -> Result<Option<Self>, MemoryError> {
+        let Some(image) = ImageFile::open(instance, plc, false)? else { return Ok(None) };
+        if !image.is_locked() {
+            return Ok(None);
+        }
+        let signed = image.own_header().ok().map(|header| file::emulator(&header));
+        Self::holding(&image.file, signed)
+    }
+
+    fn pin(id: ProcessId) -> Result<Option<Self>, MemoryError> {
+        let Some(pid) = i32::try_from(id.pid).ok().and_then(Pid::from_raw) else { return Ok(None) };
+        let descriptor = match rustix::process::pidfd_open(pid, PidfdFlags::empty()) {
+            Ok(descriptor) => descriptor,
+            // No process, or the number of a thread that is none.
+            Err(Errno::SRCH | Errno::INVAL | Errno::NOENT) => return Ok(None),
+            Err(errno) => return Err(failed(id.pid, "open a descriptor of the process", errno)),
+        };
+        // The descriptor stands for one process for ever; now it is certain that it is the right one.
+        Ok((id.is_running() && id.is_own()).then_some(Self { id, descriptor }))
+    }
+
+    /// Its process id.
+    pub fn pid(&self) -> u32 {
+        self.id.pid
+    }
+
+    /// Whether it has not ended yet.
+    pub fn is_running(&self) -> bool {
+        !self.wait(Duration::ZERO)
+    }
+
+    /// Waits until it has ended, for at most `limit`. Returns whether it has.
+    pub fn wait(&self, limit: Duration) -> bool {
+        let mut ended = [PollFd::new(&self.descriptor, PollFlags::IN)];
+        // A signal may interrupt it; the caller then asks again.
+        let _ = poll(&mut ended, Timespec::try_from(limit).ok().as_ref());
+        let [ended] = ended;
+        !ended.revents().is_empty()
+    }
+
+    /// Lets it go on, if it was stopped (SIGSTOP, or Ctrl-Z in its terminal). Returns whether it was.
+    ///
+    /// # Errors
+    /// The system refuses.
+    pub fn resume(&self) -> Result<bool, MemoryError> {
+        let stopped = self.id.is_stopped();
+        if stopped {
+            self.signal(Signal::CONT)?;
+        }
+        Ok(stopped)
+    }
+
+    /// Asks it to end in good order, by SIGTERM.
+    ///
+    /// # Errors
+    /// The system refuses.
+    pub fn terminate(&self) -> Result<(), MemoryError> {
+        self.signal(Signal::TERM)
+    }
+
+    fn signal(&self, signal: Signal) -> Result<(), MemoryError> {
+        match rustix::process::pidfd_send_signal(&self.descriptor, signal) {
+            Ok(()) | Err(Errno::SRCH) => Ok(()),
+            Err(errno) => Err(failed(self.pid(), "send a signal", errno)),
+        }
+    }
+}
+
+fn failed(pid: u32, doing: &'static str, errno: Errno) -> MemoryError {
+    MemoryError::System { path: format!("/proc/{pid}").into(), doing, reason: errno.into() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::memory::names::IMAGE_DIRECTORY;
+
+    #[test]
+    fn the_kernel_is_believed_and_not_what_is_written() {
+        let mut bystander = std::process::Command::new("sleep").arg("60").spawn().unwrap();
+        let signed = ProcessId::of(bystander.id());
+        let file = tempfile::tempfile_in(IMAGE_DIRECTORY).unwrap();
+        file.lock().unwrap();
+        let found = EmulatorProcess::holding(&file, signed).unwrap().unwrap();
+        assert_eq!(found.pid(), std::process::id());
+        let other = EmulatorProcess::pin(signed.unwrap()).unwrap().unwrap();
+        assert!(other.is_running());
+        bystander.kill().unwrap();
+        assert!(other.wait(Duration::from_secs(60)) && !other.is_running(), "a zombie has ended");
+        bystander.wait().unwrap();
+        other.terminate().unwrap();
+    }
+
+    #[test]
+    fn another_start_time_or_a_thread_is_another_process() {
+        let own = ProcessId::own();
+        assert!(EmulatorProcess::pin(own).unwrap().is_some());
+        assert!(EmulatorProcess::pin(ProcessId { start: own.start - 1, ..own }).unwrap().is_none());
+        assert!(EmulatorProcess::pin(ProcessId { pid: u32::MAX, start: 0 }).unwrap().is_none());
+        let thread = std::thread::spawn(|| {
+            let pid = rustix::thread::gettid().as_raw_nonzero().get().unsigned_abs();
+            EmulatorProcess::pin(ProcessId { pid, start: 0 }).unwrap().is_none()
+        });
+        assert!(thread.join().unwrap());
+    }
+}

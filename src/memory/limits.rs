@@ -1,0 +1,103 @@
+//! Limits of a process (`ulimit`): whether enough of them is left, and words that name one which makes the system refuse.
+
+use rustix::io::Errno;
+use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
+use std::{fs, io};
+
+/// Where the system lists the open files of this process.
+const OPEN_FILES: &str = "/proc/self/fd";
+/// Where it tells how much address space this process has.
+#[cfg(feature = "channel")]
+const STATUS: &str = "/proc/self/status";
+
+/// Words for the limit that explains what the system says, to be added behind it; empty if no limit does.
+pub(crate) fn named(reason: &io::Error) -> String {
+    match Errno::from_io_error(reason) {
+        Some(Errno::MFILE) => getrlimit(Resource::Nofile).current.map_or_else(String::new, |most| {
+            format!("; this process may have {most} open files (`ulimit -n`)")
+        }),
+        Some(Errno::NOMEM | Errno::AGAIN) => named_space(),
+        _ => String::new(),
+    }
+}
+
+/// The same for a failure that may have come from a lack of memory, if the address space is limited.
+pub(crate) fn named_space() -> String {
+    address_space().map_or_else(String::new, |most| {
+        format!("; this process may have {} KiB of address space (`ulimit -v`)", most / 1024)
+    })
+}
+
+/// Lets this process open `more` files beside those that it has, by raising its soft limit if it must; if it can, up to
+/// `wished`.
+///
+/// # Errors
+/// How many it may have at most, if that is not enough for `more`.
+pub(crate) fn allow_files(more: u64, wished: u64) -> Result<(), FileLimit> {
+    // The listing has a descriptor itself. If it cannot be had, all are taken.
+    let open = fs::read_dir(OPEN_FILES).map_or(u64::MAX, |files| files.count().saturating_sub(1) as u64);
+    let Rlimit { current, maximum } = getrlimit(Resource::Nofile);
+    let open = open.min(current.unwrap_or(u64::MAX));
+    let (needed, wished) = (open.saturating_add(more), open.saturating_add(wished.max(more)));
+    if current.is_none_or(|current| current >= wished) {
+        return Ok(());
+    }
+    let raised = maximum.map_or(wished, |most| most.min(wished));
+    let most = match setrlimit(Resource::Nofile, Rlimit { current: Some(raised), maximum }) {
+        Ok(()) => raised,
+        Err(_) => current.unwrap_or(raised),
+    };
+    if most < needed { Err(FileLimit { needed, most }) } else { Ok(()) }
+}
+
+/// A limit of open files that is too low.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct FileLimit {
+    /// How many files the process would have open.
+    pub(crate) needed: u64,
+    /// How many it may have.
+    pub(crate) most: u64,
+}
+
+/// Checks that this process can have `more` bytes of address space beside those that it has.
+///
+/// # Errors
+/// How many it would have, and how many it may have.
+#[cfg(feature = "channel")]
+pub(crate) fn check_address_space(more: u64) -> Result<(), (u64, u64)> {
+    let Some(most) = address_space() else { return Ok(()) };
+    let status = fs::read_to_string(STATUS).unwrap_or_default();
+    let size = status.lines().find_map(|line| line.strip_prefix("VmSize:"));
+    let used = size.and_then(|size| size.trim().strip_suffix("kB")?.trim().parse().ok()).unwrap_or(0_u64);
+    let needed = used.saturating_mul(1024).saturating_add(more);
+    if most < needed { Err((needed, most)) } else { Ok(()) }
+}
+
+fn address_space() -> Option<u64> {
+    getrlimit(Resource::As).current
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_what_a_limit_explains_gets_its_name() {
+        let of = |errno: Errno| named(&errno.into());
+        let most = getrlimit(Resource::Nofile).current.unwrap();
+        assert_eq!(of(Errno::MFILE), format!("; this process may have {most} open files (`ulimit -n`)"));
+        assert_eq!(of(Errno::NOENT), "");
+        assert_eq!(of(Errno::NOMEM).is_empty(), address_space().is_none());
+    }
+
+    #[test]
+    fn too_many_files_are_refused_with_the_numbers() {
+        assert_eq!(allow_files(1, 2), Ok(()));
+        let Rlimit { current, maximum } = getrlimit(Resource::Nofile);
+        if let Some(most) = maximum {
+            let refused = allow_files(most, most).unwrap_err();
+            assert!(refused.needed > most && refused.most == most, "{refused:?}");
+        }
+        setrlimit(Resource::Nofile, Rlimit { current, maximum }).unwrap();
+    }
+}

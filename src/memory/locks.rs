@@ -1,0 +1,68 @@
+//! The kernel's table of file locks, which names the process that holds one.
+//!
+//! A lock file and a header page name a process, too, but any program of the same user can write them.
+
+use rustix::fs::{Stat, fstat, major, minor};
+use std::fs::{self, File};
+
+/// The table. Locks of processes in other pid namespaces are missing from it.
+const TABLE: &str = "/proc/locks";
+
+/// The id of the process that holds the exclusive `flock` lock of a file. `None`: no process that the kernel shows here.
+pub(super) fn holder_of(file: &File) -> Option<u32> {
+    let stat = fstat(file).ok()?;
+    let table = fs::read_to_string(TABLE).ok()?;
+    table.lines().find_map(|line| holder_in(line, &stat))
+}
+
+/// The holder that a line of the table names, if the line describes an exclusive `flock` lock of this file.
+fn holder_in(line: &str, stat: &Stat) -> Option<u32> {
+    // A process that waits for a lock has `->` in the place of the kind.
+    let mut fields = line.split_ascii_whitespace().skip(1);
+    let is_exclusive = fields.next()? == "FLOCK" && fields.nth(1)? == "WRITE";
+    let pid = fields.next()?.parse().ok()?;
+    let mut place = fields.next()?.split(':');
+    let mut hex = || u32::from_str_radix(place.next()?, 16).ok();
+    let device = (hex()?, hex()?);
+    let is_it =
+        device == (major(stat.st_dev), minor(stat.st_dev)) && place.next()?.parse() == Ok(stat.st_ino);
+    (is_exclusive && is_it).then_some(pid)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_holder_of_an_exclusive_lock_is_found() {
+        let file = tempfile::tempfile().unwrap();
+        assert_eq!(holder_of(&file), None);
+        file.lock_shared().unwrap();
+        assert_eq!(holder_of(&file), None, "a shared lock is not meant");
+        file.lock().unwrap();
+        // A file system may show other device numbers in the table.
+        assert!(holder_of(&file).is_none_or(|pid| pid == std::process::id()));
+        let memory = tempfile::tempfile_in(super::super::names::IMAGE_DIRECTORY).unwrap();
+        memory.lock().unwrap();
+        assert_eq!(holder_of(&memory), Some(std::process::id()));
+    }
+
+    #[test]
+    fn only_the_line_of_the_file_counts() {
+        let file = tempfile::tempfile().unwrap();
+        let stat = fstat(&file).unwrap();
+        let place = format!("{:02x}:{:02x}:{}", major(stat.st_dev), minor(stat.st_dev), stat.st_ino);
+        let of = |line: String| holder_in(&line, &stat);
+        assert_eq!(of(format!("1: FLOCK  ADVISORY  WRITE 42 {place} 0 EOF")), Some(42));
+        for line in [
+            format!("1: -> FLOCK  ADVISORY  WRITE 42 {place} 0 EOF"),
+            format!("1: FLOCK  ADVISORY  READ 42 {place} 0 EOF"),
+            format!("1: POSIX  ADVISORY  WRITE 42 {place} 0 EOF"),
+            format!("1: FLOCK  ADVISORY  WRITE -1 {place} 0 EOF"),
+            format!("1: FLOCK  ADVISORY  WRITE 42 {place}1 0 EOF"),
+            String::new(),
+        ] {
+            assert_eq!(of(line.clone()), None, "{line}");
+        }
+    }
+}

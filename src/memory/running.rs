@@ -1,0 +1,201 @@
+//! A running instance, whatever has become of its directory and of the files in it.
+//!
+//! An emulator holds the lock in the instance's directory and those of its images until it has cleaned up. Files that are
+//! open here stay the same files when an emulator of the same name follows, and so does the process that is pinned.
+
+use super::file::ImageFile;
+use super::instance::{self, LOCK};
+use super::private::PrivateDir;
+use super::{EmulatorProcess, MemoryError, file, limits, list, names};
+use rustix::fs::{fstat, lstat};
+use rustix::io::Errno;
+use std::fs::{File, TryLockError};
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+/// Files that are open at a time beside the images: the lock, its directory, the process, and others for a moment.
+const FILES: u64 = 8;
+/// How long to wait for a process that removes what a killed emulator has left.
+const CLEANING: Duration = Duration::from_millis(500);
+/// Pause between two looks.
+const LOOK: Duration = Duration::from_millis(1);
+
+/// An instance whose emulator lives: the files that it has locked, and its process.
+#[derive(Debug)]
+pub struct RunningInstance {
+    files: Vec<LockedFile>,
+    process: Option<EmulatorProcess>,
+}
+
+#[derive(Debug)]
+struct LockedFile {
+    path: PathBuf,
+    file: File,
+}
+
+impl RunningInstance {
+    /// The emulator that runs under this name; `None` if none does. Files of the instance that were emptied, replaced or
+    /// removed do not hide it, as long as it has locked one of those that are left.
+    ///
+    /// # Errors
+    /// Bad name, the system refuses, or no emulator is found and the instance's directory is not of this user alone.
+    pub fn find(instance: &str) -> Result<Option<Self>, MemoryError> {
+        // Files that cannot be opened would hide it.
+        let refused = |_| MemoryError::System {
+            path: names::IMAGE_DIRECTORY.into(),
+            doing: "open the files of an instance",
+            reason: Errno::MFILE.into(),
+        };
+        let files = FILES + list::named(instance)?.len() as u64;
+        limits::allow_files(files, files).map_err(refused)?;
+        let start = Instant::now();
+        loop {
+            let (found, is_cleaned) = Self::look(instance)?;
+            if !is_cleaned || start.elapsed() > CLEANING {
+                return Ok(found);
+            }
+            std::thread::sleep(LOOK);
+        }
+    }
+
+    /// What is found now, and whether a process is just removing what a killed emulator has left. That process takes the
+    /// locks that an emulator would have.
+    fn look(instance: &str) -> Result<(Option<Self>, bool), MemoryError> {
+        let (lock, refused) = match lock_file(instance) {
+            Ok(lock) => (lock, None),
+            // Something else has the directory's name; the images may still be served.
+            Err(refused) => (None, Some(refused)),
+        };
+        let is_cleaned = |lock: &Option<LockedFile>| {
+            lock.as_ref().is_some_and(|lock| lock.is_locked() && instance::is_cleaner(&lock.file))
+        };
+        if is_cleaned(&lock) {
+            return Ok((None, true));
+        }
+        let mut process = None;
+        let mut files = Vec::new();
+        if let Some(lock) = lock.filter(LockedFile::is_locked) {
+            process = EmulatorProcess::holding(&lock.file, instance::signer(&lock.file))?;
+            files.push(lock);
+        }
+        for plc in list::named(instance)? {
+            // What is none of ours is no image that an emulator of this user serves.
+            let Ok(Some(image)) = ImageFile::open(instance, &plc, false) else { continue };
+            if !image.is_locked() {
+                continue;
+            }
+            if process.is_none() {
+                let signed = image.own_header().ok().map(|header| file::emulator(&header));
+                process = EmulatorProcess::holding(&image.file, signed)?;
+            }
+            files.push(LockedFile { path: image.path, file: image.file });
+        }
+        // It may have begun, or have ended, between two of these steps.
+        let (begun, all_free) =
+            (is_cleaned(&lock_file(instance).ok().flatten()), !files.iter().any(LockedFile::is_locked));
+        if begun || files.is_empty() || all_free {
+            return match refused {
+                Some(refused) if files.is_empty() => Err(refused),
+                _ => Ok((None, begun)),
+            };
+        }
+        Ok((Some(Self { files, process }), false))
+    }
+
+    /// The emulator's process; `None` if it cannot be seen from here, because it is in another pid namespace.
+    pub fn process(&self) -> Option<&EmulatorProcess> {
+        self.process.as_ref()
+    }
+
+    /// Whether the emulator serves nobody any more: its process has ended, or has let go of all its locks. The process of
+    /// `commram with` goes on until its command has ended.
+    pub fn has_ended(&self) -> bool {
+        self.process.as_ref().is_some_and(|process| !process.is_running())
+            || !self.files.iter().any(LockedFile::is_locked)
+    }
+
+    /// Waits a moment for the end of its process, at most for `limit`.
+    pub fn wait(&self, limit: Duration) {
+        match &self.process {
+            Some(process) => drop(process.wait(limit)),
+            None => std::thread::sleep(limit),
+        }
+    }
+
+    /// Whether something of an emulator that has ended still has its name: it was killed. Files that another emulator has
+    /// taken over do not count.
+    pub fn has_left_files(&self) -> bool {
+        self.files.iter().any(|file| file.is_named() && !file.is_locked())
+    }
+}
+
+impl LockedFile {
+    /// Whether a process has its exclusive lock. Takes a shared lock for a moment.
+    fn is_locked(&self) -> bool {
+        match self.file.try_lock_shared() {
+            // An unlock that fails leaves it to the closing of the file.
+            Ok(()) => self.file.unlock().is_err(),
+            Err(TryLockError::WouldBlock) => true,
+            Err(TryLockError::Error(_)) => false,
+        }
+    }
+
+    fn is_named(&self) -> bool {
+        let both = (lstat(&self.path), fstat(&self.file));
+        matches!(both, (Ok(named), Ok(own)) if (named.st_dev, named.st_ino) == (own.st_dev, own.st_ino))
+    }
+}
+
+/// The lock file in the instance's directory.
+fn lock_file(instance: &str) -> Result<Option<LockedFile>, MemoryError> {
+    let path = names::channel_root(instance)?;
+    let file = PrivateDir::open(&path)?.and_then(|directory| directory.find_file(LOCK));
+    Ok(file.map(|file| LockedFile { path: path.join(LOCK), file }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::memory::InstanceLock;
+    use crate::memory::testing::{Emulator, Instance};
+
+    fn find(instance: &str) -> Option<RunningInstance> {
+        RunningInstance::find(instance).unwrap()
+    }
+
+    #[test]
+    fn the_next_emulator_of_that_name_is_another_one() {
+        let instance = Instance::new();
+        let lock = InstanceLock::take(&instance).unwrap();
+        let first = find(&instance).unwrap();
+        assert_eq!(first.process().unwrap().pid(), std::process::id());
+        assert!(!first.has_ended());
+        drop(lock);
+        let lock = InstanceLock::take(&instance).unwrap();
+        assert!(first.has_ended() && !first.has_left_files());
+        let next = find(&instance).unwrap();
+        assert!(!next.has_ended());
+        drop(lock);
+        assert!(next.has_ended() && find(&instance).is_none());
+    }
+
+    #[test]
+    fn an_emulator_is_found_by_its_image_and_a_killed_one_has_left_that() {
+        let instance = Instance::new();
+        let emulator = Emulator::start(&instance);
+        let running = find(&instance).unwrap();
+        assert_eq!(running.process().unwrap().pid(), emulator.pid());
+        assert!(!running.has_ended());
+        emulator.kill();
+        assert!(running.has_ended() && running.has_left_files() && find(&instance).is_none());
+    }
+
+    #[test]
+    fn a_process_that_cleans_up_is_no_emulator() {
+        let instance = Instance::new();
+        let lock = InstanceLock::take_to_clean(&instance).unwrap();
+        assert!(InstanceLock::holder(&instance).unwrap().is_some());
+        assert!(find(&instance).is_none());
+        drop(lock);
+    }
+}

@@ -1,0 +1,393 @@
+//! Many clients that end one emulator at once, emulators of the same name, and instance directories that are damaged.
+#![cfg(feature = "channel")]
+
+use crate::common::{
+    Emulator, Outcome, commram, eventually, files_of, finish, promised, remove_remains, unique_name, wait_for,
+};
+use commram::memory::{AttachMode, Image, RunningInstance, State};
+use rustix::fs::{Mode, OFlags};
+use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+use std::fs;
+use std::io::{PipeWriter, Write};
+use std::os::fd::OwnedFd;
+use std::os::unix::fs::symlink;
+use std::os::unix::process::ExitStatusExt;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::Duration;
+
+/// How many clients end one emulator.
+const CLIENTS: usize = 6;
+/// All combinations instead of a selection, which takes minutes.
+const ALL: &str = "COMMRAM_ATTACK_ALL";
+
+const NOTHING: Vec<PathBuf> = Vec::new();
+
+fn spawn(mut command: Command) -> Child {
+    command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()
+}
+
+fn outcome(child: Child) -> Outcome {
+    let output = child.wait_with_output().unwrap();
+    let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
+    Outcome { code: output.status.code(), out: text(output.stdout), err: text(output.stderr) }
+}
+
+/// A client that comes when everything is over finds nothing; all others have ended the emulator in good order.
+#[track_caller]
+fn assert_has_stopped(outcome: &Outcome) {
+    let is_late = outcome.code == Some(3) && outcome.err.contains("is not running");
+    assert!(is_late || outcome.code == Some(0), "{outcome:?}");
+    assert!(!outcome.err.contains("was killed"), "{outcome:?}");
+}
+
+#[test]
+fn many_stops_at_once_are_one_orderly_end() {
+    for round in 0..6 {
+        let mut emulator = Emulator::start(&["--clock", ["stepped", "realtime"][round % 2]]);
+        let clean: &[&str] = if round % 3 == 2 { &["--clean"] } else { &[] };
+        let clients: Vec<_> = (0..CLIENTS).map(|_| spawn(emulator.command("stop", clean))).collect();
+        clients.into_iter().map(outcome).for_each(|it| assert_has_stopped(&it));
+        assert_eq!(emulator.wait().code(), Some(0), "round {round}");
+        assert!(eventually(|| emulator.files().is_empty()), "{:?}", emulator.files());
+        assert_eq!(emulator.complaints(), "");
+    }
+}
+
+#[test]
+fn signals_of_other_processes_never_cut_the_end_short() {
+    for (first, code) in [("-TERM", 0), ("-INT", 130), ("-HUP", 0)] {
+        let mut emulator = Emulator::start(&[]);
+        let stops: Vec<_> = (0..2).map(|_| spawn(emulator.command("stop", &[]))).collect();
+        let pid = emulator.pid().to_string();
+        let kill = |signal: &str| Command::new("kill").args([signal, &pid]).stderr(Stdio::null()).status();
+        for signal in [first, "-TERM", "-INT", "-INT", "-HUP", "-TERM"] {
+            kill(signal).unwrap();
+        }
+        stops.into_iter().map(outcome).for_each(|it| assert_has_stopped(&it));
+        // Which of them was the first to arrive is the machine's business.
+        let status = emulator.wait();
+        assert!(status.code() == Some(code) || [Some(0), Some(130)].contains(&status.code()), "{status}");
+        assert!(eventually(|| emulator.files().is_empty()), "{:?}", emulator.files());
+    }
+}
+
+/// What clients do that find no channel, but again and again until the emulator has ended.
+#[test]
+fn signals_without_end_are_one_orderly_end() {
+    let mut emulator = Emulator::stepped();
+    let callers: Vec<_> = (0..10).map(|_| RunningInstance::find(&emulator.name).unwrap().unwrap()).collect();
+    std::thread::scope(|scope| {
+        for caller in &callers {
+            scope.spawn(|| {
+                while !caller.has_ended() {
+                    caller.process().unwrap().terminate().unwrap();
+                }
+            });
+        }
+    });
+    assert_eq!(emulator.wait().code(), Some(0));
+    assert!(callers.iter().all(|caller| caller.has_ended() && !caller.has_left_files()));
+    assert_eq!(emulator.files(), NOTHING);
+}
+
+/// An emulator whose end takes as long as the test likes: it wants to say something, and nobody reads that.
+#[test]
+fn only_a_second_ctrl_c_at_the_terminal_cuts_the_end_short() {
+    for is_pressed_again in [false, true] {
+        let (name, terminal) = (unique_name(), Terminal::new());
+        let (mut reader, writer) = std::io::pipe().unwrap();
+        fill(&writer);
+        let mut command = Command::new("setsid");
+        command.args(["--ctty", commram().get_program().to_str().unwrap(), "run", "-i", &name]);
+        command.stdin(terminal.slave()).stdout(Stdio::null()).stderr(writer);
+        let mut child = command.spawn().unwrap();
+        drop(command);
+        let mut image = None;
+        let is_ready = || {
+            image = Image::attach(&name, "line", AttachMode::ReadOnly, None).ok();
+            image.is_some()
+        };
+        assert!(eventually(is_ready), "no image");
+        let image = image.unwrap();
+        fs::remove_file(format!("/dev/shm/commram.{name}.line")).unwrap();
+        terminal.press_ctrl_c();
+        let state = || State::from_code(image.header_snapshot().state.load());
+        assert!(eventually(|| state().is_some_and(State::is_ending)), "{:?}", state());
+        let pid = child.id().to_string();
+        for signal in ["-INT", "-TERM", "-HUP"].repeat(5) {
+            Command::new("kill").args([signal, &pid]).status().unwrap();
+        }
+        assert_eq!(child.try_wait().unwrap(), None, "it still ends");
+        if is_pressed_again {
+            terminal.press_ctrl_c();
+            assert_eq!(wait_for(&mut child, "an emulator that is interrupted twice").signal(), Some(2));
+        } else {
+            std::thread::spawn(move || std::io::copy(&mut reader, &mut std::io::sink()));
+            assert_eq!(wait_for(&mut child, "an emulator that ends").code(), Some(130));
+            assert_eq!(files_of(&name), NOTHING);
+        }
+        remove_remains(&name);
+    }
+}
+
+/// A terminal, and who sits at it.
+struct Terminal(OwnedFd);
+
+impl Terminal {
+    fn new() -> Self {
+        let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC).unwrap();
+        grantpt(&master).unwrap();
+        unlockpt(&master).unwrap();
+        Self(master)
+    }
+
+    fn slave(&self) -> fs::File {
+        let path = ptsname(&self.0, Vec::new()).unwrap();
+        let slave = rustix::fs::open(path, OFlags::RDWR | OFlags::NOCTTY | OFlags::CLOEXEC, Mode::empty());
+        slave.unwrap().into()
+    }
+
+    fn press_ctrl_c(&self) {
+        assert_eq!(rustix::io::write(&self.0, b"\x03"), Ok(1));
+    }
+}
+
+/// Fills a pipe.
+fn fill(writer: &PipeWriter) {
+    let flags = rustix::fs::fcntl_getfl(writer).unwrap();
+    rustix::fs::fcntl_setfl(writer, flags | OFlags::NONBLOCK).unwrap();
+    let mut writing = writer;
+    while writing.write(&[b'.'; 4096]).is_ok() {}
+    rustix::fs::fcntl_setfl(writer, flags).unwrap();
+}
+
+/// The first one ends everything while the others still look; in a `/dev/shm` of its own, since it ends all there are.
+#[test]
+fn stops_of_all_kinds_and_a_dying_parent_end_it_together() {
+    let script = "mount -t tmpfs tmpfs /dev/shm || exit 77
+        directory=$(mktemp -d); trap 'rm -r $directory' EXIT
+        for round in 1 2 3; do
+            sh -c '$COMMRAM run --parent $$ -i one >'$directory'/ready; echo $? >'$directory'/code; :' & parent=$!
+            until grep -q ready $directory/ready 2>/dev/null; do sleep 0.01; done
+            pid=$($COMMRAM list --format csv | sed -n 's/^one,[^,]*,\\([0-9]*\\),.*/\\1/p')
+            clients=
+            for act in 'stop -i one' 'stop --all' 'stop --all --clean' 'stop -i one' 'stop --clean -i one'; do
+                { $COMMRAM $act >$directory/out 2>&1; code=$?
+                  [ $code = 0 ] || { [ $code = 3 ] && grep -q 'is not running' $directory/out; } || echo \"$act: $code\"; } &
+                clients=\"$clients $!\"
+            done
+            kill -TERM $pid 2>/dev/null; kill -INT $pid 2>/dev/null; kill -TERM $pid 2>/dev/null
+            wait $clients; wait $parent
+            case $(cat $directory/code) in 0|130) ;; *) echo \"emulator: $(cat $directory/code)\";; esac
+            rm $directory/*; ls /dev/shm
+        done";
+    let mut shell = Command::new("unshare");
+    shell.args(["--mount", "sh", "-c", script]).env("COMMRAM", commram().get_program());
+    let outcome = finish(shell.env_remove("COMMRAM_INSTANCE"));
+    if outcome.code == Some(77) || outcome.err.contains("unshare") {
+        eprintln!("SKIPPED: no mount namespace: {}", outcome.err);
+        return;
+    }
+    assert_eq!(outcome.ok(), "");
+}
+
+/// A supervisor starts the next emulator as soon as the name is free.
+#[test]
+fn stop_does_not_wait_for_the_next_emulator_of_that_name() {
+    let mut first = Emulator::stepped();
+    let name = first.name.clone();
+    let stop = spawn(first.command("stop", &[]));
+    let next = loop {
+        let outcome = finish(&mut first.command("run", &["--detach", "--clock", "stepped"]));
+        if outcome.code == Some(0) {
+            break outcome;
+        }
+        assert!(outcome.err.contains("is already running"), "{outcome:?}");
+    };
+    let outcome = promised(Duration::from_secs(2), || outcome(stop));
+    assert_eq!(outcome.ok(), format!("instance '{name}' has stopped\n"));
+    assert_eq!(first.wait().code(), Some(0));
+    assert!(next.out.contains("goes on in the background"), "{}", next.out);
+    first.run("status", &[]).ok();
+    first.run("stop", &[]).ok();
+    assert_eq!(first.files(), NOTHING);
+}
+
+/// What becomes of a file.
+#[derive(Clone, Copy, Debug)]
+enum Damage {
+    Emptied,
+    Shortened,
+    /// Another file of the same name, with other content.
+    Replaced,
+    /// A directory, a pipe and a link of this name.
+    Odd,
+    Removed,
+}
+
+const DAMAGES: [Damage; 5] =
+    [Damage::Emptied, Damage::Shortened, Damage::Replaced, Damage::Odd, Damage::Removed];
+
+impl Damage {
+    /// Does it to what has this path, or to everything that lies below.
+    fn hit(self, path: &Path) {
+        if let (Self::Odd, true) = (self, path.is_dir()) {
+            fs::remove_dir_all(path).unwrap();
+            fs::write(path, "").unwrap();
+        }
+        if path.is_dir() {
+            for entry in fs::read_dir(path).unwrap().flatten() {
+                self.hit(&entry.path());
+            }
+            return;
+        }
+        let set_length =
+            |length| fs::File::options().write(true).open(path).unwrap().set_len(length).unwrap();
+        match self {
+            Self::Emptied => set_length(0),
+            Self::Shortened => set_length(path.metadata().unwrap().len() / 2),
+            Self::Replaced => {
+                fs::remove_file(path).unwrap();
+                fs::write(path, "1 1\n").unwrap();
+            }
+            Self::Odd => {
+                fs::remove_file(path).unwrap();
+                match path.file_name().unwrap().len() % 3 {
+                    0 => fs::create_dir(path).unwrap(),
+                    1 => symlink("/nowhere", path).unwrap(),
+                    _ => assert!(Command::new("mkfifo").arg(path).status().unwrap().success()),
+                }
+            }
+            Self::Removed => fs::remove_file(path).unwrap(),
+        }
+    }
+}
+
+/// What the process does meanwhile.
+#[derive(Clone, Copy, Debug)]
+enum Life {
+    Running,
+    Stopped,
+    Dying,
+}
+
+/// Everything in the directory by itself, but for what belongs to iceoryx2: that is two things.
+fn parts(directory: &Path) -> Vec<PathBuf> {
+    let mut parts: Vec<_> = fs::read_dir(directory).unwrap().map(|entry| entry.unwrap().path()).collect();
+    parts.sort();
+    parts
+}
+
+#[test]
+fn whatever_has_become_of_the_directorys_files_stop_and_clean_reach_the_emulator() {
+    let all = std::env::var_os(ALL).is_some();
+    let count = parts(&directory(&Emulator::stepped())).len();
+    assert!(count >= 4, "lock, prefix, ready and what iceoryx2 has made");
+    let mut case = 0;
+    for subset in 1..1_u32 << count {
+        for life in [Life::Running, Life::Stopped, Life::Dying] {
+            for damage in DAMAGES {
+                case += 1;
+                // Each subset with each life, and the damages one after the other; the lock alone with all of them.
+                if all || case % 15 == (subset % 5) * 3 {
+                    reach(subset, damage, life);
+                }
+            }
+        }
+    }
+}
+
+fn directory(emulator: &Emulator) -> PathBuf {
+    format!("/dev/shm/commram.{}.iox.d", emulator.name).into()
+}
+
+fn reach(subset: u32, damage: Damage, life: Life) {
+    let mut emulator = Emulator::stepped();
+    let parts = parts(&directory(&emulator));
+    let hit: Vec<_> = (0..).zip(&parts).filter(|(n, _)| subset >> n & 1 != 0).map(|(_, path)| path).collect();
+    let what = format!("{hit:?} {damage:?}, {life:?}");
+    if let Life::Stopped = life {
+        emulator.signal("-STOP");
+    }
+    hit.iter().for_each(|path| damage.hit(path));
+    if let Life::Dying = life {
+        // Nobody waits for it, so it stays in the table of processes.
+        emulator.signal("-KILL");
+    }
+    let stop = promised(Duration::from_secs(2), || emulator.run("stop", &[]));
+    let clean = || emulator.run("stop", &["--clean"]);
+    match life {
+        Life::Dying => {
+            assert!(stop.code == Some(3) && stop.err.contains("is dead"), "{what}: {stop:?}");
+            let clean = promised(Duration::from_secs(2), clean);
+            assert_eq!(clean.code, Some(0), "{what}: {clean:?}");
+            emulator.kill();
+        }
+        Life::Running | Life::Stopped => {
+            assert_eq!(stop.code, Some(0), "{what}: {stop:?}");
+            // Parts of the channel may be such that the emulator leaves them alone.
+            clean();
+            assert_eq!(emulator.wait().code(), Some(0), "{what}");
+        }
+    }
+    assert_eq!(emulator.files(), NOTHING, "{what}");
+}
+
+/// A lock file may name any process; the kernel knows the right one.
+#[test]
+fn a_process_that_a_damaged_file_names_is_not_signalled() {
+    let mut bystander = Command::new("sleep").arg("600").spawn().unwrap();
+    let stat = crate::common::stat(&bystander.id().to_string());
+    for damage_directory in [true, false] {
+        let mut emulator = Emulator::stepped();
+        let image = Image::attach(&emulator.name, "line", AttachMode::ReadWrite, None).unwrap();
+        image.header().unwrap().firmware_pid.store(bystander.id());
+        image.header().unwrap().firmware_start.store(stat[19].parse().unwrap());
+        match damage_directory {
+            true => fs::remove_dir_all(directory(&emulator)).unwrap(),
+            false => {
+                let lock = format!("{} {}\n", bystander.id(), stat[19]);
+                fs::write(directory(&emulator).join("lock"), lock).unwrap();
+                fs::write(directory(&emulator).join("prefix"), "").unwrap();
+            }
+        }
+        drop(image);
+        let outcome = emulator.run("stop", &[]);
+        let lives = bystander.try_wait().unwrap().is_none();
+        assert_eq!(outcome.ok(), format!("instance '{}' has stopped\n", emulator.name));
+        assert!(lives);
+        assert_eq!(emulator.wait().code(), Some(0));
+        emulator.run("stop", &["--clean"]);
+        assert_eq!(emulator.files(), NOTHING);
+    }
+    let _ = bystander.kill();
+    let _ = bystander.wait();
+}
+
+/// Of what is left of a killed emulator, several clients get rid together.
+#[test]
+fn many_that_clean_at_once_do_not_end_each_other() {
+    for _ in 0..3 {
+        let mut emulator = Emulator::stepped();
+        emulator.kill();
+        let clients = (0..CLIENTS).map(|n| spawn(emulator.command("stop", &["--clean"][n % 2..])));
+        for outcome in clients.collect::<Vec<_>>().into_iter().map(outcome) {
+            // One of them removes it; the others find it dead or gone.
+            assert!(matches!(outcome.code, Some(0 | 3)), "{outcome:?}");
+        }
+        assert_eq!(files_of(&emulator.name), NOTHING);
+    }
+}
+
+#[test]
+fn the_last_one_cleans_up_what_has_an_odd_lock() {
+    let name = unique_name();
+    let directory = PathBuf::from(format!("/dev/shm/commram.{name}.iox.d"));
+    fs::create_dir_all(directory.join("lock/deep")).unwrap();
+    let outcome = finish(commram().args(["stop", "--clean", "-i", &name]));
+    let left = files_of(&name);
+    remove_remains(&name);
+    assert_eq!(outcome.ok(), format!("instance '{name}' was dead, what it left is removed\n"));
+    assert_eq!(left, NOTHING);
+}

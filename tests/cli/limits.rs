@@ -1,0 +1,120 @@
+//! Limits of processes (`ulimit`), and what other programs' writes may cost.
+#![cfg(feature = "channel")]
+
+use crate::common::{Emulator, Outcome, commram, finish, promised, unique_name};
+use std::fs::File;
+use std::os::unix::fs::FileExt;
+use std::process::Command;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+/// Runs the program in a shell with a limit.
+fn limited(limit: &str, args: &[&str]) -> Outcome {
+    let script = format!("ulimit {limit} || exit 77; exec \"$0\" \"$@\"");
+    let mut shell = Command::new("sh");
+    shell.args(["-c", &script]).arg(commram().get_program()).args(args);
+    shell.env_remove("COMMRAM_INSTANCE").env("COMMRAM_CONNECT_TIMEOUT", "0s");
+    finish(&mut shell)
+}
+
+/// The number behind these words.
+#[track_caller]
+fn number_after(text: &str, words: &str) -> u64 {
+    let (_, rest) = text.split_once(words).unwrap_or_else(|| panic!("no `{words}` in: {text}"));
+    rest.chars().take_while(char::is_ascii_digit).collect::<String>().parse().unwrap()
+}
+
+#[test]
+fn a_client_names_the_limit_that_keeps_it_out_and_what_it_needs() {
+    let emulator = Emulator::stepped();
+    let peek = ["peek", "--raw", "-i", &emulator.name, "node2.w_OPTION_STATUS"];
+    for (option, words) in [("-n", "a client would have "), ("-v", "a client would have ")] {
+        let few = if option == "-n" { 8 } else { 70_000 };
+        let outcome = limited(&format!("{option} {few}"), &peek);
+        let message = outcome.fails(3);
+        assert!(message.contains(&format!("`ulimit {option}`")), "{message}");
+        let needed = number_after(message, words);
+        assert!(needed > few, "{message}");
+        assert_eq!(limited(&format!("{option} {needed}"), &peek).ok(), "16#0001\n");
+    }
+    for few in 4..20 {
+        let outcome = limited(&format!("-n {few}"), &peek);
+        assert!(outcome.code == Some(0) || outcome.err.contains("`ulimit -n`"), "{few}: {outcome:?}");
+    }
+    let stop = limited("-n 6", &["stop", "-i", &emulator.name]);
+    assert!(stop.fails(3).contains("`ulimit -n`"), "{}", stop.err);
+}
+
+/// With exactly as many files as the message says, the emulator starts with all it has, and answers clients.
+#[test]
+fn a_start_needs_as_many_open_files_as_it_says() {
+    let plc = |n| format!("[[plc]]\nname = \"p{n}\"\n");
+    let door = "[[bus]]\nname = \"open\"\nkind = \"can\"\nkbit_s = 125\ndoors = [\"slcan-pty\", \"slcan-tcp:127.0.0.1:0\"]\n";
+    let plants = [plc(0), plc(0) + door, (0..5).map(plc).collect::<String>() + door];
+    for plant in plants {
+        let file = tempfile::NamedTempFile::with_suffix(".toml").unwrap();
+        std::fs::write(&file, &plant).unwrap();
+        let (name, novram) = (unique_name(), tempfile::tempdir().unwrap());
+        let path = file.path().to_str().unwrap();
+        let novram = novram.path().to_str().unwrap();
+        let log = tempfile::NamedTempFile::new().unwrap();
+        let run = ["run", path, "--clock", "stepped", "--novram", novram, "-i", &name];
+        let run = [&run[..], &["--detach", "--log", log.path().to_str().unwrap()]].concat();
+        let refused = limited("-n 20", &run);
+        let needed = number_after(&refused.err, " has ");
+        assert!(refused.err.contains("ulimit -Hn"), "{}", refused.err);
+        assert!(limited(&format!("-n {}", needed - 1), &run).err.contains("ulimit -Hn"));
+        let started = limited(&format!("-n {needed}"), &run);
+        assert_eq!((started.code, started.err.as_str()), (Some(0), ""), "{plant}");
+        // Clients are there at the same time.
+        let status = || finish(commram().args(["status", "-i", &name]));
+        let outcomes: Vec<_> = std::thread::scope(|scope| {
+            let clients: Vec<_> = (0..4).map(|_| scope.spawn(status)).collect();
+            clients.into_iter().map(|client| client.join().unwrap()).collect()
+        });
+        let stopped = finish(commram().args(["stop", "-i", &name]));
+        for outcome in outcomes {
+            outcome.ok();
+        }
+        stopped.ok();
+        assert_eq!(std::fs::read_to_string(&log).unwrap(), "");
+    }
+}
+
+/// All registers are full of noise, and requests of the header page come all the time. What identifies the image stays.
+#[test]
+fn a_program_that_writes_at_random_keeps_nobody_waiting() {
+    let emulator = Emulator::stepped();
+    let image = File::options().write(true).open(format!("/dev/shm/commram.{}.line", emulator.name)).unwrap();
+    let size = image.metadata().unwrap().len();
+    let ends = AtomicBool::new(false);
+    let write = || {
+        let mut random = 0x9E37_79B9_7F4A_7C15_u64;
+        let mut next = || {
+            random ^= random << 13;
+            random ^= random >> 7;
+            random ^= random << 17;
+            random
+        };
+        let noise: Vec<u8> = (0..size / 8).flat_map(|_| next().to_le_bytes()).collect();
+        image.write_all_at(&noise[4096..], 4096).unwrap();
+        while !ends.load(Ordering::Relaxed) {
+            for (first, last) in [(256, 4096), (4096, size)] {
+                let at = first + 4 * (next() % ((last - first) / 4));
+                image.write_all_at(&next().to_le_bytes()[..4], at).unwrap();
+            }
+        }
+    };
+    let outcomes: Vec<_> = std::thread::scope(|scope| {
+        scope.spawn(write);
+        let ask = |figure: u64, name: &str, args: &[&str]| {
+            promised(Duration::from_secs(figure), || emulator.run(name, args))
+        };
+        let outcomes = (0..3).flat_map(|_| [ask(2, "step", &["10ms"]), ask(1, "status", &[])]).collect();
+        ends.store(true, Ordering::Relaxed);
+        outcomes
+    });
+    outcomes.iter().for_each(|outcome| assert_eq!(outcome.code, Some(0), "{outcome:?}"));
+    let stop = promised(Duration::from_secs(2), || emulator.run("stop", &[]));
+    assert_eq!(stop.code, Some(0), "{stop:?}");
+}
