@@ -206,10 +206,10 @@ impl Drop for Image {
     fn drop(&mut self) {
         // Nobody is left to be told; the file then is a dead one, which the next emulator takes over.
         let _ = self.file.unlink();
-        // A map keeps the file open for as long as anything of this process looks at the header page, and the lock with it.
-        let _ = self.file.file.unlock();
-        // Last, so that who sees this finds the name free.
+        // After that, so that who sees this finds the name free.
         self.set_state(self.end);
+        // Last, because it ends the wait of `commram stop`. A map keeps the file open for as long as anything of this process looks at the header page, and the lock with it.
+        let _ = self.file.file.unlock();
     }
 }
 
