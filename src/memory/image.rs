@@ -208,7 +208,8 @@ impl Drop for Image {
         let _ = self.file.unlink();
         // After that, so that who sees this finds the name free.
         self.set_state(self.end);
-        // Last, because it ends the wait of `commram stop`. A map keeps the file open for as long as anything of this process looks at the header page, and the lock with it.
+        // Last, because it ends the wait of `commram stop`. A map of the header page would keep the file open, and the lock
+        // with it, as long as anything of this process has it.
         let _ = self.file.file.unlock();
     }
 }
