@@ -77,7 +77,9 @@ fn moved() -> String {
         None,
     )
     .unwrap();
-    let mut lines: Vec<&str> = declarations.lines().collect();
+    // As a vendor's library: an export of commram proves nothing and is not taken over.
+    let is_own_mark = |line: &&str| line.starts_with("(* Made by commram ");
+    let mut lines: Vec<&str> = declarations.lines().filter(|line| !is_own_mark(line)).collect();
     let at = lines.iter().position(|line| line.trim_start().starts_with("b_CTRL_REG_BC1 ")).unwrap();
     assert!(lines[at + 1].contains("BYTE_3_BMARRAY"), "the layout has changed; adapt this test");
     lines.swap(at, at + 1);
