@@ -19,4 +19,11 @@ rules! {
     GUEST_TELEGRAM: 62, "guest-telegram", Error, "D-357",
         "A program at a PROFIBUS door has announced a telegram of a length that none has (the value), so nothing behind it can be \
          understood and it was sent away. Send 255 octets at most behind their number and the bit time.";
+    GUEST_TIME: 107, "guest-time", Error, "D-677",
+        "A program at a PROFIBUS door gave a telegram a bit time that lies too far ahead (the value: in seconds), so the telegram was \
+         refused. Give a bit time of the next 60 s, or 0 for as soon as the line is free.";
+    GUEST_EARLY: 108, "guest-early", Error, "D-678",
+        "A program at a PROFIBUS door began a telegram too soon after the one before it (the value: after so many bits). Begin a \
+         request or a token 33 bits (T_SYN) after the end of the last telegram, an answer 11 bits after its request, or give the bit \
+         time 0.";
 }

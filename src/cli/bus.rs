@@ -38,7 +38,7 @@ enum Command {
 ///
 /// `seat`: it has asked for emulated time, which waits for it if the clock is stepped. `dropped` counts the frames that a guest did not take in time, `refused` those of its own that the bus did not take. `sent_away`
 /// counts the guests at the doors of the bus for which there was no place or no file descriptor. `stations`
-/// are those whose controllers have counted any, with transmit and receive errors. `other_rates` are those that are set
+/// are those at a PROFIBUS with their addresses and states, and those at CAN that have counted errors, with transmit and receive errors. `other_rates` are those that are set
 /// to another rate, in kbit/s, and hear nothing; while a bus waits for its master, its rate is the one of the plant file.
 #[derive(ClapArgs)]
 #[command(after_help = "\
@@ -221,9 +221,12 @@ mod by_channel {
         }
     }
 
-    /// `panel:can (bus_off, 256+0)`, if it has counted any errors.
-    fn trouble(station: &Station) -> Option<String> {
-        let Station { name, state, transmit_errors, receive_errors } = station;
+    /// `gw:dp (5, data_exchange)` if it has an address; `panel:can (bus_off, 256+0)` if it has counted any errors.
+    fn noteworthy(station: &Station) -> Option<String> {
+        let Station { name, address, state, transmit_errors, receive_errors } = station;
+        if let Some(address) = address {
+            return Some(format!("{name} ({address}, {state})"));
+        }
         let has_some = *transmit_errors > 0 || *receive_errors > 0;
         has_some.then(|| format!("{name} ({state}, {transmit_errors}+{receive_errors})"))
     }
@@ -243,7 +246,7 @@ mod by_channel {
                 self.kbit_s.text(),
                 listed(self.doors.clone()),
                 listed(guests.collect()),
-                listed(self.stations.iter().filter_map(trouble).collect()),
+                listed(self.stations.iter().filter_map(noteworthy).collect()),
                 listed(self.other_rates.iter().map(Stranger::text).collect()),
             ]
         }

@@ -142,6 +142,12 @@ pub trait MediumConfig: fmt::Debug + Send + Sync {
         &[]
     }
 
+    /// Whether a plant is refused in which two have the same number. Else it is doubted: a device may get another number before it
+    /// is switched on.
+    fn refuses_equal_numbers(&self) -> bool {
+        true
+    }
+
     /// Whether there can be only one port without number, the master.
     fn has_one_master(&self) -> bool {
         false

@@ -12,6 +12,12 @@ pub enum GuestRefusal {
     /// It has many to send already; later there will be room.
     #[error("the guest has as many frames to send as its controller holds")]
     Full,
+    /// It gives a time that no guest waits for, so that nothing behind that would be sent; later would be no better.
+    #[error("the time of the guest's telegram lies {seconds} s ahead; it may be 60 s at most")]
+    TooFarAhead {
+        /// Emulated seconds from now until then.
+        seconds: u64,
+    },
     /// It does not take part, nobody runs the medium, or there are no frames of that kind here.
     #[error("the guest cannot send this frame here")]
     NotHere,

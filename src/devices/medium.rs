@@ -65,12 +65,16 @@ pub struct Plug {
     pub socket: Box<dyn Any + Send>,
 }
 
-/// A station of a medium whose stations count errors.
+/// A station of a medium whose stations are known.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StationState {
     /// The port, or the guest.
     pub origin: Origin,
-    /// Its error counters.
+    /// Its address, where stations have one and it is known.
+    pub address: Option<u8>,
+    /// What it does, in one word; none: the state of its error counters says that.
+    pub does: Option<&'static str>,
+    /// Its error counters, 0 where stations count no errors.
     pub errors: ErrorCounters,
 }
 
@@ -176,7 +180,7 @@ pub trait Medium: Any + Send + State {
         Vec::new()
     }
 
-    /// The stations that have power, with the errors that they have counted; none where stations do not count any.
+    /// Returns the stations that have power; none where they are not known.
     fn stations(&self) -> Vec<StationState> {
         Vec::new()
     }

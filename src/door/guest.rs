@@ -320,9 +320,9 @@ impl Guest {
         assert!((&mut &*self).send(Said::Frame(crate::can::Frame::standard(id, crate::can::Payload::EMPTY))));
     }
 
-    /// It sends a telegram for a bit time that is never, and is told that it may.
+    /// It sends a telegram for a bit time that comes after 50 s at 500 kbit/s, and is told that it may.
     pub(crate) fn says_later(&self) {
-        let burst = crate::profibus::Burst { begin: u64::MAX / 2, octets: vec![0xE5] };
+        let burst = crate::profibus::Burst { begin: 25_000_000, octets: vec![0xE5] };
         assert!((&mut &*self).send(Said::Burst(burst)));
     }
 

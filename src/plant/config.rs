@@ -204,3 +204,16 @@ fn numbers_on<'a>(medium: &'a dyn MediumConfig, ports: &'a [PortOf<'a>]) -> Vec<
     let own = medium.participants().into_iter().map(|(name, number)| (name.into(), number));
     numbered.chain(own).collect()
 }
+
+/// Who has the number of somebody before: the number, the first that has it, and this one.
+fn equal_numbers(medium: &dyn MediumConfig, ports: &[PortOf<'_>]) -> Vec<(u8, String, String)> {
+    let mut taken: [Option<String>; 256] = [const { None }; 256];
+    let before = |(name, number): (Cow<'_, str>, u8)| match &mut taken[usize::from(number)] {
+        Some(first) => Some((number, first.clone(), name.into_owned())),
+        free => {
+            *free = Some(name.into_owned());
+            None
+        }
+    };
+    numbers_on(medium, ports).into_iter().filter_map(before).collect()
+}

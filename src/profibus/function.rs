@@ -50,10 +50,34 @@ const IS_REQUEST: u8 = 0x40;
 const FCB: u8 = 0x20;
 const FCV: u8 = 0x10;
 
+/// A bit that no request and no answer has.
+const RESERVED: u8 = 0x80;
+
+/// The low bits of requests that nobody answers: a time event, SDN of low and of high priority.
+const UNANSWERED: [u8; 3] = [0x00, 0x04, 0x06];
+
 impl FunctionCode {
+    /// Returns true if a telegram with this octet is an answer. A master in a token ring answers with codes that are
+    /// [`FunctionCode::Other`], since bits 4 and 5 of its answers say what kind of station it is.
+    #[must_use]
+    pub const fn is_answer(octet: u8) -> bool {
+        octet & (RESERVED | IS_REQUEST) == 0
+    }
+
+    /// Returns true if a telegram with this octet is a request that a station answers, even one that no slave here knows.
+    #[must_use]
+    pub const fn wants_answer(octet: u8) -> bool {
+        let [time_event, low, high] = UNANSWERED;
+        let code = octet & 0x0F;
+        octet & (RESERVED | IS_REQUEST) == IS_REQUEST && code != time_event && code != low && code != high
+    }
+
     /// The meaning of the octet.
     #[must_use]
     pub const fn parse(octet: u8) -> Self {
+        if octet & RESERVED != 0 {
+            return FunctionCode::Other(octet);
+        }
         if octet & IS_REQUEST == 0 {
             return match octet {
                 0x00 => FunctionCode::Answer(Answer::Ok),
@@ -118,11 +142,26 @@ mod tests {
         }
         assert_eq!(FunctionCode::parse(0x08), FunctionCode::Answer(Answer::Low));
         assert_eq!(FunctionCode::parse(0x12), FunctionCode::Other(0x12));
+        assert_eq!(FunctionCode::parse(0xED), FunctionCode::Other(0xED), "the reserved bit is set");
+    }
+
+    /// Requests for a status of the network layer (4E, 4F) and answers of masters (20, 30) are known by their bits alone.
+    #[test]
+    fn requests_and_answers_are_told_apart_by_their_bits() {
+        for octet in [0x49, 0x4E, 0x4F, 0x6D, 0x7C, 0x43, 0x45] {
+            assert!(FunctionCode::wants_answer(octet) && !FunctionCode::is_answer(octet), "16#{octet:02X}");
+        }
+        for octet in [0x00, 0x03, 0x08, 0x0A, 0x10, 0x20, 0x30, 0x02] {
+            assert!(FunctionCode::is_answer(octet) && !FunctionCode::wants_answer(octet), "16#{octet:02X}");
+        }
+        for octet in [0x44, 0x46, 0x40, 0x80, 0xED] {
+            assert!(!FunctionCode::is_answer(octet) && !FunctionCode::wants_answer(octet), "16#{octet:02X}");
+        }
     }
 
     #[test]
     fn every_octet_is_what_it_was() {
-        for octet in 0..0x80 {
+        for octet in 0..=u8::MAX {
             let back = FunctionCode::parse(octet).octet();
             assert!(back == octet, "16#{octet:02X} became 16#{back:02X}");
         }

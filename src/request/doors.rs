@@ -16,7 +16,8 @@ pub(super) fn buses(host: &dyn Host) -> Reply {
     let names = host.plant().names();
     let station = |it: StationState| Station {
         name: names.source(Source::Node(it.origin)),
-        state: it.errors.state().name().to_owned(),
+        address: it.address,
+        state: it.does.unwrap_or_else(|| it.errors.state().name()).to_owned(),
         transmit_errors: it.errors.transmit(),
         receive_errors: it.errors.receive(),
     };
@@ -73,6 +74,9 @@ pub(super) fn send(host: &mut dyn Host, bus: u16, frame: Option<Frame>) -> Resul
         let (name, family) = medium.map_or(("", ""), |medium| (medium.name(), medium.family()));
         let text = match refusal {
             GuestRefusal::Full => format!("bus '{name}': as many frames as a controller holds wait to be sent already"),
+            GuestRefusal::TooFarAhead { seconds } => {
+                format!("bus '{name}': the time of the telegram lies {seconds} s ahead; it may be 60 s at most")
+            }
             GuestRefusal::NotHere => format!(
                 "bus '{name}' does not take this frame: it is a {family} bus, which may know no such frames, or nobody runs it"
             ),

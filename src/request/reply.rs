@@ -1,6 +1,7 @@
 //! The replies.
 
 use super::{JournalPart, Refused};
+use crate::can::ErrorState;
 use crate::devices::{DriveDetails, DriveState, Interval};
 use crate::door::{DoorSpec, DoorState};
 use crate::fault::FaultStatus;
@@ -134,7 +135,7 @@ pub struct BusState {
     pub ports: Vec<String>,
     /// The doors to it, in the order in which they were opened.
     pub doors: Vec<DoorState>,
-    /// Its stations that have power, if they count errors.
+    /// Its stations that have power, at CAN and PROFIBUS.
     pub stations: Vec<Station>,
     /// Who is set to another rate and takes no part for that reason.
     pub strangers: Vec<Stranger>,
@@ -154,12 +155,23 @@ pub struct Stranger {
 pub struct Station {
     /// Device and port, or the guest: `panel:can`, `guest1`.
     pub name: String,
-    /// What its controller may do: `error_active`, `error_warning`, `error_passive` or `bus_off`.
+    /// Its address at a PROFIBUS; that of a guest is the one that it last sent from.
+    pub address: Option<u8>,
+    /// At CAN what its controller may do: `error_active`, `error_warning`, `error_passive` or `bus_off`. At a PROFIBUS what the
+    /// station does: `baud_search`, `baud_control`, `wait_prm`, `wait_cfg`, `data_exchange`, `master` or `guest`.
     pub state: String,
-    /// The transmit errors that it has counted.
+    /// The transmit errors that it has counted; 0 at a PROFIBUS.
     pub transmit_errors: u16,
-    /// The receive errors that it has counted.
+    /// The receive errors that it has counted; 0 at a PROFIBUS.
     pub receive_errors: u16,
+}
+
+impl Station {
+    /// Returns true at CAN, where the state is that of the error counters.
+    #[must_use]
+    pub fn counts_errors(&self) -> bool {
+        ErrorState::ALL.iter().any(|state| state.name() == self.state)
+    }
 }
 
 /// What an emulator says about itself.

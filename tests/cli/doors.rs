@@ -263,7 +263,7 @@ fn who_is_alone_is_passive_until_somebody_hears_it() {
     emulator.step(&["1s"]);
     let station = || buses(&emulator)[0]["stations"][0].clone();
     let passive = serde_json::json!({
-        "name": "guest1", "state": "error_passive", "transmit_errors": 128, "receive_errors": 0
+        "name": "guest1", "address": null, "state": "error_passive", "transmit_errors": 128, "receive_errors": 0
     });
     assert_eq!(station(), passive);
     assert!(emulator.run("bus", &["list"]).ok().contains("guest1 (error_passive, 128+0)"));

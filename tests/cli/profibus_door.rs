@@ -45,8 +45,12 @@ impl Guest {
     }
 
     fn say(&mut self, octets: &[u8]) {
+        self.say_at(0, octets);
+    }
+
+    fn say_at(&mut self, begin: u64, octets: &[u8]) {
         let mut bytes = u16::try_from(octets.len()).unwrap().to_le_bytes().to_vec();
-        bytes.extend([0; 8]);
+        bytes.extend(begin.to_le_bytes());
         bytes.extend_from_slice(octets);
         self.0.write_all(&bytes).unwrap();
     }
@@ -168,12 +172,75 @@ fn a_length_that_no_telegram_has_closes_the_door_for_this_guest() {
     assert_eq!(other.hear().1.len(), 17);
 }
 
-/// By the bits of its bus that is never.
+/// Otherwise the guest would wait for ever and nobody would know why.
+#[test]
+fn a_distant_bit_time_is_refused_aloud() {
+    let emulator = start();
+    emulator.breaks(&["guest-time"]);
+    let (mut other, mut guest) = (Guest::come(&emulator), Guest::come(&emulator));
+    guest.say_at(1 << 62, &[0xDC, 2, 2]);
+    guest.say(&[0xDC, 3, 3]);
+    assert_eq!(other.hear().1, [0xDC, 3, 3], "what follows is not kept back");
+    let findings = emulator.run("check", &[]).out;
+    assert!(findings.contains("guest-time"), "{findings}");
+    assert_eq!(buses(&emulator)[0]["guests"][1]["refused"], 1);
+}
+
+/// D-678.
+#[test]
+fn a_request_without_a_pause_is_found() {
+    let emulator = start_with(PLANT, &["--clock", "stepped"]);
+    emulator.breaks(&["guest-early"]);
+    let mut guest = Guest::come(&emulator);
+    guest.say_at(1_000, &[0xDC, 2, 2]);
+    guest.say_at(1_000 + 33 + 11, &SLAVE_DIAG);
+    assert!(eventually(|| {
+        emulator.step(&["10ms"]);
+        emulator.run("check", &[]).out.contains("guest-early")
+    }));
+}
+
+/// Addresses and states of all who are there, in the table and for programs.
+#[test]
+fn the_list_of_buses_has_the_stations_of_a_segment() {
+    let emulator = start();
+    let mut master = Guest::come(&emulator);
+    master.say(&[0xDC, 2, 2]);
+    master.say(&SLAVE_DIAG);
+    master.hear();
+    let list = emulator.run("bus", &["list"]).ok().to_owned();
+    for station in ["gw:dp (5, wait_prm)", "gw:mst (1, master)", "guest1 (2, guest)"] {
+        assert!(list.contains(station), "{list}");
+    }
+    let stations = buses(&emulator)[0]["stations"].clone();
+    let slave = serde_json::json!({
+        "name": "gw:dp", "address": 5, "state": "wait_prm", "transmit_errors": 0, "receive_errors": 0
+    });
+    assert!(stations.as_array().unwrap().contains(&slave), "{stations}");
+}
+
+/// 3 is the address of each gateway as it is delivered (CAN-DP/2 p. 9): the check of the plant warns, and the emulator finds it.
+#[test]
+fn two_gateways_with_one_address_are_named() {
+    let twice =
+        PLANT.replace("switches = 5", "") + "[[device]]\nkind = 'can-dp2'\nname = 'gw2'\nprofibus = 'dp'\n";
+    let file = tempfile::NamedTempFile::new().unwrap();
+    std::fs::write(file.path(), &twice).unwrap();
+    let judged = crate::common::run(&["run", "--check", file.path().to_str().unwrap()]);
+    let warning = "warning: 'gw:dp' and 'gw2:dp' have the same address 3 on bus 'dp'";
+    assert!(judged.ok().contains(warning), "{}", judged.out);
+    let emulator = start_with(&twice, &[]);
+    emulator.breaks(&["dp-address"]);
+    let findings = || emulator.run("check", &[]).out;
+    assert!(eventually(|| findings().matches("dp-address").count() >= 2), "{}", findings());
+}
+
+/// By the bits of its bus that is after 50 s.
 #[test]
 fn who_leaves_with_much_to_say_later_leaves_its_place() {
     let emulator = start();
     let mut later = 1u16.to_le_bytes().to_vec();
-    later.extend((1u64 << 62).to_le_bytes());
+    later.extend(25_000_000_u64.to_le_bytes());
     later.push(0xE5);
     let address = ("127.0.0.1", port(&emulator));
     for _ in 0..200 {

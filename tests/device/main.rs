@@ -17,6 +17,7 @@ mod forces;
 mod history;
 mod jobs;
 mod journal;
+mod profibus;
 mod slave_any;
 mod slave_jobs;
 mod slave_on_bus;

@@ -133,10 +133,15 @@ fn buses() -> impl Strategy<Value = Vec<BusState>> {
     );
     let door = (door(), proptest::collection::vec(guest, 0..3), any::<u64>())
         .prop_map(|(door, guests, refused)| DoorState { door, guests, refused });
-    let station =
-        (".*", ".*", any::<(u16, u16)>()).prop_map(|(name, state, (transmit_errors, receive_errors))| {
-            Station { name, state, transmit_errors, receive_errors }
-        });
+    let station = (".*", ".*", any::<(Option<u8>, u16, u16)>()).prop_map(
+        |(name, state, (address, transmit_errors, receive_errors))| Station {
+            name,
+            address,
+            state,
+            transmit_errors,
+            receive_errors,
+        },
+    );
     let load = any::<Option<u16>>();
     let stranger = (".*", any::<u32>()).prop_map(|(name, bit_s)| Stranger { name, bit_s });
     let lists = (

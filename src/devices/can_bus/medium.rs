@@ -175,7 +175,8 @@ impl Medium for CanBus {
 
     fn stations(&self) -> Vec<StationState> {
         let present = self.stations.all().iter().filter(|end| end.on_since_ns.is_some());
-        present.map(|end| StationState { origin: end.origin, errors: end.controller.errors() }).collect()
+        let state = |origin, errors| StationState { origin, address: None, does: None, errors };
+        present.map(|end| state(end.origin, end.controller.errors())).collect()
     }
 
     fn ports(&self) -> Vec<Origin> {

@@ -83,6 +83,11 @@ impl MediumConfig for ProfibusConfig {
         &self.doors
     }
 
+    /// Addresses are those of switches, which count at power-on and can be turned before.
+    fn refuses_equal_numbers(&self) -> bool {
+        false
+    }
+
     fn build(&self, index: usize) -> Result<Box<dyn Medium>, BuildError> {
         Ok(Box::new(ProfibusBus::new(index, self)))
     }

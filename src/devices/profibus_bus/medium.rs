@@ -9,12 +9,13 @@ use super::port::{Intent, ProfibusPort, ProfibusSocket, Station};
 use super::records::{DpGarbled, DpShort, DpTelegram, short};
 use super::visitors;
 use super::visitors::{Visitors, guest_of};
-use crate::check::OwnedWatch;
-use crate::devices::{BuildError, Context, GuestRefusal, Medium, SyncSignal, World};
+use crate::can::ErrorCounters;
+use crate::check::{OwnedWatch, rules};
+use crate::devices::{BuildError, Context, GuestRefusal, Medium, StationState, SyncSignal, World};
 use crate::door::{Guest, Said};
 use crate::fault::{Effect, Hit, Target};
-use crate::journal::{Event, Journal, Origin};
-use crate::profibus::{BusRate, FunctionCode, Line, Request, SYN_BITS, Sending, Telegram};
+use crate::journal::{Event, Finding, Journal, Origin};
+use crate::profibus::{BusRate, FunctionCode, Line, MIN_TSDR_BITS, SYN_BITS, Sending, Telegram};
 use crate::state;
 use crate::state::{Damaged, Saved, Saving, State};
 use core::any::Any;
@@ -130,16 +131,34 @@ impl ProfibusBus {
         // Nobody asks while somebody talks, or is about to answer.
         let is_quiet = on().all(|(_, end)| !matches!(end.station.intent, Some(Intent::At(..))));
         let Some(since) = self.line.idle_since().filter(|_| is_quiet) else { return step };
-        // Nor while somebody else waits for an answer.
-        let may = |who| self.asked.filter(|asked| asked.sender != who).map_or(0, |asked| asked.until);
+        // Nor while somebody else waits for an answer. An answer itself does not wait for that.
+        let kept = |who| self.asked.filter(|asked| asked.sender != who).map_or(0, |asked| asked.until);
         let requests = on().filter_map(|(who, end)| match end.station.intent {
             Some(Intent::WhenIdle(from, _)) => {
-                Some((from.max(since + SYN_BITS).max(may(who)), Step::Begin(who)))
+                Some((from.max(since + SYN_BITS).max(kept(who)), Step::Begin(who)))
             }
             _ => None,
         });
-        let of_guests = self.visitors.next_idle(since, may).map(|(at, who)| (at, Step::Begin(who)));
+        let of_guests = self.visitors.next_idle(since, kept).map(|(at, who)| (at, Step::Begin(who)));
         step.into_iter().chain(requests).chain(of_guests).min()
+    }
+
+    /// Tells those at the segment that answer at the address of the port at `place`, and that port.
+    fn judge_address(&mut self, place: usize, now: u64, journal: &mut Journal) {
+        let address = |end: &End| {
+            let presence = end.port.presence().filter(|presence| end.is_on && presence.answers);
+            presence.map(|presence| presence.address)
+        };
+        let Some(own) = address(&self.ends[place]).filter(|_| self.is_plugged) else { return };
+        let same = |&who: &usize| address(&self.ends[who]) == Some(own);
+        let sharing: Vec<usize> = (0..self.ends.len()).filter(same).collect();
+        if sharing.len() < 2 {
+            return;
+        }
+        let bits = self.rate.bits_at(now);
+        for who in sharing {
+            self.ends[who].run(now, bits, journal, |port, ctx, _| port.shares_address(ctx));
+        }
     }
 
     /// Finds when there is something to do, after whatever has happened at `now`.
@@ -175,6 +194,7 @@ impl ProfibusBus {
                     None => self.visitors.take(who),
                 };
                 if let Some(octets) = octets {
+                    self.judge_pause(who, at, &octets, now, journal);
                     self.asked = None;
                     self.line.begin(who, at, octets);
                 }
@@ -183,15 +203,36 @@ impl ProfibusBus {
         true
     }
 
+    /// Reports a guest's telegram that begins too soon after the one before it. Ports wait by themselves.
+    fn judge_pause(&self, sender: usize, at: u64, octets: &[u8], now: u64, journal: &mut Journal) {
+        let (Some(guest), Some(since @ 1..)) = (guest_of(sender), self.line.idle_since()) else { return };
+        let needed = match Telegram::parse(octets) {
+            Ok(Telegram::ShortAck) => MIN_TSDR_BITS,
+            Ok(Telegram::Frame(frame)) if FunctionCode::is_answer(frame.fc) => MIN_TSDR_BITS,
+            Ok(_) => SYN_BITS,
+            // The journal says what it is.
+            Err(_) => return,
+        };
+        let pause = at.saturating_sub(since);
+        if pause < needed {
+            journal.find(now, Finding::at_bus(&rules::GUEST_EARLY, self.index, guest, pause as u32));
+        }
+    }
+
     /// Tells everybody what has ended.
     fn hand_over(&mut self, now: u64, sending: &Sending, journal: &mut Journal) {
         let Sending { sender, end: at, ref octets, is_garbled, .. } = *sending;
         let (bus, origin) = (self.index, self.origin_of(sender));
         let telegram = Telegram::parse(octets).ok().filter(|_| !is_garbled);
-        if let Some(Telegram::Frame(frame)) = &telegram
-            && wants_answer(frame.fc)
-        {
-            self.asked = Some(Asked { sender, until: at + self.slot_bits });
+        match &telegram {
+            Some(Telegram::Frame(frame)) => {
+                self.visitors.note_address(sender, frame.sa);
+                if FunctionCode::wants_answer(frame.fc) {
+                    self.asked = Some(Asked { sender, until: at + self.slot_bits });
+                }
+            }
+            Some(Telegram::Token { sa, .. }) => self.visitors.note_address(sender, *sa),
+            _ => {}
         }
         // What two have said at once is nothing that could be told.
         if !is_garbled {
@@ -214,11 +255,6 @@ impl ProfibusBus {
             }
         }
     }
-}
-
-/// Whether somebody is to answer a telegram with this function code.
-fn wants_answer(fc: u8) -> bool {
-    matches!(FunctionCode::parse(fc), FunctionCode::Request { request, .. } if request != Request::Sdn)
 }
 
 impl State for ProfibusBus {
@@ -279,6 +315,7 @@ impl Medium for ProfibusBus {
         let end = &mut self.ends[place];
         end.is_on = true;
         end.run(now, bits, journal, |port, ctx, station| port.power_on(ctx, station));
+        self.judge_address(place, now, journal);
         self.plan(now);
         true
     }
@@ -323,6 +360,25 @@ impl Medium for ProfibusBus {
         self.rate.bit_s()
     }
 
+    fn stations(&self) -> Vec<StationState> {
+        let state = |origin, address, does| StationState {
+            origin,
+            address,
+            does: Some(does),
+            errors: ErrorCounters::default(),
+        };
+        let on = self.ends.iter().filter(|end| end.is_on);
+        let ports = on.filter_map(|end| {
+            let presence = end.port.presence()?;
+            Some(state(end.origin, Some(presence.address), presence.does))
+        });
+        let guests = self
+            .visitors
+            .present()
+            .map(|(number, address)| state(Origin::of_guest(number), address, "guest"));
+        ports.chain(guests).collect()
+    }
+
     fn busy_ns(&self, event: &Event) -> u64 {
         let octets = event.get::<DpTelegram>().map(|it| it.octets_on_line());
         let octets = octets.or_else(|| event.get::<DpShort>().map(|it| it.octets_on_line()));
@@ -347,10 +403,20 @@ impl Medium for ProfibusBus {
         self.plan(now);
     }
 
-    fn guest_sends(&mut self, guest: u8, said: &Said, now: u64, _: &mut Journal) -> Result<(), GuestRefusal> {
-        self.visitors.say(guest, said, self.rate.bits_at(now))?;
+    fn guest_sends(
+        &mut self,
+        guest: u8,
+        said: &Said,
+        now: u64,
+        journal: &mut Journal,
+    ) -> Result<(), GuestRefusal> {
+        let taken = self.visitors.say(guest, said, self.rate.bits_at(now), self.rate);
+        if let Err(GuestRefusal::TooFarAhead { seconds }) = taken {
+            let value = u32::try_from(seconds).unwrap_or(u32::MAX);
+            journal.find(now, Finding::at_bus(&rules::GUEST_TIME, self.index, guest, value));
+        }
         self.plan(now);
-        Ok(())
+        taken
     }
 
     fn next_time(&self) -> u64 {

@@ -8,7 +8,7 @@ mod visitors;
 
 pub use config::ProfibusConfig;
 pub use medium::ProfibusBus;
-pub use port::{ProfibusPort, ProfibusSocket, Station};
+pub use port::{Presence, ProfibusPort, ProfibusSocket, Station};
 
 /// The family of such media, and of the ports that fit them.
 pub const FAMILY: &str = "profibus";

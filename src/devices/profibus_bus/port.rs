@@ -10,6 +10,17 @@ use crate::state;
 use crate::state::State;
 use serde::{Deserialize, Serialize};
 
+/// What is to be seen of a station from outside.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Presence {
+    /// Its address, 0 to 126.
+    pub address: u8,
+    /// What it does, in one word with underscores: `data_exchange`.
+    pub does: &'static str,
+    /// Whether it answers requests to that address, so that no other station may have it.
+    pub answers: bool,
+}
+
 /// The firmware of a device's port at PROFIBUS. What happens on the line it is told at once, with the bit time in its
 /// [`Station`]; its own times are microseconds of emulated time.
 pub trait ProfibusPort: Send + State {
@@ -20,6 +31,16 @@ pub trait ProfibusPort: Send + State {
 
     /// The device stops; the station forgets everything.
     fn power_off(&mut self) {}
+
+    /// Returns what others can see of its station; none while it has no address.
+    fn presence(&self) -> Option<Presence> {
+        None
+    }
+
+    /// Another station that answers at the same address is at the segment, too.
+    fn shares_address(&mut self, ctx: &mut Context) {
+        let _ = ctx;
+    }
 
     /// The processor cycle: looks at its registers.
     fn look(&mut self, ctx: &mut Context, station: &mut Station);

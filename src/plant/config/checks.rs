@@ -1,6 +1,6 @@
 //! Checks of a plant as a whole: what no device or medium can judge for itself.
 
-use super::{MOST, PlantConfig, PlantError, PortOf, numbers_on};
+use super::{MOST, PlantConfig, PlantError, PortOf, equal_numbers};
 use crate::devices;
 use crate::devices::settings::range;
 use crate::devices::{BuildError, DeviceConfig, MediumConfig};
@@ -80,15 +80,10 @@ fn check_medium(medium: &dyn MediumConfig, ports: &[PortOf<'_>]) -> Result<(), P
         let (first_port, second_port) = (first_port.name.to_owned(), second_port.name.to_owned());
         return Err(PlantError::TwoMasters { bus: bus(), first, first_port, second, second_port });
     }
-    let numbers = numbers_on(medium, ports);
-    let mut taken: [Option<&str>; 256] = [None; 256];
-    for (name, number) in &numbers {
-        if let Some(first) = taken[usize::from(*number)].replace(name) {
-            let (number, first, second) = (*number, first.to_owned(), name.to_string());
-            return Err(PlantError::SlaveNumber { bus: bus(), number, first, second });
-        }
-    }
-    Ok(())
+    let equal = equal_numbers(medium, ports).into_iter().next().filter(|_| medium.refuses_equal_numbers());
+    equal.map_or(Ok(()), |(number, first, second)| {
+        Err(PlantError::SlaveNumber { bus: bus(), number, first, second })
+    })
 }
 
 fn check_names<'a>(what: &'static str, names: impl Iterator<Item = &'a str>) -> Result<(), PlantError> {

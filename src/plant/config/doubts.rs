@@ -1,6 +1,6 @@
 //! What a plant file may say and can hardly mean.
 
-use super::{PlantConfig, PortOf, file, places};
+use super::{PlantConfig, PortOf, equal_numbers, file, places};
 use crate::devices::{Doubt, MasterConfig, MediumConfig};
 use std::sync::Arc;
 
@@ -18,7 +18,18 @@ impl PlantConfig {
         };
         let of = |medium: &Arc<dyn MediumConfig>| {
             let masters: Vec<_> = ports.get(medium.name()).into_iter().flatten().filter_map(master).collect();
-            medium.doubts(&masters)
+            let mut doubts = medium.doubts(&masters);
+            let ports = ports.get(medium.name()).map_or(&[][..], Vec::as_slice);
+            doubts.extend(equal_numbers(&**medium, ports).into_iter().map(|(number, first, second)| Doubt {
+                section: second.split(':').next().unwrap_or_default().to_owned(),
+                key: "switches",
+                text: format!(
+                    "'{first}' and '{second}' have the same address {number} on bus '{}', so no request to it has an answer \
+                     that anybody understands; give each its own",
+                    medium.name()
+                ),
+            }));
+            doubts
         };
         let placed = |doubt: Doubt| {
             let offset = places::offset_of_key(&doubt.section, doubt.key, text);

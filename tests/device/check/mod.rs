@@ -51,8 +51,13 @@ fn each_rule_is_broken_by_its_case_alone_and_not_by_the_neighbour() {
 }
 
 /// What only a program at a door can break: `tests/cli/doors.rs`, `tests/cli/profibus_door.rs`.
-const AT_A_DOOR: [&Rule; 3] =
-    [&rules::GUEST_BIT_RATE, &rules::GUEST_TELEGRAM, &cansync::rules::FOREIGN_FRAME];
+const AT_A_DOOR: [&Rule; 5] = [
+    &rules::GUEST_BIT_RATE,
+    &rules::GUEST_TELEGRAM,
+    &rules::GUEST_TIME,
+    &rules::GUEST_EARLY,
+    &cansync::rules::FOREIGN_FRAME,
+];
 
 /// What takes another plant than that of a rig: `tests/device/bm4.rs`, `tests/device/board.rs`.
 const IN_OTHER_PLANTS: [&Rule; 1] = [&cansync::rules::NUMBER_TAKEN];

@@ -119,10 +119,19 @@ fn bus_lines(
         lines.push(Line::styled(text, theme.dim()));
     }
     for station in &bus.stations {
+        let name = Span::styled(format!("   {}", padded(&station.name, NAMES - 2)), theme.name());
+        if !station.counts_errors() {
+            let address = station.address.map_or_else(String::new, |address| format!("address {address}, "));
+            lines.push(Line::from(vec![
+                name,
+                Span::raw(format!(" {address}{}", station.state.replace('_', " "))),
+            ]));
+            continue;
+        }
         let state = station.state.replace('_', "-");
         let is_good = station.state == "error_active";
         lines.push(Line::from(vec![
-            Span::styled(format!("   {}", padded(&station.name, NAMES - 2)), theme.name()),
+            name,
             Span::styled(format!(" {state}"), if is_good { theme.good() } else { theme.bad() }),
             Span::raw(format!(
                 ", {} transmit and {} receive errors",

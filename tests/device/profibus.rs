@@ -1,0 +1,97 @@
+//! Stations of a PROFIBUS segment: their addresses, and those that two of them share.
+
+use crate::rig::plant_of;
+use commram::devices::Power;
+use commram::devices::can_dp2::registers::FRONT_SWITCHES;
+use commram::devices::can_dp2::rules::ADDRESS;
+use commram::plant::{Plant, PlantConfig};
+
+/// Gateways with these switches at one segment, and one at another.
+fn text(switches: &[Option<u8>]) -> String {
+    let mut text = String::new();
+    for (number, switches) in switches.iter().enumerate() {
+        text += &format!("[[device]]\nkind = 'can-dp2'\nname = 'gw{number}'\nprofibus = 'dp'\n");
+        text += &switches.map_or_else(String::new, |switches| format!("switches = {switches}\n"));
+    }
+    text += "[[device]]\nkind = 'can-dp2'\nname = 'far'\nprofibus = 'other'\n";
+    text + "[[bus]]\nname = 'dp'\nkind = 'profibus'\n[[bus]]\nname = 'other'\nkind = 'profibus'\n"
+}
+
+/// Devices and addresses of the findings about addresses.
+fn shared(plant: &Plant) -> Vec<(u16, u32)> {
+    let found = plant.journal().findings();
+    let of_addresses = found.iter().filter(|entry| entry.last.rule == &ADDRESS);
+    of_addresses.map(|entry| (entry.last.plc, entry.last.value)).collect()
+}
+
+/// CAN-DP/2 p. 9, 26: each gateway has its own address, set by its switches and read at power-on.
+#[test]
+fn gateways_with_the_same_address_are_found() {
+    for (switches, expected) in [
+        (&[Some(5), Some(6)][..], &[][..]),
+        // Both as they are delivered.
+        (&[None, None], &[(0, 3), (1, 3)]),
+        // Below 3 is 3, above 124 is 124 (p. 9).
+        (&[Some(7), Some(0), Some(3)], &[(1, 3), (2, 3)]),
+        (&[Some(0x7C), Some(0xFF)], &[(0, 124), (1, 124)]),
+    ] {
+        let text = text(switches);
+        let mut plant = plant_of(&text);
+        plant.advance_to(1_000);
+        assert_eq!(shared(&plant), expected, "{switches:?}");
+        let doubts = PlantConfig::parse("p.toml", &text).unwrap().doubts(&text);
+        assert_eq!(doubts.len(), expected.len() / 2, "{doubts:?}");
+        if let ([(line, doubt)], [.., (second, address)]) = (&doubts[..], expected) {
+            assert!(line.is_some());
+            assert!(
+                doubt.text.contains(&format!("'gw{second}:dp' have the same address {address} on bus 'dp'")),
+                "{}",
+                doubt.text
+            );
+        }
+    }
+}
+
+/// The switches count at power-on: until then nothing is shared, and afterwards no longer.
+#[test]
+fn an_address_is_shared_while_both_are_on() {
+    let mut plant = plant_of(&text(&[Some(5), Some(6)]));
+    plant.advance_to(1_000);
+    plant.devices()[1].segment().header().unwrap().front[FRONT_SWITCHES].store(5);
+    plant.advance_to(2_000);
+    assert_eq!(shared(&plant), []);
+    plant.set_power(0, Power::Off);
+    plant.set_power(1, Power::Off);
+    plant.advance_to(3_000);
+    plant.set_power(1, Power::On);
+    plant.advance_to(4_000);
+    assert_eq!(shared(&plant), [], "the other one is off");
+    plant.set_power(0, Power::On);
+    plant.advance_to(5_000);
+    assert_eq!(shared(&plant), [(0, 5), (1, 5)]);
+}
+
+/// What `commram bus list` shows: slaves with address and state, their masters, nobody without supply.
+#[test]
+fn stations_have_addresses_and_states() {
+    let mut plant = plant_of(&text(&[Some(5), Some(6)]));
+    plant.advance_to(1_000);
+    let stations = |plant: &Plant| {
+        let of = plant.media()[0].stations().into_iter();
+        of.map(|it| (it.origin.plc, it.address, it.does.unwrap())).collect::<Vec<_>>()
+    };
+    let mut found = stations(&plant);
+    found.sort();
+    assert_eq!(
+        found,
+        [
+            (0, Some(1), "master"),
+            (0, Some(5), "baud_search"),
+            (1, Some(1), "master"),
+            (1, Some(6), "baud_search"),
+        ]
+    );
+    plant.set_power(0, Power::Off);
+    plant.advance_to(2_000);
+    assert_eq!(stations(&plant).len(), 2);
+}
