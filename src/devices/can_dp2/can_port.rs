@@ -95,7 +95,8 @@ impl CanPort for CanSide {
         self.show(ctx, controller);
     }
 
-    fn sent(&mut self, ctx: &mut Context, controller: &mut Controller, _: &Frame) {
+    fn sent(&mut self, ctx: &mut Context, controller: &mut Controller, frame: &Frame) {
+        lock(&self.gateway).sent(frame);
         self.show(ctx, controller);
     }
 

@@ -1,6 +1,7 @@
 //! A CAN-DP/2 as the plant file describes it.
 
 use super::can_port::CanSide;
+use super::dp_port;
 use super::dp_port::DpPort;
 use super::gateway::Gateway;
 use super::master::Master;
@@ -74,7 +75,11 @@ impl DeviceConfig for CanDp2Config {
     }
 
     fn ports(&self) -> Vec<PortConfig<'_>> {
-        DEVICE.ports.iter().map(|port| PortConfig::of(port, self.medium(port))).collect()
+        let port = |port: &'static Port| PortConfig {
+            address: (port.name == "dp").then(|| dp_port::address(self.switches.into()) as u8),
+            ..PortConfig::of(port, self.medium(port))
+        };
+        DEVICE.ports.iter().map(port).collect()
     }
 
     fn novram(&self) -> Option<&'static Area> {

@@ -9,15 +9,26 @@ use super::rules;
 use super::slave::{News, Slave};
 use super::{Shared, lock};
 use crate::devices::Context;
-use crate::devices::profibus_bus::{ProfibusPort, Station};
+use crate::devices::profibus_bus::{Presence, ProfibusPort, Station};
 use crate::journal::{Finding, Rule};
 use crate::layout::Live;
-use crate::profibus::Telegram;
+use crate::profibus::{FunctionCode, Telegram};
 use crate::state;
 
 /// Addresses that the switches can give it (p. 9).
 const FIRST_ADDRESS: u32 = 3;
 const LAST_ADDRESS: u32 = 124;
+
+/// The address that the switches give it (p. 9).
+pub(super) const fn address(switches: u32) -> u32 {
+    if switches < FIRST_ADDRESS {
+        FIRST_ADDRESS
+    } else if switches > LAST_ADDRESS {
+        LAST_ADDRESS
+    } else {
+        switches
+    }
+}
 
 /// The firmware at PROFIBUS.
 pub(super) struct DpPort {
@@ -62,6 +73,13 @@ impl DpPort {
     }
 }
 
+/// A rule was broken by how the switches stand.
+fn find_switches(ctx: &mut Context, rule: &'static Rule, value: u32) {
+    if let Some(front) = DEVICE.front_area {
+        find(ctx, rule, front.first + 4 * FRONT_SWITCHES as u32, value);
+    }
+}
+
 /// A rule was broken at byte `offset` of the image.
 fn find(ctx: &mut Context, rule: &'static Rule, offset: u32, value: u32) {
     let (plc, live) = (ctx.origin.plc, Live::Always);
@@ -71,14 +89,25 @@ fn find(ctx: &mut Context, rule: &'static Rule, offset: u32, value: u32) {
 impl ProfibusPort for DpPort {
     fn power_on(&mut self, ctx: &mut Context, _: &mut Station) {
         let switches = self.registers.turned(FRONT_SWITCHES);
-        let address = switches.clamp(FIRST_ADDRESS, LAST_ADDRESS);
-        if let (true, Some(front)) = (address != switches, DEVICE.front_area) {
-            find(ctx, &rules::SWITCHES, front.first + 4 * FRONT_SWITCHES as u32, switches);
+        let address = address(switches);
+        if address != switches {
+            find_switches(ctx, &rules::SWITCHES, switches);
         }
         self.registers.shown(FRONT_ADDRESS).store(address);
         self.registers.shown(FRONT_LED_P).store(led_p::ON);
         self.slave = Some(Slave::new(address as u8));
         self.run(ctx, |_, _, _| ());
+    }
+
+    fn presence(&self) -> Option<Presence> {
+        let slave = self.slave.as_ref()?;
+        Some(Presence { address: slave.address(), does: slave.does(), answers: true })
+    }
+
+    fn shares_address(&mut self, ctx: &mut Context) {
+        if let Some(slave) = &self.slave {
+            find_switches(ctx, &rules::ADDRESS, slave.address().into());
+        }
     }
 
     fn power_off(&mut self) {
@@ -99,6 +128,13 @@ impl ProfibusPort for DpPort {
 
     fn heard(&mut self, ctx: &mut Context, station: &mut Station, telegram: &Telegram) {
         let now = ctx.now;
+        // An answer from its own address: two answer, and here the other one was alone on the line.
+        if let (Telegram::Frame(frame), Some(slave)) = (telegram, &self.slave)
+            && frame.sa == slave.address()
+            && FunctionCode::is_answer(frame.fc)
+        {
+            self.shares_address(ctx);
+        }
         let answer = self.run(ctx, |slave, gateway, registers| {
             let answer = slave.heard(telegram, now, gateway, registers)?;
             Some((slave.tsdr(), answer))

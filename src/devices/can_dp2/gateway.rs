@@ -44,11 +44,14 @@ pub(super) struct Gateway {
     setup: Option<Setup>,
     /// What it does: `can_state`.
     state: u8,
-    /// There is data exchange; without any it sends nothing by itself (D-386).
-    is_exchanging: bool,
+    /// A data exchange has brought outputs since the configuration. Before that there is nothing to send (p. 30; D-675), nor is
+    /// there after data exchange has ended (D-386).
+    has_outputs: bool,
     wake_at: Option<u64>,
     /// When the next SYNC object is due, in us.
     sync_at: Option<u64>,
+    /// A SYNC object waits for the frames before it (p. 44).
+    sync_waits: bool,
     window: Window,
     pages: Option<Pages>,
     frames: VecDeque<Frame>,
@@ -63,8 +66,8 @@ pub(super) struct Gateway {
 }
 
 state!(Gateway {
-    values: on_since, setup, state, is_exchanging, wake_at, sync_at, window, pages, frames, is_new, bus, irq_lost, msg_lost,
-        has_news;
+    values: on_since, setup, state, has_outputs, wake_at, sync_at, sync_waits, window, pages, frames, is_new, bus, irq_lost,
+        msg_lost, has_news;
     built: registers
 });
 
@@ -75,9 +78,10 @@ impl Gateway {
             on_since: 0,
             setup: None,
             state: can_state::OFF,
-            is_exchanging: false,
+            has_outputs: false,
             wake_at: None,
             sync_at: None,
+            sync_waits: false,
             window: Window::default(),
             pages: None,
             frames: VecDeque::new(),
@@ -95,9 +99,9 @@ impl Gateway {
     }
 
     pub(super) fn power_off(&mut self) {
-        (self.setup, self.state, self.is_exchanging) = (None, can_state::OFF, false);
-        (self.wake_at, self.sync_at, self.window, self.pages) = (None, None, Window::default(), None);
-        self.frames.clear();
+        self.end();
+        (self.setup, self.state) = (None, can_state::OFF);
+        (self.window, self.pages) = (Window::default(), None);
         (self.is_new, self.bus, self.irq_lost, self.msg_lost, self.has_news) =
             (false, bus_state::OK, 0, 0, false);
         self.show();
@@ -141,20 +145,24 @@ impl Gateway {
         self.show();
     }
 
+    fn has_room(&self) -> bool {
+        self.frames.len() < WAITING
+    }
+
     /// Something is to be sent; lost if much waits already.
     fn push(&mut self, frame: Frame) {
-        if self.frames.len() < WAITING {
+        if self.has_room() {
             self.frames.push_back(frame);
         } else {
             self.lost_frame();
         }
     }
 
-    /// Data exchange begins with these parameters and modules.
+    /// Data exchange begins with these parameters and modules. Frames wait for the first outputs.
     pub(super) fn begin(&mut self, parameters: &Parameters, configuration: &Configuration, now: u64) {
         self.end();
         (self.window, self.pages) = (Window::default(), configuration.pages());
-        (self.is_exchanging, self.is_new) = (true, true);
+        self.is_new = true;
         let setup = Setup {
             parameters: parameters.clone(),
             configuration: configuration.clone(),
@@ -166,10 +174,7 @@ impl Gateway {
         self.state = match role {
             // P. 32: without an output the controller behind the DP slave tells the firmware nothing.
             _ if !has_output => can_state::OFF,
-            Role::Layer2 => {
-                self.start_cycles(now);
-                can_state::WORKING
-            }
+            Role::Layer2 => can_state::WORKING,
             Role::Master | Role::Slave(_) => {
                 let time = u64::from(self.registers.stored.stored_wakeup_time.load()) * 1_000_000;
                 self.wake_at = Some((self.on_since + time).max(now));
@@ -182,8 +187,8 @@ impl Gateway {
 
     /// There is no data exchange any more: it sends nothing by itself, and goes on receiving (D-386).
     pub(super) fn end(&mut self) {
-        self.is_exchanging = false;
-        (self.wake_at, self.sync_at) = (None, None);
+        self.has_outputs = false;
+        (self.wake_at, self.sync_at, self.sync_waits) = (None, None, false);
         self.frames.clear();
         if let Some(setup) = &mut self.setup {
             setup.cycles.fill(None);
@@ -200,9 +205,35 @@ impl Gateway {
         }
     }
 
+    /// The outputs are cleared (D-387). That is no data: what waits for the first outputs goes on waiting.
+    pub(super) fn cleared(&mut self, now: u64) {
+        if self.has_outputs
+            && let Some(setup) = &self.setup
+        {
+            self.exchanged(&vec![0; setup.outputs.len()], now);
+        }
+    }
+
+    /// The first outputs are there. What a CANopen start sends goes out if it has waited for them (D-675).
+    fn begin_outputs(&mut self, outputs: &[u8], now: u64) {
+        let Some(setup) = &mut self.setup else { return };
+        self.has_outputs = true;
+        match setup.parameters.role() {
+            Role::Layer2 => self.start_cycles(now),
+            Role::Master | Role::Slave(_) if self.state == can_state::WORKING => {
+                setup.outputs.iter_mut().zip(outputs).for_each(|(to, from)| *to = *from);
+                self.send_all(now);
+            }
+            Role::Master | Role::Slave(_) => {}
+        }
+    }
+
     /// A data exchange has brought these outputs.
-    pub(super) fn exchanged(&mut self, outputs: &[u8]) {
+    pub(super) fn exchanged(&mut self, outputs: &[u8], now: u64) {
         let is_off = self.state == can_state::OFF;
+        if !self.has_outputs && !is_off {
+            self.begin_outputs(outputs, now);
+        }
         for number in 0.. {
             let Some(setup) = self.setup.as_ref().filter(|_| !is_off) else { break };
             let Some(&module) = setup.configuration.modules.get(number) else { break };
@@ -316,10 +347,7 @@ impl Gateway {
             }
         }
         due.into_iter().for_each(|frame| self.push(frame));
-        if self.sync_at.is_some_and(|at| at <= now) {
-            self.push(Frame::standard(SYNC, Payload::EMPTY));
-            self.sync_at = None;
-        }
+        self.sync(now);
         self.plan_sync(now);
     }
 

@@ -5,7 +5,7 @@ use super::registers::values::{mst_control, mst_dsap, mst_result, mst_status};
 use super::registers::{CAN_DP2_MST, FRONT_ADDRESS, MST};
 use super::rules;
 use crate::devices::Context;
-use crate::devices::profibus_bus::{ProfibusPort, Station};
+use crate::devices::profibus_bus::{Presence, ProfibusPort, Station};
 use crate::layout::Live;
 use crate::memory::{Header, MemoryError, Segment, View};
 use crate::profibus::{Answer, BROADCAST, Frame, FunctionCode, Request, Telegram};
@@ -121,6 +121,12 @@ impl ProfibusPort for Master {
 
     fn power_off(&mut self) {
         self.pending = None;
+    }
+
+    /// Several gateways of a segment may have such a master: it answers nobody.
+    fn presence(&self) -> Option<Presence> {
+        let address = self.registers.mst_address.load();
+        Some(Presence { address, does: "master", answers: false })
     }
 
     fn look(&mut self, ctx: &mut Context, station: &mut Station) {

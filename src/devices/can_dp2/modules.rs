@@ -88,6 +88,8 @@ pub(super) struct Module {
     pub first: usize,
     /// Which bytes are swapped.
     pub form: u8,
+    /// A PLC exchanges it as a whole (p. 33, 72).
+    pub is_consistent: bool,
 }
 
 impl Module {
@@ -98,6 +100,10 @@ impl Module {
 
     fn is_input(&self) -> bool {
         matches!(self.kind, Kind::Input { .. } | Kind::WindowInput | Kind::PageInput)
+    }
+
+    fn is_window(&self) -> bool {
+        matches!(self.kind, Kind::WindowInput | Kind::WindowOutput)
     }
 }
 
@@ -119,8 +125,12 @@ pub(super) struct Configuration {
 struct Written<'a> {
     is_input: bool,
     length: usize,
+    is_consistent: bool,
     comment: &'a [u8],
 }
+
+/// The bit of a module's length octet that makes it consistent over its whole length (p. 72).
+const CONSISTENT: u8 = 0x80;
 
 /// Identifier, format byte and what stands behind it.
 fn identifier(comment: &[u8]) -> Result<(Id, u8, &[u8]), CfgError> {
@@ -152,7 +162,8 @@ fn take(octets: &[u8], has_pages: bool) -> Result<(Written<'_>, &[u8]), CfgError
         0x30 => return Err(CfgError::Type),
         way => {
             let length = usize::from(head & 0x0F) + 1;
-            return Ok((Written { is_input: way == 0x10, length, comment: &[] }, rest));
+            let is_consistent = head & CONSISTENT != 0;
+            return Ok((Written { is_input: way == 0x10, length, is_consistent, comment: &[] }, rest));
         }
     }
     let is_input = match head >> 6 {
@@ -166,7 +177,8 @@ fn take(octets: &[u8], has_pages: bool) -> Result<(Written<'_>, &[u8]), CfgError
     }
     let said = usize::from(head & 0x0F);
     let (comment, rest) = rest.split_at(said.min(rest.len()));
-    Ok((Written { is_input, length: usize::from(structure & 0x3F) + 1, comment }, rest))
+    let (length, is_consistent) = (usize::from(structure & 0x3F) + 1, structure & CONSISTENT != 0);
+    Ok((Written { is_input, length, is_consistent, comment }, rest))
 }
 
 impl Configuration {
@@ -192,7 +204,7 @@ impl Configuration {
         if self.modules.len() >= MODULES {
             return Err(CfgError::Type);
         }
-        let Written { is_input, length, comment } = *written;
+        let Written { is_input, length, is_consistent, comment } = *written;
         let (kind, form) = if comment.starts_with(&WINDOW_ID) {
             self.window(written, parameters)?
         } else if parameters.has_pages() {
@@ -221,7 +233,7 @@ impl Configuration {
         if !is_right || *side > OCTETS || self.inputs + self.outputs > TOGETHER {
             return Err(CfgError::Length);
         }
-        self.modules.push(Module { kind, length, first, form });
+        self.modules.push(Module { kind, length, first, form, is_consistent });
         Ok(())
     }
 
@@ -269,6 +281,13 @@ impl Configuration {
         };
         let is_dummy = matches!(id, Id::Standard(id) if id.as_raw() == DUMMY_ID);
         Ok(if is_dummy { Kind::Dummy } else { Kind::Output { id, cycle_ms } })
+    }
+
+    /// Whether a module is a Communication Window that is not as p. 39 has it: consistent over its whole length, with the format byte
+    /// 00 and with another one in the other direction. The firmware takes it nevertheless (D-680).
+    pub(super) fn is_odd_window(&self, module: &Module) -> bool {
+        let has_both = self.modules.iter().filter(|module| module.is_window()).count() == 2;
+        module.is_window() && (!module.is_consistent || module.form != 0 || !has_both)
     }
 
     /// Whether it has any output: without one nothing happens on CAN (p. 32).

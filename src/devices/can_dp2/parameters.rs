@@ -24,9 +24,6 @@ const DEFAULTS: [u8; LENGTH] = {
     octets
 };
 
-/// SYNC time that means the one that is stored (p. 30).
-const SYNC_STORED: u16 = 0xFFFF;
-
 /// What is wrong with an octet of Set_Prm (p. 20-21).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct PrmFault {
@@ -34,7 +31,7 @@ pub(super) struct PrmFault {
     pub number: u8,
     /// The right value.
     pub right: u8,
-    /// It asks for a function that the device does not have, and is not wrong otherwise.
+    /// The telegram asks for Freeze or Sync, which the device does not have (p. 10, 17), whatever else is wrong.
     pub is_unsupported: bool,
 }
 
@@ -49,6 +46,37 @@ pub(super) enum Role {
     Slave(u8),
 }
 
+/// Functions that a master can ask for and the device does not have (p. 10).
+const UNSUPPORTED: u8 = status::FREEZE_REQ | status::SYNC_REQ;
+
+/// Bits of the first flags that the manual does not use (p. 28).
+const UNUSED_FLAGS: u8 = 0x60;
+
+/// The right value of octet `number`, if what stands there is wrong. The octets up to it are there.
+fn right_octet(octets: &[u8], number: usize) -> Option<u8> {
+    let octet = octets[number];
+    let right = match number {
+        0 => octet & !UNSUPPORTED,
+        // A watchdog that is on has factors.
+        1 | 2 if octets[0] & status::WD_ON != 0 => octet.max(1),
+        4 => IDENT[0],
+        5 => IDENT[1],
+        7 | 12 => 0,
+        8 if usize::from(octet) >= BIT_RATES.len() => DEFAULTS[8],
+        // Slave and master at once is no combination of the manual (p. 29).
+        9 => {
+            let both = flags_1::CANOPEN_MASTER | flags_1::CANOPEN_SLAVE;
+            let too_much = if octet & both == both { flags_1::CANOPEN_MASTER } else { 0 };
+            octet & !(UNUSED_FLAGS | too_much)
+        }
+        // A number counts for a slave only (D-375).
+        10 if octet > 127 || octets[9] & flags_1::CANOPEN_SLAVE != 0 && octet == 0 => DEFAULTS[10],
+        11 => octet & (flags_2::CAN_DIAGNOSIS | flags_2::RX_COUNTER | flags_2::TX_COUNTER),
+        _ => octet,
+    };
+    (octet != right).then_some(right)
+}
+
 /// Good parameters.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Parameters {
@@ -57,52 +85,22 @@ pub(super) struct Parameters {
 }
 
 impl Parameters {
-    /// Looks at the octets of a Set_Prm, from the first one on; the first that is wrong counts.
+    /// Judges the octets of a Set_Prm. A wrong ident number counts first, since the telegram is for another device; then the first wrong
+    /// octet from the front, of which a missing one or one too many is the last (D-375).
     pub(super) fn parse(octets: &[u8]) -> Result<Self, PrmFault> {
-        let wrong =
-            |number: usize, right: u8| PrmFault { number: number as u8, right, is_unsupported: false };
-        let taken: [u8; LENGTH] = match octets.len() {
-            LENGTH => octets.try_into().unwrap_or(DEFAULTS),
-            // D-375: the first octet that is not there, or there too much.
-            short @ 0..LENGTH => return Err(wrong(short, DEFAULTS[short])),
-            _ => return Err(wrong(LENGTH, 0)),
-        };
-        let it = Parameters { octets: taken };
-        let has_watchdog = taken[0] & status::WD_ON != 0;
-        let unused = |number: usize, bits: u8| {
-            (taken[number] & bits != 0).then(|| wrong(number, taken[number] & !bits))
-        };
-        let unsupported = status::FREEZE_REQ | status::SYNC_REQ;
-        if taken[0] & unsupported != 0 {
-            return Err(PrmFault { is_unsupported: true, ..wrong(0, taken[0] & !unsupported) });
+        let is_unsupported = octets.first().is_some_and(|status| status & UNSUPPORTED != 0);
+        let fault = |(number, right): (usize, u8)| PrmFault { number: number as u8, right, is_unsupported };
+        let wrong = |number: usize| right_octet(octets, number).map(|right| (number, right));
+        let places = [4, 5].into_iter().chain(0..octets.len().min(LENGTH));
+        if let Some(found) = places.filter(|number| *number < octets.len()).find_map(wrong) {
+            return Err(fault(found));
         }
-        if let Some(number) = [1, 2].into_iter().find(|number| has_watchdog && taken[*number] == 0) {
-            return Err(wrong(number, 1));
-        }
-        for (number, right) in [(4, IDENT[0]), (5, IDENT[1]), (7, 0)] {
-            if taken[number] != right {
-                return Err(wrong(number, right));
+        match <[u8; LENGTH]>::try_from(octets) {
+            Ok(octets) => Ok(Parameters { octets }),
+            Err(_) => {
+                let number = octets.len().min(LENGTH);
+                Err(fault((number, DEFAULTS.get(number).copied().unwrap_or(0))))
             }
-        }
-        if usize::from(taken[8]) >= BIT_RATES.len() {
-            return Err(wrong(8, DEFAULTS[8]));
-        }
-        // Slave and master at once is no combination of the manual (p. 29).
-        let both = flags_1::CANOPEN_MASTER | flags_1::CANOPEN_SLAVE;
-        let never = 0x60;
-        let too_much = if taken[9] & both == both { never | flags_1::CANOPEN_MASTER } else { never };
-        if let Some(fault) = unused(9, too_much) {
-            return Err(fault);
-        }
-        // A number counts for a slave only (D-375).
-        let is_slave = taken[9] & flags_1::CANOPEN_SLAVE != 0;
-        if taken[10] > 127 || is_slave && taken[10] == 0 {
-            return Err(wrong(10, DEFAULTS[10]));
-        }
-        let known = flags_2::CAN_DIAGNOSIS | flags_2::RX_COUNTER | flags_2::TX_COUNTER;
-        match unused(11, !known).or_else(|| unused(12, 0xFF)) {
-            Some(fault) => Err(fault),
-            None => Ok(it),
         }
     }
 
@@ -185,9 +183,9 @@ impl Parameters {
         Some(self.octets[13]).filter(|time| *time != wakeup_time::STORED)
     }
 
-    /// SYNC time in ms; none: the one that is stored.
-    pub(super) fn sync_ms(&self) -> Option<u16> {
-        Some(u16::from_be_bytes([self.octets[14], self.octets[15]])).filter(|time| *time != SYNC_STORED)
+    /// SYNC time in ms; 16#FFFF: the one that is stored.
+    pub(super) fn sync_ms(&self) -> u16 {
+        u16::from_be_bytes([self.octets[14], self.octets[15]])
     }
 }
 
@@ -230,9 +228,9 @@ mod tests {
     #[test]
     fn times_that_are_stored_are_none() {
         let defaults = Parameters::parse(&DEFAULTS).unwrap();
-        assert_eq!((defaults.wakeup_s(), defaults.sync_ms()), (None, None));
+        assert_eq!((defaults.wakeup_s(), defaults.sync_ms()), (None, 0xFFFF));
         assert_eq!(with(13, 254).unwrap().wakeup_s(), Some(254));
-        assert_eq!(with(14, 2).unwrap().sync_ms(), Some(0x2FF));
+        assert_eq!(with(14, 2).unwrap().sync_ms(), 0x2FF);
         assert_eq!((defaults.watchdog_us(), with(0, 0x80).unwrap().watchdog_us()), (Some(100_000), None));
     }
 
@@ -262,6 +260,33 @@ mod tests {
         let mut slave = DEFAULTS;
         (slave[9], slave[10]) = (8, 0);
         assert_eq!(Parameters::parse(&slave).map_err(|fault| fault.number), Err(10));
+    }
+
+    /// P. 17, 20: the ident number of another device is named whatever else is wrong, and Freeze or Sync sets its bit besides.
+    #[test]
+    fn parameters_of_another_device_name_the_ident_number() {
+        let fault = |octets: &[u8]| {
+            Parameters::parse(octets).map_err(|fault| (fault.number, fault.right, fault.is_unsupported))
+        };
+        let others = [0x88, 1, 10, 11, 0x80, 0x1D, 0, 0xC0, 0x60];
+        // Shorter than a good one, as long, and longer.
+        for length in [7, 9, 16, 30] {
+            let mut octets = others.to_vec();
+            octets.resize(length, 0xFF);
+            assert_eq!(fault(&octets), Err((4, 4, false)), "{length} octets");
+            octets[0] |= 0x30;
+            assert_eq!(fault(&octets), Err((4, 4, true)), "{length} octets with Freeze and Sync");
+            (octets[4], octets[2]) = (4, 0);
+            assert_eq!(fault(&octets), Err((5, 0xA4, true)), "{length} octets of the same manufacturer");
+        }
+        // A wrong octet comes before one that is missing or too many.
+        let mut long = [&DEFAULTS[..], &[0; 4]].concat();
+        assert_eq!(fault(&long), Err((16, 0, false)));
+        long[8] = 14;
+        assert_eq!(fault(&long), Err((8, 6, false)));
+        long[0] |= 0x20;
+        assert_eq!(fault(&long), Err((0, 0x88, true)));
+        assert_eq!(fault(&long[..12]), Err((0, 0x88, true)));
     }
 
     #[test]

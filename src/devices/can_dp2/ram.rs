@@ -10,6 +10,9 @@ use super::registers::{
 use crate::can::Id;
 use crate::memory::{Cell8, Cell32, Face, MemoryError, Segment, View};
 
+/// SYNC time that means the one that is stored (p. 30).
+const SYNC_STORED: u16 = 0xFFFF;
+
 /// What the gateway's firmware finds in the image.
 pub(super) struct Registers {
     pub prm: View<CAN_DP2_PRM>,
@@ -107,9 +110,17 @@ impl Registers {
         if let Some(time) = parameters.wakeup_s() {
             self.stored.stored_wakeup_time.store(time);
         }
-        if let Some(time) = parameters.sync_ms() {
+        self.set_sync_time(parameters.sync_ms());
+    }
+
+    /// A SYNC time in ms by parameters, by the comment of a window or by command 20: the last one counts, and 16#FFFF leaves the
+    /// one that is stored (p. 30, 39, 44; D-385). Returns true if it is taken.
+    pub(super) fn set_sync_time(&self, time: u16) -> bool {
+        let is_taken = time != SYNC_STORED;
+        if is_taken {
             self.stored.stored_sync_time.store(time);
         }
+        is_taken
     }
 
     /// This configuration is in force; inputs and outputs begin at 0.
@@ -123,7 +134,7 @@ impl Registers {
         fill(&self.inputs.inputs, &[]);
         fill(&self.outputs.outputs, &[]);
         if let Some(time) = sync_ms {
-            self.stored.stored_sync_time.store(*time);
+            self.set_sync_time(*time);
         }
         for number in 0..MODULES {
             let (cells, module) = (&self.cfg.module[number], modules.get(number));

@@ -21,4 +21,10 @@ rules! {
         "A configuration has no output, so the gateway does nothing on CAN. Add one, if need be one without CAN (16#07F8).";
     RX_TWICE: 86, "dp-rx-twice", Warning, "CAN-DP/2 rev. 1.1 p. 35",
         "Two inputs of a configuration have the same identifier, so the earlier one never changes. Give each identifier one input.";
+    WINDOW: 109, "dp-window", Error, "CAN-DP/2 rev. 1.1 p. 38-39; D-680",
+        "A module of the Communication Window (the value is its number) is not as the manual has it. Give the window one module each \
+         way, 16 bytes long, consistent over the whole length, with the identifier FF EF and the format byte 00.";
+    ADDRESS: 110, "dp-address", Error, "CAN-DP/2 rev. 1.1 p. 9, 26",
+        "Another station of the segment answers at the same address (the value), so both answer at once and no master understands \
+         either. Set the switches of each gateway to an address of its own; they count at power-on.";
 }

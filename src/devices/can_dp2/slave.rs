@@ -10,7 +10,9 @@ use super::registers::values::{station_status_1 as status_1, station_status_2 as
 use super::registers::{CAN_DP2_CFG, CAN_DP2_MODULE, CFG, OUTPUTS};
 use super::rules;
 use crate::journal::Rule;
-use crate::profibus::{Answer, BROADCAST, Frame, MIN_TSDR_BITS, Reaction, Responder, Telegram};
+use crate::profibus::{
+    Answer, BROADCAST, Frame, FunctionCode, MIN_TSDR_BITS, Reaction, Request, Responder, Telegram,
+};
 use core::mem::offset_of;
 use serde::{Deserialize, Serialize};
 
@@ -74,6 +76,22 @@ impl Slave {
 
     pub(super) fn state(&self) -> u8 {
         self.state
+    }
+
+    /// Its address.
+    pub(super) fn address(&self) -> u8 {
+        self.responder.address()
+    }
+
+    /// Its state in one word.
+    pub(super) fn does(&self) -> &'static str {
+        match self.state {
+            dp_state::BAUD_SEARCH => "baud_search",
+            dp_state::BAUD_CONTROL => "baud_control",
+            dp_state::WAIT_PRM => "wait_prm",
+            dp_state::WAIT_CFG => "wait_cfg",
+            _ => "data_exchange",
+        }
     }
 
     /// What has happened since the last call.
@@ -147,7 +165,7 @@ impl Slave {
             }
             Reaction::Told(frame) => {
                 self.feed(frame.sa, now);
-                self.control(&frame, gateway, registers);
+                self.control(&frame, now, gateway, registers);
                 None
             }
             Reaction::Asked(frame) => {
@@ -182,8 +200,12 @@ impl Slave {
 
     fn asked(&mut self, frame: &Frame, now: u64, gateway: &mut Gateway, registers: &Registers) -> Telegram {
         let is_exchanging = self.state == dp_state::DATA_EXCHANGE;
+        // A DP slave knows no service that is acknowledged without data (D-679).
+        if matches!(FunctionCode::parse(frame.fc), FunctionCode::Request { request: Request::Sda, .. }) {
+            return self.refusal(frame);
+        }
         match frame.dsap.unwrap_or(mst_dsap::DATA_EXCHANGE) {
-            mst_dsap::DATA_EXCHANGE => self.exchange(frame, gateway, registers),
+            mst_dsap::DATA_EXCHANGE => self.exchange(frame, now, gateway, registers),
             mst_dsap::SLAVE_DIAG => {
                 let diagnosis = self.diagnosis(gateway, frame.sa);
                 if self.master == Some(frame.sa) {
@@ -214,22 +236,32 @@ impl Slave {
         }
     }
 
-    fn exchange(&mut self, frame: &Frame, gateway: &mut Gateway, registers: &Registers) -> Telegram {
+    fn exchange(
+        &mut self,
+        frame: &Frame,
+        now: u64,
+        gateway: &mut Gateway,
+        registers: &Registers,
+    ) -> Telegram {
         if self.state != dp_state::DATA_EXCHANGE || self.master != Some(frame.sa) {
             return self.refusal(frame);
         }
-        let outputs = match frame.data.len() {
+        match frame.data.len() {
             // D-387: nothing where there should be something clears the outputs.
-            0 => vec![0; self.configuration.outputs],
-            length if length == self.configuration.outputs => frame.data.clone(),
+            0 => {
+                registers.set_outputs(&[]);
+                gateway.cleared(now);
+            }
+            length if length == self.configuration.outputs => {
+                registers.set_outputs(&frame.data);
+                gateway.exchanged(&frame.data, now);
+            }
             length => {
                 self.news.push(News::Found(&rules::OUTPUT_LENGTH, OUTPUTS, length as u32));
                 self.leave(gateway, registers);
                 return self.refusal(frame);
             }
-        };
-        registers.set_outputs(&outputs);
-        gateway.exchanged(&outputs);
+        }
         self.look(gateway);
         self.data(frame, registers.inputs(self.configuration.inputs))
     }
@@ -290,29 +322,34 @@ impl Slave {
         }
     }
 
-    /// What is no fault of a configuration, and hardly wanted (p. 32, 35).
+    /// What is no fault of a configuration, and hardly wanted (p. 32, 35, 39).
     fn judge(&mut self, configuration: &Configuration) {
         if !configuration.has_output() {
             let at = CFG + offset_of!(CAN_DP2_CFG, output_len);
             self.news.push(News::Found(&rules::NO_OUTPUT, at, 0));
         }
         let is_frozen = |module: &Module| matches!(module.kind, Kind::Input { is_frozen: true, .. });
-        if let Some(number) = configuration.modules.iter().position(is_frozen) {
+        let wrong_window =
+            configuration.modules.iter().position(|module| configuration.is_odd_window(module));
+        for (rule, found) in [
+            (&rules::RX_TWICE, configuration.modules.iter().position(is_frozen)),
+            (&rules::WINDOW, wrong_window),
+        ] {
+            let Some(number) = found else { continue };
             let at = CFG + offset_of!(CAN_DP2_CFG, module) + number * size_of::<CAN_DP2_MODULE>();
-            self.news.push(News::Found(&rules::RX_TWICE, at, number as u32));
+            self.news.push(News::Found(rule, at, number as u32));
         }
     }
 
     /// Global_Control: only Clear_Data counts (p. 10; D-387).
-    fn control(&mut self, frame: &Frame, gateway: &mut Gateway, registers: &Registers) {
+    fn control(&mut self, frame: &Frame, now: u64, gateway: &mut Gateway, registers: &Registers) {
         let &[command, group, ..] = frame.data.as_slice() else { return };
         let Some(parameters) = &self.parameters else { return };
         let is_meant = group == 0 || parameters.octets[6] & group != 0;
         let is_its = frame.dsap == Some(mst_dsap::GLOBAL_CONTROL) && self.master == Some(frame.sa);
         if is_its && is_meant && command & CLEAR_DATA != 0 && self.state == dp_state::DATA_EXCHANGE {
-            let outputs = vec![0; self.configuration.outputs];
-            registers.set_outputs(&outputs);
-            gateway.exchanged(&outputs);
+            registers.set_outputs(&[]);
+            gateway.cleared(now);
         }
     }
 

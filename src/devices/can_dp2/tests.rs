@@ -9,6 +9,7 @@ mod exchange;
 mod foreign;
 mod guests;
 mod paging;
+mod ring;
 mod rules;
 mod states;
 

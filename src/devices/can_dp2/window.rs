@@ -49,6 +49,8 @@ pub(super) struct Window {
     is_reading: bool,
     /// What the DP master reads.
     shown: [u8; WINDOW],
+    /// A frame that is shown since the last data exchange, so that the DP master has not read it.
+    unread: Option<Frame>,
 }
 
 /// The identifier in the first four bytes, low word first (p. 40).
@@ -103,16 +105,20 @@ impl Window {
         self.shown[4..12].fill(0);
         self.shown[4..].iter_mut().zip(data.data()).for_each(|(to, from)| *to = *from);
         self.shown[12] = data.data().len() as u8;
+        self.unread = Some(frame);
     }
 
     /// The DP master has written its window. An order is one whose loop counter is another than the last one's (p. 42, 45-46; D-382).
     pub(super) fn written(&mut self, window: &[u8; WINDOW]) -> Order {
         let &[id0, id1, id2, id3, d0, d1, d2, d3, d4, d5, d6, d7, length, counter, sub_command, command] =
             window;
+        let unread = self.unread.take();
         if counter == self.counter {
             return Order::Nothing;
         }
         self.counter = counter;
+        // It would be lost otherwise (p. 43).
+        unread.into_iter().for_each(|frame| self.fifo.push_front(frame));
         self.is_reading = false;
         self.shown = [0; WINDOW];
         (self.shown[0], self.shown[1]) = (NOTHING, NOTHING);
@@ -144,6 +150,8 @@ impl Window {
             _ => Order::Nothing,
         };
         self.show_next();
+        // The answer to this data exchange brings it.
+        self.unread = None;
         order
     }
 
@@ -209,6 +217,28 @@ mod tests {
         }
         window.written(&order([0; 4], [0; 8], 0, window.counter.wrapping_add(1), 3));
         assert_eq!(window.shown()[..2], [0xEE, 0xEE]);
+    }
+
+    /// P. 43: no frame is lost while the PLC reads faster than frames come, whatever orders it gives meanwhile.
+    #[test]
+    fn a_frame_that_no_exchange_has_fetched_stays() {
+        let mut window = Window::default();
+        let reads = |counter| order([0; 4], [0; 8], 0, counter, 3);
+        window.written(&reads(1));
+        assert!(window.received(frame(0x181, &[1])) && window.received(frame(0x181, &[2])));
+        assert_eq!((window.shown()[4], window.waiting()), (1, 1));
+        window.written(&order([0; 4], [0; 8], 0, 2, 0));
+        assert_eq!((window.shown()[0], window.waiting()), (0xEE, 2), "nobody has read the first one");
+        window.written(&reads(3));
+        assert_eq!((window.shown()[4], window.waiting()), (1, 1));
+        window.written(&reads(4));
+        assert_eq!((window.shown()[4], window.waiting()), (2, 0), "this one came with an answer");
+        // An exchange without a new order fetches it, too.
+        window.written(&reads(5));
+        assert!(window.received(frame(0x181, &[3])));
+        window.written(&reads(5));
+        window.written(&reads(6));
+        assert_eq!((window.shown()[0], window.waiting()), (0xEE, 0));
     }
 
     #[test]

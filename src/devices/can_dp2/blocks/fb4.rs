@@ -18,18 +18,30 @@ const NOTHING: [u8; 2] = [0xEE; 2];
 /// There is no window at one of the addresses; ours.
 const NO_WINDOW: u16 = 1;
 
-/// A transfer.
+/// An order by the window.
 #[derive(Clone, Debug, Default)]
-pub struct Transfer {
+pub(super) struct Transfer {
     /// The counter that it waits for.
     waits_for: Option<u8>,
-    /// It is over, and FREIGABE has not been taken away since.
-    is_over: bool,
     /// The counter of a command 3 that has brought nothing yet: what comes is shown under it.
     reads: Option<u8>,
+    /// What has come under such a counter and was not asked for yet.
+    found: Option<[u8; WINDOW]>,
 }
 
 impl Transfer {
+    /// Gives up waiting.
+    fn abandon(&mut self) {
+        self.waits_for = None;
+    }
+
+    /// Keeps a frame that a command 3 has brought late: the next order would replace it.
+    fn look(&mut self, window: [u8; WINDOW]) {
+        if self.reads == Some(window[COUNTER]) && !window.starts_with(&NOTHING) {
+            (self.found, self.reads) = (Some(window), None);
+        }
+    }
+
     /// A call: the window that came back for `order`, once. The order is given with the next counter; `Err` if there is no window there.
     pub(super) fn call(
         &mut self,
@@ -38,11 +50,12 @@ impl Transfer {
         mut order: [u8; WINDOW],
     ) -> Result<Option<[u8; WINDOW]>, ()> {
         let window: [u8; WINDOW] = peripherals.read(read).ok_or(())?;
+        self.look(window);
+        let is_reading = order[WINDOW - 1] == RECEIVE;
         match self.waits_for {
             Some(counter) if counter == window[COUNTER] => self.waits_for = None,
             Some(_) => return Ok(None),
-            // Another order would drop what has come meanwhile.
-            None if order[WINDOW - 1] == RECEIVE && self.reads == Some(window[COUNTER]) => {}
+            None if is_reading && self.found.is_some() => return Ok(self.found.take()),
             None => {
                 order[COUNTER] = window[COUNTER].wrapping_add(1);
                 if !peripherals.write(write, &order) {
@@ -52,21 +65,48 @@ impl Transfer {
                 return Ok(None);
             }
         }
-        let has_nothing = order[WINDOW - 1] == RECEIVE && window.starts_with(&NOTHING);
-        self.reads = has_nothing.then_some(window[COUNTER]);
-        Ok(Some(window))
+        let has_nothing = window.starts_with(&NOTHING);
+        self.reads = (is_reading && has_nothing).then_some(window[COUNTER]);
+        if !is_reading {
+            return Ok(Some(window));
+        }
+        // What came late came first.
+        let first = self.found.take();
+        if first.is_some() && !has_nothing {
+            self.found = Some(window);
+        }
+        Ok(Some(first.unwrap_or(window)))
     }
 }
 
+/// Where a transfer of FB4 is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum Step {
+    /// It gives the order.
+    #[default]
+    Write,
+    /// It reads a frame.
+    Read,
+    /// FREIGABE has to become FALSE.
+    Over,
+}
+
+/// A pulse of FREIGABE.
+#[derive(Clone, Debug, Default)]
+pub struct Pulse {
+    step: Step,
+    transfer: Transfer,
+}
+
 function_block! {
-    /// Gives one order by the Communication Window and fetches what it shows (p. 78-81). One pulse of FREIGABE is one transfer.
+    /// Gives an order by the Communication Window, then reads a frame by command 3 (p. 77-80). One pulse of FREIGABE is one transfer.
     pub struct FB4(peripherals: Shared<Peripherals>) {
         in {
             /// Begins a transfer; FALSE: the next one can begin.
             FREIGABE: bool;
-            /// Gives the order; FALSE: an order that does nothing.
+            /// Gives the order of WRITE_COMMAND.
             WRITE_ENABLE: bool;
-            /// Fetches what comes back.
+            /// Reads a frame afterwards by command 3, which the block gives by itself.
             READ_ENABLE: bool;
             /// Identifier, of 11 bits.
             WRITE_CAN_ID: u16;
@@ -129,7 +169,7 @@ function_block! {
             /// 0: good; 1: there is no window at WRITE_ADDRESS (D-469).
             WRITE_RET_VAL: u16;
         }
-        internal: Transfer;
+        internal: Pulse;
     }
 }
 
@@ -138,14 +178,60 @@ impl FB4 {
     pub fn call(&mut self, peripherals: &mut Peripherals) {
         if !self.FREIGABE {
             self.TRANSFER_READY = false;
-            (self.internal.waits_for, self.internal.is_over) = (None, false);
+            self.internal.step = Step::Write;
+            self.internal.transfer.abandon();
             return;
         }
-        if self.internal.is_over {
+        if self.internal.step == Step::Write {
+            self.write(peripherals);
+        }
+        if self.internal.step == Step::Read {
+            self.read(peripherals);
+        }
+        self.TRANSFER_READY = self.internal.step == Step::Over;
+    }
+
+    /// Gives the order, if there is one besides reading.
+    fn write(&mut self, peripherals: &mut Peripherals) {
+        let only_reads = self.READ_ENABLE && (!self.WRITE_ENABLE || self.WRITE_COMMAND == RECEIVE);
+        if only_reads {
+            self.internal.step = Step::Read;
             return;
         }
+        let order = if self.WRITE_ENABLE { self.order(self.WRITE_COMMAND) } else { [0; WINDOW] };
+        if self.transfer(peripherals, order).is_some() {
+            self.internal.step = if self.READ_ENABLE { Step::Read } else { Step::Over };
+        }
+    }
+
+    /// Reads a frame.
+    fn read(&mut self, peripherals: &mut Peripherals) {
+        let Some(window) = self.transfer(peripherals, self.order(RECEIVE)) else { return };
+        let [id0, id1, _, _, d0, d1, d2, d3, d4, d5, d6, d7, length, _, fourteen, fifteen] = window;
+        self.READ_CAN_ID = u16::from_be_bytes([id0, id1]);
+        (self.READ_DATA0, self.READ_DATA1, self.READ_DATA2, self.READ_DATA3) = (d0, d1, d2, d3);
+        (self.READ_DATA4, self.READ_DATA5, self.READ_DATA6, self.READ_DATA7) = (d4, d5, d6, d7);
+        (self.READ_LEN, self.READ_FIFO_COUNT, self.READ_COMMAND) = (length, fourteen, fifteen);
+        self.internal.step = Step::Over;
+    }
+
+    /// A call of an order: the window that came back for it, once. Without a window at the addresses the transfer is over.
+    fn transfer(&mut self, peripherals: &mut Peripherals, order: [u8; WINDOW]) -> Option<[u8; WINDOW]> {
+        let has_inputs = peripherals.read::<WINDOW>(self.READ_ADDRESS).is_some();
+        let addresses = (self.WRITE_ADDRESS, self.READ_ADDRESS);
+        let answer = self.internal.transfer.call(peripherals, addresses, order);
+        self.READ_RET_VAL = if has_inputs { 0 } else { NO_WINDOW };
+        self.WRITE_RET_VAL = if answer.is_err() && has_inputs { NO_WINDOW } else { 0 };
+        if answer.is_err() {
+            self.internal.step = Step::Over;
+        }
+        answer.unwrap_or(None)
+    }
+
+    /// The order of the pins with this command.
+    fn order(&self, command: u8) -> [u8; WINDOW] {
         let [high, low] = self.WRITE_CAN_ID.to_be_bytes();
-        let order = [
+        [
             high,
             low,
             0,
@@ -161,26 +247,7 @@ impl FB4 {
             self.WRITE_LEN,
             0,
             self.WRITE_SUBCOMMAND,
-            self.WRITE_COMMAND,
-        ];
-        let order = if self.WRITE_ENABLE { order } else { [0; WINDOW] };
-        let has_inputs = peripherals.read::<WINDOW>(self.READ_ADDRESS).is_some();
-        let answer = self.internal.call(peripherals, (self.WRITE_ADDRESS, self.READ_ADDRESS), order);
-        let is_wrong = answer.is_err();
-        self.READ_RET_VAL = if has_inputs { 0 } else { NO_WINDOW };
-        self.WRITE_RET_VAL = if is_wrong && has_inputs { NO_WINDOW } else { 0 };
-        let Ok(Some(window)) = answer else {
-            self.internal.is_over = is_wrong;
-            self.TRANSFER_READY = is_wrong;
-            return;
-        };
-        (self.internal.is_over, self.TRANSFER_READY) = (true, true);
-        if self.READ_ENABLE {
-            let [id0, id1, _, _, d0, d1, d2, d3, d4, d5, d6, d7, length, _, fourteen, fifteen] = window;
-            self.READ_CAN_ID = u16::from_be_bytes([id0, id1]);
-            (self.READ_DATA0, self.READ_DATA1, self.READ_DATA2, self.READ_DATA3) = (d0, d1, d2, d3);
-            (self.READ_DATA4, self.READ_DATA5, self.READ_DATA6, self.READ_DATA7) = (d4, d5, d6, d7);
-            (self.READ_LEN, self.READ_FIFO_COUNT, self.READ_COMMAND) = (length, fourteen, fifteen);
-        }
+            command,
+        ]
     }
 }

@@ -8,18 +8,19 @@ use crate::devices::can_dp2::registers::values::can_state;
 use crate::devices::canopen::nmt::Command;
 
 impl Gateway {
-    /// P. 42, 44: the last time that was set counts. Only a master has one here; 16#FFFF is none.
+    /// Command 20 sets a SYNC time, which counts from now on (p. 42, 44).
     pub(super) fn set_sync_time(&mut self, time: u16) {
-        let is_master = self.setup.as_ref().is_some_and(|setup| setup.parameters.role() == Role::Master);
-        if is_master && time != u16::MAX {
-            self.registers.stored.stored_sync_time.store(time);
+        if self.registers.set_sync_time(time) {
             self.sync_at = None;
         }
     }
 
-    /// All outputs go out, then everything that its inputs bring is asked for (p. 29).
+    /// All outputs go out, then everything that its inputs bring is asked for (p. 29). Without outputs there is nothing to send yet.
     pub(super) fn send_all(&mut self, now: u64) {
         let Some(Setup { parameters, configuration, outputs, .. }) = &self.setup else { return };
+        if !self.has_outputs {
+            return;
+        }
         let of_outputs = configuration.modules.iter().filter_map(|module| match module.kind {
             Kind::Output { id, .. } => {
                 frame(id, module, outputs.get(module.range())?, parameters.has_tx_counter())
@@ -72,15 +73,38 @@ impl Gateway {
         self.show();
     }
 
-    /// SYNC objects come at the time that is stored as long as a master works (D-385).
-    pub(in crate::devices::can_dp2) fn plan_sync(&mut self, now: u64) {
+    /// The time between SYNC objects in us, while a master works and has outputs (D-385).
+    fn sync_us(&self) -> Option<u64> {
         let is_master = self.setup.as_ref().is_some_and(|setup| setup.parameters.role() == Role::Master);
         let time = self.registers.stored.stored_sync_time.load();
-        let runs = is_master && self.is_exchanging && self.state == can_state::WORKING && time != 0;
-        match (runs, self.sync_at) {
-            (true, None) => self.sync_at = Some(now + u64::from(time) * 1000),
-            (false, Some(_)) => self.sync_at = None,
+        let runs = is_master && self.has_outputs && self.state == can_state::WORKING && time != 0;
+        runs.then(|| u64::from(time) * 1000)
+    }
+
+    /// Plans the next SYNC object, if it is to come and none waits.
+    pub(in crate::devices::can_dp2) fn plan_sync(&mut self, now: u64) {
+        match (self.sync_us(), self.sync_at) {
+            (Some(time), None) if !self.sync_waits => self.sync_at = Some(now + time),
+            (None, Some(_)) => self.sync_at = None,
             _ => {}
         }
+    }
+
+    /// Sends a SYNC object that is due, behind the frames of the data exchange before it (p. 44). While one waits no other one
+    /// comes: the time begins anew when that one has gone out (D-676).
+    pub(super) fn sync(&mut self, now: u64) {
+        let Some(at) = self.sync_at.filter(|at| *at <= now) else { return };
+        if self.sync_waits {
+            self.sync_at = None;
+            return;
+        }
+        self.sync_waits = self.has_room();
+        self.push(Frame::standard(SYNC, Payload::EMPTY));
+        self.sync_at = self.sync_us().map(|time| at + time);
+    }
+
+    /// A frame has gone out.
+    pub(in crate::devices::can_dp2) fn sent(&mut self, sent: &Frame) {
+        self.sync_waits &= *sent != Frame::standard(SYNC, Payload::EMPTY);
     }
 }

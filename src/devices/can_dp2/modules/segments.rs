@@ -19,8 +19,7 @@ impl Configuration {
     /// All modules are there: the rules of p. 54. A Communication Window is the last of each way; figure 6.4.2 has it
     /// without its identifier.
     pub(super) fn close_pages(&mut self, parameters: &Parameters) -> Result<(), CfgFault> {
-        let is_window = |module: &Module| matches!(module.kind, Kind::WindowInput | Kind::WindowOutput);
-        let has_window = self.modules.iter().any(is_window);
+        let has_window = self.modules.iter().any(Module::is_window);
         if let [.., one, other] = &mut self.modules[..]
             && parameters.has_window()
             && !has_window
@@ -36,7 +35,7 @@ impl Configuration {
         let wrong = |module: usize, error| CfgFault { module: module as u8, error };
         let numbered = || self.modules.iter().enumerate();
         let is_segment = |module: &Module| matches!(module.kind, Kind::PageInput | Kind::PageOutput);
-        if let Some((early, _)) = numbered().find(|(_, module)| is_window(module))
+        if let Some((early, _)) = numbered().find(|(_, module)| module.is_window())
             && numbered().skip(early).any(|(_, module)| is_segment(module))
         {
             return Err(wrong(early, CfgError::Identifier));

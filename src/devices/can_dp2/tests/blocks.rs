@@ -70,33 +70,49 @@ impl Plc {
 
 const WINDOWS: [u8; 10] = [0x83, 0x8F, 0xFF, 0xEF, 0, 0x43, 0x8F, 0xFF, 0xEF, 0];
 
-/// One transfer: the block afterwards.
-fn transfer(plc: &mut Plc, mut block: FB4) -> FB4 {
-    (block.FREIGABE, block.WRITE_ENABLE, block.READ_ENABLE) = (true, true, true);
+/// One transfer of the block.
+fn transfer(plc: &mut Plc, block: &mut FB4) {
+    block.FREIGABE = false;
+    block.call(&mut plc.peripherals);
+    (block.FREIGABE, block.WRITE_ENABLE) = (true, true);
     for _ in 0..100 {
         plc.cycle(|_, peripherals| block.call(peripherals));
         if block.TRANSFER_READY {
-            return block;
+            return;
         }
     }
     panic!("no end of the transfer");
 }
 
-/// The orders of p. 77-79: the start frame, an identifier that is received, what it brings.
+/// The orders of p. 77-79: the start frame, an identifier that is received, what it brings. READ_ENABLE reads by itself, with
+/// every order, and FREIGABE alone with none.
 #[test]
 fn fb4_gives_orders_by_the_window() {
+    for command in [4, 3, 0] {
+        let mut plc = Plc::new(0x80, &WINDOWS, 16);
+        let mut block =
+            FB4 { READ_ENABLE: true, WRITE_DATA0: 1, WRITE_LEN: 2, WRITE_COMMAND: 1, ..Default::default() };
+        transfer(&mut plc, &mut block);
+        assert_eq!((block.READ_RET_VAL, block.WRITE_RET_VAL, block.READ_CAN_ID), (0, 0, 0xEEEE));
+        plc.run(10, |_, _| ());
+        assert_eq!(plc.bench.heard(), ["0: 01 00"]);
+        (block.WRITE_CAN_ID, block.WRITE_COMMAND) = (0x181, 4);
+        transfer(&mut plc, &mut block);
+        plc.run(6, |_, _| ());
+        plc.bench.send(data(0x181, &[1, 2, 3]));
+        plc.run(10, |_, _| ());
+        block.WRITE_COMMAND = command;
+        transfer(&mut plc, &mut block);
+        let read = (block.READ_CAN_ID, block.READ_LEN, block.READ_DATA2, block.READ_COMMAND);
+        assert_eq!(read, (0x181, 3, 3, 0));
+        transfer(&mut plc, &mut block);
+        assert_eq!(block.READ_CAN_ID, 0xEEEE, "it came once");
+    }
+}
+
+#[test]
+fn one_pulse_of_fb4_is_one_transfer() {
     let mut plc = Plc::new(0x80, &WINDOWS, 16);
-    let start = FB4 { WRITE_DATA0: 1, WRITE_LEN: 2, WRITE_COMMAND: 1, ..Default::default() };
-    let done = transfer(&mut plc, start);
-    assert_eq!((done.READ_RET_VAL, done.WRITE_RET_VAL, done.READ_CAN_ID), (0, 0, 0xEEEE));
-    plc.run(10, |_, _| ());
-    assert_eq!(plc.bench.heard(), ["0: 01 00"]);
-    transfer(&mut plc, FB4 { WRITE_CAN_ID: 0x181, WRITE_COMMAND: 4, ..Default::default() });
-    plc.run(6, |_, _| ());
-    plc.bench.send(data(0x181, &[1, 2, 3]));
-    plc.run(10, |_, _| ());
-    let read = transfer(&mut plc, FB4 { WRITE_COMMAND: 3, ..Default::default() });
-    assert_eq!((read.READ_CAN_ID, read.READ_LEN, read.READ_DATA2, read.READ_COMMAND), (0x181, 3, 3, 0));
     // One pulse of FREIGABE is one transfer: nothing more happens until it has been away.
     let mut again =
         FB4 { FREIGABE: true, WRITE_ENABLE: true, WRITE_LEN: 1, WRITE_COMMAND: 1, ..Default::default() };
@@ -111,20 +127,127 @@ fn fb4_gives_orders_by_the_window() {
 #[test]
 fn fb4_loses_nothing_while_it_reads() {
     let mut plc = Plc::new(0x80, &WINDOWS, 16);
-    transfer(&mut plc, FB4 { WRITE_CAN_ID: 0x181, WRITE_COMMAND: 4, ..Default::default() });
-    let mut read = FB4 { WRITE_ENABLE: true, READ_ENABLE: true, WRITE_COMMAND: 3, ..Default::default() };
-    let mut found = Vec::new();
-    for cycle in 0..300_u16 {
-        if cycle % 7 == 0 && cycle < 210 {
-            plc.bench.send(data(0x181, &cycle.to_be_bytes()));
+    let mut read = FB4 { WRITE_CAN_ID: 0x181, WRITE_COMMAND: 4, ..Default::default() };
+    transfer(&mut plc, &mut read);
+    read.READ_ENABLE = true;
+    for (command, gap) in [(3, 7_u16), (0, 13), (6, 17)] {
+        let mut found = Vec::new();
+        for cycle in 0..30 * gap + 100 {
+            if cycle % gap == 0 && cycle < 30 * gap {
+                plc.bench.send(data(0x181, &cycle.to_be_bytes()));
+            }
+            (read.FREIGABE, read.WRITE_COMMAND) = (!read.TRANSFER_READY, command);
+            plc.cycle(|_, peripherals| read.call(peripherals));
+            if read.TRANSFER_READY && read.READ_CAN_ID == 0x181 {
+                found.push(u16::from_be_bytes([read.READ_DATA0, read.READ_DATA1]));
+            }
         }
-        read.FREIGABE = !read.TRANSFER_READY;
-        plc.cycle(|_, peripherals| read.call(peripherals));
-        if read.TRANSFER_READY && read.READ_CAN_ID == 0x181 {
-            found.push(u16::from_be_bytes([read.READ_DATA0, read.READ_DATA1]));
-        }
+        let sent: Vec<u16> = (0..30).map(|number| number * gap).collect();
+        assert_eq!(found, sent, "with command {command}");
     }
-    assert_eq!(found, (0..30).map(|number| number * 7).collect::<Vec<u16>>());
+}
+
+/// The program of p. 77-80 with its flags: FB4 and what is around it.
+struct Example {
+    /// Flag bytes MB0 to MB17.
+    mb: [u8; 18],
+    /// M95.0 to M96.0: how many of the first orders are through.
+    orders: usize,
+    /// M99.6: the pulse of FREIGABE.
+    pulse: bool,
+    block: FB4,
+    /// DB92: 16 bytes for each identifier from 16#181 on.
+    db92: Vec<u8>,
+}
+
+impl Example {
+    fn new() -> Self {
+        Example { mb: [0; 18], orders: 0, pulse: false, block: FB4::default(), db92: vec![0; 16 * 128] }
+    }
+
+    fn mw(&self, at: usize) -> u16 {
+        u16::from_be_bytes([self.mb[at], self.mb[at + 1]])
+    }
+
+    /// Network 5: the next of the first orders (identifier, first two data bytes, length, command), then none.
+    fn order(&mut self) {
+        let enables = |id: u16| (id, 0_u16, 0, 4);
+        let orders = [
+            (0, 0, 0, 0),
+            (0, 0x100, 2, 1),
+            (0, 0x200, 0, 20),
+            enables(0x181),
+            enables(0x18A),
+            enables(0x183),
+            enables(0x184),
+            enables(0x187),
+            enables(0x188),
+        ];
+        let Some(&(id, first, length, command)) = orders.get(self.orders) else { return };
+        self.mb[..2].copy_from_slice(&id.to_be_bytes());
+        self.mb[4..6].copy_from_slice(&first.to_be_bytes());
+        (self.mb[12], self.mb[14], self.mb[15]) = (length, 0, command);
+    }
+
+    /// A PLC cycle: networks 5 and 6.
+    fn call(&mut self, peripherals: &mut Peripherals) {
+        self.order();
+        let block = &mut self.block;
+        (block.FREIGABE, block.WRITE_ENABLE, block.READ_ENABLE) = (self.pulse, true, true);
+        let mb = &mut self.mb;
+        block.WRITE_CAN_ID = u16::from_be_bytes([mb[0], mb[1]]);
+        let [.., d0, d1, d2, d3, d4, d5, d6, d7, _, _, _, _, _, _] = *mb;
+        (block.WRITE_DATA0, block.WRITE_DATA1, block.WRITE_DATA2, block.WRITE_DATA3) = (d0, d1, d2, d3);
+        (block.WRITE_DATA4, block.WRITE_DATA5, block.WRITE_DATA6, block.WRITE_DATA7) = (d4, d5, d6, d7);
+        (block.WRITE_LEN, block.WRITE_SUBCOMMAND, block.WRITE_COMMAND) = (mb[12], mb[14], mb[15]);
+        block.call(peripherals);
+        mb[..2].copy_from_slice(&block.READ_CAN_ID.to_be_bytes());
+        mb[4..12].copy_from_slice(&[
+            block.READ_DATA0,
+            block.READ_DATA1,
+            block.READ_DATA2,
+            block.READ_DATA3,
+            block.READ_DATA4,
+            block.READ_DATA5,
+            block.READ_DATA6,
+            block.READ_DATA7,
+        ]);
+        (mb[12], mb[14], mb[15]) = (block.READ_LEN, block.READ_FIFO_COUNT, block.READ_COMMAND);
+        // READ_RET_VAL lies over MB14 and MB15 there.
+        mb[14..16].copy_from_slice(&block.READ_RET_VAL.to_be_bytes());
+        let id = self.mw(0);
+        if (0x181..=0x1FF).contains(&id) {
+            let at = 16 * usize::from(id - 0x181);
+            self.db92[at..at + 2].copy_from_slice(&self.mb[..2]);
+            self.db92[at + 4..at + 16].copy_from_slice(&self.mb[4..16]);
+        }
+        if self.block.TRANSFER_READY {
+            self.orders += 1;
+        }
+        self.pulse = !self.block.TRANSFER_READY;
+    }
+}
+
+/// P. 77-80: the example starts the network, sets a SYNC time of 512 ms and enables identifiers; then it goes on with a command that is no
+/// order, and what comes stands in DB92. So READ_ENABLE has to read by itself.
+#[test]
+fn the_printed_example_of_fb4_receives() {
+    let mut plc = Plc::new(0x84, &WINDOWS, 16);
+    let mut example = Example::new();
+    plc.run(200, |_, peripherals| example.call(peripherals));
+    assert!(plc.bench.heard().contains(&"0: 01 00".to_owned()));
+    assert_eq!(plc.bench.registers.stored.stored_sync_time.load(), 512);
+    for (number, id) in (0_u8..).zip([0x181, 0x18A, 0x183, 0x184, 0x187, 0x188, 0x182, 0x181]) {
+        plc.bench.send(data(id, &[number, 0x55]));
+    }
+    plc.run(200, |_, peripherals| example.call(peripherals));
+    let entry = |id: usize| &example.db92[16 * (id - 0x181)..][..13];
+    for (number, id) in [(7, 0x181), (1, 0x18A), (2, 0x183), (3, 0x184), (4, 0x187), (5, 0x188)] {
+        let [_, low] = u16::to_be_bytes(id);
+        let expected = [1, low, 0, 0, number, 0x55, 0, 0, 0, 0, 0, 0, 2];
+        assert_eq!(entry(id.into()), expected, "16#{id:X}");
+    }
+    assert_eq!(entry(0x182), [0; 13], "it is not enabled");
 }
 
 /// An entry of a list (p. 84-85).

@@ -91,9 +91,10 @@ fn sync_times_by_the_window() {
     let cfg = [0x85, 0x8F, 0xFF, 0xEF, 0, 0, 20, 0x43, 0x8F, 0xFF, 0xEF, 0];
     bench.ask(62, &cfg);
     assert_eq!(bench.registers.stored.stored_sync_time.load(), 20);
+    let mut order = [0; 16];
+    bench.exchange(&order);
     bench.run(110 * MS);
     assert_eq!(bench.heard().len(), 5);
-    let mut order = [0; 16];
     (order[4], order[5], order[13], order[15]) = (0, 128, 1, 20);
     bench.exchange(&order);
     bench.run(10 * MS);
@@ -141,6 +142,7 @@ fn times_are_kept() {
     bench.heard();
     bench.ask(61, &timed(0x14, 255, 0xFFFF));
     bench.ask(62, &CFG);
+    bench.exchange(&[0, 0]);
     bench.run(900 * MS);
     assert_eq!(bench.heard(), Vec::<String>::new());
     bench.run(200 * MS);
@@ -149,4 +151,112 @@ fn times_are_kept() {
         (heard.first().map(String::as_str), heard.get(1).map(String::as_str)),
         (Some("203: 00 00"), Some("80:"))
     );
+}
+
+/// P. 30: the gateway begins to send data as soon as there are any. Before the first outputs only the start frame and the boot-up
+/// message go out (p. 28-29; D-675), so no drive is told a control word of 0 while its gateway gets parameters.
+#[test]
+fn nothing_is_sent_before_there_are_outputs() {
+    // An output with a cycle of 20 ms, one without, an input.
+    let cfg = [0x85, 1, 2, 3, 0, 0, 20, 0x83, 0, 2, 4, 0, 0x43, 1, 2, 0x89, 0];
+    for (flags, start) in [(0x04, &[][..]), (0x06, &["0: 01 00"]), (0x08, &["85:"]), (0x00, &[])] {
+        let mut bench = Bench::new(5);
+        for round in 0..2 {
+            bench.ask(61, &timed(flags, 0, 10));
+            bench.ask(62, &cfg);
+            bench.run(100 * MS);
+            assert_eq!(bench.heard(), start, "flags 16#{flags:02X}, round {round}");
+            // Cleared outputs are none, whoever clears them (D-387), and neither is a start without any.
+            bench.exchange(&[]);
+            bench.ask(58, &[2, 0]);
+            if flags == 0x08 {
+                bench.send(data(0, &[1, 5]));
+            }
+            bench.run(100 * MS);
+            assert_eq!(bench.heard(), Vec::<String>::new(), "flags 16#{flags:02X}, round {round}");
+            bench.exchange(&[0, 7, 0]);
+            bench.run(15 * MS);
+            let heard = bench.heard();
+            match flags {
+                0x00 => assert_eq!(heard, ["203: 00 07"]),
+                0x08 => assert_eq!(heard, ["203: 00 07", "204: 00", "289: remote 2"]),
+                _ => assert_eq!(heard, ["203: 00 07", "204: 00", "289: remote 2", "80:"]),
+            }
+            bench.run(100 * MS);
+            let heard = bench.heard();
+            let count = |what: &str| heard.iter().filter(|frame| *frame == what).count();
+            assert_eq!(count("203: 00 07"), 5, "every 20 ms: {heard:?}");
+            assert_eq!(count("80:"), if flags & 0x04 == 0 { 0 } else { 10 }, "{heard:?}");
+        }
+        // Without data exchange a start brings nothing either (D-386).
+        bench.ask(61, &timed(flags, 0, 10));
+        bench.send(data(0, &[1, 5]));
+        bench.run(100 * MS);
+        assert_eq!(bench.heard(), Vec::<String>::new(), "flags 16#{flags:02X}");
+    }
+}
+
+/// P. 30, 39, 44: parameters, octets 4 and 5 of a window's comment and command 20 are three ways to one time. The last one counts, 0 is none,
+/// and 16#FFFF leaves what is stored, whether there is anything or not (D-385).
+#[test]
+fn all_ways_to_a_sync_time_have_the_same_rule() {
+    for stored in [0, 20] {
+        for (time, then) in [(0, 0), (10, 10), (0xFFFE, 0xFFFE), (0xFFFF, stored)] {
+            let [high, low] = u16::to_be_bytes(time);
+            for way in ["parameters", "comment of the input", "comment of the output", "command 20"] {
+                let mut bench = Bench::new(5);
+                bench.registers.stored.stored_sync_time.store(stored);
+                let (mut cfg, mut order) = (vec![], [0; 16]);
+                let comment = |is_its: bool| if is_its { vec![high, low] } else { vec![] };
+                for (head, is_its) in
+                    [(0x43, way == "comment of the input"), (0x83, way == "comment of the output")]
+                {
+                    let octets = comment(is_its);
+                    cfg.extend([head + octets.len() as u8, 0x8F, 0xFF, 0xEF, 0]);
+                    cfg.extend(octets);
+                }
+                let of_parameters = if way == "parameters" { time } else { 0xFFFF };
+                bench.ask(61, &timed(0x94, 0, of_parameters));
+                bench.ask(62, &cfg);
+                if way == "command 20" {
+                    (order[4], order[5], order[13], order[15]) = (high, low, 1, 20);
+                }
+                bench.exchange(&order);
+                let found = bench.registers.stored.stored_sync_time.load();
+                assert_eq!(found, then, "16#{time:04X} by {way}, {stored} before");
+                bench.heard();
+                bench.run(202 * MS);
+                let count = if then == 0 { 0 } else { 200 / usize::from(then) };
+                assert_eq!(bench.heard(), vec!["80:"; count], "16#{time:04X} by {way}, {stored} before");
+            }
+        }
+    }
+}
+
+/// P. 44: SYNC waits until the frames of a DP telegram are sent. If that takes longer than the SYNC time, one waits and no more (D-676).
+#[test]
+fn sync_objects_do_not_pile_up() {
+    let cfg: Vec<u8> = (0..30).flat_map(|id| [0x83, 7, 1, id, 0]).collect();
+    for sync in [1, 3] {
+        let mut bench = Bench::new(5);
+        bench.ask(61, &timed(0x14, 0, sync));
+        bench.ask(62, &cfg);
+        bench.exchange(&[0; 240]);
+        bench.run(100 * MS);
+        bench.heard();
+        bench.exchange(&[0x55; 240]);
+        bench.run(100 * MS);
+        let heard = bench.heard_at();
+        let of_outputs = |(_, text): &(u64, String)| text.contains("55 55");
+        let (first, last) =
+            (heard.iter().position(of_outputs).unwrap(), heard.iter().rposition(of_outputs).unwrap());
+        assert_eq!(last - first + 1, 30, "no SYNC in between: {heard:?}");
+        assert!(heard[last].0 - heard[first].0 > 25 * MS);
+        let syncs: Vec<u64> = heard.iter().filter(|(_, text)| text == "80:").map(|(at, _)| *at).collect();
+        let gaps: Vec<u64> = syncs.windows(2).map(|pair| pair[1] - pair[0]).collect();
+        let time = u64::from(sync) * MS;
+        assert!(gaps.iter().all(|gap| *gap + MS / 2 >= time), "{gaps:?}");
+        assert!(gaps.iter().filter(|gap| **gap > 2 * time).count() == 1, "{gaps:?}");
+        assert!(syncs.len() > 60 / usize::from(sync), "it goes on: {syncs:?}");
+    }
 }

@@ -44,6 +44,13 @@ fn wrong_parameters() {
     }
     bench.ask(61, &[0x80, 0, 0, 11, 0x04, 0xA4, 0]);
     assert_eq!(bench.diag()[8..], [0x3D, 7, 0], "too short");
+    // The device description file of another device: its ident number is named, and Freeze besides (p. 17, 20-21).
+    let mut others = vec![0x88, 1, 10, 11, 0x80, 0x1D, 0, 0xC0, 0x60, 0x00];
+    bench.ask(61, &others);
+    assert_eq!(bench.diag(), [0x4A, 0x05, 0x00, 0xFF, 0x04, 0xA4, 5, 4, 0x3D, 4, 4]);
+    others[0] |= 0x10;
+    bench.ask(61, &others);
+    assert_eq!(bench.diag(), [0x5A, 0x05, 0x00, 0xFF, 0x04, 0xA4, 5, 4, 0x3D, 4, 4]);
     bench.ask(61, &prm(0, 0));
     assert_eq!(bench.diag(), [0x02, 0x04, 0x00, 1, 0x04, 0xA4], "nothing of it is left");
 }

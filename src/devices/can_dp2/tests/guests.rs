@@ -197,6 +197,111 @@ fn the_line_is_kept_for_an_answer() {
     }
 }
 
+/// The line is kept for an answer, so an answer itself never waits for that: neither a receipt nor the status of a station, which may be
+/// a slave's, a master's that wants to enter a ring, or one's in the ring (D-358).
+#[test]
+fn an_answer_does_not_wait_for_the_end_of_its_slot() {
+    let status = |fc: u8| vec![0x10, 2, 9, fc, fc.wrapping_add(11), 0x16];
+    // The slot of factor 20 is over after 8 ms.
+    for (factor, after) in [(1, 0), (20, 0), (200, 0), (20, 4 * MS), (200, 70 * MS)] {
+        for answer in [vec![0xE5], status(0x00), status(0x20), status(0x30)] {
+            let mut bench = Bench::with_segment(5, &format!("kbit_s = 500, slot_factor = {factor}"));
+            let [one, other, slave] = [2, 3, 9].map(|number| Foreign::come(&mut bench, number));
+            one.say(&mut bench, 100, &[0x10, 9, 2, 0x49, 0x54, 0x16]);
+            bench.run(MS / 4 + after);
+            other.say(&mut bench, 0, &[0xDC, 3, 3]);
+            slave.say(&mut bench, 0, &answer);
+            bench.run(100 * MS);
+            let begin = (100 + Telegram::bits(6) + MIN_TSDR_BITS).max(bits(MS / 4 + after));
+            let token = begin + Telegram::bits(answer.len()) + SYN_BITS;
+            let heard: Vec<Burst> = core::iter::from_fn(|| one.hear()).collect();
+            let expected =
+                [Burst { begin, octets: answer.clone() }, Burst { begin: token, octets: vec![0xDC, 3, 3] }];
+            assert_eq!(heard, expected, "factor {factor}, {after} us");
+        }
+    }
+}
+
+/// The line is idle before a request for 33 bits (T_SYN), before an answer for 11: who gives a time of its own that is too early is found.
+#[test]
+fn a_telegram_that_begins_too_soon_is_found() {
+    use crate::check::rules::GUEST_EARLY;
+    for (pause, octets, is_early) in [
+        (11, &[0x10, 5, 2, 0x49, 0x50, 0x16][..], true),
+        (32, &[0xDC, 2, 2], true),
+        (33, &[0x10, 5, 2, 0x49, 0x50, 0x16], false),
+        (33, &[0xDC, 2, 2], false),
+        (10, &[0xE5], true),
+        (11, &[0xE5], false),
+        (11, &[0x10, 2, 9, 0, 11, 0x16], false),
+    ] {
+        let mut bench = Bench::new(5);
+        let master = Foreign::come(&mut bench, 2);
+        let end = 100 + Telegram::bits(3);
+        master.say(&mut bench, 100, &[0xDC, 2, 2]);
+        master.say(&mut bench, end + pause, octets);
+        bench.run(5 * MS);
+        let found: Vec<_> = bench.journal.findings().iter().map(|it| (it.last.rule, it.last.value)).collect();
+        let expected = if is_early { vec![(&GUEST_EARLY, pause as u32)] } else { vec![] };
+        assert_eq!(found, expected, "{octets:02X?} after {pause} bits");
+    }
+}
+
+/// A time that nobody waits for would keep back all that the guest says afterwards (D-677).
+#[test]
+fn a_telegram_for_a_distant_time_is_refused() {
+    use crate::check::rules::GUEST_TIME;
+    let mut bench = Bench::new(5);
+    let (master, listener) = (Foreign::come(&mut bench, 2), Foreign::come(&mut bench, 3));
+    let said = |begin| Said::Burst(Burst { begin, octets: vec![0xDC, 2, 2] });
+    let most = 60 * 500_000;
+    for (begin, seconds) in
+        [(u64::MAX, u32::MAX), (1 << 62, u32::MAX), (most + bits(bench.now) + 500_001, 61)]
+    {
+        let refused = bench.buses[0].guest_sends(2, &said(begin), bench.now, &mut bench.journal);
+        assert!(matches!(refused, Err(GuestRefusal::TooFarAhead { .. })), "{refused:?}");
+        let last = bench.journal.findings().iter().last().map(|it| (it.last.rule, it.last.value));
+        assert_eq!(last, Some((&GUEST_TIME, seconds)));
+    }
+    master.say(&mut bench, 0, &[0xDC, 2, 2]);
+    bench.run(MS);
+    assert!(listener.hear().is_some(), "what it says afterwards is heard");
+    master.say(&mut bench, most, &[0xDC, 2, 2]);
+}
+
+/// A DP slave knows SRD and SDN. SDA is refused with a code and without data, and a reserved bit makes a request none (D-679).
+#[test]
+fn services_that_no_dp_slave_has_get_no_data() {
+    let mut bench = Bench::exchanging(0, 0, &CFG);
+    let master = Foreign::come(&mut bench, 2);
+    for sap in [None, Some(60), Some(56), Some(61)] {
+        for fc in [0x43, 0x45, 0x63, 0x75] {
+            while master.hear().is_some() {}
+            let frame = |fc| crate::profibus::Frame {
+                da: 5,
+                sa: 2,
+                fc,
+                dsap: sap,
+                ssap: sap.map(|_| 62),
+                data: vec![0; 2],
+            };
+            let octets = Telegram::Frame(frame(fc)).octets().unwrap();
+            master.say(&mut bench, 0, &octets);
+            bench.run(5 * MS);
+            let answer = Telegram::parse(&master.hear().unwrap().octets);
+            let Ok(Telegram::Frame(refusal)) = answer else { panic!("{answer:?}") };
+            assert_eq!((refusal.fc, refusal.data), (0x03, vec![]), "SDA 16#{fc:02X} to {sap:?}");
+            for reserved in [fc | 0x80, 0xED, 0xCC] {
+                let octets = Telegram::Frame(frame(reserved)).octets().unwrap();
+                master.say(&mut bench, 0, &octets);
+                bench.run(5 * MS);
+                assert_eq!(master.hear(), None, "16#{reserved:02X}");
+            }
+        }
+    }
+    assert_eq!(bench.exchange(&[1, 2]), [0, 0]);
+}
+
 /// The watchdog of a slave whose master is gone.
 #[test]
 fn a_master_that_dies_leaves_its_slaves_to_their_watchdog() {

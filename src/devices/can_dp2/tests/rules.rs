@@ -2,7 +2,9 @@
 
 use super::*;
 use crate::devices::can_dp2::rules;
+use crate::door::Said;
 use crate::journal::Rule;
+use crate::profibus::Telegram;
 
 /// The rules that have been broken, and at which bytes of the image.
 fn broken(bench: &Bench) -> Vec<(&'static str, u32)> {
@@ -37,9 +39,49 @@ fn asked(dsap: u8, octets: &[u8]) -> Bench {
     bench
 }
 
+/// Data exchange with these modules and a window.
+fn with_window(cfg: &[u8]) -> Bench {
+    Bench::exchanging(0x80, 0, cfg)
+}
+
+/// A foreign slave answers from this address.
+fn answered_from(address: u8) -> Bench {
+    let mut bench = exchanging(&CFG);
+    assert!(bench.buses[0].guest_joins(1, bench.now));
+    let (da, fc, dsap, ssap, data) = (1, 0, None, None, vec![]);
+    let frame = crate::profibus::Frame { da, sa: address, fc, dsap, ssap, data };
+    let said = Said::burst(Telegram::Frame(frame).octets().unwrap());
+    bench.buses[0].guest_sends(1, &said, bench.now, &mut bench.journal).unwrap();
+    bench.run(MS);
+    bench
+}
+
+/// P. 39: one module each way, consistent over the whole length, form 00; figure 6.4.2 has it without identifiers in page mode.
+#[test]
+fn each_way_to_a_wrong_window_is_found() {
+    let (input, output) = ([0x43, 0x8F, 0xFF, 0xEF, 0], [0x83, 0x8F, 0xFF, 0xEF, 0]);
+    let is_found = |cfg: &[u8], number: usize| {
+        let found = [("dp-window", at(&format!("cfg.module[{number}].id")))];
+        assert_eq!(broken(&with_window(cfg)), found, "{cfg:02X?}");
+    };
+    assert_eq!(broken(&with_window(&[input, output].concat())), []);
+    let mut loose = [input, output].concat();
+    loose[6] = 0x0F;
+    is_found(&loose, 1);
+    let mut form = [output, input].concat();
+    form[4] = 0x80;
+    is_found(&form, 0);
+    is_found(&[&CFG[..], &output].concat(), 2);
+    is_found(&[&CFG[..], &input].concat(), 2);
+    let pages = |windows: &[u8]| Bench::exchanging(0x81, 0, &[&[0x80, 0x9F, 0x40, 0x9F], windows].concat());
+    assert_eq!(broken(&pages(&[0xAF, 0x9F])), []);
+    assert_eq!(broken(&pages(&[0x80, 0x8F, 0x40, 0x8F])), []);
+    assert_eq!(broken(&pages(&[0x2F, 0x9F])), [("dp-window", at("cfg.module[2].id"))]);
+}
+
 #[test]
 fn each_rule_is_broken_by_its_case_alone_and_not_by_the_neighbour() {
-    let cases: [(&Rule, &str, Bench, Bench); 7] = [
+    let cases: [(&Rule, &str, Bench, Bench); 9] = [
         (&rules::REQUEST, "mst.mst_dsap", asked(54, &[]), asked(55, &[])),
         (
             &rules::REQUEST_CHANGED,
@@ -67,6 +109,13 @@ fn each_rule_is_broken_by_its_case_alone_and_not_by_the_neighbour() {
             exchanging(&[0x83, 0, 7, 0xF8, 0, 0x43, 0, 1, 0, 0, 0x43, 0, 1, 0, 0]),
             exchanging(&[0x83, 0, 7, 0xF8, 0, 0x43, 0, 1, 0, 0, 0x43, 0, 1, 1, 0]),
         ),
+        (
+            &rules::WINDOW,
+            "cfg.module[1].id",
+            with_window(&[0x83, 0x8F, 0xFF, 0xEF, 0, 0x43, 0x0F, 0xFF, 0xEF, 0]),
+            with_window(&[0x83, 0x8F, 0xFF, 0xEF, 0, 0x43, 0x8F, 0xFF, 0xEF, 0]),
+        ),
+        (&rules::ADDRESS, "front.switches", answered_from(5), answered_from(6)),
     ];
     for (rule, name, breaks, right) in &cases {
         assert_eq!(broken(breaks), [(rule.id(), at(name))]);
