@@ -91,7 +91,7 @@ pub struct SimBus {
     /// Baud rate that the plant file gives, in kbit/s: that of its drives, as far as they have none of their own.
     kbit_s: u16,
     frame_length: FrameLength,
-    /// 0: the status is read in the moment of each look.
+    /// Length of the processor cycle in microseconds. 0: each look reads the status of the controller at once.
     processor_cycle_us: u64,
     running: Option<Running>,
     agenda: Agenda,

@@ -191,6 +191,10 @@ impl Model {
         if self.block.control & 0x81 != 0 && usize::from(self.block.slave) == self.turn(2) {
             return Next::Block;
         }
+        if self.block.control & 0x83 == 0x81 {
+            // Cancelled, and no slave knows of it (D-601).
+            self.block.control = 0;
+        }
         Next::Nothing
     }
 

@@ -192,6 +192,16 @@ fn bit_7_cancels_in_every_phase_and_without_a_job() {
             assert_eq!(bench.interval(), None, "it is slave 0's turn");
             bench.regs.b_SL_NR_UPDOWN.store(5);
             assert_eq!(bench.updown_job(), Some((5, UpDownJob::cancel())));
+            // On another slave's turn, a job that was not sent ends without a frame (D-601). One that was sent waits.
+            bench.enter_block(DOWNLOAD | 0x80, 6, ADDRESS, 18);
+            assert_eq!((bench.interval(), bench.block()), (None, 0x00));
+            bench.enter_block(DOWNLOAD, 5, ADDRESS, 18);
+            assert!(bench.updown_job().is_some());
+            let control = bench.block() | 0x80;
+            bench.regs.b_STATREG_UPDOWNBLK1.store(control);
+            bench.regs.b_STEUREG_UPDOWNBLK1.store(control);
+            bench.regs.b_SL_NR_UPDOWN.store(6);
+            assert_eq!((bench.interval(), bench.block()), (None, control));
         }
     }
 }

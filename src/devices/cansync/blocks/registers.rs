@@ -39,7 +39,7 @@ pub(super) fn take_received(register: &Cell8) -> i8 {
     }
 }
 
-/// A block that shows the control words of a slave. Each one is shown by both (decision D-603).
+/// A block that shows the control words of a slave. Both blocks show every control word (decision D-603).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum ControlWordReader {
     /// `CANsync_BC_SL`, as broadcast command 1.
@@ -49,7 +49,7 @@ pub(super) enum ControlWordReader {
 }
 
 impl ControlWordReader {
-    /// What it leaves in `b_STATREG_CONTROLWORD` for the other one.
+    /// Value that this block leaves in `b_STATREG_CONTROLWORD` for the other block.
     const fn mark(self) -> u8 {
         match self {
             ControlWordReader::Broadcast => 0x10,
@@ -64,7 +64,7 @@ impl ControlWordReader {
         }
     }
 
-    /// As [`take_received`], of `b_STATREG_CONTROLWORD`.
+    /// Works like [`take_received`] on `b_STATREG_CONTROLWORD`.
     pub(super) fn take(self, register: &Cell8) -> i8 {
         let taken = register.compare_exchange(receive::RECEIVED, self.mark()).is_ok()
             || register.compare_exchange(self.other().mark(), receive::NOTHING).is_ok();

@@ -187,7 +187,7 @@ impl Transfer {
         if !this.watch.is_over(base.ram()) {
             return;
         }
-        // The command channel has not asked the slave of an earlier job for so long: its cancel keeps nothing waiting any more.
+        // For a whole monitoring time the command channel has not asked the slave of an earlier job. Its cancel ends here.
         if matches!(self.phase, Phase::Waiting(_)) && job(base).control() & CANCEL != 0 {
             job(base).enter(0);
         }

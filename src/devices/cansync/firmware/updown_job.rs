@@ -93,12 +93,11 @@ impl BlockJob {
             self.transfer = None;
             return None;
         }
-        if self.is_cancelled_unsent(control) {
-            registers(regs).replace(ctx, control, 0);
-            return None;
-        }
         let order = Order::entered(regs, control);
         if order.slave != turn {
+            if self.is_cancelled_unsent(control) {
+                registers(regs).replace(ctx, control, 0);
+            }
             return None;
         }
         if control & updown_master::CANCEL != 0 {
@@ -116,8 +115,8 @@ impl BlockJob {
         registers(regs).replace(ctx, control, shown).then_some(job)
     }
 
-    /// Whether the PLC has cancelled a job of which no frame has gone out. No slave knows of it, and the turn of its slave may
-    /// never come (decision D-601).
+    /// Whether the PLC has cancelled a job of which no frame has gone out. No slave knows of the job, and its slave may never
+    /// have a turn (decision D-601).
     fn is_cancelled_unsent(&self, control: u8) -> bool {
         const STATE: u8 = updown_master::ACTIVE | updown_master::SENT | updown_master::CANCEL;
         let is_under_way =

@@ -101,7 +101,8 @@ impl Transfer {
             && Place::of(regs, self.length, true) == Ok(Place::Block1)
     }
 
-    /// The job that comes after this area has been cleared: the one that the master has changed to, otherwise this one.
+    /// Returns the job to enter once this area is cleared: the job that the master has changed to, otherwise the present one.
+    /// `None` if the master has cancelled.
     pub(super) fn successor(&self) -> Option<UpDownJob> {
         match self.changed {
             None => Some(self.init),
