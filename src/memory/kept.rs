@@ -89,7 +89,7 @@ impl Segment {
                 let count = usize::from(from.value::<u8>()?);
                 let run = at..at + count * LINE;
                 let bytes = from.raw(run.len())?;
-                let to = wanted.get_mut(run.clone()).filter(|_| at % LINE == 0 && at >= next);
+                let to = wanted.get_mut(run.clone()).filter(|_| at.is_multiple_of(LINE) && at >= next);
                 to.ok_or_else(|| from.no("line of registers"))?.copy_from_slice(bytes);
                 (next, saved) = (run.end, from.value()?);
             }
@@ -174,7 +174,7 @@ mod tests {
             [4096..4160, 4160..4288, 8192..8256],
             "the third one lies in the second one"
         );
-        assert_eq!(of(&[4096..12_290]), [4096..8192, 8192..12_288, 12_288..12_352]);
+        assert_eq!(of(std::slice::from_ref(&(4096..12_290))), [4096..8192, 8192..12_288, 12_288..12_352]);
         assert_eq!(of(&[0..10, 20..30]), [] as [Range<usize>; 0], "the header page has no registers");
     }
 
@@ -192,7 +192,7 @@ mod tests {
     #[test]
     fn a_run_that_lies_elsewhere_is_damage() {
         let segment = Segment::heap(4096 + CHUNK);
-        let ranges = [4096..4096 + CHUNK];
+        let ranges = std::iter::once(4096..4096 + CHUNK).collect::<Vec<_>>();
         for (at, lines) in [(4096, 65), (4097, 1), (4096 + CHUNK - LINE, 2), (4096 + CHUNK, 1), (0, 1)] {
             let mut saving = Saving::default();
             saving.value(&(at as u32));
@@ -207,7 +207,7 @@ mod tests {
     #[test]
     fn chunks_that_are_full_come_back() {
         let (segment, other) = (Segment::heap(4096 + 3 * CHUNK + 36), Segment::heap(4096 + 3 * CHUNK + 36));
-        let ranges = [4096..segment.size()];
+        let ranges = std::iter::once(4096..segment.size()).collect::<Vec<_>>();
         for offset in (4096..segment.size() as u32).step_by(4) {
             segment.store(offset, Width::Dword, offset.wrapping_mul(0x9E37_79B1)).unwrap();
         }

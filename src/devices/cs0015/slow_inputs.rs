@@ -73,7 +73,7 @@ mod tests {
             let mut inputs = SlowInputs::default();
             let mut seen = Vec::new();
             for now in (0..1000 * MS).step_by(500) {
-                let level = if now / half_us % 2 == 0 { 0 } else { 0x10 };
+                let level = if (now / half_us).is_multiple_of(2) { 0 } else { 0x10 };
                 inputs.look(level, now);
                 seen.push(inputs.levels(level));
             }
