@@ -67,11 +67,13 @@ fn end_all(clean: bool) -> Result<(), CliError> {
         let is_running = RunningInstance::find(&name).is_ok_and(|running| running.is_some());
         let is_dead = || images_of(&name).is_ok_and(|images| dead(&images).is_some());
         let is_left = || is_dead() || channel_root(&name).is_ok_and(|root| is_own(&root));
-        if !is_running && (clean && !is_left() || !clean && !is_dead()) {
+        if !is_running && !clean {
+            if is_dead() {
+                note_killed(&name);
+            }
             continue;
         }
-        if !is_running && !clean {
-            note_killed(&name);
+        if !is_running && !is_left() {
             continue;
         }
         any = true;

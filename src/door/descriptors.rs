@@ -4,7 +4,7 @@ use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 use std::io;
 
 /// Descriptors that neither doors nor guests take. The channel needs some for each client that connects.
-const RESERVED: u64 = 32;
+pub(crate) const RESERVED: u64 = 32;
 /// How many more descriptors a process asks the system for when doors or guests need some.
 const MORE: u64 = 128;
 

@@ -17,6 +17,7 @@ mod spec;
 mod telegrams;
 mod wire;
 
+pub(crate) use descriptors::RESERVED as RESERVED_DESCRIPTORS;
 pub use doors::{DoorError, DoorState, Doors};
 pub use guest::{Guest, GuestState, Wish};
 pub use seat::Seat;

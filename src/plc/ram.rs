@@ -36,9 +36,17 @@ impl Ram {
     /// ```
     ///
     /// # Errors
-    /// The offset is misaligned for the structure or lies outside the RAM.
+    /// The offset is misaligned for the structure, or the structure does not end in the memory in which it begins: the image ends,
+    /// or another area of the device follows, such as its flags.
     pub fn at<T: SharedRegs>(&self, offset: usize) -> Result<Base<T>, MemoryError> {
-        Ok(Base { registers: self.segment.view(offset)?, offset, ram: self.clone() })
+        let registers = self.segment.view(offset)?;
+        let size = size_of::<T>();
+        let inside = offset + 1..offset + size;
+        let begins = self.header.areas.iter().map(|area| area.file_offset.load() as usize);
+        match begins.filter(|begin| inside.contains(begin)).min() {
+            Some(end) => Err(MemoryError::BlockOutOfRange { offset, size, end }),
+            None => Ok(Base { registers, offset, ram: self.clone() }),
+        }
     }
 
     /// The image.

@@ -1,6 +1,7 @@
 //! Open files: an emulator has some for each PLC, door and client, which may be more than a process may have unless it asks.
 
 use super::RuntimeError;
+use crate::door::RESERVED_DESCRIPTORS;
 use crate::memory::limits::{FileLimit, allow_files};
 
 /// For each PLC: its image, its NOVRAM, and three of its event service.
@@ -23,6 +24,9 @@ const ALL_CLIENTS: u64 = 32;
 /// They are more than this process may have.
 pub(super) fn allow(plcs: usize, doors: usize) -> Result<(), RuntimeError> {
     let needed = PER_PLC * plcs as u64 + PER_DOOR * doors as u64 + BESIDES;
-    allow_files(needed + FEW_CLIENTS * PER_CLIENT, needed + ALL_CLIENTS * PER_CLIENT)
+    // A door opens only if it leaves to the channel what is reserved for it.
+    let reserved = if doors == 0 { 0 } else { RESERVED_DESCRIPTORS };
+    let few = reserved.max(FEW_CLIENTS * PER_CLIENT);
+    allow_files(needed + few, needed + few.max(ALL_CLIENTS * PER_CLIENT))
         .map_err(|FileLimit { needed, most }| RuntimeError::OpenFiles { plcs, needed, most })
 }

@@ -166,8 +166,8 @@ fn addresses_are_those_of_the_device_that_is_asked() {
     // Where nothing runs, all devices with such addresses are named.
     for (text, expected) in [
         ("%IW9", "`%IW9` is no address of any device: ecomat 100 CS0015 has %IW0 to %IW3 (inputs)"),
-        ("%MX10.16", "%MX10.16: a WORD has bits 0 to 15, not 16"),
-        ("%MW20000", "ecomat 100 CS0015 has %MW0 to %MW4095 (flags)"),
+        ("%IX1.16", "%IX1.16: a WORD has bits 0 to 15, not 16"),
+        ("%MW90000", "ecomat 100 CS0015 has %MW0 to %MW4095 (flags)"),
     ] {
         let refused = run(&["peek", text, "--instance", "nothing-runs-here"]);
         assert!(refused.fails(2).contains(expected), "{}", refused.err);

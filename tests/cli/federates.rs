@@ -191,7 +191,10 @@ pub(crate) fn passes(program: Child) {
 }
 
 pub(crate) fn journal(emulator: &Emulator) -> String {
-    emulator.run("trace", &[]).ok().to_owned()
+    let outcome = emulator.run("trace", &[]);
+    // A journal that continues from a snapshot has a note about where it begins.
+    assert_eq!(outcome.code, Some(0), "{}", outcome.err);
+    outcome.out
 }
 
 /// A federate that is not to get far, at its end.

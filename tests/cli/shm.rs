@@ -129,7 +129,7 @@ fn an_image_that_does_not_fit_is_refused_with_what_is_missing() {
     };
     let message = outcome.fails(1);
     assert!(
-        message.contains("no room for an image of 3186 KiB") && message.contains("--shm-size"),
+        message.contains("no room for an image of 3264 KiB") && message.contains("--shm-size"),
         "{message}"
     );
 }
@@ -143,7 +143,7 @@ fn images_that_do_not_fit_together_are_refused_before_the_first_is_made() {
     );
     let Some(outcome) = with_small_shm("8m", &script) else { return };
     let message = outcome.fails(1);
-    assert!(message.contains("no room for 4 images of 12743 KiB together"), "{message}");
+    assert!(message.contains("no room for 4 images of 13056 KiB together"), "{message}");
 }
 
 #[test]

@@ -135,7 +135,7 @@ fn the_json_keeps_its_schema() {
     let document: Value = serde_json::from_str(export.ok()).unwrap();
     assert_eq!(document["schema"], "commram.registers");
     assert_eq!(document["schema_version"], 2);
-    assert_eq!(document["segment_size"], 3_262_144);
+    assert_eq!(document["segment_size"], 3_342_144);
     assert_eq!(document["layout_hash"].as_str().unwrap().len(), 16);
     let find = |list: &Value, name: &str| -> Value {
         list.as_array().unwrap().iter().find(|one| one["name"] == name).unwrap().clone()
