@@ -14,7 +14,9 @@ use crate::devices;
 use crate::devices::ModuleFront;
 use crate::layout::{Device, Fitted, FrontWord, RegisterRef, plc_prefix, split_plc};
 use crate::memory::header::BoardState;
-use crate::memory::{AttachMode, Attached, Condition, Header, ImageInfo, ImageSummary, InstanceLock, Width};
+use crate::memory::{
+    AttachMode, Attached, Condition, EmulatorProcess, Header, ImageInfo, ImageSummary, RunningInstance, Width,
+};
 use crate::plant::Forced;
 
 /// Registers to be read.
@@ -310,8 +312,9 @@ pub(crate) fn images_of(instance: &str) -> Result<Vec<ImageInfo>, CliError> {
     let all = crate::memory::list()?;
     let (own, others): (Vec<_>, Vec<_>) = all.into_iter().partition(|image| image.instance == instance);
     if own.is_empty() {
-        if let Some(process) = InstanceLock::holder(instance)? {
-            let pid = process.map(|process| process.pid());
+        // A process that removes what a killed emulator has left holds the same locks, but is none.
+        if let Some(running) = RunningInstance::find(instance)? {
+            let pid = running.process().map(EmulatorProcess::pid);
             return Err(CliError::NoImages { instance: instance.to_owned(), pid });
         }
         let mut running: Vec<_> = others.into_iter().filter(is_alive).map(|image| image.instance).collect();

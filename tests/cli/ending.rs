@@ -173,8 +173,9 @@ fn stops_of_all_kinds_and_a_dying_parent_end_it_together() {
             pid=$($COMMRAM list --format csv | sed -n 's/^one,[^,]*,\\([0-9]*\\),.*/\\1/p')
             clients=
             for act in 'stop -i one' 'stop --all' 'stop --all --clean' 'stop -i one' 'stop --clean -i one'; do
-                { $COMMRAM $act >$directory/out 2>&1; code=$?
-                  [ $code = 0 ] || { [ $code = 3 ] && grep -q 'is not running' $directory/out; } || echo \"$act: $code\"; } &
+                said=$(mktemp $directory/said.XXXXXX)
+                { $COMMRAM $act >$said 2>&1; code=$?
+                  [ $code = 0 ] || { [ $code = 3 ] && grep -q 'is not running' $said; } || echo \"$act: $code, $(cat $said)\"; } &
                 clients=\"$clients $!\"
             done
             kill -TERM $pid 2>/dev/null; kill -INT $pid 2>/dev/null; kill -TERM $pid 2>/dev/null

@@ -5,6 +5,7 @@ use crate::channel::client::Patience;
 use crate::channel::{Client, ClientError, HeaderBells};
 use crate::cli::progress;
 use crate::journal::{Names, Record};
+use crate::memory::InstanceLock;
 use crate::memory::names::channel_root;
 #[cfg(feature = "studio")]
 use crate::request::InstanceInfo;
