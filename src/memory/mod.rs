@@ -4,10 +4,6 @@
 //! look at it through typed [`View`]s of register cells; tools that only know addresses use its raw
 //! accesses at a given [`Width`].
 
-#[cfg_attr(
-    not(any(test, feature = "emulator")),
-    expect(dead_code, reason = "only the emulator looks at several words at a time")
-)]
 mod access;
 #[cfg(feature = "channel")]
 mod asked;
