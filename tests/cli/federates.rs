@@ -8,7 +8,7 @@ use std::net::TcpListener;
 use std::num::NonZeroU32;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::time::Duration;
 use tempfile::TempDir;
 
@@ -118,9 +118,24 @@ pub(crate) struct Broker {
     library: PathBuf,
 }
 
+/// The first of the ports that a broker and its federates take one after the other. They lie below those that the system gives
+/// to other sockets, so that nothing takes them between this look and the broker's start.
+fn free_ports() -> u16 {
+    const BLOCK: u16 = 64;
+    const BLOCKS: u32 = 340;
+    static TAKEN: AtomicU32 = AtomicU32::new(0);
+    (0..BLOCKS)
+        .map(|_| {
+            let block = (std::process::id() * 16 + TAKEN.fetch_add(1, Ordering::Relaxed)) % BLOCKS;
+            10_000 + block as u16 * BLOCK
+        })
+        .find(|first| (*first..first + BLOCK).all(|port| TcpListener::bind(("127.0.0.1", port)).is_ok()))
+        .expect("ports that are free")
+}
+
 impl Broker {
     pub(crate) fn start(helics: &Helics, federates: u8) -> Self {
-        let port = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
+        let port = free_ports();
         let mut command = mortal(&helics.broker);
         command.args(["--coretype=zmq", "--loglevel=no_print", "--local_interface=127.0.0.1"]);
         command.args([format!("--federates={federates}"), format!("--port={port}")]);
