@@ -23,13 +23,13 @@ scenarios:
 
 # What a user can read of the register map, made anew.
 registers:
-    cargo run --quiet -- export md --output docs/registers.md
-    cargo run --quiet -- export md --device bm4-plc --output docs/registers-bm4-plc.md
-    cargo run --quiet -- export md --device cs0015 --output docs/registers-cs0015.md
-    cargo run --quiet -- export md --device can-dp2 --output docs/registers-can-dp2.md
-    cargo run --quiet -- export md --device cr201x --output docs/registers-cr201x.md
+    cargo run --quiet -- export md --output docs/devices/omega-drive-line-2/registers.md
+    cargo run --quiet -- export md --device bm4-plc --output docs/devices/bm4-plc/registers.md
+    cargo run --quiet -- export md --device cs0015 --output docs/devices/cs0015/registers.md
+    cargo run --quiet -- export md --device can-dp2 --output docs/devices/can-dp2/registers.md
+    cargo run --quiet -- export md --device cr201x --output docs/devices/cs0015/registers-cr201x.md
 
-# All benchmarks; docs/performance.md tells what they measure.
+# All benchmarks; docs/internals/performance.md tells what they measure.
 bench:
     cargo bench --bench intervals --bench clusters --bench can_bus --bench latency --bench sync_edge --bench cycles
 

@@ -112,27 +112,27 @@ pub mod time;
 
 /// The example of the attach contract is a test.
 #[cfg(all(doctest, feature = "cli"))]
-#[doc = include_str!("../docs/attach.md")]
+#[doc = include_str!("../docs/reference/attach.md")]
 struct AttachContract;
 
 /// So are those of the function blocks' documentation.
 #[cfg(all(doctest, feature = "cli"))]
-#[doc = include_str!("../docs/function-blocks.md")]
+#[doc = include_str!("../docs/devices/omega-drive-line-2/function-blocks.md")]
 struct FunctionBlocks;
 
 /// And of those of the CS0015.
 #[cfg(all(doctest, feature = "cli"))]
-#[doc = include_str!("../docs/cs0015-blocks.md")]
+#[doc = include_str!("../docs/devices/cs0015/function-blocks.md")]
 struct Cs0015Blocks;
 
 /// And of those of the CAN-DP/2.
 #[cfg(all(doctest, feature = "cli"))]
-#[doc = include_str!("../docs/can-dp2-blocks.md")]
+#[doc = include_str!("../docs/devices/can-dp2/function-blocks.md")]
 struct CanDp2Blocks;
 
 /// So are those of the scenario reference.
 #[cfg(all(doctest, feature = "cli"))]
-#[doc = include_str!("../docs/scenarios.md")]
+#[doc = include_str!("../docs/reference/scenarios.md")]
 struct Scenarios;
 
 /// Settings of the library's property tests: what once failed is kept below `tests/`, instead of beside `src/`.

@@ -6,7 +6,7 @@
 //! integers here, no `bool`, `char` or enum, and the way back is a checked conversion. Both ends are on
 //! one machine, so integers have its byte order.
 //!
-//! `docs/channel.md` describes the format for other languages. The type names carry its version: iceoryx2 refuses
+//! `docs/reference/channel.md` describes the format for other languages. The type names carry its version: iceoryx2 refuses
 //! a client whose type names or sizes differ.
 
 mod door;

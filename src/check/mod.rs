@@ -1,6 +1,6 @@
 //! The access checker: tells PLC programmers what they did against the manual.
 //!
-//! The rules are data ([`Rule`](crate::journal::Rule)); `docs/checker.md` lists them. What breaks one is a
+//! The rules are data ([`Rule`](crate::journal::Rule)); `docs/reference/checker.md` lists them. What breaks one is a
 //! [`Finding`](crate::journal::Finding): an event in the journal, which counts it in its table of
 //! [`Findings`](crate::journal::Findings). They come from these places:
 //!

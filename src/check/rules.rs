@@ -11,7 +11,7 @@ rules! {
         "A reserved bit was set. Leave it at 0.";
     RESERVED_VALUE: 3, "reserved-value", Warning, "the register's page",
         "A register was given a value that is reserved. Use one of the values that the manual gives a meaning.";
-    HEADER: 30, "header", Error, "docs/attach.md",
+    HEADER: 30, "header", Error, "docs/reference/attach.md",
         "A field of the header page that belongs to the emulator was written. Only read it.";
     GUEST_BIT_RATE: 60, "guest-bit-rate", Error, "D-316",
         "A program at a door has named another bit rate than its bus has (the value is the number behind S), so it hears \

@@ -10,8 +10,8 @@ use clap::{Args as ClapArgs, Subcommand};
 
 /// Show the buses, open doors to them for foreign programs, play and compare logs.
 ///
-/// Whoever comes in by a door is a station on the bus: it hears all frames and sends its own. docs/can.md tells what each kind
-/// of door is, and how python-can comes in; docs/can-dp2.md the same of PROFIBUS.
+/// Whoever comes in by a door is a station on the bus: it hears all frames and sends its own. docs/reference/can.md tells what each kind
+/// of door is, and how python-can comes in; docs/devices/can-dp2/overview.md the same of PROFIBUS.
 #[derive(ClapArgs)]
 #[command(after_help = "\
 Examples:

@@ -12,7 +12,7 @@ use serde::Serialize;
 /// Show what PLC programs have done against the manual.
 ///
 /// An error is what the manual forbids or what cannot have the effect that was wanted; a warning is allowed or has no
-/// effect, but hardly what was meant. docs/checker.md tells what can be seen and what cannot.
+/// effect, but hardly what was meant. docs/reference/checker.md tells what can be seen and what cannot.
 ///
 /// Exit code 1: there is an error among the findings. Exit code 3: nothing could be checked, because the emulator is
 /// not there.

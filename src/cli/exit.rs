@@ -165,10 +165,10 @@ mod tests {
     /// Help is made of the list; the documentation repeats it.
     #[test]
     fn the_documentation_has_the_list_as_it_stands_here() {
-        let page = include_str!("../../docs/command-line.md");
+        let page = include_str!("../../docs/reference/command-line.md");
         for exit in Exit::ALL {
             let row = format!("\n| {} | {}", exit.code(), exit.meaning());
-            assert!(page.contains(&row), "docs/command-line.md lacks{row}");
+            assert!(page.contains(&row), "docs/reference/command-line.md lacks{row}");
         }
     }
 

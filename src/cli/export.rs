@@ -29,7 +29,7 @@ Examples:
   commram export dbc --plant plant.toml --bus open --output open.dbc
   commram export fmu plant.toml --output plant.fmu
 
-docs/export.md tells how each format is used.")]
+docs/reference/export.md tells how each format is used.")]
 pub(crate) struct Args {
     /// What to export
     #[arg(value_enum)]
@@ -215,7 +215,8 @@ fn of_bus(args: &Args) -> Result<String, CliError> {
     };
     let messages = plant.messages(bus);
     if messages.is_empty() {
-        let right = "nobody at this bus knows its messages before it runs; docs/export.md tells who does";
+        let right =
+            "nobody at this bus knows its messages before it runs; docs/reference/export.md tells who does";
         return Err(wrong(format!("--bus {bus}"), right));
     }
     Ok(export::dbc(&messages, &head(bus, path)))

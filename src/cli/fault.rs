@@ -14,7 +14,7 @@ use std::num::NonZeroU16;
 /// Let things go wrong: lost frames, silent slaves, BUS-off ...
 ///
 /// Faults act on the simulated bus, on slaves and on nodes; they show in the registers as on the device, and
-/// `commram trace --kind fault` tells when each of them hits. docs/faults.md describes every kind.
+/// `commram trace --kind fault` tells when each of them hits. docs/reference/faults.md describes every kind.
 #[derive(ClapArgs)]
 #[command(after_help = "\
 Examples:

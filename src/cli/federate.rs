@@ -16,7 +16,7 @@ pub(crate) struct FederateArgs {
     /// Share the plant with other emulators by HELICS: this one's number, from 0, and how many there are, such as 0/2
     #[arg(long, value_name = "N/COUNT", value_parser = number)]
     federate: Option<(u8, u8)>,
-    /// Exchange values and frames with other simulators by HELICS, as this file says (docs/helics.md)
+    /// Exchange values and frames with other simulators by HELICS, as this file says (docs/guide/helics.md)
     #[arg(add = super::complete::files(&["toml"]), long, value_name = "FILE.toml")]
     exchange: Option<PathBuf>,
     /// Let time pass as the other federates and simulators want, and wait for no client of this one

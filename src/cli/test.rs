@@ -28,7 +28,7 @@ use watch::Watched;
 
 /// Run scenario scripts.
 ///
-/// A scenario says in Rhai what to do with a plant and what to expect of it; docs/scenarios.md has all verbs. Each
+/// A scenario says in Rhai what to do with a plant and what to expect of it; docs/reference/scenarios.md has all verbs. Each
 /// one runs on a plant of its own, in a process of its own, with a stepped clock.
 #[derive(clap::Args)]
 #[command(

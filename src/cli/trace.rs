@@ -30,7 +30,7 @@ Examples:
   commram trace --format fst >run.fst                        # gtkwave run.fst
 
 --follow asks the emulator every 50 ms of real time and ends with it, by Ctrl-C, or when nobody reads any more. \
-What happens in the last 50 ms of the emulator may be missing. docs/journal.md describes the formats.")]
+What happens in the last 50 ms of the emulator may be missing. docs/reference/journal.md describes the formats.")]
 pub(crate) struct Args {
     /// Wait for more and show it as it comes
     #[arg(short, long)]

@@ -159,7 +159,7 @@ mod tests {
     /// The page for users lists every rule, letter for letter, and no other.
     #[test]
     fn the_documentation_lists_exactly_these_rules() {
-        let page = include_str!("../../docs/checker.md");
+        let page = include_str!("../../docs/reference/checker.md");
         let rows: Vec<_> = page.lines().filter(|line| line.starts_with("| `")).collect();
         let row = |rule: &&Rule| {
             format!("| `{rule}` | {} | {} | {} |", rule.severity(), rule.text(), rule.source())

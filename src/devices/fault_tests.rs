@@ -372,7 +372,7 @@ fn fields_that_can_hold_anything_are_those_that_say_where() {
 /// The rows of the page for users: every kind, and every field with its range, letter for letter.
 #[test]
 fn the_documentation_lists_exactly_these_kinds_and_fields() {
-    let page = include_str!("../../docs/faults.md");
+    let page = include_str!("../../docs/reference/faults.md");
     let rows: Vec<_> = page.lines().filter(|line| line.starts_with("| `")).collect();
     let expected: Vec<_> = fault_kinds().iter().flat_map(|kind| rows_of(kind)).collect();
     let (_, table) = page.split_once("## All kinds").unwrap();

@@ -1,4 +1,4 @@
-//! The fields of each kind in JSON Lines are those of the table in `docs/journal.md`, and so is the place.
+//! The fields of each kind in JSON Lines are those of the table in `docs/reference/journal.md`, and so is the place.
 
 use super::catalogue;
 use super::told_tests::{drawn, line, names};
@@ -7,7 +7,7 @@ use crate::journal::jsonl::Jsonl;
 use serde_json::{Map, Value};
 use std::collections::{BTreeMap, BTreeSet};
 
-const PAGE: &str = include_str!("../../docs/journal.md");
+const PAGE: &str = include_str!("../../docs/reference/journal.md");
 
 /// In every line.
 const ALWAYS: [&str; 4] = ["v", "seq", "time_us", "kind"];
@@ -115,5 +115,5 @@ fn each_kind_has_the_fields_of_its_row_and_no_others() {
             }
         }
     }
-    assert!(wrong.is_empty(), "docs/journal.md and the lines differ:\n{}", wrong.join("\n"));
+    assert!(wrong.is_empty(), "docs/reference/journal.md and the lines differ:\n{}", wrong.join("\n"));
 }

@@ -1,4 +1,4 @@
-//! `INTR_SET`: an event task of whatever device gets its event, by a request in the header page (`docs/attach.md`).
+//! `INTR_SET`: an event task of whatever device gets its event, by a request in the header page (`docs/reference/attach.md`).
 
 #![allow(non_snake_case, non_camel_case_types, reason = "the manual's names, letter for letter")]
 
@@ -35,7 +35,7 @@ function_block! {
     /// [`INTR_SET::is_answered`], `x_ERR` is FALSE (decision D-213).
     pub struct INTR_SET(ram: Ram) {
         in {
-            /// Event number, see `docs/board.md`.
+            /// Event number, see `docs/devices/omega-drive-line-2/overview.md`.
             i_EVENT: i8;
             /// Reserved.
             i_MODE: i16;

@@ -1,12 +1,12 @@
 //! Every fact that the register maps show is either documented, with its page, or follows from a decision that
-//! `docs/decisions.md` has.
+//! `docs/internals/decisions.md` has.
 
 use super::all;
 use super::omega_drive_line_2::registers::DEVICE;
 use crate::layout::{Device, Meaning, Provenance, Register, Structure, ValueMeaning};
 use std::collections::BTreeMap;
 
-const DECISIONS: &str = include_str!("../../docs/decisions.md");
+const DECISIONS: &str = include_str!("../../docs/internals/decisions.md");
 
 fn structures() -> impl Iterator<Item = &'static Structure> {
     DEVICE.areas.iter().flat_map(|area| area.structures).map(|placed| placed.structure)

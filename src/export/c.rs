@@ -81,7 +81,7 @@ fn header_page(out: &mut String, scope: &Scope) {
         }
         out.push_str("};\n");
     }
-    out.push_str("\n/* The header page: docs/attach.md, byte by byte. */\n");
+    out.push_str("\n/* The header page: docs/reference/attach.md, byte by byte. */\n");
     for of in contract::structures() {
         header_struct(out, of);
     }

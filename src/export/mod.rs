@@ -1,7 +1,7 @@
 //! Declarations of the register map and the header page in other languages, and machine-readable forms of it.
 //!
 //! Everything comes from the descriptors of [`crate::layout`] and the header page's own structs
-//! ([`crate::memory::contract`]); no generator knows a register. `docs/export.md` tells how to use the results.
+//! ([`crate::memory::contract`]); no generator knows a register. `docs/reference/export.md` tells how to use the results.
 
 mod c;
 mod constants;

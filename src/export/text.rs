@@ -21,7 +21,7 @@ pub(crate) fn banner(scope: &Scope, format: &str) -> Vec<String> {
             .push(format!("Names of areas, and of variables for which it has none, are ours ({decisions})."));
     }
     banner.push(
-        "Each fact that it does not state names the decision (D-nn) it follows from; docs/decisions.md"
+        "Each fact that it does not state names the decision (D-nn) it follows from; docs/internals/decisions.md"
             .to_owned(),
     );
     banner.push(

@@ -9,7 +9,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 pub(super) const REQUIRED: &str = "required";
 
 /// A `[[fault]]` of a plant file, and the arguments of `commram fault add`: its kind, and its fields under the names that
-/// they were given. `docs/faults.md` describes the fields of each kind.
+/// they were given. `docs/reference/faults.md` describes the fields of each kind.
 #[derive(Clone, Debug, Default)]
 pub struct FaultSpec {
     /// Name of the kind.

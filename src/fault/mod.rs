@@ -3,7 +3,7 @@
 //! Nothing here knows a kind of fault: the families of devices and media describe theirs ([`Kind`]), once, and let them
 //! act. A [`Fault`] names buses and PLCs by their index, so that it is small and can travel anywhere, and is always one
 //! that its kind allows; a [`FaultSpec`] is the same with names, as plant files and the command line have it, and unchecked.
-//! What the kinds do to the plant is described in `docs/faults.md`.
+//! What the kinds do to the plant is described in `docs/reference/faults.md`.
 
 mod acting;
 mod effect;

@@ -1,4 +1,4 @@
-//! One JSON object per line, for programs. `docs/journal.md` describes the fields; new versions may add fields
+//! One JSON object per line, for programs. `docs/reference/journal.md` describes the fields; new versions may add fields
 //! and kinds, and count `v` up when they change one.
 
 use super::{Catalogue, Fields, Format, Names, Origin, Reader, Record, Source};

@@ -15,7 +15,7 @@
 //! any device, in the families of devices what only they know. Each kind is a structure that [`Told`] reads; the
 //! [`Catalogue`] is the sum of them all.
 //!
-//! [`text`], [`jsonl`], [`candump`], [`pcapng`] write records for people and programs, [`vcd`] and `fst` (feature `studio`) the [`Waves`] that they are as signals; `docs/journal.md` describes the formats.
+//! [`text`], [`jsonl`], [`candump`], [`pcapng`] write records for people and programs, [`vcd`] and `fst` (feature `studio`) the [`Waves`] that they are as signals; `docs/reference/journal.md` describes the formats.
 
 pub mod candump;
 mod catalogue;

@@ -1,7 +1,7 @@
 //! The header page as data, for whoever writes declarations of it in another language.
 //!
 //! Offsets and kinds come from the Rust structs themselves; what a field means is read from the tables of
-//! `docs/attach.md`, so there is one description and nothing to keep in step.
+//! `docs/reference/attach.md`, so there is one description and nothing to keep in step.
 
 use super::header::*;
 
@@ -55,7 +55,7 @@ mod tests {
                 assert_eq!(field.offset, end, "{}.{}", of.name, field.name);
                 end += field.bytes();
                 let meaning = field.meaning();
-                assert!(meaning.is_some(), "docs/attach.md lacks {}.{}", of.name, field.name);
+                assert!(meaning.is_some(), "docs/reference/attach.md lacks {}.{}", of.name, field.name);
                 assert_eq!(meaning == Some(String::new()), field.is_reserved(), "{}.{}", of.name, field.name);
             }
             assert_eq!(end, of.bytes, "{}", of.name);

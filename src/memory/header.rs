@@ -1,6 +1,6 @@
 //! The header page: the first 4096 bytes of the segment, below the device's first register.
 //!
-//! It is the attach contract's data structure; `docs/attach.md` describes it byte by byte. Everything in
+//! It is the attach contract's data structure; `docs/reference/attach.md` describes it byte by byte. Everything in
 //! it is a cell in little-endian order. Whoever is not named as a writer of a field only reads it.
 
 #[macro_use]

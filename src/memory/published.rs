@@ -2,7 +2,7 @@
 
 use super::{Cell8, Cell32, Cell64};
 
-const CONTRACT: &str = include_str!("../../docs/attach.md");
+const CONTRACT: &str = include_str!("../../docs/reference/attach.md");
 
 /// Numbers of the header page that stand for something.
 #[derive(Debug)]

@@ -32,7 +32,7 @@ const MOST: usize = u16::MAX as usize;
 /// The plant that runs when no file is given.
 const BUILT_IN: &str = include_str!("built_in.toml");
 
-/// A plant, as described by a plant file (TOML). See `docs/plant.md`.
+/// A plant, as described by a plant file (TOML). See `docs/reference/plant.md`.
 #[derive(Clone, Debug)]
 pub struct PlantConfig {
     /// How often, in emulated microseconds, the firmware looks at registers that nobody rang for
@@ -42,7 +42,7 @@ pub struct PlantConfig {
     pub devices: Vec<Arc<dyn DeviceConfig>>,
     /// The media.
     pub media: Vec<Arc<dyn MediumConfig>>,
-    /// Faults that are injected from power-on or from a time on; see `docs/faults.md`.
+    /// Faults that are injected from power-on or from a time on; see `docs/reference/faults.md`.
     pub faults: Vec<FaultSpec>,
     /// The text that all of this was made of.
     text: Arc<str>,

@@ -6,7 +6,7 @@ use crate::layout::Device;
 use crate::memory::header::BoardSetting;
 use core::fmt;
 
-/// Which refusal it is; `docs/channel.md` lists them. An emulator of a later version may have others.
+/// Which refusal it is; `docs/reference/channel.md` lists them. An emulator of a later version may have others.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Code(pub u16);
 

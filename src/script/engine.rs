@@ -276,8 +276,9 @@ mod tests {
 
     /// Signatures of verbs, as the tables of the reference have them in their first column.
     fn documented() -> Vec<String> {
-        let rows =
-            include_str!("../../docs/scenarios.md").lines().filter_map(|line| line.strip_prefix("| `"));
+        let rows = include_str!("../../docs/reference/scenarios.md")
+            .lines()
+            .filter_map(|line| line.strip_prefix("| `"));
         let cells = rows.filter_map(|row| row.split_once(" | ")).map(|(cell, _)| cell);
         let calls = cells.flat_map(|cell| cell.split("`, `")).filter(|call| call.contains('('));
         let mut all: Vec<_> = calls.map(|call| call.trim_end_matches(['`', ' ']).to_owned()).collect();

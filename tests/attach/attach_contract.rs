@@ -1,4 +1,4 @@
-//! The C client printed in `docs/attach.md` is compiled and meets an emulator's memory, so what the
+//! The C client printed in `docs/reference/attach.md` is compiled and meets an emulator's memory, so what the
 //! contract says is what a program that knows nothing else needs.
 
 use commram::devices::omega_drive_line_2::registers::DEVICE;
@@ -15,7 +15,7 @@ const WATCHDOG: Option<Duration> = Some(Duration::from_secs(60));
 
 /// Compiles the document's C code, without a warning: `0` with the exported header, `1` without it.
 fn printed(directory: &Path, number: usize) -> PathBuf {
-    let contract = include_str!("../../docs/attach.md");
+    let contract = include_str!("../../docs/reference/attach.md");
     let code = contract.split("```c\n").nth(number + 1).and_then(|rest| rest.split("```").next()).unwrap();
     let (source, program) = (directory.join("client.c"), directory.join("client"));
     fs::write(&source, code).unwrap();

@@ -1,4 +1,4 @@
-//! The exit codes of all commands: docs/command-line.md.
+//! The exit codes of all commands: docs/reference/command-line.md.
 #![cfg(feature = "channel")]
 
 use crate::common::{Emulator, commram, finish, finish_on_a_full_disk, run, unique_name, wait_for};

@@ -63,7 +63,7 @@ fn an_emulator_stays_small_and_does_not_grow() {
     assert!(after.own < 32_000, "{} KB", after.own);
 }
 
-/// PLCs with full buses beside one without anything: what docs/promises.md allows each of them and each drive beside its image.
+/// PLCs with full buses beside one without anything: what docs/internals/promises.md allows each of them and each drive beside its image.
 #[test]
 fn a_plc_and_a_drive_more_take_little() {
     const PLCS: u64 = 8;

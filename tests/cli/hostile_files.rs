@@ -1,4 +1,4 @@
-//! Files as long as they are read at all, made to be slow: each is refused, or accepted, in the time that docs/promises.md names.
+//! Files as long as they are read at all, made to be slow: each is refused, or accepted, in the time that docs/internals/promises.md names.
 
 use crate::common::{Outcome, commram, finish, promised, unique_name};
 use std::fmt::Write;

@@ -148,7 +148,7 @@ fn a_plot_stands_beside_its_scenario_and_nowhere_else() {
     assert!(scripts.read("x.svg").starts_with("<svg"));
 }
 
-/// What docs/debugging.md finds in the program, and what mends it.
+/// What docs/guide/debugging.md finds in the program, and what mends it.
 #[test]
 fn the_drive_of_the_wrong_order_stands_still_and_that_of_the_right_order_turns() {
     let wrong = include_str!("../../tools/examples/wrong-order.rhai");

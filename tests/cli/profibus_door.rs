@@ -92,7 +92,7 @@ fn seat(emulator: &Emulator, program: &mut Command) -> Child {
 #[test]
 fn the_program_of_the_documentation_runs_as_printed() {
     let Some(mut python) = python(&[]) else { return };
-    let page = include_str!("../../docs/can-dp2.md");
+    let page = include_str!("../../docs/devices/can-dp2/overview.md");
     let (_, program) = page.split_once("```python\n").unwrap();
     let (program, behind) = program.split_once("```\n").unwrap();
     let (_, printed) = behind.split_once("it prints `").unwrap();

@@ -46,7 +46,7 @@ fn the_schema_takes_every_plant_of_the_repository_and_refuses_broken_ones() {
     let devices = root().join("src/devices").read_dir().unwrap().map(|entry| entry.unwrap().path());
     let files = devices.flat_map(|device| ["plant.toml", "demo.toml"].map(|name| device.join(name)));
     plants.extend(files.filter(|path| path.exists()));
-    let page = std::fs::read_to_string(root().join("docs/plant.md")).unwrap();
+    let page = std::fs::read_to_string(root().join("docs/reference/plant.md")).unwrap();
     for (number, block) in page.split("```toml\n").skip(1).enumerate() {
         let path = directory.path().join(format!("page-{number}.toml"));
         std::fs::write(&path, block.split_once("```").unwrap().0).unwrap();

@@ -38,7 +38,7 @@ impl Drop for Model {
 
 /// The code blocks in a language of the page about simulators.
 fn blocks(language: &str) -> Vec<String> {
-    let page = include_str!("../../docs/helics.md");
+    let page = include_str!("../../docs/guide/helics.md");
     let begin = format!("```{language}\n");
     page.split(&begin).skip(1).filter_map(|rest| Some(rest.split_once("```")?.0.to_owned())).collect()
 }

@@ -148,7 +148,7 @@ pub(crate) fn stat(pid: &str) -> Vec<String> {
     stat.rsplit(')').next().unwrap().split_ascii_whitespace().map(str::to_owned).collect()
 }
 
-/// What docs/promises.md promises within `figure`. The watchdog barks after ten times that, because a test machine may be slow.
+/// What docs/internals/promises.md promises within `figure`. The watchdog barks after ten times that, because a test machine may be slow.
 pub(crate) fn promised<T>(figure: Duration, act: impl FnOnce() -> T) -> T {
     let start = Instant::now();
     let done = act();

@@ -64,13 +64,16 @@ const VIEWERS: [&str; 3] = ["commram plot", "commram shell", "commram view"];
 /// Pages whose sessions are typed in as a whole by a test of their own, and which.
 const SESSIONS: &[(&str, &str)] = &[
     ("README.md", "pages.rs"),
-    ("command-line.md", "pages.rs"),
-    ("getting-started.md", "pages.rs"),
-    ("snapshots.md", "pages.rs"),
-    ("can-dp2.md", "tests/cli/can_dp2.rs and tests/cli/profibus_door.rs: each line needs those before it"),
-    ("helics.md", "tests/cli/federates.rs and simulators.rs: it needs a broker and other federates"),
-    ("openplc.md", "it is typed in beside OpenPLC's own sources"),
-    ("architecture.md", "it shows no commands, but how one goes its way"),
+    ("reference/command-line.md", "pages.rs"),
+    ("guide/getting-started.md", "pages.rs"),
+    ("guide/snapshots.md", "pages.rs"),
+    (
+        "devices/can-dp2/overview.md",
+        "tests/cli/can_dp2.rs and tests/cli/profibus_door.rs: each line needs those before it",
+    ),
+    ("guide/helics.md", "tests/cli/federates.rs and simulators.rs: it needs a broker and other federates"),
+    ("guide/openplc.md", "it is typed in beside OpenPLC's own sources"),
+    ("internals/architecture.md", "it shows no commands, but how one goes its way"),
 ];
 
 /// The commands of the blocks for a shell; those of a console stand behind a `$`.
@@ -89,15 +92,10 @@ fn commands(page: &str) -> Vec<String> {
 #[test]
 fn every_command_of_the_pages_works() {
     let docs = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs");
-    let pages = std::fs::read_dir(docs).unwrap().map(|entry| entry.unwrap().path());
-    let mut pages: BTreeMap<_, _> = pages
-        .filter(|path| path.extension().is_some_and(|it| it == "md"))
-        .map(|path| {
-            (
-                path.file_name().unwrap().to_str().unwrap().to_owned(),
-                commands(&std::fs::read_to_string(&path).unwrap()),
-            )
-        })
+    let name = |path: &Path| path.strip_prefix(&docs).unwrap().to_str().unwrap().to_owned();
+    let mut pages: BTreeMap<_, _> = crate::pages()
+        .iter()
+        .map(|path| (name(path), commands(&std::fs::read_to_string(path).unwrap())))
         .collect();
     pages.retain(|name, commands| {
         !commands.is_empty() && !SESSIONS.iter().any(|(session, _)| session == name)

@@ -60,10 +60,8 @@ fn what_the_heads_of_files_say_works() {
 #[test]
 fn nobody_is_told_to_start_an_emulator_in_another_way() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let pages = root.join("docs").read_dir().unwrap().map(|entry| entry.unwrap().path());
-    let pages = pages.filter(|path| path.extension().is_some_and(|ending| ending == "md"));
     let mut starts = 0;
-    for page in pages.chain([root.join("README.md")]).chain(files()) {
+    for page in crate::pages().into_iter().chain([root.join("README.md")]).chain(files()) {
         let text = std::fs::read_to_string(&page).unwrap();
         let is_page = page.extension().is_some_and(|ending| ending == "md");
         let scripts = if is_page { blocks(&text) } else { scripts(&text) };

@@ -9,14 +9,12 @@ fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
 
-/// README, CHANGELOG, CONTRIBUTING, SECURITY and everything in `docs`.
+/// README, CHANGELOG, CONTRIBUTING, SECURITY and all pages in `docs`.
 fn pages() -> Vec<PathBuf> {
-    let docs = std::fs::read_dir(root().join("docs")).unwrap().map(|entry| entry.unwrap().path());
-    let mut pages: Vec<_> = docs.filter(|path| path.extension().is_some_and(|it| it == "md")).collect();
+    let mut pages = crate::pages();
     pages.extend(
         ["README.md", "CHANGELOG.md", "CONTRIBUTING.md", "SECURITY.md"].map(|name| root().join(name)),
     );
-    pages.sort();
     pages
 }
 
@@ -79,9 +77,16 @@ fn every_link_leads_somewhere() {
 #[test]
 fn no_link_leaves_the_book() {
     let docs = root().join("docs");
-    for page in pages().iter().filter(|page| page.parent() == Some(docs.as_path())) {
-        for link in links(&std::fs::read_to_string(page).unwrap()) {
-            assert!(!link.starts_with("../"), "{}: {link}", page.display());
+    for page in crate::pages() {
+        let folder = page.parent().unwrap();
+        for link in links(&std::fs::read_to_string(&page).unwrap()) {
+            let (file, _) = link.split_once('#').unwrap_or((&link, ""));
+            if file.contains("://") || file.is_empty() {
+                continue;
+            }
+            let target = folder.join(file).canonicalize();
+            let is_inside = target.is_ok_and(|target| target.starts_with(&docs));
+            assert!(is_inside, "{}: {link}", page.display());
         }
     }
 }
@@ -89,7 +94,7 @@ fn no_link_leaves_the_book() {
 /// A blank line in a table ends it; what follows is then no table but text with bars.
 #[test]
 fn no_decision_stands_outside_a_table() {
-    let text = std::fs::read_to_string(root().join("docs/decisions.md")).unwrap();
+    let text = std::fs::read_to_string(root().join("docs/internals/decisions.md")).unwrap();
     let rows = parse(&text).filter(|event| matches!(event, Event::Start(Tag::TableRow))).count();
     let decisions: Vec<_> =
         text.lines().filter_map(|line| line.strip_prefix("| D-")?.split(' ').next()).collect();
@@ -104,10 +109,9 @@ fn the_book_has_every_page_once() {
     let summary = std::fs::read_to_string(root().join("docs/SUMMARY.md")).unwrap();
     let mut in_book = links(&summary);
     in_book.sort();
-    let name = |page: PathBuf| page.file_name().unwrap().to_str().unwrap().to_owned();
-    let of_docs = pages().into_iter().filter(|page| page.parent().unwrap().ends_with("docs")).map(name);
-    let mut pages: Vec<_> = of_docs.filter(|name| name != "SUMMARY.md").collect();
-    pages.sort();
+    let docs = root().join("docs");
+    let name = |page: PathBuf| page.strip_prefix(&docs).unwrap().to_str().unwrap().to_owned();
+    let pages: Vec<_> = crate::pages().into_iter().map(name).filter(|name| name != "SUMMARY.md").collect();
     assert_eq!(in_book, pages);
 }
 
@@ -158,12 +162,12 @@ fn the_session_of_the_readme_works_as_printed() {
 
 #[test]
 fn the_session_of_the_command_line_works_as_printed() {
-    type_in(&session(include_str!("../../docs/command-line.md")));
+    type_in(&session(include_str!("../../docs/reference/command-line.md")));
 }
 
 #[test]
 fn the_session_of_getting_started_works_as_printed() {
-    let mut steps = session(include_str!("../../docs/getting-started.md"));
+    let mut steps = session(include_str!("../../docs/guide/getting-started.md"));
     let last_peek = "peek 'node2.a_RD_BMARRAY[1][0]'";
     let (_, shown) =
         steps.iter().find(|(command, _)| command.contains(last_peek)).expect("a value comes back");
@@ -176,5 +180,5 @@ fn the_session_of_getting_started_works_as_printed() {
 
 #[test]
 fn the_session_of_snapshots_works_as_printed() {
-    type_in(&session(include_str!("../../docs/snapshots.md")));
+    type_in(&session(include_str!("../../docs/guide/snapshots.md")));
 }

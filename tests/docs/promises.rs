@@ -1,4 +1,4 @@
-//! Every promise of `docs/promises.md` names the tests that hold it, and these exist.
+//! Every promise of `docs/internals/promises.md` names the tests that hold it, and these exist.
 
 use std::path::Path;
 
@@ -36,7 +36,7 @@ fn has_test(source: &str, name: &str) -> bool {
 #[test]
 fn every_promise_names_tests_that_exist() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let page = std::fs::read_to_string(root.join("docs/promises.md")).unwrap();
+    let page = std::fs::read_to_string(root.join("docs/internals/promises.md")).unwrap();
     let promises = promises(&page);
     assert!(promises.len() > 10, "{promises:?}");
     for (at, (number, tests)) in promises.iter().enumerate() {

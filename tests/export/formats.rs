@@ -11,11 +11,11 @@ const FORMATS: [&str; 10] =
 #[test]
 fn the_register_references_are_up_to_date() {
     let pages = [
-        include_str!("../../docs/registers.md"),
-        include_str!("../../docs/registers-bm4-plc.md"),
-        include_str!("../../docs/registers-cs0015.md"),
-        include_str!("../../docs/registers-cr201x.md"),
-        include_str!("../../docs/registers-can-dp2.md"),
+        include_str!("../../docs/devices/omega-drive-line-2/registers.md"),
+        include_str!("../../docs/devices/bm4-plc/registers.md"),
+        include_str!("../../docs/devices/cs0015/registers.md"),
+        include_str!("../../docs/devices/cs0015/registers-cr201x.md"),
+        include_str!("../../docs/devices/can-dp2/registers.md"),
     ];
     for (device, page) in DEVICES.into_iter().zip(pages) {
         let export = run(&["export", "md", "--device", device]);
@@ -128,7 +128,7 @@ fn the_csv_has_every_register_that_the_map_knows() {
     assert!(status.contains(",\"149-150, 174-175\",offset D-02,option_status,"), "{status}");
 }
 
-/// The keys that `docs/export.md` promises, with their values for known registers.
+/// The keys that `docs/reference/export.md` promises, with their values for known registers.
 #[test]
 fn the_json_keeps_its_schema() {
     let export = run(&["export", "json"]);

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 
 pub(crate) const SOURCES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/matiec");
-/// How docs/export.md makes a header of what matiec writes down.
+/// How docs/reference/export.md makes a header of what matiec writes down.
 const FILTER: &str = "grep -o '__LOCATED_VAR([^)]*)' LOCATED_VARIABLES.h | sort -u > commram_located.h";
 const ACCESS: [&str; 3] = ["-DCOMMRAM_MATIEC_ACCESS", "-include", "commram_matiec.h"];
 

@@ -1,4 +1,4 @@
-"""The iceoryx2 channel of an emulator through the iceoryx2 package for Python (docs/export.md)."""
+"""The iceoryx2 channel of an emulator through the iceoryx2 package for Python (docs/reference/export.md)."""
 
 import ctypes
 import os

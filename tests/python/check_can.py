@@ -1,4 +1,4 @@
-"""Two foreign stacks at a door of a CAN bus: python-can, and canopen as master and as slave (docs/can.md).
+"""Two foreign stacks at a door of a CAN bus: python-can, and canopen as master and as slave (docs/reference/can.md).
 
 Usage: check_can.py PORT BITRATE
 """

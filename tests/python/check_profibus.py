@@ -1,4 +1,4 @@
-"""pyprofibus as DP master of the gateway, by a seat in lockstep at the door of its PROFIBUS (docs/can-dp2.md).
+"""pyprofibus as DP master of the gateway, by a seat in lockstep at the door of its PROFIBUS (docs/devices/can-dp2/overview.md).
 
 Usage: check_profibus.py PORT
 It exchanges data until its outputs have come back as inputs.

@@ -1,4 +1,4 @@
-//! What `docs/channel.md` calls the program's own types: they travel by serde in the format of postcard, whole or not
+//! What `docs/reference/channel.md` calls the program's own types: they travel by serde in the format of postcard, whole or not
 //! at all.
 
 use serde::Serialize;

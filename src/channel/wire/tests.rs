@@ -441,10 +441,10 @@ fn the_largest_request_of_small_operations_fits_its_reply() {
     }
 }
 
-/// The operations that `docs/channel.md` lists are those that exist, but for the five that it names in a sentence.
+/// The operations that `docs/reference/channel.md` lists are those that exist, but for the five that it names in a sentence.
 #[test]
 fn the_channels_page_lists_every_operation() {
-    let page = include_str!("../../../docs/channel.md");
+    let page = include_str!("../../../docs/reference/channel.md");
     let (_, table) = page.split_once("| `kind` | What it does |").unwrap();
     let (table, sentence) = table.split_once("\n\n").unwrap();
     let cells = table.lines().skip(2).filter_map(|row| row.split('|').nth(1));

@@ -287,6 +287,10 @@ mod tests {
             format!("| `{}` | {text}{more} |\n", keys.replace(", ", "`, `"))
         };
         let table: String = told().into_iter().map(row).collect();
-        crate::cli::view::tests::held_part("docs/view.md", "| key | what it does |\n|---|---|\n", &table);
+        crate::cli::view::tests::held_part(
+            "docs/guide/view.md",
+            "| key | what it does |\n|---|---|\n",
+            &table,
+        );
     }
 }

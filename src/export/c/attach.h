@@ -101,7 +101,7 @@ static inline commram_result commram_check(const commram *ram)
     return errno == EWOULDBLOCK ? COMMRAM_DONE : COMMRAM_GONE;
 }
 
-/* The checks of docs/attach.md on an open file, in its order. */
+/* The checks of docs/reference/attach.md on an open file, in its order. */
 static inline commram_result commram_check_file(int file)
 {
     struct { uint64_t magic; uint32_t abi_version, header_size; uint64_t layout_hash; uint32_t segment_size, generation; } head;

@@ -1,5 +1,5 @@
 /*
- * How to use it: docs/export.md. In short, one C file of the application, `commram export matiec --main`, has
+ * How to use it: docs/reference/export.md. In short, one C file of the application, `commram export matiec --main`, has
  *
  *     #include "iec_std_lib.h"
  *     #include "commram_matiec.h"

@@ -4,7 +4,7 @@ def __getattr__(name: str):
     if name in ("Emulator", "connect"):
         raise AttributeError(
             f"{__file__} is the module that `commram export python` writes; '{name}' is in the package of the same name, "
-            "which this file hides: rename it, the package has all that is here (docs/python.md)"
+            "which this file hides: rename it, the package has all that is here (docs/guide/python.md)"
         )
     raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
 
@@ -238,7 +238,7 @@ class Ram:
             raise
 
     def _check_file(self):
-        """The checks of docs/attach.md, in its order."""
+        """The checks of docs/reference/attach.md, in its order."""
         info = os.fstat(self._file)
         if not stat.S_ISREG(info.st_mode):
             raise NotAttached(f"{self.path}: no image")

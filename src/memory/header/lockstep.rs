@@ -1,4 +1,4 @@
-//! Lockstep: tasks that the emulated time waits for. `docs/attach.md` describes the turns.
+//! Lockstep: tasks that the emulated time waits for. `docs/reference/attach.md` describes the turns.
 
 #[cfg(feature = "emulator")]
 mod hands;

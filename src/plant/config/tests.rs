@@ -15,9 +15,9 @@ fn the_built_in_plant_is_a_good_one() {
 
 #[test]
 fn the_documented_plant_file_is_a_good_one() {
-    let text = include_str!("../../../docs/plant.md");
+    let text = include_str!("../../../docs/reference/plant.md");
     let example = text.split("```toml").nth(1).and_then(|rest| rest.split("```").next()).unwrap();
-    let plant = PlantConfig::parse("docs/plant.md", example).unwrap();
+    let plant = PlantConfig::parse("docs/reference/plant.md", example).unwrap();
     assert_eq!(plant.media[1].participants()[0].0, "winder");
     assert!(plant.media[1].build(1).is_ok());
 }

@@ -1,4 +1,4 @@
-//! `docs/function-blocks.md`, `docs/cs0015-blocks.md` and `docs/can-dp2-blocks.md` name every input and output with its preset, and the presets are the manual's.
+//! `docs/devices/omega-drive-line-2/function-blocks.md`, `docs/devices/cs0015/function-blocks.md` and `docs/devices/can-dp2/function-blocks.md` name every input and output with its preset, and the presets are the manual's.
 
 use commram::devices::omega_drive_line_2::blocks::*;
 use commram::devices::{self, Registered};
@@ -7,9 +7,9 @@ use commram::plc::{BlockKind, Direction, PinValue, Place, Variables};
 use std::collections::BTreeSet;
 use std::time::Duration;
 
-const DOCS: &str = include_str!("../../../docs/function-blocks.md");
-const CS0015: &str = include_str!("../../../docs/cs0015-blocks.md");
-const CAN_DP2: &str = include_str!("../../../docs/can-dp2-blocks.md");
+const DOCS: &str = include_str!("../../../docs/devices/omega-drive-line-2/function-blocks.md");
+const CS0015: &str = include_str!("../../../docs/devices/cs0015/function-blocks.md");
+const CAN_DP2: &str = include_str!("../../../docs/devices/can-dp2/function-blocks.md");
 
 /// A preset as the documentation prints it.
 fn shown(preset: &PinValue) -> String {

@@ -1,6 +1,6 @@
 //! Worked examples of manual 5.02066.01a at 1 Mbit/s, this device's own rate, that only its function blocks and front show.
 //! Those of registers and frames run on it as on the other device: `vectors`, `slave_jobs` and `jobs` beside this module.
-//! docs/bm4.md lists them all.
+//! docs/devices/bm4-plc/overview.md lists them all.
 
 #![allow(non_snake_case, reason = "the manual's names, letter for letter")]
 

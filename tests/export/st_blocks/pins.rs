@@ -1,4 +1,4 @@
-//! What the exported blocks look like: their names and pins as docs/function-blocks.md has them, which is held against the
+//! What the exported blocks look like: their names and pins as docs/devices/omega-drive-line-2/function-blocks.md has them, which is held against the
 //! Rust blocks; and the registers that they use.
 
 use crate::common::{Outcome, finish, python, run};
@@ -8,7 +8,7 @@ use commram::plc::Direction;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-const DOCS: &str = include_str!("../../../docs/function-blocks.md");
+const DOCS: &str = include_str!("../../../docs/devices/omega-drive-line-2/function-blocks.md");
 
 fn exported(device: &str) -> Outcome {
     run(&["export", "st", "--blocks", "--device", device])

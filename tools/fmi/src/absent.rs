@@ -9,7 +9,7 @@ use core::ffi::{c_char, c_void};
 
 fn refuse(instance: Instance, what: &str) -> Status {
     with(instance, |_| {
-        Err(Refused(format!("this unit has no {what}; it is one for co-simulation, see docs/fmi.md")))
+        Err(Refused(format!("this unit has no {what}; it is one for co-simulation, see docs/guide/fmi.md")))
     })
 }
 

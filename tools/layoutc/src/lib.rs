@@ -1,7 +1,7 @@
 //! Compiles register layouts: reads the TOML files of one device, checks them, and emits Rust.
 //!
 //! `build.rs` of commram is the only user. A wrong layout stops the build with file, line, column and
-//! reason. The format of the files is described in `docs/layouts.md`.
+//! reason. The format of the files is described in `docs/reference/layouts.md`.
 
 mod check;
 #[cfg(feature = "import")]

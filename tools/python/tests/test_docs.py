@@ -1,4 +1,4 @@
-"""What docs/python.md shows works as it stands there."""
+"""What docs/guide/python.md shows works as it stands there."""
 
 import pathlib
 import re
@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-PAGE = (pathlib.Path(__file__).parents[3] / "docs/python.md").read_text()
+PAGE = (pathlib.Path(__file__).parents[3] / "docs/guide/python.md").read_text()
 
 
 def blocks(language):

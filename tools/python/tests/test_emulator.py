@@ -231,7 +231,7 @@ def test_what_is_closed_says_so(emulator):
 
 
 def test_every_verb_of_scenarios_is_there():
-    page = (pathlib.Path(__file__).parents[3] / "docs/scenarios.md").read_text()
+    page = (pathlib.Path(__file__).parents[3] / "docs/reference/scenarios.md").read_text()
     page = page.split("\n## Verbs\n")[1].split("\n## ")[0]
     rows = [line.split(" | ")[0] for line in page.splitlines() if line.startswith("| `")]
     verbs = {verb for row in rows for verb in re.findall(r"`([a-z_]+)\(", row)}

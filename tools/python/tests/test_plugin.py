@@ -154,7 +154,7 @@ def test_an_exported_module_that_hides_the_package_is_told(suite, pytester, prog
     result.assert_outcomes(passed=1, errors=1)
     result.stdout.fnmatch_lines(["*commram.py is a module of commram export; it hides the package*"])
     said = subprocess.run([sys.executable, "-c", "import commram; commram.Emulator"], capture_output=True, text=True)
-    assert "docs/python.md" in said.stderr and "commram.py" in said.stderr, said.stderr
+    assert "docs/guide/python.md" in said.stderr and "commram.py" in said.stderr, said.stderr
 
 
 def test_both_have_the_same_names(program, tmp_path):

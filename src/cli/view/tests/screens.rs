@@ -56,7 +56,7 @@ fn a_running_plant() {
     }
     screen(&user, "drives");
     held(
-        "docs/view-drives.svg",
+        "docs/guide/view-drives.svg",
         &svg(user.buffer(), "The drives of the built-in plant, and what the first one is told and does"),
     );
     user.type_in("4n");
@@ -65,7 +65,7 @@ fn a_running_plant() {
     user.poke(&[("node2.b_CTRLREG_WRC1", 5)], 1_990);
     user.look();
     screen(&user, "frames");
-    held("docs/view-frames.svg", &svg(user.buffer(), "The frames of an interval with its slots"));
+    held("docs/guide/view-frames.svg", &svg(user.buffer(), "The frames of an interval with its slots"));
     user.type_in("1");
     screen(&user, "plant");
     user.type_in("5");
@@ -73,13 +73,13 @@ fn a_running_plant() {
     user.type_in("2");
     screen(&user, "registers");
     held(
-        "docs/view-registers.svg",
+        "docs/guide/view-registers.svg",
         &svg(user.buffer(), "Blocks with their registers, and below them those that are pinned"),
     );
     user.type_in("3");
     screen(&user, "handshakes");
     held(
-        "docs/view-changes.svg",
+        "docs/guide/view-changes.svg",
         &svg(user.buffer(), "Every change of the pinned registers, with time and who it was"),
     );
 }

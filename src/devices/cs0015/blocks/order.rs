@@ -1,4 +1,4 @@
-//! How a block asks the operating system: an order in the job block (`docs/cs0015.md`).
+//! How a block asks the operating system: an order in the job block (`docs/devices/cs0015/overview.md`).
 
 use crate::devices::cs0015::registers::values::{job_control, job_error};
 use crate::devices::cs0015::registers::{CS0015_JOBS, JOBS};

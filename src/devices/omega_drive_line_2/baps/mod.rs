@@ -1,6 +1,6 @@
 //! BAPS: the interface between the Omega Drive-Line II and the drive it is built into (manual 5.00005.03a chapter 6).
 //!
-//! The registers are described in `docs/baps.md`; the manual shows them only through its function blocks. The drive
+//! The registers are described in `docs/devices/omega-drive-line-2/baps.md`; the manual shows them only through its function blocks. The drive
 //! has a time slice of 500 us for them. While nobody uses the BAPS there are no slices: the firmware looks at two
 //! registers in every processor cycle, and that is all.
 

@@ -2,7 +2,7 @@
 //! (manual 5.00005.03a p. 47, 51, 56-60).
 //!
 //! On the device they call its firmware and have no registers; here they use the header page
-//! (`docs/attach.md`).
+//! (`docs/reference/attach.md`).
 
 use crate::devices::intr_set::Request;
 use crate::memory::header::OptInitResult;

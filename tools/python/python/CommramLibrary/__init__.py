@@ -8,7 +8,7 @@ from typing import Any
 
 from commram import Connection, Emulator
 
-# In the order of docs/scenarios.md; what takes functions, or returns what only Python can use, is not here.
+# In the order of docs/reference/scenarios.md; what takes functions, or returns what only Python can use, is not here.
 _VERBS = (
     "section",
     "peek",
@@ -126,7 +126,7 @@ class CommramLibrary:
             return inspect.getdoc(type(self)) or ""
         if name == "__init__":
             return ""
-        return f"The verb `{name}` of docs/scenarios.md and docs/python.md."
+        return f"The verb `{name}` of docs/reference/scenarios.md and docs/guide/python.md."
 
     def run_keyword(self, name: str, arguments: list[Any], named: dict[str, Any]) -> Any:
         plant = self._open()

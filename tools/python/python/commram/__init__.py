@@ -1,7 +1,7 @@
 """commram: the communication RAM of drive and fieldbus controllers, emulated register by register.
 
 `Emulator` is a plant in this process, `attach` maps the RAM of a running instance, `connect` talks to one through its
-channel. docs/python.md of the project is the reference.
+channel. docs/guide/python.md of the project is the reference.
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@ class Gone(Error):
 
 
 class Refused(Error):
-    """The plant did not do what it was asked for; `code` is that of docs/channel.md."""
+    """The plant did not do what it was asked for; `code` is that of docs/reference/channel.md."""
 
     code: int = 0
 

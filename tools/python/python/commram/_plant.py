@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class Plant(Registers, _native.Bench):
-    """The verbs of scenarios (docs/scenarios.md) on a plant or a running instance."""
+    """The verbs of scenarios (docs/reference/scenarios.md) on a plant or a running instance."""
 
     def wait_until(self, condition: Callable[[], Any], within: str | int) -> int:
         """Lets the time pass until the condition is true; returns how long that took, in microseconds.

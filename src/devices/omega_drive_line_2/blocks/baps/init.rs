@@ -29,7 +29,7 @@ macro_rules! block {
                     us_HW_TYPE: u8;
                     /// Event "BAPS process data" to enable: 4 or 8; 0 (default): none.
                     i_EVENT: i16;
-                    /// Transmission method and cycle time, see `docs/baps.md`.
+                    /// Transmission method and cycle time, see `docs/devices/omega-drive-line-2/baps.md`.
                     w_COMMAND_REG: u16;
                     /// 0: first initialization, 1: with stopped process data, 2: while they run.
                     us_MODE: u8;
