@@ -14,7 +14,7 @@ pub(crate) fn generate(scope: &Scope) -> String {
     format!(
         "#ifndef COMMRAM_OPENPLC_H\n#define COMMRAM_OPENPLC_H\n\n\
          #ifdef COMMRAM_OPENPLC_LAYER\n{header}\n{tables}{storage}\n#else\n\
-         /* The end of iec_std_lib.h includes this half: docs/guide/openplc.md. */\n{tables}{by_name}\
+         /* The end of iec_std_lib.h includes this half: docs/guide/plc-programs.md. */\n{tables}{by_name}\
          /* OpenPLC's glueVars.cpp has a variable for each located one, and does not know the program's types. */\n\
          #include \"../POUS.h\"\n#endif\n\n#endif\n"
     )

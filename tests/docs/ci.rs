@@ -1,4 +1,4 @@
-//! docs/guide/ci.md and docs/guide/farm.md, followed word by word: their files are put where they say, their shell lines are run.
+//! Follows docs/guide/ci.md word by word: creates the files of the page and runs its shell lines.
 
 use crate::common::{commram, finish, python, python_for};
 use std::os::unix::fs::{PermissionsExt, symlink};
@@ -117,7 +117,7 @@ fn the_servers_take_their_files() {
 /// The machines of the farm are processes here, as on the page.
 #[test]
 fn the_farm_makes_one_report_of_its_shards() {
-    let page = std::fs::read_to_string(Path::new(ROOT).join("docs/guide/farm.md")).unwrap();
+    let page = std::fs::read_to_string(Path::new(ROOT).join("docs/guide/ci.md")).unwrap();
     let script = page.split("```bash\n").nth(1).and_then(|rest| rest.split("```").next()).unwrap();
     let farm = TempDir::new().unwrap();
     std::fs::create_dir(farm.path().join("scenarios")).unwrap();

@@ -72,7 +72,7 @@ const SESSIONS: &[(&str, &str)] = &[
         "tests/cli/can_dp2.rs and tests/cli/profibus_door.rs: each line needs those before it",
     ),
     ("guide/helics.md", "tests/cli/federates.rs and simulators.rs: it needs a broker and other federates"),
-    ("guide/openplc.md", "it is typed in beside OpenPLC's own sources"),
+    ("guide/plc-programs.md", "tests/export/openplc.rs: it needs the sources of OpenPLC and Beremiz"),
     ("internals/architecture.md", "it shows no commands, but how one goes its way"),
 ];
 

@@ -1,8 +1,8 @@
 //! What is exported for OpenPLC and for Beremiz, in programs of their form: both bind located variables by their names.
 //!
 //! `tests/openplc` has what matiec and OpenPLC's glue generator make of a program, and a main program with OpenPLC's order of
-//! calls. Where `COMMRAM_OPENPLC` and `COMMRAM_BEREMIZ` name their directories, `docs/guide/openplc.md` and `docs/guide/beremiz.md` are
-//! followed as they stand there.
+//! calls. Where `COMMRAM_OPENPLC` and `COMMRAM_BEREMIZ` name their directories, `docs/guide/plc-programs.md` is
+//! followed word by word.
 
 use crate::common::{
     Emulator, Outcome, commram, eventually, finish, is_there, python, run, skipped, wait_for,
@@ -15,7 +15,7 @@ use std::process::{Child, Command, Stdio};
 
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 
-/// Puts the stand-ins and the exports where OpenPLC has its files, and makes the header known as `docs/guide/openplc.md` tells.
+/// Puts the stand-ins and the exports where OpenPLC has its files, and makes the header known as `docs/guide/plc-programs.md` describes.
 fn prepare(core: &Path) {
     let library = core.join("lib");
     fs::create_dir_all(&library).unwrap();
@@ -155,9 +155,9 @@ fn block(page: &str, marker: &str) -> String {
     fenced.split_once("\n```").unwrap().0.to_owned() + "\n"
 }
 
-/// The C extension of `docs/guide/beremiz.md` as Beremiz writes it into a file.
+/// The C extension of `docs/guide/plc-programs.md` as Beremiz writes it into a file.
 fn extension() -> String {
-    let text = block("guide/beremiz.md", "`commram@c_ext/cfile.xml`");
+    let text = block("guide/plc-programs.md", "`commram@c_ext/cfile.xml`");
     let section = |name: &str| {
         let from = format!("<{name}><![CDATA[");
         let text = text.split_once(&from).unwrap_or_else(|| panic!("{name}")).1;
@@ -228,7 +228,7 @@ fn beremiz(directory: &Path) {
     fs::write(directory.join("beremiz.h"), logging).unwrap();
     fs::write(directory.join("plc_main.c"), BEREMIZ).unwrap();
     fs::write(directory.join("CFile_3.c"), extension()).unwrap();
-    let page = block("guide/beremiz.md", "`beremiz.xml`");
+    let page = block("guide/plc-programs.md", "`beremiz.xml`");
     let flags = page.split_once("CFLAGS=\"").unwrap().1.split_once('"').unwrap().0;
     let flags = flags.replace("/home/you/plc/", "");
     let line = format!("cc -O2 -fPIC {flags} plc_main.c Config0.c CFile_3.c -o plc");
@@ -293,10 +293,11 @@ fn the_page_on_openplc_works_with_openplc() {
     let copy = format!("{copy}{}", directory.path().display());
     finish(Command::new("sh").current_dir(openplc).args(["-c", &copy])).ok();
     let webserver = directory.path().join("webserver");
-    fs::write(webserver.join("program.st"), block("guide/openplc.md", "`program.st` brings")).unwrap();
-    let once = block("guide/openplc.md", "Once for each OpenPLC").replace("$ cd OpenPLC_v3/webserver\n", "");
+    fs::write(webserver.join("program.st"), block("guide/plc-programs.md", "`program.st` brings")).unwrap();
+    let once =
+        block("guide/plc-programs.md", "Once for each OpenPLC").replace("$ cd OpenPLC_v3/webserver\n", "");
     type_in(&once, &webserver);
-    type_in(&block("guide/openplc.md", "For the program:"), &webserver);
+    type_in(&block("guide/plc-programs.md", "For the program:"), &webserver);
     let emulator = Emulator::start(&[]);
     let mut command = Command::new(webserver.join("core/openplc"));
     let _runtime = Runtime::start(command.current_dir(&webserver), &emulator.name);
@@ -311,19 +312,20 @@ fn the_page_on_beremiz_works_with_beremiz() {
     };
     let Some(mut command) = python(&["erpc", "lxml", "twisted", "click"]) else { return };
     let directory = tempfile::tempdir().unwrap();
-    let made =
-        block("guide/beremiz.md", "are those of\n`cfile.xml`").replace("$ cd plc\n", "").replace("plc/", "");
+    let made = block("guide/plc-programs.md", "Make the folder and the header")
+        .replace("$ cd plc\n", "")
+        .replace("plc/", "");
     type_in(&made, directory.path());
     let write = |name: &str, text: String| fs::write(directory.path().join(name), text).unwrap();
     let here = directory.path().to_str().unwrap();
-    write("beremiz.xml", block("guide/beremiz.md", "`beremiz.xml`").replace("/home/you/plc", here));
+    write("beremiz.xml", block("guide/plc-programs.md", "`beremiz.xml`").replace("/home/you/plc", here));
     for name in ["baseconfnode.xml", "confnode.xml", "cfile.xml"] {
         let name = format!("commram@c_ext/{name}");
-        write(&name, block("guide/beremiz.md", &format!("`{name}`")));
+        write(&name, block("guide/plc-programs.md", &format!("`{name}`")));
     }
-    write("program.st", block("guide/openplc.md", "`program.st` brings"));
-    type_in(&block("guide/beremiz.md", "For the manual's own names"), directory.path());
-    write("plc.xml", block("guide/beremiz.md", "`plc.xml`, which"));
+    write("program.st", block("guide/plc-programs.md", "`program.st` brings"));
+    type_in(&block("guide/plc-programs.md", "For the manual's own names"), directory.path());
+    write("plc.xml", block("guide/plc-programs.md", "`plc.xml`, which"));
     let emulator = Emulator::start(&[]);
     command.arg(beremiz.join("Beremiz_cli.py")).args([
         "-k",

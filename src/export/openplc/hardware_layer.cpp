@@ -1,6 +1,6 @@
  *
  * A hardware layer for OpenPLC: it maps the registers under the program's located variables. Save it as
- * webserver/core/hardware_layer.cpp; docs/guide/openplc.md has the rest.
+ * webserver/core/hardware_layer.cpp; docs/guide/plc-programs.md has the rest.
  *
  * The environment variable COMMRAM_IMAGE names the image, /dev/shm/commram.default.line if there is none. The device there
  * starts and stops the program; while it is stopped its scans do not reach any register. TON and the like count emulated time.
