@@ -13,6 +13,7 @@ mod programs;
 mod promises;
 mod public_api;
 mod shell;
+mod troubleshooting;
 
 use std::path::{Path, PathBuf};
 

@@ -1,0 +1,60 @@
+//! The troubleshooting page prints each message exactly as the source has it.
+
+use std::path::{Path, PathBuf};
+
+/// Parts of messages that the source inserts, so they split the text around them.
+const INSERTED: [&str; 4] = [" (process <PID>)", "/dev/shm", "PLCs", "for the task"];
+
+/// Parts of messages from the operating system and from the parsers of plant files and arguments.
+const FOREIGN: [&str; 3] = ["(os error", "unknown field", "expected one of"];
+
+fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            sources(&path, found);
+        } else if path.extension().is_some_and(|ending| ending == "rs" || ending == "h") {
+            found.push(path);
+        }
+    }
+}
+
+/// The text without the line breaks inside string literals, and without escapes.
+fn joined(source: &str) -> String {
+    let mut lines = source.split("\\\n");
+    let mut text = lines.next().unwrap_or_default().to_owned();
+    for line in lines {
+        text.push_str(line.trim_start());
+    }
+    text.replace("\\\"", "\"")
+}
+
+/// The fixed parts of a message, without placeholders such as `<NAME>`.
+fn fixed_parts(message: &str) -> Vec<String> {
+    let mut parts = Vec::new();
+    let message = INSERTED.iter().fold(message.to_owned(), |text, inserted| text.replace(inserted, "<>"));
+    for piece in message.split('<') {
+        let fixed = piece.split_once('>').map_or(piece, |(_, fixed)| fixed);
+        parts.push(fixed.trim().to_owned());
+    }
+    parts.retain(|part| part.len() > 2 && !FOREIGN.iter().any(|foreign| part.contains(foreign)));
+    parts
+}
+
+#[test]
+fn messages_of_the_troubleshooting_page_are_in_the_source() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut files = Vec::new();
+    sources(&root.join("src"), &mut files);
+    let text: String = files.iter().map(|file| joined(&std::fs::read_to_string(file).unwrap())).collect();
+    let page = include_str!("../../docs/guide/troubleshooting.md");
+    let blocks = page.split("```text\n").skip(1).filter_map(|rest| rest.split("```").next());
+    let messages: Vec<_> = blocks.flat_map(str::lines).collect();
+    assert!(messages.len() > 40, "{messages:?}");
+    let missing: Vec<_> = messages
+        .iter()
+        .flat_map(|message| fixed_parts(message))
+        .filter(|part| !text.contains(part.as_str()))
+        .collect();
+    assert!(missing.is_empty(), "parts of messages that the source does not have: {missing:#?}");
+}
