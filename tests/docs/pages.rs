@@ -146,7 +146,7 @@ fn type_in(steps: &[(String, String)]) {
         let outcome = shell.run(command);
         assert_eq!(outcome.code, Some(0), "{command}\n{}", outcome.err);
         if !shown.is_empty() {
-            assert_eq!(&outcome.out, shown, "{command}");
+            assert_eq!(&shell.as_printed(&outcome.out), shown, "{command}");
         }
     }
 }

@@ -32,6 +32,11 @@ impl Shell {
         Self { name: unique_name(), directory }
     }
 
+    /// Output of a command as a page prints it, with the default name of the instance.
+    pub(crate) fn as_printed(&self, output: &str) -> String {
+        output.replace(&self.name, "default")
+    }
+
     /// Runs a command or a script, which ends at its first failure.
     pub(crate) fn run(&self, script: &str) -> Outcome {
         let programs = Path::new(env!("CARGO_BIN_EXE_commram")).parent().unwrap();
