@@ -29,7 +29,7 @@
 //! | [`export`] | the register map for other languages and tools |
 //! | [`cli`] | the program, for others that have devices of their own |
 //! | [`time`] | emulated times as text |
-//! | [`handed_in`] | text files that people hand in |
+//! | [`input_file`] | text files that people hand in |
 //!
 //! `layout` and `memory` are always there; the others are cargo features: `channel`, `script` and `export` with the module of
 //! their name, `plc` with the function blocks, `emulator` with everything that happens behind the registers, `cli` with the
@@ -58,8 +58,6 @@
 extern crate self as commram;
 
 #[cfg(feature = "emulator")]
-mod agenda;
-#[cfg(feature = "emulator")]
 pub mod can;
 #[cfg(feature = "channel")]
 pub mod channel;
@@ -67,13 +65,13 @@ pub mod channel;
 pub mod check;
 #[cfg(feature = "cli")]
 pub mod cli;
-#[cfg(any(feature = "script", feature = "cli"))]
-mod counted;
 #[cfg(feature = "channel")]
 pub mod coupling;
 pub mod devices;
 #[cfg(feature = "emulator")]
 pub mod door;
+#[cfg(feature = "emulator")]
+mod due_queue;
 #[cfg(feature = "export")]
 pub mod export;
 #[cfg(feature = "emulator")]
@@ -82,22 +80,24 @@ pub mod fault;
 pub mod federation;
 #[cfg(feature = "emulator")]
 pub mod fmi;
-#[cfg(feature = "emulator")]
-pub mod handed_in;
-#[cfg(feature = "cli")]
-mod handed_out;
 #[cfg(feature = "helics")]
 pub mod helics;
+#[cfg(feature = "emulator")]
+pub mod input_file;
 #[cfg(feature = "emulator")]
 pub mod journal;
 pub mod layout;
 pub mod memory;
+#[cfg(feature = "cli")]
+mod output_file;
 #[cfg(feature = "emulator")]
 pub mod plant;
 #[cfg(feature = "plc")]
 pub mod plc;
 #[cfg(feature = "studio")]
 pub mod plot;
+#[cfg(any(feature = "script", feature = "cli"))]
+mod plural;
 #[cfg(feature = "emulator")]
 pub mod profibus;
 #[cfg(feature = "emulator")]
@@ -107,7 +107,7 @@ pub mod runtime;
 #[cfg(feature = "script")]
 pub mod script;
 #[cfg(feature = "emulator")]
-pub mod state;
+pub mod snapshot_fields;
 pub mod time;
 
 /// The example of the attach contract is a test.

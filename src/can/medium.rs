@@ -6,7 +6,7 @@
 
 use super::wire::{self, ERROR_DELIMITER, ERROR_FLAG, INTERMISSION, SUSPENSION};
 use super::{BitRate, Frame};
-use crate::state;
+use crate::snapshot_fields;
 use serde::{Deserialize, Serialize};
 
 /// Whoever sits at a medium, in the order of attachment: the first has number 0.
@@ -84,7 +84,7 @@ pub struct Medium {
     quiet_ns: u64,
 }
 
-state!(Medium { values: state, quiet_ns; built: rate });
+snapshot_fields!(Medium { values: state, quiet_ns; built: rate });
 
 impl Medium {
     /// Whether whoever is named in it is one of `count`.

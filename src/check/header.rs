@@ -1,11 +1,11 @@
 //! The watch over the header page.
 
-use super::{Left, rules};
+use super::{Baseline, rules};
 use crate::journal::{Finding, Journal};
-use crate::layout::Live;
+use crate::layout::RegisterPhase;
 use crate::memory::header::{EVENT_SLOTS, EventSlot, Header};
 use crate::memory::{Bell, Block, Cell64, MemoryError, Segment, View};
-use crate::state::{Damaged, Saved, Saving, State};
+use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 use core::mem::offset_of;
 
 const WORD: usize = size_of::<u64>();
@@ -69,10 +69,10 @@ const fn without(mut bytes: [bool; WORDS * WORD], offset: usize, len: usize) -> 
 pub(super) struct HeaderWatch {
     plc: u16,
     now: View<[Cell64; WORDS]>,
-    left: Left,
+    left: Baseline,
 }
 
-impl State for HeaderWatch {
+impl SnapshotFields for HeaderWatch {
     fn save(&self, to: &mut Saving) {
         let Self { plc: _, now, left } = self;
         let rows = left.words().zip(&**now).zip(&WATCHED);
@@ -90,7 +90,7 @@ impl State for HeaderWatch {
 
 impl HeaderWatch {
     pub(crate) fn new(plc: u16, segment: &Segment) -> Result<Self, MemoryError> {
-        let mut watch = HeaderWatch { plc, now: segment.header_words()?, left: Left::new(WORDS) };
+        let mut watch = HeaderWatch { plc, now: segment.header_words()?, left: Baseline::new(WORDS) };
         watch.leave();
         Ok(watch)
     }
@@ -133,7 +133,7 @@ impl HeaderWatch {
                         rule: &rules::HEADER,
                         plc: self.plc,
                         offset,
-                        live: Live::Always,
+                        live: RegisterPhase::Always,
                         value,
                         late_us: 0,
                     };

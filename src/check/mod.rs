@@ -11,15 +11,15 @@
 //!
 //! Nothing here changes a register, and nothing here knows a device.
 
-use crate::state;
+use crate::snapshot_fields;
 
+mod baseline;
 mod header;
-mod left;
 mod owned;
 pub mod rules;
 pub(crate) mod word;
 
-pub(crate) use left::Left;
+pub(crate) use baseline::Baseline;
 pub(crate) use owned::OwnedWatch;
 #[cfg(test)]
 pub(crate) use owned::owned;
@@ -36,7 +36,7 @@ pub struct DeviceWatch {
     owned: OwnedWatch,
 }
 
-state!(DeviceWatch { parts: header, owned });
+snapshot_fields!(DeviceWatch { parts: header, owned });
 
 impl DeviceWatch {
     /// The watch over device number `plc` of the plant, whose registers are as the firmware left them.

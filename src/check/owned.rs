@@ -2,9 +2,9 @@
 
 use super::{rules, word};
 use crate::journal::{Finding, Journal};
-use crate::layout::{Area, Device, Fitted, Live, Owner, RegisterRef};
+use crate::layout::{Area, Device, DeviceFit, Owner, RegisterPhase, RegisterRef};
 use crate::memory::{Cell64, MemoryError, Segment, View};
-use crate::state::{Damaged, Saved, Saving, State};
+use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 
 const WORD: u32 = word::WORD as u32;
 
@@ -18,7 +18,7 @@ pub(crate) fn owned(layout: &'static Device) -> impl Iterator<Item = RegisterRef
 
 /// Those of one area.
 fn owned_in(layout: &'static Device, area: &'static Area) -> impl Iterator<Item = RegisterRef> {
-    let registers = Fitted::unknown(layout).registers_in(area, Live::Always);
+    let registers = DeviceFit::unknown(layout).registers_in(area, RegisterPhase::Always);
     registers.filter(|register| register.owner() == Owner::Firmware)
 }
 
@@ -42,7 +42,7 @@ pub(crate) struct OwnedWatch {
     words: Box<[Word]>,
 }
 
-impl State for OwnedWatch {
+impl SnapshotFields for OwnedWatch {
     fn save(&self, to: &mut Saving) {
         let Self { plc: _, registers: _, words } = self;
         to.sparse(words.iter().map(|word| (word.left ^ word.now.load()) & word.watched));
@@ -147,7 +147,7 @@ impl OwnedWatch {
 }
 
 fn find(plc: u16, register: &RegisterRef, word: u64, time: u64, journal: &mut Journal) {
-    let (offset, live) = (register.offset(), Live::Always);
+    let (offset, live) = (register.offset(), RegisterPhase::Always);
     let value = word::value(word, offset, register.width());
     let finding = Finding { rule: &rules::OWNER, plc, offset, live, value, late_us: 0 };
     journal.find(time, finding);

@@ -3,10 +3,10 @@
 use super::error::CliError;
 use super::table::{self, FormatArg, Row};
 use super::{Instance, time};
-use crate::counted::counted;
 use crate::devices;
 use crate::journal::{Entry, Names, Rule, Severity, Source};
 use crate::layout::plc_prefix;
+use crate::plural::plural;
 use serde::Serialize;
 
 /// Show what PLC programs have done against the manual.
@@ -163,7 +163,7 @@ impl Row for FindingRow {
 
 fn text(rows: &[FindingRow], checked: &Checked) -> String {
     let number = |severity: &str| rows.iter().filter(|row| row.severity == severity).count();
-    let counted = |severity: Severity| counted(number(severity.name()) as u64, severity);
+    let counted = |severity: Severity| plural(number(severity.name()) as u64, severity);
     let head = format!("instance '{}' at {}: ", checked.instance, time::seconds(checked.time_us));
     if rows.is_empty() {
         return head + "nothing against the manual\n";

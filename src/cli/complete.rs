@@ -16,7 +16,7 @@ use line::{instance, option, words};
 use super::session::Session;
 use crate::devices;
 use crate::fault::{Field, Form, Kind};
-use crate::layout::{Device, Fit, Fitted, Named, RegisterRef, split_plc, value};
+use crate::layout::{Device, DeviceFit, Fit, Named, RegisterRef, split_plc, value};
 use clap_complete::engine::CompletionCandidate as Candidate;
 use clap_complete::engine::{ArgValueCompleter, PathCompleter, ValueCompleter};
 use std::collections::BTreeMap;
@@ -202,7 +202,7 @@ fn starting(current: &str, all: impl IntoIterator<Item = (String, String)>) -> V
 /// What is there to be named.
 struct Scene {
     /// The PLCs of the instance; without one the device that is meant if none is named.
-    plcs: Vec<(String, Fitted)>,
+    plcs: Vec<(String, DeviceFit)>,
 }
 
 impl Scene {
@@ -214,7 +214,7 @@ impl Scene {
         let named = option(&["--device"]);
         let device: &'static Device =
             named.and_then(|name| devices::find(&name)).unwrap_or_else(devices::default).layout;
-        Self { plcs: vec![(String::new(), Fitted::unknown(device))] }
+        Self { plcs: vec![(String::new(), DeviceFit::unknown(device))] }
     }
 
     /// What can stand in front of a name: nothing with one PLC, else each of them.
@@ -226,7 +226,7 @@ impl Scene {
     }
 
     /// The PLCs that `current` may be about, with what stands in front of their names.
-    fn each(&self, current: &str) -> Vec<(String, Fitted)> {
+    fn each(&self, current: &str) -> Vec<(String, DeviceFit)> {
         let named = split_plc(current).0;
         let prefix = named.map(|plc| format!("{plc}:")).unwrap_or_default();
         if let Some((_, fitted)) = self.plcs.iter().find(|(name, _)| Some(name.as_str()) == named) {
@@ -297,7 +297,7 @@ pub(crate) fn register_names(current: &str) -> Vec<String> {
     registers_with(current, "").into_iter().map(name).collect()
 }
 
-fn registers_of(fitted: &Fitted, front: &str) -> Vec<RegisterRef> {
+fn registers_of(fitted: &DeviceFit, front: &str) -> Vec<RegisterRef> {
     match fitted.area_or_registers(front) {
         Ok(Named::Area(area)) => fitted.placed(area).flat_map(|placed| area.registers_of(placed)).collect(),
         Ok(Named::Registers(registers)) => registers,

@@ -5,7 +5,7 @@ use super::error::CliError;
 use super::place::Place;
 use super::session::Session;
 use crate::devices;
-use crate::layout::{Device, Fit, Fitted, LayoutError, Role};
+use crate::layout::{Device, DeviceFit, Fit, LayoutError, Role};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 
 /// The device whose registers are meant.
@@ -29,7 +29,9 @@ fn known() -> impl TypedValueParser<Value = &'static Device> {
 /// # Errors
 /// The refusal of the device that comes closest: it has such an area, or such addresses. [`CliError::NoDeviceHas`] if no device
 /// has such addresses.
-pub(crate) fn on_any_device<T>(look_up: impl Fn(&Fitted) -> Result<T, LayoutError>) -> Result<T, CliError> {
+pub(crate) fn on_any_device<T>(
+    look_up: impl Fn(&DeviceFit) -> Result<T, LayoutError>,
+) -> Result<T, CliError> {
     let mut refusals = Vec::new();
     for known in devices::all() {
         match on_any_fit(known.layout, &look_up) {
@@ -43,7 +45,7 @@ pub(crate) fn on_any_device<T>(look_up: impl Fn(&Fitted) -> Result<T, LayoutErro
             Err(CliError::NoDeviceHas { text, known })
         }
         Some(refusal) => Err(refusal.into()),
-        None => Ok(look_up(&Fitted::unknown(&Device::UNKNOWN))?),
+        None => Ok(look_up(&DeviceFit::unknown(&Device::UNKNOWN))?),
     }
 }
 
@@ -75,9 +77,9 @@ fn addresses_like(text: &str) -> String {
 /// The same on one device. Where it depends on what a port is, any of it will do.
 fn on_any_fit<T>(
     device: &'static Device,
-    look_up: impl Fn(&Fitted) -> Result<T, LayoutError>,
+    look_up: impl Fn(&DeviceFit) -> Result<T, LayoutError>,
 ) -> Result<T, LayoutError> {
-    let unknown = Fitted::unknown(device);
+    let unknown = DeviceFit::unknown(device);
     let refusal = match look_up(&unknown) {
         Err(refusal @ LayoutError::Ambiguous { .. }) => refusal,
         other => return other,

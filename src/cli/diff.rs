@@ -8,7 +8,7 @@ use super::error::CliError;
 use super::output;
 use super::session::Session;
 use super::table::{self, FormatArg};
-use crate::handed_in;
+use crate::input_file;
 use crate::layout::{Area, Device, LayoutError};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -75,7 +75,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
 
 fn read(path: &Path) -> Result<Vec<Held>, CliError> {
     let name = path.display().to_string();
-    let text = handed_in::read(path, handed_in::LONGEST)
+    let text = input_file::read(path, input_file::LONGEST)
         .map_err(|error| CliError::Argument { text: name.clone(), right: error.to_string() })?;
     change::parse(&name, &text)
 }

@@ -11,7 +11,8 @@ use super::table::{self, Format, FormatArg};
 use super::time;
 use crate::journal::Names;
 use crate::layout::{
-    Address, Area, Fit, Fitted, LayoutError, Live, Named, RegisterRef, Width, format_value, split_plc,
+    Address, Area, DeviceFit, Fit, LayoutError, Named, RegisterPhase, RegisterRef, Width, format_value,
+    split_plc,
 };
 use core::ops::Range;
 
@@ -208,7 +209,7 @@ impl Blocks {
 }
 
 /// The area and registers of a device that the user names; without a name all areas with registers.
-fn select(fitted: &Fitted, name: &str) -> Result<Vec<Selection>, LayoutError> {
+fn select(fitted: &DeviceFit, name: &str) -> Result<Vec<Selection>, LayoutError> {
     let device = fitted.device();
     if name.is_empty() {
         let described = device.named_areas().filter(|area| fitted.placed(area).next().is_some());
@@ -336,7 +337,7 @@ struct View<'a> {
     plc: String,
     prefix: String,
     number: u16,
-    fitted: Fitted,
+    fitted: DeviceFit,
     snapshot: &'a Snapshot,
 }
 
@@ -355,9 +356,9 @@ impl View<'_> {
         number(self.bytes.get(start..start + len as usize).unwrap_or_default())
     }
 
-    fn live(&self) -> Live {
+    fn live(&self) -> RegisterPhase {
         status_of(self.area())
-            .map_or(Live::Cyclic, |status| live_by(self.value(status.offset(), status.width())))
+            .map_or(RegisterPhase::Cyclic, |status| live_by(self.value(status.offset(), status.width())))
     }
 
     /// The selected registers that are live.

@@ -8,7 +8,7 @@ use super::error::CliError;
 use super::output;
 use crate::devices;
 use crate::export::{self, Format, StForm};
-use crate::handed_out;
+use crate::output_file;
 use crate::plant::PlantConfig;
 use clap::ValueEnum;
 use clap::builder::PossibleValue;
@@ -124,7 +124,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let Some(path) = &args.output else {
         return output::print(&text);
     };
-    handed_out::write(path, text.as_bytes()).map_err(|reason| CliError::File { path: path.clone(), reason })
+    output_file::write(path, text.as_bytes()).map_err(|reason| CliError::File { path: path.clone(), reason })
 }
 
 fn wrong(text: impl Into<String>, right: impl Into<String>) -> CliError {

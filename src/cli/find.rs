@@ -6,7 +6,7 @@ use super::map::entry::{self, Entry};
 use super::session::Session;
 use super::table::{self, FormatArg};
 use super::{Instance, instance_name};
-use crate::layout::{Fit, Fitted, did_you_mean};
+use crate::layout::{DeviceFit, Fit, did_you_mean};
 
 /// Find registers by name, meaning, values, bits or address.
 ///
@@ -40,7 +40,7 @@ pub(crate) struct Args {
 /// Looks and prints.
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let devices = match &args.instance {
-        None => vec![Fitted::unknown(args.device.device)],
+        None => vec![DeviceFit::unknown(args.device.device)],
         Some(instance) => {
             let session = Session::open_for_reading(&Instance::starting(instance))?;
             let mut all = Vec::new();
@@ -75,7 +75,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     table::print(args.format.format, &found, |found| text(found, &words))
 }
 
-fn entries(fitted: &Fitted) -> impl Iterator<Item = Entry> + use<> {
+fn entries(fitted: &DeviceFit) -> impl Iterator<Item = Entry> + use<> {
     let fitted = *fitted;
     let areas = fitted.device().named_areas().filter(move |area| fitted.area(area) != Fit::Empty);
     areas.flat_map(move |area| entry::of_area(&fitted, area))

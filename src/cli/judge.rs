@@ -3,9 +3,9 @@
 use super::error::CliError;
 use super::output;
 use super::table::{self, Format, Row};
-use crate::counted::{counted, counted_of};
-use crate::handed_in;
+use crate::input_file;
 use crate::plant::{PlantConfig, PlantError};
+use crate::plural::{plural, plural_of};
 use serde::Serialize;
 use std::path::Path;
 
@@ -117,7 +117,7 @@ fn called(path: Option<&Path>) -> String {
 
 /// The text of the file, for lines in it.
 fn written(path: Option<&Path>) -> String {
-    path.and_then(|path| handed_in::read(path, handed_in::LONGEST_PLANT).ok()).unwrap_or_default()
+    path.and_then(|path| input_file::read(path, input_file::LONGEST_PLANT).ok()).unwrap_or_default()
 }
 
 /// `plant.toml: fine: 2 devices, 2 buses with 3 drives, 1 fault`
@@ -131,10 +131,10 @@ fn text(rows: &[Judged]) -> String {
         format!(
             "{}: fine: {}, {} with {}, {}\n",
             judged.file,
-            counted_of(&judged.devices, "device"),
+            plural_of(&judged.devices, "device"),
             buses,
-            counted(drives as u64, "drive"),
-            counted(judged.faults as u64, "fault")
+            plural(drives as u64, "drive"),
+            plural(judged.faults as u64, "fault")
         ) + &judged.warnings.iter().map(|it| it.text(&judged.file) + "\n").collect::<String>()
     };
     rows.iter().map(line).collect()

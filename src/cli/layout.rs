@@ -5,7 +5,7 @@ use super::error::CliError;
 use super::output;
 use super::table::{self, FormatArg, Row};
 use crate::devices;
-use crate::handed_in;
+use crate::input_file;
 use clap::{Subcommand, ValueEnum};
 use commram_layoutc::declaration::{Alignment, Declarations, MAX_BYTES};
 use commram_layoutc::import::{Called, Import, ImportError, Row as ImportRow, Verdict};
@@ -220,7 +220,7 @@ impl Row for Judged {
 
 fn import(args: &ImportArgs) -> Result<(), CliError> {
     // A byte more than allowed tells that there are too many.
-    let found = handed_in::read_bytes(&args.declaration, MAX_BYTES + 1);
+    let found = input_file::read_bytes(&args.declaration, MAX_BYTES + 1);
     let declarations = Declarations::read(&args.declaration, found).map_err(ImportError::from)?;
     let called = Called::new(args.called.iter().cloned());
     let of_device = || Path::new("layouts").join(args.device.device.name);

@@ -12,7 +12,7 @@ use super::session::Session;
 use super::style;
 use super::table::{self, Format, FormatArg};
 use super::{Instance, instance_name};
-use crate::layout::{Address, Area, Fit, Fitted, Named, Placed, Role, Width, split_plc};
+use crate::layout::{Address, Area, DeviceFit, Fit, Named, Placed, Role, Width, split_plc};
 use entry::Entry;
 
 /// Show the register map: types, owners, meanings, and where each fact comes from.
@@ -55,7 +55,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
             session.fitted(session.plc(plc, if what.is_empty() { "the map" } else { what })?)
         }
         // Nothing but the device is known of a PLC.
-        None => Fitted::unknown(args.device.device),
+        None => DeviceFit::unknown(args.device.device),
     };
     let device = fitted.device();
     let of_area = |area| entry::of_area(&fitted, area);
@@ -87,7 +87,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
 }
 
 /// The registers at an address; structures that overlay each other share some of them.
-fn at_address(fitted: &Fitted, address: Address) -> Result<Vec<Entry>, CliError> {
+fn at_address(fitted: &DeviceFit, address: Address) -> Result<Vec<Entry>, CliError> {
     let registers = without_twins(fitted.registers_at(address, None)?);
     Ok(registers.iter().map(entry::of_register).collect())
 }

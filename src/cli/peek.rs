@@ -8,7 +8,7 @@ use super::place::{Place, live_by};
 use super::session::{Read, Session, Snapshot};
 use super::table::{self, FormatArg, Row};
 use super::{Instance, output};
-use crate::layout::{Live, is_pattern};
+use crate::layout::{RegisterPhase, is_pattern};
 use serde::Serialize;
 
 /// Read registers and say what they mean.
@@ -147,7 +147,7 @@ impl Wanted {
         match self {
             Self::One(plc, place) => {
                 let value = |index: usize| data.get(index).map(|bytes| number(bytes));
-                let live = value(1).map_or(Live::Cyclic, live_by);
+                let live = value(1).map_or(RegisterPhase::Cyclic, live_by);
                 let forced = snapshot.is_forced(*plc, place.offset(), place.width().bytes());
                 let value = value(0).unwrap_or_default();
                 vec![Holding { forced, ..holding(session, place, *plc, live, value, snapshot.time_us) }]
@@ -179,7 +179,7 @@ pub(crate) fn holding(
     session: &Session,
     place: &Place,
     plc: u16,
-    live: Live,
+    live: RegisterPhase,
     value: u32,
     time_us: u64,
 ) -> Holding {

@@ -10,12 +10,12 @@ use super::session::{Read, Session};
 use super::time;
 use super::{Instance, output};
 use crate::devices;
-use crate::handed_out;
 use crate::journal::{Selection, Waves};
-use crate::layout::Live;
+use crate::layout::RegisterPhase;
+use crate::output_file;
 use crate::plot::{Picture, Plot, Row, address_of};
 use crate::request::Op;
-use file::Told;
+use file::RecordedRegisters;
 use std::path::{Path, PathBuf};
 
 /// Most registers in a plot.
@@ -70,11 +70,11 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         return Err(CliError::Argument { text: "--to".to_owned(), right });
     }
     let plot = match &args.journal {
-        Some(path) => of_file(args, &Told::read(path)?)?,
+        Some(path) => of_file(args, &RecordedRegisters::read(path)?)?,
         None => of_instance(args)?,
     };
     let bytes = plot.render(picture).map_err(|error| wrong(&args.output, &error))?;
-    handed_out::write(&args.output, &bytes)
+    output_file::write(&args.output, &bytes)
         .map_err(|reason| CliError::File { path: args.output.clone(), reason })?;
     for row in &plot.rows {
         let how = if row.is_recorded { "" } else { " (run --watch, record)" };
@@ -105,16 +105,16 @@ fn of_instance(args: &Args) -> Result<Plot, CliError> {
     });
     let recorded = asked.collect::<Result<Vec<_>, CliError>>()?;
     let rows = places.iter().zip(held).zip(recorded).map(|(((plc, place), held), is_recorded)| {
-        let name = format!("{}{}", session.prefix(*plc), place.name(Live::Cyclic));
+        let name = format!("{}{}", session.prefix(*plc), place.name(RegisterPhase::Cyclic));
         let row = Row::of(name, place, &waves.register(*plc, address_of(place).offset()));
         let mut word = [0; 4];
         word.iter_mut().zip(held).for_each(|(to, from)| *to = from);
-        row.or_holds(&place.format(Live::Cyclic, u32::from_le_bytes(word)), is_recorded)
+        row.or_holds(&place.format(RegisterPhase::Cyclic, u32::from_le_bytes(word)), is_recorded)
     });
     Ok(Plot::new(args.from, args.to.unwrap_or(info.time_us), waves.edges(), rows.collect()))
 }
 
-fn of_file(args: &Args, told: &Told) -> Result<Plot, CliError> {
+fn of_file(args: &Args, told: &RecordedRegisters) -> Result<Plot, CliError> {
     let rows = args.registers.iter().map(|text| {
         let place = whole(of_any_device(text)?)?;
         let past = told.register(place.plc.as_deref(), &address_of(&place).to_string(), text)?;

@@ -82,7 +82,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
 fn note_if_firmwares(session: &super::session::Session, place: &Place) -> Result<(), CliError> {
     use super::place::live_by;
     use super::session::Read;
-    use crate::layout::{Live, Owner};
+    use crate::layout::{Owner, RegisterPhase};
 
     let live = match place.status() {
         Some(status) => {
@@ -90,7 +90,7 @@ fn note_if_firmwares(session: &super::session::Session, place: &Place) -> Result
             let bytes = read.data.first().map(Vec::as_slice).unwrap_or_default();
             live_by(bytes.iter().rev().fold(0, |value, byte| value << 8 | u32::from(*byte)))
         }
-        None => Live::Cyclic,
+        None => RegisterPhase::Cyclic,
     };
     if place.owner(live) == Some(Owner::Firmware) {
         let place = place.label(live);
@@ -106,7 +106,7 @@ fn note_if_firmwares(session: &super::session::Session, place: &Place) -> Result
 #[cfg(feature = "channel")]
 fn note_if_not_whole(place: &Place) {
     if !place.is_whole() {
-        let (address, what) = (place.address(), place.meaning(crate::layout::Live::Cyclic, 0));
+        let (address, what) = (place.address(), place.meaning(crate::layout::RegisterPhase::Cyclic, 0));
         super::output::note(&format!(
             "{address} is no register of its own: {what}; it was written all the same"
         ));

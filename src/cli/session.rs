@@ -12,7 +12,7 @@ use super::output;
 use super::place::Place;
 use crate::devices;
 use crate::devices::ModuleFront;
-use crate::layout::{Device, Fitted, FrontWord, RegisterRef, plc_prefix, split_plc};
+use crate::layout::{Device, DeviceFit, FrontWord, RegisterRef, plc_prefix, split_plc};
 use crate::memory::header::BoardState;
 use crate::memory::{
     AttachMode, Attached, Condition, EmulatorProcess, Header, ImageInfo, ImageSummary, RunningInstance, Width,
@@ -79,7 +79,7 @@ pub(crate) struct Session {
     instance: String,
     plcs: Vec<String>,
     /// What each of them is, and how it is fitted.
-    fitted: Vec<Fitted>,
+    fitted: Vec<DeviceFit>,
     door: Door,
 }
 
@@ -158,9 +158,9 @@ impl Session {
     }
 
     /// What PLC `plc` is, and how it is fitted.
-    pub(crate) fn fitted(&self, plc: u16) -> Fitted {
+    pub(crate) fn fitted(&self, plc: u16) -> DeviceFit {
         let known = self.fitted.get(usize::from(plc)).copied();
-        known.unwrap_or_else(|| Fitted::unknown(&Device::UNKNOWN))
+        known.unwrap_or_else(|| DeviceFit::unknown(&Device::UNKNOWN))
     }
 
     /// The register or address that the user means.

@@ -8,7 +8,7 @@ use super::error::CliError;
 use super::exit::Exit;
 use super::session::Session;
 use super::{Cli, Command, Instance, output};
-use crate::handed_in::LONGEST_SCRIPT;
+use crate::input_file::LONGEST_SCRIPT;
 use crate::script::{Bench, Lines, Outcome};
 use clap::builder::Resettable;
 use clap::{ArgAction, CommandFactory, FromArgMatches};

@@ -2,7 +2,7 @@
 
 use super::Instance;
 use super::error::CliError;
-use crate::handed_in;
+use crate::input_file;
 use crate::plant::SnapshotFile;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -51,7 +51,7 @@ pub(crate) struct RestoreArgs {
 /// It cannot be read, or is none.
 pub(crate) fn load(path: &Path) -> Result<SnapshotFile, CliError> {
     let failed = |reason: io::Error| CliError::Snapshot { path: path.to_owned(), reason: reason.to_string() };
-    let bytes = handed_in::read_bytes(path, SnapshotFile::LONGEST).map_err(failed)?;
+    let bytes = input_file::read_bytes(path, SnapshotFile::LONGEST).map_err(failed)?;
     SnapshotFile::of_bytes(&bytes)
         .map_err(|error| CliError::Snapshot { path: path.to_owned(), reason: error.to_string() })
 }
@@ -61,7 +61,7 @@ pub(crate) fn load(path: &Path) -> Result<SnapshotFile, CliError> {
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     use super::session::Session;
     use super::{output, time};
-    use crate::handed_out;
+    use crate::output_file;
     use crate::request::{MAX_RANGE, Op};
 
     if std::fs::metadata(&args.file).is_ok_and(|found| !found.is_file()) {
@@ -79,7 +79,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         }
     }
     session.ask(Op::Forget { number })?.written()?;
-    handed_out::write(&args.file, &bytes)
+    output_file::write(&args.file, &bytes)
         .map_err(|reason| CliError::File { path: args.file.clone(), reason })?;
     let time_us = SnapshotFile::of_bytes(&bytes).map(|file| file.snapshot.time_us()).unwrap_or_default();
     let (file, at) = (args.file.display(), time::seconds(time_us));

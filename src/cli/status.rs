@@ -42,10 +42,10 @@ mod by_channel {
     use super::super::session::{Read, Session};
     use super::super::table::{self, Format, Row};
     use super::super::{Instance, error::CliError, run, time};
-    use crate::counted::counted;
     use crate::devices;
     use crate::journal::Severity;
     use crate::layout::{RegisterRef, format_value};
+    use crate::plural::plural;
     use crate::request::{BusState, InstanceInfo, Op};
     use serde::Serialize;
 
@@ -205,10 +205,10 @@ mod by_channel {
             );
             text += &format!(
                 "access checker: {}, {}; {}; {}\n",
-                counted(self.errors, "error"),
-                counted(self.warnings, "warning"),
-                counted(self.faults as u64, "fault"),
-                counted(self.forced as u64, "forced register")
+                plural(self.errors, "error"),
+                plural(self.warnings, "warning"),
+                plural(self.faults as u64, "fault"),
+                plural(self.forced as u64, "forced register")
             );
             let tables = [
                 (self.plcs.is_empty(), table::aligned(&self.plcs)),

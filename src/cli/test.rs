@@ -14,8 +14,8 @@ use super::demo::Interrupts;
 use super::error::CliError;
 use super::table::{self, Format, FormatArg};
 use super::{output, time};
-use crate::counted::counted;
-use crate::handed_out;
+use crate::output_file;
+use crate::plural::plural;
 use crate::script::{DEFINITIONS, Limits, Outcome, Report, junit, junit_of_shard};
 use found::Shard;
 use line::{Line, Listed, summary};
@@ -228,7 +228,7 @@ fn watch(args: &Args, mut files: Vec<PathBuf>, interrupts: &Interrupts) -> Resul
             let (reports, shown) = play(args, &changed, interrupts)?;
             shown?;
             reports.iter().for_each(|report| watched.ended(report));
-            let files = counted(watched.files() as u64, "file");
+            let files = plural(watched.files() as u64, "file");
             output::note(&format!("watching {files}; Ctrl-C ends it"));
         }
         if interrupts.any() {
@@ -263,7 +263,7 @@ fn write_junit(path: &Path, shard: Option<Shard>, reports: &[Report]) -> Result<
 }
 
 fn write(path: &Path, text: &str) -> Result<(), CliError> {
-    handed_out::write(path, text.as_bytes())
+    output_file::write(path, text.as_bytes())
         .map_err(|reason| CliError::File { path: path.to_owned(), reason })
 }
 

@@ -1,7 +1,7 @@
 //! The file that says what a plant and other simulators give each other.
 
 use super::CouplingError;
-use crate::handed_in;
+use crate::input_file;
 use crate::request::MAX_ADVANCE_US;
 use crate::time;
 use serde::Deserialize;
@@ -81,7 +81,7 @@ impl CouplingConfig {
     /// [`CouplingError::File`].
     pub fn load(path: &Path) -> Result<Self, CouplingError> {
         let file = path.display().to_string();
-        let text = handed_in::read(path, handed_in::LONGEST)
+        let text = input_file::read(path, input_file::LONGEST)
             .map_err(|reason| CouplingError::File { file: file.clone(), what: reason.to_string() })?;
         Self::parse(&file, &text)
     }

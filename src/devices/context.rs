@@ -4,8 +4,8 @@
 //! whether they lie on the heap or in a mapped image. It has no clock of its own: the plant calls it at
 //! the emulated times at which the device would look at its registers.
 
-use crate::journal::{Finding, Handshake, Journal, Origin, Rule, Told};
-use crate::layout::Live;
+use crate::journal::{EventText, Finding, Handshake, Journal, Origin, Rule};
+use crate::layout::RegisterPhase;
 
 /// What the firmware is given at each call: the time, a place to report to, and who is reporting.
 pub struct Context<'a> {
@@ -22,7 +22,7 @@ pub struct Context<'a> {
 impl Context<'_> {
     /// Writes what there is to tell into the journal at the present time.
     #[inline]
-    pub fn report(&mut self, told: impl Told) {
+    pub fn report(&mut self, told: impl EventText) {
         self.journal.push(self.now, told);
     }
 
@@ -40,7 +40,7 @@ impl Context<'_> {
 
     /// Reports that the PLC has broken a rule at the register at `offset` of the area, which belongs to the
     /// structure of phase `live`.
-    pub fn find(&mut self, rule: &'static Rule, live: Live, offset: usize, value: u32) {
+    pub fn find(&mut self, rule: &'static Rule, live: RegisterPhase, offset: usize, value: u32) {
         let (plc, offset) = (self.origin.plc, self.at(offset));
         self.journal.find(self.now, Finding { rule, plc, offset, live, value, late_us: 0 });
     }

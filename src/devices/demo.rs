@@ -1,7 +1,7 @@
 //! What `commram demo` needs to know of a device: a plant, and a soft-PLC that runs on it.
 
 use super::attach;
-use crate::layout::{Device, Fitted, LayoutError, Live, Place};
+use crate::layout::{Device, DeviceFit, LayoutError, Place, RegisterPhase};
 use crate::memory::header::{self, Power};
 use crate::memory::{AttachMode, Attached, MemoryError};
 use std::io;
@@ -93,12 +93,12 @@ impl<'a> Actor<'a> {
 
     /// Tells what stands somewhere.
     fn say(&self, doing: &str, place: &Place, value: u32) -> Result<(), DemoError> {
-        let (label, value) = (place.label(Live::Always), place.format(Live::Always, value));
+        let (label, value) = (place.label(RegisterPhase::Always), place.format(RegisterPhase::Always, value));
         self.tell(&format!("{doing} {label} = {value}"))
     }
 
     fn place(&self, name: &str) -> Result<Place, DemoError> {
-        Ok(Place::parse(&Fitted::unknown(self.layout), name)?)
+        Ok(Place::parse(&DeviceFit::unknown(self.layout), name)?)
     }
 
     /// Writes a register, as a program does.
@@ -118,9 +118,9 @@ impl<'a> Actor<'a> {
             Ok(value) => self.say("finds", &place, value),
             Err(MemoryError::RegisterTimeout { last, .. }) => Err(DemoError::Stuck {
                 what: what.to_owned(),
-                place: place.label(Live::Always),
-                wanted: place.format(Live::Always, wanted),
-                found: place.format(Live::Always, last),
+                place: place.label(RegisterPhase::Always),
+                wanted: place.format(RegisterPhase::Always, wanted),
+                found: place.format(RegisterPhase::Always, last),
                 seconds: PATIENCE.as_secs(),
             }),
             Err(other) => Err(other.into()),

@@ -3,10 +3,10 @@
 use super::{Context, DriveDetails, Events, ParameterRefusal, Shaft, World};
 use crate::fault::{Effect, Faults, Hit, Target};
 use crate::journal::Journal;
-use crate::layout::{self, Fitted};
+use crate::layout::{self, DeviceFit};
 use crate::memory::header::{BoardSetting, BoardState};
 use crate::memory::{Header, Segment, Width};
-use crate::state::State;
+use crate::snapshot_fields::SnapshotFields;
 use core::any::Any;
 
 /// What takes a device down or brings it up.
@@ -40,7 +40,7 @@ pub enum Look {
 /// A device of a plant. Its ports are firmware of the medium that they belong to; the plant tells the device what of
 /// them concerns it, and the ports what of it concerns them. What a device does not have, it does not implement; one with
 /// nothing in front but its supply is a [`Plain`](super::Plain) one.
-pub trait Device: Any + Send + State {
+pub trait Device: Any + Send + SnapshotFields {
     /// Its name in the plant.
     fn name(&self) -> &str;
 
@@ -51,8 +51,8 @@ pub trait Device: Any + Send + State {
     fn layout(&self) -> &'static layout::Device;
 
     /// What its ports are, as it is fitted: of a modular device it is the modules that decide.
-    fn fitted(&self) -> Fitted {
-        Fitted::unknown(self.layout())
+    fn fitted(&self) -> DeviceFit {
+        DeviceFit::unknown(self.layout())
     }
 
     /// The header page of its image.
@@ -141,13 +141,13 @@ pub trait Device: Any + Send + State {
     /// Whether it rests: a look at front and registers and a processor cycle have just found what there was, and as long as
     /// nobody writes, those that follow will find nothing to do, whatever time it is, and show nothing else, until something
     /// else happens, be it [`Device::due`]. The plant then leaves them out. Whoever is not sure does not rest.
-    fn rests(&self) -> bool {
+    fn is_quiescent(&self) -> bool {
         false
     }
 
     /// Whether a look at front and registers and a processor cycle find nothing to do, whatever time it is, as everything
     /// stands now, whoever has written it. Whoever is not sure does not look in vain.
-    fn looks_in_vain(&self) -> bool {
+    fn poll_changes_nothing(&self) -> bool {
         false
     }
 
@@ -168,7 +168,7 @@ pub trait Device: Any + Send + State {
 
     /// A fault acts that the device has itself: does it hit by itself, at its begin or in a processor cycle? What hits when the
     /// device does something it finds out then ([`World::faults`]).
-    fn strike(&mut self, now: u64, target: Target, effect: &Effect) -> Option<Hit> {
+    fn fire(&mut self, now: u64, target: Target, effect: &Effect) -> Option<Hit> {
         let _ = (now, target, effect);
         None
     }

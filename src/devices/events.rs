@@ -5,7 +5,7 @@ use super::Context;
 use super::records::{BoardEvent, OnBoard};
 use crate::memory::header::InterruptResult;
 use crate::memory::{Face, Header};
-use crate::state::{Damaged, Saved, Saving, State};
+use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 
 /// Enabled events and what has become of them. Bit n stands for event n.
 #[derive(Clone, Copy, Debug, Default)]
@@ -23,7 +23,7 @@ pub struct Events {
 }
 
 /// Who is waited for in lockstep is no part of the plant.
-impl State for Events {
+impl SnapshotFields for Events {
     fn save(&self, to: &mut Saving) {
         let Self { enabled, held, fired, watched: _, stop: _ } = self;
         to.value(&(enabled, held, fired));

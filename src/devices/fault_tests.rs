@@ -3,7 +3,7 @@
 use super::{bm4_o_can_06, can_dp2, cs0015, fault_kinds, omega_drive_line_2};
 use crate::fault::{Draft, Fault, FaultError, FaultSpec, Form, Given, Kind, Place, Refusal, Target};
 use crate::journal::Names;
-use crate::layout::Fitted;
+use crate::layout::DeviceFit;
 use proptest::prelude::*;
 
 fn names() -> Names {
@@ -12,7 +12,7 @@ fn names() -> Names {
     Names {
         plcs: list(&["line", "saw", "maxx"]),
         buses: list(&["drives", "upper"]),
-        devices: [omega, omega, &bm4_o_can_06::registers::DEVICE].map(Fitted::unknown).to_vec(),
+        devices: [omega, omega, &bm4_o_can_06::registers::DEVICE].map(DeviceFit::unknown).to_vec(),
     }
 }
 
@@ -407,7 +407,7 @@ fn rows_of(kind: &'static Kind) -> Vec<String> {
 fn the_only_can_controller_of_a_device_needs_no_name() {
     let list = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect();
     let devices = [&can_dp2::registers::DEVICE, &cs0015::registers::DEVICE];
-    let devices = devices.map(Fitted::unknown).to_vec();
+    let devices = devices.map(DeviceFit::unknown).to_vec();
     let names = Names { plcs: list(&["gw", "panel"]), buses: list(&["open"]), devices };
     let resolve = |text: &str| toml::from_str::<FaultSpec>(text).unwrap().resolve(fault_kinds(), &names);
     for kind in ["bus_off", "overrun"] {

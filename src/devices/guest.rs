@@ -1,7 +1,7 @@
 //! Guests: foreign programs that take part in a medium as stations of their own.
 
-use crate::coded;
-use crate::journal::{Coded, Fields, Kind, Packer, Part, Reader, Told, Unpacker};
+use crate::event_kinds;
+use crate::journal::{EventCodec, EventText, Fields, Kind, Packer, Part, Reader, Unpacker};
 
 /// All kinds.
 pub(super) static KINDS: &[&Kind] = &[GuestNews::KIND];
@@ -23,7 +23,7 @@ pub enum GuestRefusal {
     NotHere,
 }
 
-coded! {
+event_kinds! {
     /// A guest takes part in a bus from now on, or does so no longer.
     GuestNews = 52, "guest", Rare, at bus {
         /// Its number on the bus.
@@ -82,7 +82,7 @@ impl Part for Attendance {
     }
 }
 
-impl Told for GuestNews {
+impl EventText for GuestNews {
     fn text(&self, _: &mut Reader) -> String {
         let guest = self.guest;
         match self.news {

@@ -4,10 +4,10 @@ use super::{
     BuildError, Context, Device, DriveDetails, DriveState, GuestRefusal, Interval, ParameterRefusal, Shaft,
 };
 use crate::can::{self, BitRate, ErrorCounters, ErrorState};
-use crate::door::{Guest, Said};
+use crate::door::{BusMessage, Guest};
 use crate::fault::{Effect, Faults, Hit, Target};
 use crate::journal::{Event, Journal, Origin};
-use crate::state::State;
+use crate::snapshot_fields::SnapshotFields;
 use core::any::Any;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -98,7 +98,7 @@ pub enum Whose {
 
 /// A medium of a plant. It runs the firmware of the ports that are attached to it, so that an event meets everybody whom
 /// it concerns without asking a device.
-pub trait Medium: Any + Send + State {
+pub trait Medium: Any + Send + SnapshotFields {
     /// Its name in the plant.
     fn name(&self) -> &str;
 
@@ -127,9 +127,9 @@ pub trait Medium: Any + Send + State {
     /// The port's firmware looks at its control registers. Tells whether it takes part in the traffic now.
     fn processor_cycle(&mut self, place: usize, now: u64, journal: &mut Journal) -> bool;
 
-    /// Whether the firmware of the port rests, as a device does ([`Device::rests`]): its processor cycles find nothing to do
+    /// Whether the firmware of the port rests, as a device does ([`Device::is_quiescent`]): its processor cycles find nothing to do
     /// before something else happens, be it [`Medium::event`].
-    fn rests(&self, place: usize) -> bool {
+    fn is_quiescent(&self, place: usize) -> bool {
         let _ = place;
         false
     }
@@ -139,7 +139,7 @@ pub trait Medium: Any + Send + State {
     /// that only what has happened on the medium can matter; else the registers are those of anybody. Where looks were in vain,
     /// what happens on the medium by itself may give one something to do, but not whether the port takes part in the traffic.
     /// Whoever is not sure does not look in vain.
-    fn looks_in_vain(&self, place: usize, now: u64, is_seen: bool) -> bool {
+    fn poll_changes_nothing(&self, place: usize, now: u64, is_seen: bool) -> bool {
         let _ = (place, now, is_seen);
         false
     }
@@ -278,7 +278,7 @@ pub trait Medium: Any + Send + State {
     fn guest_sends(
         &mut self,
         guest: u8,
-        said: &Said,
+        said: &BusMessage,
         now: u64,
         journal: &mut Journal,
     ) -> Result<(), GuestRefusal>;
@@ -335,7 +335,7 @@ pub trait Medium: Any + Send + State {
 
     /// A fault acts on the medium, a participant or a port: does it hit by itself, at its begin or in a processor cycle? What
     /// hits at an event the medium finds out then ([`World::faults`]).
-    fn strike(&mut self, now: u64, target: Target, effect: &Effect) -> Option<Hit> {
+    fn fire(&mut self, now: u64, target: Target, effect: &Effect) -> Option<Hit> {
         let _ = (now, target, effect);
         None
     }

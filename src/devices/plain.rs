@@ -5,14 +5,14 @@ use super::supply::Supply;
 use super::{Context, Device, Events, Look, Power, World};
 use crate::fault::{Effect, Faults, Hit, Owner, Target};
 use crate::layout;
-use crate::layout::{Area, Fitted};
+use crate::layout::{Area, DeviceFit};
 use crate::memory::header::BoardSetting;
 use crate::memory::{Face, Header, MemoryError, Segment};
-use crate::state;
-use crate::state::State;
+use crate::snapshot_fields;
+use crate::snapshot_fields::SnapshotFields;
 
 /// The firmware of a [`Plain`] device, as far as it does not run at its ports. Whoever has none takes `()`.
-pub trait Firmware: State + Send + 'static {
+pub trait Firmware: SnapshotFields + Send + 'static {
     /// Power-on or end of a reset.
     fn start(&mut self, ctx: &mut Context) {
         let _ = ctx;
@@ -26,8 +26,8 @@ pub trait Firmware: State + Send + 'static {
         let _ = ctx;
     }
 
-    /// As [`Device::rests`].
-    fn rests(&self) -> bool {
+    /// As [`Device::is_quiescent`].
+    fn is_quiescent(&self) -> bool {
         false
     }
 
@@ -55,7 +55,7 @@ pub trait Firmware: State + Send + 'static {
     fn keep(&mut self) {}
 
     /// A fault of the device itself acts, at its begin or in a processor cycle: does it hit?
-    fn strike(&mut self, now: u64, effect: &Effect) -> Option<Hit> {
+    fn fire(&mut self, now: u64, effect: &Effect) -> Option<Hit> {
         let _ = (now, effect);
         None
     }
@@ -95,7 +95,7 @@ pub trait Firmware: State + Send + 'static {
 }
 
 impl Firmware for () {
-    fn rests(&self) -> bool {
+    fn is_quiescent(&self) -> bool {
         true
     }
 }
@@ -115,7 +115,7 @@ pub struct Plain<F> {
     starts: Starts,
 }
 
-state!(where [F: Firmware] Plain<F> { parts: firmware, supply, starts; built: index, name, layout, segment, face });
+snapshot_fields!(where [F: Firmware] Plain<F> { parts: firmware, supply, starts; built: index, name, layout, segment, face });
 
 impl<F: Firmware> Plain<F> {
     /// Device number `index` of the plant, called `name`, in this image.
@@ -146,7 +146,7 @@ impl<F: Firmware> Plain<F> {
 
     /// Every register as it is after power-on.
     fn reset_registers(&self) -> Result<(), MemoryError> {
-        let fitted = Fitted::unknown(self.layout);
+        let fitted = DeviceFit::unknown(self.layout);
         let kept = self.firmware.kept().map(|area| area.name);
         let areas = self.layout.areas.iter().filter(|area| kept != Some(area.name));
         let mut registers = areas.flat_map(|area| fitted.used_registers(area));
@@ -230,8 +230,8 @@ impl<F: Firmware> Device for Plain<F> {
         self.firmware.look(ctx);
     }
 
-    fn rests(&self) -> bool {
-        self.firmware.rests() && !self.front_has_changed()
+    fn is_quiescent(&self) -> bool {
+        self.firmware.is_quiescent() && !self.front_has_changed()
     }
 
     fn novram(&self) -> (&[u8], u32) {
@@ -242,8 +242,8 @@ impl<F: Firmware> Device for Plain<F> {
         self.firmware.keep();
     }
 
-    fn strike(&mut self, now: u64, _: Target, effect: &Effect) -> Option<Hit> {
-        self.firmware.strike(now, effect)
+    fn fire(&mut self, now: u64, _: Target, effect: &Effect) -> Option<Hit> {
+        self.firmware.fire(now, effect)
     }
 
     fn faults_changed(&mut self, faults: &Faults) {
@@ -276,7 +276,7 @@ mod tests {
     #[test]
     fn firmware_that_says_nothing_has_nothing() {
         let mut none = ();
-        assert!(none.kept().is_none() && none.events().is_none() && none.is_fed() && none.rests());
+        assert!(none.kept().is_none() && none.events().is_none() && none.is_fed() && none.is_quiescent());
         let kept = (none.next_time(), none.novram(), (0..16).find_map(|event| none.event_level(event)));
         assert_eq!(kept, (u64::MAX, (&[][..], 0), None));
         assert_eq!(none.refusal(BoardSetting::Reset), None);

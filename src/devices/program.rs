@@ -4,7 +4,7 @@ use super::Context;
 use super::records::{BoardEvent, OnBoard};
 use crate::memory::Face;
 use crate::memory::header::{InitialFlagResult, ProgramState, Project, Start};
-use crate::state;
+use crate::snapshot_fields;
 use serde::{Deserialize, Serialize};
 
 /// The program that a client has brought, and what it was last ordered.
@@ -15,7 +15,7 @@ pub(super) struct Starts {
     is_new: bool,
 }
 
-state!(Starts { values: seen, is_loaded, is_new });
+snapshot_fields!(Starts { values: seen, is_loaded, is_new });
 
 /// Cells that clients write, as last seen.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]

@@ -1,7 +1,7 @@
 //! What the journal tells about the board of a device: its front, its supply, its program and its events.
 
-use crate::coded;
-use crate::journal::{Coded, Fields, Kind, Origin, Packer, Part, Reader, Told, Unpacker};
+use crate::event_kinds;
+use crate::journal::{EventCodec, EventText, Fields, Kind, Origin, Packer, Part, Reader, Unpacker};
 use crate::memory::header::{InterruptResult, OptInitResult, Project, RunSwitch, SeatState, Start};
 use std::borrow::Cow;
 use std::net::Ipv4Addr;
@@ -9,7 +9,7 @@ use std::net::Ipv4Addr;
 /// All kinds.
 pub static KINDS: &[&Kind] = &[OnBoard::KIND];
 
-coded! {
+event_kinds! {
     /// Something happened on the board of a PLC.
     OnBoard = 20, "board", Rare, at plc {
         /// What.
@@ -17,7 +17,7 @@ coded! {
     }
 }
 
-impl Told for OnBoard {
+impl EventText for OnBoard {
     fn text(&self, reader: &mut Reader) -> String {
         let port = |node| reader.names.port(Origin { plc: self.plc, node });
         self.what.text(port)

@@ -5,7 +5,7 @@ use super::records::{BoardEvent, OnBoard};
 use super::{Context, Look, Power};
 use crate::memory::Face;
 use crate::memory::header;
-use crate::state;
+use crate::snapshot_fields;
 
 /// Supply and whether the device is up.
 pub(super) struct Supply {
@@ -19,7 +19,7 @@ pub(super) struct Supply {
     seen: u32,
 }
 
-state!(Supply { values: is_powered, is_fed, is_up, is_used, seen });
+snapshot_fields!(Supply { values: is_powered, is_fed, is_up, is_used, seen });
 
 impl Supply {
     /// On, and the device not started yet.

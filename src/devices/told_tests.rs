@@ -6,7 +6,7 @@ use super::{all, catalogue};
 use crate::journal::jsonl::Jsonl;
 use crate::journal::text::Text;
 use crate::journal::{Format, Kind, Names, Record};
-use crate::layout::Fitted;
+use crate::layout::DeviceFit;
 use proptest::strategy::{Just, Strategy, ValueTree};
 use proptest::test_runner::TestRunner;
 use std::collections::BTreeSet;
@@ -22,7 +22,7 @@ pub(super) fn names() -> Names {
     Names {
         plcs: (0..all().len()).map(|plc| format!("{plc}")).collect(),
         buses: (0..all().len()).map(|bus| format!("{bus}")).collect(),
-        devices: all().iter().map(|device| Fitted::unknown(device.layout)).collect(),
+        devices: all().iter().map(|device| DeviceFit::unknown(device.layout)).collect(),
     }
 }
 

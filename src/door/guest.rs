@@ -2,7 +2,7 @@
 
 use super::seat::Seat;
 use super::slcan::{Rate, Status};
-use super::wire::{Adapter, BadLength, Said};
+use super::wire::{Adapter, BadLength, BusMessage};
 use super::{DoorSpec, ROOM_TO_GUEST, ROOM_TO_PLANT};
 use crate::can::ErrorState;
 use crate::profibus::BusRate;
@@ -30,7 +30,7 @@ struct Inner {
     has_gone: bool,
     /// It has taken part or listened, now or before.
     has_opened: bool,
-    to_plant: VecDeque<Said>,
+    to_plant: VecDeque<BusMessage>,
     to_guest: VecDeque<News>,
     seat: Seat,
     /// The bit time until which it asks for time, if it counts bits.
@@ -52,7 +52,7 @@ pub(super) enum News {
         /// When.
         time_us: u64,
         /// Which.
-        said: Said,
+        said: BusMessage,
     },
     /// It has its turn: what it asked for by [`Adapter::ask`].
     Granted {
@@ -136,7 +136,7 @@ impl Guest {
 
     /// What it sends next, which stays there until [`Guest::sent`].
     #[must_use]
-    pub fn next_to_send(&self) -> Option<Said> {
+    pub fn next_to_send(&self) -> Option<BusMessage> {
         self.inner().to_plant.front().cloned()
     }
 
@@ -148,7 +148,7 @@ impl Guest {
     }
 
     /// Lets it hear what has arrived at this emulated time, if there is room.
-    pub fn hear(&self, time_us: u64, said: Said) {
+    pub fn hear(&self, time_us: u64, said: BusMessage) {
         let mut inner = self.inner();
         inner.seat.hear();
         if inner.to_guest.len() < ROOM_TO_GUEST {
@@ -271,7 +271,7 @@ impl Adapter for &Guest {
         inner.to_guest.clear();
     }
 
-    fn send(&mut self, said: Said) -> bool {
+    fn send(&mut self, said: BusMessage) -> bool {
         let mut inner = self.inner();
         let has_room = inner.to_plant.len() < ROOM_TO_PLANT;
         let may = inner.open == Some(false) && inner.seat.may_speak() && has_room;
@@ -317,13 +317,16 @@ impl Guest {
 
     /// It sends a frame without data, and is told that it may.
     pub(crate) fn says(&self, id: u16) {
-        assert!((&mut &*self).send(Said::Frame(crate::can::Frame::standard(id, crate::can::Payload::EMPTY))));
+        assert!(
+            (&mut &*self)
+                .send(BusMessage::Frame(crate::can::Frame::standard(id, crate::can::Payload::EMPTY)))
+        );
     }
 
     /// It sends a telegram for a bit time that comes after 50 s at 500 kbit/s, and is told that it may.
     pub(crate) fn says_later(&self) {
         let burst = crate::profibus::Burst { begin: 25_000_000, octets: vec![0xE5] };
-        assert!((&mut &*self).send(Said::Burst(burst)));
+        assert!((&mut &*self).send(BusMessage::Burst(burst)));
     }
 
     /// It leaves.
@@ -332,7 +335,7 @@ impl Guest {
     }
 
     /// The next that it is told of, if it is something it hears.
-    pub(crate) fn hears(&self) -> Option<Said> {
+    pub(crate) fn hears(&self) -> Option<BusMessage> {
         match self.take_news()? {
             News::Heard { said, .. } => Some(said),
             News::Granted { .. } => None,

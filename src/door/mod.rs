@@ -23,7 +23,7 @@ pub use guest::{Guest, GuestState, Wish};
 pub use seat::Seat;
 pub use slcan::Rate;
 pub use spec::{BadDoor, DoorSpec, Speech};
-pub use wire::Said;
+pub use wire::BusMessage;
 
 /// Most guests that an instance has at once.
 pub const MAX_GUESTS: usize = 64;

@@ -7,7 +7,7 @@
 //!
 //! One line is our own, with a letter that no adapter has: `KN` asks for emulated time, N microseconds in hexadecimal digits.
 
-use super::wire::{Adapter, Said};
+use super::wire::{Adapter, BusMessage};
 use crate::can::{ErrorState, ExtendedId, Frame, Id, Payload, StandardId};
 use core::fmt::Write;
 
@@ -120,7 +120,7 @@ impl Session {
         };
         let done = match (command, rest) {
             (b't' | b'T' | b'r' | b'R', _) => {
-                let sent = frame(*command, rest).is_some_and(|frame| adapter.send(Said::Frame(frame)));
+                let sent = frame(*command, rest).is_some_and(|frame| adapter.send(BusMessage::Frame(frame)));
                 if sent {
                     answer.push(if command.is_ascii_lowercase() { b'z' } else { b'Z' });
                 }
@@ -264,10 +264,10 @@ mod tests {
             self.open = None;
         }
 
-        fn send(&mut self, said: Said) -> bool {
+        fn send(&mut self, said: BusMessage) -> bool {
             let may = self.open == Some(false);
             match said {
-                Said::Frame(frame) if may => self.sent.push(frame),
+                BusMessage::Frame(frame) if may => self.sent.push(frame),
                 _ => {}
             }
             may

@@ -2,7 +2,7 @@
 //! 64, and the octets, the low byte of each number first. Without octets it asks for emulated time until this bit time, or answers
 //! that. Nothing but bytes here; what they mean is the bus's affair.
 
-use super::wire::{Adapter, BadLength, Said};
+use super::wire::{Adapter, BadLength, BusMessage};
 use crate::profibus::{Burst, MAX_OCTETS};
 
 /// Bytes in front of the octets.
@@ -34,7 +34,7 @@ impl Session {
                 adapter.ask_until(begin);
             } else {
                 // Without room it is counted as refused.
-                adapter.send(Said::Burst(Burst { begin, octets: octets.to_vec() }));
+                adapter.send(BusMessage::Burst(Burst { begin, octets: octets.to_vec() }));
             }
             rest = behind;
         }
@@ -76,8 +76,8 @@ mod tests {
 
         fn close(&mut self) {}
 
-        fn send(&mut self, said: Said) -> bool {
-            if let Said::Burst(burst) = said {
+        fn send(&mut self, said: BusMessage) -> bool {
+            if let BusMessage::Burst(burst) = said {
                 self.0.push(burst);
             }
             true

@@ -9,7 +9,7 @@ use crate::profibus::Burst;
 
 /// What goes through a door.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Said {
+pub enum BusMessage {
     /// A frame of CAN.
     Frame(Frame),
     /// Octets at PROFIBUS, with the bit time of their first bit; from a guest 0 is as soon as the line is free.
@@ -17,7 +17,7 @@ pub enum Said {
 }
 
 #[cfg(test)]
-impl Said {
+impl BusMessage {
     /// What a guest says at PROFIBUS.
     pub(crate) fn burst(octets: Vec<u8>) -> Self {
         Self::Burst(Burst { begin: 0, octets })
@@ -36,7 +36,7 @@ pub(super) trait Adapter {
     fn close(&mut self);
 
     /// To send something; `false` if it does not take part or there is no room.
-    fn send(&mut self, said: Said) -> bool;
+    fn send(&mut self, said: BusMessage) -> bool;
 
     /// To have a turn after so many microseconds of emulated time, or when it has heard something; until then it says nothing.
     /// `false` if it does not listen, or waits for one already.
@@ -100,12 +100,12 @@ impl Session {
     }
 
     /// Appends what tells of something that has arrived at this emulated time.
-    pub(super) fn tell(&self, time_us: u64, said: &Said, to: &mut Vec<u8>) {
+    pub(super) fn tell(&self, time_us: u64, said: &BusMessage, to: &mut Vec<u8>) {
         match (self, said) {
-            (Session::Slcan(session), Said::Frame(frame)) => session.tell(time_us, frame, to),
-            (Session::Telegrams(_), Said::Burst(burst)) => telegrams::tell(burst, to),
+            (Session::Slcan(session), BusMessage::Frame(frame)) => session.tell(time_us, frame, to),
+            (Session::Telegrams(_), BusMessage::Burst(burst)) => telegrams::tell(burst, to),
             // A bus that says something else has no such door.
-            (Session::Slcan(_), Said::Burst(_)) | (Session::Telegrams(_), Said::Frame(_)) => {}
+            (Session::Slcan(_), BusMessage::Burst(_)) | (Session::Telegrams(_), BusMessage::Frame(_)) => {}
         }
     }
 }

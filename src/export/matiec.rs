@@ -5,7 +5,7 @@
 use super::c;
 use super::scope::Scope;
 use super::text;
-use crate::layout::{Area, Fitted, Space, Unit};
+use crate::layout::{Area, DeviceFit, Space, Unit};
 use std::fmt::Write;
 
 const RULES: &str = include_str!("matiec/rules.h");
@@ -194,7 +194,7 @@ fn widths(scope: &Scope) -> Vec<(u32, u32, u32)> {
     let mut stretches: Vec<(u32, u32, u32)> = Vec::new();
     for area in &scope.areas {
         let mut bytes = vec![0; area.bytes as usize];
-        for found in Fitted::unknown(scope.device).used_registers(area) {
+        for found in DeviceFit::unknown(scope.device).used_registers(area) {
             let first = found.offset_in_structure() as usize;
             let width = found.width();
             bytes.iter_mut().skip(first).take(width as usize).for_each(|byte| *byte |= width);

@@ -4,7 +4,7 @@ use super::scope::Scope;
 use super::text;
 use crate::layout::object::Type;
 use crate::layout::{
-    Area, BitField, Device, Live, Meaning, Placed, Provenance, Register, RegisterRef, ValueMeaning,
+    Area, BitField, Device, Meaning, Placed, Provenance, Register, RegisterPhase, RegisterRef, ValueMeaning,
     format_value,
 };
 
@@ -80,9 +80,9 @@ fn objects(device: &Device) -> String {
 fn structure(area: &'static Area, placed: &'static Placed) -> String {
     let of = placed.structure;
     let valid = match placed.live {
-        Live::Always => "",
-        Live::Init => " Valid until the node has taken over its initialization data.",
-        Live::Cyclic => " Valid from then on.",
+        RegisterPhase::Always => "",
+        RegisterPhase::Init => " Valid until the node has taken over its initialization data.",
+        RegisterPhase::Cyclic => " Valid from then on.",
     };
     let role = placed.role.map_or_else(String::new, |role| format!(", {role}"));
     let made_up = text::made_up(placed).map(|made_up| format!(" ({made_up})")).unwrap_or_default();

@@ -1,7 +1,7 @@
 //! Every single register of a structure in its area, for the formats that are tables.
 
 use super::scope::Scope;
-use crate::layout::{Live, Placed, RegisterRef};
+use crate::layout::{Placed, RegisterPhase, RegisterRef};
 
 /// The registers of all areas, element by element; where structures share one it appears in each.
 pub(crate) fn all(scope: &Scope) -> impl Iterator<Item = (&'static Placed, RegisterRef)> {
@@ -11,10 +11,10 @@ pub(crate) fn all(scope: &Scope) -> impl Iterator<Item = (&'static Placed, Regis
 }
 
 /// When a structure is the valid one.
-pub(crate) const fn live(live: Live) -> &'static str {
+pub(crate) const fn live(live: RegisterPhase) -> &'static str {
     match live {
-        Live::Always => "always",
-        Live::Init => "init",
-        Live::Cyclic => "cyclic",
+        RegisterPhase::Always => "always",
+        RegisterPhase::Init => "init",
+        RegisterPhase::Cyclic => "cyclic",
     }
 }

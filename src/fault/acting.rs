@@ -5,7 +5,7 @@ use super::{
     Target, Values,
 };
 use crate::journal::Journal;
-use crate::state::{Damaged, Saved, Saving};
+use crate::snapshot_fields::{Damaged, Saved, Saving};
 use serde::{Deserialize, Serialize};
 
 /// Time at which nothing is ever due.
@@ -202,42 +202,35 @@ impl Faults {
 
     /// Lets the faults strike that `owner` lets act, in the order in which they were added. `strike` gets where, the effect and
     /// the number of hits before; it says whether this is a hit, and what to note of it.
-    pub fn strike<E: 'static>(
+    pub fn fire<E: 'static>(
         &mut self,
         now: u64,
         owner: Owner,
         journal: &mut Journal,
-        mut strike: impl FnMut(Target, &E, u32) -> Option<Hit>,
+        mut fire: impl FnMut(Target, &E, u32) -> Option<Hit>,
     ) {
-        self.strike_each(now, journal, |entry| {
+        self.fire_each(now, journal, |entry| {
             if entry.owner != owner {
                 return None;
             }
-            strike(entry.status.fault.target(), entry.effect.get()?, entry.status.hits)
+            fire(entry.status.fault.target(), entry.effect.get()?, entry.status.hits)
         });
     }
 
     /// Lets all faults strike that act, whoever's they are.
-    pub fn strike_all(
+    pub fn fire_all(
         &mut self,
         now: u64,
         journal: &mut Journal,
-        mut strike: impl FnMut(Owner, Target, &Effect) -> Option<Hit>,
+        mut fire: impl FnMut(Owner, Target, &Effect) -> Option<Hit>,
     ) {
-        self.strike_each(now, journal, |entry| {
-            strike(entry.owner, entry.status.fault.target(), &entry.effect)
-        });
+        self.fire_each(now, journal, |entry| fire(entry.owner, entry.status.fault.target(), &entry.effect));
     }
 
-    fn strike_each(
-        &mut self,
-        now: u64,
-        journal: &mut Journal,
-        mut strike: impl FnMut(&Entry) -> Option<Hit>,
-    ) {
+    fn fire_each(&mut self, now: u64, journal: &mut Journal, mut fire: impl FnMut(&Entry) -> Option<Hit>) {
         let mut over = false;
         for entry in self.entries.iter_mut().filter(|entry| entry.status.acting) {
-            let Some(detail) = strike(entry) else { continue };
+            let Some(detail) = fire(entry) else { continue };
             entry.status.hits = entry.status.hits.saturating_add(1);
             entry.report(now, journal, News::Hit(detail));
             let limit = entry.status.fault.limit();

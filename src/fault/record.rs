@@ -2,8 +2,8 @@
 
 use super::{Place, Target};
 use crate::journal::{
-    Catalogue, Coded, Fields, Keeping, Kind, Origin, Packer, Part, Reader, Ring, Source, Told, Unpacker,
-    Words,
+    Catalogue, EventCodec, EventText, Fields, Keeping, Kind, Origin, Packer, Part, Reader, Ring, Source,
+    Unpacker, Words,
 };
 
 /// All kinds.
@@ -74,7 +74,7 @@ impl Part for News {
     }
 }
 
-impl Coded for FaultNews {
+impl EventCodec for FaultNews {
     const KIND: &'static Kind = &Kind::new::<Self>(21, "fault", Ring::Missed);
 
     fn words(&self) -> Words {
@@ -126,7 +126,7 @@ impl FaultNews {
     }
 }
 
-impl Told for FaultNews {
+impl EventText for FaultNews {
     fn keeping(&self) -> Keeping {
         if matches!(self.news, News::Hit(_)) { Keeping::Counted } else { Keeping::Noted }
     }

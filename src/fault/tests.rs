@@ -130,19 +130,19 @@ fn only_its_owner_lets_a_fault_act_and_as_often_as_it_shall() {
         faults.add(0, fault(&text).unwrap(), Owner::Medium(index as u16), &mut journal).unwrap();
     }
     let mut seen = Vec::new();
-    let strike = |faults: &mut Faults, journal: &mut Journal, seen: &mut Vec<(u32, u32)>| {
-        faults.strike(1, Owner::Medium(0), journal, |_, effect: &Noise, hits| {
+    let fire = |faults: &mut Faults, journal: &mut Journal, seen: &mut Vec<(u32, u32)>| {
+        faults.fire(1, Owner::Medium(0), journal, |_, effect: &Noise, hits| {
             let Noise::Hiss(volume) = *effect else { return None };
             seen.push((volume, hits));
             Some(Hit::Plain)
         });
     };
-    strike(&mut faults, &mut journal, &mut seen);
+    fire(&mut faults, &mut journal, &mut seen);
     assert!(seen.is_empty(), "they have not begun");
     faults.advance(1, &mut journal);
     assert_eq!(faults.acting::<Noise>(Owner::Medium(1)).count(), 1);
     assert_eq!(faults.acting::<()>(Owner::Medium(1)).count(), 0, "an effect of another type");
-    (0..3).for_each(|_| strike(&mut faults, &mut journal, &mut seen));
+    (0..3).for_each(|_| fire(&mut faults, &mut journal, &mut seen));
     assert_eq!(seen, [(5, 0), (5, 1)]);
     assert_eq!(faults.list().map(|fault| fault.id).collect::<Vec<_>>(), [2]);
 }

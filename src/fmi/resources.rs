@@ -1,7 +1,7 @@
 //! What of an archive tells which plant it is: the files in its `resources`.
 
 use super::variables::VariablesError;
-use crate::handed_in;
+use crate::input_file;
 use crate::memory::MemoryError;
 use crate::plant::{PlantConfig, PlantError, Snapshot, SnapshotError, SnapshotFile, SnapshotFileError};
 use std::io;
@@ -69,7 +69,7 @@ impl Resources {
     /// # Errors
     /// [`ResourcesError`].
     pub fn of_file(path: &Path, registers: Vec<String>) -> Result<Self, ResourcesError> {
-        let read = || handed_in::read_bytes(path, SnapshotFile::LONGEST);
+        let read = || input_file::read_bytes(path, SnapshotFile::LONGEST);
         let failed = |reason| ResourcesError::Read { path: path.to_owned(), reason };
         let bytes = read().map_err(failed)?;
         let content = if SnapshotFile::is_one(&bytes) {
@@ -79,7 +79,7 @@ impl Resources {
             let config = file.config(&path.display().to_string())?;
             (Content::Snapshot(bytes, Box::new(file.snapshot)), config)
         } else {
-            let text = handed_in::text(bytes).map_err(failed)?;
+            let text = input_file::text(bytes).map_err(failed)?;
             let config = PlantConfig::parse(&path.display().to_string(), &text)?;
             (Content::Plant(text), config)
         };
@@ -102,7 +102,7 @@ impl Resources {
     /// As [`Resources::of_file`].
     pub fn of_directory(directory: &Path) -> Result<Self, ResourcesError> {
         let list = directory.join(REGISTERS);
-        let registers = match handed_in::read(&list, handed_in::LONGEST_SCRIPT) {
+        let registers = match input_file::read(&list, input_file::LONGEST_SCRIPT) {
             Ok(text) => text.lines().map(str::to_owned).collect(),
             Err(reason) if reason.kind() == io::ErrorKind::NotFound => Vec::new(),
             Err(reason) => return Err(ResourcesError::Read { path: list, reason }),

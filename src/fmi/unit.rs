@@ -6,7 +6,7 @@ use super::variables::{Kind, ShaftValue, Variable, What, variables};
 use crate::layout::Owner;
 use crate::memory::Segment;
 use crate::plant::{Plant, Snapshot, SnapshotError, SnapshotFile};
-use crate::state::{Damaged, Saved, Saving, seal, unseal};
+use crate::snapshot_fields::{Damaged, Saved, Saving, seal, unseal};
 use serde::{Deserialize, Serialize};
 use twox_hash::XxHash3_64;
 

@@ -85,12 +85,12 @@ enum Command {
 }
 
 /// What has come: from whom, and what.
-type Told = Result<(u8, Vec<u8>), String>;
+type Received = Result<(u8, Vec<u8>), String>;
 
 /// The emulator's end of the way.
 pub struct ByHelics {
     commands: Sender<Command>,
-    messages: Receiver<Told>,
+    messages: Receiver<Received>,
     has_left: Receiver<()>,
 }
 
@@ -106,7 +106,7 @@ impl ByHelics {
         let (left, has_left) = mpsc::channel();
         let thread = Builder::new().name("helics".to_owned());
         let run = move || {
-            let tell = |news: Told| {
+            let tell = |news: Received| {
                 // If nobody listens any more, nobody need be told.
                 let _ = told.send(news);
                 wake();
@@ -150,7 +150,7 @@ fn talk(
     functions: Functions,
     place: &Place,
     asked: &Receiver<Command>,
-    tell: &(impl Fn(Told) + Sync),
+    tell: &(impl Fn(Received) + Sync),
 ) -> Result<(), String> {
     let init = place.of_core();
     let own = place.name_of(place.own);
@@ -185,7 +185,7 @@ fn talk(
 }
 
 /// Tells the emulator what the other ones send.
-fn listen(federate: &Federate, place: &Place, others: &[u8], ends: &AtomicBool, tell: &impl Fn(Told)) {
+fn listen(federate: &Federate, place: &Place, others: &[u8], ends: &AtomicBool, tell: &impl Fn(Received)) {
     let mut strangers = Vec::new();
     loop {
         let command = federate.wait();

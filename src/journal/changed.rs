@@ -2,12 +2,12 @@
 
 use super::coded::{Packer, Part, Unpacker, live_number, live_of};
 use super::fields::Fields;
-use super::kind::Told;
+use super::kind::EventText;
 use super::reader::Reader;
-use crate::coded;
-use crate::layout::{Live, Width};
+use crate::event_kinds;
+use crate::layout::{RegisterPhase, Width};
 
-coded! {
+event_kinds! {
     /// A register that is followed holds something else.
     Changed = 41, "changed", History, at plc {
         /// Offset of the register.
@@ -57,7 +57,7 @@ pub struct How {
     /// Who it was.
     pub by: By,
     /// Which of the structures that overlay each other was valid: it gives the register its name.
-    pub live: Live,
+    pub live: RegisterPhase,
 }
 
 impl Part for How {
@@ -75,7 +75,7 @@ impl Part for How {
     }
 }
 
-impl Told for Changed {
+impl EventText for Changed {
     fn text(&self, reader: &mut Reader) -> String {
         let place = reader.followed(self.plc, self.offset, self.how.width, self.how.live);
         let meaning = place.meaning(self.to).map(|meaning| format!(", {meaning}")).unwrap_or_default();

@@ -2,11 +2,11 @@
 //!
 //! First word: bits 0-7 number of the [`Kind`], 8-15 number of the port, 16-31 index of the device or bus. The
 //! remaining five halves of 32 bits belong to the kind, which puts its [`Part`]s there one after the other.
-//! [`coded!`](crate::coded!) writes both ways, there and back again, from one list of fields.
+//! [`event_kinds!`](crate::event_kinds!) writes both ways, there and back again, from one list of fields.
 
 use super::event::{Origin, Source};
 use super::kind::Kind;
-use crate::layout::Live;
+use crate::layout::RegisterPhase;
 
 /// An event as numbers. Equal events have equal words, different events different ones.
 pub type Words = [u64; 3];
@@ -15,7 +15,7 @@ pub type Words = [u64; 3];
 const HALVES: usize = 5;
 
 /// Something with a kind, as words and back again.
-pub trait Coded: Copy + 'static {
+pub trait EventCodec: Copy + 'static {
     /// What kind it is.
     const KIND: &'static Kind;
 
@@ -165,7 +165,7 @@ impl Part for Origin {
     }
 }
 
-impl Part for Live {
+impl Part for RegisterPhase {
     #[inline]
     fn put(self, packer: &mut Packer) {
         packer.put(live_number(self));
@@ -178,20 +178,20 @@ impl Part for Live {
 }
 
 /// The number of a phase in words.
-pub(super) const fn live_number(live: Live) -> u32 {
+pub(super) const fn live_number(live: RegisterPhase) -> u32 {
     match live {
-        Live::Always => 0,
-        Live::Init => 1,
-        Live::Cyclic => 2,
+        RegisterPhase::Always => 0,
+        RegisterPhase::Init => 1,
+        RegisterPhase::Cyclic => 2,
     }
 }
 
 /// The way back.
-pub(super) const fn live_of(number: u32) -> Option<Live> {
+pub(super) const fn live_of(number: u32) -> Option<RegisterPhase> {
     match number {
-        0 => Some(Live::Always),
-        1 => Some(Live::Init),
-        2 => Some(Live::Cyclic),
+        0 => Some(RegisterPhase::Always),
+        1 => Some(RegisterPhase::Init),
+        2 => Some(RegisterPhase::Cyclic),
         _ => None,
     }
 }
@@ -230,14 +230,14 @@ impl Place for Origin {
 }
 
 /// Declares what the journal can tell: a structure with where it happened (`bus`, `plc` or `origin`) and what there
-/// is to tell, each field a [`Part`]. What it says is the family's to write: [`Told`](crate::journal::Told).
+/// is to tell, each field a [`Part`]. What it says is the family's to write: [`EventText`](crate::journal::EventText).
 /// A device registers their `KIND`s, and its firmware says `ctx.report(It { .. })`.
 ///
 /// ```
-/// use commram::coded;
-/// use commram::journal::{Coded, Fields, Kind, Reader, Told};
+/// use commram::event_kinds;
+/// use commram::journal::{EventCodec, Fields, Kind, Reader, EventText};
 ///
-/// coded! {
+/// event_kinds! {
 ///     /// A door was opened.
 ///     Opened = 250, "opened", Rare, at origin {
 ///         /// How far, in degrees.
@@ -245,7 +245,7 @@ impl Place for Origin {
 ///     }
 /// }
 ///
-/// impl Told for Opened {
+/// impl EventText for Opened {
 ///     fn text(&self, _: &mut Reader) -> String {
 ///         format!("opened by {} degrees", self.angle)
 ///     }
@@ -259,7 +259,7 @@ impl Place for Origin {
 /// assert_eq!(KINDS[0].name(), "opened");
 /// ```
 #[macro_export]
-macro_rules! coded {
+macro_rules! event_kinds {
     (@type bus) => { u16 };
     (@type plc) => { u16 };
     (@type origin) => { $crate::journal::Origin };
@@ -276,11 +276,11 @@ macro_rules! coded {
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         pub struct $name {
             /// Where.
-            pub $place: $crate::coded!(@type $place),
+            pub $place: $crate::event_kinds!(@type $place),
             $($(#[$field_doc])* pub $field: $ty,)*
         }
 
-        impl $crate::journal::Coded for $name {
+        impl $crate::journal::EventCodec for $name {
             const KIND: &'static $crate::journal::Kind =
                 &$crate::journal::Kind::new::<Self>($number, $text, $crate::journal::Ring::$ring);
 
@@ -305,7 +305,7 @@ macro_rules! coded {
 
             #[inline]
             fn source(&self) -> $crate::journal::Source {
-                $crate::coded!(@source $place, self.$place)
+                $crate::event_kinds!(@source $place, self.$place)
             }
         }
     )+};

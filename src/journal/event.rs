@@ -1,9 +1,9 @@
 //! One thing that happened: its kind and its words.
 
-use super::coded::{Coded, Words};
+use super::coded::{EventCodec, Words};
 use super::fields::Fields;
 use super::history::Stored;
-use super::kind::{Carried, Kind, Octets, Told};
+use super::kind::{Carried, EventText, Kind, Octets};
 use super::reader::Reader;
 use core::fmt;
 
@@ -119,13 +119,13 @@ impl Event {
 
     /// Whether it is a `T`.
     #[inline]
-    pub fn is<T: Coded>(&self) -> bool {
+    pub fn is<T: EventCodec>(&self) -> bool {
         *self.kind == *T::KIND
     }
 
     /// What there is to tell, if it is a `T`.
     #[inline]
-    pub fn get<T: Coded>(&self) -> Option<T> {
+    pub fn get<T: EventCodec>(&self) -> Option<T> {
         if self.is::<T>() { T::read(self.words) } else { None }
     }
 
@@ -166,7 +166,7 @@ impl Event {
     }
 }
 
-impl<T: Told> From<T> for Event {
+impl<T: EventText> From<T> for Event {
     #[inline]
     fn from(told: T) -> Self {
         Event { kind: T::KIND, words: told.words() }

@@ -3,11 +3,11 @@
 use super::catalogue::Catalogue;
 use super::event::Source;
 use super::fields::Fields;
-use super::kind::Told;
+use super::kind::EventText;
 use super::reader::Reader;
 use super::rule::Rule;
-use crate::coded;
-use crate::layout::{Address, Fitted, Live, RegType, RegisterRef, Width, format_value};
+use crate::event_kinds;
+use crate::layout::{Address, DeviceFit, RegType, RegisterPhase, RegisterRef, Width, format_value};
 use crate::memory::{HEADER_SIZE, header};
 
 /// At a bus: behind the numbers of guests those of participants.
@@ -23,14 +23,14 @@ pub struct Finding {
     /// Offset of the register in the device's RAM; at a bus the number of the guest, or that of the participant and 256.
     pub offset: u32,
     /// Which of the structures that overlay each other the register belongs to.
-    pub live: Live,
+    pub live: RegisterPhase,
     /// The value written.
     pub value: u32,
     /// By how many microseconds it was late; 0 for rules without a deadline.
     pub late_us: u32,
 }
 
-coded! {
+event_kinds! {
     /// A finding as the journal has it, with the number of its rule.
     Found = 40, "finding", Rare, at plc {
         /// Number of the rule.
@@ -38,7 +38,7 @@ coded! {
         /// Offset of the register in the device's RAM.
         offset: u32,
         /// Which of the structures that overlay each other the register belongs to.
-        live: Live,
+        live: RegisterPhase,
         /// The value written.
         value: u32,
         /// By how many microseconds it was late; 0 for rules without a deadline.
@@ -62,7 +62,7 @@ impl From<Finding> for Found {
     }
 }
 
-impl Told for Found {
+impl EventText for Found {
     fn is_known(&self, catalogue: &Catalogue) -> bool {
         catalogue.rule(self.rule).is_some()
     }
@@ -96,7 +96,7 @@ impl Finding {
     #[must_use]
     pub const fn at_bus(rule: &'static Rule, bus: u16, guest: u8, value: u32) -> Self {
         let (plc, offset) = (Source::BUSES | bus, guest as u32);
-        Finding { rule, plc, offset, live: Live::Always, value, late_us: 0 }
+        Finding { rule, plc, offset, live: RegisterPhase::Always, value, late_us: 0 }
     }
 
     /// That something is wrong with participant `number` of bus number `bus`; such a finding has no register either, and its
@@ -104,7 +104,7 @@ impl Finding {
     #[must_use]
     pub const fn at_participant(rule: &'static Rule, bus: u16, number: u8, value: u32) -> Self {
         let (plc, offset) = (Source::BUSES | bus, PARTICIPANTS | number as u32);
-        Finding { rule, plc, offset, live: Live::Always, value, late_us: 0 }
+        Finding { rule, plc, offset, live: RegisterPhase::Always, value, late_us: 0 }
     }
 
     /// What it was found at: a device or a bus.
@@ -115,7 +115,7 @@ impl Finding {
 
     /// The register; `None` in the header page and where there is none.
     #[must_use]
-    pub fn register(&self, fitted: impl Into<Fitted>) -> Option<RegisterRef> {
+    pub fn register(&self, fitted: impl Into<DeviceFit>) -> Option<RegisterRef> {
         if self.is_at_bus() {
             return None;
         }
@@ -128,7 +128,7 @@ impl Finding {
     /// Name of the register or of the field in the header page: `node2.w_OPTION_STATUS`, `header.magic`; of the guest or
     /// participant: `guest1`, `slave3`.
     #[must_use]
-    pub fn name(&self, fitted: impl Into<Fitted>) -> Option<String> {
+    pub fn name(&self, fitted: impl Into<DeviceFit>) -> Option<String> {
         match self.register(fitted) {
             _ if self.is_at_participant() => Some(format!("slave{}", self.offset ^ PARTICIPANTS)),
             _ if self.is_at_bus() => Some(format!("guest{}", self.offset)),
@@ -142,7 +142,7 @@ impl Finding {
 
     /// Address at the register's own width: `%MW3.200002`; at a bus there is none.
     #[must_use]
-    pub fn address(&self, fitted: impl Into<Fitted>) -> Option<Address> {
+    pub fn address(&self, fitted: impl Into<DeviceFit>) -> Option<Address> {
         if self.is_at_bus() {
             return None;
         }
@@ -153,7 +153,7 @@ impl Finding {
 
     /// The value as the register writes it: `16#0043`.
     #[must_use]
-    pub fn value_text(&self, fitted: impl Into<Fitted>) -> String {
+    pub fn value_text(&self, fitted: impl Into<DeviceFit>) -> String {
         if self.is_at_participant() {
             return self.value.to_string();
         }

@@ -8,7 +8,7 @@
 //! middle of it, as a snapshot does, is one value and the events of one block.
 
 use super::Words;
-use crate::state::{Damaged, Saved, Saving, State};
+use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 use twox_hash::XxHash3_64;
 
 /// Events of a block.
@@ -52,7 +52,7 @@ impl Fingerprint {
     }
 }
 
-impl State for Fingerprint {
+impl SnapshotFields for Fingerprint {
     fn save(&self, to: &mut Saving) {
         let Self { before, block, len } = self;
         to.value(&(before, &block[..*len]));

@@ -11,7 +11,7 @@
 //! looks on leaves the journal as it is.
 
 use super::changed::{By, Changed, How};
-use crate::layout::{Live, Width};
+use crate::layout::{RegisterPhase, Width};
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
@@ -64,7 +64,7 @@ pub(crate) trait Rams {
     fn load(&self, plc: u16, offset: u32, width: Width) -> Option<u32>;
 
     /// Which of the structures that overlay each other is valid there.
-    fn live(&self, plc: u16, offset: u32) -> Live;
+    fn live(&self, plc: u16, offset: u32) -> RegisterPhase;
 
     /// Whether the register is forced.
     fn is_forced(&self, plc: u16, offset: u32) -> bool;
@@ -84,7 +84,7 @@ pub(super) struct Followed {
     /// What it held when it was looked at last.
     held: u32,
     /// Which structure was valid when it changed last.
-    live: Live,
+    live: RegisterPhase,
     in_journal: bool,
     for_onlookers: bool,
     /// What onlookers know it held, from when the plant has gone to another moment until they are told.
@@ -314,8 +314,8 @@ mod tests {
             Some(self.held.borrow().get(&offset).copied().unwrap_or(0))
         }
 
-        fn live(&self, _: u16, _: u32) -> Live {
-            Live::Always
+        fn live(&self, _: u16, _: u32) -> RegisterPhase {
+            RegisterPhase::Always
         }
 
         fn is_forced(&self, _: u16, offset: u32) -> bool {

@@ -3,8 +3,8 @@
 use super::findings::Findings;
 use super::history::Followed;
 use super::ring::Rings;
-use super::{Catalogue, Coded, Entry, Event, Finding, Found, Journal, Words};
-use crate::state::{Damaged, Saved, Saving, State};
+use super::{Catalogue, Entry, Event, EventCodec, Finding, Found, Journal, Words};
+use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 use serde::{Deserialize, Serialize};
 
 /// A history: numbers and times of records are comparable within one.

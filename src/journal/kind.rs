@@ -2,7 +2,7 @@
 //! [`Catalogue`] is their sum.
 
 use super::catalogue::Catalogue;
-use super::coded::{Coded, Words};
+use super::coded::{EventCodec, Words};
 use super::event::{Keeping, Source};
 use super::fields::Fields;
 use super::history::Stored;
@@ -44,8 +44,8 @@ impl Ring {
     }
 }
 
-/// What the journal can tell. The fields, number and name come from `coded!`.
-pub trait Told: Coded {
+/// What the journal can tell. The fields, number and name come from `event_kinds!`.
+pub trait EventText: EventCodec {
     /// How the journal keeps it.
     #[inline]
     fn keeping(&self) -> Keeping {
@@ -129,7 +129,7 @@ struct Reads {
 impl Kind {
     /// The kind of `T`. The number is part of the channel's wire format and belongs to this kind alone; `name` is that
     /// in JSON Lines and on the command line.
-    pub const fn new<T: Told>(number: u8, name: &'static str, ring: Ring) -> Self {
+    pub const fn new<T: EventText>(number: u8, name: &'static str, ring: Ring) -> Self {
         let reads = Reads {
             normal: |words, catalogue| {
                 T::read(words).filter(|told| told.is_known(catalogue)).map(|told| told.words())

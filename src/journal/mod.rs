@@ -12,7 +12,7 @@
 //! - Records are numbered without gaps, so a reader can go on where it stopped and sees how many it has missed.
 //!
 //! An [`Event`] is a [`Kind`] and words. What can happen is told by whom it happens to: here what happens in registers of
-//! any device, in the families of devices what only they know. Each kind is a structure that [`Told`] reads; the
+//! any device, in the families of devices what only they know. Each kind is a structure that [`EventText`] reads; the
 //! [`Catalogue`] is the sum of them all.
 //!
 //! [`text`], [`jsonl`], [`candump`], [`pcapng`] write records for people and programs, [`vcd`] and `fst` (feature `studio`) the [`Waves`] that they are as signals; `docs/reference/journal.md` describes the formats.
@@ -54,7 +54,7 @@ mod waves;
 
 pub use catalogue::{Catalogue, FaultName};
 pub use changed::{By, Changed, How};
-pub use coded::{Coded, Packer, Part, Place, Unpacker, Words};
+pub use coded::{EventCodec, Packer, Part, Place, Unpacker, Words};
 pub use event::{Event, Keeping, Origin, Source};
 pub use fields::Fields;
 pub use finding::{Finding, Found};
@@ -62,7 +62,7 @@ pub use findings::{Entry, Findings, MAX_ENTRIES};
 pub(crate) use history::Rams;
 pub use history::{Change, KEPT_CHANGES, Keep, MAX_FOLLOWED, Stored};
 pub use kept::Turn;
-pub use kind::{Carried, Kind, Octets, Ring, Told};
+pub use kind::{Carried, EventText, Kind, Octets, Ring};
 pub use names::Names;
 pub use printer::{Printer, Selection};
 pub use reader::Reader;
@@ -151,7 +151,7 @@ impl Journal {
 
     /// Writes an event. Times must not decrease.
     #[inline]
-    pub fn push<T: Told>(&mut self, time_us: u64, told: T) {
+    pub fn push<T: EventText>(&mut self, time_us: u64, told: T) {
         if let Some(stored) = told.stored()
             && self.follows()
         {

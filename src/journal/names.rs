@@ -1,7 +1,7 @@
 //! Names of the things that records refer to by their index.
 
 use super::event::{Origin, Source};
-use crate::layout::{Device, Fitted};
+use crate::layout::{Device, DeviceFit};
 use std::borrow::Cow;
 
 /// Names of the things that records refer to by their index.
@@ -12,7 +12,7 @@ pub struct Names {
     /// The buses, in the order of the plant.
     pub buses: Vec<String>,
     /// What each PLC is and how it is fitted, in the order of the plant.
-    pub devices: Vec<Fitted>,
+    pub devices: Vec<DeviceFit>,
 }
 
 impl Names {
@@ -32,9 +32,9 @@ impl Names {
     }
 
     /// The same, and how the PLC is fitted.
-    pub fn fitted(&self, plc: u16) -> Fitted {
+    pub fn fitted(&self, plc: u16) -> DeviceFit {
         let known = self.devices.get(usize::from(plc)).copied();
-        known.unwrap_or_else(|| Fitted::unknown(&Device::UNKNOWN))
+        known.unwrap_or_else(|| DeviceFit::unknown(&Device::UNKNOWN))
     }
 
     /// Name of a port; `port3` if it has none. Number 0, the device itself, goes by the name of its own interface.

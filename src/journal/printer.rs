@@ -113,7 +113,7 @@ mod tests {
     use super::*;
     use crate::journal::candump::Candump;
     use crate::journal::text::Text;
-    use crate::journal::{ChannelWrite, Coded, Event, Names, Origin};
+    use crate::journal::{ChannelWrite, Event, EventCodec, Names, Origin};
 
     fn names() -> Names {
         Names { plcs: vec!["a".into(), "b".into()], buses: vec!["x".into(), "y".into()], ..Names::default() }

@@ -5,7 +5,7 @@ use super::event::{Origin, Source};
 use super::names::Names;
 use super::record::Record;
 use super::registers::State;
-use crate::layout::{Address, Area, Live, RegType, RegisterRef, Width, format_value};
+use crate::layout::{Address, Area, RegType, RegisterPhase, RegisterRef, Width, format_value};
 use std::collections::HashMap;
 
 /// Names and what the records so far tell about the state of the ports: INIT and cyclic structure overlay
@@ -14,9 +14,9 @@ pub struct Reader {
     pub(crate) names: Names,
     pub(crate) catalogue: &'static Catalogue,
     /// Which structure is live at ports that have not been heard of.
-    unheard: Option<Live>,
-    live: HashMap<Port, Live>,
-    registers: HashMap<(u16, u32, Live), Option<RegisterRef>>,
+    unheard: Option<RegisterPhase>,
+    live: HashMap<Port, RegisterPhase>,
+    registers: HashMap<(u16, u32, RegisterPhase), Option<RegisterRef>>,
 }
 
 /// Index of the device and number of the port.
@@ -31,7 +31,7 @@ impl Reader {
     /// Takes note of what a record tells about the state.
     pub(super) fn observe(&mut self, record: &Record) {
         // Who has seen all records since power-on knows that the ports began with INIT.
-        self.unheard.get_or_insert(if record.seq == 0 { Live::Init } else { Live::Cyclic });
+        self.unheard.get_or_insert(if record.seq == 0 { RegisterPhase::Init } else { RegisterPhase::Cyclic });
         if let Some(State { origin, live, .. }) = record.event.get() {
             self.live.insert((origin.plc, origin.node), live);
         }
@@ -39,7 +39,7 @@ impl Reader {
 
     /// Records are missing: the states may have changed.
     pub(super) fn gap(&mut self) {
-        self.unheard = Some(Live::Cyclic);
+        self.unheard = Some(RegisterPhase::Cyclic);
         self.live.clear();
     }
 
@@ -48,10 +48,12 @@ impl Reader {
         self.catalogue.fault(number).unwrap_or("unknown")
     }
 
-    fn live(&self, plc: u16, area: &Area) -> Live {
+    fn live(&self, plc: u16, area: &Area) -> RegisterPhase {
         let mut ports = self.names.device(plc).ports.iter();
-        let Some(port) = ports.find(|port| port.area.first == area.first) else { return Live::Always };
-        self.live.get(&(plc, port.number)).copied().or(self.unheard).unwrap_or(Live::Cyclic)
+        let Some(port) = ports.find(|port| port.area.first == area.first) else {
+            return RegisterPhase::Always;
+        };
+        self.live.get(&(plc, port.number)).copied().or(self.unheard).unwrap_or(RegisterPhase::Cyclic)
     }
 
     /// The register that begins at `offset` of the device's RAM.
@@ -62,7 +64,7 @@ impl Reader {
     }
 
     /// The register that begins there while `live` is valid.
-    fn valid_register(&mut self, plc: u16, offset: u32, live: Live) -> Option<RegisterRef> {
+    fn valid_register(&mut self, plc: u16, offset: u32, live: RegisterPhase) -> Option<RegisterRef> {
         let fitted = self.names.fitted(plc);
         let address = fitted.device().at(Width::Byte, offset);
         *self.registers.entry((plc, offset, live)).or_insert_with(|| {
@@ -78,7 +80,7 @@ impl Reader {
     }
 
     /// The register of this width that was there while `live` was valid.
-    pub(super) fn followed(&mut self, plc: u16, offset: u32, width: Width, live: Live) -> Place {
+    pub(super) fn followed(&mut self, plc: u16, offset: u32, width: Width, live: RegisterPhase) -> Place {
         let register = self.valid_register(plc, offset, live);
         self.place(register, plc, offset, width.bytes() as u8)
     }

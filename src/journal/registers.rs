@@ -3,12 +3,12 @@
 use super::event::Keeping;
 use super::fields::Fields;
 use super::history::Stored;
-use super::kind::Told;
+use super::kind::EventText;
 use super::reader::{Place, Reader};
-use crate::coded;
-use crate::layout::Live;
+use crate::event_kinds;
+use crate::layout::RegisterPhase;
 
-coded! {
+event_kinds! {
     /// A register that shows the state of a port, and with it which structure is valid, changed.
     State = 3, "state", Rare, at origin {
         /// Offset of the register.
@@ -20,7 +20,7 @@ coded! {
         /// Value now.
         to: u16,
         /// Which of the structures that overlay each other is valid now.
-        live: Live,
+        live: RegisterPhase,
     }
 
     /// The firmware answered a handshake register.
@@ -77,7 +77,7 @@ fn named(place: &Place) -> Fields {
     Fields::new().with("register", place.name()).with("address", place.address())
 }
 
-impl Told for State {
+impl EventText for State {
     #[inline]
     fn keeping(&self) -> Keeping {
         Keeping::State { plc: self.origin.plc, command: self.command }
@@ -102,7 +102,7 @@ impl Told for State {
     }
 }
 
-impl Told for Handshake {
+impl EventText for Handshake {
     #[inline]
     fn keeping(&self) -> Keeping {
         Keeping::Answer {
@@ -131,7 +131,7 @@ impl Told for Handshake {
     }
 }
 
-impl Told for Register {
+impl EventText for Register {
     #[inline]
     fn keeping(&self) -> Keeping {
         Keeping::Counted
@@ -154,7 +154,7 @@ impl Told for Register {
     }
 }
 
-impl Told for ChannelWrite {
+impl EventText for ChannelWrite {
     #[inline]
     fn keeping(&self) -> Keeping {
         Keeping::Request { plc: self.plc, offset: self.offset, value: self.value }
@@ -173,7 +173,7 @@ impl Told for ChannelWrite {
     }
 }
 
-impl Told for Force {
+impl EventText for Force {
     fn text(&self, reader: &mut Reader) -> String {
         let place = reader.accessed(self.plc, self.offset, self.width);
         format!("{} forced to {}", place.label(), place.value(self.value))
@@ -185,7 +185,7 @@ impl Told for Force {
     }
 }
 
-impl Told for Unforce {
+impl EventText for Unforce {
     fn text(&self, reader: &mut Reader) -> String {
         format!("{} no longer forced", reader.whole(self.plc, self.offset).label())
     }

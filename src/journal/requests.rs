@@ -1,6 +1,6 @@
 //! Requests of handshakes that came through the channel, until they are answered.
 
-use crate::state::{Damaged, Saved, Saving, State};
+use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 use serde::{Deserialize, Serialize};
 
 /// Requests remembered; more than a client can have under way in one node.
@@ -26,7 +26,7 @@ pub(super) struct Requests {
     open: u32,
 }
 
-impl State for Requests {
+impl SnapshotFields for Requests {
     fn save(&self, to: &mut Saving) {
         let Self { places, open: _ } = self;
         to.value(&places.iter().flatten().collect::<Vec<_>>());

@@ -8,7 +8,7 @@ use super::catalogue::Catalogue;
 use super::coded::Words;
 use super::kept::event_of;
 use super::{Event, Record};
-use crate::state::{Damaged, Saved, Saving};
+use crate::snapshot_fields::{Damaged, Saved, Saving};
 
 /// Longest distance at which equal events count as repetition: 100 ms of emulated time.
 pub(super) const LONGEST_PERIOD_US: u64 = 100_000;

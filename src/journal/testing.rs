@@ -1,11 +1,11 @@
 //! Kinds of events to test the journal with, as families of devices have them.
 
-use super::{Carried, Catalogue, Coded, Fields, Keeping, Reader, Told};
+use super::{Carried, Catalogue, EventCodec, EventText, Fields, Keeping, Reader};
 use crate::can::{Frame, Payload};
-use crate::coded;
+use crate::event_kinds;
 use std::sync::LazyLock;
 
-coded! {
+event_kinds! {
     /// Comes often and is counted.
     Edge = 1, "edge", Registers, at bus {}
 
@@ -19,7 +19,7 @@ coded! {
     Refused = 7, "refused", Rare, at origin {}
 }
 
-impl Told for Edge {
+impl EventText for Edge {
     fn keeping(&self) -> Keeping {
         Keeping::Counted
     }
@@ -33,7 +33,7 @@ impl Told for Edge {
     }
 }
 
-impl Told for Packet {
+impl EventText for Packet {
     fn text(&self, _: &mut Reader) -> String {
         format!("{:02X}", self.data)
     }
@@ -47,7 +47,7 @@ impl Told for Packet {
     }
 }
 
-impl Told for Refused {
+impl EventText for Refused {
     fn text(&self, _: &mut Reader) -> String {
         "refused".to_owned()
     }

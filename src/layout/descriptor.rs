@@ -226,7 +226,7 @@ pub struct Placed {
     /// The structure.
     pub structure: &'static Structure,
     /// When the structure is the valid one of those that overlay each other.
-    pub live: Live,
+    pub live: RegisterPhase,
     /// What the port of this area must be for the structure to lie there; `None`: anything.
     pub role: Option<Role>,
     /// Name of the variable that the application declares there, the manual's where it has one.
@@ -241,7 +241,7 @@ pub struct Placed {
 /// When a structure is valid: what initializes a node may overlay what it works with afterwards.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "emulator", derive(serde::Serialize, serde::Deserialize))]
-pub enum Live {
+pub enum RegisterPhase {
     /// Always.
     Always,
     /// Until the node has taken over its initialization data.
@@ -250,18 +250,18 @@ pub enum Live {
     Cyclic,
 }
 
-impl Live {
+impl RegisterPhase {
     /// Which structure of a node is valid while its `w_OPTION_STATUS` is `status`: INIT before
     /// 16#0003, the cyclic one from then on (decision D-03).
     #[must_use]
     pub const fn of_option_status(status: u16) -> Self {
-        if status < 0x0003 { Live::Init } else { Live::Cyclic }
+        if status < 0x0003 { RegisterPhase::Init } else { RegisterPhase::Cyclic }
     }
 
     /// Whether a structure marked `self` is valid in phase `now`.
     #[must_use]
-    pub fn is_valid_in(self, now: Live) -> bool {
-        self == Live::Always || self == now
+    pub fn is_valid_in(self, now: RegisterPhase) -> bool {
+        self == RegisterPhase::Always || self == now
     }
 }
 

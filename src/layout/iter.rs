@@ -95,10 +95,10 @@ impl Area {
 #[cfg(test)]
 mod tests {
     use crate::devices::samples::tables::NODES as DEVICE;
-    use crate::layout::{Area, Fitted, Live, RegisterRef};
+    use crate::layout::{Area, DeviceFit, RegisterPhase, RegisterRef};
 
-    fn registers(area: &'static Area, live: Live) -> impl Iterator<Item = RegisterRef> {
-        Fitted::unknown(&DEVICE).registers_in(area, live)
+    fn registers(area: &'static Area, live: RegisterPhase) -> impl Iterator<Item = RegisterRef> {
+        DeviceFit::unknown(&DEVICE).registers_in(area, live)
     }
 
     /// The iterator, the names and the addresses must agree on every single register.
@@ -128,7 +128,7 @@ mod tests {
     fn reserved_elements_are_marked() {
         let node2 = DEVICE.area("node2").unwrap();
         let count = |wanted: &dyn Fn(&RegisterRef) -> bool| {
-            registers(node2, Live::Cyclic).filter(wanted).filter(RegisterRef::is_reserved).count()
+            registers(node2, RegisterPhase::Cyclic).filter(wanted).filter(RegisterRef::is_reserved).count()
         };
         assert_eq!(count(&|r| r.register.name == "a_WR_VALUE"), 24);
         assert_eq!(count(&|r| r.register.name == "a_RD_BMARRAY"), 32 * 8);
@@ -140,8 +140,8 @@ mod tests {
     #[test]
     fn the_phase_selects_the_structure() {
         let node1 = DEVICE.area("node1").unwrap();
-        assert_eq!(registers(node1, Live::Init).count(), 6 + 8 + 32);
-        assert!(registers(node1, Live::Cyclic).all(|r| r.placed.live == Live::Cyclic));
-        assert_eq!(registers(DEVICE.area("option1").unwrap(), Live::Cyclic).count(), 0);
+        assert_eq!(registers(node1, RegisterPhase::Init).count(), 6 + 8 + 32);
+        assert!(registers(node1, RegisterPhase::Cyclic).all(|r| r.placed.live == RegisterPhase::Cyclic));
+        assert_eq!(registers(DEVICE.area("option1").unwrap(), RegisterPhase::Cyclic).count(), 0);
     }
 }

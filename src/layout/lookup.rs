@@ -1,9 +1,9 @@
 //! From addresses to registers, and from any text an engineer types to either.
 
 use super::address::Address;
-use super::descriptor::{Area, Device, Live};
+use super::descriptor::{Area, Device, RegisterPhase};
+use super::device_fit::{DeviceFit, Fit};
 use super::error::LayoutError;
-use super::fitted::{Fit, Fitted};
 use super::name::split_plc;
 use super::register::RegisterRef;
 use super::space::Space;
@@ -25,12 +25,12 @@ pub struct Target<'a> {
 impl Target<'_> {
     /// The register that is valid in phase `live`, else any.
     #[must_use]
-    pub fn register(&self, live: Live) -> Option<&RegisterRef> {
+    pub fn register(&self, live: RegisterPhase) -> Option<&RegisterRef> {
         self.registers.iter().find(|found| is_valid(found, live)).or(self.registers.first())
     }
 }
 
-fn is_valid(found: &RegisterRef, live: Live) -> bool {
+fn is_valid(found: &RegisterRef, live: RegisterPhase) -> bool {
     found.placed.live.is_valid_in(live)
 }
 
@@ -95,28 +95,28 @@ impl Device {
         format!("no register area of the device covers this {width}")
     }
 
-    /// The registers that have a byte at `address`, with nothing known of the ports: [`Fitted::registers_at`].
+    /// The registers that have a byte at `address`, with nothing known of the ports: [`DeviceFit::registers_at`].
     ///
     /// # Errors
     /// As there.
     pub fn registers_at(
         &'static self,
         address: Address,
-        live: Option<Live>,
+        live: Option<RegisterPhase>,
     ) -> Result<Vec<RegisterRef>, LayoutError> {
-        Fitted::unknown(self).registers_at(address, live)
+        DeviceFit::unknown(self).registers_at(address, live)
     }
 
-    /// What `text` stands for, with nothing known of the ports: [`Fitted::target`].
+    /// What `text` stands for, with nothing known of the ports: [`DeviceFit::target`].
     ///
     /// # Errors
     /// As there.
     pub fn target<'a>(&'static self, text: &'a str) -> Result<Target<'a>, LayoutError> {
-        Fitted::unknown(self).target(text)
+        DeviceFit::unknown(self).target(text)
     }
 }
 
-impl Fitted {
+impl DeviceFit {
     /// The registers that have a byte at `address`. With `live` only those of the structure that is
     /// valid then, if it has one there.
     ///
@@ -125,7 +125,7 @@ impl Fitted {
     pub fn registers_at(
         &self,
         address: Address,
-        live: Option<Live>,
+        live: Option<RegisterPhase>,
     ) -> Result<Vec<RegisterRef>, LayoutError> {
         let area = self.device().area_at(address)?;
         let first = address.offset();
@@ -204,9 +204,9 @@ fn split_bit(name: &str) -> (&str, Option<u32>) {
 #[cfg(test)]
 mod tests {
     use crate::devices::samples::tables::NODES as DEVICE;
-    use crate::layout::Live;
+    use crate::layout::RegisterPhase;
 
-    fn names(address: &str, live: Option<Live>) -> Vec<String> {
+    fn names(address: &str, live: Option<RegisterPhase>) -> Vec<String> {
         let address = DEVICE.address(address).unwrap();
         DEVICE.registers_at(address, live).unwrap().iter().map(|register| register.path()).collect()
     }
@@ -222,17 +222,17 @@ mod tests {
     #[test]
     fn overlaid_registers_are_told_apart_by_the_phase() {
         assert_eq!(names("%MB3.200012", None), ["b_CTRLREG_WRC1", "b_MA_SL_MODE"]);
-        assert_eq!(names("%MB3.200012", Some(Live::of_option_status(2))), ["b_MA_SL_MODE"]);
-        assert_eq!(names("%MB3.200012", Some(Live::of_option_status(3))), ["b_CTRLREG_WRC1"]);
+        assert_eq!(names("%MB3.200012", Some(RegisterPhase::of_option_status(2))), ["b_MA_SL_MODE"]);
+        assert_eq!(names("%MB3.200012", Some(RegisterPhase::of_option_status(3))), ["b_CTRLREG_WRC1"]);
         // Behind INIT there is only the cyclic structure, whatever the phase.
-        assert_eq!(names("%MD3.200052", Some(Live::Init)), ["a_WR_VALUE[0]"]);
+        assert_eq!(names("%MD3.200052", Some(RegisterPhase::Init)), ["a_WR_VALUE[0]"]);
     }
 
     #[test]
     fn an_address_finds_the_registers_it_touches() {
         assert_eq!(names("%MB3.201025", None), ["a_RD_BMARRAY[3][0]"]);
-        assert_eq!(names("%MD3.200000", Some(Live::Cyclic)), ["w_CPU_CONTROL", "w_OPTION_STATUS"]);
-        assert_eq!(names("%MX3.100013.7", Some(Live::Cyclic)), ["b_CTRLREG_WRC2"]);
+        assert_eq!(names("%MD3.200000", Some(RegisterPhase::Cyclic)), ["w_CPU_CONTROL", "w_OPTION_STATUS"]);
+        assert_eq!(names("%MX3.100013.7", Some(RegisterPhase::Cyclic)), ["b_CTRLREG_WRC2"]);
         let config = names("%MD3.180020", None);
         assert_eq!(config, ["a_IP_ADDRESS[0]", "a_IP_ADDRESS[1]", "a_IP_ADDRESS[2]", "a_IP_ADDRESS[3]"]);
     }
@@ -278,8 +278,8 @@ mod tests {
         let target = DEVICE.target("line2:node2.a_STAT_SL[4]").unwrap();
         assert_eq!((target.plc, target.address.to_string().as_str()), (Some("line2"), "%MB3.203968"));
         let target = DEVICE.target("%mw3.200002").unwrap();
-        assert_eq!(target.register(Live::Init).unwrap().placed.live, Live::Init);
-        assert_eq!(target.register(Live::Cyclic).unwrap().placed.live, Live::Cyclic);
+        assert_eq!(target.register(RegisterPhase::Init).unwrap().placed.live, RegisterPhase::Init);
+        assert_eq!(target.register(RegisterPhase::Cyclic).unwrap().placed.live, RegisterPhase::Cyclic);
         let plain = DEVICE.target("%MD3.1000000").unwrap();
         assert!(plain.registers.is_empty());
         assert_eq!(plain.area.name, "option1");

@@ -17,8 +17,8 @@ mod address;
 mod condition;
 mod decode;
 mod descriptor;
+mod device_fit;
 mod error;
-mod fitted;
 mod front;
 pub mod gsd;
 mod iter;
@@ -39,11 +39,11 @@ pub use address::Address;
 pub use condition::{Compare, Condition, ConditionError, Test};
 pub use decode::format_value;
 pub use descriptor::{
-    Area, BitField, Device, Dim, Live, Meaning, Owner, Placed, Port, Provenance, RegType, Register, Role,
-    Structure, ValueMeaning,
+    Area, BitField, Device, Dim, Meaning, Owner, Placed, Port, Provenance, RegType, Register, RegisterPhase,
+    Role, Structure, ValueMeaning,
 };
+pub use device_fit::{DeviceFit, Fit, MOST_PORTS};
 pub use error::LayoutError;
-pub use fitted::{Fit, Fitted, MOST_PORTS};
 pub use front::{FrontWord, shown_text};
 pub use gsd::Gsd;
 pub use iter::Registers;

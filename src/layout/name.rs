@@ -6,8 +6,8 @@ mod unqualified;
 pub use unqualified::Named;
 
 use super::descriptor::{Area, Device, Placed, Register};
+use super::device_fit::{DeviceFit, Fit};
 use super::error::LayoutError;
-use super::fitted::{Fit, Fitted};
 use super::nearest::did_you_mean;
 use super::pattern::Pattern;
 use super::register::RegisterRef;
@@ -122,24 +122,24 @@ impl Device {
         Err(LayoutError::UnknownArea { area: name.to_owned(), known: known.join(", "), hint })
     }
 
-    /// The register called `name`, with nothing known of the ports: [`Fitted::register`].
+    /// The register called `name`, with nothing known of the ports: [`DeviceFit::register`].
     ///
     /// # Errors
     /// What is wrong with the name, and what would be right.
     pub fn register(&'static self, name: &str) -> Result<RegisterRef, LayoutError> {
-        Fitted::unknown(self).register(name)
+        DeviceFit::unknown(self).register(name)
     }
 
-    /// All registers that `name` stands for, with nothing known of the ports: [`Fitted::registers`].
+    /// All registers that `name` stands for, with nothing known of the ports: [`DeviceFit::registers`].
     ///
     /// # Errors
     /// As [`Device::register`].
     pub fn registers(&'static self, name: &str) -> Result<Vec<RegisterRef>, LayoutError> {
-        Fitted::unknown(self).registers(name)
+        DeviceFit::unknown(self).registers(name)
     }
 }
 
-impl Fitted {
+impl DeviceFit {
     /// The register called `name`, without the name of a PLC. A register that INIT and cyclic structure
     /// share is given as that of the cyclic one.
     ///
@@ -163,7 +163,7 @@ impl Fitted {
     /// of every role.
     ///
     /// # Errors
-    /// As [`Fitted::register`]; [`LayoutError::NoMatch`] if no register matches the pattern.
+    /// As [`DeviceFit::register`]; [`LayoutError::NoMatch`] if no register matches the pattern.
     pub fn registers(&self, name: &str) -> Result<Vec<RegisterRef>, LayoutError> {
         if Pattern::is_one(name) {
             return self.matching(name);

@@ -1,7 +1,7 @@
 //! Patterns of register names: `node2.*STATUS*`, `node2.a_STAT_SL[0..3]`, `node2.a_RD_BMARRAY[*][0]`.
 
+use super::device_fit::{DeviceFit, Fit};
 use super::error::LayoutError;
-use super::fitted::{Fit, Fitted};
 use super::register::RegisterRef;
 
 /// A piece of a pattern.
@@ -110,7 +110,7 @@ fn index_at(text: &str, first: u32, last: u32) -> Option<usize> {
     (first..=last).contains(&index).then_some(number.len() + 2)
 }
 
-impl Fitted {
+impl DeviceFit {
     /// The registers that a pattern means, area by area in address order.
     pub(super) fn matching(&self, text: &str) -> Result<Vec<RegisterRef>, LayoutError> {
         let pattern = Pattern::parse(text)?;

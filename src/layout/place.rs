@@ -2,7 +2,8 @@
 
 use super::value::{self, ValueError};
 use super::{
-    Address, Area, Fit, Fitted, LayoutError, Live, Meaning, Owner, RegType, RegisterRef, Width, format_value,
+    Address, Area, DeviceFit, Fit, LayoutError, Meaning, Owner, RegType, RegisterPhase, RegisterRef, Width,
+    format_value,
 };
 use thiserror::Error;
 
@@ -36,7 +37,7 @@ impl Place {
     ///
     /// # Errors
     /// There is no such register or address.
-    pub fn parse(fitted: &Fitted, text: &str) -> Result<Self, LayoutError> {
+    pub fn parse(fitted: &DeviceFit, text: &str) -> Result<Self, LayoutError> {
         let target = fitted.target(text)?;
         Ok(Self {
             text: target.plc.map_or(text, |plc| &text[plc.len() + 1..]).to_owned(),
@@ -80,14 +81,14 @@ impl Place {
 
     /// The register at exactly this place in phase `live`; none if the place is a part of a register, or
     /// more than one.
-    pub(crate) fn exact(&self, live: Live) -> Option<RegisterRef> {
+    pub(crate) fn exact(&self, live: RegisterPhase) -> Option<RegisterRef> {
         let exact = |found: &&RegisterRef| found.address() == self.address;
         let live_ones = || self.registers.iter().filter(|found| is_live(found, live));
         live_ones().find(exact).or(self.registers.iter().find(exact)).copied()
     }
 
     /// Data type for values given and shown.
-    pub fn ty(&self, live: Live) -> RegType {
+    pub fn ty(&self, live: RegisterPhase) -> RegType {
         match (self.exact(live), self.address.width()) {
             (Some(register), _) => register.ty(),
             (None, Width::Byte) => RegType::Byte,
@@ -97,7 +98,7 @@ impl Place {
     }
 
     /// What its values mean, if the layout tells: of one register.
-    pub fn meanings(&self, live: Live) -> Option<&'static Meaning> {
+    pub fn meanings(&self, live: RegisterPhase) -> Option<&'static Meaning> {
         self.exact(live).and_then(|register| register.register.meaning)
     }
 
@@ -108,7 +109,7 @@ impl Place {
     }
 
     /// The register's name, with the number of the bit if it was given that way, else the address.
-    pub fn name(&self, live: Live) -> String {
+    pub fn name(&self, live: RegisterPhase) -> String {
         if let Some((register, bit)) = self.named_bit() {
             return format!("{register}.{bit}");
         }
@@ -127,7 +128,7 @@ impl Place {
     }
 
     /// Name and address for messages: `node2.w_CPU_CONTROL (%MW3.200000)`.
-    pub fn label(&self, live: Live) -> String {
+    pub fn label(&self, live: RegisterPhase) -> String {
         match self.name(live) {
             name if name.starts_with('%') || name == self.address.to_string() => name,
             name => format!("{name} ({})", self.address),
@@ -140,8 +141,8 @@ impl Place {
     /// [`BadValue`] with the register.
     pub fn parse_value(&self, text: &str) -> Result<u32, BadValue> {
         // Which structure is live is not known here, but types at one address differ in name only.
-        let ty = self.ty(Live::Cyclic);
-        let named = |error| match (self.bit(), self.exact(Live::Cyclic)) {
+        let ty = self.ty(RegisterPhase::Cyclic);
+        let named = |error| match (self.bit(), self.exact(RegisterPhase::Cyclic)) {
             (None, Some(register)) => value::named(text, register.register.meaning, error),
             _ => Err(error),
         };
@@ -149,21 +150,21 @@ impl Place {
             Some(_) if value > 1 => Err(ValueError::Notation { text: text.to_owned() }),
             _ => Ok(value),
         });
-        value.map_err(|source| BadValue { place: self.label(Live::Cyclic), source })
+        value.map_err(|source| BadValue { place: self.label(RegisterPhase::Cyclic), source })
     }
 
     /// Whether this is one register, or plain RAM, and not a part of a register or several of them.
     pub fn is_whole(&self) -> bool {
-        self.registers.is_empty() || self.exact(Live::Cyclic).is_some()
+        self.registers.is_empty() || self.exact(RegisterPhase::Cyclic).is_some()
     }
 
     /// Who writes the register that is exactly here in phase `live`.
-    pub fn owner(&self, live: Live) -> Option<Owner> {
+    pub fn owner(&self, live: RegisterPhase) -> Option<Owner> {
         self.exact(live).map(|register| register.owner())
     }
 
     /// The value in IEC notation; of a single bit 0 or 1.
-    pub fn format(&self, live: Live, value: u32) -> String {
+    pub fn format(&self, live: RegisterPhase, value: u32) -> String {
         match self.bit() {
             Some(bit) => (value >> bit & 1).to_string(),
             None => format_value(self.ty(live), value),
@@ -171,7 +172,7 @@ impl Place {
     }
 
     /// What the value means.
-    pub fn meaning(&self, live: Live, value: u32) -> String {
+    pub fn meaning(&self, live: RegisterPhase, value: u32) -> String {
         if self.is_empty {
             return "nothing is plugged in".to_owned();
         }
@@ -202,17 +203,17 @@ impl Place {
 
 /// `w_OPTION_STATUS` of an area in which INIT and cyclic structure overlay each other.
 pub fn status_of(area: &'static Area) -> Option<RegisterRef> {
-    let init = area.structures.iter().find(|placed| placed.live == Live::Init)?;
+    let init = area.structures.iter().find(|placed| placed.live == RegisterPhase::Init)?;
     area.registers_of(init).find(|register| register.register.name == "w_OPTION_STATUS")
 }
 
 /// Which structure is live when `w_OPTION_STATUS` holds `status`.
-pub fn live_by(status: u32) -> Live {
-    Live::of_option_status(status as u16)
+pub fn live_by(status: u32) -> RegisterPhase {
+    RegisterPhase::of_option_status(status as u16)
 }
 
 /// Whether the register is valid in phase `live`: its structure is, or shares the register with one that is.
-pub fn is_live(register: &RegisterRef, live: Live) -> bool {
+pub fn is_live(register: &RegisterRef, live: RegisterPhase) -> bool {
     let structures = register.area.structures.iter().filter(|placed| placed.live.is_valid_in(live));
     structures.filter(|placed| placed.shares_role(register.placed)).any(|placed| {
         core::ptr::eq(placed.structure, register.structure())
@@ -239,7 +240,7 @@ pub fn without_twins(registers: Vec<RegisterRef>) -> Vec<RegisterRef> {
 }
 
 /// What `value` means in a register; with a mark if its structure is not live.
-pub fn meaning_in(register: &RegisterRef, live: Live, value: u32) -> String {
+pub fn meaning_in(register: &RegisterRef, live: RegisterPhase, value: u32) -> String {
     let meaning = register.decode(value);
     match live_name(register, live) {
         None => meaning,
@@ -248,7 +249,7 @@ pub fn meaning_in(register: &RegisterRef, live: Live, value: u32) -> String {
 }
 
 /// The register's structure if it is not live.
-fn live_name(register: &RegisterRef, live: Live) -> Option<&'static str> {
+fn live_name(register: &RegisterRef, live: RegisterPhase) -> Option<&'static str> {
     (!is_live(register, live)).then_some(register.structure().name)
 }
 
@@ -258,7 +259,7 @@ mod tests {
     use crate::devices::samples::tables::NODES as DEVICE;
 
     fn place(text: &str) -> Place {
-        Place::parse(&Fitted::unknown(&DEVICE), text).unwrap()
+        Place::parse(&DeviceFit::unknown(&DEVICE), text).unwrap()
     }
 
     #[test]
@@ -266,45 +267,48 @@ mod tests {
         let by_name = place("line2:node2.w_OPTION_STATUS");
         assert_eq!((by_name.plc.as_deref(), by_name.text()), (Some("line2"), "node2.w_OPTION_STATUS"));
         let by_address = place("%MW3.200002");
-        assert_eq!(by_address.name(Live::Cyclic), "node2.w_OPTION_STATUS");
-        assert_eq!(by_address.name(Live::Init), "node2.w_OPTION_STATUS");
-        assert_eq!(by_address.format(Live::Cyclic, 0x43), "16#0043");
+        assert_eq!(by_address.name(RegisterPhase::Cyclic), "node2.w_OPTION_STATUS");
+        assert_eq!(by_address.name(RegisterPhase::Init), "node2.w_OPTION_STATUS");
+        assert_eq!(by_address.format(RegisterPhase::Cyclic, 0x43), "16#0043");
     }
 
     #[test]
     fn the_phase_decides_between_overlaid_structures() {
         let overlaid = place("%MB3.200012");
-        assert_eq!(overlaid.name(Live::Init), "node2.b_MA_SL_MODE");
-        assert_eq!(overlaid.name(Live::Cyclic), "node2.b_CTRLREG_WRC1");
+        assert_eq!(overlaid.name(RegisterPhase::Init), "node2.b_MA_SL_MODE");
+        assert_eq!(overlaid.name(RegisterPhase::Cyclic), "node2.b_CTRLREG_WRC1");
         let init = place("node2.b_BT_0");
-        assert!(!init.meaning(Live::Init, 0).contains("not live"));
+        assert!(!init.meaning(RegisterPhase::Init, 0).contains("not live"));
         let structure = DEVICE.register("node2.b_BT_0").unwrap().structure().name;
-        assert!(init.meaning(Live::Cyclic, 0).ends_with(&format!("({structure}, not live)")));
-        assert!(!place("node2.w_OPTION_STATUS").meaning(Live::Init, 1).contains("not live"));
+        assert!(init.meaning(RegisterPhase::Cyclic, 0).ends_with(&format!("({structure}, not live)")));
+        assert!(!place("node2.w_OPTION_STATUS").meaning(RegisterPhase::Init, 1).contains("not live"));
     }
 
     #[test]
     fn parts_of_registers_are_named() {
-        assert_eq!(place("%MB3.200003").meaning(Live::Cyclic, 0), "part of node2.w_OPTION_STATUS");
+        assert_eq!(place("%MB3.200003").meaning(RegisterPhase::Cyclic, 0), "part of node2.w_OPTION_STATUS");
         assert_eq!(
-            place("%MD3.200000").meaning(Live::Cyclic, 0),
+            place("%MD3.200000").meaning(RegisterPhase::Cyclic, 0),
             "node2.w_CPU_CONTROL, node2.w_OPTION_STATUS"
         );
         let bit = place("%MX3.200003.1");
-        assert_eq!(bit.meaning(Live::Cyclic, 2), "bit 9 of node2.w_OPTION_STATUS");
-        assert_eq!((bit.format(Live::Cyclic, 2), bit.format(Live::Cyclic, 1)), ("1".into(), "0".into()));
-        assert_eq!(place("%MD3.1000000").meaning(Live::Cyclic, 0), "no register");
+        assert_eq!(bit.meaning(RegisterPhase::Cyclic, 2), "bit 9 of node2.w_OPTION_STATUS");
+        assert_eq!(
+            (bit.format(RegisterPhase::Cyclic, 2), bit.format(RegisterPhase::Cyclic, 1)),
+            ("1".into(), "0".into())
+        );
+        assert_eq!(place("%MD3.1000000").meaning(RegisterPhase::Cyclic, 0), "no register");
     }
 
     #[test]
     fn a_bit_given_by_name_keeps_it_and_has_its_meaning() {
         let bit = place("node2.w_CPU_CONTROL.10");
-        assert_eq!(bit.name(Live::Cyclic), "node2.w_CPU_CONTROL.10");
-        assert_eq!(bit.label(Live::Cyclic), "node2.w_CPU_CONTROL.10 (%MX3.200001.2)");
+        assert_eq!(bit.name(RegisterPhase::Cyclic), "node2.w_CPU_CONTROL.10");
+        assert_eq!(bit.label(RegisterPhase::Cyclic), "node2.w_CPU_CONTROL.10 (%MX3.200001.2)");
         let named = place("node2.w_CPU_CONTROL.7");
-        assert_eq!(named.meaning(Live::Cyclic, 0x80), "reset CAN controller");
-        assert_eq!(named.meaning(Live::Cyclic, 0), "bit 7 of node2.w_CPU_CONTROL");
-        let by_address = place("%MX3.200000.7").meaning(Live::Cyclic, 0x80);
+        assert_eq!(named.meaning(RegisterPhase::Cyclic, 0x80), "reset CAN controller");
+        assert_eq!(named.meaning(RegisterPhase::Cyclic, 0), "bit 7 of node2.w_CPU_CONTROL");
+        let by_address = place("%MX3.200000.7").meaning(RegisterPhase::Cyclic, 0x80);
         assert_eq!(by_address, "bit 7 of node2.w_CPU_CONTROL: reset CAN controller");
     }
 

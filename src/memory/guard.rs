@@ -19,10 +19,10 @@ use std::os::fd::{BorrowedFd, RawFd};
 const MAX_GUARDED: usize = 256;
 /// Faults in a row, with the file at its full length, that may be those of other threads; then there is no memory.
 const MAX_TRIES: usize = 16;
-/// Said when the process cannot go on.
+/// BusMessage when the process cannot go on.
 const LAST_WORDS: &[u8] =
     b"commram: error: SIGBUS: /dev/shm is full, or somebody has shortened a file there that is in use\n";
-/// Said by a client.
+/// BusMessage by a client.
 const CLIENTS_WORDS: &[u8] =
     b"commram: somebody has shortened an image or a part of the channel while it was in use, or /dev/shm is full; \
     `commram stop` ends the emulator, and `commram stop --clean` removes what one has left\n";

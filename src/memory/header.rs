@@ -21,7 +21,7 @@ pub use table::{AREAS, AreaEntry, PORTS, PortEntry, TABLE_NAME_LENGTH};
 
 use super::published::publish;
 use super::{Bell, Cell8, Cell32, Cell64, SharedRegs};
-use crate::layout::{Device, Fitted, FrontWord};
+use crate::layout::{Device, DeviceFit, FrontWord};
 use zerocopy::{FromBytes, IntoBytes, KnownLayout};
 
 /// Length of the header page in bytes.
@@ -229,20 +229,20 @@ impl Header {
         self.areas.iter().zip(areas).for_each(|(entry, area)| entry.fill(area));
         self.ports.iter().for_each(PortEntry::clear);
         self.ports.iter().zip(device.ports).for_each(|(entry, port)| entry.fill(port));
-        self.set_fitted(&Fitted::unknown(device));
+        self.set_fitted(&DeviceFit::unknown(device));
     }
 
     /// Tells what the ports are.
-    pub fn set_fitted(&self, fitted: &Fitted) {
+    pub fn set_fitted(&self, fitted: &DeviceFit) {
         let ports = self.ports.iter().zip(fitted.device().ports);
         ports.for_each(|(entry, port)| entry.set_fit(fitted.port(port.number)));
     }
 
     /// `device`, the one of this image, as the ports say that it is fitted.
     #[must_use]
-    pub fn fitted(&self, device: &'static Device) -> Fitted {
+    pub fn fitted(&self, device: &'static Device) -> DeviceFit {
         let ports = self.ports.iter().zip(device.ports);
-        ports.fold(Fitted::unknown(device), |fitted, (entry, port)| fitted.with(port.number, entry.fit()))
+        ports.fold(DeviceFit::unknown(device), |fitted, (entry, port)| fitted.with(port.number, entry.fit()))
     }
 
     /// Everything around the board as it is before power-on: nothing enabled, nobody seated. Bells go on counting.

@@ -5,7 +5,7 @@
 
 use super::access::{Value, load_words};
 use super::{Cell32, Cell64, HEADER_SIZE, Header, Segment};
-use crate::state::{Damaged, Saved, Saving};
+use crate::snapshot_fields::{Damaged, Saved, Saving};
 use core::ops::Range;
 use zerocopy::IntoBytes;
 

@@ -1,7 +1,7 @@
 //! Accesses of any width: how they meet the registers, each of which has just one.
 
 use super::{MemoryError, Segment, Width};
-use crate::layout::{Device, Fitted, RegisterRef};
+use crate::layout::{Device, DeviceFit, RegisterRef};
 
 /// No register area covers an address.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -47,7 +47,7 @@ impl RegisterWidths {
     /// The widths of the device's registers, as it is fitted. Where what a port is decides and is not known, its area is
     /// plain RAM.
     #[must_use]
-    pub fn of(fitted: &Fitted) -> Self {
+    pub fn of(fitted: &DeviceFit) -> Self {
         let device = fitted.device();
         let areas = device.all_areas().map(|area| {
             // Only as many bytes as have registers; option interfaces are large and empty.
@@ -262,7 +262,7 @@ mod tests {
     use crate::devices::samples::tables::NODES as DEVICE;
 
     fn parts(offset: u32, width: Width) -> Vec<Part> {
-        RegisterWidths::of(&Fitted::unknown(&DEVICE))
+        RegisterWidths::of(&DeviceFit::unknown(&DEVICE))
             .parts(&Segment::of(&DEVICE), offset, width)
             .unwrap()
             .collect()
@@ -276,7 +276,7 @@ mod tests {
 
     #[test]
     fn a_range_is_whole_registers_and_plain_ram_is_doublewords_or_one_place() {
-        let (widths, ram) = (RegisterWidths::of(&Fitted::unknown(&DEVICE)), Segment::of(&DEVICE));
+        let (widths, ram) = (RegisterWidths::of(&DeviceFit::unknown(&DEVICE)), Segment::of(&DEVICE));
         let of = |offset, len| widths.registers(&ram, offset, len).unwrap();
         assert_eq!(of(200_001, 3), [(200_000, Width::Word), (200_002, Width::Word)]);
         assert_eq!(of(200_012, 2), [(200_012, Width::Byte), (200_013, Width::Byte)]);
@@ -323,7 +323,7 @@ mod tests {
     /// A byte of a word register, and a word across two of them: the other bits stay.
     #[test]
     fn parts_of_registers_are_written_and_compared_alone() {
-        let (map, segment) = (RegisterWidths::of(&Fitted::unknown(&DEVICE)), Segment::of(&DEVICE));
+        let (map, segment) = (RegisterWidths::of(&DeviceFit::unknown(&DEVICE)), Segment::of(&DEVICE));
         let all = |value| map.store(&segment, 200_000, Width::Dword, value).unwrap();
         let now = || map.load(&segment, 200_000, Width::Dword).unwrap();
         all(0x1122_33C4);
@@ -339,7 +339,7 @@ mod tests {
 
     #[test]
     fn holes_are_named() {
-        let (map, segment) = (RegisterWidths::of(&Fitted::unknown(&DEVICE)), Segment::of(&DEVICE));
+        let (map, segment) = (RegisterWidths::of(&DeviceFit::unknown(&DEVICE)), Segment::of(&DEVICE));
         assert_eq!(map.area(&segment, 8191, 1).err(), Some(Unmapped { offset: 8191 }));
         assert_eq!(map.area(&segment, 88_190, 4).err(), Some(Unmapped { offset: 88_192 }));
         assert!(map.area(&segment, 88_190, 2).is_ok());
@@ -347,7 +347,7 @@ mod tests {
 
     #[test]
     fn a_plc_has_as_many_retain_flags_as_its_header_page_says() {
-        let (map, segment) = (RegisterWidths::of(&Fitted::unknown(&DEVICE)), Segment::of(&DEVICE));
+        let (map, segment) = (RegisterWidths::of(&DeviceFit::unknown(&DEVICE)), Segment::of(&DEVICE));
         for (bytes, end) in [(0, 8192), (20_000, 28_192), (57_344, 65_536), (u32::MAX, 65_536)] {
             segment.header().unwrap().retain_size.store(bytes);
             assert_eq!(map.store(&segment, 8192, Width::Dword, 7).is_ok(), bytes != 0);

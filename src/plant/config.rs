@@ -17,9 +17,9 @@ use crate::can::Message;
 use crate::devices;
 use crate::devices::{DeviceConfig, MediumConfig, PortConfig};
 use crate::fault::{DeviceSite, Fault, FaultError, FaultSpec, MAX_FAULTS, Refusal, Sites};
-use crate::handed_in;
+use crate::input_file;
 use crate::journal::Names;
-use crate::layout::Fitted;
+use crate::layout::DeviceFit;
 use std::borrow::Cow;
 use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
@@ -60,7 +60,7 @@ impl PlantConfig {
     /// # Errors
     /// [`PlantError`], naming the thing and what would be right.
     pub fn load(path: &Path) -> Result<Self, PlantError> {
-        let text = handed_in::read(path, handed_in::LONGEST_PLANT)
+        let text = input_file::read(path, input_file::LONGEST_PLANT)
             .map_err(|source| PlantError::Read { path: path.to_owned(), source })?;
         Self::parse(&path.display().to_string(), &text)
     }
@@ -138,7 +138,7 @@ impl PlantConfig {
         Names {
             plcs: self.devices.iter().map(|device| device.name().to_owned()).collect(),
             buses: self.media.iter().map(|medium| medium.name().to_owned()).collect(),
-            devices: self.devices.iter().map(|device| Fitted::unknown(device.layout())).collect(),
+            devices: self.devices.iter().map(|device| DeviceFit::unknown(device.layout())).collect(),
         }
     }
 

@@ -7,8 +7,8 @@
 //! one event after the other: by time, then in plant order.
 
 use super::Plant;
-use super::crew::Crew;
 use super::ports::Seat;
+use super::worker_pool::WorkerPool;
 use crate::check::DeviceWatch;
 use crate::devices::{Medium, World};
 use crate::fault::Faults;
@@ -38,7 +38,7 @@ impl Plant {
     /// How many cores may work at it: 1, unless somebody says otherwise. It makes no difference but to how long it takes.
     pub fn set_cores(&mut self, count: NonZero<usize>) {
         let count = if self.named_media < LEAST { 1 } else { count.get() };
-        self.crew = Crew::of(count - 1);
+        self.crew = WorkerPool::of(count - 1);
         self.drafts = if self.named_media < LEAST {
             Vec::new()
         } else {
@@ -176,7 +176,7 @@ impl Stretch {
             // At the same moment the processor cycle comes first.
             while cycle < self.until && cycle <= next {
                 for (place, seat) in seats.iter().enumerate() {
-                    if !medium.looks_in_vain(place, cycle, true) {
+                    if !medium.poll_changes_nothing(place, cycle, true) {
                         draft.told_by(seat.device * TELLERS + seat.port);
                         medium.processor_cycle(place, cycle, draft);
                     }

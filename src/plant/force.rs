@@ -9,7 +9,7 @@ use crate::devices::Device;
 use crate::journal::{Force, Unforce};
 use crate::layout::{Device as Layout, LayoutError};
 use crate::memory::{Address, MemoryError, Width};
-use crate::state::{Damaged, Saved, Saving, State};
+use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 use serde::{Deserialize, Serialize};
 
 /// A register with a forced value.
@@ -129,7 +129,7 @@ pub(super) struct Forces {
     list: Vec<Forced>,
 }
 
-impl State for Forces {
+impl SnapshotFields for Forces {
     fn save(&self, to: &mut Saving) {
         let Self { list } = self;
         to.value(list);

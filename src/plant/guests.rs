@@ -5,7 +5,7 @@ use super::Plant;
 use crate::can::Frame;
 use crate::check::rules;
 use crate::devices::{Attendance, GuestNews, GuestRefusal, Medium};
-use crate::door::{Guest, Said};
+use crate::door::{BusMessage, Guest};
 use crate::journal::Finding;
 use std::sync::Arc;
 
@@ -67,7 +67,7 @@ impl Plant {
     ///
     /// # Errors
     /// [`GuestRefusal`].
-    pub fn guest_sends(&mut self, bus: u16, guest: u8, said: &Said) -> Result<(), GuestRefusal> {
+    pub fn guest_sends(&mut self, bus: u16, guest: u8, said: &BusMessage) -> Result<(), GuestRefusal> {
         let now = self.now;
         (self.has_looked, self.is_seen) = (false, false);
         let index = usize::from(bus);
@@ -86,7 +86,7 @@ impl Plant {
         if medium.guest_joins(0, now) {
             self.journal.push(now, GuestNews { bus, guest: 0, news: Attendance::TakesPart });
         }
-        frame.map_or(Ok(()), |frame| self.guest_sends(bus, 0, &Said::Frame(*frame)))
+        frame.map_or(Ok(()), |frame| self.guest_sends(bus, 0, &BusMessage::Frame(*frame)))
     }
 
     /// A guest would take part, but has named another rate than the bus has: the one with this `S` code (decision D-316).
@@ -119,8 +119,8 @@ mod tests {
         Plant::new(&config, |_, device| Ok::<_, BuildFailure>(Segment::of(device))).unwrap()
     }
 
-    fn frame(id: u16, data: &[u8]) -> Said {
-        Said::Frame(Frame::standard(id, Payload::new(data).unwrap()))
+    fn frame(id: u16, data: &[u8]) -> BusMessage {
+        BusMessage::Frame(Frame::standard(id, Payload::new(data).unwrap()))
     }
 
     /// When which frame of whom has arrived.

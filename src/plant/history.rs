@@ -5,7 +5,7 @@ use super::Plant;
 use super::force::Forces;
 use crate::devices::Device;
 use crate::journal::{By, Change, Journal, Keep, MAX_FOLLOWED, Rams};
-use crate::layout::Live;
+use crate::layout::RegisterPhase;
 use crate::layout::place::{live_by, status_of};
 use crate::memory::{Unmapped, Width};
 
@@ -91,13 +91,13 @@ impl Rams for Compared<'_> {
         self.devices.get(usize::from(plc))?.segment().load(offset, width).ok()
     }
 
-    fn live(&self, plc: u16, offset: u32) -> Live {
+    fn live(&self, plc: u16, offset: u32) -> RegisterPhase {
         let status = self.devices.get(usize::from(plc)).and_then(|device| {
             let layout = device.layout();
             let status = status_of(layout.area_at(layout.at(Width::Byte, offset)).ok()?)?;
             device.segment().load(status.offset(), status.address().width()).ok()
         });
-        status.map_or(Live::Cyclic, live_by)
+        status.map_or(RegisterPhase::Cyclic, live_by)
     }
 
     fn is_forced(&self, plc: u16, offset: u32) -> bool {

@@ -42,7 +42,7 @@ impl Plant {
     pub(super) fn advance_faults(&mut self) {
         self.faults.advance(self.now, &mut self.journal);
         self.tell_of_faults();
-        self.strike();
+        self.fire();
         self.find_next_device();
     }
 
@@ -73,13 +73,13 @@ impl Plant {
     }
 
     /// Faults that hit by themselves, whatever goes on.
-    pub(super) fn strike(&mut self) {
+    pub(super) fn fire(&mut self) {
         let Plant { now, devices, media, faults, journal, is_rescheduled, .. } = self;
         *is_rescheduled = true;
         let now = *now;
-        faults.strike_all(now, journal, |owner, target, effect| match owner {
-            Owner::Medium(index) => media.get_mut(usize::from(index))?.strike(now, target, effect),
-            Owner::Device(index) => devices.get_mut(usize::from(index))?.strike(now, target, effect),
+        faults.fire_all(now, journal, |owner, target, effect| match owner {
+            Owner::Medium(index) => media.get_mut(usize::from(index))?.fire(now, target, effect),
+            Owner::Device(index) => devices.get_mut(usize::from(index))?.fire(now, target, effect),
         });
     }
 }

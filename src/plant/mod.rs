@@ -7,7 +7,6 @@ mod access;
 mod boards;
 mod config;
 mod cores;
-mod crew;
 mod drives;
 mod force;
 mod guests;
@@ -22,6 +21,7 @@ mod ports;
 mod rest;
 mod schema;
 mod snapshot;
+mod worker_pool;
 mod writes;
 
 pub use crate::devices::Power;
@@ -34,18 +34,18 @@ pub(crate) use outside::{Outside, Stored};
 pub use schema::schema;
 pub use snapshot::{Snapshot, SnapshotError, SnapshotFile, SnapshotFileError};
 
-use crate::agenda::{Agenda, NEVER};
 use crate::check::DeviceWatch;
 use crate::devices::{BuildError, Context, Device, Events, MEDIA, Medium, World};
+use crate::due_queue::{DueQueue, NEVER};
 use crate::fault::Faults;
 use crate::journal::{By, Journal, Names, Origin};
 use crate::layout::Device as Layout;
 use crate::memory::{MemoryError, RegisterWidths, Segment};
 use core::num::NonZero;
-use crew::Crew;
 use force::Forces;
 use ports::Ports;
 use std::sync::Arc;
+use worker_pool::WorkerPool;
 
 /// How often in a row media are asked in vain whether they can go on by themselves, before it is left.
 const TRIES: u32 = 4;
@@ -70,7 +70,7 @@ pub struct Plant {
     /// How many media the plant file has.
     named_media: usize,
     /// When each of them is due, while time passes; before it does, anybody may have done anything.
-    schedule: Agenda,
+    schedule: DueQueue,
     /// That may not be true any more.
     is_rescheduled: bool,
     ports: Ports,
@@ -78,7 +78,7 @@ pub struct Plant {
     /// What media tell that go on by themselves: one for each core, if there are many media.
     drafts: Vec<Journal>,
     /// The cores besides this one.
-    crew: Crew,
+    crew: WorkerPool,
     forces: Forces,
     faults: Faults,
     /// Of the access checker, over each device; those over ports are the media's.
@@ -137,14 +137,14 @@ impl Plant {
             is_seen: false,
             watching: false,
             devices,
-            schedule: Agenda::of(media.len()),
+            schedule: DueQueue::of(media.len()),
             media,
             named_media,
             is_rescheduled: false,
             ports,
             journal: Journal::default(),
             drafts: Vec::new(),
-            crew: Crew::default(),
+            crew: WorkerPool::default(),
             watches,
             widths,
             forces: Forces::default(),
@@ -313,7 +313,7 @@ impl Plant {
         self.look_at_requests();
         self.forces.apply(&self.devices);
         if !self.faults.is_empty() {
-            self.strike();
+            self.fire();
         }
         for index in 0..self.devices.len() {
             let device = &mut self.devices[index];

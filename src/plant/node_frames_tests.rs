@@ -4,21 +4,21 @@
 use super::*;
 use crate::can::{ExtendedId, Frame, Payload, StandardId};
 use crate::devices;
-use crate::door::Said;
+use crate::door::BusMessage;
 use crate::memory::header::{BoardSetting, Power, RunSwitch};
 use crate::memory::{Segment, Width};
 
 /// What a guest gives a medium; half of all is of no use to it, and refused.
-fn said(head: u8, bytes: &[u8]) -> Option<Said> {
+fn said(head: u8, bytes: &[u8]) -> Option<BusMessage> {
     let [low, high, data @ ..] = bytes else { return None };
     let number = u16::from_le_bytes([*low, *high]);
     if head & 0x08 != 0 {
-        return Some(Said::burst(bytes.to_vec()));
+        return Some(BusMessage::burst(bytes.to_vec()));
     }
     let data = &data[..data.len().min(8)];
     let id = StandardId::new(number & 0x7FF)?;
     let long = ExtendedId::new(u32::from(number) << 8)?;
-    Some(Said::Frame(match high >> 6 {
+    Some(BusMessage::Frame(match high >> 6 {
         0 | 1 => Frame::new(id, Payload::new(data)?),
         2 => Frame::remote(id, data.len())?,
         _ => Frame::new(long, Payload::new(data)?),

@@ -3,7 +3,7 @@
 use super::Plant;
 use crate::devices::{BuildError, Context, Device, Look, MEDIA, Medium, Plug, SyncOrigin, SyncSignal};
 use crate::journal::{Origin, Source};
-use crate::state;
+use crate::snapshot_fields;
 use std::sync::Arc;
 
 /// A port of a device, plugged in.
@@ -27,8 +27,8 @@ pub(super) struct Seat {
     pub(super) port: usize,
 }
 
-state!(Port { values: takes_part; built: number, medium, place });
-state!(Ports { parts: of_device; built: ways, seats });
+snapshot_fields!(Port { values: takes_part; built: number, medium, place });
+snapshot_fields!(Ports { parts: of_device; built: ways, seats });
 
 /// The ports of all devices.
 #[derive(Default)]

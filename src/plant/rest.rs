@@ -17,7 +17,11 @@ impl Plant {
     /// not look at it before, unless another program writes it.
     pub fn next_change(&self) -> u64 {
         let others = self.next_besides_cycle();
-        if self.has_looked && self.next_cycle < others && self.rests() { others } else { self.next_event() }
+        if self.has_looked && self.next_cycle < others && self.is_quiescent() {
+            others
+        } else {
+            self.next_event()
+        }
     }
 
     /// When something other than a processor cycle is due.
@@ -29,7 +33,7 @@ impl Plant {
     /// A processor cycle was the last that happened: leaves those before `until` out if they would find nothing to do.
     #[inline]
     pub(super) fn leave_out_cycles(&mut self, until: u64) {
-        if self.next_cycle < until && self.rests() {
+        if self.next_cycle < until && self.is_quiescent() {
             let count = (until - self.next_cycle).div_ceil(self.cycle_us);
             self.journal.tick_through(self.next_cycle, self.cycle_us, count);
             self.next_cycle += count * self.cycle_us;
@@ -46,7 +50,8 @@ impl Plant {
         }
         // Nothing happens in between: what the last one does not find, those before it do not find either.
         let more = (due.min(time - cycle_us) - first) / cycle_us;
-        let Some(more) = [more, 0].into_iter().find(|more| self.looks_in_vain(first + more * cycle_us))
+        let Some(more) =
+            [more, 0].into_iter().find(|more| self.poll_changes_nothing(first + more * cycle_us))
         else {
             return false;
         };
@@ -61,7 +66,7 @@ impl Plant {
     pub(super) fn last_needed_cycle(&mut self, time: u64) -> u64 {
         let first = self.next_cycle;
         let may_be_left = first + self.cycle_us <= time && !self.watching && self.is_unobserved();
-        if !may_be_left || !self.looks_in_vain(first) {
+        if !may_be_left || !self.poll_changes_nothing(first) {
             return first;
         }
         self.is_seen = true;
@@ -76,23 +81,24 @@ impl Plant {
         self.faults.is_empty() && !self.journal.follows() && self.forces.list().is_empty()
     }
 
-    fn looks_in_vain(&self, now: u64) -> bool {
+    fn poll_changes_nothing(&self, now: u64) -> bool {
         let is_seen = self.is_seen;
         let mut devices = self.devices.iter().zip(self.ports.of_devices());
         devices.all(|(device, ports)| {
-            let in_vain = |port: &Port| self.media[port.medium].looks_in_vain(port.place, now, is_seen);
-            (is_seen || device.looks_in_vain()) && (!device.is_up() || ports.iter().all(in_vain))
+            let in_vain =
+                |port: &Port| self.media[port.medium].poll_changes_nothing(port.place, now, is_seen);
+            (is_seen || device.poll_changes_nothing()) && (!device.is_up() || ports.iter().all(in_vain))
         })
     }
 
     /// Whether looks find nothing to do until something else is due, after one that has found what there was.
-    fn rests(&self) -> bool {
+    fn is_quiescent(&self) -> bool {
         let mut devices = self.devices.iter().zip(self.ports.of_devices());
         self.faults.is_empty()
             && devices.all(|(device, ports)| {
                 let mut ports = ports.iter();
-                let rest = |port: &Port| self.media[port.medium].rests(port.place);
-                (!device.is_up() || ports.all(rest)) && device.rests()
+                let rest = |port: &Port| self.media[port.medium].is_quiescent(port.place);
+                (!device.is_up() || ports.all(rest)) && device.is_quiescent()
             })
     }
 }

@@ -13,7 +13,7 @@ use super::Plant;
 use crate::devices::{self, Device};
 use crate::journal::Rings;
 use crate::layout::Device as Layout;
-use crate::state::{Damaged, Saved, Saving, State};
+use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 use core::borrow::Borrow;
 use core::ops::Range;
 use std::sync::Arc;

@@ -2,7 +2,7 @@
 
 use crate::journal::Past;
 use crate::layout::place::Place;
-use crate::layout::{Address, Live, Meaning, RegType};
+use crate::layout::{Address, Meaning, RegType, RegisterPhase};
 
 /// What a handshake register holds while the firmware has yet to answer, and when it has.
 const REQUEST: u32 = 0x05;
@@ -41,7 +41,7 @@ impl Row {
     pub fn of(name: String, place: &Place, past: &Past) -> Self {
         // Types and meanings of registers that overlay each other are told apart by what the firmware does; here those
         // of the cyclic structure stand for both.
-        let live = Live::Cyclic;
+        let live = RegisterPhase::Cyclic;
         let bit = place.bit_in();
         let number = |value: u32| match bit {
             Some((_, bit)) => i64::from(value >> bit & 1),

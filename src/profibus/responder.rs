@@ -1,7 +1,7 @@
 //! The data link layer of a station that only answers: whose requests concern it, and which of them it has answered already.
 
 use super::{Answer, BROADCAST, Frame, FunctionCode, Request, Telegram};
-use crate::state;
+use crate::snapshot_fields;
 use serde::{Deserialize, Serialize};
 
 /// What a request is for the user of the station.
@@ -14,7 +14,7 @@ pub enum Reaction {
     /// A new request for its user, who answers by [`Responder::answer`].
     Asked(Frame),
     /// A request that nobody answers.
-    Told(Frame),
+    Delivered(Frame),
 }
 
 /// A station that answers.
@@ -25,7 +25,7 @@ pub struct Responder {
     last: Option<(u8, bool, Telegram)>,
 }
 
-state!(Responder { values: last; built: address });
+snapshot_fields!(Responder { values: last; built: address });
 
 impl Responder {
     /// The station with this address, 0 to 126.
@@ -47,9 +47,9 @@ impl Responder {
             return Reaction::Nothing;
         };
         match (frame.da, request) {
-            (BROADCAST, Request::Sdn) => Reaction::Told(frame),
+            (BROADCAST, Request::Sdn) => Reaction::Delivered(frame),
             (da, _) if da != self.address => Reaction::Nothing,
-            (_, Request::Sdn) => Reaction::Told(frame),
+            (_, Request::Sdn) => Reaction::Delivered(frame),
             (_, Request::FdlStatus) => Reaction::Answered(self.short(frame.sa, Answer::Ok)),
             (_, Request::Srd | Request::Sda) => {
                 if let Some((_, _, answer)) =
@@ -127,7 +127,7 @@ mod tests {
         assert_eq!(responder.heard(request(6, 0x6D)), Reaction::Nothing);
         assert_eq!(responder.heard(request(5, 0x08)), Reaction::Nothing);
         assert_eq!(responder.heard(Telegram::Token { da: 5, sa: 2 }), Reaction::Nothing);
-        assert!(matches!(responder.heard(request(127, 0x46)), Reaction::Told(_)));
+        assert!(matches!(responder.heard(request(127, 0x46)), Reaction::Delivered(_)));
         let Reaction::Answered(status) = responder.heard(request(5, 0x49)) else { panic!("no status") };
         assert_eq!(status.octets().unwrap(), [0x10, 2, 5, 0, 7, 0x16]);
     }

@@ -3,7 +3,7 @@
 
 use crate::devices;
 use crate::journal::Names;
-use crate::layout::{Fit, Fitted, Role};
+use crate::layout::{DeviceFit, Fit, Role};
 use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
@@ -53,7 +53,7 @@ impl From<SentFit> for Fit {
 
 pub(super) fn serialize<S: Serializer>(names: &Names, serializer: S) -> Result<S::Ok, S::Error> {
     let Names { plcs, buses, devices } = names.clone();
-    let device = |fitted: &Fitted| {
+    let device = |fitted: &DeviceFit| {
         let layout = fitted.device();
         let ports = layout.ports.iter().map(|port| fitted.port(port.number).into());
         SentDevice(layout.layout_hash, ports.collect())
@@ -68,7 +68,7 @@ pub(super) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<
         let layout =
             known.ok_or_else(|| D::Error::custom(format_args!("no device has layout 16#{hash:016X}")))?;
         let ports = layout.ports.iter().zip(fits);
-        Ok(ports.fold(Fitted::unknown(layout), |known, (port, fit)| known.with(port.number, fit.into())))
+        Ok(ports.fold(DeviceFit::unknown(layout), |known, (port, fit)| known.with(port.number, fit.into())))
     };
     Ok(Names { plcs, buses, devices: devices.into_iter().map(device).collect::<Result<_, _>>()? })
 }

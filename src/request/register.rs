@@ -2,7 +2,7 @@
 
 use super::{Code, Host, Refused, Waited};
 use crate::layout::place::live_by;
-use crate::layout::{Address, Device, Live, Owner, Place, Test, Width, plc_prefix};
+use crate::layout::{Address, Device, Owner, Place, RegisterPhase, Test, Width, plc_prefix};
 use crate::plant::ForceError;
 
 /// A register whose PLC exists and whose address suits its width.
@@ -35,7 +35,7 @@ impl Register {
         };
         let status =
             place.status().and_then(|it| host.plant().load(self.plc, it.offset(), Width::of(it.ty())).ok());
-        format!("{prefix}{}", place.label(status.map_or(Live::Cyclic, live_by)))
+        format!("{prefix}{}", place.label(status.map_or(RegisterPhase::Cyclic, live_by)))
     }
 
     pub(crate) fn fits(self, host: &dyn Host, value: u32) -> Result<(), Refused> {

@@ -4,7 +4,7 @@
 //! what guests hear is told at its end, unless one of them has a seat in lockstep: see [`super::turns`].
 
 use crate::devices::{Attendance, GuestRefusal};
-use crate::door::{DoorError, DoorState, Doors, Guest, Rate, Said, Seat, Wish};
+use crate::door::{BusMessage, DoorError, DoorState, Doors, Guest, Rate, Seat, Wish};
 use crate::journal::Source;
 use crate::plant::{Plant, PlantConfig};
 use std::sync::Arc;
@@ -215,7 +215,7 @@ impl Guests {
             };
             let others = |it: &&Present| it.guest.bus == bus && carried.guest != Some(it.guest.number);
             for it in self.present.iter().filter(|it| it.hears()).filter(others) {
-                it.guest.hear(record.time_us, Said::Frame(carried.frame));
+                it.guest.hear(record.time_us, BusMessage::Frame(carried.frame));
                 is_news = true;
             }
         }

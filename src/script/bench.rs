@@ -29,7 +29,7 @@ use super::{Failure, Place, ScenarioError, Value};
 use crate::devices;
 use crate::journal::text::Text;
 use crate::journal::{Format, Names, Record};
-use crate::layout::Live;
+use crate::layout::RegisterPhase;
 use crate::memory::Segment;
 use crate::plant::PlantConfig;
 use crate::plc::Ram;
@@ -218,7 +218,7 @@ impl Bench {
     /// The instance has gone.
     pub fn peek_at(&mut self, register: &Register) -> Result<i64, ScenarioError> {
         let value = self.load(register.spot)?;
-        let live = if register.is_same_number() { Live::Cyclic } else { self.live(register)? };
+        let live = if register.is_same_number() { RegisterPhase::Cyclic } else { self.live(register)? };
         Ok(register.number(live, value))
     }
 

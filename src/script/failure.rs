@@ -1,7 +1,7 @@
 //! An expectation that is not met, and where it stands.
 
-use crate::counted::counted;
 use crate::journal::{By, Changed, ChannelWrite, Found, Handshake, Record, Register, Ring, State};
+use crate::plural::plural;
 use crate::time::seconds;
 use core::fmt;
 use serde::{Deserialize, Serialize};
@@ -194,7 +194,7 @@ impl fmt::Display for Failure {
         }
         write!(f, "\n  {:<8}  {} emulated", "time", seconds(self.time_us))?;
         if self.findings > 0 {
-            write!(f, "\n  access checker: {}", counted(self.findings, "finding"))?;
+            write!(f, "\n  access checker: {}", plural(self.findings, "finding"))?;
             if self.findings > self.first_findings.len() as u64 {
                 f.write_str(", the first of them")?;
             }

@@ -2,7 +2,7 @@
 
 use super::ScenarioError;
 use super::caught::Caught;
-use crate::handed_in;
+use crate::input_file;
 use core::cell::RefCell;
 use rhai::module_resolvers::FileModuleResolver;
 use rhai::{Engine, EvalAltResult, Module, ModuleResolver, Position};
@@ -94,7 +94,7 @@ impl ModuleResolver for Imports {
         self.begin(Import { from, line: position.line(), to: to.clone() }, path)
             .map_err(|error| at(error, position))?;
         // The resolver reads whatever stands there to its end, which some files do not have.
-        let module = match handed_in::read(&to, handed_in::LONGEST_SCRIPT) {
+        let module = match input_file::read(&to, input_file::LONGEST_SCRIPT) {
             Err(error) if error.kind() != ErrorKind::NotFound => Err(unreadable(path, &error, position)),
             _ => self.files.resolve(engine, source, path, position),
         };

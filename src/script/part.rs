@@ -1,7 +1,7 @@
 //! Scripts that are parts of others, and what a script needs, as far as can be told without running it.
 
 use super::imports::module_file;
-use crate::handed_in;
+use crate::input_file;
 use rhai::{Engine, EvalAltResult, Module, ModuleResolver, Position, Scope};
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
@@ -49,7 +49,7 @@ pub fn needs(scenario: &Path) -> Vec<PathBuf> {
     let (mut found, mut next): (Vec<PathBuf>, _) = (Vec::new(), Some(scenario.to_owned()));
     let mut looked_at = 0;
     while let Some(file) = next {
-        let text = handed_in::read(&file, handed_in::LONGEST_SCRIPT).unwrap_or_default();
+        let text = input_file::read(&file, input_file::LONGEST_SCRIPT).unwrap_or_default();
         for name in imports(&text) {
             let file = module_file(name, directory);
             if !found.contains(&file) {

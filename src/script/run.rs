@@ -8,7 +8,7 @@ use super::imports::{Imports, module_file};
 use super::printed::Printed;
 use super::report::{Mistake, Outcome, Report};
 use super::{Bench, ScenarioError};
-use crate::handed_in;
+use crate::input_file;
 use crate::time::short;
 use core::cell::RefCell;
 use rhai::{Dynamic, Engine, EvalAltResult, ParseError, Scope};
@@ -58,7 +58,7 @@ pub fn run_file(
     let stage = Rc::new(RefCell::new(Stage::new(bench, directory.clone(), limits.time_us)));
     let printed = Rc::new(RefCell::new(Printed::new(print)));
     let imported = Rc::default();
-    let outcome = match handed_in::read(file, handed_in::LONGEST_SCRIPT) {
+    let outcome = match input_file::read(file, input_file::LONGEST_SCRIPT) {
         Ok(text) => {
             let mut engine = engine(&stage);
             limit(&mut engine, limits, start);
@@ -202,7 +202,7 @@ pub(super) fn broken(why: &dyn core::fmt::Display, location: Place) -> Outcome {
 /// A line of a script.
 pub(super) fn place(file: &Path, line: Option<usize>) -> Place {
     let text = |line: usize| {
-        let text = handed_in::read(file, handed_in::LONGEST_SCRIPT).ok()?;
+        let text = input_file::read(file, input_file::LONGEST_SCRIPT).ok()?;
         text.lines().nth(line.checked_sub(1)?).map(|text| text.trim().to_owned())
     };
     Place {

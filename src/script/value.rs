@@ -3,7 +3,7 @@
 use super::ScenarioError;
 use crate::layout::place::BadValue;
 use crate::layout::value::ValueError;
-use crate::layout::{Live, Place, RegType};
+use crate::layout::{Place, RegType, RegisterPhase};
 use crate::time;
 use std::time::Duration;
 
@@ -24,15 +24,17 @@ impl Value {
     pub fn bits(&self, place: &Place) -> Result<u32, BadValue> {
         match self {
             Value::Text(text) => place.parse_value(text),
-            Value::Number(number) if place.bit().is_none() && is_of(place.ty(Live::Cyclic), *number) => {
-                Ok(*number as u32 & place.ty(Live::Cyclic).mask())
+            Value::Number(number)
+                if place.bit().is_none() && is_of(place.ty(RegisterPhase::Cyclic), *number) =>
+            {
+                Ok(*number as u32 & place.ty(RegisterPhase::Cyclic).mask())
             }
             Value::Number(number) => place.parse_value(&number.to_string()).or_else(|error| {
                 // 16#FFFF is no number of an INT, but a pattern of its bits.
                 let pattern = u32::try_from(*number).ok();
                 let pattern = pattern.filter(|_| place.bit().is_none());
                 pattern
-                    .filter(|bits| *bits <= place.ty(Live::Cyclic).mask())
+                    .filter(|bits| *bits <= place.ty(RegisterPhase::Cyclic).mask())
                     .ok_or_else(|| both(error, *number))
             }),
         }
@@ -119,12 +121,12 @@ impl From<Duration> for Span {
 mod tests {
     use super::*;
     use crate::devices::samples::tables::NODES as DEVICE;
-    use crate::layout::Fitted;
+    use crate::layout::DeviceFit;
 
     fn bits(register: &str, value: impl Into<Value>) -> Result<u32, String> {
         value
             .into()
-            .bits(&Place::parse(&Fitted::unknown(&DEVICE), register).unwrap())
+            .bits(&Place::parse(&DeviceFit::unknown(&DEVICE), register).unwrap())
             .map_err(|error| error.to_string())
     }
 

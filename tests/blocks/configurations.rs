@@ -13,7 +13,7 @@ mod c;
 mod d;
 
 use crate::rig::{BOTH, Memory, segment};
-use commram::devices::cansync::records::{Left, Missed};
+use commram::devices::cansync::records::{OmittedFrame, Missed};
 use commram::devices::omega_drive_line_2::Plc;
 use commram::journal::{Event, Rule};
 use commram::memory::Image;
@@ -121,7 +121,7 @@ impl Stage {
     /// When the frame 1 with reference values was released too late; nobody uses frame 2.
     fn missed_deadlines(&self) -> Vec<u64> {
         let frame_1 =
-            |event: &Event| event.get().is_some_and(|it: Missed| it.what == Left::ReferenceValue(1));
+            |event: &Event| event.get().is_some_and(|it: Missed| it.what == OmittedFrame::ReferenceValue(1));
         let journal = self.plant.journal();
         journal.records().filter(|record| frame_1(&record.event)).flat_map(|it| it.times()).collect()
     }

@@ -3,7 +3,7 @@
 
 use crate::rig::{Memory, RigError, segment};
 use crate::snapshots::bring_up;
-use commram::layout::{Device, Fitted};
+use commram::layout::{Device, DeviceFit};
 use commram::memory::header::{BoardSetting, Power, RunSwitch};
 use commram::memory::{Image, Width};
 use commram::plant::{Plant, PlantConfig};
@@ -70,7 +70,7 @@ fn act() -> impl Strategy<Value = Act> {
 
 /// The registers of a device with their bytes.
 fn registers(device: &'static Device) -> Vec<(u64, usize)> {
-    let fitted = Fitted::unknown(device);
+    let fitted = DeviceFit::unknown(device);
     let all = device.areas.iter().flat_map(|area| fitted.used_registers(area));
     all.map(|found| (found.offset().into(), Width::of(found.ty()).bytes() as usize)).collect()
 }
@@ -155,7 +155,7 @@ proptest! {
 
 /// The registers of a device with their bytes, of each array the first and the last.
 fn registers_by_name(device: &'static Device) -> Vec<(u64, usize)> {
-    let fitted = Fitted::unknown(device);
+    let fitted = DeviceFit::unknown(device);
     let mut places = BTreeMap::<String, [(u64, usize); 2]>::new();
     for found in device.areas.iter().flat_map(|area| fitted.used_registers(area)) {
         let name = found.to_string().chars().filter(|letter| !letter.is_ascii_digit()).collect();

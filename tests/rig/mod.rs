@@ -15,7 +15,7 @@ use commram::devices::cansync::registers::{
     CANsync_INIT_BMSTRUCT, CANsync_MA_CTRL_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT,
 };
 use commram::journal::{Record, Rule, Severity};
-use commram::layout::Fitted;
+use commram::layout::DeviceFit;
 use commram::memory::{ClockMode, Image, ImageSpec, Segment, View};
 use commram::plant::{Plant, PlantConfig, PlantError};
 #[allow(unused_imports, reason = "each test binary uses its own part of the rig")]
@@ -78,7 +78,7 @@ impl Rig {
     }
 
     /// The device of a PLC, as it is fitted.
-    pub(crate) fn fitted(&self, plc: u16) -> Fitted {
+    pub(crate) fn fitted(&self, plc: u16) -> DeviceFit {
         self.plant.names().fitted(plc)
     }
 

@@ -29,7 +29,7 @@ struct Station {
     received: Arc<AtomicU64>,
 }
 
-commram::state!(Station { built: frame_id, takes, next_us, period_us, count, received });
+commram::snapshot_fields!(Station { built: frame_id, takes, next_us, period_us, count, received });
 
 impl CanPort for Station {
     fn power_on(&mut self, _: &mut Context, controller: &mut Controller, _: u8) {

@@ -1,7 +1,7 @@
 //! The access checker's table on the wire.
 
 use crate::devices;
-use crate::journal::{Coded, Entry, Found};
+use crate::journal::{Entry, EventCodec, Found};
 use core::num::NonZeroU64;
 use serde::{Deserialize, Serialize};
 
@@ -41,7 +41,7 @@ mod tests {
     use crate::channel::wire::own;
     use crate::check::rules;
     use crate::journal::Finding;
-    use crate::layout::Live;
+    use crate::layout::RegisterPhase;
 
     #[test]
     fn entries_travel_whole_and_strange_ones_are_refused() {
@@ -49,7 +49,7 @@ mod tests {
             rule: &rules::HEADER,
             plc: 3,
             offset: 40,
-            live: Live::Always,
+            live: RegisterPhase::Always,
             value: 9,
             late_us: u32::MAX,
         };

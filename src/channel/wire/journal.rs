@@ -1,7 +1,7 @@
 //! Records of the journal on the wire.
 
 use crate::devices;
-use crate::journal::{Change, Changed, Coded, Record};
+use crate::journal::{Change, Changed, EventCodec, Record};
 use core::num::NonZeroU32;
 use serde::{Deserialize, Serialize};
 

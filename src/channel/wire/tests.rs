@@ -6,7 +6,7 @@ use crate::fault::{
     Draft, Fault, FaultStatus, MAX_AT_US, MAX_DURATION_US, MAX_FIELDS, MAX_PARTICIPANT, Target,
 };
 use crate::journal::{By, Change, Changed, How, Keep, Names, Turn};
-use crate::layout::{Fit, Fitted, Live, Role};
+use crate::layout::{DeviceFit, Fit, RegisterPhase, Role};
 use crate::plant::Forced;
 use crate::request::testing::TestHost;
 use crate::request::{
@@ -248,7 +248,7 @@ fn information() -> impl Strategy<Value = InstanceInfo> {
     let fit =
         proptest::sample::select(vec![Fit::Unknown, Fit::Empty, Fit::As(Role::Master), Fit::As(Role::Slave)]);
     let device = (proptest::sample::select(devices::all()), fit)
-        .prop_map(|(known, fit)| Fitted::unknown(known.layout).with(1, fit));
+        .prop_map(|(known, fit)| DeviceFit::unknown(known.layout).with(1, fit));
     let devices = proptest::collection::vec(device, 0..4);
     let names = (names(), names(), devices).prop_map(|(plcs, buses, devices)| Names { plcs, buses, devices });
     let numbers = any::<(u32, u64, u32, u32, u32)>();
@@ -272,7 +272,8 @@ fn information() -> impl Strategy<Value = InstanceInfo> {
 
 fn changes() -> impl Strategy<Value = Vec<Change>> {
     let by = proptest::sample::select(vec![By::Firmware, By::Program, By::Channel, By::Force]);
-    let live = proptest::sample::select(vec![Live::Always, Live::Init, Live::Cyclic]);
+    let live =
+        proptest::sample::select(vec![RegisterPhase::Always, RegisterPhase::Init, RegisterPhase::Cyclic]);
     let how = (width(), by, live).prop_map(|(width, by, live)| How { width, by, live });
     let change =
         (any::<(u64, u64)>(), any::<(u16, u32, u32, u32)>(), how).prop_map(|(numbers, words, how)| {

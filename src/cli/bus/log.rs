@@ -2,7 +2,7 @@
 
 use super::super::error::CliError;
 use super::super::{Instance, output, time};
-use crate::handed_in;
+use crate::input_file;
 use crate::journal::candump::{self, Logged};
 use crate::journal::pcapng;
 use crate::request::MAX_ADVANCE_US;
@@ -106,12 +106,12 @@ impl Log {
 fn read(path: &Path) -> Result<Log, CliError> {
     let wrong = |right: String| CliError::Argument { text: path.display().to_string(), right };
     let bytes =
-        handed_in::read_bytes(path, handed_in::LONGEST).map_err(|reason| wrong(reason.to_string()))?;
+        input_file::read_bytes(path, input_file::LONGEST).map_err(|reason| wrong(reason.to_string()))?;
     if pcapng::is_one(&bytes) {
         let frames = pcapng::read(&bytes).map_err(|error| wrong(error.to_string()))?;
         return Ok(Log { frames, unit: "byte" });
     }
-    let text = handed_in::text(bytes).map_err(|_| {
+    let text = input_file::text(bytes).map_err(|_| {
         wrong("it is neither a log of candump nor one in pcapng (Wireshark writes the latter)".to_owned())
     })?;
     let frames = candump::read(&text).map_err(|error| wrong(error.to_string()))?;
@@ -184,9 +184,9 @@ mod by_channel {
     use super::super::super::{error::CliError, output, time};
     use super::{Compare, Play, Timed, differences, read};
     use crate::can::Frame;
-    use crate::counted::counted;
     use crate::journal::candump::Logged;
     use crate::journal::{Record, Source};
+    use crate::plural::plural;
     use crate::request::{InstanceInfo, MAX_OPS, Op};
     use std::time::Duration;
 
@@ -232,11 +232,11 @@ mod by_channel {
             true => stepped(&session, &log, start_us, &mut sent).map(|()| String::new()),
             false => in_real_time(&session, &log, start_us, &mut sent).map(|timing| timing.text()),
         };
-        let counted = counted(log.len() as u64, "frame");
+        let frames = plural(log.len() as u64, "frame");
         if played.is_err() {
-            output::note(&format!("{sent} of {counted} were sent"));
+            output::note(&format!("{sent} of {frames} were sent"));
         }
-        output::print(&format!("{counted} in {}{}\n", time::short(length_us), played?))
+        output::print(&format!("{frames} in {}{}\n", time::short(length_us), played?))
     }
 
     /// How a log was played while the clock ran by itself. Times are emulated, in microseconds.
@@ -323,7 +323,7 @@ mod by_channel {
             lines.extend(differences(name, &wanted, &found, args.tolerance));
         }
         if lines.is_empty() {
-            let frames = counted(log.len() as u64, "frame");
+            let frames = plural(log.len() as u64, "frame");
             return output::print(&format!("{frames}, no difference\n"));
         }
         output::print(&(lines.join("\n") + "\n"))?;

@@ -2,7 +2,7 @@
 
 use crate::cli::error::CliError;
 use crate::fmi::{LIBRARY, Resources, archive, is_library};
-use crate::handed_out;
+use crate::output_file;
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -28,7 +28,7 @@ pub(super) fn run(
         None => read(&found()?)?,
     };
     let bytes = archive(&resources, &name, &library).map_err(|error| CliError::Fmu(Box::new(error)))?;
-    handed_out::write(to, &bytes).map_err(|reason| CliError::File { path: to.to_owned(), reason })
+    output_file::write(to, &bytes).map_err(|reason| CliError::File { path: to.to_owned(), reason })
 }
 
 /// Where the shared object lies: beside the program, or where packages have it.

@@ -1,7 +1,7 @@
 //! Entries of the register map.
 
 use crate::cli::table::Row;
-use crate::layout::{Area, Fitted, Meaning, Provenance, Register, RegisterRef, format_value};
+use crate::layout::{Area, DeviceFit, Meaning, Provenance, Register, RegisterRef, format_value};
 use serde::Serialize;
 use std::collections::BTreeMap;
 
@@ -150,7 +150,7 @@ impl Sources {
 }
 
 /// All entries of an area; a register that several of its structures share is given once.
-pub(crate) fn of_area(fitted: &Fitted, area: &'static Area) -> Vec<Entry> {
+pub(crate) fn of_area(fitted: &DeviceFit, area: &'static Area) -> Vec<Entry> {
     if area.structures.is_empty() {
         return vec![plain(area)];
     }
@@ -158,7 +158,7 @@ pub(crate) fn of_area(fitted: &Fitted, area: &'static Area) -> Vec<Entry> {
 }
 
 /// The registers of an area, of each array the first one; a register that several of its structures share is given once.
-pub(crate) fn firsts(fitted: &Fitted, area: &'static Area) -> Vec<RegisterRef> {
+pub(crate) fn firsts(fitted: &DeviceFit, area: &'static Area) -> Vec<RegisterRef> {
     let mut firsts: Vec<RegisterRef> = Vec::new();
     let role = fitted.area(area).role();
     for placed in fitted.placed(area) {

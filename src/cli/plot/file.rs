@@ -1,7 +1,7 @@
 //! A journal that `commram trace --format jsonl` has written.
 
 use crate::cli::error::CliError;
-use crate::handed_in;
+use crate::input_file;
 use crate::journal::Past;
 use serde::Deserialize;
 use std::collections::{BTreeMap, BTreeSet};
@@ -11,7 +11,7 @@ use std::path::Path;
 const MOST_TIMES: u64 = 1_000_000;
 
 /// What it tells of registers.
-pub(super) struct Told {
+pub(super) struct RecordedRegisters {
     /// SYNC edges, ascending.
     pub edges: Vec<u64>,
     /// The last time in it, in microseconds.
@@ -58,19 +58,19 @@ impl Line {
     }
 }
 
-impl Told {
+impl RecordedRegisters {
     /// Reads a file.
     ///
     /// # Errors
     /// It cannot be read, or is no such journal.
     pub(super) fn read(path: &Path) -> Result<Self, CliError> {
         let wrong = |reason| CliError::Unreadable { path: path.to_owned(), reason };
-        let text = handed_in::read(path, handed_in::LONGEST).map_err(|error| wrong(error.to_string()))?;
+        let text = input_file::read(path, input_file::LONGEST).map_err(|error| wrong(error.to_string()))?;
         Self::parse(&text).map_err(wrong)
     }
 
     fn parse(text: &str) -> Result<Self, String> {
-        let mut told = Told { edges: Vec::new(), end_us: 0, registers: BTreeMap::new() };
+        let mut told = RecordedRegisters { edges: Vec::new(), end_us: 0, registers: BTreeMap::new() };
         let mut recorded = BTreeSet::new();
         let mut reported: Vec<((String, String), u64, u32, bool)> = Vec::new();
         for (number, line) in (1..).zip(text.lines()) {
@@ -146,7 +146,7 @@ mod tests {
 
     #[test]
     fn a_journal_is_read_with_what_it_counts() {
-        let told = Told::parse(LINES).unwrap();
+        let told = RecordedRegisters::parse(LINES).unwrap();
         assert_eq!((told.edges.as_slice(), told.end_us), (&[2000, 4000][..], 4100));
         let five = told.register(None, "%MB3.5", "a").unwrap();
         assert_eq!(five.values, [(100, 5), (500, 4)]);
@@ -164,7 +164,7 @@ mod tests {
             ("{\"v\":1,\"kind\":\"x\"}\n{}", "line 2: "),
             ("{\"v\":2,\"kind\":\"x\"}", "version 2"),
         ] {
-            let error = Told::parse(text).err().unwrap();
+            let error = RecordedRegisters::parse(text).err().unwrap();
             assert!(error.contains(told) && error.contains("--format jsonl"), "{error}");
         }
     }

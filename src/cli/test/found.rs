@@ -1,7 +1,7 @@
 //! Which scenarios are meant: folders, filters, shards.
 
 use crate::cli::error::CliError;
-use crate::handed_in;
+use crate::input_file;
 use crate::script::{is_part, needs};
 use core::fmt;
 use core::num::NonZero;
@@ -147,7 +147,7 @@ fn parts(files: &[PathBuf]) -> Result<HashSet<PathBuf>, CliError> {
     }
     std::thread::scope(|scope| {
         let look = move || {
-            let text = |file: &Path| handed_in::read(file, handed_in::LONGEST_SCRIPT).unwrap_or_default();
+            let text = |file: &Path| input_file::read(file, input_file::LONGEST_SCRIPT).unwrap_or_default();
             candidates.retain(|file| is_part(&text(file)));
             candidates.into_iter().cloned().collect()
         };

@@ -3,9 +3,9 @@
 use super::found::Shard;
 use crate::cli::error::CliError;
 use crate::cli::output;
-use crate::counted::counted;
-use crate::handed_in;
-use crate::handed_out;
+use crate::input_file;
+use crate::output_file;
+use crate::plural::plural;
 use crate::script::{junit_text, shard_of_junit};
 use quick_junit::{NonSuccessKind, Report, TestCaseStatus, TestSuite};
 use serde_json::Value;
@@ -67,7 +67,7 @@ struct Part<T> {
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let mut texts = Vec::with_capacity(args.reports.len());
     for path in &args.reports {
-        let text = handed_in::read(path, handed_in::LONGEST);
+        let text = input_file::read(path, input_file::LONGEST);
         texts.push((path, text.map_err(|reason| wrong(path, reason))?));
     }
     let is_xml = |text: &str| text.trim_start().starts_with('<');
@@ -97,7 +97,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     match &args.output {
         None => output::print(&text)?,
         Some(path) => {
-            handed_out::write(path, text.as_bytes()).map_err(|reason| output_of(args, reason))?;
+            output_file::write(path, text.as_bytes()).map_err(|reason| output_of(args, reason))?;
             output::print(&summary(&endings))?;
         }
     }
@@ -217,7 +217,7 @@ fn in_order<T>(parts: Vec<Part<T>>) -> Result<Vec<Scenario<T>>, CliError> {
     for (index, part) in parts.iter().enumerate() {
         let due = total.saturating_sub(index).div_ceil(count);
         if part.scenarios.len() != due {
-            let has = counted(part.scenarios.len() as u64, "scenario");
+            let has = plural(part.scenarios.len() as u64, "scenario");
             let what = format!(
                 "it has {has} where {due} of all {total} are due; the shards are not of the same files"
             );

@@ -67,7 +67,7 @@ fn head_line(model: &Model, theme: Theme, width: usize) -> Line<'static> {
     }
     let (how, style) = match &model.contact {
         Contact::Connecting => ("connecting ".to_owned(), theme.dim()),
-        Contact::Live => ("live ".to_owned(), theme.good()),
+        Contact::RegisterPhase => ("live ".to_owned(), theme.good()),
         Contact::Busy => ("busy with somebody else's time ".to_owned(), theme.warning()),
         Contact::Absent(_) => ("gone, waiting for it ".to_owned(), theme.bad()),
     };

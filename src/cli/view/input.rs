@@ -7,7 +7,7 @@ use super::pins::Pins;
 use super::prompt::{Aim, Asked, Prompt};
 use super::tree::Row;
 use super::work::{Task, Work};
-use crate::layout::{Live, Place};
+use crate::layout::{Place, RegisterPhase};
 use crate::request::Op;
 use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyModifiers, MouseButton, MouseEvent, MouseEventKind};
 use ratatui::layout::Position;
@@ -197,7 +197,7 @@ impl Model {
         let Some((plc, place)) = self.chosen() else {
             return self.complain("choose a register first");
         };
-        let name = Pins::prefix(self.names(), plc) + &place.label(Live::Cyclic);
+        let name = Pins::prefix(self.names(), plc) + &place.label(RegisterPhase::Cyclic);
         let is_pinned = self.pins.toggle(plc, place);
         self.on_pins &= !self.pins.all.is_empty();
         self.say(format!("{name} is {}", if is_pinned { "pinned" } else { "no longer pinned" }));
@@ -240,7 +240,7 @@ impl Model {
                 self.complain("a single bit cannot be written, only its whole register");
             }
             Some((plc, place)) => {
-                let name = Pins::prefix(self.names(), plc) + &place.label(Live::Cyclic);
+                let name = Pins::prefix(self.names(), plc) + &place.label(RegisterPhase::Cyclic);
                 self.ask(aim(plc, place), &format!("{what} {name}"), String::new());
             }
             None => self.complain("choose a register first"),
@@ -251,7 +251,8 @@ impl Model {
         let Some((plc, place)) = self.chosen() else {
             return self.complain("choose a register first");
         };
-        let told = format!("unforce {}{}", Pins::prefix(self.names(), plc), place.label(Live::Cyclic));
+        let told =
+            format!("unforce {}{}", Pins::prefix(self.names(), plc), place.label(RegisterPhase::Cyclic));
         let work = Work::Ops(vec![Op::Unforce { plc, offset: place.offset(), width: place.width() }]);
         self.prompt = Some(Prompt::Really(told.clone(), Task { told, work }));
     }

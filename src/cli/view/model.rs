@@ -11,7 +11,7 @@ use super::prompt::{Knob, Prompt};
 use super::tree::{Row, Tree};
 use crate::journal::{Entry, Names};
 use crate::layout::place::{live_by, status_of};
-use crate::layout::{Live, Place, RegisterRef};
+use crate::layout::{Place, RegisterPhase, RegisterRef};
 use crate::plant::Forced;
 use crate::request::{BusScene, BusState, InstanceInfo};
 use ratatui::layout::Rect;
@@ -24,7 +24,7 @@ pub(super) enum Contact {
     /// Nothing has come yet.
     Connecting,
     /// It answers.
-    Live,
+    RegisterPhase,
     /// It lets time pass for somebody else.
     Busy,
     /// It is not there: why.
@@ -191,7 +191,7 @@ impl Model {
             self.drives.take(drives, now_us);
         }
         self.frames.take(&records, &pending, &info.names, &self.scene);
-        self.contact = Contact::Live;
+        self.contact = Contact::RegisterPhase;
         self.info = Some(info);
         self.forces = forces;
         self.values.extend(values);
@@ -305,9 +305,9 @@ impl Model {
     }
 
     /// Which of the structures is live that overlay each other where this register tells it.
-    pub(super) fn live(&self, plc: u16, status: Option<RegisterRef>) -> Live {
+    pub(super) fn live(&self, plc: u16, status: Option<RegisterRef>) -> RegisterPhase {
         let value = status.and_then(|status| self.value(Spot::register(plc, &status)));
-        value.map_or(Live::Cyclic, live_by)
+        value.map_or(RegisterPhase::Cyclic, live_by)
     }
 
     /// The register that is chosen, and its PLC.

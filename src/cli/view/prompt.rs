@@ -3,7 +3,7 @@
 use super::model::Model;
 use super::pins::Pins;
 use super::work::{Task, Work};
-use crate::layout::{Condition, ConditionError, Live, Place, split_plc, value};
+use crate::layout::{Condition, ConditionError, Place, RegisterPhase, split_plc, value};
 use crate::memory::header::BoardWord;
 use crate::request::Op;
 use crate::time;
@@ -81,12 +81,15 @@ impl Asked {
             return fitting.cloned().collect();
         }
         let (Aim::Poke(_, place) | Aim::Force(_, place)) = &self.aim else { return Vec::new() };
-        let Some(meaning) = place.exact(Live::Cyclic).and_then(|register| register.register.meaning) else {
+        let Some(meaning) = place.exact(RegisterPhase::Cyclic).and_then(|register| register.register.meaning)
+        else {
             return Vec::new();
         };
         let names = value::names(meaning).into_iter();
         let fitting = names.filter(|(name, _)| name.starts_with(self.text.trim()));
-        fitting.map(|(name, value)| format!("{name}  {}", place.format(Live::Cyclic, value))).collect()
+        fitting
+            .map(|(name, value)| format!("{name}  {}", place.format(RegisterPhase::Cyclic, value)))
+            .collect()
     }
 }
 
@@ -105,9 +108,9 @@ impl Model {
                     Aim::Force(..) => ("force", Op::Force { plc, offset, width, value }),
                     _ => ("poke", Op::Poke { plc, offset, width, value }),
                 };
-                let name = Pins::prefix(self.names(), plc) + &place.label(Live::Cyclic);
+                let name = Pins::prefix(self.names(), plc) + &place.label(RegisterPhase::Cyclic);
                 let (shown, meaning) =
-                    (place.format(Live::Cyclic, value), place.meaning(Live::Cyclic, value));
+                    (place.format(RegisterPhase::Cyclic, value), place.meaning(RegisterPhase::Cyclic, value));
                 let told = format!("{what} {name} = {shown}");
                 let question = format!("{told}, {meaning}");
                 Ok(Some(Prompt::Really(question, Task { told, work: Work::Ops(vec![op]) })))

@@ -5,7 +5,7 @@ use crate::cli::find;
 use crate::cli::map::entry;
 use crate::journal::Names;
 use crate::layout::place::is_live;
-use crate::layout::{Area, Fit, Fitted, Live, Named, RegisterRef, plc_prefix, split_plc};
+use crate::layout::{Area, DeviceFit, Fit, Named, RegisterPhase, RegisterRef, plc_prefix, split_plc};
 use std::collections::HashSet;
 
 /// A line.
@@ -25,7 +25,7 @@ pub(super) enum Row {
 type Branch = (u16, Option<u32>, Option<&'static str>);
 
 /// Which of the structures that overlay each other is live, of the blocks that are open.
-type Lives = Vec<(u16, u32, Live)>;
+type Lives = Vec<(u16, u32, RegisterPhase)>;
 
 /// The lines and what they are made of.
 #[derive(Default)]
@@ -219,7 +219,7 @@ impl Tree {
         self.list.choose(line, self.rows.len());
     }
 
-    fn plcs(&self) -> Vec<(u16, Fitted)> {
+    fn plcs(&self) -> Vec<(u16, DeviceFit)> {
         let count = u16::try_from(self.names.plcs.len()).unwrap_or(u16::MAX);
         (0..count).map(|plc| (plc, self.names.fitted(plc))).collect()
     }
@@ -243,9 +243,9 @@ impl Tree {
         rows
     }
 
-    fn add_registers(&self, rows: &mut Vec<Row>, plc: u16, fitted: &Fitted, area: &'static Area) {
+    fn add_registers(&self, rows: &mut Vec<Row>, plc: u16, fitted: &DeviceFit, area: &'static Area) {
         let live = self.lives.iter().find(|(of, first, _)| (*of, *first) == (plc, area.first));
-        let live = live.map_or(Live::Cyclic, |(.., live)| *live);
+        let live = live.map_or(RegisterPhase::Cyclic, |(.., live)| *live);
         let firsts = entry::firsts(fitted, area);
         for first in firsts.iter().filter(|first| !first.register.reserved && is_live(first, live)) {
             if !is_element(first) {
@@ -343,7 +343,7 @@ fn elements(plc: u16, first: &RegisterRef) -> Vec<Row> {
 }
 
 /// The blocks of a device that have registers as it is fitted.
-fn blocks(fitted: &Fitted) -> impl Iterator<Item = &'static Area> + use<> {
+fn blocks(fitted: &DeviceFit) -> impl Iterator<Item = &'static Area> + use<> {
     let fitted = *fitted;
     let areas = fitted.device().named_areas();
     areas.filter(move |area| fitted.area(area) != Fit::Empty && fitted.placed(area).next().is_some())

@@ -17,7 +17,7 @@ use serde::Serialize;
 
 /// A change in words.
 #[derive(Serialize)]
-struct Told {
+struct ReportedChange {
     /// Emulated time, in microseconds.
     time_us: u64,
     #[serde(flatten)]
@@ -109,20 +109,20 @@ fn print(format: FormatArg, session: &Session, changes: &[journal::Change]) -> R
 }
 
 /// `0.001000 s  node2.w_OPTION_STATUS  %MW3.200002  16#0001 -> 16#0002  firmware  waiting for ...`
-fn text(told: &[Told]) -> String {
-    let cells = |Told { change, by, .. }: &Told| {
+fn text(told: &[ReportedChange]) -> String {
+    let cells = |ReportedChange { change, by, .. }: &ReportedChange| {
         let values = change::values(change);
         let [register, address, meaning] =
             [&change.register, &change.address, &change.meaning].map(Clone::clone);
         vec![register, address, values, (*by).to_owned(), meaning]
     };
     let columns = table::columns(&told.iter().map(cells).collect::<Vec<_>>());
-    let line = |(it, line): (&Told, &str)| format!("{}  {line}\n", time::seconds(it.time_us));
+    let line = |(it, line): (&ReportedChange, &str)| format!("{}  {line}\n", time::seconds(it.time_us));
     told.iter().zip(columns.lines()).map(line).collect()
 }
 
 /// The change in words: the register has the name that it had then.
-fn told(session: &Session, &journal::Change { time_us, what, .. }: &journal::Change) -> Told {
+fn told(session: &Session, &journal::Change { time_us, what, .. }: &journal::Change) -> ReportedChange {
     let fitted = session.fitted(what.plc);
     let address = fitted.device().at(what.how.width, what.offset);
     let register = change::register(&fitted, &what);
@@ -139,5 +139,5 @@ fn told(session: &Session, &journal::Change { time_us, what, .. }: &journal::Cha
         after: value(what.to),
         meaning: register.map(|register| register.decode(what.to)).unwrap_or_default(),
     };
-    Told { time_us, change, by: what.how.by.name() }
+    ReportedChange { time_us, change, by: what.how.by.name() }
 }

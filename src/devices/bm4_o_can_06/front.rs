@@ -7,7 +7,7 @@ use crate::devices::supply::Supply;
 use crate::devices::{Context, Look, Power};
 use crate::memory::Face;
 use crate::memory::header::{Interrupt, InterruptResult, Start};
-use crate::state;
+use crate::snapshot_fields;
 
 /// The one event there is: SYNC signal 1 of an option module.
 const SYNC_EVENT: usize = 11;
@@ -22,7 +22,7 @@ pub(super) struct Front {
     requests: u32,
 }
 
-state!(Front { values: requests; parts: events, supply, starts; built: face });
+snapshot_fields!(Front { values: requests; parts: events, supply, starts; built: face });
 
 impl Front {
     pub(crate) fn new(face: Face) -> Self {

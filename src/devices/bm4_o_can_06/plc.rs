@@ -12,10 +12,10 @@ use crate::devices::cansync::medium::{Socket, SocketRole};
 use crate::devices::records::{BoardEvent, OnBoard};
 use crate::devices::{BuildError, Context, Device, Events, Look, Plug, Power};
 use crate::journal::Origin;
-use crate::layout::{self, Fit, Fitted, Port, Role};
+use crate::layout::{self, DeviceFit, Fit, Port, Role};
 use crate::memory::header::BoardSetting;
 use crate::memory::{Header, MemoryError, Segment, View};
-use crate::state;
+use crate::snapshot_fields;
 
 /// DIP switches 3, 2 and 1 of a slave of the controller at 500 kbit/s, which is what drives are set to.
 const DEFAULT_BAUD: u8 = 0b101;
@@ -42,7 +42,7 @@ struct Module {
     last_frame: Option<u64>,
 }
 
-state!(Module { values: dip, takes_part, edge, last_frame; built: number, work, has_registers, other_switches, regs });
+snapshot_fields!(Module { values: dip, takes_part, edge, last_frame; built: number, work, has_registers, other_switches, regs });
 
 impl Module {
     fn new(config: &ModuleConfig, segment: &Segment) -> Result<Self, MemoryError> {
@@ -106,7 +106,7 @@ pub struct Bm4Plc {
     sync_ways: Vec<(u8, u8)>,
 }
 
-state!(Bm4Plc {
+snapshot_fields!(Bm4Plc {
     parts: front, modules;
     built: index, name, segment, sync_source, sync_ways
 });
@@ -193,10 +193,10 @@ impl Device for Bm4Plc {
         &self.front.face
     }
 
-    fn fitted(&self) -> Fitted {
+    fn fitted(&self) -> DeviceFit {
         let layout = self.layout();
         let empty =
-            layout.ports.iter().fold(Fitted::unknown(layout), |it, port| it.with(port.number, Fit::Empty));
+            layout.ports.iter().fold(DeviceFit::unknown(layout), |it, port| it.with(port.number, Fit::Empty));
         let with_registers = self.modules.iter().filter(|module| module.has_registers);
         with_registers.fold(empty, |fitted, module| {
             let role = if module.work == Work::Master { Role::Master } else { Role::Slave };
@@ -314,7 +314,7 @@ impl Device for Bm4Plc {
         self.front.face.ports[place].leds.store(leds);
     }
 
-    fn rests(&self) -> bool {
+    fn is_quiescent(&self) -> bool {
         let is_shown = |module: &Module| {
             let shown = self.front.face.ports[module.place()].leds.load();
             module.edge.is_none() && (!self.front.is_up() || shown == module.leds(0).code())

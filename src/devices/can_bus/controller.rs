@@ -1,7 +1,7 @@
 //! A CAN controller, as its firmware has it in hands.
 
 use crate::can::{ErrorCounters, ErrorState, Filter, Frame};
-use crate::state;
+use crate::snapshot_fields;
 use std::collections::VecDeque;
 
 /// There is no room in a controller's queue.
@@ -26,7 +26,7 @@ pub struct Controller {
     pub(super) now: u64,
 }
 
-state!(Controller { values: queue, filters, has_new_filters, bit_s, errors, restarts, now });
+snapshot_fields!(Controller { values: queue, filters, has_new_filters, bit_s, errors, restarts, now });
 
 impl Controller {
     /// Frames that the queue has room for.

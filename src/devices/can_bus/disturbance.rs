@@ -13,10 +13,10 @@ impl CanBus {
     }
 
     /// Lets those faults strike that act on this frame; `strike` says whether what it is given does.
-    fn strike_frame(&self, frame: &Frame, world: &mut World, mut strike: impl FnMut(FrameEffect) -> bool) {
+    fn disturb_frame(&self, frame: &Frame, world: &mut World, mut fire: impl FnMut(FrameEffect) -> bool) {
         let field = frame.arbitration();
-        world.faults.strike(world.now, self.owner(), world.journal, |_, effect, _| match *effect {
-            Effect::Frame(frames, what) if frames.include(field) && strike(what) => {
+        world.faults.fire(world.now, self.owner(), world.journal, |_, effect, _| match *effect {
+            Effect::Frame(frames, what) if frames.include(field) && fire(what) => {
                 Some(Hit::Frame(field.number()))
             }
             _ => None,
@@ -30,7 +30,7 @@ impl CanBus {
         while let Some((who, frame)) = self.wire.as_ref()?.next_sender(at_ns, &self.stations) {
             let is_delayed = self.stations.all()[who].is_delayed;
             let mut until_ns = None;
-            self.strike_frame(&frame, world, |what| match what {
+            self.disturb_frame(&frame, world, |what| match what {
                 FrameEffect::Delay(us) if !is_delayed && until_ns.is_none() => {
                     until_ns = Some((at_ns + u64::from(us) * 1000, true));
                     true
@@ -65,7 +65,7 @@ impl CanBus {
         }
         let (mut lost, mut disturbed, mut copies) = (false, false, Vec::new());
         let is_copy = self.stations.all()[it.sender].is_copy;
-        self.strike_frame(&it.frame, world, |what| {
+        self.disturb_frame(&it.frame, world, |what| {
             match what {
                 _ if lost || disturbed => return false,
                 FrameEffect::Lose => lost = true,
@@ -91,7 +91,7 @@ impl CanBus {
         let Origin { plc: device, node: port } = self.stations.all()[who].origin;
         let (here, number) = (Target::Port { device, port }, frame.arbitration().number());
         let mut lost = false;
-        world.faults.strike(world.now, self.owner(), world.journal, |target, effect: &Effect, _| {
+        world.faults.fire(world.now, self.owner(), world.journal, |target, effect: &Effect, _| {
             let hits = !lost && target == here && *effect == Effect::Overrun;
             lost |= hits;
             hits.then_some(Hit::Frame(number))

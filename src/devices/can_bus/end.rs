@@ -7,7 +7,7 @@ use crate::can::ErrorState;
 use crate::check::OwnedWatch;
 use crate::devices::{BuildError, Context};
 use crate::journal::{Journal, Origin};
-use crate::state;
+use crate::snapshot_fields;
 
 /// A port at the bus, or a guest.
 pub(super) struct End {
@@ -41,7 +41,7 @@ pub(super) struct End {
     pub(super) is_unheard: bool,
 }
 
-state!(End {
+snapshot_fields!(End {
     values: on_since_ns, member_since_ns, is_leaving, is_waiting, is_troubled, told, held_until_ns, is_delayed, copies,
         is_copy, is_unheard;
     parts: port, controller, watch;

@@ -167,11 +167,11 @@ fn an_overrun_is_one_receivers_loss() {
 fn a_controller_that_works_switches_itself_off() {
     let mut bench = Bench::new(BIT_S, vec![(vec![], vec![(100, frame(0x100, 1))]), (vec![], vec![])]);
     let (off, target) = (Effect::new(can_faults::Effect::BusOff), Target::Port { device: 0, port: 1 });
-    assert_eq!(bench.bus.strike(50, target, &off), Some(Hit::Plain));
-    assert_eq!(bench.bus.strike(50, target, &off), None, "it is off already");
+    assert_eq!(bench.bus.fire(50, target, &off), Some(Hit::Plain));
+    assert_eq!(bench.bus.fire(50, target, &off), None, "it is off already");
     bench.run(10_000);
     assert_eq!((bench.log(), bench.marks()), (vec![(0, 50, "bus_off", 0)], vec![]));
     let without_power = Target::Port { device: 1, port: 1 };
     bench.bus.power_off(1, 10_000, &mut bench.journal);
-    assert_eq!(bench.bus.strike(10_000, without_power, &off), None);
+    assert_eq!(bench.bus.fire(10_000, without_power, &off), None);
 }

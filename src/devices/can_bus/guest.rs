@@ -4,12 +4,12 @@ use super::end::End;
 use super::{CanBus, CanPort, Controller};
 use crate::can::{ErrorState, Frame};
 use crate::devices::{Context, GuestRefusal};
-use crate::state;
+use crate::snapshot_fields;
 
 /// Nobody's firmware: a guest is told by who brings it in.
 pub(super) struct Silent;
 
-state!(Silent {});
+snapshot_fields!(Silent {});
 
 impl CanPort for Silent {
     fn look(&mut self, _: &mut Context, _: &mut Controller) {}

@@ -9,15 +9,15 @@ use super::config::CanBusConfig;
 use super::end::End;
 use super::port::CanSocket;
 use super::stations::Stations;
-use crate::agenda::NEVER;
 use crate::can;
 use crate::can::ErrorState;
 use crate::devices::can_faults;
 use crate::devices::{BuildError, GuestRefusal, Medium, StationState, SyncSignal, World};
-use crate::door::Said;
+use crate::door::BusMessage;
+use crate::due_queue::NEVER;
 use crate::fault::{Effect, Hit, Target};
 use crate::journal::{Journal, Origin};
-use crate::state::{Damaged, Saved, Saving, State};
+use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 use core::any::Any;
 
 /// A CAN bus with the ports at it.
@@ -84,7 +84,7 @@ impl CanBus {
     }
 }
 
-impl State for CanBus {
+impl SnapshotFields for CanBus {
     fn save(&self, to: &mut Saving) {
         let Self {
             index: _,
@@ -204,8 +204,14 @@ impl Medium for CanBus {
         self.errors_of_guest(guest)
     }
 
-    fn guest_sends(&mut self, guest: u8, said: &Said, now: u64, _: &mut Journal) -> Result<(), GuestRefusal> {
-        let Said::Frame(frame) = said else { return Err(GuestRefusal::NotHere) };
+    fn guest_sends(
+        &mut self,
+        guest: u8,
+        said: &BusMessage,
+        now: u64,
+        _: &mut Journal,
+    ) -> Result<(), GuestRefusal> {
+        let BusMessage::Frame(frame) = said else { return Err(GuestRefusal::NotHere) };
         self.take_guests_frame(guest, frame, now)
     }
 
@@ -214,14 +220,14 @@ impl Medium for CanBus {
     }
 
     /// BUS-off of controllers that work; whatever else a port has is its device's.
-    fn strike(&mut self, now: u64, target: Target, effect: &Effect) -> Option<Hit> {
+    fn fire(&mut self, now: u64, target: Target, effect: &Effect) -> Option<Hit> {
         let Target::Port { device: plc, port: node } = target else { return None };
         let origin = Origin { plc, node };
         let who = self.stations.all().iter().position(|end| end.origin == origin)?;
         let hit = if effect.get() == Some(&can_faults::Effect::BusOff) {
             self.switch_off(who).then_some(Hit::Plain)
         } else {
-            self.stations.get_mut(who).port.strike(now, effect)
+            self.stations.get_mut(who).port.fire(now, effect)
         };
         self.settle(who, now * 1000);
         self.plan(now);

@@ -7,11 +7,11 @@ use crate::fault::{Effect, Hit};
 use crate::journal::Origin;
 use crate::layout::Device;
 use crate::memory::Segment;
-use crate::state::State;
+use crate::snapshot_fields::SnapshotFields;
 
 /// The firmware of a device's port at a CAN bus. It is called at whole microseconds of emulated time, with the controller
 /// that is its own.
-pub trait CanPort: Send + State {
+pub trait CanPort: Send + SnapshotFields {
     /// The device starts; `address` is the port's number at its switches
     /// ([`Device::address`](crate::devices::Device::address)). The controller is empty and without filters.
     fn power_on(&mut self, ctx: &mut Context, controller: &mut Controller, address: u8) {
@@ -63,7 +63,7 @@ pub trait CanPort: Send + State {
     }
 
     /// A fault of the device acts on the port, at its begin or in a processor cycle: does it hit?
-    fn strike(&mut self, now: u64, effect: &Effect) -> Option<Hit> {
+    fn fire(&mut self, now: u64, effect: &Effect) -> Option<Hit> {
         let _ = (now, effect);
         None
     }

@@ -1,13 +1,13 @@
 //! What the journal tells about CAN buses: their frames.
 
 use crate::can::{ErrorState, Fate, Frame};
-use crate::coded;
-use crate::journal::{Carried, Coded, Fields, Kind, Origin, Packer, Part, Reader, Told, Unpacker};
+use crate::event_kinds;
+use crate::journal::{Carried, EventCodec, EventText, Fields, Kind, Origin, Packer, Part, Reader, Unpacker};
 
 /// All kinds.
 pub static KINDS: &[&Kind] = &[Transmitted::KIND, Lost::KIND, StateChange::KIND];
 
-coded! {
+event_kinds! {
     /// A frame has arrived; the time is its end, when its receivers have it, in whole microseconds rounded up.
     Transmitted = 50, "can_frame", Traffic, at bus {
         /// The frame.
@@ -127,7 +127,7 @@ fn fields(frame: &Frame, sender: Origin, reader: &Reader) -> Fields {
         .with("from", reader.port(sender))
 }
 
-impl Told for Transmitted {
+impl EventText for Transmitted {
     fn text(&self, reader: &mut Reader) -> String {
         format!("{} from {}", text(&self.frame), reader.port(self.sender))
     }
@@ -141,7 +141,7 @@ impl Told for Transmitted {
     }
 }
 
-impl Told for Lost {
+impl EventText for Lost {
     fn text(&self, reader: &mut Reader) -> String {
         let (frame, fate) = &self.frame;
         format!("{} from {} {}", text(frame), reader.port(self.sender), reason(*fate).1)
@@ -153,7 +153,7 @@ impl Told for Lost {
     }
 }
 
-impl Told for StateChange {
+impl EventText for StateChange {
     fn text(&self, reader: &mut Reader) -> String {
         let (station, state) = (reader.port(self.station), self.state.name().replace('_', "-"));
         format!("{station} is {state}, {} transmit and {} receive errors", self.transmit, self.receive)

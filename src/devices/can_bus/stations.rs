@@ -3,9 +3,9 @@
 
 use super::acceptance::Acceptance;
 use super::end::End;
-use crate::agenda::{Agenda, NEVER};
 use crate::can::{Arbitration, BitRate, ErrorState, Frame, Participants, Recovery};
-use crate::state::{Damaged, Saved, Saving, State};
+use crate::due_queue::{DueQueue, NEVER};
+use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 use serde::{Deserialize, Serialize};
 
 /// Somebody with a frame to send.
@@ -23,7 +23,7 @@ pub(super) struct Stations {
     /// Of the bus; none where nothing is plugged in.
     rate: Option<BitRate>,
     waiting: Vec<Waiting>,
-    due: Agenda,
+    due: DueQueue,
     acceptance: Acceptance,
     /// How many take part.
     members: usize,
@@ -45,7 +45,7 @@ impl Stations {
             ends: Vec::new(),
             rate,
             waiting: Vec::new(),
-            due: Agenda::of(0),
+            due: DueQueue::of(0),
             acceptance: Acceptance::new(),
             members: 0,
             last_came_ns: 0,
@@ -243,7 +243,7 @@ impl Stations {
     }
 }
 
-impl State for Stations {
+impl SnapshotFields for Stations {
     fn save(&self, to: &mut Saving) {
         let Self {
             ends,

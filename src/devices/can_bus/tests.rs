@@ -8,7 +8,7 @@ use crate::devices::{Context, Medium, StationState, World};
 use crate::fault::{Effect, Faults, Hit, Target};
 use crate::journal::{Journal, Origin};
 use crate::memory::{HEADER_SIZE, Segment};
-use crate::state;
+use crate::snapshot_fields;
 use embedded_can::StandardId;
 use std::sync::{Arc, Mutex};
 
@@ -35,7 +35,7 @@ impl Scripted {
     }
 }
 
-state!(Scripted { built: who, log, filters, script });
+snapshot_fields!(Scripted { built: who, log, filters, script });
 
 impl CanPort for Scripted {
     fn power_on(&mut self, _: &mut Context, controller: &mut Controller, _: u8) {
@@ -73,7 +73,7 @@ impl CanPort for Scripted {
         controller.send(self.script.remove(0).1).unwrap();
     }
 
-    fn strike(&mut self, now: u64, effect: &Effect) -> Option<Hit> {
+    fn fire(&mut self, now: u64, effect: &Effect) -> Option<Hit> {
         let mark = *effect.get::<u8>()?;
         self.log.lock().unwrap().push((self.who, now, "struck", mark));
         Some(Hit::Plain)
@@ -372,10 +372,10 @@ fn nothing_goes_out_where_no_bus_is_plugged_in() {
 fn a_fault_of_a_port_strikes_its_own_firmware() {
     let mut bench = Bench::new(500_000, vec![(vec![], vec![]), (vec![], vec![])]);
     let port = |device, port| Target::Port { device, port };
-    assert_eq!(bench.bus.strike(7, port(1, 1), &Effect::new(9_u8)), Some(Hit::Plain));
+    assert_eq!(bench.bus.fire(7, port(1, 1), &Effect::new(9_u8)), Some(Hit::Plain));
     for target in [port(2, 1), port(1, 2), Target::Medium(0), Target::Device(1)] {
-        assert_eq!(bench.bus.strike(7, target, &Effect::new(9_u8)), None, "{target:?}");
+        assert_eq!(bench.bus.fire(7, target, &Effect::new(9_u8)), None, "{target:?}");
     }
-    assert_eq!(bench.bus.strike(7, port(1, 1), &Effect::new("another's")), None);
+    assert_eq!(bench.bus.fire(7, port(1, 1), &Effect::new("another's")), None);
     assert_eq!(bench.log(), [(1, 7, "struck", 9)]);
 }

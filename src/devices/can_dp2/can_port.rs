@@ -8,7 +8,7 @@ use super::{Shared, lock};
 use crate::can::{ErrorState, Frame};
 use crate::devices::Context;
 use crate::devices::can_bus::{CanPort, Controller};
-use crate::state::{Damaged, Saved, Saving, State};
+use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 
 /// A bit rate that no bus has: before data exchange the device takes no part in CAN (p. 12).
 const NO_RATE: u32 = 0;
@@ -54,7 +54,7 @@ impl CanSide {
 }
 
 /// The gateway is kept here, and not with the other port that has it in common.
-impl State for CanSide {
+impl SnapshotFields for CanSide {
     fn save(&self, to: &mut Saving) {
         let Self { registers: _, gateway, told } = self;
         lock(gateway).save(to);

@@ -11,9 +11,9 @@ use super::{Shared, lock};
 use crate::devices::Context;
 use crate::devices::profibus_bus::{Presence, ProfibusPort, Station};
 use crate::journal::{Finding, Rule};
-use crate::layout::Live;
+use crate::layout::RegisterPhase;
 use crate::profibus::{FunctionCode, Telegram};
-use crate::state;
+use crate::snapshot_fields;
 
 /// Addresses that the switches can give it (p. 9).
 const FIRST_ADDRESS: u32 = 3;
@@ -37,7 +37,7 @@ pub(super) struct DpPort {
     slave: Option<Slave>,
 }
 
-state!(DpPort { values: slave; built: registers, gateway });
+snapshot_fields!(DpPort { values: slave; built: registers, gateway });
 
 impl DpPort {
     pub(super) fn new(registers: Registers, gateway: Shared) -> Self {
@@ -82,7 +82,7 @@ fn find_switches(ctx: &mut Context, rule: &'static Rule, value: u32) {
 
 /// A rule was broken at byte `offset` of the image.
 fn find(ctx: &mut Context, rule: &'static Rule, offset: u32, value: u32) {
-    let (plc, live) = (ctx.origin.plc, Live::Always);
+    let (plc, live) = (ctx.origin.plc, RegisterPhase::Always);
     ctx.journal.find(ctx.now, Finding { rule, plc, offset, live, value, late_us: 0 });
 }
 

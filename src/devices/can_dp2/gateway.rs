@@ -11,7 +11,7 @@ use super::registers::values::{bus_state, can_state, page_state};
 use super::window::{Order, Window};
 use crate::can::{ExtendedId, Filter, Frame, Id, Payload, StandardId};
 use crate::devices::canopen::nmt::Command;
-use crate::state;
+use crate::snapshot_fields;
 use embedded_can::Frame as _;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
@@ -65,7 +65,7 @@ pub(super) struct Gateway {
     has_news: bool,
 }
 
-state!(Gateway {
+snapshot_fields!(Gateway {
     values: on_since, setup, state, has_outputs, wake_at, sync_at, sync_waits, window, pages, frames, is_new, bus, irq_lost,
         msg_lost, has_news;
     built: registers

@@ -6,10 +6,10 @@ use super::registers::{CAN_DP2_MST, FRONT_ADDRESS, MST};
 use super::rules;
 use crate::devices::Context;
 use crate::devices::profibus_bus::{Presence, ProfibusPort, Station};
-use crate::layout::Live;
+use crate::layout::RegisterPhase;
 use crate::memory::{Header, MemoryError, Segment, View};
 use crate::profibus::{Answer, BROADCAST, Frame, FunctionCode, Request, Telegram};
-use crate::state;
+use crate::snapshot_fields;
 use core::mem::offset_of;
 use serde::{Deserialize, Serialize};
 
@@ -41,7 +41,7 @@ pub(super) struct Master {
     fcb: Option<bool>,
 }
 
-state!(Master { values: pending, fcb; built: registers, header });
+snapshot_fields!(Master { values: pending, fcb; built: registers, header });
 
 impl Master {
     pub(super) fn new(segment: &Segment) -> Result<Self, MemoryError> {
@@ -85,7 +85,7 @@ impl Master {
                 let dsap = self.registers.mst_dsap.load();
                 ctx.find(
                     &rules::REQUEST_CHANGED,
-                    Live::Always,
+                    RegisterPhase::Always,
                     offset_of!(CAN_DP2_MST, mst_dsap),
                     dsap.into(),
                 );
@@ -108,7 +108,7 @@ impl Master {
         let at = offset_of!(CAN_DP2_MST, mst_control);
         match registers.mst_control.compare_exchange(mst_control::SEND, mst_control::DONE) {
             Ok(_) => ctx.answered(at, mst_control::SEND, mst_control::DONE),
-            Err(other) => ctx.find(&rules::CONTROL_TAKEN, Live::Always, at, other.into()),
+            Err(other) => ctx.find(&rules::CONTROL_TAKEN, RegisterPhase::Always, at, other.into()),
         }
     }
 }
@@ -137,7 +137,12 @@ impl ProfibusPort for Master {
         match self.request() {
             None => {
                 let dsap = self.registers.mst_dsap.load();
-                ctx.find(&rules::REQUEST, Live::Always, offset_of!(CAN_DP2_MST, mst_dsap), dsap.into());
+                ctx.find(
+                    &rules::REQUEST,
+                    RegisterPhase::Always,
+                    offset_of!(CAN_DP2_MST, mst_dsap),
+                    dsap.into(),
+                );
                 self.finish(ctx, station, mst_result::BAD_REQUEST, &[]);
             }
             Some(frame) => {

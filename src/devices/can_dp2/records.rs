@@ -1,14 +1,14 @@
 //! What the journal tells of a CAN-DP/2.
 
 use super::registers::DEVICE;
-use crate::coded;
-use crate::journal::{Coded, Fields, Kind, Reader, Told};
-use crate::layout::Live;
+use crate::event_kinds;
+use crate::journal::{EventCodec, EventText, Fields, Kind, Reader};
+use crate::layout::RegisterPhase;
 
 /// All kinds.
 pub static KINDS: &[&Kind] = &[DpState::KIND, Refused::KIND, WatchdogOut::KIND, CanState::KIND];
 
-coded! {
+event_kinds! {
     /// The DP slave is in another state (p. 15).
     DpState = 73, "dp_state", Rare, at plc {
         /// As `dp_state`.
@@ -34,11 +34,11 @@ coded! {
 
 /// What a value of a register means.
 fn meaning(register: &str, value: u8) -> String {
-    let place = crate::layout::Place::parse(&crate::layout::Fitted::unknown(&DEVICE), register);
-    place.map_or_else(|_| value.to_string(), |place| place.meaning(Live::Always, value.into()))
+    let place = crate::layout::Place::parse(&crate::layout::DeviceFit::unknown(&DEVICE), register);
+    place.map_or_else(|_| value.to_string(), |place| place.meaning(RegisterPhase::Always, value.into()))
 }
 
-impl Told for DpState {
+impl EventText for DpState {
     fn text(&self, _: &mut Reader) -> String {
         format!("DP slave: {}", meaning("diag.dp_state", self.to))
     }
@@ -48,7 +48,7 @@ impl Told for DpState {
     }
 }
 
-impl Told for Refused {
+impl EventText for Refused {
     fn text(&self, _: &mut Reader) -> String {
         let cause = meaning("diag.ext_cause", self.cause);
         format!("{cause}: number {}, 16#{:02X}", self.number, self.detail)
@@ -59,7 +59,7 @@ impl Told for Refused {
     }
 }
 
-impl Told for WatchdogOut {
+impl EventText for WatchdogOut {
     fn text(&self, _: &mut Reader) -> String {
         "watchdog: no request of the master".to_owned()
     }
@@ -69,7 +69,7 @@ impl Told for WatchdogOut {
     }
 }
 
-impl Told for CanState {
+impl EventText for CanState {
     fn text(&self, _: &mut Reader) -> String {
         format!("CAN: {}", meaning("can.can_state", self.to))
     }

@@ -50,7 +50,7 @@ pub(super) struct Slave {
     heard_at: u64,
     /// The master is to ask for the diagnosis.
     has_diagnosis: bool,
-    /// Told before the port is left.
+    /// EventText before the port is left.
     #[serde(skip)]
     news: Vec<News>,
 }
@@ -163,7 +163,7 @@ impl Slave {
                 }
                 Some(answer)
             }
-            Reaction::Told(frame) => {
+            Reaction::Delivered(frame) => {
                 self.feed(frame.sa, now);
                 self.control(&frame, now, gateway, registers);
                 None

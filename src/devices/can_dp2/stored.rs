@@ -4,7 +4,7 @@ use super::registers::{CAN_DP2_STORED, DEVICE, STORED};
 use crate::devices::{Context, Firmware};
 use crate::layout::Area;
 use crate::memory::{MemoryError, Segment, View};
-use crate::state::{Damaged, Saved, Saving, State};
+use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 use zerocopy::IntoBytes;
 
 /// Their length.
@@ -29,7 +29,7 @@ impl Stored {
     }
 }
 
-impl State for Stored {
+impl SnapshotFields for Stored {
     fn save(&self, to: &mut Saving) {
         let Self { registers: _, stored, generation: _ } = self;
         to.raw(stored);
@@ -53,7 +53,7 @@ impl Firmware for Stored {
         self.keep();
     }
 
-    fn rests(&self) -> bool {
+    fn is_quiescent(&self) -> bool {
         true
     }
 

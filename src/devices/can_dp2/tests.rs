@@ -27,7 +27,7 @@ use crate::devices::{Context, Device, Medium, Power, World};
 use crate::fault::Faults;
 use crate::journal::{Journal, Origin};
 use crate::memory::{HEADER_SIZE, Segment, View};
-use crate::state;
+use crate::snapshot_fields;
 use embedded_can::Frame as _;
 use std::sync::{Arc, Mutex};
 use toml::de::ValueDeserializer;
@@ -47,7 +47,7 @@ struct Wires {
 
 struct Station(Arc<Mutex<Wires>>);
 
-state!(Station { built: 0 });
+snapshot_fields!(Station { built: 0 });
 
 impl CanPort for Station {
     fn look(&mut self, _: &mut Context, controller: &mut Controller) {

@@ -1,8 +1,8 @@
 //! What the journal tells of a node.
 
 use super::nmt::State;
-use crate::coded;
-use crate::journal::{Coded, Fields, Kind, Reader, Told};
+use crate::event_kinds;
+use crate::journal::{EventCodec, EventText, Fields, Kind, Reader};
 
 /// The kind of [`NodeState`], one for all devices that tell of their nodes.
 pub static NODE_STATE: &Kind = NodeState::KIND;
@@ -10,7 +10,7 @@ pub static NODE_STATE: &Kind = NodeState::KIND;
 /// All kinds.
 pub static KINDS: &[&Kind] = &[NODE_STATE];
 
-coded! {
+event_kinds! {
     /// The CANopen node is in another state.
     NodeState = 61, "node_state", Rare, at plc {
         /// As in guarding telegrams.
@@ -31,7 +31,7 @@ fn state(code: u8) -> &'static str {
     }
 }
 
-impl Told for NodeState {
+impl EventText for NodeState {
     fn text(&self, _: &mut Reader) -> String {
         format!("CANopen node {}: {}", self.node, state(self.to))
     }

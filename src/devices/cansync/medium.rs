@@ -5,7 +5,6 @@
 //! manual's table (5.00005.03a p. 125), frame lengths those of the real frames, stuff bits included. A frame that is
 //! so long that it reaches into the next slot keeps that slot's frame waiting (decision D-280).
 
-mod agenda;
 mod command;
 mod config;
 mod disturbance;
@@ -18,6 +17,7 @@ mod own_clock;
 mod ports;
 mod process;
 mod rates;
+mod schedule;
 mod slots;
 #[cfg(test)]
 mod tests;
@@ -33,12 +33,12 @@ use crate::devices::cansync::firmware::{Built, Master, Slave};
 use crate::devices::{Context, Medium, SyncSignal, World};
 use crate::fault::{Faults, Owner};
 use crate::journal::{Journal, Origin};
-use agenda::{Agenda, Slot};
 use core::any::Any;
 use disturbance::Disturbance;
 use drives::Drives;
 use end::{DriveEnd, End, Place};
 use own_clock::OwnClock;
+use schedule::{Schedule, Slot};
 use serde::{Deserialize, Serialize};
 use slots::{OnWire, PLACES};
 
@@ -94,7 +94,7 @@ pub struct SimBus {
     /// Length of the processor cycle in microseconds. 0: each look reads the status of the controller at once.
     processor_cycle_us: u64,
     running: Option<Running>,
-    agenda: Agenda,
+    schedule: Schedule,
     next: u64,
     /// The last frame of each kind; a frame is noted when its slot is fixed, so several may be ahead.
     on_wire: [Option<OnWire>; PLACES],
@@ -146,8 +146,8 @@ impl SimBus {
             frame_length: config.frame_length,
             processor_cycle_us: 0,
             running: None,
-            agenda: Agenda::empty(),
-            next: Agenda::NEVER,
+            schedule: Schedule::empty(),
+            next: Schedule::NEVER,
             on_wire: [None; PLACES],
             reference: [None; 2],
             actual: [None; 2],
@@ -181,17 +181,17 @@ impl SimBus {
         self.stop(now);
         self.running = Some(Running { timing, own_sync, signal: signal_of(timing), start: now });
         if own_sync {
-            self.agenda.set(Slot::Sync, now);
+            self.schedule.set(Slot::Sync, now);
         }
-        self.next = self.agenda.next_time();
+        self.next = self.schedule.next_time();
     }
 
     /// The master was restarted: no more SYNC, no more frames. The drives go on by their own clocks.
     fn stop(&mut self, now: u64) {
         self.running = None;
-        self.agenda.clear();
+        self.schedule.clear();
         self.schedule_own_clock(now);
-        self.next = self.agenda.next_time();
+        self.next = self.schedule.next_time();
         self.on_wire = [None; PLACES];
         self.asked = None;
         self.drive_answer = None;
@@ -201,10 +201,10 @@ impl SimBus {
     /// Handles the slot that is due at `world.now`; tells whether it was a SYNC edge that went out on the line.
     fn slot_due(&mut self, world: &mut World) -> bool {
         let now = world.now;
-        let Some(slot) = self.agenda.take(now) else { return false };
+        let Some(slot) = self.schedule.take(now) else { return false };
         if slot == Slot::OwnClock {
             self.own_clock_event(now);
-            self.next = self.agenda.next_time();
+            self.next = self.schedule.next_time();
             return false;
         }
         let Some(running) = &mut self.running else { return false };
@@ -234,7 +234,7 @@ impl SimBus {
             // Needs no running bus; see above.
             Slot::OwnClock => {}
         }
-        self.next = self.agenda.next_time();
+        self.next = self.schedule.next_time();
         edge
     }
 }
@@ -253,7 +253,7 @@ struct Run<'a> {
 
 impl Run<'_> {
     fn at(&mut self, slot: Slot, offset_us: u32) {
-        self.bus.agenda.set(slot, self.start + u64::from(offset_us));
+        self.bus.schedule.set(slot, self.start + u64::from(offset_us));
     }
 
     /// Runs `f` on the master's firmware.

@@ -5,8 +5,8 @@ use super::bus::{Frame, FrameKind};
 use super::firmware::InitFault;
 use crate::can;
 use crate::can::Id;
-use crate::coded;
-use crate::journal::{Carried, Coded, Fields, Keeping, Kind, Packer, Part, Reader, Told, Unpacker};
+use crate::event_kinds;
+use crate::journal::{Carried, EventCodec, EventText, Fields, Keeping, Kind, Packer, Part, Reader, Unpacker};
 
 /// All kinds.
 pub static KINDS: &[&Kind] = &[
@@ -23,7 +23,7 @@ pub static KINDS: &[&Kind] = &[
     OwnDriveSet::KIND,
 ];
 
-coded! {
+event_kinds! {
     /// Falling edge of the SYNC signal on a bus: an interval begins.
     SyncEdge = 1, "sync", Registers, at bus {}
 
@@ -36,7 +36,7 @@ coded! {
     /// A deadline was missed, so that a frame is left out in this interval.
     Missed = 5, "missed", Missed, at origin {
         /// Which frame.
-        what: Left,
+        what: OmittedFrame,
     }
 
     /// A value in `w_CPU_CONTROL` was ignored.
@@ -122,36 +122,36 @@ pub enum Command {
 
 /// A frame of process data that is left out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Left {
+pub enum OmittedFrame {
     /// Reference value frame 1 or 2 was not released by 16#05 in time.
     ReferenceValue(u8),
     /// Own actual value frame 1 or 2 was asked for but had not been released by 16#05 in time.
     ActualValue(u8),
 }
 
-impl Left {
+impl OmittedFrame {
     /// As short as on the bus: `WRC1`.
     fn frame(self) -> String {
         match self {
-            Left::ReferenceValue(channel) => format!("WRC{channel}"),
-            Left::ActualValue(channel) => format!("RDC{channel}"),
+            OmittedFrame::ReferenceValue(channel) => format!("WRC{channel}"),
+            OmittedFrame::ActualValue(channel) => format!("RDC{channel}"),
         }
     }
 
     fn register(self) -> String {
         match self {
-            Left::ReferenceValue(channel) => format!("b_CTRLREG_WRC{channel}"),
-            Left::ActualValue(channel) => format!("b_CTRLREG_RD_RDC{channel}"),
+            OmittedFrame::ReferenceValue(channel) => format!("b_CTRLREG_WRC{channel}"),
+            OmittedFrame::ActualValue(channel) => format!("b_CTRLREG_RD_RDC{channel}"),
         }
     }
 }
 
-impl Part for Left {
+impl Part for OmittedFrame {
     #[inline]
     fn put(self, packer: &mut Packer) {
         let (kind, channel) = match self {
-            Left::ReferenceValue(channel) => (0, channel),
-            Left::ActualValue(channel) => (1, channel),
+            OmittedFrame::ReferenceValue(channel) => (0, channel),
+            OmittedFrame::ActualValue(channel) => (1, channel),
         };
         packer.put(kind);
         channel.put(packer);
@@ -159,8 +159,8 @@ impl Part for Left {
 
     fn take(unpacker: &mut Unpacker) -> Option<Self> {
         match (unpacker.take(), u8::take(unpacker)?) {
-            (0, channel) => Some(Left::ReferenceValue(channel)),
-            (1, channel) => Some(Left::ActualValue(channel)),
+            (0, channel) => Some(OmittedFrame::ReferenceValue(channel)),
+            (1, channel) => Some(OmittedFrame::ActualValue(channel)),
             _ => None,
         }
     }
@@ -205,7 +205,7 @@ impl Part for Frame {
     }
 }
 
-impl Told for SyncEdge {
+impl EventText for SyncEdge {
     #[inline]
     fn keeping(&self) -> Keeping {
         Keeping::Counted
@@ -241,7 +241,7 @@ fn hex(frame: &Frame) -> String {
     frame.data().iter().map(|byte| format!("{byte:02X}")).collect()
 }
 
-impl Told for Transmitted {
+impl EventText for Transmitted {
     fn text(&self, _: &mut Reader) -> String {
         frame_text(&self.frame)
     }
@@ -260,7 +260,7 @@ impl Told for Transmitted {
     }
 }
 
-impl Told for ForeignFrame {
+impl EventText for ForeignFrame {
     fn text(&self, _: &mut Reader) -> String {
         format!("{} from guest{}, outside of the slots", frame_text(&self.frame), self.guest)
     }
@@ -274,7 +274,7 @@ impl Told for ForeignFrame {
     }
 }
 
-impl Told for Missed {
+impl EventText for Missed {
     #[inline]
     fn keeping(&self) -> Keeping {
         Keeping::Counted
@@ -290,7 +290,7 @@ impl Told for Missed {
     }
 }
 
-impl Told for CommandIgnored {
+impl EventText for CommandIgnored {
     fn text(&self, reader: &mut Reader) -> String {
         let control = reader.of_port(self.origin, "w_CPU_CONTROL");
         let why = match self.why {
@@ -311,7 +311,7 @@ impl Told for CommandIgnored {
     }
 }
 
-impl Told for InitRefused {
+impl EventText for InitRefused {
     fn text(&self, _: &mut Reader) -> String {
         format!("initialization data refused: {}", self.fault)
     }
@@ -321,7 +321,7 @@ impl Told for InitRefused {
     }
 }
 
-impl Told for SlaveStatus {
+impl EventText for SlaveStatus {
     fn text(&self, reader: &mut Reader) -> String {
         let register = reader.of_port(self.origin, &format!("a_STAT_SL[{}]", self.slave));
         let status = self.status.into();
@@ -335,7 +335,7 @@ impl Told for SlaveStatus {
     }
 }
 
-impl Told for DriveSet {
+impl EventText for DriveSet {
     fn text(&self, _: &mut Reader) -> String {
         format!("drive {}: P{} set to {} by hand", self.slave, self.number, self.value as i32)
     }
@@ -345,7 +345,7 @@ impl Told for DriveSet {
     }
 }
 
-impl Told for OwnDriveSet {
+impl EventText for OwnDriveSet {
     fn text(&self, _: &mut Reader) -> String {
         format!("drive: P{} set to {} by hand", self.number, self.value as i32)
     }
@@ -355,7 +355,7 @@ impl Told for OwnDriveSet {
     }
 }
 
-impl Told for DriveBaudRateMismatch {
+impl EventText for DriveBaudRateMismatch {
     fn text(&self, _: &mut Reader) -> String {
         let DriveBaudRateMismatch { slave, drive_kbit_s, bus_kbit_s, .. } = self;
         format!(
@@ -369,7 +369,7 @@ impl Told for DriveBaudRateMismatch {
     }
 }
 
-impl Told for BaudRateMismatch {
+impl EventText for BaudRateMismatch {
     fn text(&self, _: &mut Reader) -> String {
         let BaudRateMismatch { node_kbit_s, bus_kbit_s, .. } = self;
         if self.passes_on {

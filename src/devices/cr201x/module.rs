@@ -15,7 +15,7 @@ use crate::devices::canopen::nmt::{Command, State};
 use crate::devices::canopen::records::NodeState;
 use crate::devices::canopen::sdo::Server;
 use crate::memory::{Face, MemoryError, Segment, View};
-use crate::state;
+use crate::snapshot_fields;
 use embedded_can::{Frame as _, Id, StandardId};
 
 /// Errors that it tells of: an open line, as p. 44 has it of a CS0015, and no guarding.
@@ -60,7 +60,7 @@ pub(super) struct Module {
     out: Vec<Frame>,
 }
 
-state!(Module {
+snapshot_fields!(Module {
     values: written, channels, is_on, state, told_state, guarding, guarded, server, errors, told, waiting, outputs, out;
     built: node, registers, face
 });

@@ -4,7 +4,7 @@
 use super::ram::Registers;
 use super::registers::DEVICE;
 use crate::devices::canopen::pdo::Transmission;
-use crate::state;
+use crate::snapshot_fields;
 use embedded_can::StandardId;
 use serde::{Deserialize, Serialize};
 
@@ -110,7 +110,7 @@ pub(super) struct Communication {
     entered: [u8; 4],
 }
 
-state!(Communication { values: node, sdo, receive, transmit, asked, entered; built: factory });
+snapshot_fields!(Communication { values: node, sdo, receive, transmit, asked, entered; built: factory });
 
 impl Communication {
     pub(super) fn new(factory: Factory) -> Self {

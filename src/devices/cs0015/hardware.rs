@@ -12,7 +12,7 @@ use crate::fault::{self, Faults, Hit, Owner};
 use crate::layout::Area;
 use crate::memory::header::BoardSetting;
 use crate::memory::{Face, MemoryError, Segment, View};
-use crate::state::{Damaged, Saved, Saving, State};
+use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 use serde::{Deserialize, Serialize};
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -100,7 +100,7 @@ impl Hardware {
     }
 }
 
-impl State for Hardware {
+impl SnapshotFields for Hardware {
     fn save(&self, to: &mut Saving) {
         let Self { retained, shared, flags: _, face: _, has_program: _, pulses, events } = self;
         retained.save(to);
@@ -149,7 +149,7 @@ impl Firmware for Hardware {
         self.retained.keep();
     }
 
-    fn strike(&mut self, _: u64, effect: &fault::Effect) -> Option<Hit> {
+    fn fire(&mut self, _: u64, effect: &fault::Effect) -> Option<Hit> {
         if !self.is_at_work() {
             return None;
         }

@@ -15,7 +15,7 @@ use crate::devices::canopen::nmt::State;
 use crate::devices::canopen::pdo::{Receive, Transmit};
 use crate::devices::canopen::sdo::Server;
 use crate::devices::canopen::supervision::Supervision;
-use crate::state;
+use crate::snapshot_fields;
 use embedded_can::{Frame as _, Id, StandardId};
 
 /// Errors that it tells of, and their bits of the error register (p. 44).
@@ -76,7 +76,7 @@ pub(super) struct Node {
     out: Vec<Frame>,
 }
 
-state!(Node {
+snapshot_fields!(Node {
     values: direct, identifiers, state, guarded, sync, server, errors, receive, transmit, has_sync, has_moved,
         has_can_error, is_open, out;
     parts: communication;

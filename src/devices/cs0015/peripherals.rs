@@ -13,7 +13,7 @@ use super::registers::{
 use super::serial::Serial;
 use super::slow_inputs::SlowInputs;
 use super::watch::{Found, Watch};
-use crate::state;
+use crate::snapshot_fields;
 
 const MHZ: [usize; INPUTS] = [FRONT_MHZ_0, FRONT_MHZ_1, FRONT_MHZ_2, FRONT_MHZ_3];
 const TURN: [usize; ENCODERS] = [FRONT_TURN_0, FRONT_TURN_1];
@@ -42,10 +42,10 @@ pub(super) struct Peripherals {
     shown: Option<(Pwm, Lcd, bool)>,
 }
 
-state!(Peripherals {
+snapshot_fields!(Peripherals {
     values: pwm, fast_inputs, slow_inputs, lcd, serial, eeprom, on_since, shown;
     parts: watch;
-    // Told before the port is left.
+    // EventText before the port is left.
     built: findings
 });
 

@@ -24,7 +24,7 @@ use crate::devices::canopen::records::NodeState;
 use crate::devices::records::BoardEvent;
 use crate::devices::{Context, program};
 use crate::journal::Finding;
-use crate::layout::Live;
+use crate::layout::RegisterPhase;
 use crate::memory::header::{ProgramState, Start};
 use embedded_can::{Frame as _, Id, StandardId};
 
@@ -92,7 +92,7 @@ pub(super) struct Firmware {
     pulses: Pulses,
 }
 
-crate::state!(Firmware {
+crate::snapshot_fields!(Firmware {
     values: state, told, is_stopped, end_at, begun_at, is_overdue, nmt, master, under_way, cycles, outputs, diagnosis, interrupt, can_errors;
     parts: node, peripherals;
     // What the device itself knows it keeps itself.
@@ -342,7 +342,7 @@ impl Firmware {
         self.can_errors.look(&self.node.registers.flags, controller);
         self.diagnose(ctx);
         for (rule, offset, value) in self.peripherals.findings.drain(..) {
-            let (plc, live) = (ctx.origin.plc, Live::Always);
+            let (plc, live) = (ctx.origin.plc, RegisterPhase::Always);
             ctx.journal.find(ctx.now, Finding { rule, plc, offset, live, value, late_us: 0 });
         }
         let has_error = self.node.registers.flags.ERROR.load() != bool::FALSE;

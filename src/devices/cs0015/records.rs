@@ -1,15 +1,15 @@
 //! What the journal tells of a CS0015.
 
 use super::registers::DEVICE;
-use crate::coded;
 use crate::devices::canopen::records::NODE_STATE;
-use crate::journal::{Coded, Fields, Kind, Reader, Told};
+use crate::event_kinds;
+use crate::journal::{EventCodec, EventText, Fields, Kind, Reader};
 
 /// All kinds.
 pub static KINDS: &[&Kind] =
     &[ControllerState::KIND, NODE_STATE, CommandRefused::KIND, JobRefused::KIND, Watchdog::KIND];
 
-coded! {
+event_kinds! {
     /// The controller is in another operating state (p. 13).
     ControllerState = 60, "controller_state", Rare, at plc {
         /// As `state` of the front.
@@ -69,7 +69,7 @@ fn called(word: &str, value: u8) -> String {
     word.map_or_else(|| value.to_string(), |word| word.called(value.into()))
 }
 
-impl Told for ControllerState {
+impl EventText for ControllerState {
     fn text(&self, _: &mut Reader) -> String {
         format!("controller: {}", called("state", self.to))
     }
@@ -79,7 +79,7 @@ impl Told for ControllerState {
     }
 }
 
-impl Told for CommandRefused {
+impl EventText for CommandRefused {
     fn text(&self, _: &mut Reader) -> String {
         let why = Refused::text(self.why);
         format!("command of the programming system refused ({}): {why}", called("program", self.command))
@@ -90,7 +90,7 @@ impl Told for CommandRefused {
     }
 }
 
-impl Told for JobRefused {
+impl EventText for JobRefused {
     fn text(&self, _: &mut Reader) -> String {
         let [function, error] = self.called();
         format!("job refused: {function}: {error}")
@@ -102,7 +102,7 @@ impl Told for JobRefused {
     }
 }
 
-impl Told for Watchdog {
+impl EventText for Watchdog {
     fn text(&self, _: &mut Reader) -> String {
         "watchdog: the program has not ended its cycle within 200 ms; the device is reset".to_owned()
     }

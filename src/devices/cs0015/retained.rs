@@ -5,7 +5,7 @@ use super::registers::values::loaded;
 use super::registers::{CS0015_PARAMETERS, DEVICE, PARAMETERS};
 use crate::layout::Area;
 use crate::memory::{MemoryError, Segment, View};
-use crate::state::{Damaged, Saved, Saving, State};
+use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 use core::mem::offset_of;
 use zerocopy::IntoBytes;
 
@@ -28,7 +28,7 @@ pub(super) struct Retained {
     generation: u32,
 }
 
-impl State for Retained {
+impl SnapshotFields for Retained {
     fn save(&self, to: &mut Saving) {
         let Self { parameters: _, segment: _, stored, generation: _ } = self;
         to.raw(stored);

@@ -23,7 +23,7 @@ use crate::devices::samples::master::{Wires, bus_with, cycle};
 use crate::devices::{Context, Device, Look, Medium, Power, fault_kinds};
 use crate::fault::{FaultSpec, Faults, Owner};
 use crate::journal::{Journal, Names, Origin};
-use crate::layout::Fitted;
+use crate::layout::DeviceFit;
 use crate::memory::Segment;
 use embedded_can::{Frame as _, Id, StandardId};
 use std::sync::{Arc, Mutex};
@@ -109,7 +109,7 @@ impl Bench {
         let names = Names {
             plcs: vec!["panel".to_owned()],
             buses: vec!["open".to_owned()],
-            devices: vec![Fitted::unknown(&DEVICE)],
+            devices: vec![DeviceFit::unknown(&DEVICE)],
         };
         let words: Vec<_> = words.iter().copied().chain(["plc=panel"]).collect();
         let spec = FaultSpec::from_words(fault_kinds(), kind, &words).unwrap();
@@ -132,7 +132,7 @@ impl Bench {
             faults.advance(*now, journal);
             device.faults_changed(faults);
         }
-        faults.strike_all(*now, journal, |_, target, effect| device.strike(*now, target, effect));
+        faults.fire_all(*now, journal, |_, target, effect| device.fire(*now, target, effect));
         let origin = Origin { plc: 0, node: 0 };
         match device.look(&mut Context { now: *now, journal, origin, base: 0 }) {
             Look::Off => self.stop(),

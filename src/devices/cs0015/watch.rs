@@ -4,7 +4,7 @@ use super::ram::{Registers, UNNAMED};
 use super::registers::OUTPUTS;
 use super::rules;
 use crate::journal::Rule;
-use crate::state::{Damaged, Saved, Saving, State};
+use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 
 /// A rule that was broken: where, and the value.
 pub(super) type Found = (&'static Rule, u32, u32);
@@ -21,7 +21,7 @@ impl Default for Watch {
     }
 }
 
-impl State for Watch {
+impl SnapshotFields for Watch {
     fn save(&self, to: &mut Saving) {
         let Self { unnamed } = self;
         to.raw(unnamed);

@@ -11,9 +11,9 @@ use crate::devices::omega_drive_line_2::registers::{
 };
 use crate::devices::omega_drive_line_2::rules;
 use crate::devices::records::{BoardEvent, OnBoard};
-use crate::layout::Live;
+use crate::layout::RegisterPhase;
 use crate::memory::{MemoryError, Segment, View};
-use crate::state::{Damaged, Saved, Saving, State};
+use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 use core::mem::offset_of;
 use std::net::Ipv4Addr;
 use zerocopy::{FromBytes, IntoBytes};
@@ -52,7 +52,7 @@ pub struct Ethernet {
     generation: u32,
 }
 
-impl State for Ethernet {
+impl SnapshotFields for Ethernet {
     fn save(&self, to: &mut Saving) {
         let Self { config: _, diagnose: _, speed: _, dip, stored, seen, generation: _ } = self;
         to.value(&(dip, stored, seen));
@@ -118,14 +118,14 @@ impl Ethernet {
 
     /// Whether a look finds nothing to do.
     #[inline]
-    pub(super) fn looks_in_vain(&self) -> bool {
+    pub(super) fn poll_changes_nothing(&self) -> bool {
         self.watched() == self.seen
     }
 
     /// One look at the two registers that matter at once.
     #[inline]
     pub fn look(&mut self, ctx: &mut Context) {
-        if !self.looks_in_vain() {
+        if !self.poll_changes_nothing() {
             self.take(ctx);
         }
     }
@@ -148,7 +148,7 @@ impl Ethernet {
         }
         self.report(ctx, |config, address| BoardEvent::AddressRefused { config, address });
         let offset = ETHERNET_CONFIG + offset_of!(ETHERNET_CONFIG_BMSTRUCT, a_IP_ADDRESS) + 3;
-        ctx.find(&rules::IP_ADDRESS, Live::Always, offset, address.octets()[3].into());
+        ctx.find(&rules::IP_ADDRESS, RegisterPhase::Always, offset, address.octets()[3].into());
         self.put_back();
         self.keep();
         self.show(true);

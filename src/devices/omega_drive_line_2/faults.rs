@@ -73,7 +73,7 @@ pub(super) fn pace(faults: &mut Faults, now: u64, plc: u16, has_waited: bool, jo
     let owner = Owner::Device(plc);
     let is_silent = faults.acting(owner).any(|(_, effect)| matches!(effect, Effect::Silent));
     let mut pace = Pace::AtOnce;
-    faults.strike(now, owner, journal, |_, effect: &Effect, _| {
+    faults.fire(now, owner, journal, |_, effect: &Effect, _| {
         match *effect {
             Effect::Silent => pace = Pace::Never,
             Effect::Slow(us) if !is_silent && !has_waited => {

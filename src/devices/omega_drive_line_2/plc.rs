@@ -21,7 +21,7 @@ use crate::journal::{Journal, Origin};
 use crate::layout;
 use crate::memory::header::BoardSetting;
 use crate::memory::{Face, Header, Segment};
-use crate::state;
+use crate::snapshot_fields;
 
 /// Numbers of the two ports.
 pub(super) const SLAVE: u8 = 1;
@@ -47,7 +47,7 @@ pub struct Plc {
     slave_is_on_bus: bool,
 }
 
-state!(Plc { values: slave_is_on_bus; parts: baps, board, ethernet; built: index, name, segment, face });
+snapshot_fields!(Plc { values: slave_is_on_bus; parts: baps, board, ethernet; built: index, name, segment, face });
 
 impl Plc {
     /// Device number `index` of the plant, and its ports, which are still to be plugged in.
@@ -232,12 +232,12 @@ impl Device for Plc {
         self.ethernet.look(ctx);
     }
 
-    fn rests(&self) -> bool {
+    fn is_quiescent(&self) -> bool {
         !self.board.has_changed()
     }
 
-    fn looks_in_vain(&self) -> bool {
-        !self.has_changed() && (!self.is_up() || self.ethernet.looks_in_vain())
+    fn poll_changes_nothing(&self) -> bool {
+        !self.has_changed() && (!self.is_up() || self.ethernet.poll_changes_nothing())
     }
 
     #[inline]
@@ -255,7 +255,7 @@ impl Device for Plc {
         }
     }
 
-    fn strike(&mut self, now: u64, _: Target, effect: &fault::Effect) -> Option<Hit> {
+    fn fire(&mut self, now: u64, _: Target, effect: &fault::Effect) -> Option<Hit> {
         match *effect.get()? {
             Effect::Trip(fault) => {
                 (self.board.has_supply() && self.baps.trip(now, fault)).then_some(Hit::Plain)

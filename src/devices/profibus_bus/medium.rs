@@ -12,12 +12,12 @@ use super::visitors::{Visitors, guest_of};
 use crate::can::ErrorCounters;
 use crate::check::{OwnedWatch, rules};
 use crate::devices::{BuildError, Context, GuestRefusal, Medium, StationState, SyncSignal, World};
-use crate::door::{Guest, Said};
+use crate::door::{BusMessage, Guest};
 use crate::fault::{Effect, Hit, Target};
 use crate::journal::{Event, Finding, Journal, Origin};
 use crate::profibus::{BusRate, FunctionCode, Line, MIN_TSDR_BITS, SYN_BITS, Sending, Telegram};
-use crate::state;
-use crate::state::{Damaged, Saved, Saving, State};
+use crate::snapshot_fields;
+use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 use core::any::Any;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -35,7 +35,7 @@ struct End {
     is_on: bool,
 }
 
-state!(End { values: is_on; parts: port, station, watch; built: origin, base });
+snapshot_fields!(End { values: is_on; parts: port, station, watch; built: origin, base });
 
 impl End {
     /// Runs its firmware at this bit time.
@@ -257,7 +257,7 @@ impl ProfibusBus {
     }
 }
 
-impl State for ProfibusBus {
+impl SnapshotFields for ProfibusBus {
     fn save(&self, to: &mut Saving) {
         let Self {
             index: _,
@@ -406,7 +406,7 @@ impl Medium for ProfibusBus {
     fn guest_sends(
         &mut self,
         guest: u8,
-        said: &Said,
+        said: &BusMessage,
         now: u64,
         journal: &mut Journal,
     ) -> Result<(), GuestRefusal> {
@@ -424,10 +424,10 @@ impl Medium for ProfibusBus {
     }
 
     /// The segment itself has no faults; those of its ports are their devices'.
-    fn strike(&mut self, now: u64, target: Target, effect: &Effect) -> Option<Hit> {
+    fn fire(&mut self, now: u64, target: Target, effect: &Effect) -> Option<Hit> {
         let Target::Port { device: plc, port: node } = target else { return None };
         let end = self.ends.iter_mut().find(|end| end.origin == Origin { plc, node })?;
-        let hit = end.port.strike(now, effect);
+        let hit = end.port.fire(now, effect);
         self.plan(now);
         hit
     }

@@ -6,8 +6,8 @@ use crate::journal::Origin;
 use crate::layout::Device;
 use crate::memory::Segment;
 use crate::profibus::{BusRate, Telegram};
-use crate::state;
-use crate::state::State;
+use crate::snapshot_fields;
+use crate::snapshot_fields::SnapshotFields;
 use serde::{Deserialize, Serialize};
 
 /// What is to be seen of a station from outside.
@@ -23,7 +23,7 @@ pub struct Presence {
 
 /// The firmware of a device's port at PROFIBUS. What happens on the line it is told at once, with the bit time in its
 /// [`Station`]; its own times are microseconds of emulated time.
-pub trait ProfibusPort: Send + State {
+pub trait ProfibusPort: Send + SnapshotFields {
     /// The device starts.
     fn power_on(&mut self, ctx: &mut Context, station: &mut Station) {
         let _ = (ctx, station);
@@ -74,7 +74,7 @@ pub trait ProfibusPort: Send + State {
     }
 
     /// A fault of the device acts on the port, at its begin or in a processor cycle: does it hit?
-    fn strike(&mut self, now: u64, effect: &Effect) -> Option<Hit> {
+    fn fire(&mut self, now: u64, effect: &Effect) -> Option<Hit> {
         let _ = (now, effect);
         None
     }
@@ -120,7 +120,7 @@ pub struct Station {
     pub(super) alarm: Option<u64>,
 }
 
-state!(Station { values: now, intent, alarm; built: rate, slot_bits });
+snapshot_fields!(Station { values: now, intent, alarm; built: rate, slot_bits });
 
 impl Station {
     pub(super) fn new(rate: BusRate, slot_bits: u64) -> Self {

@@ -1,13 +1,13 @@
 //! What the journal tells about PROFIBUS: its telegrams.
 
-use crate::coded;
-use crate::journal::{Coded, Fields, Kind, Octets, Origin, Reader, Told};
+use crate::event_kinds;
+use crate::journal::{EventCodec, EventText, Fields, Kind, Octets, Origin, Reader};
 use crate::profibus::{Frame, Telegram};
 
 /// All kinds.
 pub static KINDS: &[&Kind] = &[DpTelegram::KIND, DpShort::KIND, DpGarbled::KIND];
 
-coded! {
+event_kinds! {
     /// A request or an answer was on the line; the time is its end, in whole microseconds rounded up.
     DpTelegram = 70, "dp_telegram", Traffic, at bus {
         /// Whose it is.
@@ -97,7 +97,7 @@ pub(super) fn short(bus: u16, sender: Origin, telegram: &Telegram) -> Option<DpS
     Some(DpShort { bus, sender, token })
 }
 
-impl Told for DpTelegram {
+impl EventText for DpTelegram {
     fn text(&self, reader: &mut Reader) -> String {
         let [da, sa, fc, _] = self.head.to_le_bytes();
         let [there, here] = self.saps().map(|sap| sap.map_or_else(String::new, |sap| format!("/{sap}")));
@@ -145,7 +145,7 @@ impl DpShort {
     }
 }
 
-impl Told for DpShort {
+impl EventText for DpShort {
     fn text(&self, reader: &mut Reader) -> String {
         let from = reader.port(self.sender);
         match self.stations() {
@@ -168,7 +168,7 @@ impl Told for DpShort {
     }
 }
 
-impl Told for DpGarbled {
+impl EventText for DpGarbled {
     fn text(&self, reader: &mut Reader) -> String {
         format!("{} octets from {} that nobody understands", self.octets, reader.port(self.sender))
     }

@@ -4,10 +4,10 @@
 //! own, what it says waits until the line has been idle for as long as the standard has it (decision D-357).
 
 use crate::devices::GuestRefusal;
-use crate::door::{Guest, Said};
+use crate::door::{BusMessage, Guest};
 use crate::journal::Origin;
 use crate::profibus::{Burst, BusRate, FunctionCode, MIN_TSDR_BITS, SYN_BITS, Sending, Telegram};
-use crate::state::{Damaged, Saved, Saving, State};
+use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -78,7 +78,7 @@ struct Visitor {
 #[derive(Default)]
 pub(super) struct Visitors(Vec<Visitor>);
 
-impl State for Visitors {
+impl SnapshotFields for Visitors {
     fn save(&self, to: &mut Saving) {
         let kept = self.0.iter().map(|Visitor { number, address, ear: _, is_leaving, to_say }| {
             (number, address, is_leaving, to_say)
@@ -142,11 +142,11 @@ impl Visitors {
     pub(super) fn say(
         &mut self,
         number: u8,
-        said: &Said,
+        said: &BusMessage,
         now: u64,
         rate: BusRate,
     ) -> Result<(), GuestRefusal> {
-        let Said::Burst(Burst { begin, octets }) = said else { return Err(GuestRefusal::NotHere) };
+        let BusMessage::Burst(Burst { begin, octets }) = said else { return Err(GuestRefusal::NotHere) };
         let visitor = self.get(number).ok_or(GuestRefusal::NotHere)?;
         let ahead_us = rate.us_at(begin.saturating_sub(now));
         if ahead_us > MOST_AHEAD_US {
@@ -205,7 +205,7 @@ impl Visitors {
         let others = self.0.iter().filter(|it| sender_of(it.number) != sending.sender);
         for ear in others.filter_map(|it| it.ear.as_ref()) {
             let burst = Burst { begin: sending.begin, octets: sending.octets.clone() };
-            ear.hear(time_us, Said::Burst(burst));
+            ear.hear(time_us, BusMessage::Burst(burst));
         }
     }
 }

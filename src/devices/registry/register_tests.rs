@@ -1,8 +1,8 @@
 //! Which devices can be added, and when.
 
 use super::*;
-use crate::coded;
-use crate::journal::{Coded, Fields, Reader, Told};
+use crate::event_kinds;
+use crate::journal::{EventCodec, EventText, Fields, Reader};
 use crate::rules;
 
 rules! {
@@ -10,7 +10,7 @@ rules! {
     SAME_NUMBER: 250, "other", Warning, "p. 1", "Something was done. Something else would be right.";
 }
 
-coded! {
+event_kinds! {
     /// Has the number of a frame.
     NumberOfFrames = 2, "own", Rare, at plc {}
 
@@ -18,7 +18,7 @@ coded! {
     NameOfFrames = 250, "frame", Rare, at plc {}
 }
 
-impl Told for NumberOfFrames {
+impl EventText for NumberOfFrames {
     fn text(&self, _: &mut Reader) -> String {
         "own".to_owned()
     }
@@ -28,7 +28,7 @@ impl Told for NumberOfFrames {
     }
 }
 
-impl Told for NameOfFrames {
+impl EventText for NameOfFrames {
     fn text(&self, _: &mut Reader) -> String {
         "own".to_owned()
     }

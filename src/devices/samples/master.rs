@@ -7,7 +7,7 @@ use crate::devices::{Context, Medium, Plug, World};
 use crate::fault::Faults;
 use crate::journal::{Journal, Origin};
 use crate::memory::{HEADER_SIZE, Segment};
-use crate::state;
+use crate::snapshot_fields;
 use embedded_can::{Frame as _, Id};
 use std::sync::{Arc, Mutex};
 use toml::de::ValueDeserializer;
@@ -32,7 +32,7 @@ impl Wires {
 
 struct Master(Arc<Mutex<Wires>>);
 
-state!(Master { built: 0 });
+snapshot_fields!(Master { built: 0 });
 
 impl CanPort for Master {
     fn look(&mut self, _: &mut Context, controller: &mut Controller) {

@@ -1,14 +1,14 @@
 use super::super::testing::{Edge, Packet, catalogue};
 use super::*;
 use crate::journal::{By, Event, How};
-use crate::layout::Live;
+use crate::layout::RegisterPhase;
 
 fn record(seq: u64, time_us: u64, event: impl Into<Event>) -> Record {
     Record { seq, time_us, event: event.into(), count: 1, period_us: 0, latency_us: None }
 }
 
 fn changed(offset: u32, from: u32, to: u32) -> Changed {
-    let how = How { width: Width::Byte, by: By::Program, live: Live::Always };
+    let how = How { width: Width::Byte, by: By::Program, live: RegisterPhase::Always };
     Changed { plc: 0, offset, how, from, to }
 }
 

@@ -2,7 +2,7 @@
 
 use crate::devices::samples::tables::NODES as DEVICE;
 use crate::devices::samples::tables::SLOTS;
-use crate::layout::{Fit, Fitted, LayoutError, Named, Role, split_plc};
+use crate::layout::{DeviceFit, Fit, LayoutError, Named, Role, split_plc};
 
 fn error(name: &str) -> String {
     DEVICE.register(name).unwrap_err().to_string()
@@ -94,7 +94,7 @@ fn a_block_or_a_pattern_is_not_one_register() {
     let variable = DEVICE.area("node2").unwrap().structures.last().unwrap().variable;
     assert!(error(variable).contains("is a block of registers"));
     assert!(error("node2.a_STAT_SL[0..3]").contains("can mean several registers"));
-    let named = |name: &str| Fitted::unknown(&DEVICE).area_or_registers(name);
+    let named = |name: &str| DeviceFit::unknown(&DEVICE).area_or_registers(name);
     assert!(matches!(named("node2"), Ok(Named::Area(area)) if area.name == "node2"));
     assert!(matches!(named("node2.a_STAT_SL"), Ok(Named::Registers(all)) if all.len() == 32));
     assert!(matches!(named("a_STAT_SL"), Ok(Named::Registers(all)) if all.len() == 32));
@@ -167,8 +167,8 @@ fn a_name_may_stand_for_many_registers() {
     assert!(DEVICE.registers("node2.nothing").is_err());
 }
 
-fn slot_g(fit: Fit) -> Fitted {
-    Fitted::unknown(&SLOTS).with(1, fit)
+fn slot_g(fit: Fit) -> DeviceFit {
+    DeviceFit::unknown(&SLOTS).with(1, fit)
 }
 
 #[test]

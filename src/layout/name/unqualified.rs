@@ -1,7 +1,7 @@
 //! Names with nothing in front that says where the register lies.
 
 use super::super::nearest::did_you_mean;
-use super::{Area, Block, Fit, Fitted, LayoutError, RegisterRef};
+use super::{Area, Block, DeviceFit, Fit, LayoutError, RegisterRef};
 use std::collections::BTreeSet;
 
 /// Most names that are told where one is ambiguous.
@@ -16,7 +16,7 @@ pub(super) enum Split<'a> {
 }
 
 impl<'a> Split<'a> {
-    pub(super) fn of(fitted: &Fitted, name: &'a str) -> Result<Self, LayoutError> {
+    pub(super) fn of(fitted: &DeviceFit, name: &'a str) -> Result<Self, LayoutError> {
         let Some((front, path)) = name.split_once('.') else {
             return match fitted.block(name) {
                 Ok(_) => Err(LayoutError::NotOneRegister { name: name.to_owned() }),
@@ -48,15 +48,15 @@ impl<'a> Split<'a> {
 pub enum Named {
     /// The area.
     Area(&'static Area),
-    /// Registers, as [`Fitted::registers`] finds them.
+    /// Registers, as [`DeviceFit::registers`] finds them.
     Registers(Vec<RegisterRef>),
 }
 
-impl Fitted {
+impl DeviceFit {
     /// The area or the registers that `name` stands for.
     ///
     /// # Errors
-    /// As [`Fitted::registers`]; [`LayoutError::UnknownArea`] if `name` looks rather like an area's.
+    /// As [`DeviceFit::registers`]; [`LayoutError::UnknownArea`] if `name` looks rather like an area's.
     pub fn area_or_registers(&self, name: &str) -> Result<Named, LayoutError> {
         let area = match self.device().area(name) {
             Ok(area) => return Ok(Named::Area(area)),

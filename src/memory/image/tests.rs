@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::devices::samples::tables::SLOTS;
-use crate::layout::{Device, Fit, Fitted, Role};
+use crate::layout::{Device, DeviceFit, Fit, Role};
 use crate::memory::{
     AttachMode, Width,
     header::{ABI_VERSION, name},
@@ -343,7 +343,7 @@ fn the_header_page_tells_areas_and_ports() {
 #[test]
 fn the_header_page_tells_what_the_ports_are() {
     let header = Header::new_box_zeroed().unwrap();
-    let known = Fitted::unknown(&SLOTS).with(1, Fit::As(Role::Master)).with(2, Fit::As(Role::Slave));
+    let known = DeviceFit::unknown(&SLOTS).with(1, Fit::As(Role::Master)).with(2, Fit::As(Role::Slave));
     header.describe(&SLOTS);
     header.set_fitted(&known);
     let told = header.fitted(&SLOTS);

@@ -2,7 +2,7 @@
 
 use super::Snapshot;
 use crate::plant::{PlantConfig, PlantError};
-use crate::state::{Damaged, Saved, Saving, seal, unseal};
+use crate::snapshot_fields::{Damaged, Saved, Saving, seal, unseal};
 
 /// What such a file begins with.
 const MAGIC: [u8; 8] = *b"cmrmsnap";

@@ -3,7 +3,7 @@
 use super::*;
 use crate::memory::Segment;
 use crate::plant::PlantConfig;
-use crate::state::{seal, unseal};
+use crate::snapshot_fields::{seal, unseal};
 use std::sync::{Mutex, PoisonError};
 
 fn plant(text: &str) -> Plant {

@@ -2,7 +2,7 @@ use super::*;
 use crate::devices;
 use crate::devices::samples::tables::NODES as DEVICE;
 use crate::fault::{Fault, FaultSpec, FaultStatus};
-use crate::layout::{Fitted, Place};
+use crate::layout::{DeviceFit, Place};
 use crate::memory::Width;
 use crate::request::MAX_ADVANCE_US;
 use crate::request::testing::{RAM, TestHost};
@@ -79,7 +79,7 @@ fn a_wait_has_one_condition_at_least_and_32_at_most_and_each_can_hold() {
 
 /// Writes a register of PLC 0 by its name.
 fn set(name: &str, value: u32) -> Op {
-    let place = Place::parse(&Fitted::unknown(&DEVICE), name).unwrap();
+    let place = Place::parse(&DeviceFit::unknown(&DEVICE), name).unwrap();
     poke(place.offset(), place.width(), value)
 }
 
@@ -87,7 +87,7 @@ fn set(name: &str, value: u32) -> Op {
 fn with_sync() -> TestHost {
     let mut host = TestHost::new(true);
     let status = |value| {
-        let place = Place::parse(&Fitted::unknown(&DEVICE), "node2.w_OPTION_STATUS").unwrap();
+        let place = Place::parse(&DeviceFit::unknown(&DEVICE), "node2.w_OPTION_STATUS").unwrap();
         let (offset, width) = (place.offset(), place.width());
         Op::Wait { plc: 0, offset, width, mask: 0xFFFF, value, within_us: 10_000 }
     };

@@ -2,7 +2,7 @@
 
 use super::Bench;
 use super::register::Register;
-use crate::layout::Live;
+use crate::layout::RegisterPhase;
 use crate::script::{Failure, Numbers, ScenarioError, Span, Value};
 use crate::time::{seconds, short};
 use core::panic::Location;
@@ -219,7 +219,7 @@ impl Bench {
     fn register_failure(
         &mut self,
         register: &Register,
-        live: Live,
+        live: RegisterPhase,
         what: String,
         expected: String,
         found: u32,
@@ -235,20 +235,20 @@ impl Bench {
 }
 
 /// What was awaited, as short as possible.
-fn wanted(register: &Register, live: Live, mask: u32, value: u32) -> String {
+fn wanted(register: &Register, live: RegisterPhase, mask: u32, value: u32) -> String {
     let (whole, _) = register.pattern(0);
     let text = register.place.format(live, value);
     if mask == whole { text } else { format!("{text} under mask {}", register.place.format(live, mask)) }
 }
 
 /// What was awaited, decoded if all bits count.
-fn expected(register: &Register, live: Live, mask: u32, value: u32) -> String {
+fn expected(register: &Register, live: RegisterPhase, mask: u32, value: u32) -> String {
     let (whole, _) = register.pattern(0);
     if mask == whole { register.describe(live, value, false) } else { wanted(register, live, mask, value) }
 }
 
 /// What was awaited and what was found, as numbers.
-fn numbers(register: &Register, live: Live, mask: u32, value: u32, found: u32) -> Numbers {
+fn numbers(register: &Register, live: RegisterPhase, mask: u32, value: u32, found: u32) -> Numbers {
     let (whole, _) = register.pattern(0);
     let number = |bits| register.place.ty(live).number(bits);
     // Of a single bit, 0 or 1 counts, wherever it lies.

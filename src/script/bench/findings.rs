@@ -1,9 +1,9 @@
 //! What the access checker has found.
 
 use super::Bench;
-use crate::counted::{counted, counted_of};
 use crate::devices;
 use crate::journal::{Entry, Source};
+use crate::plural::{plural, plural_of};
 use crate::request::Op;
 use crate::script::ScenarioError;
 use crate::time::seconds;
@@ -45,7 +45,7 @@ impl Bench {
             return Ok(());
         }
         let lines: Vec<_> = found.iter().map(|entry| self.finding_text(entry)).collect();
-        let what = format!("the access checker has {}", counted_of(&found, "finding"));
+        let what = format!("the access checker has {}", plural_of(&found, "finding"));
         let mut failure = self.failure(what, at)?;
         // They are all there already.
         (failure.findings, failure.first_findings) = (0, Vec::new());
@@ -84,7 +84,7 @@ impl Bench {
             last.rule.id(),
             self.finding_place(entry),
             last.value_text(fitted),
-            counted(*count, "time"),
+            plural(*count, "time"),
             seconds(*first_us),
         )
     }

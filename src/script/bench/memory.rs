@@ -2,7 +2,7 @@
 
 use super::Bench;
 use crate::layout::place::{live_by, status_of, without_twins};
-use crate::layout::{Area, Device, Fitted, Live, RegisterRef, split_plc};
+use crate::layout::{Area, Device, DeviceFit, RegisterPhase, RegisterRef, split_plc};
 use crate::request::Op;
 use crate::script::ScenarioError;
 use core::panic::Location;
@@ -13,7 +13,7 @@ pub struct MemoryCopy {
     plc: u16,
     /// What stands in front of names: the PLC, if there are several.
     prefix: String,
-    fitted: Fitted,
+    fitted: DeviceFit,
     area: &'static Area,
     bytes: Vec<u8>,
 }
@@ -40,7 +40,7 @@ impl MemoryCopy {
     /// What `read` fails with.
     pub fn read<E>(
         (plc, prefix): (u16, String),
-        fitted: Fitted,
+        fitted: DeviceFit,
         area: &'static Area,
         read: impl FnOnce(u32, u32) -> Result<Vec<u8>, E>,
     ) -> Result<Self, E> {
@@ -87,7 +87,7 @@ impl MemoryCopy {
         changed.iter().map(change).collect()
     }
 
-    fn live_registers(&self, live: Live, wanted: impl Fn(&RegisterRef) -> bool) -> Vec<RegisterRef> {
+    fn live_registers(&self, live: RegisterPhase, wanted: impl Fn(&RegisterRef) -> bool) -> Vec<RegisterRef> {
         let all = self.fitted.registers_in(self.area, live);
         let mut found = without_twins(all.filter(wanted).collect());
         found.sort_by_key(RegisterRef::offset);
@@ -100,8 +100,8 @@ impl MemoryCopy {
         bytes.iter().rev().fold(0, |value, byte| value << 8 | u32::from(*byte))
     }
 
-    fn live(&self) -> Live {
-        status_of(self.area).map_or(Live::Cyclic, |status| live_by(self.value(&status)))
+    fn live(&self) -> RegisterPhase {
+        status_of(self.area).map_or(RegisterPhase::Cyclic, |status| live_by(self.value(&status)))
     }
 }
 

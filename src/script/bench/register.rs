@@ -3,7 +3,7 @@
 use super::ask::Spot;
 use super::{Bench, memory};
 use crate::layout::place::live_by;
-use crate::layout::{Area, Live, Place, plc_prefix, split_plc};
+use crate::layout::{Area, Place, RegisterPhase, plc_prefix, split_plc};
 use crate::script::ScenarioError;
 
 /// A register of a plant, found once and used often: [`Bench::find`].
@@ -38,24 +38,24 @@ impl Register {
     }
 
     /// `node2.w_CPU_CONTROL`, with the PLC in front where there are several.
-    pub(super) fn name(&self, live: Live) -> String {
+    pub(super) fn name(&self, live: RegisterPhase) -> String {
         format!("{}{}", self.prefix, self.place.name(live))
     }
 
     /// `node2.w_CPU_CONTROL (%MW3.200000)`
-    pub(super) fn label(&self, live: Live) -> String {
+    pub(super) fn label(&self, live: RegisterPhase) -> String {
         format!("{}{}", self.prefix, self.place.label(live))
     }
 
     /// The value with its meaning, marked as by `commram peek`: `16#0043  [forced] synchronous operation ...`.
-    pub(super) fn describe(&self, live: Live, value: u32, forced: bool) -> String {
+    pub(super) fn describe(&self, live: RegisterPhase, value: u32, forced: bool) -> String {
         let mark = if forced { "[forced] " } else { "" };
         let meaning = self.place.meaning(live, value);
         format!("{}  {mark}{meaning}", self.place.format(live, value)).trim_end().to_owned()
     }
 
     /// The value as a number of the register's type.
-    pub(super) fn number(&self, live: Live, value: u32) -> i64 {
+    pub(super) fn number(&self, live: RegisterPhase, value: u32) -> i64 {
         match self.place.bit() {
             Some(bit) => i64::from(value >> bit & 1),
             None => self.place.ty(live).number(value),
@@ -64,7 +64,8 @@ impl Register {
 
     /// Whether its bits are the same number whichever of overlaid structures is live.
     pub(super) fn is_same_number(&self) -> bool {
-        let [init, cyclic] = [Live::Init, Live::Cyclic].map(|live| self.place.ty(live).number(u32::MAX));
+        let [init, cyclic] =
+            [RegisterPhase::Init, RegisterPhase::Cyclic].map(|live| self.place.ty(live).number(u32::MAX));
         init == cyclic
     }
 
@@ -137,8 +138,8 @@ impl Bench {
     }
 
     /// Which of overlaid structures is live where the register lies.
-    pub(super) fn live(&mut self, register: &Register) -> Result<Live, ScenarioError> {
-        let Some(status) = register.place.status() else { return Ok(Live::Cyclic) };
+    pub(super) fn live(&mut self, register: &Register) -> Result<RegisterPhase, ScenarioError> {
+        let Some(status) = register.place.status() else { return Ok(RegisterPhase::Cyclic) };
         Ok(live_by(self.load(Spot::new(register.spot.plc, status.address()))?))
     }
 }

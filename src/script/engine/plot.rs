@@ -22,7 +22,7 @@ impl Verbs {
 impl Stage {
     /// Draws registers into a file beside the scenario, and for the report.
     fn plot(&mut self, file: &str, registers: &Array, since: Option<u64>) -> Result<(), ScenarioError> {
-        use crate::handed_out;
+        use crate::output_file;
         use crate::plot::Picture;
         use crate::script::Drawn;
         use std::path::{Component, Path};
@@ -49,7 +49,7 @@ impl Stage {
             let right = format!("a scenario draws at most {MOST} plots, of {} MiB together", LARGEST >> 20);
             return Err(wrong(&right));
         }
-        handed_out::replace(&self.directory.join(file), &bytes).map_err(|error| wrong(&error))?;
+        output_file::replace(&self.directory.join(file), &bytes).map_err(|error| wrong(&error))?;
         self.plots.push(Drawn { name: file.to_owned(), svg });
         Ok(())
     }

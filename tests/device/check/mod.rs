@@ -10,7 +10,7 @@ use commram::devices::cansync;
 use commram::devices::cansync::registers::CANsync_MA_CTRL_BMSTRUCT;
 use commram::devices::omega_drive_line_2::registers::BAPS;
 use commram::journal::{Entry, Rule};
-use commram::layout::{Fitted, Owner};
+use commram::layout::{DeviceFit, Owner};
 use commram::memory::{Cell8, Width};
 use core::mem::offset_of;
 use std::collections::BTreeSet;
@@ -95,7 +95,7 @@ fn what_the_channel_stores_is_judged_at_ports_of_every_medium() {
     for plc in 0..plant.devices().len() {
         let layout = plant.devices()[plc].layout();
         for port in layout.ports {
-            let mut registers = Fitted::unknown(layout).used_registers(port.area);
+            let mut registers = DeviceFit::unknown(layout).used_registers(port.area);
             let Some(register) = registers.find(|register| register.owner() == Owner::Firmware) else {
                 continue;
             };

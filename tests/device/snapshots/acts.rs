@@ -6,7 +6,7 @@ use commram::can::{Frame, Payload};
 use commram::devices::can_dp2::registers::values::mst_control;
 use commram::devices::can_dp2::registers::{CAN_DP2_MST, MST};
 use commram::devices::{Device, fault_kinds};
-use commram::door::Said;
+use commram::door::BusMessage;
 use commram::fault::FaultSpec;
 use commram::journal::Keep;
 use commram::layout::{Port, Role, Width};
@@ -275,7 +275,7 @@ pub(super) fn take(plant: &mut Plant, act: &Act) {
             let bus = (bus % plant.media().len()) as u16;
             plant.guest_joins(bus, 3, true);
             let frame = Frame::standard(id, Payload::new(&id.to_le_bytes()).unwrap());
-            let _ = plant.guest_sends(bus, 3, &Said::Frame(frame));
+            let _ = plant.guest_sends(bus, 3, &BusMessage::Frame(frame));
             plant.guest_leaves(bus, 3);
         }
         Act::Telegram(which) => {

@@ -3,8 +3,8 @@
 use commram::can::{Filter, Frame, Payload, StandardId};
 use commram::devices::can_bus::{self, CanDevice, CanPort, Controller};
 use commram::devices::{Context, Registered};
-use commram::journal::{Coded, Fields, Reader, Told};
-use commram::layout::{Device, Live};
+use commram::journal::{EventCodec, EventText, Fields, Reader};
+use commram::layout::{Device, RegisterPhase};
 use commram::memory::{Header, MemoryError, Segment, View};
 
 #[allow(non_snake_case, non_camel_case_types)]
@@ -13,12 +13,12 @@ pub mod registers {
 }
 use registers::{FRONT_PASSED, GATE_IN, GATE_OUT, IN, OUT};
 
-commram::coded! {
+commram::event_kinds! {
     /// A value has come in.
     Passed = 200, "passed", Rare, at origin { value: u16, }
 }
 
-impl Told for Passed {
+impl EventText for Passed {
     fn text(&self, _: &mut Reader) -> String {
         format!("{} has passed the gate", self.value)
     }
@@ -42,7 +42,7 @@ pub static GATE: Registered = Registered {
 
 /// The firmware.
 pub struct Gate(View<GATE_IN>, View<GATE_OUT>, View<Header>);
-commram::state!(Gate { built: 0, 1, 2 });
+commram::snapshot_fields!(Gate { built: 0, 1, 2 });
 impl CanDevice for Gate {
     const LAYOUT: &'static Device = &registers::DEVICE;
 
@@ -62,7 +62,7 @@ impl CanPort for Gate {
         }
         let value = self.1.w_VALUE.load();
         if value == 0 {
-            ctx.find(&NOTHING, Live::Always, std::mem::offset_of!(GATE_OUT, w_VALUE), 0);
+            ctx.find(&NOTHING, RegisterPhase::Always, std::mem::offset_of!(GATE_OUT, w_VALUE), 0);
         }
         let frame = Frame::standard(0x123, Payload::from_words([value, 0, 0, 0], 1));
         if controller.send(frame).is_ok() && self.1.w_SEND.compare_exchange(0x05, 0x04).is_ok() {

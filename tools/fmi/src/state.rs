@@ -3,7 +3,7 @@
 use super::border::{Instance, Refused, Status, exported, read, with, write};
 use super::instance::Mode;
 use commram::fmi::UnitState;
-use commram::state::{seal, unseal};
+use commram::snapshot_fields::{seal, unseal};
 use core::ffi::c_void;
 
 /// A state, as those who call hold it.

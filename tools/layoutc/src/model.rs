@@ -2,7 +2,7 @@
 
 pub(crate) use crate::gsd::Gsd;
 pub(crate) use crate::objects::Object;
-pub(crate) use crate::raw::{Letter, Live, Owner, Provenance, Role, Unit};
+pub(crate) use crate::raw::{Letter, Owner, Provenance, RegisterPhase, Role, Unit};
 
 /// A whole device, or a family: structures without areas.
 pub(crate) struct Device {
@@ -129,7 +129,7 @@ pub(crate) struct Area {
 pub(crate) struct Placed {
     /// Index into [`Device::structures`].
     pub structure: usize,
-    pub live: Live,
+    pub live: RegisterPhase,
     /// What the port of this area must be for the structure to lie there; `None`: anything.
     pub role: Option<Role>,
     /// Name of the variable that the application declares there.

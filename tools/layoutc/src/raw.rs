@@ -133,7 +133,7 @@ pub(crate) struct Area {
 #[serde(deny_unknown_fields)]
 pub(crate) struct Placed {
     pub name: Spanned<String>,
-    pub live: Live,
+    pub live: RegisterPhase,
     pub role: Option<Role>,
     pub variable: Option<Spanned<String>>,
     #[serde(default)]
@@ -181,7 +181,7 @@ pub(crate) enum Role {
 
 #[derive(Deserialize, Clone, Copy, PartialEq, Eq, Debug)]
 #[serde(rename_all = "lowercase")]
-pub(crate) enum Live {
+pub(crate) enum RegisterPhase {
     Always,
     Init,
     Cyclic,

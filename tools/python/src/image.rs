@@ -8,7 +8,7 @@ use crate::snapshot::Snapshot;
 use crate::tables::Memory;
 use commram::devices;
 use commram::layout::place::live_by;
-use commram::layout::{Fit, Fitted, Live, Place};
+use commram::layout::{DeviceFit, Fit, Place, RegisterPhase};
 use commram::memory::{AttachMode, Attached, MemoryError};
 use commram::script::MemoryCopy;
 use core::time::Duration;
@@ -28,7 +28,7 @@ const USUAL: &str = "line";
 #[pyclass(name = "Image", module = "commram._native", subclass, frozen)]
 pub(crate) struct PyImage {
     attached: RwLock<Option<Arc<Attached>>>,
-    fitted: Fitted,
+    fitted: DeviceFit,
     /// What names were found to mean.
     found: Mutex<HashMap<String, Arc<Place>>>,
     #[pyo3(get)]
@@ -75,15 +75,15 @@ impl PyImage {
         attached.segment().load(place.offset(), place.width()).map_err(|error| errors::memory(&error))
     }
 
-    fn number(place: &Place, live: Live, value: u32) -> i64 {
+    fn number(place: &Place, live: RegisterPhase, value: u32) -> i64 {
         match place.bit() {
             Some(bit) => i64::from(value >> bit & 1),
             None => place.ty(live).number(value),
         }
     }
 
-    fn live(attached: &Attached, place: &Place) -> PyResult<Live> {
-        let Some(status) = place.status() else { return Ok(Live::Cyclic) };
+    fn live(attached: &Attached, place: &Place) -> PyResult<RegisterPhase> {
+        let Some(status) = place.status() else { return Ok(RegisterPhase::Cyclic) };
         let address = status.address();
         let value = attached.segment().load(address.offset(), address.width());
         Ok(live_by(value.map_err(|error| errors::memory(&error))?))
@@ -137,7 +137,7 @@ impl PyImage {
 
     fn peek(&self, register: &str) -> PyResult<i64> {
         let (attached, place) = (self.open()?, self.find(register)?);
-        Ok(Self::number(&place, Live::Cyclic, Self::load(&attached, &place)?))
+        Ok(Self::number(&place, RegisterPhase::Cyclic, Self::load(&attached, &place)?))
     }
 
     fn poke(&self, register: &str, value: Given) -> PyResult<()> {
@@ -192,7 +192,7 @@ impl PyImage {
             .map_err(|_| PyValueError::new_err(format!("{timeout}: a timeout is not negative")))?;
         let aim = if wanted.is_callable() { None } else { Some(self.value(register, &wanted.extract()?)?.1) };
         let (wanted, raised) = (wanted.unbind(), Mutex::new(None));
-        let number = |value| Self::number(&place, Live::Cyclic, value);
+        let number = |value| Self::number(&place, RegisterPhase::Cyclic, value);
         let mask = place.bit().map_or(u32::MAX, |bit| 1 << bit);
         let is_it = |value: u32| match aim {
             Some(aim) => value & mask == aim << place.bit().unwrap_or(0),
@@ -222,7 +222,7 @@ impl PyImage {
             return Err(error);
         }
         outcome.map(number).map_err(|last| {
-            let live = Self::live(&attached, &place).unwrap_or(Live::Cyclic);
+            let live = Self::live(&attached, &place).unwrap_or(RegisterPhase::Cyclic);
             let aim = aim.map_or_else(
                 || "what was awaited".to_owned(),
                 |aim| place.format(live, aim << place.bit().unwrap_or(0)),

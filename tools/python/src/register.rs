@@ -1,7 +1,7 @@
 //! What is known of registers, and where arrays lie.
 
 use crate::errors;
-use commram::layout::{Fitted, Live, Owner, Place, RegType, RegisterRef, split_plc};
+use commram::layout::{DeviceFit, Owner, Place, RegType, RegisterPhase, RegisterRef, split_plc};
 use pyo3::prelude::*;
 
 /// One register; of an array one element.
@@ -18,7 +18,7 @@ pub(crate) struct Register {
 ///
 /// # Errors
 /// There is none.
-pub(crate) fn register_of(fitted: Fitted, place: Place, name: &str) -> PyResult<Register> {
+pub(crate) fn register_of(fitted: DeviceFit, place: Place, name: &str) -> PyResult<Register> {
     let target = fitted.target(name).map_err(|error| errors::of_class("UnknownName", error))?;
     let known = target.registers.into_iter().find(|known| known.address() == place.address());
     Ok(Register { name: name.to_owned(), place, known })
@@ -51,12 +51,12 @@ impl Register {
 
     #[getter]
     fn code(&self) -> &'static str {
-        code(self.place.ty(Live::Cyclic))
+        code(self.place.ty(RegisterPhase::Cyclic))
     }
 
     #[getter]
     fn r#type(&self) -> &'static str {
-        self.place.ty(Live::Cyclic).name()
+        self.place.ty(RegisterPhase::Cyclic).name()
     }
 
     /// Width in bytes.
@@ -108,7 +108,7 @@ impl Register {
     fn decode(&self, value: i64) -> String {
         match self.known {
             Some(known) => known.decode(value as u32),
-            None => self.place.meaning(Live::Cyclic, value as u32),
+            None => self.place.meaning(RegisterPhase::Cyclic, value as u32),
         }
     }
 
@@ -118,11 +118,11 @@ impl Register {
 }
 
 /// The registers of the areas that are asked for, each once.
-pub(crate) fn registers(fitted: Fitted, is_wanted: impl Fn(&str) -> bool) -> Vec<RegisterRef> {
+pub(crate) fn registers(fitted: DeviceFit, is_wanted: impl Fn(&str) -> bool) -> Vec<RegisterRef> {
     let mut all: Vec<RegisterRef> = Vec::new();
     for area in fitted.device().named_areas().filter(|area| is_wanted(area.name)) {
         let mut known = std::collections::HashSet::new();
-        let phases = [Live::Cyclic, Live::Init].into_iter();
+        let phases = [RegisterPhase::Cyclic, RegisterPhase::Init].into_iter();
         let here = phases.flat_map(|live| fitted.registers_in(area, live));
         all.extend(here.filter(|register| known.insert(register.name())));
     }
@@ -130,7 +130,7 @@ pub(crate) fn registers(fitted: Fitted, is_wanted: impl Fn(&str) -> bool) -> Vec
 }
 
 /// Their names.
-pub(crate) fn places(fitted: Fitted, is_wanted: impl Fn(&str) -> bool) -> Vec<String> {
+pub(crate) fn places(fitted: DeviceFit, is_wanted: impl Fn(&str) -> bool) -> Vec<String> {
     registers(fitted, is_wanted).iter().map(RegisterRef::name).collect()
 }
 
@@ -143,7 +143,7 @@ impl Array {
     ///
     /// # Errors
     /// There is none.
-    pub(crate) fn find(fitted: Fitted, text: &str) -> PyResult<Self> {
+    pub(crate) fn find(fitted: DeviceFit, text: &str) -> PyResult<Self> {
         let (_, name) = split_plc(text);
         let given: Vec<u16> =
             name.split('[').skip(1).filter_map(|part| part.split(']').next()?.parse().ok()).collect();

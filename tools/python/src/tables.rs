@@ -5,7 +5,7 @@ use crate::given::Time;
 use crate::register::{Register, places, register_of};
 use commram::devices;
 use commram::export::Scope;
-use commram::layout::{Fitted, Place};
+use commram::layout::{DeviceFit, Place};
 use commram::memory::Segment;
 use commram::memory::contract::{self, Kind};
 use commram::memory::header::{ABI_VERSION, HEADER_SIZE, MAGIC};
@@ -50,8 +50,8 @@ pub(crate) fn microseconds(time: Time) -> PyResult<u64> {
     time.0.us().map_err(|error| PyValueError::new_err(error.to_string()))
 }
 
-fn default_registers() -> Fitted {
-    Fitted::unknown(devices::default().layout)
+fn default_registers() -> DeviceFit {
+    DeviceFit::unknown(devices::default().layout)
 }
 
 /// The names of the default device's registers.

@@ -155,7 +155,7 @@ fn an_emulator_that_is_gone_is_waited_for_and_its_successor_has_the_same_pins() 
     successor.generation += 1;
     user.model.info = Some(successor);
     user.look();
-    assert_eq!(user.model.contact, Contact::Live);
+    assert_eq!(user.model.contact, Contact::RegisterPhase);
     user.sees("press:node2.w_CPU_CONTROL");
     user.sees("another emulator has begun");
 }

@@ -3,7 +3,7 @@
 use super::*;
 use crate::devices::GuestRefusal;
 use crate::devices::can_dp2::registers::values::dp_state;
-use crate::door::{Guest, Said};
+use crate::door::{BusMessage, Guest};
 use crate::profibus::{Burst, MIN_TSDR_BITS, SYN_BITS, Telegram};
 
 /// Bits in a microsecond of the bench's segment.
@@ -29,15 +29,15 @@ impl Foreign {
     }
 
     fn say(&self, bench: &mut Bench, begin: u64, octets: &[u8]) {
-        let said = Said::Burst(Burst { begin, octets: octets.to_vec() });
+        let said = BusMessage::Burst(Burst { begin, octets: octets.to_vec() });
         let now = bench.now;
         assert_eq!(bench.buses[0].guest_sends(self.number, &said, now, &mut bench.journal), Ok(()));
     }
 
     fn hear(&self) -> Option<Burst> {
         match self.ear.hears()? {
-            Said::Burst(burst) => Some(burst),
-            Said::Frame(frame) => panic!("{frame:?}"),
+            BusMessage::Burst(burst) => Some(burst),
+            BusMessage::Frame(frame) => panic!("{frame:?}"),
         }
     }
 
@@ -253,7 +253,7 @@ fn a_telegram_for_a_distant_time_is_refused() {
     use crate::check::rules::GUEST_TIME;
     let mut bench = Bench::new(5);
     let (master, listener) = (Foreign::come(&mut bench, 2), Foreign::come(&mut bench, 3));
-    let said = |begin| Said::Burst(Burst { begin, octets: vec![0xDC, 2, 2] });
+    let said = |begin| BusMessage::Burst(Burst { begin, octets: vec![0xDC, 2, 2] });
     let most = 60 * 500_000;
     for (begin, seconds) in
         [(u64::MAX, u32::MAX), (1 << 62, u32::MAX), (most + bits(bench.now) + 500_001, 61)]
@@ -313,7 +313,7 @@ fn a_master_that_dies_leaves_its_slaves_to_their_watchdog() {
     master.say(&mut bench, 0, &request);
     master.say(&mut bench, bits(now + 50 * MS), &[0xDC, 2, 2]);
     bench.buses[0].guest_leaves(2, now);
-    let said = Said::Burst(Burst { begin: 0, octets: vec![0xE5] });
+    let said = BusMessage::Burst(Burst { begin: 0, octets: vec![0xE5] });
     let refusal = bench.buses[0].guest_sends(2, &said, now, &mut bench.journal);
     assert_eq!(refusal, Err(GuestRefusal::NotHere));
     bench.run(60 * MS);
@@ -356,8 +356,8 @@ fn a_guest_says_octets_only_and_has_room_for_so_many() {
     let mut bench = Bench::new(5);
     let guest = Foreign::come(&mut bench, 2);
     let (journal, bus) = (&mut bench.journal, &mut bench.buses[0]);
-    assert_eq!(bus.guest_sends(2, &Said::Frame(data(1, &[])), 0, journal), Err(GuestRefusal::NotHere));
-    let said = Said::Burst(Burst { begin: 0, octets: vec![0xE5] });
+    assert_eq!(bus.guest_sends(2, &BusMessage::Frame(data(1, &[])), 0, journal), Err(GuestRefusal::NotHere));
+    let said = BusMessage::Burst(Burst { begin: 0, octets: vec![0xE5] });
     let taken = (0..1000).take_while(|_| bus.guest_sends(2, &said, 0, journal).is_ok()).count();
     assert_eq!((taken, bus.guest_sends(2, &said, 0, journal)), (64, Err(GuestRefusal::Full)));
     bench.run(10 * MS);

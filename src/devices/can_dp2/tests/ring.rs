@@ -3,7 +3,7 @@
 
 use super::*;
 use crate::devices::can_dp2::registers::values::dp_state;
-use crate::door::{Guest, Said};
+use crate::door::{BusMessage, Guest};
 use crate::profibus::{Burst, BusRate, Telegram};
 use profirust::Baudrate;
 use profirust::dp::{DpMaster, Peripheral, PeripheralHandle, PeripheralOptions};
@@ -32,15 +32,15 @@ impl Door {
     fn say(&self, bench: &mut Bench, octets: Vec<u8>) {
         let now = bench.now;
         assert_eq!(
-            bench.buses[0].guest_sends(self.number, &Said::burst(octets), now, &mut bench.journal),
+            bench.buses[0].guest_sends(self.number, &BusMessage::burst(octets), now, &mut bench.journal),
             Ok(())
         );
     }
 
     fn hear(&self) -> Option<Burst> {
         match self.ear.hears()? {
-            Said::Burst(burst) => Some(burst),
-            Said::Frame(frame) => panic!("{frame:?}"),
+            BusMessage::Burst(burst) => Some(burst),
+            BusMessage::Frame(frame) => panic!("{frame:?}"),
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::devices::can_dp2::rules;
-use crate::door::Said;
+use crate::door::BusMessage;
 use crate::journal::Rule;
 use crate::profibus::Telegram;
 
@@ -13,7 +13,7 @@ fn broken(bench: &Bench) -> Vec<(&'static str, u32)> {
 
 /// Names where in the image, as a user does.
 fn at(name: &str) -> u32 {
-    let place = crate::layout::Place::parse(&crate::layout::Fitted::unknown(&DEVICE), name).unwrap();
+    let place = crate::layout::Place::parse(&crate::layout::DeviceFit::unknown(&DEVICE), name).unwrap();
     place.offset()
 }
 
@@ -50,7 +50,7 @@ fn answered_from(address: u8) -> Bench {
     assert!(bench.buses[0].guest_joins(1, bench.now));
     let (da, fc, dsap, ssap, data) = (1, 0, None, None, vec![]);
     let frame = crate::profibus::Frame { da, sa: address, fc, dsap, ssap, data };
-    let said = Said::burst(Telegram::Frame(frame).octets().unwrap());
+    let said = BusMessage::burst(Telegram::Frame(frame).octets().unwrap());
     bench.buses[0].guest_sends(1, &said, bench.now, &mut bench.journal).unwrap();
     bench.run(MS);
     bench

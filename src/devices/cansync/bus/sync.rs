@@ -4,7 +4,7 @@
 //! that of the trigger controller. It takes an unbroken sequence of edges to lock (decision D-07). Once locked, a slave
 //! runs on by its own clock through intervals whose edge is missing, until the signal has been gone for a settable time.
 
-use crate::state;
+use crate::snapshot_fields;
 
 /// Whether an edge comes in time, so long after the one before it: give or take a quarter of the interval.
 #[inline]
@@ -27,7 +27,7 @@ pub struct SyncLock {
     interval_us: u64,
 }
 
-state!(SyncLock { values: wanted, locked, since, last, interval_us; built: lock_time_us, loss_us });
+snapshot_fields!(SyncLock { values: wanted, locked, since, last, interval_us; built: lock_time_us, loss_us });
 
 impl SyncLock {
     /// A lock that is reached after `lock_time_us` of SYNC signal without a gap and lost after `loss_us` without SYNC;

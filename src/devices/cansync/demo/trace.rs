@@ -3,7 +3,7 @@
 use crate::devices::cansync::registers::CANsync_MA_CTRL_BMSTRUCT;
 use crate::devices::demo::{DemoError, Show};
 use crate::layout::place::live_by;
-use crate::layout::{Address, Device, Fitted, Live, Place, Port, Width};
+use crate::layout::{Address, Device, DeviceFit, Place, Port, RegisterPhase, Width};
 use crate::memory::{Attached, Header, MemoryError, SharedRegs, View};
 use crate::time;
 use std::cell::RefCell;
@@ -23,7 +23,7 @@ pub(crate) enum Who {
 pub(crate) struct Trace<'a> {
     show: Show<'a>,
     device: &'static Device,
-    fitted: Fitted,
+    fitted: DeviceFit,
     port: &'static Port,
     attached: Attached,
     header: View<Header>,
@@ -34,7 +34,7 @@ pub(crate) struct Trace<'a> {
 
 enum Note {
     /// A register held a value.
-    Register { time_us: u64, who: Who, address: Address, live: Live, value: u32 },
+    Register { time_us: u64, who: Who, address: Address, live: RegisterPhase, value: u32 },
     /// A SYNC pulse was seen.
     Sync { time_us: u64, count: u32 },
 }

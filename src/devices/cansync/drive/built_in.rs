@@ -6,7 +6,7 @@ use super::monitoring::{BapsMonitoring, Monitor, fault};
 use super::parameters::ParameterSpec;
 use super::regler::{Setup, VRegler};
 use crate::devices::cansync::bus::SyncLock;
-use crate::state;
+use crate::snapshot_fields;
 use serde::{Deserialize, Serialize};
 use std::num::NonZeroU32;
 
@@ -81,7 +81,7 @@ pub struct BuiltInDrive {
     cyclic_data: Option<Monitor>,
 }
 
-state!(BuiltInDrive { values: last_edge; parts: regler, sync, sync_monitor, cyclic_data });
+snapshot_fields!(BuiltInDrive { values: last_edge; parts: regler, sync, sync_monitor, cyclic_data });
 
 impl BuiltInDrive {
     /// The drive of PLC `plc` as it is after power-on.

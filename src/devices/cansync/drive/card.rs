@@ -17,8 +17,8 @@ use super::zk::{ActualMapping, ReferenceMapping, Source, ZkParameters};
 use crate::can::Payload;
 use crate::devices::cansync::bus::Channel;
 use crate::devices::cansync::registers::values::drive_status;
-use crate::state;
-use crate::state::{Damaged, Saved, Saving, State};
+use crate::snapshot_fields;
+use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 
 /// The longest delay of ZK 24 plus the interval being received.
 const DELAY_LINE: usize = 4;
@@ -84,13 +84,13 @@ pub(super) struct Card {
     lens: [u8; 2],
 }
 
-state!(ReferenceSlot {
+snapshot_fields!(ReferenceSlot {
     values: came_before, received, delayed;
     built: source, channel, format, shift, end, target, is_position, needs_every
 });
-state!(Losses { values: expected, seen, in_succession, total; built: allowed, wanted });
+snapshot_fields!(Losses { values: expected, seen, in_succession, total; built: allowed, wanted });
 
-impl State for Card {
+impl SnapshotFields for Card {
     fn save(&self, to: &mut Saving) {
         let Self {
             references,

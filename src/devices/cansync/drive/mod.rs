@@ -56,7 +56,7 @@ use crate::devices::cansync::bus::codec::{
 };
 use crate::devices::cansync::bus::{Channel, Frame, SyncLock};
 use crate::devices::cansync::registers::values::{drive_status, par_error, updown_error};
-use crate::state;
+use crate::snapshot_fields;
 use card::Card;
 use monitoring::{Monitor, fault};
 use regler::{Setup, VRegler};
@@ -119,7 +119,7 @@ pub struct Drive {
     regler: VRegler,
 }
 
-state!(Drive {
+snapshot_fields!(Drive {
     values: edge_is_missing, exchanges, objected;
     parts: sync, monitors, card, regler;
     built: name, slave_number, kbit_s, zk

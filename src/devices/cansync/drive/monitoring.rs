@@ -3,7 +3,7 @@
 //! The manuals say that the drive then reports an error, and that its reaction can be set (5.00005.03a p. 135;
 //! 5.01010.01 p. 17, 22). They name no time, no reaction by default and no number: those are ours (decision D-293).
 
-use crate::state;
+use crate::snapshot_fields;
 use serde::{Deserialize, Serialize};
 use std::num::NonZeroU16;
 
@@ -76,7 +76,7 @@ pub(super) struct Monitor {
     reported: bool,
 }
 
-state!(Monitor { values: since, reported; built: watch, fault });
+snapshot_fields!(Monitor { values: since, reported; built: watch, fault });
 
 impl Monitor {
     /// A monitor that reports `fault` unless `watch` names another number.

@@ -2,7 +2,7 @@
 
 use crate::devices::cansync::bus::codec::parameter::MAX_NUMBER;
 use crate::devices::cansync::registers::values::par_error;
-use crate::state::{Damaged, Saved, Saving, State};
+use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
@@ -179,7 +179,7 @@ pub(super) struct ParameterStore {
     settling: Vec<(Slot, u32)>,
 }
 
-impl State for ParameterStore {
+impl SnapshotFields for ParameterStore {
     fn save(&self, to: &mut Saving) {
         let Self { specs: _, values, changed, watched: _, written, settling } = self;
         to.value(&(values, changed, written, settling));

@@ -14,7 +14,7 @@ use super::table::{PARAMETERS, ParameterRow, number};
 use crate::devices::Shaft;
 use crate::devices::cansync::bus::codec::parameter::{MAX_NUMBER, VALUE_ELEMENT};
 use crate::devices::cansync::registers::values::{drive_status, par_element, par_error};
-use crate::state;
+use crate::snapshot_fields;
 use std::num::NonZeroU32;
 
 /// Element of a parameter that is its lowest value (decision D-160).
@@ -73,7 +73,7 @@ pub(crate) struct VRegler {
 /// What a parameter job did: the value and format read, or nothing.
 pub(crate) type Read = (ParamFormat, u32);
 
-state!(VRegler {
+snapshot_fields!(VRegler {
     values: machine, motion, set_point, synchronized, error;
     parts: store;
     built: slots

@@ -12,14 +12,14 @@ use super::word_config::WordConfigs;
 use crate::devices::cansync::BaudRate;
 use crate::devices::cansync::bus::codec::process::FrameConfig;
 use crate::devices::cansync::bus::{Channel, Frame, FrameKind};
-use crate::devices::cansync::records::{Left, Missed};
+use crate::devices::cansync::records::{Missed, OmittedFrame};
 use crate::devices::cansync::registers::CANsync_MA_CTRL_BMSTRUCT;
 use crate::devices::cansync::registers::values::send;
 use crate::devices::cansync::watch::Facts;
 use crate::devices::{Context, SyncSignal};
 use crate::journal::Handshake;
 use crate::memory::{Cell8, MemoryError, Segment, View};
-use crate::state;
+use crate::snapshot_fields;
 use core::mem::offset_of;
 use serde::{Deserialize, Serialize};
 
@@ -54,7 +54,7 @@ pub struct Master {
     punctual: [Punctual; 2],
 }
 
-state!(Master {
+snapshot_fields!(Master {
     values: polling, commands, request, config, interval_is_active, punctual;
     parts: node;
     built: regs
@@ -140,15 +140,15 @@ impl Master {
     }
 
     /// Whether its processor cycles find nothing to do.
-    pub fn rests(&self) -> bool {
-        self.node.rests()
+    pub fn is_quiescent(&self) -> bool {
+        self.node.is_quiescent()
     }
 
     /// Whether a processor cycle finds nothing to do and shows but the traffic of the moment; `is_seen`: nobody has
     /// written since registers were looked at.
     #[inline]
-    pub(in crate::devices::cansync) fn looks_in_vain(&self, is_seen: bool) -> bool {
-        self.node.looks_in_vain(is_seen)
+    pub(in crate::devices::cansync) fn poll_changes_nothing(&self, is_seen: bool) -> bool {
+        self.node.poll_changes_nothing(is_seen)
     }
 
     /// One processor cycle; see `Node::refresh_status` for `on_wire`.
@@ -199,7 +199,7 @@ impl Master {
         self.punctual[channel.index()].deadline(ctx.now, released);
         if !released {
             let origin = ctx.origin;
-            ctx.report(Missed { origin, what: Left::ReferenceValue(channel.number()) });
+            ctx.report(Missed { origin, what: OmittedFrame::ReferenceValue(channel.number()) });
             return None;
         }
         let values = &self.regs.a_WR_VALUE;

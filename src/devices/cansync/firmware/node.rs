@@ -19,9 +19,9 @@ use crate::devices::cansync::BaudRate;
 use crate::devices::cansync::registers::CANsync_INIT_BMSTRUCT;
 use crate::devices::cansync::registers::values::cpu_control;
 use crate::devices::cansync::watch::Facts;
-use crate::layout::Live;
+use crate::layout::RegisterPhase;
 use crate::memory::{MemoryError, Segment, View};
-use crate::state::{Damaged, Saved, Saving, State};
+use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 use serde::{Deserialize, Serialize};
 
 /// What a node is on its bus.
@@ -63,7 +63,7 @@ pub enum Change {
     Disabled,
 }
 
-/// State machine and general registers of a node.
+/// SnapshotFields machine and general registers of a node.
 pub(super) struct Node {
     role: Role,
     pub(super) regs: View<CANsync_INIT_BMSTRUCT>,
@@ -81,7 +81,7 @@ pub(super) struct Node {
     is_settled: bool,
 }
 
-impl State for Node {
+impl SnapshotFields for Node {
     fn save(&self, to: &mut Saving) {
         let Self {
             role: _,
@@ -172,10 +172,10 @@ impl Node {
     }
 
     /// Which structure is valid (decision D-03).
-    fn live(&self) -> Live {
+    fn live(&self) -> RegisterPhase {
         match self.state {
-            NodeState::StartUp | NodeState::WaitingForInit => Live::Init,
-            NodeState::WaitingForStart | NodeState::SetUp | NodeState::Active => Live::Cyclic,
+            NodeState::StartUp | NodeState::WaitingForInit => RegisterPhase::Init,
+            NodeState::WaitingForStart | NodeState::SetUp | NodeState::Active => RegisterPhase::Cyclic,
         }
     }
 
@@ -225,7 +225,7 @@ impl Node {
     /// Whether looks at `w_CPU_CONTROL` that follow one find nothing to do: on the bus they show the traffic, and a recovery
     /// ends at one of them.
     #[inline]
-    pub(super) fn rests(&self) -> bool {
+    pub(super) fn is_quiescent(&self) -> bool {
         !self.is_on_bus() && !self.controller.recovers() && !self.control_changed()
     }
 
@@ -233,7 +233,7 @@ impl Node {
     /// waits for initialization data, others than `w_CPU_CONTROL` matter: then nobody may have written since a look
     /// (`is_seen`).
     #[inline]
-    pub(super) fn looks_in_vain(&self, is_seen: bool) -> bool {
+    pub(super) fn poll_changes_nothing(&self, is_seen: bool) -> bool {
         self.is_settled
             && !self.controller.recovers()
             && (is_seen || self.state != NodeState::WaitingForInit && !self.control_changed())

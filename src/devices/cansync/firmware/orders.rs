@@ -3,7 +3,7 @@
 use super::Seat;
 use crate::devices::cansync::registers::values::cpu_control;
 use crate::memory::{Cell16, Face, MemoryError, Segment, Width};
-use crate::state::{Damaged, Saved, Saving, State};
+use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 
 /// What the PLC has ordered, as far as the register tells.
 pub(super) struct Orders {
@@ -29,7 +29,7 @@ pub(super) struct Order {
     pub with_reset: bool,
 }
 
-impl State for Orders {
+impl SnapshotFields for Orders {
     fn save(&self, to: &mut Saving) {
         let Self { face: _, node: _, seen, left_behind, restarts } = self;
         // The header page goes on counting whatever is restored, so what is kept is how many have not been seen.

@@ -20,13 +20,13 @@ use crate::devices::cansync::BaudRate;
 use crate::devices::cansync::bus::codec::action::{Action, ActionCommand};
 use crate::devices::cansync::bus::codec::process::FrameConfig;
 use crate::devices::cansync::bus::{Channel, Frame, FrameKind, SyncLock};
-use crate::devices::cansync::records::{Left, Missed};
+use crate::devices::cansync::records::{Missed, OmittedFrame};
 use crate::devices::cansync::registers::CANsync_SL_CTRL_BMSTRUCT;
 use crate::devices::cansync::registers::values::{drive_status, receive, send};
 use crate::devices::cansync::watch::Facts;
 use crate::devices::shown::Shown;
 use crate::memory::{MemoryError, Segment, View};
-use crate::state;
+use crate::snapshot_fields;
 use core::mem::offset_of;
 use jobs::Jobs;
 
@@ -54,7 +54,7 @@ pub struct Slave {
     punctual: [Punctual; 2],
 }
 
-state!(Slave {
+snapshot_fields!(Slave {
     values: number, config, ready, interval_is_active, has_edge, interval_ends, interval_us, punctual;
     parts: node, lock, jobs;
     built: regs
@@ -181,15 +181,15 @@ impl Slave {
     }
 
     /// Whether its processor cycles find nothing to do. Away from the bus there are no jobs either.
-    pub fn rests(&self) -> bool {
-        self.node.rests() && !self.interval_is_active && !self.lock.is_locked()
+    pub fn is_quiescent(&self) -> bool {
+        self.node.is_quiescent() && !self.interval_is_active && !self.lock.is_locked()
     }
 
     /// Whether a processor cycle at `now` finds nothing to do and shows but the traffic of the moment; `is_seen`: nobody
     /// has written since registers were looked at.
     #[inline]
-    pub(in crate::devices::cansync) fn looks_in_vain(&self, now: u64, is_seen: bool) -> bool {
-        self.node.looks_in_vain(is_seen)
+    pub(in crate::devices::cansync) fn poll_changes_nothing(&self, now: u64, is_seen: bool) -> bool {
+        self.node.poll_changes_nothing(is_seen)
             && !self.jobs.are_watched()
             && (now <= self.interval_ends || !self.interval_is_active)
             && self.lock.lost_at().is_none_or(|time| now < time)
@@ -301,7 +301,7 @@ impl Slave {
         }
         let Some(payload) = self.ready[channel.index()].take() else {
             let origin = ctx.origin;
-            ctx.report(Missed { origin, what: Left::ActualValue(channel.number()) });
+            ctx.report(Missed { origin, what: OmittedFrame::ActualValue(channel.number()) });
             return None;
         };
         Some(Frame::of(FrameKind::ActualValue(channel, self.number), payload))

@@ -1,14 +1,14 @@
 //! The command channel and its answers: the frame at t_CC, the response at t_RC of the next interval.
 
-use super::agenda::{Agenda, Slot};
 use super::disturbance::Fate;
+use super::schedule::{Schedule, Slot};
 use super::{Run, Sender, Station};
 use crate::devices::cansync;
 use crate::devices::cansync::bus::codec::action::{Action, ActionCommand};
 use crate::devices::cansync::bus::{Frame, FrameKind};
 use crate::devices::cansync::drive::Objection;
 use crate::devices::cansync::registers::{CANsync_MA_CTRL_BMSTRUCT, DATA_PARAMETER};
-use crate::layout::Live;
+use crate::layout::RegisterPhase;
 use core::mem::{offset_of, size_of};
 
 impl Run<'_> {
@@ -32,7 +32,7 @@ impl Run<'_> {
     }
 
     fn start_timeout(&mut self) {
-        self.bus.agenda.set(Slot::ResponseTimeout, self.now + u64::from(self.timing.t_RSPTO));
+        self.bus.schedule.set(Slot::ResponseTimeout, self.now + u64::from(self.timing.t_RSPTO));
     }
 
     pub(super) fn deliver_action(&mut self, frame: &Frame) {
@@ -63,7 +63,7 @@ impl Run<'_> {
             let data = offset_of!(CANsync_MA_CTRL_BMSTRUCT, a_DATA_PARAMETER)
                 + usize::from(number) * size_of::<DATA_PARAMETER>();
             let offset = data + offset_of!(DATA_PARAMETER, d_PAR_VALUE);
-            self.master(|_, ctx| ctx.find(rule, Live::Cyclic, offset, value));
+            self.master(|_, ctx| ctx.find(rule, RegisterPhase::Cyclic, offset, value));
         }
     }
 
@@ -103,9 +103,9 @@ impl Run<'_> {
         let frame = if self.faults.is_empty() { frame } else { self.wrong_answer(number, frame) };
         self.bus.response = Some(frame);
         let begin = self.transmit(Slot::ResponseEnd, &frame, self.now, Sender::Slave(number));
-        let timeout = self.bus.agenda.at(Slot::ResponseTimeout).unwrap_or(Agenda::NEVER);
+        let timeout = self.bus.schedule.at(Slot::ResponseTimeout).unwrap_or(Schedule::NEVER);
         if begin.is_some_and(|begin| begin <= timeout) {
-            self.bus.agenda.cancel(Slot::ResponseTimeout);
+            self.bus.schedule.cancel(Slot::ResponseTimeout);
         }
     }
 

@@ -1,6 +1,6 @@
 //! What faults have done to a bus: which frames under way do not arrive as they should, and who is off.
 
-use super::agenda::Slot;
+use super::schedule::Slot;
 use super::slots::OnWire;
 use super::{Sender, SimBus, Station};
 use crate::devices::cansync::bus::{Frame, FrameKind};
@@ -156,7 +156,7 @@ impl SimBus {
             Sender::Master => {
                 // What is still being built never gets to the controller.
                 for (reference, built) in self.reference.iter_mut().zip([Slot::Built1, Slot::Built2]) {
-                    reference.take_if(|_| self.agenda.at(built).is_some());
+                    reference.take_if(|_| self.schedule.at(built).is_some());
                 }
             }
             Sender::Slave(number) if self.asked == Some(number) => {

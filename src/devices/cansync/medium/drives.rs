@@ -4,7 +4,7 @@
 //! in it. So the bus notes what has passed for all of them. Whoever gets hold of a drive here finds it up to date.
 
 use crate::devices::cansync::drive::{Drive, Log, Passed};
-use crate::state::{Damaged, Saved, Saving, State};
+use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 use std::sync::OnceLock;
 
 /// Notes after which all drives catch up: some 128 intervals, four times as many as drives that are asked in turn.
@@ -132,7 +132,7 @@ fn is_off(off: u32, drive: &Drive) -> bool {
     off.checked_shr(drive.slave_number().into()).unwrap_or(0) & 1 != 0
 }
 
-impl State for Drives {
+impl SnapshotFields for Drives {
     fn save(&self, to: &mut Saving) {
         let Self { all: _, fresh: _, passed: _, taken: _, off, overheard: _, shown: _ } = self;
         to.value(off);

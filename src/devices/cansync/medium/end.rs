@@ -8,8 +8,8 @@ use crate::devices::cansync::watch::NodeWatch;
 use crate::journal::{Journal, Origin};
 use crate::layout::{Area, Role};
 use crate::memory::{Header, MemoryError, Segment, View};
-use crate::state;
-use crate::state::State;
+use crate::snapshot_fields;
+use crate::snapshot_fields::SnapshotFields;
 
 /// A CANsync port, as a device hands it over.
 pub struct Socket {
@@ -75,9 +75,9 @@ pub(super) struct DriveEnd {
     pub(super) last_frame: Option<u64>,
 }
 
-state!(DriveEnd { values: last_frame; built: origin, number, kbit_s });
+snapshot_fields!(DriveEnd { values: last_frame; built: origin, number, kbit_s });
 
-state!(where [F: State] End<F> { values: last_frame; parts: firmware, watch; built: origin, header, segment, seat, role });
+snapshot_fields!(where [F: SnapshotFields] End<F> { values: last_frame; parts: firmware, watch; built: origin, header, segment, seat, role });
 
 impl<F> End<F> {
     fn new(socket: &Socket, firmware: F) -> Result<Self, MemoryError> {

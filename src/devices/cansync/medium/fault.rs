@@ -29,7 +29,7 @@ impl Run<'_> {
         let [delivery, occupation] = [airtime.delivery_us, airtime.occupation_us].map(u64::from);
         let (mut lost, mut delay, mut copies) = (false, 0, Vec::new());
         let owner = self.bus.owner();
-        self.faults.strike(self.now, owner, self.journal, |_, effect: &can_faults::Effect, _| {
+        self.faults.fire(self.now, owner, self.journal, |_, effect: &can_faults::Effect, _| {
             match *effect {
                 can_faults::Effect::Frame(frames, what) if !lost && includes(&frames, frame) => match what {
                     FrameEffect::Lose => lost = true,
@@ -41,7 +41,7 @@ impl Run<'_> {
             }
             Some(Hit::Frame(frame.id().into()))
         });
-        self.faults.strike(self.now, owner, self.journal, |target, effect: &Effect, _| {
+        self.faults.fire(self.now, owner, self.journal, |target, effect: &Effect, _| {
             match (*effect, target) {
                 (Effect::SlaveLate(us), Target::Participant { number, .. })
                     if !lost && frame.kind() == Some(FrameKind::Response(number)) =>
@@ -139,7 +139,7 @@ impl Run<'_> {
             _ => Station::Nobody,
         };
         let from_master = !matches!(frame.kind(), Some(FrameKind::ActualValue(..) | FrameKind::Response(_)));
-        self.faults.strike(self.now, bus.owner(), self.journal, |target, effect, _| {
+        self.faults.fire(self.now, bus.owner(), self.journal, |target, effect, _| {
             let (Target::Port { device, port }, can_faults::Effect::Overrun) = (target, effect) else {
                 return None;
             };
@@ -161,7 +161,7 @@ impl Run<'_> {
     #[cold]
     pub(super) fn edge_is_lost(&mut self) -> bool {
         let mut lost = false;
-        self.faults.strike(self.now, self.bus.owner(), self.journal, |_, effect, _| match effect {
+        self.faults.fire(self.now, self.bus.owner(), self.journal, |_, effect, _| match effect {
             Effect::LoseSync if !lost => {
                 lost = true;
                 Some(Hit::Plain)
@@ -177,7 +177,7 @@ impl Run<'_> {
     pub(super) fn move_next_edge(&mut self) {
         let mut shift = 0;
         let most = i64::from(self.timing.b_TIME_PATTERN) * 1000 / 4;
-        self.faults.strike(self.now, self.bus.owner(), self.journal, |_, effect, hits| match *effect {
+        self.faults.fire(self.now, self.bus.owner(), self.journal, |_, effect, hits| match *effect {
             Effect::JitterSync(us) => {
                 let us = i64::from(us).min(most);
                 let own = if hits.is_multiple_of(2) { us } else { -us };
@@ -222,7 +222,7 @@ impl Run<'_> {
 
     fn wrong_offset(&mut self, number: u8, wanted: OffsetAt, right: u16, id: u16) -> Option<u16> {
         let mut wrong = None;
-        self.faults.strike(self.now, self.bus.owner(), self.journal, |target, effect, _| match *effect {
+        self.faults.fire(self.now, self.bus.owner(), self.journal, |target, effect, _| match *effect {
             Effect::WrongOffset { at, offset }
                 if is_slave(target, number) && at == wanted && wrong.is_none() =>
             {
@@ -239,7 +239,7 @@ impl Run<'_> {
     pub(super) fn answer_in_place(&mut self, number: u8, frame: &Frame) -> bool {
         self.bus.disturbance.job = Some(*frame);
         let mut answer = None;
-        self.faults.strike(self.now, self.bus.owner(), self.journal, |target, effect, _| {
+        self.faults.fire(self.now, self.bus.owner(), self.journal, |target, effect, _| {
             if answer.is_some() || !is_slave(target, number) {
                 return None;
             }

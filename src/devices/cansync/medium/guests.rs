@@ -2,8 +2,8 @@
 //! does (decision D-315).
 
 use super::SimBus;
-use super::agenda::Slot;
 use super::disturbance::Stray;
+use super::schedule::Slot;
 use crate::can;
 use crate::devices::GuestRefusal;
 use crate::devices::cansync::bus::{Frame, wire};
@@ -34,15 +34,15 @@ impl SimBus {
         let end = begin + u64::from(airtime.occupation_us);
         self.disturbance.strays.push(Stray { end, frame, copy: true, guest: Some(guest) });
         self.schedule_strays();
-        self.next = self.agenda.next_time();
+        self.next = self.schedule.next_time();
         Ok(())
     }
 
     /// The next frame outside of its slot is due.
     pub(super) fn schedule_strays(&mut self) {
         match self.disturbance.strays.iter().map(|stray| stray.end).min() {
-            Some(end) => self.agenda.set(Slot::Stray, end),
-            None => self.agenda.cancel(Slot::Stray),
+            Some(end) => self.schedule.set(Slot::Stray, end),
+            None => self.schedule.cancel(Slot::Stray),
         }
     }
 }

@@ -1,9 +1,9 @@
 //! What a snapshot holds of a bus.
 
 use super::{Running, SimBus, Station};
-use crate::state::{Damaged, Saved, Saving, State};
+use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 
-impl State for SimBus {
+impl SnapshotFields for SimBus {
     fn save(&self, to: &mut Saving) {
         let Self {
             index: _,
@@ -19,7 +19,7 @@ impl State for SimBus {
             frame_length: _,
             processor_cycle_us: _,
             running,
-            agenda,
+            schedule,
             next,
             on_wire,
             reference,
@@ -38,7 +38,7 @@ impl State for SimBus {
         to.value(stations);
         // The rate is the master's, who has started the bus.
         to.value(&running.as_ref().map(|it| (it.own_sync, it.signal, it.start)));
-        to.value(&(agenda, next, on_wire, reference, actual, command));
+        to.value(&(schedule, next, on_wire, reference, actual, command));
         to.value(&(asked, drive_answer, response, disturbance, own_clock));
     }
 
@@ -62,8 +62,8 @@ impl State for SimBus {
                 Some(Running { timing, own_sync, signal, start })
             }
         };
-        (self.agenda, self.next, self.on_wire, self.reference, self.actual, self.command) = from.value()?;
+        (self.schedule, self.next, self.on_wire, self.reference, self.actual, self.command) = from.value()?;
         (self.asked, self.drive_answer, self.response, self.disturbance, self.own_clock) = from.value()?;
-        from.check(self.next == self.agenda.next_time(), "time of the next slot")
+        from.check(self.next == self.schedule.next_time(), "time of the next slot")
     }
 }

@@ -5,7 +5,7 @@
 //! intervals after the last, which is later than any edge, and further ones follow until all drives are at rest.
 
 use super::SimBus;
-use super::agenda::Slot;
+use super::schedule::Slot;
 use crate::devices::cansync::drive::Drive;
 use serde::{Deserialize, Serialize};
 
@@ -31,7 +31,7 @@ impl SimBus {
     pub(super) fn edge_for_drives(&mut self, now: u64, interval_us: u32) {
         if !self.drives.is_empty() {
             self.own_clock = OwnClock { next: now + u64::from(interval_us) * 3 / 2, interval_us };
-            self.agenda.set(Slot::OwnClock, self.own_clock.next);
+            self.schedule.set(Slot::OwnClock, self.own_clock.next);
         }
     }
 
@@ -65,7 +65,7 @@ impl SimBus {
     /// Something has happened to a drive that may have been at rest.
     pub(super) fn wake_drives(&mut self, now: u64) {
         self.schedule_own_clock(now);
-        self.next = self.agenda.next_time();
+        self.next = self.schedule.next_time();
     }
 
     /// Sets the time of the next [`Slot::OwnClock`]. Drives that are off need none: they are as at power-on, without lock
@@ -79,8 +79,8 @@ impl SimBus {
         let moving = drives.iter().any(|drive| !drive.is_at_rest()).then_some(*next);
         let waiting = drives.iter().filter_map(Drive::next_time);
         match waiting.chain(moving).min() {
-            Some(time) => self.agenda.set(Slot::OwnClock, time.max(now + 1)),
-            None => self.agenda.cancel(Slot::OwnClock),
+            Some(time) => self.schedule.set(Slot::OwnClock, time.max(now + 1)),
+            None => self.schedule.cancel(Slot::OwnClock),
         }
     }
 }

@@ -1,8 +1,8 @@
 //! A CANsync bus as the plant sees it, and what its ports do apart from the traffic.
 
-use super::agenda::Slot;
 use super::end::{DriveEnd, End, Place, Socket, SocketRole};
 use super::rates::report_mismatch;
+use super::schedule::Slot;
 use super::{FAMILY, Sender, SimBus, Station};
 use crate::devices;
 use crate::devices::can_faults;
@@ -18,10 +18,10 @@ use crate::devices::{
     BuildError, Context, DriveDetails, DriveState, GuestRefusal, Interval, Medium, ParameterRefusal, Shaft,
     Stranger, SyncOrigin, SyncSignal, World,
 };
-use crate::door::Said;
+use crate::door::BusMessage;
 use crate::fault::{self, Faults, Hit, Target};
 use crate::journal::{Journal, Origin};
-use crate::layout::Live;
+use crate::layout::RegisterPhase;
 use core::any::Any;
 use core::mem::offset_of;
 
@@ -156,19 +156,19 @@ impl Medium for SimBus {
         }
     }
 
-    fn rests(&self, place: usize) -> bool {
+    fn is_quiescent(&self, place: usize) -> bool {
         match self.places[place] {
-            Place::Master(index) => self.masters[index].firmware.rests(),
-            Place::Slave(index) => self.slaves[index].firmware.rests(),
+            Place::Master(index) => self.masters[index].firmware.is_quiescent(),
+            Place::Slave(index) => self.slaves[index].firmware.is_quiescent(),
             Place::Drive(_) => true,
         }
     }
 
     #[inline]
-    fn looks_in_vain(&self, place: usize, now: u64, is_seen: bool) -> bool {
+    fn poll_changes_nothing(&self, place: usize, now: u64, is_seen: bool) -> bool {
         match self.places[place] {
-            Place::Master(index) => self.masters[index].firmware.looks_in_vain(is_seen),
-            Place::Slave(index) => self.slaves[index].firmware.looks_in_vain(now, is_seen),
+            Place::Master(index) => self.masters[index].firmware.poll_changes_nothing(is_seen),
+            Place::Slave(index) => self.slaves[index].firmware.poll_changes_nothing(now, is_seen),
             Place::Drive(_) => true,
         }
     }
@@ -209,7 +209,7 @@ impl Medium for SimBus {
 
     /// An edge goes on to devices and to other buses.
     fn apart_until(&self) -> u64 {
-        self.agenda.at(Slot::Sync).unwrap_or(u64::MAX)
+        self.schedule.at(Slot::Sync).unwrap_or(u64::MAX)
     }
 
     fn event(&mut self, world: &mut World) -> Option<SyncSignal> {
@@ -300,11 +300,11 @@ impl Medium for SimBus {
     fn guest_sends(
         &mut self,
         guest: u8,
-        said: &Said,
+        said: &BusMessage,
         now: u64,
         journal: &mut Journal,
     ) -> Result<(), GuestRefusal> {
-        let Said::Frame(frame) = said else { return Err(GuestRefusal::NotHere) };
+        let BusMessage::Frame(frame) = said else { return Err(GuestRefusal::NotHere) };
         self.take_guests_frame(guest, frame, now, journal)
     }
 
@@ -323,14 +323,14 @@ impl Medium for SimBus {
         self.masters[index].run(now, journal, |master, ctx| master.passes_sync_on(ctx, signal));
         if let Some(running) = self.running.as_mut().filter(|running| !running.own_sync) {
             running.signal = signal;
-            self.agenda.set(Slot::Sync, now);
-            self.next = self.agenda.next_time();
+            self.schedule.set(Slot::Sync, now);
+            self.next = self.schedule.next_time();
         }
     }
 
     fn next_sync(&self) -> Option<u64> {
         self.running.as_ref().filter(|running| running.own_sync)?;
-        self.agenda.at(Slot::Sync)
+        self.schedule.at(Slot::Sync)
     }
 
     fn sync_origin(&self) -> SyncOrigin {
@@ -361,7 +361,7 @@ impl Medium for SimBus {
     }
 
     /// BUS-off of nodes whose CAN controller works, faults of drives that have none.
-    fn strike(&mut self, now: u64, target: Target, effect: &fault::Effect) -> Option<Hit> {
+    fn fire(&mut self, now: u64, target: Target, effect: &fault::Effect) -> Option<Hit> {
         let hits = match target {
             Target::Port { device, port } if effect.get() == Some(&can_faults::Effect::BusOff) => {
                 self.go_bus_off(Origin { plc: device, node: port }, now)
@@ -379,7 +379,7 @@ impl Medium for SimBus {
 /// A master starts that is to pass a SYNC signal on, and no other port can hand it one.
 fn report_no_sync_in(ctx: &mut Context) {
     let offset = offset_of!(CANsync_INIT_BMSTRUCT, b_MA_SL_MODE);
-    ctx.find(&rules::NO_SYNC_IN, Live::Init, offset, ma_sl_mode::MASTER_SYNC_IN.into());
+    ctx.find(&rules::NO_SYNC_IN, RegisterPhase::Init, offset, ma_sl_mode::MASTER_SYNC_IN.into());
 }
 
 impl SimBus {

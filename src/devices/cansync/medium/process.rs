@@ -1,7 +1,7 @@
 //! Process data within an interval: SYNC, WRC1, RDC1, WRC2, RDC2.
 
-use super::agenda::Slot;
 use super::disturbance::Fate;
+use super::schedule::Slot;
 use super::{Run, Sender, Station};
 use crate::devices::cansync::Deadline;
 use crate::devices::cansync::bus::{Channel, Frame, FrameKind};
@@ -64,7 +64,7 @@ impl Run<'_> {
             self.bus.disturbance.end_jitter();
         }
         let shift = self.bus.disturbance.shift();
-        self.bus.agenda.set(Slot::Sync, regular.saturating_add_signed(shift));
+        self.bus.schedule.set(Slot::Sync, regular.saturating_add_signed(shift));
     }
 
     fn deliver_edge(&mut self, interval_us: u32) {
@@ -98,14 +98,14 @@ impl Run<'_> {
         self.build_actual(Channel::One);
         let built = self.master(|master, ctx| master.build_reference(ctx, Channel::One)).flatten();
         self.bus.reference[0] = built;
-        self.bus.agenda.set(Slot::Built1, self.now + build_time(built.as_ref()));
+        self.bus.schedule.set(Slot::Built1, self.now + build_time(built.as_ref()));
     }
 
     pub(super) fn built_first(&mut self) {
         self.send_reference(Channel::One);
         let built = self.master(|master, ctx| master.build_reference(ctx, Channel::Two)).flatten();
         self.bus.reference[1] = built;
-        self.bus.agenda.set(Slot::Built2, self.now + build_time(built.as_ref()));
+        self.bus.schedule.set(Slot::Built2, self.now + build_time(built.as_ref()));
     }
 
     pub(super) fn built_second(&mut self) {
@@ -202,7 +202,7 @@ impl Run<'_> {
         let mut words = 1;
         self.each_node(|slave, _| words = words.max(slave.words_taken()));
         let due = (self.now + WORD_US * u64::from(words)).clamp(earliest, latest);
-        self.bus.agenda.set(Slot::BuildActual2, due);
+        self.bus.schedule.set(Slot::BuildActual2, due);
     }
 }
 

@@ -1,7 +1,7 @@
 //! Frames in their slots: when each one begins, when its receivers have it, when the bus is free again.
 
-use super::agenda::Slot;
 use super::disturbance::Fate;
+use super::schedule::Slot;
 use super::{Run, Sender, SimBus, Station};
 use crate::devices::cansync::bus::{Frame, wire};
 use crate::devices::cansync::firmware::Slave;
@@ -49,7 +49,7 @@ impl Run<'_> {
         let delivery = u64::from(airtime.delivery_us);
         let (until, due) = (from_seen + delivery, from + delivery);
         self.bus.on_wire[place] = Some(OnWire { from: from_seen, until, due, free, sender });
-        self.bus.agenda.set(slot, due);
+        self.bus.schedule.set(slot, due);
         if slot == Slot::Actual1End {
             // The master has handed WRC2 over before RDC1 was asked for.
             self.hold_back(Slot::Reference2End, free);
@@ -68,7 +68,7 @@ impl Run<'_> {
             *time += wait;
         }
         let due = wire.due;
-        self.bus.agenda.set(slot, due);
+        self.bus.schedule.set(slot, due);
     }
 
     /// The regular end of a frame: notes it, if it arrives now.

@@ -1,6 +1,6 @@
 //! A bus at every baud rate of a device that knows all four, and one whose participants disagree.
 
-use super::agenda::Slot;
+use super::schedule::Slot;
 use super::{BusConfig, SimBus, Socket, SocketRole};
 use crate::devices::bm4_o_can_06::registers::{BAUD_RATES as FOUR, DEVICE};
 use crate::devices::cansync::bus::{Channel, FrameKind, SyncLock, wire};
@@ -189,7 +189,7 @@ fn the_command_channel_has_the_times_of_every_rate() {
         let mut asked = None;
         while asked.is_none() {
             bench.run_to(bench.bus.next_time());
-            asked = bench.bus.agenda.at(Slot::ResponseTimeout);
+            asked = bench.bus.schedule.at(Slot::ResponseTimeout);
         }
         assert_eq!(asked, Some(bench.now + u64::from(rate.t_RSPTO)), "{rate:?}");
     }

@@ -13,7 +13,7 @@ use crate::devices::cansync::registers::{
 };
 use crate::devices::cansync::rules;
 use crate::journal::{Finding, Journal, Rule};
-use crate::layout::Live;
+use crate::layout::RegisterPhase;
 use core::mem::offset_of;
 
 /// Highest value number.
@@ -32,7 +32,7 @@ pub(super) struct Place {
     /// First byte of the node.
     pub base: usize,
     /// Which structure is valid.
-    pub live: Live,
+    pub live: RegisterPhase,
 }
 
 /// Judges the writes to a node's registers.

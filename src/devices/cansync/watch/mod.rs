@@ -10,7 +10,7 @@ mod registers;
 
 pub(super) use node::NodeWatch;
 
-use crate::layout::Live;
+use crate::layout::RegisterPhase;
 
 /// What the rules must know about a node beyond its registers.
 #[derive(Clone, Copy, Debug)]
@@ -18,7 +18,7 @@ pub(super) struct Facts {
     /// It is the master of its bus.
     pub is_master: bool,
     /// Which structure is valid.
-    pub live: Live,
+    pub live: RegisterPhase,
     /// The node waits for initialization data, and the PLC has ordered to take them over.
     pub takes_over_init: bool,
     /// The node is in set-up mode or active operation.

@@ -6,15 +6,15 @@
 use super::judge::{Judge, Place};
 use super::registers::{INIT_BYTES, Maps, Watched};
 use super::{Facts, mapping};
-use crate::check::Left;
+use crate::check::Baseline;
 use crate::check::word::WORD;
 use crate::devices::cansync::registers::{CANsync_MA_CTRL_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT};
 use crate::devices::cansync::rules;
 use crate::journal::Journal;
-use crate::layout::{Area, Live, Role};
+use crate::layout::{Area, RegisterPhase, Role};
 use crate::memory::{Cell64, MemoryError, Segment, View};
-use crate::state;
-use crate::state::{Damaged, Saved, Saving, State};
+use crate::snapshot_fields;
+use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 use std::sync::Arc;
 
 /// 64-bit words that hold the longest structure.
@@ -27,7 +27,7 @@ const INIT_WORDS: usize = (INIT_BYTES as usize).div_ceil(WORD);
 pub(super) struct Registers {
     /// In words as wide as possible, and only ever loaded.
     now: View<[Cell64; WORDS]>,
-    left: Left,
+    left: Baseline,
 }
 
 impl Registers {
@@ -86,7 +86,7 @@ fn byte(word: u64, offset: usize) -> u8 {
     (word >> (8 * (offset % WORD))) as u8
 }
 
-impl State for Registers {
+impl SnapshotFields for Registers {
     fn save(&self, to: &mut Saving) {
         to.sparse(self.left.words().zip(&*self.now).map(|(left, now)| left ^ now.load()));
     }
@@ -106,14 +106,14 @@ pub(in crate::devices::cansync) struct NodeWatch {
     base: usize,
     maps: Arc<Maps>,
     registers: Registers,
-    live: Live,
+    live: RegisterPhase,
     /// Words that differ. Kept for its memory.
     changed: Vec<(usize, u64)>,
     /// The mapping was changed and is judged when the firmware takes it over.
     unsettled: bool,
 }
 
-state!(NodeWatch { values: live, unsettled; parts: registers; built: plc, base, maps, changed });
+snapshot_fields!(NodeWatch { values: live, unsettled; parts: registers; built: plc, base, maps, changed });
 
 impl NodeWatch {
     /// The watch over the node in `area` of PLC `plc`, whose registers are as the firmware left them.
@@ -127,13 +127,13 @@ impl NodeWatch {
         segment: &Segment,
     ) -> Result<Self, MemoryError> {
         let base = area.first as usize;
-        let registers = Registers { now: segment.view(base)?, left: Left::new(WORDS) };
+        let registers = Registers { now: segment.view(base)?, left: Baseline::new(WORDS) };
         let mut watch = NodeWatch {
             plc,
             base,
             maps: Maps::of(area, role),
             registers,
-            live: Live::Init,
+            live: RegisterPhase::Init,
             changed: Vec::new(),
             unsettled: false,
         };
@@ -143,13 +143,13 @@ impl NodeWatch {
 
     /// Words of the structure that is valid.
     fn words(&self) -> usize {
-        if self.live == Live::Init { INIT_WORDS } else { self.maps.cyclic.len().div_ceil(WORD) }
+        if self.live == RegisterPhase::Init { INIT_WORDS } else { self.maps.cyclic.len().div_ceil(WORD) }
     }
 
     /// Notes the registers as the firmware leaves them.
     #[inline]
-    pub(crate) fn leave(&mut self, live: Live) {
-        if self.live == Live::Init && live == Live::Init {
+    pub(crate) fn leave(&mut self, live: RegisterPhase) {
+        if self.live == RegisterPhase::Init && live == RegisterPhase::Init {
             self.registers.copy(INIT_WORDS - 1);
             self.registers.copy_end_of_init();
             return;
@@ -197,7 +197,7 @@ impl NodeWatch {
             }
         }
         // Only now: a rule may look at what other registers held before.
-        let is_init = self.live == Live::Init;
+        let is_init = self.live == RegisterPhase::Init;
         for &(index, word) in &self.changed {
             if is_init && index == INIT_WORDS - 1 {
                 self.registers.copy_end_of_init();
@@ -215,7 +215,7 @@ impl NodeWatch {
         self.registers.compare(self.maps.cyclic.len().div_ceil(WORD), &mut self.changed);
         self.changed.retain(|&(index, _)| index >= INIT_WORDS - 1);
         let (mut judge, maps, changed) = self.judge_with(now, facts, journal);
-        judge.place.live = Live::Cyclic;
+        judge.place.live = RegisterPhase::Cyclic;
         for &(index, word) in changed {
             let written = maps.cyclic.registers_with(index * WORD, judge.registers.left.word(index) ^ word);
             for register in written.filter(|register| register.offset >= INIT_BYTES) {

@@ -2,7 +2,7 @@
 
 use crate::check::word;
 use crate::devices::cansync::registers::CANsync_INIT_BMSTRUCT;
-use crate::layout::{Area, Live, Meaning, Owner, RegisterRef, Role};
+use crate::layout::{Area, Meaning, Owner, RegisterPhase, RegisterRef, Role};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// What the rules have to do with a register.
@@ -83,7 +83,7 @@ impl Map {
     const NONE: u16 = u16::MAX;
 
     /// The map of the structure that lies in `area` in phase `live` if a `role` is there.
-    fn new(area: &'static Area, role: Role, live: Live) -> Self {
+    fn new(area: &'static Area, role: Role, live: RegisterPhase) -> Self {
         let mut map = Map { registers: Vec::new(), bytes: Vec::new() };
         let placed = area.structures.iter().filter(|placed| placed.live.is_valid_in(live));
         let placed = placed.filter(|placed| placed.role.is_none_or(|it| it == role));
@@ -148,19 +148,20 @@ impl Maps {
         if let Some((.., maps)) = made.iter().find(is_it) {
             return Arc::clone(maps);
         }
-        let [init, cyclic] = [Live::Init, Live::Cyclic].map(|live| Map::new(area, role, live));
+        let [init, cyclic] =
+            [RegisterPhase::Init, RegisterPhase::Cyclic].map(|live| Map::new(area, role, live));
         let maps = Arc::new(Maps { init, cyclic });
         made.push((area, role, Arc::clone(&maps)));
         maps
     }
 
     /// The map in a phase.
-    pub(crate) fn of_phase(&self, live: Live) -> &Map {
-        if live == Live::Init { &self.init } else { &self.cyclic }
+    pub(crate) fn of_phase(&self, live: RegisterPhase) -> &Map {
+        if live == RegisterPhase::Init { &self.init } else { &self.cyclic }
     }
 }
 
-fn watched(register: &RegisterRef, role: Role, live: Live) -> Watched {
+fn watched(register: &RegisterRef, role: Role, live: RegisterPhase) -> Watched {
     let meaning = register.register.meaning;
     let mut watched = Watched {
         offset: register.offset_in_structure() as u16,
@@ -170,7 +171,7 @@ fn watched(register: &RegisterRef, role: Role, live: Live) -> Watched {
         reserved_bits: 0,
     };
     if register.is_reserved() {
-        let under_init = live == Live::Cyclic && (watched.offset) < INIT_BYTES;
+        let under_init = live == RegisterPhase::Cyclic && (watched.offset) < INIT_BYTES;
         watched.kind = if under_init { Kind::ReservedUnderInit } else { Kind::Reserved };
         return watched;
     }

@@ -7,7 +7,7 @@ use crate::devices::cansync;
 use crate::devices::cansync::drive::{BuiltInDrive, pwm_objection};
 use crate::devices::omega_drive_line_2::registers::BAPS_CTRL_BMSTRUCT;
 use crate::journal::Rule;
-use crate::layout::Live;
+use crate::layout::RegisterPhase;
 use crate::memory::Header;
 use crate::memory::header::ProgramState;
 use core::mem::offset_of;
@@ -26,7 +26,7 @@ pub(super) fn is_too_early(asked: &Header) -> bool {
 
 /// Reports a broken rule at the register at `offset` of the BAPS.
 pub(super) fn find(ctx: &mut Context, rule: &'static Rule, offset: usize, value: u32) {
-    ctx.find(rule, Live::Always, offset, value);
+    ctx.find(rule, RegisterPhase::Always, offset, value);
 }
 
 /// The cycle times that stand in `w_COMMAND_REG`; `None` if they are reserved. What is reserved is reported.

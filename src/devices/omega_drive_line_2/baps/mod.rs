@@ -21,7 +21,7 @@ use crate::devices::shown::Shown;
 use crate::devices::{Context, ParameterRefusal};
 use crate::journal::Journal;
 use crate::memory::{MemoryError, Segment, View};
-use crate::state;
+use crate::snapshot_fields;
 use core::mem::offset_of;
 use hold::Hold;
 use process::Process;
@@ -48,7 +48,7 @@ pub struct Baps {
     phase: u64,
 }
 
-state!(Baps {
+snapshot_fields!(Baps {
     values: process_hold, service_hold, is_up, next, last, phase;
     parts: drive, process, service;
     built: regs, powered_on

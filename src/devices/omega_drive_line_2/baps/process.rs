@@ -11,7 +11,7 @@ use crate::devices::omega_drive_line_2::registers::values::{baps_command, baps_q
 use crate::devices::omega_drive_line_2::rules;
 use crate::devices::shown::Shown;
 use crate::memory::{Face, MemoryError, Segment};
-use crate::state;
+use crate::snapshot_fields;
 use core::mem::offset_of;
 use serde::{Deserialize, Serialize};
 
@@ -55,7 +55,7 @@ pub(super) struct Process {
     events: u64,
 }
 
-state!(Process { values: configured, events; built: face });
+snapshot_fields!(Process { values: configured, events; built: face });
 
 impl Process {
     /// Not configured.

@@ -15,7 +15,7 @@ use crate::devices::omega_drive_line_2::registers::values::{
     baps_format, baps_job, baps_result, baps_semaphore,
 };
 use crate::devices::shown::Shown;
-use crate::state;
+use crate::snapshot_fields;
 use core::mem::offset_of;
 use serde::{Deserialize, Serialize};
 
@@ -63,7 +63,7 @@ pub(super) struct Service {
     time_us: u64,
 }
 
-state!(Service { values: phase; built: time_us });
+snapshot_fields!(Service { values: phase; built: time_us });
 
 impl Service {
     /// A job takes `time_us` of emulated time.

@@ -3,7 +3,7 @@
 use crate::devices::omega_drive_line_2::registers::{DEVICE, RETAIN, RETAIN_BYTES};
 use crate::memory::header::{InitialFlag, InitialFlagResult};
 use crate::memory::{MemoryError, Segment, Width};
-use crate::state::{Damaged, Saved, Saving, State};
+use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 
 /// Where the first flag lies.
 const FIRST: u32 = RETAIN as u32;
@@ -16,7 +16,7 @@ pub(super) struct Flags {
     initial: Box<[u8]>,
 }
 
-impl State for Flags {
+impl SnapshotFields for Flags {
     fn save(&self, to: &mut Saving) {
         let Self { segment: _, initial } = self;
         to.sparse(initial.as_chunks().0.iter().map(|bytes| u32::from_le_bytes(*bytes).into()));

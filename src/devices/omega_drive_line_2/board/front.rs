@@ -8,7 +8,7 @@ use crate::devices::records::BoardEvent;
 use crate::devices::{Context, Look, Power, program};
 use crate::memory::header::{self, ProgramState, Project, RunSwitch, Start};
 use crate::memory::{Face, Header};
-use crate::state;
+use crate::snapshot_fields;
 use serde::{Deserialize, Serialize};
 
 /// Half the time in which the display blinks while a boot project is copied.
@@ -58,7 +58,7 @@ impl Seen {
     }
 }
 
-state!(Front {
+snapshot_fields!(Front {
     values: seen, switch, powered, program, up, dip, projects, is_used, halted, released, started, ordered;
     parts: flags
 });

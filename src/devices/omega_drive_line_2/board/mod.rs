@@ -4,7 +4,7 @@
 //! It lives in the header page of the image: the function blocks `INTR_SET` and `OPT_INIT` are calls into the
 //! device's firmware, not registers, so a soft-PLC puts their inputs there (decision D-180).
 
-use crate::state;
+use crate::snapshot_fields;
 
 mod flags;
 mod front;
@@ -40,7 +40,7 @@ pub struct Board {
     option_sync_us: Option<u32>,
 }
 
-state!(Board { values: requests, triggers, timers; parts: events, front; built: face, option_sync_us });
+snapshot_fields!(Board { values: requests, triggers, timers; parts: events, front; built: face, option_sync_us });
 
 impl Board {
     /// The board whose header page is in `segment`, with the `project` that it has at the first power-on;

@@ -180,9 +180,9 @@ fn variable(
 ) -> Result<(String, Provenance), Error> {
     let Some(given) = &placed.variable else {
         let made = match placed.live {
-            raw::Live::Always => format!("_{area}"),
-            raw::Live::Init => format!("_{area}_INIT"),
-            raw::Live::Cyclic => format!("_{area}_CTRL"),
+            raw::RegisterPhase::Always => format!("_{area}"),
+            raw::RegisterPhase::Init => format!("_{area}_INIT"),
+            raw::RegisterPhase::Cyclic => format!("_{area}_CTRL"),
         };
         return Ok((made, names.clone()));
     };

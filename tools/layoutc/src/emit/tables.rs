@@ -147,7 +147,7 @@ fn area(device: &Device, area: &Area) -> String {
         let role = role.map_or("None".to_owned(), |role| format!("Some(Role::{role:?})"));
         let _ = write!(
             out,
-            "Placed {{ structure: &{item}, live: Live::{live:?}, role: {role}, variable: {variable:?}, \
+            "Placed {{ structure: &{item}, live: RegisterPhase::{live:?}, role: {role}, variable: {variable:?}, \
              variable_from: {variable_from}, unused: &{unused:?} }}, "
         );
     }
@@ -218,7 +218,7 @@ fn front_area(out: &mut String, device: &Device) {
         out,
         "    /// The front as an area.\n    pub static FRONT_AREA: Area = Area {{ name: \"front\", name_from: {from}, \
          space: &SPACES[{space}], first: {first}, bytes: {bytes}, cpu: None, page: {:?}, doc: {:?}, structures: &[Placed {{ \
-         structure: &FRONT_WORDS, live: Live::Always, role: None, variable: \"_front\", variable_from: {from}, unused: &[] }}] }};\n\n    \
+         structure: &FRONT_WORDS, live: RegisterPhase::Always, role: None, variable: \"_front\", variable_from: {from}, unused: &[] }}] }};\n\n    \
          const _: () = assert!(core::mem::offset_of!(commram::memory::Header, front) == {first});\n",
         words.page, words.doc,
     );

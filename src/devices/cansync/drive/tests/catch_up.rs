@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::devices::cansync::drive::{Log, Passed};
-use crate::state::{Saving, State};
+use crate::snapshot_fields::{Saving, SnapshotFields};
 use proptest::prelude::*;
 
 fn passed() -> impl Strategy<Value = Passed> {

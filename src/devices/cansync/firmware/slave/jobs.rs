@@ -12,7 +12,7 @@ use crate::devices::cansync::bus::codec::{
 use crate::devices::cansync::firmware::polling::STATUS_WORD;
 use crate::devices::cansync::registers::CANsync_SL_CTRL_BMSTRUCT;
 use crate::devices::cansync::registers::values::{par_error, updown_error};
-use crate::state;
+use crate::snapshot_fields;
 use serde::{Deserialize, Serialize};
 
 /// Who answers the last job.
@@ -36,7 +36,7 @@ pub(super) struct Jobs {
     sending: Option<Due>,
 }
 
-state!(Jobs { values: number, parameter, due, sending; parts: updown });
+snapshot_fields!(Jobs { values: number, parameter, due, sending; parts: updown });
 
 impl Jobs {
     pub(super) fn new(number: u8, has_single_frame_area: bool) -> Self {

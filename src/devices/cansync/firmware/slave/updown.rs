@@ -7,7 +7,7 @@ use crate::devices::Context;
 use crate::devices::cansync::bus::codec::{Direction, UpDownJob, UpDownResponse, UpDownResult, UpDownStep};
 use crate::devices::cansync::registers::CANsync_SL_CTRL_BMSTRUCT;
 use crate::devices::cansync::registers::values::{base_adr, updown_error};
-use crate::state;
+use crate::snapshot_fields;
 use serde::{Deserialize, Serialize};
 
 /// What an answer does to the transfer once it has left the bus.
@@ -40,7 +40,7 @@ pub(super) struct UpDownServer {
     accepted: Option<(UpDownJob, UpDownResponse)>,
 }
 
-state!(UpDownServer { values: transfer, due, sending, accepted; built: has_single_frame_area });
+snapshot_fields!(UpDownServer { values: transfer, due, sending, accepted; built: has_single_frame_area });
 
 impl UpDownServer {
     pub(super) fn new(has_single_frame_area: bool) -> Self {

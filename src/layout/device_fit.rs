@@ -1,6 +1,6 @@
 //! A device as it is fitted: which of the structures that its areas can have lie there.
 
-use super::descriptor::{Area, Device, Dim, Live, Placed, Port, Register, Role};
+use super::descriptor::{Area, Device, Dim, Placed, Port, Register, RegisterPhase, Role};
 use super::register::RegisterRef;
 
 /// Most ports that a device can have.
@@ -42,13 +42,13 @@ impl Fit {
 /// A device, and what is known of its ports. Names and widths follow from both: what lies in the slots of a
 /// modular PLC depends on the modules there.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Fitted {
+pub struct DeviceFit {
     device: &'static Device,
     /// In the order of the device's ports.
     ports: [Fit; MOST_PORTS],
 }
 
-impl Fitted {
+impl DeviceFit {
     /// The device with nothing known but what its layout leaves no choice in.
     #[must_use]
     pub fn unknown(device: &'static Device) -> Self {
@@ -113,7 +113,11 @@ impl Fitted {
     }
 
     /// The registers that are valid in phase `live`, structure by structure, each in address order.
-    pub fn registers_in(&self, area: &'static Area, live: Live) -> impl Iterator<Item = RegisterRef> + use<> {
+    pub fn registers_in(
+        &self,
+        area: &'static Area,
+        live: RegisterPhase,
+    ) -> impl Iterator<Item = RegisterRef> + use<> {
         let fitted = *self;
         let placed = self.placed(area).filter(move |placed| placed.live.is_valid_in(live));
         placed.flat_map(move |placed| fitted.registers_of(area, placed))
@@ -153,7 +157,7 @@ impl Register {
     }
 }
 
-impl From<&'static Device> for Fitted {
+impl From<&'static Device> for DeviceFit {
     fn from(device: &'static Device) -> Self {
         Self::unknown(device)
     }
@@ -166,12 +170,12 @@ mod tests {
     use crate::devices::samples::tables::SLOTS as DEVICE;
     use std::collections::BTreeMap;
 
-    fn fitted(fit: Fit) -> Fitted {
-        Fitted::unknown(&DEVICE).with(1, fit)
+    fn fitted(fit: Fit) -> DeviceFit {
+        DeviceFit::unknown(&DEVICE).with(1, fit)
     }
 
     /// What the structures are for that lie in the first slot.
-    fn roles(fit: Fit, live: Live) -> Vec<Option<Role>> {
+    fn roles(fit: Fit, live: RegisterPhase) -> Vec<Option<Role>> {
         let registers = fitted(fit).registers_in(DEVICE.areas.first().unwrap(), live);
         let mut roles: Vec<_> = registers.map(|found| found.placed.role).collect();
         roles.dedup();
@@ -181,11 +185,11 @@ mod tests {
     #[test]
     fn the_role_selects_the_structures() {
         let [master, slave] = [Role::Master, Role::Slave];
-        assert_eq!(roles(Fit::As(master), Live::Cyclic), [Some(master)]);
-        assert_eq!(roles(Fit::As(slave), Live::Cyclic), [Some(slave)]);
-        assert_eq!(roles(Fit::Unknown, Live::Cyclic), [Some(master), Some(slave)]);
-        assert_eq!(roles(Fit::As(slave), Live::Init), [Some(slave)]);
-        assert_eq!(roles(Fit::Empty, Live::Cyclic), []);
+        assert_eq!(roles(Fit::As(master), RegisterPhase::Cyclic), [Some(master)]);
+        assert_eq!(roles(Fit::As(slave), RegisterPhase::Cyclic), [Some(slave)]);
+        assert_eq!(roles(Fit::Unknown, RegisterPhase::Cyclic), [Some(master), Some(slave)]);
+        assert_eq!(roles(Fit::As(slave), RegisterPhase::Init), [Some(slave)]);
+        assert_eq!(roles(Fit::Empty, RegisterPhase::Cyclic), []);
     }
 
     #[test]
@@ -198,15 +202,15 @@ mod tests {
 
     #[test]
     fn where_a_layout_leaves_no_choice_the_role_is_known() {
-        let fitted = Fitted::unknown(&NODES);
+        let fitted = DeviceFit::unknown(&NODES);
         assert_eq!((fitted.port(1), fitted.port(2)), (Fit::As(Role::Slave), Fit::As(Role::Master)));
     }
 
     #[test]
     fn used_registers_of_a_role_agree_on_the_width_of_every_byte() {
         let of_role =
-            |role| (1..=6).fold(Fitted::unknown(&DEVICE), |fitted, port| fitted.with(port, Fit::As(role)));
-        let fitted = [Fitted::unknown(&NODES), of_role(Role::Master), of_role(Role::Slave)];
+            |role| (1..=6).fold(DeviceFit::unknown(&DEVICE), |fitted, port| fitted.with(port, Fit::As(role)));
+        let fitted = [DeviceFit::unknown(&NODES), of_role(Role::Master), of_role(Role::Slave)];
         for (fitted, area) in
             fitted.iter().flat_map(|it| it.device().areas.iter().map(move |area| (it, area)))
         {
@@ -223,11 +227,11 @@ mod tests {
 
     #[test]
     fn the_slave_types_are_the_masters_alone() {
-        let used = |fitted: Fitted, area: &str| {
+        let used = |fitted: DeviceFit, area: &str| {
             let registers = fitted.used_registers(fitted.device().area(area).unwrap());
             registers.filter(|found| found.register.name == "a_SL_TYP").count()
         };
-        let nodes = Fitted::unknown(&NODES);
+        let nodes = DeviceFit::unknown(&NODES);
         assert_eq!((used(nodes, "node1"), used(nodes, "node2")), (0, 32));
         let [slave, master] = [Role::Slave, Role::Master].map(|role| fitted(Fit::As(role)));
         assert_eq!((used(slave, "slotG"), used(master, "slotG")), (0, 32));

@@ -3,7 +3,7 @@
 use core::fmt::Display;
 
 /// `1 finding`, `2 findings`, `0 findings`.
-pub(crate) fn counted(count: impl Into<u64>, what: impl Display) -> String {
+pub(crate) fn plural(count: impl Into<u64>, what: impl Display) -> String {
     match count.into() {
         1 => format!("1 {what}"),
         count => format!("{count} {what}s"),
@@ -11,8 +11,8 @@ pub(crate) fn counted(count: impl Into<u64>, what: impl Display) -> String {
 }
 
 /// Of a list: `1 device`, `3 devices`.
-pub(crate) fn counted_of<T>(list: &[T], what: impl Display) -> String {
-    counted(list.len() as u64, what)
+pub(crate) fn plural_of<T>(list: &[T], what: impl Display) -> String {
+    plural(list.len() as u64, what)
 }
 
 #[cfg(test)]
@@ -21,7 +21,7 @@ mod tests {
 
     #[test]
     fn one_is_no_plural() {
-        assert_eq!([0_u32, 1, 2].map(|count| counted(count, "hit")), ["0 hits", "1 hit", "2 hits"]);
-        assert_eq!(counted_of(&["a"], "device"), "1 device");
+        assert_eq!([0_u32, 1, 2].map(|count| plural(count, "hit")), ["0 hits", "1 hit", "2 hits"]);
+        assert_eq!(plural_of(&["a"], "device"), "1 device");
     }
 }

@@ -61,18 +61,18 @@ const ALL: [Slot; 16] = [
 
 /// Due times of all slots of one bus; each slot is due at most once at a time.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub(super) struct Agenda {
+pub(super) struct Schedule {
     due: [u64; ALL.len()],
     /// Which slots are due at all, bit n for slot n: mostly a few.
     open: u16,
 }
 
-impl Agenda {
+impl Schedule {
     /// Time at which nothing is ever due.
     pub(super) const NEVER: u64 = u64::MAX;
 
     pub(super) fn empty() -> Self {
-        Agenda { due: [Self::NEVER; ALL.len()], open: 0 }
+        Schedule { due: [Self::NEVER; ALL.len()], open: 0 }
     }
 
     #[inline]
@@ -107,7 +107,7 @@ impl Agenda {
         *self = Self::empty();
     }
 
-    /// When the next slot is due; [`Agenda::NEVER`] if none is.
+    /// When the next slot is due; [`Schedule::NEVER`] if none is.
     #[inline]
     pub(super) fn next_time(&self) -> u64 {
         self.open().map(|index| self.due[index]).fold(Self::NEVER, u64::min)
@@ -135,15 +135,15 @@ mod tests {
 
     #[test]
     fn simultaneous_slots_come_in_the_order_of_the_enum() {
-        let mut agenda = Agenda::empty();
-        assert_eq!(agenda.next_time(), Agenda::NEVER);
-        agenda.set(Slot::CommandStart, 5);
-        agenda.set(Slot::Sync, 5);
-        agenda.set(Slot::Build1, 9);
-        assert_eq!(agenda.next_time(), 5);
-        assert_eq!(agenda.take(5), Some(Slot::Sync));
-        assert_eq!(agenda.take(5), Some(Slot::CommandStart));
-        assert_eq!(agenda.take(5), None);
-        assert_eq!(agenda.next_time(), 9);
+        let mut schedule = Schedule::empty();
+        assert_eq!(schedule.next_time(), Schedule::NEVER);
+        schedule.set(Slot::CommandStart, 5);
+        schedule.set(Slot::Sync, 5);
+        schedule.set(Slot::Build1, 9);
+        assert_eq!(schedule.next_time(), 5);
+        assert_eq!(schedule.take(5), Some(Slot::Sync));
+        assert_eq!(schedule.take(5), Some(Slot::CommandStart));
+        assert_eq!(schedule.take(5), None);
+        assert_eq!(schedule.next_time(), 9);
     }
 }

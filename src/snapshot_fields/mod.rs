@@ -4,7 +4,7 @@
 //! snapshot holds the latter only. It is read into a structure that was built of the same plant file, so that what was
 //! made of it stays as it is.
 //!
-//! [`state!`](macro@crate::state) names **each** field of a structure and says whether it is kept: who adds a field and does not
+//! [`snapshot_fields!`](macro@crate::snapshot_fields) names **each** field of a structure and says whether it is kept: who adds a field and does not
 //! say so gets an error of the compiler instead of a snapshot in which something is missing.
 //!
 //! Bytes may come from a file that somebody else has made. Whatever is in them, reading ends with a value or with
@@ -17,7 +17,7 @@ pub use saved::{Damaged, Saved, Saving};
 pub use sealed::{seal, unseal};
 
 /// Something of which a snapshot holds what has happened to it.
-pub trait State {
+pub trait SnapshotFields {
     /// Appends its state.
     fn save(&self, to: &mut Saving);
 
@@ -32,47 +32,47 @@ pub trait State {
 /// Says what a snapshot holds of a structure; each of its fields must stand in one of the three lists.
 ///
 /// - `values`: the field is written and read as a whole by `serde`.
-/// - `parts`: the field has a [`State`] of its own, which is read into the one that is there.
+/// - `parts`: the field has a [`SnapshotFields`] of its own, which is read into the one that is there.
 /// - `built`: the field was made of the plant file, or is empty between two events. Nothing is kept.
 ///
 /// ```
-/// # use commram::state;
-/// # use commram::state::{Saved, Saving, State};
+/// # use commram::snapshot_fields;
+/// # use commram::snapshot_fields::{Saved, Saving, SnapshotFields};
 /// struct Pump {
 ///     name: String,
 ///     speed: u16,
 ///     starts: u32,
 /// }
-/// state!(Pump { values: speed, starts; built: name });
+/// snapshot_fields!(Pump { values: speed, starts; built: name });
 ///
 /// let mut saving = Saving::default();
 /// Pump { name: "p1".into(), speed: 1500, starts: 3 }.save(&mut saving);
 /// let mut other = Pump { name: "p1".into(), speed: 0, starts: 0 };
 /// other.restore(&mut Saved::new(saving.bytes()))?;
 /// assert_eq!((other.speed, other.starts), (1500, 3));
-/// # Ok::<(), commram::state::Damaged>(())
+/// # Ok::<(), commram::snapshot_fields::Damaged>(())
 /// ```
 #[macro_export]
-macro_rules! state {
+macro_rules! snapshot_fields {
     ($(where [$($generics:tt)*])? $name:ty {
         $(values: $($value:ident),+ $(;)?)? $(parts: $($part:ident),+ $(;)?)? $(built: $($built:tt),+ $(;)?)?
     }) => {
-        impl$(<$($generics)*>)? $crate::state::State for $name {
+        impl$(<$($generics)*>)? $crate::snapshot_fields::SnapshotFields for $name {
             #[allow(unused_variables, reason = "there may be nothing to keep")]
-            fn save(&self, to: &mut $crate::state::Saving) {
+            fn save(&self, to: &mut $crate::snapshot_fields::Saving) {
                 let Self { $($($value,)+)? $($($part,)+)? $($($built: _,)+)? } = self;
                 $($(to.value($value);)+)?
-                $($($crate::state::State::save($part, to);)+)?
+                $($($crate::snapshot_fields::SnapshotFields::save($part, to);)+)?
             }
 
             #[allow(unused_variables, reason = "there may be nothing to keep")]
             fn restore(
                 &mut self,
-                from: &mut $crate::state::Saved<'_>,
-            ) -> ::core::result::Result<(), $crate::state::Damaged> {
+                from: &mut $crate::snapshot_fields::Saved<'_>,
+            ) -> ::core::result::Result<(), $crate::snapshot_fields::Damaged> {
                 let Self { $($($value,)+)? $($($part,)+)? $($($built: _,)+)? } = self;
                 $($(*$value = from.value()?;)+)?
-                $($($crate::state::State::restore($part, from)?;)+)?
+                $($($crate::snapshot_fields::SnapshotFields::restore($part, from)?;)+)?
                 Ok(())
             }
         }
@@ -80,7 +80,7 @@ macro_rules! state {
 }
 
 /// Nothing has happened to it.
-impl State for () {
+impl SnapshotFields for () {
     fn save(&self, _: &mut Saving) {}
 
     fn restore(&mut self, _: &mut Saved<'_>) -> Result<(), Damaged> {
@@ -88,7 +88,7 @@ impl State for () {
     }
 }
 
-impl<T: State> State for [T] {
+impl<T: SnapshotFields> SnapshotFields for [T] {
     fn save(&self, to: &mut Saving) {
         to.value(&self.len());
         self.iter().for_each(|part| part.save(to));
@@ -100,7 +100,7 @@ impl<T: State> State for [T] {
     }
 }
 
-impl<T: State> State for Vec<T> {
+impl<T: SnapshotFields> SnapshotFields for Vec<T> {
     fn save(&self, to: &mut Saving) {
         self.as_slice().save(to);
     }
@@ -110,7 +110,7 @@ impl<T: State> State for Vec<T> {
     }
 }
 
-impl<T: State, const N: usize> State for [T; N] {
+impl<T: SnapshotFields, const N: usize> SnapshotFields for [T; N] {
     fn save(&self, to: &mut Saving) {
         self.iter().for_each(|part| part.save(to));
     }
@@ -121,7 +121,7 @@ impl<T: State, const N: usize> State for [T; N] {
 }
 
 /// Whether there is one is what the plant file says.
-impl<T: State> State for Option<T> {
+impl<T: SnapshotFields> SnapshotFields for Option<T> {
     fn save(&self, to: &mut Saving) {
         self.iter().for_each(|part| part.save(to));
     }
@@ -131,7 +131,7 @@ impl<T: State> State for Option<T> {
     }
 }
 
-impl<T: State + ?Sized> State for Box<T> {
+impl<T: SnapshotFields + ?Sized> SnapshotFields for Box<T> {
     fn save(&self, to: &mut Saving) {
         self.as_ref().save(to);
     }

@@ -5,17 +5,17 @@
 pub(crate) const NEVER: u64 = u64::MAX;
 
 /// A time for each of some: a tree whose nodes have the earlier time of their two children, the first behind its root at 1.
-pub(crate) struct Agenda {
+pub(crate) struct DueQueue {
     /// Leaves; a power of two.
     size: usize,
     times: Vec<u64>,
 }
 
-impl Agenda {
+impl DueQueue {
     /// Of so many, none of which is due.
     pub(crate) fn of(count: usize) -> Self {
         let size = count.max(1).next_power_of_two();
-        Agenda { size, times: vec![NEVER; 2 * size] }
+        DueQueue { size, times: vec![NEVER; 2 * size] }
     }
 
     /// Makes room for so many.
@@ -23,7 +23,7 @@ impl Agenda {
         if count <= self.size {
             return;
         }
-        let old = core::mem::replace(self, Agenda::of(count));
+        let old = core::mem::replace(self, DueQueue::of(count));
         for who in 0..old.size {
             self.set(who, old.times[old.size + who]);
         }
@@ -100,31 +100,31 @@ mod tests {
             sets in prop::collection::vec((0usize..40, prop_oneof![0u64..20, Just(NEVER)]), 0..60),
             now in 0u64..20,
         ) {
-            let (mut agenda, mut list) = (Agenda::of(count / 2), vec![NEVER; count]);
-            (1..=count).for_each(|count| agenda.grow(count));
+            let (mut queue, mut list) = (DueQueue::of(count / 2), vec![NEVER; count]);
+            (1..=count).for_each(|count| queue.grow(count));
             for (who, time) in sets {
-                agenda.set(who % count, time);
+                queue.set(who % count, time);
                 list[who % count] = time;
             }
-            prop_assert_eq!(agenda.first(), list.iter().copied().min().unwrap());
+            prop_assert_eq!(queue.first(), list.iter().copied().min().unwrap());
             for who in 0..count {
                 let others = (0..count).filter(|other| *other != who);
-                prop_assert_eq!(agenda.first_besides(who), others.map(|other| list[other]).min().unwrap_or(NEVER));
+                prop_assert_eq!(queue.first_besides(who), others.map(|other| list[other]).min().unwrap_or(NEVER));
             }
             for from in 0..count + 2 {
                 let due = (from..count).find(|who| list[*who] <= now);
-                prop_assert_eq!(agenda.due(from, now), due, "{}", from);
+                prop_assert_eq!(queue.due(from, now), due, "{}", from);
             }
         }
 
         #[test]
         fn growing_forgets_nothing(times in prop::collection::vec(0u64..20, 1..40)) {
-            let mut agenda = Agenda::of(0);
+            let mut queue = DueQueue::of(0);
             for (who, time) in times.iter().enumerate() {
-                agenda.grow(who + 1);
-                agenda.set(who, *time);
+                queue.grow(who + 1);
+                queue.set(who, *time);
             }
-            prop_assert_eq!(agenda.first(), *times.iter().min().unwrap());
+            prop_assert_eq!(queue.first(), *times.iter().min().unwrap());
         }
     }
 }

@@ -16,7 +16,7 @@ const LOOKS: Duration = Duration::from_micros(100);
 
 /// The threads besides the one that asks; those that cannot be had are done without.
 #[derive(Default)]
-pub(super) struct Crew {
+pub(super) struct WorkerPool {
     workers: Vec<Worker>,
     /// How long one looks before it sleeps.
     looks: Duration,
@@ -28,7 +28,7 @@ struct Worker {
     thread: Option<JoinHandle<()>>,
 }
 
-impl Crew {
+impl WorkerPool {
     /// So many threads.
     pub(super) fn of(count: usize) -> Self {
         // On a processor less, who looks would keep the one from working for which he waits.
@@ -40,7 +40,7 @@ impl Crew {
             let thread = Builder::new().name("commram-crew".to_owned()).spawn(run).ok()?;
             Some(Worker { work: Some(work), thread: Some(thread) })
         };
-        Crew { workers: (0..count).filter_map(start).collect(), looks }
+        WorkerPool { workers: (0..count).filter_map(start).collect(), looks }
     }
 
     /// Does the parts at the same time, the first one here. What comes of them, in their order.
@@ -79,7 +79,7 @@ impl Crew {
     }
 }
 
-impl Drop for Crew {
+impl Drop for WorkerPool {
     fn drop(&mut self) {
         self.workers.iter_mut().for_each(|worker| drop(worker.work.take()));
         for worker in &mut self.workers {
@@ -109,7 +109,7 @@ mod tests {
     #[test]
     fn parts_come_back_in_their_order_however_many_work() {
         for count in 0..4 {
-            let crew = Crew::of(count);
+            let crew = WorkerPool::of(count);
             for round in 0..50 {
                 let parts: Vec<u64> = (0..round % 7).collect();
                 let squares: Vec<_> = parts.iter().map(|part| part * part).collect();
@@ -120,7 +120,7 @@ mod tests {
 
     #[test]
     fn a_panic_comes_through_and_the_threads_stay() {
-        let crew = Crew::of(2);
+        let crew = WorkerPool::of(2);
         for bad in 0..3 {
             let run = move |part: u32| if part == bad { panic!("part {part}") } else { part };
             let outcome = catch_unwind(AssertUnwindSafe(|| crew.share(vec![0, 1, 2], run)));

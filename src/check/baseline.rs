@@ -3,12 +3,12 @@
 use crate::memory::{Block, Cell64};
 
 /// What the firmware left in a row of words.
-pub(crate) struct Left(Box<[Block]>);
+pub(crate) struct Baseline(Box<[Block]>);
 
-impl Left {
+impl Baseline {
     /// So many words, all 0.
     pub(crate) fn new(words: usize) -> Self {
-        Left(vec![Block::new([0; Block::WORDS]); words.div_ceil(Block::WORDS)].into())
+        Baseline(vec![Block::new([0; Block::WORDS]); words.div_ceil(Block::WORDS)].into())
     }
 
     /// Word number `index`; 0 behind the last one.
@@ -84,7 +84,7 @@ mod tests {
     fn every_word_is_compared_and_copied_whatever_the_length() {
         let cells = <[Cell64; 40]>::new_zeroed();
         for len in [0, 7, 16, 31, 32, 40] {
-            let mut left = Left::new(40);
+            let mut left = Baseline::new(40);
             left.copy(&cells);
             for place in 0..cells.len() {
                 cells[place].store(cells[place].load() ^ 1 << (place % 64));
@@ -124,7 +124,7 @@ mod tests {
         };
         registers.into_iter().for_each(|register| store(0, register));
         let cells = segment.view::<[Cell64; Block::WORDS]>(HEADER_SIZE).unwrap();
-        let (mut left, mut changed) = (Left::new(Block::WORDS), Vec::new());
+        let (mut left, mut changed) = (Baseline::new(Block::WORDS), Vec::new());
         std::thread::scope(|scope| {
             let store = &store;
             let writers = registers.map(|register| {
