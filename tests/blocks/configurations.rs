@@ -13,7 +13,7 @@ mod c;
 mod d;
 
 use crate::rig::{BOTH, Memory, segment};
-use commram::devices::cansync::records::{OmittedFrame, Missed};
+use commram::devices::cansync::records::{Missed, OmittedFrame};
 use commram::devices::omega_drive_line_2::Plc;
 use commram::journal::{Event, Rule};
 use commram::memory::Image;

@@ -5,7 +5,7 @@ use crate::rig::{BOTH, FASTEST, Memory, RATES, Rig, plant_of};
 use commram::devices::cansync;
 use commram::devices::cansync::bus::wire;
 use commram::devices::cansync::medium::drives;
-use commram::devices::cansync::records::{BaudRateMismatch, OmittedFrame, Missed, SyncEdge};
+use commram::devices::cansync::records::{BaudRateMismatch, Missed, OmittedFrame, SyncEdge};
 
 const DRIVES: &str = "[[bus.drive]]\nname = 'd1'\nslave_number = 1\nlock_time_us = 30000\n\
                       [[bus.drive]]\nname = 'd2'\nslave_number = 2\nlock_time_us = 30000\n";
@@ -108,8 +108,9 @@ fn an_own_actual_value_needs_release_and_request() {
         rig.master.b_CTRLREG_RD_ORDER_RDC1.store(0);
         rig.send_wrc1();
         assert_eq!(rig.last_frame(0x300..=0x300), None, "not released");
-        let missed =
-            rig.records().any(|r| r.event.get().is_some_and(|it: Missed| it.what == OmittedFrame::ActualValue(1)));
+        let missed = rig
+            .records()
+            .any(|r| r.event.get().is_some_and(|it: Missed| it.what == OmittedFrame::ActualValue(1)));
         assert!(missed);
 
         rig.slave.b_CTRLREG_RD_RDC1.store(0x05);

@@ -54,6 +54,29 @@ fn equal_runs_have_equal_journals_on_both_memories_in_any_slices() {
     }
 }
 
+/// A program may write `w_CANsync_STATUS`, which the firmware refreshes in every processor cycle (manual 5.00005.03a p. 150):
+/// the time at which the value is replaced does not depend on the slices.
+#[test]
+fn a_store_to_the_status_is_replaced_at_the_same_time_in_any_slices() {
+    let run = |slice_us: u64, is_set_up: bool, value: u16| {
+        let mut rig = Rig::of(Memory::Heap, RATES[0], DRIVES);
+        if is_set_up {
+            rig.set_up();
+        }
+        rig.step(5_000);
+        rig.master.w_CANsync_STATUS.store(value);
+        rig.slave.w_CANsync_STATUS.store(value);
+        (0..6_000 / slice_us).for_each(|_| rig.step(slice_us));
+        rig.plant.journal().hash()
+    };
+    for (is_set_up, value) in [(false, 0x229B), (false, 0x0080), (true, 0x229B), (true, 0x0000)] {
+        let whole = run(6_000, is_set_up, value);
+        for slice_us in [100, 500, 750] {
+            assert_eq!(run(slice_us, is_set_up, value), whole, "{is_set_up}, 16#{value:04X}, {slice_us} us");
+        }
+    }
+}
+
 /// Journals as they were when this list was made: debug and release build, this machine and any other have the same ones.
 /// Who changes what the firmware does, or what the journal tells, renews them.
 const KEPT: &str = include_str!("journals.txt");

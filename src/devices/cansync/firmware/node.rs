@@ -77,8 +77,10 @@ pub(super) struct Node {
     pub(super) controller: Controller,
     /// The SYNC signal that this node passes on has another interval than its bus (decision D-282).
     sync_is_unlike: bool,
-    /// The last look has changed nothing, and `w_CANsync_STATUS` shows what there is but for the traffic.
+    /// The last poll has changed nothing, and `w_CANsync_STATUS` is up to date except for the traffic bits.
     is_settled: bool,
+    /// The bits of `w_CANsync_STATUS` besides the traffic bits, as the last poll stored them.
+    shown_status: u16,
 }
 
 impl SnapshotFields for Node {
@@ -95,6 +97,7 @@ impl SnapshotFields for Node {
             controller,
             sync_is_unlike,
             is_settled: _,
+            shown_status: _,
         } = self;
         to.value(&(state, refused, controller, sync_is_unlike));
         to.value(&[init, last_init].map(|data| data.as_ref().map(|init| init.kept(rates))));
@@ -131,6 +134,7 @@ impl Node {
             controller: Controller::default(),
             sync_is_unlike: false,
             is_settled: false,
+            shown_status: 0,
         })
     }
 
@@ -229,13 +233,16 @@ impl Node {
         !self.is_on_bus() && !self.controller.recovers() && !self.control_changed()
     }
 
-    /// Whether a look as the register stands now finds nothing to do and shows but the traffic of the moment. While a node
-    /// waits for initialization data, others than `w_CPU_CONTROL` matter: then nobody may have written since a look
-    /// (`is_seen`).
+    /// True if a poll now would change only the traffic bits of `w_CANsync_STATUS`. `is_seen`: no register was written since
+    /// the last poll. Otherwise the registers that a poll reads or refreshes are compared. While the node waits for
+    /// initialization data, a poll reads more registers than these, so `is_seen` decides alone.
     #[inline]
     pub(super) fn poll_changes_nothing(&self, is_seen: bool) -> bool {
         self.is_settled
             && !self.controller.recovers()
-            && (is_seen || self.state != NodeState::WaitingForInit && !self.control_changed())
+            && (is_seen
+                || self.state != NodeState::WaitingForInit
+                    && !self.control_changed()
+                    && self.status_is_shown())
     }
 }

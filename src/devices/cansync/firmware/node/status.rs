@@ -14,9 +14,16 @@ const TRAFFIC: u16 = cansync_status::SEND_BUFFER_FREE
     | cansync_status::SENDING;
 
 impl Node {
+    /// Whether `w_CANsync_STATUS` still holds what the last poll stored, except for the traffic bits: a program may have
+    /// written there.
+    #[inline]
+    pub(super) fn status_is_shown(&self) -> bool {
+        self.regs.w_CANsync_STATUS.load() & !TRAFFIC == self.shown_status
+    }
+
     /// Refreshes `w_CANsync_STATUS`. `on_wire` says what the controller is doing at this moment: `None`
     /// idle, `Some(true)` sending, `Some(false)` receiving. That alone is not worth a record.
-    pub(in super::super) fn refresh_status(&self, ctx: &mut Context, on_wire: Option<bool>) {
+    pub(in super::super) fn refresh_status(&mut self, ctx: &mut Context, on_wire: Option<bool>) {
         let mut value = 0;
         if self.controller.is_off() {
             // Nothing is sent or received, nothing waits to be sent (decision D-121).
@@ -37,6 +44,7 @@ impl Node {
         if self.controller.has_overrun() {
             value |= cansync_status::OVERRUN;
         }
+        self.shown_status = value & !TRAFFIC;
         let before = self.regs.w_CANsync_STATUS.load();
         if before != value {
             self.regs.w_CANsync_STATUS.store(value);
