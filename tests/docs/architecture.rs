@@ -1,4 +1,4 @@
-//! `docs/internals/architecture.md` says who may use whom; here the imports are read and held against it.
+//! `docs/internals/architecture.md` lists the allowed dependencies; these tests compare the list with the imports.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -17,7 +17,7 @@ fn names(cell: &str) -> Vec<String> {
 impl Layers {
     fn documented() -> Self {
         let page = include_str!("../../docs/internals/architecture.md");
-        let section = page.split("## Who may use whom").nth(1).and_then(|rest| rest.split("\n## ").next());
+        let section = page.split("## Allowed dependencies").nth(1).and_then(|rest| rest.split("\n## ").next());
         let lines = section.expect("the section").lines().filter(|line| line.starts_with("| `"));
         let row = |line: &str| {
             let cells: Vec<_> = line.trim_matches('|').split('|').collect();
