@@ -17,7 +17,8 @@ fn names(cell: &str) -> Vec<String> {
 impl Layers {
     fn documented() -> Self {
         let page = include_str!("../../docs/internals/architecture.md");
-        let section = page.split("## Allowed dependencies").nth(1).and_then(|rest| rest.split("\n## ").next());
+        let section =
+            page.split("## Allowed dependencies").nth(1).and_then(|rest| rest.split("\n## ").next());
         let lines = section.expect("the section").lines().filter(|line| line.starts_with("| `"));
         let row = |line: &str| {
             let cells: Vec<_> = line.trim_matches('|').split('|').collect();
