@@ -41,20 +41,40 @@ fn fixed_parts(message: &str) -> Vec<String> {
     parts
 }
 
+/// All of `src` that has messages.
+fn source() -> String {
+    let mut files = Vec::new();
+    sources(&Path::new(env!("CARGO_MANIFEST_DIR")).join("src"), &mut files);
+    files.iter().map(|file| joined(&std::fs::read_to_string(file).unwrap())).collect()
+}
+
+fn assert_in_source(messages: &[String]) {
+    let text = source();
+    let parts = messages.iter().flat_map(|message| fixed_parts(message));
+    let missing: Vec<_> = parts.filter(|part| !text.contains(part.as_str())).collect();
+    assert!(missing.is_empty(), "parts of messages that the source does not have: {missing:#?}");
+}
+
 #[test]
 fn messages_of_the_troubleshooting_page_are_in_the_source() {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let mut files = Vec::new();
-    sources(&root.join("src"), &mut files);
-    let text: String = files.iter().map(|file| joined(&std::fs::read_to_string(file).unwrap())).collect();
     let page = include_str!("../../docs/guide/troubleshooting.md");
     let blocks = page.split("```text\n").skip(1).filter_map(|rest| rest.split("```").next());
-    let messages: Vec<_> = blocks.flat_map(str::lines).collect();
+    let messages: Vec<_> = blocks.flat_map(str::lines).map(str::to_owned).collect();
     assert!(messages.len() > 40, "{messages:?}");
-    let missing: Vec<_> = messages
-        .iter()
-        .flat_map(|message| fixed_parts(message))
-        .filter(|part| !text.contains(part.as_str()))
+    assert_in_source(&messages);
+}
+
+/// The tables of errors on that page have examples of messages, with numbers.
+#[test]
+fn messages_of_the_helics_page_are_in_the_source() {
+    let page = include_str!("../../docs/guide/helics.md");
+    let sections = page.split("### Errors").skip(1).filter_map(|rest| rest.split("\n### ").next());
+    let cells = sections.flat_map(str::lines).filter_map(|line| line.split('|').nth(2));
+    let quoted = cells.flat_map(|cell| cell.split('`').skip(1).step_by(2));
+    let messages: Vec<_> = quoted
+        .filter(|message| !message.starts_with("--"))
+        .map(|message| message.replace("5 ms", "<>").replace("30", "<>").replace('1', "<>"))
         .collect();
-    assert!(missing.is_empty(), "parts of messages that the source does not have: {missing:#?}");
+    assert!(messages.len() >= 9, "{messages:?}");
+    assert_in_source(&messages);
 }
