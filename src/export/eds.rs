@@ -24,7 +24,7 @@ pub(crate) fn generate(scope: &Scope) -> String {
             text::command(scope, "eds"),
             device.manual
         ),
-        "; Each fact that it does not state names the decision (D-nn) it follows from; docs/internals/decisions.md"
+        "; Each fact that it does not state names the decision (D-nn) it follows from. The pages decisions.md in docs give the reasons."
             .to_owned(),
         String::new(),
         "[FileInfo]".to_owned(),

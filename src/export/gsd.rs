@@ -18,7 +18,7 @@ pub(crate) fn generate(scope: &Scope, gsd: &Gsd) -> String {
         format!("; Device description file of the {} (manual {} p. {}).", device.title, device.manual, gsd.page),
         format!("; Made by commram {} with `{}`; do not edit.", text::version(), text::command(scope, "gsd")),
         "; It is not the vendor's file. Each fact that the manual does not state names the decision (D-nn) it follows".to_owned(),
-        "; from; docs/internals/decisions.md gives the reasons.".to_owned(),
+        "; from. The pages decisions.md in docs give the reasons.".to_owned(),
         String::new(),
         "#Profibus_DP".to_owned(),
     ];

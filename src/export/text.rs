@@ -21,11 +21,11 @@ pub(crate) fn banner(scope: &Scope, format: &str) -> Vec<String> {
             .push(format!("Names of areas, and of variables for which it has none, are ours ({decisions})."));
     }
     banner.push(
-        "Each fact that it does not state names the decision (D-nn) it follows from; docs/internals/decisions.md"
+        "Each fact that it does not state names the decision (D-nn) it follows from. The pages decisions.md in docs"
             .to_owned(),
     );
     banner.push(
-        "gives the reasons. Do not take those facts, above all offsets, for the device's without a check."
+        "give the reasons. Do not take those facts, above all offsets, for the device's without a check."
             .to_owned(),
     );
     banner

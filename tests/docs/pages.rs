@@ -91,17 +91,27 @@ fn no_link_leaves_the_book() {
     }
 }
 
-/// A blank line in a table ends it; what follows is then no table but text with bars.
+/// Each decision is a heading that a link can name; a reader sees its text at one glance.
 #[test]
-fn no_decision_stands_outside_a_table() {
-    let text = std::fs::read_to_string(root().join("docs/internals/decisions.md")).unwrap();
-    let rows = parse(&text).filter(|event| matches!(event, Event::Start(Tag::TableRow))).count();
-    let decisions: Vec<_> =
-        text.lines().filter_map(|line| line.strip_prefix("| D-")?.split(' ').next()).collect();
-    assert!(decisions.len() > 100);
-    assert_eq!(rows, decisions.len(), "rows of tables and decisions");
-    let numbers: BTreeSet<_> = decisions.iter().collect();
-    assert_eq!(numbers.len(), decisions.len(), "a number stands twice");
+fn every_decision_has_one_heading_and_a_short_text() {
+    let mut numbers = BTreeSet::new();
+    for page in crate::pages().into_iter().filter(|page| page.ends_with("decisions.md")) {
+        let text = std::fs::read_to_string(&page).unwrap();
+        let page = page.display();
+        assert!(!text.contains("\n| D-"), "{page}: a decision is a heading, not a row of a table");
+        for entry in text.split("\n### ").skip(1) {
+            let (heading, rest) = entry.split_once('\n').unwrap();
+            let (number, _title) = heading.split_once(": ").unwrap_or_else(|| panic!("{page}: {heading}"));
+            let is_number = number.strip_prefix("D-").is_some_and(|digits| digits.parse::<u16>().is_ok());
+            assert!(is_number, "{page}: {heading}: a heading of this level begins with `D-nn: `");
+            assert!(numbers.insert(number.to_owned()), "{page}: {number} has another heading");
+            let body = rest.split("\n## ").next().unwrap_or_default();
+            let words = |block: &str| block.split_whitespace().count();
+            let prose: usize = body.split("\n\n").filter(|block| !block.starts_with("- ")).map(words).sum();
+            assert!((1..=160).contains(&prose), "{page}: {number}: {prose} words outside of lists");
+        }
+    }
+    assert!(numbers.len() > 400, "{} decisions", numbers.len());
 }
 
 #[test]
