@@ -298,7 +298,6 @@ fn get(plc: Option<&str>, format: &FormatArg, instance: &Instance) -> Result<(),
 }
 
 /// Does all of it in one message.
-#[cfg(feature = "channel")]
 fn set(instance: &Instance, words: &[BoardWord<'_>]) -> Result<(), CliError> {
     use super::session::Session;
     use crate::channel::ClientError;
@@ -325,7 +324,6 @@ fn set(instance: &Instance, words: &[BoardWord<'_>]) -> Result<(), CliError> {
 }
 
 /// Refuses a switch that the PLC, or the module in the slot, does not have.
-#[cfg(feature = "channel")]
 fn has_switch(session: &super::session::Session, plc: u16, setting: BoardSetting) -> Result<(), CliError> {
     use crate::channel::ClientError;
     use crate::request::Refused;
@@ -349,10 +347,4 @@ fn has_switch(session: &super::session::Session, plc: u16, setting: BoardSetting
     }
     let name = session.plcs().get(usize::from(plc)).map_or("", String::as_str);
     Err(ClientError::Refused(Refused::no_such_switch(name, device, setting)).into())
-}
-
-/// Says that there is no channel.
-#[cfg(not(feature = "channel"))]
-fn set(_: &Instance, _: &[BoardWord<'_>]) -> Result<(), CliError> {
-    Err(CliError::NoChannel { command: "board" })
 }

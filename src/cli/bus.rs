@@ -100,10 +100,8 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     }
 }
 
-#[cfg(feature = "channel")]
 pub(crate) use by_channel::Rate;
 
-#[cfg(feature = "channel")]
 mod by_channel {
     use super::super::session::Session;
     use super::super::table::{self, Format, Row};
@@ -283,25 +281,5 @@ mod by_channel {
         let session = Session::open(instance, 0)?;
         let bus = number(&session, bus, instance)?;
         session.ask(Op::DoorClose { bus, door })?.doors_closed().map(drop).map_err(CliError::from)
-    }
-}
-
-#[cfg(not(feature = "channel"))]
-mod by_channel {
-    use super::super::{Instance, error::CliError, table::Format};
-    use crate::door::DoorSpec;
-
-    const NO_CHANNEL: CliError = CliError::NoChannel { command: "bus" };
-
-    pub(super) fn list(_: Format, _: &Instance) -> Result<(), CliError> {
-        Err(NO_CHANNEL)
-    }
-
-    pub(super) fn open(_: &str, _: DoorSpec, _: &Instance) -> Result<(), CliError> {
-        Err(NO_CHANNEL)
-    }
-
-    pub(super) fn close(_: &str, _: Option<DoorSpec>, _: &Instance) -> Result<(), CliError> {
-        Err(NO_CHANNEL)
     }
 }

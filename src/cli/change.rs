@@ -3,15 +3,12 @@
 use super::error::CliError;
 use super::peek::Holding;
 use super::table::{self, Row};
-#[cfg(feature = "channel")]
 use crate::journal::Changed;
-#[cfg(feature = "channel")]
 use crate::layout::{DeviceFit, RegisterRef};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// The register of a change that an emulator tells, with the name that it had then; `None` if none of this width begins there.
-#[cfg(feature = "channel")]
 pub(super) fn register(fitted: &DeviceFit, what: &Changed) -> Option<RegisterRef> {
     let address = fitted.device().at(what.how.width, what.offset);
     let found = fitted.registers_at(address, Some(what.how.live)).ok()?;

@@ -59,7 +59,6 @@ struct Checked {
     entries: Vec<Entry>,
 }
 
-#[cfg(feature = "channel")]
 fn findings(args: &Args) -> Result<Checked, CliError> {
     use super::session::Session;
     use crate::request::{Op, Reply, WrongReply};
@@ -74,11 +73,6 @@ fn findings(args: &Args) -> Result<Checked, CliError> {
         }
         _ => Err(WrongReply.into()),
     }
-}
-
-#[cfg(not(feature = "channel"))]
-fn findings(_args: &Args) -> Result<Checked, CliError> {
-    Err(CliError::NoChannel { command: "check" })
 }
 
 /// A rule at a register.

@@ -6,7 +6,6 @@
 mod known;
 mod line;
 
-#[cfg(feature = "studio")]
 pub(crate) use line::within;
 pub(super) use line::{front_of_last, whole};
 
@@ -291,7 +290,6 @@ fn registers_with(current: &str, behind: &str) -> Vec<Candidate> {
 }
 
 /// Names of registers that begin so, as they can be typed on.
-#[cfg(feature = "studio")]
 pub(crate) fn register_names(current: &str) -> Vec<String> {
     let name = |candidate: Candidate| candidate.get_value().to_string_lossy().into_owned();
     registers_with(current, "").into_iter().map(name).collect()

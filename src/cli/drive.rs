@@ -99,10 +99,8 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     }
 }
 
-#[cfg(feature = "channel")]
 pub(crate) use by_channel::Line;
 
-#[cfg(feature = "channel")]
 mod by_channel {
     use super::super::session::Session;
     use super::super::table::{self, Format, Row};
@@ -284,25 +282,6 @@ mod by_channel {
         let (drive, _) = find(&session, name, instance)?;
         let op = |&(number, value): &(u16, i64)| Op::SetParameter { drive, number, value };
         session.request(&settings.iter().map(op).collect::<Vec<_>>()).map(drop)
-    }
-}
-
-#[cfg(not(feature = "channel"))]
-mod by_channel {
-    use super::super::{Instance, error::CliError, table::Format};
-
-    const NO_CHANNEL: CliError = CliError::NoChannel { command: "drive" };
-
-    pub(super) fn list(_: Format, _: &Instance) -> Result<(), CliError> {
-        Err(NO_CHANNEL)
-    }
-
-    pub(super) fn show(_: &str, _: Format, _: &Instance) -> Result<(), CliError> {
-        Err(NO_CHANNEL)
-    }
-
-    pub(super) fn set(_: &str, _: &[(u16, i64)], _: &Instance) -> Result<(), CliError> {
-        Err(NO_CHANNEL)
     }
 }
 

@@ -155,7 +155,6 @@ impl Blocks {
     ///
     /// # Errors
     /// The emulator has gone, or too many registers are followed.
-    #[cfg(feature = "channel")]
     pub(crate) fn follow(&self, session: &Session) -> Result<(u64, u16), CliError> {
         use crate::journal::Keep;
         use crate::request::{MAX_OPS, Op};
@@ -172,7 +171,6 @@ impl Blocks {
     }
 
     /// The bytes that are of interest: number of the PLC, first byte in the image, number of bytes.
-    #[cfg(feature = "channel")]
     pub(crate) fn stretches(&self) -> Vec<(u16, u32, u32)> {
         let of_plc = |part: &Part| {
             let plc = part.plc;
@@ -289,7 +287,6 @@ impl Selection {
 
 impl Part {
     /// The bytes that are of interest, as offsets and lengths: single registers, or all.
-    #[cfg(feature = "channel")]
     fn stretches(&self) -> Vec<(u32, u32)> {
         match &self.selection.registers {
             Some(registers) => registers.iter().map(|it| (it.offset(), it.width())).collect(),

@@ -1,6 +1,5 @@
 //! What a command can end with instead of success.
 
-#[cfg(feature = "channel")]
 use super::time;
 use crate::devices::demo::DemoError;
 use crate::export::ExportError;
@@ -80,7 +79,6 @@ pub(crate) enum CliError {
         plcs: String,
     },
     /// A bus that the instance does not have.
-    #[cfg(feature = "channel")]
     #[error("instance '{instance}' has no bus '{bus}'; its buses are: {buses}")]
     UnknownBus {
         /// The bus as given.
@@ -128,13 +126,6 @@ pub(crate) enum CliError {
         /// The emulator's process.
         pid: u32,
     },
-    /// This program was built without the channel.
-    #[cfg(not(feature = "channel"))]
-    #[error("this build of commram has no channel (cargo feature `channel`), which `{command}` needs")]
-    NoChannel {
-        /// The command.
-        command: &'static str,
-    },
     /// Nothing like this is in the register map.
     #[error("nothing in the register map of {device} has `{text}` in its name, meaning or values{hint}")]
     NotFound {
@@ -146,7 +137,6 @@ pub(crate) enum CliError {
         hint: String,
     },
     /// A register did not become what was awaited.
-    #[cfg(feature = "channel")]
     #[error("{} did not become {} within {}; at {} it holds {}", .unmet.place, .unmet.wanted, time::short(*.within_us), time::seconds(*.time_us), .unmet.found)]
     NotMet {
         /// The register.
@@ -157,7 +147,6 @@ pub(crate) enum CliError {
         time_us: u64,
     },
     /// Several conditions did not come to hold at one moment, or none of them did.
-    #[cfg(feature = "channel")]
     #[error(
         "{} within {}; at {}:{}", if *.any { "none of these came to hold" } else { "these did not come to hold together" },
         time::short(*.within_us), time::seconds(*.time_us), lines(.conditions)
@@ -177,7 +166,6 @@ pub(crate) enum CliError {
         "instance '{instance}' did not come to this within {after_ms} ms: it lets time pass for another command and is at {}{}",
         time::seconds(*.time_us), .waits_for.as_ref().map_or_else(String::new, |who| format!(", where it waits for {who}"))
     )]
-    #[cfg(feature = "channel")]
     Busy {
         /// The instance.
         instance: String,
@@ -214,11 +202,9 @@ pub(crate) enum CliError {
     #[error(transparent)]
     Fault(#[from] FaultError),
     /// The channel.
-    #[cfg(feature = "channel")]
     #[error(transparent)]
     Client(#[from] crate::channel::ClientError),
     /// The emulator's end of the channel.
-    #[cfg(feature = "channel")]
     #[error(transparent)]
     Server(#[from] crate::channel::ServerError),
     /// The image files.
@@ -231,7 +217,6 @@ pub(crate) enum CliError {
     #[error(transparent)]
     Runtime(#[from] RuntimeError),
     /// There is no way to the other federates.
-    #[cfg(feature = "helics")]
     #[error(transparent)]
     Helics(#[from] crate::helics::HelicsError),
     /// There is nothing to demonstrate.
@@ -262,15 +247,12 @@ pub(crate) enum CliError {
     #[error(transparent)]
     FaultWord(#[from] crate::fault::WordError),
     /// The emulator answers something else.
-    #[cfg(feature = "channel")]
     #[error(transparent)]
     WrongReply(#[from] crate::request::WrongReply),
     /// A scenario cannot begin.
-    #[cfg(feature = "channel")]
     #[error(transparent)]
     Scenario(#[from] crate::script::ScenarioError),
     /// There is no unit for other simulators of a plant.
-    #[cfg(feature = "studio")]
     #[error(transparent)]
     Fmu(Box<crate::fmi::ArchiveError>),
     /// A process cannot be started or watched.
@@ -286,7 +268,6 @@ pub(crate) enum CliError {
         reason: io::Error,
     },
     /// There is no terminal to draw on.
-    #[cfg(feature = "studio")]
     #[error("`{command}` needs a terminal for its input and its output; `commram watch` needs none")]
     NoTerminal {
         /// The command.
@@ -307,7 +288,6 @@ pub(crate) enum CliError {
         reason: io::Error,
     },
     /// A file that was handed in cannot be read, or is none of its kind.
-    #[cfg(feature = "studio")]
     #[error("cannot read {}: {reason}", .path.display())]
     Unreadable {
         /// The file.
@@ -348,7 +328,6 @@ pub(crate) enum CliError {
 }
 
 /// A line for each condition: what its register holds, and what it should.
-#[cfg(feature = "channel")]
 fn lines(conditions: &[super::wait::Unmet]) -> String {
     let line = |it: &super::wait::Unmet| {
         let state = if it.holds { "as awaited" } else { "awaited:" };

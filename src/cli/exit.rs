@@ -1,9 +1,7 @@
 //! What the program ends with, whatever the command: one list, which help and documentation repeat word for word.
 
 use super::error::CliError;
-#[cfg(feature = "channel")]
 use crate::coupling::CouplingError;
-#[cfg(feature = "channel")]
 use crate::federation::FederationError;
 use crate::memory::MemoryError;
 use crate::runtime::RuntimeError;
@@ -61,7 +59,6 @@ impl CliError {
 
     fn exit(&self) -> Exit {
         match self {
-            #[cfg(feature = "studio")]
             Self::NoTerminal { .. } | Self::Fmu(_) | Self::Unreadable { .. } => Exit::WrongUse,
             Self::Layout(_)
             | Self::NoDeviceHas { .. }
@@ -92,9 +89,7 @@ impl CliError {
                 | RuntimeError::Speed { .. }
                 | RuntimeError::Memory(MemoryError::BadName { .. }),
             ) => Exit::WrongUse,
-            #[cfg(feature = "channel")]
             Self::UnknownBus { .. } => Exit::WrongUse,
-            #[cfg(feature = "channel")]
             Self::Runtime(RuntimeError::Federation(
                 FederationError::OtherCount { .. }
                 | FederationError::OtherPlant { .. }
@@ -104,11 +99,9 @@ impl CliError {
                     CouplingError::File { .. } | CouplingError::Unknown { .. } | CouplingError::Unfit { .. },
                 ),
             )) => Exit::WrongUse,
-            #[cfg(feature = "channel")]
             Self::Runtime(RuntimeError::Federation(
                 FederationError::Exchange(_) | FederationError::Silent { .. } | FederationError::Coupling(_),
             )) => Exit::NotThere,
-            #[cfg(feature = "helics")]
             Self::Helics(_) => Exit::NotThere,
             Self::Import(_)
             | Self::Reported
@@ -121,7 +114,6 @@ impl CliError {
             | Self::Memory(MemoryError::AlreadyRunning { .. } | MemoryError::InstanceTaken { .. }) => {
                 Exit::Failed
             }
-            #[cfg(feature = "channel")]
             Self::NotMet { .. } | Self::NoneMet { .. } | Self::Scenario(_) => Exit::Failed,
             Self::NotRunning { .. }
             | Self::NothingToEnd { .. }
@@ -132,11 +124,7 @@ impl CliError {
             | Self::Signals { .. }
             | Self::File { .. } => Exit::NotThere,
             Self::Output { .. } => Exit::NoOutput,
-            #[cfg(not(feature = "channel"))]
-            Self::NoChannel { .. } => Exit::NotThere,
-            #[cfg(feature = "channel")]
             Self::Client(error) => of_client(error),
-            #[cfg(feature = "channel")]
             Self::Server(_) | Self::WrongReply(_) | Self::Busy { .. } => Exit::NotThere,
             Self::Interrupted => Exit::Interrupted,
             // Whoever reads our output has enough of it, as in `commram map | head`.
@@ -145,7 +133,6 @@ impl CliError {
     }
 }
 
-#[cfg(feature = "channel")]
 fn of_client(error: &crate::channel::ClientError) -> Exit {
     use crate::channel::ClientError;
     use crate::request::Code;
@@ -188,7 +175,6 @@ mod tests {
         assert_eq!(CliError::Ended { code: 42 }.exit_code(), 42);
     }
 
-    #[cfg(feature = "channel")]
     #[test]
     fn a_refusal_is_wrong_use_or_a_state_or_the_end() {
         use crate::channel::ClientError;

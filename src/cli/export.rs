@@ -1,6 +1,5 @@
 //! `commram export`: the register map, and the messages of a plant's CAN bus, for other languages and tools; it needs no emulator.
 
-#[cfg(feature = "studio")]
 mod fmu;
 
 use super::device::DeviceArg;
@@ -184,15 +183,7 @@ fn of_plant(args: &Args) -> Result<(), CliError> {
         return Err(wrong("fmu --plant --bus --block --elementary --matiec --blocks --main", right));
     }
     let to = args.output.as_deref().ok_or_else(|| wrong("fmu", "give the file, --output plant.fmu"))?;
-    #[cfg(feature = "studio")]
-    {
-        fmu::run(args.model.as_deref(), &args.registers, args.library.as_deref(), to)
-    }
-    #[cfg(not(feature = "studio"))]
-    {
-        let text = format!("fmu --output {}", to.display());
-        Err(wrong(text, "this commram was built without it, feature `studio`"))
-    }
+    fmu::run(args.model.as_deref(), &args.registers, args.library.as_deref(), to)
 }
 
 fn of_bus(args: &Args) -> Result<String, CliError> {

@@ -145,7 +145,6 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     }
 }
 
-#[cfg(feature = "channel")]
 mod by_channel {
     use super::super::session::Session;
     use super::super::table::{self, Format, Row};
@@ -216,26 +215,5 @@ mod by_channel {
             numbers.iter().map(one).collect()
         };
         session.request(&ops).map(|_| ())
-    }
-}
-
-#[cfg(not(feature = "channel"))]
-mod by_channel {
-    use super::super::{Instance, error::CliError, table::Format};
-    use crate::fault::FaultSpec;
-    use std::num::NonZeroU16;
-
-    const NO_CHANNEL: CliError = CliError::NoChannel { command: "fault" };
-
-    pub(super) fn add(_: &FaultSpec, _: &Instance) -> Result<(), CliError> {
-        Err(NO_CHANNEL)
-    }
-
-    pub(super) fn list(_: Format, _: &Instance) -> Result<(), CliError> {
-        Err(NO_CHANNEL)
-    }
-
-    pub(super) fn clear(_: &[NonZeroU16], _: &Instance) -> Result<(), CliError> {
-        Err(NO_CHANNEL)
     }
 }

@@ -4,7 +4,6 @@ use super::Instance;
 use super::complete;
 use super::device::of_any_device_but_told_by;
 use super::error::CliError;
-#[cfg(feature = "channel")]
 use super::place::Place;
 use super::table::FormatArg;
 
@@ -50,7 +49,6 @@ pub(crate) struct UnforceArgs {
 }
 
 /// Forces registers, or lists them.
-#[cfg(feature = "channel")]
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     use super::{poke, session::Session};
     use crate::request::Op;
@@ -71,7 +69,6 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     session.request(&ops).map(drop)
 }
 
-#[cfg(feature = "channel")]
 fn list(args: &Args) -> Result<(), CliError> {
     use super::peek::{Holding, holding};
     use super::{session::Session, table};
@@ -98,24 +95,7 @@ fn list(args: &Args) -> Result<(), CliError> {
     })
 }
 
-/// Checks the arguments and says that there is no channel.
-#[cfg(not(feature = "channel"))]
-pub(crate) fn run(args: &Args) -> Result<(), CliError> {
-    let check = of_any_device_but_told_by(&args.instance);
-    args.writes.iter().try_for_each(|text| super::poke::parse(text, &check).map(drop))?;
-    Err(CliError::NoChannel { command: "force" })
-}
-
-/// Checks the arguments and says that there is no channel.
-#[cfg(not(feature = "channel"))]
-pub(crate) fn unforce(args: &UnforceArgs) -> Result<(), CliError> {
-    let check = of_any_device_but_told_by(&args.instance);
-    args.registers.iter().try_for_each(|text| check(text).map(drop))?;
-    Err(CliError::NoChannel { command: "unforce" })
-}
-
 /// Lets registers go.
-#[cfg(feature = "channel")]
 pub(crate) fn unforce(args: &UnforceArgs) -> Result<(), CliError> {
     use super::session::Session;
     use crate::request::Op;

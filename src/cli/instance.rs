@@ -108,7 +108,6 @@ impl Instance {
             CliError::Memory(NotReady { state, .. }) => *state == Some(State::Starting),
             CliError::Memory(NotThere { .. }) => true,
             // The channel was found before it was complete.
-            #[cfg(feature = "channel")]
             CliError::Client(
                 crate::channel::ClientError::Unanswered { .. } | crate::channel::ClientError::Connect { .. },
             ) => true,

@@ -1,7 +1,5 @@
 //! The `commram` command line: one file per subcommand, each nothing but presentation.
 
-#[cfg(not(feature = "studio"))]
-mod absent;
 mod board;
 mod bus;
 mod change;
@@ -14,12 +12,10 @@ mod device;
 mod diff;
 mod drive;
 mod dump;
-#[cfg_attr(not(feature = "channel"), allow(dead_code, reason = "most of it can only happen with a channel"))]
 mod error;
 mod exit;
 mod export;
 mod fault;
-#[cfg(feature = "helics")]
 mod federate;
 mod find;
 mod force;
@@ -30,18 +26,14 @@ mod list;
 mod man;
 mod map;
 mod output;
-#[cfg(feature = "channel")]
 mod pause;
 mod peek;
 mod plant;
-#[cfg(feature = "studio")]
 mod plot;
 mod poke;
-#[cfg(feature = "channel")]
 mod progress;
 mod run;
 mod session;
-#[cfg(feature = "studio")]
 mod shell;
 mod snapshot;
 mod soak;
@@ -53,11 +45,8 @@ mod style;
 mod table;
 mod test;
 mod trace;
-#[cfg(feature = "studio")]
 mod view;
-#[cfg_attr(not(feature = "channel"), allow(dead_code, reason = "then it only checks its arguments"))]
 mod wait;
-#[cfg_attr(not(feature = "channel"), allow(dead_code, reason = "then it only checks its arguments"))]
 mod watch;
 mod with;
 
@@ -124,7 +113,6 @@ enum Command {
     Export(export::Args),
     Layout(layout::Args),
     Plant(plant::Args),
-    #[cfg(feature = "studio")]
     Plot(plot::Args),
     Peek(peek::Args),
     Poke(poke::Args),
@@ -137,9 +125,7 @@ enum Command {
     Dump(dump::Args),
     Diff(diff::Args),
     Watch(watch::Args),
-    #[cfg(feature = "studio")]
     View(view::Args),
-    #[cfg(feature = "studio")]
     Shell(shell::Args),
     Fault(fault::Args),
     Trace(trace::Args),
@@ -165,11 +151,6 @@ pub fn main() -> ExitCode {
     style::set(std::env::args_os());
     let result = match Cli::try_parse() {
         Ok(cli) => cli.command.run(),
-        #[cfg(not(feature = "studio"))]
-        Err(error) if absent::is_meant(&error) => {
-            output::complain(absent::TEXT);
-            return ExitCode::from(Exit::WrongUse.code());
-        }
         Err(error) => return refuse(&told_without_environment(error)),
     };
     finish(result)
@@ -190,7 +171,6 @@ impl Command {
             Command::Export(args) => export::run(&args),
             Command::Layout(args) => layout::run(&args),
             Command::Plant(args) => plant::run(&args),
-            #[cfg(feature = "studio")]
             Command::Plot(args) => plot::run(&args),
             Command::Peek(args) => peek::run(&args),
             Command::Poke(args) => poke::run(&args),
@@ -203,9 +183,7 @@ impl Command {
             Command::Dump(args) => dump::run(&args),
             Command::Diff(args) => diff::run(&args),
             Command::Watch(args) => watch::run(&args),
-            #[cfg(feature = "studio")]
             Command::View(args) => view::run(&args),
-            #[cfg(feature = "studio")]
             Command::Shell(args) => shell::run(&args),
             Command::Fault(args) => fault::run(&args),
             Command::Trace(args) => trace::run(&args),

@@ -57,7 +57,6 @@ pub(crate) fn parse(
 }
 
 /// Writes the registers.
-#[cfg(feature = "channel")]
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     use super::session::Session;
     use crate::request::Op;
@@ -78,7 +77,6 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
 }
 
 /// Says so if only the firmware writes a register.
-#[cfg(feature = "channel")]
 fn note_if_firmwares(session: &super::session::Session, place: &Place) -> Result<(), CliError> {
     use super::place::live_by;
     use super::session::Read;
@@ -103,7 +101,6 @@ fn note_if_firmwares(session: &super::session::Session, place: &Place) -> Result
 }
 
 /// Says so if a write was none of one register.
-#[cfg(feature = "channel")]
 fn note_if_not_whole(place: &Place) {
     if !place.is_whole() {
         let (address, what) = (place.address(), place.meaning(crate::layout::RegisterPhase::Cyclic, 0));
@@ -111,14 +108,6 @@ fn note_if_not_whole(place: &Place) {
             "{address} is no register of its own: {what}; it was written all the same"
         ));
     }
-}
-
-/// Checks the arguments and says that there is no channel.
-#[cfg(not(feature = "channel"))]
-pub(crate) fn run(args: &Args) -> Result<(), CliError> {
-    let check = of_any_device_but_told_by(&args.instance);
-    args.writes.iter().try_for_each(|text| parse(text, &check).map(drop))?;
-    Err(CliError::NoChannel { command: "poke" })
 }
 
 #[cfg(test)]

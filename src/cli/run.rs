@@ -59,7 +59,6 @@ pub(crate) struct Args {
     parent: Option<u32>,
     #[command(flatten)]
     settings: Settings,
-    #[cfg(feature = "helics")]
     #[command(flatten)]
     federate: super::federate::FederateArgs,
     #[command(flatten)]
@@ -87,7 +86,6 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     }
     let detached = args.detached.then(|| Detached::begin(args.log.as_deref())).transpose()?;
     let clock = args.settings.clock()?;
-    #[cfg(feature = "helics")]
     args.federate.check(clock, args.settings.keeps_novram())?;
     // From here on a signal ends the emulator in good order, unless its start hangs.
     let signals = SignalsTaken::take()?;
@@ -95,12 +93,8 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     if let Some(parent) = args.parent {
         end_with(parent)?;
     }
-    #[cfg(feature = "helics")]
     let is_federate = args.federate.is_federate();
-    #[cfg(not(feature = "helics"))]
-    let is_federate = false;
     let (mut emulator, started) = args.settings.start(args.begin(), name, signals, is_federate)?;
-    #[cfg(feature = "helics")]
     args.federate.join(&mut emulator)?;
     // A reader that has gone away, or an output that is full, is no reason to end.
     let printed = output::print(&ready_line(name, &emulator, clock));

@@ -1,9 +1,7 @@
 //! The way to an instance: through the channel while its emulator lives, else to what it left.
 
-#[cfg(feature = "channel")]
 mod by_channel;
 
-#[cfg(feature = "channel")]
 pub(crate) use by_channel::continues;
 
 use super::Instance;
@@ -84,7 +82,6 @@ pub(crate) struct Session {
 }
 
 enum Door {
-    #[cfg(feature = "channel")]
     Channel(Box<crate::channel::Client>),
     /// In the order of `plcs`.
     Images(Vec<Attached>),
@@ -114,7 +111,6 @@ impl Session {
         Self::open_live_for_reading(instance, &images)
     }
 
-    #[cfg(feature = "channel")]
     fn open_live_for_reading(instance: &str, images: &[ImageInfo]) -> Result<Self, CliError> {
         use crate::channel::ClientError;
         match Self::connect(instance, images, 0) {
@@ -127,11 +123,6 @@ impl Session {
             }
             other => other,
         }
-    }
-
-    #[cfg(not(feature = "channel"))]
-    fn open_live_for_reading(instance: &str, images: &[ImageInfo]) -> Result<Self, CliError> {
-        Self::map(instance, images)
     }
 
     /// What can be seen of an instance at a glance, whatever its state; nobody is told anything.
@@ -176,7 +167,6 @@ impl Session {
     ///
     /// # Errors
     /// As [`Session::plc`], or its device has no such port.
-    #[cfg(feature = "channel")]
     pub(crate) fn port(&self, text: &str) -> Result<(u16, u8), CliError> {
         let (plc, name) = split_plc(text);
         let first = || self.fitted(0).first_master().map_or("", |port| port.name);
@@ -241,7 +231,6 @@ impl Session {
     /// The emulator has gone or refuses.
     pub(crate) fn read(&self, reads: &[Read]) -> Result<Snapshot, CliError> {
         match &self.door {
-            #[cfg(feature = "channel")]
             Door::Channel(_) => self.read_by_channel(reads),
             Door::Images(images) => read_images(images, reads),
         }
@@ -253,7 +242,6 @@ impl Session {
     /// The emulator has gone.
     pub(crate) fn boards(&self) -> Result<Vec<(String, BoardState)>, CliError> {
         let states: Vec<BoardState> = match &self.door {
-            #[cfg(feature = "channel")]
             Door::Channel(_) => self.boards_by_channel()?,
             Door::Images(images) => images.iter().map(board_of).collect(),
         };

@@ -57,7 +57,6 @@ pub(crate) fn load(path: &Path) -> Result<SnapshotFile, CliError> {
 }
 
 /// Writes the snapshot.
-#[cfg(feature = "channel")]
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     use super::session::Session;
     use super::{output, time};
@@ -87,7 +86,6 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
 }
 
 /// Goes there.
-#[cfg(feature = "channel")]
 pub(crate) fn restore(args: &RestoreArgs) -> Result<(), CliError> {
     use super::session::Session;
     use super::{output, time};
@@ -110,18 +108,4 @@ pub(crate) fn restore(args: &RestoreArgs) -> Result<(), CliError> {
     }
     let time_us = session.ask(Op::Restore { detached: args.detached })?.time()?;
     output::print(&format!("{}\n", time::seconds(time_us)))
-}
-
-/// Says that there is no channel.
-#[cfg(not(feature = "channel"))]
-pub(crate) fn run(args: &Args) -> Result<(), CliError> {
-    let _ = (&args.file, &args.instance);
-    Err(CliError::NoChannel { command: "snapshot" })
-}
-
-/// Checks the file and says that there is no channel.
-#[cfg(not(feature = "channel"))]
-pub(crate) fn restore(args: &RestoreArgs) -> Result<(), CliError> {
-    let _ = (load(&args.file)?, args.detached, &args.instance);
-    Err(CliError::NoChannel { command: "restore" })
 }

@@ -140,7 +140,6 @@ impl Settings {
 
 impl Settings {
     /// Whether NOVRAM outlasts the emulator.
-    #[cfg(feature = "helics")]
     pub(crate) fn keeps_novram(&self) -> bool {
         self.novram.is_some()
     }

@@ -25,16 +25,6 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     by_channel::show(args.format.format, &args.instance)
 }
 
-#[cfg(not(feature = "channel"))]
-mod by_channel {
-    use super::super::{Instance, error::CliError, table::Format};
-
-    pub(super) fn show(_: Format, _: &Instance) -> Result<(), CliError> {
-        Err(CliError::NoChannel { command: "status" })
-    }
-}
-
-#[cfg(feature = "channel")]
 mod by_channel {
     use super::super::bus::Rate;
     use super::super::drive::Line;

@@ -47,7 +47,6 @@ fn check(text: &str) -> Result<(), CliError> {
 }
 
 /// Lets the time pass.
-#[cfg(feature = "channel")]
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     use super::output;
     use super::session::Session;
@@ -72,14 +71,6 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     };
     let time_us = session.ask(op)?.time()?;
     output::print(&format!("{}\n", time::seconds(time_us)))
-}
-
-/// Checks the arguments and says that there is no channel.
-#[cfg(not(feature = "channel"))]
-pub(crate) fn run(args: &Args) -> Result<(), CliError> {
-    let _ = (args.back, &args.back_to, args.detached);
-    args.to_sync.as_deref().map_or(Ok(()), check)?;
-    Err(CliError::NoChannel { command: "step" })
 }
 
 #[cfg(test)]

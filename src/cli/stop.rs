@@ -38,7 +38,6 @@ const DOUBT: Duration = Duration::from_secs(1);
 /// Pause between two looks whether it has ended.
 const LOOK: Duration = Duration::from_millis(2);
 /// How long the way into the channel, and then the answer, may take before it gets a signal.
-#[cfg(feature = "channel")]
 const ANSWER: Duration = Duration::from_millis(500);
 
 /// Ends the emulator, or all of them.
@@ -141,7 +140,6 @@ pub(crate) fn remove_remains(instance: &str) -> Result<bool, CliError> {
     let directory = channel_root(instance)?.symlink_metadata().is_ok();
     let lock = InstanceLock::take_to_clean(instance)?;
     let images = lock.remove_dead(|_| false);
-    #[cfg(feature = "channel")]
     crate::channel::remove_remains(instance, &channel_root(instance)?)?;
     drop(lock);
     Ok(images? || directory)
@@ -217,7 +215,6 @@ fn go_on<'a>(
 }
 
 /// Asks the emulator to end, unless another one of this name has taken its place.
-#[cfg(feature = "channel")]
 fn ask(name: &str, running: &RunningInstance) -> Result<(), CliError> {
     use crate::channel::client::Patience;
     use crate::channel::{Client, ClientError, HeaderBells};
@@ -254,9 +251,4 @@ fn ask(name: &str, running: &RunningInstance) -> Result<(), CliError> {
         Err(ClientError::EmulatorGone { .. }) => Ok(()),
         Err(error) => Err(error.into()),
     }
-}
-
-#[cfg(not(feature = "channel"))]
-fn ask(_name: &str, _running: &RunningInstance) -> Result<(), CliError> {
-    Err(CliError::NoChannel { command: "stop" })
 }

@@ -241,16 +241,10 @@ fn watch(args: &Args, mut files: Vec<PathBuf>, interrupts: &Interrupts) -> Resul
 }
 
 /// Finds out whether the instance to attach to is there, before the first scenario misses it.
-#[cfg(feature = "channel")]
 fn reachable(instance: Option<&str>) -> Result<(), CliError> {
     instance.map_or(Ok(()), |instance| {
         super::session::Session::open(&super::Instance::starting(instance), 0).map(drop)
     })
-}
-
-#[cfg(not(feature = "channel"))]
-fn reachable(instance: Option<&str>) -> Result<(), CliError> {
-    instance.map_or(Ok(()), |_| Err(CliError::NoChannel { command: "test --attach" }))
 }
 
 fn write_junit(path: &Path, shard: Option<Shard>, reports: &[Report]) -> Result<(), CliError> {

@@ -1,6 +1,5 @@
 //! `commram trace`: what has happened.
 
-#[cfg(feature = "channel")]
 mod follow;
 
 use super::Instance;
@@ -92,13 +91,11 @@ impl FormatArg {
     }
 
     /// Whether it is no text.
-    #[cfg(feature = "channel")]
     fn is_binary(self) -> bool {
         matches!(self, FormatArg::Pcapng | FormatArg::Fst)
     }
 
     /// Whether it begins with a list of all that it has.
-    #[cfg(feature = "channel")]
     fn is_waveform(self) -> bool {
         matches!(self, FormatArg::Vcd | FormatArg::Fst)
     }
@@ -123,7 +120,6 @@ fn kinds(args: &Args) -> Result<Vec<&'static Kind>, CliError> {
 }
 
 /// Prints the journal.
-#[cfg(feature = "channel")]
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     use super::session::Session;
     use crate::request::{InstanceInfo, Op};
@@ -155,11 +151,4 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         since_us: args.since,
     };
     follow::print(args, &session, selection, names)
-}
-
-/// Checks the arguments and says that there is no channel.
-#[cfg(not(feature = "channel"))]
-pub(crate) fn run(args: &Args) -> Result<(), CliError> {
-    kinds(args)?;
-    Err(CliError::NoChannel { command: "trace" })
 }

@@ -5,11 +5,9 @@ use super::complete;
 use super::device::of_any_device_but_told_by;
 use super::error::CliError;
 use super::place::Place;
-#[cfg(feature = "channel")]
 use super::session::Session;
 use super::time;
 use crate::layout::{Condition, ConditionError};
-#[cfg(feature = "channel")]
 use crate::request::Op;
 
 /// Wait until registers hold what they should.
@@ -41,7 +39,6 @@ pub(crate) struct Args {
 }
 
 /// A condition that did not come to hold in time, or not together with the others.
-#[cfg(feature = "channel")]
 #[derive(Debug)]
 pub(crate) struct Unmet {
     /// Name and address of the register.
@@ -73,14 +70,12 @@ fn check(args: &Args) -> Result<(), CliError> {
 ///
 /// # Errors
 /// One is none, or is about a register that the instance does not have.
-#[cfg(feature = "channel")]
 pub(crate) fn conditions_of(session: &Session, texts: &[String]) -> Result<Vec<Op>, CliError> {
     let parsed = texts.iter().map(|text| parse(text, |name| session.place(name)));
     parsed.map(|condition| op_of(session, &condition?)).collect()
 }
 
 /// The operation for one.
-#[cfg(feature = "channel")]
 fn op_of(session: &Session, condition: &Condition) -> Result<Op, CliError> {
     let Condition { place, test, .. } = condition;
     let (offset, width) = (place.offset(), place.width());
@@ -88,7 +83,6 @@ fn op_of(session: &Session, condition: &Condition) -> Result<Op, CliError> {
 }
 
 /// Waits and prints the registers whose conditions hold.
-#[cfg(feature = "channel")]
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     use super::output;
     use super::peek::{self, Holding, Wanted};
@@ -144,13 +138,6 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         }
         Err(error) => Err(error),
     }
-}
-
-/// Checks the arguments and says that there is no channel.
-#[cfg(not(feature = "channel"))]
-pub(crate) fn run(args: &Args) -> Result<(), CliError> {
-    check(args)?;
-    Err(CliError::NoChannel { command: "wait" })
 }
 
 #[cfg(test)]

@@ -1,6 +1,5 @@
 //! `commram watch`: registers as they change.
 
-#[cfg(feature = "channel")]
 mod follow;
 
 use super::Instance;
@@ -42,12 +41,4 @@ enum FormatArg {
     Jsonl,
 }
 
-#[cfg(feature = "channel")]
 pub(crate) use follow::run;
-
-/// Says that there is no channel.
-#[cfg(not(feature = "channel"))]
-pub(crate) fn run(args: &Args) -> Result<(), super::error::CliError> {
-    super::dump::check(&args.blocks)?;
-    Err(super::error::CliError::NoChannel { command: "watch" })
-}

@@ -1,6 +1,5 @@
 //! Soft-PLCs of b maXX PLCs, each a process of its own: this device's function blocks, event 11, deadlines at 1 Mbit/s, a
 //! SYNC signal that goes from slot to slot, programs that are killed and started anew.
-#![cfg(feature = "channel")]
 #![allow(non_snake_case, reason = "the manual's names, letter for letter")]
 
 use crate::common::Emulator;

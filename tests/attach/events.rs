@@ -1,5 +1,4 @@
 //! The three ways to wait for an event, each from a process of its own: futex, polling, iceoryx2.
-#![cfg(feature = "channel")]
 
 use crate::active;
 use crate::common::Emulator;

@@ -1,6 +1,5 @@
 //! Tasks that the emulated time waits for: their claimed run time decides what they miss, and none of them can hang
 //! the emulator.
-#![cfg(feature = "channel")]
 
 use crate::active;
 use crate::common::{Emulator, promised};

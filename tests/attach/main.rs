@@ -1,6 +1,5 @@
 //! Programs that attach to an emulator through shared memory.
 
-#[cfg(feature = "channel")]
 #[path = "../../tools/benches/support/active.rs"]
 mod active;
 #[path = "../common/mod.rs"]
@@ -9,7 +8,6 @@ mod common;
 mod attach_contract;
 mod bm4;
 mod events;
-#[cfg(feature = "channel")]
 mod federate;
 mod lockstep;
 mod novram;

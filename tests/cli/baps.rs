@@ -1,5 +1,4 @@
 //! The BAPS by name on the command line, as `docs/devices/omega-drive-line-2/baps.md` shows it.
-#![cfg(feature = "channel")]
 
 use crate::common::{Emulator, run};
 

@@ -1,5 +1,4 @@
 //! The b maXX PLC on the command line: its modules are met as the nodes of an Omega Drive-Line II are.
-#![cfg(feature = "channel")]
 
 use crate::common::{Emulator, commram, finish, run, unique_name};
 use std::path::Path;

@@ -1,5 +1,4 @@
 //! `commram board`, and the same through the channel.
-#![cfg(feature = "channel")]
 
 use crate::common::{Emulator, run, unique_name};
 

@@ -1,5 +1,4 @@
 //! A stepped emulator that lets much time pass answers all the same.
-#![cfg(feature = "channel")]
 
 use crate::common::{Emulator, eventually, finish, promised, run, wait_for};
 use std::process::{Child, Command, Stdio};

@@ -1,5 +1,4 @@
 //! `watch` and `diff` on a running emulator.
-#![cfg(feature = "channel")]
 
 use crate::common::{Emulator, Follower, run};
 use serde_json::Value;

@@ -1,5 +1,4 @@
 //! `commram check`: findings of a running emulator, and what its exit codes say.
-#![cfg(feature = "channel")]
 
 use crate::common::{Emulator, run, unique_name};
 

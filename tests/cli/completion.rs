@@ -1,5 +1,4 @@
 //! What shells complete, asked as they ask, and in the shells themselves.
-#![cfg(feature = "channel")]
 
 use crate::common::{Emulator, commram, finish, run, skipped};
 use std::path::Path;

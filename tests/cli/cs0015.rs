@@ -1,5 +1,4 @@
 //! A CS0015 at an open bus: canopen as its master, its board, its NOVRAM.
-#![cfg(feature = "channel")]
 
 use crate::common::{Emulator, finish, python, run};
 use serde_json::Value;

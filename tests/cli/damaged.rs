@@ -1,5 +1,4 @@
 //! Channels that a program of the same user damages: nobody hangs, nobody ends without a word, and `stop` ends the emulator.
-#![cfg(feature = "channel")]
 
 use crate::common::{Emulator, Follower, Outcome, eventually, finish, promised, remove_remains};
 use std::path::{Path, PathBuf};

@@ -222,7 +222,6 @@ fn a_reader_that_has_enough_is_no_error() {
 
 /// Its soft-PLC is the first program that newcomers see: nothing against the manual, not even a warning. How soon it gets
 /// the processor is not its business.
-#[cfg(feature = "channel")]
 #[track_caller]
 fn checker_finds_nothing(emulator: &Emulator, plc: &str) {
     finish(commram().args(["demo-plc", &emulator.name, plc])).ok();
@@ -234,7 +233,6 @@ fn checker_finds_nothing(emulator: &Emulator, plc: &str) {
     assert!(journal.contains("128"), "it was in active operation: {journal}");
 }
 
-#[cfg(feature = "channel")]
 #[test]
 fn the_access_checker_finds_nothing() {
     checker_finds_nothing(&Emulator::start(&[]), "line");

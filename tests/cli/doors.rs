@@ -1,5 +1,4 @@
 //! Doors of a running emulator: foreign programs at its buses, over sockets and terminals.
-#![cfg(feature = "channel")]
 
 mod turns;
 

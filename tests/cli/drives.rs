@@ -1,5 +1,4 @@
 //! `commram drive`, `commram status`, and what is told of drives at another rate than their bus.
-#![cfg(feature = "channel")]
 
 use crate::common::{Emulator, run};
 use serde_json::Value;

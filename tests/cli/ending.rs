@@ -1,5 +1,4 @@
 //! Many clients that end one emulator at once, emulators of the same name, and instance directories that are damaged.
-#![cfg(feature = "channel")]
 
 use crate::common::{
     Emulator, Outcome, commram, eventually, files_of, finish, promised, remove_remains, unique_name, wait_for,

@@ -1,5 +1,4 @@
 //! The exit codes of all commands: docs/reference/command-line.md.
-#![cfg(feature = "channel")]
 
 use crate::common::{Emulator, commram, finish, finish_on_a_full_disk, run, unique_name, wait_for};
 use std::io::{BufRead, BufReader};
@@ -39,9 +38,7 @@ const AT_AN_INSTANCE: &[&[&str]] = &[
     &["drive", "show", "drive1"],
     &["drive", "set", "drive1", "P300=1"],
     &["status"],
-    #[cfg(feature = "studio")]
     &["plot", "node2.w_CPU_CONTROL", "-o", "never.svg"],
-    #[cfg(feature = "studio")]
     &["shell"],
 ];
 

@@ -1,5 +1,4 @@
 //! `commram fault` on a running emulator in stepped mode: add, see it in the registers, list, clear.
-#![cfg(feature = "channel")]
 
 use crate::common::Emulator;
 

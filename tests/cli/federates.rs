@@ -1,5 +1,4 @@
 //! One plant in several processes, which find each other by HELICS.
-#![cfg(all(feature = "channel", feature = "helics"))]
 
 use crate::common::{Emulator, Outcome, commram, eventually, finish, python_for, unique_name};
 use commram::devices::omega_drive_line_2::registers::{CANsync_INIT_BMSTRUCT, LAYOUT_HASH, NODE2};

@@ -1,5 +1,4 @@
 //! `force` and `unforce` on a running emulator.
-#![cfg(feature = "channel")]
 
 use crate::common::Emulator;
 

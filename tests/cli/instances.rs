@@ -1,5 +1,4 @@
 //! `run`, `list`, `stop`: instances that come and go, side by side.
-#![cfg(feature = "channel")]
 
 use crate::common::{Emulator, commram, files_of, finish, remove_remains, run, unique_name};
 use std::io::Write;

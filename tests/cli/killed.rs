@@ -1,5 +1,4 @@
 //! Emulators and clients that are killed, stopped or damaged, and what they leave behind.
-#![cfg(feature = "channel")]
 
 use crate::common::{
     Emulator, Outcome, eventually, files_of, finish, promised, remove_remains, run, stat, unique_name,

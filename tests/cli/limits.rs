@@ -1,5 +1,4 @@
 //! Limits of processes (`ulimit`), and what other programs' writes may cost.
-#![cfg(feature = "channel")]
 
 use crate::common::{Emulator, Outcome, commram, finish, promised, unique_name};
 use std::fs::File;

@@ -29,7 +29,6 @@ mod killed;
 mod layout;
 mod limits;
 mod names;
-mod no_channel;
 mod novram;
 mod offline;
 mod one_answer;

@@ -1,5 +1,4 @@
 //! How registers, values and conditions are written, and how they are found.
-#![cfg(feature = "channel")]
 
 use crate::common::{Emulator, run};
 

@@ -1,5 +1,4 @@
 //! What survives power-off: the NOVRAM and the retain flags.
-#![cfg(feature = "channel")]
 
 use crate::common::{Emulator, files_of, run, unique_name};
 use std::time::Duration;

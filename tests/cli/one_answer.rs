@@ -75,7 +75,6 @@ fn of_a_drive_to_a_rust_program() {
     );
 }
 
-#[cfg(feature = "channel")]
 #[test]
 fn of_a_drive_to_a_scenario() {
     sees_the_answer(

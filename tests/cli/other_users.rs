@@ -1,6 +1,5 @@
 //! What another user of the machine can do to an emulator: nothing. The tests need root, who can be two users; without
 //! it they say so and are over.
-#![cfg(feature = "channel")]
 
 use crate::common::{Emulator, Outcome, files_of, finish, remove_remains, run, unique_name};
 use std::os::unix::fs::{MetadataExt, symlink};

@@ -1,7 +1,5 @@
 //! Plots and pages: what `commram plot`, the verb `plot` and `commram test --report html` draw.
-#![cfg(feature = "channel")]
 
-#[cfg(feature = "studio")]
 use crate::common::Emulator;
 use crate::common::{finish, is_there, python};
 use crate::scenarios::Scripts;
@@ -9,7 +7,6 @@ use serde_json::{Value, json};
 use std::process::Command;
 
 /// A master in set-up mode whose registers are recorded, and the times of its first two handshakes.
-#[cfg(feature = "studio")]
 fn recorded() -> Emulator {
     let emulator = Emulator::start(&["--clock", "stepped", "--watch", "node2"]);
     emulator.poke(&["node2.w_CPU_CONTROL=16#0001"]);
@@ -20,7 +17,6 @@ fn recorded() -> Emulator {
     emulator
 }
 
-#[cfg(feature = "studio")]
 #[test]
 fn an_instance_and_its_journal_give_the_same_plot() {
     let emulator = recorded();
@@ -71,11 +67,7 @@ fn an_instance_and_its_journal_give_the_same_plot() {
 
 /// A scenario with a plot that fails, and one with a hostile name that passes.
 fn scripts() -> Scripts {
-    let plot = if cfg!(feature = "studio") {
-        "plot(\"start.svg\", [\"node2.w_OPTION_STATUS\"]);\nplot(\"late.png\", [\"node2.w_CPU_CONTROL\"], 500);"
-    } else {
-        ""
-    };
+    let plot = "plot(\"start.svg\", [\"node2.w_OPTION_STATUS\"]);\nplot(\"late.png\", [\"node2.w_CPU_CONTROL\"], 500);";
     let failing = format!(
         "record(\"node2\");\nsection(\"start\");\npoke(\"node2.w_CPU_CONTROL\", 1);\n\
          wait(\"node2.w_OPTION_STATUS\", 2, \"1ms\");\npoke(\"node2.b_AM\", 3);\n{plot}\nsection(\"<i>wrong</i>\");\n\
@@ -97,12 +89,9 @@ fn a_report_opens_in_a_browser_without_a_complaint() {
     for text in ["&lt;b onclick=x&gt;&#39;&amp;amp;", "&lt;i&gt;wrong&lt;/i&gt;", "16#0002", "fails.rhai:"] {
         assert!(page.contains(text), "{text}\n{page}");
     }
-    let plots = if cfg!(feature = "studio") { 2 } else { 0 };
-    assert_eq!(page.matches("<figure>").count(), plots);
-    if plots > 0 {
-        assert!(scripts.read("start.svg").starts_with("<svg"));
-        assert!(std::fs::read(scripts.0.path().join("late.png")).unwrap().starts_with(b"\x89PNG"));
-    }
+    assert_eq!(page.matches("<figure>").count(), 2);
+    assert!(scripts.read("start.svg").starts_with("<svg"));
+    assert!(std::fs::read(scripts.0.path().join("late.png")).unwrap().starts_with(b"\x89PNG"));
     let refused = scripts.run(&["fails.rhai", "--report", "pdf"]);
     assert!(refused.fails(2).contains("write html, or html=FILE"), "{}", refused.err);
     if !is_there("chromium") {
@@ -119,13 +108,12 @@ fn a_report_opens_in_a_browser_without_a_complaint() {
         "names": ["fails failed", "<b onclick=x>'&amp; passed"],
         "badges": ["failed", "passed", "passed", "failed", "passed"],
         "sequences": [true],
-        "plots": vec![true; plots],
+        "plots": [true, true],
         "wide": false,
     });
     assert_eq!(shown, wanted);
 }
 
-#[cfg(feature = "studio")]
 #[test]
 fn a_plot_stands_beside_its_scenario_and_nowhere_else() {
     for name in ["../x.svg", "/tmp/x.svg", "a/b.svg", "x.txt", ".svg", ""] {

@@ -1,5 +1,4 @@
 //! The door to a PROFIBUS of the built program: foreign masters over TCP.
-#![cfg(feature = "channel")]
 
 use crate::common::{Emulator, eventually, python};
 use serde_json::Value;

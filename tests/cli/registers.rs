@@ -1,5 +1,4 @@
 //! `peek`, `poke`, `wait`, `step`, `dump` on a running emulator.
-#![cfg(feature = "channel")]
 
 use crate::common::{Emulator, run};
 

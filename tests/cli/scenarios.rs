@@ -4,7 +4,6 @@ use crate::common::{Outcome, commram, finish, python, run, skipped};
 use std::process::Command;
 use tempfile::TempDir;
 
-#[cfg(feature = "channel")]
 mod attached;
 mod selected;
 mod tutorial;

@@ -1,5 +1,4 @@
 //! Image files that others change while they are in use, and a `/dev/shm` that is too small.
-#![cfg(feature = "channel")]
 
 use crate::common::{Emulator, commram, eventually, finish, unique_name};
 use std::fs::File;

@@ -1,5 +1,4 @@
 //! Models in Python that take part in a plant by HELICS.
-#![cfg(all(feature = "channel", feature = "helics"))]
 
 use crate::common::{Emulator, commram, finish, unique_name};
 use crate::federates::{Broker, Helics, at, helics, journal, mortal, passes, written};

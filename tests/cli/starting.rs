@@ -88,7 +88,6 @@ fn a_start_that_fails_says_why_in_the_foreground_as_in_the_background() {
     }
 }
 
-#[cfg(feature = "channel")]
 #[test]
 fn clients_wait_for_an_emulator_that_is_just_starting() {
     for (command, args) in [
@@ -107,7 +106,6 @@ fn clients_wait_for_an_emulator_that_is_just_starting() {
 }
 
 /// The line that newcomers type.
-#[cfg(feature = "channel")]
 #[test]
 fn behind_an_ampersand_the_next_command_just_works() {
     let instance = Background::new();
@@ -119,7 +117,6 @@ fn behind_an_ampersand_the_next_command_just_works() {
 }
 
 /// What a killed one has left is not mistaken for the one that is about to take its place.
-#[cfg(feature = "channel")]
 #[test]
 fn clients_wait_for_the_successor_of_a_killed_one() {
     let instance = Background::new();
@@ -212,7 +209,6 @@ fn with_passes_signals_on_and_cleans_up() {
     }
 }
 
-#[cfg(feature = "channel")]
 #[test]
 fn with_waits_for_its_command_although_the_emulator_was_ended() {
     let outcome = with(&[], "$COMMRAM stop -i $COMMRAM_INSTANCE && exit 7");

@@ -1,5 +1,4 @@
 //! `commram trace` on a running emulator, and its candump format in the hands of the tools it is made for.
-#![cfg(feature = "channel")]
 
 use crate::common::{Emulator, Follower, eventually, finish, is_there, python, run, wait_for};
 use serde_json::Value;
@@ -411,7 +410,6 @@ fn waveforms_have_registers_frames_and_sync_for_a_reader_that_is_not_ours() {
         assert!(lines[8].contains(&format!(":{slot}")), "{}", lines[8]);
     }
     assert_eq!(edges(lines[9]).len(), frames.len(), "each frame, be it like the one before");
-    #[cfg(feature = "studio")]
     {
         let same = directory.path().join("run.fst");
         let mut command = emulator.command("trace", &["--format", "fst"]);

@@ -1,5 +1,4 @@
 //! `snapshot`, `restore`, `run --from` and `step --back` on running emulators.
-#![cfg(feature = "channel")]
 
 use crate::common::{Emulator, Follower, eventually, run};
 use commram::devices;

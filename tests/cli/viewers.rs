@@ -1,5 +1,4 @@
 //! `commram view` and `commram shell` as programs: without a terminal, and from a pipe.
-#![cfg(feature = "studio")]
 
 use crate::common::{Emulator, Outcome, finish, wait_for};
 use std::fs::File;

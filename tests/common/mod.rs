@@ -54,9 +54,6 @@ pub(crate) fn example(name: &str) -> PathBuf {
         }
         let mut cargo = Command::new(env!("CARGO"));
         cargo.args(["build", "--quiet", "--examples"]);
-        if !cfg!(feature = "channel") {
-            cargo.args(["--no-default-features", "--features", "cli"]);
-        }
         if !cfg!(debug_assertions) {
             cargo.arg("--release");
         }
@@ -381,7 +378,6 @@ impl Emulator {
     }
 
     /// Every test ends with a look at what the access checker has found, unless there is nobody left to ask.
-    #[cfg(feature = "channel")]
     fn assert_no_other_errors(&mut self) {
         let outcome = self.run("check", &["--format", "json"]);
         if outcome.code == Some(3) {
@@ -400,9 +396,6 @@ impl Emulator {
         }
         assert_eq!(found, expected, "errors that the access checker has found: {}", outcome.out);
     }
-
-    #[cfg(not(feature = "channel"))]
-    fn assert_no_other_errors(&mut self) {}
 
     /// Its files in /dev/shm that bear its name.
     pub(crate) fn files(&self) -> Vec<PathBuf> {

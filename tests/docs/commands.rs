@@ -1,5 +1,4 @@
 //! Every command that a page shows is run as it stands there: at the built-in plant, or at one that has what it names.
-#![cfg(feature = "channel")]
 
 use crate::shell::Shell;
 use std::collections::BTreeMap;
@@ -58,9 +57,6 @@ const ELSEWHERE: &[(&str, &str)] = &[
     ("commram run", "an emulator runs already; tests/cli/instances.rs starts them"),
 ];
 
-/// Commands of the feature `studio`.
-const VIEWERS: [&str; 3] = ["commram plot", "commram shell", "commram view"];
-
 /// Pages whose sessions are typed in as a whole by a test of their own, and which.
 const SESSIONS: &[(&str, &str)] = &[
     ("README.md", "pages.rs"),
@@ -117,11 +113,6 @@ fn every_command_of_the_pages_works() {
             if ELSEWHERE.iter().any(|(part, _)| {
                 command.starts_with(part) || part.starts_with([' ', '-']) && command.contains(part)
             }) {
-                continue;
-            }
-            // A program without viewers says so.
-            let is_viewer = VIEWERS.iter().any(|viewer| command.starts_with(viewer));
-            if cfg!(not(feature = "studio")) && is_viewer {
                 continue;
             }
             let is_of_others = OF_OTHERS.iter().any(|name| command.contains(name));

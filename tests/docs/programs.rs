@@ -116,9 +116,7 @@ fn each_example_is_one_command() {
     if python(&[]).is_some() {
         examples.push(("python", "a_RD_BMARRAY[1][0] = 5000\n"));
     }
-    if cfg!(feature = "channel") {
-        examples.push(("scenario", "1 passed, 0 failed, 0 broken; "));
-    }
+    examples.push(("scenario", "1 passed, 0 failed, 0 broken; "));
     for (example, says) in examples {
         let mut command = Command::new(concat!(env!("CARGO_MANIFEST_DIR"), "/tools/examples/run"));
         let outcome = crate::common::finish(command.arg(example).env("COMMRAM_PROGRAMS", programs));
@@ -130,7 +128,6 @@ fn each_example_is_one_command() {
 }
 
 /// In stepped mode the emulated time waits for the event tasks: one long step, and no event is missed.
-#[cfg(feature = "channel")]
 #[test]
 fn a_standing_clock_waits_for_event_tasks() {
     use commram::memory::header::ProgramState;

@@ -163,7 +163,6 @@ fn cantools_reads_the_messages_of_a_bus() {
 
 /// What packs and runs units is tools/fmi/tests.
 #[test]
-#[cfg(feature = "studio")]
 fn a_unit_wants_its_own_shared_object_and_a_file() {
     let directory = tempfile::tempdir().unwrap();
     let path = |name: &str| directory.path().join(name).to_str().unwrap().to_owned();

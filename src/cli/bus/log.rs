@@ -119,15 +119,12 @@ fn read(path: &Path) -> Result<Log, CliError> {
 }
 
 /// A frame at its time.
-#[cfg_attr(not(feature = "channel"), allow(dead_code, reason = "then nothing can be compared"))]
 type Timed = (u64, crate::can::Frame);
 
 /// Frames that may be missing or more than they should be before what follows counts as another one.
-#[cfg_attr(not(feature = "channel"), allow(dead_code, reason = "then nothing can be compared"))]
 const WINDOW: usize = 64;
 
 /// The differences between what a log has and what was there, one a line.
-#[cfg_attr(not(feature = "channel"), allow(dead_code, reason = "then nothing can be compared"))]
 fn differences(bus: &str, wanted: &[Timed], found: &[Timed], tolerance_us: u64) -> Vec<String> {
     let (first_wanted, first_found) = match (wanted.first(), found.first()) {
         (Some(wanted), Some(found)) => (wanted.0, found.0),
@@ -174,10 +171,8 @@ fn differences(bus: &str, wanted: &[Timed], found: &[Timed], tolerance_us: u64) 
     }
 }
 
-#[cfg(feature = "channel")]
 pub(super) use by_channel::{compare, play};
 
-#[cfg(feature = "channel")]
 mod by_channel {
     use super::super::super::demo::Interrupts;
     use super::super::super::session::Session;
@@ -339,19 +334,6 @@ mod by_channel {
         };
         Ok(session.records(0)?.iter().filter_map(frame).collect())
     }
-}
-
-#[cfg(not(feature = "channel"))]
-pub(super) fn play(args: &Play) -> Result<(), CliError> {
-    read(&args.log)?.check_times(&args.log)?;
-    let (_, _) = (&args.bus, args.instance.name());
-    Err(CliError::NoChannel { command: "bus" })
-}
-
-#[cfg(not(feature = "channel"))]
-pub(super) fn compare(args: &Compare) -> Result<(), CliError> {
-    let (_, _) = (read(&args.log)?, (&args.bus, args.tolerance, args.since, args.instance.name()));
-    Err(CliError::NoChannel { command: "bus" })
 }
 
 #[cfg(test)]

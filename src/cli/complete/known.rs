@@ -1,22 +1,17 @@
 //! What only a running emulator knows: nothing, if there is none or it does not answer.
 
-#[cfg(feature = "channel")]
 use super::line::instance;
-#[cfg(feature = "channel")]
 use crate::cli::{Instance, error::CliError, session::Session};
 
-#[cfg(feature = "channel")]
 fn session() -> Result<Session, CliError> {
     Session::open(&Instance::running(&instance()), 0)
 }
 
-#[cfg(feature = "channel")]
 pub(super) fn known_buses() -> Vec<String> {
     let info = session().and_then(Session::into_client).ok().and_then(|client| client.info().ok());
     info.map(|info| info.names.buses).unwrap_or_default()
 }
 
-#[cfg(feature = "channel")]
 pub(super) fn known_faults() -> Vec<(String, String)> {
     use crate::request::Op;
     let Ok(session) = session() else { return Vec::new() };
@@ -29,7 +24,6 @@ pub(super) fn known_faults() -> Vec<(String, String)> {
 }
 
 /// The drives with their states.
-#[cfg(feature = "channel")]
 pub(super) fn known_drives() -> Vec<(String, String)> {
     use crate::request::Op;
     let drives = session().and_then(|session| Ok(session.ask(Op::Drives)?.drives()?)).unwrap_or_default();
@@ -37,30 +31,9 @@ pub(super) fn known_drives() -> Vec<(String, String)> {
 }
 
 /// The parameters of a drive that can be set, with what they are.
-#[cfg(feature = "channel")]
 pub(super) fn known_parameters(drive: u16) -> Vec<(String, String)> {
     use crate::request::Op;
     let details = session().and_then(|session| Ok(session.ask(Op::Drive { drive })?.drive()?));
     let parameters = details.map(|details| details.parameters).unwrap_or_default().into_iter();
     parameters.filter(|it| !it.read_only).map(|it| (format!("P{}", it.number), it.name)).collect()
-}
-
-#[cfg(not(feature = "channel"))]
-pub(super) fn known_drives() -> Vec<(String, String)> {
-    Vec::new()
-}
-
-#[cfg(not(feature = "channel"))]
-pub(super) fn known_parameters(_: u16) -> Vec<(String, String)> {
-    Vec::new()
-}
-
-#[cfg(not(feature = "channel"))]
-pub(super) fn known_buses() -> Vec<String> {
-    Vec::new()
-}
-
-#[cfg(not(feature = "channel"))]
-pub(super) fn known_faults() -> Vec<(String, String)> {
-    Vec::new()
 }

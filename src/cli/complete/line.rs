@@ -41,7 +41,6 @@ thread_local! {
 }
 
 /// What `complete` finds for the last of these words of a command line, of which the first one is this program.
-#[cfg(feature = "studio")]
 pub(crate) fn within<T>(words: &[String], complete: impl FnOnce() -> T) -> T {
     LINE.set(Some(words.to_vec()));
     let found = complete();

@@ -7,7 +7,6 @@ use crate::cli::progress;
 use crate::journal::{Names, Record};
 use crate::memory::InstanceLock;
 use crate::memory::names::channel_root;
-#[cfg(feature = "studio")]
 use crate::request::InstanceInfo;
 use crate::request::{Op, Reply, WrongReply, read_journal};
 use std::time::Duration;
@@ -107,7 +106,6 @@ impl Session {
     ///
     /// # Errors
     /// The emulator has gone.
-    #[cfg(feature = "studio")]
     pub(crate) fn info(&self) -> Result<InstanceInfo, CliError> {
         Ok(self.ask(Op::Info)?.info()?)
     }

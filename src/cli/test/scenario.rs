@@ -76,17 +76,11 @@ fn tell(message: &Message) -> Result<(), CliError> {
     output::print(&(line + "\n"))
 }
 
-#[cfg(feature = "channel")]
 fn attach(instance: &str, limits: Limits) -> Result<Bench, CliError> {
     let client =
         crate::cli::session::Session::open(&crate::cli::Instance::running(instance), limits.time_us)?
             .into_client()?;
     Bench::attach(client).map_err(CliError::Scenario)
-}
-
-#[cfg(not(feature = "channel"))]
-fn attach(_instance: &str, _limits: Limits) -> Result<Bench, CliError> {
-    Err(CliError::NoChannel { command: "test --attach" })
 }
 
 /// Lowers what this process may use of something, unless it is lower already.

@@ -1,8 +1,6 @@
 //! Reading the journal to its end, and on from there.
 
 use super::{Args, FormatArg};
-#[cfg(not(feature = "studio"))]
-use crate::cli::absent;
 use crate::cli::error::CliError;
 use crate::cli::exit::Exit;
 use crate::cli::output;
@@ -69,15 +67,9 @@ fn print_waveforms(
     output::write(&bytes)
 }
 
-#[cfg(feature = "studio")]
 fn fst(waves: &Waves) -> Result<Vec<u8>, CliError> {
     let failed = |error| CliError::Output { reason: std::io::Error::other(error) };
     crate::journal::fst::write(waves).map_err(failed)
-}
-
-#[cfg(not(feature = "studio"))]
-fn fst(_: &Waves) -> Result<Vec<u8>, CliError> {
-    Err(CliError::Argument { text: "--format fst".to_owned(), right: absent::TEXT.to_owned() })
 }
 
 /// Prints in this format: text, or bytes.
