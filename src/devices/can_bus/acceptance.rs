@@ -1,23 +1,24 @@
-//! Who takes a frame, so that the filters of all stations are asked once for each kind of frame, and not for each frame.
+//! Remembers the receivers of each kind of frame: the filters of all stations are evaluated once for each kind, not for
+//! each frame.
 
 use crate::can::Frame;
 
-/// How many kinds of frames are remembered at a time; a power of two.
+/// Most kinds of frames that are remembered; a power of two.
 const KINDS: usize = 4096;
-/// How many takers are, at most, before all is forgotten.
+/// Most receivers that are remembered. One more clears the memory.
 const ROOM: usize = 1 << 16;
 
-/// Those that take frames of one arbitration field, as a piece of the list of takers.
+/// The receivers of frames with one arbitration field, as a range of the list of takers.
 #[derive(Clone, Copy, Default)]
 struct Known {
     field: u32,
     first: u32,
     count: u32,
-    /// In which generation of filters this was so.
+    /// The generation of filters for which the entry is valid.
     generation: u64,
 }
 
-/// What has been found out about filters since they were last set.
+/// Results of filters since the filters last changed.
 pub(super) struct Acceptance {
     known: Vec<Known>,
     takers: Vec<u16>,
@@ -29,13 +30,13 @@ impl Acceptance {
         Acceptance { known: Vec::new(), takers: Vec::new(), generation: 1 }
     }
 
-    /// Filters have changed, or stations have come.
+    /// Forgets everything, since filters have changed or stations were added.
     pub(super) fn forget(&mut self) {
         self.generation += 1;
         self.takers.clear();
     }
 
-    /// Who takes this frame, in their order; `accepting` tells it if it is not known.
+    /// Returns the stations that receive this frame, in ascending order; calls `accepting` if they are not known.
     pub(super) fn takers<I: Iterator<Item = u16>>(
         &mut self,
         frame: &Frame,
@@ -82,7 +83,7 @@ mod tests {
         assert_eq!(takers(&mut acceptance, 7), (vec![7, 8], 2));
         acceptance.forget();
         assert_eq!(takers(&mut acceptance, 5), (vec![5, 6], 3));
-        // As many kinds as there are, and more takers than it remembers.
+        // As many kinds as there is room for, and more receivers than are remembered.
         for _ in 0..40 {
             for id in 0..0x7FE {
                 assert_eq!(takers(&mut acceptance, id).0, [id, id + 1]);

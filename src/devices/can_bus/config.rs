@@ -15,13 +15,13 @@ use toml::de::{Error, ValueDeserializer};
 pub struct CanBusConfig {
     /// Name, unique among the buses.
     pub name: String,
-    /// Its bit rate, 10 to 1000 kbit/s.
+    /// Bit rate, 10 to 1000 kbit/s.
     pub rate: BitRate,
-    /// The doors to it that are open from the start.
+    /// Doors to the bus that are open from the start.
     pub doors: Vec<DoorSpec>,
 }
 
-/// The section as it is written.
+/// Keys of the section in the plant file.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 #[serde(expecting = "a CAN bus: a table with its settings")]
@@ -47,13 +47,13 @@ impl CanBusConfig {
     }
 }
 
-/// So many kbit/s, if a CAN bus can run at them and they are a whole number of bit/s.
+/// Returns the bit rate for `kbit_s` if a CAN bus can run at it and it is a whole number of bit/s.
 fn rate(kbit_s: f64) -> Option<BitRate> {
     if !(10.0..=1000.0).contains(&kbit_s) {
         return None;
     }
     let bit_s = (kbit_s * 1000.0).round();
-    // The decimals of the file are not those of the number.
+    // The decimal fraction in the file has no exact binary value.
     ((kbit_s * 1000.0 - bit_s).abs() < 1e-6).then(|| BitRate::new(bit_s as u32)).flatten()
 }
 

@@ -1,4 +1,4 @@
-//! A device with one port, which is at a CAN bus, and registers: the least that a device of one's own can be.
+//! A device with registers and one port at a CAN bus: the smallest custom device.
 
 use super::{CanPort, CanSocket, FAMILY};
 use crate::devices::{BuildError, Device, DeviceConfig, Plain, Plug, PortConfig};
@@ -12,29 +12,29 @@ use serde::Deserialize;
 use std::sync::Arc;
 use toml::de::{Error, ValueDeserializer};
 
-/// The firmware of such a device, which all runs at its port.
+/// Firmware of such a device. All of it runs at the port.
 pub trait CanDevice: CanPort + Sized + 'static {
-    /// Its registers. Its first port of medium `can` is the one.
+    /// Registers of the device. Its first port of medium `can` is used.
     const LAYOUT: &'static layout::Device;
 
-    /// The firmware of a device with this image.
+    /// Creates the firmware of a device with this image.
     ///
     /// # Errors
-    /// [`MemoryError`]: the image has no room for its registers, or is read-only.
+    /// [`MemoryError`]: the image is too small for the registers, or is read-only.
     fn new(segment: &Segment) -> Result<Self, MemoryError>;
 }
 
-/// Reads its `[[device]]` section, for [`Registered::read`](crate::devices::Registered::read): `name`, and `bus`, which may be
-/// left out.
+/// Reads the `[[device]]` section, for [`Registered::read`](crate::devices::Registered::read): `name`, and `bus`, which
+/// is optional.
 ///
 /// # Errors
-/// What is wrong, with its place.
+/// The fault in the section, with its position.
 pub fn read<D: CanDevice>(value: ValueDeserializer<'_>) -> Result<Arc<dyn DeviceConfig>, Error> {
     let Section { name, bus } = Section::deserialize(value)?;
     Ok(Arc::new(Config::<D> { name, bus, firmware: PhantomData }))
 }
 
-/// The section as it is written.
+/// Keys of the section in the plant file.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 #[serde(expecting = "a device at a CAN bus: a table with its settings")]
@@ -43,7 +43,7 @@ struct Section {
     bus: Option<String>,
 }
 
-/// Such a device of the plant file.
+/// Such a device in the plant file.
 struct Config<D> {
     name: String,
     bus: Option<String>,

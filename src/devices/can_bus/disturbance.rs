@@ -1,4 +1,4 @@
-//! What injected faults do to the traffic of a bus. Nothing of this runs while there is no fault.
+//! Effects of injected faults on the traffic of a bus. None of this code runs without a fault.
 
 use super::CanBus;
 use crate::can::{Event, Fate, Frame, OnWire};
@@ -12,7 +12,7 @@ impl CanBus {
         Owner::Medium(self.index)
     }
 
-    /// Lets those faults strike that act on this frame; `strike` says whether what it is given does.
+    /// Fires the faults that can act on this frame; `fire` returns whether an effect has acted.
     fn disturb_frame(&self, frame: &Frame, world: &mut World, mut fire: impl FnMut(FrameEffect) -> bool) {
         let field = frame.arbitration();
         world.faults.fire(world.now, self.owner(), world.journal, |_, effect, _| match *effect {
@@ -23,7 +23,7 @@ impl CanBus {
         });
     }
 
-    /// One thing that is due on the wire, where faults may keep back who would begin.
+    /// Performs one due event on the wire. Faults may hold back the frame that would begin.
     #[cold]
     pub(super) fn advance_disturbed(&mut self, at_ns: u64, world: &mut World) -> Option<Event> {
         let mut withdrawn = None;
@@ -35,7 +35,7 @@ impl CanBus {
                     until_ns = Some((at_ns + u64::from(us) * 1000, true));
                     true
                 }
-                // It takes part again in the next arbitration.
+                // The frame takes part again in the next arbitration.
                 FrameEffect::LoseArbitration if until_ns.is_none() => {
                     until_ns = Some((at_ns + 1, false));
                     true
@@ -57,7 +57,7 @@ impl CanBus {
         }
     }
 
-    /// A frame has begun: does it arrive as it should?
+    /// A frame has begun: decides with the faults whether it arrives undisturbed.
     #[cold]
     pub(super) fn disturb(&mut self, it: &OnWire, world: &mut World) {
         if it.fate != Fate::Arrives {
@@ -80,12 +80,12 @@ impl CanBus {
             wire.disturb();
         }
         if !is_copy {
-            // A frame that does not get through is told anew when it is repeated.
+            // A frame that does not get through is announced again when it is repeated.
             self.stations.get_mut(it.sender).copies = copies;
         }
     }
 
-    /// Whether this one loses a frame to an overrun.
+    /// Whether station `who` loses a frame because of an overrun.
     #[cold]
     pub(super) fn overruns(&mut self, who: usize, frame: &Frame, world: &mut World) -> bool {
         let Origin { plc: device, node: port } = self.stations.all()[who].origin;
@@ -99,7 +99,7 @@ impl CanBus {
         lost
     }
 
-    /// A controller switches itself off, if it works.
+    /// Switches a working controller to BUS-off; returns whether it worked.
     pub(super) fn switch_off(&mut self, who: usize) -> bool {
         let is_plugged_in = self.wire.is_some();
         let end = self.stations.get_mut(who);

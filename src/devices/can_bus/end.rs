@@ -1,4 +1,4 @@
-//! What is plugged in at a bus: a port, or a guest.
+//! A station of a bus: a port, or a guest.
 
 use super::Controller;
 use super::guest::Silent;
@@ -15,29 +15,29 @@ pub(super) struct End {
     base: usize,
     pub(super) port: Box<dyn CanPort>,
     pub(super) controller: Controller,
-    /// None over a guest, which has no registers.
+    /// `None` for a guest, which has no registers.
     pub(super) watch: Option<OwnedWatch>,
-    /// Since when it has power, in ns.
+    /// Time at which the station got power, in ns.
     pub(super) on_since_ns: Option<u64>,
-    /// Since when it takes part in the traffic, in ns.
+    /// Time since which the station takes part in the traffic, in ns.
     pub(super) member_since_ns: Option<u64>,
-    /// It leaves as soon as its controller has nothing to send.
+    /// The guest leaves when its queue is empty.
     pub(super) is_leaving: bool,
-    /// It is in the list of those that have something to send.
+    /// The station is in the list of stations with a frame to send.
     pub(super) is_waiting: bool,
-    /// It is in the list of those with errors.
+    /// The station is in the list of stations with errors.
     pub(super) is_troubled: bool,
-    /// The state that was last told of its controller.
+    /// The error state that was last reported.
     pub(super) told: ErrorState,
-    /// Its frame is kept back until then, in ns.
+    /// The frame is held back until this time, in ns.
     pub(super) held_until_ns: u64,
-    /// A fault has delayed its frame already.
+    /// A fault has delayed this frame already.
     pub(super) is_delayed: bool,
-    /// How long after it copies of its frame follow, in us.
+    /// Delays after which copies of the frame follow, in us.
     pub(super) copies: Vec<u64>,
-    /// Its frame has arrived already and is sent once more.
+    /// The frame has arrived already and is sent once more.
     pub(super) is_copy: bool,
-    /// The journal has its frame, which nobody acknowledges, already.
+    /// The journal already has this frame as not acknowledged.
     pub(super) is_unheard: bool,
 }
 
@@ -75,7 +75,6 @@ impl End {
         End::new(Origin::of_guest(number), 0, Box::new(Silent), None)
     }
 
-    /// A port of a device.
     pub(super) fn port(socket: CanSocket) -> Result<Self, BuildError> {
         let CanSocket { origin, segment, layout, port } = socket;
         let area = layout.port_numbered(origin.node).ok_or(BuildError::OtherFamily)?.area;
@@ -83,13 +82,14 @@ impl End {
         Ok(End::new(origin, area.first as usize, port, Some(watch)))
     }
 
-    /// Whether it takes part and has done so since `begin_ns`: what began before it has missed (decision D-356).
+    /// Whether the station has taken part since `begin_ns`; it has missed a frame that began before it came (decision
+    /// D-356).
     #[inline]
     pub(super) fn was_there(&self, begin_ns: u64) -> bool {
         self.member_since_ns.is_some_and(|since| since <= begin_ns)
     }
 
-    /// It is off: everything is forgotten.
+    /// The station is off and forgets everything.
     pub(super) fn switch_off(&mut self) {
         self.on_since_ns = None;
         self.is_leaving = false;
@@ -98,7 +98,8 @@ impl End {
         self.controller.clear();
     }
 
-    /// Its frame has arrived; the intermission behind it ends at `free_ns`. Tells whether it is the first time.
+    /// The frame has arrived, and the intermission after it ends at `free_ns`. Returns whether it is the first arrival
+    /// of this frame.
     pub(super) fn frame_is_through(&mut self, free_ns: u64) -> bool {
         let is_copy = self.is_copy;
         if self.copies.is_empty() {
@@ -118,7 +119,6 @@ impl End {
         self.copies.clear();
     }
 
-    /// Runs its firmware.
     pub(super) fn run(
         &mut self,
         now: u64,

@@ -1,4 +1,4 @@
-//! What faults do to a bus, to the bit.
+//! Effects of faults on a bus, exact to the bit.
 
 use super::tests::{Bench, frame};
 use crate::can::{BitRate, Fate, Frame, wire};
@@ -25,12 +25,12 @@ fn of_id(kind: &'static Kind, id: u64, us: Option<u64>, count: Option<u64>) -> F
     draft.check().unwrap()
 }
 
-/// Three ports, the first of which sends these at 10 us, with a fault.
+/// Three ports with a fault; the first port sends `frames` at 10 us.
 fn bench(frames: &[Frame], fault: Fault) -> Bench {
     of_two(frames, &[], fault)
 }
 
-/// The same where the second one sends these at the same time.
+/// As `bench`; the second port sends `others` at the same time.
 fn of_two(frames: &[Frame], others: &[Frame], fault: Fault) -> Bench {
     let script = |frames: &[Frame]| frames.iter().map(|frame| (10, *frame)).collect();
     let scripts = vec![(vec![], script(frames)), (vec![], script(others)), (vec![], vec![])];
@@ -49,13 +49,13 @@ impl Bench {
         self.faults.list().map(|fault| fault.hits).sum()
     }
 
-    /// Marks and times of the frames of the journal.
+    /// Times and first data bytes of the frames in the journal.
     fn marks(&self) -> Vec<(u64, u8)> {
         self.frames().iter().map(|(at, frame, _)| (*at, frame.payload().data()[0])).collect()
     }
 }
 
-/// Until it arrives, and until the next one may begin, in us.
+/// Time until the frame arrives, and until the next frame may begin, in us.
 fn lasts(frame: &Frame) -> (u64, u64) {
     let airtime = wire::airtime(frame, BitRate::new(BIT_S).unwrap());
     (airtime.delivery_ns / 1000, airtime.occupation_ns / 1000)
@@ -113,7 +113,7 @@ fn error_frames_make_a_sender_passive_and_the_frame_is_repeated() {
     let mut bench = bench(&[it], of_id(kind("error_frame"), 0x100, None, Some(16)));
     bench.run(10_000);
     let round = u64::from(wire::bits_to_acknowledgement(&it) + 6 + 8 + 3);
-    // The last error makes it passive, so it waits for eight bits more.
+    // The last error makes the sender passive, so it waits for eight bits more.
     let begin = 10 + 16 * round + 8;
     assert_eq!(bench.marks(), [(begin + lasts(&it).0, 1)]);
     let first = 10 + u64::from(wire::bits_to_acknowledgement(&it));
@@ -150,7 +150,7 @@ fn who_loses_it_to_nobody_leaves_an_error_frame() {
     bench.run(10_000);
     assert_eq!(bench.lost(), [(17, (it, Fate::Withdrawn)), (17 + 24, (it, Fate::Withdrawn))]);
     assert_eq!(bench.marks(), [(10 + 2 * 24 + lasts(&it).0, 1)]);
-    // All have counted an error as receivers, and the others one less for the frame.
+    // All stations have counted an error as receivers, and the other two one less for the frame.
     assert_eq!(bench.errors(), [(0, 2), (0, 1), (0, 1)]);
 }
 

@@ -1,4 +1,4 @@
-//! Guests at a CAN bus: stations like the ports, with a controller and nothing behind it.
+//! Guests at a CAN bus: stations with a controller and without firmware.
 
 use super::end::End;
 use super::{CanBus, CanPort, Controller};
@@ -6,7 +6,7 @@ use crate::can::{ErrorState, Frame};
 use crate::devices::{Context, GuestRefusal};
 use crate::snapshot_fields;
 
-/// Nobody's firmware: a guest is told by who brings it in.
+/// The firmware of a guest, which does nothing: the guest's program gets its frames from its door.
 pub(super) struct Silent;
 
 snapshot_fields!(Silent {});
@@ -18,17 +18,17 @@ impl CanPort for Silent {
 }
 
 impl CanBus {
-    /// The place of guest number `guest`, if it has ever been here.
+    /// Returns the index of guest number `guest` among the stations if the guest has ever taken part.
     fn place_of(&self, guest: u8) -> Option<usize> {
         self.stations.all().iter().position(|end| end.origin.guest() == Some(guest))
     }
 
-    /// The place of guest number `guest`, if it takes part.
+    /// Returns the index of guest number `guest` if the guest takes part now.
     fn present(&self, guest: u8) -> Option<usize> {
         self.place_of(guest).filter(|place| self.stations.all()[*place].on_since_ns.is_some())
     }
 
-    /// Guest number `guest` takes part; `false` if it does so already.
+    /// Guest number `guest` joins the bus. Returns `false` if the guest takes part already.
     pub(super) fn let_in(&mut self, guest: u8, now: u64) -> bool {
         let place = self.place_of(guest).unwrap_or_else(|| self.stations.add(End::guest(guest)));
         let end = self.stations.get_mut(place);
@@ -40,13 +40,13 @@ impl CanBus {
         !was_in || was_leaving
     }
 
-    /// How guest number `guest` stands with the bus.
+    /// Returns the error state of guest number `guest`.
     pub(super) fn errors_of_guest(&self, guest: u8) -> ErrorState {
         let errors = self.place_of(guest).map(|place| self.stations.all()[place].controller.errors());
         errors.unwrap_or_default().state()
     }
 
-    /// Guest number `guest` leaves, as soon as what it has given to its controller is sent.
+    /// Guest number `guest` leaves when its queue is empty.
     pub(super) fn see_off(&mut self, guest: u8, now: u64) {
         let Some(place) = self.present(guest) else { return };
         let was_leaving = core::mem::replace(&mut self.stations.get_mut(place).is_leaving, true);
@@ -54,7 +54,8 @@ impl CanBus {
         self.plan(now);
     }
 
-    /// The same if nobody is there to hear what it has given to its controller; who has just come may not be alone yet.
+    /// As `see_off`, but only if no other station can receive the guest's frames. A guest that has just joined may not
+    /// be alone yet.
     pub(super) fn see_off_if_alone(&mut self, guest: u8, now: u64) {
         let is_member = |place: usize| self.stations.all()[place].member_since_ns.is_some();
         if self.present(guest).is_some_and(is_member) && self.stations.members() == 1 {
@@ -62,7 +63,7 @@ impl CanBus {
         }
     }
 
-    /// Guests that are to leave do so if they have nothing to send, or nobody to send it to.
+    /// Removes the leaving guests that have nothing to send or no station to send it to.
     pub(super) fn let_guests_leave(&mut self, now: u64) {
         for place in 0..self.stations.all().len() {
             let end = &self.stations.all()[place];
@@ -76,7 +77,7 @@ impl CanBus {
         }
     }
 
-    /// A guest's controller takes a frame.
+    /// Puts a frame into a guest's queue.
     pub(super) fn take_guests_frame(
         &mut self,
         guest: u8,

@@ -1,8 +1,8 @@
 //! The running bus.
 //!
-//! On the wire times are exact in nanoseconds; the firmware of its ports, as everything in a plant, runs at whole
-//! microseconds. What ends within a microsecond is seen at its end. A frame that begins within one begins when the wire was
-//! free, and only those take part in its arbitration that were there by then.
+//! Times on the wire are exact in nanoseconds. The firmware of the ports runs at whole microseconds, as everything in a
+//! plant. The firmware sees an event within a microsecond at the end of that microsecond. A frame that begins within a
+//! microsecond begins when the wire was free, and only frames that were queued by then take part in its arbitration.
 
 use super::FAMILY;
 use super::config::CanBusConfig;
@@ -24,24 +24,25 @@ use core::any::Any;
 pub struct CanBus {
     pub(super) index: u16,
     name: String,
-    /// None where ports are that no bus is plugged in at.
+    /// `None` for ports that are not plugged in at a bus.
     pub(super) wire: Option<can::Medium>,
     pub(super) stations: Stations,
-    /// How many guests are to leave.
+    /// Number of guests that are leaving.
     pub(super) leaving: usize,
-    /// The sender of the frame on the wire has gone off meanwhile, even if it is back.
+    /// The sender of the frame on the wire was switched off during the frame, even if it is on again.
     pub(super) sender_gone: bool,
-    /// The frame on the wire is lost: nobody receives it, and its sender does not notice.
+    /// A fault loses the frame on the wire: no station receives it, and its sender does not notice.
     pub(super) is_lost: bool,
-    /// Somebody's error state may have changed without having been told.
+    /// An error state may have changed and was not reported yet.
     pub(super) has_news: bool,
-    /// Room for those who are handed a frame.
+    /// Buffer for the receivers of a frame.
     pub(super) takers: Vec<u16>,
     next: u64,
 }
 
 impl CanBus {
-    /// Where ports are that no bus is plugged in at: their firmware runs, and nobody hears it.
+    /// The placeholder for ports that are not plugged in at a bus: their firmware runs, and no station receives their
+    /// frames.
     pub fn unplugged() -> Self {
         CanBus {
             index: u16::MAX,
@@ -63,7 +64,7 @@ impl CanBus {
         CanBus { index: index as u16, name: config.name.clone(), wire, stations, ..Self::unplugged() }
     }
 
-    /// Finds when there is something to do, after whatever has happened at `now`.
+    /// Plans the next event, after a change at `now`.
     pub(super) fn plan(&mut self, now: u64) {
         if self.leaving > 0 {
             self.let_guests_leave(now);
@@ -95,7 +96,7 @@ impl SnapshotFields for CanBus {
             sender_gone,
             is_lost,
             has_news,
-            // Empty between two events.
+            // The buffer is empty between two events.
             takers: _,
             next,
         } = self;
@@ -219,7 +220,7 @@ impl Medium for CanBus {
         self.next
     }
 
-    /// BUS-off of controllers that work; whatever else a port has is its device's.
+    /// Puts a working controller into BUS-off. All other faults of a port belong to its device.
     fn fire(&mut self, now: u64, target: Target, effect: &Effect) -> Option<Hit> {
         let Target::Port { device: plc, port: node } = target else { return None };
         let origin = Origin { plc, node };
@@ -239,7 +240,7 @@ impl Medium for CanBus {
         if core::mem::take(&mut self.has_news) {
             self.tell_states(now, world.journal);
         }
-        // What is due on the wire was due before the microsecond's end.
+        // Events on the wire come first: they were due before the end of the microsecond.
         if !self.wire_event(world) && !self.recover(now, world.journal) {
             let mut from = 0;
             while let Some(who) = self.stations.due(from, now) {

@@ -1,8 +1,8 @@
-//! A CAN bus of a plant, `kind = "can"`: what [`can::Medium`](crate::can::Medium) is to frames, with ports of devices as its
-//! participants.
+//! A CAN bus of a plant, `kind = "can"`: [`can::Medium`](crate::can::Medium) carries the frames, and ports of devices
+//! take part.
 //!
-//! What its frames mean is the devices' affair: each hands over a [`CanSocket`] with the firmware of its port, a [`CanPort`],
-//! which gives frames to its [`Controller`] and is given those that pass the filters.
+//! The meaning of a frame is defined by the devices. Each device provides a [`CanSocket`] with the firmware of its
+//! port, a [`CanPort`]. The firmware gives frames to its [`Controller`] and receives frames that pass the filters.
 
 mod acceptance;
 mod config;
@@ -27,5 +27,5 @@ pub use device::{CanDevice, read};
 pub use medium::CanBus;
 pub use port::{CanPort, CanSocket};
 
-/// What media of this kind are called.
+/// Name of the family of these media.
 pub(crate) const FAMILY: &str = "can";

@@ -1,4 +1,4 @@
-//! What a device has at a CAN bus: a controller, and the firmware behind it.
+//! The CAN port of a device: a controller and its firmware.
 
 use super::Controller;
 use crate::can::{ErrorState, Frame};
@@ -9,11 +9,11 @@ use crate::layout::Device;
 use crate::memory::Segment;
 use crate::snapshot_fields::SnapshotFields;
 
-/// The firmware of a device's port at a CAN bus. It is called at whole microseconds of emulated time, with the controller
-/// that is its own.
+/// Firmware of a device's port at a CAN bus. The bus calls it at whole microseconds of emulated time with the
+/// controller of the port.
 pub trait CanPort: Send + SnapshotFields {
     /// The device starts; `address` is the port's number at its switches
-    /// ([`Device::address`](crate::devices::Device::address)). The controller is empty and without filters.
+    /// ([`Device::address`](crate::devices::Device::address)). The controller is empty and has no filters.
     fn power_on(&mut self, ctx: &mut Context, controller: &mut Controller, address: u8) {
         let _ = (ctx, controller, address);
     }
@@ -21,10 +21,10 @@ pub trait CanPort: Send + SnapshotFields {
     /// The device stops; the controller forgets everything.
     fn power_off(&mut self) {}
 
-    /// The processor cycle: looks at its registers.
+    /// Runs a processor cycle: reads the registers.
     fn look(&mut self, ctx: &mut Context, controller: &mut Controller);
 
-    /// Whether the program has written a register that the firmware answers and has not looked at yet.
+    /// Whether the program has written a register that the firmware has to answer and has not read yet.
     fn has_changed(&self) -> bool {
         false
     }
@@ -32,18 +32,18 @@ pub trait CanPort: Send + SnapshotFields {
     /// A frame that passes the filters has arrived.
     fn received(&mut self, ctx: &mut Context, controller: &mut Controller, frame: &Frame);
 
-    /// A frame that passes the filters was lost, as the controller had no room for it: a fault.
+    /// A frame that passes the filters was lost, since the controller had no room for it: a fault.
     fn overrun(&mut self, ctx: &mut Context, controller: &mut Controller, frame: &Frame) {
         let _ = (ctx, controller, frame);
     }
 
-    /// A frame of its own has arrived at the others.
+    /// A frame of this port has arrived at the other stations.
     fn sent(&mut self, ctx: &mut Context, controller: &mut Controller, frame: &Frame) {
         let _ = (ctx, controller, frame);
     }
 
-    /// The error state of its controller has changed. Whether a controller returns from BUS-off by itself is its device's
-    /// affair: left as it is here, it does ([`Controller::restart`]).
+    /// The error state of the controller has changed. The device decides whether the controller returns from BUS-off by
+    /// itself. This default implementation does so ([`Controller::restart`]).
     fn error_state(&mut self, ctx: &mut Context, controller: &mut Controller, state: ErrorState) {
         let _ = ctx;
         if state == ErrorState::BusOff {
@@ -51,32 +51,34 @@ pub trait CanPort: Send + SnapshotFields {
         }
     }
 
-    /// When the next of its own times is due, in microseconds; `u64::MAX` if none is. It changes only in calls to the firmware.
+    /// Returns the time of the port's next own event in microseconds, `u64::MAX` if there is none. The time changes
+    /// only in calls to the firmware.
     fn next_time(&self) -> u64 {
         u64::MAX
     }
 
-    /// Handles what is due at `ctx.now`; afterwards [`next_time`](CanPort::next_time) lies behind that, else the bus goes on
-    /// asking at this moment.
+    /// Handles the events that are due at `ctx.now`. Afterwards [`next_time`](CanPort::next_time) must be later,
+    /// otherwise the bus calls again at the same time.
     fn due(&mut self, ctx: &mut Context, controller: &mut Controller) {
         let _ = (ctx, controller);
     }
 
-    /// A fault of the device acts on the port, at its begin or in a processor cycle: does it hit?
+    /// Applies a fault of the device to the port, at the begin of the fault or in a processor cycle. Returns whether
+    /// and what it hit.
     fn fire(&mut self, now: u64, effect: &Effect) -> Option<Hit> {
         let _ = (now, effect);
         None
     }
 }
 
-/// A CAN port, as a device hands it over.
+/// A CAN port as a device provides it.
 pub struct CanSocket {
-    /// The device and the port's number.
+    /// Device and number of the port.
     pub origin: Origin,
-    /// The device's image.
+    /// Image of the device.
     pub segment: Segment,
-    /// The device's registers.
+    /// Registers of the device.
     pub layout: &'static Device,
-    /// The port's firmware.
+    /// Firmware of the port.
     pub port: Box<dyn CanPort>,
 }

@@ -1,44 +1,43 @@
-//! What the journal tells about CAN buses: their frames.
+//! Journal events of CAN buses.
 
 use crate::can::{ErrorState, Fate, Frame};
 use crate::event_kinds;
 use crate::journal::{Carried, EventCodec, EventText, Fields, Kind, Origin, Packer, Part, Reader, Unpacker};
 
-/// All kinds.
+/// All event kinds of this module.
 pub static KINDS: &[&Kind] = &[Transmitted::KIND, Lost::KIND, StateChange::KIND];
 
 event_kinds! {
-    /// A frame has arrived; the time is its end, when its receivers have it, in whole microseconds rounded up.
+    /// A frame has arrived. The time is the end of the frame, when its receivers have it, in whole microseconds rounded
+    /// up.
     Transmitted = 50, "can_frame", Traffic, at bus {
-        /// The frame.
         frame: Frame,
-        /// Whose it is.
+        /// Sender of the frame.
         sender: Origin,
     }
 
-    /// A frame has ended in an error frame; the time is the beginning of the error flag. That nobody acknowledges a frame is
-    /// told once, not at each repetition.
+    /// A frame has ended in an error frame. The time is the beginning of the error flag. A frame that no station
+    /// acknowledges is recorded once, not at each repetition.
     Lost = 51, "can_lost", Missed, at bus {
-        /// The frame, and why.
+        /// The frame, and the reason.
         frame: (Frame, Fate),
-        /// Whose it is.
+        /// Sender of the frame.
         sender: Origin,
     }
 
-    /// What a controller may do on its bus has changed.
+    /// The error state of a controller has changed.
     StateChange = 53, "can_state", Rare, at bus {
-        /// Whose it is.
+        /// Station of the controller.
         station: Origin,
-        /// The new state.
         state: ErrorState,
-        /// Its transmit errors.
+        /// Transmit error counter.
         transmit: u16,
-        /// Its receive errors.
+        /// Receive error counter.
         receive: u16,
     }
 }
 
-/// Where the reason stands beside the length.
+/// First bit of the reason, above the length.
 const FATE: u32 = 8;
 
 /// A frame that has not arrived, with the reason.
@@ -69,7 +68,7 @@ impl Part for ErrorState {
     }
 }
 
-/// Why a frame has not arrived: for programs, and for people.
+/// Returns the reason for which a frame has not arrived: the word for programs, and the text.
 fn reason(fate: Fate) -> (&'static str, &'static str) {
     match fate {
         Fate::Arrives => ("arrives", "has arrived"),
@@ -95,12 +94,12 @@ impl Part for Frame {
     }
 }
 
-/// The data bytes, each with `before` in front of it.
+/// Returns the data bytes in hexadecimal, each with the prefix `before`.
 fn bytes(frame: &Frame, before: &str) -> String {
     frame.payload().data().iter().map(|byte| format!("{before}{byte:02X}")).collect()
 }
 
-/// `16#123 01 02`, `16#00000123 remote, 2 bytes`
+/// `16#123 01 02`, `16#00000123 remote, length 2`
 fn text(frame: &Frame) -> String {
     let rest = if frame.arbitration().is_remote() {
         format!(" remote, length {}", frame.length())
@@ -115,7 +114,7 @@ fn text(frame: &Frame) -> String {
     }
 }
 
-/// What programs are told of a frame.
+/// Returns the fields of a frame for programs.
 fn fields(frame: &Frame, sender: Origin, reader: &Reader) -> Fields {
     let field = frame.arbitration();
     Fields::new()
@@ -192,7 +191,7 @@ mod tests {
         }
     }
 
-    /// Words that a client might send back.
+    /// The words of an event as a client might return them.
     #[test]
     fn a_frame_of_nine_bytes_is_none() {
         let sender = Origin { plc: 0, node: 1 };

@@ -1,5 +1,5 @@
-//! The stations of a bus, and what is known of all of them without asking each: who has something to send, who is due, who
-//! takes part, who has errors. So the cost of a frame is that of those whom it concerns.
+//! The stations of a bus, indexed by state: stations with a frame to send, with a due event, that take part, that have
+//! errors. A frame costs time only for the stations that it affects.
 
 use super::acceptance::Acceptance;
 use super::end::End;
@@ -8,34 +8,35 @@ use crate::due_queue::{DueQueue, NEVER};
 use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 use serde::{Deserialize, Serialize};
 
-/// Somebody with a frame to send.
+/// A station with a frame to send.
 #[derive(Serialize, Deserialize)]
 struct Waiting {
     field: Arbitration,
     who: usize,
-    /// From when on it takes part in arbitration, in ns.
+    /// Time from which the frame takes part in arbitration, in ns.
     since_ns: u64,
 }
 
-/// The ports, then the guests. A guest that has left keeps its place for the next one of its number.
+/// The ports, followed by the guests. The entry of a guest that has left is kept for the next guest with the same
+/// number.
 pub(super) struct Stations {
     ends: Vec<End>,
-    /// Of the bus; none where nothing is plugged in.
+    /// Bit rate of the bus; `None` if the ports are not plugged in.
     rate: Option<BitRate>,
     waiting: Vec<Waiting>,
     due: DueQueue,
     acceptance: Acceptance,
-    /// How many take part.
+    /// Number of stations that take part.
     members: usize,
-    /// When the last one came, in ns.
+    /// Time at which the last station began to take part, in ns.
     last_came_ns: u64,
-    /// Those whose error counters are not 0.
+    /// Stations with error counters above 0.
     troubled: Vec<usize>,
-    /// Those that are on their way back from BUS-off.
+    /// Stations that are returning from BUS-off.
     recovering: Vec<(usize, Recovery)>,
-    /// Somebody has begun or ceased to take part since it was last asked.
+    /// A station has begun or ceased to take part since the last call of `take_changed`.
     has_changed: bool,
-    /// A frame is kept back.
+    /// A frame is held back.
     has_held: bool,
 }
 
@@ -67,27 +68,27 @@ impl Stations {
         &self.ends
     }
 
-    /// One of them; [`Stations::settle`] is to follow.
+    /// Returns a station; the caller calls [`Stations::settle`] afterwards.
     pub(super) fn get_mut(&mut self, who: usize) -> &mut End {
         &mut self.ends[who]
     }
 
-    /// How many take part.
+    /// Number of stations that take part.
     pub(super) fn members(&self) -> usize {
         self.members
     }
 
-    /// When the first of their own times is due.
+    /// Returns the time of the first due event of the stations.
     pub(super) fn next_time(&self) -> u64 {
         self.due.first()
     }
 
-    /// The first from `from` on that is due at `now`.
+    /// Returns the first station from index `from` on with an event due at `now`.
     pub(super) fn due(&self, from: usize, now: u64) -> Option<usize> {
         self.due.due(from, now)
     }
 
-    /// Takes note of what has become of one of them, at `at_ns`.
+    /// Updates the indexes after a change of station `who` at `at_ns`.
     pub(super) fn settle(&mut self, who: usize, at_ns: u64) {
         let end = &mut self.ends[who];
         self.due.set(who, if end.on_since_ns.is_some() { end.port.next_time() } else { NEVER });
@@ -112,7 +113,7 @@ impl Stations {
         self.offer(who);
     }
 
-    /// Takes note of what one of them has to send.
+    /// Updates the list of stations with a frame to send.
     fn offer(&mut self, who: usize) {
         let end = &mut self.ends[who];
         let since_ns = end.member_since_ns.filter(|_| self.rate.is_some());
@@ -138,7 +139,7 @@ impl Stations {
         }
     }
 
-    /// Keeps this one's frame back.
+    /// Holds the frame of station `who` back.
     pub(super) fn hold(&mut self, who: usize, until_ns: u64, is_delayed: bool) {
         let end = &mut self.ends[who];
         end.held_until_ns = until_ns;
@@ -146,7 +147,7 @@ impl Stations {
         self.offer(who);
     }
 
-    /// When the first frame that is kept back may begin, in ns, if that is behind `now_ns`.
+    /// Returns the time at which the first held frame may begin, in ns, if it is after `now_ns`.
     pub(super) fn next_held(&mut self, now_ns: u64) -> Option<u64> {
         if !self.has_held {
             return None;
@@ -156,12 +157,13 @@ impl Stations {
         next
     }
 
-    /// Whether somebody has begun or ceased to take part since it was last asked.
+    /// Returns whether a station has begun or ceased to take part since the last call.
     pub(super) fn take_changed(&mut self) -> bool {
         core::mem::take(&mut self.has_changed)
     }
 
-    /// Writes down who is handed a frame: not its sender, and not guests, to whom those who bring them in tell everything.
+    /// Fills in the ports that receive a frame. The sender is excluded by the caller; guests receive all frames from
+    /// their door.
     pub(super) fn takers(&mut self, frame: &Frame, takers: &mut Vec<u16>) {
         let Stations { ends, acceptance, .. } = self;
         let known = acceptance.takers(frame, || {
@@ -172,7 +174,7 @@ impl Stations {
         takers.extend_from_slice(known);
     }
 
-    /// A frame has arrived: one error less for its sender, and for everybody who has heard it.
+    /// A frame has arrived: the sender and all stations that have heard it count one error less.
     pub(super) fn count_good(&mut self, sender: usize, begin_ns: u64) {
         let Stations { ends, troubled, .. } = self;
         for &who in troubled.iter() {
@@ -185,7 +187,7 @@ impl Stations {
         }
     }
 
-    /// A frame has ended in an error: everybody who has heard it does this with its controller.
+    /// A frame has ended in an error: calls `count` for all stations that have heard it.
     pub(super) fn count_errors(&mut self, begin_ns: u64, mut count: impl FnMut(usize, &mut End)) {
         for who in 0..self.ends.len() {
             if self.ends[who].was_there(begin_ns) {
@@ -195,14 +197,14 @@ impl Stations {
         }
     }
 
-    /// This one's counters may not be 0.
+    /// Notes that the error counters of station `who` may not be 0.
     pub(super) fn is_in_trouble(&mut self, who: usize) {
         if !core::mem::replace(&mut self.ends[who].is_troubled, true) {
             self.troubled.push(who);
         }
     }
 
-    /// One whose state is another than was last told; from now on that has been told.
+    /// Returns a station with an error state that was not reported yet, and marks the new state as reported.
     pub(super) fn take_news(&mut self) -> Option<(usize, ErrorState)> {
         let Stations { ends, troubled, .. } = self;
         let news = |who: &usize| ends[*who].controller.error_state() != ends[*who].told;
@@ -218,7 +220,7 @@ impl Stations {
         Some((who, state))
     }
 
-    /// Whether there is anybody with errors.
+    /// Whether any station has errors.
     pub(super) fn has_trouble(&self) -> bool {
         !self.troubled.is_empty()
     }
@@ -231,13 +233,14 @@ impl Stations {
         }
     }
 
-    /// Who comes back from BUS-off first, and when, in ns, the wire being recessive since `quiet_ns`.
+    /// Returns the station that returns from BUS-off first, and the time in ns, if the wire is recessive since
+    /// `quiet_ns`.
     pub(super) fn next_back(&self, quiet_ns: u64) -> Option<(u64, usize)> {
         let rate = self.rate?;
         self.recovering.iter().map(|(who, recovery)| (recovery.end_ns(quiet_ns, rate), *who)).min()
     }
 
-    /// It is not on its way back from BUS-off any longer.
+    /// Station `who` does not return from BUS-off any longer.
     pub(super) fn end_recovery(&mut self, who: usize) {
         self.recovering.retain(|(other, _)| *other != who);
     }
@@ -249,7 +252,7 @@ impl SnapshotFields for Stations {
             ends,
             rate: _,
             waiting,
-            // When they are due they tell again, and so they do which frames they accept.
+            // Both are rebuilt after loading, from the times and filters of the stations.
             due: _,
             acceptance: _,
             members,
@@ -259,7 +262,7 @@ impl SnapshotFields for Stations {
             has_changed,
             has_held,
         } = self;
-        // Guests stay stations when they have gone; ports were there before them.
+        // Guests that have left are still stations; the ports exist before the snapshot is loaded.
         let guests: Vec<u8> = ends.iter().filter_map(|end| end.origin.guest()).collect();
         to.value(&guests);
         ends.save(to);

@@ -1,4 +1,4 @@
-//! A bus between scripted ports: who hears what, when, to the nanosecond.
+//! A bus between scripted ports: receivers and times of frames, to the nanosecond.
 
 use super::records::{Lost, StateChange, Transmitted};
 use super::{CanBus, CanBusConfig, CanPort, CanSocket, Controller, QueueFull};
@@ -14,18 +14,18 @@ use std::sync::{Arc, Mutex};
 
 const MOST: usize = 4;
 
-/// What ports have told: who, when, what.
+/// Reports of the ports: station, time, event, first data byte.
 type Log = Arc<Mutex<Vec<(u16, u64, &'static str, u8)>>>;
 
-/// Filters of a port, and when it queues which frame, ascending.
+/// Filters of a port, and the frames that it queues with their times, ascending.
 type Script = (Vec<Filter>, Vec<(u64, Frame)>);
 
-/// A port that sends frames at given times and notes what becomes of them; a frame is told by its first data byte.
+/// A port that sends frames at given times and notes their fates; the first data byte identifies a frame.
 struct Scripted {
     who: u16,
     log: Log,
     filters: Vec<Filter>,
-    /// When to queue which frame, ascending.
+    /// Times and frames to queue, ascending.
     script: Vec<(u64, Frame)>,
 }
 
@@ -59,7 +59,7 @@ impl CanPort for Scripted {
     fn error_state(&mut self, ctx: &mut Context, controller: &mut Controller, state: ErrorState) {
         assert_eq!(state, controller.error_state());
         self.log.lock().unwrap().push((self.who, ctx.now, state.name(), 0));
-        // The last one returns by itself.
+        // The last port returns by itself.
         if self.who == 2 {
             controller.restart();
         }
@@ -92,7 +92,7 @@ pub(super) struct Bench {
 }
 
 impl Bench {
-    /// A bus at so many bit/s with ports that run these scripts, all on.
+    /// A bus at `bit_s` with ports that run these scripts, all on.
     pub(super) fn new(bit_s: u32, scripts: Vec<Script>) -> Self {
         let rate = BitRate::new(bit_s).unwrap();
         let bus = CanBus::new(0, &CanBusConfig { name: "open".to_owned(), rate, doors: Vec::new() });
@@ -113,7 +113,7 @@ impl Bench {
         Bench { bus, journal, faults: Faults::default(), log }
     }
 
-    /// Everything that is due until `end`, as a plant does it.
+    /// Runs all due events until `end`, as a plant does.
     pub(super) fn run(&mut self, end: u64) {
         let edges = &mut Vec::new();
         while self.bus.next_time() <= end {
@@ -124,14 +124,14 @@ impl Bench {
         }
     }
 
-    /// A station is BUS-off.
+    /// Puts a station into BUS-off.
     fn switch_off(&mut self, who: usize, now: u64) {
         assert!(self.bus.switch_off(who));
         self.bus.settle(who, now * 1000);
         self.bus.plan(now);
     }
 
-    /// A port puts a frame into its queue at `now`, when all is done that is due before.
+    /// A port puts a frame into its queue at `now`, after everything that is due before.
     pub(super) fn send(&mut self, who: usize, now: u64, frame: Frame) {
         self.run(now - 1);
         self.bus.run(who, now, &mut self.journal, |_, _, controller| controller.send(frame).unwrap());
@@ -148,7 +148,7 @@ impl Bench {
         core::mem::take(&mut self.log.lock().unwrap())
     }
 
-    /// Times, identifiers and senders of the frames of the journal.
+    /// Times, frames and senders in the journal.
     pub(super) fn frames(&self) -> Vec<(u64, Frame, u16)> {
         let told = |record: &crate::journal::Record| {
             let it: Transmitted = record.event.get()?;
@@ -175,8 +175,8 @@ fn a_frame_arrives_at_its_end_and_is_noted_before_anybody_answers() {
     assert_eq!(bench.bus.next_time(), u64::MAX);
 }
 
-/// At 33.3 kbit/s no bit lasts a whole microsecond: a hundred frames behind one another show whether anything but the
-/// journal is rounded.
+/// At 33.3 kbit/s no bit lasts a whole microsecond. A hundred frames in a row show whether anything but the journal is
+/// rounded.
 #[test]
 fn times_on_the_wire_are_rounded_for_the_journal_only() {
     let rate = BitRate::new(33_300).unwrap();
@@ -200,13 +200,15 @@ fn the_lower_identifier_goes_first_and_who_comes_too_late_waits() {
     bench.run(9);
     assert_eq!(bench.bus.next_time(), 10);
     bench.run(100_000);
-    // The first port's firmware runs first, but what is sent in one microsecond begins in one.
+    // The first port's firmware runs first, but frames that are queued in the same microsecond begin in the same
+    // arbitration.
     let order: Vec<_> =
         bench.frames().iter().map(|(_, it, sender)| (it.payload().data()[0], *sender)).collect();
     assert_eq!(order, [(1, 1), (1, 1), (2, 0)]);
 }
 
-/// The wire is free within a microsecond; a frame that comes at its end does not take part in the arbitration before.
+/// The wire is free within a microsecond; a frame that is queued at the end of the microsecond does not take part in
+/// the arbitration before it.
 #[test]
 fn a_frame_takes_part_from_the_time_on_at_which_it_is_there() {
     let rate = BitRate::new(666_600).unwrap();
@@ -248,11 +250,11 @@ fn alone_a_station_becomes_passive_and_goes_on_trying() {
     let round = to_flag + 6 + 8 + 3;
     let flag = |nth: u32| 100 + rate.time_ns((nth - 1) * round + to_flag) / 1000;
     assert_eq!(bench.log(), [(0, flag(12), "error_warning", 0), (0, flag(16), "error_passive", 0)]);
-    // The journal has it once.
+    // The journal has the frame once.
     assert_eq!((bench.frames(), bench.lost()), (vec![], vec![(flag(1), (it, Fate::NotAcknowledged))]));
     let told = bench.journal.records().filter_map(|record| record.event.get::<StateChange>());
     assert_eq!(told.map(|it| (it.transmit, it.receive)).collect::<Vec<_>>(), [(96, 0), (128, 0)]);
-    // As it is passive, it waits eight bits between two tries.
+    // The passive station waits eight bits between two tries.
     let again = 100 + rate.time_ns(16 * round + 8) / 1000;
     let passive_round = rate.time_ns(round + 8) / 1000;
     let next = again + (20_000 - again).div_ceil(passive_round) * passive_round;
@@ -279,7 +281,7 @@ fn a_frame_whose_sender_goes_off_is_cut_off_even_if_it_comes_back() {
     assert_eq!(bench.errors(), [(0, 0), (0, 1)]);
 }
 
-/// A bus of 1 Mbit/s whose station 2 sends, and is BUS-off from 50 us on.
+/// A bus of 1 Mbit/s. Station 2 sends, and is BUS-off from 50 us on.
 fn with_one_off(others: Vec<(u64, Frame)>) -> Bench {
     let scripts = vec![(vec![], others), (vec![], vec![]), (vec![], vec![(10, frame(0x100, 7))])];
     let mut bench = Bench::new(1_000_000, scripts);
@@ -292,7 +294,7 @@ fn with_one_off(others: Vec<(u64, Frame)>) -> Bench {
 fn who_is_bus_off_returns_after_128_times_eleven_bits() {
     let mut bench = with_one_off(Vec::new());
     bench.run(100_000);
-    // Its frame is cut off, which costs the others six bits; the flag and what is left of the frame do not count.
+    // The frame is cut off, which costs the others six bits; the flag and the rest of the frame do not count.
     let cut = 50 + 6;
     let back = cut + 6 + 128 * 11;
     let end = back + wire::airtime(&frame(0x100, 7), BitRate::new(1_000_000).unwrap()).delivery_ns / 1000;
@@ -316,7 +318,8 @@ fn frames_of_others_delay_the_return() {
     let bits = u64::from(wire::bits(&it));
     let mut bench = with_one_off((0..40).map(|_| (1000, it)).collect());
     bench.run(100_000);
-    // 85 runs before the frames, one behind each of them, three at the end, the first of which the last frame has begun.
+    // 85 runs before the frames, one after each of them, three at the end; the last frame has begun the first of these
+    // three.
     let before = (1000 - 62) / 11;
     let back = 1000 + 40 * bits + (128 - before - 40) * 11;
     let log = bench.log();
@@ -330,7 +333,7 @@ fn who_is_not_restarted_stays_off() {
     bench.run(1_000_000);
     assert_eq!((bench.log(), bench.frames()), (vec![(0, 50, "bus_off", 0)], vec![]));
     assert_eq!(bench.bus.stations().iter().map(|it| it.errors.state()).max(), Some(ErrorState::BusOff));
-    // Without power it forgets that.
+    // A station without power forgets its errors.
     bench.bus.power_off(0, 1_000_000, &mut bench.journal);
     bench.bus.power_on(0, 0, 1_000_000, &mut bench.journal);
     assert_eq!(bench.errors(), [(0, 0); 2]);

@@ -1,4 +1,4 @@
-//! What happens on the wire of a bus, and to the controllers at it.
+//! Events on the wire of a bus, and their effects on the controllers.
 
 use super::records::{Lost, StateChange, Transmitted};
 use super::{CanBus, CanPort, Controller};
@@ -7,7 +7,7 @@ use crate::devices::{Context, World};
 use crate::journal::Journal;
 
 impl CanBus {
-    /// Runs the firmware of one of the stations.
+    /// Runs the firmware of a station.
     pub(super) fn run(
         &mut self,
         who: usize,
@@ -19,7 +19,7 @@ impl CanBus {
         self.settle(who, now * 1000);
     }
 
-    /// Takes note of what has become of a station.
+    /// Updates the indexes after a change of a station.
     pub(super) fn settle(&mut self, who: usize, at_ns: u64) {
         self.stations.settle(who, at_ns);
         if self.stations.take_changed() {
@@ -27,7 +27,7 @@ impl CanBus {
         }
     }
 
-    /// Somebody takes part, or no longer does: is the frame on the wire still sent, and heard?
+    /// A station has begun or ceased to take part: checks whether the frame on the wire is still sent and heard.
     fn look_at_frame(&mut self, now_ns: u64) {
         let Some(wire) = &mut self.wire else { return };
         let Some(it) = wire.on_wire().copied() else { return };
@@ -39,7 +39,7 @@ impl CanBus {
         }
     }
 
-    /// Does one thing that is due on the wire; tells whether there was one.
+    /// Performs one due event on the wire; returns whether there was one.
     pub(super) fn wire_event(&mut self, world: &mut World) -> bool {
         let now_ns = world.now * 1000;
         let Some(wire) = &mut self.wire else { return false };
@@ -69,7 +69,7 @@ impl CanBus {
         true
     }
 
-    /// A frame has arrived: the journal has it before anybody answers.
+    /// A frame has arrived. The journal records it before a station answers.
     fn delivered(&mut self, it: &OnWire, world: &mut World) {
         let (bus, frame, sender) = (self.index, it.frame, self.stations.all()[it.sender].origin);
         if !self.is_lost {
@@ -78,14 +78,14 @@ impl CanBus {
         if self.stations.has_trouble() {
             self.stations.count_good(it.sender, it.begin_ns);
         }
-        // Once its checksum is through, a frame arrives without its sender.
+        // A frame arrives without its sender if its checksum was already sent.
         let is_news = !self.sender_gone && self.stations.get_mut(it.sender).frame_is_through(it.free_ns);
         self.hand_over(it, is_news, world);
         self.settle(it.sender, it.end_ns);
         self.tell_states(world.now, world.journal);
     }
 
-    /// Tells everybody's firmware of a frame that has arrived, its sender's if that is news there.
+    /// Runs the firmware of all receivers of a frame, and of its sender if this is the frame's first arrival.
     fn hand_over(&mut self, it: &OnWire, is_news: bool, world: &mut World) {
         let mut takers = core::mem::take(&mut self.takers);
         if self.is_lost {
@@ -125,7 +125,7 @@ impl CanBus {
     /// A frame ends in an error frame.
     fn failed(&mut self, it: &OnWire, now: u64, journal: &mut Journal) {
         let (bus, frame, sender) = (self.index, it.frame, self.stations.all()[it.sender].origin);
-        // A station that is alone repeats its frame without end.
+        // A station alone on the bus repeats its frame without end.
         let unheard = it.fate == Fate::NotAcknowledged;
         let is_known = core::mem::replace(&mut self.stations.get_mut(it.sender).is_unheard, unheard);
         if !(unheard && is_known) {
@@ -143,7 +143,7 @@ impl CanBus {
         self.tell_states(now, journal);
     }
 
-    /// Tells of the error states that have changed, the journal first.
+    /// Reports the changed error states, to the journal first.
     pub(super) fn tell_states(&mut self, now: u64, journal: &mut Journal) {
         if !self.stations.has_trouble() {
             return;
@@ -157,7 +157,7 @@ impl CanBus {
         }
     }
 
-    /// Who was BUS-off and has waited long enough takes part again; tells whether there was one.
+    /// Lets a station that was BUS-off take part again when its time is over; returns whether there was one.
     pub(super) fn recover(&mut self, now: u64, journal: &mut Journal) -> bool {
         let Some((at_ns, who)) = self.next_back().filter(|(at_ns, _)| *at_ns <= now * 1000) else {
             return false;
@@ -172,7 +172,7 @@ impl CanBus {
         true
     }
 
-    /// Who comes back from BUS-off first, and when, in ns, if no frame begins before.
+    /// Returns the station that returns from BUS-off first, and the time in ns, if no frame begins before.
     pub(super) fn next_back(&self) -> Option<(u64, usize)> {
         self.stations.next_back(self.wire.as_ref()?.quiet_ns()?)
     }

@@ -1,4 +1,4 @@
-//! Emergencies: each error is told once when it appears and once when it has gone.
+//! Emergencies: each error is reported once when it appears and once when it has gone.
 
 use serde::{Deserialize, Serialize};
 
@@ -7,27 +7,27 @@ use serde::{Deserialize, Serialize};
 pub struct Cause {
     /// Emergency error code.
     pub code: u16,
-    /// Bits of the error register (1001h) while it is there.
+    /// Bits of the error register (1001h) while the error is present.
     pub register: u8,
 }
 
-/// An error that is there.
+/// A present error.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 struct Present {
     cause: Cause,
     data: [u8; 5],
 }
 
-/// What a device has to tell of its errors.
+/// Errors of a device, and the emergency messages that it still has to send.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Errors {
     present: Vec<Present>,
-    /// Those that have been told, in the order in which they were.
+    /// Errors that were reported, in the order of the reports.
     told: Vec<Present>,
 }
 
 impl Errors {
-    /// The error is there, with five bytes that say more about it, or is not. It is told again when they change.
+    /// Sets or clears an error. `data` has five bytes of detail; the error is reported again when they change.
     pub fn set(&mut self, cause: Cause, data: Option<[u8; 5]>) {
         let known = self.present.iter_mut().find(|known| known.cause == cause);
         match (known, data) {
@@ -38,14 +38,14 @@ impl Errors {
         }
     }
 
-    /// The error register (1001h).
+    /// Returns the error register (1001h).
     #[must_use]
     pub fn register(&self) -> u8 {
         self.present.iter().fold(0, |bits, known| bits | known.cause.register)
     }
 
-    /// The next message to be sent, if there is one: code, error register, five bytes. The code of an error that has gone is
-    /// 0, and the register tells what is left.
+    /// Returns the next message to be sent: code, error register, five bytes. An error that has gone is reported with
+    /// code 0; the register shows the errors that are left.
     pub fn message(&mut self) -> Option<[u8; 8]> {
         let is = |list: &[Present], cause| list.iter().any(|known| known.cause == cause);
         if let Some(gone) = self.told.iter().position(|told| !is(&self.present, told.cause)) {
@@ -60,7 +60,7 @@ impl Errors {
         Some([low, high, self.register(), a, b, c, d, e])
     }
 
-    /// Nothing is wrong, and nothing is left to be told.
+    /// Clears all errors and forgets the reports.
     pub fn clear(&mut self) {
         self.present.clear();
         self.told.clear();

@@ -1,20 +1,20 @@
-//! Node guarding: a master asks by remote frames, the node answers with its state and a bit that toggles; a node that is asked no
-//! more misses its master.
+//! Node guarding, node side. A master sends remote frames, and the node answers with its state and a toggle bit. If the
+//! requests cease, the node reports that its master is missing.
 
 use super::nmt::State;
 use super::supervision::Supervision;
 use serde::{Deserialize, Serialize};
 
-/// The guarded end.
+/// The guarded node.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Guarded {
     toggle: bool,
-    /// Whether the master goes on asking.
+    /// Supervision of the master's requests.
     pub life: Supervision,
 }
 
 impl Guarded {
-    /// The master has asked: the answer's only byte. The first one does not have the toggle bit.
+    /// The master has sent a request: returns the answer's only byte. The first answer has toggle bit 0.
     pub fn asked(&mut self, state: State, now: u64) -> u8 {
         let toggle = u8::from(self.toggle) << 7;
         self.toggle = !self.toggle;
@@ -22,7 +22,7 @@ impl Guarded {
         state.code() | toggle
     }
 
-    /// The communication starts anew: nobody has asked yet.
+    /// Restarts the communication, as before the first request.
     pub fn reset(&mut self) {
         self.toggle = false;
         self.life.stop();

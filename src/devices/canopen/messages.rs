@@ -1,13 +1,13 @@
-//! What a node sends and receives, for databases of a bus.
+//! Messages that a node sends and receives, for bus databases.
 
 use crate::can::{Message, Signal};
 use embedded_can::{Id, StandardId};
 
-/// The upper bits of a COB-ID: there is none, or only on request.
+/// Bit 31 of a COB-ID: the message is not used, or only sent on request.
 const INVALID: u32 = 1 << 31;
 const ID: u32 = 0x7FF;
 
-/// What a message is.
+/// Description of a message.
 #[derive(Clone, Copy, Debug)]
 pub struct About<'a> {
     name: &'a str,
@@ -16,13 +16,13 @@ pub struct About<'a> {
 }
 
 impl<'a> About<'a> {
-    /// One that the node sends.
+    /// Describes a message that the node sends.
     #[must_use]
     pub const fn sent(name: &'a str, text: &'a str) -> Self {
         About { name, is_sender: true, text }
     }
 
-    /// One that it receives.
+    /// Describes a message that the node receives.
     #[must_use]
     pub const fn received(name: &'a str, text: &'a str) -> Self {
         About { name, is_sender: false, text }
@@ -32,12 +32,13 @@ impl<'a> About<'a> {
 /// The messages of a node.
 #[derive(Clone, Copy, Debug)]
 pub struct NodeMessages<'a> {
-    /// Name of the device, with which the names of its messages begin.
+    /// Name of the device, the prefix of the message names.
     pub node: &'a str,
 }
 
 impl NodeMessages<'_> {
-    /// A message with signals of so many bits, one behind the other; none if the COB-ID says that there is none.
+    /// Returns a message with consecutive signals of the given numbers of bits; `None` if the COB-ID is marked as
+    /// unused.
     #[must_use]
     pub fn message(self, cob_id: u32, about: About<'_>, signals: &[(&str, u8)]) -> Option<Message> {
         let id = Some(cob_id).filter(|cob_id| cob_id & INVALID == 0);
@@ -55,7 +56,7 @@ impl NodeMessages<'_> {
         Some(Message { name, id, length: first_bit.div_ceil(8), senders, receivers, signals, about: text })
     }
 
-    /// Emergencies, guarding, and the SDO with its requests and answers, under these COB-IDs.
+    /// Returns the messages for emergencies, guarding, and SDO requests and answers, with these COB-IDs.
     pub fn services(
         self,
         emergency: u32,

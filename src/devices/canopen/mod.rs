@@ -1,5 +1,5 @@
-//! CANopen as a device speaks it (CiA 301), without input or output: bytes and times go in, bytes come out. What has an object
-//! dictionary, registers and a controller puts the parts together.
+//! CANopen as a device speaks it (CiA 301), without input or output: bytes and times go in, bytes come out. A device
+//! with an object dictionary, registers and a controller connects these parts.
 
 pub mod emergency;
 pub mod guard;

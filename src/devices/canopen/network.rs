@@ -1,14 +1,14 @@
-//! The master's end of network management: it asks its nodes for their states and resets those that do not answer.
+//! Network management, master side: the master guards its nodes and resets the nodes that do not answer.
 
 use super::nmt::{Command, State};
 use serde::{Deserialize, Serialize};
 
-/// What a master is to send.
+/// A message that a master has to send.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Order {
-    /// A remote frame that asks this node for its state.
+    /// A remote frame that requests the state of this node.
     Ask(u8),
-    /// A command for this node, 0 for all.
+    /// A command for this node, or for all nodes if it is 0.
     Command(Command, u8),
 }
 
@@ -17,24 +17,23 @@ pub enum Order {
 struct Guarded {
     node: u8,
     guard_us: u64,
-    /// Answers in a row that may be missing.
+    /// Permitted number of missing answers in a row.
     life: u8,
-    /// When it is asked next; none while nobody guards it.
+    /// Time of the next request; `None` while the node is not guarded.
     next_at: Option<u64>,
-    /// Requests in a row without an answer.
+    /// Number of requests in a row without an answer.
     unanswered: u8,
     state: Option<State>,
-    /// Of the next answer; none before the first one.
+    /// Toggle bit of the next answer; `None` before the first answer.
     toggle: Option<u8>,
     is_missing: bool,
 }
 
-/// What an answer has told.
+/// Content of an answer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Answered {
-    /// The state of the node.
     pub state: State,
-    /// It had been missing.
+    /// The node was missing before this answer.
     pub was_missing: bool,
 }
 
@@ -50,8 +49,8 @@ pub struct Network {
 const TOGGLE: u8 = 0x80;
 
 impl Network {
-    /// Knows `node` from now on: its state is to be asked for every `guard_us` microseconds, never if that is 0; `life` answers in
-    /// a row may be missing.
+    /// Adds `node`. Its state is requested every `guard_us` microseconds, or never if `guard_us` is 0; `life` answers
+    /// in a row may be missing.
     pub fn add(&mut self, node: u8, guard_us: u64, life: u8) {
         self.nodes.retain(|it| it.node != node);
         self.nodes.push(Guarded {
@@ -66,25 +65,26 @@ impl Network {
         });
     }
 
-    /// The nodes that it knows.
+    /// Returns the numbers of the known nodes.
     pub fn numbers(&self) -> impl Iterator<Item = u8> {
         self.nodes.iter().map(|it| it.node)
     }
 
-    /// Whether it knows `node`.
+    /// Whether `node` is known.
     #[must_use]
     pub fn has(&self, node: u8) -> bool {
         self.nodes.iter().any(|it| it.node == node)
     }
 
-    /// Begins to guard `node`, 0 for all; `false`: it is not known.
+    /// Starts guarding `node`, or all nodes if it is 0; returns `false` if the node is not known.
     pub fn start(&mut self, node: u8, now: u64) -> bool {
         let nodes = self.nodes.iter_mut().filter(|it| node == 0 || it.node == node);
         nodes.filter(|it| it.guard_us != 0).for_each(|it| it.next_at = it.next_at.or(Some(now)));
         node == 0 || self.has(node)
     }
 
-    /// Guards `node`, 0 for all, no more: it is not missing then. `false`: it is not known.
+    /// Stops guarding `node`, or all nodes if it is 0; the node is not missing then. Returns `false` if the node is not
+    /// known.
     pub fn stop(&mut self, node: u8) -> bool {
         for it in self.nodes.iter_mut().filter(|it| node == 0 || it.node == node) {
             (it.next_at, it.unanswered, it.is_missing) = (None, 0, false);
@@ -92,31 +92,31 @@ impl Network {
         node == 0 || self.has(node)
     }
 
-    /// The first node that is missing.
+    /// Returns the first missing node.
     #[must_use]
     pub fn missing(&self) -> Option<u8> {
         self.all_missing().next()
     }
 
-    /// All nodes that are missing.
+    /// Returns all missing nodes.
     pub fn all_missing(&self) -> impl Iterator<Item = u8> {
         self.nodes.iter().filter(|it| it.is_missing).map(|it| it.node)
     }
 
-    /// The nodes that are missing, one after another.
+    /// Returns the next missing node; each call shows another node in turn.
     pub fn next_missing(&mut self) -> Option<u8> {
         let behind = self.all_missing().skip_while(|node| Some(*node) != self.shown).nth(1);
         self.shown = behind.or_else(|| self.all_missing().next());
         self.shown
     }
 
-    /// The state that `node` is in, as far as it has told or was told last.
+    /// Returns the state of `node`, from its last answer or from the last command to it.
     #[must_use]
     pub fn state(&self, node: u8) -> Option<State> {
         self.nodes.iter().find(|it| it.node == node)?.state
     }
 
-    /// The master sends a command to `node`, 0 for all.
+    /// Notes that the master sends a command to `node`, or to all nodes if it is 0.
     pub fn commanded(&mut self, command: Command, node: u8) {
         for it in self.nodes.iter_mut().filter(|it| node == 0 || it.node == node) {
             it.state = match command {
@@ -126,13 +126,14 @@ impl Network {
                 Command::ResetNode | Command::ResetCommunication => None,
             };
             if it.state.is_none() {
-                // It begins anew.
+                // The node restarts its toggle bit.
                 it.toggle = None;
             }
         }
     }
 
-    /// `node` has told its state, or, with 0, that it has started. An answer whose toggle bit has not changed is none.
+    /// Handles an answer: `node` has sent its state, or 0 when it has started. An answer with an unchanged toggle bit
+    /// is ignored.
     pub fn answered(&mut self, node: u8, answer: u8) -> Option<Answered> {
         let it = self.nodes.iter_mut().find(|it| it.node == node)?;
         let (toggle, code) = (answer & TOGGLE, State::from_code(answer & !TOGGLE)?);
@@ -147,20 +148,20 @@ impl Network {
         Some(Answered { state, was_missing })
     }
 
-    /// When somebody is to be asked next; `u64::MAX` if there is nobody.
+    /// Returns the time of the next request; `u64::MAX` if no node is guarded.
     #[must_use]
     pub fn next_time(&self) -> u64 {
         self.nodes.iter().filter_map(|it| it.next_at).fold(u64::MAX, u64::min)
     }
 
-    /// What is to be sent at `now`.
+    /// Returns the messages that are to be sent at `now`.
     pub fn due(&mut self, now: u64) -> Vec<Order> {
         let mut orders = Vec::new();
         for it in self.nodes.iter_mut().filter(|it| it.next_at.is_some_and(|next_at| next_at <= now)) {
             it.next_at = Some(now + it.guard_us);
             if it.unanswered >= it.life {
                 it.is_missing = true;
-                // After its reset it begins anew.
+                // The node restarts its toggle bit after the reset.
                 (it.toggle, it.state) = (None, None);
                 orders.push(Order::Command(Command::ResetNode, it.node));
             }
@@ -194,7 +195,7 @@ mod tests {
         assert_eq!((network.next_time(), network.due(1000)), (u64::MAX, vec![]));
     }
 
-    /// P. 28: resets go on and on.
+    /// P. 28: the resets are repeated without end.
     #[test]
     fn a_node_that_does_not_answer_is_reset_until_it_does() {
         let mut network = Network::default();

@@ -8,25 +8,25 @@ use serde::{Deserialize, Serialize};
 )]
 #[repr(u8)]
 pub enum State {
-    /// It is no CANopen node yet, or starts anew.
+    /// The device is not a CANopen node yet, or is restarting.
     #[default]
     Initialising = 0,
-    /// It is reached by SDO.
+    /// The node is reached by SDO only.
     PreOperational = 127,
-    /// It exchanges PDOs, too.
+    /// The node exchanges PDOs, too.
     Operational = 5,
-    /// It answers network management and guarding only.
+    /// The node answers network management and guarding only.
     Stopped = 4,
 }
 
 impl State {
-    /// The number in guarding telegrams.
+    /// Returns the number in guarding telegrams.
     #[must_use]
     pub const fn code(self) -> u8 {
         self as u8
     }
 
-    /// The way back.
+    /// Returns the state with this number.
     #[must_use]
     pub fn from_code(code: u8) -> Option<Self> {
         bytemuck::checked::try_cast(code).ok()
@@ -45,7 +45,7 @@ impl State {
     }
 }
 
-/// What a master can tell a node.
+/// A command of a master to a node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Command {
     /// Start Remote Node.
@@ -61,7 +61,7 @@ pub enum Command {
 }
 
 impl Command {
-    /// Its number on the wire.
+    /// Returns the number on the wire.
     #[must_use]
     pub const fn code(self) -> u8 {
         match self {
@@ -73,7 +73,7 @@ impl Command {
         }
     }
 
-    /// The command for `node` in the data of a frame with identifier 0, if that is one: the command, and the node, 0 for all.
+    /// Parses the data of a frame with identifier 0: returns the command if it is for `node` or for all nodes.
     #[must_use]
     pub fn parse(data: &[u8], node: u8) -> Option<Self> {
         let &[command, to] = data else { return None };

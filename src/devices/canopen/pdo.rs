@@ -1,20 +1,21 @@
-//! Process data objects: when they are sent and taken over.
+//! Process data objects: the times at which they are sent and taken over.
 
 use serde::{Deserialize, Serialize};
 
-/// When a PDO is sent or taken over.
+/// Transmission type: the condition under which a PDO is sent or taken over.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum Transmission {
-    /// At a SYNC object, if there is something new.
+    /// At a SYNC object, if the value is new.
     SynchronousAcyclic,
-    /// At every so many SYNC objects, 1 to 240.
+    /// At every n-th SYNC object, n from 1 to 240.
     Synchronous(u8),
-    /// When there is something new; 254 or 255.
+    /// When the value is new; type 254 or 255.
     Asynchronous(u8),
 }
 
 impl Transmission {
-    /// The type of this number; `None` for those that are reserved, and for 252 and 253, which are for remote frames only.
+    /// Returns the type with this number; `None` for reserved numbers, and for 252 and 253, which are for remote frames
+    /// only.
     #[must_use]
     pub const fn from_code(code: u8) -> Option<Self> {
         match code {
@@ -25,7 +26,7 @@ impl Transmission {
         }
     }
 
-    /// Its number.
+    /// Returns the number of the type.
     #[must_use]
     pub const fn code(self) -> u8 {
         match self {
@@ -34,7 +35,7 @@ impl Transmission {
         }
     }
 
-    /// Whether it waits for SYNC objects.
+    /// Whether the PDO waits for SYNC objects.
     #[must_use]
     pub const fn is_synchronous(self) -> bool {
         !matches!(self, Transmission::Asynchronous(_))
@@ -46,7 +47,7 @@ impl Transmission {
 struct Count(u8);
 
 impl Count {
-    /// A SYNC object has come: is it the PDO's turn?
+    /// A SYNC object has come: returns whether the PDO's turn has come.
     fn is_turn(&mut self, kind: Transmission) -> bool {
         match kind {
             Transmission::SynchronousAcyclic => true,
@@ -63,26 +64,25 @@ impl Count {
     }
 }
 
-/// A PDO that is sent.
+/// A PDO of the sending side.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Transmit {
-    /// What counts as known to the others.
+    /// The value that the other stations know.
     known: [u8; 8],
     count: Count,
-    /// When the next asynchronous one may be sent, in us.
+    /// Earliest time of the next asynchronous PDO, in us.
     free_at: u64,
-    /// Whether something new waits for that.
+    /// Whether a new value waits for `free_at`.
     is_waiting: bool,
 }
 
 impl Transmit {
-    /// PDOs are exchanged from now on: `value` is not new, counting begins.
+    /// Starts the exchange of PDOs: `value` is not new, counting begins.
     pub fn start(&mut self, value: [u8; 8]) {
         *self = Transmit { known: value, ..Transmit::default() };
     }
 
-    /// The device looks at the value at `now`: whether to send it. After an asynchronous one the next has to wait for
-    /// `inhibit_us`.
+    /// Returns whether to send the value at `now`. The next asynchronous PDO waits for `inhibit_us`.
     pub fn look(&mut self, kind: Transmission, value: [u8; 8], inhibit_us: u64, now: u64) -> bool {
         if kind.is_synchronous() {
             return false;
@@ -97,7 +97,7 @@ impl Transmit {
         is_sent
     }
 
-    /// A SYNC object has come: whether to send the value.
+    /// A SYNC object has come: returns whether to send the value.
     pub fn sync(&mut self, kind: Transmission, value: [u8; 8]) -> bool {
         let is_new = value != self.known;
         let is_sent = self.count.is_turn(kind) && (is_new || kind != Transmission::SynchronousAcyclic);
@@ -107,14 +107,14 @@ impl Transmit {
         is_sent
     }
 
-    /// When to look again, whatever else happens; `u64::MAX` if that is not needed.
+    /// Returns the time of the next necessary poll; `u64::MAX` if there is none.
     #[must_use]
     pub fn next_time(&self) -> u64 {
         if self.is_waiting { self.free_at } else { u64::MAX }
     }
 }
 
-/// A PDO that is received.
+/// A PDO of the receiving side.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Receive {
     waiting: Option<[u8; 8]>,
@@ -122,12 +122,12 @@ pub struct Receive {
 }
 
 impl Receive {
-    /// PDOs are exchanged from now on.
+    /// Starts the exchange of PDOs.
     pub fn start(&mut self) {
         *self = Receive::default();
     }
 
-    /// One has come: the value, if it is to be taken over at once.
+    /// A PDO has come: returns the value if it is to be taken over at once.
     pub fn received(&mut self, kind: Transmission, value: [u8; 8]) -> Option<[u8; 8]> {
         if kind.is_synchronous() {
             self.waiting = Some(value);
@@ -136,7 +136,7 @@ impl Receive {
         Some(value)
     }
 
-    /// A SYNC object has come: the value that is to be taken over.
+    /// A SYNC object has come: returns the value to be taken over.
     pub fn sync(&mut self, kind: Transmission) -> Option<[u8; 8]> {
         if self.count.is_turn(kind) { self.waiting.take() } else { None }
     }

@@ -1,26 +1,26 @@
-//! What the journal tells of a node.
+//! Journal events of a node.
 
 use super::nmt::State;
 use crate::event_kinds;
 use crate::journal::{EventCodec, EventText, Fields, Kind, Reader};
 
-/// The kind of [`NodeState`], one for all devices that tell of their nodes.
+/// The kind of [`NodeState`], shared by all devices that report states of nodes.
 pub static NODE_STATE: &Kind = NodeState::KIND;
 
-/// All kinds.
+/// All event kinds of this module.
 pub static KINDS: &[&Kind] = &[NODE_STATE];
 
 event_kinds! {
-    /// The CANopen node is in another state.
+    /// The state of the CANopen node has changed.
     NodeState = 61, "node_state", Rare, at plc {
-        /// As in guarding telegrams.
+        /// Number of the state in guarding telegrams.
         to: u8,
         /// The Node-ID.
         node: u8,
     }
 }
 
-/// A state in words.
+/// Returns the name of a state.
 fn state(code: u8) -> &'static str {
     match State::from_code(code) {
         Some(State::Initialising) => "initialising",

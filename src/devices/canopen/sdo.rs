@@ -1,5 +1,5 @@
-//! Service data objects, by which a master reads and writes the object dictionary, expedited or in segments: the server, and the
-//! master's end.
+//! Service data objects, by which a master reads and writes the object dictionary, expedited or in segments: server and
+//! client.
 
 mod abort;
 mod client;
@@ -13,64 +13,62 @@ use serde::{Deserialize, Serialize};
 /// Data of an SDO frame.
 pub type Data = [u8; 8];
 
-/// How long the value of an entry is.
+/// Length of an entry's value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Length {
-    /// So many bytes.
+    /// Exactly this number of bytes.
     Exactly(usize),
-    /// At most so many.
+    /// At most this number of bytes.
     UpTo(usize),
 }
 
-/// Place of an entry: index and sub-index.
+/// Address of an entry: index and sub-index.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct At {
-    /// Index.
     pub index: u16,
-    /// Sub-index.
     pub sub: u8,
 }
 
-/// What a server serves.
+/// The object dictionary that a server serves.
 pub trait Dictionary {
-    /// How long the value of an entry is, if it can be written.
+    /// Returns the length of an entry's value, if it can be written.
     ///
     /// # Errors
-    /// There is no such entry, or it cannot be written.
+    /// The entry does not exist or cannot be written.
     fn writable(&self, at: At) -> Result<Length, Abort>;
 
-    /// The value of an entry.
+    /// Returns the value of an entry.
     ///
     /// # Errors
-    /// There is no such entry, or it cannot be read.
+    /// The entry does not exist or cannot be read.
     fn read(&self, at: At) -> Result<Vec<u8>, Abort>;
 
-    /// Writes an entry, all of it; the length fits it.
+    /// Writes a whole entry. The caller has checked the length.
     ///
     /// # Errors
-    /// The value is refused.
+    /// The entry does not accept the value.
     fn write(&mut self, at: At, value: &[u8]) -> Result<(), Abort>;
 }
 
-/// A transfer under way.
+/// A transfer in progress.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 enum Transfer {
     #[default]
     None,
-    /// What is still to be sent.
+    /// `rest`: bytes still to be sent.
     Upload { at: At, rest: Vec<u8>, toggle: bool },
-    /// What has come so far.
+    /// `data`: bytes received so far.
     Download { at: At, length: Length, announced: Option<usize>, data: Vec<u8>, toggle: bool },
 }
 
-/// A server: one transfer at a time.
+/// A server, which serves one transfer at a time.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Server {
     transfer: Transfer,
 }
 
 const TOGGLE: u8 = 1 << 4;
-/// Of the first byte of a first frame: the data are in it; their number, or the length, is told.
+/// Bits in the first byte of a first frame: the frame has the data; the number of bytes is given.
 const EXPEDITED: u8 = 1 << 1;
 const SIZED: u8 = 1;
 
@@ -80,7 +78,7 @@ impl Server {
         self.transfer = Transfer::None;
     }
 
-    /// A request has come: the answer, one to each. Only an abort of the client has none.
+    /// Returns the answer to a request. Only an abort from the client has no answer.
     pub fn request(&mut self, request: Data, dictionary: &mut impl Dictionary) -> Option<Data> {
         let [command, low, high, sub, rest @ ..] = request;
         let at = At { index: u16::from_le_bytes([low, high]), sub };
@@ -108,7 +106,7 @@ impl Server {
         data: [u8; 4],
         dictionary: &mut impl Dictionary,
     ) -> Result<Data, (At, Abort)> {
-        // A new transfer ends the one before.
+        // A new transfer ends the previous one.
         self.reset();
         let fail = |abort| (at, abort);
         let length = dictionary.writable(at).map_err(fail)?;
@@ -116,7 +114,7 @@ impl Server {
         if command & EXPEDITED != 0 {
             let unused = if is_sized { usize::from(command >> 2 & 3) } else { 0 };
             let bytes = match (is_sized, length) {
-                // Whoever does not say how many bytes count means as many as there are.
+                // Without a number of bytes in the request, the length of the entry counts.
                 (false, Length::Exactly(bytes)) => bytes.min(data.len()),
                 _ => data.len() - unused,
             };
@@ -202,7 +200,7 @@ impl Server {
     }
 }
 
-/// A frame that names an entry.
+/// Returns a frame with the address of an entry.
 fn first(command: u8, at: At, data: [u8; 4]) -> Data {
     let [low, high] = at.index.to_le_bytes();
     let [a, b, c, d] = data;

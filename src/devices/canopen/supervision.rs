@@ -1,22 +1,22 @@
-//! What must come again and again within a time: guarding, SYNC.
+//! Supervision of events that must recur within a time: guarding, SYNC.
 
 use serde::{Deserialize, Serialize};
 
-/// Supervision of something that must come within a time.
+/// Supervision of an event that must recur within a time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Supervision {
-    /// In us; 0 is off.
+    /// Longest time between two events in us; 0 is off.
     period_us: u64,
-    /// It was started and not stopped since. A period that is set later then counts from that moment.
+    /// `start` was called and `stop` was not. A new period then counts from the moment at which it is set.
     is_awaited: bool,
-    /// Until when it must have come; none if the supervision is off, or it is missing.
+    /// Time until which the event must come; `None` if the supervision is off, or the event is missing.
     deadline: Option<u64>,
     is_missing: bool,
 }
 
 impl Supervision {
-    /// Sets the period in microseconds; 0 switches the supervision off. A new period counts from `now` on if it is awaited.
-    /// The period that holds already changes nothing.
+    /// Sets the period in microseconds; 0 switches the supervision off. If the event is awaited, a new period counts
+    /// from `now` on. Setting the same period again has no effect.
     pub fn set_period(&mut self, period_us: u64, now: u64) {
         if period_us == self.period_us {
             return;
@@ -30,33 +30,33 @@ impl Supervision {
         }
     }
 
-    /// It has come, or is awaited from `now` on.
+    /// The event has come, or is awaited from `now` on.
     pub fn start(&mut self, now: u64) {
         self.is_awaited = true;
         self.is_missing = false;
         self.deadline = if self.period_us == 0 { None } else { now.checked_add(self.period_us) };
     }
 
-    /// It is not awaited any more, and so not missing.
+    /// The event is not awaited any more, and so not missing.
     pub fn stop(&mut self) {
         self.is_awaited = false;
         self.deadline = None;
         self.is_missing = false;
     }
 
-    /// Whether it is awaited, or missing.
+    /// Whether the event is awaited, or missing.
     #[must_use]
     pub fn is_active(&self) -> bool {
         self.deadline.is_some() || self.is_missing
     }
 
-    /// Whether it has not come in time.
+    /// Whether the event has not come in time.
     #[must_use]
     pub fn is_missing(&self) -> bool {
         self.is_missing
     }
 
-    /// Looks at the time; tells whether it has just turned out to be missing.
+    /// Checks the deadline; returns whether the event has just become missing.
     pub fn look(&mut self, now: u64) -> bool {
         let is_over = self.deadline.is_some_and(|deadline| deadline <= now);
         if is_over {
@@ -66,7 +66,7 @@ impl Supervision {
         is_over
     }
 
-    /// When to look next; `u64::MAX` if never.
+    /// Returns the time of the next necessary check; `u64::MAX` if there is none.
     #[must_use]
     pub fn next_time(&self) -> u64 {
         self.deadline.unwrap_or(u64::MAX)

@@ -1,14 +1,14 @@
-//! What the connectors of a module are (p. 77, 81), and which of its PDOs carry what (D-451).
+//! Functions of a module's connectors (p. 77, 81), and the content of its PDOs (D-451).
 
 use super::registers::values::channel;
 use serde::{Deserialize, Serialize};
 
-/// Connectors of a module.
+/// Number of connectors of a module.
 pub const CHANNELS: usize = 8;
 /// PWM frequencies in Hz (p. 77, 81).
 const PWM_HZ: core::ops::RangeInclusive<u8> = 20..=200;
 
-/// Which module it is.
+/// Type of the module.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Model {
     /// Inputs at connectors 1, 3, 5 and 7, inputs or outputs at the others.
@@ -18,7 +18,7 @@ pub enum Model {
 }
 
 impl Model {
-    /// Its name, as its object dictionary has it.
+    /// Returns the name in the object dictionary.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -27,7 +27,7 @@ impl Model {
         }
     }
 
-    /// How many of its configuration values there are: one for each connector, or pair.
+    /// Number of configuration values: one for each connector, or pair.
     #[must_use]
     pub const fn values(self) -> usize {
         match self {
@@ -36,7 +36,7 @@ impl Model {
         }
     }
 
-    /// What configuration value number `index`, from 0, can be.
+    /// Returns the permitted values of configuration value `index`, counted from 0.
     #[must_use]
     pub fn allowed(self, index: usize) -> &'static [u8] {
         match self {
@@ -52,42 +52,41 @@ impl Model {
     }
 }
 
-/// What the connectors are, and how fast PWM is.
+/// Configuration of the connectors, and PWM frequency.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Channels {
-    /// Which module it is.
     pub model: Model,
-    /// Of each connector, or pair.
+    /// Configuration value of each connector, or pair.
     pub kinds: [u8; CHANNELS],
     /// PWM_FRQ in Hz.
     pub pwm_hz: u8,
 }
 
-/// What a connector does, wherever its configuration stands.
+/// Function of a connector, for both types of module.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Role {
-    /// Nothing.
+    /// No function.
     Off,
-    /// A bit that is read.
+    /// An input bit.
     DigitalInput,
-    /// A bit that is written.
+    /// An output bit.
     DigitalOutput,
-    /// A word that is read: this of the four.
+    /// An input word: number of the word, 0 to 3.
     AnalogInput(usize),
-    /// A word that is written: this of the four.
+    /// An output word: number of the word, 0 to 3.
     AnalogOutput(usize),
-    /// Driven when the word of its pair is positive, or negative: this of the four, and which.
+    /// Driven by a signed word: number of the word, and whether a positive value drives this connector.
     Signed(usize, bool),
 }
 
 impl Channels {
-    /// All off, with the PWM frequency of the object dictionary.
+    /// All connectors off, with the default PWM frequency of the object dictionary.
     #[must_use]
     pub const fn new(model: Model) -> Self {
         Channels { model, kinds: [channel::OFF; CHANNELS], pwm_hz: 100 }
     }
 
-    /// Sets a configuration value, from 0; `false`: it cannot be that.
+    /// Sets configuration value `index`, counted from 0; returns `false` if the value is not permitted.
     pub fn set(&mut self, index: usize, kind: u8) -> bool {
         let is_right = self.model.allowed(index).contains(&kind);
         if let (true, Some(it)) = (is_right, self.kinds.get_mut(index)) {
@@ -96,7 +95,7 @@ impl Channels {
         is_right
     }
 
-    /// Sets the PWM frequency; `false`: it cannot be that.
+    /// Sets the PWM frequency; returns `false` if the value is not permitted.
     pub fn set_pwm(&mut self, hz: u8) -> bool {
         let is_right = PWM_HZ.contains(&hz);
         if is_right {
@@ -105,7 +104,7 @@ impl Channels {
         is_right
     }
 
-    /// What a connector, from 0, does.
+    /// Returns the function of a connector, counted from 0.
     #[must_use]
     pub fn role(&self, connector: usize) -> Role {
         let pair = connector / 2;
@@ -122,19 +121,19 @@ impl Channels {
         }
     }
 
-    /// Whether a pair of a CR2011, from 0, tells its current.
+    /// Whether a pair of a CR2011, counted from 0, reports its current.
     #[must_use]
     pub fn tells_current(&self, pair: usize) -> bool {
         self.model == Model::Cr2011 && self.kinds.get(pair) == Some(&channel::CURRENT_OUTPUT)
     }
 
-    /// Whether there is anything in the words that it sends.
+    /// Whether the module has any analog value to send.
     #[must_use]
     pub fn has_words(&self) -> bool {
         (0..CHANNELS).any(|it| matches!(self.role(it), Role::AnalogInput(_)) || self.tells_current(it))
     }
 
-    /// What a connector is driven with by a byte of bits and four words.
+    /// Returns the value that drives a connector, from a byte of bits and four words.
     #[must_use]
     pub fn driven(&self, connector: usize, bits: u8, words: [u16; 4]) -> u16 {
         let word = |index: usize| words.get(index).copied().unwrap_or(0);

@@ -21,15 +21,15 @@ use toml::de::{Error, ValueDeserializer};
 pub struct Cr201xConfig {
     /// Name, unique among the devices.
     pub name: String,
-    /// Name of its bus.
+    /// Name of the bus.
     pub bus: Option<String>,
-    /// Its Node-ID, 1 to 127.
+    /// Node-ID, 1 to 127.
     pub node_id: u8,
-    /// Which module it is, and what its connectors are when it is delivered.
+    /// Type of the module, and configuration of its connectors at delivery.
     pub channels: Channels,
 }
 
-/// The section as it is written.
+/// Keys of the section in the plant file.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 #[serde(expecting = "an I/O module: a table with its settings")]

@@ -1,4 +1,4 @@
-//! The object dictionary of a module as an SDO meets it: what stands in `layouts/cr201x/objects.toml`, with the values of the moment.
+//! The object dictionary of a module for SDOs: the entries of `layouts/cr201x/objects.toml` with their present values.
 
 use super::channels::Channels;
 use super::registers::DEVICE;
@@ -7,21 +7,21 @@ use crate::layout::Object;
 use crate::layout::object::{Access, Type};
 use serde::{Deserialize, Serialize};
 
-/// What a master can set besides the connectors.
+/// Guarding parameters that a master can set.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Guarding {
     pub guard_ms: u16,
     pub life: u8,
 }
 
-/// What its PDOs carry: bits of all connectors, and four words.
+/// Values in PDOs: bits of all connectors, and four words.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Values {
     pub bits: u8,
     pub words: [u16; 4],
 }
 
-/// The entries, while a request is served.
+/// The entries, for one request.
 pub(super) struct Entries<'a> {
     pub inputs: Values,
     pub outputs: Values,
@@ -36,7 +36,7 @@ fn object(at: At) -> Result<&'static Object, Abort> {
     DEVICE.object(at.index, at.sub).ok_or(missing)
 }
 
-/// Of a sub-index that counts from 1.
+/// Converts a sub-index, counted from 1, into an index.
 fn index(at: At) -> usize {
     usize::from(at.sub).saturating_sub(1)
 }

@@ -18,7 +18,7 @@ use crate::memory::{Face, MemoryError, Segment, View};
 use crate::snapshot_fields;
 use embedded_can::{Frame as _, Id, StandardId};
 
-/// Errors that it tells of: an open line, as p. 44 has it of a CS0015, and no guarding.
+/// Errors that the module reports: an open line, as on p. 44 for a CS0015, and missing guarding.
 const OPEN_LINE: Cause = Cause { code: 0x2100, register: 1 << 1 };
 const NO_GUARDING: Cause = Cause { code: 0x8100, register: 1 << 4 };
 
@@ -31,30 +31,29 @@ const ANALOG_OUTPUTS: u16 = 0x300;
 const SDO_ANSWER: u16 = 0x580;
 const SDO_REQUEST: u16 = 0x600;
 const GUARDING: u16 = 0x700;
-/// Of all nodes.
+/// Identifiers for all nodes.
 const NMT: u16 = 0x000;
 const SYNC: u16 = 0x080;
 
-/// A module.
 pub(super) struct Module {
     node: u8,
     registers: View<CR201X_CHANNELS>,
     face: Face,
-    /// As it was written last, which it keeps without supply.
+    /// Configuration as last written, which is kept without supply.
     written: Channels,
-    /// What is in force.
+    /// Configuration in force.
     channels: Channels,
     is_on: bool,
     state: State,
-    /// As the journal was told.
+    /// State that the journal has last recorded.
     told_state: State,
     guarding: Guarding,
     guarded: Guarded,
     server: Server,
     errors: Errors,
-    /// Digital inputs as they were told last; none since it became Operational.
+    /// Digital inputs as last sent; `None` since the module became Operational.
     told: Option<u8>,
-    /// Outputs that wait for SYNC, and those that are driven.
+    /// Outputs that wait for SYNC, and the outputs in force.
     waiting: Values,
     outputs: Values,
     out: Vec<Frame>,
@@ -66,7 +65,7 @@ snapshot_fields!(Module {
 });
 
 impl Module {
-    /// A module that is delivered with this.
+    /// Creates a module with this configuration at delivery.
     pub(super) fn new(segment: &Segment, node: u8, channels: Channels) -> Result<Self, MemoryError> {
         Ok(Module {
             node,
@@ -94,7 +93,7 @@ impl Module {
         self.out.extend(frame);
     }
 
-    /// Starts, or starts anew (D-451).
+    /// Starts or restarts the module (D-451).
     fn start(&mut self, now: u64) {
         self.guarding = Guarding::default();
         self.server.reset();
@@ -107,7 +106,7 @@ impl Module {
 
     fn set_state(&mut self, state: State) {
         let before = core::mem::replace(&mut self.state, state);
-        // What was configured meanwhile holds from Pre-Operational on (p. 79).
+        // A configuration that was written meanwhile takes effect from Pre-Operational on (p. 79).
         if before == State::PreOperational || state == State::PreOperational {
             self.channels = self.written;
         }
@@ -131,7 +130,7 @@ impl Module {
     }
 
     fn sdo(&mut self, data: &[u8], now: u64) {
-        // Frames of another length are no SDOs.
+        // A frame of another length is not an SDO.
         let Ok(request) = data.try_into() else { return };
         let inputs = Values { bits: self.digital_inputs(), words: self.words() };
         let entries = &mut Entries {
@@ -155,7 +154,7 @@ impl Module {
         self.face.asked().front[front].load()
     }
 
-    /// Which of its connectors, bit n for connector n + 1, are so.
+    /// Returns the connectors for which `is` is true, bit n for connector n + 1.
     fn which(&self, is: impl Fn(usize) -> bool) -> u8 {
         (0..CHANNELS).filter(|it| is(*it)).fold(0, |bits, it| bits | 1 << it)
     }
@@ -169,7 +168,7 @@ impl Module {
         self.word(FRONT_OPEN) >> connector & 1 != 0
     }
 
-    /// What a connector is driven with.
+    /// Returns the value that drives a connector.
     fn driven(&self, connector: usize) -> u16 {
         if self.state == State::Operational {
             self.channels.driven(connector, self.outputs.bits, self.outputs.words)
@@ -178,7 +177,8 @@ impl Module {
         }
     }
 
-    /// What it measures: at analog inputs, or the current of a pair, which is what it is set to while its line is not open.
+    /// Returns the measured values: of analog inputs, or the current of a pair. The current is the set value while the
+    /// line is not open.
     fn words(&self) -> [u16; 4] {
         let analog = [FRONT_ANALOG_2, FRONT_ANALOG_4, FRONT_ANALOG_6, FRONT_ANALOG_8];
         core::array::from_fn(|pair| {
@@ -205,7 +205,7 @@ impl Module {
         }
     }
 
-    /// What has come in a PDO waits for SYNC (p. 38); what it does not have stays.
+    /// Outputs in a PDO wait for SYNC (p. 38); outputs that the PDO does not contain keep their values.
     fn take_over(&mut self, id: u16, data: &[u8]) {
         if id == DIGITAL_OUTPUTS {
             self.waiting.bits = data.first().copied().unwrap_or(self.waiting.bits);
@@ -215,7 +215,7 @@ impl Module {
         }
     }
 
-    /// After whatever has happened: registers, front, emergencies, journal, frames.
+    /// Updates registers, front, emergencies, journal and frames after any change.
     fn show(&mut self, ctx: &mut Context, controller: &mut Controller) {
         if !self.is_on {
             return;
@@ -237,7 +237,7 @@ impl Module {
         }
         self.tell();
         for frame in self.out.drain(..) {
-            // A module whose controller is full has nobody to tell.
+            // If the controller's queue is full, the frame is lost.
             let _ = controller.send(frame);
         }
     }
@@ -252,7 +252,7 @@ impl Module {
             registers.a_INPUT[connector].store(match self.channels.role(connector) {
                 Role::DigitalInput => u16::from(bits >> connector & 1),
                 Role::AnalogInput(_) => words[pair],
-                // Where the master finds it (p. 85).
+                // The input at which the master reads the current (p. 85).
                 _ if self.channels.tells_current(pair) && !connector.is_multiple_of(2) => words[pair],
                 _ => 0,
             });

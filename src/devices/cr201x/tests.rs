@@ -1,4 +1,4 @@
-//! Modules at a bus with a master of the test.
+//! Modules at a bus with a test master.
 
 use super::config::Cr201xConfig;
 use super::registers::{
@@ -34,7 +34,7 @@ fn read(keys: &str) -> Result<Arc<dyn DeviceConfig>, toml::de::Error> {
 }
 
 impl Bench {
-    /// Just powered on, with these keys in the plant file besides name and Node-ID.
+    /// A module just powered on, with these keys in the plant file in addition to name and Node-ID.
     fn new(keys: &str) -> Self {
         let segment = Segment::of(&DEVICE);
         let config = read(&format!("node_id = {NODE}, {keys}")).unwrap();
@@ -58,7 +58,7 @@ impl Bench {
         }
     }
 
-    /// Sends a frame and tells what is heard within 5 ms.
+    /// Sends a frame and returns the frames heard within 5 ms.
     fn exchange(&mut self, id: u16, data: &[u8]) -> Vec<(u16, Vec<u8>)> {
         self.wires.lock().unwrap().to_send.push(Frame::standard(id, Payload::new(data).unwrap()));
         self.run(5 * MS);
@@ -70,7 +70,7 @@ impl Bench {
         heard.into_iter().map(|(_, id, data)| (id, data)).collect()
     }
 
-    /// Writes a byte by SDO: the code of the abort, 0 if it is done.
+    /// Writes a byte by SDO; returns the abort code, or 0.
     fn write(&mut self, index: u16, sub: u8, value: u8) -> u32 {
         let [low, high] = index.to_le_bytes();
         let heard = self.exchange(0x600 + u16::from(NODE), &[0x2F, low, high, sub, value, 0, 0, 0]);
@@ -83,7 +83,7 @@ impl Bench {
         self.run(5 * MS);
     }
 
-    /// As whoever looks at the module sees it.
+    /// Returns a front word as an observer of the module sees it.
     fn sees(&self, word: usize) -> u32 {
         self.header.front[word].load()
     }
@@ -105,7 +105,7 @@ fn each_mistake_in_a_plant_file_is_named() {
     }
 }
 
-/// P. 38: digital inputs when they change, analog ones and all outputs with SYNC.
+/// P. 38: digital inputs are sent when they change, analog inputs and all outputs with SYNC.
 #[test]
 fn a_cr2010_exchanges_inputs_and_outputs() {
     let mut bench = Bench::new("module = 'cr2010', channels = [1, 2, 1, 3, 0, 4, 0, 0]");
@@ -161,7 +161,7 @@ fn a_cr2011_tells_the_current_of_its_pairs_and_of_open_lines() {
     assert_eq!(bench.heard(), [(0x083, vec![0; 8])]);
 }
 
-/// P. 79, 83: what is written while it is Operational holds after Pre-Operational.
+/// P. 79, 83: a value written in Operational takes effect after Pre-Operational.
 #[test]
 fn a_configuration_holds_from_pre_operational_on() {
     let mut bench = Bench::new("module = 'cr2011'");
@@ -182,7 +182,7 @@ fn a_configuration_holds_from_pre_operational_on() {
     assert_eq!(read[0].1[..5], [0x4F, 0x00, 0x20, 1, 4]);
     bench.exchange(0, &[128, 0]);
     assert_eq!(bench.registers.a_CHANNEL[0].load(), 4);
-    // It keeps that without supply.
+    // The module keeps the configuration without supply.
     bench.bus.power_off(0, bench.now, &mut bench.journal);
     bench.run(MS);
     assert_eq!(bench.sees(FRONT_STATE), 0);
@@ -213,12 +213,12 @@ fn it_answers_guarding_and_misses_it() {
     assert_eq!(bench.exchange(0, &[129, NODE]), [(0x703, vec![0])]);
 }
 
-/// Identifiers that mean something more often than by chance.
+/// Identifiers, chosen so that many have a meaning for the module.
 fn identifier() -> impl Strategy<Value = u16> {
     prop_oneof![Just(0), Just(0x80), Just(0x603), Just(0x203), Just(0x303), 0..0x800_u16]
 }
 
-/// Data that mean something more often than by chance: network management, SDOs, anything.
+/// Data, chosen so that many have a meaning: network management, SDOs, random bytes.
 fn data() -> impl Strategy<Value = Vec<u8>> {
     let management = (proptest::sample::select(&[1_u8, 2, 128, 129, 130][..]), 0..5_u8);
     let sdo = (any::<u8>(), 0..DEVICE.objects.len(), any::<[u8; 4]>()).prop_map(|(command, at, value)| {
@@ -236,7 +236,7 @@ fn data() -> impl Strategy<Value = Vec<u8>> {
 proptest! {
     #![proptest_config(crate::property_tests())]
 
-    /// Each request has one answer while there is an SDO server, and whatever comes, the module goes on.
+    /// Each request has one answer while there is an SDO server, and no frame stops the module.
     #[test]
     fn no_frames_bring_it_down(
         frames in proptest::collection::vec((identifier(), data()), 0..25),

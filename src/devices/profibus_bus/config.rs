@@ -15,18 +15,17 @@ use toml::de::{Error, ValueDeserializer};
 pub struct ProfibusConfig {
     /// Name, unique among the buses.
     pub name: String,
-    /// Its bit rate.
     pub rate: BusRate,
-    /// How many times as long as usual the line is kept for an answer, 1 to 10000 (decision D-358).
+    /// Factor for the slot time, the time for which the line is reserved for an answer, 1 to 10000 (decision D-358).
     pub slot_factor: u32,
-    /// The doors to it that are open from the start.
+    /// Doors to the segment that are open from the start.
     pub doors: Vec<DoorSpec>,
 }
 
-/// Highest slot factor: at 12 Mbit/s that is almost a second.
+/// Highest slot factor: almost a second at 12 Mbit/s.
 const MAX_SLOT_FACTOR: u32 = 10_000;
 
-/// The section as it is written.
+/// Keys of the section in the plant file.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 #[serde(expecting = "a PROFIBUS: a table with its settings")]
@@ -64,9 +63,9 @@ impl ProfibusConfig {
     }
 }
 
-/// So many kbit/s, if PROFIBUS has them.
+/// Returns the PROFIBUS rate of `kbit_s` kbit/s.
 fn rate(kbit_s: f64) -> Option<BusRate> {
-    // The decimals of the file are not those of the number.
+    // The decimal fraction in the file has no exact binary value.
     BusRate::ALL.into_iter().find(|rate| (f64::from(rate.bit_s()) - kbit_s * 1000.0).abs() < 1e-6)
 }
 
@@ -83,7 +82,7 @@ impl MediumConfig for ProfibusConfig {
         &self.doors
     }
 
-    /// Addresses are those of switches, which count at power-on and can be turned before.
+    /// The addresses of the ports come from switches, which are read at power-on and can be turned before.
     fn refuses_equal_numbers(&self) -> bool {
         false
     }

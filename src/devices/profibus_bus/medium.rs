@@ -1,7 +1,7 @@
 //! The running segment.
 //!
-//! On the line times are exact in bits; the firmware of its stations, as everything in a plant, runs at whole microseconds. What
-//! happens within a microsecond happens in its order and is seen at its end.
+//! Times on the line are exact in bits. The firmware of the stations runs at whole microseconds, as everything in a
+//! plant. Events within a microsecond happen in their order, and the firmware sees them at the end of the microsecond.
 
 use super::FAMILY;
 use super::config::ProfibusConfig;
@@ -22,7 +22,7 @@ use core::any::Any;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-/// Nothing is due.
+/// The time of an event that does not occur.
 const NEVER: u64 = u64::MAX;
 
 /// A port at the segment.
@@ -38,7 +38,7 @@ struct End {
 snapshot_fields!(End { values: is_on; parts: port, station, watch; built: origin, base });
 
 impl End {
-    /// Runs its firmware at this bit time.
+    /// Runs the firmware at this bit time.
     fn run(
         &mut self,
         now: u64,
@@ -52,22 +52,22 @@ impl End {
     }
 }
 
-/// Somebody has asked, and the line is kept for the answer.
+/// A request with the line reserved for its answer.
 #[derive(Clone, Copy, Serialize, Deserialize)]
 struct Asked {
     sender: usize,
-    /// Until this bit time nobody else asks.
+    /// Until this bit time no other station sends a request.
     until: u64,
 }
 
-/// What is next on the line.
+/// The next step on the line.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Step {
-    /// Something ends.
+    /// The telegram on the line ends.
     End,
-    /// The alarm of this one.
+    /// The alarm of this port.
     Alarm(usize),
-    /// This one begins to send.
+    /// This sender begins to send.
     Begin(usize),
 }
 
@@ -76,9 +76,9 @@ pub struct ProfibusBus {
     index: u16,
     name: String,
     rate: BusRate,
-    /// How long an answer may take to begin, in bit times.
+    /// Time within which an answer must begin, in bit times.
     slot_bits: u64,
-    /// There is one; else the ports are those that nothing is plugged in at.
+    /// False for the placeholder of ports that are not plugged in at a segment.
     is_plugged: bool,
     line: Line,
     ends: Vec<End>,
@@ -88,7 +88,8 @@ pub struct ProfibusBus {
 }
 
 impl ProfibusBus {
-    /// Where ports are that no segment is plugged in at: their firmware runs, and nobody hears it.
+    /// The placeholder for ports that are not plugged in at a segment: their firmware runs, and no station receives
+    /// their telegrams.
     pub fn unplugged() -> Self {
         let [slowest, ..] = BusRate::ALL;
         ProfibusBus {
@@ -112,12 +113,12 @@ impl ProfibusBus {
         ProfibusBus { index, name, rate: config.rate, slot_bits, is_plugged: true, ..Self::unplugged() }
     }
 
-    /// Whose something on the line is.
+    /// Returns the port or guest of a sender on the line.
     fn origin_of(&self, sender: usize) -> Origin {
         visitors::origin_of(sender).unwrap_or_else(|| self.ends[sender].origin)
     }
 
-    /// What is next on the line, and at which bit time.
+    /// Returns the next step on the line, and its bit time.
     fn next_step(&self) -> Option<(u64, Step)> {
         let on = || self.ends.iter().enumerate().filter(|(_, end)| end.is_on);
         let ends = self.line.next_end().map(|at| (at, Step::End));
@@ -128,10 +129,10 @@ impl ProfibusBus {
         });
         let exact = self.visitors.next_exact().map(|(at, who)| (at, Step::Begin(who)));
         let step = ends.into_iter().chain(alarms).chain(answers).chain(exact).min();
-        // Nobody asks while somebody talks, or is about to answer.
+        // A request waits while a station sends or is about to answer.
         let is_quiet = on().all(|(_, end)| !matches!(end.station.intent, Some(Intent::At(..))));
         let Some(since) = self.line.idle_since().filter(|_| is_quiet) else { return step };
-        // Nor while somebody else waits for an answer. An answer itself does not wait for that.
+        // It also waits while another sender waits for an answer. Answers do not.
         let kept = |who| self.asked.filter(|asked| asked.sender != who).map_or(0, |asked| asked.until);
         let requests = on().filter_map(|(who, end)| match end.station.intent {
             Some(Intent::WhenIdle(from, _)) => {
@@ -143,7 +144,7 @@ impl ProfibusBus {
         step.into_iter().chain(requests).chain(of_guests).min()
     }
 
-    /// Tells those at the segment that answer at the address of the port at `place`, and that port.
+    /// Notifies the port at `place` and all other ports that answer at the same address.
     fn judge_address(&mut self, place: usize, now: u64, journal: &mut Journal) {
         let address = |end: &End| {
             let presence = end.port.presence().filter(|presence| end.is_on && presence.answers);
@@ -161,7 +162,7 @@ impl ProfibusBus {
         }
     }
 
-    /// Finds when there is something to do, after whatever has happened at `now`.
+    /// Plans the next event, after a change at `now`.
     fn plan(&mut self, now: u64) {
         let of_ports = self.ends.iter().filter(|end| end.is_on).map(|end| end.port.next_time());
         let of_ports = of_ports.fold(NEVER, u64::min);
@@ -172,7 +173,7 @@ impl ProfibusBus {
         self.next = of_ports.min(of_line).max(now);
     }
 
-    /// Does one thing that is due on the line; tells whether there was one.
+    /// Performs one due step on the line; returns whether there was one.
     fn line_event(&mut self, now: u64, journal: &mut Journal) -> bool {
         let due = |at: &u64| *at <= self.rate.bits_at(now);
         let Some((at, step)) = self.next_step().filter(|(at, _)| self.is_plugged && due(at)) else {
@@ -203,14 +204,14 @@ impl ProfibusBus {
         true
     }
 
-    /// Reports a guest's telegram that begins too soon after the one before it. Ports wait by themselves.
+    /// Reports a guest's telegram that begins too soon after the previous one. Ports keep the pause by themselves.
     fn judge_pause(&self, sender: usize, at: u64, octets: &[u8], now: u64, journal: &mut Journal) {
         let (Some(guest), Some(since @ 1..)) = (guest_of(sender), self.line.idle_since()) else { return };
         let needed = match Telegram::parse(octets) {
             Ok(Telegram::ShortAck) => MIN_TSDR_BITS,
             Ok(Telegram::Frame(frame)) if FunctionCode::is_answer(frame.fc) => MIN_TSDR_BITS,
             Ok(_) => SYN_BITS,
-            // The journal says what it is.
+            // The journal reports these octets as garbled.
             Err(_) => return,
         };
         let pause = at.saturating_sub(since);
@@ -219,7 +220,7 @@ impl ProfibusBus {
         }
     }
 
-    /// Tells everybody what has ended.
+    /// Gives the telegram that has ended to the journal, the guests and the ports.
     fn hand_over(&mut self, now: u64, sending: &Sending, journal: &mut Journal) {
         let Sending { sender, end: at, ref octets, is_garbled, .. } = *sending;
         let (bus, origin) = (self.index, self.origin_of(sender));
@@ -234,7 +235,7 @@ impl ProfibusBus {
             Some(Telegram::Token { sa, .. }) => self.visitors.note_address(sender, *sa),
             _ => {}
         }
-        // What two have said at once is nothing that could be told.
+        // Guests do not receive octets from a collision.
         if !is_garbled {
             self.visitors.tell(sending, now);
         }
@@ -423,7 +424,7 @@ impl Medium for ProfibusBus {
         self.next
     }
 
-    /// The segment itself has no faults; those of its ports are their devices'.
+    /// The segment has no own faults; the faults of its ports belong to their devices.
     fn fire(&mut self, now: u64, target: Target, effect: &Effect) -> Option<Hit> {
         let Target::Port { device: plc, port: node } = target else { return None };
         let end = self.ends.iter_mut().find(|end| end.origin == Origin { plc, node })?;
@@ -434,7 +435,7 @@ impl Medium for ProfibusBus {
 
     fn event(&mut self, world: &mut World) -> Option<SyncSignal> {
         let now = world.now;
-        // What is due on the line was due before the microsecond's end.
+        // Events on the line come first: they were due before the end of the microsecond.
         if !self.line_event(now, world.journal) {
             let bits = self.rate.bits_at(now);
             for end in self.ends.iter_mut().filter(|end| end.is_on && end.port.next_time() <= now) {

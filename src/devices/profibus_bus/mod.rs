@@ -1,4 +1,4 @@
-//! A PROFIBUS segment of a plant: the line, the stations at it, what the journal tells of it.
+//! A PROFIBUS segment of a plant: the line, the stations at it, and its journal events.
 
 mod config;
 mod medium;
@@ -10,5 +10,5 @@ pub use config::ProfibusConfig;
 pub use medium::ProfibusBus;
 pub use port::{Presence, ProfibusPort, ProfibusSocket, Station};
 
-/// The family of such media, and of the ports that fit them.
+/// The family of these media, and of the ports that fit them.
 pub const FAMILY: &str = "profibus";

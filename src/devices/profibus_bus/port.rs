@@ -1,4 +1,4 @@
-//! What a device has at a PROFIBUS segment: a station, and the firmware behind it.
+//! The PROFIBUS port of a device: a station and its firmware.
 
 use crate::devices::Context;
 use crate::fault::{Effect, Hit};
@@ -10,19 +10,19 @@ use crate::snapshot_fields;
 use crate::snapshot_fields::SnapshotFields;
 use serde::{Deserialize, Serialize};
 
-/// What is to be seen of a station from outside.
+/// Properties of a station that others can see.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Presence {
-    /// Its address, 0 to 126.
+    /// Address, 0 to 126.
     pub address: u8,
-    /// What it does, in one word with underscores: `data_exchange`.
+    /// Activity of the station, in one word with underscores: `data_exchange`.
     pub does: &'static str,
-    /// Whether it answers requests to that address, so that no other station may have it.
+    /// Whether the station answers requests to its address, so that no other station may have this address.
     pub answers: bool,
 }
 
-/// The firmware of a device's port at PROFIBUS. What happens on the line it is told at once, with the bit time in its
-/// [`Station`]; its own times are microseconds of emulated time.
+/// Firmware of a device's port at PROFIBUS. Events on the line are reported at once, with the bit time in the
+/// [`Station`]. Own times of the firmware are microseconds of emulated time.
 pub trait ProfibusPort: Send + SnapshotFields {
     /// The device starts.
     fn power_on(&mut self, ctx: &mut Context, station: &mut Station) {
@@ -32,72 +32,73 @@ pub trait ProfibusPort: Send + SnapshotFields {
     /// The device stops; the station forgets everything.
     fn power_off(&mut self) {}
 
-    /// Returns what others can see of its station; none while it has no address.
+    /// Returns the properties of the station that others can see; `None` while it has no address.
     fn presence(&self) -> Option<Presence> {
         None
     }
 
-    /// Another station that answers at the same address is at the segment, too.
+    /// Another station at the segment answers at the same address.
     fn shares_address(&mut self, ctx: &mut Context) {
         let _ = ctx;
     }
 
-    /// The processor cycle: looks at its registers.
+    /// Runs a processor cycle: reads the registers.
     fn look(&mut self, ctx: &mut Context, station: &mut Station);
 
-    /// Whether the program has written a register that the firmware answers and has not looked at yet.
+    /// Whether the program has written a register that the firmware has to answer and has not read yet.
     fn has_changed(&self) -> bool {
         false
     }
 
-    /// A telegram of somebody else has ended.
+    /// A telegram of another station has ended.
     fn heard(&mut self, ctx: &mut Context, station: &mut Station, telegram: &Telegram);
 
-    /// One of its own has ended.
+    /// A telegram of this station has ended.
     fn sent(&mut self, ctx: &mut Context, station: &mut Station) {
         let _ = (ctx, station);
     }
 
-    /// The bit time has come that it has set ([`Station::set_alarm`]).
+    /// The bit time of the alarm has come ([`Station::set_alarm`]).
     fn alarm(&mut self, ctx: &mut Context, station: &mut Station) {
         let _ = (ctx, station);
     }
 
-    /// When the next of its own times is due, in microseconds; `u64::MAX` if none is.
+    /// Returns the time of the port's next own event in microseconds, `u64::MAX` if there is none.
     fn next_time(&self) -> u64 {
         u64::MAX
     }
 
-    /// Handles what is due at `ctx.now`; afterwards [`next_time`](ProfibusPort::next_time) lies behind that.
+    /// Handles the events that are due at `ctx.now`. Afterwards [`next_time`](ProfibusPort::next_time) must be later.
     fn due(&mut self, ctx: &mut Context, station: &mut Station) {
         let _ = (ctx, station);
     }
 
-    /// A fault of the device acts on the port, at its begin or in a processor cycle: does it hit?
+    /// Applies a fault of the device to the port, at the begin of the fault or in a processor cycle. Returns whether
+    /// and what it hit.
     fn fire(&mut self, now: u64, effect: &Effect) -> Option<Hit> {
         let _ = (now, effect);
         None
     }
 }
 
-/// A PROFIBUS port, as a device hands it over.
+/// A PROFIBUS port as a device provides it.
 pub struct ProfibusSocket {
-    /// The device and the port's number.
+    /// Device and number of the port.
     pub origin: Origin,
-    /// The device's image.
+    /// Image of the device.
     pub segment: Segment,
-    /// The device's registers.
+    /// Registers of the device.
     pub layout: &'static Device,
-    /// The port's firmware.
+    /// Firmware of the port.
     pub port: Box<dyn ProfibusPort>,
 }
 
-/// What a station is about to send.
+/// A telegram that a station is about to send.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) enum Intent {
-    /// At this bit time, whatever is on the line.
+    /// Begins at this bit time, even if the line is busy.
     At(u64, Vec<u8>),
-    /// From this bit time on, as soon as the line has been idle for T_SYN.
+    /// Begins from this bit time on, as soon as the line has been idle for T_SYN.
     WhenIdle(u64, Vec<u8>),
 }
 
@@ -109,12 +110,12 @@ impl Intent {
     }
 }
 
-/// A station: what it is about to send, and an alarm clock in bit times.
+/// A station: the telegram that it is about to send, and an alarm in bit times.
 #[derive(Debug)]
 pub struct Station {
     rate: BusRate,
     slot_bits: u64,
-    /// The present bit time, when firmware runs.
+    /// Present bit time while firmware runs.
     pub(super) now: u64,
     pub(super) intent: Option<Intent>,
     pub(super) alarm: Option<u64>,
@@ -127,39 +128,38 @@ impl Station {
         Station { rate, slot_bits, now: 0, intent: None, alarm: None }
     }
 
-    /// The rate of its segment.
     pub fn rate(&self) -> BusRate {
         self.rate
     }
 
-    /// How long an answer may take to begin on its segment, in bit times.
+    /// Returns the time within which an answer must begin on the segment, in bit times.
     pub fn slot_bits(&self) -> u64 {
         self.slot_bits
     }
 
-    /// The present bit time.
+    /// Returns the present bit time.
     pub fn now(&self) -> u64 {
         self.now
     }
 
-    /// Sends `telegram` so many bit times from now: an answer.
+    /// Sends `telegram` as an answer, `after_bits` bit times from now.
     pub fn answer(&mut self, after_bits: u64, telegram: &Telegram) {
-        // Who answers with more than a telegram carries says nothing.
+        // The port does not send a telegram above the maximum length.
         self.intent =
             telegram.octets().ok().map(|octets| Intent::At(self.now.saturating_add(after_bits), octets));
     }
 
-    /// Sends `telegram` as soon as the line has been idle for T_SYN: a request.
+    /// Sends `telegram` as a request, as soon as the line has been idle for T_SYN.
     pub fn request(&mut self, telegram: &Telegram) {
         self.intent = telegram.octets().ok().map(|octets| Intent::WhenIdle(self.now, octets));
     }
 
-    /// Sends nothing of what it was about to.
+    /// Cancels the telegram that the station is about to send.
     pub fn withdraw(&mut self) {
         self.intent = None;
     }
 
-    /// Rings at this bit time; `None`: not at all.
+    /// Sets the alarm to this bit time; `None` clears it.
     pub fn set_alarm(&mut self, at: Option<u64>) {
         self.alarm = at;
     }
@@ -169,19 +169,19 @@ impl Station {
     }
 }
 
-/// A station without a segment, for those who bring a line of their own.
+/// A station without a segment, for tests with their own line.
 #[cfg(test)]
 impl Station {
     pub(crate) fn alone(rate: BusRate) -> Self {
         Self::new(rate, rate.slot_bits())
     }
 
-    /// It is so late.
+    /// Sets the present bit time.
     pub(crate) fn at(&mut self, bits: u64) {
         self.now = bits;
     }
 
-    /// The answer that it is about to send.
+    /// Takes the answer that the station is about to send.
     pub(crate) fn intended(&mut self) -> Option<(u64, Vec<u8>)> {
         match self.intent.take()? {
             Intent::At(at, octets) => Some((at, octets)),

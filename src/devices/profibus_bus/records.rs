@@ -1,43 +1,44 @@
-//! What the journal tells about PROFIBUS: its telegrams.
+//! Journal events of PROFIBUS: its telegrams.
 
 use crate::event_kinds;
 use crate::journal::{EventCodec, EventText, Fields, Kind, Octets, Origin, Reader};
 use crate::profibus::{Frame, Telegram};
 
-/// All kinds.
+/// All event kinds of this module.
 pub static KINDS: &[&Kind] = &[DpTelegram::KIND, DpShort::KIND, DpGarbled::KIND];
 
 event_kinds! {
-    /// A request or an answer was on the line; the time is its end, in whole microseconds rounded up.
+    /// A request or an answer was on the line. The time is its end, in whole microseconds rounded up.
     DpTelegram = 70, "dp_telegram", Traffic, at bus {
-        /// Whose it is.
+        /// Sender of the telegram.
         sender: Origin,
-        /// Destination, source, function code, and whether it has service access points: 16#01 there, 16#02 here.
+        /// Destination, source, function code, and flags for the service access points: bit 0 destination, bit 1
+        /// source.
         head: u32,
-        /// Service access points there and here, and the number of octets of data above them.
+        /// Service access points of destination and source, and the number of octets of data above them.
         unit: u32,
         /// The first four octets of data, the first one lowest.
         first: u32,
         /// FNV-1a of all octets of data.
         sum: u32,
     }
-    /// A receipt, or a token.
+    /// A receipt or a token was on the line.
     DpShort = 71, "dp_short", Traffic, at bus {
-        /// Whose it is.
+        /// Sender of the telegram.
         sender: Origin,
-        /// Of a token: who has it now and who had it; 16#FFFF for a receipt.
+        /// New and previous holder of a token; 16#FFFF for a receipt.
         token: u32,
     }
-    /// Something was on the line that nobody understands: two sent at once, or it was no telegram.
+    /// Octets were on the line that are not a telegram: a collision, or a wrong format.
     DpGarbled = 72, "dp_garbled", Missed, at bus {
-        /// Whose it is.
+        /// Sender of the octets.
         sender: Origin,
-        /// How many octets.
+        /// Number of octets.
         octets: u32,
     }
 }
 
-/// The token of a receipt.
+/// The value of `token` for a receipt.
 const RECEIPT: u32 = 0xFFFF;
 
 /// FNV-1a.
@@ -65,7 +66,7 @@ impl DpTelegram {
         (self.unit >> 16) as usize
     }
 
-    /// With all that is around the data on the line, which is less where there are none.
+    /// Number of octets on the line, including header and trailer, which are shorter in a telegram without data.
     pub(super) fn octets_on_line(&self) -> usize {
         match self.octets() + self.saps().into_iter().flatten().count() {
             0 => 6,
@@ -73,13 +74,13 @@ impl DpTelegram {
         }
     }
 
-    /// The first octets, as people read them.
+    /// Returns the first octets in hexadecimal, each with the prefix `before`.
     fn data(&self, before: &str) -> String {
         let shown = self.first.to_le_bytes().into_iter().take(self.octets());
         shown.map(|octet| format!("{before}{octet:02X}")).collect()
     }
 
-    /// Service access points there and here.
+    /// Returns the service access points of destination and source.
     fn saps(&self) -> [Option<u8>; 2] {
         let [.., flags] = self.head.to_le_bytes();
         let [there, here, ..] = self.unit.to_le_bytes();
@@ -87,7 +88,7 @@ impl DpTelegram {
     }
 }
 
-/// What it is on the line, or that it is something else than what goes into [`DpTelegram`].
+/// Returns the event of a token or receipt; `None` for a frame, which is a [`DpTelegram`].
 pub(super) fn short(bus: u16, sender: Origin, telegram: &Telegram) -> Option<DpShort> {
     let token = match telegram {
         Telegram::Frame(_) => return None,
@@ -115,7 +116,7 @@ impl EventText for DpTelegram {
         let mut known = Telegram::Frame(Frame { da, sa, fc, dsap, ssap, data }).octets().ok()?;
         let length = known.len();
         if unknown > 0 {
-            // Behind the data there are the checksum and the end delimiter.
+            // Checksum and end delimiter follow the data.
             known.truncate(length - unknown - 2);
         }
         Some(Octets { known, length })
@@ -134,7 +135,7 @@ impl EventText for DpTelegram {
 }
 
 impl DpShort {
-    /// A token has three octets, a receipt one.
+    /// Number of octets on the line: three for a token, one for a receipt.
     pub(super) fn octets_on_line(&self) -> usize {
         if self.token == RECEIPT { 1 } else { 3 }
     }

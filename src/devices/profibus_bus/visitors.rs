@@ -1,7 +1,8 @@
-//! Guests at a segment: foreign programs that say octets and hear those of others.
+//! Guests at a segment: foreign programs that send octets and receive those of other stations.
 //!
-//! A guest is told at the end of a telegram, and answers by a program that takes its time; so unless it gives a bit time of its
-//! own, what it says waits until the line has been idle for as long as the standard has it (decision D-357).
+//! A guest receives a telegram at its end, and its program needs time to answer. A guest can give a bit time for its
+//! telegram. Otherwise the telegram waits until the line has been idle for the time that the standard requires
+//! (decision D-357).
 
 use crate::devices::GuestRefusal;
 use crate::door::{BusMessage, Guest};
@@ -12,48 +13,49 @@ use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-/// Telegrams of a guest that wait at most; the others wait at its door.
+/// Most waiting telegrams of a guest; further telegrams wait at its door.
 const ROOM: usize = 64;
 
-/// Microseconds by which the time of a telegram may lie ahead at most: a longer wait would keep back everything that the guest says
-/// after it (decision D-677).
+/// Longest time in microseconds by which the bit time of a telegram may lie in the future. A longer wait would delay
+/// all later telegrams of the guest (decision D-677).
 const MOST_AHEAD_US: u64 = 60_000_000;
 
-/// From here on senders on the line are guests.
+/// Sender numbers on the line from here on are guests.
 const FIRST: usize = 1 << 16;
 
-/// Whose it is, if it is a guest's.
+/// Returns the guest number of a sender, if the sender is a guest.
 pub(super) fn guest_of(sender: usize) -> Option<u8> {
     sender.checked_sub(FIRST).and_then(|number| u8::try_from(number).ok())
 }
 
-/// Guest number `number` as a sender on the line.
+/// Returns the sender number of guest `number`.
 pub(super) fn sender_of(number: u8) -> usize {
     FIRST + usize::from(number)
 }
 
-/// What lets a guest's telegram begin.
+/// Condition under which a guest's telegram begins.
 #[derive(Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 enum Turn {
-    /// Its bit time, whatever is on the line.
+    /// At its bit time, even if the line is busy.
     Time,
-    /// A line that has been idle for the shortest T_SDR: an answer, for which the line is kept.
+    /// For an answer, for which the line is reserved: the line has been idle for the shortest T_SDR.
     Answer,
-    /// A line that has been idle for T_SYN and is kept for nobody else.
+    /// The line has been idle for T_SYN and is not reserved for another sender.
     Request,
 }
 
-/// Something that a guest has to say.
+/// A telegram that a guest has to send.
 #[derive(Serialize, Deserialize)]
 struct Waiting {
-    /// Not before this bit time.
+    /// Earliest bit time.
     from: u64,
     turn: Turn,
     octets: Vec<u8>,
 }
 
 impl Waiting {
-    /// When it begins on a line that is idle since `since` and kept for others until `kept`; none if the line does not matter.
+    /// Returns the begin on a line idle since `since` and reserved for others until `kept`; `None` if the line
+    /// does not matter.
     fn begin(&self, since: u64, kept: u64) -> Option<u64> {
         match self.turn {
             Turn::Time => None,
@@ -69,7 +71,7 @@ struct Visitor {
     /// The address that it last sent from.
     address: Option<u8>,
     ear: Option<Arc<Guest>>,
-    /// It has gone; what it has said before is still to be heard.
+    /// The guest has gone, but its waiting telegrams are still sent.
     is_leaving: bool,
     to_say: VecDeque<Waiting>,
 }
@@ -105,7 +107,7 @@ impl Visitors {
         self.0.iter_mut().find(|it| it.number == number && !it.is_leaving)
     }
 
-    /// One takes part from now on; `false` if it does so already.
+    /// Adds a guest; returns `false` if it takes part already.
     pub(super) fn join(&mut self, number: u8) -> bool {
         let is_new = self.get(number).is_none();
         if is_new {
@@ -115,14 +117,14 @@ impl Visitors {
         is_new
     }
 
-    /// What it hears goes here.
+    /// Sets the receiver of the telegrams that the guest hears.
     pub(super) fn listen(&mut self, number: u8, ear: Arc<Guest>) {
         if let Some(visitor) = self.get(number) {
             visitor.ear = Some(ear);
         }
     }
 
-    /// It takes part no longer. What it wanted to say later than at bit time `now` it does not say.
+    /// Removes a guest, and its telegrams for a time later than bit time `now`.
     pub(super) fn leave(&mut self, number: u8, now: u64) {
         self.give_up_later(number, now);
         if let Some(visitor) = self.get(number) {
@@ -131,14 +133,14 @@ impl Visitors {
         self.0.retain(|it| !it.is_leaving || !it.to_say.is_empty());
     }
 
-    /// What it wanted to say later than at bit time `now` it does not say.
+    /// Removes the guest's telegrams for a time later than bit time `now`.
     pub(super) fn give_up_later(&mut self, number: u8, now: u64) {
         if let Some(visitor) = self.get(number) {
             visitor.to_say.retain(|waiting| waiting.from <= now);
         }
     }
 
-    /// It says something at bit time `now` or later, on a line of this rate.
+    /// Queues a telegram of a guest, to begin at bit time `now` or later, on a line of this rate.
     pub(super) fn say(
         &mut self,
         number: u8,
@@ -160,19 +162,19 @@ impl Visitors {
         Ok(())
     }
 
-    /// A telegram of this guest has come from this address.
+    /// Records the address that a guest's telegram came from.
     pub(super) fn note_address(&mut self, sender: usize, address: u8) {
         if let Some(visitor) = guest_of(sender).and_then(|number| self.get(number)) {
             visitor.address = Some(address);
         }
     }
 
-    /// The guests that take part: number, and the address that each last sent from.
+    /// Returns the guests that take part: number, and the address that each last sent from.
     pub(super) fn present(&self) -> impl Iterator<Item = (u8, Option<u8>)> {
         self.0.iter().filter(|it| !it.is_leaving).map(|it| (it.number, it.address))
     }
 
-    /// Who says something at a time of its own next, and when.
+    /// Returns the next telegram with a given bit time: the bit time and the sender.
     pub(super) fn next_exact(&self) -> Option<(u64, usize)> {
         let exact = |it: &Visitor| {
             it.to_say.front().filter(|waiting| waiting.turn == Turn::Time).map(|waiting| waiting.from)
@@ -180,8 +182,8 @@ impl Visitors {
         self.0.iter().filter_map(|it| Some((exact(it)?, sender_of(it.number)))).min()
     }
 
-    /// Who would say something next on a line that is idle since this bit time, and when. `kept`: until when the line is kept for
-    /// others than a sender.
+    /// Returns the next telegram that would begin on a line idle since this bit time: the bit time and the
+    /// sender. `kept` returns the bit time until which the line is reserved for others than a sender.
     pub(super) fn next_idle(&self, since: u64, kept: impl Fn(usize) -> u64) -> Option<(u64, usize)> {
         let of = |it: &Visitor| {
             let (waiting, sender) = (it.to_say.front()?, sender_of(it.number));
@@ -190,17 +192,17 @@ impl Visitors {
         self.0.iter().filter_map(of).min()
     }
 
-    /// What this one says now.
+    /// Takes the octets that this guest sends now.
     pub(super) fn take(&mut self, sender: usize) -> Option<Vec<u8>> {
         let number = guest_of(sender)?;
-        // Of two with this number the first one is about to go.
+        // If two guests have this number, the first one is about to leave.
         let visitor = self.0.iter_mut().find(|it| it.number == number && !it.to_say.is_empty())?;
         let said = visitor.to_say.pop_front();
         self.0.retain(|it| !it.is_leaving || !it.to_say.is_empty());
         said.map(|waiting| waiting.octets)
     }
 
-    /// Tells everybody but the one whose it is.
+    /// Sends the octets to all guests except their sender.
     pub(super) fn tell(&self, sending: &Sending, time_us: u64) {
         let others = self.0.iter().filter(|it| sender_of(it.number) != sending.sender);
         for ear in others.filter_map(|it| it.ear.as_ref()) {
@@ -210,7 +212,7 @@ impl Visitors {
     }
 }
 
-/// What lets these octets begin. What is no telegram waits as long as a request does.
+/// Returns the condition under which these octets begin. Octets that are not a telegram wait as long as a request.
 fn turn(octets: &[u8]) -> Turn {
     let is_answer = match Telegram::parse(octets) {
         Ok(Telegram::ShortAck) => true,
@@ -220,7 +222,7 @@ fn turn(octets: &[u8]) -> Turn {
     if is_answer { Turn::Answer } else { Turn::Request }
 }
 
-/// Whose a sending of a guest is, for the journal.
+/// Returns the guest of a sender, for the journal.
 pub(super) fn origin_of(sender: usize) -> Option<Origin> {
     guest_of(sender).map(Origin::of_guest)
 }

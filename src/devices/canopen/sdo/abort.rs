@@ -1,36 +1,36 @@
-//! Why a transfer is aborted.
+//! Reasons for aborting a transfer.
 
 use core::fmt;
 
-/// Why a transfer is aborted.
+/// Reason for aborting a transfer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Abort {
     /// The toggle bit has not changed.
     Toggle,
-    /// No answer within the time.
+    /// No answer arrived within the time.
     TimeOut,
-    /// The command is unknown, or nothing is under way that it could belong to.
+    /// The command is unknown, or belongs to no transfer in progress.
     Command,
     /// Out of memory.
     Memory,
-    /// An attempt to write what can only be read.
+    /// An attempt to write a read-only entry.
     ReadOnly,
-    /// There is no such object.
+    /// The object does not exist.
     NoObject,
-    /// There is no such sub-index.
+    /// The sub-index does not exist.
     NoSub,
     /// The value is longer than the entry.
     TooLong,
     /// The value is shorter than the entry.
     TooShort,
-    /// The value is none that the entry can have.
+    /// The entry does not accept the value.
     Value,
-    /// The state of the device does not allow it.
+    /// The state of the device does not allow the transfer.
     State,
 }
 
 impl Abort {
-    /// Its code on the wire.
+    /// Returns the code on the wire.
     #[must_use]
     pub const fn code(self) -> u32 {
         match self {

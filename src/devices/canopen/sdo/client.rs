@@ -1,33 +1,33 @@
-//! The client's end: reads or writes one entry of a server, expedited or in segments.
+//! SDO client: reads or writes one entry of a server, expedited or in segments.
 
 use super::{Abort, At, Data, EXPEDITED, SIZED, TOGGLE, first};
 use serde::{Deserialize, Serialize};
 
-/// What comes of an answer.
+/// Result of an answer.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Step {
-    /// It goes on: this is to be sent.
+    /// The transfer continues: this frame is to be sent.
     Send(Data),
-    /// It is done; what was read, nothing after a write.
+    /// The transfer is complete, with the data that were read; empty after a write.
     Done(Vec<u8>),
-    /// The server has aborted it, with this code.
+    /// The server has aborted the transfer, with this code.
     Aborted(u32),
-    /// The answer is wrong: this is to be sent, and it is over.
+    /// The answer is wrong: this frame is to be sent, and the transfer is over.
     Failed(Abort, Data),
-    /// It answers something else.
+    /// The answer belongs to another transfer.
     Ignored,
 }
 
-/// What is under way.
+/// Phase of a transfer.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 enum Transfer {
-    /// The first answer to a read is awaited.
+    /// The client waits for the first answer to a read.
     Read,
     /// Segments of a read.
     ReadSegments { data: Vec<u8>, announced: Option<usize> },
-    /// The answer to a write with all of its data is awaited.
+    /// The client waits for the answer to a write with all of its data.
     Write,
-    /// Segments of a write: what is still to be sent, behind the segment that is under way.
+    /// Segments of a write; `rest`: bytes still to be sent after the present segment.
     WriteSegments { rest: Vec<u8>, is_first: bool },
 }
 
@@ -42,13 +42,13 @@ pub struct Client {
 }
 
 impl Client {
-    /// Reads an entry of at most `most` bytes: the transfer, and what is to be sent.
+    /// Starts to read an entry of at most `most` bytes: returns the transfer and its first frame.
     #[must_use]
     pub fn read(at: At, most: usize) -> (Self, Data) {
         (Client { at, most, toggle: false, transfer: Transfer::Read }, first(0x40, at, [0; 4]))
     }
 
-    /// Writes an entry: the transfer, and what is to be sent.
+    /// Starts to write an entry: returns the transfer and its first frame.
     #[must_use]
     pub fn write(at: At, data: &[u8]) -> (Self, Data) {
         let of = |transfer| Client { at, most: 0, toggle: false, transfer };
@@ -63,7 +63,7 @@ impl Client {
         (of(transfer), first(0x20 | SIZED, at, length))
     }
 
-    /// What is to be sent when the server does not answer.
+    /// Returns the frame to send if the server does not answer.
     #[must_use]
     pub fn give_up(&self) -> Data {
         self.abort(Abort::TimeOut)
@@ -73,7 +73,7 @@ impl Client {
         first(0x80, self.at, abort.code().to_le_bytes())
     }
 
-    /// The server has sent this.
+    /// Handles an answer of the server.
     pub fn answered(&mut self, answer: Data) -> Step {
         let [command, low, high, sub, rest @ ..] = answer;
         let is_of_this = At { index: u16::from_le_bytes([low, high]), sub } == self.at;
@@ -97,7 +97,7 @@ impl Client {
         step.unwrap_or_else(|abort| Step::Failed(abort, self.abort(abort)))
     }
 
-    /// The first answer to a read: the data, or their length.
+    /// Handles the first answer to a read: the data, or their length.
     fn begin(&mut self, command: u8, data: [u8; 4]) -> Result<Step, Abort> {
         let is_sized = command & SIZED != 0;
         if command & EXPEDITED != 0 {
@@ -133,7 +133,7 @@ impl Client {
         Ok(Step::Send([0x60 | u8::from(self.toggle) << 4, 0, 0, 0, 0, 0, 0, 0]))
     }
 
-    /// The next segment of a write; the toggle bit is its.
+    /// Returns the next segment of a write, with its toggle bit.
     fn next_segment(&mut self) -> Step {
         let Transfer::WriteSegments { rest, .. } = &mut self.transfer else { return Step::Ignored };
         let count = rest.len().min(7);

@@ -1,4 +1,4 @@
-//! A server between a client of the test and a dictionary of two entries.
+//! A server between a test client and a dictionary of a few entries.
 
 use super::*;
 use proptest::prelude::*;
@@ -7,7 +7,7 @@ const BYTE: At = At { index: 0x2000, sub: 1 };
 const BLOCK: At = At { index: 0x2001, sub: 0 };
 const FIXED: At = At { index: 0x2002, sub: 0 };
 
-/// A byte, a block of at most 20 bytes, and something that cannot be written.
+/// A byte, a block of at most 20 bytes, and a read-only value.
 #[derive(Clone, Default)]
 struct Entries {
     byte: u8,
@@ -69,7 +69,7 @@ fn read(server: &mut Server, entries: &mut Entries, at: At) -> Vec<u8> {
     value
 }
 
-/// Writes an entry in segments as a client does, all answers but the last being right.
+/// Writes an entry in segments as a client does; all answers but the last must be right.
 fn write(server: &mut Server, entries: &mut Entries, at: At, value: &[u8], is_sized: bool) -> Option<Data> {
     let length = if is_sized { (value.len() as u32).to_le_bytes() } else { [0; 4] };
     let mut answer = server.request(frame(0x20 | u8::from(is_sized), at, length), entries);
@@ -126,7 +126,7 @@ fn what_is_wrong_is_aborted_and_changes_nothing() {
         // Block transfers.
         (frame(0xA0, BLOCK, [0; 4]), BLOCK, Abort::Command),
         (frame(0xC0, BLOCK, [0; 4]), BLOCK, Abort::Command),
-        // Segments without a beginning.
+        // Segments without a first frame.
         ([0x60; 8], At { index: 0, sub: 0 }, Abort::Command),
         ([0; 8], At { index: 0, sub: 0 }, Abort::Command),
     ];
@@ -175,7 +175,7 @@ fn request() -> impl Strategy<Value = Data> {
     ]
 }
 
-/// Whatever a client sends: each request but its abort has one answer, and an entry stays what it can be.
+/// For any requests: each request but an abort has one answer, and the entries keep valid values.
 fn each_request_has_one_answer(requests: &[Data]) {
     let (mut server, mut entries) = (Server::default(), Entries::default());
     for request in requests {
@@ -183,7 +183,7 @@ fn each_request_has_one_answer(requests: &[Data]) {
         assert_eq!(answer.is_none(), request[0] >> 5 == 4);
         assert!(entries.block.len() <= 20 && entries.byte != 0xFF);
     }
-    // And it still serves.
+    // The server still serves.
     assert_eq!(read(&mut server, &mut entries, FIXED), [1, 2, 3, 4]);
 }
 
@@ -192,7 +192,7 @@ fn fuzz_sdo_server() {
     crate::fuzz("sdo_server", |bytes| each_request_has_one_answer(bytes.as_chunks().0));
 }
 
-/// The first byte: how many are written, or that a block is read; then these, and answers.
+/// The first byte gives the number of bytes to write, or that a block is read. These bytes and the answers follow.
 #[test]
 fn fuzz_sdo_client() {
     crate::fuzz("sdo_client", |bytes| {
@@ -270,7 +270,7 @@ fn a_client_holds_answers_against_what_it_has_asked() {
     assert_eq!(client.answered([0x30, 0, 0, 0, 0, 0, 0, 0]), Step::Done(Vec::new()));
 }
 
-/// What takes any block.
+/// A dictionary that accepts any block.
 struct Anything(Vec<u8>);
 
 impl Dictionary for Anything {
@@ -315,7 +315,7 @@ proptest! {
     }
 }
 
-/// Whatever comes, a transfer ends after as many answers as its data have segments, or goes on waiting.
+/// For any answers: a transfer ends after as many answers as its data have segments, or keeps waiting.
 fn no_answer_upsets(mut client: Client, answers: &[Data]) {
     for answer in answers {
         match client.answered(*answer) {

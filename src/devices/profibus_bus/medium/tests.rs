@@ -1,4 +1,4 @@
-//! A segment without ports: what it knows of the line.
+//! A segment without ports: busy time and restored requests.
 
 use super::*;
 use crate::profibus::Frame;
@@ -9,7 +9,7 @@ fn bus() -> ProfibusBus {
     ProfibusBus::new(0, &config)
 }
 
-/// At 500 kbit/s a bit takes 2 us, and an octet has 11.
+/// At 500 kbit/s a bit takes 2 us, and an octet has 11 bits.
 #[test]
 fn the_line_is_busy_for_as_long_as_the_octets_take() {
     let (bus, sender) = (bus(), Origin { plc: 0, node: 1 });
@@ -31,7 +31,7 @@ fn the_line_is_busy_for_as_long_as_the_octets_take() {
     }
 }
 
-/// Nobody is there to answer; a file that says so is damaged.
+/// A snapshot that waits for the answer to a sender without a port is damaged.
 #[test]
 fn a_state_that_waits_for_somebody_who_is_not_there_is_refused() {
     for sender in [0, 1, 200] {
