@@ -109,7 +109,7 @@ pub static MEDIA: &[MediumKind] = &[
         faults: cansync::faults::KINDS,
         fits: can_faults::fits_cansync,
         speech: Speech::Frames,
-        says: cansync::records::says,
+        says: cansync::records::describe,
         unplugged: || Box::new(cansync::medium::SimBus::unplugged()),
         runs_alone: cansync::medium::runs_alone,
     },

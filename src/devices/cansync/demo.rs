@@ -1,5 +1,5 @@
-//! The soft-PLC of a demonstration: a CANsync master brings up three drives and moves them. It knows the image file and the
-//! register map, nothing else.
+//! The soft-PLC of a demonstration: a CANsync master brings up three drives and moves them. The soft-PLC knows only the
+//! image file and the register map.
 
 mod exchange;
 mod trace;
@@ -12,14 +12,14 @@ use crate::layout::{Device, Port};
 use crate::memory::{Attached, View};
 use exchange::{DRIVES, Exchange};
 use std::time::Duration;
-use trace::{Trace, Who};
+use trace::{Trace, Writer};
 
-/// How long a state change may take, in real time. It takes milliseconds.
+/// Time limit for a state change, in real time. A state change takes milliseconds.
 const STATE: Duration = Duration::from_secs(5);
-/// How long the drives may take to lock. They take about a second of emulated time.
+/// Time limit for the drives to lock. They take about a second of emulated time.
 const LOCK: Duration = Duration::from_secs(20);
 
-/// What differs between devices.
+/// Device-specific data of the demonstration.
 pub(crate) struct Master {
     /// The device.
     pub device: &'static Device,
@@ -57,10 +57,10 @@ impl Master {
     }
 }
 
-/// Gives a command and waits for the state that follows.
+/// Writes a command and waits for the state that follows.
 fn command(trace: &Trace<'_>, command: u16, state: u16) -> Result<(), DemoError> {
     trace.node.w_CPU_CONTROL.store(command);
-    trace.note(Who::Plc, &trace.node.w_CPU_CONTROL)?;
+    trace.note(Writer::Plc, &trace.node.w_CPU_CONTROL)?;
     trace.ring()?;
     let what = format!("the state after command 16#{command:04X}");
     trace.await_value(&trace.node.w_OPTION_STATUS, state.into(), &what, STATE)?;
@@ -77,7 +77,7 @@ fn lock(trace: &Trace<'_>) -> Result<(), DemoError> {
         let before = std::mem::replace(&mut states, now());
         for ((cell, before), now) in cells.into_iter().zip(before).zip(states) {
             if now != before {
-                trace.note(Who::Firmware, cell)?;
+                trace.note(Writer::Firmware, cell)?;
             }
         }
         trace.print()?;
@@ -101,19 +101,19 @@ fn initialization_data(
         (&init.b_TIME_PATTERN, rate.b_TIME_PATTERN),
     ] {
         cell.store(value);
-        trace.note(Who::Plc, cell)?;
+        trace.note(Writer::Plc, cell)?;
     }
     for drive in DRIVES {
         let cell = &init.a_SL_TYP[usize::from(drive)];
         cell.store(0x01);
-        trace.note(Who::Plc, cell)?;
+        trace.note(Writer::Plc, cell)?;
     }
     Ok(())
 }
 
-/// Reference value 0 into words 0 and 1 of frame 1, which all drives read; words 0 and 1 of each drive's frame 1
-/// into its actual value 0. Every interval another slave is asked for its frame. It comes after the
-/// initialization data, because taking them over clears the cyclic registers.
+/// Maps reference value 0 into words 0 and 1 of frame 1, which all drives read, and words 0 and 1 of each drive's frame
+/// 1 into its actual value 0. In each interval the master asks another slave for its frame. The mapping comes after the
+/// initialization data, because taking those over clears the cyclic registers.
 fn mapping(trace: &Trace<'_>) -> Result<(), DemoError> {
     let node = &trace.node;
     let reference = &node._CFG_WRC_WORD;
@@ -128,7 +128,7 @@ fn mapping(trace: &Trace<'_>) -> Result<(), DemoError> {
     bytes.push((&node.b_STATREG_RDC1, 0xFF));
     for (cell, value) in bytes {
         cell.store(value);
-        trace.note(Who::Plc, cell)?;
+        trace.note(Writer::Plc, cell)?;
     }
     Ok(())
 }

@@ -1,11 +1,11 @@
-//! What a program that uses CANsync rightly does, and what must not be done, for every device with two nodes.
+//! Exercises for every device with two CANsync nodes: correct programs, and wrong operations that a rule must report.
 
 use crate::devices::exercise::{Move, Wrong};
 
-/// The functions behind [`MOVES`].
+/// The script with the functions named in [`MOVES`].
 pub(in crate::devices) const SCRIPT: &str = include_str!("exercise.rhai");
 
-/// What a program at a master does.
+/// Operations of a correct program at a master.
 pub(in crate::devices) static MOVES: [Move; 6] = [
     Move::new("exchange", &[0..=2, -1_000_000..=1_000_000, 1..=40]).often(6),
     Move::new("parameter", &[1..=2, 0..=1_000_000]).often(3),
@@ -15,7 +15,7 @@ pub(in crate::devices) static MOVES: [Move; 6] = [
     Move::new("restart", &[]),
 ];
 
-/// What a program must not do in active operation.
+/// Wrong operations in active operation, each with the rule that reports it.
 pub(in crate::devices) static WRONGS: [Wrong; 5] = [
     Wrong { script: r#"poke(global::MASTER + ".w_OPTION_STATUS", 0x0001);"#, rule: "owner" },
     Wrong {

@@ -1,5 +1,5 @@
-//! Kinds of faults on a CANsync bus, at its slaves and in the CAN controllers of its nodes. Those that it shares with other CAN
-//! buses are told in `devices::can_faults`.
+//! Kinds of faults on a CANsync bus, at its slaves and in the CAN controllers of its nodes. `devices::can_faults` has
+//! the kinds that all CAN buses share.
 
 use super::bus::codec::updown::MAX_OFFSET;
 use super::bus::{Channel, Frame, FrameKind};
@@ -8,27 +8,28 @@ use crate::devices::can_faults::{
 };
 use crate::fault::{self, Fault, Field, Form, Kind, Place};
 
-/// Largest jitter of SYNC edges, in microseconds; at most a quarter of the running interval takes effect.
+/// Largest jitter of SYNC edges, in microseconds. At most a quarter of the running interval takes effect.
 pub const MAX_JITTER_US: u32 = 2_000;
 
-/// What goes wrong.
+/// Effect of a fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Effect {
     /// The slaves do not see SYNC edges.
     LoseSync,
-    /// SYNC edges come so many microseconds late and early in turn, 1 to [`MAX_JITTER_US`].
+    /// SYNC edges come late and early in turn by this many microseconds, 1 to [`MAX_JITTER_US`].
     JitterSync(u32),
     /// A slave is off: a drive without power, a PLC's node with its plug pulled.
     SlaveOff,
-    /// A slave's answers to jobs begin so many microseconds after their slot, 1 to [`MAX_DELAY_US`](crate::devices::can_faults::MAX_DELAY_US).
+    /// A slave's answers to jobs begin this many microseconds after their slot, 1 to
+    /// [`MAX_DELAY_US`](crate::devices::can_faults::MAX_DELAY_US).
     SlaveLate(u32),
     /// A slave answers jobs with BUSY.
     SlaveBusy,
     /// A slave refuses jobs with this error number.
     SlaveError(u16),
-    /// Blocks of an up-/download travel with this offset, 0 to 4095 bytes, instead of their own.
+    /// Blocks of an up-/download carry this offset, 0 to 4095 bytes, instead of the right one.
     WrongOffset {
-        /// In the master's job or in the slave's answer.
+        /// The frame with the wrong offset.
         at: OffsetAt,
         /// The wrong offset; `None`: the right one plus 6.
         offset: Option<u16>,
@@ -37,7 +38,7 @@ pub(super) enum Effect {
     Trip(u16),
 }
 
-/// Which frame carries the wrong offset.
+/// The frame that carries the wrong offset.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum OffsetAt {
     /// The master's job, on its way to the slave.
@@ -46,7 +47,7 @@ pub(super) enum OffsetAt {
     Answer,
 }
 
-/// The slot in which frames of a kind travel, by its place in [`SLOTS`](crate::devices::can_faults::SLOTS).
+/// The slot in which frames of a kind travel, as an index into [`SLOTS`](crate::devices::can_faults::SLOTS).
 const fn slot_of(kind: FrameKind) -> u32 {
     match kind {
         FrameKind::ReferenceValue(Channel::One, _) => 0,
@@ -58,12 +59,12 @@ const fn slot_of(kind: FrameKind) -> u32 {
     }
 }
 
-/// Whether a fault at `frames` concerns `frame`.
+/// Returns true if a fault for `frames` applies to `frame`.
 pub(super) fn includes(frames: &Frames, frame: &Frame) -> bool {
     frames.include_in_slot(frame.id(), frame.kind().map(slot_of))
 }
 
-/// A number that a drive or slave gives.
+/// Field for an error or fault number of a drive or slave.
 const fn error(least: u64, about: &'static str) -> Field {
     Field::new("error", Form::Hex { least, most: 0xFFFF, digits: 4 }, about)
 }
@@ -165,7 +166,7 @@ static DRIVE_FAULT: Kind =
     .once()
     .shown("slave=1 error=17");
 
-/// All kinds.
+/// All fault kinds of this module.
 pub static KINDS: &[&Kind] = &[
     &LOSE_FRAME,
     &DELAY_FRAME,

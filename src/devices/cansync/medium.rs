@@ -1,9 +1,9 @@
 //! A simulated CANsync bus: one master, up to 32 slaves, frames in their slots.
 //!
-//! A frame is delivered at the end of its end-of-frame field, to everybody who listens at the bus's baud rate; the
-//! next one can begin after the intermission. Its content is fixed at its start. Slot times are those of the
-//! manual's table (5.00005.03a p. 125), frame lengths those of the real frames, stuff bits included. A frame that is
-//! so long that it reaches into the next slot keeps that slot's frame waiting (decision D-280).
+//! A frame is delivered at the end of its end-of-frame field, to every station that listens at the bus's baud rate. The
+//! next frame can begin after the intermission. The content of a frame is fixed at its start. Slot times are those of
+//! the manual's table (5.00005.03a p. 125). Frame lengths are those of the real frames, stuff bits included. A frame
+//! that reaches into the next slot delays the frame of that slot (decision D-280).
 
 mod command;
 mod config;
@@ -42,10 +42,10 @@ use schedule::{Schedule, Slot};
 use serde::{Deserialize, Serialize};
 use slots::{OnWire, PLACES};
 
-/// What media of this kind are called.
+/// Family name of CANsync media.
 pub(crate) const FAMILY: &str = "cansync";
 
-/// Who is connected under a slave number.
+/// The station that is connected under a slave number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 enum Station {
     Nobody,
@@ -55,19 +55,19 @@ enum Station {
     Node(usize),
 }
 
-/// Who sends the frame that is on the wire.
+/// The sender of the frame on the wire.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 enum Sender {
     Master,
     Slave(u8),
 }
 
-/// The running bus: its times and what is under way.
+/// The running bus: its times and its SYNC signal.
 struct Running {
     timing: &'static BaudRate,
-    /// Whether the master makes the SYNC signal itself.
+    /// Whether the master generates the SYNC signal itself.
     own_sync: bool,
-    /// The SYNC signal, from whichever master it is.
+    /// The SYNC signal, generated or passed on.
     signal: SyncSignal,
     /// Start of the present interval.
     start: u64,
@@ -77,26 +77,26 @@ struct Running {
 pub struct SimBus {
     index: u16,
     name: String,
-    /// Whether there is a bus at all. A node that no bus is plugged in at has a medium without wires.
+    /// False for the medium without wires that serves a node without a connected bus.
     is_wired: bool,
     /// The ports in the order in which they were attached.
     places: Vec<Place>,
-    /// The master, if there is one.
+    /// The master, if the bus has one; at most one element.
     masters: Vec<End<Master>>,
     slaves: Vec<End<Slave>>,
     /// The drives among `drives` that are ports of devices.
     drive_ends: Vec<DriveEnd>,
     stations: [Station; 32],
     drives: Drives,
-    /// Baud rate that the plant file gives, in kbit/s: that of its drives, as far as they have none of their own.
+    /// Baud rate from the plant file in kbit/s; applies to drives without a baud rate setting.
     kbit_s: u16,
     frame_length: FrameLength,
-    /// Length of the processor cycle in microseconds. 0: each look reads the status of the controller at once.
+    /// Length of the processor cycle in microseconds. With 0 each poll reads the status of the controller at once.
     processor_cycle_us: u64,
     running: Option<Running>,
     schedule: Schedule,
     next: u64,
-    /// The last frame of each kind; a frame is noted when its slot is fixed, so several may be ahead.
+    /// The last frame of each kind. A frame is noted when its slot is fixed, so several may lie in the future.
     on_wire: [Option<OnWire>; PLACES],
     reference: [Option<Built>; 2],
     actual: [Option<Frame>; 2],
@@ -111,16 +111,16 @@ pub struct SimBus {
 }
 
 impl SimBus {
-    /// Where nodes are that no bus is plugged in at. A master makes its SYNC signal there and sends, and no station hears it; the
-    /// journal has no record of that traffic (decision D-645).
+    /// The medium for nodes without a connected bus. A master generates its SYNC signal and sends there, but no station
+    /// receives it. The journal has no record of that traffic (decision D-645).
     pub fn unplugged() -> Self {
         Self::empty(u16::MAX, false, &BusConfig::default())
     }
 
-    /// Bus number `index` of the plant with its drives, without nodes.
+    /// Creates bus number `index` of the plant with its drives, without nodes.
     ///
     /// # Errors
-    /// [`DriveError`] names the drive and what is wrong with it.
+    /// [`DriveError`] names the drive and the wrong setting.
     pub fn new(index: usize, config: &BusConfig) -> Result<Self, DriveError> {
         let mut bus = Self::empty(index as u16, true, config);
         for drive in &config.drives {
@@ -160,7 +160,7 @@ impl SimBus {
         }
     }
 
-    /// Whose faults act here.
+    /// Owner of the faults that act on this bus.
     fn owner(&self) -> Owner {
         Owner::Medium(self.index)
     }
@@ -171,12 +171,13 @@ impl SimBus {
         }
     }
 
-    /// The drives at this bus.
+    /// Returns the drives on this bus.
     pub fn drives(&self) -> &[Drive] {
         self.drives.look()
     }
 
-    /// The master starts synchronous operation; with its own SYNC signal the first edge comes at once.
+    /// Starts synchronous operation for the master. If the master generates the SYNC signal, the first edge comes at
+    /// once.
     fn start(&mut self, now: u64, timing: &'static BaudRate, own_sync: bool) {
         self.stop(now);
         self.running = Some(Running { timing, own_sync, signal: signal_of(timing), start: now });
@@ -186,7 +187,7 @@ impl SimBus {
         self.next = self.schedule.next_time();
     }
 
-    /// The master was restarted: no more SYNC, no more frames. The drives go on by their own clocks.
+    /// Stops SYNC and all frames because the master was restarted. The drives continue by their own clocks.
     fn stop(&mut self, now: u64) {
         self.running = None;
         self.schedule.clear();
@@ -198,7 +199,7 @@ impl SimBus {
         self.disturbance.forget_frames();
     }
 
-    /// Handles the slot that is due at `world.now`; tells whether it was a SYNC edge that went out on the line.
+    /// Handles the slot at `world.now`. Returns true if the slot was a SYNC edge that went out on the line.
     fn slot_due(&mut self, world: &mut World) -> bool {
         let now = world.now;
         let Some(slot) = self.schedule.take(now) else { return false };
@@ -231,7 +232,7 @@ impl SimBus {
             Slot::CommandStart => run.command_start(),
             Slot::CommandEnd => run.command_end(),
             Slot::Stray => run.stray_frames(),
-            // Needs no running bus; see above.
+            // Handled above, because this slot needs no running bus.
             Slot::OwnClock => {}
         }
         self.next = self.schedule.next_time();
@@ -239,7 +240,7 @@ impl SimBus {
     }
 }
 
-/// One event in progress, with everything it may touch.
+/// One event in progress, with everything that it may change.
 struct Run<'a> {
     bus: &'a mut SimBus,
     now: u64,
@@ -247,7 +248,7 @@ struct Run<'a> {
     timing: &'static BaudRate,
     journal: &'a mut Journal,
     faults: &'a mut Faults,
-    /// Ports whose devices are to be told of an edge.
+    /// Ports whose devices must be notified of an edge.
     edges: &'a mut Vec<Origin>,
 }
 
@@ -262,7 +263,7 @@ impl Run<'_> {
         Some(self.bus.masters.first_mut()?.run(self.now, self.journal, f))
     }
 
-    /// Runs `f` on slave node `index`, if it listens.
+    /// Runs `f` on slave node `index`, if the node receives frames at this baud rate.
     #[inline]
     fn node<R>(&mut self, index: usize, f: impl FnOnce(&mut Slave, &mut Context) -> R) -> Option<R> {
         let (kbit_per_s, disturbance) = (self.timing.kbit_per_s, &self.bus.disturbance);
@@ -282,13 +283,13 @@ impl Run<'_> {
         if self.bus.disturbance.is_off(number) { Station::Nobody } else { station }
     }
 
-    /// The drive at `index`, if it is set to the bus's baud rate; otherwise it hears nothing.
+    /// Returns the drive at `index` if it is set to the bus's baud rate. A drive at another rate receives nothing.
     fn drive(&mut self, index: usize) -> Option<&mut Drive> {
         let kbit_s = self.timing.kbit_per_s;
         self.bus.drives.get_mut(index).filter(|drive| drive.kbit_s() == kbit_s)
     }
 
-    /// The drives that are set to the bus's baud rate, but for those that are off.
+    /// Returns the drives that are switched on and set to the bus's baud rate.
     fn drives(&mut self) -> impl Iterator<Item = &mut Drive> {
         let (kbit_s, disturbance) = (self.timing.kbit_per_s, &self.bus.disturbance);
         let hears =
@@ -297,17 +298,17 @@ impl Run<'_> {
     }
 }
 
-/// The drives at all CANsync buses among these media, as [`Plant::media`](crate::plant::Plant::media) has them.
+/// Returns the drives of all CANsync buses in `media`, as returned by [`Plant::media`](crate::plant::Plant::media).
 pub fn drives(media: &[Box<dyn Medium>]) -> impl Iterator<Item = &Drive> {
     media.iter().filter_map(|medium| medium.as_a::<SimBus>()).flat_map(SimBus::drives)
 }
 
-/// Whether the node of a [`Socket`] does something without a bus: a master makes its SYNC signal itself.
+/// Returns true if the node of a [`Socket`] works without a bus: a master generates its own SYNC signal.
 pub(crate) fn runs_alone(socket: &dyn Any) -> bool {
     socket.downcast_ref::<Socket>().is_some_and(|socket| matches!(socket.role, SocketRole::Master { .. }))
 }
 
-/// The SYNC signal of a master at this rate.
+/// Returns the SYNC signal of a master at this rate.
 fn signal_of(timing: &BaudRate) -> SyncSignal {
     SyncSignal { interval_us: u32::from(timing.b_TIME_PATTERN) * 1000, kbit_s: timing.kbit_per_s }
 }

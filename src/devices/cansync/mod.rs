@@ -1,4 +1,5 @@
-//! What all CANsync devices share: frames and their times, the nodes' firmware, drives with a CANsync card, function blocks.
+//! Parts that all CANsync devices share: frames and their times, the firmware of the nodes, drives with a CANsync card,
+//! function blocks.
 
 #[cfg(feature = "plc")]
 pub mod blocks;

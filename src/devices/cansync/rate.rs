@@ -1,9 +1,9 @@
-//! Baud rates: the interval that belongs to each, and when in it what happens.
+//! Baud rates: the interval that belongs to each, and the slot times within the interval.
 
 use crate::layout::Provenance;
 
-/// Baud rate, interval and slot times of a CANsync bus that belong together. Times `t_` are microseconds after the
-/// SYNC edge, each the latest start of that frame. The table of a device is in its layout.
+/// Baud rate, interval and slot times of a CANsync bus that belong together. Times `t_` are microseconds after the SYNC
+/// edge and give the latest start of that frame. The layout of a device has its table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[allow(non_snake_case)]
 pub struct BaudRate {
@@ -31,24 +31,24 @@ pub struct BaudRate {
     pub t_RC: u32,
     /// Longest time a slave may take to answer, in us.
     pub t_RSPTO: u32,
-    /// A master's reference values.
+    /// Deadline of a master's reference values.
     pub deadline_WRC: Deadline,
-    /// A slave's own actual values for frame 1.
+    /// Deadline of a slave's own actual values for frame 1.
     pub deadline_RDC1: Deadline,
-    /// A slave's own actual values for frame 2.
+    /// Deadline of a slave's own actual values for frame 2.
     pub deadline_RDC2: Deadline,
     /// Longest bus in metres.
     pub max_bus_m: u16,
 }
 
-/// When the firmware begins to build a frame: values must be released before. Microseconds after the start of the event
-/// task.
+/// Time at which the firmware begins to build a frame, in microseconds after the start of the event task. Values must
+/// be released before.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Deadline {
     /// Values released before this time are in time.
     pub earliest: u32,
-    /// Values released at this time or later are late; equal to `earliest` if nothing else decides.
+    /// Values released at this time or later are late. Equal to `earliest` where no other limit applies.
     pub latest: u32,
-    /// Where the times are from.
+    /// Source of the times.
     pub source: Provenance,
 }

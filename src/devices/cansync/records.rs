@@ -1,4 +1,4 @@
-//! What the journal tells about CANsync: its bus and its nodes.
+//! Journal events of CANsync: its bus and its nodes.
 
 use super::bus::codec;
 use super::bus::{Frame, FrameKind};
@@ -8,7 +8,7 @@ use crate::can::Id;
 use crate::event_kinds;
 use crate::journal::{Carried, EventCodec, EventText, Fields, Keeping, Kind, Packer, Part, Reader, Unpacker};
 
-/// All kinds.
+/// All event kinds of this module.
 pub static KINDS: &[&Kind] = &[
     SyncEdge::KIND,
     Transmitted::KIND,
@@ -24,36 +24,36 @@ pub static KINDS: &[&Kind] = &[
 ];
 
 event_kinds! {
-    /// Falling edge of the SYNC signal on a bus: an interval begins.
+    /// Falling edge of the SYNC signal on a bus. An interval begins.
     SyncEdge = 1, "sync", Registers, at bus {}
 
-    /// A frame was transmitted; the time is the end of the frame, when its receivers have it.
+    /// A frame was transmitted. The event's time is the end of the frame, when the receivers have it.
     Transmitted = 2, "frame", Traffic, at bus {
-        /// The frame itself.
+        /// The transmitted frame.
         frame: Frame,
     }
 
-    /// A deadline was missed, so that a frame is left out in this interval.
+    /// A deadline was missed, so a frame is left out in this interval.
     Missed = 5, "missed", Missed, at origin {
-        /// Which frame.
+        /// The frame that is left out.
         what: OmittedFrame,
     }
 
     /// A value in `w_CPU_CONTROL` was ignored.
     CommandIgnored = 6, "ignored", Rare, at origin {
-        /// The value.
+        /// The ignored value.
         value: u16,
-        /// Why.
+        /// Reason.
         why: Command,
     }
 
     /// Initialization data was refused.
     InitRefused = 7, "init_refused", Rare, at origin {
-        /// Why.
+        /// Reason.
         fault: InitFault,
     }
 
-    /// The master's picture of a slave (`a_STAT_SL[slave]`) changed.
+    /// `a_STAT_SL[slave]` of the master changed.
     SlaveStatus = 8, "slave_status", Rare, at origin {
         /// Slave number.
         slave: u8,
@@ -61,17 +61,18 @@ event_kinds! {
         status: u8,
     }
 
-    /// A node is set to another baud rate than the bus it listens to, or whose SYNC signal it passes on.
+    /// A node is set to another baud rate than its bus, or than the bus whose SYNC signal the node passes on.
     BaudRateMismatch = 9, "baud_rate_mismatch", Rare, at origin {
         /// The node's baud rate in kbit/s.
         node_kbit_s: u16,
         /// The bus's baud rate in kbit/s.
         bus_kbit_s: u16,
-        /// It passes on the SYNC signal of that bus, and no slave of its own synchronizes; else it hears nothing.
+        /// True if the node passes on the SYNC signal of that bus, so that none of its slaves synchronizes. False if
+        /// the node only receives nothing.
         passes_on: bool,
     }
 
-    /// A drive is set to another baud rate than its bus runs at: it hears nothing (decision D-540).
+    /// A drive is set to another baud rate than its bus, so the drive receives nothing (decision D-540).
     DriveBaudRateMismatch = 13, "drive_baud_rate_mismatch", Rare, at bus {
         /// Slave number.
         slave: u8,
@@ -81,7 +82,7 @@ event_kinds! {
         bus_kbit_s: u16,
     }
 
-    /// Somebody has set a parameter of a drive on a bus, not through the bus.
+    /// A parameter of a drive on a bus was set locally, not through the bus.
     DriveSet = 14, "drive_set", Rare, at bus {
         /// Slave number.
         slave: u8,
@@ -91,7 +92,7 @@ event_kinds! {
         value: u32,
     }
 
-    /// Somebody has set a parameter of the drive of a PLC, not through the PLC.
+    /// A parameter of a PLC's drive was set locally, not through the PLC.
     OwnDriveSet = 15, "own_drive_set", Rare, at plc {
         /// Number of the parameter.
         number: u16,
@@ -99,23 +100,23 @@ event_kinds! {
         value: u32,
     }
 
-    /// A frame of a guest, which is outside of all slots; the time is its end (decision D-315).
+    /// A frame of a guest, outside of all slots. The event's time is the end of the frame (decision D-315).
     ForeignFrame = 12, "foreign_frame", Traffic, at bus {
         /// The guest's number on the bus.
         guest: u8,
-        /// The frame itself.
+        /// The frame of the guest.
         frame: Frame,
     }
 }
 
-/// A command in `w_CPU_CONTROL` that had no effect, and why it is worth a record.
+/// Reason why a command in `w_CPU_CONTROL` had no effect.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Command {
     /// The command does not exist or is reserved.
     Unknown,
-    /// The command exists but not in the node's present state.
+    /// The command exists but is not possible in the node's present state.
     NotNow,
-    /// 16#0000 that the firmware's clearing of bit 7 left; a restart stored over it in the RAM looks the same
+    /// 16#0000, left after the firmware cleared bit 7. A restart command stored over it in the RAM looks the same
     /// (decision D-29).
     LeftBehind,
 }
@@ -125,12 +126,12 @@ pub enum Command {
 pub enum OmittedFrame {
     /// Reference value frame 1 or 2 was not released by 16#05 in time.
     ReferenceValue(u8),
-    /// Own actual value frame 1 or 2 was asked for but had not been released by 16#05 in time.
+    /// Own actual value frame 1 or 2 was requested but was not released by 16#05 in time.
     ActualValue(u8),
 }
 
 impl OmittedFrame {
-    /// As short as on the bus: `WRC1`.
+    /// Short name as used on the bus: `WRC1`.
     fn frame(self) -> String {
         match self {
             OmittedFrame::ReferenceValue(channel) => format!("WRC{channel}"),
@@ -220,7 +221,7 @@ impl EventText for SyncEdge {
     }
 }
 
-/// The frame taken apart, or its bytes and why that cannot be done.
+/// The decoded frame, or its bytes and the decoding error.
 fn frame_text(frame: &Frame) -> String {
     match codec::decode(frame) {
         Ok(decoded) => format!("16#{:03X} {decoded}", frame.id()),
@@ -231,8 +232,8 @@ fn frame_text(frame: &Frame) -> String {
     }
 }
 
-/// What a frame says: nothing if it cannot be one of a CANsync bus.
-pub(crate) fn says(frame: &can::Frame) -> String {
+/// Describes a frame. Returns an empty text if the frame is not a CANsync frame.
+pub(crate) fn describe(frame: &can::Frame) -> String {
     let Id::Standard(id) = frame.arbitration().id() else { return String::new() };
     Frame::new(id.as_raw(), frame.payload().data()).map_or_else(String::new, |frame| frame_text(&frame))
 }
@@ -296,7 +297,7 @@ impl EventText for CommandIgnored {
         let why = match self.why {
             Command::Unknown => "no such command",
             Command::NotNow => "not possible in this state",
-            Command::LeftBehind => "left behind by clearing bit 7",
+            Command::LeftBehind => "left after bit 7 was cleared",
         };
         format!("{} {} ignored: {why}", control.label(), control.value(self.value.into()))
     }
@@ -374,7 +375,7 @@ impl EventText for BaudRateMismatch {
         let BaudRateMismatch { node_kbit_s, bus_kbit_s, .. } = self;
         if self.passes_on {
             format!(
-                "is set to {node_kbit_s} kbit/s and passes on the SYNC signal of a bus at {bus_kbit_s}: nobody \
+                "is set to {node_kbit_s} kbit/s and passes on the SYNC signal of a bus at {bus_kbit_s}: no slave \
                  synchronizes"
             )
         } else {
@@ -394,13 +395,13 @@ mod tests {
     use embedded_can::ExtendedId;
 
     #[test]
-    fn a_frame_is_told_as_the_bus_means_it() {
+    fn a_frame_is_described_in_terms_of_its_bus() {
         let payload = || Payload::new(&[0x20, 0x0A, 0x00]).unwrap();
         let frame = can::Frame::standard(0x505, payload());
-        let told = says(&frame);
-        assert!(told.starts_with("16#505 "), "{told}");
-        assert_eq!(told, frame_text(&Frame::new(0x505, &[0x20, 0x0A, 0x00]).unwrap()));
+        let text = describe(&frame);
+        assert!(text.starts_with("16#505 "), "{text}");
+        assert_eq!(text, frame_text(&Frame::new(0x505, &[0x20, 0x0A, 0x00]).unwrap()));
         let foreign = can::Frame::new(ExtendedId::new(0x505).unwrap(), payload());
-        assert_eq!(says(&foreign), "", "no frame of a CANsync bus");
+        assert_eq!(describe(&foreign), "", "no frame of a CANsync bus");
     }
 }

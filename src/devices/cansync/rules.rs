@@ -1,4 +1,4 @@
-//! What a PLC program may do wrong at registers of CANsync, and a drive on its bus may be set to wrongly.
+//! Rules for PLC programs at the registers of CANsync, and for the settings of drives on a CANsync bus.
 
 use crate::rules;
 
@@ -23,9 +23,9 @@ rules! {
         "w_CPU_CONTROL was given a command that does not exist or is not possible in this state. Wait for the \
          value of w_OPTION_STATUS that comes before it.";
     LEFT_BEHIND: 11, "left-behind", Warning, "5.00005.03a p. 149-150, 174-175; 5.02066.01a p. 50, 79; D-29",
-        "Bit 7 was written to w_CPU_CONTROL with no other bit, and clearing it leaves 16#0000. That is no restart, but one \
-         stored over it in the RAM cannot be seen. Write bit 7 together with the bits that stand there: 16#00C0 in active \
-         operation.";
+        "Bit 7 was written to w_CPU_CONTROL with no other bit, and clearing it leaves 16#0000. That is no restart, \
+         but one stored over it in the RAM cannot be seen. Write bit 7 together with the bits already set in the \
+         register: 16#00C0 in active operation.";
     ORDER: 12, "order", Error, "5.00005.03a p. 165, 167, 189, 191; 5.02066.01a p. 67, 69, 94, 96",
         "The control register of a job was written before its status register. Write the status register first, \
          then the control register, both with the same value.";
@@ -33,7 +33,7 @@ rules! {
         "A register of a job was changed while the job was under way. Wait until bit 0 (active) is clear, or end \
          the job first.";
     JOB_REPLACED: 14, "job-replaced", Warning, "5.00005.03a p. 165, 167; 5.02066.01a p. 67, 69; D-48",
-        "A job was entered while the former one was still under way; that one is forgotten. Wait until bit 0 \
+        "A job was entered while the previous one was still under way. The previous job is lost. Wait until bit 0 \
          (active) is clear, or clear it and let the firmware see it.";
     LATE_REFERENCE: 15, "late-reference", Error, "5.00005.03a p. 153-154; 5.02066.01a p. 54; D-09, D-142, D-298",
         "Reference values were released with 16#05 after their deadline, so their frame was left out in this \
@@ -53,38 +53,39 @@ rules! {
     INIT_CONTROLLER: 20, "init-controller", Warning, "5.00005.03a p. 149, 174; 5.02066.01a p. 51, 80",
         "b_OUTPUT_CONTROL or b_CLOCK_DIVIDER is not what the controller needs. Write 16#FA and 16#07.";
     BUS_BAUD_RATE: 21, "bus-baud-rate", Error, "5.00005.03a p. 125; 5.02066.01a p. 16-18",
-        "The node was started with another baud rate than its bus runs at and hears nothing. Give all nodes of a \
-         bus the same baud rate.";
+        "The node was started with another baud rate than its bus and receives nothing. Give all nodes of a bus the \
+         same baud rate.";
     CLUSTER_BAUD_RATE: 22, "cluster-baud-rate", Error, "5.00005.03a p. 122-125; D-282",
-        "A master passes on the SYNC signal of a bus at another baud rate, so no slave of it ever synchronizes. Give all \
-         buses of a cluster the same b_BT_0 and b_TIME_PATTERN.";
+        "A master passes on the SYNC signal of a bus at another baud rate, so none of its slaves ever synchronizes. \
+         Give all buses of a cluster the same b_BT_0 and b_TIME_PATTERN.";
     BEFORE_INIT: 23, "before-init", Error, "5.00005.03a p. 145; 5.02066.01a p. 42, 71; D-03",
-        "A register behind the initialization structure was written before the initialization data were taken \
-         over, which clears it. Wait for w_OPTION_STATUS 16#0003 first.";
+        "A register after the initialization structure was written before the initialization data were taken over, \
+         which clears the register. Wait for w_OPTION_STATUS 16#0003 first.";
     AFTER_INIT: 24, "after-init", Error, "5.00005.03a p. 145; 5.02066.01a p. 42, 71; D-02, D-03",
-        "A register of the initialization structure was written after the data had been taken over and before \
-         the start: it has no effect and hits a reserved register. Restart the node with 16#0000 to initialize it anew.";
+        "A register of the initialization structure was written after the data had been taken over and before the \
+         start: the write has no effect and hits a reserved register. Restart the node with 16#0000 to initialize it \
+         again.";
     DRIVE_SYNC_SLOT: 31, "drive-sync-slot", Error, "5.01010.01 p. 13; D-291",
         "The SYNC slot (P167) of a drive does not belong to the baud rate of its bus, so the drive never locks. Set P167 to 1000 \
          at 1000 kbit/s, 2000 at 500, 4000 at 250, 8000 at 125.";
     DRIVE_PWM: 32, "drive-pwm", Warning, "5.00005.03a p. 74 (inferred); D-292",
-        "The PWM frequency (P103) of a drive is none of the two that the table of the masks over P258 knows. Set it to 4 or \
-         8 kHz.";
+        "The PWM frequency (P103) of a drive is not in the table of the masks over P258. Set P103 to 4 or 8 kHz.";
     DRIVE_BAUD_RATE: 33, "drive-baud-rate", Error, "5.01010.01 p. 10, 13; D-540",
-        "A drive is set to another baud rate than its bus runs at and hears nothing; the value is its own rate in kbit/s. Set \
-         switches 1 and 2 of S20 on its card (kbit_s in the plant file) to the rate that the master is initialized with, \
-         and P167 with them.";
+        "A drive is set to another baud rate than its bus and receives nothing. The value is the drive's rate in \
+         kbit/s. Set switches 1 and 2 of S20 on its card (kbit_s in the plant file) to the rate that the master is \
+         initialized with, and set P167 to match.";
     DRIVE_SYNC_OFFSET: 91, "drive-sync-offset", Warning, "5.01010.01 p. 13",
         "The SYNC offset (P168) of a drive with CANsync card is not 0. Set P168 to 0 at every baud rate.";
     NO_SYNC_IN: 99, "no-sync-in", Error, "5.00005.03a p. 149; 5.02066.01a p. 50-51; D-12, D-646",
-        "A master is to pass a SYNC signal on (b_MA_SL_MODE 16#02), but no other port can hand it one, so it waits without \
-         end. Write 16#00, or connect the port that receives the signal: node1 of an Omega Drive-Line II, sync_in_from of a module.";
+        "A master is to pass a SYNC signal on (b_MA_SL_MODE 16#02), but no other port can supply one, so the master \
+         waits without end. Write 16#00, or connect the port that receives the signal: node1 of an Omega Drive-Line \
+         II, sync_in_from of a module.";
     NUMBER_TAKEN: 100, "number-taken", Error, "5.00005.03a p. 22; 5.02066.01a p. 15, 26; D-184",
         "The slave number at the DIP switches of a node belongs to another station of its bus, so no master reaches the node. \
          Set a number that is free and switch the supply off and on.";
     FOREIGN_FRAME: 61, "foreign-frame", Warning, "D-315",
-        "A program at a door has sent a frame into a CANsync bus, where only master and slaves send, each in its slot. Only \
-         listen there.";
+        "A program at a door sent a frame on a CANsync bus. Only the master and the slaves may send there, each in \
+         its slot. Only receive on this bus.";
 }
 
 #[cfg(test)]
@@ -92,7 +93,7 @@ mod tests {
     use super::*;
     use crate::devices::{bm4_o_can_06, omega_drive_line_2};
 
-    /// What a text says would be right is what the layouts have.
+    /// The bit timings in the rule text are equal to those of the layouts.
     #[test]
     fn bit_timings_in_the_text_are_those_of_the_devices() {
         let rates =

@@ -1,41 +1,41 @@
-//! The cyclic part of the soft-PLC: what a PLC does in its SYNC event task.
+//! The cyclic part of the soft-PLC: the work of a PLC in its SYNC event task.
 
-use super::trace::{Trace, Who};
+use super::trace::{Trace, Writer};
 use crate::devices::cansync::registers::values::send;
 use crate::devices::demo::DemoError;
 use std::time::Duration;
 
 /// Slave numbers of the drives.
 pub(crate) const DRIVES: [u8; 3] = [1, 2, 3];
-/// Intervals that are traced, enough for each drive to answer once: the question goes to slave 0 first, and
-/// answers are seen one interval later.
+/// Number of traced intervals, enough for each drive to answer once. The first request goes to slave 0, and an answer
+/// is visible one interval later.
 const TRACED: u32 = 6;
-/// How much the reference value grows in each interval.
+/// Increase of the reference value per interval.
 const SLOPE: u32 = 100;
 /// The reference value at the end, easy to recognize.
 const LAST: u32 = 0x1122_3344;
-/// How long to wait for a SYNC pulse, in real time.
+/// Time limit for a SYNC pulse, in real time.
 const SYNC: Duration = Duration::from_secs(5);
 
-/// Process data, with a count of what happened.
+/// Exchange of process data, with counters.
 pub(crate) struct Exchange<'a> {
     trace: &'a Trace<'a>,
     /// Length of the exchange, a second of emulated time.
     intervals: u32,
-    /// SYNC pulses seen so far.
+    /// SYNC pulses counted up to now.
     syncs: u32,
-    /// Intervals in which the PLC came in time.
+    /// Intervals in which the PLC reacted in time.
     seen: u32,
-    /// Intervals that went by unseen, because this process did not get the processor.
+    /// Intervals that passed unnoticed, because this process did not get the processor.
     unseen: u32,
-    /// Reference value frames that the firmware has taken over before the next interval.
+    /// Reference value frames that the firmware took over before the next interval.
     sent: u32,
-    /// Actual value frames of each drive.
+    /// Received actual value frames of each drive.
     received: [u32; DRIVES.len()],
 }
 
 impl<'a> Exchange<'a> {
-    /// Begins with the next SYNC pulse; `intervals` make a second.
+    /// Starts at the next SYNC pulse; `intervals` is the number of intervals per second.
     pub(crate) fn new(trace: &'a Trace<'a>, intervals: u32) -> Self {
         Self {
             trace,
@@ -48,10 +48,10 @@ impl<'a> Exchange<'a> {
         }
     }
 
-    /// Exchanges process data for a second, then checks that a value comes back.
+    /// Exchanges process data for one second, then checks that a value comes back.
     ///
     /// # Errors
-    /// The emulator has gone, or a drive does not follow.
+    /// The emulator has ended, or a drive does not follow.
     pub(crate) fn run(mut self) -> Result<(), DemoError> {
         let intervals = self.intervals;
         self.trace.headline(&format!("Process data: the first {TRACED} of {intervals} intervals"))?;
@@ -60,7 +60,7 @@ impl<'a> Exchange<'a> {
         }
         self.report()?;
         self.trace.headline("One more reference value, until all drives have it")?;
-        // It must have come back as actual value of all drives in half a second.
+        // The value must come back as actual value of all drives within half a second.
         let settle = intervals / 2;
         for _ in 0..settle {
             self.interval(LAST, false)?;
@@ -77,7 +77,7 @@ impl<'a> Exchange<'a> {
         DRIVES.into_iter().map(|drive| self.trace.node.a_RD_BMARRAY[usize::from(drive)][0].load())
     }
 
-    /// One interval: wait for SYNC, read what the one before has brought, give the next reference value.
+    /// One interval: waits for SYNC, reads the result of the previous interval, writes the next reference value.
     fn interval(&mut self, reference: u32, traced: bool) -> Result<(), DemoError> {
         let what = format!("a SYNC pulse at {}", self.trace.port());
         self.trace.await_change(&what, SYNC, || self.trace.syncs() != self.syncs)?;
@@ -90,7 +90,7 @@ impl<'a> Exchange<'a> {
         if self.seen > 0 {
             self.sent += u32::from(self.trace.node.b_CTRLREG_WRC1.load() == 0x04);
             if traced {
-                self.trace.note(Who::Firmware, &self.trace.node.b_CTRLREG_WRC1)?;
+                self.trace.note(Writer::Firmware, &self.trace.node.b_CTRLREG_WRC1)?;
             }
         }
         self.seen += 1;
@@ -104,8 +104,8 @@ impl<'a> Exchange<'a> {
         let Some(index) = DRIVES.iter().position(|drive| *drive == slave) else { return Ok(()) };
         self.received[index] += 1;
         if traced {
-            self.trace.note(Who::Firmware, &node.b_STATREG_RDC1)?;
-            self.trace.note(Who::Firmware, &node.a_RD_BMARRAY[usize::from(slave)][0])?;
+            self.trace.note(Writer::Firmware, &node.b_STATREG_RDC1)?;
+            self.trace.note(Writer::Firmware, &node.a_RD_BMARRAY[usize::from(slave)][0])?;
         }
         // Any other number re-arms the register.
         node.b_STATREG_RDC1.store(0xFF);
@@ -117,8 +117,8 @@ impl<'a> Exchange<'a> {
         node.a_WR_VALUE[0].store(reference);
         node.b_CTRLREG_WRC1.store(send::RELEASED);
         if traced {
-            self.trace.note(Who::Plc, &node.a_WR_VALUE[0])?;
-            self.trace.note(Who::Plc, &node.b_CTRLREG_WRC1)?;
+            self.trace.note(Writer::Plc, &node.a_WR_VALUE[0])?;
+            self.trace.note(Writer::Plc, &node.b_CTRLREG_WRC1)?;
         }
         self.trace.ring()
     }
@@ -144,9 +144,9 @@ impl<'a> Exchange<'a> {
 
     fn show_settled(&self) -> Result<(), DemoError> {
         let node = &self.trace.node;
-        self.trace.note(Who::Plc, &node.a_WR_VALUE[0])?;
+        self.trace.note(Writer::Plc, &node.a_WR_VALUE[0])?;
         for drive in DRIVES {
-            self.trace.note(Who::Firmware, &node.a_RD_BMARRAY[usize::from(drive)][0])?;
+            self.trace.note(Writer::Firmware, &node.a_RD_BMARRAY[usize::from(drive)][0])?;
         }
         self.trace.print()
     }

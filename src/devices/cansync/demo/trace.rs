@@ -1,4 +1,4 @@
-//! What the soft-PLC prints: registers as the RAM holds them.
+//! Output of the soft-PLC: the values of registers in the RAM.
 
 use crate::devices::cansync::registers::CANsync_MA_CTRL_BMSTRUCT;
 use crate::devices::demo::{DemoError, Show};
@@ -9,17 +9,17 @@ use crate::time;
 use std::cell::RefCell;
 use std::time::Duration;
 
-/// Who has written what is printed.
+/// Writer of a printed value.
 #[derive(Clone, Copy)]
-pub(crate) enum Who {
+pub(crate) enum Writer {
     /// The soft-PLC.
     Plc,
-    /// The firmware behind the RAM.
+    /// The firmware of the emulated node.
     Firmware,
 }
 
-/// An attached image, seen as that of a master. Registers are noted at once and printed later, because printing
-/// takes longer than the firmware needs for its answer.
+/// An attached image of a master. Registers are noted at once and printed later, because printing takes longer than the
+/// firmware needs for its answer.
 pub(crate) struct Trace<'a> {
     show: Show<'a>,
     device: &'static Device,
@@ -34,16 +34,16 @@ pub(crate) struct Trace<'a> {
 
 enum Note {
     /// A register held a value.
-    Register { time_us: u64, who: Who, address: Address, live: RegisterPhase, value: u32 },
+    Register { time_us: u64, writer: Writer, address: Address, live: RegisterPhase, value: u32 },
     /// A SYNC pulse was seen.
     Sync { time_us: u64, count: u32 },
 }
 
 impl<'a> Trace<'a> {
-    /// Looks at the master in `port` of an attached image.
+    /// Opens the master in `port` of an attached image.
     ///
     /// # Errors
-    /// It is attached read-only.
+    /// The image is attached read-only.
     pub(crate) fn new(
         attached: Attached,
         device: &'static Device,
@@ -56,15 +56,15 @@ impl<'a> Trace<'a> {
         Ok(Self { show, device, fitted, port, attached, header, node, notes: RefCell::default() })
     }
 
-    /// Shows a text as it is.
+    /// Prints a text unchanged.
     ///
     /// # Errors
-    /// Nobody reads it.
+    /// The output is closed.
     pub(crate) fn say(&self, text: &str) -> Result<(), DemoError> {
         Ok((self.show)(text)?)
     }
 
-    /// Makes the firmware look at the registers at once.
+    /// Makes the firmware poll the registers at once.
     ///
     /// # Errors
     /// The image is attached read-only.
@@ -72,7 +72,7 @@ impl<'a> Trace<'a> {
         Ok(self.attached.ring()?)
     }
 
-    /// Prints what was noted.
+    /// Prints the notes.
     ///
     /// # Errors
     /// As [`Trace::say`].
@@ -81,7 +81,7 @@ impl<'a> Trace<'a> {
         self.say(&notes.iter().map(|note| self.line(note)).collect::<Result<String, _>>()?)
     }
 
-    /// Prints what was noted, and a headline for what comes.
+    /// Prints the notes, then a headline for the following ones.
     ///
     /// # Errors
     /// As [`Trace::say`].
@@ -90,28 +90,28 @@ impl<'a> Trace<'a> {
         self.say(&format!("\n{text}\n"))
     }
 
-    /// Notes what a register of the master holds. The register is found by its place in the structure, so that the
-    /// text cannot name another one than was accessed.
+    /// Notes the value of a register of the master. The register is found by its offset in the structure, so the
+    /// printed name is always that of the accessed register.
     ///
     /// # Errors
-    /// The register is none of the master's.
-    pub(crate) fn note<T: SharedRegs>(&self, who: Who, cell: &T) -> Result<(), DemoError> {
+    /// The register does not belong to the master.
+    pub(crate) fn note<T: SharedRegs>(&self, writer: Writer, cell: &T) -> Result<(), DemoError> {
         let address = self.address(cell)?;
         let value = self.attached.segment().load(address.offset(), address.width())?;
-        self.note_value(who, address, value);
+        self.note_value(writer, address, value);
         Ok(())
     }
 
-    fn note_value(&self, who: Who, address: Address, value: u32) {
+    fn note_value(&self, writer: Writer, address: Address, value: u32) {
         let live = live_by(self.node.w_OPTION_STATUS.load().into());
         let time_us = self.header.virtual_time_us.load();
-        self.notes.borrow_mut().push(Note::Register { time_us, who, address, live, value });
+        self.notes.borrow_mut().push(Note::Register { time_us, writer, address, live, value });
     }
 
-    /// Waits until a register of the master holds `wanted`, and notes it. `what` names what the wait is for.
+    /// Waits until a register of the master holds `wanted`, and notes it. `what` describes the awaited event.
     ///
     /// # Errors
-    /// The emulator has gone, or [`DemoError::Stuck`] after `patience` of real time.
+    /// The emulator has ended, or [`DemoError::Stuck`] after `patience` of real time.
     pub(crate) fn await_value<T: SharedRegs>(
         &self,
         cell: &T,
@@ -123,7 +123,7 @@ impl<'a> Trace<'a> {
         let (offset, width) = (address.offset(), address.width());
         match self.attached.wait_register(offset, width, patience, |value| value == wanted) {
             Ok(value) => {
-                self.note_value(Who::Firmware, address, value);
+                self.note_value(Writer::Firmware, address, value);
                 Ok(())
             }
             Err(MemoryError::RegisterTimeout { last, .. }) => {
@@ -142,10 +142,10 @@ impl<'a> Trace<'a> {
         }
     }
 
-    /// Waits until `changed` says so; it is asked whenever the firmware has changed registers.
+    /// Waits until `changed` returns true. It is called after each change of registers by the firmware.
     ///
     /// # Errors
-    /// The emulator has gone, or nothing happened for `patience` of real time.
+    /// The emulator has ended, or nothing changed for `patience` of real time.
     pub(crate) fn await_change(
         &self,
         what: &str,
@@ -155,7 +155,7 @@ impl<'a> Trace<'a> {
         Ok(self.attached.wait_until(what, patience, |_| changed().then_some(()))?)
     }
 
-    /// SYNC pulses of the master so far.
+    /// Returns the number of SYNC pulses of the master up to now.
     pub(crate) fn syncs(&self) -> u32 {
         let counter = self.header.sync_counter.get(usize::from(self.port.number) - 1);
         counter.map_or(0, |counter| counter.load())
@@ -186,16 +186,16 @@ impl<'a> Trace<'a> {
     fn line(&self, note: &Note) -> Result<String, DemoError> {
         let line = match *note {
             Note::Sync { time_us, count } => format!("{:>11}  SYNC {count}", time::seconds(time_us)),
-            Note::Register { time_us, who, address, live, value } => {
+            Note::Register { time_us, writer, address, live, value } => {
                 let time = time::seconds(time_us);
-                let who = match who {
-                    Who::Plc => "PLC",
-                    Who::Firmware => "firmware",
+                let writer = match writer {
+                    Writer::Plc => "PLC",
+                    Writer::Firmware => "firmware",
                 };
                 let place = Place::parse(&self.fitted, &address.to_string())?;
                 let name = place.name(live);
                 let (value, meaning) = (place.format(live, value), place.meaning(live, value));
-                format!("{time:>11}  {who:8}  {name:40}  {address:11}  {value:11}  {meaning}")
+                format!("{time:>11}  {writer:8}  {name:40}  {address:11}  {value:11}  {meaning}")
             }
         };
         Ok(format!("{}\n", line.trim_end()))

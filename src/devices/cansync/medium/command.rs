@@ -25,7 +25,7 @@ impl Run<'_> {
         let Some(frame) = self.bus.command.take() else { return };
         match (self.arrives(Slot::CommandEnd, &frame), frame.kind()) {
             (Fate::Arrives, _) => self.deliver(&frame, false),
-            // The master does not know it and waits for the answer.
+            // The master does not know about the loss and waits for the answer.
             (Fate::Lost, Some(FrameKind::Job(_))) => self.start_timeout(),
             (Fate::Lost | Fate::Late, _) => {}
         }
@@ -48,8 +48,8 @@ impl Run<'_> {
         }
     }
 
-    /// Parameters with which a drive cannot follow the bus are a finding at the register through which the master's PLC
-    /// sets them.
+    /// Reports a finding for each parameter with which a drive cannot follow the bus. The finding is at the register
+    /// through which the master's PLC sets the parameter.
     fn find_wrong_settings(&mut self, index: usize) {
         let interval_us = u32::from(self.timing.b_TIME_PATTERN) * 1000;
         let Some(drive) = self.drive(index) else { return };
@@ -121,7 +121,7 @@ impl Run<'_> {
         }
     }
 
-    /// The sender's part of an answer.
+    /// Notifies the sender of an answer that the answer was sent.
     pub(super) fn answer_has_left(&mut self, number: u8) {
         if let Station::Node(index) = self.station(number) {
             self.node(index, |slave, ctx| slave.response_sent(ctx));

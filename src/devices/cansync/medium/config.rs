@@ -1,4 +1,4 @@
-//! A bus as the plant file describes it.
+//! Configuration of a CANsync bus in the plant file.
 
 use super::{FAMILY, SimBus};
 use crate::devices::cansync::bus::FrameLength;
@@ -10,24 +10,24 @@ use serde::Deserialize;
 use std::sync::Arc;
 use toml::de::{Error, ValueDeserializer};
 
-/// A bus of the plant file.
+/// A bus in the plant file.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 #[serde(expecting = "a bus: a table with its settings")]
 pub struct BusConfig {
     /// Name, unique among the buses.
     pub name: String,
-    /// Baud rate that the drives on it are set to, unless they say otherwise: 1000, 500, 250 or 125 kbit/s (default 500). The
-    /// bus itself runs at the rate that its master is initialized with.
+    /// Baud rate of the drives without a baud rate setting: 1000, 500, 250 or 125 kbit/s (default 500). The bus itself
+    /// runs at the rate that its master is initialized with.
     #[serde(default = "default_kbit_s")]
     pub kbit_s: u16,
-    /// Length of its process data frames: `"fixed"` (default) or `"variable"` (decision D-10).
+    /// Length of the process data frames: `"fixed"` (default) or `"variable"` (decision D-10).
     #[serde(default)]
     pub frame_length: FrameLength,
-    /// The doors to it that are open from the start.
+    /// Doors of the bus that are open from the start.
     #[serde(default)]
     pub doors: Vec<DoorSpec>,
-    /// The drives on it.
+    /// Drives on the bus.
     #[serde(rename = "drive", default)]
     pub drives: Vec<DriveConfig>,
 }
@@ -37,7 +37,7 @@ fn default_kbit_s() -> u16 {
 }
 
 impl Default for BusConfig {
-    /// A bus without name and drives.
+    /// A bus without a name and without drives.
     fn default() -> Self {
         BusConfig {
             name: String::new(),
@@ -65,13 +65,14 @@ impl MediumConfig for BusConfig {
         check_rate(&self.name, self.kbit_s)?;
         for drive in &self.drives {
             check_drive(drive)?;
-            // What only the drive itself knows.
+            // Checks that need the drive itself.
             Drive::new(drive, self.kbit_s)?;
         }
         Ok(())
     }
 
-    /// Whoever is set to a rate that the bus cannot have, or that others on it have not, hears nothing (decision D-541).
+    /// Reports drives that will receive nothing: their rate is not possible on the bus, or not the rate of the other
+    /// stations (decision D-541).
     fn doubts(&self, masters: &[MasterConfig]) -> Vec<Doubt> {
         let bus = &self.name;
         let has = |master: &MasterConfig, kbit_s| master.kbit_s.is_empty() || master.kbit_s.contains(&kbit_s);

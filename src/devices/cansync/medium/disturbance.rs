@@ -1,4 +1,4 @@
-//! What faults have done to a bus: which frames under way do not arrive as they should, and who is off.
+//! Effects of faults on a bus: frames that do not arrive as they should, and slaves that are switched off.
 
 use super::schedule::Slot;
 use super::slots::OnWire;
@@ -6,37 +6,37 @@ use super::{Sender, SimBus, Station};
 use crate::devices::cansync::bus::{Frame, FrameKind};
 use serde::{Deserialize, Serialize};
 
-/// What faults have done to a bus.
+/// Effects of faults on a bus.
 #[derive(Default, Serialize, Deserialize)]
 pub(super) struct Disturbance {
-    /// Slaves that are off, bit n for slave n.
+    /// Slaves that are switched off, bit n for slave n.
     off: u32,
-    /// Those of them that faults have switched off.
+    /// Slaves that are switched off by faults.
     faulty: u32,
-    /// Those of them whose device has no power.
+    /// Slaves whose device has no power.
     unpowered: u32,
-    /// Frames under way that nobody receives at all, by place on the wire.
+    /// Frames under way that no station receives, by place on the wire.
     pub(super) lost: u8,
     /// Frames under way that end later than regularly, by place on the wire.
     pub(super) late: u8,
     /// Frames that arrive outside of their slots.
     pub(super) strays: Vec<Stray>,
-    /// How far the present SYNC edge lies behind its regular time, in us.
+    /// Delay of the present SYNC edge against its regular time, in us.
     pub(super) shift: i64,
     /// The job under way, while there are faults.
     pub(super) job: Option<Frame>,
-    /// The answer that a fault gives to it in place of the slave.
+    /// The answer that a fault gives to the job in place of the slave.
     pub(super) answer: Option<Frame>,
 }
 
-/// What becomes of a frame.
+/// Fate of a frame at its regular end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Fate {
-    /// Its receivers have it.
+    /// The receivers have the frame.
     Arrives,
-    /// Nobody ever has it; its sender does not notice.
+    /// No station receives the frame. The sender does not notice.
     Lost,
-    /// It is still on its way.
+    /// The frame is still under way.
     Late,
 }
 
@@ -45,9 +45,9 @@ pub(super) enum Fate {
 pub(super) struct Stray {
     pub(super) end: u64,
     pub(super) frame: Frame,
-    /// Whether it comes a second time.
+    /// True if the frame arrives for the second time.
     pub(super) copy: bool,
-    /// The guest whose it is, if it is one's.
+    /// The guest that sent the frame, if a guest did.
     pub(super) guest: Option<u8>,
 }
 
@@ -57,7 +57,7 @@ impl Disturbance {
         self.off.checked_shr(slave.into()).unwrap_or(0) & 1 != 0
     }
 
-    /// What becomes of the frame at this place on the wire, whose regular end is now.
+    /// Returns and clears the fate of the frame at this place on the wire, whose regular end is now.
     #[inline]
     pub(super) fn take_fate(&mut self, place: usize) -> Fate {
         let bit = 1 << place;
@@ -71,7 +71,7 @@ impl Disturbance {
         fate
     }
 
-    /// The bus stands still.
+    /// Clears all frames, because the bus has stopped.
     pub(super) fn forget_frames(&mut self) {
         self.lost = 0;
         self.late = 0;
@@ -86,13 +86,13 @@ impl Disturbance {
         self.answer.take()
     }
 
-    /// The next edge comes at its regular time.
+    /// Schedules the next edge at its regular time.
     #[inline]
     pub(super) fn end_jitter(&mut self) {
         self.shift = 0;
     }
 
-    /// How far the present edge lies behind its regular time, in us.
+    /// Returns the delay of the present edge against its regular time, in us.
     #[inline]
     pub(super) fn shift(&self) -> i64 {
         self.shift
@@ -100,13 +100,13 @@ impl Disturbance {
 }
 
 impl SimBus {
-    /// Slaves that faults have switched off, bit n for slave n.
+    /// Switches off the slaves that faults have switched off, bit n for slave n.
     pub(super) fn switch_off_by_faults(&mut self, now: u64, off: u32) {
         self.disturbance.faulty = off;
         self.switch_off(now, off | self.disturbance.unpowered);
     }
 
-    /// The device of a drive has power or not.
+    /// Connects or disconnects the power of a drive's device.
     pub(super) fn supply_drive(&mut self, now: u64, number: u8, has_power: bool) {
         let bit = 1u32.checked_shl(number.into()).unwrap_or(0);
         let unpowered = self.disturbance.unpowered;
@@ -116,8 +116,8 @@ impl SimBus {
         }
     }
 
-    /// Slaves that are off from now on, bit n for slave n. Drives that go off are as at power-on when they come
-    /// back; a PLC's node has its plug pulled (decision D-123).
+    /// Switches off these slaves and no others, bit n for slave n. A drive that was off starts as at power-on. A node
+    /// of a PLC has its plug pulled (decision D-123).
     fn switch_off(&mut self, now: u64, off: u32) {
         let changed = self.disturbance.off ^ off;
         self.disturbance.off = off;
@@ -127,25 +127,24 @@ impl SimBus {
         }
     }
 
-    /// Brings a fault upon the drive with this slave number. Tells whether there is one, with power and without a
-    /// fault.
+    /// Trips the drive with this slave number. Returns true if the drive exists, has power, and had no fault.
     pub(super) fn trip_drive(&mut self, now: u64, slave: u8, fault: u16) -> bool {
         let Some(Station::Drive(index)) = self.stations.get(usize::from(slave)) else { return false };
         let drive = self.drives.get_mut(*index).filter(|_| !self.disturbance.is_off(slave));
         let trips = drive.is_some_and(|drive| drive.trip(fault));
         if trips {
-            // It has to come to a standstill, also without SYNC.
+            // The drive must come to a standstill, also without SYNC.
             self.wake_drives(now);
         }
         trips
     }
 
-    /// This sender has stopped in the middle: the frames that it has on the wire, or about to be, are lost. A frame
-    /// that has ended is out of its hands.
+    /// Marks as lost the frames that this sender has on the wire or scheduled, because the sender has stopped. A frame
+    /// that has ended is complete and stays.
     pub(super) fn destroy_frames_of(&mut self, now: u64, sender: Sender) {
         for (place, wire) in self.on_wire.iter_mut().enumerate() {
             if let Some(OnWire { due, .. }) = wire.take_if(|wire| wire.sender == sender && wire.until > now)
-                // The place of a frame that a fault has delayed may be another one's already.
+                // The place of a frame that a fault has delayed may already belong to another frame.
                 && due > now
             {
                 self.disturbance.lost |= 1 << place;
@@ -154,7 +153,7 @@ impl SimBus {
         self.disturbance.strays.retain(|stray| !stray.is_of(sender));
         match sender {
             Sender::Master => {
-                // What is still being built never gets to the controller.
+                // A frame that is still being built never reaches the controller.
                 for (reference, built) in self.reference.iter_mut().zip([Slot::Built1, Slot::Built2]) {
                     reference.take_if(|_| self.schedule.at(built).is_some());
                 }

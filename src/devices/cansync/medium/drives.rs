@@ -1,30 +1,32 @@
-//! The drives on a bus, which catch up with it when somebody looks at them.
+//! The drives on a bus, brought up to date when they are accessed.
 //!
-//! SYNC edges and reference value frames come to all drives in every interval, but hardly any drive is asked for something
-//! in it. So the bus notes what has passed for all of them. Whoever gets hold of a drive here finds it up to date.
+//! SYNC edges and reference value frames come to all drives in every interval, but few drives are accessed in an
+//! interval. So the bus logs these events once for all drives. Each access through this module first brings the drive
+//! up to date.
 
 use crate::devices::cansync::drive::{Drive, Log, Passed};
 use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 use std::sync::OnceLock;
 
-/// Notes after which all drives catch up: some 128 intervals, four times as many as drives that are asked in turn.
+/// Number of logged events after which all drives catch up: about 128 intervals, four times the number of drives that
+/// can be requested in turn.
 const MOST: usize = 384;
 
 /// The drives on a bus.
 #[derive(Default)]
 pub(super) struct Drives {
     all: Vec<Drive>,
-    /// Their states at power-on.
+    /// Snapshot of each drive at power-on.
     fresh: Vec<Box<[u8]>>,
-    /// What has passed since all of them were up to date.
+    /// Events since all drives were last up to date.
     passed: Log,
-    /// How much of that each drive has taken.
+    /// Number of logged events that each drive has taken.
     taken: Vec<usize>,
-    /// Drives that are off, bit n for slave n: nothing comes to them.
+    /// Drives that are switched off, bit n for slave n. They receive no events.
     off: u32,
-    /// Slaves whose actual value frames any of them evaluates, bit n for slave n.
+    /// Slaves whose actual value frames at least one drive evaluates, bit n for slave n.
     overheard: u32,
-    /// The drives up to date, for those who may only look.
+    /// Copies of the drives, up to date, for readers.
     shown: OnceLock<Vec<Drive>>,
 }
 
@@ -42,18 +44,18 @@ impl Drives {
         self.taken.push(self.passed.len());
     }
 
-    /// How many there are.
+    /// Returns the number of drives.
     pub(super) fn len(&self) -> usize {
         self.all.len()
     }
 
-    /// Whether there is none.
+    /// Returns true if the bus has no drives.
     #[inline]
     pub(super) fn is_empty(&self) -> bool {
         self.all.is_empty()
     }
 
-    /// Something has come to all of them.
+    /// Logs an event that comes to all drives.
     #[inline]
     pub(super) fn pass(&mut self, passed: Passed) {
         if self.all.is_empty() {
@@ -72,7 +74,7 @@ impl Drives {
         self.overheard.checked_shr(number.into()).unwrap_or(0) & 1 != 0
     }
 
-    /// A drive.
+    /// Returns a drive, up to date.
     #[inline]
     pub(super) fn get_mut(&mut self, index: usize) -> Option<&mut Drive> {
         let (drive, taken) = (self.all.get_mut(index)?, self.taken.get_mut(index)?);
@@ -84,7 +86,7 @@ impl Drives {
         Some(drive)
     }
 
-    /// All drives.
+    /// Brings all drives up to date and clears the log.
     pub(super) fn settle(&mut self) -> &mut [Drive] {
         for (drive, from) in self.all.iter_mut().zip(&mut self.taken) {
             if !is_off(self.off, drive) {
@@ -97,7 +99,7 @@ impl Drives {
         &mut self.all
     }
 
-    /// All drives, to be looked at.
+    /// Returns all drives, up to date, for reading.
     pub(super) fn look(&self) -> &[Drive] {
         if self.taken.iter().all(|taken| *taken == self.passed.len()) {
             return &self.all;
@@ -114,13 +116,13 @@ impl Drives {
         })
     }
 
-    /// Which of them are off from now on, bit n for slave n. Those that go off or come back are as at power-on.
+    /// Switches these drives off and no others, bit n for slave n. A drive whose supply changes is as at power-on.
     pub(super) fn switch_off(&mut self, off: u32) {
         self.settle();
         let changed = self.off ^ off;
         for (drive, fresh) in self.all.iter_mut().zip(&self.fresh) {
             if is_off(changed, drive) {
-                // It is this drive's own.
+                // The snapshot was taken from this drive.
                 let _ = drive.restore(&mut Saved::new(fresh));
             }
         }
@@ -154,7 +156,7 @@ mod tests {
     use crate::devices::cansync::bus::Channel;
     use crate::devices::cansync::drive::{DriveConfig, ParamFormat, ReferenceMapping, Source, ZkParameters};
 
-    /// A drive that takes a reference value from what this slave sends.
+    /// A drive that takes a reference value from the frames of this slave.
     fn follower(slave: u8) -> Drive {
         let (channel, format) = (Channel::One, ParamFormat::Doubleword);
         let mapping = ReferenceMapping { word: 0, channel, format, source: Source::Slave(slave) };
@@ -164,7 +166,7 @@ mod tests {
     }
 
     #[test]
-    fn frames_are_overheard_of_the_slaves_that_any_drive_follows() {
+    fn drives_overhear_only_the_frames_of_slaves_that_they_follow() {
         let mut drives = Drives::default();
         assert!(!(0..=u8::MAX).any(|number| drives.overhears(number)));
         [2, 5].into_iter().for_each(|slave| drives.push(follower(slave)));

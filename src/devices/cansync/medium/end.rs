@@ -1,4 +1,4 @@
-//! The end of a bus at a device: the node's firmware, and what of the header page is its own.
+//! The connection of a device to a bus: the node's firmware and its counters in the header page.
 
 use crate::devices::Context;
 use crate::devices::cansync::bus::SyncLock;
@@ -11,36 +11,37 @@ use crate::memory::{Header, MemoryError, Segment, View};
 use crate::snapshot_fields;
 use crate::snapshot_fields::SnapshotFields;
 
-/// A CANsync port, as a device hands it over.
+/// A CANsync port, as a device passes it to the bus.
 pub struct Socket {
     /// The device and the port's number.
     pub origin: Origin,
     /// The device's image.
     pub segment: Segment,
-    /// Where in it the node's registers lie.
+    /// Location of the node's registers in the image.
     pub seat: Seat,
-    /// What lies there.
+    /// Register area of the node.
     pub area: &'static Area,
-    /// What the node is.
+    /// Role of the node on its bus.
     pub role: SocketRole,
 }
 
-/// What a node is on its bus.
+/// Role of a node on its bus.
 #[derive(Clone, Debug)]
 pub enum SocketRole {
     /// The master.
     Master {
-        /// Whether the device can hand it the SYNC signal of another port, for `b_MA_SL_MODE` 16#02 (decision D-12).
+        /// True if the device can pass the SYNC signal of another port to this master, for `b_MA_SL_MODE` 16#02
+        /// (decision D-12).
         has_sync_in: bool,
     },
     /// A slave.
     Slave {
-        /// Its number, until the device starts with another one at its switches.
+        /// Slave number, valid until the device starts with another number at its switches.
         number: u8,
-        /// How it synchronizes.
+        /// Rules for locking to the SYNC signal.
         lock: SyncLock,
     },
-    /// A slave without registers: a drive of the bus that is built into the device, under its slave number.
+    /// A slave without registers: a drive that is built into the device, on the bus under its slave number.
     Drive(Box<DriveConfig>),
 }
 
@@ -49,7 +50,8 @@ pub(super) struct End<F> {
     pub(super) firmware: F,
     pub(super) watch: NodeWatch,
     pub(super) origin: Origin,
-    /// When the node last sent or received a frame, in emulated microseconds; `None` since it is on the bus.
+    /// Time at which the node last sent or received a frame, in emulated microseconds. `None` if no frame has passed
+    /// since the node is on the bus.
     pub(super) last_frame: Option<u64>,
     header: View<Header>,
     segment: Segment,
@@ -57,7 +59,7 @@ pub(super) struct End<F> {
     role: SocketRole,
 }
 
-/// Which list of ends a port stands in, and where.
+/// Reference to a port: its list in `SimBus`, and the index in that list.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Place {
     Master(usize),
@@ -65,13 +67,13 @@ pub(super) enum Place {
     Drive(usize),
 }
 
-/// The end of a bus at a device with a drive.
+/// The connection of a device with a drive to a bus.
 #[derive(Clone, Debug)]
 pub(super) struct DriveEnd {
     pub(super) origin: Origin,
     pub(super) number: u8,
     pub(super) kbit_s: u16,
-    /// When the drive last sent or received a frame.
+    /// Time at which the drive last sent or received a frame.
     pub(super) last_frame: Option<u64>,
 }
 
@@ -97,7 +99,7 @@ impl<F> End<F> {
         })
     }
 
-    /// Whether the device can hand this master the SYNC signal of another port.
+    /// Returns true if the device can pass the SYNC signal of another port to this master.
     pub(super) fn has_sync_in(&self) -> bool {
         matches!(self.role, SocketRole::Master { has_sync_in: true })
     }
@@ -128,9 +130,9 @@ impl End<Master> {
         End::new(socket, Master::new(&socket.segment, socket.seat)?)
     }
 
-    /// The RAM of the firmware and all that it knew is gone.
+    /// Resets the firmware: its RAM and all its state are lost.
     pub(super) fn forget(&mut self) {
-        // The segment was large enough before.
+        // Cannot fail: the segment was large enough before.
         if let Ok(master) = Master::new(&self.segment, self.seat) {
             self.firmware = master;
         }
@@ -142,7 +144,7 @@ impl End<Slave> {
         End::new(socket, Slave::new(&socket.segment, socket.seat, number, lock)?)
     }
 
-    /// As [`End::forget`] of a master; it is the slave with this number from now on.
+    /// Resets the firmware as [`End::forget`] does for a master; the slave has this number from now on.
     pub(super) fn begin_as(&mut self, number: u8) {
         let SocketRole::Slave { lock, .. } = &self.role else { return };
         if let Ok(slave) = Slave::new(&self.segment, self.seat, number, *lock) {

@@ -1,5 +1,5 @@
-//! What injected faults do to the traffic of a bus. Nothing of this runs while there is no fault, but for a look
-//! at the marks in `Disturbance`.
+//! Effects of injected faults on the traffic of a bus. Without faults this module costs only a test of the marks in
+//! `Disturbance`.
 
 use super::disturbance::Stray;
 use super::end::Place;
@@ -17,7 +17,8 @@ use crate::fault::{Hit, Target};
 use crate::journal::Origin;
 
 impl Run<'_> {
-    /// What faults do to a frame that is to begin at `from`. Returns when it begins; `None` if it is lost.
+    /// Applies faults to a frame that is to begin at `from`. Returns the start time of the frame; `None` if the frame
+    /// is lost.
     #[cold]
     pub(super) fn disturb(
         &mut self,
@@ -73,7 +74,7 @@ impl Run<'_> {
         self.bus.schedule_strays();
     }
 
-    /// Frames outside of their slots arrive, in the order in which they were sent.
+    /// Delivers frames outside of their slots, in the order in which they were sent.
     pub(super) fn stray_frames(&mut self) {
         let now = self.now;
         for Stray { frame, copy, guest, .. } in
@@ -94,7 +95,7 @@ impl Run<'_> {
         self.bus.schedule_strays();
     }
 
-    /// Hands a frame over to everybody who receives it. Nodes with an overrun do not; the sender is not asked.
+    /// Delivers a frame to all its receivers. A node with an overrun does not receive it. The sender is not affected.
     pub(super) fn deliver(&mut self, frame: &Frame, copy: bool) {
         if self.faults.is_empty() {
             return self.deliver_to_all(frame, copy);
@@ -128,7 +129,7 @@ impl Run<'_> {
         }
     }
 
-    /// Nodes of this bus that lose `frame` to an overrun.
+    /// Returns the nodes of this bus that lose `frame` to an overrun.
     fn overruns(&mut self, frame: &Frame) -> Vec<Place> {
         let mut deaf = Vec::new();
         let bus = &mut *self.bus;
@@ -157,7 +158,7 @@ impl Run<'_> {
         deaf
     }
 
-    /// Whether the SYNC edge that is due now is lost on the line.
+    /// Returns true if a fault loses the present SYNC edge on the line.
     #[cold]
     pub(super) fn edge_is_lost(&mut self) -> bool {
         let mut lost = false;
@@ -171,8 +172,8 @@ impl Run<'_> {
         lost
     }
 
-    /// How far faults move the next edge of this bus's own SYNC signal, in us: late and early in turn, beginning
-    /// with late (decision D-125).
+    /// Calculates the shift of the next edge of this bus's own SYNC signal by faults, in us: late and early in turn,
+    /// beginning with late (decision D-125).
     #[cold]
     pub(super) fn move_next_edge(&mut self) {
         let mut shift = 0;
@@ -189,7 +190,7 @@ impl Run<'_> {
         self.bus.disturbance.shift = shift;
     }
 
-    /// The job as it arrives: with a wrong offset, if a fault says so.
+    /// Returns the job as it arrives: with a wrong offset if a fault requires one.
     #[cold]
     pub(super) fn wrong_job(&mut self, number: u8, frame: Frame) -> Frame {
         let Ok(job) = UpDownJob::decode(frame.payload()) else { return frame };
@@ -202,7 +203,7 @@ impl Run<'_> {
         }
     }
 
-    /// The answer as it arrives: with a wrong offset, if a fault says so.
+    /// Returns the answer as it arrives: with a wrong offset if a fault requires one.
     #[cold]
     pub(super) fn wrong_answer(&mut self, number: u8, frame: Frame) -> Frame {
         let job = self.bus.disturbance.job.and_then(|job| UpDownJob::decode(job.payload()).ok());
@@ -234,7 +235,7 @@ impl Run<'_> {
         wrong
     }
 
-    /// Whether a fault answers this job in place of slave `number`, which then does not see it.
+    /// Returns true if a fault answers this job in place of slave `number`. The slave then does not receive the job.
     #[cold]
     pub(super) fn answer_in_place(&mut self, number: u8, frame: &Frame) -> bool {
         self.bus.disturbance.job = Some(*frame);
@@ -255,12 +256,12 @@ impl Run<'_> {
     }
 }
 
-/// Whether a fault acts on slave `number`.
+/// Returns true if `target` is slave `number`.
 fn is_slave(target: Target, number: u8) -> bool {
     matches!(target, Target::Participant { number: slave, .. } if slave == number)
 }
 
-/// The answer BUSY, or an error number, to a job; `None` if it is no job that could be answered.
+/// Returns the answer BUSY, or an error number, to a job. `None` if the frame is not a job with an answer.
 fn busy_or_error(job: &Frame, slave: u8, error: Option<u16>) -> Option<Frame> {
     let payload = job.payload();
     if is_up_download(payload) {

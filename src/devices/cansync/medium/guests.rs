@@ -1,5 +1,5 @@
-//! Guests at a CANsync bus. They have no slot: what they send arrives outside of the slots, as a frame that a fault repeats
-//! does (decision D-315).
+//! Guests at a CANsync bus. Guests have no slot: their frames arrive outside of the slots, like frames that a fault
+//! repeats (decision D-315).
 
 use super::SimBus;
 use super::disturbance::Stray;
@@ -11,7 +11,7 @@ use crate::devices::cansync::rules;
 use crate::journal::{Finding, Journal};
 
 impl SimBus {
-    /// A guest's frame is under way.
+    /// Schedules a guest's frame.
     pub(super) fn take_guests_frame(
         &mut self,
         guest: u8,
@@ -28,7 +28,7 @@ impl SimBus {
         let running = self.running.as_ref().ok_or(GuestRefusal::NotHere)?;
         let airtime = wire::airtime(&frame, u32::from(running.timing.kbit_per_s));
         journal.find(now, Finding::at_bus(&rules::FOREIGN_FRAME, self.index, guest, raw.into()));
-        // A guest has one line: its frames come one after the other.
+        // A guest has one line, so its frames come one after the other.
         let of_guest = self.disturbance.strays.iter().filter(|stray| stray.guest == Some(guest));
         let begin = of_guest.map(|stray| stray.end).fold(now, u64::max);
         let end = begin + u64::from(airtime.occupation_us);
@@ -38,7 +38,7 @@ impl SimBus {
         Ok(())
     }
 
-    /// The next frame outside of its slot is due.
+    /// Schedules the end of the next frame outside of the slots.
     pub(super) fn schedule_strays(&mut self) {
         match self.disturbance.strays.iter().map(|stray| stray.end).min() {
             Some(end) => self.schedule.set(Slot::Stray, end),

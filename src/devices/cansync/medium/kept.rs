@@ -1,4 +1,4 @@
-//! What a snapshot holds of a bus.
+//! Snapshot fields of a bus.
 
 use super::{Running, SimBus, Station};
 use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
@@ -36,7 +36,7 @@ impl SnapshotFields for SimBus {
         drive_ends.save(to);
         drives.save(to);
         to.value(stations);
-        // The rate is the master's, who has started the bus.
+        // The rate is that of the master that started the bus.
         to.value(&running.as_ref().map(|it| (it.own_sync, it.signal, it.start)));
         to.value(&(schedule, next, on_wire, reference, actual, command));
         to.value(&(asked, drive_answer, response, disturbance, own_clock));

@@ -1,8 +1,9 @@
-//! What drives do while their SYNC edge is missing: they go on by their own clocks.
+//! Behaviour of drives without SYNC edges: they continue by their own clocks.
 //!
-//! A bus that runs tells its drives about each edge, also about one that is lost on the line. If nothing comes at all -
-//! the master was restarted, or the bus above has no signal - the first interval without edge begins one and a half
-//! intervals after the last, which is later than any edge, and further ones follow until all drives are at rest.
+//! A running bus notifies its drives of each edge, also of an edge that is lost on the line. No notification comes at
+//! all if the master was restarted, or if the upper bus has no signal. Then the first interval without an edge begins
+//! one and a half intervals after the last edge, later than any edge could come. Further intervals follow until all
+//! drives are at a standstill.
 
 use super::SimBus;
 use super::schedule::Slot;
@@ -12,21 +13,21 @@ use serde::{Deserialize, Serialize};
 /// The drives' own clock.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(super) struct OwnClock {
-    /// When the next interval without edge begins.
+    /// Start of the next interval without an edge.
     next: u64,
     /// Length of the last interval with a SYNC signal.
     interval_us: u32,
 }
 
 impl Default for OwnClock {
-    /// Before the first edge a drive has only the time slices of its own control task.
+    /// Before the first edge the only clock of a drive is the cycle of its control task.
     fn default() -> Self {
         OwnClock { next: 0, interval_us: 500 }
     }
 }
 
 impl SimBus {
-    /// An edge has been delivered.
+    /// Restarts the clock after an edge.
     #[inline]
     pub(super) fn edge_for_drives(&mut self, now: u64, interval_us: u32) {
         if !self.drives.is_empty() {
@@ -35,7 +36,7 @@ impl SimBus {
         }
     }
 
-    /// An edge was lost on the line.
+    /// Handles an edge that was lost on the line.
     pub(super) fn no_edge_for_drives(&mut self, now: u64, interval_us: u32) {
         self.interval_without_edge(now, interval_us);
         self.own_clock = OwnClock { next: now + u64::from(interval_us) * 3 / 2, interval_us };
@@ -50,7 +51,7 @@ impl SimBus {
         }
     }
 
-    /// An interval without edge begins, or a drive has waited for SYNC for so long that something happens.
+    /// Handles the start of an interval without an edge, or the end of a drive's waiting time for SYNC.
     #[cold]
     pub(super) fn own_clock_event(&mut self, now: u64) {
         let OwnClock { next, interval_us } = self.own_clock;
@@ -62,14 +63,14 @@ impl SimBus {
         self.schedule_own_clock(now);
     }
 
-    /// Something has happened to a drive that may have been at rest.
+    /// Schedules the own clock after a change at a drive that may have been idle.
     pub(super) fn wake_drives(&mut self, now: u64) {
         self.schedule_own_clock(now);
         self.next = self.schedule.next_time();
     }
 
-    /// Sets the time of the next [`Slot::OwnClock`]. Drives that are off need none: they are as at power-on, without lock
-    /// and at rest.
+    /// Sets the time of the next [`Slot::OwnClock`]. Drives that are off need none: they are as at power-on, unlocked
+    /// and idle.
     pub(super) fn schedule_own_clock(&mut self, now: u64) {
         let OwnClock { next, interval_us } = &mut self.own_clock;
         if *next <= now {

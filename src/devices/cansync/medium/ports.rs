@@ -1,4 +1,4 @@
-//! A CANsync bus as the plant sees it, and what its ports do apart from the traffic.
+//! The [`Medium`] implementation of a CANsync bus, and the functions of its ports that are not traffic.
 
 use super::end::{DriveEnd, End, Place, Socket, SocketRole};
 use super::rates::report_mismatch;
@@ -143,7 +143,7 @@ impl Medium for SimBus {
                 }
                 is_on_bus
             }
-            // Nothing of it is seen in registers.
+            // A drive has no registers to update.
             Place::Drive(_) => false,
         }
     }
@@ -207,7 +207,7 @@ impl Medium for SimBus {
         self.next
     }
 
-    /// An edge goes on to devices and to other buses.
+    /// An edge also reaches devices and other buses.
     fn apart_until(&self) -> u64 {
         self.schedule.at(Slot::Sync).unwrap_or(u64::MAX)
     }
@@ -280,7 +280,7 @@ impl Medium for SimBus {
         }
         drive.set_parameter(number, value)?;
         journal.push(now, DriveSet { bus, slave, number, value: value as u32 });
-        // It may move now, also without SYNC.
+        // The drive may move now, also without SYNC.
         self.wake_drives(now);
         Ok(())
     }
@@ -292,7 +292,7 @@ impl Medium for SimBus {
     fn turn_shaft(&mut self, drive: usize, speed: Option<i32>, now: u64) {
         if let Some(drive) = self.drives.get_mut(drive) {
             drive.turn_shaft(speed);
-            // It may move now, also without SYNC.
+            // The drive may move now, also without SYNC.
             self.wake_drives(now);
         }
     }
@@ -360,7 +360,7 @@ impl Medium for SimBus {
         self.switch_off_by_faults(now, off);
     }
 
-    /// BUS-off of nodes whose CAN controller works, faults of drives that have none.
+    /// BUS-off of nodes with a working CAN controller, and faults of drives without a fault.
     fn fire(&mut self, now: u64, target: Target, effect: &fault::Effect) -> Option<Hit> {
         let hits = match target {
             Target::Port { device, port } if effect.get() == Some(&can_faults::Effect::BusOff) => {
@@ -376,14 +376,14 @@ impl Medium for SimBus {
     }
 }
 
-/// A master starts that is to pass a SYNC signal on, and no other port can hand it one.
+/// Reports a master that starts and must pass a SYNC signal on, although no other port can supply the signal.
 fn report_no_sync_in(ctx: &mut Context) {
     let offset = offset_of!(CANsync_INIT_BMSTRUCT, b_MA_SL_MODE);
     ctx.find(&rules::NO_SYNC_IN, RegisterPhase::Init, offset, ma_sl_mode::MASTER_SYNC_IN.into());
 }
 
 impl SimBus {
-    /// The port of a node.
+    /// Returns the port of a node.
     pub(super) fn place_of(&self, origin: Origin) -> Option<Place> {
         let is_there = |place: &Place| match *place {
             Place::Master(index) => self.masters[index].origin == origin,
@@ -393,7 +393,7 @@ impl SimBus {
         self.places.iter().copied().find(is_there)
     }
 
-    /// The controller of a node goes BUS-off; tells whether it was working.
+    /// Switches the controller of a node to BUS-off. Returns true if it was working.
     fn go_bus_off(&mut self, origin: Origin, now: u64) -> bool {
         let (goes, sender) = match self.place_of(origin) {
             Some(Place::Master(index)) => (self.masters[index].firmware.go_bus_off(), Sender::Master),
@@ -409,8 +409,8 @@ impl SimBus {
         goes
     }
 
-    /// Slave node `index` has another slave number; `false` if another station has it, and then the node is not
-    /// connected.
+    /// Changes the slave number of slave node `index`. Returns false if another station has the number; the node is
+    /// then not connected.
     fn renumber(&mut self, index: usize, number: u8) -> bool {
         if !self.is_wired {
             return true;
@@ -429,8 +429,8 @@ impl SimBus {
         }
     }
 
-    /// What the controller of a node was doing when a look at `now` read its status: `Some(true)` sending, `Some(false)`
-    /// receiving.
+    /// Returns the activity of a node's controller when a poll at `now` read its status: `Some(true)` sending,
+    /// `Some(false)` receiving.
     fn on_wire(&self, now: u64, place: Place) -> Option<bool> {
         let read = self.status_read(now);
         let wire = self.on_wire.iter().flatten().find(|wire| (wire.from..wire.until).contains(&read))?;
@@ -444,25 +444,25 @@ impl SimBus {
         })
     }
 
-    /// When the firmware reads the status of the CAN controller for a look at `now`. A processor cycle does so at another
-    /// moment each time, as if its length were no fraction of the interval. A look that a doorbell asks for reads it at once
-    /// (decision D-604).
+    /// Returns the time at which the firmware reads the status of the CAN controller for a poll at `now`. A processor
+    /// cycle reads it at a different moment each time, as if the cycle were no fraction of the interval. A poll that a
+    /// doorbell requests reads it at once (decision D-604).
     fn status_read(&self, now: u64) -> u64 {
-        /// 2^64 over the golden ratio: its multiples spread evenly over any span.
+        /// 2^64 divided by the golden ratio: its multiples spread evenly over any span.
         const SPREAD: u64 = 0x9E37_79B9_7F4A_7C15;
         let Some(running) = &self.running else { return now };
         let cycle = self.processor_cycle_us;
         if !now.is_multiple_of(cycle) {
             return now;
         }
-        // The frames of the last half interval are all known.
+        // All frames of the last half interval are known.
         let span = cycle.min(u64::from(running.signal.interval_us) / 2);
         let turn = (now / cycle.max(1)).wrapping_mul(SPREAD);
         let before = (u128::from(turn) * u128::from(span)) >> u64::BITS;
         now.saturating_sub(before as u64)
     }
 
-    /// Whether the plug of slave node `index` is pulled.
+    /// Returns true if the plug of slave node `index` is pulled.
     fn is_off(&self, index: usize) -> bool {
         let number = self.stations.iter().position(|station| *station == Station::Node(index));
         number.is_some_and(|number| self.disturbance.is_off(number as u8)) // at most 31

@@ -13,7 +13,7 @@ use crate::devices::cansync::records::SyncEdge;
 const WORD_US: u64 = 15;
 
 impl Run<'_> {
-    /// An edge of the master's SYNC signal; tells whether it went out on the line.
+    /// Handles an edge of the master's SYNC signal. Returns true if the edge went out on the line.
     pub(super) fn sync_edge(&mut self, own_sync: bool) -> bool {
         let timing = self.timing;
         let interval_us = u32::from(timing.b_TIME_PATTERN) * 1000;
@@ -43,7 +43,7 @@ impl Run<'_> {
         !lost
     }
 
-    /// The edge as event of the devices, when everything else has seen it; slaves have not if it is `lost`.
+    /// Adds the edge as an event of the devices, after all other receivers. Slaves get none if the edge is `lost`.
     fn sync_events(&mut self, lost: bool) {
         self.edges.extend(self.bus.masters.first().map(|master| master.origin));
         if !lost {
@@ -72,7 +72,7 @@ impl Run<'_> {
         let disturbance = &self.bus.disturbance;
         for end in self.bus.slaves.iter_mut().filter(|end| !disturbance.is_off(end.firmware.number())) {
             end.count_sync();
-            // SYNC is a line of its own: it is seen at any baud rate.
+            // SYNC has a separate line, so nodes see it at any baud rate.
             if end.firmware.is_on_bus() {
                 end.firmware.sync_edge(now, interval_us);
             }
@@ -81,7 +81,7 @@ impl Run<'_> {
         self.bus.edge_for_drives(now, interval_us);
     }
 
-    /// The edge is lost on the line: slaves that are locked know that it was to come.
+    /// Handles an edge that is lost on the line. Locked slaves know that it was due.
     #[cold]
     fn miss_edge(&mut self, interval_us: u32) {
         let now = self.now;
@@ -92,7 +92,7 @@ impl Run<'_> {
         self.bus.no_edge_for_drives(now, interval_us);
     }
 
-    /// The deadline of reference value frame 1, which is that of the slaves' actual value frame 1 too (decision D-354).
+    /// Deadline of reference value frame 1, and of the slaves' actual value frame 1 (decision D-354).
     pub(super) fn build_first(&mut self) {
         self.at(Slot::BuildActual2, self.timing.deadline_RDC2.latest);
         self.build_actual(Channel::One);
@@ -145,7 +145,7 @@ impl Run<'_> {
         self.each_node(|slave, _| slave.reference_value(channel, frame));
     }
 
-    /// The station that the identifier names sends its actual value frame in its slot.
+    /// Makes the station that the identifier names send its actual value frame in its slot.
     pub(super) fn request_actual(&mut self, channel: Channel, number: u8) {
         let answer = match self.station(number) {
             Station::Nobody => None,
@@ -163,7 +163,7 @@ impl Run<'_> {
             Channel::One => (Slot::Actual1End, self.timing.t_RDC1),
             Channel::Two => (Slot::Actual2End, self.timing.t_RDC2),
         };
-        // A request that a fault has delayed beyond the slot is answered at once.
+        // The answer comes at once if a fault has delayed the request beyond the slot.
         self.transmit(slot, &frame, self.start + u64::from(offset), Sender::Slave(number));
     }
 
@@ -190,9 +190,9 @@ impl Run<'_> {
         self.each_node(|slave, ctx| slave.build_actual(ctx, channel));
     }
 
-    /// The slaves' second actual value frame waits no longer than until WRC1 is received and processed, within the limits
-    /// of the rate (manual 5.00005.03a p. 182; several slaves: decision D-26). Where the deadline is a time of its own,
-    /// it may be over by now.
+    /// The slaves' second actual value frame waits until WRC1 is received and processed, within the limits of the rate
+    /// (manual 5.00005.03a p. 182; several slaves: decision D-26). If the deadline is a separate time, it may have
+    /// passed already.
     fn advance_actual2(&mut self) {
         let Deadline { earliest, latest, .. } = self.timing.deadline_RDC2;
         let [earliest, latest] = [earliest, latest].map(|after| self.start + u64::from(after));
@@ -206,7 +206,7 @@ impl Run<'_> {
     }
 }
 
-/// Time that building takes: 15 us for each used word, at least 15 us (decision D-09).
+/// Returns the time for building a frame: 15 us for each used word, at least 15 us (decision D-09).
 fn build_time(built: Option<&Built>) -> u64 {
     WORD_US * built.map_or(1, |built| u64::from(built.used_words.max(1)))
 }

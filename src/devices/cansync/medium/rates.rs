@@ -1,4 +1,4 @@
-//! Who is set to another baud rate than the bus, and therefore hears nothing (decisions D-540).
+//! Stations with another baud rate than the bus, which therefore receive nothing (decision D-540).
 
 use super::SimBus;
 use crate::devices::cansync::firmware::Slave;
@@ -11,14 +11,14 @@ use crate::layout::RegisterPhase;
 use core::mem::offset_of;
 
 impl SimBus {
-    /// The rate that the bus runs at; while nobody runs it, the one of the plant file.
+    /// Returns the rate of the running bus; the rate of the plant file if the bus is stopped.
     pub(super) fn present_kbit_s(&self) -> u16 {
         self.running.as_ref().map_or(self.kbit_s, |running| running.timing.kbit_per_s)
     }
 
-    /// The bus has started at this rate.
+    /// Reports stations with another rate. Called when the bus starts.
     pub(super) fn report_mismatches(&mut self, now: u64, kbit_s: u16, journal: &mut Journal) {
-        // Without a wire nobody misses anything.
+        // Without a wire no station misses a frame.
         if self.running.is_none() {
             return;
         }
@@ -33,7 +33,7 @@ impl SimBus {
         }
     }
 
-    /// Drives and slave nodes that are set to another rate.
+    /// Returns the drives and slave nodes that are set to another rate.
     pub(super) fn of_other_rates(&self) -> Vec<Stranger> {
         let present = self.present_kbit_s();
         let stranger = |whose, kbit_s: u16| Stranger { whose, bit_s: u32::from(kbit_s) * 1000 };
@@ -46,7 +46,7 @@ impl SimBus {
     }
 }
 
-/// A slave that is on a bus which runs at another rate hears nothing: said when the later of the two starts.
+/// Reports a slave with another rate than its bus, which receives nothing. Called when the later of the two starts.
 pub(super) fn report_mismatch(slave: &Slave, ctx: &mut Context, bus_kbit_s: u16) {
     if let Some(timing) = slave.timing()
         && timing.kbit_per_s != bus_kbit_s

@@ -1,12 +1,12 @@
-//! What happens next on a bus.
+//! Schedule of a bus: the times of its next events.
 
 use serde::{Deserialize, Serialize};
 
-/// Points of a CANsync interval, in the order in which simultaneous ones are handled.
+/// Points of an interval. Simultaneous ones are handled in this order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub(super) enum Slot {
-    /// End of the command frame (may lie behind the next SYNC edge).
+    /// End of the command frame (may be later than the next SYNC edge).
     CommandEnd,
     /// t_RSPTO after the end of the command frame.
     ResponseTimeout,
@@ -36,7 +36,7 @@ pub(super) enum Slot {
     CommandStart,
     /// End of a frame that a fault has delayed or repeated.
     Stray,
-    /// Drives whose SYNC edge is missing go on by their own clock.
+    /// Drives without a SYNC edge continue by their own clock.
     OwnClock,
 }
 
@@ -59,16 +59,16 @@ const ALL: [Slot; 16] = [
     Slot::OwnClock,
 ];
 
-/// Due times of all slots of one bus; each slot is due at most once at a time.
+/// Due times of all slots of one bus. Each slot has at most one due time.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Schedule {
     due: [u64; ALL.len()],
-    /// Which slots are due at all, bit n for slot n: mostly a few.
+    /// Slots with a due time, bit n for slot n. Usually few bits are set.
     open: u16,
 }
 
 impl Schedule {
-    /// Time at which nothing is ever due.
+    /// Time of a slot that is not due.
     pub(super) const NEVER: u64 = u64::MAX;
 
     pub(super) fn empty() -> Self {
@@ -82,7 +82,7 @@ impl Schedule {
         self.open = if at == Self::NEVER { self.open & !bit } else { self.open | bit };
     }
 
-    /// The slots that are due at some time, in their order.
+    /// Returns the slots with a due time, in ascending order.
     #[inline]
     fn open(&self) -> impl Iterator<Item = usize> {
         let mut open = self.open;
@@ -107,13 +107,13 @@ impl Schedule {
         *self = Self::empty();
     }
 
-    /// When the next slot is due; [`Schedule::NEVER`] if none is.
+    /// Returns the due time of the next slot; [`Schedule::NEVER`] if no slot is due.
     #[inline]
     pub(super) fn next_time(&self) -> u64 {
         self.open().map(|index| self.due[index]).fold(Self::NEVER, u64::min)
     }
 
-    /// Takes the first slot that is due at `time`.
+    /// Removes and returns the first slot that is due at `time`.
     #[inline]
     pub(super) fn take(&mut self, time: u64) -> Option<Slot> {
         let slot = ALL[self.open().find(|index| self.due[*index] == time)?];
@@ -127,14 +127,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn slots_stand_at_their_own_index() {
+    fn each_slot_is_at_its_own_index() {
         for (index, slot) in ALL.into_iter().enumerate() {
             assert_eq!(slot as usize, index);
         }
     }
 
     #[test]
-    fn simultaneous_slots_come_in_the_order_of_the_enum() {
+    fn simultaneous_slots_are_taken_in_the_order_of_the_enum() {
         let mut schedule = Schedule::empty();
         assert_eq!(schedule.next_time(), Schedule::NEVER);
         schedule.set(Slot::CommandStart, 5);

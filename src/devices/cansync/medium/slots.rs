@@ -1,4 +1,4 @@
-//! Frames in their slots: when each one begins, when its receivers have it, when the bus is free again.
+//! Frames in their slots: the start of a frame, its delivery, and the time when the bus is free again.
 
 use super::disturbance::Fate;
 use super::schedule::Slot;
@@ -8,26 +8,26 @@ use crate::devices::cansync::firmware::Slave;
 use crate::devices::cansync::records::Transmitted;
 use serde::{Deserialize, Serialize};
 
-/// How many frames an interval has.
+/// Number of frame places in an interval.
 pub(super) const PLACES: usize = 6;
 
-/// A frame on the wire or about to be, for the status registers.
+/// A frame on the wire, or a scheduled one, for the status registers.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(super) struct OnWire {
     pub(super) from: u64,
     pub(super) until: u64,
-    /// When the end of its slot's frame is due: before `until` if a fault delays this one.
+    /// Due time of the slot's end. It is before `until` if a fault delays this frame.
     pub(super) due: u64,
-    /// When the frame of the next slot may begin. 0 outside of its slot: such a frame takes nobody's time (decision
-    /// D-127).
+    /// Earliest start of the next slot's frame. 0 outside of its slot, because such a frame delays no other frame
+    /// (decision D-127).
     pub(super) free: u64,
     pub(super) sender: Sender,
 }
 
 impl Run<'_> {
-    /// Puts a frame on the wire at the start of its slot, or now if that is over; its end is due as `slot`. It waits
-    /// until the frame of the slot before is off the wire (decision D-280). Returns when it begins, as its receivers
-    /// see it: faults may delay or lose it.
+    /// Puts a frame on the wire at the start of its slot, or now if that time has passed. Its end is due as `slot`. The
+    /// frame waits until the previous slot's frame is off the wire (decision D-280). Returns the start time that the
+    /// receivers see; `None` if a fault loses the frame.
     pub(super) fn transmit(
         &mut self,
         slot: Slot,
@@ -39,7 +39,7 @@ impl Run<'_> {
         let place = place_on_wire(slot);
         let before = self.bus.on_wire[(place + PLACES - 1) % PLACES];
         let from = slot_start.max(self.now).max(before.map_or(0, |frame| frame.free));
-        // What a fault did to a frame whose end never came is not this one's.
+        // Clear the fate of an earlier frame in this place whose end never came.
         self.bus.disturbance.take_fate(place);
         let begin =
             if self.faults.is_empty() { Some(from) } else { self.disturb(place, frame, from, airtime) };
@@ -51,13 +51,13 @@ impl Run<'_> {
         self.bus.on_wire[place] = Some(OnWire { from: from_seen, until, due, free, sender });
         self.bus.schedule.set(slot, due);
         if slot == Slot::Actual1End {
-            // The master has handed WRC2 over before RDC1 was asked for.
+            // The master passed WRC2 to its controller before RDC1 was requested.
             self.hold_back(Slot::Reference2End, free);
         }
         begin
     }
 
-    /// A frame that was put into its slot, which is still to come, begins at `free` at the earliest.
+    /// Delays a frame whose slot is still to come: it begins at `free` at the earliest.
     fn hold_back(&mut self, slot: Slot, free: u64) {
         let Some(wire) = &mut self.bus.on_wire[place_on_wire(slot)] else { return };
         if wire.free == 0 || wire.from <= self.now {
@@ -71,7 +71,7 @@ impl Run<'_> {
         self.bus.schedule.set(slot, due);
     }
 
-    /// The regular end of a frame: notes it, if it arrives now.
+    /// Handles the regular end of a frame. Notes the frame if it arrives now.
     pub(super) fn arrives(&mut self, slot: Slot, frame: &Frame) -> Fate {
         let place = place_on_wire(slot);
         let fate = self.bus.disturbance.take_fate(place);
@@ -91,7 +91,7 @@ impl Run<'_> {
         self.show_received(&frame);
     }
 
-    /// The end of a frame that a node has sent, for its LED.
+    /// Notes the end of a sent frame, for the LED of its sender.
     fn show_sent(&mut self, sender: Sender) {
         let now = Some(self.now);
         match sender {
@@ -106,7 +106,7 @@ impl Run<'_> {
         }
     }
 
-    /// A frame on the bus, for the LEDs of the nodes that receive it.
+    /// Notes a received frame, for the LEDs of the nodes that receive it.
     fn show_received(&mut self, frame: &Frame) {
         let (now, kbit_per_s, id) = (Some(self.now), self.timing.kbit_per_s, frame.id());
         let SimBus { masters, slaves, drive_ends, disturbance, .. } = &mut *self.bus;
@@ -127,8 +127,8 @@ impl Run<'_> {
     }
 }
 
-/// Where the frame that ends with `slot` stands in `SimBus::on_wire`: in the order of the slots, and before the
-/// first one is the last one of the interval before.
+/// Returns the index in `SimBus::on_wire` of the frame that ends with `slot`. The indices follow the order of the
+/// slots. The place before the first one is the last one of the previous interval.
 fn place_on_wire(slot: Slot) -> usize {
     match slot {
         Slot::ResponseEnd => 0,
@@ -144,9 +144,9 @@ fn place_on_wire(slot: Slot) -> usize {
 mod tests {
     use super::*;
 
-    /// A frame waits for that of the place before, so two in one place would not wait for each other.
+    /// A frame waits for the frame in the previous place, so two frames in one place would not wait for each other.
     #[test]
-    fn the_frames_of_an_interval_have_places_in_the_order_of_their_slots() {
+    fn frames_of_an_interval_have_places_in_slot_order() {
         use Slot::*;
         let ends = [ResponseEnd, Reference1End, Actual1End, Reference2End, Actual2End, CommandEnd];
         assert_eq!(ends.map(place_on_wire), core::array::from_fn::<usize, PLACES, _>(|place| place));

@@ -1,4 +1,5 @@
-//! A bus at every baud rate of a device that knows all four, and one whose participants disagree.
+//! A bus at every baud rate, on a device that supports all four; and a bus whose participants are set to different
+//! rates.
 
 use super::schedule::Slot;
 use super::{BusConfig, SimBus, Socket, SocketRole};
@@ -20,7 +21,7 @@ use crate::memory::{Cell8, Segment, View};
 
 const MASTER: usize = 0;
 const SLAVE: usize = 1;
-/// Number of the drive, which is asked in frame 1, and of the slave node, which is asked in frame 2.
+/// Number of the drive, which is requested in frame 1, and of the slave node, which is requested in frame 2.
 const DRIVE: u8 = 1;
 const NODE: u8 = 2;
 
@@ -35,7 +36,7 @@ struct Bench {
 }
 
 impl Bench {
-    /// A bus whose drive is set to `kbit_s`; the nodes are restarted.
+    /// A bus with a drive that is set to `kbit_s`. The nodes are restarted.
     fn new(kbit_s: u16, master: &'static [BaudRate], slave: &'static [BaudRate]) -> Self {
         let config = format!(
             "name = 'b'\nkbit_s = {kbit_s}\nframe_length = 'variable'\n\
@@ -65,7 +66,7 @@ impl Bench {
         }
     }
 
-    /// Master, slave node and drive at this rate; the bus starts now.
+    /// Master, slave node and drive at this rate. The bus starts now.
     fn started(rate: &BaudRate) -> Self {
         let mut bench = Bench::new(rate.kbit_per_s, &FOUR, &FOUR);
         bench.set_up(SLAVE, rate);
@@ -73,7 +74,7 @@ impl Bench {
         bench
     }
 
-    /// In active operation, everybody locked, one word in every frame; an interval begins now.
+    /// In active operation with all stations locked and one word in every frame. An interval begins now.
     fn active(rate: &BaudRate) -> Self {
         let mut bench = Bench::started(rate);
         bench.run_to(20 * interval_us(rate));
@@ -87,7 +88,7 @@ impl Bench {
         bench
     }
 
-    /// From restart to set-up mode; the master expects the drive and nobody else.
+    /// From restart to set-up mode. The master expects only the drive.
     fn set_up(&mut self, place: usize, rate: &BaudRate) {
         self.initialize(place, rate);
         self.command(place, 0x0020);
@@ -116,10 +117,10 @@ impl Bench {
         self.bus.processor_cycle(place, self.now, &mut self.journal);
     }
 
-    /// Everything that is due up to `time`.
+    /// Handles all events up to `time`.
     fn run_to(&mut self, time: u64) {
         while self.bus.next_time() <= time {
-            assert!(self.bus.next_time() >= self.now, "nothing stays undone");
+            assert!(self.bus.next_time() >= self.now, "all events up to the time are handled");
             self.now = self.bus.next_time();
             let mut edges = Vec::new();
             let Bench { journal, faults, now, .. } = self;
@@ -128,7 +129,7 @@ impl Bench {
         self.now = time;
     }
 
-    /// When in its interval, which is as long as `rate` says, the last frame of this kind began.
+    /// Returns the start of the last frame of this kind within its interval; `rate` gives the length of the interval.
     fn last(&self, kind: FrameKind, rate: &BaudRate) -> Option<u32> {
         let mut frames =
             self.journal.records().filter_map(|it| Some((it.time_us, it.event.get::<Transmitted>()?.frame)));
@@ -137,14 +138,14 @@ impl Bench {
         u32::try_from(begin % interval_us(rate)).ok()
     }
 
-    /// Rates of nodes that hear nothing, and of their buses.
+    /// Returns the rates of nodes that receive nothing, and of their buses.
     fn deaf(&self) -> Vec<(u16, u16)> {
-        let told = self.journal.records().filter_map(|it| it.event.get::<BaudRateMismatch>());
-        told.map(|it| (it.node_kbit_s, it.bus_kbit_s)).collect()
+        let reports = self.journal.records().filter_map(|it| it.event.get::<BaudRateMismatch>());
+        reports.map(|it| (it.node_kbit_s, it.bus_kbit_s)).collect()
     }
 }
 
-/// Where the node's registers lie: in a slot of the b maXX PLC, whatever its rates.
+/// Returns the offset of the node's registers: a slot of the b maXX PLC, at all rates.
 fn base(place: usize) -> usize {
     DEVICE.ports[place].area.first as usize
 }
@@ -155,7 +156,7 @@ fn interval_us(rate: &BaudRate) -> u64 {
 
 /// Manuals 5.02066.01a p. 18, 5.00005.03a p. 125.
 #[test]
-fn process_data_stand_in_the_slots_of_every_rate() {
+fn process_data_are_in_the_slots_of_every_rate() {
     for rate in &FOUR {
         let mut bench = Bench::active(rate);
         bench.master.b_CTRLREG_RD_ORDER_RDC1.store(DRIVE);
@@ -177,7 +178,7 @@ fn process_data_stand_in_the_slots_of_every_rate() {
     }
 }
 
-/// Manual 5.02066.01a p. 18, 32: the answer comes in the next interval, and is waited for as long as the rate says.
+/// Manual 5.02066.01a p. 18, 32: the answer comes in the next interval, and the rate gives the time limit for it.
 #[test]
 fn the_command_channel_has_the_times_of_every_rate() {
     for rate in &FOUR {
@@ -219,7 +220,7 @@ fn values_are_in_time_until_the_deadline_of_every_rate() {
     }
 }
 
-/// D-354: what a bus takes from its master's table holds for its slaves.
+/// D-354: the times in the master's table apply to its slaves as well.
 #[test]
 fn devices_agree_on_the_times_of_the_rates_that_they_share() {
     let times = |it: &BaudRate| {
@@ -238,9 +239,9 @@ fn devices_agree_on_the_times_of_the_rates_that_they_share() {
     }
 }
 
-/// An Omega Drive-Line II knows no 1000 kbit/s: it can only be deaf there, whoever starts first.
+/// An Omega Drive-Line II does not support 1000 kbit/s: it receives nothing there, in either order of the starts.
 #[test]
-fn a_slave_of_another_rate_hears_nothing_and_is_told() {
+fn a_slave_of_another_rate_receives_nothing_and_is_reported() {
     let (fast, [slow, ..]) = (&FOUR[0], &THREE);
     for slave_first in [true, false] {
         let mut bench = Bench::new(1000, &FOUR, &THREE);
@@ -261,9 +262,9 @@ fn a_slave_of_another_rate_hears_nothing_and_is_told() {
     }
 }
 
-/// D-540; manual 5.01010.01 p. 13: the rate is set at each drive's card.
+/// D-540; manual 5.01010.01 p. 13: each drive's card has its own setting of the rate.
 #[test]
-fn a_drive_of_another_rate_hears_nothing_and_is_told() {
+fn a_drive_of_another_rate_receives_nothing_and_is_reported() {
     let [_, fast, slow, ..] = &FOUR;
     let mut bench = Bench::new(slow.kbit_per_s, &FOUR, &FOUR);
     let one: DriveConfig = toml::from_str("name = 'e'\nslave_number = 3\nkbit_s = 500").unwrap();
@@ -274,9 +275,9 @@ fn a_drive_of_another_rate_hears_nothing_and_is_told() {
 
     bench.set_up(MASTER, fast);
     bench.run_to(20 * interval_us(fast));
-    let told = bench.journal.records().filter_map(|it| it.event.get::<DriveBaudRateMismatch>());
-    let told: Vec<_> = told.map(|it| (it.bus, it.slave, it.drive_kbit_s, it.bus_kbit_s)).collect();
-    assert_eq!(told, [(0, DRIVE, 250, 500)], "once for each start");
+    let reports = bench.journal.records().filter_map(|it| it.event.get::<DriveBaudRateMismatch>());
+    let reports: Vec<_> = reports.map(|it| (it.bus, it.slave, it.drive_kbit_s, it.bus_kbit_s)).collect();
+    assert_eq!(reports, [(0, DRIVE, 250, 500)], "once for each start");
     let found: Vec<_> = bench.journal.findings().iter().map(|entry| entry.last).collect();
     assert_eq!(found, [Finding::at_participant(&rules::DRIVE_BAUD_RATE, 0, DRIVE, 250)]);
     assert_eq!(found[0].name(&DEVICE).as_deref(), Some("slave1"));

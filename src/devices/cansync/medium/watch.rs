@@ -1,4 +1,4 @@
-//! The watch over the registers of a bus's ports.
+//! Access checks for the registers of a bus's ports.
 
 use super::SimBus;
 use super::end::Place;
@@ -6,7 +6,7 @@ use crate::devices::cansync::watch::{Facts, NodeWatch};
 use crate::journal::Journal;
 
 impl SimBus {
-    /// The watch over a port with registers, and what it must know of the node.
+    /// Returns the access checker of a port with registers, and the facts about the node that it needs.
     #[inline]
     pub(super) fn watched(&mut self, place: usize) -> Option<(&mut NodeWatch, Facts)> {
         Some(match self.places[place] {
@@ -22,7 +22,7 @@ impl SimBus {
         })
     }
 
-    /// A SYNC edge, at which nodes in active operation have taken their mapping over.
+    /// Checks the mappings at a SYNC edge, where active nodes have taken their mapping over.
     #[inline]
     pub(super) fn judge_mappings(&mut self, now: u64, journal: &mut Journal) {
         for place in 0..self.places.len() {
@@ -53,7 +53,7 @@ mod tests {
     use crate::journal::Origin;
     use crate::memory::{Segment, Width};
 
-    /// Six modules in one device, slaves and masters by turns: each is judged where it lies.
+    /// Six modules in one device, slaves and masters in turn. Each finding must be at the offset of its module.
     #[test]
     fn every_port_of_a_device_is_watched() {
         const W_OPTION_STATUS: u32 = 2;
