@@ -7,7 +7,7 @@ use commram::devices::cansync::bus::codec::{
     ActionCommand, ParameterJob, ParameterResponse, UpDownJob, UpDownResponse,
 };
 use commram::devices::cansync::bus::{Frame, SyncLock};
-use commram::devices::cansync::firmware::{Seat, Slave};
+use commram::devices::cansync::firmware::{NodeLocation, Slave};
 use commram::devices::cansync::registers::CANsync_SL_CTRL_BMSTRUCT;
 use commram::journal::{Journal, Origin};
 use commram::memory::{Image, View};
@@ -36,7 +36,7 @@ impl Bench {
         let segment = segment(memory, "b", kind.layout, &mut images).unwrap();
         let mut slave = Slave::new(
             &segment,
-            Seat::of(kind.layout.port_numbered(kind.slave.port).unwrap(), kind.rates),
+            NodeLocation::of(kind.layout.port_numbered(kind.slave.port).unwrap(), kind.rates),
             NUMBER,
             SyncLock::new(LOCK_US, None),
         )

@@ -7,7 +7,7 @@ use super::leds::{Leds, Seen};
 use super::module::{DIP_9_OFF, DIP_10_ON, DIP_BAUD};
 use super::registers::{BAUD_RATES, CANsync_PLC_INIT_BMSTRUCT, DEVICE, DIP_LAST};
 use crate::devices::cansync::bus::SyncLock;
-use crate::devices::cansync::firmware::{Seat, find_number_taken, note_restarts};
+use crate::devices::cansync::firmware::{NodeLocation, note_restarts, report_number_taken};
 use crate::devices::cansync::medium::{Socket, SocketRole};
 use crate::devices::records::{BoardEvent, OnBoard};
 use crate::devices::{BuildError, Context, Device, Events, Look, Plug, Power};
@@ -145,7 +145,7 @@ impl Bm4Plc {
                 socket: Box::new(Socket {
                     origin,
                     segment: segment.clone(),
-                    seat: seat(module.port),
+                    location: location(module.port),
                     area: module.port.area,
                     role,
                 }),
@@ -272,7 +272,7 @@ impl Device for Bm4Plc {
     fn address_taken(&mut self, ctx: &mut Context, port: u8) {
         let (plc, number) = (self.index, self.address(port));
         ctx.report(OnBoard { plc, what: BoardEvent::NumberTaken { port, number } });
-        find_number_taken(ctx, DEVICE.port_numbered(port), number);
+        report_number_taken(ctx, DEVICE.port_numbered(port), number);
     }
 
     fn port_joined(&mut self, port: u8, takes_part: bool) {
@@ -331,11 +331,11 @@ impl Device for Bm4Plc {
     }
 
     fn named(&self, offset: u32, bytes: u32) {
-        note_restarts(&self.segment, &self.front.face, DEVICE.ports.iter().map(seat), offset, bytes);
+        note_restarts(&self.segment, &self.front.face, DEVICE.ports.iter().map(location), offset, bytes);
     }
 }
 
 /// Where the registers of the module at `port` lie.
-fn seat(port: &Port) -> Seat {
-    Seat::of(port, &BAUD_RATES)
+fn location(port: &Port) -> NodeLocation {
+    NodeLocation::of(port, &BAUD_RATES)
 }

@@ -5,7 +5,7 @@ use super::config::PlcConfig;
 use super::faults::{Effect, pace};
 use crate::devices::cansync::bus::SyncLock;
 use crate::devices::cansync::drive::BuiltInDrive;
-use crate::devices::cansync::firmware::{Seat, find_number_taken, note_restarts};
+use crate::devices::cansync::firmware::{NodeLocation, note_restarts, report_number_taken};
 use crate::devices::cansync::medium::{Socket, SocketRole};
 use crate::devices::cansync::records::OwnDriveSet;
 use crate::devices::omega_drive_line_2::baps::Baps;
@@ -30,8 +30,8 @@ pub(super) const MASTER: u8 = 2;
 const BAPS_NODE: u8 = 0;
 
 /// Where the registers of the node at `port` lie.
-fn seat(port: &layout::Port) -> Seat {
-    Seat::of(port, &BAUD_RATES)
+fn location(port: &layout::Port) -> NodeLocation {
+    NodeLocation::of(port, &BAUD_RATES)
 }
 
 /// An Omega Drive-Line II of the plant.
@@ -69,7 +69,7 @@ impl Plc {
             socket: Box::new(Socket {
                 origin: Origin { plc: index, node: port.number },
                 segment: segment.clone(),
-                seat: seat(port),
+                location: location(port),
                 area: port.area,
                 role,
             }),
@@ -194,7 +194,7 @@ impl Device for Plc {
     fn address_taken(&mut self, ctx: &mut Context, port: u8) {
         let (plc, number) = (self.index, self.board.dip());
         ctx.report(OnBoard { plc, what: BoardEvent::NumberTaken { port, number } });
-        find_number_taken(ctx, DEVICE.port_numbered(port), number);
+        report_number_taken(ctx, DEVICE.port_numbered(port), number);
     }
 
     fn port_joined(&mut self, port: u8, takes_part: bool) {
@@ -304,7 +304,7 @@ impl Device for Plc {
     }
 
     fn named(&self, offset: u32, bytes: u32) {
-        note_restarts(&self.segment, &self.face, DEVICE.ports.iter().map(seat), offset, bytes);
+        note_restarts(&self.segment, &self.face, DEVICE.ports.iter().map(location), offset, bytes);
     }
 
     /// `d_IP_CONFIG` is the one.

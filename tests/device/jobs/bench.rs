@@ -6,7 +6,7 @@ use crate::rig::{Memory, Rate, segment};
 use commram::devices::Context;
 use commram::devices::cansync::bus::Frame;
 use commram::devices::cansync::bus::codec::{ParameterJob, ParameterResult, UpDownJob, UpDownResult};
-use commram::devices::cansync::firmware::{Change, Master, NodeState, Seat};
+use commram::devices::cansync::firmware::{Change, Master, NodeLocation, NodeState};
 use commram::devices::cansync::registers::CANsync_MA_CTRL_BMSTRUCT;
 use commram::journal::{Journal, Origin};
 use commram::memory::{Image, View};
@@ -34,7 +34,7 @@ impl Bench {
             node: Node::at(&segment, base, rate.timing, Mode::Master).expecting(0..0),
             master: Master::new(
                 &segment,
-                Seat::of(kind.layout.port_numbered(kind.master.port).unwrap(), kind.rates),
+                NodeLocation::of(kind.layout.port_numbered(kind.master.port).unwrap(), kind.rates),
             )
             .unwrap(),
             journal: Journal::default(),

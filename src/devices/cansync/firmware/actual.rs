@@ -1,7 +1,6 @@
 //! Actual value frames as master and slave node receive them (manual 5.00005.03a p. 155-159, 182-187).
 //!
-//! Both cyclic structures have the same registers for it under the same names; the trait names them
-//! once.
+//! Both cyclic structures have the registers under the same names. The trait gives access to them.
 
 use super::word_config::WordConfigs;
 use crate::devices::cansync::bus::codec::process::FrameConfig;
@@ -21,8 +20,8 @@ pub(super) trait ActualValueRegisters {
     /// `a_RD_BMARRAY[slave][number]`.
     fn value(&self, slave: usize, number: u8) -> Option<&Cell32>;
 
-    /// Takes over a frame of `slave`: the words first, as configured at this moment, then the
-    /// acknowledgement of the slave, then that of the channel.
+    /// Takes over a frame of `slave`: first the words, as configured at this moment, then the acknowledgement of the
+    /// slave, then that of the channel.
     #[inline]
     fn receive(&self, channel: Channel, slave: u8, frame: &Frame) {
         let index = usize::from(slave);
@@ -41,7 +40,7 @@ pub(super) trait ActualValueRegisters {
     }
 }
 
-/// Puts a received word into one half of a value and leaves the other half alone.
+/// Stores a received word in one half of a value and keeps the other half.
 #[inline]
 pub(super) fn store_word(cell: &Cell32, high_word: bool, word: u16) {
     let old = cell.load();

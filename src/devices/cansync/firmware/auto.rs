@@ -4,13 +4,13 @@ use crate::devices::cansync::bus::LAST_SLAVE;
 use crate::devices::cansync::registers::values::request;
 use serde::{Deserialize, Serialize};
 
-/// A counter behind a register that takes a slave number or 16#80.
+/// Counter of a register that takes a slave number or 16#80.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Counter(Option<u8>);
 
 impl Counter {
-    /// Begins a new interval: 0 in the first one of active operation, then one more each time up to
-    /// `max` (`b_MAX_SL_NR`; above 31 it counts as 31, decision D-25), then 0 again.
+    /// Starts a new interval. The counter is 0 in the first interval of active operation. It grows by 1 per interval up
+    /// to `max` (`b_MAX_SL_NR`; above 31 it counts as 31, decision D-25), then restarts at 0.
     #[inline]
     pub fn next_interval(&mut self, max: u8) {
         self.0 = Some(match self.0 {
@@ -19,12 +19,13 @@ impl Counter {
         });
     }
 
-    /// Back to the state before active operation.
+    /// Returns to the state before active operation.
     pub fn restart(&mut self) {
         self.0 = None;
     }
 
-    /// The slave number that `register` means in this interval; `None` if it names nobody (decision D-25).
+    /// Returns the slave number that `register` selects in this interval; `None` if it selects no slave (decision
+    /// D-25).
     #[inline]
     pub fn resolve(self, register: u8) -> Option<u8> {
         match register {
@@ -54,7 +55,7 @@ mod tests {
     }
 
     #[test]
-    fn a_number_that_no_slave_has_names_nobody() {
+    fn a_number_that_no_slave_has_selects_no_slave() {
         let counter = Counter(Some(5));
         for register in 0..=u8::MAX {
             let expected = match register {

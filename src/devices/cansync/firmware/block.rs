@@ -9,28 +9,27 @@ const DOUBLEWORDS: usize = 75;
 /// Bytes of the data area (manual 5.00005.03a p. 167).
 pub(super) const MAX_LENGTH: u16 = 4 * DOUBLEWORDS as u16;
 
-/// The bytes of a frame from `offset` on; those that do not belong to the first `length` are 0
-/// (decision D-44).
+/// Returns the bytes of a frame from `offset` on. Bytes after the first `length` read as 0 (decision D-44).
 pub(super) fn read(area: &[Cell32; DOUBLEWORDS], offset: u16, length: u16) -> [u8; BLOCK] {
     let mut data = [0; BLOCK];
     for (position, byte) in (offset..length.min(MAX_LENGTH)).zip(&mut data) {
-        let (cell, shift) = place(area, position);
+        let (cell, shift) = cell_at(area, position);
         *byte = cell.map_or(0, |cell| (cell.load() >> shift) as u8);
     }
     data
 }
 
-/// Stores the bytes of a frame from `offset` on, as far as they belong to the first `length`; everything
-/// else in the area keeps its value.
+/// Stores the bytes of a frame from `offset` on that belong to the first `length` bytes. All other bytes of the area
+/// keep their value.
 pub(super) fn write(area: &[Cell32; DOUBLEWORDS], offset: u16, length: u16, data: [u8; BLOCK]) {
     for (position, byte) in (offset..length.min(MAX_LENGTH)).zip(data) {
-        if let (Some(cell), shift) = place(area, position) {
+        if let (Some(cell), shift) = cell_at(area, position) {
             cell.store(cell.load() & !(0xFF << shift) | u32::from(byte) << shift);
         }
     }
 }
 
-fn place(area: &[Cell32; DOUBLEWORDS], position: u16) -> (Option<&Cell32>, u32) {
+fn cell_at(area: &[Cell32; DOUBLEWORDS], position: u16) -> (Option<&Cell32>, u32) {
     (area.get(usize::from(position / 4)), 8 * u32::from(position % 4))
 }
 
@@ -45,7 +44,7 @@ mod tests {
     }
 
     #[test]
-    fn bytes_lie_low_byte_first() {
+    fn bytes_are_stored_low_byte_first() {
         let area = area();
         area[0].store(0x4433_2211);
         area[1].store(0x8877_6655);
@@ -64,7 +63,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_lies_behind_the_area() {
+    fn no_byte_is_stored_beyond_the_area() {
         let area = area();
         write(&area, 294, u16::MAX, [9; BLOCK]);
         write(&area, 300, u16::MAX, [9; BLOCK]);
@@ -73,7 +72,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_written_is_read_at_every_length() {
+    fn written_bytes_are_read_back_at_every_length() {
         for length in 1..=MAX_LENGTH {
             let area = area();
             let byte = |n: u16| (n as u8).wrapping_mul(7).wrapping_add(1);

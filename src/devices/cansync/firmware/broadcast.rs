@@ -33,7 +33,7 @@ macro_rules! area {
     };
 }
 
-/// The broadcast command with the lowest number that the PLC has released.
+/// Returns the released broadcast command with the lowest number.
 #[inline]
 pub(super) fn broadcast(ctx: &mut Context, regs: &CANsync_MA_CTRL_BMSTRUCT) -> Option<Frame> {
     [
@@ -52,7 +52,7 @@ pub(super) fn broadcast(ctx: &mut Context, regs: &CANsync_MA_CTRL_BMSTRUCT) -> O
     })
 }
 
-/// The control word for `slave`, if the PLC has released it: an action command for that slave alone.
+/// Returns the control word for `slave` if the PLC has released it, as an action command for that slave alone.
 #[inline]
 pub(super) fn control_word(ctx: &mut Context, regs: &CANsync_MA_CTRL_BMSTRUCT, slave: u8) -> Option<Frame> {
     let index = usize::from(slave);
@@ -61,8 +61,7 @@ pub(super) fn control_word(ctx: &mut Context, regs: &CANsync_MA_CTRL_BMSTRUCT, s
     take(ctx, control, offset, || ActionCommand::control_word(1 << slave, word.load()))
 }
 
-/// Takes over a released command: 16#05 becomes 16#04 as its frame is handed to the controller
-/// (decision D-40).
+/// Takes over a released command: 16#05 becomes 16#04 when its frame is passed to the controller (decision D-40).
 #[inline]
 fn take(
     ctx: &mut Context,
@@ -74,6 +73,6 @@ fn take(
         return None;
     }
     let frame = command().frame();
-    // If the PLC has withdrawn its release meanwhile, nothing goes out.
+    // If the PLC has withdrawn its release meanwhile, no frame is sent.
     acknowledge(ctx, control, offset).then_some(frame)
 }

@@ -1,9 +1,9 @@
-//! The master's command channel in active operation: which job gets the one frame of an interval, and
-//! whose answer it is that comes back (manual 5.00005.03a p. 160-162).
+//! The master's command channel in active operation: selects the job for the one frame of an interval, and assigns the
+//! response to its job (manual 5.00005.03a p. 160-162).
 //!
-//! In every interval the areas are asked in the same order, whatever happened before: broadcast commands
-//! 0, 1, 2, control word, parameter, up-/download. The first area with a job gets the frame; a job in a
-//! higher area in every interval keeps the lower ones waiting for ever, as the manual says.
+//! In every interval the areas are checked in the same order, independent of the past: broadcast commands 0, 1, 2,
+//! control word, parameter, up-/download. The first area with a job gets the frame. According to the manual, a higher
+//! area with a job in every interval blocks the lower ones without limit.
 
 use super::auto::Counter;
 use super::updown_job::BlockJob;
@@ -15,9 +15,9 @@ use crate::devices::cansync::bus::codec::{ParameterJob, UpDownJob};
 use crate::devices::cansync::registers::CANsync_MA_CTRL_BMSTRUCT;
 use serde::{Deserialize, Serialize};
 
-/// A job whose answer is due.
+/// A job that waits for its answer.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
-enum Asked {
+enum PendingJob {
     Parameter(ParameterJob),
     UpDown(UpDownJob),
 }
@@ -30,18 +30,18 @@ pub(super) struct CommandChannel {
     parameter: Counter,
     updown: Counter,
     block: BlockJob,
-    /// Slave and job of the last frame, until the answer came or t_RSPTO passed.
-    asked: Option<(u8, Asked)>,
+    /// Slave and job of the last frame, until its answer or t_RSPTO.
+    asked: Option<(u8, PendingJob)>,
 }
 
 impl CommandChannel {
-    /// Back to the state before active operation. Jobs that stand in the registers stay there; with the
-    /// next active operation they begin anew (decision D-46).
+    /// Returns to the state before active operation. Jobs in the registers stay there and start again with the next
+    /// active operation (decision D-46).
     pub(super) fn restart(&mut self) {
         *self = CommandChannel::default();
     }
 
-    /// Begins an interval; `max` is `b_MAX_SL_NR`.
+    /// Starts an interval; `max` is `b_MAX_SL_NR`.
     #[inline]
     pub(super) fn next_interval(&mut self, max: u8) {
         self.control_word.next_interval(max);
@@ -49,7 +49,7 @@ impl CommandChannel {
         self.updown.next_interval(max);
     }
 
-    /// The frame of this interval, if there is a job.
+    /// Returns the frame of this interval, if there is a job.
     #[inline]
     pub(super) fn frame(&mut self, ctx: &mut Context, regs: &CANsync_MA_CTRL_BMSTRUCT) -> Option<Frame> {
         self.asked = None;
@@ -64,16 +64,16 @@ impl CommandChannel {
         if let Some(slave) = self.parameter.resolve(regs.b_SL_NR_PARAMETER.load())
             && let Some(job) = parameter_job::next(ctx, regs, slave)
         {
-            self.asked = Some((slave, Asked::Parameter(job)));
+            self.asked = Some((slave, PendingJob::Parameter(job)));
             return Some(job.frame(slave));
         }
         let slave = self.updown.resolve(regs.b_SL_NR_UPDOWN.load())?;
         let job = self.block.next(ctx, regs, slave)?;
-        self.asked = Some((slave, Asked::UpDown(job)));
+        self.asked = Some((slave, PendingJob::UpDown(job)));
         Some(job.frame(slave))
     }
 
-    /// A response of `slave`. Tells whether a job of this channel waited for it.
+    /// Handles a response of `slave`. Returns true if a job of this channel waited for it.
     pub(super) fn response(
         &mut self,
         ctx: &mut Context,
@@ -83,13 +83,13 @@ impl CommandChannel {
     ) -> bool {
         match self.asked.take_if(|(asked, _)| *asked == slave) {
             None => return false,
-            Some((_, Asked::Parameter(job))) => parameter_job::answered(ctx, regs, slave, &job, payload),
-            Some((_, Asked::UpDown(job))) => self.block.answered(ctx, regs, &job, payload),
+            Some((_, PendingJob::Parameter(job))) => parameter_job::answered(ctx, regs, slave, &job, payload),
+            Some((_, PendingJob::UpDown(job))) => self.block.answered(ctx, regs, &job, payload),
         }
         true
     }
 
-    /// t_RSPTO passed without an answer: the job stays as it is and is repeated on the slave's next turn
+    /// Handles the end of t_RSPTO without an answer. The job stays as it is and is repeated on the slave's next turn
     /// (decision D-11).
     pub(super) fn no_response(&mut self) {
         self.asked = None;

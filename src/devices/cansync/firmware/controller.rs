@@ -1,15 +1,15 @@
-//! The CAN controller of a node, as far as it can fail (manual 5.00005.03a p. 147-149, 173-174).
+//! The CAN controller of a node and its possible failures (manual 5.00005.03a p. 147-149, 173-174).
 
 use serde::{Deserialize, Serialize};
 
-/// Bits that must have been recessive before a controller comes back from BUS-off: 128 times 11 (ISO 11898-1).
+/// Recessive bits required for recovery from BUS-off: 128 times 11 (ISO 11898-1).
 const RECOVERY_BITS: u64 = 128 * 11;
 
-/// Why the node hears and sends nothing, as bits.
+/// Reasons why the node receives and sends no frame, as bits.
 mod cut {
     /// The controller is BUS-off.
     pub(crate) const BUS_OFF: u8 = 1 << 0;
-    /// The frame that is just arriving is lost to an overrun.
+    /// The arriving frame is lost to an overrun.
     pub(crate) const FRAME: u8 = 1 << 1;
 }
 
@@ -19,7 +19,7 @@ pub(super) struct Controller {
     /// Bits of [`cut`].
     cut: u8,
     overrun: bool,
-    /// End of the recovery from BUS-off, once it was reset.
+    /// End of the recovery from BUS-off; set by a reset.
     back_at: Option<u64>,
 }
 
@@ -33,7 +33,7 @@ impl Controller {
         self.cut = if on { self.cut | bit } else { self.cut & !bit };
     }
 
-    /// Goes BUS-off; tells whether it was working before.
+    /// Switches to BUS-off. Returns true if the controller was working before.
     pub(super) fn go_off(&mut self) -> bool {
         let goes = !self.is_off();
         self.set(cut::BUS_OFF, true);
@@ -44,7 +44,7 @@ impl Controller {
         self.cut & cut::BUS_OFF != 0
     }
 
-    /// Bit 7 of `w_CPU_CONTROL`: forgets an overrun and begins to recover from BUS-off (decision D-121).
+    /// Handles bit 7 of `w_CPU_CONTROL`: clears an overrun and starts the recovery from BUS-off (decision D-121).
     pub(super) fn reset(&mut self, now: u64, kbit_per_s: u16) {
         self.overrun = false;
         if self.is_off() {
@@ -53,7 +53,7 @@ impl Controller {
         }
     }
 
-    /// Whether it is on its way back from BUS-off.
+    /// Returns true during the recovery from BUS-off.
     pub(super) fn recovers(&self) -> bool {
         self.back_at.is_some()
     }
@@ -66,7 +66,7 @@ impl Controller {
         }
     }
 
-    /// The frame that is arriving cannot be received; tells whether it could have been.
+    /// Loses the arriving frame. Returns true if the controller could have received it.
     pub(super) fn overrun(&mut self) -> bool {
         let connected = self.is_connected();
         if connected {
@@ -76,7 +76,7 @@ impl Controller {
         connected
     }
 
-    /// The frame lost to an overrun is past.
+    /// Ends the overrun: the lost frame has passed.
     pub(super) fn frame_is_past(&mut self) {
         self.set(cut::FRAME, false);
     }

@@ -1,4 +1,4 @@
-//! Initialization data: what `CANsync_INIT_BMSTRUCT` holds when the PLC orders it to be taken over.
+//! Initialization data: the content of `CANsync_INIT_BMSTRUCT` when the PLC orders its takeover.
 
 use crate::devices::cansync::BaudRate;
 use crate::devices::cansync::registers::CANsync_INIT_BMSTRUCT;
@@ -6,12 +6,12 @@ use crate::devices::cansync::registers::values::ma_sl_mode;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-/// Where a master's SYNC signal comes from.
+/// Source of a master's SYNC signal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum SyncSource {
-    /// The master makes its own (`b_MA_SL_MODE` = 16#00).
+    /// The master generates its own signal (`b_MA_SL_MODE` = 16#00).
     Own,
-    /// The master passes on what another node of its device receives (16#02, decision D-12).
+    /// The master passes on the signal that another node of its device receives (16#02, decision D-12).
     Forwarded,
 }
 
@@ -20,7 +20,7 @@ pub enum SyncSource {
 pub struct InitData {
     /// Baud rate with its interval and slot times.
     pub timing: &'static BaudRate,
-    /// Where SYNC comes from; of no meaning on a slave.
+    /// Source of SYNC; without meaning on a slave.
     pub sync: SyncSource,
     /// Bit n set: slave n is expected (`a_SL_TYP[n]` other than 16#00); 0 on a slave.
     pub expected: u32,
@@ -30,14 +30,14 @@ pub struct InitData {
     acceptance_mask: u8,
 }
 
-/// Why initialization data were refused. The node stays in 16#0002 (decision D-05).
+/// Reason why initialization data were refused. The node stays in 16#0002 (decision D-05).
 #[derive(Clone, Copy, Debug, Error, PartialEq, Eq, Serialize, Deserialize)]
 #[repr(u8)]
 pub enum InitFault {
     /// `b_MA_SL_MODE` does not fit the node.
     #[error("b_MA_SL_MODE must be 16#00 or 16#02 on a master and 16#01 on a slave")]
     Mode = 1,
-    /// `b_BT_0`, `b_BT_1` are none of the documented pairs.
+    /// `b_BT_0`, `b_BT_1` are not one of the documented pairs.
     #[error(
         "b_BT_0, b_BT_1 must be a pair of the device's table of baud rates, for example those of CANsync_INIT"
     )]
@@ -47,25 +47,25 @@ pub enum InitFault {
     TimePattern = 3,
 }
 
-/// [`InitData`] as a snapshot has it: the row of its rate among those of the device, and the rest.
-pub(super) type Kept = (usize, SyncSource, u32, [u8; 2]);
+/// [`InitData`] in a snapshot: the row of its rate in the device's table, and the other fields.
+pub(super) type InitSnapshot = (usize, SyncSource, u32, [u8; 2]);
 
 impl InitData {
-    /// For a snapshot; `rates` are those of the device.
-    pub(super) fn kept(&self, rates: &'static [BaudRate]) -> Kept {
+    /// Returns the data for a snapshot; `rates` is the device's table.
+    pub(super) fn to_snapshot(&self, rates: &'static [BaudRate]) -> InitSnapshot {
         let row = rates.iter().position(|rate| rate == self.timing).unwrap_or(rates.len());
         (row, self.sync, self.expected, [self.acceptance_code, self.acceptance_mask])
     }
 
-    /// Those of a snapshot; none if the device has no such rate.
-    pub(super) fn of_kept(kept: Kept, rates: &'static [BaudRate]) -> Option<Self> {
-        let (row, sync, expected, [acceptance_code, acceptance_mask]) = kept;
+    /// Restores the data of a snapshot. Returns `None` if the device has no such rate.
+    pub(super) fn from_snapshot(snapshot: InitSnapshot, rates: &'static [BaudRate]) -> Option<Self> {
+        let (row, sync, expected, [acceptance_code, acceptance_mask]) = snapshot;
         Some(InitData { timing: rates.get(row)?, sync, expected, acceptance_code, acceptance_mask })
     }
 }
 
 impl InitFault {
-    /// The fault with this number, as stored in the journal.
+    /// Returns the fault with this number, as stored in the journal.
     pub fn from_number(number: u8) -> Option<Self> {
         [InitFault::Mode, InitFault::BitTiming, InitFault::TimePattern]
             .into_iter()
@@ -126,9 +126,8 @@ impl InitData {
         })
     }
 
-    /// Whether the controller's acceptance filter lets an identifier through. The filter compares the
-    /// identifier's upper eight bits with `b_AC` where `b_AM` has a 0, as an SJA1000 in BasicCAN mode
-    /// does (decision D-21).
+    /// Returns true if the controller's acceptance filter accepts an identifier. The filter compares the identifier's
+    /// upper eight bits with `b_AC` where `b_AM` has a 0, like an SJA1000 in BasicCAN mode (decision D-21).
     #[inline]
     pub fn accepts(&self, identifier: u16) -> bool {
         let upper = (identifier >> 3) as u8;
@@ -155,7 +154,7 @@ mod tests {
 
     /// Manual 5.00005.03a p. 148 and the table of baud rates (p. 125).
     #[test]
-    fn only_the_three_documented_pairs_are_taken() {
+    fn only_the_three_documented_pairs_are_accepted() {
         for (bt, pattern, kbit_s) in [((0x00, 0x1C), 2, 500), ((0x01, 0x1C), 4, 250), ((0x03, 0x1C), 8, 125)]
         {
             let data = InitData::of_master(&regs(0, bt, pattern), &BAUD_RATES).unwrap();
@@ -184,7 +183,7 @@ mod tests {
     }
 
     #[test]
-    fn slave_types_say_who_is_expected() {
+    fn slave_types_select_the_expected_slaves() {
         let regs = regs(0, (0x00, 0x1C), 2);
         regs.a_SL_TYP[3].store(0x01);
         regs.a_SL_TYP[31].store(0x01);

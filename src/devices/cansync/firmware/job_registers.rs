@@ -1,42 +1,41 @@
-//! Control and status register of a job, at the master and at the slave: the PLC writes both, the
-//! firmware shows in both how far the job is (manual 5.00005.03a p. 165, 167, 189, 191).
+//! Control and status register of a job, at the master and at the slave. The PLC writes both. The firmware shows the
+//! progress of the job in both (manual 5.00005.03a p. 165, 167, 189, 191).
 
 use crate::devices::Context;
 use crate::journal::Handshake;
 use crate::memory::Cell8;
 
-/// The two registers of one job. Both hold the same bits; the control register is the decisive one, the
-/// status register is only ever written.
+/// The two registers of one job. Both hold the same bits. The control register decides; the status register is only
+/// written.
 pub(super) struct JobRegisters<'a> {
     pub(super) control: &'a Cell8,
     pub(super) status: &'a Cell8,
     /// Offset of the control register in the node's area, for the journal.
     pub(super) offset: usize,
-    /// It is the master's: while bit 0 is set, more answers to the same request are to come (p. 165, 167).
+    /// True for a job of the master. While bit 0 is set, more answers to the same request follow (p. 165, 167).
     pub(super) is_masters: bool,
 }
 
 impl JobRegisters<'_> {
-    /// The register that decides.
+    /// Returns the control register, which decides.
     pub(super) fn control(&self) -> u8 {
         self.control.load()
     }
 
-    /// Puts `new` into both, whatever they held: first the status register, then the control register.
+    /// Stores `new` in both registers: first the status register, then the control register.
     pub(super) fn show(&self, ctx: &mut Context, new: u8) {
         self.change(ctx, |_| new);
     }
 
-    /// Changes bits of both without losing what the PLC writes at the same time.
+    /// Changes bits of both registers without losing simultaneous writes of the PLC.
     pub(super) fn change(&self, ctx: &mut Context, change: impl Fn(u8) -> u8) {
         self.status.update(&change);
         let seen = self.control.update(&change);
         self.report(ctx, seen, change(seen));
     }
 
-    /// Replaces `seen` by `new`: first in the status register, then in the control register. Tells whether
-    /// the control register still held `seen`; if not, the PLC has entered something else meanwhile,
-    /// which is left alone.
+    /// Replaces `seen` by `new`: first in the status register, then in the control register. Returns true if the
+    /// control register still held `seen`. Otherwise the PLC has entered another value meanwhile, which stays.
     pub(super) fn replace(&self, ctx: &mut Context, seen: u8, new: u8) -> bool {
         self.status.store(new);
         match self.control.compare_exchange(seen, new) {
@@ -68,7 +67,7 @@ mod tests {
     use zerocopy::FromZeros;
 
     #[test]
-    fn what_the_plc_entered_meanwhile_is_left_alone() {
+    fn replace_keeps_a_value_that_the_plc_entered_meanwhile() {
         let (control, status) = (Cell8::new_zeroed(), Cell8::new_zeroed());
         let mut journal = Journal::default();
         let mut ctx = Context { now: 7, journal: &mut journal, origin: Origin { plc: 0, node: 2 }, base: 0 };

@@ -1,13 +1,13 @@
-//! The CANsync master: process data in active operation (manual 5.00005.03a p. 151-160), and who
-//! has the command channel when.
+//! The CANsync master: process data in active operation (manual 5.00005.03a p. 151-160), and the use of the command
+//! channel.
 
 use super::actual::ActualValueRegisters;
 use super::auto::Counter;
 use super::command::CommandChannel;
+use super::deadlines::DeadlineTracker;
 use super::init::SyncSource;
-use super::node::{Change, Node, NodeState, Role, Seat};
+use super::node::{Change, Node, NodeLocation, NodeState, Role};
 use super::polling::Polling;
-use super::punctual::Punctual;
 use super::word_config::WordConfigs;
 use crate::devices::cansync::BaudRate;
 use crate::devices::cansync::bus::codec::process::FrameConfig;
@@ -23,19 +23,19 @@ use crate::snapshot_fields;
 use core::mem::offset_of;
 use serde::{Deserialize, Serialize};
 
-/// Where the cyclic area begins, behind the general registers.
+/// Start of the cyclic area, after the general registers.
 const CYCLIC_AREA: usize = offset_of!(CANsync_MA_CTRL_BMSTRUCT, b_CTRLREG_WRC1);
 
-/// Stands in the identifier of a reference value frame that asks nobody for actual values: its seven bits can name
-/// more than the 32 slaves there are (decision D-25).
-const NOBODY: u8 = 0x7F;
+/// Slave number in a reference value frame that requests no actual values. The seven bits of the identifier can name
+/// more than the 32 possible slaves (decision D-25).
+const NO_SLAVE: u8 = 0x7F;
 
 /// A reference value frame that was built and waits for its slot.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub struct Built {
     /// The frame, identifier included.
     pub frame: Frame,
-    /// Words of it that are used; building takes 15 us for each.
+    /// Number of used words; building takes 15 us for each.
     pub used_words: u8,
 }
 
@@ -48,43 +48,43 @@ pub struct Master {
     request: [Counter; 2],
     /// Configuration bytes as read at the start of the interval.
     config: [FrameConfig; 2],
-    /// Whether the present interval began in active operation.
+    /// True if the present interval began in active operation.
     interval_is_active: bool,
     /// Deadlines of the two reference value frames.
-    punctual: [Punctual; 2],
+    deadlines: [DeadlineTracker; 2],
 }
 
 snapshot_fields!(Master {
-    values: polling, commands, request, config, interval_is_active, punctual;
+    values: polling, commands, request, config, interval_is_active, deadlines;
     parts: node;
     built: regs
 });
 
 impl Master {
-    /// The master at `seat` of `segment`.
+    /// Creates the master at `location` of `segment`.
     ///
     /// # Errors
     /// If the segment is too small for it.
-    pub fn new(segment: &Segment, seat: Seat) -> Result<Self, MemoryError> {
+    pub fn new(segment: &Segment, location: NodeLocation) -> Result<Self, MemoryError> {
         Ok(Master {
-            node: Node::new(Role::Master, segment, seat)?,
-            regs: segment.view::<CANsync_MA_CTRL_BMSTRUCT>(seat.base)?,
+            node: Node::new(Role::Master, segment, location)?,
+            regs: segment.view::<CANsync_MA_CTRL_BMSTRUCT>(location.base)?,
             polling: Polling::new(),
             commands: CommandChannel::default(),
             request: [Counter::default(); 2],
             config: [FrameConfig::master_reference([0; 4]); 2],
             interval_is_active: false,
-            punctual: [Punctual::default(); 2],
+            deadlines: [DeadlineTracker::default(); 2],
         })
     }
 
-    /// Power-on with the number set at the DIP switches.
+    /// Switches the power on; `omega_nr` is the number set at the DIP switches.
     pub fn power_on(&mut self, omega_nr: u8) {
         self.regs.reset_from(0);
         self.node.power_on(omega_nr);
     }
 
-    /// Power-off: the node leaves the bus. Its registers are empty until [`Master::power_on`].
+    /// Switches the power off. The node leaves the bus. Its registers are empty until [`Master::power_on`].
     pub fn power_off(&mut self, ctx: &mut Context) {
         self.node.power_off(ctx);
         self.regs.reset_from(0);
@@ -95,66 +95,67 @@ impl Master {
         self.node.state()
     }
 
-    /// What `w_OPTION_STATUS` shows.
+    /// Returns the value of `w_OPTION_STATUS`.
     pub fn option_status(&self) -> u16 {
         self.node.shown_state()
     }
 
-    /// Slot times, once initialization data were taken over.
+    /// Returns the slot times, once initialization data were taken over.
     pub fn timing(&self) -> Option<&'static BaudRate> {
         self.node.init().map(|init| init.timing)
     }
 
-    /// What the access checker must know.
+    /// Returns the facts for the access checker.
     #[inline]
     pub(in crate::devices::cansync) fn facts(&self) -> Facts {
-        self.node.facts(self.punctual)
+        self.node.facts(self.deadlines)
     }
 
-    /// Whether this master passes on the SYNC signal of its PLC's node 1.
+    /// Returns true if this master passes on the SYNC signal of its PLC's node 1.
     pub fn forwards_sync(&self) -> bool {
         self.node.init().is_some_and(|init| init.sync == SyncSource::Forwarded)
     }
 
-    /// An edge that this master passes on to its bus, of `signal`.
+    /// Handles an edge of `signal` that this master passes on to its bus.
     #[inline]
     pub fn passes_sync_on(&mut self, ctx: &mut Context, signal: SyncSignal) {
         self.node.judge_sync(ctx, signal);
     }
 
-    /// Whether the master is in set-up mode or active operation.
+    /// Returns true if the master is in set-up mode or active operation.
     #[inline]
     pub fn is_on_bus(&self) -> bool {
         self.node.is_on_bus()
     }
 
-    /// Whether a frame with this identifier reaches the node: its controller works and its acceptance filter lets the frame pass.
+    /// Returns true if a frame with this identifier reaches the node: its controller works and its acceptance filter
+    /// accepts the frame.
     #[inline]
     pub fn accepts(&self, identifier: u16) -> bool {
         self.node.accepts(identifier)
     }
 
-    /// Whether the PLC wrote `w_CPU_CONTROL` since the last look.
+    /// Returns true if the PLC wrote `w_CPU_CONTROL` since the last poll.
     pub fn control_changed(&self) -> bool {
         self.node.control_changed()
     }
 
-    /// Whether its processor cycles find nothing to do.
+    /// Returns true if processor cycles have no work.
     pub fn is_quiescent(&self) -> bool {
         self.node.is_quiescent()
     }
 
-    /// Whether a processor cycle finds nothing to do and shows but the traffic of the moment; `is_seen`: nobody has
-    /// written since registers were looked at.
+    /// Returns true if a processor cycle would change only the traffic bits. `is_seen`: no register was written since
+    /// the last poll.
     #[inline]
     pub(in crate::devices::cansync) fn poll_changes_nothing(&self, is_seen: bool) -> bool {
         self.node.poll_changes_nothing(is_seen)
     }
 
-    /// One processor cycle; see `Node::refresh_status` for `on_wire`.
+    /// Runs one processor cycle. `Node::refresh_status` describes `on_wire`.
     pub fn processor_cycle(&mut self, ctx: &mut Context, on_wire: Option<bool>) -> Change {
         let regs = &self.regs;
-        let change = self.node.look_at_control(ctx, || regs.reset_from(CYCLIC_AREA));
+        let change = self.node.poll_control(ctx, || regs.reset_from(CYCLIC_AREA));
         match change {
             Change::SetUpStarted | Change::Disabled => {
                 self.polling.restart();
@@ -175,11 +176,11 @@ impl Master {
         change
     }
 
-    /// Falling edge of SYNC: the configuration is read and the automatic slave numbers move on
-    /// (manual p. 154; D-08).
+    /// Handles a falling edge of SYNC: reads the configuration and advances the automatic slave numbers (manual p. 154;
+    /// D-08).
     pub fn sync_edge(&mut self) {
         self.interval_is_active = self.node.state() == NodeState::Active;
-        self.punctual.iter_mut().for_each(Punctual::next_interval);
+        self.deadlines.iter_mut().for_each(DeadlineTracker::next_interval);
         if !self.interval_is_active {
             return;
         }
@@ -189,14 +190,14 @@ impl Master {
         self.commands.next_interval(max);
     }
 
-    /// The deadline of a reference value frame: builds it if the PLC has released it with 16#05,
-    /// otherwise it is left out in this interval, and with it the actual value request.
+    /// Handles the deadline of a reference value frame. Builds the frame if the PLC has released it with 16#05.
+    /// Otherwise the frame is left out in this interval, together with its actual value request.
     pub fn build_reference(&mut self, ctx: &mut Context, channel: Channel) -> Option<Built> {
         if !self.is_exchanging() {
             return None;
         }
         let released = self.control_register(channel).load() == send::RELEASED;
-        self.punctual[channel.index()].deadline(ctx.now, released);
+        self.deadlines[channel.index()].deadline(ctx.now, released);
         if !released {
             let origin = ctx.origin;
             ctx.report(Missed { origin, what: OmittedFrame::ReferenceValue(channel.number()) });
@@ -209,12 +210,12 @@ impl Master {
             Channel::One => &self.regs.b_CTRLREG_RD_ORDER_RDC1,
             Channel::Two => &self.regs.b_CTRLREG_RD_ORDER_RDC2,
         };
-        let slave = self.request[channel.index()].resolve(order.load()).unwrap_or(NOBODY);
+        let slave = self.request[channel.index()].resolve(order.load()).unwrap_or(NO_SLAVE);
         let frame = Frame::of(FrameKind::ReferenceValue(channel, slave), built.payload);
         Some(Built { frame, used_words: built.used_words })
     }
 
-    /// The frame is built: 16#05 becomes 16#04, unless the PLC has written something else meanwhile.
+    /// Acknowledges a built frame: 16#05 becomes 16#04, unless the PLC has written another value meanwhile.
     pub fn acknowledge_reference(&mut self, ctx: &mut Context, channel: Channel) {
         let offset = match channel {
             Channel::One => offset_of!(CANsync_MA_CTRL_BMSTRUCT, b_CTRLREG_WRC1),
@@ -223,8 +224,8 @@ impl Master {
         acknowledge(ctx, self.control_register(channel), offset);
     }
 
-    /// The frame for the command channel of this interval, if any. Its job counts as sent from now on
-    /// (decision D-40).
+    /// Returns the frame for the command channel of this interval, if any. Its job counts as sent from now on (decision
+    /// D-40).
     #[inline]
     pub fn command(&mut self, ctx: &mut Context) -> Option<Frame> {
         if !self.node.is_connected() {
@@ -232,20 +233,21 @@ impl Master {
         }
         match (self.node.state(), self.node.init()) {
             (NodeState::SetUp, Some(init)) => Some(self.polling.frame(init.expected)),
-            // A PLC may enable active operation before the first command slot; the slaves must be told
-            // to synchronize all the same (decision D-38).
+            // A PLC may enable active operation before the first command slot. The slaves must receive the order to
+            // synchronize all the same (decision D-38).
             (NodeState::Active, _) => self.polling.announcement().or_else(|| self.job(ctx)),
             _ => None,
         }
     }
 
-    /// Jobs begin with the first whole interval of active operation, like process data (decision D-31).
+    /// Returns the job of this interval. Like process data, jobs begin with the first whole interval of active
+    /// operation (decision D-31).
     #[inline]
     fn job(&mut self, ctx: &mut Context) -> Option<Frame> {
         if self.is_exchanging() { self.commands.frame(ctx, &self.regs) } else { None }
     }
 
-    /// A response frame arrived.
+    /// Handles a response frame.
     pub fn response(&mut self, ctx: &mut Context, slave: u8, frame: &Frame) {
         if !self.node.accepts(frame.id()) {
             return;
@@ -255,13 +257,13 @@ impl Master {
         }
     }
 
-    /// t_RSPTO passed without an answer to the last command.
+    /// Handles the end of t_RSPTO without an answer to the last command.
     pub fn response_timeout(&mut self, ctx: &mut Context) {
         self.commands.no_response();
         self.polling.no_response(ctx, &self.regs);
     }
 
-    /// An actual value frame arrived: words to `a_RD_BMARRAY` first, then the acknowledgements.
+    /// Handles an actual value frame: stores the words in `a_RD_BMARRAY` first, then the acknowledgements.
     pub fn actual_value(&mut self, channel: Channel, slave: u8, frame: &Frame) {
         if !self.is_exchanging() || !self.node.accepts(frame.id()) {
             return;
@@ -273,18 +275,18 @@ impl Master {
         self.interval_is_active && self.node.state() == NodeState::Active && self.node.is_connected()
     }
 
-    /// The CAN controller goes BUS-off, if it is working; tells whether it was.
+    /// Switches a working CAN controller to BUS-off. Returns true if it was working.
     pub fn go_bus_off(&mut self) -> bool {
         self.node.go_bus_off()
     }
 
-    /// An overrun loses the frame that is arriving, up to [`Master::frame_is_past`]; tells whether the node would
-    /// have received it.
+    /// Loses the arriving frame to an overrun, up to [`Master::frame_is_past`]. Returns true if the node would have
+    /// received the frame.
     pub fn overrun(&mut self) -> bool {
         self.node.overrun()
     }
 
-    /// The frame lost to an overrun is past.
+    /// Ends the overrun: the lost frame has passed.
     pub fn frame_is_past(&mut self) {
         self.node.controller.frame_is_past();
     }
@@ -297,7 +299,7 @@ impl Master {
     }
 }
 
-/// 16#05 -> 16#04 in a register that holds such a handshake. Tells whether it still held 16#05.
+/// Replaces 16#05 by 16#04 in a register with this handshake. Returns true if the register still held 16#05.
 pub(super) fn acknowledge(ctx: &mut Context, register: &Cell8, offset: usize) -> bool {
     let acknowledged = register.compare_exchange(send::RELEASED, send::SENT).is_ok();
     if acknowledged {

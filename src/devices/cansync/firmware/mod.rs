@@ -1,11 +1,16 @@
 //! The two CANsync nodes of the board: node 1 as slave, node 2 as master.
 //!
-//! `node` holds what both share: the general registers and the state machine between
-//! `w_CPU_CONTROL` and `w_OPTION_STATUS`, `orders` reads the former; `controller` is its CAN controller, which can fail; `init` checks
-//! initialization data; `master` and `slave` add the process data; `polling` is the master's set-up mode; `punctual`
-//! remembers missed deadlines for the access checker; `command` shares its command channel out
-//! in active operation, to `broadcast`, `parameter_job` and `updown_job`; below `slave` lies its side of
-//! jobs.
+//! The modules:
+//! - `node`: common part of both nodes: the general registers and the state machine between `w_CPU_CONTROL` and
+//!   `w_OPTION_STATUS`
+//! - `orders`: reads `w_CPU_CONTROL`
+//! - `controller`: the CAN controller and its failures
+//! - `init`: checks initialization data
+//! - `master`, `slave`: process data
+//! - `polling`: set-up mode of the master
+//! - `deadlines`: missed deadlines, for the access checker
+//! - `command`: the master's command channel in active operation, for `broadcast`, `parameter_job` and `updown_job`
+//! - `slave` also has the slave's side of jobs
 
 mod actual;
 pub mod auto;
@@ -13,6 +18,7 @@ mod block;
 mod broadcast;
 mod command;
 mod controller;
+mod deadlines;
 mod init;
 mod job_registers;
 mod master;
@@ -20,14 +26,13 @@ mod node;
 mod orders;
 mod parameter_job;
 mod polling;
-mod punctual;
 mod slave;
 mod updown_job;
 mod word_config;
 
 pub use init::{InitData, InitFault};
 pub use master::{Built, Master};
-pub(crate) use node::find_number_taken;
-pub use node::{Change, NodeState, Seat};
+pub(crate) use node::report_number_taken;
+pub use node::{Change, NodeLocation, NodeState};
 pub(crate) use orders::note_restarts;
 pub use slave::Slave;

@@ -1,19 +1,18 @@
-//! What master and slave node share: general registers and the state machine between `w_CPU_CONTROL`
-//! and `w_OPTION_STATUS` (manual 5.00005.03a p. 147-150, 173-175; which state follows which command:
-//! decision D-05).
+//! Common part of master and slave nodes: general registers and the state machine between `w_CPU_CONTROL` and
+//! `w_OPTION_STATUS` (manual 5.00005.03a p. 147-150, 173-175). Decision D-05 defines which state follows which command.
 
 mod control;
 mod findings;
-mod seat;
+mod location;
 mod status;
 
-pub(crate) use findings::find_number_taken;
-pub use seat::Seat;
+pub(crate) use findings::report_number_taken;
+pub use location::NodeLocation;
 
 use super::controller::Controller;
-use super::init::{InitData, InitFault, Kept};
+use super::deadlines::DeadlineTracker;
+use super::init::{InitData, InitFault, InitSnapshot};
 use super::orders::Orders;
-use super::punctual::Punctual;
 use crate::devices::Context;
 use crate::devices::cansync::BaudRate;
 use crate::devices::cansync::registers::CANsync_INIT_BMSTRUCT;
@@ -24,14 +23,14 @@ use crate::memory::{MemoryError, Segment, View};
 use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 use serde::{Deserialize, Serialize};
 
-/// What a node is on its bus.
+/// Role of a node on its bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Role {
     Slave,
     Master,
 }
 
-/// The state a node shows in `w_OPTION_STATUS`.
+/// State of a node, as shown in `w_OPTION_STATUS`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum NodeState {
     /// 16#0001.
@@ -46,40 +45,40 @@ pub enum NodeState {
     Active,
 }
 
-/// What a look at `w_CPU_CONTROL` changed.
+/// Effect of a poll of `w_CPU_CONTROL`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Change {
-    /// Nothing.
+    /// No change.
     None,
     /// The node was restarted; the bus is released.
     Restarted,
-    /// Some step towards set-up mode that concerns nobody else.
+    /// The node took a step towards set-up mode that does not affect the bus.
     Progressed,
-    /// Initialization data were taken over; the cyclic area is to be cleared before 16#0003 is shown.
+    /// Initialization data were taken over. The cyclic area must be cleared before 16#0003 is shown.
     SetUpStarted,
     /// Active operation was enabled.
     Enabled,
-    /// Active operation ended, set-up mode goes on.
+    /// Active operation ended; set-up mode continues.
     Disabled,
 }
 
-/// SnapshotFields machine and general registers of a node.
+/// State machine and general registers of a node.
 pub(super) struct Node {
     role: Role,
     pub(super) regs: View<CANsync_INIT_BMSTRUCT>,
     rates: &'static [BaudRate],
     state: NodeState,
     init: Option<InitData>,
-    /// The initialization data before the last restart.
+    /// Initialization data before the last restart.
     last_init: Option<InitData>,
     refused: Option<InitFault>,
     orders: Orders,
     pub(super) controller: Controller,
     /// The SYNC signal that this node passes on has another interval than its bus (decision D-282).
     sync_is_unlike: bool,
-    /// The last poll has changed nothing, and `w_CANsync_STATUS` is up to date except for the traffic bits.
+    /// The last poll changed nothing, and `w_CANsync_STATUS` is up to date except for the traffic bits.
     is_settled: bool,
-    /// The bits of `w_CANsync_STATUS` besides the traffic bits, as the last poll stored them.
+    /// The bits of `w_CANsync_STATUS` other than the traffic bits, as the last poll stored them.
     shown_status: u16,
 }
 
@@ -100,7 +99,7 @@ impl SnapshotFields for Node {
             shown_status: _,
         } = self;
         to.value(&(state, refused, controller, sync_is_unlike));
-        to.value(&[init, last_init].map(|data| data.as_ref().map(|init| init.kept(rates))));
+        to.value(&[init, last_init].map(|data| data.as_ref().map(|init| init.to_snapshot(rates))));
         orders.save(to);
     }
 
@@ -108,8 +107,8 @@ impl SnapshotFields for Node {
         (self.state, self.refused, self.controller, self.sync_is_unlike) = from.value()?;
         self.is_settled = false;
         let rates = self.rates;
-        let [init, last_init] = from.value::<[Option<Kept>; 2]>()?.map(|kept| {
-            kept.map(|kept| InitData::of_kept(kept, rates).ok_or_else(|| from.no("rate of the device")))
+        let [init, last_init] = from.value::<[Option<InitSnapshot>; 2]>()?.map(|kept| {
+            kept.map(|kept| InitData::from_snapshot(kept, rates).ok_or_else(|| from.no("rate of the device")))
         });
         (self.init, self.last_init) = (init.transpose()?, last_init.transpose()?);
         self.orders.restore(from)
@@ -117,16 +116,16 @@ impl SnapshotFields for Node {
 }
 
 impl Node {
-    /// The node at `seat` of `segment`, in start-up.
+    /// Creates the node at `location` of `segment`, in start-up.
     ///
     /// # Errors
-    /// If the segment is too small for it, or read-only.
-    pub(super) fn new(role: Role, segment: &Segment, seat: Seat) -> Result<Self, MemoryError> {
+    /// The segment is too small for the node, or read-only.
+    pub(super) fn new(role: Role, segment: &Segment, location: NodeLocation) -> Result<Self, MemoryError> {
         Ok(Node {
-            orders: Orders::new(segment, seat.place)?,
+            orders: Orders::new(segment, location.place)?,
             role,
-            regs: segment.view(seat.base)?,
-            rates: seat.rates,
+            regs: segment.view(location.base)?,
+            rates: location.rates,
             state: NodeState::StartUp,
             init: None,
             last_init: None,
@@ -138,13 +137,13 @@ impl Node {
         })
     }
 
-    /// Power-on: shows the number set at the DIP switches. All other registers hold their reset values.
+    /// Switches the power on: shows the number set at the DIP switches. All other registers hold their reset values.
     pub(super) fn power_on(&mut self, omega_nr: u8) {
         self.is_settled = false;
         self.regs.w_OMEGA_NR.store(u16::from(omega_nr));
     }
 
-    /// Power-off: whatever it did, it is in start-up again.
+    /// Switches the power off: the node returns to start-up from every state.
     pub(super) fn power_off(&mut self, ctx: &mut Context) {
         if self.state != NodeState::StartUp {
             self.show(ctx, NodeState::StartUp);
@@ -157,9 +156,9 @@ impl Node {
         self.state
     }
 
-    /// What the access checker must know; `punctual` are the deadlines of the node's two process data frames.
+    /// Returns the facts for the access checker. `deadlines` has the deadlines of the node's two process data frames.
     #[inline]
-    pub(super) fn facts(&self, punctual: [Punctual; 2]) -> Facts {
+    pub(super) fn facts(&self, deadlines: [DeadlineTracker; 2]) -> Facts {
         let ordered = || {
             let others = self.regs.w_CPU_CONTROL.load() & !cpu_control::RESET_CONTROLLER;
             matches!(others, cpu_control::TAKE_OVER_INIT_DATA | cpu_control::START_SYNCHRONOUS)
@@ -170,12 +169,12 @@ impl Node {
             takes_over_init: self.state == NodeState::WaitingForInit && ordered(),
             is_on_bus: self.is_on_bus(),
             is_active: self.state == NodeState::Active,
-            missed: punctual.map(|frame| frame.missed_at()),
+            missed: deadlines.map(|frame| frame.missed_at()),
             expected: self.init.as_ref().map_or(0, |init| init.expected),
         }
     }
 
-    /// Which structure is valid (decision D-03).
+    /// Returns the structure that is valid at present (decision D-03).
     fn live(&self) -> RegisterPhase {
         match self.state {
             NodeState::StartUp | NodeState::WaitingForInit => RegisterPhase::Init,
@@ -183,59 +182,59 @@ impl Node {
         }
     }
 
-    /// The initialization data taken over; `None` before that.
+    /// Returns the initialization data that were taken over; `None` before the takeover.
     #[inline]
     pub(super) fn init(&self) -> Option<&InitData> {
         self.init.as_ref()
     }
 
-    /// Whether the node takes part in bus traffic: set-up mode or active operation.
+    /// Returns true if the node takes part in bus traffic: in set-up mode or active operation.
     #[inline]
     pub(super) fn is_on_bus(&self) -> bool {
         matches!(self.state, NodeState::SetUp | NodeState::Active)
     }
 
-    /// Whether the PLC has written `w_CPU_CONTROL` since the last look. For busy polling.
+    /// Returns true if the PLC has written `w_CPU_CONTROL` since the last poll. For busy polling.
     #[inline]
     pub(super) fn control_changed(&self) -> bool {
         self.orders.is_waiting(&self.regs.w_CPU_CONTROL)
     }
 
-    /// Whether the CAN controller takes part in bus traffic, as far as the PLC wants it to.
+    /// Returns true if the CAN controller takes part in bus traffic, as far as the PLC permits.
     #[inline]
     pub(super) fn is_connected(&self) -> bool {
         self.controller.is_connected()
     }
 
-    /// Whether a frame with this identifier is received: it reaches the controller and passes its acceptance
+    /// Returns true if a frame with this identifier is received: it reaches the controller and passes the acceptance
     /// filter.
     #[inline]
     pub(super) fn accepts(&self, identifier: u16) -> bool {
         self.is_connected() && self.init.as_ref().is_some_and(|init| init.accepts(identifier))
     }
 
-    /// The CAN controller goes BUS-off, if it is working; tells whether it was.
+    /// Switches a working CAN controller to BUS-off. Returns true if it was working.
     pub(super) fn go_bus_off(&mut self) -> bool {
         self.is_settled = false;
         self.is_on_bus() && self.controller.go_off()
     }
 
-    /// An overrun loses the frame that is arriving; tells whether the node would have received it.
+    /// Loses the arriving frame to an overrun. Returns true if the node would have received the frame.
     pub(super) fn overrun(&mut self) -> bool {
         self.is_settled = false;
         self.is_on_bus() && self.controller.overrun()
     }
 
-    /// Whether looks at `w_CPU_CONTROL` that follow one find nothing to do: on the bus they show the traffic, and a recovery
-    /// ends at one of them.
+    /// Returns true if further polls of `w_CPU_CONTROL` have no work. On the bus polls show the traffic, and one of
+    /// them ends a recovery.
     #[inline]
     pub(super) fn is_quiescent(&self) -> bool {
         !self.is_on_bus() && !self.controller.recovers() && !self.control_changed()
     }
 
-    /// True if a poll now would change only the traffic bits of `w_CANsync_STATUS`. `is_seen`: no register was written since
-    /// the last poll. Otherwise the registers that a poll reads or refreshes are compared. While the node waits for
-    /// initialization data, a poll reads more registers than these, so `is_seen` decides alone.
+    /// Returns true if a poll now would change only the traffic bits of `w_CANsync_STATUS`. `is_seen`: no register was
+    /// written since the last poll. Otherwise the registers that a poll reads or refreshes are compared. While the node
+    /// waits for initialization data, a poll reads more registers than these, so `is_seen` decides alone.
     #[inline]
     pub(super) fn poll_changes_nothing(&self, is_seen: bool) -> bool {
         self.is_settled

@@ -1,38 +1,41 @@
-//! `w_CPU_CONTROL` as the firmware reads it: a level, from which bit 7 is cleared (manual 5.00005.03a p. 149-150, 174).
+//! Reads `w_CPU_CONTROL`: a level, from which the firmware clears bit 7 (manual 5.00005.03a p. 149-150, 174).
 
-use super::Seat;
+use super::NodeLocation;
 use crate::devices::cansync::registers::values::cpu_control;
 use crate::memory::{Cell16, Face, MemoryError, Segment, Width};
 use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 
-/// What the PLC has ordered, as far as the register tells.
+/// Reader of the PLC's orders in the register.
 pub(super) struct Orders {
     face: Face,
-    /// Index in what the header page has for both nodes.
+    /// Index of the node in the header page.
     node: usize,
     /// Last value seen, so that an ignored command is reported once.
     seen: u16,
-    /// In the register stands the 16#0000 that clearing 16#0080 left. It is no restart (decision D-29).
+    /// The register holds the 16#0000 that the firmware left after clearing bit 7 of 16#0080. It is not a restart
+    /// (decision D-29).
     left_behind: bool,
-    /// [`PortEntry::restarts_written`](crate::memory::header::PortEntry::restarts_written) when the register was last looked at.
+    /// [`PortEntry::restarts_written`](crate::memory::header::PortEntry::restarts_written) at the last poll of the
+    /// register.
     restarts: u32,
 }
 
-/// What a look at the register shows.
+/// Result of a poll of the register.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Order {
-    /// What stands in the register, without bit 7.
+    /// Value of the register, without bit 7.
     pub value: u16,
-    /// It was written since the last look, as far as that can be seen.
+    /// True if the register was written since the last poll, as far as the value shows it.
     pub is_new: bool,
-    /// Bit 7 was set, and is cleared now.
+    /// True if bit 7 was set; it is cleared now.
     pub with_reset: bool,
 }
 
 impl SnapshotFields for Orders {
     fn save(&self, to: &mut Saving) {
         let Self { face: _, node: _, seen, left_behind, restarts } = self;
-        // The header page goes on counting whatever is restored, so what is kept is how many have not been seen.
+        // The header page counts on regardless of a restored snapshot, so the snapshot has the number of unseen
+        // restarts.
         to.value(&(seen, left_behind, self.restarts_written().wrapping_sub(*restarts)));
     }
 
@@ -45,10 +48,10 @@ impl SnapshotFields for Orders {
 }
 
 impl Orders {
-    /// The orders to the node with this role in `segment`; none yet.
+    /// Creates the reader for node `node` in `segment`, without an order.
     ///
     /// # Errors
-    /// If the segment is read-only.
+    /// The segment is read-only.
     pub(crate) fn new(segment: &Segment, node: usize) -> Result<Self, MemoryError> {
         let mut orders = Orders {
             face: segment.face()?,
@@ -61,23 +64,23 @@ impl Orders {
         Ok(orders)
     }
 
-    /// Whether something was ordered since the last look.
+    /// Returns true if the register was written since the last poll.
     #[inline]
     pub(crate) fn is_waiting(&self, register: &Cell16) -> bool {
         register.load() != self.seen || self.left_behind && self.restarts_written() != self.restarts
     }
 
-    /// Whether what stands in the register is no order, because the firmware has written it.
+    /// Returns true if the value in the register is not an order, because the firmware has written it.
     #[inline]
     pub(crate) fn are_left_behind(&self) -> bool {
         self.left_behind
     }
 
-    /// Looks at the register and clears bit 7.
+    /// Polls the register and clears bit 7.
     pub(crate) fn take(&mut self, register: &Cell16) -> Order {
         let (value, restarts, with_reset) = loop {
             let value = register.load();
-            // In between: restarts written before this value are past, later ones make the exchange fail.
+            // In between: restarts written before this value are included; later ones make the exchange fail.
             let restarts = self.restarts_written();
             let rest = value & !cpu_control::RESET_CONTROLLER;
             if rest == value {
@@ -98,24 +101,24 @@ impl Orders {
     }
 }
 
-/// `bytes` bytes at `offset` were written by somebody who named the place. If that is the `w_CPU_CONTROL` of one of the
-/// nodes at `seats`, 16#0000 in it is a restart, even if it stood there before (decision D-29).
+/// Notes a write of `bytes` bytes at `offset` by address. If the bytes include the `w_CPU_CONTROL` of one of the nodes
+/// at `locations`, 16#0000 in it is a restart, even if it was the value before (decision D-29).
 pub(crate) fn note_restarts(
     segment: &Segment,
     face: &Face,
-    seats: impl IntoIterator<Item = Seat>,
+    locations: impl IntoIterator<Item = NodeLocation>,
     offset: u32,
     bytes: u32,
 ) {
-    for seat in seats {
-        let register = seat.base as u32;
+    for location in locations {
+        let register = location.base as u32;
         let is_hit = offset < register + 2 && register < offset + bytes;
         let holds_restart = || {
             segment.load(register, Width::Word).is_ok_and(|value| value == u32::from(cpu_control::RESTART))
         };
         if is_hit && holds_restart() {
             face.both(|page| {
-                page.ports[seat.place].restarts_written.increment();
+                page.ports[location.place].restarts_written.increment();
             });
         }
     }
@@ -128,7 +131,7 @@ mod tests {
     use crate::devices::omega_drive_line_2::registers::{CANsync_INIT_BMSTRUCT, NODE2};
 
     #[test]
-    fn the_left_behind_0_lasts_until_another_value_or_a_restart() {
+    fn a_leftover_0_lasts_until_another_value_or_a_restart() {
         let segment = Segment::heap(SEGMENT_END);
         let regs = segment.view::<CANsync_INIT_BMSTRUCT>(NODE2).unwrap();
         let header = segment.header().unwrap();

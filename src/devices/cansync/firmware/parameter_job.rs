@@ -1,8 +1,8 @@
 //! Parameter jobs of the master's PLC (manual 5.00005.03a p. 164-166).
 //!
-//! The registers alone hold a job: it is read anew whenever it is its slave's turn, and an answer counts
-//! only if they still hold the job that was sent. So the PLC can change or withdraw a job at any time, and
-//! a job that nobody answers is simply sent again on the slave's next turn (decision D-11).
+//! Only the registers hold a job. The job is read again on each turn of its slave. An answer counts only if the
+//! registers still hold the sent job. So the PLC can change or withdraw a job at any time. A job without an answer is
+//! sent again on the slave's next turn (decision D-11).
 
 use super::job_registers::JobRegisters;
 use crate::can::Payload;
@@ -42,8 +42,8 @@ impl<'a> Area<'a> {
         })
     }
 
-    /// The job that `control` and the data registers describe, or the error number that refuses it
-    /// (decision D-41). `w_SUBSL_ADR` is reserved: jobs go to the slave itself.
+    /// Returns the job in `control` and the data registers, or the error number that refuses it (decision D-41).
+    /// `w_SUBSL_ADR` is reserved: jobs address the slave itself.
     fn entered(&self, control: u8) -> Result<ParameterJob, u16> {
         let access = match (control & par_job_master::READ != 0, control & par_job_master::WRITE != 0) {
             (true, false) => Access::Read,
@@ -62,19 +62,19 @@ impl<'a> Area<'a> {
         self.data.d_PAR_VALUE.show(ctx, offset, value);
     }
 
-    /// Ends the job that `control` holds with an error number; bit 3 goes off as at a good end (D-42).
+    /// Ends the job in `control` with an error number. Bit 3 goes off as at a successful end (D-42).
     fn fail(&self, ctx: &mut Context, control: u8, number: u16) {
         self.show_value(ctx, u32::from(number));
         self.job.replace(ctx, control, ended(control) | par_job_master::ERROR);
     }
 }
 
-/// What is left of a control register when its job has ended: what was asked for.
+/// Returns the bits that stay in a control register at the end of its job: the requested access.
 const fn ended(control: u8) -> u8 {
     control & !(par_job_master::ACTIVE | par_job_master::SENT | par_job_master::BUSY | par_job_master::ERROR)
 }
 
-/// The job for `slave` that goes out now, if one is entered. Jobs that cannot be sent end at once.
+/// Returns the job to send to `slave` now, if one is entered. Jobs that cannot be sent end at once.
 #[inline]
 pub(super) fn next(ctx: &mut Context, regs: &CANsync_MA_CTRL_BMSTRUCT, slave: u8) -> Option<ParameterJob> {
     let area = Area::of(regs, slave)?;
@@ -83,7 +83,7 @@ pub(super) fn next(ctx: &mut Context, regs: &CANsync_MA_CTRL_BMSTRUCT, slave: u8
         return None;
     }
     match area.entered(control) {
-        // Busy stays from one repetition to the next.
+        // The busy bit stays set between repetitions.
         Ok(job) => area
             .job
             .replace(ctx, control, control & !par_job_master::ERROR | par_job_master::SENT)
@@ -95,7 +95,7 @@ pub(super) fn next(ctx: &mut Context, regs: &CANsync_MA_CTRL_BMSTRUCT, slave: u8
     }
 }
 
-/// The answer of `slave` to `job`. One that does not fit is as good as none.
+/// Handles the answer of `slave` to `job`. An answer that does not fit is ignored like a missing one.
 pub(super) fn answered(
     ctx: &mut Context,
     regs: &CANsync_MA_CTRL_BMSTRUCT,
@@ -106,7 +106,7 @@ pub(super) fn answered(
     const UNDER_WAY: u8 = par_job_master::ACTIVE | par_job_master::SENT;
     let Some(area) = Area::of(regs, slave) else { return };
     let control = area.job.control.load();
-    // Bit 3 off: the PLC has entered a job anew, even if it is the same one again.
+    // Bit 3 off: the PLC has entered a new job, even if it is equal to the old one.
     if control & UNDER_WAY != UNDER_WAY || area.entered(control) != Ok(*job) {
         return;
     }
@@ -116,7 +116,7 @@ pub(super) fn answered(
         ParameterResult::Busy => control | par_job_master::BUSY,
         ParameterResult::Error(number) => return area.fail(ctx, control, number),
         ParameterResult::Done => end,
-        // The format is that of the answer, whatever was asked for (p. 165).
+        // The answer decides the format, independent of the request (p. 165).
         ParameterResult::Word(value) => {
             area.show_value(ctx, u32::from(value));
             end & !par_job_master::DOUBLEWORD
@@ -135,9 +135,9 @@ mod tests {
     use crate::devices::samples::tables::NODES;
     use crate::memory::Segment;
 
-    /// Where the journal says that the registers of a slave's job are, they are.
+    /// The register offsets for the journal are those of the register table.
     #[test]
-    fn the_registers_of_every_slave_stand_where_the_table_has_them() {
+    fn register_offsets_of_every_slave_match_the_table() {
         let base = NODES.area("node2").unwrap().first;
         let segment = Segment::of(&NODES);
         let regs = segment.view::<CANsync_MA_CTRL_BMSTRUCT>(base as usize).unwrap();

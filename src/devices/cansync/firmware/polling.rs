@@ -1,9 +1,9 @@
-//! Set-up mode of the master: tells all slaves to synchronize and reads their status words.
+//! Set-up mode of the master: orders all slaves to synchronize and reads their status words.
 //!
-//! Manual 5.00005.03a p. 134, 168. One frame per interval in the command channel: first the action
-//! command "SYNC mode: on" (decision D-06), then one read job on parameter 121 (status word) for each
-//! expected slave in ascending order, then all over again (decision D-30), so that a slave which is switched on
-//! late is found as well.
+//! Manual 5.00005.03a p. 134, 168. The command channel carries one frame per interval: first the action command "SYNC
+//! mode: on" (decision D-06), then one read job on parameter 121 (status word) for each expected slave in ascending
+//! order. Then the sequence starts again (decision D-30), so that the master also finds a slave that is switched on
+//! late.
 
 use crate::devices::Context;
 use crate::devices::cansync::bus::Frame;
@@ -19,14 +19,14 @@ use serde::{Deserialize, Serialize};
 /// Parameter number of the status word (manual 5.01010.01 p. 14; decision D-06).
 pub(super) const STATUS_WORD: u16 = 121;
 
-/// The read job on the status word.
+/// Read job on the status word.
 const STATUS_WORD_JOB: ParameterJob = match ParameterJob::new(STATUS_WORD, Access::Read) {
     Ok(job) => job,
     Err(_) => panic!("121 is a parameter number"),
 };
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-enum Next {
+enum NextFrame {
     SyncModeOn,
     StatusWordOf(u8),
 }
@@ -34,22 +34,22 @@ enum Next {
 /// The polling sequence of set-up mode.
 #[derive(Serialize, Deserialize)]
 pub(super) struct Polling {
-    next: Next,
+    next: NextFrame,
     asked: Option<u8>,
     announced: bool,
 }
 
 impl Polling {
     pub(super) fn new() -> Self {
-        Polling { next: Next::SyncModeOn, asked: None, announced: false }
+        Polling { next: NextFrame::SyncModeOn, asked: None, announced: false }
     }
 
-    /// Begins again with "SYNC mode: on".
+    /// Restarts the sequence with "SYNC mode: on".
     pub(super) fn restart(&mut self) {
         *self = Polling::new();
     }
 
-    /// "SYNC mode: on", if it has not gone out since the start.
+    /// Returns "SYNC mode: on" if it was not sent since the start.
     pub(super) fn announcement(&mut self) -> Option<Frame> {
         if self.announced { None } else { Some(self.sync_mode_on()) }
     }
@@ -60,14 +60,14 @@ impl Polling {
         ActionCommand::sync_mode(ActionCommand::ALL_SLAVES, true).frame()
     }
 
-    /// The frame for this interval's command channel.
+    /// Returns the frame for this interval's command channel.
     pub(super) fn frame(&mut self, expected: u32) -> Frame {
         match self.next {
-            Next::SyncModeOn => {
+            NextFrame::SyncModeOn => {
                 self.advance(expected, 0);
                 self.sync_mode_on()
             }
-            Next::StatusWordOf(slave) => {
+            NextFrame::StatusWordOf(slave) => {
                 self.asked = Some(slave);
                 self.advance(expected, slave + 1);
                 STATUS_WORD_JOB.frame(slave)
@@ -76,14 +76,14 @@ impl Polling {
     }
 
     fn advance(&mut self, expected: u32, from: u8) {
-        let behind = expected.checked_shr(u32::from(from)).unwrap_or(0);
-        self.next = match behind {
-            0 => Next::SyncModeOn,
-            bits => Next::StatusWordOf(from + bits.trailing_zeros() as u8),
+        let remaining = expected.checked_shr(u32::from(from)).unwrap_or(0);
+        self.next = match remaining {
+            0 => NextFrame::SyncModeOn,
+            bits => NextFrame::StatusWordOf(from + bits.trailing_zeros() as u8),
         };
     }
 
-    /// A response frame of `slave` arrived.
+    /// Handles a response frame of `slave`.
     pub(super) fn response(
         &mut self,
         ctx: &mut Context,
@@ -106,7 +106,7 @@ impl Polling {
             ParameterResult::Doubleword(value) if value & u32::from(drive_status::SYNCHRONIZED) != 0 => {
                 stat_sl::RESPONDS | stat_sl::SYNCHRONIZED
             }
-            // Busy: the slave is there, and its status word is asked for again in the next round.
+            // Busy: the slave responds. The next round asks for its status word again.
             ParameterResult::Busy => {
                 stat_sl::RESPONDS | regs.a_STAT_SL[usize::from(slave)].load() & stat_sl::SYNCHRONIZED
             }
@@ -115,7 +115,7 @@ impl Polling {
         show(ctx, regs, slave, status);
     }
 
-    /// t_RSPTO is over and no answer has begun: the slave that was asked does not respond.
+    /// Called when t_RSPTO is over and no answer has begun: the requested slave does not respond.
     pub(super) fn no_response(&mut self, ctx: &mut Context, regs: &CANsync_MA_CTRL_BMSTRUCT) {
         if let Some(slave) = self.asked.take() {
             show(ctx, regs, slave, 0);
@@ -145,7 +145,7 @@ mod tests {
     }
 
     #[test]
-    fn sync_mode_on_is_owed_until_it_went_out() {
+    fn sync_mode_on_is_announced_until_it_was_sent() {
         let mut polling = Polling::new();
         assert_eq!(polling.announcement().map(|frame| frame.id()), Some(0x010));
         assert_eq!(polling.announcement(), None);

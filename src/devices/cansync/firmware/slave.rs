@@ -1,7 +1,7 @@
 //! A CANsync slave (manual 5.00005.03a p. 169-193).
 //!
-//! Here are node state, process data and action commands. `jobs` sorts what comes in the command channel to
-//! `parameter` and `updown`.
+//! This module has the node state, process data and action commands. `jobs` distributes the frames of the command
+//! channel to `parameter` and `updown`.
 
 mod area;
 mod jobs;
@@ -10,9 +10,9 @@ mod transfer;
 mod updown;
 
 use super::actual::{ActualValueRegisters, store_word};
+use super::deadlines::DeadlineTracker;
 use super::master::acknowledge;
-use super::node::{Change, Node, NodeState, Role, Seat};
-use super::punctual::Punctual;
+use super::node::{Change, Node, NodeLocation, NodeState, Role};
 use super::word_config::WordConfigs;
 use crate::can::Payload;
 use crate::devices::Context;
@@ -30,7 +30,7 @@ use crate::snapshot_fields;
 use core::mem::offset_of;
 use jobs::Jobs;
 
-/// Where the cyclic area begins, behind the general registers.
+/// Start of the cyclic area, after the general registers.
 const CYCLIC_AREA: usize = offset_of!(CANsync_SL_CTRL_BMSTRUCT, b_CTRLREG_WRC1);
 
 /// The slave's firmware.
@@ -45,50 +45,55 @@ pub struct Slave {
     /// Own actual value frames, built and released for this interval.
     ready: [Option<Payload>; 2],
     interval_is_active: bool,
-    /// The present interval began with its edge: own actual value frames can go out in time.
+    /// The present interval began with its SYNC edge, so own actual value frames can be sent in time.
     has_edge: bool,
-    /// When it is over, if neither the next edge comes nor its loss is noticed.
+    /// End of the interval, if neither the next edge comes nor its loss is noticed.
     interval_ends: u64,
     interval_us: u32,
     /// Deadlines of the two actual value frames.
-    punctual: [Punctual; 2],
+    deadlines: [DeadlineTracker; 2],
 }
 
 snapshot_fields!(Slave {
-    values: number, config, ready, interval_is_active, has_edge, interval_ends, interval_us, punctual;
+    values: number, config, ready, interval_is_active, has_edge, interval_ends, interval_us, deadlines;
     parts: node, lock, jobs;
     built: regs
 });
 
 impl Slave {
-    /// The slave at `seat` of `segment` with slave number `number`, which synchronizes by `lock`.
+    /// Creates the slave at `location` of `segment` with slave number `number`; `lock` has its rules for synchronizing.
     ///
     /// # Errors
     /// If the segment is too small for it.
-    pub fn new(segment: &Segment, seat: Seat, number: u8, lock: SyncLock) -> Result<Self, MemoryError> {
+    pub fn new(
+        segment: &Segment,
+        location: NodeLocation,
+        number: u8,
+        lock: SyncLock,
+    ) -> Result<Self, MemoryError> {
         Ok(Slave {
-            node: Node::new(Role::Slave, segment, seat)?,
-            regs: segment.view::<CANsync_SL_CTRL_BMSTRUCT>(seat.base)?,
+            node: Node::new(Role::Slave, segment, location)?,
+            regs: segment.view::<CANsync_SL_CTRL_BMSTRUCT>(location.base)?,
             number,
             lock,
-            jobs: Jobs::new(number, seat.has_single_frame_area),
+            jobs: Jobs::new(number, location.has_single_frame_area),
             config: [FrameConfig::new([0; 4]); 2],
             ready: [None; 2],
             interval_is_active: false,
             has_edge: false,
             interval_ends: 0,
             interval_us: 0,
-            punctual: [Punctual::default(); 2],
+            deadlines: [DeadlineTracker::default(); 2],
         })
     }
 
-    /// Power-on: the DIP number is the slave number.
+    /// Switches the power on. The DIP number is the slave number.
     pub fn power_on(&mut self) {
         self.regs.reset_from(0);
         self.node.power_on(self.number);
     }
 
-    /// Power-off: the node leaves the bus. Its registers are empty until [`Slave::power_on`].
+    /// Switches the power off. The node leaves the bus. Its registers are empty until [`Slave::power_on`].
     pub fn power_off(&mut self, ctx: &mut Context) {
         self.node.power_off(ctx);
         self.regs.reset_from(0);
@@ -105,18 +110,18 @@ impl Slave {
         self.node.state()
     }
 
-    /// Slot times, once initialization data were taken over.
+    /// Returns the slot times, once initialization data were taken over.
     pub fn timing(&self) -> Option<&'static BaudRate> {
         self.node.init().map(|init| init.timing)
     }
 
-    /// What the access checker must know.
+    /// Returns the facts for the access checker.
     #[inline]
     pub(in crate::devices::cansync) fn facts(&self) -> Facts {
-        self.node.facts(self.punctual)
+        self.node.facts(self.deadlines)
     }
 
-    /// Whether the node listens at `kbit_s`: set-up mode or active operation at the same baud rate, and not
+    /// Returns true if the node listens at `kbit_s`: in set-up mode or active operation at the same baud rate, and not
     /// BUS-off.
     #[inline]
     pub fn hears(&self, kbit_s: u16) -> bool {
@@ -125,29 +130,29 @@ impl Slave {
             && self.timing().is_some_and(|timing| timing.kbit_per_s == kbit_s)
     }
 
-    /// Whether the node is in set-up mode or active operation, whatever its baud rate.
+    /// Returns true if the node is in set-up mode or active operation, at any baud rate.
     pub fn is_on_bus(&self) -> bool {
         self.node.is_on_bus()
     }
 
-    /// The CAN controller goes BUS-off, if it is working; tells whether it was.
+    /// Switches a working CAN controller to BUS-off. Returns true if it was working.
     pub fn go_bus_off(&mut self) -> bool {
         self.node.go_bus_off()
     }
 
-    /// An overrun loses the frame that is arriving, up to [`Slave::frame_is_past`]; tells whether the node would
-    /// have received it.
+    /// Loses the arriving frame to an overrun, up to [`Slave::frame_is_past`]. Returns true if the node would have
+    /// received the frame.
     pub fn overrun(&mut self) -> bool {
         self.node.overrun()
     }
 
-    /// The frame lost to an overrun is past.
+    /// Ends the overrun: the lost frame has passed.
     pub fn frame_is_past(&mut self) {
         self.node.controller.frame_is_past();
     }
 
-    /// An edge of SYNC that was to come at `now` was lost on its way. A node that is locked runs through this interval
-    /// all the same, but for its actual value frames; otherwise it is none (decision D-124).
+    /// Handles a SYNC edge that was due at `now` and was lost on the line. A locked node runs through this interval
+    /// without its actual value frames. For any other node there is no interval (decision D-124).
     pub fn edge_lost(&mut self, now: u64) {
         if self.lock.runs_through(now) {
             self.ready = [None; 2];
@@ -159,34 +164,35 @@ impl Slave {
         self.lock.pass(now);
     }
 
-    /// Edges come later than this only if some are missing.
+    /// Returns the latest time of the next edge; a later edge means that edges are missing.
     fn longest_interval(&self, now: u64) -> u64 {
         now + u64::from(self.interval_us) * 3 / 2
     }
 
-    /// Whether a frame with this identifier reaches the node: its controller works and its acceptance filter lets the frame pass.
+    /// Returns true if a frame with this identifier reaches the node: its controller works and its acceptance filter
+    /// accepts the frame.
     #[inline]
     pub fn accepts(&self, identifier: u16) -> bool {
         self.node.accepts(identifier)
     }
 
-    /// Whether the PLC wrote `w_CPU_CONTROL` since the last look.
+    /// Returns true if the PLC wrote `w_CPU_CONTROL` since the last poll.
     pub fn control_changed(&self) -> bool {
         self.node.control_changed()
     }
 
-    /// Whether the node is locked to the SYNC signal.
+    /// Returns true if the node is locked to the SYNC signal.
     pub fn is_synchronized(&self) -> bool {
         self.lock.is_locked()
     }
 
-    /// Whether its processor cycles find nothing to do. Away from the bus there are no jobs either.
+    /// Returns true if processor cycles have no work. A node that is off the bus has no jobs either.
     pub fn is_quiescent(&self) -> bool {
         self.node.is_quiescent() && !self.interval_is_active && !self.lock.is_locked()
     }
 
-    /// Whether a processor cycle at `now` finds nothing to do and shows but the traffic of the moment; `is_seen`: nobody
-    /// has written since registers were looked at.
+    /// Returns true if a processor cycle at `now` would change only the traffic bits. `is_seen`: no register was
+    /// written since the last poll.
     #[inline]
     pub(in crate::devices::cansync) fn poll_changes_nothing(&self, now: u64, is_seen: bool) -> bool {
         self.node.poll_changes_nothing(is_seen)
@@ -195,10 +201,10 @@ impl Slave {
             && self.lock.lost_at().is_none_or(|time| now < time)
     }
 
-    /// One processor cycle; see `Node::refresh_status` for `on_wire`.
+    /// Runs one processor cycle. `Node::refresh_status` describes `on_wire`.
     pub fn processor_cycle(&mut self, ctx: &mut Context, on_wire: Option<bool>) -> Change {
         let regs = &self.regs;
-        let change = self.node.look_at_control(ctx, || regs.reset_from(CYCLIC_AREA));
+        let change = self.node.poll_control(ctx, || regs.reset_from(CYCLIC_AREA));
         match change {
             Change::Restarted => {
                 self.lock.set_mode(false);
@@ -208,7 +214,7 @@ impl Slave {
             Change::None | Change::Progressed | Change::Enabled => {}
         }
         self.watch_signal(ctx.now);
-        self.jobs.look(ctx, &self.regs);
+        self.jobs.poll(ctx, &self.regs);
         self.node.refresh_status(ctx, on_wire);
         change
     }
@@ -218,8 +224,8 @@ impl Slave {
         self.jobs.drop_all(ctx, &self.regs);
     }
 
-    /// Without SYNC there is no interval, so no deadline and no frame. The state stays as the PLC set it,
-    /// and so do the jobs: their answers wait for the master (decision D-64).
+    /// Ends the interval if SYNC is missing: there are no deadlines and no frames without SYNC. The state stays as the
+    /// PLC set it. The jobs stay too: their answers wait for the master (decision D-64).
     fn watch_signal(&mut self, now: u64) {
         self.lock.pass(now);
         if now > self.interval_ends {
@@ -232,7 +238,7 @@ impl Slave {
         self.ready = [None; 2];
     }
 
-    /// Falling edge of SYNC: an interval begins; the configuration is read (manual p. 178).
+    /// Handles a falling edge of SYNC: an interval begins and the configuration is read (manual p. 178).
     pub fn sync_edge(&mut self, now: u64, interval_us: u32) {
         self.lock.edge(now, interval_us, interval_us / 4);
         self.interval_us = interval_us;
@@ -240,20 +246,20 @@ impl Slave {
         self.has_edge = true;
         self.ready = [None; 2];
         self.interval_is_active = self.node.state() == NodeState::Active;
-        self.punctual.iter_mut().for_each(Punctual::next_interval);
+        self.deadlines.iter_mut().for_each(DeadlineTracker::next_interval);
         if !self.interval_is_active {
             return;
         }
         self.config = self.regs._CFG_WRC_WORD.of_both_frames().map(FrameConfig::new);
     }
 
-    /// Words of reference value frame 1 that this slave takes; processing takes 15 us for each.
+    /// Returns the number of words of reference value frame 1 that this slave takes. Processing takes 15 us for each.
     pub fn words_taken(&self) -> u8 {
         self.config[Channel::One.index()].used_words()
     }
 
-    /// The deadline of an own actual value frame (manual p. 181-182): built if the PLC has released it
-    /// with 16#05, and acknowledged with 16#04.
+    /// Handles the deadline of an own actual value frame (manual p. 181-182): builds the frame if the PLC has released
+    /// it with 16#05, and acknowledges with 16#04.
     pub fn build_actual(&mut self, ctx: &mut Context, channel: Channel) {
         if !self.is_exchanging() || !self.has_edge {
             return;
@@ -267,7 +273,7 @@ impl Slave {
             }
         };
         let released = register.load() == send::RELEASED;
-        self.punctual[channel.index()].deadline(ctx.now, released);
+        self.deadlines[channel.index()].deadline(ctx.now, released);
         if !released {
             return;
         }
@@ -278,7 +284,7 @@ impl Slave {
         acknowledge(ctx, register, offset);
     }
 
-    /// A reference value frame arrived: words first, then 16#02 in the status register.
+    /// Handles a reference value frame: stores the words first, then 16#02 in the status register.
     pub fn reference_value(&mut self, channel: Channel, frame: &Frame) {
         if !self.is_exchanging() || !self.node.accepts(frame.id()) {
             return;
@@ -294,7 +300,7 @@ impl Slave {
         }
     }
 
-    /// The master asked for an own actual value frame.
+    /// Returns the own actual value frame that the master requested.
     pub fn requested_actual(&mut self, ctx: &mut Context, channel: Channel) -> Option<Frame> {
         if !self.is_exchanging() || !self.has_edge {
             return None;
@@ -307,20 +313,20 @@ impl Slave {
         Some(Frame::of(FrameKind::ActualValue(channel, self.number), payload))
     }
 
-    /// Another slave's actual value frame was on the bus.
+    /// Handles another slave's actual value frame.
     pub fn overheard_actual(&mut self, channel: Channel, slave: u8, frame: &Frame) {
         if self.is_exchanging() && slave != self.number && self.node.accepts(frame.id()) {
             self.regs.receive(channel, slave, frame);
         }
     }
 
-    /// An action command was on the bus; only commands with this slave's bit are shown (manual p. 188).
+    /// Handles an action command. The registers show only commands with this slave's bit (manual p. 188).
     pub fn action(&mut self, ctx: &mut Context, frame: &Frame, command: &ActionCommand) {
         if !self.node.accepts(frame.id()) || !command.concerns(self.number) {
             return;
         }
         let regs = &self.regs;
-        // Stores a value and notes it if it is another one.
+        // Stores a value, and records it in the journal if it differs.
         macro_rules! show {
             ($register:ident, $value:expr) => {
                 regs.$register.show(ctx, offset_of!(CANsync_SL_CTRL_BMSTRUCT, $register), $value)
@@ -345,8 +351,8 @@ impl Slave {
         }
     }
 
-    /// A job frame for this slave arrived: in active operation for the application, in set-up mode for
-    /// the firmware, which answers the status word by itself in both (decision D-06).
+    /// Handles a job frame for this slave. In active operation the application answers; in set-up mode the firmware
+    /// answers. In both modes the firmware answers jobs on the status word (decision D-06).
     pub fn job(&mut self, ctx: &mut Context, frame: &Frame) {
         if !self.node.accepts(frame.id()) {
             return;
@@ -358,7 +364,7 @@ impl Slave {
         }
     }
 
-    /// The answer to the last job, asked for at the start of the response slot.
+    /// Returns the answer to the last job, at the start of the response slot.
     pub fn response(&mut self, ctx: &mut Context) -> Option<Frame> {
         if !self.node.is_on_bus() {
             return None;
@@ -366,12 +372,12 @@ impl Slave {
         self.jobs.response(ctx, &self.regs)
     }
 
-    /// The answer has left the bus.
+    /// Ends the answer: it was sent completely.
     pub fn response_sent(&mut self, ctx: &mut Context) {
         self.jobs.response_sent(ctx, &self.regs);
     }
 
-    /// Bit 15 tells whether the node is synchronized (p. 136); the firmware knows nothing that the others could show.
+    /// Bit 15 is set if the node is synchronized (p. 136). The firmware has no information for the other bits.
     fn status_word(&self) -> u16 {
         if self.lock.is_locked() { drive_status::SYNCHRONIZED } else { 0 }
     }

@@ -1,8 +1,8 @@
 //! Up- and downloads of the master's PLC in block 1 (manual 5.00005.03a p. 141-143, 166-168).
 //!
-//! An init frame announces address and length, then blocks of six bytes travel at the offsets 0, 6, 12
-//! ..., the last one in a frame of its own mode. The same frame is repeated on the slave's turns until
-//! it is answered without BUSY. If the PLC enters something else meanwhile, the transfer begins anew.
+//! An init frame announces address and length. Then blocks of six bytes travel at the offsets 0, 6, 12 ...; the last
+//! one has a separate mode. The same frame is repeated on the slave's turns until the slave answers without BUSY. If
+//! the PLC enters another job meanwhile, the transfer restarts.
 
 use super::block::{self, MAX_LENGTH};
 use super::job_registers::JobRegisters;
@@ -18,9 +18,9 @@ use crate::devices::shown::Shown;
 use core::mem::offset_of;
 use serde::{Deserialize, Serialize};
 
-/// What the PLC has entered.
+/// The job that the PLC has entered.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-struct Order {
+struct EnteredJob {
     slave: u8,
     direction: Direction,
     address: u32,
@@ -28,9 +28,9 @@ struct Order {
     length: u16,
 }
 
-impl Order {
+impl EnteredJob {
     fn entered(regs: &CANsync_MA_CTRL_BMSTRUCT, control: u8) -> Self {
-        Order {
+        EnteredJob {
             slave: regs.b_SL_NR_UPDOWNBLK1.load(),
             direction: if control & updown_master::DOWNLOAD != 0 {
                 Direction::Download
@@ -43,7 +43,7 @@ impl Order {
         }
     }
 
-    /// Error number of an order that is refused without asking the slave (decision D-43).
+    /// Returns the error number of a job that is refused without a request to the slave (decision D-43).
     fn refusal(&self) -> Option<u16> {
         if self.length > MAX_LENGTH {
             Some(updown_error::LENGTH)
@@ -57,9 +57,9 @@ impl Order {
     }
 }
 
-/// How far a transfer is: what the next frame does.
+/// Progress of a transfer: the content of the next frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-enum Phase {
+enum TransferPhase {
     Init,
     /// The block at this offset.
     Block(u16),
@@ -67,9 +67,9 @@ enum Phase {
 
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 struct Transfer {
-    order: Order,
-    phase: Phase,
-    /// The control register as this firmware left it.
+    order: EnteredJob,
+    phase: TransferPhase,
+    /// Value of the control register as stored by this firmware.
     control: u8,
 }
 
@@ -80,7 +80,7 @@ pub(super) struct BlockJob {
 }
 
 impl BlockJob {
-    /// The job that goes out now if it is the turn of slave number `turn`.
+    /// Returns the job to send now, on the turn of slave number `turn`.
     #[inline]
     pub(super) fn next(
         &mut self,
@@ -93,7 +93,7 @@ impl BlockJob {
             self.transfer = None;
             return None;
         }
-        let order = Order::entered(regs, control);
+        let order = EnteredJob::entered(regs, control);
         if order.slave != turn {
             if self.is_cancelled_unsent(control) {
                 registers(regs).replace(ctx, control, 0);
@@ -102,7 +102,7 @@ impl BlockJob {
         }
         if control & updown_master::CANCEL != 0 {
             self.transfer = None;
-            // No bit is left over (decision D-45).
+            // No bit stays set (decision D-45).
             return registers(regs).replace(ctx, control, 0).then_some(UpDownJob::cancel());
         }
         let transfer = match self.transfer.filter(|t| (t.order, t.control) == (order, control)) {
@@ -115,8 +115,8 @@ impl BlockJob {
         registers(regs).replace(ctx, control, shown).then_some(job)
     }
 
-    /// Whether the PLC has cancelled a job of which no frame has gone out. No slave knows of the job, and its slave may never
-    /// have a turn (decision D-601).
+    /// Returns true if the PLC has cancelled a job before its first frame was sent. No slave knows of the job, and its
+    /// slave may never have a turn (decision D-601).
     fn is_cancelled_unsent(&self, control: u8) -> bool {
         const STATE: u8 = updown_master::ACTIVE | updown_master::SENT | updown_master::CANCEL;
         let is_under_way =
@@ -124,8 +124,8 @@ impl BlockJob {
         !is_under_way && control & STATE == updown_master::ACTIVE | updown_master::CANCEL
     }
 
-    /// The slave's answer to `job`. One that does not fit is as good as none; only the number of a block
-    /// that is not the one sent ends the transfer.
+    /// Handles the slave's answer to `job`. An answer that does not fit is ignored like a missing one. Only the number
+    /// of another block than the sent one ends the transfer.
     pub(super) fn answered(
         &mut self,
         ctx: &mut Context,
@@ -135,7 +135,7 @@ impl BlockJob {
     ) {
         let control = regs.b_STEUREG_UPDOWNBLK1.load();
         let Some(transfer) = &mut self.transfer else { return };
-        if (transfer.order, transfer.control) != (Order::entered(regs, control), control) {
+        if (transfer.order, transfer.control) != (EnteredJob::entered(regs, control), control) {
             return;
         }
         let progress = match UpDownResponse::decode(job, payload) {
@@ -167,7 +167,7 @@ impl BlockJob {
     }
 }
 
-/// What an answer means for the transfer.
+/// Effect of an answer on the transfer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Progress {
     Busy,
@@ -177,14 +177,14 @@ enum Progress {
 }
 
 impl Transfer {
-    /// The next frame and the mode that the registers show with it.
+    /// Returns the next frame and the mode that the registers show with it.
     fn job(&self, regs: &CANsync_MA_CTRL_BMSTRUCT) -> Option<(u8, UpDownJob)> {
-        let Order { direction, address, sub_slave, length, .. } = self.order;
+        let EnteredJob { direction, address, sub_slave, length, .. } = self.order;
         let (mode, offset, step) = match self.phase {
-            Phase::Init => {
+            TransferPhase::Init => {
                 (updown_master::MODE_INIT, length, UpDownStep::Init { direction, address, sub_slave })
             }
-            Phase::Block(offset) => {
+            TransferPhase::Block(offset) => {
                 let last = block_end(offset) >= length;
                 let step = match direction {
                     Direction::Upload => UpDownStep::Upload { last },
@@ -200,7 +200,7 @@ impl Transfer {
         UpDownJob::new(offset, step).ok().map(|job| (mode, job))
     }
 
-    /// The frame was answered without BUSY and without an error.
+    /// Continues after an answer without BUSY and without an error.
     fn advance(
         &mut self,
         regs: &CANsync_MA_CTRL_BMSTRUCT,
@@ -208,7 +208,7 @@ impl Transfer {
         data: Option<[u8; BLOCK]>,
     ) -> Progress {
         match self.phase {
-            Phase::Init => {
+            TransferPhase::Init => {
                 // The slave may set the length of an upload; otherwise it answers 0 (p. 141 note a).
                 if self.order.direction == Direction::Upload && answered != 0 {
                     if answered > MAX_LENGTH {
@@ -220,30 +220,35 @@ impl Transfer {
                 if self.order.length == 0 {
                     return Progress::Failed(updown_error::NOT_POSSIBLE);
                 }
-                self.phase = Phase::Block(0);
+                self.phase = TransferPhase::Block(0);
                 Progress::Next
             }
-            Phase::Block(offset) => {
+            TransferPhase::Block(offset) => {
                 let length = self.order.length;
                 if let Some(data) = data {
                     block::write(&regs.a_DATA_UPDOWNBLK1, offset, length, data);
                 }
                 let end = block_end(offset);
                 regs.w_COUNTER_UPDOWNBLK1.store(end.min(length));
-                self.phase = Phase::Block(end);
+                self.phase = TransferPhase::Block(end);
                 if end >= length { Progress::Finished } else { Progress::Next }
             }
         }
     }
 }
 
-/// Offset behind the block at `offset`.
+/// Returns the offset after the block at `offset`.
 const fn block_end(offset: u16) -> u16 {
     offset.saturating_add(BLOCK as u16)
 }
 
-/// Takes over an order, or refuses it.
-fn begin(ctx: &mut Context, regs: &CANsync_MA_CTRL_BMSTRUCT, control: u8, order: Order) -> Option<Transfer> {
+/// Takes over an entered job, or refuses it.
+fn begin(
+    ctx: &mut Context,
+    regs: &CANsync_MA_CTRL_BMSTRUCT,
+    control: u8,
+    order: EnteredJob,
+) -> Option<Transfer> {
     regs.w_COUNTER_UPDOWNBLK1.store(0);
     let refusal = order.refusal();
     show_error(ctx, regs, refusal.unwrap_or(0));
@@ -251,10 +256,10 @@ fn begin(ctx: &mut Context, regs: &CANsync_MA_CTRL_BMSTRUCT, control: u8, order:
         registers(regs).replace(ctx, control, ended(control) | updown_master::ERROR);
         return None;
     }
-    Some(Transfer { order, phase: Phase::Init, control })
+    Some(Transfer { order, phase: TransferPhase::Init, control })
 }
 
-/// What is left of a control register when its job has ended: direction and mode.
+/// Returns the bits that stay in a control register at the end of its job: direction and mode.
 const fn ended(control: u8) -> u8 {
     control & !(updown_master::ACTIVE | updown_master::SENT | updown_master::BUSY | updown_master::ERROR)
 }

@@ -1,14 +1,14 @@
-//! The configuration bytes of a frame's four words, wherever they stand in the structures.
+//! The configuration bytes of a frame's four words, for all structures that have them.
 
 use crate::devices::cansync::bus::Channel;
 use crate::devices::cansync::registers::{CFG_RDC_WORD, CFG_WRC_WORD_MA, CFG_WRC_WORD_SL};
 
 /// A sub-structure with `b_CFG_..1_WORD0..3` and `b_CFG_..2_WORD0..3`.
 pub(super) trait WordConfigs {
-    /// The bytes of words 0 to 3 of frame 1 or 2.
+    /// Returns the bytes of words 0 to 3 of frame 1 or 2.
     fn words(&self, channel: Channel) -> [u8; 4];
 
-    /// Those of both frames.
+    /// Returns the bytes of both frames.
     #[inline]
     fn of_both_frames(&self) -> [[u8; 4]; 2] {
         Channel::ALL.map(|channel| self.words(channel))
@@ -47,7 +47,7 @@ mod tests {
     use zerocopy::FromZeros;
 
     #[test]
-    fn each_frame_has_its_own_four_bytes() {
+    fn each_frame_has_four_separate_bytes() {
         let config = CFG_RDC_WORD::new_zeroed();
         config.b_CFG_RDC1_WORD0.store(0x01);
         config.b_CFG_RDC1_WORD3.store(0x0D);

@@ -3,7 +3,7 @@
 use crate::devices::Context;
 use crate::devices::cansync::bus::SyncLock;
 use crate::devices::cansync::drive::DriveConfig;
-use crate::devices::cansync::firmware::{Master, Seat, Slave};
+use crate::devices::cansync::firmware::{Master, NodeLocation, Slave};
 use crate::devices::cansync::watch::NodeWatch;
 use crate::journal::{Journal, Origin};
 use crate::layout::{Area, Role};
@@ -18,7 +18,7 @@ pub struct Socket {
     /// The device's image.
     pub segment: Segment,
     /// Location of the node's registers in the image.
-    pub seat: Seat,
+    pub location: NodeLocation,
     /// Register area of the node.
     pub area: &'static Area,
     /// Role of the node on its bus.
@@ -55,7 +55,7 @@ pub(super) struct End<F> {
     pub(super) last_frame: Option<u64>,
     header: View<Header>,
     segment: Segment,
-    seat: Seat,
+    location: NodeLocation,
     role: SocketRole,
 }
 
@@ -79,7 +79,7 @@ pub(super) struct DriveEnd {
 
 snapshot_fields!(DriveEnd { values: last_frame; built: origin, number, kbit_s });
 
-snapshot_fields!(where [F: SnapshotFields] End<F> { values: last_frame; parts: firmware, watch; built: origin, header, segment, seat, role });
+snapshot_fields!(where [F: SnapshotFields] End<F> { values: last_frame; parts: firmware, watch; built: origin, header, segment, location, role });
 
 impl<F> End<F> {
     fn new(socket: &Socket, firmware: F) -> Result<Self, MemoryError> {
@@ -94,7 +94,7 @@ impl<F> End<F> {
             last_frame: None,
             header: socket.segment.header()?,
             segment: socket.segment.clone(),
-            seat: socket.seat,
+            location: socket.location,
             role: socket.role.clone(),
         })
     }
@@ -112,14 +112,14 @@ impl<F> End<F> {
         journal: &mut Journal,
         f: impl FnOnce(&mut F, &mut Context) -> R,
     ) -> R {
-        let mut ctx = Context { now, journal, origin: self.origin, base: self.seat.base };
+        let mut ctx = Context { now, journal, origin: self.origin, base: self.location.base };
         f(&mut self.firmware, &mut ctx)
     }
 
     /// Counts a SYNC edge in the header page.
     #[inline]
     pub(super) fn count_sync(&self) {
-        if let Some(counter) = self.header.sync_counter.get(self.seat.place) {
+        if let Some(counter) = self.header.sync_counter.get(self.location.place) {
             counter.increment();
         }
     }
@@ -127,13 +127,13 @@ impl<F> End<F> {
 
 impl End<Master> {
     pub(super) fn master(socket: &Socket) -> Result<Self, MemoryError> {
-        End::new(socket, Master::new(&socket.segment, socket.seat)?)
+        End::new(socket, Master::new(&socket.segment, socket.location)?)
     }
 
     /// Resets the firmware: its RAM and all its state are lost.
     pub(super) fn forget(&mut self) {
         // Cannot fail: the segment was large enough before.
-        if let Ok(master) = Master::new(&self.segment, self.seat) {
+        if let Ok(master) = Master::new(&self.segment, self.location) {
             self.firmware = master;
         }
     }
@@ -141,13 +141,13 @@ impl End<Master> {
 
 impl End<Slave> {
     pub(super) fn slave(socket: &Socket, number: u8, lock: SyncLock) -> Result<Self, MemoryError> {
-        End::new(socket, Slave::new(&socket.segment, socket.seat, number, lock)?)
+        End::new(socket, Slave::new(&socket.segment, socket.location, number, lock)?)
     }
 
     /// Resets the firmware as [`End::forget`] does for a master; the slave has this number from now on.
     pub(super) fn begin_as(&mut self, number: u8) {
         let SocketRole::Slave { lock, .. } = &self.role else { return };
-        if let Ok(slave) = Slave::new(&self.segment, self.seat, number, *lock) {
+        if let Ok(slave) = Slave::new(&self.segment, self.location, number, *lock) {
             self.firmware = slave;
         }
     }

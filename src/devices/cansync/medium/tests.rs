@@ -6,7 +6,7 @@ use super::{BusConfig, SimBus, Socket, SocketRole};
 use crate::devices::bm4_o_can_06::registers::{BAUD_RATES as FOUR, DEVICE};
 use crate::devices::cansync::bus::{Channel, FrameKind, SyncLock, wire};
 use crate::devices::cansync::drive::{Drive, DriveConfig};
-use crate::devices::cansync::firmware::Seat;
+use crate::devices::cansync::firmware::NodeLocation;
 use crate::devices::cansync::records::{BaudRateMismatch, DriveBaudRateMismatch, Transmitted};
 use crate::devices::cansync::registers::{
     CANsync_INIT_BMSTRUCT as Init, CANsync_MA_CTRL_BMSTRUCT as MasterRegisters,
@@ -50,8 +50,8 @@ impl Bench {
         for (place, (role, rates)) in roles.into_iter().zip([master, slave]).enumerate() {
             let port = &DEVICE.ports[place];
             let (area, origin) = (port.area, Origin { plc: 0, node: port.number });
-            let seat = Seat::of(port, rates);
-            let socket = Socket { origin, segment: segment.clone(), seat, area, role };
+            let location = NodeLocation::of(port, rates);
+            let socket = Socket { origin, segment: segment.clone(), location, area, role };
             assert_eq!(bus.attach(Box::new(socket)).unwrap(), place);
             assert!(bus.power_on(place, NODE, 0, &mut Journal::default()));
         }

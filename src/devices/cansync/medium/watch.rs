@@ -48,7 +48,7 @@ mod tests {
     use crate::devices::Medium;
     use crate::devices::bm4_o_can_06::registers::{BAUD_RATES, DEVICE};
     use crate::devices::cansync::bus::SyncLock;
-    use crate::devices::cansync::firmware::Seat;
+    use crate::devices::cansync::firmware::NodeLocation;
     use crate::devices::cansync::medium::{Socket, SocketRole};
     use crate::journal::Origin;
     use crate::memory::{Segment, Width};
@@ -65,9 +65,9 @@ mod tests {
                 0 => SocketRole::Master { has_sync_in: false },
                 _ => SocketRole::Slave { number, lock: SyncLock::new(0, None) },
             };
-            let seat = Seat::of(port, &BAUD_RATES);
+            let location = NodeLocation::of(port, &BAUD_RATES);
             let origin = Origin { plc: 3, node: number };
-            let socket = Socket { origin, segment: segment.clone(), seat, area: port.area, role };
+            let socket = Socket { origin, segment: segment.clone(), location, area: port.area, role };
             let place = bus.attach(Box::new(socket)).unwrap();
             bus.power_on(place, number, 0, &mut Journal::default());
             bus.leave(place);

@@ -1,5 +1,5 @@
-//! The state machine between `w_CPU_CONTROL` and `w_OPTION_STATUS` (manual 5.00005.03a p. 147-149, 173-174; which state follows
-//! which command: decision D-05).
+//! The state machine between `w_CPU_CONTROL` and `w_OPTION_STATUS` (manual 5.00005.03a p. 147-149, 173-174). Decision
+//! D-05 defines which state follows which command.
 
 use super::{Change, Node, NodeState, Role};
 use crate::devices::Context;
@@ -13,9 +13,9 @@ use crate::journal::{Handshake, State};
 use core::mem::offset_of;
 
 impl Node {
-    /// One look at `w_CPU_CONTROL`. `clear` empties the cyclic area; it is called when initialization
-    /// data were taken over and before 16#0003 is shown (decision D-03).
-    pub(in super::super) fn look_at_control(&mut self, ctx: &mut Context, clear: impl FnOnce()) -> Change {
+    /// Polls `w_CPU_CONTROL` once. `clear` empties the cyclic area; it is called after initialization data were taken
+    /// over and before 16#0003 is shown (decision D-03).
+    pub(in super::super) fn poll_control(&mut self, ctx: &mut Context, clear: impl FnOnce()) -> Change {
         self.is_settled = true;
         self.controller.recover(ctx.now);
         let Order { value, is_new, with_reset } = self.orders.take(&self.regs.w_CPU_CONTROL);
@@ -47,7 +47,7 @@ impl Node {
                 let data = self.read_init_data();
                 self.take_over(ctx, data, NodeState::WaitingForStart, clear)
             }
-            // Data taken over before a restart still count (decision D-602).
+            // Data taken over before a restart still apply (decision D-602).
             (NodeState::WaitingForInit, cpu_control::START_SYNCHRONOUS) => {
                 let data = self.last_init.clone().map_or_else(|| self.read_init_data(), Ok);
                 self.take_over(ctx, data, NodeState::SetUp, clear)
@@ -65,7 +65,7 @@ impl Node {
                 Change::Disabled
             }
             (state, value) => {
-                if is_new && !Self::is_at_rest(state, value) {
+                if is_new && !Self::is_command_of(state, value) {
                     self.report_ignored(ctx, value);
                 }
                 Change::None
@@ -73,7 +73,7 @@ impl Node {
         }
     }
 
-    /// Bit 7 acts in every state; clearing it left `answer`.
+    /// Resets the controller. Bit 7 acts in every state; `answer` is the register value after clearing it.
     fn reset_controller(&mut self, ctx: &mut Context, answer: u16) {
         let kbit_per_s = self.init.as_ref().map_or(500, |init| init.timing.kbit_per_s);
         self.controller.reset(ctx.now, kbit_per_s);
@@ -89,7 +89,7 @@ impl Node {
         }
     }
 
-    /// Takes over initialization data and goes on to `next`, unless they are refused.
+    /// Takes over initialization data and changes to state `next`, unless the data are refused.
     fn take_over(
         &mut self,
         ctx: &mut Context,
@@ -117,8 +117,8 @@ impl Node {
         }
     }
 
-    /// Whether `value` is simply the command that led to `state` and still stands in the register.
-    fn is_at_rest(state: NodeState, value: u16) -> bool {
+    /// Returns true if `value` is only the command that led to `state` and is still in the register.
+    fn is_command_of(state: NodeState, value: u16) -> bool {
         match state {
             NodeState::StartUp => value == cpu_control::RESTART,
             NodeState::WaitingForInit => value == cpu_control::HANDSHAKE,
@@ -139,7 +139,7 @@ impl Node {
         ctx.report(State { origin, offset, command, from, to, live: self.live() });
     }
 
-    /// What `w_OPTION_STATUS` shows.
+    /// Returns the value of `w_OPTION_STATUS`.
     pub(in super::super) fn shown_state(&self) -> u16 {
         self.code(self.state)
     }

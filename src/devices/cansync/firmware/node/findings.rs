@@ -1,4 +1,4 @@
-//! What a node says about a PLC program that asks for something wrong.
+//! Findings of a node about wrong requests of a PLC program.
 
 use super::Node;
 use crate::devices::cansync::firmware::init::InitFault;
@@ -10,15 +10,15 @@ use crate::devices::{Context, SyncSignal};
 use crate::layout::{Port, RegisterPhase};
 use core::mem::offset_of;
 
-/// The number at the DIP switches of the slave at `port` belongs to another station of its bus.
-pub(crate) fn find_number_taken(ctx: &mut Context, port: Option<&Port>, number: u8) {
+/// Reports that the number at the DIP switches of the slave at `port` belongs to another station of its bus.
+pub(crate) fn report_number_taken(ctx: &mut Context, port: Option<&Port>, number: u8) {
     let Some(port) = port else { return };
     let offset = port.area.first as usize + offset_of!(CANsync_INIT_BMSTRUCT, w_OMEGA_NR);
     ctx.find(&rules::NUMBER_TAKEN, RegisterPhase::Init, offset, number.into());
 }
 
 impl Node {
-    /// From here on a restart in the RAM alone cannot be told from what stands there.
+    /// Reports that from here on a restart command in the RAM cannot be distinguished from the leftover value.
     pub(super) fn report_left_behind(&self, ctx: &mut Context) {
         let (origin, value) = (ctx.origin, cpu_control::RESTART);
         ctx.report(CommandIgnored { origin, value, why: Command::LeftBehind });
@@ -43,8 +43,8 @@ impl Node {
         ctx.find(rule, RegisterPhase::Init, offset, value.into());
     }
 
-    /// The two values that the manual gives for the CAN controller (p. 149). The bus is simulated, so other ones
-    /// do no harm here; on the device they would.
+    /// Checks the two values that the manual requires for the CAN controller (p. 149). The bus is simulated, so other
+    /// values do no harm here. On the device they would.
     pub(super) fn check_controller(&self, ctx: &mut Context) {
         let output = (
             &self.regs.b_OUTPUT_CONTROL,
@@ -64,7 +64,7 @@ impl Node {
         }
     }
 
-    /// The node passes on a SYNC signal `signal`: says so once if its own rate is another one.
+    /// Reports once that the node passes on a SYNC signal of another rate than its own.
     #[inline]
     pub(in super::super) fn judge_sync(&mut self, ctx: &mut Context, signal: SyncSignal) {
         let Some(timing) = self.init.as_ref().map(|init| init.timing) else { return };

@@ -1,4 +1,4 @@
-//! What a node shows in `w_CANsync_STATUS` (manual 5.00005.03a p. 150).
+//! The register `w_CANsync_STATUS` of a node (manual 5.00005.03a p. 150).
 
 use super::Node;
 use crate::devices::Context;
@@ -7,26 +7,26 @@ use crate::devices::cansync::registers::values::cansync_status;
 use crate::journal::Register;
 use core::mem::offset_of;
 
-/// The bits of `w_CANsync_STATUS` that change with every frame.
+/// Bits of `w_CANsync_STATUS` that change with every frame.
 const TRAFFIC: u16 = cansync_status::SEND_BUFFER_FREE
     | cansync_status::SEND_JOB_DONE
     | cansync_status::RECEIVING
     | cansync_status::SENDING;
 
 impl Node {
-    /// Whether `w_CANsync_STATUS` still holds what the last poll stored, except for the traffic bits: a program may have
-    /// written there.
+    /// Returns true if `w_CANsync_STATUS` still holds the value of the last poll, except for the traffic bits. A
+    /// program may have written there.
     #[inline]
     pub(super) fn status_is_shown(&self) -> bool {
         self.regs.w_CANsync_STATUS.load() & !TRAFFIC == self.shown_status
     }
 
-    /// Refreshes `w_CANsync_STATUS`. `on_wire` says what the controller is doing at this moment: `None`
-    /// idle, `Some(true)` sending, `Some(false)` receiving. That alone is not worth a record.
+    /// Refreshes `w_CANsync_STATUS`. `on_wire` is the present activity of the controller: `None` idle, `Some(true)`
+    /// sending, `Some(false)` receiving. A change of the activity alone is not recorded in the journal.
     pub(in super::super) fn refresh_status(&mut self, ctx: &mut Context, on_wire: Option<bool>) {
         let mut value = 0;
         if self.controller.is_off() {
-            // Nothing is sent or received, nothing waits to be sent (decision D-121).
+            // BUS-off: no frame is sent or received, and none waits to be sent (decision D-121).
             value = cansync_status::BUS_OFF | cansync_status::WARNING;
         } else if self.init.is_some() {
             value = cansync_status::SEND_BUFFER_FREE | cansync_status::SEND_JOB_DONE;

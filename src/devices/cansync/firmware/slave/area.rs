@@ -1,5 +1,5 @@
-//! The two register areas in which up-/downloads are shown to a slave's application: block 1 with 300
-//! bytes of data and the single-frame area with six (manual 5.00005.03a p. 190-193), which not every device has.
+//! The two register areas that show up-/downloads to a slave's application: block 1 with 300 bytes of data, and the
+//! single-frame area with six (manual 5.00005.03a p. 190-193). Not every device has the single-frame area.
 
 use crate::devices::cansync::bus::codec::updown::BLOCK;
 use crate::devices::cansync::firmware::block;
@@ -10,16 +10,17 @@ use crate::memory::{Cell16, Cell32};
 use core::mem::offset_of;
 use serde::{Deserialize, Serialize};
 
-/// Which of the two areas a transfer uses, from its init frame to its end.
+/// The area that a transfer uses, from its init frame to its end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub(super) enum Place {
+pub(super) enum AreaKind {
     Block1,
     Single,
 }
 
-impl Place {
-    /// More than 300 bytes never fit block 1; less go there if the application has enabled it (p. 191). What block 1 does
-    /// not take goes to the single-frame area; where there is none, it is an error number for the master (decision D-307).
+impl AreaKind {
+    /// Selects the area. More than 300 bytes never fit block 1; fewer go there if the application has enabled it (p.
+    /// 191). Other transfers use the single-frame area. On a device without that area, the master gets an error number
+    /// (decision D-307).
     pub(super) fn of(
         regs: &CANsync_SL_CTRL_BMSTRUCT,
         length: u16,
@@ -27,9 +28,9 @@ impl Place {
     ) -> Result<Self, u16> {
         let fits = length <= block::MAX_LENGTH;
         if fits && regs.b_EN_UPDOWNBLK1.load() != 0 {
-            Ok(Place::Block1)
+            Ok(AreaKind::Block1)
         } else if has_single_frame_area {
-            Ok(Place::Single)
+            Ok(AreaKind::Single)
         } else if fits {
             Err(updown_error::NOT_POSSIBLE)
         } else {
@@ -39,7 +40,7 @@ impl Place {
 
     pub(super) fn area(self, regs: &CANsync_SL_CTRL_BMSTRUCT) -> Area<'_> {
         match self {
-            Place::Block1 => Area {
+            AreaKind::Block1 => Area {
                 job: JobRegisters {
                     control: &regs.b_STEUREG_UPDOWNBLK1,
                     status: &regs.b_STATREG_UPDOWNBLK1,
@@ -52,7 +53,7 @@ impl Place {
                 counter: &regs.w_COUNTER_UPDOWNBLK1,
                 data: Data::Block1(&regs.a_DATA_UPDOWNBLK1),
             },
-            Place::Single => Area {
+            AreaKind::Single => Area {
                 job: JobRegisters {
                     control: &regs.b_STEUREG_UPDOWN_SINGLE,
                     status: &regs.b_STATREG_UPDOWN_SINGLE,
@@ -86,8 +87,8 @@ enum Data<'a> {
 }
 
 impl Area<'_> {
-    /// Takes over the frame's bytes that belong to the block: those from `offset` to below `length`
-    /// (p. 143). In the single-frame area the others read 0 (decision D-66).
+    /// Stores the frame's bytes that belong to the block: from `offset` to below `length` (p. 143). In the single-frame
+    /// area the other bytes read 0 (decision D-66).
     pub(super) fn put(&self, offset: u16, mut bytes: [u8; BLOCK], length: u16) {
         match self.data {
             Data::Block1(cells) => block::write(cells, offset, length, bytes),
@@ -101,7 +102,7 @@ impl Area<'_> {
         }
     }
 
-    /// Six bytes for an upload. Behind the block they are irrelevant to the master (p. 142).
+    /// Returns six bytes for an upload. Bytes after the end of the block have no meaning for the master (p. 142).
     pub(super) fn get(&self, offset: u16, length: u16) -> [u8; BLOCK] {
         match self.data {
             Data::Block1(cells) => block::read(cells, offset, length),

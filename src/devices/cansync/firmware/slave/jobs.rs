@@ -1,5 +1,5 @@
-//! The slave's end of the command and response channel: parameter and up-/download jobs arrive with the
-//! same identifier, bit 7 of the first byte tells them apart (manual 5.00005.03a p. 138-141).
+//! The slave's side of the command and response channel. Parameter and up-/download jobs arrive with the same
+//! identifier; bit 7 of the first byte distinguishes them (manual 5.00005.03a p. 138-141).
 
 use super::parameter::ParameterServer;
 use super::updown::UpDownServer;
@@ -15,9 +15,9 @@ use crate::devices::cansync::registers::values::{par_error, updown_error};
 use crate::snapshot_fields;
 use serde::{Deserialize, Serialize};
 
-/// Who answers the last job.
+/// The part of the node that answers the last job.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
-enum Due {
+enum AnswerSource {
     /// The firmware, with this frame.
     Firmware(Frame),
     Parameter,
@@ -27,13 +27,13 @@ enum Due {
 /// All jobs of a slave node.
 #[derive(Clone, Debug)]
 pub(super) struct Jobs {
-    /// The slave number, which the answers carry.
+    /// Slave number in the answers.
     number: u8,
     parameter: ParameterServer,
     updown: UpDownServer,
-    due: Option<Due>,
-    /// Whose answer is on the wire.
-    sending: Option<Due>,
+    due: Option<AnswerSource>,
+    /// The source of the answer on the wire.
+    sending: Option<AnswerSource>,
 }
 
 snapshot_fields!(Jobs { values: number, parameter, due, sending; parts: updown });
@@ -49,9 +49,9 @@ impl Jobs {
         }
     }
 
-    /// A job in active operation. One that no grammar covers stays without an answer. Reading the status word never
-    /// reaches the application, which cannot know whether the node is synchronized (decision D-06): its own job, if there
-    /// is one, stays as it is.
+    /// Handles a job in active operation. A job without a valid format gets no answer. A read job on the status word
+    /// never reaches the application, which cannot know whether the node is synchronized (decision D-06). The
+    /// application's job under way, if there is one, stays as it is.
     pub(super) fn arrive(
         &mut self,
         ctx: &mut Context,
@@ -63,7 +63,7 @@ impl Jobs {
             match UpDownJob::decode(payload) {
                 Ok(job) => {
                     self.updown.job(ctx, regs, &job);
-                    Some(Due::UpDownload)
+                    Some(AnswerSource::UpDownload)
                 }
                 Err(error) => self.reserved_mode(payload, error),
             }
@@ -75,14 +75,14 @@ impl Jobs {
                 }
                 None => {
                     self.parameter.job(ctx, regs, &job);
-                    Due::Parameter
+                    AnswerSource::Parameter
                 }
             })
         };
     }
 
-    /// A job in set-up mode. The firmware answers the status word by itself (decision D-06) and refuses
-    /// everything else (decisions D-36, D-63).
+    /// Handles a job in set-up mode. The firmware answers a job on the status word and refuses every other one
+    /// (decisions D-06, D-36, D-63).
     pub(super) fn arrive_early(&mut self, payload: &Payload, status_word: u16) {
         self.due = if is_up_download(payload) {
             match UpDownJob::decode(payload) {
@@ -108,17 +108,16 @@ impl Jobs {
         };
     }
 
-    fn parameter_answer(&self, job: &ParameterJob, result: ParameterResult) -> Due {
-        Due::Firmware(job.answer(result).frame(self.number))
+    fn parameter_answer(&self, job: &ParameterJob, result: ParameterResult) -> AnswerSource {
+        AnswerSource::Firmware(job.answer(result).frame(self.number))
     }
 
-    fn updown_answer(&self, job: &UpDownJob, result: UpDownResult) -> Due {
-        Due::Firmware(job.answer(result).frame(self.number))
+    fn updown_answer(&self, job: &UpDownJob, result: UpDownResult) -> AnswerSource {
+        AnswerSource::Firmware(job.answer(result).frame(self.number))
     }
 
-    /// MODE 00 is no mode at all, so it is not allowed in any phase; the answer carries the job's offset
-    /// (decision D-68).
-    fn reserved_mode(&self, payload: &Payload, error: CodecError) -> Option<Due> {
+    /// MODE 00 is not a mode, so it is not permitted in any phase. The answer carries the job's offset (decision D-68).
+    fn reserved_mode(&self, payload: &Payload, error: CodecError) -> Option<AnswerSource> {
         let [high, low, ..] = payload.padded();
         let offset = u16::from_le_bytes([low, high & 0x0F]);
         let job = UpDownJob::new(offset, UpDownStep::Upload { last: false }).ok()?;
@@ -126,38 +125,42 @@ impl Jobs {
             .then(|| self.updown_answer(&job, UpDownResult::Error(updown_error::MODE)))
     }
 
-    /// One processor cycle.
-    pub(super) fn look(&mut self, ctx: &mut Context, regs: &CANsync_SL_CTRL_BMSTRUCT) {
-        self.parameter.look(ctx, regs);
-        self.updown.look(ctx, regs);
+    /// Runs one processor cycle.
+    pub(super) fn poll(&mut self, ctx: &mut Context, regs: &CANsync_SL_CTRL_BMSTRUCT) {
+        self.parameter.poll(ctx, regs);
+        self.updown.poll(ctx, regs);
     }
 
-    /// Whether there is a job whose registers are looked at in processor cycles.
+    /// Returns true if processor cycles must poll the registers of a job.
     #[inline]
     pub(super) fn are_watched(&self) -> bool {
         self.parameter.waits_for_reset() || self.updown.is_under_way()
     }
 
-    /// The answer to the last job, at the start of the response slot.
+    /// Returns the answer to the last job, at the start of the response slot.
     pub(super) fn response(&mut self, ctx: &mut Context, regs: &CANsync_SL_CTRL_BMSTRUCT) -> Option<Frame> {
         self.sending = self.due.take();
         match self.sending? {
-            Due::Firmware(frame) => Some(frame),
-            Due::Parameter => self.parameter.response(ctx, regs).map(|answer| answer.frame(self.number)),
-            Due::UpDownload => self.updown.response(ctx, regs).map(|answer| answer.frame(self.number)),
+            AnswerSource::Firmware(frame) => Some(frame),
+            AnswerSource::Parameter => {
+                self.parameter.response(ctx, regs).map(|answer| answer.frame(self.number))
+            }
+            AnswerSource::UpDownload => {
+                self.updown.response(ctx, regs).map(|answer| answer.frame(self.number))
+            }
         }
     }
 
-    /// The answer has left the bus.
+    /// Ends the answer: it was sent completely.
     pub(super) fn response_sent(&mut self, ctx: &mut Context, regs: &CANsync_SL_CTRL_BMSTRUCT) {
         match self.sending.take() {
-            Some(Due::Parameter) => self.parameter.response_sent(ctx, regs),
-            Some(Due::UpDownload) => self.updown.response_sent(ctx, regs),
-            Some(Due::Firmware(_)) | None => {}
+            Some(AnswerSource::Parameter) => self.parameter.response_sent(ctx, regs),
+            Some(AnswerSource::UpDownload) => self.updown.response_sent(ctx, regs),
+            Some(AnswerSource::Firmware(_)) | None => {}
         }
     }
 
-    /// Drops all jobs, as the node leaves active operation.
+    /// Drops all jobs, because the node leaves active operation.
     pub(super) fn drop_all(&mut self, ctx: &mut Context, regs: &CANsync_SL_CTRL_BMSTRUCT) {
         self.due = None;
         self.sending = None;

@@ -1,5 +1,5 @@
-//! Whatever the application writes into the two registers of a job: all 65,536 pairs in each state give
-//! the same answer and the same registers every time, and the control register alone decides.
+//! All 65,536 pairs of values that the application can write into the two registers of a job: in each state a pair
+//! gives the same answer and the same registers every time, and the control register alone decides.
 
 use super::*;
 use crate::devices::cansync::bus::codec::{Direction, ParameterResponse, UpDownResponse};
@@ -28,7 +28,7 @@ impl Bench {
         Bench { jobs: Jobs::new(NUMBER, true), regs, journal: Journal::new(1) }
     }
 
-    /// A job arrives and its answer goes out.
+    /// A job arrives and its answer is sent.
     fn turn(&mut self, frame: &Frame) -> Frame {
         let origin = Origin { plc: 0, node: 1 };
         let ctx = &mut Context { now: 0, journal: &mut self.journal, origin, base: NODE1 };
@@ -57,7 +57,7 @@ const PARAMETER: Pair = |regs| [&regs.b_STEUREG_PAR_CMD, &regs.b_STATREG_PAR_CMD
 const BLOCK_1: Pair = |regs| [&regs.b_STEUREG_UPDOWNBLK1, &regs.b_STATREG_UPDOWNBLK1];
 const SINGLE: Pair = |regs| [&regs.b_STEUREG_UPDOWN_SINGLE, &regs.b_STATREG_UPDOWN_SINGLE];
 
-/// Runs `turn` from the state of `bench` for every pair; `expected` tells the answer and the pair after.
+/// Runs `turn` from the state of `bench` for every pair. `expected` returns the answer and the pair after the turn.
 fn every_pair<R: PartialEq + Debug>(
     mut bench: Bench,
     pair: Pair,
@@ -75,7 +75,7 @@ fn every_pair<R: PartialEq + Debug>(
     }
 }
 
-/// Bit 6 cleared.
+/// The pair with bit 6 cleared.
 fn not_busy(pair: [u8; 2]) -> [u8; 2] {
     pair.map(|byte| byte & 0xBF)
 }
@@ -125,9 +125,9 @@ fn init(direction: Direction) -> UpDownJob {
     UpDownJob::new(6, UpDownStep::Init { direction, address: 0x1000, sub_slave: 0 }).unwrap()
 }
 
-/// Where a download of one block stands.
+/// Progress of a download of one block.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-enum State {
+enum DownloadState {
     Idle,
     InitShown,
     InitAnswered,
@@ -136,17 +136,17 @@ enum State {
 
 const LAST: UpDownStep = UpDownStep::Download { last: true, data: [7; 6] };
 
-fn in_state(state: State, pair: Pair, enable: u8) -> Bench {
+fn in_state(state: DownloadState, pair: Pair, enable: u8) -> Bench {
     let mut bench = Bench::new(enable);
     let init = init(Direction::Download);
-    if state >= State::InitShown {
+    if state >= DownloadState::InitShown {
         bench.updown(&init);
     }
-    if state >= State::InitAnswered {
+    if state >= DownloadState::InitAnswered {
         pair(&bench.regs)[0].store(0x54);
         bench.updown(&init);
     }
-    if state >= State::LastShown {
+    if state >= DownloadState::LastShown {
         bench.updown(&UpDownJob::new(0, LAST).unwrap());
     }
     bench
@@ -164,10 +164,10 @@ fn up_downloads_have_a_defined_result_for_every_pair() {
     };
     for (pair, enable) in [(BLOCK_1, 1), (SINGLE, 0)] {
         let bench = |state| in_state(state, pair, enable);
-        every_pair(bench(State::Idle), pair, |bench| bench.updown(&download), |_| (Busy, [0x55; 2]));
-        every_pair(bench(State::InitShown), pair, |bench| bench.updown(&download), acknowledged);
+        every_pair(bench(DownloadState::Idle), pair, |bench| bench.updown(&download), |_| (Busy, [0x55; 2]));
+        every_pair(bench(DownloadState::InitShown), pair, |bench| bench.updown(&download), acknowledged);
         every_pair(
-            bench(State::InitAnswered),
+            bench(DownloadState::InitAnswered),
             pair,
             |bench| bench.updown(&last),
             |pair| match pair[0] {
@@ -175,11 +175,11 @@ fn up_downloads_have_a_defined_result_for_every_pair() {
                 _ => (Busy, [0x5D; 2]),
             },
         );
-        every_pair(bench(State::LastShown), pair, |bench| bench.updown(&last), acknowledged);
+        every_pair(bench(DownloadState::LastShown), pair, |bench| bench.updown(&last), acknowledged);
 
-        for state in [State::InitShown, State::InitAnswered, State::LastShown] {
+        for state in [DownloadState::InitShown, DownloadState::InitAnswered, DownloadState::LastShown] {
             // Bit 5 between two frames means that the application has given up (D-71).
-            let over = |control| state == State::InitAnswered && control & 0x20 != 0;
+            let over = |control| state == DownloadState::InitAnswered && control & 0x20 != 0;
             every_pair(
                 bench(state),
                 pair,

@@ -1,7 +1,7 @@
-//! Parameter jobs as a slave node's application sees them (manual 5.00005.03a p. 188-190).
+//! Parameter jobs for the application of a slave node (manual 5.00005.03a p. 188-190).
 //!
-//! A job is entered in the registers and stays there until its answer has gone out. Until the
-//! application has cleared bit 0, every repetition by the master is answered BUSY (p. 139-140).
+//! A job is entered in the registers and stays there until its answer was sent. Until the application clears bit 0,
+//! every repetition by the master is answered BUSY (p. 139-140).
 
 use crate::devices::Context;
 use crate::devices::cansync::bus::codec::parameter::VALUE_ELEMENT;
@@ -19,17 +19,17 @@ use serde::{Deserialize, Serialize};
 /// A slave node's side of parameter jobs.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct ParameterServer {
-    /// Job in the registers, until its answer has gone out.
+    /// Job in the registers, until its answer was sent.
     entered: Option<ParameterJob>,
-    /// Job that the master has changed to; entered once the application confirms with bit 7.
+    /// Job that the master has changed to. It is entered when the application confirms with bit 7.
     changed: Option<ParameterJob>,
     /// The answer now on the wire ends the job.
     ends: bool,
 }
 
 impl ParameterServer {
-    /// What the firmware refuses by itself, because no register could tell the application: sub-slaves,
-    /// and writing anything but a parameter's value (p. 140; decision D-60).
+    /// Returns the error number of a job that the firmware refuses, because the application has no register for it:
+    /// sub-slaves, and write access to other elements than the parameter's value (p. 140; decision D-60).
     pub(super) fn refusal(job: &ParameterJob) -> Option<u16> {
         let write = !matches!(job.access(), Access::Read);
         if job.sub_slave() != 0 {
@@ -41,8 +41,8 @@ impl ParameterServer {
         }
     }
 
-    /// A job of the master for the application. Any difference to the job whose answer is still owed
-    /// counts as a change and is shown until the application confirms it (p. 190; decision D-61).
+    /// Handles a job of the master for the application. Any difference to the job under way counts as a change and is
+    /// shown until the application confirms it (p. 190; decision D-61).
     pub(super) fn job(&mut self, ctx: &mut Context, regs: &CANsync_SL_CTRL_BMSTRUCT, job: &ParameterJob) {
         match self.entered {
             Some(entered) if entered == *job && self.changed.is_none() => {}
@@ -70,14 +70,14 @@ impl ParameterServer {
         self.changed = None;
     }
 
-    /// Whether the job was changed and the application has to confirm that.
+    /// Returns true if the job was changed and the application must confirm the change.
     #[inline]
     pub(super) fn waits_for_reset(&self) -> bool {
         self.changed.is_some()
     }
 
-    /// Enters the changed job as soon as the application has confirmed with bit 7 (decision D-62).
-    pub(super) fn look(&mut self, ctx: &mut Context, regs: &CANsync_SL_CTRL_BMSTRUCT) {
+    /// Enters the changed job when the application has confirmed with bit 7 (decision D-62).
+    pub(super) fn poll(&mut self, ctx: &mut Context, regs: &CANsync_SL_CTRL_BMSTRUCT) {
         if let Some(job) = self.changed
             && registers(regs).control() & RESET != 0
         {
@@ -85,13 +85,13 @@ impl ParameterServer {
         }
     }
 
-    /// Start of the response slot: the answer as things stand now.
+    /// Returns the present answer, at the start of the response slot.
     pub(super) fn response(
         &mut self,
         ctx: &mut Context,
         regs: &CANsync_SL_CTRL_BMSTRUCT,
     ) -> Option<ParameterResponse> {
-        self.look(ctx, regs);
+        self.poll(ctx, regs);
         self.ends = false;
         if let Some(job) = self.changed {
             return Some(job.answer(ParameterResult::Busy));
@@ -115,7 +115,7 @@ impl ParameterServer {
         }))
     }
 
-    /// The answer has left the bus: if it was the final one, bit 6 is cleared and the job is over.
+    /// Ends an answer that was sent: after the final one, bit 6 is cleared and the job is over.
     pub(super) fn response_sent(&mut self, ctx: &mut Context, regs: &CANsync_SL_CTRL_BMSTRUCT) {
         if self.ends {
             self.ends = false;
@@ -124,7 +124,7 @@ impl ParameterServer {
         }
     }
 
-    /// Drops the job under way; the registers show none (decision D-63).
+    /// Drops the job under way. The registers show no job (decision D-63).
     pub(super) fn drop_job(&mut self, ctx: &mut Context, regs: &CANsync_SL_CTRL_BMSTRUCT) {
         *self = ParameterServer::default();
         registers(regs).show(ctx, 0);

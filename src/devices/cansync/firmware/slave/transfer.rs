@@ -1,7 +1,7 @@
-//! One up- or download from its init frame to its end, as the registers of its area show it
-//! (manual 5.00005.03a p. 141-143, 190-193).
+//! One up- or download from its init frame to its end, as shown in the registers of its area (manual 5.00005.03a p.
+//! 141-143, 190-193).
 
-use super::area::{Area, Place};
+use super::area::{Area, AreaKind};
 use crate::devices::Context;
 use crate::devices::cansync::bus::codec::updown::{BLOCK, MAX_OFFSET};
 use crate::devices::cansync::bus::codec::{Direction, UpDownJob, UpDownResponse, UpDownResult, UpDownStep};
@@ -16,25 +16,25 @@ use serde::{Deserialize, Serialize};
 /// Data bytes of one frame.
 const STEP: u16 = BLOCK as u16;
 
-/// What the master has changed a transfer to.
+/// The master's change of a transfer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) enum Successor {
     /// Another transfer.
     Init(UpDownJob),
-    /// None: the master has cancelled.
+    /// No transfer: the master has cancelled.
     Nothing,
 }
 
 /// A transfer under way.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Transfer {
-    place: Place,
+    area_kind: AreaKind,
     init: UpDownJob,
-    /// Bytes of the block; 0 in an upload until the application has set them (p. 141).
+    /// Bytes of the block. 0 in an upload until the application has set the length (p. 141).
     length: u16,
-    /// Offset of the block that is due next.
+    /// Offset of the next block.
     next: u16,
-    /// The frame that the application has to acknowledge.
+    /// The frame that the application must acknowledge.
     shown: Option<UpDownJob>,
     changed: Option<Successor>,
 }
@@ -44,11 +44,11 @@ impl Transfer {
     pub(super) fn begin(
         ctx: &mut Context,
         regs: &CANsync_SL_CTRL_BMSTRUCT,
-        place: Place,
+        area_kind: AreaKind,
         init: UpDownJob,
     ) -> Self {
         let length = init.offset();
-        let transfer = Transfer { place, init, length, next: 0, shown: Some(init), changed: None };
+        let transfer = Transfer { area_kind, init, length, next: 0, shown: Some(init), changed: None };
         let area = transfer.area(regs);
         if let UpDownStep::Init { address, .. } = init.step() {
             area.base.store(address);
@@ -60,7 +60,7 @@ impl Transfer {
     }
 
     fn area<'a>(&self, regs: &'a CANsync_SL_CTRL_BMSTRUCT) -> Area<'a> {
-        self.place.area(regs)
+        self.area_kind.area(regs)
     }
 
     fn direction_bit(&self) -> u8 {
@@ -70,13 +70,13 @@ impl Transfer {
         }
     }
 
-    /// Whether `init` repeats the init frame that the application is still looking at.
+    /// Returns true if `init` repeats the init frame that the application has not answered yet.
     pub(super) fn repeats_init(&self, init: &UpDownJob) -> bool {
         self.changed.is_none() && self.shown == Some(*init)
     }
 
-    /// Shows the application that the master has something else in mind. It stays shown until bit 7
-    /// confirms it (p. 192; decision D-61).
+    /// Shows a change by the master to the application. The change stays visible until bit 7 confirms it (p. 192;
+    /// decision D-61).
     pub(super) fn change(
         &mut self,
         ctx: &mut Context,
@@ -87,22 +87,22 @@ impl Transfer {
         self.area(regs).job.change(ctx, |value| value | CHANGED);
     }
 
-    /// Whether the application has confirmed a change.
+    /// Returns true if the application has confirmed a change.
     pub(super) fn is_reset(&self, regs: &CANsync_SL_CTRL_BMSTRUCT) -> bool {
         self.changed.is_some() && self.area(regs).job.control() & RESET != 0
     }
 
-    /// Whether the job is shown in the single-frame area, where the application has not answered it, although block 1 is
-    /// enabled by now and takes it (p. 191).
+    /// Returns true if the job is shown in the single-frame area without an answer of the application, although block 1
+    /// is enabled now and has room for the job (p. 191).
     pub(super) fn belongs_to_block_1(&self, regs: &CANsync_SL_CTRL_BMSTRUCT) -> bool {
-        self.place == Place::Single
+        self.area_kind == AreaKind::Single
             && self.shown == Some(self.init)
             && self.area(regs).job.control() & ACTIVE != 0
-            && Place::of(regs, self.length, true) == Ok(Place::Block1)
+            && AreaKind::of(regs, self.length, true) == Ok(AreaKind::Block1)
     }
 
-    /// Returns the job to enter once this area is cleared: the job that the master has changed to, otherwise the present one.
-    /// `None` if the master has cancelled.
+    /// Returns the job to enter once this area is cleared: the job that the master has changed to, otherwise the
+    /// present one. `None` if the master has cancelled.
     pub(super) fn successor(&self) -> Option<UpDownJob> {
         match self.changed {
             None => Some(self.init),
@@ -116,13 +116,13 @@ impl Transfer {
         self.area(regs).job.show(ctx, 0);
     }
 
-    /// Whether the application has given up between two frames by setting bit 5 (decision D-71).
+    /// Returns true if the application has given up between two frames by setting bit 5 (decision D-71).
     pub(super) fn is_given_up(&self, regs: &CANsync_SL_CTRL_BMSTRUCT) -> bool {
         self.shown.is_none() && self.area(regs).job.control() & ERROR != 0
     }
 
-    /// The application's error number. Numbers up to 16#00FF are not the slave's (p. 192) and go out as
-    /// "slave cancels" (decision D-71).
+    /// Returns the application's error number. Numbers up to 16#00FF are reserved for the firmware (p. 192) and are
+    /// sent as "slave cancels" (decision D-71).
     pub(super) fn error_number(&self, regs: &CANsync_SL_CTRL_BMSTRUCT) -> u16 {
         match self.area(regs).error.load() {
             0..=0x00FF => updown_error::SLAVE_CANCELS,
@@ -130,8 +130,8 @@ impl Transfer {
         }
     }
 
-    /// Why a body or last frame is out of place, as a finished answer. The transfer stays as it is: the
-    /// master may repeat the right frame (p. 142-143).
+    /// Returns the refusal of a body or last frame that comes at the wrong time, as a finished answer. The transfer
+    /// stays as it is: the master may repeat the right frame (p. 142-143).
     pub(super) fn refusal(&self, job: &UpDownJob) -> Option<UpDownResponse> {
         let last = match job.step() {
             UpDownStep::Upload { last } | UpDownStep::Download { last, .. } => last,
@@ -143,7 +143,7 @@ impl Transfer {
             return Some(job.answer(UpDownResult::Error(updown_error::MODE)));
         }
         if job.offset() != self.next {
-            // `next` is the offset of a block inside the 12-bit length.
+            // `next` is the offset of a block within the 12-bit length.
             return job.expects_instead(self.next).ok();
         }
         let number = match (last, self.next + STEP >= self.length) {
@@ -154,9 +154,8 @@ impl Transfer {
         Some(job.answer(UpDownResult::Error(number)))
     }
 
-    /// Takes a body or last frame that is in place. Returns the answer, or `None` if the application has
-    /// to acknowledge the frame: each one in the single-frame area, in block 1 only the last (p. 191, 193;
-    /// uploads: decision D-65).
+    /// Takes the expected body or last frame. Returns the answer, or `None` if the application must acknowledge the
+    /// frame: each one in the single-frame area, only the last in block 1 (p. 191, 193; uploads: decision D-65).
     pub(super) fn take(
         &mut self,
         ctx: &mut Context,
@@ -179,9 +178,9 @@ impl Transfer {
             UpDownStep::Init { .. } => return None,
         };
         let direction = self.direction_bit();
-        if self.place == Place::Block1 {
+        if self.area_kind == AreaKind::Block1 {
             if job.direction() == Direction::Download {
-                area.counter.store(self.behind_next());
+                area.counter.store(self.end_of_next_block());
             }
             if mode == MODE_TRANSFER {
                 area.job.change(ctx, |value| value & !MODE | MODE_TRANSFER);
@@ -193,8 +192,8 @@ impl Transfer {
         None
     }
 
-    /// The application's answer to the frame it was shown, as things stand now; `None` while it is at
-    /// work. `Err` ends the transfer.
+    /// Returns the application's present answer to the shown frame; `None` while the application is working. `Err` ends
+    /// the transfer.
     pub(super) fn acknowledgement(
         &mut self,
         regs: &CANsync_SL_CTRL_BMSTRUCT,
@@ -212,7 +211,7 @@ impl Transfer {
         Some(Ok(match shown.step() {
             UpDownStep::Init { .. } if self.length == 0 => {
                 // The application has set the length (p. 141; decision D-67).
-                let limit = if self.place == Place::Block1 { block::MAX_LENGTH } else { MAX_OFFSET };
+                let limit = if self.area_kind == AreaKind::Block1 { block::MAX_LENGTH } else { MAX_OFFSET };
                 match area.length.load() {
                     0 => return refuse(updown_error::NOT_POSSIBLE),
                     length if length > limit => return refuse(updown_error::TOO_LONG),
@@ -227,7 +226,7 @@ impl Transfer {
         }))
     }
 
-    /// The answer that accepts `job` has left the bus; tells whether the transfer is complete.
+    /// Handles the end of the answer that accepts `job`. Returns true if the transfer is complete.
     pub(super) fn accepted(
         &mut self,
         ctx: &mut Context,
@@ -239,19 +238,19 @@ impl Transfer {
         if matches!(job.step(), UpDownStep::Init { .. }) {
             return false;
         }
-        let behind = self.behind_next();
-        self.area(regs).counter.store(behind);
+        let end = self.end_of_next_block();
+        self.area(regs).counter.store(end);
         self.next += STEP;
-        behind == self.length
+        end == self.length
     }
 
-    /// The answer to the frame has left the bus: bit 6 is cleared (p. 191).
+    /// Clears bit 6, because the answer to the frame was sent (p. 191).
     pub(super) fn not_busy(&self, ctx: &mut Context, regs: &CANsync_SL_CTRL_BMSTRUCT) {
         self.area(regs).job.change(ctx, |value| value & !BUSY);
     }
 
-    /// Bytes transferred once the block that is due next is.
-    fn behind_next(&self) -> u16 {
+    /// Returns the number of transferred bytes after the next block.
+    fn end_of_next_block(&self) -> u16 {
         (self.next + STEP).min(self.length)
     }
 }

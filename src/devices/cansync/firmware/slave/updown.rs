@@ -1,7 +1,7 @@
-//! The slave's end of up-/downloads: which frames go to the application and which the firmware answers
-//! by itself (manual 5.00005.03a p. 141-143, 190-193).
+//! The slave's side of up-/downloads: selects the frames that the application answers and those that the firmware
+//! answers (manual 5.00005.03a p. 141-143, 190-193).
 
-use super::area::Place;
+use super::area::AreaKind;
 use super::transfer::{Successor, Transfer};
 use crate::devices::Context;
 use crate::devices::cansync::bus::codec::{Direction, UpDownJob, UpDownResponse, UpDownResult, UpDownStep};
@@ -10,33 +10,33 @@ use crate::devices::cansync::registers::values::{base_adr, updown_error};
 use crate::snapshot_fields;
 use serde::{Deserialize, Serialize};
 
-/// What an answer does to the transfer once it has left the bus.
+/// AnswerEffect of a sent answer on the transfer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-enum Effect {
+enum AnswerEffect {
     None,
-    /// The frame is done.
+    /// The frame is complete.
     Accepted,
-    /// The application has refused; the transfer is over.
+    /// The application has refused. The transfer is over.
     Failed,
 }
 
 /// The answer to the last job.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
-enum Due {
-    Answer(UpDownResponse, Effect),
-    /// Whatever the application has come to by then.
+enum DueAnswer {
+    Answer(UpDownResponse, AnswerEffect),
+    /// The answer that the application has prepared by then.
     Application,
 }
 
-/// A slave node's side of up-/downloads; there is one at a time.
+/// A slave node's side of up-/downloads. One transfer is possible at a time.
 #[derive(Clone, Debug)]
 pub(super) struct UpDownServer {
     has_single_frame_area: bool,
     transfer: Option<Transfer>,
-    due: Option<(UpDownJob, Due)>,
-    /// What the answer on the wire does when it is through.
-    sending: Option<(UpDownJob, UpDownResponse, Effect)>,
-    /// The frame accepted last and its answer, which may have been lost.
+    due: Option<(UpDownJob, DueAnswer)>,
+    /// Job and answer on the wire, with the effect of the answer.
+    sending: Option<(UpDownJob, UpDownResponse, AnswerEffect)>,
+    /// The last accepted frame and its answer, which may have been lost.
     accepted: Option<(UpDownJob, UpDownResponse)>,
 }
 
@@ -47,11 +47,13 @@ impl UpDownServer {
         UpDownServer { has_single_frame_area, transfer: None, due: None, sending: None, accepted: None }
     }
 
-    /// A job of the master.
+    /// Handles a job of the master.
     pub(super) fn job(&mut self, ctx: &mut Context, regs: &CANsync_SL_CTRL_BMSTRUCT, job: &UpDownJob) {
         let due = match (self.accepted, job.step()) {
-            // The master missed the answer (decision D-69).
-            (Some((accepted, response)), _) if accepted == *job => Due::Answer(response, Effect::None),
+            // The master missed the answer and repeats the job (decision D-69).
+            (Some((accepted, response)), _) if accepted == *job => {
+                DueAnswer::Answer(response, AnswerEffect::None)
+            }
             _ if job.is_cancel() => self.cancel(ctx, regs, job),
             (_, UpDownStep::Init { .. }) => self.init(ctx, regs, job),
             _ => self.block(ctx, regs, job),
@@ -59,7 +61,7 @@ impl UpDownServer {
         self.due = Some((*job, due));
     }
 
-    /// What the firmware answers to an init job by itself (decision D-68).
+    /// Returns the error number of an init job that the firmware refuses (decision D-68).
     fn init_refusal(job: &UpDownJob) -> Option<u16> {
         match job.step() {
             UpDownStep::Init { address, .. } if base_adr::SYSTEM.contains(&address) => {
@@ -73,33 +75,41 @@ impl UpDownServer {
         }
     }
 
-    fn init(&mut self, ctx: &mut Context, regs: &CANsync_SL_CTRL_BMSTRUCT, job: &UpDownJob) -> Due {
+    fn init(&mut self, ctx: &mut Context, regs: &CANsync_SL_CTRL_BMSTRUCT, job: &UpDownJob) -> DueAnswer {
         if let Some(number) = Self::init_refusal(job) {
-            return Due::Answer(job.answer(UpDownResult::Error(number)), Effect::None);
+            return DueAnswer::Answer(job.answer(UpDownResult::Error(number)), AnswerEffect::None);
         }
-        let place = self.place(regs, job);
-        match (&mut self.transfer, place) {
+        let area_kind = self.area_kind(regs, job);
+        match (&mut self.transfer, area_kind) {
             (Some(transfer), _) if !transfer.is_given_up(regs) && transfer.repeats_init(job) => {}
-            (_, Err(number)) => return Due::Answer(job.answer(UpDownResult::Error(number)), Effect::None),
+            (_, Err(number)) => {
+                return DueAnswer::Answer(job.answer(UpDownResult::Error(number)), AnswerEffect::None);
+            }
             (Some(transfer), Ok(_)) if !transfer.is_given_up(regs) => {
                 transfer.change(ctx, regs, Successor::Init(*job));
             }
-            (_, Ok(place)) => self.enter(ctx, regs, place, job),
+            (_, Ok(area_kind)) => self.enter(ctx, regs, area_kind, job),
         }
-        Due::Application
+        DueAnswer::Application
     }
 
-    fn place(&self, regs: &CANsync_SL_CTRL_BMSTRUCT, job: &UpDownJob) -> Result<Place, u16> {
-        Place::of(regs, job.offset(), self.has_single_frame_area)
+    fn area_kind(&self, regs: &CANsync_SL_CTRL_BMSTRUCT, job: &UpDownJob) -> Result<AreaKind, u16> {
+        AreaKind::of(regs, job.offset(), self.has_single_frame_area)
     }
 
-    fn enter(&mut self, ctx: &mut Context, regs: &CANsync_SL_CTRL_BMSTRUCT, place: Place, job: &UpDownJob) {
+    fn enter(
+        &mut self,
+        ctx: &mut Context,
+        regs: &CANsync_SL_CTRL_BMSTRUCT,
+        area_kind: AreaKind,
+        job: &UpDownJob,
+    ) {
         self.accepted = None;
-        self.transfer = Some(Transfer::begin(ctx, regs, place, *job));
+        self.transfer = Some(Transfer::begin(ctx, regs, area_kind, *job));
     }
 
-    /// The firmware drops the transfer at once; the application sees it as a change (decision D-70).
-    fn cancel(&mut self, ctx: &mut Context, regs: &CANsync_SL_CTRL_BMSTRUCT, job: &UpDownJob) -> Due {
+    /// Handles a cancellation. The firmware drops the transfer at once; the application sees a change (decision D-70).
+    fn cancel(&mut self, ctx: &mut Context, regs: &CANsync_SL_CTRL_BMSTRUCT, job: &UpDownJob) -> DueAnswer {
         self.accepted = None;
         match &mut self.transfer {
             Some(transfer) if !transfer.is_given_up(regs) => {
@@ -107,80 +117,83 @@ impl UpDownServer {
             }
             _ => self.transfer = None,
         }
-        Due::Answer(job.answer(UpDownResult::Done), Effect::None)
+        DueAnswer::Answer(job.answer(UpDownResult::Done), AnswerEffect::None)
     }
 
-    fn block(&mut self, ctx: &mut Context, regs: &CANsync_SL_CTRL_BMSTRUCT, job: &UpDownJob) -> Due {
+    fn block(&mut self, ctx: &mut Context, regs: &CANsync_SL_CTRL_BMSTRUCT, job: &UpDownJob) -> DueAnswer {
         let Some(transfer) = &mut self.transfer else {
-            return Due::Answer(job.answer(UpDownResult::Error(updown_error::MODE)), Effect::None);
+            return DueAnswer::Answer(
+                job.answer(UpDownResult::Error(updown_error::MODE)),
+                AnswerEffect::None,
+            );
         };
         if let Some(refusal) = transfer.refusal(job) {
-            return Due::Answer(refusal, Effect::None);
+            return DueAnswer::Answer(refusal, AnswerEffect::None);
         }
         if transfer.is_given_up(regs) {
             let number = transfer.error_number(regs);
-            return Due::Answer(job.answer(UpDownResult::Error(number)), Effect::Failed);
+            return DueAnswer::Answer(job.answer(UpDownResult::Error(number)), AnswerEffect::Failed);
         }
         match transfer.take(ctx, regs, job) {
-            Some(response) => Due::Answer(response, Effect::Accepted),
-            None => Due::Application,
+            Some(response) => DueAnswer::Answer(response, AnswerEffect::Accepted),
+            None => DueAnswer::Application,
         }
     }
 
-    /// Whether there is a transfer, which the application may cancel.
+    /// Returns true if there is a transfer, which the application may cancel.
     #[inline]
     pub(super) fn is_under_way(&self) -> bool {
         self.transfer.is_some()
     }
 
-    /// Enters what the master has changed to as soon as the application has confirmed with bit 7 (decision D-62), and takes
-    /// a job that the application has left alone to block 1 once that is enabled (decision D-600).
-    pub(super) fn look(&mut self, ctx: &mut Context, regs: &CANsync_SL_CTRL_BMSTRUCT) {
+    /// Enters the master's changed job when the application has confirmed with bit 7 (decision D-62). Moves a job that
+    /// the application has not answered to block 1 once that is enabled (decision D-600).
+    pub(super) fn poll(&mut self, ctx: &mut Context, regs: &CANsync_SL_CTRL_BMSTRUCT) {
         let is_over = |transfer: &mut Transfer| transfer.is_reset(regs) || transfer.belongs_to_block_1(regs);
         let Some(transfer) = self.transfer.take_if(is_over) else { return };
         transfer.clear(ctx, regs);
-        // Where block 1 has been disabled meanwhile, the master's repetition is refused.
+        // If block 1 was disabled meanwhile, the firmware refuses the master's repetition.
         if let Some(job) = transfer.successor()
-            && let Ok(place) = self.place(regs, &job)
+            && let Ok(area_kind) = self.area_kind(regs, &job)
         {
-            self.enter(ctx, regs, place, &job);
+            self.enter(ctx, regs, area_kind, &job);
         }
     }
 
-    /// Start of the response slot: the answer as things stand now.
+    /// Returns the present answer, at the start of the response slot.
     pub(super) fn response(
         &mut self,
         ctx: &mut Context,
         regs: &CANsync_SL_CTRL_BMSTRUCT,
     ) -> Option<UpDownResponse> {
-        self.look(ctx, regs);
+        self.poll(ctx, regs);
         self.sending = None;
         let (job, due) = self.due.take()?;
         let (response, effect) = match due {
-            Due::Answer(response, effect) => (response, effect),
-            Due::Application => match self.transfer.as_mut()?.acknowledgement(regs) {
-                None => (job.answer(UpDownResult::Busy), Effect::None),
-                Some(Ok(response)) => (response, Effect::Accepted),
-                Some(Err(response)) => (response, Effect::Failed),
+            DueAnswer::Answer(response, effect) => (response, effect),
+            DueAnswer::Application => match self.transfer.as_mut()?.acknowledgement(regs) {
+                None => (job.answer(UpDownResult::Busy), AnswerEffect::None),
+                Some(Ok(response)) => (response, AnswerEffect::Accepted),
+                Some(Err(response)) => (response, AnswerEffect::Failed),
             },
         };
         self.sending = Some((job, response, effect));
         Some(response)
     }
 
-    /// The answer has left the bus.
+    /// Ends the answer: it was sent completely.
     pub(super) fn response_sent(&mut self, ctx: &mut Context, regs: &CANsync_SL_CTRL_BMSTRUCT) {
         let Some((job, response, effect)) = self.sending.take() else { return };
         let Some(transfer) = &mut self.transfer else { return };
         match effect {
-            Effect::None => {}
-            Effect::Accepted => {
+            AnswerEffect::None => {}
+            AnswerEffect::Accepted => {
                 self.accepted = Some((job, response));
                 if transfer.accepted(ctx, regs, &job) {
                     self.transfer = None;
                 }
             }
-            Effect::Failed => {
+            AnswerEffect::Failed => {
                 transfer.not_busy(ctx, regs);
                 self.transfer = None;
                 self.accepted = None;
@@ -188,7 +201,7 @@ impl UpDownServer {
         }
     }
 
-    /// Drops the transfer under way; the registers show none (decision D-63).
+    /// Drops the transfer under way. The registers show none (decision D-63).
     pub(super) fn drop_transfer(&mut self, ctx: &mut Context, regs: &CANsync_SL_CTRL_BMSTRUCT) {
         let dropped = core::mem::replace(self, UpDownServer::new(self.has_single_frame_area));
         if let Some(transfer) = dropped.transfer {

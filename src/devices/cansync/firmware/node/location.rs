@@ -1,27 +1,27 @@
-//! Where a node's registers lie.
+//! Location of a node's registers.
 
 use crate::devices::cansync::BaudRate;
 use crate::layout::Port;
 
-/// Where a node's registers lie, which of its device's nodes it is, and at what rates it can run.
+/// Location of a node's registers, the number of the node in its device, and the supported baud rates.
 #[derive(Clone, Copy, Debug)]
-pub struct Seat {
-    /// First byte of its area.
+pub struct NodeLocation {
+    /// First byte of the node's area.
     pub base: usize,
-    /// Its place among the ports of the header page, from 0.
+    /// Index of the node among the ports of the header page, from 0.
     pub place: usize,
-    /// The baud rates of its device.
+    /// Baud rates of the device.
     pub rates: &'static [BaudRate],
-    /// Whether a slave there has the single-frame area.
+    /// True if a slave in this location has the single-frame area.
     pub has_single_frame_area: bool,
 }
 
-impl Seat {
-    /// The seat of the node at `port` of a device with these baud rates.
+impl NodeLocation {
+    /// Returns the location of the node at `port` of a device with these baud rates.
     #[must_use]
     pub fn of(port: &Port, rates: &'static [BaudRate]) -> Self {
         let mut registers = port.area.structures.iter().flat_map(|placed| placed.structure.registers);
-        Seat {
+        NodeLocation {
             base: port.area.first as usize,
             place: usize::from(port.number) - 1,
             rates,

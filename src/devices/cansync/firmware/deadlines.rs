@@ -1,31 +1,31 @@
-//! Which frames missed their deadline although they went out in the interval before: a program that releases its
-//! values every interval and was late this time. One that does not release any misses nothing.
+//! Missed deadlines of frames that were sent in the previous interval: the program releases its values every interval
+//! and was late this time. A program that releases no values misses no deadline.
 
 use serde::{Deserialize, Serialize};
 
-/// What is remembered about one frame.
+/// Deadline history of one frame.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
-pub(super) struct Punctual {
+pub(super) struct DeadlineTracker {
     /// The frame of the last interval was released in time.
     served: bool,
     missed_at: Option<u64>,
 }
 
-impl Punctual {
-    /// A new interval.
+impl DeadlineTracker {
+    /// Starts a new interval.
     #[inline]
     pub(super) fn next_interval(&mut self) {
         self.missed_at = None;
     }
 
-    /// The deadline passed; `released` tells whether the frame was released in time.
+    /// Handles a deadline; `released` is true if the frame was released in time.
     #[inline]
     pub(super) fn deadline(&mut self, now: u64, released: bool) {
         self.missed_at = (self.served && !released).then_some(now);
         self.served = released;
     }
 
-    /// The deadline missed in this interval.
+    /// Returns the deadline missed in this interval.
     #[inline]
     pub(super) fn missed_at(&self) -> Option<u64> {
         self.missed_at
@@ -37,8 +37,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_who_was_in_time_before_can_be_late() {
-        let mut frame = Punctual::default();
+    fn only_a_frame_that_was_in_time_before_can_be_late() {
+        let mut frame = DeadlineTracker::default();
         let mut interval = |now, released| {
             frame.next_interval();
             assert_eq!(frame.missed_at(), None);
