@@ -1,4 +1,4 @@
-//! The file that says what a plant and other simulators give each other.
+//! The file that describes which values and buses a plant exchanges with other simulators.
 
 use super::CouplingError;
 use crate::input_file;
@@ -8,40 +8,41 @@ use serde::Deserialize;
 use std::collections::BTreeSet;
 use std::path::Path;
 
-/// What the file says. Names in it have not been looked up yet.
+/// Content of the file. Its names are not looked up yet.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct CouplingConfig {
     /// Emulated time from one exchange to the next, in microseconds: 1 up to a day.
     pub period_us: u64,
-    /// What the plant is called among the simulators.
+    /// Name of the plant among the simulators.
     pub name: String,
-    /// What the plant gives.
+    /// Values that the plant publishes.
     pub publish: Vec<Named>,
-    /// What the plant takes.
+    /// Values that the plant subscribes to.
     pub subscribe: Vec<Named>,
-    /// Buses whose frames the others hear, and send frames to.
+    /// Buses whose frames are exchanged with the others.
     pub buses: Vec<NamedBus>,
 }
 
-/// A value and its key.
+/// A value and its key: one entry of `[[publish]]` or `[[subscribe]]`.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Named {
     /// Name of a register, a pattern, or a value at the shaft of a drive.
     pub value: String,
-    /// What it is called among the simulators; without it, as here, behind the name of the plant.
+    /// Name of the value among the simulators. Default: the name of the plant, followed by `value`.
     pub key: Option<String>,
 }
 
-/// A bus.
+/// One entry of `[[bus]]`.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct NamedBus {
-    /// Its name.
+    /// Name of the bus in the plant.
     pub name: String,
-    /// The endpoint to which the others send; without it the bus's name behind that of the plant.
+    /// Endpoint to which the others send. Default: the name of the plant, followed by the name of
+    /// the bus.
     pub endpoint: Option<String>,
-    /// The endpoints that hear the bus.
+    /// Endpoints that receive the frames of the bus.
     #[serde(default)]
     pub to: Vec<String>,
 }
@@ -61,7 +62,7 @@ struct File {
 }
 
 impl File {
-    /// A name that HELICS does not take.
+    /// Returns the first name that HELICS does not accept.
     fn bad_name(&self) -> Option<&str> {
         let keys = self.publish.iter().chain(&self.subscribe).filter_map(|it| it.key.as_ref());
         let endpoints = self.bus.iter().flat_map(|it| it.to.iter().chain(&it.endpoint));
@@ -86,7 +87,7 @@ impl CouplingConfig {
         Self::parse(&file, &text)
     }
 
-    /// What the text of a file called `file` says.
+    /// Parses the text of a file called `file`.
     ///
     /// # Errors
     /// [`CouplingError::File`].

@@ -1,40 +1,40 @@
-//! Why a plant cannot be coupled with other simulators, or no longer is.
+//! Reasons why a plant cannot be coupled with other simulators, or why a coupling ends.
 
 use crate::fmi::VariablesError;
 use core::time::Duration;
 
-/// See there.
+/// An error of the coupling with other simulators.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum CouplingError {
-    /// The file cannot be read, or says what cannot be.
+    /// The file cannot be read or has an impossible value.
     #[error("{file}: {what}")]
     File {
-        /// The file.
+        /// Path of the file.
         file: String,
-        /// What is wrong.
+        /// The fault in the file.
         what: String,
     },
     /// The plant has no such value.
     #[error("the exchange names '{name}': {why}")]
     Unknown {
-        /// As given.
+        /// Name in the file.
         name: String,
-        /// Why.
+        /// The reason.
         why: VariablesError,
     },
-    /// It cannot be exchanged so.
+    /// The value cannot be exchanged in this way.
     #[error("the exchange names '{name}': {why}")]
     Unfit {
-        /// As given.
+        /// Name in the file.
         name: String,
-        /// Why, and what would be right.
+        /// The reason, and what would be right.
         why: String,
     },
-    /// The way to the others is broken, or never was one.
+    /// The connection to the other simulators failed or was never made.
     #[error("{0}")]
     Broken(String),
-    /// They let no time pass.
+    /// The other simulators did not reach the exchange in time.
     #[error(
         "the other simulators have not come to {} in {} s: one of them has not been started, has died or waits for something, \
          the broker is not there, or it waits for more federates", crate::time::short(*.at_us), .limit.as_secs_f64()
@@ -42,7 +42,7 @@ pub enum CouplingError {
     Silent {
         /// Emulated time of the exchange, in microseconds.
         at_us: u64,
-        /// How long they were waited for.
+        /// Real time that the emulator waited.
         limit: Duration,
     },
 }

@@ -1,11 +1,10 @@
-//! Numbers of other simulators as values of registers.
+//! Converts numbers of other simulators to values of registers.
 
 use crate::fmi::{Kind, Value};
 
-/// The value that a number is for a register or a shaft of this kind: rounded to the nearest one (decision D-577).
+/// Converts a number to a value of this kind, rounded to the nearest one (decision D-577).
 ///
-/// # Errors
-/// It has no such value: why.
+/// # Errors The kind has no such value; the text gives the reason.
 pub(super) fn fitted(kind: Kind, number: f64) -> Result<Value, String> {
     if !number.is_finite() {
         return Err(format!("{number} is no value"));
@@ -20,7 +19,7 @@ pub(super) fn fitted(kind: Kind, number: f64) -> Result<Value, String> {
         Kind::I16 => (i64::from(i16::MIN), i64::from(i16::MAX)),
         Kind::I32 => (i64::from(i32::MIN), i64::from(i32::MAX)),
     };
-    // Saturates, far beyond of what any of them holds.
+    // Saturates, far outside the range of every kind.
     let whole = number.round() as i64;
     if (least..=most).contains(&whole) {
         Ok(Value::Integer(whole))

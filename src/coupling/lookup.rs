@@ -1,57 +1,57 @@
-//! What is exchanged: names of the file, looked up in a plant.
+//! Looks up the names of the file in a plant.
 
 use super::{CouplingConfig, CouplingError, Named};
 use crate::fmi::{Causality, Kind, Variable, What, named};
 use crate::plant::Plant;
 use std::collections::BTreeSet;
 
-/// What is exchanged with other simulators.
+/// All that the plant exchanges with other simulators.
 #[derive(Clone, Debug)]
 pub struct Interface {
-    /// What the plant is called among them.
+    /// Name of the plant among the simulators.
     pub name: String,
-    /// What it gives.
+    /// Values that the plant publishes.
     pub publications: Vec<Publication>,
-    /// What it takes.
+    /// Values that the plant subscribes to.
     pub subscriptions: Vec<Subscription>,
-    /// Its buses.
+    /// Buses of the plant whose frames are exchanged.
     pub endpoints: Vec<Endpoint>,
 }
 
-/// A value that the plant gives.
+/// A value that the plant publishes.
 #[derive(Clone, Debug)]
 pub struct Publication {
-    /// What the others call it.
+    /// Name of the value among the simulators.
     pub key: String,
-    /// Its type.
+    /// Type of the value.
     pub kind: Kind,
-    /// Its unit; empty if it has none.
+    /// Unit of the value; empty if it has none.
     pub unit: &'static str,
     pub(super) what: What,
 }
 
-/// A value that the plant takes.
+/// A value that the plant subscribes to.
 #[derive(Clone, Debug)]
 pub struct Subscription {
-    /// What the plant calls it.
+    /// Name of the value in the plant.
     pub name: String,
-    /// What the others call it.
+    /// Name of the value among the simulators.
     pub key: String,
-    /// Its type.
+    /// Type of the value.
     pub kind: Kind,
-    /// Its unit; empty if it has none.
+    /// Unit of the value; empty if it has none.
     pub unit: &'static str,
     pub(super) what: What,
 }
 
-/// A bus.
+/// A bus whose frames are exchanged.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Endpoint {
-    /// What the others call it.
+    /// Name of the endpoint among the simulators.
     pub name: String,
-    /// Its name in the plant.
+    /// Name of the bus in the plant.
     pub bus_name: String,
-    /// Who hears it.
+    /// Endpoints that receive the frames.
     pub to: Vec<String>,
     pub(super) bus: u16,
 }

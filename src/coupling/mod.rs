@@ -1,8 +1,9 @@
-//! A plant and other simulators that give each other values and frames: models of motors, of machines, of other controllers.
+//! Couples a plant with other simulators, such as models of motors, machines or other controllers, by values and
+//! frames.
 //!
-//! Every so often in emulated time there is an exchange. What the others have published enters the plant as a client's request
-//! would, then they are given what stands in the plant; no time passes for them beyond the next exchange, nor for the plant
-//! (decision D-576). How it travels is not told here: that is [`Simulators`].
+//! Exchanges happen at regular intervals of emulated time. First the values that the others have published enter the
+//! plant in the same way as requests of a client. Then the plant publishes its values. Neither side advances past the
+//! next exchange (decision D-576). [`Simulators`] transports the values and frames.
 
 mod config;
 mod error;
@@ -24,71 +25,71 @@ use core::time::Duration;
 use std::time::Instant;
 use taking::Refusals;
 
-/// What the plant gives at an exchange.
+/// The values and frames that the plant publishes at an exchange.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Given {
-    /// Values that are others than before, by their place in [`Interface::publications`].
+    /// Changed values, by their index in [`Interface::publications`].
     pub values: Vec<(usize, Value)>,
-    /// Frames that have been on buses since, as lines of a log, by their place in [`Interface::endpoints`].
+    /// Frames on the buses since the last exchange, as lines of a log, by their index in [`Interface::endpoints`].
     pub frames: Vec<(usize, String)>,
-    /// When the next exchange is, in microseconds since the start.
+    /// Emulated time of the next exchange, in microseconds since the start.
     pub next_us: u64,
 }
 
-/// What the others give at an exchange.
+/// The values and frames that the other simulators publish at an exchange.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Taken {
-    /// Values that were published since, by their place in [`Interface::subscriptions`].
+    /// Values published since the last exchange, by their index in [`Interface::subscriptions`].
     pub values: Vec<(usize, f64)>,
-    /// Frames as text, by their place in [`Interface::endpoints`].
+    /// Frames as text, by their index in [`Interface::endpoints`].
     pub frames: Vec<(usize, Vec<u8>)>,
-    /// There is nobody any more.
+    /// All other simulators have left.
     pub have_gone: bool,
 }
 
-/// The way to the other simulators. Whoever provides one says how it wakes the emulator when there is something to take.
+/// Connection to the other simulators. An implementation also wakes the emulator when input has arrived.
 pub trait Simulators: Send {
-    /// Gives them something, and lets time pass for them until the next exchange.
+    /// Publishes the values and frames, and lets the others advance to the next exchange.
     fn give(&mut self, given: Given);
 
-    /// What they give for the exchange that is due; does not wait. The first one is at the start, before anything was given.
+    /// Returns the input for the current exchange; does not wait. The first exchange is at the start, before the first
+    /// `give`.
     ///
-    /// # Errors
-    /// The way is broken: why.
+    /// # Errors The connection failed; the text gives the reason.
     fn take(&mut self) -> Result<Option<Taken>, String>;
 
-    /// The way ends.
+    /// Closes the connection.
     fn leave(&mut self);
 }
 
-/// What came of a look at the others.
+/// Result of [`Coupling::take`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Progress {
     /// No exchange is due.
     Nothing,
-    /// One is due, and they have not come there.
+    /// An exchange is due, and the others have not reached it.
     Waits,
-    /// They have given something; these motors turn with another speed now: number of the drive, and speed as the plant counts
-    /// it, `None`: as the drive demands.
+    /// The others have published something. These motors now turn at another speed: number of the drive, and speed as
+    /// the plant counts it; `None`: as the drive demands.
     Taken(Vec<(usize, Option<i32>)>),
-    /// They have ended in good order.
+    /// The others have ended normally.
     HaveGone,
 }
 
-/// A plant among other simulators.
+/// A plant that is coupled with other simulators.
 pub struct Coupling {
     interface: Interface,
     published: Vec<(What, Option<Value>)>,
     refused_values: Vec<Refusals>,
     refused_frames: Vec<Refusals>,
     shafts: Shafts,
-    /// Of each drive what the plant was told.
+    /// Last speed that the plant received, by drive.
     turned: Vec<Option<i32>>,
     period_us: u64,
     start_us: u64,
-    /// When the next exchange is, in emulated time.
+    /// Emulated time of the next exchange.
     due_us: u64,
-    /// First record of the journal of whose frames nobody was told.
+    /// First record of the journal whose frames were not sent yet.
     next_record: u64,
     limit: Duration,
     waits_since: Option<Instant>,
@@ -96,10 +97,10 @@ pub struct Coupling {
 }
 
 impl Coupling {
-    /// Looks up what the file names. `limit`: how long the others may take for an exchange, in real time.
+    /// Looks up the names of the file. `limit`: real time that the others may take for one exchange.
     ///
     /// # Errors
-    /// The plant has no such values, or they cannot be exchanged so.
+    /// The plant has no such values, or they cannot be exchanged in this way.
     pub fn new(config: &CouplingConfig, plant: &Plant, limit: Duration) -> Result<Self, CouplingError> {
         let interface = Interface::of(config, plant)?;
         let start_us = plant.now();
@@ -120,7 +121,7 @@ impl Coupling {
         })
     }
 
-    /// What is exchanged.
+    /// Returns the values and buses that are exchanged.
     pub fn interface(&self) -> &Interface {
         &self.interface
     }
@@ -130,25 +131,24 @@ impl Coupling {
         self.period_us
     }
 
-    /// What the plant gives before its time begins to pass, all of it.
+    /// Returns all published values, for the exchange before the clock starts.
     pub fn first(&mut self, plant: &Plant) -> Given {
         Given { next_us: 0, ..self.collect(plant) }
     }
 
-    /// This is the way to the others.
+    /// Sets the connection to the other simulators.
     pub fn connect(&mut self, simulators: Box<dyn Simulators>) {
         self.simulators = Some(simulators);
     }
 
-    /// Whether an exchange is due at this emulated time: then nothing else enters the plant before it.
+    /// True if an exchange is due at this emulated time. Then no other input may enter the plant before the exchange.
     pub fn is_due(&self, now: u64) -> bool {
         now >= self.due_us
     }
 
-    /// If an exchange is due: lets into the plant what the others give.
+    /// If an exchange is due, passes the input of the others to the plant.
     ///
-    /// # Errors
-    /// The others are not there any more.
+    /// # Errors The others have left or cannot be reached.
     pub fn take(&mut self, host: &mut dyn Host) -> Result<Progress, CouplingError> {
         let is_due = self.is_due(host.plant().now());
         let Some(simulators) = self.simulators.as_mut().filter(|_| is_due) else {
@@ -181,7 +181,7 @@ impl Coupling {
         Ok(Progress::Taken(changed.map(|(drive, (now, _))| (drive, *now)).collect()))
     }
 
-    /// Behind [`Progress::Taken`]: gives the others what stands in the plant; the next exchange is a period later.
+    /// Call after [`Progress::Taken`]: publishes the values of the plant. The next exchange is one period later.
     pub fn give(&mut self, plant: &Plant) {
         self.due_us = self.due_us.saturating_add(self.period_us);
         let given = self.collect(plant);
@@ -190,7 +190,7 @@ impl Coupling {
         }
     }
 
-    /// Ends the way to the others.
+    /// Closes the connection to the others.
     pub fn leave(&mut self) {
         if let Some(mut simulators) = self.simulators.take() {
             simulators.leave();

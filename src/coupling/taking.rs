@@ -1,4 +1,4 @@
-//! What other simulators give enters the plant, or is refused.
+//! Passes the input of other simulators to the plant, or refuses it.
 
 use super::fitting::fitted;
 use super::{Coupling, Subscription};
@@ -8,12 +8,12 @@ use crate::layout::Owner;
 use crate::request::{Execution, Host, Op};
 use core::fmt::Display;
 
-/// How often something was refused.
+/// Number of refusals.
 #[derive(Default)]
 pub(super) struct Refusals(pub(super) u64);
 
 impl Refusals {
-    /// Told at the first time, the tenth, the hundredth, ...
+    /// Counts a refusal and logs the first, the tenth, the hundredth, ...
     fn note(&mut self, what: impl Display, why: impl Display) {
         self.0 += 1;
         if self.0 == 10_u64.pow(self.0.ilog10()) {
@@ -38,7 +38,7 @@ impl Coupling {
             (_, Err(why)) => Err(why),
             (What::Register { plc, offset, width, ty, owner }, Ok(Value::Integer(value))) => {
                 let bits = value as u32 & ty.mask();
-                // As for units, decision D-535.
+                // Same rule as for units, decision D-535.
                 if owner == Owner::Both || host.plant().load(plc, offset, width) != Ok(bits) {
                     enter(host, &Op::Poke { plc: plc as u16, offset, width, value: bits })
                 } else {
@@ -56,7 +56,7 @@ impl Coupling {
                 self.shafts.set_speed(drive, speed);
                 Ok(())
             }
-            // Its kind says what value it has.
+            // The kind determines the type of the value.
             _ => Ok(()),
         };
         if let Err(why) = outcome {
@@ -68,7 +68,7 @@ impl Coupling {
     pub(super) fn take_frame(&mut self, host: &mut dyn Host, place: usize, text: &[u8]) {
         let Some(endpoint) = self.interface.endpoints.get(place) else { return };
         let text = String::from_utf8_lossy(text);
-        // Of a line of a log the frame is the last word.
+        // The last word of a log line is the frame.
         let word = text.split_whitespace().next_back().unwrap_or_default();
         let frame = candump::frame(word);
         let frame =
@@ -81,7 +81,7 @@ impl Coupling {
     }
 }
 
-/// Does what a client would have asked for.
+/// Executes an operation as if a client had requested it.
 fn enter(host: &mut dyn Host, op: &Op) -> Result<(), String> {
     match Execution::default().run(host, op) {
         Ok(_) => Ok(()),

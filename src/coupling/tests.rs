@@ -1,4 +1,4 @@
-//! Exchanges with simulators that are functions.
+//! Exchanges with simulators that the test scripts.
 
 use super::*;
 use crate::fmi::{Resources, Unit};
@@ -7,7 +7,7 @@ use crate::request::testing::TestHost;
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex};
 
-/// What is taken, and what was given.
+/// Scripted input, and a record of the output.
 #[derive(Clone, Default)]
 struct Letters(Arc<Mutex<(VecDeque<Taken>, Vec<Given>)>>);
 
@@ -76,7 +76,7 @@ fn what_is_taken_is_stored_and_what_changes_is_given() {
     coupling.give(&host.plant);
     assert!(!coupling.is_due(999) && coupling.is_due(1000));
     host.plant.advance_to(1000);
-    // The same once more is no store, and what does not fit is left out.
+    // Storing the same values again is no store, and values out of range are refused.
     let before = host.plant.journal().hash();
     give(&[(2, 28.0), (0, 65_536.0), (0, f64::NAN), (1, f64::INFINITY)]);
     assert_eq!(coupling.take(&mut host).unwrap(), Progress::Taken(Vec::new()));
@@ -96,7 +96,7 @@ fn what_is_taken_is_stored_and_what_changes_is_given() {
 #[test]
 fn frames_go_both_ways() {
     let mut host = host_of("[[plc]]\nname = 'line'\n[[bus]]\nname = 'open'\nkind = 'can'\nkbit_s = 125\n");
-    // Somebody has to acknowledge frames.
+    // Another participant must acknowledge the frames.
     host.plant.guest_joins(0, 1, true);
     let file = "period = '1ms'\n[[bus]]\nname = 'open'\nto = ['sensor/can']\n";
     let mut coupling = coupling(&host.plant, file).unwrap();
@@ -157,7 +157,7 @@ fn files_that_cannot_be_are_refused() {
     }
 }
 
-/// The same model at a unit and at a coupling.
+/// The same model, as a unit and over a coupling.
 #[test]
 fn a_model_is_as_at_a_unit() {
     let mut host = host_of("");

@@ -1,8 +1,8 @@
-//! Nobody else is there.
+//! An exchange for a single federate.
 
 use super::Exchange;
 
-/// The way to the others of a federate that has none: its plant has one host, and exchanges values with other simulators.
+/// Exchange of a federate without others: the plant runs on one host and exchanges values with other simulators.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Alone;
 

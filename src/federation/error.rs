@@ -1,88 +1,88 @@
-//! Why a federate ends.
+//! Reasons why a federate ends.
 
 use core::time::Duration;
 
-/// Why a federate cannot go on.
+/// Error that ends a federate.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum FederationError {
-    /// The way to the others is broken, or never was one.
+    /// The connection to the others failed or was never made.
     #[error("{0}")]
     Exchange(String),
-    /// It was not started as an emulator that shares its plant.
+    /// The emulator was not started as one that shares its plant.
     #[error(
         "the emulator was started with a plant of its own: set Options::is_federate, so that boards are asked on all hosts alike"
     )]
     Unprepared,
-    /// Another one is not heard any more.
+    /// Messages of another federate stopped.
     #[error(
         "federate {who} has not been heard of for {} s: it has not been started or has died, its host is gone, or nobody \
          brings messages there (does a broker run?)",
         .limit.as_secs_f64()
     )]
     Silent {
-        /// Who was to be heard.
+        /// The silent federate.
         who: String,
-        /// How long it was waited for.
+        /// How long this federate waited.
         limit: Duration,
     },
-    /// Another one has failed, and said so.
+    /// Another federate reported a failure.
     #[error("federate {who} has failed: {reason}")]
     Failed {
-        /// Which one.
+        /// Number of the federate.
         who: u8,
-        /// Why.
+        /// The reported reason.
         reason: String,
     },
-    /// Another one is of another version.
+    /// Another federate has another version of commram.
     #[error("federate {who} is commram {theirs}, this is commram {}; take the same program everywhere", env!("CARGO_PKG_VERSION"))]
     OtherVersion {
-        /// Which one.
+        /// Number of the federate.
         who: u8,
-        /// Its version.
+        /// Version of that federate.
         theirs: String,
     },
-    /// Another one counts otherwise.
+    /// Another federate was started with another number of federates.
     #[error(
         "federate {who} says that there are {theirs} federates, here there are {ours}; say the same everywhere"
     )]
     OtherCount {
-        /// Which one.
+        /// Number of the federate.
         who: u8,
-        /// How many it says there are.
+        /// Number of federates according to that one.
         theirs: u8,
-        /// How many there are here.
+        /// Number of federates according to this one.
         ours: u8,
     },
-    /// Another one has another plant.
+    /// Another federate has another plant.
     #[error("federate {who} has another plant: {why}; start all of them with the same plant file")]
     OtherPlant {
-        /// Which one.
+        /// Number of the federate.
         who: u8,
-        /// What is otherwise.
+        /// Difference between the plants.
         why: String,
     },
-    /// All of them only follow.
+    /// All federates only follow.
     #[error("all federates follow (--follow), so nobody lets time pass; leave it out at one of them")]
     NobodyLeads,
-    /// Something has happened here that has not happened there.
+    /// Input has entered the plant here and not on another host.
     #[error(
         "at {at_us} us federate {who} has another journal than this one: a program has stored into an image while time \
          passed or somebody else had his turn, or has set a switch without the channel; let it take part in lockstep"
     )]
     Apart {
-        /// Which one.
+        /// Number of the federate.
         who: u8,
-        /// Emulated time at which it was noticed.
+        /// Emulated time at which the difference was found.
         at_us: u64,
     },
-    /// Other simulators take part, and that has gone wrong.
+    /// The coupling with other simulators failed.
     #[error(transparent)]
     Coupling(#[from] crate::coupling::CouplingError),
-    /// A message that is none, or comes when another was due.
+    /// A message is malformed, or arrived in place of another one.
     #[error("federate {who} has sent what no federate sends now; is something else on the way there?")]
     Nonsense {
-        /// Whose turn it was.
+        /// Federate that had the turn.
         who: u8,
     },
 }

@@ -1,19 +1,18 @@
-//! How messages come from one federate to the others.
+//! Transport of messages between federates.
 
-/// The way to the other federates. Whoever provides one says how it wakes the emulator when a message has come.
+/// Connection to the other federates. An implementation also wakes the emulator when a message has arrived.
 pub trait Exchange: Send {
-    /// Sends to all others. What one federate sends arrives in the order in which it was sent.
+    /// Sends a message to all others. Messages of one federate arrive in the order in which it sent them.
     ///
-    /// # Errors
-    /// The way is broken: why.
+    /// # Errors The connection failed; the text gives the reason.
     fn send(&mut self, message: &[u8]) -> Result<(), String>;
 
-    /// The next message that has come from another, and the number of that one; does not wait.
+    /// Returns the next message of another federate, with the number of that federate; does not wait.
     ///
     /// # Errors
     /// As [`Exchange::send`].
     fn receive(&mut self) -> Result<Option<(u8, Vec<u8>)>, String>;
 
-    /// The last message, to those who still hear it; then the way ends.
+    /// Sends the last message to the federates that still receive, then closes the connection.
     fn leave(&mut self, message: &[u8]);
 }

@@ -1,4 +1,4 @@
-//! What federates tell each other.
+//! Messages between federates.
 
 use crate::channel::wire::WireOp;
 use crate::plant::Stored;
@@ -6,58 +6,59 @@ use crate::request::Op;
 use serde::{Deserialize, Serialize};
 use zerocopy::{FromBytes, IntoBytes};
 
-/// What a federate says.
+/// A message from one federate to all others.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) enum Message {
-    /// It is there.
+    /// The federate has joined.
     Hello(Hello),
-    /// It has its turn, and waits for somebody.
+    /// The federate has the turn and is still working or waiting.
     Alive,
-    /// Its turn has ended.
+    /// The turn of the federate has ended.
     Turn(Turn),
-    /// It ends; with a reason, if it has failed.
+    /// The federate ends; with a reason if it failed.
     Bye(Option<String>),
 }
 
-/// Who is there, and with what.
+/// Settings of a federate, which the others compare with their own.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Hello {
     pub(super) version: String,
-    /// How many there are.
+    /// Number of federates.
     pub(super) count: u8,
     pub(super) follows: bool,
-    /// Emulated time from one exchange with other simulators to the next, if it has any.
+    /// Emulated time between two exchanges with other simulators, if the federate has any.
     pub(super) exchange_us: Option<u64>,
-    /// Of its plant, see `Plant::is_like`.
+    /// Description of the plant, see `Plant::is_like`.
     pub(super) plant: Vec<u8>,
 }
 
-/// What has entered in a turn, and until when it has nothing more to say.
+/// Input of a turn, and how far the sender lets the clock advance.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct Turn {
     /// Emulated time of the turn.
     pub(super) now: u64,
     pub(super) inputs: Vec<Input>,
-    /// Hash of its journal behind that.
+    /// Hash of the sender's journal after the inputs.
     pub(super) hash: u64,
-    /// Until when time may pass as far as it is concerned.
+    /// Emulated time up to which the sender has no further input.
     pub(super) want: u64,
-    /// Of each device the events at which it wants to have a turn, bit n for event n.
+    /// For each device, the events at which the sender needs a turn: bit n for event n.
     pub(super) watched: Vec<u16>,
 }
 
-/// What enters a plant from outside.
+/// Input that enters a plant from outside.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) enum Input {
-    /// An operation that was executed, as the channel carries it.
+    /// An executed operation, in the format of the channel.
     Op([u8; size_of::<WireOp>()]),
-    /// A store of a program that has mapped an image.
+    /// A store of a program that maps an image.
     Stored(Stored),
-    /// The boards have answered what they were asked.
+    /// The boards have answered the pending requests.
     Boards,
-    /// What became of a task in lockstep: device, event, code of the state.
+    /// New state of a task in lockstep: device, event, code of the state.
     Task(u16, u16, u32),
-    /// A motor that a model turns: number of the drive, and speed; none: it does what the drive demands.
+    /// A motor that a model turns: number of the drive, and speed; `None`: the speed that the drive
+    /// demands.
     Shaft(u16, Option<i32>),
 }
 
@@ -68,7 +69,7 @@ impl Input {
         Input::Op(bytes)
     }
 
-    /// The operation that stands in these bytes.
+    /// Decodes an operation.
     pub(super) fn op(bytes: &[u8]) -> Option<Op> {
         Op::try_from(WireOp::read_from_bytes(bytes).ok()?).ok()
     }
@@ -76,7 +77,7 @@ impl Input {
 
 impl Message {
     pub(super) fn to_bytes(&self) -> Vec<u8> {
-        // Into a vector, writing cannot fail.
+        // Writing into a vector cannot fail.
         postcard::to_allocvec(self).unwrap_or_default()
     }
 

@@ -1,12 +1,13 @@
-//! One plant over several hosts: federates, each of which runs all of it, and what enters it on one host enters it on all.
+//! Runs one plant on several hosts. Each federate runs the whole plant, and all input that enters on one host enters on
+//! all.
 //!
-//! A plant does the same whenever the same enters it at the same emulated times. So what federates tell each other is not what
-//! happens on its buses, but what enters: operations of clients, stores of programs, and until when they have nothing more to
-//! say. At a moment they have turns, one after the other in the order of their numbers; then time passes everywhere until the
-//! earliest of the times that they want, or until an event at which one of them wants to have a turn (decision D-570). With each
-//! turn goes a hash of the journal: those that have not gone the same way notice it.
+//! A plant is deterministic: the same input at the same emulated time gives the same result. So federates exchange only
+//! the input, not the traffic of the buses: operations of clients, stores of programs, and the time up to which they
+//! have no further input. At each moment the federates take turns in the order of their numbers. Then all clocks
+//! advance to the earliest time that a federate asks for, or to an event at which a federate needs a turn (decision
+//! D-570). Each turn carries a hash of the journal, so that a difference between hosts is detected.
 //!
-//! How messages travel is not told here: that is an [`Exchange`].
+//! An [`Exchange`] transports the messages.
 
 mod alone;
 mod error;
@@ -25,34 +26,34 @@ use message::{Hello, Input, Message, Turn};
 use std::collections::VecDeque;
 use std::time::Instant;
 
-/// Most federates there can be.
+/// Largest number of federates.
 pub const MOST: u8 = 64;
-/// How often a federate says that it waits for somebody in its turn.
+/// Interval at which a federate that waits in its turn sends a sign of life.
 const ALIVE: Duration = Duration::from_secs(1);
 
-/// Which federate this is.
+/// Configuration of this federate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Part {
-    /// Its number, from 0.
+    /// Number of this federate, from 0.
     pub own: u8,
-    /// How many there are.
+    /// Number of federates.
     pub count: u8,
-    /// It never lets time pass by itself.
+    /// This federate never advances the clock by itself.
     pub follows: bool,
-    /// How long another one may not be heard of.
+    /// Longest silence of another federate.
     pub limit: Duration,
-    /// Emulated time from one exchange with other simulators to the next, if it has any; federate 0 only (decision D-578).
+    /// Emulated time between two exchanges with other simulators, if there are any; federate 0 only (decision D-578).
     pub exchange_us: Option<u64>,
 }
 
-/// What has come of a look at the messages.
+/// Result of [`Federation::look`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum News {
-    /// There were none.
+    /// No message has arrived.
     Nothing,
-    /// The plant, or whose turn it is, is not what it was.
+    /// The plant or the owner of the turn has changed.
     Moved,
-    /// This federate ended in good order.
+    /// This federate ended normally.
     Left(u8),
 }
 
@@ -60,35 +61,36 @@ pub enum News {
 pub struct Federation {
     part: Part,
     exchange: Box<dyn Exchange>,
-    /// Who is there, until all are.
+    /// Received greetings, by federate, until all have arrived.
     hellos: Vec<Option<Hello>>,
     is_complete: bool,
-    /// Whose turn it is.
+    /// Number of the federate that has the turn.
     turn: u8,
-    /// Earliest of the times that those want who have had their turns.
+    /// Earliest of the times that the federates asked for in this round.
     want: u64,
-    /// Of each federate the turns of which it has told, but it is somebody else's: messages of several may come in any order.
+    /// For each federate, turns that arrived before the turn of that federate: messages of several may arrive in any
+    /// order.
     pending: Vec<VecDeque<Turn>>,
-    /// What has entered here and was not told yet.
+    /// Input that has entered here and was not sent yet.
     inputs: Vec<Input>,
     outside: Outside,
-    /// Of each federate the events of each device at which it wants to have a turn.
+    /// For each federate and device, the events at which the federate needs a turn.
     watched: Vec<Vec<u16>>,
-    /// Emulated time at which it has joined.
+    /// Emulated time at which this federate joined.
     start: u64,
-    /// Where somebody here wants to go.
+    /// Emulated time that a client here asked to reach.
     asked: Option<u64>,
-    /// He is there.
+    /// Target that the clock has reached.
     arrived: Option<u64>,
     heard: Instant,
     spoken: Instant,
 }
 
 impl Federation {
-    /// Joins, with a plant in which nothing has happened yet.
+    /// Joins the federation with a plant in which nothing has happened yet.
     ///
     /// # Errors
-    /// The others cannot be told.
+    /// The message to the others cannot be sent.
     pub fn join(part: Part, plant: &Plant, mut exchange: Box<dyn Exchange>) -> Result<Self, FederationError> {
         let hello = Hello {
             version: env!("CARGO_PKG_VERSION").to_owned(),
@@ -120,12 +122,12 @@ impl Federation {
         })
     }
 
-    /// Whether this federate has its turn: only then may anything enter the plant here.
+    /// True if this federate has the turn. Input may enter the plant here only then.
     pub fn is_own_turn(&self) -> bool {
         self.is_complete && self.turn == self.part.own
     }
 
-    /// For whom the time waits, for people; `None` if it is this federate.
+    /// Describes the federate for which the clock waits; `None` if it is this one.
     pub fn waits_for(&self) -> Option<String> {
         match (self.is_complete, self.is_own_turn()) {
             (false, _) => Some(format!("federate {}, which has not been heard of yet", self.missing())),
@@ -134,21 +136,20 @@ impl Federation {
         }
     }
 
-    /// Who is not there yet.
+    /// Name of the first federate that has not joined yet.
     fn missing(&self) -> String {
         let missing = (0..self.part.count).zip(&self.hellos).filter(|(_, hello)| hello.is_none());
         missing.map(|(who, _)| who.to_string()).collect::<Vec<_>>().join(", ")
     }
 
-    /// Whether it never lets time pass by itself.
+    /// True if this federate never advances the clock by itself.
     pub fn follows(&self) -> bool {
         self.part.follows
     }
 
-    /// An operation is about to be executed here.
+    /// Checks an operation before it is executed here.
     ///
-    /// # Errors
-    /// It is one that several hosts cannot do together.
+    /// # Errors The operation is not possible on several hosts together.
     pub fn permit(&mut self, plant: &Plant, op: &Op) -> Result<(), Refused> {
         match op {
             Op::Restore { .. } | Op::BackTo { .. } | Op::Back { .. } | Op::BackUntil { .. } => {
@@ -168,8 +169,8 @@ impl Federation {
         Ok(())
     }
 
-    /// In this federate's turn: the boards answer what programs here have asked them by the header page; tells whether there was
-    /// anything.
+    /// In this federate's turn: lets the boards answer the requests of programs in the header page. Returns whether
+    /// there was any.
     pub fn look_at_boards(&mut self, plant: &mut Plant) -> bool {
         if !plant.has_untold() {
             return false;
@@ -179,18 +180,18 @@ impl Federation {
         plant.look_at_boards()
     }
 
-    /// The plant has noted what became of a task in lockstep.
+    /// Records the state of a task in lockstep for the other federates.
     pub fn note_task(&mut self, plc: usize, event: usize, state: SeatState) {
         self.inputs.push(Input::Task(plc as u16, event as u16, state.code()));
     }
 
-    /// A motor turns now as a model here says.
+    /// Records the speed that a model here gives a motor.
     pub fn note_shaft(&mut self, drive: usize, speed: Option<i32>) {
         self.inputs.push(Input::Shaft(drive as u16, speed));
     }
 
-    /// When the next exchange with other simulators is behind this emulated time, at whichever federate: then registers may change.
-    /// `u64::MAX` if there is none.
+    /// Returns the time of the next exchange with other simulators after `now`, at any federate; registers may change
+    /// then. `u64::MAX` if there is none.
     pub fn next_exchange(&self, now: u64) -> u64 {
         let Some(period) = self.hellos.iter().flatten().find_map(|hello| hello.exchange_us) else {
             return u64::MAX;
@@ -199,13 +200,13 @@ impl Federation {
         periods.saturating_mul(period).saturating_add(self.start)
     }
 
-    /// Whether time has passed up to `target`, for whoever asked for it by [`Federation::end_turn`].
+    /// True if the clock has reached `target`, which [`Federation::end_turn`] asked for.
     pub fn has_come_to(&mut self, target: u64) -> bool {
         self.arrived.take_if(|at| *at >= target).is_some()
     }
 
-    /// Ends this federate's turn: until `want` it has nothing more to say. `target`: somebody here wants to go there. `watched`: at
-    /// which events of each device it wants to have a turn before, bit n for event n.
+    /// Ends this federate's turn: it has no further input until `want`. `target`: time that a client here wants to
+    /// reach. `watched`: for each device, the events at which this federate needs a turn earlier, bit n for event n.
     ///
     /// # Errors
     /// [`FederationError`].
@@ -226,7 +227,7 @@ impl Federation {
         Ok(())
     }
 
-    /// Takes in what the others have said since, if it is not this federate's turn, and lets time pass when all have had theirs.
+    /// Processes the messages of the others in their turns, and advances the clock when all turns are over.
     ///
     /// # Errors
     /// [`FederationError`].
@@ -262,7 +263,7 @@ impl Federation {
         Ok(news)
     }
 
-    /// Tells the others that it ends, and why if it has failed.
+    /// Sends the others the end of this federate, with the reason if it failed.
     pub fn leave(mut self, error: Option<&FederationError>) {
         self.exchange.leave(&Message::Bye(error.map(ToString::to_string)).to_bytes());
     }
@@ -304,20 +305,21 @@ impl Federation {
         Ok(())
     }
 
-    /// In this federate's turn: what programs have stored since the last look belongs to it.
+    /// In this federate's turn: collects what programs have stored since the last call.
     fn gather(&mut self, plant: &Plant) {
-        // A program that asks a board has stored before what belongs to it, so that is looked for behind it and told ahead of it.
+        // A program stores first and then asks a board. So stores are collected after the requests and sent before
+        // them.
         let asked = plant.tell_boards();
         self.gather_registers(plant);
         self.inputs.extend(asked.into_iter().map(Input::Stored));
     }
 
-    /// What programs have stored into registers meanwhile belongs to the turn to come.
+    /// Collects the stores of programs into registers for the next turn.
     fn gather_registers(&mut self, plant: &Plant) {
         self.inputs.extend(self.outside.stored(plant).into_iter().map(Input::Stored));
     }
 
-    /// What enters elsewhere enters here.
+    /// Applies the input of another federate.
     fn take_in(&mut self, host: &mut dyn Host, turn: Turn) -> Result<(), FederationError> {
         let who = self.turn;
         self.gather_registers(host.plant());
@@ -325,7 +327,7 @@ impl Federation {
             match input {
                 Input::Op(bytes) => {
                     let op = Input::op(&bytes).filter(Op::acts).ok_or(FederationError::Nonsense { who })?;
-                    // What is refused there is refused here.
+                    // An operation that was refused there is also refused here.
                     let _ = Execution::default().run(host, &op);
                 }
                 Input::Boards => {
@@ -350,7 +352,7 @@ impl Federation {
         Ok(())
     }
 
-    /// The turn of federate `self.turn` has ended. After the last one's, time passes.
+    /// Ends the turn of federate `self.turn`. After the turn of the last one the clock advances.
     fn turn_over(&mut self, plant: &mut Plant, want: u64, watched: Vec<u16>) {
         self.want = self.want.min(want);
         self.watched[usize::from(self.turn)] = watched;
@@ -370,7 +372,7 @@ impl Federation {
     }
 }
 
-/// In what a plant differs, without what is to be done about a snapshot.
+/// Describes a difference between plants, without the remedy for snapshots.
 fn in_words(why: SnapshotError) -> String {
     match why {
         SnapshotError::OtherSettings { what } => format!("its plant file sets {what} otherwise"),

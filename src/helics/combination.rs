@@ -1,4 +1,4 @@
-//! A federate of HELICS with values and messages, as other simulators have them.
+//! A HELICS federate with values and messages, as other simulators use.
 
 use super::library::{Functions, Object, text};
 use crate::coupling::{Endpoint, Publication, Subscription};
@@ -17,34 +17,34 @@ const WAIT_FOR_CURRENT_TIME_UPDATE: c_int = 10;
 const CONNECTION_REQUIRED: c_int = 397;
 /// `HELICS_PROPERTY_TIME_DELTA`.
 const TIME_DELTA: c_int = 137;
-/// `HELICS_PROPERTY_INT_LOG_LEVEL`, `HELICS_LOG_LEVEL_NO_PRINT`: what it has to say comes as errors.
+/// `HELICS_PROPERTY_INT_LOG_LEVEL`, `HELICS_LOG_LEVEL_NO_PRINT`: problems are reported as errors, not printed.
 const LOG_LEVEL: c_int = 271;
 const NO_PRINT: c_int = -4;
 /// The shortest time between two grants, in seconds.
 const SHORTEST: f64 = 1e-9;
-/// The end of all times, in seconds.
+/// HELICS' last time, in seconds.
 const LATEST: f64 = 9_223_372_036.0;
 
-/// States of federates that are not there any more.
+/// States of federates that have left.
 const GONE: [&str; 2] = ["disconnected", "error"];
 
-/// A federate with values and messages. It stays on the thread that has made it.
+/// A federate with values and messages. It must stay on the thread that created it.
 pub(super) struct Combination {
     functions: Functions,
     federate: Object,
     name: String,
     publications: Vec<Object>,
-    /// Whether it takes part: others look at that, since HELICS does not tell them who has gone.
+    /// Publication that says whether this federate takes part. HELICS does not report leaving federates, so the others
+    /// read it.
     runs: Option<Object>,
     inputs: Vec<Object>,
     endpoints: Vec<Object>,
 }
 
 impl Combination {
-    /// Becomes one.
+    /// Creates the federate.
     ///
-    /// # Errors
-    /// There is no broker, or somebody has the name.
+    /// # Errors There is no broker, or the name is taken.
     pub(super) fn create(functions: Functions, name: &str, init: &str) -> Result<Self, String> {
         // SAFETY: here and below: the objects are the library's own and are used on this thread only; texts and bytes live
         // through the calls.
@@ -69,7 +69,7 @@ impl Combination {
         })
     }
 
-    /// Says what it gives, what it takes, and where it sends to.
+    /// Registers the publications, the subscriptions and the endpoints.
     pub(super) fn register(
         &mut self,
         publications: &[Publication],
@@ -95,7 +95,7 @@ impl Combination {
         }
         self.runs = Some(publication(&format!("{}/runs", self.name), BOOLEAN, "")?);
         for Subscription { name, key, unit, .. } in subscriptions {
-            // So that a message of HELICS says what it is about.
+            // The name makes messages of HELICS understandable.
             let name = text(&format!("{name} from {key}"));
             let (key, unit) = (text(key), text(unit));
             // SAFETY: as above.
@@ -118,7 +118,7 @@ impl Combination {
         Ok(())
     }
 
-    /// Waits until all federates are there that the broker waits for; what is published then is there at time 0.
+    /// Waits until all federates that the broker expects have joined. Values published afterwards are valid at time 0.
     pub(super) fn enter_initializing(&self) -> Result<(), String> {
         // SAFETY: as above.
         self.functions.checked(|it, status| unsafe { (it.enter_initializing)(self.federate, status) })?;
@@ -129,13 +129,13 @@ impl Combination {
         self.runs.map_or(Ok(()), |it| self.publish_to(it, Value::Boolean(runs)))
     }
 
-    /// Time begins to pass.
+    /// Starts the time of the federation.
     pub(super) fn enter_executing(&self) -> Result<(), String> {
         // SAFETY: as above.
         self.functions.checked(|it, status| unsafe { (it.enter_executing)(self.federate, status) })
     }
 
-    /// Waits until the time in microseconds has come for everybody.
+    /// Waits until the federation reaches a time in microseconds.
     pub(super) fn go_to(&self, time_us: u64) -> Result<(), String> {
         let time = time_us as f64 * 1e-6;
         // SAFETY: as above.
@@ -144,7 +144,7 @@ impl Combination {
         if granted >= LATEST { Err("the federation has come to its end".to_owned()) } else { Ok(()) }
     }
 
-    /// Those federates of the federation that have not left, by their names; none, if HELICS does not say it.
+    /// Names of the federates that have not left; `None` if HELICS gives no answer.
     pub(super) fn present(&self) -> Option<Vec<String>> {
         #[derive(Deserialize)]
         struct Answer {
@@ -190,7 +190,7 @@ impl Combination {
         })
     }
 
-    /// The types in which the values are published that it takes.
+    /// Types of the publications that this federate subscribes to.
     pub(super) fn types(&self) -> Vec<String> {
         let of = |input: &Object| {
             // SAFETY: as above; the text is the input's own.
@@ -204,7 +204,7 @@ impl Combination {
         self.inputs.iter().map(of).collect()
     }
 
-    /// What was published since the last time, with the places of the values.
+    /// Values published since the last call, with their indices.
     pub(super) fn values(&self) -> Result<Vec<(usize, f64)>, String> {
         let mut found = Vec::new();
         for (place, input) in self.inputs.iter().copied().enumerate() {
@@ -218,7 +218,7 @@ impl Combination {
         Ok(found)
     }
 
-    /// The messages that have come, with the places of their endpoints.
+    /// Messages that have arrived, with the indices of their endpoints.
     pub(super) fn messages(&self) -> Vec<(usize, Vec<u8>)> {
         let mut found = Vec::new();
         let Functions { has_message, get_message, bytes_of, count_of, free_message, .. } = self.functions;
@@ -239,7 +239,7 @@ impl Combination {
         found
     }
 
-    /// Sends a text to an endpoint of somebody.
+    /// Sends a text to an endpoint of another federate.
     pub(super) fn send(&self, place: usize, to: &str, line: &str) -> Result<(), String> {
         let Some(endpoint) = self.endpoints.get(place).copied() else { return Ok(()) };
         let to = text(to);
@@ -250,7 +250,7 @@ impl Combination {
         })
     }
 
-    /// Tells the others, and leaves.
+    /// Publishes the end, and leaves.
     pub(super) fn leave(self) {
         let _ = self.say_runs(false);
         // SAFETY: as above. Whether it succeeds is all the same to who leaves.

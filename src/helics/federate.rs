@@ -1,10 +1,10 @@
-//! A federate of HELICS that sends and gets commands.
+//! A HELICS federate that sends and receives commands.
 
 use super::HelicsError;
 use super::library::{Functions, Object, text};
 use core::ffi::{CStr, c_char};
 
-/// A federate of HELICS that has nothing but commands: no time of others waits for it, and it waits for none.
+/// A federate with commands only: its time is independent of the time of the others.
 pub(super) struct Federate {
     functions: Functions,
     federate: Object,
@@ -17,10 +17,10 @@ unsafe impl Send for Federate {}
 unsafe impl Sync for Federate {}
 
 impl Federate {
-    /// Joins a federation as `name`. Returns when all federates are there that the broker waits for, or when the core gives up.
+    /// Joins a federation as `name`. Returns when all federates that the broker expects have joined, or when the core
+    /// gives up.
     ///
-    /// # Errors
-    /// There is no broker, or somebody has the name.
+    /// # Errors There is no broker, or the name is taken.
     pub(super) fn join(functions: Functions, name: &str, init: &str) -> Result<Self, HelicsError> {
         let failed = |reason| HelicsError::NotJoined { reason };
         let made = functions.create(functions.create_plain, (name, init), |_| Ok(()));
@@ -30,7 +30,7 @@ impl Federate {
         Ok(Federate { functions, federate })
     }
 
-    /// Sends a command to a federate; one that is not there does not get it.
+    /// Sends a command to a federate; a command to an absent one is lost.
     pub(super) fn send(&self, to: &str, command: &str) -> Result<(), String> {
         let (to, command) = (text(to), text(command));
         self.functions.checked(|it, status| {
@@ -39,7 +39,7 @@ impl Federate {
         })
     }
 
-    /// Waits for the next command: who has sent it, and what it says. On one thread only.
+    /// Waits for the next command; returns sender and text. Only one thread may call this.
     pub(super) fn wait(&self) -> Result<(String, String), String> {
         let functions = &self.functions;
         let copied = |at: *const c_char| {
@@ -58,7 +58,7 @@ impl Federate {
         Ok((source, command))
     }
 
-    /// Leaves the federation. What was sent arrives before.
+    /// Leaves the federation. Earlier commands arrive first.
     pub(super) fn leave(&self) {
         // SAFETY: as above. Whether it succeeds is all the same to who leaves.
         let _ = self.functions.checked(|it, status| unsafe { (it.disconnect)(self.federate, status) });

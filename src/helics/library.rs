@@ -1,6 +1,6 @@
-//! The library of HELICS, loaded when it is needed: nobody else has to have it.
+//! The HELICS library, loaded on demand: users without HELICS need not install it.
 //!
-//! Of its C interface only what is called; the names are those of its header `helics.h`.
+//! Declares only the functions that are called, with the names of the header `helics.h`.
 
 use super::HelicsError;
 use core::ffi::{CStr, c_char, c_int, c_void};
@@ -9,11 +9,11 @@ use libloading::{Library, Symbol};
 use std::ffi::CString;
 use std::path::{Path, PathBuf};
 
-/// The variable that says where the library is.
+/// Environment variable with the path of the library.
 pub(super) const VARIABLE: &str = "COMMRAM_HELICS";
-/// How cores and broker talk. By `tcp` HELICS 3.6.1 loses long commands.
+/// Transport between cores and broker. With `tcp`, HELICS 3.6.1 loses long commands.
 const CORE: &str = "zmq";
-/// What it is called.
+/// File names of the library.
 const NAMES: [&str; 2] = ["libhelics.so.3", "libhelics.so"];
 
 /// `HelicsError`.
@@ -24,7 +24,7 @@ pub(super) struct Status {
 }
 
 impl Status {
-    /// What went wrong, if anything did.
+    /// Returns `value`, or the error that the library reported.
     fn outcome<T>(&self, value: T) -> Result<T, String> {
         if self.code == 0 {
             return Ok(value);
@@ -40,7 +40,7 @@ pub(super) type Object = *mut c_void;
 type Set<T> = unsafe extern "C" fn(Object, T, *mut Status);
 type Do = unsafe extern "C" fn(Object, *mut Status);
 type Name = *const c_char;
-/// Makes a federate with this name of what it is made by.
+/// Creates a federate with a name from a federate info object.
 type Constructor = unsafe extern "C" fn(Name, Object, *mut Status) -> Object;
 
 macro_rules! functions {
@@ -48,7 +48,7 @@ macro_rules! functions {
         /// The functions that are called.
         pub(super) struct Functions {
             $(pub(super) $name: $ty,)*
-            /// It has threads of its own, so it stays where it is.
+            /// The library has threads, so it is never unloaded.
             _library: ManuallyDrop<Library>,
         }
 
@@ -110,7 +110,7 @@ functions! {
 /// Loads the library.
 ///
 /// # Errors
-/// It is not there, or lacks something.
+/// The library is missing, or lacks a function.
 pub(super) fn load() -> Result<Functions, HelicsError> {
     let given = std::env::var_os(VARIABLE).filter(|path| !path.is_empty()).map(PathBuf::from);
     let candidates: Vec<PathBuf> = match &given {
@@ -122,7 +122,7 @@ pub(super) fn load() -> Result<Functions, HelicsError> {
     for path in candidates {
         match functions(&path) {
             Ok(functions) => return Ok(functions),
-            // What stands first is what was meant.
+            // The first error belongs to the path that was meant.
             Err(error) if reason.is_empty() => reason = error.to_string(),
             Err(_) => {}
         }
@@ -130,8 +130,7 @@ pub(super) fn load() -> Result<Functions, HelicsError> {
     Err(HelicsError::NoLibrary { given, reason })
 }
 
-/// When this process ends, it does so without what the library has to do then: a call of it is under way, for which that would
-/// wait.
+/// Skips the exit handlers of the library when this process ends: they would wait for a call that is still running.
 pub(super) fn end_without_it() {
     #[cfg(target_env = "gnu")]
     {
@@ -147,13 +146,13 @@ pub(super) fn end_without_it() {
     }
 }
 
-/// Text for C; a NUL in it ends it.
+/// Converts a text for C; it ends at the first NUL.
 pub(super) fn text(text: &str) -> CString {
     CString::new(text.split('\0').next().unwrap_or_default()).unwrap_or_default()
 }
 
 impl Functions {
-    /// Calls a function that reports by its last argument.
+    /// Calls a function that reports errors in its last argument.
     pub(super) fn checked<T>(&self, call: impl FnOnce(&Self, *mut Status) -> T) -> Result<T, String> {
         // SAFETY: it only fills in a structure.
         let mut status = unsafe { (self.initialize_error)() };
@@ -161,11 +160,10 @@ impl Functions {
         status.outcome(value)
     }
 
-    /// A federate called `name`, made by `constructor`, with a core that is started with `init`; `set_up` is given what the
-    /// federate is made by.
+    /// Creates a federate called `name` with `constructor`, on a core started with `init`; `set_up` configures the
+    /// federate info.
     ///
-    /// # Errors
-    /// There is no broker, or somebody has the name.
+    /// # Errors There is no broker, or the name is taken.
     pub(super) fn create(
         &self,
         constructor: Constructor,

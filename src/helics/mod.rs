@@ -1,7 +1,7 @@
-//! The way of federates to each other by HELICS: each is a federate, and what they tell each other are commands, which HELICS
-//! delivers at once and in their order, whatever time it has granted to whom (decision D-574).
+//! Transport of federate messages by HELICS. Each federate is a HELICS federate. The messages are commands, which
+//! HELICS delivers immediately and in order, independently of granted times (decision D-574).
 //!
-//! The library's calls wait, so threads of their own make them: one joins and sends, the other one waits for commands.
+//! The calls of the library block, so two threads make them: one joins and sends, the other waits for commands.
 
 mod combination;
 mod federate;
@@ -19,50 +19,50 @@ use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender, TryRecvError};
 use std::thread::Builder;
 use std::time::Duration;
 
-/// Longest time that the last message to the others may take.
+/// Longest time for the last message to the others.
 const FAREWELL: Duration = Duration::from_secs(3);
 
-/// Why there is no way to the others.
+/// Reasons why HELICS cannot be used.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum HelicsError {
-    /// There is no library.
+    /// The library cannot be loaded.
     #[error(
         "HELICS cannot be loaded{}: {reason}; install it, for example by `pip install helics`, and let {VARIABLE} name its \
          libhelics.so.3 or the directory in which that is", .given.as_ref().map(|path| format!(" ({VARIABLE}={})", path.display()))
             .unwrap_or_default()
     )]
     NoLibrary {
-        /// What the variable says.
+        /// Value of the variable.
         given: Option<PathBuf>,
-        /// What the loader says.
+        /// Error of the loader.
         reason: String,
     },
-    /// It does not get into the federation.
+    /// The federation cannot be joined.
     #[error(
         "the HELICS federation cannot be joined: {reason}; does a broker run there, and does it wait for this federate?"
     )]
     NotJoined {
-        /// What HELICS says.
+        /// Error of HELICS.
         reason: String,
     },
-    /// No thread can be started.
+    /// The thread cannot be started.
     #[error("cannot start a thread: {0}")]
     Thread(std::io::Error),
 }
 
-/// Where the others are.
+/// Position of a federate in the federation, and the address of the broker.
 #[derive(Clone, Debug)]
 pub struct Place {
-    /// What the federation is called: the federates are this, a slash and their numbers.
+    /// Name of the federation. A federate is called `<federation>/<number>`.
     pub federation: String,
-    /// Number of this federate, and how many there are.
+    /// Number of this federate.
     pub own: u8,
-    /// See there.
+    /// Number of federates.
     pub count: u8,
-    /// Where the broker is: `tcp://127.0.0.1:23404`.
+    /// Address of the broker, for example `tcp://127.0.0.1:23404`.
     pub broker: String,
-    /// How long the broker is waited for.
+    /// How long to wait for the broker.
     pub limit: Duration,
 }
 
@@ -71,23 +71,23 @@ impl Place {
         format!("{}/{number}", self.federation)
     }
 
-    /// What the core of a federate is told.
+    /// Arguments for the core of a federate.
     fn of_core(&self) -> String {
         let (broker, limit) = (&self.broker, self.limit.as_millis());
         format!("--federates=1 --broker_address={broker} --timeout={limit}ms --loglevel=no_print")
     }
 }
 
-/// What the emulator asks of the thread that sends.
+/// Request of the emulator to the sending thread.
 enum Command {
     Send(Vec<u8>),
     Leave(Vec<u8>),
 }
 
-/// What has come: from whom, and what.
+/// A received message with the number of its sender, or an error.
 type Received = Result<(u8, Vec<u8>), String>;
 
-/// The emulator's end of the way.
+/// The emulator's side of the connection.
 pub struct ByHelics {
     commands: Sender<Command>,
     messages: Receiver<Received>,
@@ -95,10 +95,9 @@ pub struct ByHelics {
 }
 
 impl ByHelics {
-    /// Begins to join; `wake` is called whenever there is something to [receive](Exchange::receive).
+    /// Starts to join; calls `wake` whenever a message can be [received](Exchange::receive).
     ///
-    /// # Errors
-    /// There is no library. That there is no broker shows later.
+    /// # Errors There is no library. A missing broker is reported later.
     pub fn join(place: Place, wake: impl Fn() + Send + Sync + 'static) -> Result<Self, HelicsError> {
         let functions = library::load()?;
         let (commands, asked) = mpsc::channel();
@@ -107,7 +106,7 @@ impl ByHelics {
         let thread = Builder::new().name("helics".to_owned());
         let run = move || {
             let tell = |news: Received| {
-                // If nobody listens any more, nobody need be told.
+                // The emulator may have ended; then the message is lost on purpose.
                 let _ = told.send(news);
                 wake();
             };
@@ -123,7 +122,7 @@ impl ByHelics {
 
 impl Exchange for ByHelics {
     fn send(&mut self, message: &[u8]) -> Result<(), String> {
-        // A thread that has ended has said why, which is received next.
+        // A thread that has ended has queued its reason, and the emulator receives it next.
         let _ = self.commands.send(Command::Send(message.to_vec()));
         Ok(())
     }
@@ -138,14 +137,14 @@ impl Exchange for ByHelics {
 
     fn leave(&mut self, message: &[u8]) {
         let _ = self.commands.send(Command::Leave(message.to_vec()));
-        // It is never sent anything, but ends with the thread.
+        // No message is ever sent on this channel; it closes when the thread ends.
         if self.has_left.recv_timeout(FAREWELL) == Err(RecvTimeoutError::Timeout) {
             library::end_without_it();
         }
     }
 }
 
-/// Joins, sends what is asked for, and leaves.
+/// Joins, sends the requested messages, and leaves.
 fn talk(
     functions: Functions,
     place: &Place,
@@ -176,7 +175,7 @@ fn talk(
                 Err(_) => break,
             };
         }
-        // Whatever comes next ends the wait for commands.
+        // The next command ends the wait for commands.
         ends.store(true, Ordering::Release);
         said.and(federate.send(&own, "end"))
     });
@@ -184,7 +183,7 @@ fn talk(
     said
 }
 
-/// Tells the emulator what the other ones send.
+/// Passes the commands of the other federates to the emulator.
 fn listen(federate: &Federate, place: &Place, others: &[u8], ends: &AtomicBool, tell: &impl Fn(Received)) {
     let mut strangers = Vec::new();
     loop {
@@ -194,7 +193,7 @@ fn listen(federate: &Federate, place: &Place, others: &[u8], ends: &AtomicBool, 
         }
         match command {
             Ok((source, command)) => match others.iter().find(|number| place.name_of(**number) == source) {
-                // What is no message is one that nobody understands.
+                // A malformed command becomes an empty message, which no receiver accepts.
                 Some(number) => tell(Ok((*number, of_text(&command).unwrap_or_default()))),
                 None if source.is_empty() => return tell(Err("HELICS has ended".to_owned())),
                 None if !strangers.contains(&source) => {
@@ -210,13 +209,13 @@ fn listen(federate: &Federate, place: &Place, others: &[u8], ends: &AtomicBool, 
     }
 }
 
-/// Bytes as a text without any character that means something to HELICS.
+/// Encodes bytes as a text without characters that have a meaning for HELICS.
 fn in_text(bytes: &[u8]) -> String {
     let digits = bytes.iter().flat_map(|byte| [byte >> 4, byte & 0xF]);
     digits.map(|digit| char::from(b"0123456789abcdef"[usize::from(digit)])).collect()
 }
 
-/// The bytes of such a text.
+/// Decodes the bytes of such a text.
 fn of_text(text: &str) -> Option<Vec<u8>> {
     let digit = |byte: u8| char::from(byte).to_digit(16).map(|digit| digit as u8);
     let (pairs, rest) = text.as_bytes().as_chunks::<2>();

@@ -1,7 +1,7 @@
-//! The way to simulators of others by HELICS: a federate with the values and the buses that are exchanged.
+//! Coupling with other simulators by HELICS: a federate with the exchanged values and buses.
 //!
-//! A thread of its own calls the library, whose calls wait. At each exchange it waits for what the others publish at that very time,
-//! whoever comes first (decision D-576).
+//! The calls of the library block, so one thread makes them. At each exchange it waits for the values that the others
+//! publish at exactly this time, in any order of arrival (decision D-576).
 
 use super::combination::Combination;
 use super::library::{self, Functions};
@@ -11,12 +11,12 @@ use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender, TryRecvError};
 use std::thread::Builder;
 use std::time::Duration;
 
-/// How much sooner the core gives up.
+/// The core gives up this much earlier than the emulator.
 const SOONER: Duration = Duration::from_secs(1);
-/// Types of publications that can be taken.
+/// Types of publications that the plant can subscribe to.
 const TAKEN: [&str; 4] = ["double", "int64", "int", "bool"];
 
-/// The emulator's end of the way.
+/// The emulator's side of the connection.
 pub struct SimulatorsByHelics {
     given: Option<Sender<Given>>,
     taken: Receiver<Result<Taken, String>>,
@@ -24,10 +24,9 @@ pub struct SimulatorsByHelics {
 }
 
 impl SimulatorsByHelics {
-    /// Begins to join; `first` is published before time begins to pass, and `wake` is called whenever there is something to take.
+    /// Starts to join. `first` is published before the clock starts. `wake` is called whenever there is input to take.
     ///
-    /// # Errors
-    /// There is no library. That there is no broker shows later.
+    /// # Errors There is no library. A missing broker is reported later.
     pub fn join(
         place: Place,
         interface: Interface,
@@ -40,7 +39,7 @@ impl SimulatorsByHelics {
         let (left, has_left) = mpsc::channel();
         let run = move || {
             if let Err(reason) = talk(functions, &place, &interface, first, &given, &tell, &wake) {
-                // If nobody listens any more, nobody need be told.
+                // The emulator may have ended; then the reason is lost on purpose.
                 let _ = tell.send(Err(reason));
                 wake();
             }
@@ -53,7 +52,7 @@ impl SimulatorsByHelics {
 
 impl Simulators for SimulatorsByHelics {
     fn give(&mut self, given: Given) {
-        // A thread that has ended has said why, which is taken next.
+        // A thread that has ended has queued its reason, and the emulator takes it next.
         let _ = self.given.as_ref().map(|thread| thread.send(given));
     }
 
@@ -67,14 +66,14 @@ impl Simulators for SimulatorsByHelics {
 
     fn leave(&mut self) {
         self.given = None;
-        // It is never sent anything, but ends with the thread.
+        // No message is ever sent on this channel; it closes when the thread ends.
         if self.has_left.recv_timeout(FAREWELL) == Err(RecvTimeoutError::Timeout) {
             library::end_without_it();
         }
     }
 }
 
-/// What the thread does.
+/// Body of the thread.
 fn talk(
     functions: Functions,
     place: &Place,
@@ -85,7 +84,7 @@ fn talk(
     wake: &impl Fn(),
 ) -> Result<(), String> {
     let Interface { name, publications, subscriptions, endpoints } = interface;
-    // Whoever waits for what comes from here gives up behind the core, which knows why.
+    // The emulator gives up later than the core, because the core knows the reason.
     let init = Place { limit: place.limit.saturating_sub(SOONER), ..place.clone() }.of_core();
     let not_joined = |reason| HelicsError::NotJoined { reason }.to_string();
     let mut federate = Combination::create(functions, name, &init).map_err(not_joined)?;
@@ -108,7 +107,7 @@ fn talk(
         let have_gone = is_idle && place.is_alone(&federate, name, &mut had_company);
         let told = tell.send(Ok(Taken { values, frames, have_gone }));
         wake();
-        // The emulator has ended.
+        // An error here means that the emulator has ended.
         let Some(given) = told.ok().and_then(|()| given.recv().ok()) else { break };
         publish(&federate, interface, &given)?;
         federate.go_to(given.next_us)?;
@@ -118,7 +117,7 @@ fn talk(
 }
 
 impl Place {
-    /// Whether nobody is there any more but the hosts of the plant.
+    /// True if all federates except the hosts of the plant have left.
     fn is_alone(&self, federate: &Combination, plant: &str, had_company: &mut bool) -> bool {
         let Some(present) = federate.present() else { return false };
         let is_own = |name: &String| name == plant || (0..self.count).any(|host| *name == self.name_of(host));

@@ -1,22 +1,22 @@
-//! The one way to the emulated RAM: loads, stores and exchanges of 8, 16, 32 and 64 bits, opaque to the language.
+//! The only access to the emulated RAM: loads, stores and exchanges of 8, 16, 32 and 64 bits, opaque to the compiler.
 //!
-//! The RAM is shared with processes that are written in anything, and is looked at in more than one width: a register at
-//! its own, by the access checker and bulk copies in words of 64 or 32 bits, and safe code may lay views over each other as
-//! it likes. Rust has no meaning for atomic accesses of different sizes to the same bytes. The processor has: an aligned
-//! access of up to 64 bits is one access to memory, whatever others there are. So the RAM is treated like the registers of
-//! a device: every access is an instruction that the compiler cannot look into, and no Rust atomic or plain access ever
-//! meets a byte of it. Nothing that safe code does with views, snapshots and raw accesses can be undefined then; at worst
-//! it is not what somebody wanted, which is why a register is *written* at its own width only.
+//! Processes in any language share the RAM, and it is read in several widths: a register at its own width, the access
+//! checker and bulk copies in words of 64 or 32 bits. Safe code may also place overlapping views over it. Rust does not
+//! define atomic accesses of different sizes to the same bytes, but the processor does: an aligned access of up to 64
+//! bits is one access to memory. So the RAM is treated like the registers of a device. Every access is an instruction
+//! that is opaque to the compiler, and no Rust atomic or plain access touches the RAM. Safe code with views, snapshots
+//! and raw accesses therefore has no undefined behaviour. It can only read a mixed value, which is why a register is
+//! *written* at its own width only.
 //!
-//! The access checker reads 128 bytes in a row, thirty-two at a time. The processor takes those as one access or as several of
-//! 64 bits and more, so no register comes apart; it never writes like that. Copies of many words are made by one instruction,
-//! which moves them in the same way.
+//! The access checker reads 128 bytes in a row, thirty-two at a time. The processor may split these into accesses of 64
+//! bits or more, so no register is torn; the checker never writes in this way. Copies of many words use one
+//! instruction, which moves them in the same way.
 //!
-//! On processors other than x86-64, and in Miri, the same functions are Rust's atomics, which on every platform of Linux
-//! compile to the instructions meant.
+//! On processors other than x86-64, and in Miri, the same functions use Rust's atomics, which compile to these
+//! instructions on every Linux platform.
 //!
-//! Order: a load is `Acquire`, a store `Release`, an exchange both. On x86-64 all plain accesses of the processor are;
-//! the compiler is held back by the assembler blocks and, at loads, a compiler fence.
+//! Order: a load is `Acquire`, a store `Release`, an exchange both. On x86-64 all plain accesses of the processor have
+//! this order. The assembler blocks, and a compiler fence at loads, prevent reordering by the compiler.
 
 #[cfg(feature = "emulator")]
 mod blocks;
@@ -29,7 +29,7 @@ pub(super) trait Value: Copy + Eq {
     /// Loads (Acquire). The memory may be read-only.
     ///
     /// # Safety
-    /// `at` is aligned and valid for reads, and nothing but the functions of this module accesses what it points to.
+    /// `at` is aligned and valid for reads, and only functions of this module access the memory at `at`.
     unsafe fn load(at: *const Self) -> Self;
 
     /// Stores (Release).
@@ -38,14 +38,15 @@ pub(super) trait Value: Copy + Eq {
     /// As [`Value::load`], and valid for writes.
     unsafe fn store(at: *mut Self, value: Self);
 
-    /// Stores `new` if `current` is there (Acquire and Release); returns what was there, as an error if it was not.
+    /// Stores `new` if the memory holds `current` (Acquire and Release); returns the old value, as an error if it
+    /// differs.
     ///
     /// # Safety
     /// As [`Value::store`].
     unsafe fn compare_exchange(at: *mut Self, current: Self, new: Self) -> Result<Self, Self>;
 }
 
-/// Loads 32-bit words into memory of one's own, each as by a load of its own, in the order of their addresses.
+/// Loads 32-bit words into private memory, each with a separate load, in the order of their addresses.
 ///
 /// # Safety
 /// As [`Value::load`], for all of them.
@@ -128,7 +129,7 @@ mod machine {
         compiler_fence(Ordering::Acquire);
     }
 
-    // Narrow values are loaded into whole registers, which spares the processor the wait for the rest of an old one.
+    // Narrow values are loaded into whole registers, so the processor does not wait for the upper part of an old value.
     value!(u8, "byte", "movzx {value:e}" as u32, reg_byte "{value}", "al");
     value!(u16, "word", "movzx {value:e}" as u32, reg "{value:x}", "ax");
     value!(u32, "dword", "mov {value:e}" as u32, reg "{value:e}", "eax");
@@ -147,7 +148,7 @@ mod machine {
                 unsafe fn load(at: *const Self) -> Self {
                     // SAFETY: the caller vouches for the pointer.
                     let value = unsafe { <$atomic>::from_ptr(at.cast_mut()) }.load(Ordering::Relaxed);
-                    // Not an Acquire load: of those only Relaxed ones are guaranteed to work on read-only memory.
+                    // Not an Acquire load: on read-only memory only Relaxed loads are guaranteed to work.
                     fence(Ordering::Acquire);
                     value
                 }
@@ -203,8 +204,8 @@ mod tests {
         assert_eq!(memory, [T::default(), other, T::default()]);
     }
 
-    /// What is here would be in vain if somebody accessed the RAM in another way. No other source of the program has
-    /// atomics of these widths; the cell's is for calls of the kernel.
+    /// The rules of this module need all code to use it. No other source of the program has atomics of these widths;
+    /// the atomic of the cell is for calls of the kernel.
     #[test]
     #[cfg_attr(miri, ignore = "reads all sources, which takes Miri for ever")]
     fn nothing_else_could_access_the_ram() {

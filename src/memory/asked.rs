@@ -1,12 +1,12 @@
-//! What programs write into the header page, kept apart from what firmware reads of it, and told to it.
+//! Requests of programs in the header page, which firmware may read in a separate page.
 
 use super::{Cell32, Face, Header, Segment};
 use crate::layout::{FrontWord, Owner};
 use core::iter;
 
 impl Header {
-    /// The cells that programs write, for a device with this front. Requests come first: whoever reads them in this order and finds
-    /// one finds what belongs to it too.
+    /// The cells that programs write, for a device with this front. Requests come first: a reader that goes in this
+    /// order and finds a request also finds its parameters.
     fn asked<'a>(&'a self, front: &'a [FrontWord]) -> impl Iterator<Item = &'a Cell32> {
         let Header { board, program, initial_flag: flag, opt_init, .. } = self;
         let requests =
@@ -29,21 +29,22 @@ impl Header {
 }
 
 impl Segment {
-    /// What firmware is asked and what programs have written, cell by cell; nothing if that is one page.
+    /// For each cell, the value in the page of the firmware and in the page of the programs; does nothing if both are
+    /// one page.
     fn asked_and_written(&self, front: &[FrontWord], mut each: impl FnMut(u16, &Cell32, &Cell32)) {
         let Some(face) = self.apart() else { return };
         let cells = face.asked().asked(front).zip((*face).asked(front));
         iter::zip(0.., cells).for_each(|(index, (asked, written))| each(index, asked, written));
     }
 
-    /// Whether programs have written something that firmware was not told.
+    /// True if programs have written something that the firmware's page does not have yet.
     pub(crate) fn is_asked(&self, front: &[FrontWord]) -> bool {
         let mut is_asked = false;
         self.asked_and_written(front, |_, asked, written| is_asked |= asked.load() != written.load());
         is_asked
     }
 
-    /// Tells it to firmware: which of the cells, and its value.
+    /// Copies it to the firmware's page; returns the index and value of each changed cell.
     pub(crate) fn tell_asked(&self, front: &[FrontWord]) -> Vec<(u16, u32)> {
         let mut told = Vec::new();
         self.asked_and_written(front, |index, asked, written| {
@@ -59,7 +60,7 @@ impl Segment {
         told
     }
 
-    /// Does to this segment what was told to another one like it. A cell that is not there is left out.
+    /// Stores in this segment a change of another segment of the same device. Ignores an index without a cell.
     pub(crate) fn store_asked(&self, front: &[FrontWord], index: u16, value: u32) {
         self.asked_and_written(front, |at, asked, written| {
             if at == index {
@@ -70,7 +71,7 @@ impl Segment {
         self.submit_asked();
     }
 
-    /// Firmware was asked what stands in the page that programs see: another state was put there.
+    /// Copies the programs' page to the firmware's page, after a state was restored.
     pub(crate) fn ask_as_written(&self, front: &[FrontWord]) {
         self.asked_and_written(front, |_, asked, written| asked.store(written.load()));
         if let Some(face) = self.apart() {
@@ -84,7 +85,7 @@ impl Segment {
         }
     }
 
-    /// Both pages; `None` if it is one.
+    /// Both pages; `None` if they are one.
     fn apart(&self) -> Option<Face> {
         self.asked.as_ref().and_then(|_| self.face().ok())
     }

@@ -1,4 +1,4 @@
-//! The client's side of an image: attach, exchange registers, notice when the emulator is gone.
+//! The client's side of an image: attaches, exchanges registers, and detects the end of the emulator.
 
 mod lockstep;
 
@@ -14,22 +14,22 @@ use std::{
     time::{Duration, Instant},
 };
 
-/// How often a waiting client looks whether the emulator still lives.
+/// Interval at which a waiting client checks that the emulator still runs.
 const LIVENESS: Duration = Duration::from_millis(100);
-/// How often a read-only client looks at what it waits for: it cannot sign itself in at a bell.
+/// Interval at which a read-only client polls: it cannot register as a waiter of a bell.
 const READ_ONLY_POLL: Duration = Duration::from_millis(1);
 
-/// What an attached client may do.
+/// Access rights of an attached client.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum AttachMode {
-    /// Take part: read and write registers, ring, wait.
+    /// Take part: read and write registers, ring and wait.
     ReadWrite,
-    /// Look only. The memory cannot be written, not even by mistake, and a dead emulator's image can
-    /// be looked at too.
+    /// Read only. The memory is mapped read-only, so even a faulty program cannot write. The image of a
+    /// dead emulator can be read, too.
     ReadOnly,
 }
 
-/// A running emulator's image, seen by a client. Dropping it detaches and changes nothing.
+/// The image of a running emulator, as mapped by a client. Dropping it detaches and changes nothing.
 #[derive(Debug)]
 pub struct Attached {
     file: ImageFile,
@@ -39,11 +39,11 @@ pub struct Attached {
 }
 
 impl Image {
-    /// Attaches to the image of a PLC. Give the hash of the register map the program was built against;
-    /// a tool that takes the map from the image itself gives `None`.
+    /// Attaches to the image of a PLC. `layout_hash` is the hash of the register map that the program
+    /// was built with; a tool that takes the map from the image passes `None`.
     ///
     /// # Errors
-    /// Each with its reason: bad name, nothing there, not a regular file of our own, wrong magic, other
+    /// One error for each reason: bad name, no image, no regular file of this user, wrong magic, other
     /// ABI version, other layout, too short, emulator dead (for reading and writing only), not ready.
     pub fn attach(
         instance: &str,
@@ -81,7 +81,8 @@ impl Image {
 impl Attached {
     fn map(file: ImageFile, writable: bool, header: &Header) -> Result<Attached, MemoryError> {
         let mut options = MmapOptions::new();
-        // Its length has just been checked; the map could be made longer than the file, but not used.
+        // The length has just been checked. A map can be longer than the file, but the rest is not
+        // usable.
         let expected = header.segment_size.load();
         options.len(expected as usize);
         let map = if writable { options.map_raw(&file.file) } else { options.map_raw_read_only(&file.file) };
@@ -95,7 +96,7 @@ impl Attached {
         Ok(Attached { file, segment, header, generation })
     }
 
-    /// The same with nothing but the header page mapped: for those who only ring and wait.
+    /// The same with only the header page mapped, for clients that only ring and wait.
     ///
     /// # Errors
     /// The system refuses.
@@ -147,23 +148,23 @@ impl Attached {
         self.generation
     }
 
-    /// Whether an emulator serves the image: the one attached to, or one that has taken it over since.
+    /// True if an emulator serves the image: the one of the attachment, or a successor that has taken it
+    /// over.
     pub fn is_alive(&self) -> bool {
         self.file.is_alive(&self.header_snapshot())
     }
 
-    /// Whether the emulator attached to has ended and could not write what had changed in NOVRAM.
+    /// True if the emulator of the attachment has ended and could not write the changes in NOVRAM.
     #[must_use]
     pub fn is_unsaved(&self) -> bool {
         let header = self.header_snapshot();
         header.generation.load() == self.generation && header.state.load() == State::Unsaved.code()
     }
 
-    /// Looks whether the emulator attached to still serves the image.
+    /// Checks that the emulator of the attachment still serves the image.
     ///
-    /// # Errors
-    /// It has stopped, died, or been replaced by another one; in each case what was set up in registers
-    /// is gone, and the client attaches again.
+    /// # Errors The emulator has stopped, died, or been replaced by another one. In each case the
+    /// registers have lost their settings, and the client must attach again.
     pub fn check(&self) -> Result<(), MemoryError> {
         let header = self.header_snapshot();
         self.check_generation(&header)?;
@@ -185,8 +186,8 @@ impl Attached {
         }
     }
 
-    /// Rings the doorbell, so that the firmware looks at the registers at once instead of at the next
-    /// processor cycle. Costs a system call only if the firmware sleeps.
+    /// Rings the doorbell, so that the firmware reads the registers now instead of at the next processor
+    /// cycle. Makes a system call only if the firmware sleeps.
     ///
     /// # Errors
     /// Attached read-only.
@@ -205,7 +206,7 @@ impl Attached {
     }
 
     /// Waits until the register at `%MB3.offset` satisfies `wanted`, and returns its value. `timeout` is
-    /// real time, whatever the emulated time does.
+    /// real time, independent of the emulated time.
     ///
     /// # Errors
     /// As [`Segment::load`] and [`Attached::check`], or [`MemoryError::RegisterTimeout`]. A killed
@@ -226,8 +227,9 @@ impl Attached {
         found.ok_or(MemoryError::RegisterTimeout { address: width.at(offset), last, timeout })
     }
 
-    /// Waits until `condition` returns a value. It is asked again whenever the firmware has changed
-    /// registers. `what` names the awaited thing in the timeout's message, `timeout` is real time.
+    /// Waits until `condition` returns a value. The function calls it again whenever the firmware has
+    /// changed registers. `what` names the awaited condition in the message of a timeout; `timeout` is
+    /// real time.
     ///
     /// # Errors
     /// As [`Attached::check`], or [`MemoryError::Timeout`]. A killed emulator is noticed within 100 ms.
@@ -241,8 +243,8 @@ impl Attached {
         found.ok_or_else(|| MemoryError::Timeout { what: what.to_owned(), timeout })
     }
 
-    /// Waits until event `number` (0 to 15) has occurred more often than `seen` times, and returns how
-    /// often it has. `timeout` is real time.
+    /// Waits until event `number` (0 to 15) has occurred more than `seen` times, and returns the number
+    /// of occurrences. `timeout` is real time.
     ///
     /// # Errors
     /// As [`Attached::check`], [`MemoryError::NoSuchEvent`], or [`MemoryError::Timeout`].
@@ -265,8 +267,8 @@ impl Attached {
         self.header.as_ref().map(|header| &header.answer)
     }
 
-    /// Waits on `bell` (none: looks once per millisecond) until the condition returns a value; `None` on
-    /// a timeout.
+    /// Waits on `bell` (`None`: polls once per millisecond) until the condition returns a value; `None`
+    /// on a timeout.
     fn wait_on<R>(
         &self,
         bell: Option<&Bell>,
@@ -299,7 +301,7 @@ impl Attached {
     }
 }
 
-/// Why nobody serves an image that is not alive.
+/// The reason why no emulator serves an image that is not alive.
 fn dead(file: &ImageFile, header: &Header) -> MemoryError {
     let path = file.path.clone();
     match State::from_code(header.state.load()) {

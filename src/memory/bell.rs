@@ -1,11 +1,11 @@
 //! Bells: futex words in the header page that processes wait on and ring.
 //!
-//! Ringing makes a system call only if somebody waits. What makes this safe is one handshake, written
-//! once below and checked exhaustively by a model in the tests: the ringer counts the word up and *then*
-//! reads the number of waiters, the waiter counts itself in and *then* reads the word. A sequentially
-//! consistent fence lies between the two steps on both sides, so one of the two sees the other and no
-//! wake-up is lost. (Sequentially consistent accesses do as well, and mix with the fences: C clients may
-//! use plain `atomic_fetch_add` and `atomic_load`.)
+//! Ringing makes a system call only if a process waits. One handshake makes this safe; it is written
+//! once below, and a model in the tests checks it exhaustively. The ringer increments the word and
+//! *then* reads the number of waiters. The waiter increments that number and *then* reads the word. A
+//! sequentially consistent fence separates the two steps on both sides, so at least one side sees the
+//! other and no wake-up is lost. (Sequentially consistent accesses work as well and mix with the fences:
+//! C clients may use plain `atomic_fetch_add` and `atomic_load`.)
 
 use super::Cell32;
 use core::sync::atomic::{self, Ordering};
@@ -19,11 +19,11 @@ use zerocopy::{FromBytes, IntoBytes, KnownLayout};
 
 /// The kernel's limit for waiting on several words at once.
 const MAX_WAITV: usize = 128;
-/// How often several words are looked at where the kernel cannot wait on them together.
+/// Poll interval for several words where the kernel cannot wait on them together.
 const POLL: Duration = Duration::from_millis(1);
 
-/// A word to wait on and the number of those who wait. The futex is a shared one: it works between
-/// processes that map the same file.
+/// A word to wait on, and the number of waiters. The futex is shared: it works between processes that
+/// map the same file.
 #[derive(FromBytes, IntoBytes, KnownLayout, Debug)]
 #[repr(C)]
 pub struct Bell {
@@ -39,19 +39,19 @@ super::published::publish! { Bell: 0 => word, 4 => waiters }
 unsafe impl super::SharedRegs for Bell {}
 
 impl Bell {
-    /// The number of rings so far, wrapping. Read it *before* looking at what the bell announces; a
-    /// wait for a ring after this number then misses nothing.
+    /// Returns the number of rings so far, wrapping. Read it *before* the data that the bell announces;
+    /// then a wait for a ring after this number misses nothing.
     pub fn rings(&self) -> u32 {
         self.word.load()
     }
 
-    /// Rings: everything stored before is visible to whoever sees the new number. Wakes all waiters.
+    /// Rings: a process that sees the new number also sees all earlier stores. Wakes all waiters.
     pub fn ring(&self) {
         ring(self);
     }
 
-    /// Waits until the bell has rung more than `seen` times, at most for `timeout` (`None`: for ever).
-    /// Returns whether it has.
+    /// Waits until the bell has rung more than `seen` times, for at most `timeout` (`None`: without a
+    /// limit). Returns whether it has.
     pub fn wait(&self, seen: u32, timeout: Option<Duration>) -> bool {
         wait_any(&[(self, seen)], timeout).is_some()
     }
@@ -62,13 +62,13 @@ impl Bell {
     }
 }
 
-/// Waits until one of the bells has rung more often than the number given with it, at most for
-/// `timeout` (`None`: for ever). Returns the position of the first bell that has; `None` on a timeout.
+/// Waits until one of the bells has rung more often than the number next to it, for at most `timeout`
+/// (`None`: without a limit). Returns the position of the first such bell; `None` on a timeout.
 ///
-/// The kernel waits on up to 128 bells together (Linux 5.16 or later); where it cannot, they are looked
-/// at once per millisecond.
+/// The kernel waits on up to 128 bells together (Linux 5.16 or later). On older kernels the bells are
+/// polled once per millisecond.
 pub fn wait_any(bells: &[(&Bell, u32)], timeout: Option<Duration>) -> Option<usize> {
-    // A deadline that cannot be represented is as good as none.
+    // A deadline that cannot be represented means no deadline.
     let deadline = timeout.and_then(|timeout| Instant::now().checked_add(timeout));
     loop {
         if let Some(rung) = bells.iter().position(|(bell, seen)| bell.rings() != *seen) {
@@ -82,8 +82,8 @@ pub fn wait_any(bells: &[(&Bell, u32)], timeout: Option<Duration>) -> Option<usi
     }
 }
 
-/// Sleeps until a bell rings, the time is over or a signal arrives. All errors of the calls are among
-/// these (or mean that there is nothing to sleep for), and the caller looks again in each case.
+/// Sleeps until a bell rings, the time is over or a signal arrives. All errors of the calls mean one of
+/// these, or that there is no reason to sleep. The caller checks again in each case.
 fn sleep(bells: &[(&Bell, u32)], left: Option<Duration>) {
     let pause = || std::thread::sleep(left.map_or(POLL, |left| left.min(POLL)));
     match bells {
@@ -115,7 +115,7 @@ fn one_of_many(bell: &Bell, seen: u32) -> futex::Wait {
     wait
 }
 
-/// What the handshake is made of; a bell, or a model of one.
+/// The steps of the handshake, of a bell or of a model of one.
 trait Line {
     fn rings(&self) -> u32;
     fn count_ring(&self);
@@ -135,7 +135,7 @@ fn ring<L: Line>(line: &L) {
     }
 }
 
-/// `sleep` must look at the words once more and return if one of them has changed, as the kernel does.
+/// `sleep` must compare the words again and return if one of them has changed, as the kernel does.
 fn wait_once<L: Line>(lines: &[(&L, u32)], sleep: impl FnOnce()) {
     lines.iter().for_each(|(line, _)| line.enter());
     L::fence();

@@ -1,12 +1,12 @@
-//! Register cells: the only way anything in this project touches the emulated RAM.
+//! Register cells: all code of this project accesses the emulated RAM through them.
 //!
-//! Every register is a cell of its natural width (BYTE 8, WORD 16, DWORD 32 bits) and is written at that
-//! width only, by firmware and clients alike: so nobody tears it, and nobody writes its neighbour. That cells
-//! of different widths may lie over the same bytes all the same is the doing of `access`, beside this module.
-//! A cell holds its value in little-endian byte order (decision D-01), whatever the host's order is.
+//! Every register is a cell of its natural width (BYTE 8, WORD 16, DWORD 32 bits). Firmware and clients write it at
+//! that width only, so a write never tears a register or changes its neighbour. The module `access` makes it possible
+//! that cells of different widths overlap. A cell holds its value in little-endian byte order (decision D-01) on every
+//! host.
 //!
-//! Loads are `Acquire` and stores are `Release`, so "data first, then the control register" needs no
-//! further fences: whoever sees the control register sees the data written before it.
+//! Loads are `Acquire` and stores are `Release`, so "data first, then the control register" needs no further fences: a
+//! reader that sees the control register also sees the data written before it.
 
 use super::access::Value;
 use core::cell::UnsafeCell;
@@ -100,19 +100,19 @@ cell!(
     Cell32, 4, u32
 );
 cell!(
-    /// A 64-bit word of the header page; the device itself has no register that wide.
+    /// A 64-bit word of the header page; the device has no register of this width.
     Cell64, 8, u64
 );
 
 impl Cell32 {
-    /// Where the cell lies, for calls of the kernel that want to know.
+    /// Address of the cell, for calls of the kernel.
     #[inline]
     pub fn as_ptr(&self) -> *mut u32 {
         self.0.get()
     }
 
-    /// The cell as the calls for futexes want it (header words, never registers). It is for the kernel: an atomic access
-    /// through it would be one that `access` does not know of.
+    /// The cell as futex calls need it (header words, never registers). Only for the kernel: an atomic access through
+    /// it would bypass `access`.
     #[inline]
     pub(super) fn as_futex(&self) -> &AtomicU32 {
         // SAFETY: valid and aligned, and nobody accesses it but the kernel.

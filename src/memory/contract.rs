@@ -1,13 +1,13 @@
-//! The header page as data, for whoever writes declarations of it in another language.
+//! The header page as data, for generators of declarations in other languages.
 //!
-//! Offsets and kinds come from the Rust structs themselves; what a field means is read from the tables of
-//! `docs/reference/attach.md`, so there is one description and nothing to keep in step.
+//! Offsets and kinds come from the Rust structs. The meaning of a field is read from the tables of
+//! `docs/reference/attach.md`, so there is only one description.
 
 use super::header::*;
 
 pub use super::published::{Codes, Field, HeaderStruct, Kind};
 
-/// All of them.
+/// All code tables.
 pub const CODES: [Codes; 11] = [
     State::CODES,
     ClockMode::CODES,

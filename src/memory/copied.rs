@@ -1,34 +1,34 @@
-//! What others have stored between two looks: copies of registers that are compared.
+//! Finds stores of other processes by comparing registers with a copy.
 
 use super::access::load_words;
 use super::{HEADER_SIZE, Segment, Width};
 use core::ops::Range;
 use serde::{Deserialize, Serialize};
 
-/// Ranges are widened to multiples of it.
+/// Ranges are extended to multiples of this number of bytes.
 const LINE: usize = 64;
-/// How many words are compared before single ones are looked at: most are as they were.
+/// Words that are compared together before single words are: most are unchanged.
 const AT_ONCE: usize = 256;
 
-/// What stood in the registers of some ranges at a moment.
+/// A copy of the registers in some ranges.
 pub(crate) struct RegisterCopy {
     words: Vec<u32>,
-    /// What stands there now, while it is compared.
+    /// Buffer for the present values during a comparison.
     now: Vec<u32>,
 }
 
-/// Bytes of a word of the RAM that somebody has stored.
+/// Bytes of a word of the RAM that another process has stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct StoredBytes {
-    /// Where the word lies.
+    /// Offset of the word.
     pub(crate) offset: u32,
-    /// Bits of the bytes that are meant.
+    /// Bits of the stored bytes.
     pub(crate) mask: u32,
-    /// What stands in them now; 0 elsewhere.
+    /// Present value of these bytes; 0 in the other bytes.
     pub(crate) value: u32,
 }
 
-/// In which words, the first of which lies at `first`, these differ.
+/// The words that differ; the first word is at offset `first`.
 fn differences(first: usize, now: &[u32], before: &[u32]) -> impl Iterator<Item = StoredBytes> {
     let words = now.iter().zip(before).enumerate().filter(|(_, (now, before))| now != before);
     words.map(move |(n, (now, before))| {
@@ -40,7 +40,7 @@ fn differences(first: usize, now: &[u32], before: &[u32]) -> impl Iterator<Item 
 }
 
 impl Segment {
-    /// These ranges, which ascend, as blocks of whole lines, each once.
+    /// Splits these ascending ranges into blocks of whole lines, each line once.
     fn blocks(&self, ranges: &[Range<usize>]) -> impl Iterator<Item = Range<usize>> {
         let mut next = HEADER_SIZE;
         ranges.iter().map(move |range| {
@@ -62,19 +62,19 @@ impl Segment {
         }
     }
 
-    /// Copies the registers in these ranges, which ascend.
+    /// Copies the registers in these ascending ranges.
     pub(crate) fn copy_registers(&self, ranges: &[Range<usize>]) -> RegisterCopy {
         let mut copy = RegisterCopy { words: Vec::new(), now: Vec::new() };
         self.renew_copy(ranges, &mut copy);
         copy
     }
 
-    /// Copies them again.
+    /// Renews the copy.
     pub(crate) fn renew_copy(&self, ranges: &[Range<usize>], copy: &mut RegisterCopy) {
         self.copy_words(ranges, &mut copy.words);
     }
 
-    /// What others have stored into these ranges since the copy, which is renewed.
+    /// Returns what other processes have stored into these ranges since the copy, and renews the copy.
     pub(crate) fn stored_since(&self, ranges: &[Range<usize>], copy: &mut RegisterCopy) -> Vec<StoredBytes> {
         self.copy_words(ranges, &mut copy.now);
         if copy.now == copy.words {
@@ -93,7 +93,7 @@ impl Segment {
         stored
     }
 
-    /// Stores what somebody has stored into another segment like this one. What would lie outside is left out.
+    /// Stores in this segment what another process has stored into a segment of the same device. Ignores words outside.
     pub(crate) fn store_bytes(&self, stored: &StoredBytes) {
         let StoredBytes { offset, mask, value } = *stored;
         let _ = self.update(offset, Width::Dword, |word| word & !mask | value & mask);
@@ -117,7 +117,7 @@ mod tests {
         segment.store(first + 2, Width::Byte, 0x81).unwrap();
         segment.store(first + 126, Width::Word, 0xFEDC).unwrap();
         segment.store(end as u32 - 4, Width::Dword, 0x0100_0001).unwrap();
-        // Nobody has asked for that.
+        // This address is in no watched range.
         segment.store(first + 128, Width::Dword, 7).unwrap();
         let stored = segment.stored_since(&ranges, &mut copy);
         assert_eq!(
@@ -131,7 +131,7 @@ mod tests {
         assert_eq!(segment.stored_since(&ranges, &mut copy), []);
         stored.iter().for_each(|stored| other.store_bytes(stored));
         assert_eq!(other.stored_since(&ranges, &mut copy), []);
-        // Nowhere.
+        // Outside the segment.
         other.store_bytes(&StoredBytes { offset: u32::MAX - 3, mask: 1, value: 1 });
     }
 }

@@ -1,7 +1,7 @@
-//! A directory that is reached through its descriptor only, so that nothing on the way there can be exchanged meanwhile.
+//! A directory that is accessed through its descriptor only, so that no other process can exchange a part of its path.
 //!
-//! What others may write to can have a link or a pipe in the place of any file. Files are therefore opened without
-//! following links and without waiting, and new ones are made under a name that nobody has.
+//! In a directory that others can write to, any file may be replaced by a link or a pipe. So files are opened without
+//! following links and without waiting, and new files get an unused name.
 
 use rustix::fs::{self, AtFlags, Mode, OFlags, Stat};
 use rustix::io::Errno;
@@ -13,7 +13,7 @@ use std::io::Write;
 use std::os::fd::AsRawFd;
 use std::path::{Path, PathBuf};
 
-/// How every file is opened: a pipe must be refused, not waited for.
+/// Flags for opening a file: a pipe must be refused, not waited for.
 const CAREFULLY: OFlags =
     OFlags::NOFOLLOW.union(OFlags::NONBLOCK).union(OFlags::NOCTTY).union(OFlags::CLOEXEC);
 
@@ -43,12 +43,12 @@ impl Directory {
         fs::fstat(&self.0)
     }
 
-    /// Keeps everybody but its owner out.
+    /// Removes all rights of other users.
     pub(crate) fn close_to_others(&self) -> Result<(), Errno> {
         fs::fchmod(&self.0, Mode::RWXU)
     }
 
-    /// Takes the directory's lock; `false` if somebody else has it.
+    /// Takes the directory's lock; `false` if another process has it.
     #[cfg(feature = "emulator")]
     pub(crate) fn try_lock(&self) -> io::Result<bool> {
         match self.0.try_lock() {
@@ -58,7 +58,7 @@ impl Directory {
         }
     }
 
-    /// Lets go of the lock.
+    /// Releases the lock.
     #[cfg(feature = "channel")]
     pub(crate) fn unlock(&self) -> io::Result<()> {
         self.0.unlock()
@@ -69,14 +69,14 @@ impl Directory {
         Ok(fs::openat(&self.0, name, OFlags::RDONLY | CAREFULLY, Mode::empty())?.into())
     }
 
-    /// Opens the file `name` for reading and writing, and makes it if it is missing, for this user alone.
+    /// Opens the file `name` for reading and writing. Creates a missing file, accessible to this user only.
     pub(crate) fn read_write(&self, name: &str) -> Result<File, Errno> {
         let flags = OFlags::RDWR | OFlags::CREATE | CAREFULLY;
         Ok(fs::openat(&self.0, name, flags, Mode::RUSR | Mode::WUSR)?.into())
     }
 
-    /// Writes a new file, for this user alone, and hands it to `then`, which gives it its final name; if either fails, it
-    /// is removed. Whoever looks at that name sees the old content or the whole new one.
+    /// Writes a new file, accessible to this user only, and passes it to `then`, which gives it the final name. Removes
+    /// the file if either fails. A reader of the final name sees the old content or the complete new one.
     #[cfg(feature = "emulator")]
     pub(crate) fn with_new(
         &self,
@@ -91,21 +91,21 @@ impl Directory {
         })
     }
 
-    /// Gives the file `from` the name `to`; a file that has it is replaced.
+    /// Renames the file `from` to `to`; replaces an existing file.
     #[cfg(feature = "emulator")]
     pub(crate) fn rename(&self, from: &str, to: &str) -> Result<(), Errno> {
         fs::renameat(&self.0, from, &self.0, to)
     }
 
-    /// Gives the file `from` the name `to`, unless a file has it.
+    /// Renames the file `from` to `to`, unless `to` exists.
     #[cfg(feature = "emulator")]
     pub(crate) fn rename_to_free(&self, from: &str, to: &str) -> Result<(), Errno> {
-        // A rename would replace it.
+        // `rename` would replace an existing file.
         fs::linkat(&self.0, from, &self.0, to, AtFlags::empty())?;
         self.remove(from)
     }
 
-    /// A path to it in this process that leads there whatever has its name by now.
+    /// A path to the directory for this process, valid even if the directory was renamed.
     pub(crate) fn path_by_descriptor(&self) -> PathBuf {
         format!("/proc/self/fd/{}", self.0.as_raw_fd()).into()
     }
@@ -115,13 +115,13 @@ impl Directory {
         fs::unlinkat(&self.0, name, AtFlags::empty())
     }
 
-    /// Brings the names of its files to the disk.
+    /// Writes the directory entries to the disk.
     #[cfg(feature = "emulator")]
     pub(crate) fn sync(&self) -> Result<(), Errno> {
         fs::fsync(&self.0)
     }
 
-    /// What has the name, whatever it is.
+    /// Returns the status of the entry `name`, of any type.
     pub(crate) fn stat_of(&self, name: &str) -> Result<Stat, Errno> {
         fs::statat(&self.0, name, AtFlags::SYMLINK_NOFOLLOW)
     }

@@ -1,5 +1,5 @@
-//! The process of an emulator, pinned by a descriptor and its start time: no later process of the same number is ever
-//! taken for it.
+//! The process of an emulator, pinned by a descriptor and its start time, so that it is never confused with a later
+//! process of the same number.
 
 use super::file::{self, ImageFile};
 use super::process::ProcessId;
@@ -11,7 +11,7 @@ use std::fs::File;
 use std::os::fd::OwnedFd;
 use std::time::Duration;
 
-/// How many times the kernel's table is read for a lock that somebody holds: a line may be missed while others change.
+/// How many times the kernel's table is read for a held lock: while other locks change, a reader may miss a line.
 const READS: usize = 3;
 
 /// A living emulator of this user, as a process.
@@ -22,13 +22,14 @@ pub struct EmulatorProcess {
 }
 
 impl EmulatorProcess {
-    /// The process that has locked `file`: the one that the kernel names, whatever is written anywhere. Only if the kernel
-    /// shows none, the one that has `signed`. `None` if it has ended, is not of this user, or cannot be seen from here.
+    /// Returns the process that has locked `file`, as the kernel names it, independent of the content of files. Only if
+    /// the kernel shows none, returns the one that has `signed`. `None` if it has ended, is not of this user, or cannot
+    /// be seen from here.
     pub(super) fn holding(file: &File, signed: Option<ProcessId>) -> Result<Option<Self>, MemoryError> {
         for _ in 0..READS {
             let Some(pid) = locks::holder_of(file) else { continue };
             let process = ProcessId::of(pid).map_or(Ok(None), Self::pin)?;
-            // The number may have gone to another process before it was pinned.
+            // The number may have been reused before the process was pinned.
             if locks::holder_of(file) == Some(pid) {
                 return Ok(process);
             }
@@ -36,8 +37,8 @@ impl EmulatorProcess {
         signed.map_or(Ok(None), Self::pin)
     }
 
-    /// The process that serves the image of a PLC. `None` if nobody has locked that, or the process has ended, is not of
-    /// this user, or cannot be seen from here.
+    /// Returns the process that serves the image of a PLC. `None` if the image is not locked, or the process has ended,
+    /// is not of this user, or cannot be seen from here.
     ///
     /// # Errors
     /// Bad names, the image is not one of this user, or the system refuses.
@@ -54,11 +55,11 @@ impl EmulatorProcess {
         let Some(pid) = i32::try_from(id.pid).ok().and_then(Pid::from_raw) else { return Ok(None) };
         let descriptor = match rustix::process::pidfd_open(pid, PidfdFlags::empty()) {
             Ok(descriptor) => descriptor,
-            // No process, or the number of a thread that is none.
+            // The process does not exist, or the number is that of a thread.
             Err(Errno::SRCH | Errno::INVAL | Errno::NOENT) => return Ok(None),
             Err(errno) => return Err(failed(id.pid, "open a descriptor of the process", errno)),
         };
-        // The descriptor stands for one process for ever; now it is certain that it is the right one.
+        // The descriptor always means the same process; this check proves that it is the right one.
         Ok((id.is_running() && id.is_own()).then_some(Self { id, descriptor }))
     }
 
@@ -67,21 +68,21 @@ impl EmulatorProcess {
         self.id.pid
     }
 
-    /// Whether it has not ended yet.
+    /// True if the process has not ended yet.
     pub fn is_running(&self) -> bool {
         !self.wait(Duration::ZERO)
     }
 
-    /// Waits until it has ended, for at most `limit`. Returns whether it has.
+    /// Waits for the end of the process, for at most `limit`. Returns true if it has ended.
     pub fn wait(&self, limit: Duration) -> bool {
         let mut ended = [PollFd::new(&self.descriptor, PollFlags::IN)];
-        // A signal may interrupt it; the caller then asks again.
+        // A signal may interrupt the wait; then the caller asks again.
         let _ = poll(&mut ended, Timespec::try_from(limit).ok().as_ref());
         let [ended] = ended;
         !ended.revents().is_empty()
     }
 
-    /// Lets it go on, if it was stopped (SIGSTOP, or Ctrl-Z in its terminal). Returns whether it was.
+    /// Continues the process if it was stopped (SIGSTOP, or Ctrl-Z in its terminal). Returns true if it was.
     ///
     /// # Errors
     /// The system refuses.
@@ -93,7 +94,7 @@ impl EmulatorProcess {
         Ok(stopped)
     }
 
-    /// Asks it to end in good order, by SIGTERM.
+    /// Asks the process to end normally, by SIGTERM.
     ///
     /// # Errors
     /// The system refuses.

@@ -1,9 +1,9 @@
-//! What can go wrong with the emulated RAM.
+//! Errors of the emulated RAM.
 
 use super::{Address, HEADER_SIZE, State, header::EVENT_SLOTS, limits, names::IMAGE_DIRECTORY};
 use std::{io, path::PathBuf, time::Duration};
 
-/// An access or an image file that was refused: what, where, and what would be right.
+/// A refused access or image file: what is wrong, where, and what would be right.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum MemoryError {
@@ -13,7 +13,7 @@ pub enum MemoryError {
         /// The refused access.
         address: Address,
     },
-    /// The access ends behind the segment.
+    /// The access ends after the last byte of the segment.
     #[error("{address} lies behind the last one, byte {}", end - 1)]
     OutOfRange {
         /// The refused access.
@@ -42,7 +42,7 @@ pub enum MemoryError {
     BlockMisaligned {
         /// First byte of the block.
         offset: usize,
-        /// Alignment it needs.
+        /// Alignment of its widest register.
         align: usize,
         /// The Rust type of the view.
         type_name: &'static str,
@@ -71,7 +71,7 @@ pub enum MemoryError {
         /// First byte of the access.
         offset: usize,
     },
-    /// The name of an instance or a PLC is none.
+    /// The name of an instance or a PLC breaks the rules.
     #[error("{what} name {name:?}: use 1 to 31 characters of A-Z a-z 0-9 _ -")]
     BadName {
         /// `instance` or `PLC`.
@@ -86,10 +86,10 @@ pub enum MemoryError {
         instance: String,
         /// Name of the PLC.
         plc: String,
-        /// Process id of the emulator that holds it, if it could be told.
+        /// Process id of the emulator that holds it, if known.
         pid: Option<u32>,
     },
-    /// There is no memory for an image.
+    /// The file system has no memory for an image.
     #[error("{}: no room for an image of {} KiB, {} has {free_kib} KiB left; enlarge it (`mount -o remount,size=...`, \
              in Docker `--shm-size`) or end another instance", .path.display(), needed.div_ceil(1024), IMAGE_DIRECTORY)]
     NoRoom {
@@ -100,7 +100,7 @@ pub enum MemoryError {
         /// Free memory there, in KiB.
         free_kib: u64,
     },
-    /// There is no memory for all images of a plant.
+    /// The machine has no memory for all images of a plant.
     #[error(
         "instance {instance}: no room for {count} images of {needed_kib} KiB together, {free_kib} KiB of memory are left in {}; \
              make the plant smaller, enlarge it (`mount -o remount,size=...`, in Docker `--shm-size`) or end another instance",
@@ -109,19 +109,19 @@ pub enum MemoryError {
     NoRoomForAll {
         /// Name of the instance.
         instance: String,
-        /// How many images the plant has.
+        /// Number of images of the plant.
         count: usize,
-        /// What they still need, in KiB.
+        /// Memory that the images still need, in KiB.
         needed_kib: u64,
-        /// What they can have, in KiB.
+        /// Memory that is available, in KiB.
         free_kib: u64,
     },
-    /// Another emulator has the instance, or somebody removes what one has left.
+    /// Another emulator has the instance, or a process is removing the files of a killed one.
     #[error("instance {instance} is already running{}; stop it first or choose another instance name", process(*.pid))]
     InstanceTaken {
         /// Name of the instance.
         instance: String,
-        /// Process id of the emulator that has it, if it could be told.
+        /// Process id of the emulator that has it, if known.
         pid: Option<u32>,
     },
     /// There is no image of this name.
@@ -129,7 +129,7 @@ pub enum MemoryError {
     NotThere {
         /// Name of the instance.
         instance: String,
-        /// The file that was looked for.
+        /// The missing file.
         path: PathBuf,
     },
     /// The path is a symbolic link, which could lead anywhere.
@@ -172,7 +172,7 @@ pub enum MemoryError {
         /// Its mode.
         mode: u32,
     },
-    /// Something else has the name of the instance's directory.
+    /// The name of the instance's directory belongs to something else.
     #[error("{} is no directory; it is left alone, remove it yourself", .path.display())]
     NotADirectory {
         /// The refused path.
@@ -193,10 +193,11 @@ pub enum MemoryError {
         path: PathBuf,
         /// The image's version.
         found: u32,
-        /// Ours.
+        /// This program's version.
         expected: u32,
     },
-    /// A killed emulator of another build has left the image; who still maps it counts on its registers.
+    /// An emulator of another build was killed and has left its image; its clients rely on other
+    /// registers.
     #[error("{} was left by a commram with register map 16#{found:016X}, this one (version {}) was built with \
              16#{expected:016X}; remove it with `commram stop --clean -i {instance}`",
              .path.display(), env!("CARGO_PKG_VERSION"))]
@@ -207,7 +208,7 @@ pub enum MemoryError {
         instance: String,
         /// The hash in the image.
         found: u64,
-        /// Ours.
+        /// This program's hash.
         expected: u64,
     },
     /// The image holds another register map.
@@ -220,7 +221,7 @@ pub enum MemoryError {
         device: String,
         /// The image's layout hash.
         found: u64,
-        /// The caller's.
+        /// Hash that the caller expects.
         expected: u64,
     },
     /// The file ends before the segment does.
@@ -230,32 +231,33 @@ pub enum MemoryError {
         path: PathBuf,
         /// Its length in bytes.
         size: u64,
-        /// The length that its header page tells.
+        /// The length according to its header page.
         expected: u32,
     },
-    /// The emulator runs but does not answer yet, or not any more.
+    /// The emulator runs, but does not answer yet or no longer answers.
     #[error("{} is not ready, its emulator is {}; try again when it is ready", .path.display(), state_name(*.state))]
     NotReady {
         /// The refused path.
         path: PathBuf,
-        /// What the emulator is doing; `None` for a number without meaning.
+        /// State of the emulator; `None` for a number without meaning.
         state: Option<State>,
     },
-    /// The emulator behind the image has been killed.
+    /// The emulator of the image was killed.
     #[error("{}: the emulator (process {pid}) has died; restart it, or attach read-only to look at what it left", .path.display())]
     EmulatorDied {
         /// The image.
         path: PathBuf,
-        /// The process that is gone.
+        /// The process that has ended.
         pid: u32,
     },
-    /// The emulator has ended in good order while we were attached.
+    /// The emulator has ended normally while this client was attached.
     #[error("{}: the emulator has stopped; attach again when it runs", .path.display())]
     EmulatorStopped {
         /// The image.
         path: PathBuf,
     },
-    /// Another emulator has taken the image over while we were attached; all registers are reset.
+    /// Another emulator has taken the image over while this client was attached; all registers are
+    /// reset.
     #[error("{}: the emulator was restarted (generation {found} instead of {attached}) and all registers are reset; attach again", .path.display())]
     EmulatorRestarted {
         /// The image.
@@ -272,15 +274,15 @@ pub enum MemoryError {
         address: Address,
         /// Its value at the end.
         last: u32,
-        /// How long it was waited for, in real time.
+        /// Length of the wait, in real time.
         timeout: Duration,
     },
-    /// Something did not happen in time.
+    /// A condition was not met in time.
     #[error("{what} did not happen within {timeout:?}")]
     Timeout {
-        /// What was waited for.
+        /// The awaited condition.
         what: String,
-        /// How long, in real time.
+        /// Length of the wait, in real time.
         timeout: Duration,
     },
     /// There is no event of this number.
@@ -292,7 +294,7 @@ pub enum MemoryError {
     /// Too many tasks take part in lockstep.
     #[error("all {seats} places for tasks in lockstep are taken")]
     NoSeat {
-        /// How many there are.
+        /// Number of seats.
         seats: usize,
     },
     /// A task may not take part in lockstep.
@@ -303,7 +305,7 @@ pub enum MemoryError {
         /// Event of the task.
         event: usize,
     },
-    /// The emulator has gone on without a task.
+    /// The emulator has continued without a task.
     #[error(
         "the emulator has given up the task of event {event}, whose turn took longer than its patience; join again"
     )]
@@ -316,9 +318,9 @@ pub enum MemoryError {
     System {
         /// The file.
         path: PathBuf,
-        /// What was tried.
+        /// The attempted operation.
         doing: &'static str,
-        /// Why it failed.
+        /// The reason.
         reason: io::Error,
     },
 }

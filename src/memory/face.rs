@@ -1,13 +1,13 @@
-//! The header page as the firmware of a device has it: what it shows there, and what it is asked.
+//! The header page as the firmware of a device sees it: the values that it shows, and the requests that it reads.
 //!
-//! For most plants that is one page. Where several plants are to go the same way, what programs ask must be told to all of them
-//! before any firmware sees it, whenever a program stores it: there firmware reads it in a page of its own, which whoever tells it
-//! renews.
+//! In most plants both are one page. Where several plants must run identically, all of them must get a request of a
+//! program before any firmware reads it. There the firmware reads requests in a separate page, which the emulator
+//! updates.
 
 use super::{Cell32, Header, View};
 use core::ops::Deref;
 
-/// The header page, for firmware. What it dereferences to is the page that programs see.
+/// The header page, for firmware. It dereferences to the page that programs see.
 pub struct Face {
     shown: View<Header>,
     asked: View<Header>,
@@ -27,7 +27,7 @@ impl Face {
         Face { shown, asked }
     }
 
-    /// Where everything stands that programs write: switches, requests, what a program does.
+    /// The page with everything that programs write: switches, requests, the state of a program.
     #[inline]
     #[must_use]
     pub fn asked(&self) -> &Header {
@@ -38,7 +38,7 @@ impl Face {
         core::ptr::eq(&raw const *self.shown, &raw const *self.asked)
     }
 
-    /// Does something to what programs write as well, once.
+    /// Applies an action to the cells that programs write, in both pages; once if they are one.
     pub fn both(&self, act: impl Fn(&Header)) {
         act(&self.asked);
         if !self.is_one() {
@@ -46,23 +46,23 @@ impl Face {
         }
     }
 
-    /// Stores what programs write as well, as a switch that the firmware turns.
+    /// Stores to a cell that programs write as well, such as a switch that the firmware turns.
     pub fn put(&self, cell: impl Fn(&Header) -> &Cell32, value: u32) {
         self.both(|page| cell(page).store(value));
     }
 
-    /// Takes a request, if there is one; if it was replaced meanwhile, the next look takes the new one.
+    /// Takes a request, if there is one. If it was replaced meanwhile, the next call takes the new one.
     pub fn take(&self, cell: impl Fn(&Header) -> &Cell32) -> Option<u32> {
         let request = cell(&self.asked).load();
         let is_taken = request != 0 && cell(&self.asked).compare_exchange(request, 0).is_ok();
         if is_taken && !self.is_one() {
-            // A further one that stands there is told in its turn.
+            // A newer request there is copied to the firmware's page later.
             let _ = cell(&self.shown).compare_exchange(request, 0);
         }
         is_taken.then_some(request)
     }
 
-    /// Puts in a request, as a program that submits it.
+    /// Stores a request, like a program that submits one.
     pub fn ask(&self, cell: impl Fn(&Header) -> &Cell32, request: u32) {
         self.put(cell, request);
         self.asked.board_requests.increment();

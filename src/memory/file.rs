@@ -1,4 +1,4 @@
-//! Opening and judging image files, without ever touching one that is not ours.
+//! Opens and checks image files, and never changes a file of another owner.
 
 use super::image::Claimed;
 use super::{HEADER_SIZE, Header, MemoryError, State, header, names, process::ProcessId};
@@ -14,7 +14,7 @@ use std::{
 };
 use zerocopy::{FromZeros, IntoBytes};
 
-/// An image file that is open, regular and our own; nothing is known about its contents yet.
+/// An open image file, regular and owned by this user; its content is not checked yet.
 #[derive(Debug)]
 pub(super) struct ImageFile {
     pub instance: String,
@@ -32,7 +32,7 @@ impl ImageFile {
         let flags = access | OFlags::NOFOLLOW | OFlags::NONBLOCK | OFlags::NOCTTY | OFlags::CLOEXEC;
         let opened = loop {
             match rustix::fs::open(&path, flags, Mode::empty()) {
-                // The emulator asks at this moment whether anybody has it open (`Onlookers`).
+                // The emulator is just checking whether another process has the file open (`Onlookers`).
                 Err(Errno::AGAIN) => std::thread::yield_now(),
                 opened => break opened,
             }
@@ -52,7 +52,7 @@ impl ImageFile {
         Self { instance: instance.to_owned(), plc: plc.to_owned(), path, file }
     }
 
-    /// The header as it is in the file; what lies behind a short file's end reads as zero.
+    /// Reads the header from the file; bytes after the end of a short file read as zero.
     pub(crate) fn header(&self) -> Result<Box<Header>, MemoryError> {
         let mut header = Header::new_box_zeroed()
             .map_err(|_| self.failed("read", io::Error::from(io::ErrorKind::OutOfMemory)))?;
@@ -83,8 +83,8 @@ impl ImageFile {
         Ok(u64::try_from(self.stat()?.st_size).unwrap_or(0))
     }
 
-    /// Refuses contents of another ABI version, and a file that is shorter than its header page tells: behind such a
-    /// header nothing is where this program would look for it.
+    /// Refuses another ABI version, and a file that is shorter than its header page says: areas would be outside the
+    /// file.
     pub(crate) fn check_shape(&self, header: &Header) -> Result<(), MemoryError> {
         let found = header.abi_version.load();
         if found != header::ABI_VERSION {
@@ -98,17 +98,17 @@ impl ImageFile {
         Ok(())
     }
 
-    /// Whether the emulator that wrote `header` still lives: its process does, or, if that is in a pid
-    /// namespace we cannot see into, somebody holds the lock.
+    /// True if the emulator that wrote `header` still runs: its process exists, or, if that is in a pid namespace
+    /// that we cannot see, the file is locked.
     pub(crate) fn is_alive(&self, header: &Header) -> bool {
         !State::from_code(header.state.load()).is_some_and(State::is_over)
             && (emulator(header).is_running() || self.is_locked())
     }
 
-    /// Holds a shared lock for a moment, which a starting emulator has the patience to sit out.
+    /// Takes a shared lock for a moment; a starting emulator waits long enough for that.
     pub(crate) fn is_locked(&self) -> bool {
         match self.file.try_lock_shared() {
-            // An unlock that fails leaves it to the closing of the file.
+            // If the unlock fails, closing the file releases the lock.
             Ok(()) => self.file.unlock().is_err(),
             Err(TryLockError::WouldBlock) => true,
             Err(TryLockError::Error(_)) => false,
@@ -165,7 +165,7 @@ fn judge(path: &Path, stat: &Stat) -> Result<(), MemoryError> {
     }
 }
 
-/// The reason the user can act on, rather than the errno.
+/// An error with a reason that the user can act on, instead of the errno.
 fn why_not_opened(path: &Path, errno: Errno) -> MemoryError {
     let failed = MemoryError::System { path: path.to_owned(), doing: "open", reason: errno.into() };
     rustix::fs::lstat(path).ok().and_then(|stat| judge(path, &stat).err()).unwrap_or(failed)

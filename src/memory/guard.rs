@@ -1,9 +1,9 @@
-//! Survives that an image, or a part of the channel, is shortened while it is mapped.
+//! Keeps a process alive when an image, or a part of the channel, is shortened while it is mapped.
 //!
-//! Whoever touches a page of a map that lies behind the end of its file gets SIGBUS, which ends the process without a
-//! word. The handler here gives the file its length back, in zeros, and remembers it: the emulator goes on far enough to
-//! end in good order and to say what has happened. What the registers held is lost. A part of the channel gets zeros of
-//! its own in the place of what is missing ([`gap`]).
+//! An access to a mapped page after the end of the file raises SIGBUS, which ends the process without a message. The
+//! handler here restores the length of the file with zeros and remembers this, so that the emulator can report the
+//! fault and end normally. The contents of the registers are lost. A missing part of the channel is replaced by private
+//! zeros ([`gap`]).
 
 mod gap;
 
@@ -17,17 +17,18 @@ use std::os::fd::{BorrowedFd, RawFd};
 
 /// Images of one process that can be guarded at the same time.
 const MAX_GUARDED: usize = 256;
-/// Faults in a row, with the file at its full length, that may be those of other threads; then there is no memory.
+/// Consecutive faults, with the file at its full length, that may come from other threads; more mean that memory is
+/// missing.
 const MAX_TRIES: usize = 16;
-/// BusMessage when the process cannot go on.
+/// Message when the process cannot continue.
 const LAST_WORDS: &[u8] =
     b"commram: error: SIGBUS: /dev/shm is full, or somebody has shortened a file there that is in use\n";
-/// BusMessage by a client.
+/// Message of a client.
 const CLIENTS_WORDS: &[u8] =
     b"commram: somebody has shortened an image or a part of the channel while it was in use, or /dev/shm is full; \
     `commram stop` ends the emulator, and `commram stop --clean` removes what one has left\n";
 
-/// A map that the handler knows. Only atomics: it may interrupt anybody.
+/// A map that the handler knows. Only atomics: the handler may interrupt any code.
 struct Slot {
     /// Address of the map; 0: free, 1: being filled.
     base: AtomicUsize,
@@ -54,7 +55,7 @@ impl Slot {
         base > 1 && address.checked_sub(base).is_some_and(|offset| offset < self.size.load(Ordering::Acquire))
     }
 
-    /// Gives the file its length back, and tells whether there was memory for it. `None`: it has its length.
+    /// Restores the length of the file; returns whether there was memory for it. `None`: the file has its length.
     fn grow_back(&self) -> Option<bool> {
         // SAFETY: the file is open for as long as the slot is taken.
         let file = unsafe { BorrowedFd::borrow_raw(self.file.load(Ordering::Acquire)) };
@@ -67,7 +68,7 @@ impl Slot {
         Some(rustix::fs::fallocate(file, FallocateFlags::empty(), 0, size).is_ok())
     }
 
-    /// After a fault: whether the access can be repeated.
+    /// After a fault: true if the access can be repeated.
     fn mend(&self) -> bool {
         self.grow_back().unwrap_or_else(|| self.tries.fetch_add(1, Ordering::Relaxed) < MAX_TRIES)
     }
@@ -78,7 +79,7 @@ impl Slot {
 pub(super) struct Guard(Option<usize>);
 
 impl Guard {
-    /// Guards the map of `size` bytes at `base`, if there still is a place.
+    /// Guards the map of `size` bytes at `base`, if a slot is free.
     pub(crate) fn new(base: *const u8, size: usize, file: RawFd) -> Self {
         let take =
             |slot: &Slot| slot.base.compare_exchange(0, 1, Ordering::AcqRel, Ordering::Relaxed).is_ok();
@@ -97,16 +98,16 @@ impl Guard {
         SLOTS.get(self.0?)
     }
 
-    /// Whether the file was shorter than its map.
+    /// True if the file was shorter than its map.
     #[inline]
     pub(crate) fn has_mended(&self) -> bool {
         self.slot().is_some_and(|slot| slot.mended.load(Ordering::Acquire))
     }
 
-    /// Looks at the file before anybody touches the map.
+    /// Checks the file before any access to the map.
     pub(crate) fn look(&self) {
         if let Some(slot) = self.slot() {
-            // Without memory, whoever touches the map has no way out.
+            // Without memory, the next access to the map ends the process.
             let _ = slot.grow_back();
         }
     }
@@ -120,7 +121,7 @@ impl Drop for Guard {
     }
 }
 
-/// Handles SIGBUS in this process from now on. For programs that are emulators; a library leaves signals alone.
+/// Handles SIGBUS in this process from now on. For emulators; a library must not change signal handlers.
 ///
 /// # Errors
 /// The system refuses.
@@ -129,8 +130,8 @@ pub fn survive_shortened_files() -> io::Result<()> {
     handle(emulator_lives_on)
 }
 
-/// Lets SIGBUS end this process with a message and this exit code from now on. For programs that are clients; a library
-/// leaves signals alone.
+/// From now on SIGBUS ends this process with a message and this exit code. For client programs; a library must not
+/// change signal handlers.
 ///
 /// # Errors
 /// The system refuses.

@@ -1,7 +1,8 @@
 //! The header page: the first 4096 bytes of the segment, below the device's first register.
 //!
-//! It is the attach contract's data structure; `docs/reference/attach.md` describes it byte by byte. Everything in
-//! it is a cell in little-endian order. Whoever is not named as a writer of a field only reads it.
+//! The header page is the data structure of the attach contract; `docs/reference/attach.md` describes it byte by byte.
+//! Every value in it is a cell in little-endian order. A participant that is not named as a writer of a field only
+//! reads it.
 
 #[macro_use]
 mod codes;
@@ -28,7 +29,7 @@ use zerocopy::{FromBytes, IntoBytes, KnownLayout};
 pub const HEADER_SIZE: usize = 4096;
 /// The first eight bytes of an image: `commram` and a zero.
 pub const MAGIC: u64 = u64::from_le_bytes(*b"commram\0");
-/// Version of the header's layout and rules. It changes when an old client would go wrong.
+/// Version of the header's layout and rules. It changes when an old client would misread the page.
 pub const ABI_VERSION: u32 = 3;
 /// Number of event slots, one per event number (manual 5.00005.03a p. 47-60 uses 0 to 12).
 pub const EVENT_SLOTS: usize = 16;
@@ -55,9 +56,9 @@ pub struct Header {
     pub header_size: Cell32,
     /// Hash of the device's register map; equal hashes mean equal registers at equal offsets.
     pub layout_hash: Cell64,
-    /// Length of the segment in bytes, header page and all: what the file has at least.
+    /// Length of the segment in bytes, including the header page: the minimum length of the file.
     pub segment_size: Cell32,
-    /// Counts the emulators that have used this file, from 1.
+    /// Number of emulators that have used this file, from 1.
     pub generation: Cell32,
     /// A [`State`].
     pub state: Cell32,
@@ -71,11 +72,11 @@ pub struct Header {
     pub firmware_start: Cell64,
     /// Emulated time in microseconds since the emulator's start.
     pub virtual_time_us: Cell64,
-    /// The processor cycle in microseconds: at the latest then a store is seen that nobody rang for.
+    /// The processor cycle in microseconds: the longest delay until the firmware sees a store without a ring.
     pub processor_cycle_us: Cell32,
     /// SYNC pulses seen at each port, in the order of [`Header::ports`], wrapping.
     pub sync_counter: [Cell32; PORTS],
-    /// Rung by clients that have stored something; the firmware is the only waiter.
+    /// Rung by clients after a store; the firmware is the only waiter.
     pub doorbell: Bell,
     /// Zero.
     pub reserved_136: [Cell32; 14],
@@ -95,9 +96,9 @@ pub struct Header {
     pub plc: [Cell8; NAME_LENGTH],
     /// Name of the emulated device: UTF-8, zero-padded.
     pub device: [Cell8; DEVICE_LENGTH],
-    /// What one can see and turn on the board's front.
+    /// Switches and displays on the board's front.
     pub board: Board,
-    /// What the PLC program does, its starts, and the power switch.
+    /// State of the PLC program, its starts, and the power switch.
     pub program: Program,
     /// Counted up by clients after each request in [`Header::interrupts`], [`Header::opt_init`],
     /// [`Header::initial_flag`], [`Header::project_request`], [`Header::lockstep`] or [`Program::start_request`].
@@ -116,9 +117,9 @@ pub struct Header {
     pub reserved_776: [Cell32; 2],
     /// Initial values of retain flags, which a cold start gives them.
     pub initial_flag: InitialFlag,
-    /// What shall be loaded: the number of a [`Project`] plus 1; the firmware sets it back to 0.
+    /// Request to load a project: the number of a [`Project`] plus 1; the firmware sets it back to 0.
     pub project_request: Cell32,
-    /// The [`Project`] that is loaded, told by the firmware.
+    /// The [`Project`] that is loaded, written by the firmware.
     pub project: Cell32,
     /// Zero.
     pub reserved_816: [Cell32; 4],
@@ -179,7 +180,7 @@ codes! {
     }
 }
 impl State {
-    /// Whether nothing is answered any more: the emulator ends or has ended.
+    /// True if the emulator no longer answers: it ends or has ended.
     #[must_use]
     pub fn is_ending(self) -> bool {
         self == State::Stopping || self.is_over()
@@ -202,21 +203,21 @@ codes! {
     }
 }
 
-/// Name of the field that byte `offset` of the header page lies in, or in which array or bell.
+/// Name of the field, array or bell that contains byte `offset` of the header page.
 pub fn field_at(offset: usize) -> Option<&'static str> {
     let field = Header::STRUCT.fields.iter().rev().find(|field| field.offset <= offset)?;
     (offset < HEADER_SIZE).then_some(field.name)
 }
 
 impl Header {
-    /// Announces a change of state to everybody who waits for an answer. The bells of the events do not
-    /// ring: they count events.
+    /// Announces a change of state to all processes that wait for an answer. The bells of the events do not ring: they
+    /// count events.
     pub(super) fn announce(&self) {
         self.answer.ring();
         self.channel_reply.ring();
     }
 
-    /// Tells what the device is and consists of.
+    /// Writes the name and the tables of the device.
     pub(super) fn describe(&self, device: &'static Device) {
         self.layout_hash.store(device.layout_hash);
         set_name(&self.device, device.title);
@@ -232,20 +233,20 @@ impl Header {
         self.set_fitted(&DeviceFit::unknown(device));
     }
 
-    /// Tells what the ports are.
+    /// Writes the kinds of the ports.
     pub fn set_fitted(&self, fitted: &DeviceFit) {
         let ports = self.ports.iter().zip(fitted.device().ports);
         ports.for_each(|(entry, port)| entry.set_fit(fitted.port(port.number)));
     }
 
-    /// `device`, the one of this image, as the ports say that it is fitted.
+    /// `device`, the one of this image, with the options that the ports describe.
     #[must_use]
     pub fn fitted(&self, device: &'static Device) -> DeviceFit {
         let ports = self.ports.iter().zip(device.ports);
         ports.fold(DeviceFit::unknown(device), |fitted, (entry, port)| fitted.with(port.number, entry.fit()))
     }
 
-    /// Everything around the board as it is before power-on: nothing enabled, nobody seated. Bells go on counting.
+    /// Resets the board to its state before power-on: nothing enabled, no task seated. Bells keep their counts.
     pub(super) fn clear_board(&self) {
         self.board.clear();
         self.program.clear();
@@ -261,20 +262,20 @@ impl Header {
         self.real_epoch_ns.store(0);
     }
 
-    /// What stands in a word of the device's front.
+    /// Value of a word of the device's front.
     #[must_use]
     pub fn front_value(&self, word: &FrontWord) -> u32 {
         self.front.get(word.index()).map_or(0, Cell32::load)
     }
 
-    /// What stands at the front of `device`, the one of this image, but for words that [`Board`] or [`Program`] tell by that
-    /// name.
+    /// Values of the front of `device`, the one of this image, without words that [`Board`] or [`Program`] contain
+    /// under the same name.
     pub fn front_words(&self, device: &'static Device) -> impl Iterator<Item = (&'static FrontWord, u32)> {
         let own = device.front.iter().filter(|word| !BoardWords::NAMES.contains(&word.name));
         own.map(|word| (word, self.front_value(word)))
     }
 
-    /// Tells the emulator that a request was stored.
+    /// Announces a stored request to the emulator.
     pub fn submit_request(&self) {
         self.board_requests.increment();
         self.doorbell.ring();

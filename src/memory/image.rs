@@ -19,7 +19,7 @@ use std::{
     sync::Arc,
 };
 
-/// What the creator of an image tells its clients.
+/// Data of an image that its creator chooses.
 #[derive(Clone, Debug)]
 pub struct ImageSpec {
     /// The device: its name, the hash of its register map and the length of its segment.
@@ -42,7 +42,7 @@ pub struct Image {
     segment: Segment,
     header: View<Header>,
     taken_over: Option<u32>,
-    /// Its state at the end.
+    /// State to store when the image is dropped.
     end: State,
 }
 
@@ -50,13 +50,13 @@ impl Image {
     /// Creates the image of a PLC, in state [`State::Starting`] and with all registers zero. The file has
     /// mode 0600. Once the registers have their start values, [`Image::set_ready`] lets clients in.
     ///
-    /// A file that a killed emulator has left is taken over in place, so that clients that still map it
-    /// meet the new emulator: its registers are zeroed and its generation counts up.
+    /// The file of a killed emulator is taken over in place, so that clients that still map it reach the new emulator:
+    /// its registers are zeroed and its generation is incremented.
     ///
     /// # Errors
-    /// Bad names; another emulator runs ([`MemoryError::AlreadyRunning`]); an emulator with another register map
-    /// has left the image ([`MemoryError::LeftByOther`]); the path names something
-    /// that is not an image of our own, which is then left alone; or the system refuses.
+    /// Bad names; another emulator runs ([`MemoryError::AlreadyRunning`]); an emulator with another register map has
+    /// left the image ([`MemoryError::LeftByOther`]); the path names something else than an image of this user, which
+    /// stays unchanged; or the system refuses.
     pub fn create(instance: &str, plc: &str, spec: &ImageSpec) -> Result<Image, MemoryError> {
         claim::enter(&Place::new(instance, plc, spec)?)
     }
@@ -91,15 +91,15 @@ impl Image {
         Ok(Self { guard, file: Arc::new(file), segment, header, taken_over, end: State::Stopped })
     }
 
-    /// Zeroes everything behind the header page without ever shortening the file, which would kill
-    /// clients that touch their map. Nor is its memory given back, which others could take meanwhile.
+    /// Zeroes all bytes after the header page without shortening the file, which would kill clients that access their
+    /// map. The memory stays allocated, because others could take it meanwhile.
     fn zero_registers(&self) -> Result<(), MemoryError> {
         let mut registers = (HEADER_SIZE as u32..self.segment.size() as u32).step_by(4);
         registers.try_for_each(|offset| self.segment.store(offset, Width::Dword, 0))
     }
 
-    /// Fills the header of an image in state starting. The bells go on counting over a takeover, because
-    /// clients may be waiting on them.
+    /// Fills the header of an image in state starting. Bells keep their counts in a takeover, because clients may wait
+    /// on them.
     fn fill(&mut self, spec: &ImageSpec) {
         let header = &*self.header;
         let own = ProcessId::own();
@@ -119,23 +119,23 @@ impl Image {
         header::set_name(&header.plc, &self.file.plc);
         header.describe(spec.device);
         header.clear_board();
-        // Whoever held this bell is dead, we hold its lock.
+        // The previous owner of this bell is dead, because this process holds its lock.
         header.doorbell.forget_waiters();
         header.magic.store(header::MAGIC);
         header.announce();
     }
 
-    /// Lets clients in: the registers have their start values.
+    /// Lets clients attach: the registers have their start values.
     pub fn set_ready(&self) {
         self.set_state(State::Ready);
     }
 
-    /// Tells clients that nothing is answered any more.
+    /// Announces to clients that the emulator no longer answers.
     pub fn set_stopping(&self) {
         self.set_state(State::Stopping);
     }
 
-    /// Notes for who has asked for the end that what has changed in NOVRAM could not be written.
+    /// Records, for the process that asked for the end, that changes in NOVRAM could not be written.
     pub fn set_unsaved(&mut self) {
         self.end = State::Unsaved;
     }
@@ -145,7 +145,7 @@ impl Image {
         self.header.announce();
     }
 
-    /// The other processes that have its registers mapped for writing, for people.
+    /// The other processes that have the registers mapped for writing, as text.
     #[cfg(feature = "emulator")]
     pub(crate) fn writers(&self) -> Vec<String> {
         super::mapped::writers_of(&self.file.path)
@@ -166,20 +166,20 @@ impl Image {
         &self.file.path
     }
 
-    /// Counts the emulators that have used this file, from 1.
+    /// Number of emulators that have used this file, from 1.
     pub fn generation(&self) -> u32 {
         self.header.generation.load()
     }
 
-    /// Whether somebody has shortened the file while it was mapped. What the registers held is lost then. Known at once
-    /// if anybody in this process has touched them since ([`super::survive_shortened_files`]), else after
+    /// True if another process has shortened the file while it was mapped; then the contents of the registers are lost.
+    /// Known immediately if this process has accessed them since ([`super::survive_shortened_files`]), otherwise after
     /// [`ImageFileWatch::look`].
     #[inline]
     pub fn was_shortened(&self) -> bool {
         self.guard.has_mended()
     }
 
-    /// To look from another thread whether somebody changes the file. Must be dropped before the image.
+    /// Creates a watch to check the file from another thread. Must be dropped before the image.
     pub fn watch(&self) -> ImageFileWatch {
         ImageFileWatch {
             guard: Arc::clone(&self.guard),
@@ -188,12 +188,12 @@ impl Image {
         }
     }
 
-    /// Process id of the killed emulator whose image this one has taken over, if it has.
+    /// Process id of the killed emulator whose image this one has taken over.
     pub fn taken_over(&self) -> Option<u32> {
         self.taken_over
     }
 
-    /// Removes the image a killed emulator has left. Returns whether there was one.
+    /// Removes the image of a killed emulator. Returns whether there was one.
     ///
     /// # Errors
     /// As [`Image::create`].
@@ -204,43 +204,43 @@ impl Image {
 
 impl Drop for Image {
     fn drop(&mut self) {
-        // Nobody is left to be told; the file then is a dead one, which the next emulator takes over.
+        // An error cannot be reported here; the file is then a dead one, which the next emulator takes over.
         let _ = self.file.unlink();
-        // After that, so that who sees this finds the name free.
+        // After the removal, so that a process that sees this state finds the name free.
         self.set_state(self.end);
-        // Last, because it ends the wait of `commram stop`. A map of the header page would keep the file open, and the lock
-        // with it, as long as anything of this process has it.
+        // Last, because it ends the wait of `commram stop`. A map of the header page would keep the file open, and
+        // locked, for as long as any part of this process has it.
         let _ = self.file.file.unlock();
     }
 }
 
-/// What others have done to an image file that is in use.
+/// Changes by others to an image file that is in use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FileState {
-    /// Nothing.
+    /// No change.
     Intact,
-    /// It is longer than it was; nobody looks there.
+    /// The file is longer than before; the added part is not used.
     Lengthened {
         /// Its length in bytes.
         size: u64,
     },
-    /// Its path names nothing or something else; who has mapped it goes on.
+    /// Its path names nothing or another file; processes that have mapped it continue.
     Removed,
-    /// It was shorter than its map. It has its length again, but what it held is lost.
+    /// The file was shorter than its map. Its length is restored, but its contents are lost.
     Shortened,
 }
 
-/// An image file, to be looked at from another thread.
+/// An image file that can be checked from another thread.
 #[derive(Debug)]
 pub struct ImageFileWatch {
     guard: Arc<Guard>,
     file: Arc<ImageFile>,
-    /// The length it should have, in bytes.
+    /// Expected length, in bytes.
     size: u64,
 }
 
 impl ImageFileWatch {
-    /// What others have done to the file. One that was shortened gets its length back.
+    /// Checks the file for changes by others. Restores the length of a shortened file.
     pub fn look(&self) -> FileState {
         self.guard.look();
         match (self.guard.has_mended(), self.file.size(), self.file.is_named()) {
@@ -263,7 +263,7 @@ impl AsFd for ImageFileWatch {
     }
 }
 
-/// Gives the file all its memory now: later, a page that cannot be had would kill whoever touches it.
+/// Allocates all memory of the file now: later, a missing page would kill the process that accesses it.
 fn allocate(file: &ImageFile, needed: usize) -> Result<(), MemoryError> {
     match rustix::fs::fallocate(&file.file, FallocateFlags::empty(), 0, needed as u64) {
         Ok(()) => Ok(()),
@@ -271,7 +271,7 @@ fn allocate(file: &ImageFile, needed: usize) -> Result<(), MemoryError> {
             let free_kib = room::free().unwrap_or(0) / 1024;
             Err(MemoryError::NoRoom { path: file.path.clone(), needed, free_kib })
         }
-        // Not every file system can.
+        // Some file systems do not support this.
         Err(Errno::OPNOTSUPP) if file.size()? < needed as u64 => {
             file.file.set_len(needed as u64).map_err(|error| file.failed("size", error))
         }

@@ -1,7 +1,7 @@
-//! The lock of an instance: one emulator per name, whatever its PLCs are called.
+//! The lock of an instance: one emulator per name, independent of the names of its PLCs.
 //!
-//! It is a file in the instance's directory, which belongs to one user alone. The images have locks of their own,
-//! by which clients tell whether their emulator lives; they cannot keep emulators with other PLCs apart.
+//! The lock is a file in the instance's directory, which belongs to one user. The images have separate locks, by which
+//! clients detect a running emulator. Those cannot keep emulators with other PLCs apart.
 
 use super::private::PrivateDir;
 use super::process::ProcessId;
@@ -13,13 +13,13 @@ use std::time::{Duration, Instant};
 
 /// The file in the instance's directory; holds process id and start time of the process that has the lock.
 pub(super) const LOCK: &str = "lock";
-/// Follows these in a lock file if the process only removes what a killed emulator has left.
+/// Follows the process in a lock file if it only removes the files of a killed emulator.
 const CLEANER: &str = "cleaner";
-/// How long to wait for a lock: its holder may be just ending, or looked at.
+/// Longest wait for a lock: its holder may be ending, or a client may be checking it.
 const PATIENCE: Duration = Duration::from_millis(500);
 
-/// The right to be the emulator of an instance, or to remove what one has left. Others who want it are refused as
-/// long as it lives.
+/// The right to be the emulator of an instance, or to remove the files of a killed one. Other processes are refused
+/// while it exists.
 #[derive(Debug)]
 pub struct InstanceLock {
     instance: String,
@@ -31,14 +31,14 @@ impl InstanceLock {
     /// Takes the lock of `instance`.
     ///
     /// # Errors
-    /// Bad name; another emulator has the instance ([`MemoryError::InstanceTaken`]); its directory is not ours
-    /// alone, or the system refuses.
+    /// Bad name; another emulator has the instance ([`MemoryError::InstanceTaken`]); its directory is accessible to
+    /// other users; or the system refuses.
     pub fn take(instance: &str) -> Result<Self, MemoryError> {
         Self::take_as(instance, &format!("{}\n", ProcessId::own()))
     }
 
-    /// As [`InstanceLock::take`], to remove what a killed emulator has left: nothing runs under this name meanwhile, and
-    /// nobody needs to end the process that has this lock.
+    /// As [`InstanceLock::take`], to remove the files of a killed emulator. No emulator can start under this name
+    /// meanwhile, and users need not end the process that has this lock.
     ///
     /// # Errors
     /// As [`InstanceLock::take`].
@@ -52,14 +52,14 @@ impl InstanceLock {
         let start = Instant::now();
         loop {
             let directory = PrivateDir::create(&path)?;
-            // Whoever had it may be removing directory and lock.
+            // The previous holder may be removing directory and lock.
             let Some(file) = open(&directory).map_err(|reason| failed("open", reason))? else {
                 continue;
             };
             match file.try_lock() {
                 Ok(()) if directory.is_named() && directory.names(LOCK, &file) => {
                     let lock = Self { instance: instance.to_owned(), directory, file };
-                    // Without room for that nothing of it stays.
+                    // If this fails for lack of memory, dropping the lock removes the file.
                     sign(&lock.file, signature).map_err(|reason| failed("write", reason))?;
                     return Ok(lock);
                 }
@@ -75,11 +75,11 @@ impl InstanceLock {
         }
     }
 
-    /// Who has the lock of `instance`: `None` if nobody has, `Some(None)` if it is a process that cannot be seen from
-    /// here, in another pid namespace.
+    /// Returns the holder of the lock of `instance`: `None` if it is free, `Some(None)` if the process is in another
+    /// pid namespace.
     ///
     /// # Errors
-    /// Bad name, or the instance's directory is not ours alone.
+    /// Bad name, or the instance's directory is accessible to other users.
     pub fn holder(instance: &str) -> Result<Option<Option<EmulatorProcess>>, MemoryError> {
         let path = names::channel_root(instance)?;
         let Some(file) = PrivateDir::open(&path)?.and_then(|directory| directory.find_file(LOCK)) else {
@@ -94,11 +94,11 @@ impl InstanceLock {
         }
     }
 
-    /// Removes the images that a killed emulator has left, but for those of the PLCs that `keep` names. Returns
-    /// whether there were any.
+    /// Removes the images of a killed emulator, except those of the PLCs for which `keep` is true. Returns whether
+    /// there were any.
     ///
     /// # Errors
-    /// An image is none of ours, its emulator lives, or the system refuses; the others are removed.
+    /// An image belongs to another user, its emulator runs, or the system refuses; the others are removed.
     pub fn remove_dead(&self, keep: impl Fn(&str) -> bool) -> Result<bool, MemoryError> {
         let (mut any, mut refused) = (false, None);
         for plc in list::named(&self.instance)?.into_iter().filter(|plc| !keep(plc)) {
@@ -113,20 +113,20 @@ impl InstanceLock {
 
 impl Drop for InstanceLock {
     fn drop(&mut self) {
-        // The lock is let go of behind this, when the file is closed.
+        // The lock is released afterwards, when the file is closed.
         self.directory.remove(LOCK);
         self.directory.remove_if_empty();
     }
 }
 
-/// Opens the lock file, and makes it if it is missing. Anything else of that name is removed: the directory is of this
-/// user alone, and no emulator makes such a thing. `None` if the directory has been removed.
+/// Opens or creates the lock file. Removes anything else of that name: only this user can write to the directory, and
+/// no emulator creates such an entry. `None` if the directory has been removed.
 fn open(directory: &PrivateDir) -> io::Result<Option<File>> {
     directory.remove_unless_file(LOCK);
     directory.open_file(LOCK)
 }
 
-/// Writes down the process that holds the lock.
+/// Writes the process that holds the lock.
 fn sign(file: &File, signature: &str) -> io::Result<()> {
     file.set_len(0)?;
     file.write_all_at(signature.as_bytes(), 0)
@@ -138,12 +138,12 @@ fn signature(file: &File) -> Option<String> {
     core::str::from_utf8(text.get(..length)?).ok().map(str::to_owned)
 }
 
-/// The emulator that a lock file names. Any program of this user can write that.
+/// The emulator named in a lock file. Any program of this user can write this name.
 pub(super) fn signer(file: &File) -> Option<ProcessId> {
     ProcessId::parse(&signature(file)?)
 }
 
-/// Whether the process that holds a lock file says that it only removes what a killed emulator has left.
+/// True if the process that holds a lock file only removes the files of a killed emulator.
 pub(super) fn is_cleaner(file: &File) -> bool {
     signature(file).is_some_and(|text| text.trim_end().ends_with(CLEANER))
 }

@@ -1,7 +1,8 @@
-//! What a snapshot holds of the RAM: where it is not 0, and what of the header page is the plant's own.
+//! Registers and header fields in a snapshot: the RAM without its zeros, and the fields of the header page that belong
+//! to the plant.
 //!
-//! Bells and the counters beside them count on whatever is restored, since somebody may be waiting on them; what belongs to
-//! the instance and to the processes that take part in it is no part of the plant.
+//! Bells and their counters are not restored but continue, since processes may wait on them. Fields of the instance and
+//! of the participating processes are not part of the plant.
 
 use super::access::{Value, load_words};
 use super::{Cell32, Cell64, HEADER_SIZE, Header, Segment};
@@ -9,16 +10,16 @@ use crate::snapshot_fields::{Damaged, Saved, Saving};
 use core::ops::Range;
 use zerocopy::IntoBytes;
 
-/// Lines that are 0 are not saved.
+/// Lines of zeros are not saved.
 const LINE: usize = 64;
-/// What is copied and compared at once, in bytes and words: another program may fill all registers, and even a build that
-/// is not optimized must save them in a moment.
+/// Size of a step of copying and comparing, in bytes and words. A program may fill all registers, and even a debug
+/// build must save them quickly.
 const CHUNK: usize = 64 * LINE;
 const WORDS: usize = CHUNK / size_of::<u32>();
 /// Follows the last run of lines.
 const END: u32 = u32::MAX;
 
-/// The lines in which these ranges lie, each once, as chunks.
+/// The lines that these ranges touch, each once, as chunks.
 fn chunks(ranges: &[Range<usize>]) -> impl Iterator<Item = Range<usize>> {
     let mut next = HEADER_SIZE;
     ranges.iter().flat_map(move |range| {
@@ -29,7 +30,7 @@ fn chunks(ranges: &[Range<usize>]) -> impl Iterator<Item = Range<usize>> {
     })
 }
 
-/// The lines of a chunk that are not 0, as runs without a gap.
+/// The lines of a chunk that are not zero, as contiguous runs.
 fn runs(bytes: &[u8]) -> impl Iterator<Item = Range<usize>> {
     let mut lines = bytes.as_chunks::<LINE>().0.iter().map(|line| *line != [0; LINE]).enumerate().peekable();
     core::iter::from_fn(move || {
@@ -43,7 +44,7 @@ fn runs(bytes: &[u8]) -> impl Iterator<Item = Range<usize>> {
 }
 
 impl Segment {
-    /// Copies a chunk; what lies behind the end of the segment is 0.
+    /// Copies a chunk; bytes after the end of the segment are 0.
     fn copy_chunk<'a>(&self, chunk: &Range<usize>, into: &'a mut [u32; WORDS]) -> &'a [u8] {
         let words = &mut into[..chunk.len() / size_of::<u32>()];
         let existing = self.size().saturating_sub(chunk.start) / size_of::<u32>();
@@ -55,7 +56,7 @@ impl Segment {
         words.as_bytes()
     }
 
-    /// Saves the registers in these ranges, which ascend.
+    /// Saves the registers in these ascending ranges.
     pub(crate) fn save_registers(&self, ranges: &[Range<usize>], to: &mut Saving) {
         let mut words = [0; WORDS];
         for chunk in chunks(ranges) {
@@ -72,7 +73,7 @@ impl Segment {
         to.value(&END);
     }
 
-    /// Restores the registers in these ranges. Those that are as they were saved are not written.
+    /// Restores the registers in these ranges. Does not write registers that already have the saved value.
     pub(crate) fn restore_registers(
         &self,
         ranges: &[Range<usize>],
@@ -117,7 +118,7 @@ impl Segment {
 }
 
 impl Header {
-    /// What belongs to the plant, in the order in which it is kept.
+    /// The fields that belong to the plant, in saved order.
     fn kept(&self) -> impl Iterator<Item = &Cell32> {
         let Header { board, program, initial_flag, opt_init, .. } = self;
         let board = [&board.dip, &board.leds, &board.display, &board.switch];
@@ -143,18 +144,18 @@ impl Header {
         front.chain(opt_init).chain(ports).chain([&self.board_requests]).chain(&self.front)
     }
 
-    /// When what occurred last.
+    /// Times of the last events.
     fn kept_times(&self) -> impl Iterator<Item = &Cell64> {
         self.events.iter().chain(&self.triggers).chain(&self.timers).map(|slot| &slot.time_us)
     }
 
-    /// Saves what of the page belongs to the plant.
+    /// Saves the fields of the page that belong to the plant.
     pub(crate) fn save(&self, to: &mut Saving) {
         self.kept().for_each(|cell| to.value(&cell.load()));
         self.kept_times().for_each(|cell| to.value(&cell.load()));
     }
 
-    /// Restores it.
+    /// Restores these fields.
     pub(crate) fn restore(&self, from: &mut Saved<'_>) -> Result<(), Damaged> {
         self.kept().try_for_each(|cell| from.value().map(|value| cell.store(value)))?;
         self.kept_times().try_for_each(|cell| from.value().map(|value| cell.store(value)))

@@ -1,4 +1,4 @@
-//! Limits of a process (`ulimit`): whether enough of them is left, and words that name one which makes the system refuse.
+//! Limits of a process (`ulimit`): checks for enough of them, and texts that name the limit that caused an error.
 
 use rustix::io::Errno;
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
@@ -6,11 +6,11 @@ use std::{fs, io};
 
 /// Where the system lists the open files of this process.
 const OPEN_FILES: &str = "/proc/self/fd";
-/// Where it tells how much address space this process has.
+/// Kernel file with the size of this process's address space.
 #[cfg(feature = "channel")]
 const STATUS: &str = "/proc/self/status";
 
-/// Words for the limit that explains what the system says, to be added behind it; empty if no limit does.
+/// Text about the limit that explains a system error, to append to a message; empty if no limit explains it.
 pub(crate) fn named(reason: &io::Error) -> String {
     match Errno::from_io_error(reason) {
         Some(Errno::MFILE) => getrlimit(Resource::Nofile).current.map_or_else(String::new, |most| {
@@ -21,20 +21,20 @@ pub(crate) fn named(reason: &io::Error) -> String {
     }
 }
 
-/// The same for a failure that may have come from a lack of memory, if the address space is limited.
+/// The same for an error that may come from a lack of memory, if the address space is limited.
 pub(crate) fn named_space() -> String {
     address_space().map_or_else(String::new, |most| {
         format!("; this process may have {} KiB of address space (`ulimit -v`)", most / 1024)
     })
 }
 
-/// Lets this process open `more` files beside those that it has, by raising its soft limit if it must; if it can, up to
-/// `wished`.
+/// Makes sure that this process can open `more` files in addition to the open ones; raises its soft limit if necessary,
+/// and up to `wished` if possible.
 ///
 /// # Errors
-/// How many it may have at most, if that is not enough for `more`.
+/// The largest number of files, if that is less than needed.
 pub(crate) fn allow_files(more: u64, wished: u64) -> Result<(), FileLimit> {
-    // The listing has a descriptor itself. If it cannot be had, all are taken.
+    // The listing itself uses one descriptor. If it cannot be read, all descriptors count as used.
     let open = fs::read_dir(OPEN_FILES).map_or(u64::MAX, |files| files.count().saturating_sub(1) as u64);
     let Rlimit { current, maximum } = getrlimit(Resource::Nofile);
     let open = open.min(current.unwrap_or(u64::MAX));
@@ -53,16 +53,15 @@ pub(crate) fn allow_files(more: u64, wished: u64) -> Result<(), FileLimit> {
 /// A limit of open files that is too low.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct FileLimit {
-    /// How many files the process would have open.
+    /// Number of files that the process would have open.
     pub(crate) needed: u64,
-    /// How many it may have.
+    /// Largest number that it may have.
     pub(crate) most: u64,
 }
 
-/// Checks that this process can have `more` bytes of address space beside those that it has.
+/// Checks that this process can have `more` bytes of address space in addition to the present ones.
 ///
-/// # Errors
-/// How many it would have, and how many it may have.
+/// # Errors The needed and the allowed number of bytes.
 #[cfg(feature = "channel")]
 pub(crate) fn check_address_space(more: u64) -> Result<(), (u64, u64)> {
     let Some(most) = address_space() else { return Ok(()) };

@@ -1,4 +1,4 @@
-//! What images there are.
+//! Lists the images of this machine.
 
 use super::{
     ClockMode, Header, MemoryError, State,
@@ -8,7 +8,7 @@ use super::{
 };
 use std::{collections::BTreeSet, fs, path::PathBuf};
 
-/// An image file, or something that bears the name of one.
+/// An image file, or something else with the name of one.
 #[derive(Debug)]
 pub struct ImageInfo {
     /// Name of the instance.
@@ -17,7 +17,7 @@ pub struct ImageInfo {
     pub plc: String,
     /// The file.
     pub path: PathBuf,
-    /// What is known about it.
+    /// Condition of the file.
     pub condition: Condition,
 }
 
@@ -26,20 +26,20 @@ pub struct ImageInfo {
 pub enum Condition {
     /// An emulator serves it.
     Alive(ImageSummary),
-    /// Its emulator was killed. The next one of this name takes the file over.
+    /// Its emulator was killed. The next emulator of this name takes the file over.
     Dead(ImageSummary),
-    /// It is no image that we could attach to, for this reason.
+    /// This program cannot attach to it, for this reason.
     Unusable(MemoryError),
 }
 
-/// The header of an image, in short.
+/// Summary of an image's header.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ImageSummary {
     /// Process id of the emulator.
     pub pid: u32,
-    /// Counts the emulators that have used the file, from 1.
+    /// Number of emulators that have used the file, from 1.
     pub generation: u32,
-    /// What the emulator is doing (or was, when it died); `None` for a number without meaning.
+    /// Last state of the emulator; `None` for a number without meaning.
     pub state: Option<State>,
     /// What drives the emulated time; `None` for a number without meaning.
     pub clock_mode: Option<ClockMode>,
@@ -70,7 +70,7 @@ impl From<&Header> for ImageSummary {
 
 /// All images, sorted by instance and PLC.
 ///
-/// # Errors
+/// [`IMAGE_DIRECTORY`] cannot be read. An unreadable file is reported as its entry.
 /// [`IMAGE_DIRECTORY`] cannot be read. A single file that cannot is reported in its place.
 pub fn list() -> Result<Vec<ImageInfo>, MemoryError> {
     let mut images = Vec::new();
@@ -79,7 +79,7 @@ pub fn list() -> Result<Vec<ImageInfo>, MemoryError> {
     Ok(images)
 }
 
-/// The names of all instances of which an image or the directory exists, whatever their condition.
+/// Names of all instances with an image or a directory, in any condition.
 ///
 /// # Errors
 /// [`IMAGE_DIRECTORY`] cannot be read.
@@ -92,7 +92,7 @@ pub fn instances() -> Result<BTreeSet<String>, MemoryError> {
     Ok(instances)
 }
 
-/// The PLCs of which something bears the name of an image in `instance`.
+/// The PLCs of all entries with the name of an image of `instance`.
 pub(super) fn named(instance: &str) -> Result<Vec<String>, MemoryError> {
     let mut plcs = Vec::new();
     for_each_name(|of, plc| {
@@ -103,7 +103,7 @@ pub(super) fn named(instance: &str) -> Result<Vec<String>, MemoryError> {
     Ok(plcs)
 }
 
-/// Calls `found` with instance and PLC of everything that bears the name of an image.
+/// Calls `found` with instance and PLC of every entry with the name of an image.
 fn for_each_name(mut found: impl FnMut(&str, &str)) -> Result<(), MemoryError> {
     for_each_file(|name| {
         if let Some((instance, plc)) = parse_image_name(name) {
@@ -112,7 +112,7 @@ fn for_each_name(mut found: impl FnMut(&str, &str)) -> Result<(), MemoryError> {
     })
 }
 
-/// Calls `found` with the name of everything in [`IMAGE_DIRECTORY`].
+/// Calls `found` with the name of every entry of [`IMAGE_DIRECTORY`].
 fn for_each_file(mut found: impl FnMut(&str)) -> Result<(), MemoryError> {
     let failed = |reason| MemoryError::System { path: PathBuf::from(IMAGE_DIRECTORY), doing: "list", reason };
     for entry in fs::read_dir(IMAGE_DIRECTORY).map_err(failed)? {
@@ -123,7 +123,7 @@ fn for_each_file(mut found: impl FnMut(&str)) -> Result<(), MemoryError> {
     Ok(())
 }
 
-/// `None` if the file has disappeared in the meantime.
+/// `None` if the file has disappeared meanwhile.
 fn look_at(instance: &str, plc: &str) -> Option<ImageInfo> {
     let condition = match judge(instance, plc) {
         Ok(condition) => condition?,

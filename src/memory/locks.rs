@@ -1,6 +1,6 @@
 //! The kernel's table of file locks, which names the process that holds one.
 //!
-//! A lock file and a header page name a process, too, but any program of the same user can write them.
+//! A lock file and a header page also name a process, but any program of the same user can write them.
 
 use rustix::fs::{Stat, fstat, major, minor};
 use std::fs::{self, File};
@@ -8,14 +8,14 @@ use std::fs::{self, File};
 /// The table. Locks of processes in other pid namespaces are missing from it.
 const TABLE: &str = "/proc/locks";
 
-/// The id of the process that holds the exclusive `flock` lock of a file. `None`: no process that the kernel shows here.
+/// Process id of the holder of the exclusive `flock` lock of a file. `None`: the kernel shows no such process here.
 pub(super) fn holder_of(file: &File) -> Option<u32> {
     let stat = fstat(file).ok()?;
     let table = fs::read_to_string(TABLE).ok()?;
     table.lines().find_map(|line| holder_in(line, &stat))
 }
 
-/// The holder that a line of the table names, if the line describes an exclusive `flock` lock of this file.
+/// The holder in a line of the table, if the line describes an exclusive `flock` lock of this file.
 fn holder_in(line: &str, stat: &Stat) -> Option<u32> {
     // A process that waits for a lock has `->` in the place of the kind.
     let mut fields = line.split_ascii_whitespace().skip(1);

@@ -1,13 +1,13 @@
-//! Which other processes can write to the registers of an image.
+//! Finds other processes that can write to the registers of an image.
 
 use super::HEADER_SIZE;
 use std::fs;
 use std::os::unix::fs::MetadataExt;
 use std::path::Path;
 
-/// The other processes that have the registers of this file mapped for writing, as `NAME (process NUMBER)`; those of other users
-/// cannot be looked into, and nobody but the user himself can open an image. Who has mapped nothing but the header page
-/// (clients of the channel) is none of them.
+/// The other processes that have the registers of this file mapped for writing, as `NAME (process NUMBER)`. Processes
+/// of other users are not visible, and only the owner can open an image. Clients of the channel map only the header
+/// page and are not listed.
 pub(crate) fn writers_of(file: &Path) -> Vec<String> {
     let Ok(file) = fs::metadata(file) else { return Vec::new() };
     let Ok(processes) = fs::read_dir("/proc") else { return Vec::new() };
@@ -26,7 +26,7 @@ fn named(number: u32) -> String {
     format!("{} (process {number})", name.trim_end())
 }
 
-/// Whether a line of `/proc/PID/maps` is of this file, for writing, and more than its header page.
+/// True if a line of `/proc/PID/maps` maps more than the header page of this file for writing.
 fn is_of(line: &str, (major, minor): (u32, u32), inode: u64) -> Option<bool> {
     let mut fields = line.split_ascii_whitespace();
     let (begin, end) = fields.next()?.split_once('-')?;

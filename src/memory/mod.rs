@@ -1,7 +1,7 @@
 //! The emulated RAM: cells, segments, header page, image files.
 //!
 //! [`Segment`] is segment 3 of one PLC, on the heap or in a mapped file. The firmware and Rust clients
-//! look at it through typed [`View`]s of register cells; tools that only know addresses use its raw
+//! access it through typed [`View`]s of register cells. Tools that only know addresses use its raw
 //! accesses at a given [`Width`].
 
 mod access;

@@ -1,19 +1,19 @@
-//! Names of instances and PLCs, and the files that follow from them.
+//! Rules for names of instances and PLCs, and the paths of their files.
 //!
-//! An instance and a PLC name contain no dot, so `commram.<instance>.<plc>` splits in one way only, and
-//! the instance's other files get one dot more than an image can have.
+//! Names of instances and PLCs contain no dot, so `commram.<instance>.<plc>` splits in only one way.
+//! The other files of an instance have one dot more than an image can have.
 
 use super::MemoryError;
 use std::path::{Path, PathBuf};
 
-/// Where the images lie: a file system in memory that every Linux has.
+/// Directory of the images: a file system in memory that every Linux has.
 pub const IMAGE_DIRECTORY: &str = "/dev/shm";
 /// Longest instance or PLC name in bytes.
 pub const MAX_NAME: usize = 31;
 const PREFIX: &str = "commram.";
 /// Ends the name of an instance's directory.
 const DIRECTORY: &str = ".iox.d";
-/// What the names of all channels' shared memory objects begin with.
+/// Prefix of the names of the shared memory objects of all channels.
 pub(crate) const CHANNEL_PREFIX: &str = "commram_";
 
 /// Checks the name of an instance.
@@ -35,7 +35,7 @@ pub fn check_plc(name: &str) -> Result<(), MemoryError> {
 /// The image file of a PLC: `/dev/shm/commram.<instance>.<plc>`.
 ///
 /// # Errors
-/// One of the names is none.
+/// One of the names breaks the rules.
 pub fn image_path(instance: &str, plc: &str) -> Result<PathBuf, MemoryError> {
     check_instance(instance)?;
     check_plc(plc)?;

@@ -1,7 +1,8 @@
-//! Whether anybody else has an image open or mapped: who has not can neither see a register nor store one.
+//! Detects whether another process has an image open or mapped; without that it can neither read nor store a register.
 //!
-//! The kernel tells of whoever opens the file (inotify), and whether all are gone: a write lease can only be had while nobody
-//! else has the file open, mapped included. It is given back at once. Where either cannot be had, somebody is there.
+//! The kernel reports each open of the file (inotify). A write lease tells whether all others are gone: the kernel
+//! grants it only while no other process has the file open or mapped. It is released immediately. If either is not
+//! available, the image counts as open.
 
 use super::image::ImageFileWatch;
 use rustix::buffer::spare_capacity;
@@ -11,11 +12,11 @@ use rustix::io;
 use std::os::fd::{AsFd, AsRawFd, OwnedFd};
 use std::time::Duration;
 
-/// Looks after images of this process.
+/// Watches the images of this process.
 #[derive(Debug)]
 pub(crate) struct Onlookers {
     images: Vec<ImageFileWatch>,
-    /// Where the kernel tells of those who open one; none: somebody is always there.
+    /// Reports of the kernel about opened images; `None`: the images always count as open.
     opened: Option<OwnedFd>,
 }
 
@@ -31,17 +32,17 @@ impl Onlookers {
         &self.images
     }
 
-    /// Whether nobody is there now. Whoever comes behind that is seen by [`Onlookers::wait`].
+    /// True if no other process has an image open. [`Onlookers::wait`] reports processes that open it later.
     pub(crate) fn are_gone(&self) -> bool {
         self.opened.is_some() && self.images.iter().all(is_free)
     }
 
-    /// Waits until somebody opens an image, `end` is rung, or `timeout` is over; tells which.
+    /// Waits until another process opens an image, `end` is rung, or `timeout` is over; returns which.
     pub(crate) fn wait(&self, end: &OwnedFd, timeout: Duration) -> Woken {
         let timeout = Timespec::try_from(timeout).ok();
         let mut ends = vec![PollFd::new(end, PollFlags::IN)];
         ends.extend(self.opened.iter().map(|opened| PollFd::new(opened, PollFlags::IN)));
-        // Whoever sends a signal may interrupt it.
+        // A signal may interrupt the wait.
         let _ = poll(&mut ends, timeout.as_ref());
         let [ends, opened @ ..] = &ends[..] else { return Woken::Ended };
         if !ends.revents().is_empty() {
@@ -64,18 +65,18 @@ impl Onlookers {
     }
 }
 
-/// What has ended a wait.
+/// Reason for the end of a wait.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Woken {
-    /// Somebody has opened an image.
+    /// A process has opened an image.
     Opened,
-    /// Whoever waits is to end.
+    /// The waiting thread must end.
     Ended,
-    /// Nothing.
+    /// The timeout is over.
     InTime,
 }
 
-/// What ends a wait, when written to.
+/// Creates a descriptor that ends a wait when written to.
 pub(crate) fn end() -> io::Result<OwnedFd> {
     eventfd(0, EventfdFlags::CLOEXEC)
 }
@@ -83,7 +84,7 @@ pub(crate) fn end() -> io::Result<OwnedFd> {
 fn watch(images: &[ImageFileWatch]) -> io::Result<OwnedFd> {
     let opened = inotify::init(CreateFlags::CLOEXEC | CreateFlags::NONBLOCK)?;
     for image in images {
-        // By its descriptor: somebody may have removed or replaced the name.
+        // By descriptor: the name may have been removed or replaced.
         let path = format!("/proc/self/fd/{}", image.as_fd().as_raw_fd());
         inotify::add_watch(&opened, path, WatchFlags::OPEN)?;
     }
@@ -92,8 +93,8 @@ fn watch(images: &[ImageFileWatch]) -> io::Result<OwnedFd> {
 
 fn is_free(image: &ImageFileWatch) -> bool {
     let file = image.as_fd().as_raw_fd();
-    // Who opens it in this moment waits until the lease is given back, which we are told by a signal: by one that is ignored
-    // unless somebody wants it.
+    // A process that opens the file at this moment waits until the lease is released. The kernel reports this with a
+    // signal; SIGURG is ignored by default.
     // SAFETY: the file is open; these operations take an integer each.
     unsafe {
         libc::fcntl(file, F_SETSIG, libc::SIGURG) == 0

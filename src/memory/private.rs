@@ -1,8 +1,8 @@
-//! A directory that belongs to one user alone, in a directory that everybody may write to.
+//! A directory of one user, inside a directory that all users can write to.
 //!
-//! Its name can be guessed, so somebody else may have made it first, or a link in its place. It is therefore
-//! opened without following links and judged by its descriptor; what lies in it is reached through that
-//! descriptor only. Nobody else can get at it then.
+//! Its name can be guessed, so another user may have created it first, or a link in its place. It is therefore opened
+//! without following links and checked through its descriptor. Its contents are accessed only through that descriptor,
+//! so other users cannot reach them.
 
 use super::MemoryError;
 use super::directory::Directory;
@@ -14,15 +14,15 @@ use std::io;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-/// Longest file that is read from such a directory: they hold a line or two.
+/// Longest file that is read from such a directory: the files have one or two lines.
 #[cfg(feature = "channel")]
 const MAX_TEXT: u64 = 4096;
-/// Rights of others in a mode.
+/// Rights of other users in a mode.
 const OTHERS: u32 = 0o077;
-/// Their right to write.
+/// Write rights of other users in a mode.
 const OTHERS_WRITE: u32 = 0o022;
 
-/// A directory of ours, open.
+/// An open directory of this user.
 #[derive(Debug)]
 pub(crate) struct PrivateDir {
     path: PathBuf,
@@ -30,18 +30,17 @@ pub(crate) struct PrivateDir {
 }
 
 impl PrivateDir {
-    /// Opens the directory, and makes it if it is missing; nobody else may enter it.
+    /// Opens the directory; creates a missing one, accessible to this user only.
     ///
-    /// # Errors
-    /// Something else has the name, the directory belongs to somebody else or others could write to it, or the
-    /// system refuses.
+    /// # Errors The name belongs to something else, the directory is owned or writable by other users, or the system
+    /// refuses.
     pub(crate) fn create(path: &Path) -> Result<Self, MemoryError> {
         loop {
             match rustix::fs::mkdir(path, Mode::RWXU) {
                 Ok(()) | Err(Errno::EXIST) => {}
                 Err(errno) => return Err(failed(path, "create", errno)),
             }
-            // Somebody who leaves may have removed it meanwhile.
+            // A process that ends may have removed it meanwhile.
             if let Some(directory) = Self::open(path)? {
                 return Ok(directory);
             }
@@ -77,15 +76,14 @@ impl PrivateDir {
         is_same(rustix::fs::lstat(&self.path), self.directory.stat())
     }
 
-    /// Takes the directory's lock, if nobody else has it, for as long as the result lives.
+    /// Takes the directory's lock if it is free, for the lifetime of the result.
     #[cfg(feature = "channel")]
     pub(crate) fn try_lock(self: &std::sync::Arc<Self>) -> Option<Held> {
         let is_ours = self.directory.try_lock().is_ok_and(|is_ours| is_ours);
         is_ours.then(|| Held(std::sync::Arc::clone(self)))
     }
 
-    /// Opens the file `name` in it for reading and writing, and makes it if it is missing; `None` if the
-    /// directory itself has been removed.
+    /// Opens or creates the file `name` in it for reading and writing; `None` if the directory itself has been removed.
     pub(crate) fn open_file(&self, name: &str) -> io::Result<Option<File>> {
         match self.directory.read_write(name) {
             Ok(file) => Ok(Some(file)),
@@ -94,7 +92,7 @@ impl PrivateDir {
         }
     }
 
-    /// Removes what has the name `name` in it, unless that is a regular file.
+    /// Removes the entry `name`, unless it is a regular file.
     pub(crate) fn remove_unless_file(&self, name: &str) {
         let kind = self.directory.stat_of(name).map(|stat| FileType::from_raw_mode(stat.st_mode));
         if kind.is_ok_and(|kind| kind != FileType::RegularFile) {
@@ -120,8 +118,8 @@ impl PrivateDir {
         Some(text)
     }
 
-    /// Writes the file `name` as a whole: whoever reads it sees the old text or the new one. One process at a
-    /// time may do so.
+    /// Replaces the file `name` as a whole: a reader sees the old text or the new one. Only one process may call this
+    /// at a time.
     #[cfg(feature = "channel")]
     pub(crate) fn publish(&self, name: &str, text: &str) -> io::Result<()> {
         let new = format!("{name}.new");
@@ -130,14 +128,14 @@ impl PrivateDir {
         self.directory.with_new(&new, text.as_bytes(), |_| Ok(self.directory.rename(&new, name)?))
     }
 
-    /// Removes what has the name `name` in it, if anything has, a directory with all that it holds. No link is followed.
+    /// Removes the entry `name`, if it exists; a directory with all its contents. Follows no link.
     pub(crate) fn remove(&self, name: &str) {
         if self.directory.remove(name) == Err(Errno::ISDIR) {
             let _ = std::fs::remove_dir_all(self.directory.path_by_descriptor().join(name));
         }
     }
 
-    /// Removes the directory, if nothing is in it any more and the path still names it.
+    /// Removes the directory if it is empty and the path still names it.
     pub(crate) fn remove_if_empty(&self) {
         if self.is_named() {
             let _ = rustix::fs::rmdir(&self.path);
@@ -157,7 +155,7 @@ impl Drop for Held {
     }
 }
 
-/// Whether both are there and one and the same.
+/// True if both exist and are the same file.
 fn is_same(one: Result<Stat, Errno>, other: Result<Stat, Errno>) -> bool {
     matches!((one, other), (Ok(a), Ok(b)) if (a.st_dev, a.st_ino) == (b.st_dev, b.st_ino))
 }
@@ -182,7 +180,7 @@ fn judge(path: &Path, stat: &Stat) -> Result<(), MemoryError> {
     }
 }
 
-/// The reason the user can act on, rather than the errno.
+/// An error with a reason that the user can act on, instead of the errno.
 fn why_not_opened(path: &Path, errno: Errno) -> MemoryError {
     rustix::fs::lstat(path)
         .ok()

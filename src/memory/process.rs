@@ -1,9 +1,9 @@
-//! Which process an image belongs to, and whether it still lives.
+//! The process that an image belongs to, and whether it still runs.
 
 use std::fs;
 use std::os::unix::fs::MetadataExt;
 
-/// A process that cannot be mistaken for a later one with the same number.
+/// A process that cannot be confused with a later one of the same number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct ProcessId {
     /// The process id.
@@ -13,36 +13,36 @@ pub(crate) struct ProcessId {
 }
 
 impl ProcessId {
-    /// This process. Without `/proc` the start time is 0, and nobody will take us for dead because of it.
+    /// This process. Without `/proc` the start time is 0, which never makes this process look dead.
     pub(crate) fn own() -> Self {
         let pid = std::process::id();
         let start = read_stat(pid).and_then(|stat| parse_stat(&stat)).map_or(0, |(_, start)| start);
         Self { pid, start }
     }
 
-    /// The process that has this number now; `None` if there is none in this pid namespace, or it has ended.
+    /// The process that has this number now; `None` if it has ended or is in another pid namespace.
     pub(crate) fn of(pid: u32) -> Option<Self> {
         running_since(pid).map(|start| Self { pid, start })
     }
 
-    /// The process in a text as [`core::fmt::Display`] writes it.
+    /// Parses a process from the text that [`core::fmt::Display`] writes.
     pub(crate) fn parse(text: &str) -> Option<Self> {
         let (pid, start) = text.trim_end().split_once(' ')?;
         Some(Self { pid: pid.parse().ok()?, start: start.parse().ok()? })
     }
 
-    /// Whether the process exists, in this pid namespace, and has not ended (a zombie has).
+    /// True if the process exists in this pid namespace and has not ended (a zombie has).
     pub(crate) fn is_running(self) -> bool {
         running_since(self.pid) == Some(self.start)
     }
 
-    /// Whether the process belongs to the user of this one.
+    /// True if the process belongs to the user of this one.
     pub(crate) fn is_own(self) -> bool {
         let user = rustix::process::geteuid().as_raw();
         fs::metadata(format!("/proc/{}", self.pid)).is_ok_and(|process| process.uid() == user)
     }
 
-    /// Whether the process was stopped and waits to be told to go on.
+    /// True if the process is stopped (SIGSTOP) and waits for SIGCONT.
     pub(crate) fn is_stopped(self) -> bool {
         self.is_running() && state(self.pid).is_some_and(|(state, _)| matches!(state, 'T' | 't'))
     }
@@ -66,12 +66,12 @@ fn state(pid: u32) -> Option<(char, u64)> {
 }
 
 fn read_stat(pid: u32) -> Option<String> {
-    // The command name may hold any bytes.
+    // The command name may contain any bytes.
     fs::read(format!("/proc/{pid}/stat")).ok().map(|bytes| String::from_utf8_lossy(&bytes).into_owned())
 }
 
-/// State (field 3) and start time (field 22). The command name before them may contain blanks and
-/// parentheses itself, so the fields are counted from the last closing one.
+/// State (field 3) and start time (field 22). The command name before them may itself contain blanks and
+/// parentheses, so the fields are counted from the last closing parenthesis.
 fn parse_stat(stat: &str) -> Option<(char, u64)> {
     let mut fields = stat.get(stat.rfind(')')? + 1..)?.split_ascii_whitespace();
     let state = fields.next()?.chars().next()?;

@@ -1,19 +1,19 @@
-//! What structures of the header page are made of, as data: for whoever lists them ([`super::contract`]).
+//! Structures of the header page as data, for code that lists them ([`super::contract`]).
 
 use super::{Cell8, Cell32, Cell64};
 
 const CONTRACT: &str = include_str!("../../docs/reference/attach.md");
 
-/// Numbers of the header page that stand for something.
+/// Named numbers of the header page.
 #[derive(Debug)]
 pub struct Codes {
-    /// What they tell, for example `ClockMode`.
+    /// Name of the set, for example `ClockMode`.
     pub name: &'static str,
     /// Each number with its name and meaning.
     pub codes: &'static [(u32, &'static str, &'static str)],
 }
 
-/// What a field of the header page consists of.
+/// Type of a field of the header page.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     /// A little-endian unsigned integer of this many bytes: 1, 4 or 8.
@@ -25,11 +25,11 @@ pub enum Kind {
 /// A structure of the header page, or the page itself.
 #[derive(Debug, PartialEq, Eq)]
 pub struct HeaderStruct {
-    /// Its name, for example `EventSlot`.
+    /// Name of the structure, for example `EventSlot`.
     pub name: &'static str,
     /// Size in bytes.
     pub bytes: usize,
-    /// Its fields in ascending order; they leave no gap.
+    /// Its fields in ascending order, without gaps.
     pub fields: &'static [Field],
 }
 
@@ -38,9 +38,9 @@ pub struct HeaderStruct {
 pub struct Field {
     /// Offset in the structure, in bytes.
     pub offset: usize,
-    /// Its name.
+    /// Name of the field.
     pub name: &'static str,
-    /// What it, or one of its elements, is.
+    /// Type of the field, or of one element.
     pub kind: Kind,
     /// Number of elements; `None` if it is no array.
     pub count: Option<usize>,
@@ -73,17 +73,17 @@ impl Field {
             }
     }
 
-    /// Whether the field only fills a gap.
+    /// True if the field only fills a gap.
     #[must_use]
     pub fn is_reserved(&self) -> bool {
         self.name.starts_with("reserved")
     }
 
-    /// What the attach contract says about the field, without its Markdown; `None` if it says nothing.
+    /// Meaning of the field in the attach contract, without Markdown; `None` if the contract has no row for it.
     #[must_use]
     pub fn meaning(&self) -> Option<String> {
         let Self { offset, name, .. } = self;
-        // Offsets in a part of the page have a sign.
+        // Offsets in a part of the page are written with a sign.
         let rows = ["", "+"].map(|sign| format!("| {sign}{offset} | {} | `{name}` |", self.bytes()));
         let line = CONTRACT.lines().find(|line| rows.iter().any(|row| line.starts_with(row)))?;
         let last = line.trim_end().trim_end_matches('|').rsplit('|').next()?;
@@ -91,7 +91,7 @@ impl Field {
     }
 }
 
-/// What a type contributes to a [`Field`].
+/// The part of a [`Field`] that depends on its type.
 pub(super) trait Described {
     const KIND: Kind;
     const COUNT: Option<usize> = None;
@@ -114,8 +114,8 @@ impl<T: Described, const N: usize> Described for [T; N] {
     const COUNT: Option<usize> = Some(N);
 }
 
-/// Publishes the offsets of a structure, which the compiler checks, as its `STRUCT`. A structure must be published that
-/// another one contains.
+/// Publishes the offsets of a structure, which the compiler checks, as its `STRUCT`. A structure that is part of
+/// another one must be published, too.
 macro_rules! publish {
     ($ty:ident: $($offset:literal => $field:ident),* $(,)?) => {
         $(const _: () = assert!(core::mem::offset_of!($ty, $field) == $offset);)*

@@ -1,7 +1,7 @@
-//! Whether images have room, before the first of them takes any.
+//! Checks that all images have room before the first one is created.
 //!
-//! They lie in memory: a plant that does not fit would first take it all from every program of the machine, and be refused
-//! then.
+//! Images are in memory. Without this check, a plant that is too large would first take all memory from the other
+//! programs of the machine, and then fail.
 
 #[cfg(feature = "emulator")]
 use super::MemoryError;
@@ -9,14 +9,14 @@ use super::MemoryError;
 use super::names;
 use super::names::IMAGE_DIRECTORY;
 
-/// Bytes that are left in the memory file system; `None` if it does not tell.
+/// Free bytes in the memory file system; `None` if unknown.
 pub(crate) fn free() -> Option<u64> {
     let stat = rustix::fs::statvfs(IMAGE_DIRECTORY).ok()?;
     Some(stat.f_bavail.saturating_mul(stat.f_frsize))
 }
 
-/// Refuses images of `instance` that do not fit together into what is left: PLC and length in bytes. What a killed
-/// emulator has left of them is there already. One alone is told by its creation.
+/// Refuses images of `instance` that do not fit into the free memory together: PLC and length in bytes. The images of a
+/// killed emulator count as present. A single image is not checked: its creation reports the error.
 ///
 /// # Errors
 /// Bad names, or [`MemoryError::NoRoomForAll`].
@@ -46,7 +46,7 @@ pub(crate) fn check<'a>(
     }
 }
 
-/// Bytes that programs can still have, of a text as `/proc/meminfo`; a tenth is left to the others.
+/// Bytes that programs can still use, according to a text like `/proc/meminfo`; a tenth stays free for other programs.
 #[cfg(feature = "emulator")]
 fn available(meminfo: &str) -> Option<u64> {
     let kibibytes = |name: &str| -> Option<u64> {
@@ -78,7 +78,7 @@ mod tests {
         assert!(check("room", lengths(1)).is_ok());
         let error = check("room", lengths(usize::MAX / 4)).unwrap_err();
         assert!(matches!(error, MemoryError::NoRoomForAll { count: 3, .. }), "{error}");
-        // One alone is told by the system.
+        // For a single image the system reports the error.
         assert!(check("room", [("a", usize::MAX)].into_iter()).is_ok());
     }
 }

@@ -1,7 +1,7 @@
-//! A running instance, whatever has become of its directory and of the files in it.
+//! A running instance, even if its directory or files were changed.
 //!
-//! An emulator holds the lock in the instance's directory and those of its images until it has cleaned up. Files that are
-//! open here stay the same files when an emulator of the same name follows, and so does the process that is pinned.
+//! An emulator holds the lock in the instance's directory and those of its images until it has cleaned up. Files opened
+//! here stay the same files when an emulator of the same name follows; so does the pinned process.
 
 use super::file::ImageFile;
 use super::instance::{self, LOCK};
@@ -13,14 +13,15 @@ use std::fs::{File, TryLockError};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-/// Files that are open at a time beside the images: the lock, its directory, the process, and others for a moment.
+/// Files that are open at the same time in addition to the images: the lock, its directory, the process, and some
+/// temporary ones.
 const FILES: u64 = 8;
-/// How long to wait for a process that removes what a killed emulator has left.
+/// Longest wait for a process that removes the files of a killed emulator.
 const CLEANING: Duration = Duration::from_millis(500);
-/// Pause between two looks.
+/// Poll interval.
 const LOOK: Duration = Duration::from_millis(1);
 
-/// An instance whose emulator lives: the files that it has locked, and its process.
+/// An instance with a running emulator: the files that it has locked, and its process.
 #[derive(Debug)]
 pub struct RunningInstance {
     files: Vec<LockedFile>,
@@ -34,13 +35,13 @@ struct LockedFile {
 }
 
 impl RunningInstance {
-    /// The emulator that runs under this name; `None` if none does. Files of the instance that were emptied, replaced or
-    /// removed do not hide it, as long as it has locked one of those that are left.
+    /// Returns the emulator that runs under this name; `None` if there is none. Emptied, replaced or removed files do
+    /// not hide it, as long as one of the remaining files is locked.
     ///
     /// # Errors
-    /// Bad name, the system refuses, or no emulator is found and the instance's directory is not of this user alone.
+    /// Bad name; the system refuses; or no emulator is found and the instance's directory is accessible to other users.
     pub fn find(instance: &str) -> Result<Option<Self>, MemoryError> {
-        // Files that cannot be opened would hide it.
+        // Unreadable files would hide the emulator.
         let refused = |_| MemoryError::System {
             path: names::IMAGE_DIRECTORY.into(),
             doing: "open the files of an instance",
@@ -58,8 +59,8 @@ impl RunningInstance {
         }
     }
 
-    /// What is found now, and whether a process is just removing what a killed emulator has left. That process takes the
-    /// locks that an emulator would have.
+    /// Returns the present result, and whether a process is just removing the files of a killed emulator. Such a
+    /// process holds the same locks as an emulator.
     fn look(instance: &str) -> Result<(Option<Self>, bool), MemoryError> {
         let (lock, refused) = match lock_file(instance) {
             Ok(lock) => (lock, None),
@@ -79,7 +80,7 @@ impl RunningInstance {
             files.push(lock);
         }
         for plc in list::named(instance)? {
-            // What is none of ours is no image that an emulator of this user serves.
+            // A file of another user is not an image that an emulator of this user serves.
             let Ok(Some(image)) = ImageFile::open(instance, &plc, false) else { continue };
             if !image.is_locked() {
                 continue;
@@ -90,7 +91,7 @@ impl RunningInstance {
             }
             files.push(LockedFile { path: image.path, file: image.file });
         }
-        // It may have begun, or have ended, between two of these steps.
+        // A cleaning process may have started or ended between two of these steps.
         let (begun, all_free) =
             (is_cleaned(&lock_file(instance).ok().flatten()), !files.iter().any(LockedFile::is_locked));
         if begun || files.is_empty() || all_free {
@@ -102,19 +103,19 @@ impl RunningInstance {
         Ok((Some(Self { files, process }), false))
     }
 
-    /// The emulator's process; `None` if it cannot be seen from here, because it is in another pid namespace.
+    /// Process of the emulator; `None` if it is in another pid namespace.
     pub fn process(&self) -> Option<&EmulatorProcess> {
         self.process.as_ref()
     }
 
-    /// Whether the emulator serves nobody any more: its process has ended, or has let go of all its locks. The process of
-    /// `commram with` goes on until its command has ended.
+    /// True if the emulator has stopped serving: its process has ended, or has released all its locks. The process of
+    /// `commram with` continues until its command has ended.
     pub fn has_ended(&self) -> bool {
         self.process.as_ref().is_some_and(|process| !process.is_running())
             || !self.files.iter().any(LockedFile::is_locked)
     }
 
-    /// Waits a moment for the end of its process, at most for `limit`.
+    /// Waits a short time for the end of its process, at most `limit`.
     pub fn wait(&self, limit: Duration) {
         match &self.process {
             Some(process) => drop(process.wait(limit)),
@@ -122,18 +123,18 @@ impl RunningInstance {
         }
     }
 
-    /// Whether something of an emulator that has ended still has its name: it was killed. Files that another emulator has
-    /// taken over do not count.
+    /// True if files of the emulator, which has ended, still have their names: it was killed. Files that another
+    /// emulator has taken over do not count.
     pub fn has_left_files(&self) -> bool {
         self.files.iter().any(|file| file.is_named() && !file.is_locked())
     }
 }
 
 impl LockedFile {
-    /// Whether a process has its exclusive lock. Takes a shared lock for a moment.
+    /// True if a process holds the exclusive lock. Takes a shared lock for a moment.
     fn is_locked(&self) -> bool {
         match self.file.try_lock_shared() {
-            // An unlock that fails leaves it to the closing of the file.
+            // If the unlock fails, closing the file releases the lock.
             Ok(()) => self.file.unlock().is_err(),
             Err(TryLockError::WouldBlock) => true,
             Err(TryLockError::Error(_)) => false,

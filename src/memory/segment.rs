@@ -2,17 +2,17 @@
 //!
 //! Access rules, enforced here:
 //!
-//! 1. Nobody gets a `&T` of plain data; only cells (see [`super::cell`]) lie over the memory, and whatever accesses it is
-//!    one of the functions of [`super::access`], to which widths that differ are no trouble.
-//! 2. A register is written at its own width. The segment does not know the registers, so whoever uses the raw accesses
-//!    takes the width from the register map; a part of a register is written with
-//!    [`Segment::store_within`], which replaces the whole register by compare-exchange.
-//! 3. Bulk copies and comparisons ([`Segment::read_range`], [`Segment::snapshot`], the access checker) load aligned 32-bit
-//!    or 64-bit words whatever the registers' widths are: each register lies in one word, so none is torn, and
-//!    field-wise copies of megabytes would cost four times as much. They never write. A copy may be torn between words;
-//!    what belongs together is read under its handshake.
-//! 4. The first [`HEADER_SIZE`] bytes are the header page and cannot be reached by raw accesses, but for the words of the device's
-//!    front, [`Header::front`].
+//! 1. No code gets a `&T` of plain data. Only cells (see [`super::cell`]) cover the memory, and all accesses are
+//!   functions of [`super::access`], which allows different widths.
+//! 2. A register is written at its own width. The segment does not know the registers, so a user of the raw accesses
+//!   takes the width from the register map. To write a part of a register, use [`Segment::store_within`], which
+//!   replaces the whole register by compare-exchange.
+//! 3. Bulk copies and comparisons ([`Segment::read_range`], [`Segment::snapshot`], the access checker) load aligned
+//!   32-bit or 64-bit words for registers of any width. Each register is within one word, so none is torn; copying
+//!   megabytes field by field would cost four times as much. They never write. A copy may be torn between words;
+//!   related values are read under their handshake.
+//! 4. The first [`HEADER_SIZE`] bytes are the header page. Raw accesses cannot reach them, except for the words of the
+//!   device's front, [`Header::front`].
 
 #[cfg(feature = "emulator")]
 use super::Face;
@@ -30,7 +30,7 @@ use zerocopy::IntoBytes;
 /// The memory itself; unmapped when the last [`Segment`] or [`View`] is dropped.
 pub(super) struct Backing {
     base: NonNull<u8>,
-    /// Bytes that may be accessed, a multiple of 4 and [`HEADER_SIZE`] at least.
+    /// Number of accessible bytes, a multiple of 4 and at least [`HEADER_SIZE`].
     size: usize,
     writable: bool,
     _map: MmapRaw,
@@ -42,7 +42,7 @@ unsafe impl Send for Backing {}
 unsafe impl Sync for Backing {}
 
 impl Backing {
-    /// Takes over the first `size` bytes of a map, if it has them and the header page is in them.
+    /// Takes ownership of the first `size` bytes of a map, if the map is long enough and they contain the header page.
     fn new(map: MmapRaw, size: usize, writable: bool) -> Option<Self> {
         let size = size & !3;
         let base = NonNull::new(map.as_mut_ptr()).filter(|_| size >= HEADER_SIZE && map.len() >= size)?;
@@ -64,13 +64,13 @@ impl Backing {
 #[derive(Clone)]
 pub struct Segment {
     pub(super) backing: Arc<Backing>,
-    /// A header page apart, in which firmware reads what it is asked; usually it reads that in the page that programs write.
+    /// A separate page in which firmware reads requests; usually it reads them in the page that programs write.
     #[cfg(feature = "emulator")]
     pub(super) asked: Option<Arc<Backing>>,
 }
 
 impl Segment {
-    /// The memory of a device in this process alone, zeroed; its header page tells what the device consists of.
+    /// A zeroed segment for a device, private to this process; its header page describes the device.
     pub fn of(device: &'static Device) -> Segment {
         let segment = Segment::heap(device.segment_size());
         if let Ok(header) = segment.header() {
@@ -79,11 +79,11 @@ impl Segment {
         segment
     }
 
-    /// A zeroed segment of `size` bytes, of this process alone, the header page at least. Pages are allocated by the
-    /// kernel when first touched.
+    /// A zeroed segment of `size` bytes, at least the header page, private to this process. The kernel allocates pages
+    /// when they are first accessed.
     ///
-    /// An anonymous map instead of a `Vec`, because the allocator would clear page-aligned memory by
-    /// hand and so touch all of it. Out of address space is fatal, as it is for a `Vec`.
+    /// An anonymous map instead of a `Vec`, because the allocator would clear page-aligned memory by itself and so
+    /// touch all of it. Running out of address space is fatal, as for a `Vec`.
     pub(crate) fn heap(size: usize) -> Segment {
         let size = size.max(HEADER_SIZE).next_multiple_of(4);
         let map = MmapOptions::new().len(size).map_anon().ok();
@@ -93,7 +93,7 @@ impl Segment {
         }
     }
 
-    /// The segment in the first `size` bytes of a mapped file; `None` if the map is shorter, or that is less than the
+    /// The segment in the first `size` bytes of a mapped file; `None` if the map is shorter, or `size` is less than the
     /// header page.
     pub(super) fn mapped(map: MmapRaw, size: usize, writable: bool) -> Option<Segment> {
         Some(Self::from_backing(Arc::new(Backing::new(map, size, writable)?)))
@@ -104,9 +104,9 @@ impl Segment {
         self.backing.size
     }
 
-    /// Where the memory lies in this process, for programs in other languages that look at it themselves. It stays there
-    /// for as long as a handle on the segment lives. Accesses are those of [`super::cell`]: a register at its own width, and
-    /// nobody assumes that it keeps its value; a read-only segment is not written.
+    /// Address of the memory in this process, for programs in other languages that access it directly. It is valid as
+    /// long as a handle on the segment exists. Follow the rules of [`super::cell`]: access a register at its own width,
+    /// expect its value to change at any time, and do not write a read-only segment.
     #[must_use]
     pub fn base(&self) -> *const u8 {
         self.backing.base.as_ptr()
@@ -120,12 +120,12 @@ impl Segment {
         }
     }
 
-    /// Whether registers can be written through this handle.
+    /// True if this handle can write registers.
     pub fn is_writable(&self) -> bool {
         self.backing.writable
     }
 
-    /// A typed view of the registers that begin at `%MB3.offset`.
+    /// Returns a typed view of the registers that begin at `%MB3.offset`.
     ///
     /// # Errors
     /// Out of bounds, misaligned, or the segment is read-only: a view's cells can be stored to, so there
@@ -161,7 +161,7 @@ impl Segment {
         Ok(Face::new(shown, asked))
     }
 
-    /// The same memory for firmware that reads what it is asked in a page of its own, in which nothing is asked yet.
+    /// The same memory for firmware that reads requests in a separate page, which has no requests yet.
     #[cfg(feature = "emulator")]
     #[must_use]
     pub(crate) fn asked_apart(self) -> Segment {
@@ -169,7 +169,7 @@ impl Segment {
         Segment { asked: Some(page.backing), ..self }
     }
 
-    /// The beginning of the header page in words of 64 bits, for comparing it as a whole.
+    /// The beginning of the header page in 64-bit words, for comparing it as a whole.
     ///
     /// # Errors
     /// The segment is read-only, or the words reach beyond the header page.
@@ -183,8 +183,8 @@ impl Segment {
         View::new(Arc::clone(&self.backing), 0)
     }
 
-    /// A private copy of the registers that begin at `%MB3.offset`, as a block of cells that can be read
-    /// by name. It may be torn between registers.
+    /// Returns a private copy of the registers that begin at `%MB3.offset`, as a block of cells with named registers.
+    /// It may be torn between registers.
     ///
     /// # Errors
     /// Out of bounds or in the header page.
@@ -195,8 +195,8 @@ impl Segment {
         Ok(copy)
     }
 
-    /// A private copy of the header page. None of its fields is torn: it is loaded in 64-bit words, the
-    /// width of its widest fields.
+    /// Returns a private copy of the header page. No field is torn: the copy uses 64-bit words, the width of the widest
+    /// fields.
     pub fn header_snapshot(&self) -> Box<Header> {
         let mut copy = new_box::<Header>();
         for (i, chunk) in copy.as_mut_bytes().chunks_exact_mut(8).enumerate() {
@@ -274,10 +274,10 @@ impl Segment {
         }
     }
 
-    /// Loads the part of a register that lies at `%MB3.offset`, by one load of the whole register.
+    /// Loads the part of a register at `%MB3.offset`, by one load of the whole register.
     ///
     /// # Errors
-    /// As [`Segment::load`] for the register, or a part that does not lie within it.
+    /// As [`Segment::load`] for the register, or the part is not within it.
     pub fn load_within(
         &self,
         register_offset: u32,
@@ -289,11 +289,11 @@ impl Segment {
         Ok(self.load(register_offset, register_width)? >> shift & width.max_value())
     }
 
-    /// Writes the part of a register that lies at `%MB3.offset`, by compare-exchange of the whole
-    /// register: its other bytes keep what anybody else writes at the same time.
+    /// Writes the part of a register at `%MB3.offset`, by compare-exchange of the whole register: its other bytes keep
+    /// values that others write at the same time.
     ///
     /// # Errors
-    /// As [`Segment::store`] for the register, or a part that does not lie within it.
+    /// As [`Segment::store`] for the register, or the part is not within it.
     pub fn store_within(
         &self,
         register_offset: u32,
@@ -319,7 +319,7 @@ impl Segment {
         Ok(())
     }
 
-    /// The block lies in bounds (checked by the callers).
+    /// The callers have checked that the block is in bounds.
     pub(super) fn copy_bytes(&self, offset: usize, into: &mut [u8]) {
         let first_word = offset & !3;
         let skip = offset - first_word;
@@ -382,7 +382,7 @@ impl Segment {
         if !offset.is_multiple_of(width.bytes()) {
             return Err(MemoryError::Misaligned { address });
         }
-        // What is at the front are words of 32 bits.
+        // The front consists of 32-bit words.
         if start < HEADER_SIZE && !(width == Width::Dword && is_front(start, 4)) {
             return Err(MemoryError::InHeader { address });
         }
@@ -399,7 +399,7 @@ impl Segment {
     }
 }
 
-/// Whether all of these bytes are of [`Header::front`].
+/// True if all of these bytes are part of [`Header::front`].
 fn is_front(offset: usize, size: usize) -> bool {
     let first = core::mem::offset_of!(Header, front);
     first <= offset && offset - first + size <= size_of::<[Cell32; FRONT]>()
@@ -417,7 +417,7 @@ enum Register<'a> {
     Dword(&'a Cell32),
 }
 
-/// Zeroed cells of this process alone.
+/// Zeroed cells, private to this process.
 fn new_box<T: SharedRegs>() -> Box<T> {
     T::new_box_zeroed().unwrap_or_else(|_| std::alloc::handle_alloc_error(std::alloc::Layout::new::<T>()))
 }
@@ -429,7 +429,7 @@ fn fits(offset: u32, width: Width, value: u32) -> Result<(), MemoryError> {
     Ok(())
 }
 
-/// By how many bits the part is shifted inside its register.
+/// Number of bits by which the part is shifted inside its register.
 fn shift_within(
     register_offset: u32,
     register_width: Width,

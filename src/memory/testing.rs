@@ -1,4 +1,5 @@
-//! What the tests of images share: names of their own, clean-up, and an emulator that can be killed.
+//! Shared fixtures of the tests of images: unique names, clean-up, and an emulator that can be
+//! killed.
 
 use super::{ClockMode, Header, Image, ImageSpec, State, Width, header, image::tests::MARK, names};
 use crate::layout::{Area, Device, Port, Provenance, Retain, Role, Space, Unit};
@@ -81,7 +82,7 @@ pub(crate) const fn test_device() -> Device {
 }
 const CHILD: &str = "COMMRAM_TEST_EMULATOR";
 
-/// An instance name nobody else uses; whatever lies under it is removed in the end.
+/// A unique instance name; its files are removed at the end.
 pub(crate) struct Instance(String);
 
 impl Instance {
@@ -104,7 +105,7 @@ impl Instance {
         image
     }
 
-    /// Leaves what a killed emulator leaves, as changed by `damage`.
+    /// Creates the files of a killed emulator, as changed by `damage`.
     pub(crate) fn leave(&self, size: usize, damage: impl FnOnce(&Header)) {
         let mut header = Header::new_box_zeroed().unwrap();
         header.magic.store(header::MAGIC);
@@ -140,7 +141,7 @@ pub(crate) fn spec() -> ImageSpec {
     ImageSpec { device: &DEVICE, clock_mode: ClockMode::RealTime, speed: 1000, processor_cycle_us: 1_000 }
 }
 
-/// An emulator in a process of its own.
+/// An emulator in a separate process.
 pub(crate) struct Emulator(Child);
 
 impl Emulator {
@@ -162,7 +163,7 @@ impl Emulator {
         self.0.id()
     }
 
-    /// `kill -9`, and waits until it is gone.
+    /// Sends SIGKILL, and waits for the end of the process.
     pub(crate) fn kill(mut self) {
         self.0.kill().unwrap();
         self.0.wait().unwrap();
@@ -176,7 +177,7 @@ impl Drop for Emulator {
     }
 }
 
-/// Not a test of its own: the body of [`Emulator`]. Ends with its parent, whose pipe it reads.
+/// Not a real test: the body of [`Emulator`]. Ends with its parent, whose pipe it reads.
 #[test]
 fn emulator_process() {
     let Ok(instance) = std::env::var(CHILD) else { return };

@@ -6,8 +6,8 @@ use std::sync::Arc;
 
 /// A block of register cells in a segment, checked once for bounds and alignment.
 ///
-/// Dereferencing is one pointer load. The view keeps the memory mapped for as long as it lives, also
-/// after the [`Segment`] it came from is gone.
+/// Dereferencing is one pointer load. The view keeps the memory mapped for its own lifetime, even after
+/// the [`Segment`] it came from is dropped.
 pub struct View<T: SharedRegs> {
     cells: NonNull<T>,
     keep: Arc<Backing>,
@@ -19,7 +19,7 @@ unsafe impl<T: SharedRegs> Send for View<T> {}
 unsafe impl<T: SharedRegs> Sync for View<T> {}
 
 impl<T: SharedRegs> View<T> {
-    /// The view of `T` at `offset`. The caller has made sure that the backing is writable.
+    /// The view of `T` at `offset`. The caller has checked that the backing is writable.
     pub(super) fn new(keep: Arc<Backing>, offset: usize) -> Result<Self, MemoryError> {
         let (size, align) = (size_of::<T>(), align_of::<T>());
         if offset.checked_add(size).is_none_or(|end| end > keep.size()) {

@@ -1,4 +1,4 @@
-//! Accesses of any width: how they meet the registers, each of which has just one.
+//! Accesses of any width, applied to registers that each have exactly one width.
 
 use super::{MemoryError, Segment, Width};
 use crate::layout::{Device, DeviceFit, RegisterRef};
@@ -12,12 +12,12 @@ pub struct Unmapped {
 
 /// Register widths of a device, byte by byte.
 ///
-/// Rule of the shared memory: a byte is accessed at one width only, that of the register which is used there.
-/// Where the initialization structure overlays a cyclic one, both have the same width, except under registers
-/// that nobody uses in that area: `a_SL_TYP[12]` to `[31]` are the master's alone (manual 5.00005.03a
-/// p. 149-150, 174-175), so on node 1 an access to them is an access to a part of `a_WR_VALUE_RECEIVE`.
+/// Rule of the shared memory: a byte is accessed at one width only, the width of the register that is used there. Where
+/// the initialization structure overlays a cyclic one, both have the same width, except under registers that are unused
+/// in that area: only the master uses `a_SL_TYP[12]` to `[31]` (manual 5.00005.03a p. 149-150, 174-175), so on node 1
+/// an access to them is an access to a part of `a_WR_VALUE_RECEIVE`.
 ///
-/// An access from outside may be narrower or wider than the registers it meets; this map says how to split it.
+/// An access from outside may be narrower or wider than the registers at its address; this map splits it.
 pub struct RegisterWidths {
     device: &'static Device,
     areas: Vec<AreaWidths>,
@@ -44,17 +44,17 @@ struct Part {
 }
 
 impl RegisterWidths {
-    /// The widths of the device's registers, as it is fitted. Where what a port is decides and is not known, its area is
-    /// plain RAM.
+    /// The widths of the device's registers, with its options. An area is plain RAM if it depends on a port of unknown
+    /// kind.
     #[must_use]
     pub fn of(fitted: &DeviceFit) -> Self {
         let device = fitted.device();
         let areas = device.all_areas().map(|area| {
-            // Only as many bytes as have registers; option interfaces are large and empty.
+            // Only the bytes that have registers; option interfaces are large and empty.
             let described = fitted.placed(area).map(|placed| placed.structure.bytes).max().unwrap_or(0);
             let mut bytes = vec![0; described as usize];
             if device.is_front(area.first) {
-                // The header page has words there whether or not the device uses them.
+                // The header page has words there even if the device does not use them.
                 bytes = (0..area.bytes).map(|place| (4 | ((place % 4) << 4)) as u8).collect();
             }
             let decided = |found: &RegisterRef| found.placed.role.is_none() || found.role.is_some();
@@ -71,8 +71,8 @@ impl RegisterWidths {
         RegisterWidths { device, areas: areas.collect() }
     }
 
-    /// The area that holds all of `offset .. offset + len`; otherwise the first byte that has none. A PLC has as many
-    /// retain flags as its header page says.
+    /// The area that contains all of `offset .. offset + len`; otherwise the first byte outside all areas. The header
+    /// page gives the number of retain flags of a PLC.
     fn area(&self, segment: &Segment, offset: u32, len: u32) -> Result<&AreaWidths, Unmapped> {
         let area = self
             .areas
@@ -106,7 +106,7 @@ impl RegisterWidths {
         }))
     }
 
-    /// Reads `width` at `offset`, whatever the widths of the registers it meets.
+    /// Reads `width` at `offset`, for registers of any width.
     ///
     /// # Errors
     /// No register area covers the access.
@@ -119,7 +119,7 @@ impl RegisterWidths {
         Ok(value)
     }
 
-    /// Writes `width` at `offset`; of registers that it covers in part, the rest stays.
+    /// Writes `width` at `offset`; registers that are covered in part keep their other bytes.
     ///
     /// # Errors
     /// No register area covers the access.
@@ -131,7 +131,7 @@ impl RegisterWidths {
         Ok(())
     }
 
-    /// Writes `new` if `current` is there; the inner result is what was there, `Ok` if written.
+    /// Writes `new` if the memory holds `current`; the inner result is the old value, `Ok` if written.
     ///
     /// # Errors
     /// No register area covers the access.
@@ -149,8 +149,8 @@ impl RegisterWidths {
         if parts.next().is_none() {
             return exchange_part(segment, first, current, new).map_err(|_| missing);
         }
-        // Several registers cannot be exchanged in one go. The firmware does not run meanwhile, but a
-        // mapped client may write between the look and the write, as on the device.
+        // Several registers cannot be exchanged in one step. The firmware does not run meanwhile, but a mapped client
+        // may write between the load and the store, as on the device.
         let seen = self.load(segment, offset, width)?;
         if seen != current {
             return Ok(Err(seen));
@@ -159,8 +159,8 @@ impl RegisterWidths {
         Ok(Ok(seen))
     }
 
-    /// The registers that `len` bytes from `offset` on meet, each as offset and width, in ascending order. Plain RAM
-    /// counts as doublewords, or as one place if the whole range is one.
+    /// The registers that `len` bytes from `offset` on touch, each as offset and width, in ascending order. Plain RAM
+    /// counts as doublewords, or as one item if the whole range is one.
     ///
     /// # Errors
     /// No register area covers one of the bytes.
@@ -195,7 +195,7 @@ impl RegisterWidths {
 }
 
 impl AreaWidths {
-    /// Offset and width of the register that the byte is in; `None` in plain RAM.
+    /// Offset and width of the register that contains the byte; `None` in plain RAM.
     fn register(&self, at: u32) -> Option<(u32, Width)> {
         let byte = self.bytes.get((at - self.first) as usize).copied().unwrap_or(0);
         Some((at - u32::from(byte >> 4), Width::of_bytes(u32::from(byte & 0x0F))?))
@@ -207,13 +207,13 @@ impl AreaWidths {
                 let bytes = (first + width.bytes() - at).min(end - at);
                 Part { offset: at, bytes, register: (first, width) }
             }
-            // Plain RAM has no registers: the access's own width is the right one.
+            // Plain RAM has no registers, so the width of the access applies.
             None => Part { offset: at, bytes: end - at, register: (offset, width) },
         }
     }
 }
 
-/// How many retain flags a PLC has, in bytes.
+/// Size of the PLC's retain flags, in bytes.
 fn retain_bytes(segment: &Segment) -> u32 {
     segment.header().map_or(0, |header| header.retain_size.load())
 }
@@ -303,7 +303,7 @@ mod tests {
         assert_eq!(parts(200_012, Width::Word).len(), 2, "two byte registers");
     }
 
-    /// The slave types are the master's alone: on node 1 they are parts of the reference values under them.
+    /// Only the master uses the slave types: on node 1 they are parts of the reference values under them.
     #[test]
     fn where_nobody_uses_a_register_the_one_under_it_says_the_width() {
         let slave = DEVICE.register("node1.a_SL_TYP[13]").unwrap().offset();
@@ -320,7 +320,7 @@ mod tests {
         assert_eq!(parts(1_000_004, Width::Dword), [part]);
     }
 
-    /// A byte of a word register, and a word across two of them: the other bits stay.
+    /// A byte of a word register, and a word across two of them: the other bits are unchanged.
     #[test]
     fn parts_of_registers_are_written_and_compared_alone() {
         let (map, segment) = (RegisterWidths::of(&DeviceFit::unknown(&DEVICE)), Segment::of(&DEVICE));

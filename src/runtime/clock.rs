@@ -1,4 +1,4 @@
-//! Where emulated time comes from.
+//! Sources of emulated time.
 
 use crate::memory::ClockMode;
 use rustix::time::{ClockId, clock_gettime};
@@ -7,9 +7,9 @@ use std::time::{Duration, Instant};
 /// The clock of an emulator.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Clock {
-    /// Time passes only when a client asks for it.
+    /// The clock advances only on request of a client.
     Stepped,
-    /// Time passes with the wall clock, `speed` emulated microseconds for each real one.
+    /// The clock follows the wall clock: `speed` emulated microseconds for each real one.
     RealTime {
         /// 1.0 is real time; at most [`Clock::FASTEST`], at least [`Clock::SLOWEST`].
         speed: f64,
@@ -22,7 +22,7 @@ impl Clock {
     /// Smallest speed factor.
     pub const SLOWEST: f64 = 0.001;
 
-    /// What the header page says about this clock.
+    /// Mode of this clock in the header page.
     pub fn mode(self) -> ClockMode {
         if self.is_stepped() { ClockMode::Stepped } else { ClockMode::RealTime }
     }
@@ -35,17 +35,17 @@ impl Clock {
         }
     }
 
-    /// Whether time passes only on request.
+    /// True if the clock advances only on request.
     pub fn is_stepped(self) -> bool {
         self == Clock::Stepped
     }
 }
 
-/// A running wall clock that is read in emulated microseconds.
+/// A running wall clock, read in emulated microseconds.
 #[derive(Debug)]
 pub(super) struct WallClock {
     started: Instant,
-    /// The same on `CLOCK_MONOTONIC`, in ns.
+    /// `CLOCK_MONOTONIC` at emulated time 0, in ns.
     epoch_ns: u64,
     speed: f64,
 }
@@ -73,7 +73,7 @@ impl WallClock {
         }
     }
 
-    /// How long it really takes until emulated time `time`; zero if that is past.
+    /// Real time until the emulated time reaches `time`; zero if it is past.
     pub(super) fn until(&self, time: u64) -> Duration {
         let real = if self.speed == 1.0 {
             Duration::from_micros(time)

@@ -1,4 +1,4 @@
-//! An emulator whose plant is coupled with other simulators: the exchanges are in its federate's turns.
+//! An emulator that is coupled with other simulators: exchanges happen in the turns of its federate.
 
 use super::emulator::Emulator;
 use crate::coupling::{Coupling, Progress};
@@ -6,23 +6,24 @@ use crate::federation::FederationError;
 use std::sync::atomic::Ordering;
 
 impl Emulator {
-    /// Exchanges values with other simulators from now on; this federate has [joined](Emulator::join) with the coupling's period.
+    /// Exchanges values with other simulators from now on. This federate must have [joined](Emulator::join) with the
+    /// period of the coupling.
     pub fn couple(&mut self, coupling: Coupling) {
         self.membership.coupling = Some(coupling);
     }
 
-    /// Whether something may enter the plant here now.
+    /// True if input may enter the plant here now.
     pub(super) fn may_act_now(&self) -> bool {
         self.membership.may_act(self.plant.now())
     }
 
-    /// The exchange with other simulators, if one is due and this federate has its turn; `true` if there was one. When the
-    /// others have gone, the emulator is to end.
+    /// Runs the exchange with other simulators if it is due and this federate has its turn; returns true if it did.
+    /// When the others have left, it stops the emulator.
     pub(super) fn exchange(&mut self) -> Result<bool, FederationError> {
         if !self.membership.has_turn() {
             return Ok(false);
         }
-        // Taken out for the call, which does what a client would have asked for.
+        // Taken out for the call, because the exchange executes operations on the emulator.
         let Some(mut coupling) = self.membership.coupling.take() else { return Ok(false) };
         let progress = coupling.take(self);
         let was_one = matches!(progress, Ok(Progress::Taken(_)));

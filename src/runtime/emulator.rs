@@ -1,4 +1,4 @@
-//! An emulator from its start to its end; what it does in between is in [`rounds`].
+//! Start and end of an emulator; [`rounds`] contains the main loop.
 
 #[cfg(feature = "channel")]
 mod channel;
@@ -26,18 +26,18 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
-/// How an emulator is run.
+/// Settings of an emulator.
 #[derive(Clone, Debug)]
 pub struct Options {
     /// Name of the instance.
     pub instance: String,
     /// Its clock.
     pub clock: Clock,
-    /// Poll instead of sleeping: answers clients that only store, at the price of a processor core.
+    /// Poll instead of sleeping: the emulator also answers stores without a ring, and uses a full processor core.
     pub busy: bool,
-    /// Directory that keeps the NOVRAM of the PLCs; none: it is forgotten at the end.
+    /// Directory for the NOVRAM of the PLCs; `None`: NOVRAM is lost at the end.
     pub novram: Option<PathBuf>,
-    /// It will share its plant with others, by [`Emulator::join`].
+    /// The emulator will share its plant with others, by [`Emulator::join`].
     pub is_federate: bool,
 }
 
@@ -55,7 +55,7 @@ impl StopHandle {
         self.wake();
     }
 
-    /// Wakes it up to look.
+    /// Wakes the emulator.
     pub(super) fn wake(&self) {
         self.header.doorbell.ring();
     }
@@ -69,44 +69,45 @@ pub struct Emulator {
     pub(super) stop: Arc<AtomicBool>,
     pub(super) lockstep: Lockstep,
     pub(super) guests: Guests,
-    /// Since when guests have their turns, if any have.
+    /// Start of the present turns of guests, if there are any.
     pub(super) turn_since: Option<Instant>,
-    /// Where the way leads on which emulated time stands for others to be heard.
+    /// Target of a step that is paused so that other clients can be served.
     pub(super) under_way: Option<u64>,
-    /// Before the images: it must have written everything before another emulator can have them.
+    /// Declared before the images: it must write everything before another emulator can have them.
     novram: Keeper,
-    /// Before the images: it looks at their files.
+    /// Declared before the images: it checks their files.
     watch: Watch,
     images: Vec<Image>,
-    /// Rings of each PLC's doorbell as last noted.
+    /// Last seen number of rings of each PLC's doorbell.
     rings: Vec<u32>,
-    /// When the channel was first asked in this round whether it is to pause.
+    /// Time of the first `should_pause` call of the channel in this round.
     pub(super) slice: Cell<Option<Instant>>,
     #[cfg(feature = "channel")]
     pub(super) membership: super::federated::Membership,
-    /// Before the server, on whose node it is.
+    /// Declared before the server, because it uses the server's node.
     #[cfg(feature = "channel")]
     events: Option<crate::channel::EventNotifier>,
     #[cfg(feature = "channel")]
-    /// In a box, because it is taken out in every round.
+    /// In a box, because every round moves it out and back.
     server: Option<Box<crate::channel::Server>>,
     #[cfg(feature = "channel")]
     channel_watch: Option<crate::channel::ChannelWatch>,
-    /// Behind the images and the server: nobody else may be this instance before they are gone.
+    /// Declared after the images and the server: no other process may be this instance before they are dropped.
     _lock: InstanceLock,
 }
 
 impl Emulator {
-    /// Creates the image files and powers the plant on. If the channel cannot be had, the emulator runs
-    /// without it and says so in the log; mapped clients do not need it.
+    /// Creates the image files and powers the plant on. If the channel cannot be opened, the emulator runs without it
+    /// and logs the reason; mapped clients do not need it.
     ///
     /// # Errors
-    /// [`RuntimeError`]: another emulator has the instance, a file is in the way, the plant is refused.
+    /// [`RuntimeError`]: another emulator has the instance, a file cannot be replaced, or the plant is refused.
     pub fn start(config: &PlantConfig, options: Options) -> Result<Self, RuntimeError> {
         Self::start_from(config, options, None)
     }
 
-    /// As [`Emulator::start`], at a snapshot of this plant if there is one. What it says of NOVRAM counts, whatever a file has.
+    /// As [`Emulator::start`], from a snapshot of this plant if there is one. Its NOVRAM replaces the content of the
+    /// files.
     ///
     /// # Errors
     /// As [`Emulator::start`], or the snapshot is refused.
@@ -140,7 +141,8 @@ impl Emulator {
             let segment = if options.is_federate { segment.asked_apart() } else { segment };
             images.push(image);
             if let (Some(path), Some(of)) = (&options.novram, config.device(plc)) {
-                // After the first image: who starts an instance twice is told so, not that the directory is in use.
+                // After the first image: starting an instance twice then reports the running instance, not the
+                // directory in use.
                 let directory = match &mut directory {
                     Some(directory) => directory,
                     none => none.insert(Directory::open(path)?),
@@ -172,7 +174,7 @@ impl Emulator {
         let bell = images[0].header().clone();
         let guests = Guests::new(config, move || bell.doorbell.ring())?;
         let stop = StopHandle { stop: Arc::default(), header: images[0].header().clone() };
-        // Behind the event services, whose memory is to be watched as well.
+        // After the event services: the watch includes their memory.
         #[cfg(feature = "channel")]
         let channel_watch = server.as_ref().map(|server| server.watch());
         let watch = Watch::start(
@@ -213,19 +215,19 @@ impl Emulator {
         &self.images
     }
 
-    /// The doors that are open, each with the name of its bus.
+    /// The open doors, each with the name of its bus.
     pub fn doors(&self) -> Vec<(&str, DoorSpec)> {
         let media = self.plant.media().iter().enumerate();
         let of_bus = |bus: usize| self.guests.open_doors(bus as u16).into_iter();
         media.flat_map(|(bus, medium)| of_bus(bus).map(|door| (medium.name(), door.door))).collect()
     }
 
-    /// Keeps so many bytes of snapshots of the way, with a stepped clock; 0: none.
+    /// Limits the memory for snapshots of the past, in bytes, with a stepped clock; 0: no snapshots.
     pub fn keep_states(&mut self, bytes: usize) {
         self.travel = Travel::new(bytes);
     }
 
-    /// Lets so many cores work at the plant.
+    /// Sets the number of cores that run the plant.
     pub fn set_cores(&mut self, count: NonZero<usize>) {
         self.plant.set_cores(count);
     }
@@ -235,7 +237,8 @@ impl Emulator {
         &self.plant
     }
 
-    /// Keeps every change from now on of the registers that `len` bytes from `offset` on of PLC `plc` meet, in the journal.
+    /// Records in the journal every later change of the registers that the `len` bytes from `offset` on of PLC `plc`
+    /// touch.
     ///
     /// # Errors
     /// As [`Plant::follow_registers`].
@@ -243,29 +246,29 @@ impl Emulator {
         self.plant.follow_registers(plc.into(), offset, len, Keep::InJournal)
     }
 
-    /// A handle to end the emulator with.
+    /// Returns a handle that ends the emulator.
     pub fn stop_handle(&self) -> StopHandle {
         StopHandle { stop: Arc::clone(&self.stop), header: self.header().clone() }
     }
 
-    /// The header page that speaks for the whole instance: that of the first PLC.
+    /// The header page for the whole instance: that of the first PLC.
     pub(super) fn header(&self) -> &View<Header> {
         // `Plant::new` refuses a plant without a PLC.
         self.images[0].header()
     }
 
-    /// Another process that can write to registers, for people.
+    /// Description of another process that can write to registers.
     pub(super) fn mapped_client(&self) -> Option<String> {
         let writer = self.images.iter().find_map(|image| image.writers().into_iter().next())?;
         Some(format!("{writer}, which has mapped the registers,"))
     }
 
-    /// Whether the emulator was asked to end.
+    /// True if the emulator must end.
     pub(super) fn is_stopping(&self) -> bool {
         self.stop.load(Ordering::Acquire) || self.shortened().is_some()
     }
 
-    /// The first image that somebody has shortened.
+    /// The first image that another process has shortened.
     fn shortened(&self) -> Option<&Image> {
         self.images.iter().find(|image| image.was_shortened())
     }
@@ -273,8 +276,8 @@ impl Emulator {
     /// Runs until asked to end.
     ///
     /// # Errors
-    /// [`RuntimeError::Federation`]: another federate, or the way there, has failed.
-    /// [`RuntimeError::Novram`]: what has changed in NOVRAM could not be written; everything else ended in good order.
+    /// [`RuntimeError::Federation`]: another federate or the connection has failed. [`RuntimeError::Novram`]: changes
+    /// in NOVRAM could not be written; everything else ended normally.
     pub fn run(&mut self) -> Result<(), RuntimeError> {
         let outcome = match self.options.clock {
             #[cfg(feature = "channel")]
@@ -284,7 +287,7 @@ impl Emulator {
                 Ok(())
             }
             Clock::RealTime { speed } => {
-                // The default of 50 us would make each SYNC edge that much later. Without it, it is later.
+                // The default slack of 50 us would delay each SYNC edge by that time. Without it, the delay is shorter.
                 let _ = rustix::thread::set_current_timer_slack(core::num::NonZeroU64::new(1));
                 let clock = WallClock::start(speed);
                 let epoch = clock.epoch_ns();
@@ -294,7 +297,7 @@ impl Emulator {
             }
         };
         self.images.iter().for_each(Image::set_stopping);
-        // Ahead of the channel: a program that has damaged that one can get us killed when we leave it.
+        // Before closing the channel: if a program has damaged its memory, closing it can kill this process.
         let saved = self.close_novram();
         if saved.is_err() && self.options.novram.is_some() {
             self.images.iter_mut().for_each(Image::set_unsaved);
@@ -303,13 +306,13 @@ impl Emulator {
         outcome.and(saved)
     }
 
-    /// Writes NOVRAM a last time, unless registers were lost.
+    /// Writes NOVRAM for the last time, unless registers were lost.
     fn close_novram(&mut self) -> Result<(), RuntimeError> {
         let lost = |emulator: &Self| {
             let path = emulator.shortened().map(|image| image.path().to_owned());
             path.map_or(Ok(()), |path| Err(RuntimeError::Shortened { path }))
         };
-        // Perhaps nobody has touched the part that is missing.
+        // The missing part of a shortened image may not have been accessed yet.
         for image in &self.images {
             let _ = image.watch().look();
         }
@@ -317,11 +320,11 @@ impl Emulator {
         self.plant.keep_novram();
         self.save_novram(true);
         self.novram.close()?;
-        // Perhaps it went missing meanwhile.
+        // An image may have been shortened meanwhile.
         lost(self)
     }
 
-    /// Writes NOVRAM that has changed.
+    /// Writes changed NOVRAM.
     fn save_novram(&mut self, last: bool) {
         let (devices, images) = (self.plant.devices(), &self.images);
         let is_lost = |plc: usize| images.get(plc).is_some_and(Image::was_shortened);
@@ -330,7 +333,7 @@ impl Emulator {
     }
 }
 
-/// Without the channel there is nobody to serve.
+/// Without the channel there are no requests and no listeners.
 #[cfg(not(feature = "channel"))]
 impl Emulator {
     fn serve_channel(&mut self) -> bool {
@@ -350,7 +353,7 @@ impl Emulator {
     fn close_channel(&mut self) {}
 }
 
-/// Takes the instance, and removes the images of PLCs that a killed emulator had and this one has not.
+/// Takes the instance, and removes leftover images of a killed emulator for PLCs that this one does not have.
 fn take_instance(config: &PlantConfig, instance: &str) -> Result<InstanceLock, MemoryError> {
     let lock = InstanceLock::take(instance)?;
     match lock.remove_dead(|plc| config.devices.iter().any(|own| own.name() == plc)) {

@@ -1,4 +1,4 @@
-//! Why an emulator cannot run.
+//! Errors that prevent or end an emulator.
 
 use super::clock::Clock;
 use super::novram::NovramError;
@@ -8,10 +8,10 @@ use crate::plant::{PlantError, SnapshotError};
 use std::path::PathBuf;
 use thiserror::Error;
 
-/// Why an emulator cannot run.
+/// Error that prevents or ends an emulator.
 #[derive(Debug, Error)]
 pub enum RuntimeError {
-    /// Image file trouble.
+    /// An image file cannot be used.
     #[error(transparent)]
     Memory(#[from] MemoryError),
     /// The plant is refused.
@@ -23,14 +23,14 @@ pub enum RuntimeError {
     /// The snapshot to start from is refused.
     #[error(transparent)]
     Snapshot(#[from] SnapshotError),
-    /// It cannot share its plant with others, or no longer.
+    /// The emulator cannot share its plant with others, or no longer can.
     #[cfg(feature = "channel")]
     #[error(transparent)]
     Federation(#[from] crate::federation::FederationError),
-    /// A door does not open.
+    /// A door cannot be opened.
     #[error(transparent)]
     Door(#[from] DoorError),
-    /// Somebody has shortened an image while it was in use.
+    /// Another process has shortened an image in use.
     #[error("{}: another program has shortened it while it was in use, so the registers are lost; nothing of them was \
              written to NOVRAM, start again", .path.display())]
     Shortened {
@@ -40,20 +40,20 @@ pub enum RuntimeError {
     /// No thread can be started.
     #[error("cannot start a thread: {reason}{}", limits::named(.reason))]
     Thread {
-        /// Why not.
+        /// The reason.
         reason: std::io::Error,
     },
-    /// More PLCs than this process may have files for.
+    /// The process may not open enough files for its PLCs.
     #[error(
         "an emulator with {plcs} PLC{} has {needed} open files, and this process may have {most}: raise that limit \
          (`ulimit -Hn {needed}` as root)", if *.plcs == 1 { "" } else { "s" }
     )]
     OpenFiles {
-        /// How many PLCs.
+        /// Number of PLCs.
         plcs: usize,
-        /// Files that they need.
+        /// Number of files that they need.
         needed: u64,
-        /// Files that there may be.
+        /// Largest number of open files.
         most: u64,
     },
     /// A speed factor out of range.

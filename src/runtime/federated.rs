@@ -1,7 +1,7 @@
 //! An emulator that shares its plant with others: a stepped clock that waits for all of them.
 //!
-//! What enters from here does so in this federate's turn: requests of clients, stores of programs that have mapped an image,
-//! tasks in lockstep. A turn ends when somebody here wants time to pass, or at once if this federate only follows.
+//! Input enters here only in this federate's turn: requests of clients, stores of programs that map an image, tasks in
+//! lockstep. A turn ends when a client here asks to advance the clock, or immediately if this federate only follows.
 
 use super::emulator::{Emulator, LONGEST_SLEEP};
 use super::error::RuntimeError;
@@ -13,29 +13,29 @@ use crate::plant::Plant;
 use crate::request::Travel;
 use std::sync::atomic::Ordering;
 
-/// What became of a turn.
+/// Result of a turn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Had {
-    /// A task goes on.
+    /// A task is still running.
     GoesOn,
-    /// It has ended.
+    /// The turn has ended.
     Ended,
-    /// The time that was asked for has come.
+    /// The clock has reached the requested time.
     Arrived,
 }
 
-/// This emulator among the others.
+/// The membership of this emulator in a federation.
 #[derive(Default)]
 pub(super) struct Membership {
     pub(super) federation: Option<Federation>,
-    /// Other simulators that this federate gives values to, and takes values from.
+    /// Exchange of values with other simulators.
     pub(super) coupling: Option<Coupling>,
-    /// What has gone wrong where nobody could be told.
+    /// An error to be reported later, from a place that could not return it.
     error: Option<FederationError>,
 }
 
 impl Membership {
-    /// Whether something may enter the plant here at this emulated time. What other simulators give comes first.
+    /// True if input may enter the plant here at this emulated time. The exchange with other simulators comes first.
     pub(super) fn may_act(&self, now: u64) -> bool {
         self.has_turn() && !self.is_exchange_due(now)
     }
@@ -48,13 +48,13 @@ impl Membership {
         self.coupling.as_ref().is_some_and(|coupling| coupling.is_due(now))
     }
 
-    /// For whom the time waits, for people.
+    /// Description of the participant that the clock waits for.
     pub(super) fn waits_for(&self, now: u64) -> Option<String> {
         let others = self.federation.as_ref()?.waits_for();
         others.or_else(|| self.is_exchange_due(now).then(|| "the other simulators".to_owned()))
     }
 
-    /// When what comes from other simulators may change registers next.
+    /// Time of the next exchange with other simulators, which may change registers.
     pub(super) fn next_exchange(&self, now: u64) -> u64 {
         self.federation.as_ref().map_or(u64::MAX, |federation| federation.next_exchange(now))
     }
@@ -71,22 +71,21 @@ impl Witness for Federation {
 }
 
 impl Emulator {
-    /// Shares the plant with other emulators from now on. The clock must be stepped, [`is_federate`](super::Options::is_federate)
-    /// set, and nothing may have happened yet.
+    /// Shares the plant with other emulators from now on. The clock must be stepped,
+    /// [`is_federate`](super::Options::is_federate) must be set, and nothing may have happened yet.
     ///
-    /// # Errors
-    /// The emulator is not one that shares its plant, or the others cannot be told.
+    /// # Errors The emulator was not started to share its plant, or the message to the others cannot be sent.
     pub fn join(&mut self, part: Part, exchange: Box<dyn Exchange>) -> Result<(), RuntimeError> {
         if !self.options.is_federate {
             return Err(FederationError::Unprepared.into());
         }
-        // Nobody goes back alone.
+        // A federate cannot go back without the others.
         self.travel = Travel::new(0);
         self.membership.federation = Some(Federation::join(part, &self.plant, exchange)?);
         Ok(())
     }
 
-    /// Wakes the emulator up to look for messages, from any thread.
+    /// Returns a function that makes the emulator check for messages, for any thread.
     pub fn waker(&self) -> impl Fn() + Send + Sync + use<> {
         let handle = self.stop_handle();
         move || handle.wake()
@@ -130,7 +129,7 @@ impl Emulator {
                 goes_on = self.have_turn(None) == Had::GoesOn;
                 has_ended = !goes_on;
             }
-            // Then the others are to be listened to; it is the next turn of who is alone.
+            // Then the messages of the others come first; a federate that is alone has the next turn, too.
             has_ended |= had_turn && !self.may_act_now();
             outcome = news.map(drop).and_then(|()| self.membership.error.take().map_or(Ok(()), Err));
             if !has_news && !served && !has_ended && !goes_on && outcome.is_ok() {
@@ -147,14 +146,14 @@ impl Emulator {
     }
 
     fn look_for_news(&mut self) -> Result<News, FederationError> {
-        // Taken out for the call: what enters elsewhere is not told again.
+        // Taken out for the call: input from other federates is not sent to them again.
         let Some(mut federation) = self.membership.federation.take() else { return Ok(News::Nothing) };
         let news = federation.look(self);
         self.membership.federation = Some(federation);
         news
     }
 
-    /// In this federate's turn: boards answer, and tasks get seats, without any time to pass.
+    /// In this federate's turn: boards answer and tasks get seats, without advancing the clock.
     pub(super) fn look_around(&mut self) {
         if !self.may_act_now() {
             return;
@@ -167,7 +166,7 @@ impl Emulator {
         }
     }
 
-    /// Lets those here have this federate's turn who take part in lockstep, and ends it with the wish to go to `target`.
+    /// Gives this federate's turn to its participants in lockstep, and ends it with the request to reach `target`.
     fn have_turn(&mut self, target: Option<u64>) -> Had {
         let Emulator { plant, lockstep, membership, stop, .. } = self;
         let Some(federation) = &mut membership.federation else { return Had::GoesOn };
@@ -186,7 +185,7 @@ impl Emulator {
         Had::Ended
     }
 
-    /// As [`Host::advance_to`](crate::request::Host::advance_to): `true` when the time has come.
+    /// As [`Host::advance_to`](crate::request::Host::advance_to): returns true when the clock has reached `target`.
     pub(super) fn ask_for(&mut self, target: u64) -> bool {
         self.may_act_now() && self.have_turn(Some(target)) == Had::Arrived
     }

@@ -1,7 +1,7 @@
-//! Brings guests into the plant: what they send enters it, and what the journal tells of frames they hear.
+//! Connects guests with the plant: the frames that they send, and the frames of the journal that they receive.
 //!
-//! In real time that happens after every firmware step. With a stepped clock frames enter at the beginning of a step, and
-//! what guests hear is told at its end, unless one of them has a seat in lockstep: see [`super::turns`].
+//! In real time this happens after every firmware step. With a stepped clock, frames enter at the beginning of a step
+//! and guests receive frames at its end, unless a guest has a seat in lockstep: see [`super::turns`].
 
 use crate::devices::{Attendance, GuestRefusal};
 use crate::door::{BusMessage, DoorError, DoorState, Doors, Guest, Rate, Seat, Wish};
@@ -9,37 +9,37 @@ use crate::journal::Source;
 use crate::plant::{Plant, PlantConfig};
 use std::sync::Arc;
 
-/// The doors of an instance, and who has come in.
+/// The doors of an instance, and the guests at them.
 pub(super) struct Guests {
     doors: Doors,
     present: Vec<Present>,
-    /// The first record of the journal that guests have not been told of.
+    /// First record of the journal that was not sent to guests yet.
     next: u64,
 }
 
-/// A guest that the plant may know.
+/// A connected guest; the plant may know it.
 struct Present {
     guest: Arc<Guest>,
     wish: Wish,
-    /// How many frames it had to send when it was looked at; what comes later waits for the next look.
+    /// Number of frames to send at the last check; later frames wait for the next check.
     waiting: usize,
-    /// Whether the rate it has named is that of the bus.
+    /// True if the guest's bit rate is that of the bus, or it has set none.
     fits: bool,
-    /// It takes part.
+    /// The guest takes part in the bus.
     is_in: bool,
-    /// With a stepped clock, emulated time waits for it.
+    /// With a stepped clock, the emulated time waits for this guest.
     has_seat: bool,
-    /// The rates of guest and bus, in bit/s, about which there is a finding.
+    /// The bit rates of guest and bus, in bit/s, that a finding has reported as different.
     deaf: Option<(Rate, u32)>,
-    /// There is a finding about what it has said.
+    /// A finding has reported an invalid message of this guest.
     is_nonsense: bool,
 }
 
 impl Guests {
-    /// Opens the doors of the plant. `ring` wakes the emulator up, from another thread.
+    /// Opens the doors of the plant. `ring` wakes the emulator from another thread.
     ///
     /// # Errors
-    /// One does not open.
+    /// A door cannot be opened.
     pub(super) fn new(
         config: &PlantConfig,
         ring: impl Fn() + Send + Sync + 'static,
@@ -58,7 +58,7 @@ impl Guests {
         &mut self.doors
     }
 
-    /// The doors as they are.
+    /// The doors, for reading.
     pub(super) fn doors_seen(&self) -> &Doors {
         &self.doors
     }
@@ -68,7 +68,7 @@ impl Guests {
         self.doors.of_bus(bus)
     }
 
-    /// Whether anybody is at a door.
+    /// True if a guest is connected.
     pub(super) fn are_present(&self) -> bool {
         !self.present.is_empty()
     }
@@ -78,7 +78,7 @@ impl Guests {
         self.doors.is_empty() && self.present.is_empty()
     }
 
-    /// Learns what guests want. Who has named another rate than its bus has is deaf, which is a finding.
+    /// Reads the wishes of the guests. A guest with another bit rate than its bus receives nothing, which is a finding.
     pub(super) fn look(&mut self, plant: &mut Plant) {
         if self.is_empty() {
             return;
@@ -88,7 +88,7 @@ impl Guests {
                 self.present.push(Present::new(Arc::clone(guest)));
             }
         }
-        // What happens at one moment does so in this order, whoever came first.
+        // Events of one moment happen in this order, independent of the order of arrival.
         self.present.sort_by_key(|it| (it.guest.bus, it.guest.number));
         let was_heard = self.present.iter().any(Present::hears);
         learn_all(&mut self.present, |_| true, plant);
@@ -98,8 +98,8 @@ impl Guests {
         }
     }
 
-    /// Lets guests in and out and what they send into the plant. Those with a seat get one, and emulated time begins to pass for
-    /// all who have asked for it.
+    /// Connects and disconnects guests and passes their frames to the plant. Guests that asked for a seat get one, and
+    /// the clock starts to advance for all that have asked for time.
     pub(super) fn enter(&mut self, plant: &mut Plant, is_stepped: bool) {
         if self.is_empty() {
             return;
@@ -108,13 +108,13 @@ impl Guests {
         self.bring_in(plant, is_stepped);
     }
 
-    /// Does what guests wanted at the last look.
+    /// Executes the wishes of the last check.
     fn bring_in(&mut self, plant: &mut Plant, is_stepped: bool) {
         bring_in_all(&mut self.present, |_| true, plant, is_stepped);
         self.forget_the_gone();
     }
 
-    /// Forgets guests that have left, whom the plant does not know and from whom nothing is to enter it.
+    /// Forgets guests that have left, once the plant does not know them and no frame of theirs is left.
     fn forget_the_gone(&mut self) {
         let is_over =
             |it: &mut Present| it.wish.has_gone && !it.is_in && !it.has_seat && it.guest.waiting() == 0;
@@ -123,26 +123,26 @@ impl Guests {
         }
     }
 
-    /// The same during a step, for those only that have a seat.
+    /// The same during a step, only for guests with a seat.
     pub(super) fn enter_seated(&mut self, plant: &mut Plant) {
         learn_all(&mut self.present, |it| it.has_seat, plant);
         bring_in_all(&mut self.present, |it| it.has_seat, plant, true);
     }
 
-    /// A guest that takes part, for people.
+    /// Description of a guest that takes part.
     pub(super) fn present_one(&self, plant: &Plant) -> Option<String> {
-        // Those that have gone are forgotten only when time passes.
+        // Guests that have left are forgotten only when the clock advances.
         let is_here = |it: &&Present| (it.is_in || it.has_seat) && !it.guest.wish().has_gone;
         self.present.iter().find(is_here).map(|it| it.label(plant))
     }
 
-    /// For whom the time waits, for people.
+    /// Description of the guest that the clock waits for.
     pub(super) fn waits_for(&self, plant: &Plant) -> Option<String> {
         self.present.iter().find(|it| it.has_turn()).map(|it| it.label(plant))
     }
 
-    /// The plant has gone to another moment, at which others took part than are here: those who are here come in again, and what
-    /// the journal told before is no news.
+    /// Call after the plant has moved to another moment, with other guests: connects the present guests again, and
+    /// skips the earlier part of the journal.
     pub(super) fn come_again(&mut self, plant: &mut Plant) {
         for (bus, guest) in plant.guests() {
             if !self.present.iter().any(|it| it.is_in && (it.guest.bus, it.guest.number) == (bus, guest)) {
@@ -156,31 +156,31 @@ impl Guests {
         self.next = plant.journal().end();
     }
 
-    /// Whether emulated time waits for anybody.
+    /// True if the emulated time waits for a guest.
     #[inline]
     pub(super) fn have_seats(&self) -> bool {
         self.present.iter().any(|it| it.has_seat)
     }
 
-    /// When the first turn of those that have asked for time is due; `u64::MAX` if none is.
+    /// Time of the first requested turn; `u64::MAX` if there is none.
     pub(super) fn next_turn(&self) -> u64 {
         self.present.iter().map(|it| it.guest.seat().next_turn()).fold(u64::MAX, u64::min)
     }
 
-    /// Gives a turn to all who are due at `now`.
+    /// Gives a turn to all guests for which `now` is the requested time.
     pub(super) fn grant(&mut self, now: u64) {
-        // Each of them, not only the first one.
+        // `count` visits all guests; `any` would stop at the first.
         if self.present.iter().filter(|it| it.guest.grant(now)).count() > 0 {
             self.doors.announce();
         }
     }
 
-    /// Whether anybody has a turn that emulated time waits for.
+    /// True if the clock waits for the turn of a guest.
     pub(super) fn have_turns(&self) -> bool {
         self.present.iter().any(Present::has_turn)
     }
 
-    /// Takes the seats away of all who have their turn.
+    /// Takes the seats of all guests in their turn away.
     pub(super) fn give_up(&mut self, plant: &mut Plant) {
         for it in self.present.iter_mut().filter(|it| it.has_turn()) {
             if it.guest.give_up() {
@@ -195,8 +195,8 @@ impl Guests {
         }
     }
 
-    /// Tells guests of the frames that have arrived since the last call, but for their own, and how they stand with their bus. What
-    /// else they hear, their buses have told them.
+    /// Sends guests the frames of others that have arrived since the last call, and the state of their bus. Their buses
+    /// have already sent them everything else.
     pub(super) fn tell(&mut self, plant: &Plant) {
         if !self.present.iter().any(Present::hears) {
             return;
@@ -226,16 +226,16 @@ impl Guests {
     }
 }
 
-/// Learns what those who are meant want.
+/// Reads the wishes of the selected guests.
 fn learn_all(present: &mut [Present], are_meant: fn(&Present) -> bool, plant: &mut Plant) {
-    // Frames first: whoever opened before another one sent is there when that frame enters.
+    // Frames first: a guest that opened before another one sent must be present when that frame enters.
     for it in present.iter_mut().filter(|it| are_meant(it)) {
         it.waiting = it.guest.waiting();
     }
     present.iter_mut().filter(|it| are_meant(it)).for_each(|it| it.learn(plant));
 }
 
-/// Does what those who are meant wanted at the last look: lets them in and out and what they send into the plant.
+/// Executes the last wishes of the selected guests: connects and disconnects them and passes their frames to the plant.
 fn bring_in_all(
     present: &mut [Present],
     are_meant: fn(&Present) -> bool,
@@ -243,7 +243,7 @@ fn bring_in_all(
     is_stepped: bool,
 ) {
     for it in present.iter_mut().filter(|it| are_meant(it)) {
-        // What somebody said before it left counts.
+        // Messages sent before a guest left are still valid.
         if it.fits && (it.wish.takes_part || it.waiting > 0) && !it.is_in {
             plant.guest_joins(it.guest.bus, it.guest.number, is_stepped);
             plant.guest_hears(it.guest.bus, it.guest.number, &it.guest);
@@ -253,7 +253,7 @@ fn bring_in_all(
     for it in present.iter_mut().filter(|it| are_meant(it)) {
         let is_through = it.send(plant);
         if it.wish.has_gone && !is_through {
-            // Its place is for others.
+            // Frees the place for other guests.
             plant.guest_has_gone(it.guest.bus, it.guest.number);
         }
         if it.is_in && is_through && (!it.wish.takes_part || !it.fits) {
@@ -282,13 +282,13 @@ impl Present {
         }
     }
 
-    /// Who it is, for people.
+    /// Description of the guest.
     fn label(&self, plant: &Plant) -> String {
         let bus = plant.media().get(usize::from(self.guest.bus)).map_or("", |medium| medium.name());
         format!("guest{} at door {} of bus '{bus}'", self.guest.number, self.guest.door)
     }
 
-    /// Learns what it wants.
+    /// Reads the wishes of the guest.
     fn learn(&mut self, plant: &mut Plant) {
         self.wish = self.guest.wish();
         let bit_s = plant.media().get(usize::from(self.guest.bus)).map_or(0, |medium| medium.bit_s());
@@ -305,7 +305,7 @@ impl Present {
         }
     }
 
-    /// Takes a seat or gives it back, as it has asked for.
+    /// Takes or gives back a seat, as requested.
     fn be_seated(&mut self, plant: &mut Plant) {
         let wants = self.guest.seat() != Seat::Free;
         if core::mem::replace(&mut self.has_seat, wants) != wants {
@@ -322,7 +322,7 @@ impl Present {
         self.wish.hears && self.fits
     }
 
-    /// Sends what it had to send; `false`: that is more than its controller takes at once.
+    /// Sends the waiting frames; returns false if its controller cannot take them all at once.
     fn send(&mut self, plant: &mut Plant) -> bool {
         while self.waiting > 0
             && let Some(said) = self.guest.next_to_send()
@@ -355,8 +355,8 @@ mod tests {
         (config, plant.unwrap())
     }
 
-    /// What is said between a look and what follows from it belongs to the next look. Otherwise the frame of somebody who is
-    /// not in yet would be lost, though its door has said yes.
+    /// A message that arrives between a check and its execution belongs to the next check. Otherwise a frame of a guest
+    /// that is not connected yet would be lost, although its door has confirmed it.
     #[test]
     fn a_frame_that_comes_while_guests_are_brought_in_is_not_lost() {
         let (config, mut plant) = plant(OPEN);
@@ -378,7 +378,7 @@ mod tests {
         assert_eq!(other.heard(), 1);
     }
 
-    /// Otherwise somebody who comes and goes would have all places for ever.
+    /// Otherwise a guest that connects and leaves repeatedly would occupy all places.
     #[test]
     fn nobody_keeps_a_place_for_what_it_can_never_send() {
         let kinds: [(_, fn(&Guest)); 2] =

@@ -1,4 +1,4 @@
-//! The emulator as operations see it.
+//! The emulator as a host of operations.
 
 use super::emulator::Emulator;
 use crate::door::Doors;
@@ -9,11 +9,11 @@ use crate::request::{Op, Refused};
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
-/// How long an operation may really take before others are heard.
+/// Real time of an operation before other clients are served.
 const SLICE: Duration = Duration::from_millis(5);
 
 impl Emulator {
-    /// When somebody outside may do something next.
+    /// Time of the next possible action of a task, guest or simulator.
     fn next_from_outside(&self) -> u64 {
         let next = self.lockstep.next_turn().min(self.guests.next_turn());
         #[cfg(feature = "channel")]
@@ -21,7 +21,7 @@ impl Emulator {
         next
     }
 
-    /// For whom the time waits, for people.
+    /// Description of the participant that the clock waits for.
     fn waits_for(&self) -> Option<String> {
         let here = self.lockstep.waits_for(&self.plant).or_else(|| self.guests.waits_for(&self.plant));
         #[cfg(feature = "channel")]
@@ -51,7 +51,7 @@ impl Host for Emulator {
 
     fn has_travelled(&mut self) {
         self.guests.come_again(&mut self.plant);
-        // Who waits for a register looks again.
+        // Clients that wait for a register check it again.
         self.announce();
     }
 

@@ -1,29 +1,29 @@
-//! Lockstep: tasks of PLC processes that the emulated time waits for.
+//! Tasks of PLC processes in lockstep: the emulated time waits for them.
 //!
-//! When the event of a task has occurred, the plant stops and the task gets a turn. At its end it claims run time: it
-//! gets another turn when that is over, and the time goes on. Tasks of one PLC share its processor: a task of a
-//! higher level interrupts one of a lower level, which then needs as much longer; tasks of the same level wait for
-//! each other (manual 5.00005.03a p. 43-44, 73). Who dies, leaves or takes too long is given up.
+//! When the event of a task has occurred, the plant stops and the task gets a turn. At its end the task claims run time
+//! and gets another turn when that time is over; the clock continues. Tasks of one PLC share its processor. A task of a
+//! higher level interrupts one of a lower level, which then takes that much longer. Tasks of the same level wait for
+//! each other (manual 5.00005.03a p. 43-44, 73). A task that dies, leaves or takes too long is given up.
 
 use crate::memory::header::{SEAT_ORDERS, Seat, SeatState};
 use crate::memory::{Header, View, bell};
 use crate::plant::Plant;
 use std::time::{Duration, Instant};
 
-/// How often the emulator looks whether a task in its turn still lives.
+/// Interval at which the emulator checks that a task in its turn still runs.
 const LIVENESS: Duration = Duration::from_millis(20);
 
-/// A task that takes part.
+/// A task with a seat.
 struct Task {
     plc: usize,
     seat: View<Seat>,
     event: usize,
     level: u8,
-    /// Events seen by it.
+    /// Number of events that the task has seen.
     seen: u32,
-    /// Orders of the board seen by it; none if it does not obey any.
+    /// Number of the board's orders that the task has seen; `None` if it does not obey any.
     orders: Option<u32>,
-    /// It runs, until this emulated time.
+    /// End of the task's present run, in emulated time.
     until: Option<u64>,
 }
 
@@ -37,47 +37,47 @@ impl Task {
     }
 }
 
-/// A turn that has not ended yet.
+/// A turn in progress.
 struct Turn {
-    /// Whose it is.
+    /// Index of its task.
     index: usize,
-    /// Turns that the task had ended before.
+    /// Number of turns that the task had ended before.
     done: u32,
     since: Instant,
 }
 
-/// How a look at a turn came out.
+/// Result of a check of a turn.
 enum Look {
-    /// It has ended, and the task claims run time.
+    /// The turn has ended, and the task claims run time.
     Ended,
-    /// It goes on, and somebody else wants something.
+    /// The turn continues, and another client rings.
     GoesOn,
-    /// The task is gone, or has taken too long.
+    /// The task has died, left or exceeded its patience.
     Lost,
 }
 
-/// All tasks that take part.
+/// All tasks in lockstep.
 pub(super) struct Lockstep {
-    /// The turn that the time waits for.
+    /// The turn that the clock waits for.
     turn: Option<Turn>,
     headers: Vec<View<Header>>,
-    /// Requests of each PLC as last seen.
+    /// Last seen number of requests of each PLC.
     requests: Vec<u32>,
     tasks: Vec<Task>,
-    /// Whether tasks may take part.
+    /// True if tasks may take part.
     stepped: bool,
 }
 
-/// Who is told what tasks do to a plant at other times than those of events.
+/// Observer of effects of tasks on a plant outside of events.
 pub(crate) trait Witness {
-    /// The boards are to answer what they are asked, if anything; tells whether there was anything.
+    /// Lets the boards answer pending requests; returns whether there were any.
     fn boards(&mut self, plant: &mut Plant) -> bool;
 
-    /// The plant has noted what became of a task.
+    /// Called after the plant has recorded a new state of a task.
     fn task(&mut self, plc: usize, event: usize, state: SeatState);
 }
 
-/// Nobody but the plant.
+/// A witness for a plant without federation.
 pub(crate) struct NoWitness;
 
 impl Witness for NoWitness {
@@ -88,7 +88,7 @@ impl Witness for NoWitness {
     fn task(&mut self, _: usize, _: usize, _: SeatState) {}
 }
 
-/// Orders, power-ons and resets of a board, counted.
+/// Total number of orders, power-ons and resets of a board.
 fn orders_of(header: &Header) -> u32 {
     header.program.start.rings().wrapping_add(header.program.restarts.load())
 }
@@ -104,9 +104,9 @@ impl Lockstep {
         Lockstep { turn: None, headers, requests, tasks: Vec::new(), stepped }
     }
 
-    /// Seats those that ask for it and forgets those that have left; tells whether there was anything.
+    /// Seats tasks that ask for it and forgets those that have left; returns whether there were any.
     pub(crate) fn look(&mut self, plant: &mut Plant, witness: &mut dyn Witness) -> bool {
-        // Who comes or leaves during a turn does so behind it.
+        // During a turn, tasks neither join nor leave.
         if self.turn.is_some() {
             return false;
         }
@@ -148,15 +148,15 @@ impl Lockstep {
         let mut found = None;
         let answer = seat.decide(|event| {
             let number = (event & !SEAT_ORDERS) as usize;
-            // Read before it is told that it has its seat: no event behind that is missed.
+            // Read before the task learns that it is seated, so no later event is missed.
             let seen = self.headers[plc].events.get(number).map(|slot| slot.bell.rings());
             found = plant.event_level(plc, number).zip(seen).filter(|_| self.stepped);
             found.is_some()
         });
-        // Who has left is asked for by nobody.
+        // The task has left meanwhile.
         let Some((asked, _)) = answer else { return };
         let event = (asked & !SEAT_ORDERS) as usize;
-        // An order may have been given before the task came, so its first turn comes at once.
+        // An order may have been given before the task joined, so its first turn comes immediately.
         let orders = (asked & SEAT_ORDERS != 0).then(|| orders_of(&self.headers[plc]).wrapping_sub(1));
         let Some((level, seen)) = found else {
             note(plant, witness, plc, event, SeatState::Refused);
@@ -166,7 +166,7 @@ impl Lockstep {
         self.tasks.push(Task { plc, seat, event, level, seen, orders, until: None });
     }
 
-    /// The plant stops at the events that tasks of a PLC wait for.
+    /// Makes the plant stop at the events that tasks of a PLC wait for.
     fn watch(&self, plc: usize, plant: &mut Plant) {
         plant.watch(plc, self.watched_of(plc));
     }
@@ -176,8 +176,8 @@ impl Lockstep {
         tasks.fold(0, |events, task| events | 1 << task.event)
     }
 
-    /// Lets emulated time pass until `target`, with a turn for each task whenever it is due. Returns early if `stop`
-    /// says so, and while a task has its turn and somebody rings: then it is to be called again with the same target.
+    /// Advances the clock to `target`, with a turn for each task whose time has come. Returns early if `stop` is true,
+    /// or if a task is in its turn and a client rings; then call it again with the same target.
     pub(crate) fn advance(&mut self, plant: &mut Plant, target: u64, stop: impl Fn() -> bool) {
         let witness = &mut NoWitness;
         self.look(plant, witness);
@@ -194,7 +194,7 @@ impl Lockstep {
         }
     }
 
-    /// Turns for all tasks that are due now, and nothing else. `false`: told to stop, or a turn goes on.
+    /// Gives turns to all tasks that are ready now. Returns false if stopped or if a turn is still in progress.
     pub(crate) fn take_turns(
         &mut self,
         plant: &mut Plant,
@@ -205,32 +205,33 @@ impl Lockstep {
         self.give_turns(plant, &stop, witness)
     }
 
-    /// Whether the time is to wait for a task although it does not pass: an order of a board waits, or its turn goes on.
+    /// True if the clock must wait for a task although it does not advance: a turn is in progress, or a board has given
+    /// an order.
     pub(crate) fn has_turns(&self) -> bool {
         self.turn.is_some() || self.tasks.iter().any(|task| task.until.is_none() && self.has_orders(task))
     }
 
-    /// Of each PLC the events that tasks wait for, bit n for event n.
+    /// For each PLC, the events that tasks wait for: bit n for event n.
     #[cfg(feature = "channel")]
     pub(crate) fn watched(&self) -> Vec<u16> {
         (0..self.headers.len()).map(|plc| self.watched_of(plc)).collect()
     }
 
-    /// Whether the time waits for a task.
+    /// True if the clock waits for a task.
     pub(crate) fn is_in_turn(&self) -> bool {
         self.turn.is_some()
     }
 
-    /// For whom the time waits, for people.
+    /// Description of the task that the clock waits for.
     pub(crate) fn waits_for(&self, plant: &Plant) -> Option<String> {
         let task = self.tasks.get(self.turn.as_ref()?.index)?;
         let (plc, process) = (plant.devices().get(task.plc)?.name(), task.seat.owner.load());
         Some(format!("the task of event {} of PLC '{plc}' (process {process})", task.event))
     }
 
-    /// A task that takes part, for people.
+    /// Description of a task that takes part.
     pub(crate) fn present(&self, plant: &Plant) -> Option<String> {
-        // Those that have gone are forgotten only when time passes.
+        // Tasks that have left are forgotten only when the clock advances.
         let task = self.tasks.iter().find(|task| !task.gone())?;
         let (plc, process) = (plant.devices().get(task.plc)?.name(), task.seat.owner.load());
         Some(format!(
@@ -239,12 +240,12 @@ impl Lockstep {
         ))
     }
 
-    /// When the first of the tasks that run has its next turn; `u64::MAX` if none runs.
+    /// Time of the next turn of the running tasks; `u64::MAX` if none runs.
     pub(crate) fn next_turn(&self) -> u64 {
         self.tasks.iter().filter_map(|task| task.until).fold(u64::MAX, u64::min)
     }
 
-    /// Turns for all tasks that are due now. `false`: told to stop, or a turn goes on.
+    /// Gives turns to all tasks that are ready now. Returns false if stopped or if a turn is still in progress.
     fn give_turns(&mut self, plant: &mut Plant, stop: &impl Fn() -> bool, witness: &mut dyn Witness) -> bool {
         loop {
             if let Some(turn) = self.turn.take() {
@@ -266,14 +267,14 @@ impl Lockstep {
         }
     }
 
-    /// The task that is to run now: the highest level first.
+    /// The task that must run now: the highest level first.
     fn due(&self, now: u64) -> Option<usize> {
         let ready = |task: &Task| match task.until {
             Some(until) => until <= now,
             None => (self.has_event(task) || self.has_orders(task)) && !self.is_held_up(task),
         };
         let tasks = self.tasks.iter().enumerate().filter(|(_, task)| ready(task));
-        // Of equals the first one.
+        // The first of several with the same level.
         tasks.rev().max_by_key(|(_, task)| task.level).map(|(index, _)| index)
     }
 
@@ -289,7 +290,7 @@ impl Lockstep {
         self.headers[task.plc].events[task.event].bell.rings()
     }
 
-    /// Whether a task of the same or a higher level of the same PLC is running.
+    /// True if a task of the same or a higher level of the same PLC is running.
     fn is_held_up(&self, task: &Task) -> bool {
         self.tasks
             .iter()
@@ -309,7 +310,7 @@ impl Lockstep {
         task.seat.turn.ring();
     }
 
-    /// The turn has ended; its task runs on for as long as it claims.
+    /// Ends the turn; its task runs on for the claimed time.
     fn claim(&mut self, index: usize, plant: &Plant) {
         let task = &mut self.tasks[index];
         let run_us = u64::from(task.seat.run_us.load());
@@ -317,15 +318,15 @@ impl Lockstep {
             return;
         }
         task.until = Some(plant.now() + run_us);
-        // It takes the processor from those below it.
+        // The run delays tasks of lower levels.
         let (plc, level) = (task.plc, task.level);
         for other in self.tasks.iter_mut().filter(|other| other.plc == plc && other.level < level) {
             other.until = other.until.map(|until| until + run_us);
         }
     }
 
-    /// Waits for the end of a turn, but not while somebody else rings. Meanwhile the boards answer, so that the task can ask
-    /// them.
+    /// Waits for the end of a turn, or until another client rings. Meanwhile the boards answer, so that the task can
+    /// send them requests.
     fn await_end(&self, turn: &Turn, plant: &mut Plant, witness: &mut dyn Witness) -> Look {
         let task = &self.tasks[turn.index];
         let (header, seat) = (&self.headers[task.plc], &task.seat);
@@ -357,7 +358,7 @@ impl Lockstep {
         if state == SeatState::Lost {
             tracing::warn!("the task of event {} was given up: it died or took too long", task.event);
             task.seat.turn.ring();
-            // Who has died does not leave.
+            // A dead process cannot leave by itself.
             task.seat.bury();
         }
         self.watch(task.plc, plant);

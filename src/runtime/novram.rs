@@ -1,12 +1,13 @@
 //! The part of the RAM that survives power-off, kept in files.
 //!
-//! What a device has in NOVRAM, registers and retain flags, its description in the plant tells. commram keeps them in `<plc>.novram` in a directory of the user's choice: a new file beside it, synced, then
-//! renamed over it, so that whenever the emulator is killed the file holds either the old or the new content. A file
-//! that is not ours or is damaged is set aside, never overwritten. The directory belongs to one emulator at a time.
+//! The plant's description determines which registers and retain flags of a device are in NOVRAM. commram stores them
+//! in `<plc>.novram` in a directory of the user's choice. It writes a new file, syncs it and renames it, so after a
+//! kill at any moment the file has either the old or the new content. A foreign or damaged file is set aside, never
+//! overwritten. Only one emulator at a time can use the directory.
 //!
-//! The registers are written when the device has stored them, the retain flags once a second if they have changed, both
-//! at the end. A thread of its own writes, because syncing takes longer than an interval of a bus. What cannot be written
-//! is tried again until it can; what cannot be written at the end either is an error of the emulator.
+//! Registers are written when the device has stored them. Retain flags are written once a second if they have changed,
+//! and both at the end. A separate thread writes, because syncing takes longer than an interval of a bus. It retries
+//! failed writes until they succeed; a failure at the end is an error of the emulator.
 
 mod directory;
 mod error;
@@ -24,17 +25,17 @@ use crate::memory::{Segment, Width};
 use file::{Content, Size};
 use std::path::PathBuf;
 
-/// What was found at power-on.
+/// Content of the NOVRAM at power-on.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Found {
     /// No file yet: delivery state.
     Nothing,
     /// The content was restored.
     Content {
-        /// Whether there are retain flags that are not 0.
+        /// True if a retain flag is not 0.
         retain: bool,
     },
-    /// The file was damaged or foreign; it now has this name, and the device is in delivery state.
+    /// The file was damaged or foreign and now has this name; the device is in delivery state.
     SetAside(PathBuf),
 }
 
@@ -44,22 +45,22 @@ pub struct Novram {
     /// Name of the file.
     name: String,
     segment: Segment,
-    /// What is in the file, or on its way there.
+    /// Content of the file, or content that is being written.
     saved: Content,
-    /// Number of the registers' content in it.
+    /// Generation number of the saved registers.
     generation: u32,
-    /// Where the first retain flag lies.
+    /// Offset of the first retain flag.
     flags: u32,
-    /// To read retain flags into.
+    /// Buffer for reading retain flags.
     scratch: Vec<u8>,
 }
 
 impl Novram {
-    /// Restores the NOVRAM of a device from `directory`; `None` if it has none. The device's firmware must not have started
-    /// yet.
+    /// Restores the NOVRAM of a device from `directory`; `None` if the device has none. Call it before the device's
+    /// firmware starts.
     ///
     /// # Errors
-    /// [`NovramError`] if the file cannot be read, or could not be written. A damaged file is no error, see [`Found`].
+    /// [`NovramError`] if the file cannot be read or written. A damaged file is no error, see [`Found`].
     pub fn power_on(
         directory: &Directory,
         device: &dyn DeviceConfig,
@@ -91,7 +92,7 @@ impl Novram {
             bytes.iter_mut().take(width.bytes() as usize).zip(part).for_each(|(to, from)| *to = *from);
             novram.segment.store(register.offset(), width, u32::from_le_bytes(bytes))?;
         }
-        // An image that was taken over is zeroed, so flags that are 0 need not be stored.
+        // An image that was taken over is zeroed, so flags with value 0 need no store.
         let flags = novram.saved.retain().as_chunks::<4>().0;
         for (offset, bytes) in (first..first + retain_bytes).step_by(4).zip(flags) {
             if *bytes != [0; 4] {
@@ -101,8 +102,9 @@ impl Novram {
         Ok(Some((novram, found)))
     }
 
-    /// The content to write, if the registers were stored, see [`Device::novram`](crate::devices::Device::novram), or,
-    /// `retain` permitting, a retain flag has changed since last time.
+    /// Returns the content to write if the device has stored its registers, see
+    /// [`Device::novram`](crate::devices::Device::novram), or if `retain` is set and a retain flag has changed since
+    /// the last call.
     fn changed(&mut self, (registers, generation): (&[u8], u32), retain: bool) -> Option<Content> {
         let stored = generation != self.generation && self.saved.registers() != registers;
         self.generation = generation;
@@ -110,7 +112,7 @@ impl Novram {
         if !stored && !flags {
             return None;
         }
-        // Both, so that no file ever has less than the one before.
+        // Always both, so that a file never loses a part of the previous content.
         if !flags {
             self.read_flags();
         }
@@ -118,9 +120,9 @@ impl Novram {
         Some(self.saved.clone())
     }
 
-    /// Reads the retain flags; tells whether they are others than in the file.
+    /// Reads the retain flags; returns true if they differ from the file.
     fn read_flags(&mut self) -> bool {
-        // They lie in the segment.
+        // The flags are inside the segment.
         self.segment.read_range(self.flags, &mut self.scratch).is_ok()
             && !self.saved.retain().starts_with(&self.scratch)
     }

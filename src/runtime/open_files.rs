@@ -1,4 +1,5 @@
-//! Open files: an emulator has some for each PLC, door and client, which may be more than a process may have unless it asks.
+//! Limit of open files: an emulator needs some for each PLC, door and client, often more than the soft limit of the
+//! process.
 
 use super::RuntimeError;
 use crate::door::RESERVED_DESCRIPTORS;
@@ -10,21 +11,21 @@ const PER_PLC: u64 = 5;
 const PER_DOOR: u64 = 2;
 /// For each client of the channel.
 const PER_CLIENT: u64 = 3;
-/// The channel itself, the thread of the doors, what watches the images, and files that are only open for a moment.
+/// Files for the channel itself, the thread of the doors, the watch of the images, and short use.
 const BESIDES: u64 = 24;
-/// An emulator without room for so many clients at a time is not started.
+/// Smallest number of clients: an emulator with files for fewer is not started.
 const FEW_CLIENTS: u64 = 4;
-/// With room for so many none is refused because of open files.
+/// Number of clients with reserved files; up to this number none is refused for lack of files.
 const ALL_CLIENTS: u64 = 32;
 
-/// Asks the system for the files that so many PLCs and doors need, and the clients of the channel, beside those that are open
-/// already.
+/// Raises the limit for the files that these PLCs and doors need, and the clients of the channel, in addition to the
+/// open files.
 ///
 /// # Errors
-/// They are more than this process may have.
+/// The process may not open this number of files.
 pub(super) fn allow(plcs: usize, doors: usize) -> Result<(), RuntimeError> {
     let needed = PER_PLC * plcs as u64 + PER_DOOR * doors as u64 + BESIDES;
-    // A door opens only if it leaves to the channel what is reserved for it.
+    // A door opens only if it leaves the reserved files to the channel.
     let reserved = if doors == 0 { 0 } else { RESERVED_DESCRIPTORS };
     let few = reserved.max(FEW_CLIENTS * PER_CLIENT);
     allow_files(needed + few, needed + few.max(ALL_CLIENTS * PER_CLIENT))

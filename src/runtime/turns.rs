@@ -1,24 +1,25 @@
-//! A step of the stepped clock: emulated time passes, and waits for those who have a seat in lockstep, tasks and guests.
+//! A step of the stepped clock: advances the emulated time, and waits for tasks and guests with a seat in lockstep.
 //!
-//! Guests have their turns after everything else that is due at a microsecond, all who are due at once, and what they have
-//! sent in them enters together, by bus and number: who is faster makes no difference. While guests have seats, time
-//! passes from event to event, so that a frame brings its hearers their turn at the moment at which it arrives.
+//! At each microsecond, guests have their turns after all other events, and all at the same time. The frames of these
+//! turns enter together, ordered by bus and number, so the speed of a guest makes no difference. While guests have
+//! seats, the clock advances from event to event, so that the receivers of a frame get their turn at the moment of its
+//! arrival.
 
 use super::Emulator;
 use crate::request::Host;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
-/// How often the emulator looks whether it is to stop while a guest has its turn.
+/// Interval at which the emulator checks whether it must stop during a guest's turn.
 const LOOK: Duration = Duration::from_millis(20);
-/// How long a turn of a guest may really take. It is less than a client waits for the answer to a step.
+/// Longest real time of a guest's turn. It is less than a client's wait for the answer to a step.
 const PATIENCE: Duration = Duration::from_secs(5);
 
 impl Emulator {
-    /// Lets emulated time pass until `target`. `false`: the emulator is to stop, or a task or a guest has its turn and somebody is to
-    /// be heard meanwhile; then it is to be called again with the same target.
+    /// Advances the clock to `target`. Returns false if the emulator must stop, or if other clients must be served
+    /// during the turn of a task or guest; then call it again with the same target.
     pub(super) fn step_to(&mut self, target: u64) -> bool {
-        // On the way nobody enters but those with seats, wherever it pauses.
+        // Only guests with seats can connect during a step, even where it pauses.
         if self.under_way.take() != Some(target) && !self.lockstep.is_in_turn() {
             self.guests.enter(&mut self.plant, true);
         }
@@ -43,15 +44,15 @@ impl Emulator {
             if self.plant.now() >= target && !is_due {
                 return true;
             }
-            // Who has one turn after the other keeps nobody waiting.
+            // Guests with many turns in a row must not block other clients.
             if self.guests.have_seats() && self.should_pause() {
                 return false;
             }
         }
     }
 
-    /// Turns for all guests with seats that are due now, and what they and those before them have sent enters. `false`: told
-    /// to stop, or a turn goes on.
+    /// Gives turns to all guests with seats whose time has come, and passes their frames to the plant. Returns false if
+    /// stopped or if a turn is still in progress.
     fn give_turns(&mut self) -> bool {
         while self.guests.have_seats() {
             self.guests.grant(self.plant.now());
@@ -66,8 +67,8 @@ impl Emulator {
         true
     }
 
-    /// Waits until nobody has a turn. Meanwhile the boards answer, so that guests that have mapped an image can ask them.
-    /// `false`: the emulator is to stop, or somebody is to be heard before that.
+    /// Waits until no guest has a turn. Meanwhile the boards answer, so that guests that map an image can send them
+    /// requests. Returns false if the emulator must stop, or other clients must be served first.
     fn await_guests(&mut self) -> bool {
         let since = *self.turn_since.get_or_insert_with(Instant::now);
         while self.guests.have_turns() {
@@ -84,7 +85,7 @@ impl Emulator {
             if self.should_pause() {
                 return false;
             }
-            // Whatever a guest does rings.
+            // Every action of a guest rings.
             if self.guests.have_turns() {
                 self.sleep(LOOK);
             }

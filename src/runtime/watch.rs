@@ -1,5 +1,5 @@
-//! Looks after the image files: whether somebody changes them under the emulator's hands, which it says, and whether anybody
-//! has one open, so that the emulator need not wake up for nobody.
+//! Watches the image files: logs changes by other processes, and detects whether another process has one open, so that
+//! the emulator can sleep longer if none has.
 
 use super::emulator::StopHandle;
 #[cfg(feature = "channel")]
@@ -11,20 +11,20 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// How often it looks.
+/// Check interval.
 const EVERY: Duration = Duration::from_millis(200);
 
-/// The thread that looks. Dropping it ends it, after a last look.
+/// The watching thread. Dropping it ends the thread after a last check.
 #[derive(Debug)]
 pub(super) struct Watch {
     thread: Option<JoinHandle<()>>,
     end: Arc<OwnedFd>,
-    /// Nobody has an image open but the emulator.
+    /// No other process has an image open.
     is_alone: Arc<AtomicBool>,
 }
 
 impl Watch {
-    /// Watches these files, and the channel, whose emulator asks what was found; a shortened image ends the emulator, see
+    /// Watches these files, and the channel, whose state the emulator queries. A shortened image ends the emulator, see
     /// [`super::RuntimeError::Shortened`].
     ///
     /// # Errors
@@ -47,7 +47,7 @@ impl Watch {
         Ok(Self { thread: Some(thread.spawn(run)?), end, is_alone })
     }
 
-    /// Whether nobody else can see or store a register now. The doorbell rings when somebody comes who can.
+    /// True if no other process can see or store a register now. The doorbell rings when one opens an image.
     #[inline]
     pub(super) fn is_alone(&self) -> bool {
         self.is_alone.load(Ordering::Acquire)
@@ -56,10 +56,10 @@ impl Watch {
 
 impl Drop for Watch {
     fn drop(&mut self) {
-        // It takes a number of eight bytes.
+        // An eventfd takes an eight-byte number.
         let _ = rustix::io::write(&*self.end, &1u64.to_ne_bytes());
         if let Some(thread) = self.thread.take() {
-            // It does not panic; if it did, nothing would depend on it.
+            // The thread does not panic, and its result is not needed.
             let _ = thread.join();
         }
     }
@@ -78,7 +78,7 @@ fn watch(onlookers: &Onlookers, look: impl Fn(), stop: &StopHandle, ended: &Owne
             continue;
         }
         next = Instant::now() + EVERY;
-        // Whoever comes from here on is seen by the next wait.
+        // The next wait reports any process that opens an image from here on.
         if woken == Woken::InTime && !is_alone.load(Ordering::Relaxed) {
             is_alone.store(onlookers.are_gone(), Ordering::Release);
         }

@@ -1,5 +1,5 @@
-//! The RAM by sixteen words, for the access checker, which holds all of it against what the firmware left before the firmware
-//! runs again: the processor's widest loads, where it has them.
+//! Reads the RAM in blocks of sixteen words, with the processor's widest loads. The access checker compares all of the
+//! RAM with the values that the firmware left, before the firmware runs again.
 
 use super::Value;
 use crate::memory::cell::Cell64;
@@ -7,17 +7,16 @@ use crate::memory::cell::Cell64;
 /// Words of a [`Block`].
 const BLOCK: usize = 16;
 
-/// What sixteen words held when they were last looked at, to be compared with what they hold now: in memory of one's own, in
-/// the order of the registers, as cells' values are.
+/// A private copy of sixteen words, in the order and byte order of the registers, to be compared with the present
+/// values.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(32))]
 pub(crate) struct Block([u64; BLOCK]);
 
 impl Block {
-    /// How many words it holds.
+    /// Number of words in a block.
     pub(crate) const WORDS: usize = BLOCK;
 
-    /// These words.
     pub(crate) const fn new(words: [u64; BLOCK]) -> Self {
         Block(words)
     }
@@ -28,13 +27,13 @@ impl Block {
         &self.0
     }
 
-    /// The words, to change them.
+    /// The words, for changes.
     #[inline]
     pub(crate) fn words_mut(&mut self) -> &mut [u64; BLOCK] {
         &mut self.0
     }
 
-    /// Takes over what the cells hold now, as many as there are of both.
+    /// Loads the values of the cells, up to the shorter of the two slices.
     #[inline]
     pub(crate) fn load(blocks: &mut [Block], cells: &[[Cell64; BLOCK]]) {
         let count = blocks.len().min(cells.len());
@@ -42,7 +41,7 @@ impl Block {
         unsafe { load(cells.as_ptr().cast(), &mut blocks[..count]) }
     }
 
-    /// The first from `from` on whose cells hold something else now, of as many as there are of both.
+    /// Index of the first block, at or after `from`, whose cells have changed, up to the shorter of the two slices.
     #[inline]
     pub(crate) fn first_unlike(blocks: &[Block], cells: &[[Cell64; BLOCK]], from: usize) -> Option<usize> {
         let count = blocks.len().min(cells.len());
@@ -52,7 +51,7 @@ impl Block {
         first.map(|first| from + first)
     }
 
-    /// Whether cells hold something else now in bits of `watched`, of as many as there are of all.
+    /// True if cells have changed in a bit of `watched`, up to the shortest of the three slices.
     #[inline]
     pub(crate) fn differ_in(blocks: &[Block], cells: &[[Cell64; BLOCK]], watched: &[Block]) -> bool {
         let count = blocks.len().min(cells.len());
@@ -80,7 +79,7 @@ unsafe fn load(at: *const [u64; BLOCK], to: &mut [Block]) {
     }
 }
 
-/// The first of the blocks from which as many words in a row (Acquire) differ.
+/// Index of the first block that differs from the same number of words in a row (Acquire).
 ///
 /// # Safety
 /// As [`load`].
@@ -95,7 +94,7 @@ unsafe fn first_unlike(at: *const [u64; BLOCK], blocks: &[Block]) -> Option<usiz
     unsafe { first_unlike_by_words(at, blocks, |_| u64::MAX) }
 }
 
-/// The same, in the bits of `watched` alone, of which there are as many.
+/// The same, in the bits of `watched` only, which has as many blocks.
 ///
 /// # Safety
 /// As [`load`].
@@ -133,13 +132,13 @@ mod wide {
     use core::arch::asm;
     use core::sync::atomic::{Ordering, compiler_fence};
 
-    /// Whether the processor has AVX2.
+    /// True if the processor has AVX2.
     #[inline]
     pub(super) fn is_there() -> bool {
         std::arch::is_x86_feature_detected!("avx2")
     }
 
-    // Of the registers the instructions use the whole width, and at the end the upper halves of all are cleared.
+    // The instructions use the full registers. At the end the upper halves of all of them are cleared.
     macro_rules! with_registers {
         ($($line:expr,)* ; $($operand:tt)*) => {
             asm!(
@@ -259,7 +258,7 @@ mod tests {
     #[test]
     fn blocks_are_held_against_words() {
         const BLOCKS: usize = 3;
-        // Not where blocks would begin.
+        // Not at the alignment of a block.
         let mut words = [0_u64; BLOCKS * BLOCK + 2];
         let mut blocks = [Block([u64::MAX; BLOCK]); BLOCKS];
         for place in 0..BLOCKS * BLOCK {

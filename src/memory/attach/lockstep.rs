@@ -1,8 +1,8 @@
-//! A task that the emulated time waits for.
+//! A task in lockstep: the emulated time waits for it.
 //!
-//! The clock stands still during a turn. A task that takes its run time seriously looks at its inputs, lets the time
-//! that it claims pass with [`LockstepTask::run_for`], and only then stores its outputs: they are in the RAM at
-//! exactly that emulated time, be it before or after a deadline.
+//! The clock does not run during a turn. A task that models its run time first reads its inputs, then calls
+//! [`LockstepTask::run_for`] with the run time, and only then stores its outputs. So the outputs enter the RAM at
+//! exactly that emulated time, before or after a deadline.
 
 use super::{Attached, LIVENESS};
 use crate::memory::header::{SEAT_ORDERS, SEATS, Seat, SeatState};
@@ -18,17 +18,17 @@ pub struct LockstepTask<'a> {
     header: View<Header>,
     seat: View<Seat>,
     event: usize,
-    /// Turns so far.
+    /// Number of turns so far.
     turns: u32,
     in_turn: bool,
 }
 
 impl Attached {
-    /// Takes part in lockstep with the task of event `event`: from now on the emulated time stands still whenever
-    /// the event has occurred, until the task is done. Stepped mode only. `INTR_SET` enables the event.
+    /// Joins lockstep with the task of event `event`: from now on the emulated time stops whenever the event has
+    /// occurred, until the task is done. Stepped mode only. `INTR_SET` enables the event.
     ///
-    /// A turn that really takes longer than `patience` (in whole milliseconds; zero: no limit) makes the emulator go
-    /// on without the task. `timeout` is how long to wait for the emulator's consent.
+    /// If a turn takes more real time than `patience` (in whole milliseconds; zero: no limit), the emulator continues
+    /// without the task. `timeout` limits the wait for the emulator's consent.
     ///
     /// # Errors
     /// Attached read-only, no seat is free, the clock is not stepped, no such event, or as [`Attached::check`].
@@ -41,7 +41,7 @@ impl Attached {
         self.join(event, 0, patience, timeout)
     }
 
-    /// As [`Attached::join_lockstep`], with a turn for each order of the board, too.
+    /// As [`Attached::join_lockstep`], with an additional turn for each order of the board.
     #[cfg_attr(not(feature = "plc"), expect(dead_code, reason = "for the runner of tasks"))]
     pub(crate) fn join_with_orders(
         &self,
@@ -66,7 +66,7 @@ impl Attached {
             return Err(MemoryError::NoSeat { seats: SEATS });
         };
         let seat = header.project(|header| &header.lockstep[place]);
-        // From here on the seat is given back by dropping the task.
+        // From here on, dropping the task frees the seat.
         let turns = seat.turn.rings();
         let task = LockstepTask { attached: self, header, seat, event, turns, in_turn: false };
         task.seat.owner_start.store(own.start);
@@ -84,8 +84,9 @@ impl Attached {
         }
     }
 
-    /// Ends the turns of `tasks`, then waits until one of them has its next turn or `condition` holds. The condition is
-    /// asked again whenever the firmware has changed registers. `false`: neither, within `timeout` of real time.
+    /// Ends the turns of `tasks`, then waits until one of them has its next turn or `condition` is true. The function
+    /// calls it again whenever the firmware has changed registers. `false`: neither happened within `timeout` of real
+    /// time.
     #[cfg_attr(not(feature = "plc"), expect(dead_code, reason = "for the runner of tasks"))]
     pub(crate) fn wait_turns(
         &self,
@@ -121,19 +122,19 @@ impl Attached {
 }
 
 impl LockstepTask<'_> {
-    /// Ends the present turn, if there is one, and waits for the next event; returns its emulated time in
-    /// microseconds. An event that came during the last run is there at once. `timeout` is real time.
+    /// Ends the present turn, if there is one, and waits for the next event; returns its emulated time in microseconds.
+    /// An event that occurred during the last run is returned immediately. `timeout` is real time.
     ///
     /// # Errors
-    /// As [`Attached::check`], [`MemoryError::Timeout`], or [`MemoryError::LockstepLost`] if the emulator has gone on
+    /// As [`Attached::check`], [`MemoryError::Timeout`], or [`MemoryError::LockstepLost`] if the emulator has continued
     /// without this task.
     pub fn next_event(&mut self, timeout: Duration) -> Result<u64, MemoryError> {
         self.end_turn(0);
         self.await_turn(timeout)
     }
 
-    /// Lets `us` microseconds of emulated time pass as run time of this task, longer if tasks of a higher level of
-    /// the same PLC interrupt it; returns the emulated time then. To be called within a turn.
+    /// Advances the clock by `us` microseconds as run time of this task; by more if tasks of a higher level of the same
+    /// PLC interrupt it. Returns the emulated time afterwards. Call it within a turn.
     ///
     /// # Errors
     /// As [`LockstepTask::next_event`].
@@ -162,7 +163,7 @@ impl LockstepTask<'_> {
         self.begin_turn()
     }
 
-    /// The turn that has been rung for; returns its emulated time.
+    /// Begins the announced turn; returns its emulated time.
     fn begin_turn(&mut self) -> Result<u64, MemoryError> {
         let seat = &self.seat;
         self.turns = seat.turn.rings();

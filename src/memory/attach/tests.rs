@@ -1,4 +1,4 @@
-//! Every refusal, and what a client notices while it waits.
+//! All refusals, and what a client detects while it waits.
 
 use super::*;
 use crate::memory::{
@@ -8,7 +8,7 @@ use crate::memory::{
 use std::{fs, os::unix::fs::symlink, thread};
 
 const REGISTER: u32 = 200_000;
-/// Far longer than any machine needs; no test waits for it to end.
+/// Far longer than any machine needs; no test waits for its end.
 const WATCHDOG: Duration = Duration::from_secs(60);
 const BOTH: [AttachMode; 2] = [AttachMode::ReadWrite, AttachMode::ReadOnly];
 
@@ -96,7 +96,7 @@ fn too_short_to_be_mapped() {
 fn foreign_owner() {
     let instance = Instance::new();
     instance.leave(SEGMENT_SIZE, |_| ());
-    // Only root can make such a file; elsewhere the judgement has nothing to be tried on.
+    // Only root can create such a file; other users cannot run this test.
     if std::os::unix::fs::chown(instance.path(), Some(4711), None).is_err() {
         return;
     }

@@ -1,6 +1,6 @@
 //! Every interleaving of the handshake, with the memory orders of [`super::Bell`].
 //!
-//! On x86 the hardware hides a missing order most of the time, so no test on real threads would do.
+//! On x86 the hardware usually hides a missing order, so tests with real threads are not enough.
 
 use super::{Line, ring, wait_once};
 use loom::sync::{
@@ -16,7 +16,7 @@ use loom::sync::{
 struct Model<const FENCE: bool> {
     word: AtomicU32,
     waiters: AtomicU32,
-    /// The kernel's lock around comparing the word and going to sleep.
+    /// The kernel's lock around comparing the word and starting to sleep.
     kernel: Mutex<()>,
     asleep: Condvar,
 }

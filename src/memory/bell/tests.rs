@@ -1,5 +1,5 @@
-//! Bells on real futexes. Waits without a condition of their own run under a watchdog timeout that is
-//! far longer than any machine needs, and never decide a test's outcome.
+//! Bells on real futexes. Waits without an own condition have a watchdog timeout that is far longer
+//! than any machine needs and never decides a test's outcome.
 
 use super::*;
 use crate::memory::testing::SEGMENT_SIZE;
@@ -12,7 +12,7 @@ fn header() -> View<Header> {
     Segment::heap(SEGMENT_SIZE).header().unwrap()
 }
 
-/// Waits until somebody has entered itself as a waiter.
+/// Waits until a waiter is registered.
 fn somebody_waits(bell: &Bell) {
     while !bell.has_waiters() {
         thread::yield_now();

@@ -1,36 +1,36 @@
-//! Zeros in the place of a page of the channel that is not there any more.
+//! Replaces a missing page of the channel by zeros.
 //!
-//! Where iceoryx2 maps its memory nobody is told, so the handler looks it up in the list of the process's maps. What
-//! iceoryx2 makes of the zeros does not matter much: the emulator gives the channel up as soon as it comes back from
-//! there ([`channel_has_gaps`]).
+//! iceoryx2 does not report where it maps its memory, so the handler finds the map in the process's list of maps. The
+//! effect of the zeros on iceoryx2 does not matter: the emulator gives up the channel as soon as iceoryx2 returns
+//! ([`channel_has_gaps`]).
 
 use crate::memory::names::{CHANNEL_PREFIX, IMAGE_DIRECTORY};
 use core::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use rustix::fs::{Mode, OFlags};
 use rustix::mm::{MapFlags, ProtFlags};
 
-/// Bytes of a line that are looked at: range, rights, offset, device, inode, and the beginning of the path.
+/// Number of bytes of a line that are parsed: range, rights, offset, device, inode, and the beginning of the path.
 const LINE: usize = 160;
 
 static PAGE: AtomicUsize = AtomicUsize::new(0);
 static GAPS: AtomicBool = AtomicBool::new(false);
 
-/// Learns what a handler cannot ask for.
+/// Reads values that a signal handler cannot read.
 pub(super) fn prepare() {
     // SAFETY: a question without side effects.
     let page = unsafe { libc::sysconf(libc::_SC_PAGESIZE) };
     PAGE.store(usize::try_from(page).unwrap_or(0), Ordering::Relaxed);
 }
 
-/// Whether a part of the channel was missing when this process touched it.
+/// True if a part of the channel was missing when this process accessed it.
 #[cfg(feature = "channel")]
 #[inline]
 pub(crate) fn channel_has_gaps() -> bool {
     GAPS.load(Ordering::Acquire)
 }
 
-/// Puts zeros where `address` is, if that is in a map of the channel; tells whether the access can be repeated. May be
-/// called by a signal handler.
+/// Maps zeros at `address` if it belongs to a map of the channel; returns whether the access can be repeated. A signal
+/// handler may call it.
 pub(super) fn close(address: usize) -> bool {
     let page = PAGE.load(Ordering::Relaxed);
     if page == 0 || !is_of_the_channel(address) {
@@ -44,7 +44,7 @@ pub(super) fn close(address: usize) -> bool {
     unsafe { rustix::mm::mmap_anonymous(start, page, rights, MapFlags::PRIVATE | MapFlags::FIXED) }.is_ok()
 }
 
-/// Reads the list of maps without memory of its own, as a handler must.
+/// Reads the list of maps without allocating memory, as a signal handler must.
 fn is_of_the_channel(address: usize) -> bool {
     let Ok(maps) = rustix::fs::open(c"/proc/self/maps", OFlags::RDONLY | OFlags::CLOEXEC, Mode::empty())
     else {
@@ -70,7 +70,7 @@ fn is_of_the_channel(address: usize) -> bool {
     false
 }
 
-/// Whether a line begins with a range that `address` is in.
+/// True if `address` is in the range at the beginning of the line.
 fn covers(line: &[u8], address: usize) -> bool {
     let mut numbers = line.split(|byte| matches!(byte, b'-' | b' '));
     let mut number = || {
@@ -82,7 +82,7 @@ fn covers(line: &[u8], address: usize) -> bool {
     number().zip(number()).is_some_and(|(first, end)| (first..end).contains(&address))
 }
 
-/// Whether a line ends with the path of a part of a channel.
+/// True if the line ends with the path of a part of a channel.
 fn names_the_channel(line: &[u8]) -> bool {
     let path = line.iter().position(|&byte| byte == b'/').and_then(|at| line.get(at..));
     let rest = path.and_then(|path| path.strip_prefix(IMAGE_DIRECTORY.as_bytes()));

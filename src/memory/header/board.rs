@@ -26,7 +26,7 @@ pub struct Board {
 pub struct Program {
     /// A [`ProgramState`], written by the PLC; the firmware writes it where a project comes or goes without the PLC.
     pub state: Cell32,
-    /// A [`Start`] that a client wants; the firmware sets it back to 0.
+    /// Request of a client: a [`Start`]; the firmware sets it back to 0.
     pub start_request: Cell32,
     /// Rung by the firmware when the PLC program shall start or stop, as `start_kind` says.
     pub start: Bell,
@@ -37,7 +37,7 @@ pub struct Program {
     /// Counts power-ons and resets of this PLC, from 1. The registers then have their start values, no event is
     /// enabled, and `OPT_INIT` may run again.
     pub restarts: Cell32,
-    /// The DIP number that counts: as latched at the last power-on or reset.
+    /// The valid DIP number: as latched at the last power-on or reset.
     pub dip_latched: Cell32,
 }
 
@@ -127,7 +127,7 @@ impl Board {
 }
 
 impl Program {
-    /// As before power-on: no program, power on, no start wanted.
+    /// State before power-on: no program, power on, no start requested.
     pub(super) fn clear(&self) {
         let cells = [
             &self.state,
@@ -141,13 +141,13 @@ impl Program {
     }
 }
 
-/// The board as it stands, for tools. Numbers are those of the header page.
+/// State of the board, for tools. Numbers are those of the header page.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, FromBytes, IntoBytes, Immutable, KnownLayout)]
 #[repr(C)]
 pub struct BoardState {
     /// DIP switch S33 as set.
     pub dip: u32,
-    /// The DIP number that counts.
+    /// The valid DIP number.
     pub dip_latched: u32,
     /// The LEDs.
     pub leds: u32,
@@ -168,7 +168,7 @@ pub struct BoardState {
 }
 
 impl BoardState {
-    /// What a header page says.
+    /// Reads a header page.
     pub fn of(header: &Header) -> Self {
         let Header { board, program, .. } = header;
         BoardState {
@@ -185,7 +185,7 @@ impl BoardState {
         }
     }
 
-    /// Whether a program can be started or stopped: one is loaded, the switch stands at RUN, there is power (manual
+    /// True if a program can be started or stopped: one is loaded, the switch is at RUN, and the power is on (manual
     /// p. 38).
     pub fn takes_starts(&self) -> bool {
         self.switch == RunSwitch::Run.code()
@@ -193,7 +193,7 @@ impl BoardState {
             && self.program != ProgramState::None.code()
     }
 
-    /// The display as one sees it: a character, with a point behind it if that is lit; a blank if it is dark.
+    /// The display as text: a character, followed by a point if it is lit; a blank if it is dark.
     pub fn display_text(&self) -> String {
         let character = match self.display as u8 {
             0 => ' ',
@@ -204,7 +204,7 @@ impl BoardState {
     }
 }
 
-/// Something that a tool does to a board.
+/// Action of a tool on a board.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum BoardSetting {
     /// Sets the DIP switch, 0 to 31.
@@ -215,7 +215,7 @@ pub enum BoardSetting {
     Switch(RunSwitch),
     /// Switches the supply.
     Power(Power),
-    /// Asks for a start or a stop of the program.
+    /// Requests a start or a stop of the program.
     Start(Start),
     /// Loads a project, or deletes the one that is loaded.
     Project(Project),
@@ -243,7 +243,7 @@ pub enum BoardSetting {
 const FRONT_SETTINGS: u32 = 0x100;
 
 impl BoardSetting {
-    /// As two numbers: which setting, and its value.
+    /// Encodes the setting as two numbers: its kind and its value.
     pub fn numbers(self) -> (u32, u32) {
         match self {
             BoardSetting::Dip(number) => (1, number.into()),
@@ -259,7 +259,7 @@ impl BoardSetting {
         }
     }
 
-    /// The way back; `None` for numbers that mean nothing.
+    /// Decodes a setting; `None` for numbers without meaning.
     pub fn from_numbers(which: u32, value: u32) -> Option<Self> {
         let up_to = |value: u32, limit: u8| u8::try_from(value).ok().filter(|value| *value <= limit);
         Some(match (which, value) {

@@ -1,22 +1,22 @@
-//! Boards in words, as command line and scenarios have them.
+//! Board settings and states as text, for the command line and scenarios.
 
 use super::{BoardSetting, BoardState, Power, ProgramState, Project, RunSwitch, Start};
 use crate::layout::{Device, LayoutError, Owner, RegType, split_plc, value};
 
-/// Why a text is no [`BoardSetting`].
+/// The reason why a text is not a [`BoardSetting`].
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("`{text}`: {right}")]
 pub struct BoardWordError {
-    /// As given.
+    /// The refused text.
     pub text: String,
     /// What would be right.
     pub right: String,
 }
 
-/// A [`BoardSetting`] in words, of a PLC that is still to be found.
+/// A [`BoardSetting`] as text, for a PLC that is not looked up yet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BoardWord<'a> {
-    /// As given.
+    /// The parsed text.
     pub text: &'a str,
     /// The PLC, if one is named.
     pub plc: Option<&'a str>,
@@ -39,12 +39,13 @@ enum What<'a> {
 }
 
 impl<'a> BoardWord<'a> {
-    /// PLC and setting of `line2:dip=5`: dip (0 to 31), leds (0 to 15), switch (run, stop, reset), power (on, off),
-    /// start (cold, warm, hot, stop), project (none, boot, sent); `maxx:slotH.dip=7` for the DIP switches of a module; what else clients write at a
-    /// device's front goes by its name there, `panel:s1=unlock`.
+    /// Parses PLC and setting, for example `line2:dip=5`: dip (0 to 31), leds (0 to 15), switch (run, stop, reset),
+    /// power (on, off), start (cold, warm, hot, stop), project (none, boot, sent). `maxx:slotH.dip=7` sets the DIP
+    /// switches of a module. Other words that clients write have their names on the device's front, for example
+    /// `panel:s1=unlock`.
     ///
     /// # Errors
-    /// There is no such setting, or it cannot be that.
+    /// The setting is unknown, or it cannot have this value.
     pub fn parse(text: &'a str) -> Result<Self, BoardWordError> {
         let wrong = |right: &str| BoardWordError { text: text.to_owned(), right: right.to_owned() };
         let (place, value) =
@@ -87,15 +88,15 @@ impl<'a> BoardWord<'a> {
         Ok(Self { text, plc, what: What::Setting(setting) })
     }
 
-    /// This setting of a PLC; `text` is what it stands for in messages.
+    /// This setting of a PLC; messages show `text` for it.
     pub fn of(text: &'a str, plc: Option<&'a str>, setting: BoardSetting) -> Self {
         Self { text, plc, what: What::Setting(setting) }
     }
 
-    /// The setting, at a PLC that is such a device.
+    /// The setting for a PLC that is such a device.
     ///
     /// # Errors
-    /// The device has no such port, or no such switch at its front, or that cannot be so.
+    /// The device has no such port or switch, or it cannot have this value.
     pub fn at(&self, device: &'static Device) -> Result<BoardSetting, BoardWordError> {
         let wrong =
             |error: LayoutError| BoardWordError { text: self.text.to_owned(), right: error.to_string() };
@@ -137,7 +138,7 @@ impl BoardSetting {
     }
 }
 
-/// A [`BoardState`] as one reads it; `None` is what the device does not have.
+/// A [`BoardState`] as text; `None` is a part that the device does not have.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct BoardWords {
     /// Character and point of the display; a blank if it is dark.
@@ -150,7 +151,7 @@ pub struct BoardWords {
     pub power: String,
     /// The DIP switch as set.
     pub dip: Option<u32>,
-    /// The DIP number that counts.
+    /// The valid DIP number.
     pub dip_latched: Option<u32>,
     /// `none`, `stopped`, `initializing`, `cyclic` and so on.
     pub program: Option<String>,
@@ -163,7 +164,7 @@ pub struct BoardWords {
 }
 
 impl BoardWords {
-    /// What its fields are called where a board is told by name, and where a device says which it has.
+    /// Names of the fields in output by name, and in the description of a device.
     pub const NAMES: [&'static str; 10] = [
         "display",
         "leds",
@@ -179,7 +180,7 @@ impl BoardWords {
 }
 
 impl BoardState {
-    /// The state in words, as far as the device `has` it, of [`BoardWords::NAMES`]; codes that mean nothing stay numbers.
+    /// The state as text, limited to the fields `has` of [`BoardWords::NAMES`]; unknown codes stay numbers.
     pub fn words(&self, has: &[&str]) -> BoardWords {
         let has = |name| has.contains(&name);
         let if_has = |name, text: String| has(name).then_some(text);
@@ -198,7 +199,7 @@ impl BoardState {
     }
 }
 
-/// The name of a code, as words: `boot project copied`.
+/// The name of a code as separate words: `boot project copied`.
 fn named(name: Option<impl core::fmt::Debug>, code: u32) -> String {
     let Some(name) = name else { return code.to_string() };
     let mut words = String::new();
@@ -241,7 +242,7 @@ mod tests {
         assert!(message("display=8").contains("there are dip, leds, switch, power, start, project"));
     }
 
-    /// As words, and as the two numbers that travel.
+    /// As text, and as the two numbers of the channel.
     #[test]
     fn every_setting_has_a_word_and_numbers_of_its_own() {
         use BoardSetting as Set;
@@ -290,7 +291,7 @@ mod tests {
         let message = |text| setting(text).unwrap_err().to_string();
         assert_eq!(message("s2=16"), "`s2=16`: s2 can be 0 to 15");
         assert_eq!(message("s1=open"), "`s1=open`: s1 can be lock, unlock");
-        // What the firmware tells nobody sets.
+        // Clients cannot set words that the firmware writes.
         assert!(message("stat=green").ends_with("s4, s5, mhz_0, mhz_1, mhz_2, mhz_3, turn_0, turn_1"));
         for setting in [BoardSetting::Front { word: 63, value: u32::MAX }, BoardSetting::Dip(3)] {
             let (which, value) = setting.numbers();

@@ -1,6 +1,6 @@
-//! Numbers in the header page that stand for something.
+//! Named numbers in the header page.
 
-// The numbers are `tt`, since derives do not look into literals.
+// The numbers are `tt`, because derives cannot parse a `literal` fragment.
 macro_rules! codes {
     ($(#[$doc:meta])* $name:ident { $($(#[doc = $vdoc:literal])* $variant:ident = $value:tt,)* }) => {
         $(#[$doc])*

@@ -1,5 +1,5 @@
-//! Events and where they come from: the slots that count them, and the configuration that the function blocks
-//! `INTR_SET` and `OPT_INIT` write (manual 5.00005.03a p. 47-60).
+//! Events and their sources: the slots that count them, and the configuration that the function blocks `INTR_SET` and
+//! `OPT_INIT` write (manual 5.00005.03a p. 47-60).
 
 use crate::memory::published::publish;
 use crate::memory::{Bell, Cell32, Cell64, SharedRegs};
@@ -19,8 +19,8 @@ pub struct EventSlot {
 #[derive(FromBytes, IntoBytes, KnownLayout, Debug)]
 #[repr(C)]
 pub struct Interrupt {
-    /// Bit 0: `x_EN`. Bits 1 to 15: number of the request, another one than that in `answer`. Bits 16 to 31:
-    /// `i_PAR1`, factor of a CPU timer to 50 us.
+    /// Bit 0: `x_EN`. Bits 1 to 15: number of the request, different from the one in `answer`. Bits 16 to 31: `i_PAR1`,
+    /// factor of a CPU timer to 50 us.
     pub request: Cell32,
     /// The request that `result` belongs to.
     pub answer: Cell32,
@@ -38,7 +38,7 @@ pub struct OptInit {
     pub triggers: [Cell32; super::TRIGGERS],
     /// Board timers A and B.
     pub timers: [TimerSetup; 2],
-    /// Number of the request, another one than `answer`.
+    /// Number of the request, different from `answer`.
     pub request: Cell32,
     /// The request that `result` belongs to.
     pub answer: Cell32,
@@ -60,7 +60,7 @@ pub struct TimerSetup {
     pub cfg_mode: Cell32,
 }
 
-/// What needs triggering, by its place in [`OptInit::triggers`] and [`super::Header::triggers`].
+/// Target of a trigger, by its index in [`OptInit::triggers`] and [`super::Header::triggers`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Trigger {
     /// Trigger 1: option card IEI-02 latches its encoders.
@@ -128,9 +128,8 @@ impl Interrupt {
         [&self.request, &self.answer, &self.result].iter().for_each(|cell| cell.store(0));
     }
 
-    /// Puts in a request, with a number of its own, and returns it. The caller submits it with
-    /// [`super::Header::submit_request`] and waits until [`Interrupt::outcome`] tells what became of it. One task
-    /// at a time may do so for an event.
+    /// Stores a request with a new number, and returns it. The caller submits it with [`super::Header::submit_request`]
+    /// and waits until [`Interrupt::outcome`] returns the result. Only one task at a time may do so for an event.
     pub fn ask(&self, factor: i16, enable: bool) -> u32 {
         let number = (self.answer.load() >> 1).wrapping_add(1) & 0x7FFF;
         let request = u32::from(factor as u16) << 16 | number << 1 | u32::from(enable);
@@ -138,7 +137,7 @@ impl Interrupt {
         request
     }
 
-    /// What became of `request`; `None` while it is not answered.
+    /// The result of `request`; `None` before the answer.
     pub fn outcome(&self, request: u32) -> Option<u32> {
         (self.answer.load() == request).then(|| self.result.load())
     }
@@ -152,15 +151,14 @@ impl OptInit {
         self.triggers.iter().chain(timers).chain(handshake).for_each(|cell| cell.store(0));
     }
 
-    /// Puts in a request for what stands in the other fields, and returns its number; see
-    /// [`Interrupt::ask`].
+    /// Stores a request for the inputs in the other fields, and returns its number; see [`Interrupt::ask`].
     pub fn ask(&self) -> u32 {
         let request = self.answer.load().wrapping_add(1);
         self.request.store(request);
         request
     }
 
-    /// What became of `request`; `None` while it is not answered.
+    /// The result of `request`; `None` before the answer.
     pub fn outcome(&self, request: u32) -> Option<u32> {
         (self.answer.load() == request).then(|| self.result.load())
     }

@@ -4,17 +4,17 @@ use crate::memory::published::publish;
 use crate::memory::{Cell32, SharedRegs};
 use zerocopy::{FromBytes, IntoBytes, KnownLayout};
 
-/// A request that gives retain flags an initial value, and the firmware's answer. One client at a time may ask.
+/// A request that gives retain flags an initial value, and the firmware's answer. Only one client at a time may use it.
 #[derive(FromBytes, IntoBytes, KnownLayout, Debug)]
 #[repr(C)]
 pub struct InitialFlag {
-    /// Which flag, from 0: the n of `%MB10000000` + n.
+    /// Number of the flag, from 0: the n of `%MB10000000` + n.
     pub flag: Cell32,
-    /// Width in bytes: 1, 2, 4. The flag must suit it. 0 takes back all initial values.
+    /// Width in bytes: 1, 2, 4. It must suit the flag. 0 removes all initial values.
     pub width: Cell32,
     /// The initial value.
     pub value: Cell32,
-    /// Number of the request, another one than `answer`; stored last.
+    /// Number of the request, different from `answer`; stored last.
     pub request: Cell32,
     /// The request that `result` belongs to.
     pub answer: Cell32,
@@ -45,8 +45,8 @@ impl InitialFlag {
         cells.iter().for_each(|cell| cell.store(0));
     }
 
-    /// Puts in a request and returns its number. The caller submits it with [`super::Header::submit_request`] and waits
-    /// until [`InitialFlag::outcome`] tells what became of it.
+    /// Stores a request and returns its number. The caller submits it with [`super::Header::submit_request`] and waits
+    /// until [`InitialFlag::outcome`] returns the result.
     pub fn ask(&self, flag: u32, width: u32, value: u32) -> u32 {
         self.flag.store(flag);
         self.width.store(width);
@@ -56,7 +56,7 @@ impl InitialFlag {
         request
     }
 
-    /// What became of `request`; `None` while it is not answered.
+    /// The result of `request`; `None` before the answer.
     pub fn outcome(&self, request: u32) -> Option<u32> {
         (self.answer.load() == request).then(|| self.result.load())
     }

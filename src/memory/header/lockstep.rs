@@ -1,4 +1,4 @@
-//! Lockstep: tasks that the emulated time waits for. `docs/reference/attach.md` describes the turns.
+//! Tasks in lockstep: the emulated time waits for them. `docs/reference/attach.md` describes the turns.
 
 #[cfg(feature = "emulator")]
 mod hands;
@@ -8,11 +8,11 @@ use crate::memory::published::publish;
 use crate::memory::{Bell, Cell32, Cell64, SharedRegs};
 use zerocopy::{FromBytes, IntoBytes, KnownLayout};
 
-/// Added to the event of a seat: the task has a turn at once, and whenever the board orders a start or stop of the program or has been
-/// reset, also while no event occurs.
+/// Flag in the event of a seat: the task gets a turn at once, and whenever the board orders a start or stop of the
+/// program or has been reset, even if no event occurs.
 pub const SEAT_ORDERS: u32 = 0x100;
 
-/// The place of one task that takes part in lockstep.
+/// The seat of one task in lockstep.
 #[derive(FromBytes, IntoBytes, KnownLayout, Debug)]
 #[repr(C)]
 pub struct Seat {
@@ -22,16 +22,16 @@ pub struct Seat {
     pub state: Cell32,
     /// Start time of that process: field 22 of `/proc/<pid>/stat`.
     pub owner_start: Cell64,
-    /// Number of the event that the task runs on, plus [`SEAT_ORDERS`] if orders of the board are to give it a turn, too.
+    /// Number of the task's event, plus [`SEAT_ORDERS`] if orders of the board also give it a turn.
     pub event: Cell32,
-    /// How long a turn may really take before the task counts as lost, in ms; 0: as long as its process lives.
+    /// Longest real time of a turn before the task counts as lost, in ms; 0: as long as its process lives.
     pub patience_ms: Cell32,
-    /// Rung by the emulator when it is the task's turn: the time stands still until `done` has rung as often.
+    /// Rung by the emulator at the start of a turn: the time stops until `done` has rung as often.
     pub turn: Bell,
     /// Emulated time of the turn in microseconds; written before `turn` rings.
     pub time_us: Cell64,
-    /// What the task claims at the end of a turn: 0, it is done until the next event; otherwise, another turn after
-    /// this emulated run time in microseconds.
+    /// Request of the task at the end of a turn: 0, the task is done until the next event; otherwise, another turn
+    /// after this emulated run time in microseconds.
     pub run_us: Cell32,
     /// Zero.
     pub reserved_44: Cell32,
@@ -70,12 +70,12 @@ publish! { Seat:
 const _: () = assert!(size_of::<Seat>() == 64);
 
 impl Seat {
-    /// Whether the process that has taken the seat still lives.
+    /// True if the process that has taken the seat still runs.
     pub fn owner_is_running(&self) -> bool {
         ProcessId { pid: self.owner.load(), start: self.owner_start.load() }.is_running()
     }
 
-    /// Free; the bells go on counting.
+    /// Frees the seat; the bells keep their counts.
     pub fn clear(&self) {
         let cells = [&self.state, &self.event, &self.patience_ms, &self.run_us];
         cells.iter().for_each(|cell| cell.store(0));

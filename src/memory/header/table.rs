@@ -1,4 +1,4 @@
-//! Tables of the header page that tell what the device of an image consists of: its areas and its ports.
+//! Tables of the header page that describe the device of an image: its areas and its ports.
 
 use crate::layout::{Area, Fit, MOST_PORTS, Port, Role, Space};
 use crate::memory::header::set_name;
@@ -13,19 +13,19 @@ pub const PORTS: usize = MOST_PORTS;
 /// Length of the names in the tables in bytes, with the terminating zero.
 pub const TABLE_NAME_LENGTH: usize = 16;
 
-/// A stretch of addresses with a purpose, and where it lies in the file. Written by the emulator while it starts.
+/// A range of addresses with one purpose, and its position in the file. Written by the emulator while it starts.
 #[derive(FromBytes, IntoBytes, KnownLayout, Debug)]
 #[repr(C)]
 pub struct AreaEntry {
     /// Name in register names, for example `node2`; UTF-8, zero-padded. All zeros: no area.
     pub name: [Cell8; TABLE_NAME_LENGTH],
-    /// What stands around the width in an address of this area: `M3.` for `%MB3.200000`, `M` for `%MB10000000`.
+    /// Text around the width in an address of this area: `M3.` for `%MB3.200000`, `M` for `%MB10000000`.
     pub space: [Cell8; 8],
     /// Number of its first byte or word in that space.
     pub first: Cell32,
     /// Bytes that one number counts: 1 or 2.
     pub unit: Cell32,
-    /// Byte of the file where it begins.
+    /// Offset of the area in the file.
     pub file_offset: Cell32,
     /// Its length in bytes.
     pub size: Cell32,
@@ -33,26 +33,27 @@ pub struct AreaEntry {
     pub reserved_40: [Cell32; 2],
 }
 
-/// The device's end of a medium, such as a bus.
+/// The connection of the device to a medium, such as a bus.
 #[derive(FromBytes, IntoBytes, KnownLayout, Debug)]
 #[repr(C)]
 pub struct PortEntry {
     /// Its name, for example `node2`; UTF-8, zero-padded. All zeros: no port.
     pub name: [Cell8; TABLE_NAME_LENGTH],
-    /// Kind of its medium, as `kind` of `[[bus]]` names it; likewise.
+    /// Kind of its medium, as in `kind` of `[[bus]]`; UTF-8, zero-padded.
     pub medium: [Cell8; TABLE_NAME_LENGTH],
     /// Its number in journals and on the channel, from 1.
     pub number: Cell32,
-    /// Byte of the file where its registers begin.
+    /// Offset of its registers in the file.
     pub file_offset: Cell32,
-    /// Counted up by whoever has stored 16#0000 in its `w_CPU_CONTROL`, wrapping: it is a restart then, even if 16#0000
-    /// stood there already (decision D-29).
+    /// Incremented, wrapping, by a program after it has stored 16#0000 in the port's `w_CPU_CONTROL`. This makes the
+    /// store a restart even if the register already held 16#0000 (decision D-29).
     pub restarts_written: Cell32,
-    /// Its DIP switches, where it has any of its own.
+    /// Its DIP switches, if it has separate ones.
     pub dip: Cell32,
-    /// Its LEDs, where it has any of its own: eight bits for each, 0 off, 16#FF on, 16#FE in turn with another one, else the number of flashes.
+    /// Its LEDs, if it has separate ones: eight bits for each, 0 off, 16#FF on, 16#FE alternating with another one,
+    /// else the number of flashes.
     pub leds: Cell32,
-    /// What it is at its medium: 0 nothing, there is no such module; 1 master, 2 slave, 3 peer.
+    /// Its role on its medium: 0 none, there is no such module; 1 master, 2 slave, 3 peer.
     pub role: Cell32,
     /// Zero.
     pub reserved_56: [Cell32; 2],
@@ -74,7 +75,7 @@ publish! { PortEntry:
 const _: () = assert!(size_of::<AreaEntry>() == 48 && size_of::<PortEntry>() == 64);
 
 impl AreaEntry {
-    /// Tells of `area`; what it said before is gone.
+    /// Describes `area` and replaces the previous content.
     pub(super) fn fill(&self, area: &Area) {
         set_name(&self.name, area.name);
         let Space { letter, segment, unit, .. } = area.space;
@@ -85,7 +86,7 @@ impl AreaEntry {
         self.size.store(area.bytes);
     }
 
-    /// No area.
+    /// Clears the entry.
     pub(super) fn clear(&self) {
         self.name.iter().chain(&self.space).for_each(|byte| byte.store(0));
         [&self.first, &self.unit, &self.file_offset, &self.size].into_iter().for_each(|cell| cell.store(0));
@@ -93,7 +94,7 @@ impl AreaEntry {
 }
 
 impl PortEntry {
-    /// Tells of `port`, and nothing has happened there yet.
+    /// Describes `port`, in its state at the start.
     pub(super) fn fill(&self, port: &Port) {
         self.clear();
         set_name(&self.name, port.name);
@@ -102,7 +103,7 @@ impl PortEntry {
         self.file_offset.store(port.area.first);
     }
 
-    /// No port.
+    /// Clears the entry.
     pub(super) fn clear(&self) {
         self.name.iter().chain(&self.medium).for_each(|byte| byte.store(0));
         let words =
@@ -110,7 +111,7 @@ impl PortEntry {
         words.into_iter().for_each(|cell| cell.store(0));
     }
 
-    /// Tells what the port is.
+    /// Writes the role of the port.
     pub(super) fn set_fit(&self, fit: Fit) {
         self.role.store(match fit.role() {
             None => 0,
@@ -120,7 +121,7 @@ impl PortEntry {
         });
     }
 
-    /// What the port is; unknown if the code is none.
+    /// The option that the role describes; unknown for an invalid code.
     pub(super) fn fit(&self) -> Fit {
         match self.role.load() {
             0 => Fit::Empty,

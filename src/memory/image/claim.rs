@@ -1,90 +1,91 @@
-//! Who gets the name of an image, when emulators that start meet one that ends, files that killed ones have left, and clients that look.
+//! Decides which process gets the name of an image: emulators that start or end, files of killed emulators, and clients
+//! that check them.
 //!
-//! Whoever has the lock of the file that has the name has the image, and nobody else names, takes over or removes it.
+//! The process that has the lock of the named file owns the image. No other process names, takes over or removes it.
 
 #[cfg(test)]
 mod model;
 
-/// A file that may have the name of an image; a real one, or one of a model.
+/// A file that may have the name of an image; real or modelled.
 pub(in crate::memory) trait Claimed: Sized {
-    /// What the system refuses.
+    /// Error of the system.
     type Error;
 
-    /// Takes the lock, which lasts as long as this value; `false` if somebody else has it.
+    /// Takes the lock for the lifetime of this value; `false` if another process has it.
     fn lock(&self) -> Result<bool, Self::Error>;
 
-    /// Whether the name is this file's, and not that of one that has replaced it.
+    /// True if this file has the name, and no other file has replaced it.
     fn is_named(&self) -> Result<bool, Self::Error>;
 
-    /// Takes the name from whatever file has it.
+    /// Removes the name from any file that has it.
     fn remove_name(&self) -> Result<(), Self::Error>;
 
-    /// Takes the name from this file, if it has it. Only for the holder of the lock.
+    /// Removes the name from this file, if it has it. Only for the holder of the lock.
     fn unlink(&self) -> Result<(), Self::Error> {
         if self.is_named()? { self.remove_name() } else { Ok(()) }
     }
 }
 
-/// The name, and what is known of files that have it.
+/// The name of an image, and operations on the files that have it.
 pub(super) trait Site {
     type File: Claimed<Error = Self::Error>;
     type Error;
 
-    /// The file that has the name.
+    /// Returns the file that has the name.
     fn find(&self) -> Result<Option<Self::File>, Self::Error>;
 
-    /// Refuses a file that is none of ours.
+    /// Refuses a file that is not an image of this user.
     fn judge(&self, file: &Self::File) -> Result<(), Self::Error>;
 
-    /// Waits a moment for a lock that somebody else has; an error if it has been long enough.
+    /// Waits a moment for a lock that another process has; an error if the total wait was long enough.
     fn wait(&self, file: Self::File) -> Result<(), Self::Error>;
 }
 
-/// What is made of files there.
+/// Operations of a starting emulator.
 pub(super) trait Start: Site {
     type Image;
 
-    /// A new file that has no name yet.
+    /// Creates a new file without a name.
     fn nameless(&self) -> Result<Self::File, Self::Error>;
 
-    /// An image of a new file, which is locked.
+    /// Fills a new, locked file as an image.
     fn fill(&self, file: Self::File) -> Result<Self::Image, Self::Error>;
 
-    /// Gives it the name; `false` if another file has it.
+    /// Gives the image the name; `false` if another file has it.
     fn name(&self, image: &Self::Image) -> Result<bool, Self::Error>;
 
-    /// Whether those who still map the file of a dead emulator can be served by a new one.
+    /// True if a new emulator can serve clients that still map the file of a dead one.
     fn fits(&self, file: &Self::File) -> Result<bool, Self::Error>;
 
-    /// An image of a dead emulator's file, which is locked.
+    /// Takes over the locked file of a dead emulator.
     fn take_over(&self, file: Self::File) -> Result<Self::Image, Self::Error>;
 }
 
-/// Gets the name, for a new file or that of a dead emulator.
+/// Acquires the name, for a new file or the file of a dead emulator.
 pub(super) fn enter<S: Start>(site: &S) -> Result<S::Image, S::Error> {
     loop {
         let Some(file) = site.find()? else {
             let file = site.nameless()?;
-            // It gets its name only when it is locked and filled, so nobody ever sees half an image.
+            // The file gets its name only when it is locked and filled, so no process sees a partial image.
             if file.lock()? {
                 let image = site.fill(file)?;
                 if site.name(&image)? {
                     return Ok(image);
                 }
             }
-            // Somebody was faster; meet them as the holder of the lock.
+            // Another process was faster; wait for the lock as usual.
             continue;
         };
         match claim(site, file)? {
             Some(file) if site.fits(&file)? => return site.take_over(file),
-            // Dead, but of another shape: its clients cannot be served, so a new file replaces it.
+            // Dead, but with another shape: it cannot serve the old clients, so a new file replaces it.
             Some(file) => file.unlink()?,
             None => {}
         }
     }
 }
 
-/// Removes what a dead emulator has left; whether there was anything.
+/// Removes the file of a dead emulator; returns whether there was one.
 pub(super) fn remove_dead<S: Site>(site: &S) -> Result<bool, S::Error> {
     loop {
         let Some(file) = site.find()? else { return Ok(false) };
@@ -95,7 +96,8 @@ pub(super) fn remove_dead<S: Site>(site: &S) -> Result<bool, S::Error> {
     }
 }
 
-/// Takes the lock of a file whose emulator is dead. `None`: try again, the file was replaced or somebody has its lock.
+/// Takes the lock of a file whose emulator is dead. `None`: try again, the file was replaced or another process has its
+/// lock.
 pub(super) fn claim<S: Site>(site: &S, file: S::File) -> Result<Option<S::File>, S::Error> {
     if !file.lock()? {
         site.wait(file)?;

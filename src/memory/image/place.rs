@@ -1,4 +1,4 @@
-//! The place of a PLC's image in the file system.
+//! The name of a PLC's image in the file system.
 
 use super::claim::{Site, Start};
 use super::{Image, ImageSpec, allocate};
@@ -11,13 +11,13 @@ use std::os::fd::AsRawFd;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-/// How long a starting emulator waits for a lock whose holder is not plainly a running emulator: one
-/// that is just ending, or a client that looks whether the emulator lives.
+/// Longest wait of a starting emulator for a lock whose holder does not look like a running emulator:
+/// it may be ending, or be a client that checks for a running emulator.
 const PATIENCE: Duration = Duration::from_millis(500);
-/// How long it waits if the holder does run: it may have been killed a moment ago and not be gone yet.
+/// Longest wait if the holder runs: it may have been killed a moment ago and not be gone yet.
 const GRACE: Duration = Duration::from_millis(50);
 
-/// The path of an image, who wants it since when, and what is to be there.
+/// The path of an image, the start time of the attempt, and the data of the image.
 pub(super) struct Place<'a, S> {
     instance: &'a str,
     plc: &'a str,
@@ -46,7 +46,7 @@ impl<S> Site for Place<'_, S> {
     }
 
     fn judge(&self, file: &ImageFile) -> Result<(), MemoryError> {
-        // An empty file holds nothing that could be lost.
+        // An empty file contains nothing that could be lost.
         if file.size()? > 0 { file.own_header().map(drop) } else { Ok(()) }
     }
 

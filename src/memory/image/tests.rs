@@ -20,7 +20,7 @@ use std::{
 };
 use zerocopy::FromZeros;
 
-/// A register that tells who has written it.
+/// A register whose value identifies its writer.
 pub(crate) const MARK: u32 = 200_000;
 
 fn create(instance: &Instance) -> Result<Image, MemoryError> {
@@ -133,12 +133,12 @@ fn a_takeover_forgets_the_last_run_but_goes_on_counting_rings() {
     assert_eq!(header.virtual_time_us.load(), 0);
     assert_eq!(header.sync_counter[1].load(), 0);
     assert_eq!(header.events[12].time_us.load(), 0);
-    // One ring of the last run, one that announces the takeover.
+    // One ring of the last run, and one that announces the takeover.
     assert_eq!(header.answer.rings(), 2);
     assert_eq!(header.events[12].bell.rings(), 1);
 }
 
-/// Whoever still maps it has been told another register map.
+/// Clients that still map it rely on another register map.
 #[test]
 fn a_dead_image_of_another_register_map_is_left_alone() {
     let instance = Instance::new();
@@ -184,7 +184,7 @@ fn foreign_contents_are_refused_and_left_alone() {
     }
 }
 
-/// Nothing is in it that could be somebody's.
+/// An empty file has no owner to protect.
 #[test]
 fn an_empty_file_is_replaced_and_removed() {
     let instance = Instance::new();
@@ -253,7 +253,7 @@ fn of_many_creators_one_wins() {
     }
 }
 
-/// Whoever opens the file just before its owner unlinks it locks a file without a name.
+/// A process that opens the file just before its owner unlinks it locks a file without a name.
 #[test]
 fn a_file_that_has_lost_its_name_is_not_claimed() {
     let instance = Instance::new();
@@ -316,7 +316,7 @@ fn the_list_tells_the_living_from_the_rest() {
     assert!(matches!(find(&foreign), Condition::Unusable(MemoryError::WrongMagic { .. })));
 }
 
-/// Who knows nothing but the header page finds every area and port of the device in the file.
+/// A reader of the header page alone finds every area and port of the device in the file.
 #[test]
 fn the_header_page_tells_areas_and_ports() {
     let instance = Instance::new();
@@ -339,7 +339,7 @@ fn the_header_page_tells_areas_and_ports() {
     assert_eq!((end.role.load(), none.role.load()), (3, 0), "a layout that leaves no choice says the role");
 }
 
-/// What lies in the areas of a modular device depends on its modules.
+/// The modules of a modular device determine the contents of its areas.
 #[test]
 fn the_header_page_tells_what_the_ports_are() {
     let header = Header::new_box_zeroed().unwrap();
@@ -355,7 +355,7 @@ fn the_header_page_tells_what_the_ports_are() {
     assert_eq!(header.fitted(&SLOTS).port(3), Fit::Unknown);
 }
 
-/// What happened at the ports of the emulator before is past.
+/// A new emulator does not inherit the port state of its predecessor.
 #[test]
 fn a_takeover_leaves_nothing_of_what_happened_at_the_ports() {
     let instance = Instance::new();

@@ -1,11 +1,11 @@
-//! The same bodies run over both backings.
+//! The same tests run on both backings.
 
 use super::*;
 use crate::memory::testing::SEGMENT_SIZE;
 use crate::memory::{Cell8, Cell16, Cell32};
 use memmap2::MmapOptions;
 
-/// A segment on the heap, and one in a file without a name, but for Miri, which cannot map files.
+/// A segment on the heap, and one in an unnamed file, except under Miri, which cannot map files.
 fn both() -> Vec<Segment> {
     let mut both = vec![Segment::heap(SEGMENT_SIZE)];
     if !cfg!(miri) {
@@ -111,7 +111,7 @@ fn view_refusals() {
             "byte 3262143 of the image: 2 bytes from there end behind the last one, byte 3262143"
         );
         assert!(matches!(segment.view::<Cell32>(usize::MAX - 3), Err(MemoryError::BlockOutOfRange { .. })));
-        // The words of the front are reached at their own width, and nothing beside them.
+        // The words of the front are accessible at their own width, and no other bytes are.
         segment.store(3_520, Width::Dword, 7).unwrap();
         let front = segment.load(3_520, Width::Dword).unwrap();
         assert_eq!((front, segment.header_snapshot().front[0].load()), (7, 7));
@@ -171,7 +171,7 @@ fn partial_stores_keep_the_rest_of_the_register() {
 
 #[test]
 fn partial_stores_of_two_writers_both_survive() {
-    // Each takes Miri as long as thousands.
+    // Under Miri each turn takes as long as thousands outside.
     const LAST: u32 = if cfg!(miri) { 50 } else { 5_000 };
     for segment in both() {
         std::thread::scope(|scope| {
@@ -207,8 +207,8 @@ fn ranges_at_any_alignment() {
     }
 }
 
-/// A word, a doubleword and a byte beside each other, each written at its own width, while others look at all of it in
-/// words of 64 and 32 bits: no register is ever seen torn, and none is written by who writes its neighbour.
+/// A word, a doubleword and a byte side by side, each written at its own width, while others read all of them in words
+/// of 64 and 32 bits: no register is torn, and writing a register does not change its neighbour.
 #[test]
 #[cfg_attr(
     miri,
@@ -300,7 +300,7 @@ fn the_header_lies_at_the_front() {
     }
 }
 
-/// Fields of the header page, each written at its own width, while others copy all of it.
+/// Fields of the header page, each written at its own width, while others copy the whole page.
 #[test]
 #[cfg_attr(
     miri,
@@ -330,7 +330,7 @@ fn the_header_page_is_whole_in_a_copy() {
     }
 }
 
-/// Devices differ: a b maXX PLC reaches beyond 7 MB, others have no more than a page of registers.
+/// Segments differ by device: a b maXX PLC needs more than 7 MB, other devices only a page of registers.
 #[test]
 fn a_segment_is_as_long_as_its_device_needs() {
     for (asked, size) in [(7_034_560, 7_034_560), (4_100, 4_100), (5_001, 5_004), (0, HEADER_SIZE)] {

@@ -1,4 +1,4 @@
-//! The emulator's end of the channel, and what becomes of it when another program shortens a part of it.
+//! The emulator's side of the channel, and its end when another program shortens a part of it.
 
 use super::Emulator;
 use crate::channel::{ChannelWatch, EventNotifier, HeaderBells, Server};
@@ -16,7 +16,7 @@ impl Emulator {
         opened.inspect_err(|error| tracing::error!("no channel, mapped clients only: {error}")).ok()
     }
 
-    /// Handles what came through the channel; tells whether there was anything.
+    /// Handles requests of the channel; returns whether there were any.
     pub(in crate::runtime) fn serve_channel(&mut self) -> bool {
         if self.channel_is_damaged() {
             self.give_channel_up();
@@ -29,17 +29,17 @@ impl Emulator {
         served.map_or_else(|panic| self.judge(panic), |served| served > 0)
     }
 
-    /// Whether an operation has paused; with a stepped clock it lets time pass.
+    /// True if an operation has paused; with a stepped clock it advances the clock.
     pub(in crate::runtime) fn is_time_passing(&self) -> bool {
         self.server.as_ref().is_some_and(|server| server.waiting() > 0)
     }
 
-    /// Whether somebody waits for what happens: for a register, or for an event.
+    /// True if a client waits for a register or an event.
     pub(super) fn is_listened_to(&self) -> bool {
         self.is_time_passing() || self.events.as_ref().is_some_and(EventNotifier::is_listened_to)
     }
 
-    /// Tells listeners of the event services what has occurred.
+    /// Reports occurred events to the listeners of the event services.
     pub(in crate::runtime) fn tell_events(&mut self) {
         for plc in 0..self.images.len() {
             let fired = self.plant.take_fired(plc);
@@ -63,7 +63,7 @@ impl Emulator {
         }
     }
 
-    /// What iceoryx2 makes of memory that is not there any more may be a panic; whose it is, the damage tells.
+    /// Missing memory can cause a panic in iceoryx2. The panic is expected only if the channel is damaged.
     fn judge(&mut self, panic: Box<dyn core::any::Any + Send>) -> bool {
         if !self.channel_is_damaged() {
             resume_unwind(panic);
@@ -72,12 +72,12 @@ impl Emulator {
         true
     }
 
-    /// Whether somebody has shortened a part of the channel.
+    /// True if another process has shortened a part of the channel.
     fn channel_is_damaged(&self) -> bool {
         self.channel_watch.as_ref().is_some_and(|watch| watch.is_damaged() || channel_has_gaps())
     }
 
-    /// Goes on without the channel, whose memory is not to be touched any more.
+    /// Continues without the channel, and does not access its memory again.
     fn give_channel_up(&mut self) {
         core::mem::forget(self.events.take());
         self.channel_watch = None;

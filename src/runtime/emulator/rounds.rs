@@ -1,8 +1,8 @@
 //! The emulator's main loop.
 //!
-//! One thread does it all: it lets emulated time pass, answers rung doorbells and channel requests, and
-//! sleeps on the doorbells until the next event is due. The order "note the rings, look at everything,
-//! sleep unless it rang since" makes sure that nothing is slept through.
+//! One thread does everything: it advances the clock, answers rung doorbells and channel requests, and sleeps on the
+//! doorbells until the next event. The order "note the rings, check everything, sleep unless it rang since" makes sure
+//! that the sleep misses no ring.
 
 use super::Emulator;
 use crate::memory::bell;
@@ -11,18 +11,19 @@ use crate::runtime::lockstep::NoWitness;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
-/// Longest sleep; a bound for everything that does not ring.
+/// Longest sleep; the limit for everything that does not ring.
 pub(in crate::runtime) const LONGEST_SLEEP: Duration = Duration::from_millis(100);
 
-/// Most emulated time that passes unseen while nobody can see or store a register: whoever comes finds them that old at first.
+/// Longest step of emulated time while no other process has the image open. A client that attaches may first see
+/// registers this old.
 const UNSEEN_US: u64 = 10_000;
 
-/// Most emulated time handled in one go. After the machine was suspended there may be hours to catch up
-/// with; signals and clients are heard in between.
+/// Longest step of emulated time. After the machine was suspended there may be hours to catch up with; signals and
+/// clients are handled between the steps.
 const LONGEST_STEP_US: u64 = 100_000;
-/// How many register writes a polling emulator may answer at one moment before it does anything else.
+/// Largest number of register writes that a polling emulator answers at one moment before it does other work.
 const LONGEST_CHAIN: u32 = 16;
-/// How often it looks in vain for the next one behind an answer.
+/// Polls without a result that end such a chain.
 const LOOKS: u32 = 64;
 
 impl Emulator {
@@ -66,7 +67,7 @@ impl Emulator {
             }
             self.save_novram(false);
             if self.serve_channel() {
-                // A write through the channel is as good as a ring.
+                // A write through the channel counts as a ring.
                 self.plant.processor_cycle();
                 self.announce();
             } else if !self.options.busy {
@@ -75,7 +76,8 @@ impl Emulator {
         }
     }
 
-    /// Who polls mostly writes again at once: the next answers come before the rest, at the same moment (decision D-583).
+    /// A polling client usually writes again immediately: its next answers come first, at the same moment (decision
+    /// D-583).
     fn answer_on(&mut self) {
         for _ in 0..LONGEST_CHAIN {
             self.announce();
@@ -86,8 +88,8 @@ impl Emulator {
         }
     }
 
-    /// With a stepped clock: a task in lockstep obeys an order of its board at the moment at which it is given, also while no time
-    /// passes.
+    /// With a stepped clock: a task in lockstep obeys an order of its board at the moment of the order, even if the
+    /// clock does not advance.
     fn give_order_turns(&mut self) {
         if self.is_time_passing() || !self.lockstep.has_turns() {
             return;
@@ -98,7 +100,7 @@ impl Emulator {
         self.announce();
     }
 
-    /// In real time: when something is due that somebody may see, or see to.
+    /// In real time: time of the next event that another process can see or must answer.
     fn next_seen(&self) -> u64 {
         let next = self.plant.next_event();
         let is_seen = !self.watch.is_alone() || self.is_listened_to() || self.guests.are_present();
@@ -106,7 +108,8 @@ impl Emulator {
         next.min(self.guests.next_turn())
     }
 
-    /// With a stepped clock: what the boards are asked for needs no time to pass; everything else is seen when it does.
+    /// With a stepped clock: requests to the boards are handled without advancing the clock; everything else when it
+    /// advances.
     pub(in crate::runtime) fn look_at_rings(&mut self) {
         if self.note_rings() {
             self.guests.look(&mut self.plant);
@@ -119,7 +122,7 @@ impl Emulator {
         }
     }
 
-    /// Notes how often each PLC's doorbell has been rung; tells whether one was rung since last time.
+    /// Reads the number of rings of each PLC's doorbell; returns true if one has rung since the last call.
     pub(in crate::runtime) fn note_rings(&mut self) -> bool {
         let mut rung = false;
         for (noted, image) in self.rings.iter_mut().zip(&self.images) {
@@ -144,7 +147,7 @@ impl Emulator {
         bell::wait_any(&bells, Some(timeout));
     }
 
-    /// Tells waiting clients that registers may have changed.
+    /// Wakes waiting clients: registers may have changed.
     pub(in crate::runtime) fn announce(&self) {
         self.images.iter().for_each(|image| image.header().answer.ring());
     }

@@ -10,13 +10,14 @@ use std::os::unix::fs::DirBuilderExt;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// How long a starting emulator waits for the lock: its holder may have been killed a moment ago and not be gone yet.
+/// Longest wait of a starting emulator for the lock: its holder may have been killed a moment ago and not be gone
+/// yet.
 const PATIENCE: Duration = Duration::from_millis(500);
 
-/// The right of others to write, in a mode.
+/// Write rights of other users in a mode.
 const OTHERS_WRITE: u32 = 0o022;
 
-/// A directory that is locked for as long as this value lives.
+/// A directory that is locked for the lifetime of this value.
 #[derive(Debug)]
 pub struct Directory {
     path: PathBuf,
@@ -24,11 +25,11 @@ pub struct Directory {
 }
 
 impl Directory {
-    /// Opens and locks a directory, which is made if missing, for this user alone.
+    /// Opens and locks a directory; creates a missing one, accessible to this user only.
     ///
     /// # Errors
     /// [`NovramError::InUse`] if another emulator has it, [`NovramError::Foreign`] and [`NovramError::Writable`] if
-    /// others could put their files there, [`NovramError::Io`] if it cannot be made or used.
+    /// other users could put files there, [`NovramError::Io`] if it cannot be created or used.
     pub fn open(path: &Path) -> Result<Self, NovramError> {
         let failed = |doing| move |source| NovramError::Io { path: path.to_owned(), doing, source };
         DirBuilder::new().recursive(true).mode(0o700).create(path).map_err(failed("make this directory"))?;
@@ -47,18 +48,18 @@ impl Directory {
         }
     }
 
-    /// Path of a file in it.
+    /// Path of a file in the directory.
     pub(super) fn path_of(&self, name: &str) -> PathBuf {
         self.path.join(name)
     }
 
-    /// The content of a file; one byte more than `longest` if it is longer than that. `None`: there is none.
+    /// Reads a file; returns one byte more than `longest` if the file is longer. `None`: there is no such file.
     pub(super) fn read(&self, name: &str, longest: usize) -> Result<Option<Vec<u8>>, NovramError> {
         let file = match self.open.read(name) {
             Ok(file) => file,
             Err(Errno::NOENT) => return Ok(None),
             Err(Errno::LOOP) => return Err(self.not_a_file(name, FileType::Symlink)),
-            // What a socket and a device without a driver answer.
+            // Errors for a socket, and for a device without a driver.
             Err(Errno::NXIO | Errno::NODEV) => return Err(self.not_a_file(name, FileType::Unknown)),
             Err(errno) => return Err(self.failed(name, "read it")(errno.into())),
         };
@@ -72,8 +73,8 @@ impl Directory {
         Ok(Some(bytes))
     }
 
-    /// Puts a file with this content in the place of the one of this name: a new file, synced, renamed over the old
-    /// one, directory synced. Whatever goes wrong, no other file stays. A directory that has gone is made again.
+    /// Replaces the file of this name: writes a new file, syncs it, renames it and syncs the directory. No other file
+    /// stays, even after an error. A missing directory is created again.
     pub(super) fn replace(&mut self, name: &str, bytes: &[u8]) -> Result<(), NovramError> {
         let mut result = self.try_replace(name, bytes);
         if result.as_ref().is_err_and(|error| error.kind() == io::ErrorKind::NotFound) {
@@ -83,7 +84,7 @@ impl Directory {
         result.map_err(self.failed(name, "write it"))
     }
 
-    /// Tries whether such a content could be written, and leaves everything as it is.
+    /// Checks that such a content can be written, without any change.
     pub(super) fn probe(&self, name: &str, bytes: &[u8]) -> Result<(), NovramError> {
         self.with_new(name, bytes, |new| self.open.remove(new)).map_err(self.failed(name, "write it"))
     }
@@ -93,7 +94,7 @@ impl Directory {
         Ok(self.open.sync()?)
     }
 
-    /// Writes `<name>.new`, synced, gives it to `then`, and removes it if either fails.
+    /// Writes `<name>.new`, synced, and passes it to `then`; removes it if either fails.
     fn with_new(
         &self,
         name: &str,
@@ -101,7 +102,7 @@ impl Directory {
         then: impl FnOnce(&str) -> Result<(), Errno>,
     ) -> io::Result<()> {
         let new = format!("{name}.new");
-        // A killed emulator may have left one. It is not written to: it may be a link.
+        // A killed emulator may have left one. It is removed, not opened, because it may be a link.
         match self.open.remove(&new) {
             Ok(()) | Err(Errno::NOENT) => {}
             Err(errno) => return Err(errno.into()),
@@ -112,7 +113,7 @@ impl Directory {
         })
     }
 
-    /// Renames a file that cannot be used to the first free `<name>.bad-<n>`.
+    /// Renames an unusable file to the first free `<name>.bad-<n>`.
     pub(super) fn set_aside(&self, name: &str) -> Result<PathBuf, NovramError> {
         for n in 1u32.. {
             let aside = format!("{name}.bad-{n}");
@@ -142,7 +143,7 @@ impl Directory {
     }
 }
 
-/// Refuses a directory in which others than `user` could exchange files.
+/// Refuses a directory in which other users than `user` could exchange files.
 fn judge(path: &Path, stat: &Stat, user: u32) -> Result<(), NovramError> {
     let path = || path.to_owned();
     if stat.st_uid != user {

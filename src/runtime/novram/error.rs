@@ -1,11 +1,11 @@
-//! What can be wrong with NOVRAM files.
+//! Errors of NOVRAM files.
 
 use crate::memory::MemoryError;
 use std::io;
 use std::path::PathBuf;
 use thiserror::Error;
 
-/// Trouble with a NOVRAM file or its directory.
+/// Error of a NOVRAM file or its directory.
 #[derive(Debug, Error)]
 pub enum NovramError {
     /// The system refuses.
@@ -13,12 +13,12 @@ pub enum NovramError {
     Io {
         /// The file or directory.
         path: PathBuf,
-        /// What was tried.
+        /// The attempted operation.
         doing: &'static str,
-        /// Why not.
+        /// The reason.
         source: io::Error,
     },
-    /// Another emulator keeps its NOVRAM there.
+    /// Another emulator uses the directory for its NOVRAM.
     #[error(
         "NOVRAM {}: another emulator uses this directory; give each instance one of its own",
         path.display()
@@ -40,7 +40,7 @@ pub enum NovramError {
         /// User id of this process.
         user: u32,
     },
-    /// Others may put files into the directory.
+    /// Other users can write to the directory.
     #[error(
         "NOVRAM {}: others can write to this directory (mode {mode:o}) and exchange its files; make a directory of \
          its own for them, or take their right away with `chmod go-w`",
@@ -60,13 +60,13 @@ pub enum NovramError {
     NotAFile {
         /// The file.
         path: PathBuf,
-        /// What it is.
+        /// Type of the file.
         found: &'static str,
     },
-    /// The last try to write has failed too.
+    /// The last attempt to write has failed, too.
     #[error("the last changes are lost, this is no longer tried again: {source}")]
     Lost {
-        /// What went wrong.
+        /// The error.
         source: Box<NovramError>,
     },
     /// The RAM refuses.

@@ -8,25 +8,25 @@ const VERSION: u32 = 2;
 const HEAD: usize = 16;
 const CHECKSUM: usize = 4;
 
-/// What a device can have in NOVRAM, in bytes.
+/// Largest NOVRAM content of a device, in bytes.
 #[derive(Clone, Copy)]
 pub(super) struct Size {
-    /// Registers, always as many.
+    /// Length of the registers, which is fixed.
     pub registers: usize,
-    /// Retain flags at most.
+    /// Largest length of the retain flags.
     pub flags: usize,
 }
 
-/// What a file keeps: registers, as many bytes as the device has in NOVRAM, and retain flags, at least as many as it has.
+/// Content of a file: the registers of the device's NOVRAM, and at least as many retain flags as the device has.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Content {
     bytes: Vec<u8>,
-    /// How many of them are registers.
+    /// Length of the registers.
     registers: usize,
 }
 
 impl Content {
-    /// Delivery state with so many bytes of registers, without any flag.
+    /// Delivery state with this length of registers and no flags.
     pub(crate) fn empty(registers: usize) -> Self {
         Content { bytes: vec![0; registers], registers }
     }
@@ -37,14 +37,14 @@ impl Content {
         Content { bytes: [registers, retain].concat(), registers: registers.len() }
     }
 
-    /// The same with at least `flags` retain flags; those that are missing are 0.
+    /// The same content with at least `flags` retain flags; added flags are 0.
     pub(crate) fn at_least(mut self, flags: usize) -> Self {
         let bytes = self.bytes.len().max(self.registers + flags);
         self.bytes.resize(bytes, 0);
         self
     }
 
-    /// Takes over the registers, as many as it has, and the first retain flags. Flags of a plant that had more stay, for it.
+    /// Replaces the registers and the first retain flags. Further flags, of a plant with more of them, are unchanged.
     pub(crate) fn replace(&mut self, registers: &[u8], retain: &[u8]) {
         for (to, from) in self.bytes.iter_mut().zip(registers.iter().chain(retain)) {
             *to = *from;
@@ -60,8 +60,7 @@ impl Content {
     }
 }
 
-/// Reads the file of this name. One that cannot be used is set
-/// aside; one that could not be written is an error.
+/// Reads the file of this name. An unusable file is set aside; a file that cannot be written is an error.
 pub(super) fn load(directory: &Directory, name: &str, size: Size) -> Result<(Content, Found), NovramError> {
     let (content, found) = match directory.read(name, HEAD + size.registers + size.flags + CHECKSUM)? {
         None => (Content::empty(size.registers), Found::Nothing),

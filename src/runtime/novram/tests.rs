@@ -13,7 +13,7 @@ const REGISTERS: usize = 16;
 const ROUTER: u32 = 180_016 + 12;
 const ADDRESS: u32 = 180_016 + 4;
 const FLAG: u32 = 8192;
-/// How many retain flags it has, in bytes, and most that it can have.
+/// Number of its retain flags in bytes, and the maximum.
 const FLAGS: usize = 20_000;
 const SIZE: Size = Size { registers: REGISTERS, flags: 57_344 };
 const LAST_FLAG: u32 = FLAG + FLAGS as u32 - 1;
@@ -22,7 +22,7 @@ fn content(byte: u8) -> Content {
     Content::new(&[byte; REGISTERS], &[byte; FLAGS])
 }
 
-/// The directory as an emulator has it.
+/// Opens the directory as an emulator does.
 fn open(directory: &tempfile::TempDir) -> Directory {
     Directory::open(directory.path()).unwrap()
 }
@@ -31,24 +31,24 @@ fn segment() -> Segment {
     Segment::of(PlantConfig::built_in().unwrap().devices[0].layout())
 }
 
-/// The NOVRAM of a device of a plant.
+/// Restores the NOVRAM of a device of a plant.
 fn restored(directory: &Directory, plant: &str, segment: &Segment) -> Result<(Novram, Found), NovramError> {
     let plant = PlantConfig::parse("novram", plant).unwrap();
     Ok(Novram::power_on(directory, &*plant.devices[0], segment)?.expect("it has one"))
 }
 
-/// That of PLC `line`, with the number of retain flags that a PLC has that does not say otherwise.
+/// Restores PLC `line`, with the default number of retain flags.
 fn power_on(directory: &tempfile::TempDir, segment: &Segment) -> Result<(Novram, Found), NovramError> {
     restored(&open(directory), "[[plc]]\nname = 'line'\n", segment)
 }
 
-/// Names of the files in it.
+/// Names of the files in the directory.
 fn names(directory: &tempfile::TempDir) -> Vec<String> {
     let entries = fs::read_dir(directory.path()).unwrap();
     entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect()
 }
 
-/// A file that is taken is one that would be written, and what is right comes back whatever its content is.
+/// A file that is read equals one that would be written, and any correct content is restored.
 #[test]
 fn fuzz_novram() {
     crate::fuzz("novram", |bytes| {
@@ -66,7 +66,7 @@ fn fuzz_novram() {
     });
 }
 
-/// A plant with fewer retain flags takes none away from one that has more.
+/// A plant with fewer retain flags does not remove flags of a plant with more.
 #[test]
 fn flags_beyond_those_of_the_plant_stay_in_the_file() {
     let directory = tempfile::tempdir().unwrap();
@@ -93,7 +93,7 @@ fn flags_beyond_those_of_the_plant_stay_in_the_file() {
     assert_eq!(held, [5, 7]);
 }
 
-/// The memory goes while its retain flags are read: the file keeps the last that is known.
+/// The memory goes away while its retain flags are read: the file keeps the last known ones.
 #[test]
 fn what_is_lost_while_it_is_read_is_not_written() {
     let directory = tempfile::tempdir().unwrap();
@@ -229,14 +229,14 @@ fn the_keeper_has_written_everything_when_it_ends() {
     }
 }
 
-/// The NOVRAM of a PLC with its keeper, which has not written anything yet.
+/// The NOVRAM of a PLC with its keeper, which has not written yet.
 fn keeper(directory: &tempfile::TempDir) -> Keeper {
     let opened = open(directory);
     let (novram, _) = restored(&opened, "[[plc]]\nname = 'line'\n", &segment()).unwrap();
     Keeper::new(Some(opened), vec![Some(novram)]).unwrap()
 }
 
-/// A directory in the way of the new file: it cannot be written, whoever runs this.
+/// Blocks the new file with a directory, so even root cannot write it.
 fn block(directory: &tempfile::TempDir) -> std::path::PathBuf {
     let new = directory.path().join("line.novram.new");
     fs::create_dir(&new).unwrap();
@@ -265,7 +265,7 @@ fn what_cannot_be_written_is_tried_again_until_it_can() {
     let mut keeper = keeper(&directory);
     let in_the_way = block(&directory);
     keeper.save(|_| Some((&[5; REGISTERS][..], 1)), false);
-    // Nothing changes any more, and still.
+    // Nothing has changed since, and the keeper still retries.
     keeper.save(|_| Some((&[5; REGISTERS][..], 1)), true);
     assert_eq!(saved(&directory), None);
     fs::remove_dir(in_the_way).unwrap();
@@ -287,7 +287,7 @@ fn what_cannot_be_written_at_last_either_is_an_error() {
     assert!(error.contains("lost") && error.contains("line.novram"), "{error}");
 }
 
-/// The directory is locked by then, so nobody else can have it meanwhile.
+/// The new directory is locked at once, so no other emulator can take it.
 #[test]
 fn a_directory_that_has_gone_is_made_again() {
     let directory = tempfile::tempdir().unwrap();
@@ -313,7 +313,7 @@ fn what_a_killed_emulator_has_left_half_written_goes() {
     fs::write(&new, "half").unwrap();
     power_on(&directory, &segment()).unwrap();
     assert_eq!(names(&directory), [""; 0]);
-    // Nor is it written to, if it is a link to something else.
+    // A link is not written to, either.
     fs::write(&other, "mine").unwrap();
     std::os::unix::fs::symlink(&other, &new).unwrap();
     power_on(&directory, &segment()).unwrap();
@@ -348,7 +348,7 @@ fn only_regular_files_are_read_and_no_links_are_followed() {
     }
 }
 
-/// Nobody has so much memory, nor the time to read it.
+/// Such a file would exceed memory and time.
 #[test]
 fn a_huge_file_is_set_aside_unread() {
     let directory = tempfile::tempdir().unwrap();

@@ -1,4 +1,4 @@
-//! Writes NOVRAM files beside the emulator's own thread.
+//! Writes NOVRAM files in a separate thread.
 
 use super::file::{self, Content};
 use super::{Directory, Novram, NovramError};
@@ -7,18 +7,18 @@ use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// How often retain flags are looked at. A PLC may change them in every cycle; a disk cannot.
+/// Interval for checking retain flags. A PLC may change them in every cycle; a disk is slower.
 const RETAIN_EVERY: Duration = Duration::from_secs(1);
-/// How soon a file that could not be written is tried again.
+/// Delay before the next attempt to write a file.
 const RETRY_AFTER: Duration = Duration::from_secs(1);
 
 /// The name of a file and its content.
 type Job = (String, Content);
 
-/// The thread that writes.
+/// The writing thread.
 type Writer = JoinHandle<Result<(), NovramError>>;
 
-/// Keeps the NOVRAM files of all PLCs. Dropping it waits until everything is written.
+/// Writes the NOVRAM files of all PLCs. Dropping it waits until everything is written.
 #[derive(Debug)]
 pub struct Keeper {
     novram: Vec<Option<Novram>>,
@@ -27,7 +27,7 @@ pub struct Keeper {
 }
 
 impl Keeper {
-    /// Keeps these, one for each device of the plant that has any, in their directory; without one it never does anything.
+    /// Creates a keeper for the NOVRAM of each device; without a directory it does nothing.
     ///
     /// # Errors
     /// No thread can be started.
@@ -43,8 +43,8 @@ impl Keeper {
         Ok(Keeper { novram, writer, next_look: Instant::now() + RETAIN_EVERY })
     }
 
-    /// Writes what has changed; `stored` tells what registers a device has stored, or nothing if they are lost.
-    /// The retain flags are looked at once a second, or if this is the `last` time.
+    /// Writes the changes. `stored` returns the registers that a device has stored, or `None` if they are lost. Retain
+    /// flags are checked once a second, and in the `last` call.
     pub fn save<'a>(&mut self, stored: impl Fn(usize) -> Option<(&'a [u8], u32)>, last: bool) {
         let Some((jobs, _)) = &self.writer else { return };
         let now = Instant::now();
@@ -56,7 +56,7 @@ impl Keeper {
         for (index, novram) in novram.filter_map(|(index, novram)| Some((index, novram.as_mut()?))) {
             if let Some(stored_now) = stored(index)
                 && let Some(content) = novram.changed(stored_now, retain)
-                // Lost while they were read: the file has the last that is known.
+                // Lost during the read: the file keeps the last known content.
                 && stored(index).is_some()
             {
                 // The thread ends after this value only.
@@ -65,14 +65,15 @@ impl Keeper {
         }
     }
 
-    /// Waits until everything is written. The directory is free then.
+    /// Waits until everything is written, and releases the directory.
     ///
     /// # Errors
-    /// [`NovramError::Lost`]: a file could not be written at last either. If there are several, the log has the others.
+    /// [`NovramError::Lost`]: the last attempt to write a file failed, too. If several files failed, the log has the
+    /// others.
     pub fn close(&mut self) -> Result<(), NovramError> {
         let Some((jobs, thread)) = self.writer.take() else { return Ok(()) };
         drop(jobs);
-        // A panic there is one here: nobody must believe that everything was written.
+        // Propagates a panic of the thread: its files may not be written.
         thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
     }
 }
@@ -88,8 +89,8 @@ impl Drop for Keeper {
     }
 }
 
-/// Writes each job, or only the last one for a file if several have come meanwhile; again and again what could not be
-/// written, a last time when no more jobs can come.
+/// Writes each job, or only the newest one of a file if several have arrived. Retries failed writes, for the last time
+/// when no more jobs can arrive.
 fn write_all(mut directory: Directory, jobs: &Receiver<Job>) -> Result<(), NovramError> {
     let mut dirty: BTreeMap<String, Content> = BTreeMap::new();
     let mut said = BTreeMap::new();
@@ -122,7 +123,7 @@ fn write_all(mut directory: Directory, jobs: &Receiver<Job>) -> Result<(), Novra
     result
 }
 
-/// Says what is wrong with a file, once until it is well again or something else is wrong.
+/// Logs the fault of a file once, until it is written or has another fault.
 fn say_what_is_new(name: &str, result: &Result<(), NovramError>, said: &mut BTreeMap<String, String>) {
     match result {
         Ok(()) => {

@@ -1,4 +1,4 @@
-//! How a seat changes hands.
+//! Changes of the owner of a seat.
 
 #[cfg(test)]
 mod model;
@@ -16,35 +16,37 @@ impl Seat {
         Hands { owner: &self.owner, state: &self.state, event: &self.event }
     }
 
-    /// Answers whoever asks: seated if it may run on its event, else refused. The event and whether, `None` if it has left.
+    /// Answers a task that asks for the seat: accepted if `may` allows its event, else refused. Returns the event and
+    /// the decision; `None` if the task has left.
     pub(crate) fn decide(&self, may: impl FnMut(u32) -> bool) -> Option<(u32, bool)> {
         self.hands().decide(may)
     }
 
-    /// Gives up the task that is seated; `false` if it has left.
+    /// Gives up the seated task; `false` if it has left.
     pub(crate) fn lose(&self) -> bool {
         self.hands().lose()
     }
 
-    /// Frees the seat if who was refused or lost has died instead of leaving; whether it did.
+    /// Frees the seat if a refused or lost task died without leaving; returns whether it did.
     pub(crate) fn bury(&self) -> bool {
         self.hands().bury(|owner| self.is_running(owner), || self.clear())
     }
 }
 
-/// The words by which a seat changes hands, of cells or of a model of them. A task takes a free seat by exchanging `owner`, sets the event
-/// and asks. It may leave at any moment, when nobody waits for it any longer: it sets `state` to free and then `owner` to 0, and the next
-/// one may have asked before the emulator has looked again. So whatever the emulator does here must not hit the next one.
+/// The words that determine the owner of a seat: cells, or a model of them. A task takes a free seat by exchanging
+/// `owner`, sets the event and asks. It may leave at any moment after the emulator has stopped waiting for it: it sets
+/// `state` to free and then `owner` to 0. The next task may ask before the emulator reads the seat again, so no step of
+/// the emulator may affect the next task.
 struct Hands<'a, W> {
     owner: &'a W,
     state: &'a W,
     event: &'a W,
 }
 
-/// A word that others write at the same time.
+/// A word that other processes write concurrently.
 trait Word {
     fn load(&self) -> u32;
-    /// Stores if it holds that; whether it did.
+    /// Stores `new` if the word holds `current`; returns whether it did.
     fn exchange(&self, current: u32, new: u32) -> bool;
 }
 
@@ -58,7 +60,7 @@ impl Word for Cell32 {
     }
 }
 
-/// The owner of a seat that is being freed; no process.
+/// Owner of a seat that is being freed; not the id of a process.
 const NOBODY: u32 = u32::MAX;
 
 impl<W: Word> Hands<'_, W> {
@@ -71,7 +73,7 @@ impl<W: Word> Hands<'_, W> {
             if self.state.exchange(deciding, answer.code()) {
                 return Some((event, is_seated));
             }
-            // It has left, so the event may be that of the next one, who is told nothing before it has asked.
+            // The task has left, so the event may be that of the next task, which gets no answer before it asks.
         }
         None
     }
@@ -82,10 +84,10 @@ impl<W: Word> Hands<'_, W> {
 
     fn bury(&self, is_running: impl Fn(u32) -> bool, clear: impl FnOnce()) -> bool {
         let owner = self.owner.load();
-        // Looked at behind the owner: whoever takes a seat finds it free.
+        // Read after the owner: a task that takes a seat finds it free.
         let state = SeatState::from_code(self.state.load());
         let is_out = matches!(state, Some(SeatState::Refused | SeatState::Lost));
-        // It may have left before it died, and somebody else be here.
+        // The task may have left before it died, and another one may have the seat.
         if !is_out || is_running(owner) || !self.owner.exchange(owner, NOBODY) {
             return false;
         }

@@ -1,19 +1,19 @@
-//! Interleavings of emulators that start and end, and clients that look, with the steps that the file system makes whole.
+//! Interleavings of emulators that start and end, and clients that check, with the atomic steps of the file system.
 
 use super::{Claimed, Site, Start, enter, remove_dead};
 use loom::sync::{Arc, Mutex, MutexGuard};
 use loom::thread;
 
-/// What the file system does, or does not.
+/// Behaviour of the modelled file system.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum System {
     /// As Linux does.
     Right,
-    /// Nobody sees that a name has gone to another file.
+    /// A process does not detect that a name has moved to another file.
     NamesStay,
-    /// A name that is given replaces the file that has it.
+    /// Giving a name replaces the file that has it.
     NamesReplace,
-    /// A lock keeps nobody out.
+    /// A lock excludes no other process.
     LocksAreOpen,
 }
 
@@ -21,7 +21,7 @@ enum System {
 struct World {
     /// The file that has the name.
     named: Option<usize>,
-    /// Of each file, whether somebody has its lock.
+    /// For each file, true if it is locked.
     locked: Vec<bool>,
     /// The file that a running emulator serves.
     served: Option<usize>,
@@ -34,11 +34,11 @@ impl World {
     }
 }
 
-/// One of those that go there.
+/// A process that accesses the image.
 struct Visitor {
     world: Arc<Mutex<World>>,
     system: System,
-    /// How often it tries before it takes the holder of a lock for alive.
+    /// Number of attempts before it assumes that the holder of a lock is alive.
     patience: core::cell::Cell<u32>,
 }
 
@@ -49,7 +49,7 @@ struct File {
     is_ours: core::cell::Cell<bool>,
 }
 
-/// The holder of a lock lives.
+/// Error: the holder of a lock is alive.
 #[derive(Debug, PartialEq, Eq)]
 struct Running;
 
@@ -131,7 +131,7 @@ impl Start for Visitor {
     }
 
     fn fits(&self, file: &File) -> Result<bool, Running> {
-        // The first is of another shape in some of these tests.
+        // In some tests the first file has another shape.
         Ok(file.number != UNFIT)
     }
 
@@ -148,7 +148,7 @@ impl Visitor {
         File { world: Arc::clone(&self.world), system: self.system, number, is_ours: false.into() }
     }
 
-    /// Starts, serves the image and ends, as an emulator does; whether it was let in.
+    /// Like an emulator: starts, serves the image and ends; returns whether it got the image.
     fn starts(&self) -> bool {
         let Ok(image) = enter(self) else { return false };
         self.serves(&image);
@@ -169,7 +169,7 @@ impl Visitor {
         image.unlink().unwrap();
     }
 
-    /// As a client does that wants to know whether somebody has the lock.
+    /// Like a client that checks whether the file is locked.
     fn looks(&self) {
         if let Some(file) = self.find().unwrap() {
             let _ = file.lock();
@@ -177,7 +177,7 @@ impl Visitor {
     }
 }
 
-/// Checks all interleavings with few preemptions: what goes wrong here needs one or two.
+/// Checks all interleavings with few preemptions: the faults of these models need one or two.
 fn model(system: System, left: Option<usize>, go: impl Fn(&dyn Fn(u32) -> Visitor) + Sync + Send + 'static) {
     let mut builder = loom::model::Builder::new();
     builder.preemption_bound = Some(2);
@@ -192,7 +192,7 @@ fn model(system: System, left: Option<usize>, go: impl Fn(&dyn Fn(u32) -> Visito
     });
 }
 
-/// Two start where a killed emulator has left its file, or none.
+/// Two emulators start, with or without the file of a killed one.
 fn two_start(system: System, left: Option<usize>) {
     model(system, left, |visitor| {
         let (one, other) = (visitor(2), visitor(2));
@@ -202,7 +202,7 @@ fn two_start(system: System, left: Option<usize>) {
     });
 }
 
-/// One ends while others start.
+/// One emulator ends while others start.
 fn two_start_while_one_ends(system: System) {
     model(system, Some(FIT), |visitor| {
         let old = visitor(0);
@@ -236,7 +236,7 @@ fn who_clears_away_what_is_left_takes_nothing_from_who_starts() {
         let cleaner = thread::spawn(move || remove_dead(&cleaner));
         assert!(starter.starts());
         let _ = cleaner.join().unwrap();
-        // Whoever is refused finds nothing to clear away later.
+        // A refused process finds nothing to remove later.
         assert_eq!(remove_dead(&visitor(0)), Ok(false));
     });
 }

@@ -7,11 +7,11 @@ use std::process::{Command, Stdio};
 
 const DIRECTORY: &str = "COMMRAM_TEST_NOVRAM";
 const KILLS: u64 = 300;
-/// The child writes for this long before it is killed, at most, unless the machine is too slow to write anything.
+/// Longest time for the child to write before the kill, unless the machine is too slow to write anything.
 const LONGEST_US: u64 = 4_000;
 const SLOWEST_US: u64 = 500_000;
 
-/// Not a test: what the child processes run.
+/// Not a real test: the body of the child processes.
 #[test]
 fn child() {
     let Some(directory) = std::env::var_os(DIRECTORY) else { return };
@@ -30,7 +30,7 @@ fn child() {
 fn the_file_holds_the_old_or_the_new_content_never_a_mixture() {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("line.novram");
-    // The same in every run.
+    // The same random numbers in every run.
     let mut numbers = fastrand::Rng::with_seed(4711);
     let mut contents = std::collections::BTreeSet::new();
     let (mut longest_us, mut last) = (LONGEST_US, None);

@@ -1,17 +1,17 @@
-//! Every interleaving of tasks that take a seat, ask and leave, with an emulator that answers, gives up and frees, with the memory orders of
-//! [`super::Cell32`]. What is left out is what a seat has besides: bells, of which there is a model of their own, and times.
+//! Explores every interleaving of tasks that take a seat, ask and leave, with an emulator that answers, gives up and
+//! frees, with the memory orders of [`super::Cell32`]. The model omits times, and bells, which have a separate model.
 
 use super::{Hands, NOBODY, SeatState, Word};
 use loom::sync::Arc;
 use loom::sync::atomic::AtomicU32;
 use loom::sync::atomic::Ordering::{AcqRel, Acquire, Release};
 
-/// A word whose exchange is one step, or two.
+/// A word whose exchange is one atomic step, or two steps.
 struct Model<const WHOLE: bool>(AtomicU32);
 
 impl<const WHOLE: bool> Model<WHOLE> {
     fn store(&self, value: u32) {
-        // Of a plain store loom does not know whether it comes before or behind what others exchange at the same time.
+        // For a plain store, loom does not order it with concurrent exchanges.
         self.0.swap(value, Release);
     }
 }
@@ -37,7 +37,7 @@ struct Seat<const WHOLE: bool> {
     owner: Model<WHOLE>,
     state: Model<WHOLE>,
     event: Model<WHOLE>,
-    /// Whether the first task has died.
+    /// 1 if the first task has died.
     is_dead: AtomicU32,
 }
 
@@ -54,7 +54,7 @@ impl<const WHOLE: bool> Seat<WHOLE> {
         Hands { owner: &self.owner, state: &self.state, event: &self.event }
     }
 
-    /// As a task does: takes the seat, of which only one can be the owner, and asks for the event of its number.
+    /// Like a task: takes the seat, which can have only one owner, and asks for the event with its own number.
     fn ask(&self, task: u32) -> bool {
         let is_ours = self.owner.0.compare_exchange(0, task, AcqRel, Acquire).is_ok();
         if is_ours {
@@ -79,8 +79,8 @@ impl<const WHOLE: bool> Seat<WHOLE> {
     }
 }
 
-/// A task asks for an event, leaves and dies, the next one asks for its own; meanwhile the emulator answers, gives up and frees. Then it looks
-/// once more, as it does when somebody has asked.
+/// A task asks for an event, leaves and dies, and the next task asks for its own event. Meanwhile the emulator answers,
+/// gives up and frees. Then it checks once more, as after a request.
 fn one_after_the_other<const WHOLE: bool>(may_first: bool) {
     loom::model(move || {
         let seat = Arc::new(Seat::<WHOLE>::new());
@@ -91,7 +91,7 @@ fn one_after_the_other<const WHOLE: bool>(may_first: bool) {
                 seat.leave();
                 seat.is_dead.store(1, Release);
                 let is_asking = seat.ask(SECOND);
-                // As it does while it waits for the answer.
+                // As a task does while it waits for the answer.
                 let told = SeatState::from_code(seat.state.load());
                 assert!(
                     !matches!(told, Some(SeatState::Refused | SeatState::Lost)),
@@ -109,7 +109,7 @@ fn one_after_the_other<const WHOLE: bool>(may_first: bool) {
         let is_asking = tasks.join().unwrap();
         assert!(is_asking, "a seat that was left is free");
         let again = seat.hands().decide(may);
-        // One of the two answers was the second task's, and it has kept what it was told.
+        // One of the two answers was for the second task, and the seat still has that answer.
         assert_eq!(seat.state.load(), SeatState::Seated.code(), "{answered:?} {again:?}");
         assert_eq!([seat.owner.load(), seat.event.load()], [SECOND, SECOND]);
         assert!(again.or(answered) == Some((SECOND, true)));
@@ -126,7 +126,7 @@ fn who_comes_next_has_its_seat_when_the_one_before_was_refused() {
     one_after_the_other::<true>(false);
 }
 
-/// A task that dies instead of leaving is put out, and the next one finds the seat free.
+/// A task that dies without leaving loses its seat, and the next one finds the seat free.
 #[test]
 fn the_seat_of_the_dead_is_free_for_the_next() {
     loom::model(|| {
