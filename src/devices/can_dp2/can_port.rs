@@ -1,4 +1,4 @@
-//! The port at CAN: what the gateway sends and receives, LED C (p. 15).
+//! The port at CAN: frames that the gateway sends and receives, and LED C (p. 15).
 
 use super::ram::Registers;
 use super::records::CanState;
@@ -10,14 +10,14 @@ use crate::devices::Context;
 use crate::devices::can_bus::{CanPort, Controller};
 use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 
-/// A bit rate that no bus has: before data exchange the device takes no part in CAN (p. 12).
+/// A bit rate that no bus has: before data exchange the device does not take part in CAN (p. 12).
 const NO_RATE: u32 = 0;
 
 /// The firmware at CAN.
 pub(super) struct CanSide {
     registers: Registers,
     gateway: Shared,
-    /// What the journal was last told.
+    /// State that the journal has last recorded.
     told: u8,
 }
 
@@ -26,7 +26,7 @@ impl CanSide {
         CanSide { registers, gateway, told: can_state::OFF }
     }
 
-    /// After whatever has happened: filters, frames, LED, journal.
+    /// Updates filters, frames, LED and journal after any change.
     fn show(&mut self, ctx: &mut Context, controller: &mut Controller) {
         let gateway = &mut *lock(&self.gateway);
         gateway.plan_sync(ctx.now);
@@ -53,7 +53,7 @@ impl CanSide {
     }
 }
 
-/// The gateway is kept here, and not with the other port that has it in common.
+/// The snapshot of this port includes the gateway, which both ports share; the other port omits it.
 impl SnapshotFields for CanSide {
     fn save(&self, to: &mut Saving) {
         let Self { registers: _, gateway, told } = self;
@@ -100,7 +100,7 @@ impl CanPort for CanSide {
         self.show(ctx, controller);
     }
 
-    /// The states of p. 20; it comes back by itself (D-395).
+    /// The states of p. 20; the controller returns from BUS-off by itself (D-395).
     fn error_state(&mut self, ctx: &mut Context, controller: &mut Controller, state: ErrorState) {
         lock(&self.gateway).set_bus(match state {
             ErrorState::Active => bus_state::OK,

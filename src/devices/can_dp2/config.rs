@@ -31,7 +31,7 @@ pub struct CanDp2Config {
     switches: u8,
 }
 
-/// The section as it is written.
+/// Keys of the section in the plant file.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 #[serde(expecting = "a CAN-DP/2: a table with its settings")]
@@ -49,7 +49,7 @@ impl CanDp2Config {
         let switches = match switches {
             None => 3,
             Some(set) => {
-                // What is below 0 is out of range as well.
+                // A value below 0 is out of range as well.
                 let value = u64::try_from(*set.get_ref()).unwrap_or(u64::MAX);
                 range("switches", &name, value, 0..=0xFF, "0x00 to 0xFF")
                     .map_err(|error| refused_at(set.span(), error.to_string()))?;
@@ -59,7 +59,7 @@ impl CanDp2Config {
         Ok(Arc::new(CanDp2Config { name, profibus, can, switches }))
     }
 
-    /// The medium that a port is plugged in at.
+    /// Returns the name of the medium that a port is plugged in at.
     fn medium(&self, port: &Port) -> Option<&str> {
         if port.medium == can_bus::FAMILY { self.can.as_deref() } else { self.profibus.as_deref() }
     }

@@ -1,5 +1,5 @@
-//! What `commram demo --device can-dp2` shows: a DP master commissions the gateway, by the registers of the master without a stack; a
-//! value goes from PROFIBUS to CANopen and back (Software-Handbuch CAN-DP/2).
+//! The demo of `commram demo --device can-dp2`: a DP master commissions the gateway, by the registers of the master
+//! without a stack, and a value goes from PROFIBUS to CANopen and back (Software-Handbuch CAN-DP/2).
 
 use super::ram::fill;
 use super::registers::values::mst_dsap::{CHK_CFG, DATA_EXCHANGE, SET_PRM, SLAVE_DIAG};
@@ -29,7 +29,7 @@ fn hex(octets: &[u8]) -> String {
 }
 
 impl Master<'_> {
-    /// Asks the slave: the octets of its answer.
+    /// Sends a request to the slave; returns the octets of its answer.
     fn ask(&self, called: &str, dsap: u8, octets: &[u8]) -> Result<Vec<u8>, DemoError> {
         self.0.tell(&format!("asks {called}{}", hex(octets)))?;
         let mst: View<CAN_DP2_MST> = self.0.attached.segment().view(MST)?;

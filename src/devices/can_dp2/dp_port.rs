@@ -15,11 +15,11 @@ use crate::layout::RegisterPhase;
 use crate::profibus::{FunctionCode, Telegram};
 use crate::snapshot_fields;
 
-/// Addresses that the switches can give it (p. 9).
+/// Addresses that the switches can select (p. 9).
 const FIRST_ADDRESS: u32 = 3;
 const LAST_ADDRESS: u32 = 124;
 
-/// The address that the switches give it (p. 9).
+/// Returns the address for a position of the switches (p. 9).
 pub(super) const fn address(switches: u32) -> u32 {
     if switches < FIRST_ADDRESS {
         FIRST_ADDRESS
@@ -44,7 +44,7 @@ impl DpPort {
         DpPort { registers, gateway, slave: None }
     }
 
-    /// Runs the slave, then tells what has come of it.
+    /// Runs the slave, then reports the results.
     fn run<T: Default>(
         &mut self,
         ctx: &mut Context,
@@ -73,14 +73,14 @@ impl DpPort {
     }
 }
 
-/// A rule was broken by how the switches stand.
+/// Reports a rule violation by the position of the switches.
 fn find_switches(ctx: &mut Context, rule: &'static Rule, value: u32) {
     if let Some(front) = DEVICE.front_area {
         find(ctx, rule, front.first + 4 * FRONT_SWITCHES as u32, value);
     }
 }
 
-/// A rule was broken at byte `offset` of the image.
+/// Reports a rule violation at byte `offset` of the image.
 fn find(ctx: &mut Context, rule: &'static Rule, offset: u32, value: u32) {
     let (plc, live) = (ctx.origin.plc, RegisterPhase::Always);
     ctx.journal.find(ctx.now, Finding { rule, plc, offset, live, value, late_us: 0 });
@@ -118,7 +118,7 @@ impl ProfibusPort for DpPort {
         }
     }
 
-    /// Between telegrams only what happens on CAN changes anything.
+    /// Between telegrams only events on CAN can change the slave.
     fn look(&mut self, ctx: &mut Context, _: &mut Station) {
         let has_news = lock(&self.gateway).has_news();
         if has_news {
@@ -128,7 +128,7 @@ impl ProfibusPort for DpPort {
 
     fn heard(&mut self, ctx: &mut Context, station: &mut Station, telegram: &Telegram) {
         let now = ctx.now;
-        // An answer from its own address: two answer, and here the other one was alone on the line.
+        // Another station has answered with this station's address, and it was alone on the line this time.
         if let (Telegram::Frame(frame), Some(slave)) = (telegram, &self.slave)
             && frame.sa == slave.address()
             && FunctionCode::is_answer(frame.fc)

@@ -2,7 +2,6 @@
 
 use crate::devices::exercise::{Exercise, Move};
 
-/// The only one.
 pub(in crate::devices) static EXERCISES: [&Exercise; 1] = [&Exercise {
     name: "can-dp2",
     plant: include_str!("exercise.toml"),

@@ -1,7 +1,7 @@
-//! What the gateway does on CAN: outputs become frames, frames become inputs, and how it starts (p. 13, 28-49).
+//! The gateway on CAN: converts outputs to frames and frames to inputs, and starts the CAN side (p. 13, 28-49).
 //!
-//! Both sides have it in common. The DP slave tells it of each data exchange, the CAN port of each frame and of the time; what it has to
-//! send the CAN port takes from it.
+//! Both ports share the gateway. The DP slave reports each data exchange. The CAN port reports each frame and the time,
+//! and takes the frames to send.
 
 use super::modules::{Configuration, Kind, Module, WINDOW};
 use super::pages::Pages;
@@ -16,52 +16,52 @@ use embedded_can::Frame as _;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
-/// The identifier of SYNC objects (p. 87); a slave adds its number to it for its start (p. 29).
+/// Identifier of SYNC objects (p. 87); a slave adds its number to it for its boot-up message (p. 29).
 const SYNC: u16 = 0x80;
 
-/// Frames that wait for room in the controller (D-390).
+/// Most frames that wait for room in the controller (D-390).
 const WAITING: usize = 256;
 
 mod paging;
 mod start;
 
-/// What was taken over when data exchange began.
+/// Settings taken over when data exchange began.
 #[derive(Serialize, Deserialize)]
 struct Setup {
     parameters: Parameters,
     configuration: Configuration,
-    /// The outputs as they were last sent, or would have been.
+    /// Outputs as last sent, or as they would have been sent.
     outputs: Vec<u8>,
-    /// When each module is sent again, in us.
+    /// Time of the next transmission of each module, in us.
     cycles: Vec<Option<u64>>,
 }
 
 /// The CAN side.
 pub(super) struct Gateway {
     registers: Registers,
-    /// When it was switched on, in us: the wake-up time counts from there (p. 29).
+    /// Time of power-on in us, from which the wake-up time counts (p. 29).
     on_since: u64,
     setup: Option<Setup>,
-    /// What it does: `can_state`.
+    /// State of the gateway, as in register `can_state`.
     state: u8,
-    /// A data exchange has brought outputs since the configuration. Before that there is nothing to send (p. 30; D-675), nor is
-    /// there after data exchange has ended (D-386).
+    /// A data exchange has brought outputs since the configuration. Before the first outputs (p. 30; D-675) and after
+    /// the end of data exchange (D-386) the gateway has no data to send.
     has_outputs: bool,
     wake_at: Option<u64>,
-    /// When the next SYNC object is due, in us.
+    /// Time of the next SYNC object, in us.
     sync_at: Option<u64>,
     /// A SYNC object waits for the frames before it (p. 44).
     sync_waits: bool,
     window: Window,
     pages: Option<Pages>,
     frames: VecDeque<Frame>,
-    /// The controller is to be set anew.
+    /// The settings of the controller have changed.
     is_new: bool,
     /// State of the CAN bus, as in the diagnosis.
     bus: u8,
     irq_lost: u8,
     msg_lost: u8,
-    /// The diagnosis has changed since the DP slave last looked.
+    /// The diagnosis has changed since the DP slave last read it.
     has_news: bool,
 }
 
@@ -107,7 +107,7 @@ impl Gateway {
         self.show();
     }
 
-    /// The three octets of the diagnosis about CAN: state, IRQ_LOST, MSG_LOST (p. 20-21).
+    /// Returns the three octets of the diagnosis about CAN: state, IRQ_LOST, MSG_LOST (p. 20-21).
     pub(super) fn diagnosis(&self) -> [u8; 3] {
         [self.bus, self.irq_lost, self.msg_lost]
     }
@@ -122,7 +122,7 @@ impl Gateway {
         core::mem::take(&mut self.has_news)
     }
 
-    /// What it does, as `can_state`.
+    /// Returns the state, as in register `can_state`.
     pub(super) fn state(&self) -> u8 {
         self.state
     }
@@ -132,7 +132,7 @@ impl Gateway {
         self.bus
     }
 
-    /// The CAN bus is in this state.
+    /// Sets the state of the CAN bus.
     pub(super) fn set_bus(&mut self, bus: u8) {
         self.has_news |= core::mem::replace(&mut self.bus, bus) != bus;
         self.show();
@@ -149,7 +149,7 @@ impl Gateway {
         self.frames.len() < WAITING
     }
 
-    /// Something is to be sent; lost if much waits already.
+    /// Queues a frame to send; the frame is lost if the queue is full.
     fn push(&mut self, frame: Frame) {
         if self.has_room() {
             self.frames.push_back(frame);
@@ -158,7 +158,7 @@ impl Gateway {
         }
     }
 
-    /// Data exchange begins with these parameters and modules. Frames wait for the first outputs.
+    /// Begins data exchange with these parameters and modules. Frames wait for the first outputs.
     pub(super) fn begin(&mut self, parameters: &Parameters, configuration: &Configuration, now: u64) {
         self.end();
         (self.window, self.pages) = (Window::default(), configuration.pages());
@@ -172,7 +172,7 @@ impl Gateway {
         let (has_output, role) = (configuration.has_output(), parameters.role());
         self.setup = Some(setup);
         self.state = match role {
-            // P. 32: without an output the controller behind the DP slave tells the firmware nothing.
+            // P. 32: without an output the gateway does not receive from CAN either.
             _ if !has_output => can_state::OFF,
             Role::Layer2 => can_state::WORKING,
             Role::Master | Role::Slave(_) => {
@@ -185,7 +185,7 @@ impl Gateway {
         self.show();
     }
 
-    /// There is no data exchange any more: it sends nothing by itself, and goes on receiving (D-386).
+    /// Ends data exchange: the gateway sends no more frames by itself, but continues to receive (D-386).
     pub(super) fn end(&mut self) {
         self.has_outputs = false;
         (self.wake_at, self.sync_at, self.sync_waits) = (None, None, false);
@@ -205,7 +205,8 @@ impl Gateway {
         }
     }
 
-    /// The outputs are cleared (D-387). That is no data: what waits for the first outputs goes on waiting.
+    /// Clears the outputs (D-387). Cleared outputs are not data: a start that waits for the first outputs keeps
+    /// waiting.
     pub(super) fn cleared(&mut self, now: u64) {
         if self.has_outputs
             && let Some(setup) = &self.setup
@@ -214,7 +215,7 @@ impl Gateway {
         }
     }
 
-    /// The first outputs are there. What a CANopen start sends goes out if it has waited for them (D-675).
+    /// Handles the first outputs. A CANopen start that has waited for them sends its frames (D-675).
     fn begin_outputs(&mut self, outputs: &[u8], now: u64) {
         let Some(setup) = &mut self.setup else { return };
         self.has_outputs = true;
@@ -228,7 +229,7 @@ impl Gateway {
         }
     }
 
-    /// A data exchange has brought these outputs.
+    /// Handles the outputs of a data exchange.
     pub(super) fn exchanged(&mut self, outputs: &[u8], now: u64) {
         let is_off = self.state == can_state::OFF;
         if !self.has_outputs && !is_off {
@@ -257,7 +258,7 @@ impl Gateway {
         }
     }
 
-    /// The DP master has written its window.
+    /// Handles the window that the DP master has written.
     fn order(&mut self, window: &[u8]) {
         let Ok(window) = <&[u8; WINDOW]>::try_from(window) else { return };
         let enabled = self.window.enabled().len();
@@ -271,7 +272,7 @@ impl Gateway {
         self.show();
     }
 
-    /// The window as the DP master reads it.
+    /// Updates the window that the DP master reads.
     fn show_window(&self) {
         let modules = self.setup.iter().flat_map(|setup| &setup.configuration.modules);
         for module in modules.filter(|module| module.kind == Kind::WindowInput) {
@@ -279,7 +280,7 @@ impl Gateway {
         }
     }
 
-    /// A frame has come.
+    /// Handles a frame from CAN.
     pub(super) fn received(&mut self, frame: &Frame, now: u64) {
         let Some(setup) = self.setup.as_ref().filter(|_| self.state != can_state::OFF) else { return };
         // D-388.
@@ -319,14 +320,14 @@ impl Gateway {
         }
     }
 
-    /// When its next time is due, in us.
+    /// Returns the time of the next due event, in us.
     pub(super) fn next_time(&self) -> u64 {
         let cycles = self.setup.iter().flat_map(|setup| setup.cycles.iter().flatten());
         let times = cycles.chain(&self.wake_at).chain(&self.sync_at);
         times.copied().min().unwrap_or(u64::MAX)
     }
 
-    /// Does what is due.
+    /// Handles the due events.
     pub(super) fn due(&mut self, now: u64) {
         if self.wake_at.is_some_and(|at| at <= now) {
             self.wake_at = None;
@@ -351,7 +352,7 @@ impl Gateway {
         self.plan_sync(now);
     }
 
-    /// The bit rate that the controller is to be set to, and what it is to receive, if that has changed.
+    /// Returns the bit rate and filters for the controller, if they have changed.
     pub(super) fn take_setup(&mut self) -> Option<(u32, Vec<Filter>)> {
         if !core::mem::take(&mut self.is_new) {
             return None;
@@ -366,13 +367,13 @@ impl Gateway {
         let nmt = matches!(parameters.role(), Role::Slave(_)).then_some(Id::Standard(StandardId::ZERO));
         let mut filters: Vec<Filter> = ids.chain(nmt).map(|id| Filter::exactly(id).data_only()).collect();
         if filters.is_empty() {
-            // Without any it would be told everything; this one lets nothing through.
+            // A controller without filters would receive all frames; this filter passes none that occur.
             filters.push(Filter::exactly(ExtendedId::MAX).data_only());
         }
         Some((parameters.can_bit_s(), filters))
     }
 
-    /// The next frame to send.
+    /// Takes the next frame to send.
     pub(super) fn take_frame(&mut self) -> Option<Frame> {
         self.frames.pop_front()
     }
@@ -388,7 +389,7 @@ impl Gateway {
     }
 }
 
-/// The frame of an output module with this data.
+/// Returns the frame of an output module with this data.
 fn frame(id: Id, module: &Module, data: &[u8], has_counter: bool) -> Option<Frame> {
     let mut data = data.to_vec();
     data.truncate(module.length - usize::from(has_counter));

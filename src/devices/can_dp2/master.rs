@@ -1,4 +1,5 @@
-//! A DP master without a stack: whoever writes registers asks the slave, one request at a time.
+//! A DP master without a stack: a program writes registers, and the master sends the request to the slave. One request
+//! at a time.
 
 use super::ram::fill;
 use super::registers::values::{mst_control, mst_dsap, mst_result, mst_status};
@@ -16,28 +17,27 @@ use serde::{Deserialize, Serialize};
 /// The service access point of a DP master.
 const MASTER_SAP: u8 = 62;
 
-/// How often a request is sent at most.
+/// Most transmissions of a request.
 const TRIES: u8 = 2;
 
-/// Octets of a request at most.
+/// Most octets of a request.
 const OCTETS: usize = 244;
 
-/// A request under way.
+/// A request in progress.
 #[derive(Serialize, Deserialize)]
 struct Pending {
     frame: Frame,
-    /// How often it has been sent.
+    /// Number of transmissions so far.
     tries: u8,
-    /// It is on its way, or the slave is about to answer.
+    /// The request is on the line, or the slave is about to answer.
     is_sent: bool,
 }
 
-/// The master.
 pub(super) struct Master {
     registers: View<CAN_DP2_MST>,
     header: View<Header>,
     pending: Option<Pending>,
-    /// Frame count bit of the last request; none: the next one is the first.
+    /// Frame count bit of the last request; `None` if the next request is the first one.
     fcb: Option<bool>,
 }
 
@@ -48,7 +48,7 @@ impl Master {
         Ok(Master { registers: segment.view(MST)?, header: segment.header()?, pending: None, fcb: None })
     }
 
-    /// The request that the registers describe; none if they describe none.
+    /// Returns the request in the registers; `None` if they contain no valid request.
     fn request(&self) -> Option<Frame> {
         let registers = &self.registers;
         let (sa, dsap) = (registers.mst_address.load(), registers.mst_dsap.load());
@@ -90,7 +90,7 @@ impl Master {
                     dsap.into(),
                 );
             }
-            // A slave that has answered knows the bit; to one that has not the next request is the first.
+            // A slave that has answered knows the bit. For a slave that has not, the next request is the first one.
             if let FunctionCode::Request { fcb, request: Request::Srd, .. } = FunctionCode::parse(frame.fc) {
                 self.fcb = (result != mst_result::NO_ANSWER).then_some(fcb);
             }
@@ -123,7 +123,7 @@ impl ProfibusPort for Master {
         self.pending = None;
     }
 
-    /// Several gateways of a segment may have such a master: it answers nobody.
+    /// Several gateways of a segment may have a master with this address: it answers no requests.
     fn presence(&self) -> Option<Presence> {
         let address = self.registers.mst_address.load();
         Some(Presence { address, does: "master", answers: false })
@@ -187,7 +187,7 @@ impl ProfibusPort for Master {
         self.finish(ctx, station, result, &data);
     }
 
-    /// No answer has come.
+    /// The time for the answer is over.
     fn alarm(&mut self, ctx: &mut Context, station: &mut Station) {
         match &mut self.pending {
             Some(pending) if pending.tries < TRIES => {

@@ -48,7 +48,7 @@ use gateway::Gateway;
 #[cfg(feature = "emulator")]
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// The CAN side, which the ports have in common. A plant runs them one after the other: nobody ever waits for it.
+/// The CAN side, which both ports share. A plant runs the ports one after the other, so the lock is always free.
 #[cfg(feature = "emulator")]
 type Shared = Arc<Mutex<Gateway>>;
 

@@ -1,4 +1,4 @@
-//! The configuration: what Chk_Cfg brings, module by module, and what of it is wrong (p. 21, 31-39, 71-73).
+//! The configuration: modules in the octets of Chk_Cfg, and their checks (p. 21, 31-39, 71-73).
 
 use super::page;
 use super::parameters::Parameters;
@@ -6,10 +6,10 @@ use super::registers::gsd;
 use crate::can::{ExtendedId, Id, StandardId};
 use serde::{Deserialize, Serialize};
 
-/// Modules that a station has at most (p. 23).
+/// Most modules of a station (p. 23).
 pub(super) const MODULES: usize = gsd::MAX_MODULE as usize;
 
-/// Octets of all inputs, and of all outputs, at most; and of both together (p. 10).
+/// Most octets of all inputs, and of all outputs; and of both together (p. 10).
 const OCTETS: usize = gsd::MAX_INPUT_LEN as usize;
 const TOGETHER: usize = gsd::MAX_DATA_LEN as usize;
 
@@ -20,50 +20,50 @@ pub(super) const WINDOW: usize = 16;
 const WINDOW_ID: [u8; 2] = [0xFF, 0xEF];
 const DUMMY_ID: u16 = 0x07F8;
 
-/// The bit that makes an identifier one of 29 bits (p. 35).
+/// The bit that marks an identifier of 29 bits (p. 35).
 pub(super) const EXTENDED: u32 = 1 << 29;
 
-/// What is wrong with a module (p. 21; D-377).
+/// Error in a module (p. 21; D-377).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) enum CfgError {
-    /// Neither input nor output.
+    /// The module is neither input nor output.
     Type = 1,
-    /// Words instead of bytes.
+    /// The unit is words, not bytes.
     Unit = 2,
-    /// Another length than 1 to 8, or 16.
+    /// The length is not 1 to 8, nor 16.
     Length = 3,
-    /// Only one byte of the identifier.
+    /// The identifier has only one byte.
     OneByte = 4,
-    /// No format byte.
+    /// The format byte is missing.
     Form = 5,
-    /// An identifier that cannot be.
+    /// The identifier is not valid.
     Identifier = 6,
 }
 
-/// Which module is wrong, from 0, and how.
+/// Number of the wrong module, from 0, and its error.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct CfgFault {
     pub module: u8,
     pub error: CfgError,
 }
 
-/// What a module is.
+/// Function of a module.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) enum Kind {
-    /// What comes with this identifier; `is_frozen` if a later module has the same (p. 35).
+    /// Data received with this identifier; `is_frozen` if a later module has the same identifier (p. 35).
     Input {
-        /// Which frames.
+        /// Identifier of the frames.
         #[serde(with = "crate::can::kept")]
         id: Id,
-        /// A later one has it.
+        /// A later module has the same identifier.
         is_frozen: bool,
     },
-    /// What goes out with this identifier, again after so many ms if that is not 0.
+    /// Data sent with this identifier, and repeated every `cycle_ms` unless 0.
     Output {
-        /// Which frames.
+        /// Identifier of the frames.
         #[serde(with = "crate::can::kept")]
         id: Id,
-        /// The time in ms.
+        /// Cycle time in ms.
         cycle_ms: u16,
     },
     /// An output without CAN (p. 32).
@@ -74,7 +74,7 @@ pub(super) enum Kind {
     WindowOutput,
     /// A segment of the page that the DP master reads (p. 52).
     PageInput,
-    /// A segment of the page that it writes.
+    /// A segment of the page that the DP master writes.
     PageOutput,
 }
 
@@ -82,18 +82,18 @@ pub(super) enum Kind {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Module {
     pub kind: Kind,
-    /// Octets in the process image, a counter included.
+    /// Octets in the process image, including a counter.
     pub length: usize,
-    /// The first of them among inputs or outputs.
+    /// Index of the first octet among inputs or outputs.
     pub first: usize,
-    /// Which bytes are swapped.
+    /// Format byte: the bytes that are swapped.
     pub form: u8,
-    /// A PLC exchanges it as a whole (p. 33, 72).
+    /// A PLC exchanges the module as a whole (p. 33, 72).
     pub is_consistent: bool,
 }
 
 impl Module {
-    /// Where its octets lie.
+    /// Returns the positions of the octets.
     pub(super) fn range(&self) -> core::ops::Range<usize> {
         self.first..self.first + self.length
     }
@@ -107,21 +107,21 @@ impl Module {
     }
 }
 
-/// A good configuration.
+/// A valid configuration.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Configuration {
-    /// As it came.
+    /// Octets as received.
     pub octets: Vec<u8>,
     pub modules: Vec<Module>,
     /// Octets of all inputs.
     pub inputs: usize,
     /// Octets of all outputs.
     pub outputs: usize,
-    /// SYNC time in ms that stands at the Communication Window, if one does (p. 39, 44).
+    /// SYNC time in ms in the comment of a Communication Window (p. 39, 44).
     pub sync_ms: Option<u16>,
 }
 
-/// A module as it is written, before anybody has judged it.
+/// A module in the octets of Chk_Cfg, before its check.
 struct Written<'a> {
     is_input: bool,
     length: usize,
@@ -129,16 +129,16 @@ struct Written<'a> {
     comment: &'a [u8],
 }
 
-/// The bit of a module's length octet that makes it consistent over its whole length (p. 72).
+/// The bit of a module's length octet that makes the module consistent over its whole length (p. 72).
 const CONSISTENT: u8 = 0x80;
 
-/// Identifier, format byte and what stands behind it.
+/// Returns identifier, format byte and the remaining octets.
 fn identifier(comment: &[u8]) -> Result<(Id, u8, &[u8]), CfgError> {
     let (&first, _) = comment.split_first().ok_or(CfgError::OneByte)?;
     if comment.len() < 2 {
         return Err(CfgError::OneByte);
     }
-    // Identifiers of 29 bits begin with 16#20 to 16#3F; nothing else there is one of 11 bits (p. 35).
+    // Identifiers of 29 bits begin with 16#20 to 16#3F; other octets begin an identifier of 11 bits (p. 35).
     if (0x20..0x40).contains(&first) {
         let (bytes, rest) = comment.split_first_chunk().ok_or(CfgError::Identifier)?;
         let (&form, rest) = rest.split_first().ok_or(CfgError::Form)?;
@@ -151,10 +151,10 @@ fn identifier(comment: &[u8]) -> Result<(Id, u8, &[u8]), CfgError> {
     Ok((id.into(), form, rest))
 }
 
-/// The next module, and the octets behind it.
+/// Returns the next module, and the octets after it.
 fn take(octets: &[u8], has_pages: bool) -> Result<(Written<'_>, &[u8]), CfgError> {
     let (&head, rest) = octets.split_first().ok_or(CfgError::Type)?;
-    // One octet alone, the general format, has no identifier (p. 71). Segments of a page need none (p. 52).
+    // A single octet, the general format, has no identifier (p. 71). Segments of a page need none (p. 52).
     match head & 0x30 {
         0 => {}
         _ if !has_pages => return Err(CfgError::OneByte),
@@ -182,7 +182,7 @@ fn take(octets: &[u8], has_pages: bool) -> Result<(Written<'_>, &[u8]), CfgError
 }
 
 impl Configuration {
-    /// Looks at the octets of a Chk_Cfg, which must fit `parameters`; the first module that is wrong counts.
+    /// Checks the octets of a Chk_Cfg, which must fit `parameters`; returns the first wrong module as an error.
     pub(super) fn parse(octets: &[u8], parameters: &Parameters) -> Result<Self, CfgFault> {
         let mut it = Configuration::default();
         let mut rest = octets;
@@ -213,7 +213,7 @@ impl Configuration {
             let (id, form, behind) = identifier(comment)?;
             (self.of_identifier(id, is_input, behind)?, form)
         };
-        // A counter has one octet more; a window has none (D-378).
+        // A counter takes one more octet; a window has no counter (D-378).
         let counter = match kind {
             Kind::Input { .. } => usize::from(parameters.has_rx_counter()),
             Kind::Output { .. } | Kind::Dummy => usize::from(parameters.has_tx_counter()),
@@ -222,7 +222,7 @@ impl Configuration {
         let of_can = length.checked_sub(counter);
         let is_right = match kind {
             Kind::WindowInput | Kind::WindowOutput => length == WINDOW,
-            // Any unit will do there (p. 32).
+            // Any unit is permitted for an output without CAN (p. 32).
             Kind::Dummy => length <= WINDOW,
             Kind::PageInput | Kind::PageOutput => length <= page::SEGMENT,
             _ => of_can.is_some_and(|bytes| (1..=8).contains(&bytes)),
@@ -237,7 +237,7 @@ impl Configuration {
         Ok(())
     }
 
-    /// A window: one each way, and only if the parameters say so (p. 39).
+    /// Checks a window: one in each direction, and only if the parameters enable it (p. 39).
     fn window(&mut self, written: &Written<'_>, parameters: &Parameters) -> Result<(Kind, u8), CfgError> {
         let (_, behind) = written.comment.split_at(WINDOW_ID.len());
         let (&form, behind) = behind.split_first().ok_or(CfgError::Form)?;
@@ -254,7 +254,7 @@ impl Configuration {
     }
 
     fn of_identifier(&mut self, id: Id, is_input: bool, behind: &[u8]) -> Result<Kind, CfgError> {
-        // P. 10: an identifier goes one way only.
+        // P. 10: an identifier can have one direction only.
         let is_other_way = |module: &Module| match module.kind {
             Kind::Input { id: other, .. } => !is_input && other == id,
             Kind::Output { id: other, .. } => is_input && other == id,
@@ -283,14 +283,14 @@ impl Configuration {
         Ok(if is_dummy { Kind::Dummy } else { Kind::Output { id, cycle_ms } })
     }
 
-    /// Whether a module is a Communication Window that is not as p. 39 has it: consistent over its whole length, with the format byte
-    /// 00 and with another one in the other direction. The firmware takes it nevertheless (D-680).
+    /// Whether a module is a Communication Window that violates p. 39: consistent over its whole length, with the
+    /// format byte 00 and a second window in the other direction. The firmware accepts it nevertheless (D-680).
     pub(super) fn is_odd_window(&self, module: &Module) -> bool {
         let has_both = self.modules.iter().filter(|module| module.is_window()).count() == 2;
         module.is_window() && (!module.is_consistent || module.form != 0 || !has_both)
     }
 
-    /// Whether it has any output: without one nothing happens on CAN (p. 32).
+    /// Whether the configuration has any output; without outputs CAN is not used (p. 32).
     pub(super) fn has_output(&self) -> bool {
         self.modules.iter().any(|module| !module.is_input())
     }

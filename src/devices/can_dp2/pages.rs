@@ -1,4 +1,5 @@
-//! The gateway in page mode: more identifiers than a configuration has modules, a page of them in each telegram (p. 50-60).
+//! The gateway in page mode: more identifiers than a configuration has modules, one page of them in each telegram (p.
+//! 50-60).
 
 use super::form;
 use super::modules::EXTENDED;
@@ -8,48 +9,48 @@ use core::ops::Range;
 use embedded_can::Frame as _;
 use serde::{Deserialize, Serialize};
 
-/// What has become of a page (D-467).
+/// Result of a page (D-467).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Outcome {
-    /// It is taken over.
+    /// The page is accepted.
     Good = 0,
-    /// It is not its turn.
+    /// The page is out of turn.
     Turn = 1,
-    /// A record has no identifier that can be, or one that goes the other way.
+    /// A record has an invalid identifier, or one of the other direction.
     Identifier = 2,
-    /// A record has another length than 1 to 8, or does not fit a page.
+    /// A record has a length other than 1 to 8, or does not fit a page.
     Length = 3,
-    /// There is no mark behind the last record.
+    /// The mark after the last record is missing.
     Mark = 4,
 }
 
-/// How far a gateway in page mode is: `page_state`.
+/// Progress of a gateway in page mode: register `page_state`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub(super) enum Phase {
-    /// Nobody has sent page 0.
+    /// Waits for page 0.
     #[default]
     Waiting = 1,
-    /// Pages with what is sent come.
+    /// Waits for pages with definitions of sent identifiers.
     Tx = 2,
-    /// Pages with what is received come.
+    /// Waits for pages with definitions of received identifiers.
     Rx = 3,
-    /// Pages with data come.
+    /// Exchanges pages with data.
     Data = 4,
 }
 
-/// An identifier that is sent.
+/// A sent identifier.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 struct Tx {
     #[serde(with = "crate::can::kept")]
     id: Id,
     form: u8,
     length: usize,
-    /// What it was sent with last, or would have been.
+    /// Data as last sent, or as they would have been sent.
     data: [u8; 8],
     force: u8,
 }
 
-/// An identifier that is received.
+/// A received identifier.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 struct Rx {
     #[serde(with = "crate::can::kept")]
@@ -58,47 +59,48 @@ struct Rx {
     length: usize,
     data: [u8; 8],
     count: u8,
-    /// A later one has the same identifier (p. 35).
+    /// A later entry has the same identifier (p. 35).
     is_frozen: bool,
 }
 
 /// A gateway in page mode.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct Pages {
-    /// The segments, one behind the other from the first output and the first input on.
+    /// The segments in order, from the first output and the first input on.
     outputs: Vec<Range<usize>>,
     inputs: Vec<Range<usize>>,
     phase: Phase,
-    /// The number that the next page of a configuration must have.
+    /// Required number of the next page of a configuration.
     next: u16,
-    /// Of the last page; 0: there was none.
+    /// Counter of the last page; 0 before the first page.
     counter: u8,
     tx: Vec<Tx>,
     rx: Vec<Rx>,
-    /// The identifiers of each page with data.
+    /// Identifiers on each page with data.
     tx_pages: Vec<Range<usize>>,
     rx_pages: Vec<Range<usize>>,
-    /// What the DP master reads, all segments one behind the other.
+    /// All segments that the DP master reads, in order.
     shown: Vec<u8>,
 }
 
-/// What a page has the gateway do.
+/// Effects of a page on the gateway.
 #[derive(Debug, Default, PartialEq, Eq)]
 pub(super) struct Taken {
-    /// The page was a new one.
+    /// The page was new.
     pub is_new: bool,
-    /// Which identifiers it has changed.
+    /// The page has changed the set of identifiers.
     pub has_configured: bool,
-    /// To be sent.
+    /// Frames to send.
     pub frames: Vec<Frame>,
 }
 
-/// Octets that a page of these segments carries.
+/// Returns the number of content octets of a page with these segments.
 fn carries(segments: &[Range<usize>]) -> usize {
     places(segments).count()
 }
 
-/// The identifier in a record: of 29 bits if bit 29 says so or it is above 16#7FF, as in the window (D-383).
+/// Returns the identifier in a record: 29 bits if bit 29 is set or the number is above 16#7FF, as in the window
+/// (D-383).
 fn identifier(bytes: [u8; 4]) -> Option<Id> {
     let number = u32::from_be_bytes(bytes);
     let id = number & !EXTENDED;
@@ -109,7 +111,7 @@ fn identifier(bytes: [u8; 4]) -> Option<Id> {
 }
 
 impl Pages {
-    /// A gateway whose pages have these segments among outputs and inputs.
+    /// Creates the page mode with these segments among outputs and inputs.
     pub(super) fn new(outputs: Vec<Range<usize>>, inputs: Vec<Range<usize>>) -> Self {
         let shown = vec![0; inputs.last().map_or(0, |last| last.end)];
         Pages {
@@ -126,30 +128,29 @@ impl Pages {
         }
     }
 
-    /// How far it is.
     pub(super) fn phase(&self) -> Phase {
         self.phase
     }
 
-    /// What is received, and how many bytes that is: nothing before all is configured.
+    /// Returns the received identifiers and their numbers of bytes; none before the configuration is complete.
     pub(super) fn received_ids(&self) -> impl Iterator<Item = (Id, usize)> {
         let rx = self.rx.iter().filter(|rx| self.phase == Phase::Data && !rx.is_frozen);
         rx.map(|rx| (rx.id, rx.length))
     }
 
-    /// What the DP master reads, from the first input on.
+    /// Returns the octets that the DP master reads, from the first input on.
     pub(super) fn shown(&self) -> &[u8] {
         &self.shown
     }
 
-    /// The DP master has written all outputs. Frames go out if `sends`.
+    /// Handles all outputs that the DP master has written. Frames are sent if `sends`.
     pub(super) fn written(&mut self, outputs: &[u8], sends: bool) -> Taken {
         let Some(head) = self.outputs.first().and_then(|first| outputs.get(first.clone())) else {
             return Taken::default();
         };
         let Some(&[high, low, ..]) = head.first_chunk::<HEAD>() else { return Taken::default() };
         let (number, counter) = (u16::from_be_bytes([high, low]), head[COUNTER]);
-        // Outputs that were cleared are no page.
+        // Cleared outputs are not a page.
         if counter == 0 || core::mem::replace(&mut self.counter, counter) == counter {
             return Taken::default();
         }
@@ -180,14 +181,14 @@ impl Pages {
         taken
     }
 
-    /// Page 0: everything begins anew.
+    /// Page 0: restarts the configuration.
     fn start(&mut self) {
         (self.phase, self.next) = (Phase::Tx, number::TX);
         self.tx.clear();
         self.rx.clear();
     }
 
-    /// A page with records; the first one that is wrong counts, from 0 over the page.
+    /// Handles a page with records; returns the first wrong record as an error, counted from 0 on the page.
     fn configure(&mut self, payload: &[u8]) -> Result<(), (Outcome, u8)> {
         let is_tx = self.phase == Phase::Tx;
         let (mut tx, mut rx) = (self.tx.clone(), self.rx.clone());
@@ -207,7 +208,7 @@ impl Pages {
             if !(1..=8).contains(&length) || length + 1 > room {
                 return Err(wrong(Outcome::Length));
             }
-            // P. 10: an identifier goes one way only; here nobody sends two things with one, either.
+            // P. 10: an identifier can have one direction only; here it can also be sent only once.
             if tx.iter().any(|it| it.id == id) {
                 return Err(wrong(Outcome::Identifier));
             }
@@ -221,7 +222,7 @@ impl Pages {
         };
         let is_last = self.next + 1 == number::RX || self.next + 1 == number::DATA;
         match (mark, is_tx) {
-            // The pages of one kind have an end (p. 55).
+            // The number of pages of one kind is limited (p. 55).
             (MORE, _) if is_last => return Err((Outcome::Turn, 0)),
             (MORE, _) => self.next += 1,
             (_, true) => (self.phase, self.next) = (Phase::Rx, number::RX),
@@ -235,7 +236,7 @@ impl Pages {
         Ok(())
     }
 
-    /// A page with outputs: what of it is to be sent, as `force` says (p. 59).
+    /// Handles a page with outputs; returns the frames to send according to `force` (p. 59).
     fn data(&mut self, number: u16, payload: &[u8]) -> Vec<Frame> {
         let mut frames = Vec::new();
         let Some(ids) = self.tx_pages.get(usize::from(number - number::DATA)) else { return frames };
@@ -262,13 +263,13 @@ impl Pages {
         frames
     }
 
-    /// The answer to a page: its number in each segment, its counter, what has become of it, what it asks for.
+    /// Writes the answer to a page: its number in each segment, counter, result and requested content.
     fn show(&mut self, number: u16, counter: u8, outcome: Result<(), (Outcome, u8)>) {
         let (outcome, record) = outcome.map_or_else(|wrong| wrong, |()| (Outcome::Good, 0));
         self.shown.fill(0);
         let answers = if number == number::START { number::SIZES } else { number };
         for segment in &self.inputs {
-            // The last one may be shorter than that.
+            // The last segment may be shorter.
             let octets = &mut self.shown[segment.clone()];
             octets.iter_mut().zip(answers.to_be_bytes()).for_each(|(to, from)| *to = from);
         }
@@ -292,7 +293,7 @@ impl Pages {
         }
     }
 
-    /// A frame has come: it counts, and stands on its page the next time that this is asked for.
+    /// Handles a frame: counts it, and stores its data for the next time that its page is requested.
     pub(super) fn received(&mut self, frame: &Frame) {
         if self.phase != Phase::Data {
             return;
@@ -307,7 +308,7 @@ impl Pages {
 }
 
 impl Rx {
-    /// Its counter and its data, as they stand on a page.
+    /// Returns counter and data in the format of a page.
     fn record(&self) -> impl Iterator<Item = u8> {
         core::iter::once(self.count).chain(self.data[..self.length].iter().copied())
     }

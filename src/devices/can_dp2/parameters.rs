@@ -1,10 +1,10 @@
-//! The parameters: what Set_Prm brings, and what of it is wrong (p. 10, 20-24, 27-30).
+//! The parameters: octets of Set_Prm, and their checks (p. 10, 20-24, 27-30).
 
 use super::registers::gsd;
 use super::registers::values::{flags_1, flags_2, prm_station_status as status, wakeup_time};
 use serde::{Deserialize, Serialize};
 
-/// Octets of a good Set_Prm (p. 10, 22).
+/// Octets of a valid Set_Prm (p. 10, 22).
 pub(super) const LENGTH: usize = 16;
 
 /// Ident number (p. 19, 22).
@@ -16,29 +16,30 @@ const BIT_RATES: [u32; 14] = [
     12_500, 10_000,
 ];
 
-/// The octets of a good Set_Prm without anything special: those of the DP standard, then the user's by the device description file
-/// (p. 22-24).
+/// A valid Set_Prm with default values: the octets of the DP standard, then the user's octets from the device
+/// description file (p. 22-24).
 const DEFAULTS: [u8; LENGTH] = {
     let mut octets = [0x88, 1, 10, 11, IDENT[0], IDENT[1], 0, 0, 0, 0, 0, 0, 0, 0, 0, 0];
     octets.split_at_mut(LENGTH - gsd::DEFAULTS.len()).1.copy_from_slice(&gsd::DEFAULTS);
     octets
 };
 
-/// What is wrong with an octet of Set_Prm (p. 20-21).
+/// A wrong octet of Set_Prm (p. 20-21).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct PrmFault {
-    /// Its number, from 0 over the telegram (D-374).
+    /// Number of the octet, from 0 over the telegram (D-374).
     pub number: u8,
     /// The right value.
     pub right: u8,
-    /// The telegram asks for Freeze or Sync, which the device does not have (p. 10, 17), whatever else is wrong.
+    /// The telegram requests Freeze or Sync, which the device does not have (p. 10, 17). Set in addition to any other
+    /// fault.
     pub is_unsupported: bool,
 }
 
-/// What the gateway is on CAN (p. 29).
+/// Role of the gateway on CAN (p. 29).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Role {
-    /// Neither: CANopen settings do not count.
+    /// Neither master nor slave: CANopen settings do not count.
     Layer2,
     /// CANopen master.
     Master,
@@ -46,30 +47,30 @@ pub(super) enum Role {
     Slave(u8),
 }
 
-/// Functions that a master can ask for and the device does not have (p. 10).
+/// Functions that a master can request and the device does not have (p. 10).
 const UNSUPPORTED: u8 = status::FREEZE_REQ | status::SYNC_REQ;
 
 /// Bits of the first flags that the manual does not use (p. 28).
 const UNUSED_FLAGS: u8 = 0x60;
 
-/// The right value of octet `number`, if what stands there is wrong. The octets up to it are there.
+/// Returns the right value of octet `number` if the octet is wrong. The octets up to it must exist.
 fn right_octet(octets: &[u8], number: usize) -> Option<u8> {
     let octet = octets[number];
     let right = match number {
         0 => octet & !UNSUPPORTED,
-        // A watchdog that is on has factors.
+        // A watchdog in use needs factors above 0.
         1 | 2 if octets[0] & status::WD_ON != 0 => octet.max(1),
         4 => IDENT[0],
         5 => IDENT[1],
         7 | 12 => 0,
         8 if usize::from(octet) >= BIT_RATES.len() => DEFAULTS[8],
-        // Slave and master at once is no combination of the manual (p. 29).
+        // The manual does not have the combination of slave and master (p. 29).
         9 => {
             let both = flags_1::CANOPEN_MASTER | flags_1::CANOPEN_SLAVE;
             let too_much = if octet & both == both { flags_1::CANOPEN_MASTER } else { 0 };
             octet & !(UNUSED_FLAGS | too_much)
         }
-        // A number counts for a slave only (D-375).
+        // Only a slave has a number (D-375).
         10 if octet > 127 || octets[9] & flags_1::CANOPEN_SLAVE != 0 && octet == 0 => DEFAULTS[10],
         11 => octet & (flags_2::CAN_DIAGNOSIS | flags_2::RX_COUNTER | flags_2::TX_COUNTER),
         _ => octet,
@@ -77,16 +78,16 @@ fn right_octet(octets: &[u8], number: usize) -> Option<u8> {
     (octet != right).then_some(right)
 }
 
-/// Good parameters.
+/// Valid parameters.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Parameters {
-    /// As they came.
+    /// Octets as received.
     pub octets: [u8; LENGTH],
 }
 
 impl Parameters {
-    /// Judges the octets of a Set_Prm. A wrong ident number counts first, since the telegram is for another device; then the first wrong
-    /// octet from the front, of which a missing one or one too many is the last (D-375).
+    /// Checks the octets of a Set_Prm. A wrong ident number is reported first, since the telegram is for another
+    /// device; otherwise the first wrong octet. A missing or additional octet counts as the last wrong octet (D-375).
     pub(super) fn parse(octets: &[u8]) -> Result<Self, PrmFault> {
         let is_unsupported = octets.first().is_some_and(|status| status & UNSUPPORTED != 0);
         let fault = |(number, right): (usize, u8)| PrmFault { number: number as u8, right, is_unsupported };
@@ -104,28 +105,29 @@ impl Parameters {
         }
     }
 
-    /// Time without a request of its master after which the slave leaves data exchange, in us; none without a watchdog.
+    /// Returns the time without a request of the master after which the slave leaves data exchange, in us; `None`
+    /// without a watchdog.
     pub(super) fn watchdog_us(&self) -> Option<u64> {
         let factors = u64::from(self.octets[1]) * u64::from(self.octets[2]);
         (self.octets[0] & status::WD_ON != 0).then_some(factors * 10_000)
     }
 
-    /// Whether it is to be free for other masters.
+    /// Whether the slave is to be free for other masters.
     pub(super) fn unlocks(&self) -> bool {
         self.octets[0] & status::UNLOCK_REQ != 0
     }
 
-    /// Whether its master keeps it for itself.
+    /// Whether the master reserves the slave.
     pub(super) fn locks(&self) -> bool {
         self.octets[0] & status::LOCK_REQ != 0
     }
 
-    /// Bit times until an answer, at least.
+    /// Returns the minimum number of bit times before an answer.
     pub(super) fn min_tsdr(&self) -> u64 {
         self.octets[3].into()
     }
 
-    /// Bit rate of CAN.
+    /// Returns the bit rate of CAN in bit/s.
     pub(super) fn can_bit_s(&self) -> u32 {
         BIT_RATES.get(usize::from(self.octets[8])).copied().unwrap_or_default()
     }
@@ -144,22 +146,22 @@ impl Parameters {
         }
     }
 
-    /// Whether it starts the network as master.
+    /// Whether the master starts the network.
     pub(super) fn has_start_frame(&self) -> bool {
         self.flag_1(flags_1::START_FRAME)
     }
 
-    /// Whether it asks for what its inputs are to bring.
+    /// Whether the gateway sends remote frames for its inputs.
     pub(super) fn has_rtr(&self) -> bool {
         !self.flag_1(flags_1::NO_RTR)
     }
 
-    /// Whether identifiers come by pages (p. 50).
+    /// Whether identifiers are defined by pages (p. 50).
     pub(super) fn has_pages(&self) -> bool {
         self.flag_1(flags_1::PAGE_MODE)
     }
 
-    /// Whether it has a Communication Window.
+    /// Whether the gateway has a Communication Window.
     pub(super) fn has_window(&self) -> bool {
         self.flag_1(flags_1::WINDOW)
     }
@@ -168,22 +170,22 @@ impl Parameters {
         self.octets[11] & flags_2::CAN_DIAGNOSIS != 0
     }
 
-    /// Whether the last octet of each input counts what has come. Pages have counters of their own (D-467).
+    /// Whether the last octet of each input counts received frames. Pages have separate counters (D-467).
     pub(super) fn has_rx_counter(&self) -> bool {
         !self.has_pages() && self.octets[11] & flags_2::RX_COUNTER != 0
     }
 
-    /// Whether the last octet of each output lets it be sent anew.
+    /// Whether a change of the last octet of an output sends the output again.
     pub(super) fn has_tx_counter(&self) -> bool {
         !self.has_pages() && self.octets[11] & flags_2::TX_COUNTER != 0
     }
 
-    /// Wake-up time in s; none: the one that is stored.
+    /// Returns the wake-up time in s; `None`: the stored one.
     pub(super) fn wakeup_s(&self) -> Option<u8> {
         Some(self.octets[13]).filter(|time| *time != wakeup_time::STORED)
     }
 
-    /// SYNC time in ms; 16#FFFF: the one that is stored.
+    /// Returns the SYNC time in ms; 16#FFFF: the stored one.
     pub(super) fn sync_ms(&self) -> u16 {
         u16::from_be_bytes([self.octets[14], self.octets[15]])
     }
@@ -262,14 +264,15 @@ mod tests {
         assert_eq!(Parameters::parse(&slave).map_err(|fault| fault.number), Err(10));
     }
 
-    /// P. 17, 20: the ident number of another device is named whatever else is wrong, and Freeze or Sync sets its bit besides.
+    /// P. 17, 20: the ident number of another device is reported before any other fault, and Freeze or Sync sets its
+    /// bit in addition.
     #[test]
     fn parameters_of_another_device_name_the_ident_number() {
         let fault = |octets: &[u8]| {
             Parameters::parse(octets).map_err(|fault| (fault.number, fault.right, fault.is_unsupported))
         };
         let others = [0x88, 1, 10, 11, 0x80, 0x1D, 0, 0xC0, 0x60];
-        // Shorter than a good one, as long, and longer.
+        // Shorter than a valid telegram, equally long, and longer.
         for length in [7, 9, 16, 30] {
             let mut octets = others.to_vec();
             octets.resize(length, 0xFF);
@@ -279,7 +282,7 @@ mod tests {
             (octets[4], octets[2]) = (4, 0);
             assert_eq!(fault(&octets), Err((5, 0xA4, true)), "{length} octets of the same manufacturer");
         }
-        // A wrong octet comes before one that is missing or too many.
+        // A wrong octet is reported before a missing or additional one.
         let mut long = [&DEFAULTS[..], &[0; 4]].concat();
         assert_eq!(fault(&long), Err((16, 0, false)));
         long[8] = 14;

@@ -1,4 +1,4 @@
-//! What the firmware finds in the image.
+//! The image as the firmware uses it.
 
 use super::modules::{Configuration, EXTENDED, Kind, MODULES};
 use super::parameters::{LENGTH, Parameters};
@@ -10,10 +10,10 @@ use super::registers::{
 use crate::can::Id;
 use crate::memory::{Cell8, Cell32, Face, MemoryError, Segment, View};
 
-/// SYNC time that means the one that is stored (p. 30).
+/// Value for the stored SYNC time (p. 30).
 const SYNC_STORED: u16 = 0xFFFF;
 
-/// What the gateway's firmware finds in the image.
+/// The structures of the image that the gateway's firmware uses.
 pub(super) struct Registers {
     pub prm: View<CAN_DP2_PRM>,
     pub stored: View<CAN_DP2_STORED>,
@@ -25,7 +25,7 @@ pub(super) struct Registers {
     face: Face,
 }
 
-/// Writes octets from the first cell on, and 0 behind them.
+/// Writes octets from the first cell on, and 0 to the remaining cells.
 pub(super) fn fill(cells: &[Cell8], octets: &[u8]) {
     let octets = octets.iter().copied().chain(core::iter::repeat(0));
     cells.iter().zip(octets).for_each(|(cell, octet)| cell.store(octet));
@@ -49,42 +49,42 @@ impl Registers {
         })
     }
 
-    /// A word of the front that the firmware shows.
+    /// Returns a word of the front that the firmware writes.
     pub(super) fn shown(&self, word: usize) -> &Cell32 {
         &self.face.front[word]
     }
 
-    /// What stands in a word of the front that others turn.
+    /// Reads a word of the front that users turn.
     pub(super) fn turned(&self, word: usize) -> u32 {
         self.face.asked().front[word].load()
     }
 
-    /// The first so many inputs.
+    /// Returns the first `octets` inputs.
     pub(super) fn inputs(&self, octets: usize) -> Vec<u8> {
         load(&self.inputs.inputs[..octets.min(self.inputs.inputs.len())])
     }
 
-    /// The first so many outputs.
+    /// Returns the first `octets` outputs.
     pub(super) fn outputs(&self, octets: usize) -> Vec<u8> {
         load(&self.outputs.outputs[..octets.min(self.outputs.outputs.len())])
     }
 
-    /// Inputs from number `first` on.
+    /// Writes inputs from index `first` on.
     pub(super) fn set_inputs(&self, first: usize, octets: &[u8]) {
         self.inputs.inputs.iter().skip(first).zip(octets).for_each(|(cell, octet)| cell.store(*octet));
     }
 
-    /// An input.
+    /// Returns an input.
     pub(super) fn input(&self, number: usize) -> u8 {
         self.inputs.inputs.get(number).map_or(0, Cell8::load)
     }
 
-    /// All outputs; those that are not given are 0.
+    /// Writes all outputs; missing octets are 0.
     pub(super) fn set_outputs(&self, octets: &[u8]) {
         fill(&self.outputs.outputs, octets);
     }
 
-    /// These parameters are in force.
+    /// Shows the parameters in force.
     pub(super) fn set_parameters(&self, parameters: &Parameters) {
         let prm = &self.prm;
         let cells: [&Cell8; LENGTH] = [
@@ -113,8 +113,8 @@ impl Registers {
         self.set_sync_time(parameters.sync_ms());
     }
 
-    /// A SYNC time in ms by parameters, by the comment of a window or by command 20: the last one counts, and 16#FFFF leaves the
-    /// one that is stored (p. 30, 39, 44; D-385). Returns true if it is taken.
+    /// Sets the SYNC time in ms, from parameters, the comment of a window or command 20. The last one counts, and
+    /// 16#FFFF keeps the stored time (p. 30, 39, 44; D-385). Returns whether the time was taken over.
     pub(super) fn set_sync_time(&self, time: u16) -> bool {
         let is_taken = time != SYNC_STORED;
         if is_taken {
@@ -123,7 +123,7 @@ impl Registers {
         is_taken
     }
 
-    /// This configuration is in force; inputs and outputs begin at 0.
+    /// Shows the configuration in force; inputs and outputs begin at 0.
     pub(super) fn set_configuration(&self, configuration: &Configuration) {
         let Configuration { octets, modules, inputs, outputs, sync_ms } = configuration;
         self.cfg.cfg_len.store(octets.len() as u8);

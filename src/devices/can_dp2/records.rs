@@ -1,38 +1,38 @@
-//! What the journal tells of a CAN-DP/2.
+//! Journal events of a CAN-DP/2.
 
 use super::registers::DEVICE;
 use crate::event_kinds;
 use crate::journal::{EventCodec, EventText, Fields, Kind, Reader};
 use crate::layout::RegisterPhase;
 
-/// All kinds.
+/// All event kinds of this module.
 pub static KINDS: &[&Kind] = &[DpState::KIND, Refused::KIND, WatchdogOut::KIND, CanState::KIND];
 
 event_kinds! {
-    /// The DP slave is in another state (p. 15).
+    /// The state of the DP slave has changed (p. 15).
     DpState = 73, "dp_state", Rare, at plc {
-        /// As `dp_state`.
+        /// State as in register `dp_state`.
         to: u8,
     }
     /// The DP slave refuses parameters or a configuration (p. 20-21).
     Refused = 74, "dp_refused", Rare, at plc {
         /// Octet 8 of the diagnosis.
         cause: u8,
-        /// Octet 9.
+        /// Octet 9 of the diagnosis.
         number: u8,
-        /// Octet 10.
+        /// Octet 10 of the diagnosis.
         detail: u8,
     }
-    /// Its master has not asked for anything within the watchdog time.
+    /// The master has sent no request within the watchdog time.
     WatchdogOut = 75, "dp_watchdog", Missed, at plc {}
-    /// What the gateway does on CAN has changed.
+    /// The state of the gateway on CAN has changed.
     CanState = 76, "gateway_state", Rare, at plc {
-        /// As `can_state`.
+        /// State as in register `can_state`.
         to: u8,
     }
 }
 
-/// What a value of a register means.
+/// Returns the meaning of a register value.
 fn meaning(register: &str, value: u8) -> String {
     let place = crate::layout::Place::parse(&crate::layout::DeviceFit::unknown(&DEVICE), register);
     place.map_or_else(|_| value.to_string(), |place| place.meaning(RegisterPhase::Always, value.into()))

@@ -1,4 +1,4 @@
-//! What a program may do wrong that is the DP master of a CAN-DP/2 (D-481).
+//! Errors that the DP master of a CAN-DP/2 can make (D-481).
 
 use crate::rules;
 

@@ -1,5 +1,5 @@
-//! The DP slave: parameters, configuration, data exchange, diagnosis (p. 10-21). Where the manual says nothing the DP standard does; each
-//! such fact is a decision.
+//! The DP slave: parameters, configuration, data exchange, diagnosis (p. 10-21). The slave follows the DP standard
+//! where the manual is silent; each of these points is a decision.
 
 use super::gateway::Gateway;
 use super::modules::{CfgFault, Configuration, Kind, Module};
@@ -19,44 +19,43 @@ use serde::{Deserialize, Serialize};
 /// The bit of Global_Control that clears outputs.
 const CLEAR_DATA: u8 = 0x02;
 
-/// What has happened that the journal tells of.
+/// A change to report to the journal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum News {
-    /// It is in another state.
+    /// The state has changed.
     State(u8),
-    /// A telegram was refused: the octets 8 to 10 of the diagnosis.
+    /// A telegram was refused: octets 8 to 10 of the diagnosis.
     Refused([u8; 3]),
     /// The watchdog has run out.
     Watchdog,
-    /// A rule was broken: at which byte of the image, and the value.
+    /// A rule was broken: the byte of the image, and the value.
     Found(&'static Rule, usize, u32),
 }
 
-/// The slave.
 #[derive(Serialize, Deserialize)]
 pub(super) struct Slave {
     responder: Responder,
     state: u8,
     master: Option<u8>,
-    /// The master keeps it for itself.
+    /// The master has reserved the slave.
     is_locked: bool,
     parameters: Option<Parameters>,
     configuration: Configuration,
     prm_fault: Option<PrmFault>,
     cfg_fault: Option<CfgFault>,
-    /// When its master must have asked for something, in us.
+    /// Time until which the master must send a request, in us.
     watchdog_at: Option<u64>,
-    /// When the last telegram came that was one.
+    /// Time of the last valid telegram.
     heard_at: u64,
-    /// The master is to ask for the diagnosis.
+    /// The master is requested to read the diagnosis.
     has_diagnosis: bool,
-    /// EventText before the port is left.
+    /// Changes that are reported before the call of the port ends.
     #[serde(skip)]
     news: Vec<News>,
 }
 
 impl Slave {
-    /// A slave with this address that looks for the bit rate.
+    /// Creates a slave with this address, which searches for the bit rate.
     pub(super) fn new(address: u8) -> Self {
         Slave {
             responder: Responder::new(address),
@@ -78,12 +77,11 @@ impl Slave {
         self.state
     }
 
-    /// Its address.
     pub(super) fn address(&self) -> u8 {
         self.responder.address()
     }
 
-    /// Its state in one word.
+    /// Returns the state in one word.
     pub(super) fn does(&self) -> &'static str {
         match self.state {
             dp_state::BAUD_SEARCH => "baud_search",
@@ -94,7 +92,7 @@ impl Slave {
         }
     }
 
-    /// What has happened since the last call.
+    /// Returns the changes since the last call.
     pub(super) fn take_news(&mut self) -> Vec<News> {
         core::mem::take(&mut self.news)
     }
@@ -105,17 +103,17 @@ impl Slave {
         }
     }
 
-    /// Bit times until an answer.
+    /// Returns the number of bit times before an answer.
     pub(super) fn tsdr(&self) -> u64 {
         self.parameters.as_ref().map_or(MIN_TSDR_BITS, |parameters| parameters.min_tsdr().max(MIN_TSDR_BITS))
     }
 
-    /// When the watchdog runs out, in us.
+    /// Returns the time at which the watchdog runs out, in us.
     pub(super) fn next_time(&self) -> u64 {
         self.watchdog_at.unwrap_or(u64::MAX)
     }
 
-    /// Does what is due: the watchdog.
+    /// Checks the watchdog.
     pub(super) fn due(&mut self, now: u64, gateway: &mut Gateway, registers: &Registers) {
         if self.watchdog_at.is_none_or(|at| at > now) {
             return;
@@ -123,12 +121,12 @@ impl Slave {
         let time = self.parameters.as_ref().and_then(Parameters::watchdog_us).unwrap_or(0);
         self.news.push(News::Watchdog);
         self.leave(gateway, registers);
-        // Somebody else may still be talking (D-380).
+        // Other stations may still be sending (D-380).
         let is_silent = now.saturating_sub(self.heard_at) >= time;
         self.enter(if is_silent { dp_state::BAUD_SEARCH } else { dp_state::BAUD_CONTROL });
     }
 
-    /// Data exchange ends, if there was any: outputs are 0, parameters and configuration are wanted anew.
+    /// Ends data exchange: outputs are 0, and the slave waits for parameters and configuration again.
     fn leave(&mut self, gateway: &mut Gateway, registers: &Registers) {
         gateway.end();
         registers.set_outputs(&[]);
@@ -137,7 +135,7 @@ impl Slave {
         self.enter(dp_state::WAIT_PRM);
     }
 
-    /// A telegram has come. The answer, if there is one.
+    /// Handles a telegram; returns the answer, if there is one.
     pub(super) fn heard(
         &mut self,
         telegram: &Telegram,
@@ -146,7 +144,7 @@ impl Slave {
         registers: &Registers,
     ) -> Option<Telegram> {
         self.heard_at = now;
-        // The first telegram only tells the bit rate (D-380).
+        // The slave uses the first telegram only to detect the bit rate (D-380).
         if self.state == dp_state::BAUD_SEARCH {
             self.enter(dp_state::BAUD_CONTROL);
             return None;
@@ -176,7 +174,7 @@ impl Slave {
         }
     }
 
-    /// A request of the master keeps the watchdog from running out.
+    /// Restarts the watchdog after a request of the master.
     fn feed(&mut self, from: u8, now: u64) {
         if self.master == Some(from) {
             let time = self.parameters.as_ref().and_then(Parameters::watchdog_us);
@@ -188,7 +186,8 @@ impl Slave {
         self.responder.short(frame.sa, Answer::NotActivated)
     }
 
-    /// Inputs as an answer. Without any it is a receipt, but that cannot say that a diagnosis waits.
+    /// Returns inputs as an answer. Without inputs the answer is a receipt, except when a diagnosis waits, which a
+    /// receipt cannot signal.
     fn data(&self, frame: &Frame, inputs: Vec<u8>) -> Telegram {
         match (self.has_diagnosis, inputs.is_empty()) {
             (false, true) => Telegram::ShortAck,
@@ -200,7 +199,7 @@ impl Slave {
 
     fn asked(&mut self, frame: &Frame, now: u64, gateway: &mut Gateway, registers: &Registers) -> Telegram {
         let is_exchanging = self.state == dp_state::DATA_EXCHANGE;
-        // A DP slave knows no service that is acknowledged without data (D-679).
+        // A DP slave does not have SDA, the service with acknowledgement but without data (D-679).
         if matches!(FunctionCode::parse(frame.fc), FunctionCode::Request { request: Request::Sda, .. }) {
             return self.refusal(frame);
         }
@@ -218,7 +217,7 @@ impl Slave {
                 Telegram::ShortAck
             }
             mst_dsap::CHK_CFG => {
-                // Before good parameters, and of somebody else, it is not looked at (D-379).
+                // The slave ignores a configuration before valid parameters, or from another master (D-379).
                 if self.state >= dp_state::WAIT_CFG && self.master == Some(frame.sa) {
                     self.check_configuration(&frame.data, now, gateway, registers);
                 }
@@ -231,7 +230,7 @@ impl Slave {
             mst_dsap::RD_OUTP if is_exchanging => {
                 self.responder.data(frame, Answer::Low, registers.outputs(self.configuration.outputs))
             }
-            // Set_Slave_Add (p. 9), and whatever else there is.
+            // Set_Slave_Add (p. 9), and all other services.
             _ => self.refusal(frame),
         }
     }
@@ -247,7 +246,7 @@ impl Slave {
             return self.refusal(frame);
         }
         match frame.data.len() {
-            // D-387: nothing where there should be something clears the outputs.
+            // D-387: a data exchange without outputs clears them.
             0 => {
                 registers.set_outputs(&[]);
                 gateway.cleared(now);
@@ -266,14 +265,14 @@ impl Slave {
         self.data(frame, registers.inputs(self.configuration.inputs))
     }
 
-    /// Whether CAN has something for the diagnosis (p. 20, 29).
+    /// Notes that CAN has a change for the diagnosis (p. 20, 29).
     pub(super) fn look(&mut self, gateway: &mut Gateway) {
         let wants = self.parameters.as_ref().is_some_and(Parameters::has_can_diagnosis);
         self.has_diagnosis |= gateway.take_news() && wants && self.state == dp_state::DATA_EXCHANGE;
     }
 
     fn set_parameters(&mut self, frame: &Frame, gateway: &mut Gateway, registers: &Registers) {
-        // Somebody else's slave is not touched (D-379).
+        // A reserved slave ignores other masters (D-379).
         if self.is_locked && self.master != Some(frame.sa) {
             return;
         }
@@ -301,7 +300,7 @@ impl Slave {
     fn check_configuration(&mut self, octets: &[u8], now: u64, gateway: &mut Gateway, registers: &Registers) {
         let Some(parameters) = &self.parameters else { return };
         match Configuration::parse(octets, parameters) {
-            // The same again changes nothing.
+            // The same configuration again has no effect.
             Ok(configuration)
                 if self.state == dp_state::DATA_EXCHANGE && configuration == self.configuration => {}
             Ok(configuration) => {
@@ -315,14 +314,14 @@ impl Slave {
                 gateway.end();
                 registers.set_outputs(&[]);
                 self.cfg_fault = Some(fault);
-                // D-381: LED E says that it waits for another configuration (p. 15).
+                // D-381: LED E shows that the slave waits for another configuration (p. 15).
                 self.enter(dp_state::WAIT_CFG);
                 self.news.push(News::Refused(self.own_diagnosis(gateway)));
             }
         }
     }
 
-    /// What is no fault of a configuration, and hardly wanted (p. 32, 35, 39).
+    /// Reports parts of a valid configuration that are probably mistakes (p. 32, 35, 39).
     fn judge(&mut self, configuration: &Configuration) {
         if !configuration.has_output() {
             let at = CFG + offset_of!(CAN_DP2_CFG, output_len);
@@ -341,7 +340,7 @@ impl Slave {
         }
     }
 
-    /// Global_Control: only Clear_Data counts (p. 10; D-387).
+    /// Global_Control: only Clear_Data has an effect (p. 10; D-387).
     fn control(&mut self, frame: &Frame, now: u64, gateway: &mut Gateway, registers: &Registers) {
         let &[command, group, ..] = frame.data.as_slice() else { return };
         let Some(parameters) = &self.parameters else { return };
@@ -353,7 +352,7 @@ impl Slave {
         }
     }
 
-    /// Octets 8 to 10 of the diagnosis.
+    /// Returns octets 8 to 10 of the diagnosis.
     fn own_diagnosis(&self, gateway: &Gateway) -> [u8; 3] {
         match (self.prm_fault, self.cfg_fault) {
             (Some(fault), _) => [ext_cause::PRM, fault.number, fault.right],
@@ -362,7 +361,7 @@ impl Slave {
         }
     }
 
-    /// The diagnosis as a master is told it.
+    /// Returns the diagnosis for the master with address `for_whom`.
     pub(super) fn diagnosis(&self, gateway: &Gateway, for_whom: u8) -> Vec<u8> {
         let own = self.own_diagnosis(gateway);
         let of_can = self.parameters.as_ref().is_some_and(Parameters::has_can_diagnosis)
@@ -390,7 +389,7 @@ impl Slave {
         octets
     }
 
-    /// What its master would be told, in the registers.
+    /// Shows the diagnosis for the present master in the registers.
     pub(super) fn show(&self, gateway: &Gateway, registers: &Registers) {
         let octets = self.diagnosis(gateway, self.master.unwrap_or(BROADCAST));
         let diag = &registers.diag;

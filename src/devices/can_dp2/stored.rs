@@ -1,4 +1,4 @@
-//! What a CAN-DP/2 keeps without supply: wake-up and SYNC time (p. 29-30; D-370).
+//! Values that a CAN-DP/2 keeps without supply: wake-up and SYNC time (p. 29-30; D-370).
 
 use super::registers::{CAN_DP2_STORED, DEVICE, STORED};
 use crate::devices::{Context, Firmware};
@@ -7,19 +7,19 @@ use crate::memory::{MemoryError, Segment, View};
 use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 use zerocopy::IntoBytes;
 
-/// Their length.
+/// Length of the stored values.
 const BYTES: usize = size_of::<CAN_DP2_STORED>();
 
-/// Where they lie.
+/// Returns the area of the stored values.
 pub(super) fn area() -> Option<&'static Area> {
     DEVICE.areas.iter().find(|area| area.name == "stored")
 }
 
-/// What the device itself looks after; everything else runs at its ports.
+/// Firmware of the device itself: the stored values. Everything else runs at the ports.
 pub(super) struct Stored {
     registers: View<CAN_DP2_STORED>,
     stored: [u8; BYTES],
-    /// Counts changes of `stored`.
+    /// Counter for changes of `stored`.
     generation: u32,
 }
 
@@ -37,7 +37,7 @@ impl SnapshotFields for Stored {
 
     fn restore(&mut self, from: &mut Saved<'_>) -> Result<(), Damaged> {
         let stored = from.raw(BYTES)?;
-        // Its number goes on: the file has what was there before.
+        // A restored value counts as a change, since the file has the previous values.
         self.generation = self.generation.wrapping_add((self.stored != stored).into());
         self.stored.copy_from_slice(stored);
         Ok(())
@@ -67,7 +67,7 @@ impl Firmware for Stored {
 
     fn keep(&mut self) {
         let mut now = [0; BYTES];
-        // Of the same size by their definition.
+        // Cannot fail: both have the same size by definition.
         let _ = self.registers.snapshot().write_to(&mut now);
         if now != self.stored {
             self.stored = now;

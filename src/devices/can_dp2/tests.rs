@@ -1,4 +1,5 @@
-//! A CAN-DP/2 between a PROFIBUS segment and a CAN bus, asked by its own master without a stack; a station of the test at CAN.
+//! A CAN-DP/2 between a PROFIBUS segment and a CAN bus, controlled by its own master without a stack; a test station at
+//! CAN.
 
 mod any;
 #[cfg(feature = "plc")]
@@ -38,7 +39,7 @@ const CYCLE: u64 = 100;
 const MS: u64 = 1000;
 const S: u64 = 1_000_000;
 
-/// What the station at CAN sends, and what it has heard when.
+/// Frames that the station at CAN is to send, and frames that it has heard, with times.
 #[derive(Default)]
 struct Wires {
     to_send: Vec<Frame>,
@@ -73,7 +74,7 @@ const CFG: [u8; 10] = [0x83, 1, 2, 3, 0, 0x43, 1, 2, 0x89, 0];
 struct Bench {
     /// PROFIBUS, CAN.
     buses: [Box<dyn Medium>; 2],
-    /// Where the ports are: bus and place.
+    /// Positions of the ports: bus and index.
     places: Vec<(usize, usize)>,
     device: Box<dyn Device>,
     registers: Registers,
@@ -86,12 +87,12 @@ struct Bench {
 }
 
 impl Bench {
-    /// Just powered on; PROFIBUS with 500 kbit/s, CAN with 125.
+    /// A gateway just powered on; PROFIBUS with 500 kbit/s, CAN with 125.
     fn new(switches: u8) -> Self {
         Self::with_segment(switches, "kbit_s = 500")
     }
 
-    /// The same with other settings of the segment.
+    /// As `new`, with other settings of the segment.
     fn with_segment(switches: u8, settings: &str) -> Self {
         let text = format!("{{ name = 'gw', profibus = 'dp', can = 'open', switches = {switches} }}");
         let config = CanDp2Config::read(ValueDeserializer::parse(&text).unwrap()).unwrap();
@@ -128,7 +129,7 @@ impl Bench {
         bench
     }
 
-    /// In data exchange with this configuration and these flags.
+    /// A gateway in data exchange with this configuration and these flags.
     fn exchanging(flags_1: u8, flags_2: u8, cfg: &[u8]) -> Self {
         let mut bench = Bench::new(5);
         bench.commission(flags_1, flags_2, cfg);
@@ -161,7 +162,7 @@ impl Bench {
         }
     }
 
-    /// Goes on for so many microseconds.
+    /// Advances the clock by `us` microseconds.
     fn run(&mut self, us: u64) {
         let end = self.now + us;
         while self.now < end {
@@ -188,7 +189,7 @@ impl Bench {
         }
     }
 
-    /// Asks the slave: result and answer.
+    /// Sends a request to the slave; returns result and answer.
     fn ask(&mut self, dsap: u8, data: &[u8]) -> (u8, Vec<u8>) {
         self.mst.mst_dsap.store(dsap);
         self.mst.mst_request_len.store(data.len() as u8);
@@ -205,14 +206,14 @@ impl Bench {
         panic!("no end of the request to {dsap}");
     }
 
-    /// The diagnosis.
+    /// Reads the diagnosis.
     fn diag(&mut self) -> Vec<u8> {
         let (result, reply) = self.ask(60, &[]);
         assert_eq!(result, mst_result::DATA);
         reply
     }
 
-    /// A data exchange with these outputs: the inputs.
+    /// Exchanges data with these outputs; returns the inputs.
     fn exchange(&mut self, outputs: &[u8]) -> Vec<u8> {
         let (result, inputs) = self.ask(255, outputs);
         assert!(
@@ -222,17 +223,17 @@ impl Bench {
         inputs
     }
 
-    /// The station at CAN sends.
+    /// Sends a frame from the station at CAN.
     fn send(&mut self, frame: Frame) {
         self.wires.lock().unwrap().to_send.push(frame);
     }
 
-    /// What the station at CAN has heard since the last call: `203: 12 34`, `289: remote 2`.
+    /// Returns the frames that the station at CAN has heard since the last call: `203: 12 34`, `289: remote 2`.
     fn heard(&mut self) -> Vec<String> {
         self.heard_at().into_iter().map(|(_, frame)| frame).collect()
     }
 
-    /// The same with the times.
+    /// As `heard`, with the times.
     fn heard_at(&mut self) -> Vec<(u64, String)> {
         let heard = core::mem::take(&mut self.wires.lock().unwrap().heard);
         let text = |frame: Frame| {

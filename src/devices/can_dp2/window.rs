@@ -1,4 +1,4 @@
-//! The Communication Window: one order at a time, told by a loop counter (p. 38-49).
+//! The Communication Window: one order at a time, marked by a loop counter (p. 38-49).
 
 use super::modules::WINDOW;
 use crate::can::{ExtendedId, Frame, Id, Payload, StandardId};
@@ -6,13 +6,13 @@ use embedded_can::Frame as _;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
-/// Frames that the FIFO holds (p. 43).
+/// Size of the FIFO in frames (p. 43).
 const FIFO: usize = 255;
 
-/// Stands where an identifier would while nothing has come (p. 41).
+/// Replaces the identifier until a frame is received (p. 41).
 const NOTHING: u8 = 0xEE;
 
-/// The bit of byte 2 that makes an identifier one of 29 bits, as in a comment (D-383).
+/// The bit of byte 2 that marks an identifier of 29 bits, as in a comment (D-383).
 const EXTENDED: u8 = 0x20;
 
 /// Commands (p. 42).
@@ -26,14 +26,14 @@ mod command {
     pub(super) const SYNC_TIME: u8 = 20;
 }
 
-/// What an order has the gateway do.
+/// Effect of an order on the gateway.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Order {
-    /// Nothing more.
+    /// No further effect.
     Nothing,
-    /// Send this.
+    /// Sends this frame.
     Send(Frame),
-    /// SYNC from now on with this time in ms (p. 42-44).
+    /// Sets the SYNC time in ms (p. 42-44).
     SyncTime(u16),
 }
 
@@ -43,17 +43,17 @@ pub(super) struct Window {
     #[serde(with = "crate::can::kept")]
     enabled: Vec<Id>,
     fifo: VecDeque<Frame>,
-    /// The loop counter of the last order.
+    /// Loop counter of the last order.
     counter: u8,
     /// Command 3 waits for a frame.
     is_reading: bool,
-    /// What the DP master reads.
+    /// Octets that the DP master reads.
     shown: [u8; WINDOW],
-    /// A frame that is shown since the last data exchange, so that the DP master has not read it.
+    /// A frame shown since the last data exchange, which the DP master has not read yet.
     unread: Option<Frame>,
 }
 
-/// The identifier in the first four bytes, low word first (p. 40).
+/// Returns the identifier in the first four bytes, low word first (p. 40).
 fn identifier(bytes: [u8; 4]) -> Option<Id> {
     let [high, low, top, upper] = bytes;
     let number = u32::from_be_bytes([top & !EXTENDED, upper, high, low]);
@@ -64,22 +64,22 @@ fn identifier(bytes: [u8; 4]) -> Option<Id> {
 }
 
 impl Window {
-    /// The identifiers whose frames it takes.
+    /// Returns the enabled identifiers.
     pub(super) fn enabled(&self) -> &[Id] {
         &self.enabled
     }
 
-    /// Frames that wait.
+    /// Returns the number of waiting frames.
     pub(super) fn waiting(&self) -> usize {
         self.fifo.len()
     }
 
-    /// What the DP master reads.
+    /// Returns the octets that the DP master reads.
     pub(super) fn shown(&self) -> &[u8; WINDOW] {
         &self.shown
     }
 
-    /// A frame has come whose identifier is enabled; `false` if there is no room for it.
+    /// Queues a frame with an enabled identifier; returns `false` if the FIFO is full.
     pub(super) fn received(&mut self, frame: Frame) -> bool {
         if self.fifo.len() >= FIFO {
             return false;
@@ -89,7 +89,7 @@ impl Window {
         true
     }
 
-    /// Command 3 finds a frame, if there is one.
+    /// Shows the next frame if command 3 waits for one.
     fn show_next(&mut self) {
         if !self.is_reading {
             return;
@@ -108,7 +108,8 @@ impl Window {
         self.unread = Some(frame);
     }
 
-    /// The DP master has written its window. An order is one whose loop counter is another than the last one's (p. 42, 45-46; D-382).
+    /// Handles the window that the DP master has written. A changed loop counter marks a new order (p. 42, 45-46;
+    /// D-382).
     pub(super) fn written(&mut self, window: &[u8; WINDOW]) -> Order {
         let &[id0, id1, id2, id3, d0, d1, d2, d3, d4, d5, d6, d7, length, counter, sub_command, command] =
             window;
@@ -117,7 +118,7 @@ impl Window {
             return Order::Nothing;
         }
         self.counter = counter;
-        // It would be lost otherwise (p. 43).
+        // An unread frame would be lost otherwise (p. 43).
         unread.into_iter().for_each(|frame| self.fifo.push_front(frame));
         self.is_reading = false;
         self.shown = [0; WINDOW];
@@ -150,7 +151,7 @@ impl Window {
             _ => Order::Nothing,
         };
         self.show_next();
-        // The answer to this data exchange brings it.
+        // The answer to this data exchange carries the frame.
         self.unread = None;
         order
     }
@@ -189,7 +190,7 @@ mod tests {
         let sends = order([0, 0x12, 0, 0], [0, 1, 2, 3, 4, 5, 6, 7], 8, 1, 1);
         assert_eq!(window.written(&sends), Order::Send(frame(0x12, &[0, 1, 2, 3, 4, 5, 6, 7])));
         assert_eq!(window.shown()[13], 1);
-        // The same counter is no new order.
+        // The same counter is not a new order.
         assert_eq!(window.written(&sends), Order::Nothing);
 
         let id = [0x01, 0x23, 0, 0];
@@ -219,7 +220,7 @@ mod tests {
         assert_eq!(window.shown()[..2], [0xEE, 0xEE]);
     }
 
-    /// P. 43: no frame is lost while the PLC reads faster than frames come, whatever orders it gives meanwhile.
+    /// P. 43: no frame is lost while the PLC reads faster than frames come, with any other orders between.
     #[test]
     fn a_frame_that_no_exchange_has_fetched_stays() {
         let mut window = Window::default();
@@ -233,7 +234,7 @@ mod tests {
         assert_eq!((window.shown()[4], window.waiting()), (1, 1));
         window.written(&reads(4));
         assert_eq!((window.shown()[4], window.waiting()), (2, 0), "this one came with an answer");
-        // An exchange without a new order fetches it, too.
+        // A data exchange without a new order reads the frame, too.
         window.written(&reads(5));
         assert!(window.received(frame(0x181, &[3])));
         window.written(&reads(5));

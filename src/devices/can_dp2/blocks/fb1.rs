@@ -1,4 +1,4 @@
-//! FB1: initialises a CANopen device by a list of SDOs, by the Communication Window (p. 76-77, 83-86).
+//! FB1: initialises a CANopen device by a list of SDOs, over the Communication Window (p. 76-77, 83-86).
 
 use super::fb4::{Transfer, WINDOW};
 use super::{DataBlocks, Peripherals};
@@ -8,21 +8,21 @@ use crate::plc::{Shared, function_block};
 pub mod initialisation {
     /// `transfer` is FALSE.
     pub const OFF: u16 = 0;
-    /// The list is through.
+    /// The list is finished.
     pub const DONE: u16 = 1;
-    /// The list, a window or a data block is not there.
+    /// The list, a window or a data block is missing.
     pub const NO_LIST: u16 = 2;
-    /// The device has refused the entry of this number, from 0, added to it.
+    /// The device has refused an entry; the number of the entry, from 0, is added.
     pub const REFUSED: u16 = 0x8000;
-    /// It runs (p. 77).
+    /// The block is running (p. 77).
     pub const RUNS: u16 = 0xFFFF;
 }
 
-/// Bytes of an entry, and the index behind the last one (p. 85).
+/// Bytes of an entry, and the index that ends the list (p. 85).
 const ENTRY: usize = 10;
 const END: u16 = 0xEEEE;
 
-/// What an entry does: domain download, domain upload (p. 84).
+/// Operation of an entry: domain download, domain upload (p. 84).
 const WRITE: u8 = 1;
 const READ: u8 = 2;
 
@@ -32,23 +32,23 @@ const RECEIVE: u8 = 3;
 const ENABLE: u8 = 4;
 const DISABLE: u8 = 5;
 
-/// What is under way.
+/// Step of an initialisation.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum Step {
-    /// The answers of the device are enabled.
+    /// Enables the answers of the device.
     #[default]
     Enable,
-    /// A request goes out.
+    /// Sends a request.
     Request,
-    /// Its answer is looked for.
+    /// Waits for the answer.
     Answer,
-    /// The answers are disabled, with this result.
+    /// Disables the answers; the block then ends with this result.
     Disable(u16),
-    /// `transfer` has to become FALSE.
+    /// Waits until `transfer` is FALSE.
     Over,
 }
 
-/// Where a list is.
+/// Progress of a list.
 #[derive(Clone, Debug, Default)]
 pub struct List {
     step: Step,
@@ -57,11 +57,12 @@ pub struct List {
 }
 
 function_block! {
-    /// Initialises a CANopen device by the list at `offset` of `init_db` (p. 76). Data that it reads stand in the list afterwards, high byte
-    /// first, as those that it writes. Other users of the window have to wait until it is through.
+    /// Initialises a CANopen device by the list at `offset` of `init_db` (p. 76). The block stores the data that it
+    /// reads in the list, high byte first, like data to write. Other users of the window must wait until the block has
+    /// finished.
     pub struct FB1(data_blocks: Shared<DataBlocks>, peripherals: Shared<Peripherals>) {
         in {
-            /// Begins; FALSE: ends.
+            /// Starts; FALSE: ends.
             transfer: bool;
             /// Identifier of requests, 16#600 + number of the device.
             tx_id: u16;
@@ -73,18 +74,18 @@ function_block! {
             read_address_cw: u16;
             /// Number of the data block with the list.
             init_db: u16;
-            /// First byte of the list in it.
+            /// First byte of the list in the data block.
             offset: u16;
         }
         out {
-            /// As `initialisation` has it: 16#FFFF while it runs, 1 when it is through.
+            /// As in `initialisation`: 16#FFFF while running, 1 when finished.
             ret_value: u16;
         }
         internal: List;
     }
 }
 
-/// An order of the window.
+/// Returns an order for the window.
 fn order(id: u16, command: u8, data: &[u8]) -> [u8; WINDOW] {
     let mut order = [0; WINDOW];
     order[..2].copy_from_slice(&id.to_be_bytes());
@@ -93,7 +94,7 @@ fn order(id: u16, command: u8, data: &[u8]) -> [u8; WINDOW] {
     order
 }
 
-/// The SDO that an entry asks for; none if it is no entry.
+/// Returns the SDO request of an entry; `None` if the entry is not valid.
 fn request(entry: [u8; ENTRY]) -> Option<[u8; 8]> {
     let [high, low, sub, ccs, length, data @ .., _] = entry;
     let mut sdo = [0, low, high, sub, 0, 0, 0, 0];
@@ -114,7 +115,7 @@ impl FB1 {
         usize::from(self.offset) + ENTRY * usize::from(self.internal.entry)
     }
 
-    /// One PLC cycle.
+    /// Runs one PLC cycle.
     pub fn call(&mut self, data_blocks: &mut DataBlocks, peripherals: &mut Peripherals) {
         if !self.transfer {
             (self.ret_value, self.internal) = (initialisation::OFF, List::default());
@@ -150,7 +151,7 @@ impl FB1 {
         (self.ret_value, self.internal.step) = (result, Step::Over);
     }
 
-    /// An order is carried out.
+    /// Continues after the window has carried out an order.
     fn done(&mut self, window: [u8; WINDOW], data_blocks: &mut DataBlocks) {
         let id = u16::from_be_bytes([window[0], window[1]]);
         match self.internal.step {
@@ -176,9 +177,9 @@ impl FB1 {
         }
     }
 
-    /// Data that were read go to the list.
+    /// Stores data that were read in the list.
     fn store(&self, command: u8, data: [u8; 4], data_blocks: &mut DataBlocks) -> bool {
-        // Expedited with a length; longer data have no room in an entry.
+        // Only expedited data with a length fit into an entry.
         if command & 0x03 != 0x03 {
             return false;
         }

@@ -1,4 +1,5 @@
-//! FB2: page mode (p. 50-70). It talks to this gateway only, since the manual leaves out what a page has in octets 2 to 7 (D-467).
+//! FB2: page mode (p. 50-70). The block works with this gateway only, since the manual does not define octets 2 to 7 of
+//! a page (D-467).
 
 use super::{DataBlocks, Peripherals};
 use crate::devices::can_dp2::page::{
@@ -13,78 +14,79 @@ const TX: u16 = 2;
 const RX: u16 = 3;
 const DATA: u16 = 4;
 
-/// ERROR: a data block has no end or no room, or a record has no length that can be (D-469).
+/// ERROR: a data block has no end or no room, or a record has an invalid length (D-469).
 const BAD_DATA_BLOCK: u8 = 16;
 
-/// ERROR: the pages are not where the addresses say (D-469).
+/// ERROR: no page at the given addresses (D-469).
 const NO_PAGE: u8 = 17;
 
-/// Which page is under way.
+/// Page in transfer.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum Page {
     /// Page 0.
     #[default]
     Start,
-    /// Page 1 has come.
+    /// Page 1 was received.
     Sized,
-    /// What is sent, the page with this number, from 0.
+    /// Definitions of sent identifiers: the page with this number, from 0.
     Tx(u16),
-    /// What is received.
+    /// Definitions of received identifiers.
     Rx(u16),
     /// Data.
     Data(u16),
-    /// Nothing goes on: ERROR tells why.
+    /// The transfer has stopped: ERROR has the reason.
     Failed,
 }
 
-/// Where the transfer is.
+/// Progress of the transfer.
 #[derive(Clone, Debug, Default)]
 pub struct Paging {
     page: Page,
-    /// The counter that is waited for.
+    /// Counter of the expected answer.
     waits_for: Option<u8>,
-    /// Segments of the page that is written, and of the one that is read.
+    /// Segments of the output page, and of the input page.
     outputs: Vec<Range<usize>>,
     inputs: Vec<Range<usize>>,
-    /// FREIGABE was TRUE.
+    /// FREIGABE was TRUE in the last cycle.
     was_released: bool,
 }
 
 function_block! {
-    /// Page mode: configures what is sent and received, then exchanges data for ever (p. 61-69).
+    /// Page mode: defines the sent and received identifiers, then exchanges data without end (p. 61-69).
     pub struct FB2(data_blocks: Shared<DataBlocks>, peripherals: Shared<Peripherals>) {
         in {
-            /// FALSE: pages 0 and 1; then TRUE: everything else, from the begin.
+            /// FALSE: pages 0 and 1; then TRUE: all other pages, from the start.
             FREIGABE: bool;
             /// First output of the page.
             WRITE_ADDRESS: u16;
-            /// Number of the first data block that says what is sent.
+            /// Number of the first data block with the definitions of sent identifiers.
             WRITE_CONFIG_DB: u16;
-            /// Number of the first data block with what is sent.
+            /// Number of the first data block with sent data.
             WRITE_DB: u16;
             /// First input of the page.
             READ_ADDRESS: u16;
-            /// Number of the first data block that says what is received.
+            /// Number of the first data block with the definitions of received identifiers.
             READ_CONFIG_DB: u16;
-            /// Number of the first data block for what is received.
+            /// Number of the first data block for received data.
             READ_DB: u16;
         }
         out {
-            /// Which pages go over: 0 none, 2 what is sent, 3 what is received, 4 data.
+            /// Pages in transfer: 0 none, 2 definitions of sent identifiers, 3 of received identifiers, 4 data.
             RET_VALUE: u16;
-            /// Why nothing goes on: 1 to 4 as the gateway tells it, 16 a data block is wrong, 17 there is no page at the addresses; ours.
+            /// Reason of a stop: 1 to 4 as reported by the gateway, 16 a data block is wrong, 17 no page at the
+            /// addresses; defined by commram.
             ERROR: u8;
         }
         internal: Paging;
     }
 }
 
-/// Segments of a page of so many octets.
+/// Returns the segments of a page with this number of octets.
 fn segments(octets: usize) -> Vec<Range<usize>> {
     (0..octets).step_by(SEGMENT).map(|first| first..octets.min(first + SEGMENT)).collect()
 }
 
-/// The records of a configuration, from this data block on (p. 62-65).
+/// Returns the records of a configuration, from this data block on (p. 62-65).
 fn records(data_blocks: &DataBlocks, mut block: u16) -> Option<Vec<[u8; RECORD]>> {
     let (mut records, mut offset) = (Vec::new(), 0);
     loop {
@@ -99,14 +101,14 @@ fn records(data_blocks: &DataBlocks, mut block: u16) -> Option<Vec<[u8; RECORD]>
     }
 }
 
-/// Where the data of an identifier lie: data block, offset of its length, bytes with `force` or `count_in`.
+/// Position of an identifier's data: data block, offset of the length, number of bytes including `force` or `count_in`.
 struct Cell {
     block: u16,
     offset: usize,
     length: usize,
 }
 
-/// The data of all identifiers, from this data block on (p. 66-69).
+/// Returns the data positions of all identifiers, from this data block on (p. 66-69).
 fn cells(data_blocks: &DataBlocks, mut block: u16) -> Option<Vec<Cell>> {
     let (mut cells, mut offset) = (Vec::new(), 0);
     loop {
@@ -123,7 +125,7 @@ fn cells(data_blocks: &DataBlocks, mut block: u16) -> Option<Vec<Cell>> {
 }
 
 impl FB2 {
-    /// One PLC cycle.
+    /// Runs one PLC cycle.
     pub fn call(&mut self, data_blocks: &mut DataBlocks, peripherals: &mut Peripherals) {
         let released = self.FREIGABE;
         if core::mem::replace(&mut self.internal.was_released, released) && !released {
@@ -148,7 +150,7 @@ impl FB2 {
         (self.internal.page, self.ERROR) = (Page::Failed, error);
     }
 
-    /// Looks for the answer to the page.
+    /// Polls for the answer to the page.
     fn look(&mut self, data_blocks: &mut DataBlocks, peripherals: &Peripherals) {
         let Some(head) = peripherals.read::<HEAD>(self.READ_ADDRESS) else { return self.fail(NO_PAGE) };
         if self.internal.waits_for != Some(head[COUNTER]) {
@@ -180,7 +182,7 @@ impl FB2 {
         }
     }
 
-    /// Puts the inputs of a page where they belong.
+    /// Stores the inputs of a page in the data blocks.
     fn fetch(&self, page: u16, data_blocks: &mut DataBlocks, peripherals: &Peripherals) -> Option<()> {
         let places: Vec<usize> = places(&self.internal.inputs).collect();
         let cells = cells(data_blocks, self.READ_DB)?;
@@ -205,7 +207,7 @@ impl FB2 {
         if released && self.internal.page == Page::Sized {
             self.internal.page = Page::Tx(0);
         }
-        // A configuration goes on with the next kind behind its last page.
+        // After its last page a configuration continues with the next kind of page.
         for (here, block, next) in [
             (Page::Tx as fn(u16) -> Page, self.WRITE_CONFIG_DB, Page::Rx(0)),
             (Page::Rx, self.READ_CONFIG_DB, Page::Data(0)),
@@ -253,12 +255,12 @@ impl FB2 {
         }
     }
 
-    /// Page `number` with this in it, in all its segments, under the next counter.
+    /// Sends page `number` with this content, in all its segments, under the next counter.
     fn send(&mut self, page: u16, carried: &[u8], peripherals: &mut Peripherals) {
         let Some(head) = peripherals.read::<HEAD>(self.READ_ADDRESS) else { return self.fail(NO_PAGE) };
-        // 0 is none: so cleared outputs are no page.
+        // 0 is not a counter, so cleared outputs are not a page.
         let counter = if head[COUNTER] == u8::MAX { 1 } else { head[COUNTER] + 1 };
-        // The first page goes out before anybody knows how long pages are.
+        // The first page is sent before the size of pages is known.
         let segments = match &self.internal.outputs[..] {
             [] => core::slice::from_ref(&(0..HEAD)).to_vec(),
             known => known.to_vec(),

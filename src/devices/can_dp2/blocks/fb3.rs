@@ -1,17 +1,19 @@
-//! FB3: runs up to 127 CANopen devices of one kind, here motors (p. 76, 81-86): FB1 initialises them one after the other, FB2 exchanges their data.
+//! FB3: controls up to 127 CANopen devices of the same type, here motors (p. 76, 81-86). FB1 initialises them one after
+//! the other, FB2 exchanges their data.
 
 use super::{DataBlocks, FB1, FB2, Peripherals, initialisation};
 use crate::plc::{Shared, function_block};
 
-/// Motors at most, bytes of each in the list of motors and in the block of their data (p. 83-86).
+/// Most motors; bytes of each motor in the list of motors and in the block of their data (p. 83-86).
 const MOTORS: u16 = 127;
 const IN_LIST: usize = 8;
 const IN_DATA: usize = 16;
 
-/// A motor that is there and needs no list; one that is not there has 0 (p. 76).
+/// Marks an existing motor without a list; a missing motor has 0 (p. 76).
 const NO_LIST: u16 = 0xFFFF;
 
-/// Bytes of a motor in the blocks of outputs and inputs: length, `force` or `count_in`, a word, a double word (p. 82-83).
+/// Bytes of a motor in the blocks of outputs and inputs: length, `force` or `count_in`, a word, a double word (p.
+/// 82-83).
 const CELL: usize = 8;
 
 /// Words of KONFIG_DB (p. 81).
@@ -30,20 +32,21 @@ mod config {
 /// RET_VALUE while motors are initialised (D-469).
 const INITIALISES: u16 = 1;
 
-/// What FB3 has of its own.
+/// Internal data of FB3.
 #[derive(Clone, Debug, Default)]
 pub struct Motors {
     fb1: FB1,
     fb2: FB2,
-    /// The motor that is initialised, from 0.
+    /// Motor in initialisation, from 0.
     motor: u16,
 }
 
 function_block! {
-    /// Runs up to 127 motors: what a program writes into DATEN_DB goes to them, what they send stands there (p. 81, 85).
+    /// Controls up to 127 motors. The block sends the values that a program writes to DATEN_DB, and stores the values
+    /// that the motors send there (p. 81, 85).
     pub struct FB3(data_blocks: Shared<DataBlocks>, peripherals: Shared<Peripherals>) {
         in {
-            /// Runs; FALSE: begins anew.
+            /// Runs; FALSE: restarts.
             FREIGABE: bool;
             /// Number of the data block that names all others.
             KONFIG_DB: u16;
@@ -51,9 +54,9 @@ function_block! {
             DATEN_DB: u16;
         }
         out {
-            /// 0 nothing, 1 motors are initialised, then as FB2: 2 or more says that the window is free (p. 81).
+            /// 0 none, 1 motors are initialised, then as FB2: 2 or more means that the window is free (p. 81).
             RET_VALUE: u16;
-            /// That of FB2; 16: a data block is not there; ours.
+            /// `ERROR` of FB2; 16: a data block is missing; defined by commram.
             ERROR: u8;
         }
         internal: Motors;
@@ -61,7 +64,7 @@ function_block! {
 }
 
 impl FB3 {
-    /// One PLC cycle.
+    /// Runs one PLC cycle.
     pub fn call(&mut self, data_blocks: &mut DataBlocks, peripherals: &mut Peripherals) {
         if !self.FREIGABE {
             (self.RET_VALUE, self.ERROR, self.internal) = (0, 0, Motors::default());
@@ -72,7 +75,7 @@ impl FB3 {
         }
     }
 
-    /// None if a data block is not there.
+    /// Returns `None` if a data block is missing.
     fn run(&mut self, data_blocks: &mut DataBlocks, peripherals: &mut Peripherals) -> Option<()> {
         let config = |at: usize| data_blocks.word(self.KONFIG_DB, at);
         let (outputs, inputs) = (config(config::OUTPUTS)?, config(config::INPUTS)?);
@@ -86,7 +89,7 @@ impl FB3 {
         let is_ready = self.internal.motor >= MOTORS;
         if is_ready {
             self.copy(data_blocks, list, |place| {
-                // Force, then control word and target position; the byte between is a reserve.
+                // Force, then control word and target position; the byte between them is reserved.
                 let from: [u8; CELL] = place.data_blocks.read(place.data, place.of_data)?;
                 let to = [from[0], from[2], from[3], from[4], from[5], from[6], from[7]];
                 place.data_blocks.write(outputs, place.of_cell + 1, &to).then_some(())
@@ -108,7 +111,7 @@ impl FB3 {
         Some(())
     }
 
-    /// The next motor that has a list; its result stands behind that (p. 77, 83).
+    /// Initialises the next motor that has a list; its result is stored after the list number (p. 77, 83).
     fn initialise(
         &mut self,
         data_blocks: &mut DataBlocks,
@@ -142,7 +145,7 @@ impl FB3 {
         Some(())
     }
 
-    /// Does this for each motor that is there.
+    /// Calls `copy` for each existing motor.
     fn copy(
         &self,
         data_blocks: &mut DataBlocks,
@@ -161,7 +164,7 @@ impl FB3 {
     }
 }
 
-/// Where the data of a motor lie.
+/// Positions of a motor's data.
 struct Place<'a> {
     data_blocks: &'a mut DataBlocks,
     data: u16,

@@ -1,4 +1,4 @@
-//! FB4: orders by the Communication Window (p. 38-49, 77-81).
+//! FB4: orders over the Communication Window (p. 38-49, 77-81).
 
 use super::Peripherals;
 use crate::plc::{Shared, function_block};
@@ -12,37 +12,38 @@ const COUNTER: usize = 13;
 /// The command that reads a frame (p. 42).
 const RECEIVE: u8 = 3;
 
-/// Stands in place of an identifier while nothing has come (p. 41).
+/// Replaces the identifier until a frame is received (p. 41).
 const NOTHING: [u8; 2] = [0xEE; 2];
 
-/// There is no window at one of the addresses; ours.
+/// No window exists at one of the addresses; defined by commram.
 const NO_WINDOW: u16 = 1;
 
-/// An order by the window.
+/// An order over the window.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Transfer {
-    /// The counter that it waits for.
+    /// Counter of the expected answer.
     waits_for: Option<u8>,
-    /// The counter of a command 3 that has brought nothing yet: what comes is shown under it.
+    /// Counter of a command 3 without a frame yet: the next frame is shown under this counter.
     reads: Option<u8>,
-    /// What has come under such a counter and was not asked for yet.
+    /// A frame that was shown late and not read yet.
     found: Option<[u8; WINDOW]>,
 }
 
 impl Transfer {
-    /// Gives up waiting.
+    /// Stops waiting.
     fn abandon(&mut self) {
         self.waits_for = None;
     }
 
-    /// Keeps a frame that a command 3 has brought late: the next order would replace it.
+    /// Keeps a frame that a command 3 has delivered late: the next order would overwrite it.
     fn look(&mut self, window: [u8; WINDOW]) {
         if self.reads == Some(window[COUNTER]) && !window.starts_with(&NOTHING) {
             (self.found, self.reads) = (Some(window), None);
         }
     }
 
-    /// A call: the window that came back for `order`, once. The order is given with the next counter; `Err` if there is no window there.
+    /// Runs an order for one cycle: returns the answering window once. The order is written with the next counter.
+    /// Returns `Err` if no window exists at the addresses.
     pub(super) fn call(
         &mut self,
         peripherals: &mut Peripherals,
@@ -70,7 +71,7 @@ impl Transfer {
         if !is_reading {
             return Ok(Some(window));
         }
-        // What came late came first.
+        // The late frame is older, so it is returned first.
         let first = self.found.take();
         if first.is_some() && !has_nothing {
             self.found = Some(window);
@@ -79,15 +80,15 @@ impl Transfer {
     }
 }
 
-/// Where a transfer of FB4 is.
+/// Step of an FB4 transfer.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum Step {
-    /// It gives the order.
+    /// Writes the order.
     #[default]
     Write,
-    /// It reads a frame.
+    /// Reads a frame.
     Read,
-    /// FREIGABE has to become FALSE.
+    /// Waits until FREIGABE is FALSE.
     Over,
 }
 
@@ -99,14 +100,15 @@ pub struct Pulse {
 }
 
 function_block! {
-    /// Gives an order by the Communication Window, then reads a frame by command 3 (p. 77-80). One pulse of FREIGABE is one transfer.
+    /// Sends an order over the Communication Window, then reads a frame by command 3 (p. 77-80). One pulse of FREIGABE
+    /// is one transfer.
     pub struct FB4(peripherals: Shared<Peripherals>) {
         in {
-            /// Begins a transfer; FALSE: the next one can begin.
+            /// Starts a transfer; FALSE: the next one can start.
             FREIGABE: bool;
-            /// Gives the order of WRITE_COMMAND.
+            /// Sends the order of WRITE_COMMAND.
             WRITE_ENABLE: bool;
-            /// Reads a frame afterwards by command 3, which the block gives by itself.
+            /// Reads a frame afterwards by command 3, which the block issues itself.
             READ_ENABLE: bool;
             /// Identifier, of 11 bits.
             WRITE_CAN_ID: u16;
@@ -126,7 +128,7 @@ function_block! {
             WRITE_DATA6: u8;
             /// Data.
             WRITE_DATA7: u8;
-            /// How many bytes are sent.
+            /// Number of bytes to send.
             WRITE_LEN: u8;
             /// Always 0.
             WRITE_SUBCOMMAND: u8;
@@ -140,7 +142,7 @@ function_block! {
         out {
             /// The transfer is over.
             TRANSFER_READY: bool;
-            /// Identifier; 16#EEEE: nothing has come.
+            /// Identifier; 16#EEEE: no frame received.
             READ_CAN_ID: u16;
             /// Data.
             READ_DATA0: u8;
@@ -158,15 +160,15 @@ function_block! {
             READ_DATA6: u8;
             /// Data.
             READ_DATA7: u8;
-            /// How many bytes have come.
+            /// Number of received bytes.
             READ_LEN: u8;
-            /// Octet 14 of the window, by its name in the example of p. 79; by p. 41 the sub-command that comes back.
+            /// Octet 14 of the window, by its name in the example of p. 79; by p. 41 the returned sub-command.
             READ_FIFO_COUNT: u8;
             /// Octet 15 of the window, by its name in the example of p. 79; by p. 41 an error code that is always 0.
             READ_COMMAND: u8;
-            /// 0: good; 1: there is no window at READ_ADDRESS (D-469).
+            /// 0: good; 1: no window at READ_ADDRESS (D-469).
             READ_RET_VAL: u16;
-            /// 0: good; 1: there is no window at WRITE_ADDRESS (D-469).
+            /// 0: good; 1: no window at WRITE_ADDRESS (D-469).
             WRITE_RET_VAL: u16;
         }
         internal: Pulse;
@@ -174,7 +176,7 @@ function_block! {
 }
 
 impl FB4 {
-    /// One PLC cycle.
+    /// Runs one PLC cycle.
     pub fn call(&mut self, peripherals: &mut Peripherals) {
         if !self.FREIGABE {
             self.TRANSFER_READY = false;
@@ -191,7 +193,7 @@ impl FB4 {
         self.TRANSFER_READY = self.internal.step == Step::Over;
     }
 
-    /// Gives the order, if there is one besides reading.
+    /// Writes the order, unless the transfer only reads.
     fn write(&mut self, peripherals: &mut Peripherals) {
         let only_reads = self.READ_ENABLE && (!self.WRITE_ENABLE || self.WRITE_COMMAND == RECEIVE);
         if only_reads {
@@ -215,7 +217,8 @@ impl FB4 {
         self.internal.step = Step::Over;
     }
 
-    /// A call of an order: the window that came back for it, once. Without a window at the addresses the transfer is over.
+    /// Runs an order for one cycle: returns the answering window once. Without a window at the addresses the transfer
+    /// is over.
     fn transfer(&mut self, peripherals: &mut Peripherals, order: [u8; WINDOW]) -> Option<[u8; WINDOW]> {
         let has_inputs = peripherals.read::<WINDOW>(self.READ_ADDRESS).is_some();
         let addresses = (self.WRITE_ADDRESS, self.READ_ADDRESS);
@@ -228,7 +231,7 @@ impl FB4 {
         answer.unwrap_or(None)
     }
 
-    /// The order of the pins with this command.
+    /// Returns the order from the pins with this command.
     fn order(&self, command: u8) -> [u8; WINDOW] {
         let [high, low] = self.WRITE_CAN_ID.to_be_bytes();
         [

@@ -1,4 +1,4 @@
-//! The PLC's DP master: sets parameters and configuration, then exchanges the peripherals with the gateway.
+//! The PLC's DP master: sends parameters and configuration, then exchanges the peripherals with the gateway.
 
 use super::Peripherals;
 use crate::devices::can_dp2::registers::values::station_status_1 as status_1;
@@ -6,26 +6,26 @@ use crate::devices::can_dp2::registers::values::{mst_control, mst_dsap, mst_resu
 use crate::devices::can_dp2::registers::{CAN_DP2_MST, gsd};
 use crate::plc::{Base, Shared, function_block};
 
-/// Octets each way, and of the diagnosis.
+/// Octets of each direction, and of the diagnosis.
 const OCTETS: usize = gsd::MAX_OUTPUT_LEN as usize;
 const DIAG: usize = gsd::MAX_DIAG_DATA_LEN as usize;
 
-/// What it asks for next, or has asked for.
+/// The next or present request.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum Step {
-    /// Whether the slave is there.
+    /// Finds out whether the slave answers.
     #[default]
     Find,
     Parameters,
     Configuration,
-    /// Whether it is ready.
+    /// Finds out whether the slave is ready.
     Check,
     Exchange,
-    /// A diagnosis waits.
+    /// Reads a waiting diagnosis.
     Diagnosis,
 }
 
-/// Where the master is.
+/// Progress of the master.
 #[derive(Clone, Debug, Default)]
 pub struct Master {
     step: Step,
@@ -33,17 +33,18 @@ pub struct Master {
 }
 
 function_block! {
-    /// Exchanges outputs and inputs with the gateway by its master without a stack, one request in a call at most: the part of a PLC that no
-    /// program sees (ours). Call it once in each cycle.
+    /// Exchanges outputs and inputs with the gateway by the registers of its master without a stack, with at most one
+    /// request per call. In a real PLC the CPU does this without the program; the block is defined by commram. Call it
+    /// once in each cycle.
     pub struct DP_MASTER(mst: Base<CAN_DP2_MST>, peripherals: Shared<Peripherals>) {
         in {
-            /// Exchanges; FALSE: begins anew.
+            /// Enables the exchange; FALSE: restarts.
             ENABLE: bool;
             /// Octets of Set_Prm.
             PRM: [u8; 16] = [0; 16];
             /// Octets of Chk_Cfg.
             CFG: [u8; 244] = [0; 244];
-            /// How many of them there are.
+            /// Number of octets in `CFG`.
             CFG_LEN: u8;
             /// Octets of all output modules.
             OUTPUT_LEN: u8;
@@ -61,7 +62,7 @@ function_block! {
 }
 
 impl DP_MASTER {
-    /// One PLC cycle.
+    /// Runs one PLC cycle.
     pub fn call(&mut self, mst: &Base<CAN_DP2_MST>, peripherals: &mut Peripherals) {
         let is_busy = mst.mst_control.load() == mst_control::SEND;
         if !self.ENABLE {
@@ -89,7 +90,7 @@ impl DP_MASTER {
         self.internal.is_asked = true;
     }
 
-    /// The request has ended: what is next.
+    /// Evaluates an ended request; returns the next step.
     fn answered(&mut self, mst: &Base<CAN_DP2_MST>, peripherals: &mut Peripherals) -> Step {
         let result = mst.mst_result.load();
         let reply = mst.mst_reply.iter().take(mst.mst_reply_len.load().into()).map(|cell| cell.load());

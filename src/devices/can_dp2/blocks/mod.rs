@@ -1,8 +1,10 @@
-//! The function blocks that come with the CAN-DP/2 for a PLC that is its DP master (Software-Handbuch CAN-DP/2, p. 61-70, 76-86): FB1
-//! initialises a CANopen device by a list, FB2 does page mode, FB3 runs 127 motors by both, FB4 uses the Communication Window.
+//! The function blocks that come with the CAN-DP/2 for a PLC that is its DP master (Software-Handbuch CAN-DP/2, p.
+//! 61-70, 76-86): FB1 initialises a CANopen device by a list, FB2 does page mode, FB3 controls 127 motors by both, FB4
+//! uses the Communication Window.
 //!
-//! Their sources are not printed, so what they do between their pins is ours (D-469), and so is what stands for the PLC around them:
-//! [`Peripherals`], [`DataBlocks`], and [`DP_MASTER`], which exchanges the peripherals with the gateway.
+//! The manual does not print their sources, so their internal behaviour is a choice of commram (D-469). So are the
+//! types that replace the PLC: [`Peripherals`], [`DataBlocks`], and [`DP_MASTER`], which exchanges the peripherals with
+//! the gateway.
 
 #![allow(non_snake_case, non_camel_case_types, reason = "the manual's names, letter for letter")]
 

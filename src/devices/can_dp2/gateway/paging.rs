@@ -6,7 +6,7 @@ use crate::devices::can_dp2::parameters::Role;
 use crate::devices::can_dp2::registers::values::can_state;
 
 impl Gateway {
-    /// A data exchange has brought a page, perhaps.
+    /// Handles the outputs of a data exchange if they are a new page.
     pub(super) fn page(&mut self, outputs: &[u8]) {
         let Some(pages) = &mut self.pages else { return };
         let is_working = self.state == can_state::WORKING;
@@ -25,7 +25,8 @@ impl Gateway {
         self.show();
     }
 
-    /// What a CANopen master or slave asks for at the start (p. 29): what its pages have to bring.
+    /// Returns the remote frames that a CANopen master or slave sends at the start (p. 29), for the inputs of its
+    /// pages.
     pub(super) fn page_requests(&self) -> Vec<Frame> {
         let asks = self
             .setup

@@ -1,4 +1,4 @@
-//! How the gateway starts on CAN, as CANopen master, as slave or as neither, and SYNC (p. 29, 42-44, 87).
+//! Start of the gateway on CAN as CANopen master, slave or neither, and SYNC (p. 29, 42-44, 87).
 
 use super::{Gateway, SYNC, Setup, frame};
 use crate::can::{Frame, Payload};
@@ -8,14 +8,14 @@ use crate::devices::can_dp2::registers::values::can_state;
 use crate::devices::canopen::nmt::Command;
 
 impl Gateway {
-    /// Command 20 sets a SYNC time, which counts from now on (p. 42, 44).
+    /// Sets a SYNC time by command 20; the time counts from now on (p. 42, 44).
     pub(super) fn set_sync_time(&mut self, time: u16) {
         if self.registers.set_sync_time(time) {
             self.sync_at = None;
         }
     }
 
-    /// All outputs go out, then everything that its inputs bring is asked for (p. 29). Without outputs there is nothing to send yet.
+    /// Sends all outputs, then remote frames for all inputs (p. 29). Does nothing before the first outputs.
     pub(super) fn send_all(&mut self, now: u64) {
         let Some(Setup { parameters, configuration, outputs, .. }) = &self.setup else { return };
         if !self.has_outputs {
@@ -39,7 +39,7 @@ impl Gateway {
         self.start_cycles(now);
     }
 
-    /// The wake-up time is over.
+    /// Handles the end of the wake-up time.
     pub(super) fn wake_up(&mut self, now: u64) {
         let Some(setup) = &self.setup else { return };
         match setup.parameters.role() {
@@ -59,7 +59,7 @@ impl Gateway {
         self.show();
     }
 
-    /// Network management, for a slave (p. 29, 87; D-384).
+    /// Handles a network management command for a slave (p. 29, 87; D-384).
     pub(super) fn command(&mut self, command: Command, now: u64) {
         match command {
             Command::Start if self.state == can_state::PRE_OPERATIONAL => {
@@ -73,7 +73,7 @@ impl Gateway {
         self.show();
     }
 
-    /// The time between SYNC objects in us, while a master works and has outputs (D-385).
+    /// Returns the time between SYNC objects in us, while a master works and has outputs (D-385).
     fn sync_us(&self) -> Option<u64> {
         let is_master = self.setup.as_ref().is_some_and(|setup| setup.parameters.role() == Role::Master);
         let time = self.registers.stored.stored_sync_time.load();
@@ -81,7 +81,7 @@ impl Gateway {
         runs.then(|| u64::from(time) * 1000)
     }
 
-    /// Plans the next SYNC object, if it is to come and none waits.
+    /// Plans the next SYNC object, if SYNC is on and no SYNC object waits.
     pub(in crate::devices::can_dp2) fn plan_sync(&mut self, now: u64) {
         match (self.sync_us(), self.sync_at) {
             (Some(time), None) if !self.sync_waits => self.sync_at = Some(now + time),
@@ -90,8 +90,8 @@ impl Gateway {
         }
     }
 
-    /// Sends a SYNC object that is due, behind the frames of the data exchange before it (p. 44). While one waits no other one
-    /// comes: the time begins anew when that one has gone out (D-676).
+    /// Sends a due SYNC object, after the frames of the previous data exchange (p. 44). While one SYNC object waits, no
+    /// other is added. The SYNC time restarts when the waiting object was sent (D-676).
     pub(super) fn sync(&mut self, now: u64) {
         let Some(at) = self.sync_at.filter(|at| *at <= now) else { return };
         if self.sync_waits {
@@ -103,7 +103,7 @@ impl Gateway {
         self.sync_at = self.sync_us().map(|time| at + time);
     }
 
-    /// A frame has gone out.
+    /// Notes that a frame was sent.
     pub(in crate::devices::can_dp2) fn sent(&mut self, sent: &Frame) {
         self.sync_waits &= *sent != Frame::standard(SYNC, Payload::EMPTY);
     }

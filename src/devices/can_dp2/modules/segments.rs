@@ -1,4 +1,4 @@
-//! Segments of a page: what a configuration has in page mode in place of identifiers (p. 50-54).
+//! Segments of a page: the modules of a configuration in page mode, without identifiers (p. 50-54).
 
 use super::{CfgError, CfgFault, Configuration, Kind, Module, WINDOW, Written};
 use crate::devices::can_dp2::page::{HEAD, MARK, RECORD, SEGMENT};
@@ -6,7 +6,7 @@ use crate::devices::can_dp2::pages::Pages;
 use crate::devices::can_dp2::parameters::Parameters;
 use core::ops::Range;
 
-/// A module without an identifier; one that has any is no segment.
+/// Returns the kind of a module without an identifier; a module with an identifier is not a segment.
 pub(super) fn kind(written: &Written<'_>) -> Result<Kind, CfgError> {
     match (written.comment, written.is_input) {
         ([], true) => Ok(Kind::PageInput),
@@ -16,8 +16,8 @@ pub(super) fn kind(written: &Written<'_>) -> Result<Kind, CfgError> {
 }
 
 impl Configuration {
-    /// All modules are there: the rules of p. 54. A Communication Window is the last of each way; figure 6.4.2 has it
-    /// without its identifier.
+    /// Checks the rules of p. 54 for all modules. A Communication Window is the last module of each direction; figure
+    /// 6.4.2 shows it without its identifier.
     pub(super) fn close_pages(&mut self, parameters: &Parameters) -> Result<(), CfgFault> {
         let has_window = self.modules.iter().any(Module::is_window);
         if let [.., one, other] = &mut self.modules[..]
@@ -53,7 +53,7 @@ impl Configuration {
         Ok(())
     }
 
-    /// Its pages, if it has any.
+    /// Returns the pages, if the configuration has any.
     pub(in crate::devices::can_dp2) fn pages(&self) -> Option<Pages> {
         let segments = |kind: Kind| -> Vec<Range<usize>> {
             self.modules.iter().filter(|module| module.kind == kind).map(Module::range).collect()

@@ -55,7 +55,7 @@ fn modules_of_the_manual() {
     );
 }
 
-/// Each code of p. 21, and which module it is about.
+/// Each code of p. 21, with the number of the wrong module.
 #[test]
 fn what_is_wrong_is_told_by_its_code() {
     let good = [0x83, 5, 2, 3, 0];
@@ -119,7 +119,7 @@ fn a_station_has_its_limits() {
     let inputs = |bytes: u8, count: usize| [0x43, bytes - 1, 2, 0, 0].repeat(count);
     assert_eq!(read(&outputs(1, MODULES)).unwrap().outputs, MODULES);
     assert_eq!(error(&outputs(1, MODULES + 1)), (48, 1));
-    // 30 * 8 + 4 = 244 octets one way, 300 both ways.
+    // 30 * 8 + 4 = 244 octets in one direction, 300 in both.
     let full = [outputs(8, 30), outputs(4, 1)].concat();
     assert_eq!(read(&full).unwrap().outputs, 244);
     assert_eq!(error(&[full.clone(), outputs(1, 1)].concat()), (31, 3));
@@ -139,7 +139,7 @@ proptest! {
     }
 }
 
-/// The device description file's parameters and modules are good ones.
+/// Parameters and modules of the device description file are valid.
 #[test]
 fn what_the_description_file_has_is_taken() {
     let mut octets = vec![0x80, 0, 0, 11, 0x04, 0xA4, 0];

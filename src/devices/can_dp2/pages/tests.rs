@@ -28,7 +28,7 @@ impl Master {
         }
     }
 
-    /// Page `number` with this in it: what it has the gateway do, and the result.
+    /// Page `number` with this content: returns its effects and the result.
     fn page(&mut self, number: u16, carried: &[u8]) -> (Taken, u8) {
         self.counter += 1;
         self.outputs.fill(0);
@@ -60,7 +60,8 @@ impl Master {
     }
 }
 
-/// The sizes of p. 51-53: 82 octets carry 70, which are 11 records and a mark; 105 carry 91, which are 13 identifiers with 6 bytes.
+/// The sizes of p. 51-53: 82 octets have room for 70, enough for 11 records and a mark; 105 have room for 91, enough
+/// for 13 identifiers with 6 bytes.
 #[test]
 fn what_a_page_carries() {
     assert_eq!(carries(&segments(&[32, 32, 18])), 70);
@@ -71,7 +72,8 @@ fn what_a_page_carries() {
     assert_eq!(divide([8, 8, 1], 18), [0..2, 2..3]);
 }
 
-/// A page stands in each segment with its number, and what it carries begins at octet 8 of the first and 2 of the others (p. 55, 59).
+/// Each segment of a page begins with the page number. The content begins at octet 8 of the first segment and 2 of the
+/// others (p. 55, 59).
 #[test]
 fn page_1_tells_the_sizes() {
     let mut master = Master::new(&[32, 18], &[32, 32, 9]);
@@ -81,7 +83,7 @@ fn page_1_tells_the_sizes() {
     assert_eq!((&shown[32..34], &shown[64..66]), (&[0, 1][..], &[0, 1][..]));
 }
 
-/// Table 6.4.4: the octets of a page that configures what is sent.
+/// Table 6.4.4: the octets of a page with definitions of sent identifiers.
 #[test]
 fn a_page_of_identifiers() {
     let mut master = Master::new(&[32], &[32]);
@@ -112,7 +114,7 @@ fn outputs_go_out_as_force_says() {
         })
         .collect();
     assert_eq!(once, [true, false, true, false, true]);
-    // The same page again, with the same counter, is none.
+    // A page with the same counter is not a new page.
     let again = master.outputs.clone();
     assert_eq!(master.pages.written(&again, true), Taken::default());
     assert_eq!(master.pages.written(&[0; 32], true), Taken::default(), "cleared outputs are no page");
@@ -134,7 +136,7 @@ fn frames_stand_on_their_page() {
     assert_eq!(master.pages.shown()[8..20], [0; 12]);
 }
 
-/// Pages out of turn, and what no identifier can be: told with the number of the record; nothing of such a page is taken over.
+/// Pages out of turn and invalid identifiers are reported with the number of the record; such a page has no effect.
 #[test]
 fn wrong_pages_are_told() {
     let mut master = Master::new(&[32], &[32]);
@@ -160,11 +162,11 @@ fn wrong_pages_are_told() {
     assert_eq!(result(&mut master, 151, &[0, 0, 1, 0, 0, 1]), (2, 0), "it is sent");
     assert_eq!(result(&mut master, 151, &[END; 4]), (0, 0));
     assert_eq!(result(&mut master, 151, &[END; 4]), (1, 0));
-    // Page 0 begins anew.
+    // Page 0 restarts the configuration.
     assert_eq!((result(&mut master, 0, &[]), master.pages.tx.len()), ((0, 0), 0));
 }
 
-/// Of two that receive the same, the later one lives (p. 35).
+/// If two entries receive the same identifier, the later one is updated (p. 35).
 #[test]
 fn an_identifier_twice() {
     let mut master = Master::new(&[32], &[32]);
@@ -176,7 +178,7 @@ fn an_identifier_twice() {
     assert_eq!(master.pages.shown()[8..12], [0, 0, 1, 7]);
 }
 
-/// There are 100 pages of each kind, 65285 of data (p. 55, 59).
+/// There are at most 100 pages of each kind of definitions, and 65285 of data (p. 55, 59).
 #[test]
 fn pages_have_an_end() {
     let mut master = Master::new(&[32], &[32]);
@@ -190,7 +192,7 @@ fn pages_have_an_end() {
     assert_eq!(usize::from(u16::MAX - number::DATA) + 1, 65_285);
 }
 
-/// What is received must fit on a page of inputs with its form; and there is no page of inputs behind 250.
+/// A received identifier must fit on a page of inputs with its format, and no page of inputs follows page 250.
 #[test]
 fn pages_of_what_is_received_have_an_end() {
     let mut master = Master::new(&[32], &[COUNTER + 8]);

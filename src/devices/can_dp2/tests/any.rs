@@ -1,10 +1,10 @@
-//! Whatever a master sends, the slave has a state and a diagnosis that says why.
+//! For any telegrams of a master, the slave has a state and a diagnosis with the reason.
 
 use super::*;
 use crate::devices::can_dp2::registers::values::dp_state;
 use proptest::prelude::*;
 
-/// Octets of Set_Prm: good ones of which some are others, or any.
+/// Octets of Set_Prm: valid ones with some changed octets, or random ones.
 fn parameters() -> impl Strategy<Value = Vec<u8>> {
     let changes = prop::collection::vec((0..16_usize, any::<u8>()), 0..3);
     let almost = (any::<u8>(), 0..8_u8, changes).prop_map(|(flags_1, flags_2, changes)| {
@@ -15,8 +15,8 @@ fn parameters() -> impl Strategy<Value = Vec<u8>> {
     prop_oneof![4 => almost, 1 => prop::collection::vec(any::<u8>(), 0..=244)]
 }
 
-/// Octets of Chk_Cfg: modules that are good or almost, segments of pages, good modules of which the last one is cut off, or
-/// anything.
+/// Octets of Chk_Cfg: valid or almost valid modules, segments of pages, valid modules with the last one cut off, or
+/// random octets.
 fn configuration() -> impl Strategy<Value = Vec<u8>> {
     let of_can =
         |(is_input, length, high, low)| vec![if is_input { 0x43 } else { 0x83 }, length, high, low, 0xB8];
@@ -36,7 +36,7 @@ fn configuration() -> impl Strategy<Value = Vec<u8>> {
     prop_oneof![4 => modules, 1 => cut_off, 1 => prop::collection::vec(any::<u8>(), 0..=244)]
 }
 
-/// Whatever a master sends as parameters, configuration and outputs, there is a state and a diagnosis that says why.
+/// Checks for any parameters, configuration and outputs that the slave has a state and a diagnosis with the reason.
 fn a_state_and_a_diagnosis(prm: &[u8], cfg: &[u8], outputs: &[u8]) {
     let mut bench = Bench::new(5);
     assert_eq!(bench.ask(61, prm).0, mst_result::RECEIPT);
@@ -49,7 +49,7 @@ fn a_state_and_a_diagnosis(prm: &[u8], cfg: &[u8], outputs: &[u8]) {
         assert!([6, 11].contains(&diag.len()), "{:02X?}", diag);
         assert_eq!(&diag[4..6], &[0x04, 0xA4]);
     }
-    // Each bit has its reason, and each refusal its bit.
+    // Each bit has its reason, and each refusal sets its bit.
     let cause = diag.get(8).copied();
     assert_eq!(diag[0] & 0x40 != 0, cause == Some(0x3D));
     assert_eq!(diag[0] & 0x04 != 0, cause == Some(0x3E));
@@ -58,7 +58,7 @@ fn a_state_and_a_diagnosis(prm: &[u8], cfg: &[u8], outputs: &[u8]) {
     if cause == Some(0x3E) {
         assert!((1..=6).contains(&diag[10]) && diag[9] <= 48, "{:02X?}", diag);
     }
-    // Whatever it waits for, outputs are taken or refused, and time goes on.
+    // In any state, outputs are accepted or refused, and the emulation continues.
     let result = bench.ask(255, outputs).0;
     let fits = outputs.is_empty() || outputs.len() == usize::from(bench.registers.cfg.output_len.load());
     assert_eq!(result == mst_result::NOT_ACTIVATED, state != dp_state::DATA_EXCHANGE || !fits);

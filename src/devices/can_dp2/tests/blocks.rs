@@ -5,14 +5,14 @@ use crate::devices::can_dp2::blocks::*;
 use crate::plc::{Base, Ram};
 use embedded_can::Frame as _;
 
-/// A PLC with its program's data and a CANopen device that grants every SDO.
+/// A PLC with its program's data, and a CANopen device that accepts every SDO.
 struct Plc {
     bench: Bench,
     mst: Base<CAN_DP2_MST>,
     master: DP_MASTER,
     blocks: DataBlocks,
     peripherals: Peripherals,
-    /// Whoever answers SDOs refuses this index.
+    /// The device refuses SDOs for this index.
     refuses: u16,
 }
 
@@ -62,7 +62,7 @@ impl Plc {
         }
     }
 
-    /// So many cycles of a block.
+    /// Runs a block for this number of cycles.
     fn run(&mut self, cycles: usize, mut block: impl FnMut(&mut DataBlocks, &mut Peripherals)) {
         (0..cycles).for_each(|_| self.cycle(&mut block));
     }
@@ -70,7 +70,7 @@ impl Plc {
 
 const WINDOWS: [u8; 10] = [0x83, 0x8F, 0xFF, 0xEF, 0, 0x43, 0x8F, 0xFF, 0xEF, 0];
 
-/// One transfer of the block.
+/// Runs one transfer of the block.
 fn transfer(plc: &mut Plc, block: &mut FB4) {
     block.FREIGABE = false;
     block.call(&mut plc.peripherals);
@@ -84,8 +84,8 @@ fn transfer(plc: &mut Plc, block: &mut FB4) {
     panic!("no end of the transfer");
 }
 
-/// The orders of p. 77-79: the start frame, an identifier that is received, what it brings. READ_ENABLE reads by itself, with
-/// every order, and FREIGABE alone with none.
+/// The orders of p. 77-79: the start frame, an enabled identifier, a received frame. READ_ENABLE reads by itself with
+/// every order, and FREIGABE alone reads without an order.
 #[test]
 fn fb4_gives_orders_by_the_window() {
     for command in [4, 3, 0] {
@@ -113,7 +113,7 @@ fn fb4_gives_orders_by_the_window() {
 #[test]
 fn one_pulse_of_fb4_is_one_transfer() {
     let mut plc = Plc::new(0x80, &WINDOWS, 16);
-    // One pulse of FREIGABE is one transfer: nothing more happens until it has been away.
+    // One pulse of FREIGABE is one transfer: the next transfer needs another pulse.
     let mut again =
         FB4 { FREIGABE: true, WRITE_ENABLE: true, WRITE_LEN: 1, WRITE_COMMAND: 1, ..Default::default() };
     plc.run(60, |_, peripherals| again.call(peripherals));
@@ -123,7 +123,7 @@ fn one_pulse_of_fb4_is_one_transfer() {
     assert_eq!((nowhere.TRANSFER_READY, nowhere.READ_RET_VAL), (true, 1));
 }
 
-/// Frames that come between two pulses are not lost, whenever they come.
+/// Frames between two pulses are not lost, at any time.
 #[test]
 fn fb4_loses_nothing_while_it_reads() {
     let mut plc = Plc::new(0x80, &WINDOWS, 16);
@@ -147,11 +147,11 @@ fn fb4_loses_nothing_while_it_reads() {
     }
 }
 
-/// The program of p. 77-80 with its flags: FB4 and what is around it.
+/// The program of p. 77-80 with its flags: FB4 and its surroundings.
 struct Example {
     /// Flag bytes MB0 to MB17.
     mb: [u8; 18],
-    /// M95.0 to M96.0: how many of the first orders are through.
+    /// M95.0 to M96.0: number of the first orders that are finished.
     orders: usize,
     /// M99.6: the pulse of FREIGABE.
     pulse: bool,
@@ -169,7 +169,8 @@ impl Example {
         u16::from_be_bytes([self.mb[at], self.mb[at + 1]])
     }
 
-    /// Network 5: the next of the first orders (identifier, first two data bytes, length, command), then none.
+    /// Network 5: one of the first orders after the other (identifier, first two data bytes, length, command), then
+    /// none.
     fn order(&mut self) {
         let enables = |id: u16| (id, 0_u16, 0, 4);
         let orders = [
@@ -189,7 +190,7 @@ impl Example {
         (self.mb[12], self.mb[14], self.mb[15]) = (length, 0, command);
     }
 
-    /// A PLC cycle: networks 5 and 6.
+    /// One PLC cycle: networks 5 and 6.
     fn call(&mut self, peripherals: &mut Peripherals) {
         self.order();
         let block = &mut self.block;
@@ -213,7 +214,7 @@ impl Example {
             block.READ_DATA7,
         ]);
         (mb[12], mb[14], mb[15]) = (block.READ_LEN, block.READ_FIFO_COUNT, block.READ_COMMAND);
-        // READ_RET_VAL lies over MB14 and MB15 there.
+        // READ_RET_VAL overlaps MB14 and MB15 in the example.
         mb[14..16].copy_from_slice(&block.READ_RET_VAL.to_be_bytes());
         let id = self.mw(0);
         if (0x181..=0x1FF).contains(&id) {
@@ -228,8 +229,8 @@ impl Example {
     }
 }
 
-/// P. 77-80: the example starts the network, sets a SYNC time of 512 ms and enables identifiers; then it goes on with a command that is no
-/// order, and what comes stands in DB92. So READ_ENABLE has to read by itself.
+/// P. 77-80: the example starts the network, sets a SYNC time of 512 ms and enables identifiers. Then it continues with
+/// a command that is not an order, and stores received frames in DB92. So READ_ENABLE must read by itself.
 #[test]
 fn the_printed_example_of_fb4_receives() {
     let mut plc = Plc::new(0x84, &WINDOWS, 16);
@@ -255,7 +256,7 @@ fn entry(index: u16, sub: u8, ccs: u8, length: u8, data: [u8; 4]) -> Vec<u8> {
     [&index.to_be_bytes()[..], &[sub, ccs, length], &data, &[0]].concat()
 }
 
-/// Lists as in DB99: something is read, words and a byte are written high byte first.
+/// Lists as in DB99: one entry reads, others write words and a byte, high byte first.
 fn list() -> Vec<u8> {
     let mut list = [
         entry(0x1000, 0, 2, 0, [0; 4]),
@@ -281,7 +282,7 @@ fn fb1_initialises_a_device_by_a_list() {
         }
     }
     assert_eq!(block.ret_value, initialisation::DONE);
-    // What was read stands in the list, high byte first.
+    // The list contains the value that was read, high byte first.
     assert_eq!(plc.blocks.get(99).unwrap()[130..140], [0x10, 0, 0, 2, 2, 0x01, 0x92, 0, 0, 0]);
     plc.run(10, |blocks, peripherals| block.call(blocks, peripherals));
     assert_eq!(block.ret_value, initialisation::DONE);
@@ -302,7 +303,7 @@ fn fb1_tells_which_entry_was_refused() {
     }
 }
 
-/// What an SDO looks like on CAN: number and length first, then the data low byte first (CiA 301).
+/// Format of an SDO on CAN: number and length first, then the data, low byte first (CiA 301).
 #[test]
 fn fb1_sends_sdos() {
     let mut plc = Plc::new(0x80, &WINDOWS, 16);
@@ -312,7 +313,7 @@ fn fb1_sends_sdos() {
     assert_eq!(plc.bench.heard(), ["680: 2B 40 60 01 34 12 00 00"]);
 }
 
-/// The example of p. 82: five motors, 16 octets of a page are not enough for all, so there are several pages.
+/// The example of p. 82: five motors; a page of 16 octets does not have room for all, so several pages are used.
 fn data_blocks_of_the_manual(blocks: &mut DataBlocks) {
     let config = |ids: [u16; 5]| {
         let records = ids.into_iter().flat_map(|id| [0, 0, (id >> 8) as u8, id as u8, 0xB8, 6]);
@@ -345,7 +346,7 @@ fn fb2_configures_and_exchanges_pages() {
         }
     });
     assert_eq!((told, block.ERROR), (vec![2, 3, 4], 0));
-    // Force 1 is sent with each page, 3 and 4 once, 0 and what has not changed never.
+    // Force 1 is sent with each page, 3 and 4 once; force 0 and unchanged data never.
     let heard = plc.bench.heard();
     let count = |id: &str| heard.iter().filter(|frame| frame.starts_with(id)).count();
     assert_eq!((count("301:"), count("304:"), count("307:"), count("308:")), (0, 1, 0, 1));
@@ -360,7 +361,7 @@ fn fb2_configures_and_exchanges_pages() {
     assert_eq!(plc.blocks.get(97).unwrap()[16..24], [7, 1, 1, 2, 3, 4, 5, 6]);
 }
 
-/// Configurations and data go on in the next data block (p. 63-69); the lengths are those of the examples there.
+/// Configurations and data continue in the next data block (p. 63-69); the lengths are those of the examples there.
 #[test]
 fn fb2_goes_on_in_the_next_data_block() {
     let mut plc = Plc::new(0x01, &[0x80, 0x9F, 0x40, 0x9F], 32);
@@ -404,7 +405,7 @@ fn fb2_tells_why_nothing_goes_on() {
         READ_DB: 97,
         ..Default::default()
     };
-    // No such data block; an identifier that is also received; a length that cannot be; the page of somebody else.
+    // A missing data block; an identifier that is also received; an invalid length; the page of another program.
     plc.blocks.set(50, &[0, 0, 2, 0x81, 0, 1, 0xEE, 0xEE, 0xEE, 0xEE]);
     plc.blocks.set(51, &[0, 0, 2, 0x81, 0, 9, 0xEE, 0xEE, 0xEE, 0xEE]);
     for (config, error) in [(49, 16), (50, 2), (51, 3)] {
@@ -419,7 +420,7 @@ fn fb2_tells_why_nothing_goes_on() {
     assert_eq!(nowhere.ERROR, 17);
 }
 
-/// The example of p. 81-86: motors 1, 3, 4, 7, 8 are there, 1, 4 and 8 have lists.
+/// The example of p. 81-86: motors 1, 3, 4, 7, 8 exist, and 1, 4 and 8 have lists.
 #[test]
 fn fb3_runs_motors() {
     let cfg = [0x80, 0x9F, 0x40, 0x9F, 0x83, 0x8F, 0xFF, 0xEF, 0, 0x43, 0x8F, 0xFF, 0xEF, 0];
@@ -443,11 +444,11 @@ fn fb3_runs_motors() {
         }
     });
     assert_eq!((told, block.ERROR), (vec![1, 2, 3, 4], 0));
-    // The lists of motors 1, 4 and 8 are through.
+    // The lists of motors 1, 4 and 8 are finished.
     let status = |motor: usize| plc.blocks.get(98).unwrap()[8 * (motor - 1) + 4..][..2].to_vec();
     assert_eq!([1, 3, 4, 8].map(status), [[0, 1], [0, 0], [0, 1], [0, 1]]);
     plc.bench.heard();
-    // Motor 3: sent always, control word and target position; motor 8 has sent a state and a position.
+    // Motor 3: always sent, control word and target position; motor 8 has sent a state and a position.
     let mut data_block = plc.blocks.get(100).unwrap().to_vec();
     data_block[32..40].copy_from_slice(&[3, 0, 0x00, 0x0F, 0x12, 0x34, 0x56, 0x78]);
     plc.blocks.set(100, &data_block);

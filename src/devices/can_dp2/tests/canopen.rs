@@ -3,7 +3,7 @@
 use super::*;
 use crate::devices::can_dp2::registers::values::can_state;
 
-/// Good parameters with a wake-up time in s and a SYNC time in ms.
+/// Valid parameters with a wake-up time in s and a SYNC time in ms.
 fn timed(flags_1: u8, wakeup: u8, sync: u16) -> Vec<u8> {
     let mut octets = prm(flags_1, 0);
     octets[13] = wakeup;
@@ -11,7 +11,7 @@ fn timed(flags_1: u8, wakeup: u8, sync: u16) -> Vec<u8> {
     octets
 }
 
-/// In data exchange with outputs of 1, after so long.
+/// A gateway in data exchange with outputs of 1, after this time.
 fn started(octets: &[u8], us: u64) -> Bench {
     let mut bench = Bench::new(5);
     assert_eq!(bench.ask(61, octets).0, mst_result::RECEIPT);
@@ -83,7 +83,7 @@ fn a_master_sends_sync() {
     assert!(heard.windows(2).all(|pair| pair[1].0 - pair[0].0 == 50 * MS), "{heard:?}");
 }
 
-/// By the window the time can be set anew; the last one counts (p. 30, 44).
+/// The window can change the time; the last change counts (p. 30, 44).
 #[test]
 fn sync_times_by_the_window() {
     let mut bench = Bench::new(5);
@@ -109,7 +109,7 @@ fn sync_times_by_the_window() {
     assert_eq!(bench.heard(), Vec::<String>::new());
 }
 
-/// 8.2 p. 78: 16#0200 in octets 4 and 5 of command 20 are 512 ms, 0 ends it; nobody but a master does it (p. 42).
+/// 8.2 p. 78: 16#0200 in octets 4 and 5 of command 20 are 512 ms, 0 ends SYNC; only a master sends SYNC (p. 42).
 #[test]
 fn sync_of_the_example() {
     let cfg = [0x83, 0x8F, 0xFF, 0xEF, 0, 0x43, 0x8F, 0xFF, 0xEF, 0];
@@ -133,7 +133,7 @@ fn sync_of_the_example() {
     }
 }
 
-/// 255 and 65535 take what was there before, after power-off too (p. 29-30).
+/// 255 and 65535 keep the previous value, after power-off too (p. 29-30).
 #[test]
 fn times_are_kept() {
     let mut bench = started(&timed(0x04, 1, 30), 10 * MS);
@@ -153,8 +153,8 @@ fn times_are_kept() {
     );
 }
 
-/// P. 30: the gateway begins to send data as soon as there are any. Before the first outputs only the start frame and the boot-up
-/// message go out (p. 28-29; D-675), so no drive is told a control word of 0 while its gateway gets parameters.
+/// P. 30: the gateway begins to send data as soon as it has data. Before the first outputs it sends only the start
+/// frame and the boot-up message (p. 28-29; D-675), so no drive receives a control word of 0 during the parameters.
 #[test]
 fn nothing_is_sent_before_there_are_outputs() {
     // An output with a cycle of 20 ms, one without, an input.
@@ -166,7 +166,8 @@ fn nothing_is_sent_before_there_are_outputs() {
             bench.ask(62, &cfg);
             bench.run(100 * MS);
             assert_eq!(bench.heard(), start, "flags 16#{flags:02X}, round {round}");
-            // Cleared outputs are none, whoever clears them (D-387), and neither is a start without any.
+            // Cleared outputs are not outputs, by either way of clearing (D-387), and a start without outputs sends
+            // none.
             bench.exchange(&[]);
             bench.ask(58, &[2, 0]);
             if flags == 0x08 {
@@ -188,7 +189,7 @@ fn nothing_is_sent_before_there_are_outputs() {
             assert_eq!(count("203: 00 07"), 5, "every 20 ms: {heard:?}");
             assert_eq!(count("80:"), if flags & 0x04 == 0 { 0 } else { 10 }, "{heard:?}");
         }
-        // Without data exchange a start brings nothing either (D-386).
+        // Without data exchange a start sends nothing either (D-386).
         bench.ask(61, &timed(flags, 0, 10));
         bench.send(data(0, &[1, 5]));
         bench.run(100 * MS);
@@ -196,8 +197,8 @@ fn nothing_is_sent_before_there_are_outputs() {
     }
 }
 
-/// P. 30, 39, 44: parameters, octets 4 and 5 of a window's comment and command 20 are three ways to one time. The last one counts, 0 is none,
-/// and 16#FFFF leaves what is stored, whether there is anything or not (D-385).
+/// P. 30, 39, 44: parameters, octets 4 and 5 of a window's comment and command 20 set the same time. The last one
+/// counts, 0 switches SYNC off, and 16#FFFF keeps the stored time, even if none was stored (D-385).
 #[test]
 fn all_ways_to_a_sync_time_have_the_same_rule() {
     for stored in [0, 20] {
@@ -233,7 +234,8 @@ fn all_ways_to_a_sync_time_have_the_same_rule() {
     }
 }
 
-/// P. 44: SYNC waits until the frames of a DP telegram are sent. If that takes longer than the SYNC time, one waits and no more (D-676).
+/// P. 44: SYNC waits until the frames of a DP telegram are sent. If that takes longer than the SYNC time, only one SYNC
+/// object waits (D-676).
 #[test]
 fn sync_objects_do_not_pile_up() {
     let cfg: Vec<u8> = (0..30).flat_map(|id| [0x83, 7, 1, id, 0]).collect();

@@ -1,11 +1,11 @@
-//! Each diagnosis that the slave sets (p. 16-21).
+//! Each diagnosis of the slave (p. 16-21).
 
 use super::*;
 use crate::devices::can_faults::OF_CAN;
 use crate::fault::{Draft, Owner, Target};
 
 impl Bench {
-    /// From now on so many times this fault of the bus at CAN, or of the gateway's controller there.
+    /// Activates a fault of the bus at CAN, or of the gateway's controller there, `count` times.
     fn fault(&mut self, name: &str, count: u64) {
         let kind = OF_CAN.iter().find(|kind| kind.name() == name).unwrap();
         let target = if name == "overrun" { Target::Port { device: 0, port: 2 } } else { Target::Medium(1) };
@@ -15,7 +15,7 @@ impl Bench {
     }
 }
 
-/// Bits 6 and 3, 3D with the number of the octet and the right value; the slave goes on waiting for parameters.
+/// Bits 6 and 3, 3D with the number of the octet and the right value; the slave keeps waiting for parameters.
 #[test]
 fn wrong_parameters() {
     let mut bench = Bench::new(5);
@@ -29,12 +29,12 @@ fn wrong_parameters() {
         assert_eq!(bench.diag(), expected, "octet {number}");
         assert_eq!(bench.front(FRONT_LED_E), 3);
     }
-    // Bit 4 besides: a function that it does not have (p. 10, 17).
+    // Bit 4 in addition: an unsupported function (p. 10, 17).
     let mut freeze = prm(0, 0);
     freeze[0] |= 0x10;
     bench.ask(61, &freeze);
     assert_eq!(bench.diag(), [0x5A, 0x05, 0x00, 0xFF, 0x04, 0xA4, 5, 4, 0x3D, 0, 0x80]);
-    // A watchdog that is on has a time: both factors are 1 at least (D-373).
+    // A watchdog in use has a time: both factors are at least 1 (D-373).
     let mut watched = prm(0, 0);
     watched[0] |= 0x08;
     for number in [1, 2] {
@@ -44,7 +44,8 @@ fn wrong_parameters() {
     }
     bench.ask(61, &[0x80, 0, 0, 11, 0x04, 0xA4, 0]);
     assert_eq!(bench.diag()[8..], [0x3D, 7, 0], "too short");
-    // The device description file of another device: its ident number is named, and Freeze besides (p. 17, 20-21).
+    // The device description file of another device: the wrong ident number is reported, and Freeze in addition (p. 17,
+    // 20-21).
     let mut others = vec![0x88, 1, 10, 11, 0x80, 0x1D, 0, 0xC0, 0x60, 0x00];
     bench.ask(61, &others);
     assert_eq!(bench.diag(), [0x4A, 0x05, 0x00, 0xFF, 0x04, 0xA4, 5, 4, 0x3D, 4, 4]);
@@ -55,7 +56,8 @@ fn wrong_parameters() {
     assert_eq!(bench.diag(), [0x02, 0x04, 0x00, 1, 0x04, 0xA4], "nothing of it is left");
 }
 
-/// Bits 2 and 3, 3E with the number of the module and a code; LED E says that it waits for a configuration (D-381).
+/// Bits 2 and 3, 3E with the number of the module and a code; LED E shows that the slave waits for a configuration
+/// (D-381).
 #[test]
 fn wrong_configurations() {
     let mut bench = Bench::new(5);
@@ -86,13 +88,14 @@ fn a_wrong_configuration_ends_data_exchange() {
     assert_eq!((bench.diag()[0], bench.registers.outputs(2)), (0x0E, vec![0, 0]));
     bench.ask(62, &CFG);
     assert_eq!(bench.diag()[0], 0);
-    // The same one again changes nothing.
+    // The same configuration again has no effect.
     bench.exchange(&[1, 2]);
     bench.ask(62, &CFG);
     assert_eq!(bench.registers.outputs(2), [1, 2]);
 }
 
-/// With CAN-Diagnosis the state of the bus comes behind, and an answer of high priority when it or a counter changes (p. 20, 29).
+/// With CAN-Diagnosis the state of the bus follows, and a change of the state or a counter gives an answer of high
+/// priority (p. 20, 29).
 #[test]
 fn frames_that_are_lost_are_told() {
     let window = [0x43, 0x8F, 0xFF, 0xEF, 0, 0x83, 0x8F, 0xFF, 0xEF, 0];
@@ -113,7 +116,7 @@ fn frames_that_are_lost_are_told() {
     assert_eq!(bench.ask(255, &enable).0, mst_result::DATA);
 }
 
-/// Nobody acknowledges what it sends: its error counter goes up to passive, and further it does not go (p. 15, 20).
+/// No station acknowledges the frames: the error counter rises to passive, and no further (p. 15, 20).
 #[test]
 fn states_of_the_can_bus() {
     let mut bench = Bench::exchanging(0, 1, &CFG);
@@ -126,7 +129,7 @@ fn states_of_the_can_bus() {
     assert_eq!(bench.registers.diag.ext_cause.load(), 0x80, "nobody has asked meanwhile");
     assert_eq!(bench.ask(255, &[1, 2]).0, mst_result::DATA_AND_DIAGNOSIS);
     assert_eq!(bench.diag(), [0x08, 0x04, 0x00, 1, 0x04, 0xA4, 5, 4, 0x80, 0, 0]);
-    // Somebody is there again: the frame arrives, and counts the errors down.
+    // Another station is present again: the frame arrives, and the counter falls.
     bench.buses[bus].power_on(station, 0, bench.now, &mut bench.journal);
     bench.run(10 * MS);
     for number in 0..=128 {
@@ -136,7 +139,7 @@ fn states_of_the_can_bus() {
     assert_eq!((bench.front(FRONT_LED_C), bench.diag()[0]), (1, 0x00));
 }
 
-/// A receipt cannot announce a diagnosis; a slave without inputs answers with a telegram without data then.
+/// A receipt cannot announce a diagnosis; a slave without inputs then answers with a telegram without data.
 #[test]
 fn a_slave_without_inputs_announces_a_diagnosis_too() {
     let mut bench = Bench::exchanging(0, 1, &[0x83, 0, 2, 3, 0]);
@@ -187,7 +190,7 @@ fn the_four_states_of_the_bus() {
     }
 }
 
-/// Without CAN-Diagnosis only LED C tells of it (p. 29).
+/// Without CAN-Diagnosis only LED C shows the state (p. 29).
 #[test]
 fn without_can_diagnosis_the_led_alone_tells() {
     let mut bench = Bench::exchanging(0, 0, &CFG);
@@ -199,8 +202,8 @@ fn without_can_diagnosis_the_led_alone_tells() {
     assert_eq!((bench.ask(255, &[1, 1]).0, bench.diag().len()), (mst_result::DATA, 6));
 }
 
-/// COM PROFIBUS (8.1, p. 74-75): the rows 67 and 135 are the first two octets, the comment those behind; form is its third byte (D-468). 64 in
-/// place of 67, as its table prints, has no identifier.
+/// COM PROFIBUS (8.1, p. 74-75): rows 67 and 135 are the first two octets, the comment is the following ones; form is
+/// its third byte (D-468). With 64 in place of 67, as the table there prints, the module has no identifier.
 #[test]
 fn the_s5_variant() {
     let mut bench = Bench::exchanging(0, 0, &[67, 135, 0x02, 0x89, 0xB8, 131, 135, 0x03, 0x09, 0xB8]);

@@ -14,7 +14,7 @@ fn outputs_go_out_when_they_change() {
     bench.exchange(&[0x12, 0x34]);
     bench.run(10 * MS);
     assert_eq!(bench.heard(), ["203: 12 34"]);
-    // Nothing where there should be outputs clears them, and so does Clear_Data.
+    // A data exchange without outputs clears them, and so does Clear_Data.
     bench.exchange(&[]);
     bench.run(10 * MS);
     bench.exchange(&[5, 6]);
@@ -32,7 +32,7 @@ fn freeze_and_sync_are_passed_over() {
     bench.run(10 * MS);
     assert_eq!(bench.heard(), ["203: 01 02"]);
     assert_eq!(bench.diag()[1], 0x04);
-    // Neither clears outputs, and Clear_Data does not those of a group that it does not go to.
+    // These commands do not clear outputs, and Clear_Data does not for another group.
     for octets in [[0x28, 0], [0x02, 0x10]] {
         assert_eq!(bench.ask(58, &octets).0, mst_result::SENT);
     }
@@ -48,7 +48,7 @@ fn frames_become_inputs() {
     bench.send(data(0x28A, &[1, 2]));
     bench.run(10 * MS);
     assert_eq!(bench.exchange(&[0, 0]), [0x55, 0x66]);
-    // A short one leaves what it does not bring; of a long one the first bytes count (D-388).
+    // A short frame keeps the bytes that it does not contain; of a long frame the first bytes count (D-388).
     bench.send(data(0x289, &[0x77]));
     bench.run(10 * MS);
     assert_eq!(bench.ask(56, &[]).1, [0x77, 0x66]);
@@ -90,7 +90,7 @@ fn cyclic_outputs_come_again() {
     let heard = bench.heard_at();
     let gaps: Vec<u64> = heard.windows(2).map(|pair| pair[1].0 - pair[0].0).collect();
     assert_eq!((heard.len(), gaps), (6, vec![50 * MS; 5]));
-    // A change goes out at once and leaves the cycle as it is.
+    // A change is sent at once and does not change the cycle.
     bench.exchange(&[2]);
     bench.run(300 * MS);
     assert_eq!(bench.heard(), ["203: 02"; 7]);
@@ -105,7 +105,7 @@ fn counters() {
     }
     bench.run(10 * MS);
     assert_eq!(bench.exchange(&[0; 9]), [1, 2, 3, 4, 5, 6, 7, 8, 3]);
-    // The counter lets the same data go out, and does not go out itself.
+    // The counter sends the same data again, and is not sent itself.
     bench.exchange(&[0, 0, 0, 0, 0, 0, 0, 0, 1]);
     bench.run(10 * MS);
     assert_eq!(bench.heard(), ["203: 00 00 00 00 00 00 00 00"]);
@@ -175,7 +175,7 @@ fn a_communication_window() {
     assert_eq!(bench.heard(), ["0: 01 00"]);
 }
 
-/// Nobody is there to acknowledge: what waits has an end, and what is lost is counted (D-390).
+/// No station acknowledges: the number of waiting frames is limited, and lost frames are counted (D-390).
 #[test]
 fn what_waits_to_be_sent_has_an_end() {
     let mut bench = Bench::exchanging(0, 0, &CFG);

@@ -1,4 +1,4 @@
-//! A DP master that we have not written commands the slave: `profirust` over its own simulated line, which judges the time until an
+//! A foreign DP master commands the slave: `profirust` over its own simulated line, which checks the time before an
 //! answer and passes octets on one by one.
 
 use super::*;
@@ -15,7 +15,7 @@ use profirust::fdl::{FdlActiveStation, ParametersBuilder};
 use profirust::phy::{ProfibusPhy, SimulatorPhy};
 use profirust::time::{Duration, Instant};
 
-/// The user's octets of Set_Prm as the device description file has them, CAN-Diagnosis on.
+/// The user's octets of Set_Prm as in the device description file, with CAN-Diagnosis on.
 const USER: [u8; 9] = [0, 6, 0, 1, 1, 0, 0, 0, 0];
 
 /// The master, the slave and the line between them.
@@ -86,7 +86,7 @@ impl Ring {
         }
     }
 
-    /// One step of time; the master works or is silent.
+    /// Advances the time by one step; the master works or is silent.
     fn step(&mut self, is_working: bool) {
         self.now += u64::from(1_000_000 / self.rate.bit_s() / 2).max(1);
         let now = Instant::from_micros(i64::try_from(self.now).unwrap());
@@ -120,14 +120,14 @@ impl Ring {
                 Some(Ok((_, length))) => (length, Some(Telegram::parse(&octets[..length]).unwrap())),
             });
         if let Some(telegram) = telegram {
-            // The last octet of this line is there up to half a bit before it has ended.
+            // On this line the last octet is available up to half a bit before its end.
             self.line.at(self.rate.bits_at(self.now) + 1);
             self.slave.heard(ctx, &mut self.line, &telegram);
             self.answer = self.line.intended();
         }
     }
 
-    /// Goes on until it is so.
+    /// Advances the time until the condition is true.
     fn until(&mut self, what: &str, is_so: impl Fn(&mut Ring) -> bool) {
         for _ in 0..2_000_000 {
             self.step(true);
@@ -143,7 +143,7 @@ impl Ring {
         self.dp.get_mut(self.handle)
     }
 
-    /// What the master has of the module's own diagnosis.
+    /// Returns the module's own diagnosis as the master has it.
     fn own_diagnosis(&mut self) -> Vec<u8> {
         let diagnostics = self.peripheral().last_diagnostics();
         diagnostics.map_or_else(Vec::new, |it| {

@@ -20,7 +20,7 @@ struct Foreign {
 }
 
 impl Foreign {
-    /// The guest of this number, whose address is the same.
+    /// Joins as the guest with this number, which is also its address.
     fn come(bench: &mut Bench, number: u8) -> Self {
         let ear = Guest::of_a_test(0, number);
         assert!(bench.buses[0].guest_joins(number, bench.now));
@@ -41,7 +41,7 @@ impl Foreign {
         }
     }
 
-    /// A request to the gateway, which has address 5.
+    /// Returns a request to the gateway, which has address 5.
     fn request(&mut self, dsap: Option<u8>, data: &[u8]) -> Vec<u8> {
         let (fcb, fcv) = (self.fcb.is_none_or(|last| !last), self.fcb.is_some());
         self.fcb = Some(fcb);
@@ -51,7 +51,7 @@ impl Foreign {
         Telegram::Frame(frame).octets().unwrap()
     }
 
-    /// Asks; what is answered.
+    /// Sends a request; returns the answer.
     fn ask(&mut self, bench: &mut Bench, dsap: u8, data: &[u8]) -> Telegram {
         while self.hear().is_some() {}
         let octets = self.request((dsap != 255).then_some(dsap), data);
@@ -72,10 +72,10 @@ impl Foreign {
         }
     }
 
-    /// Leads the gateway to data exchange, with a watchdog of 100 ms.
+    /// Brings the gateway into data exchange, with a watchdog of 100 ms.
     fn commission(&mut self, bench: &mut Bench) {
         let status = [0x10, 5, self.address, 0x49, 5u8.wrapping_add(self.address).wrapping_add(0x49), 0x16];
-        // It only tells the bit rate.
+        // The slave uses it only to detect the bit rate.
         self.say(bench, 0, &status);
         bench.run(MS);
         let mut prm = prm(0, 0);
@@ -97,7 +97,7 @@ fn a_foreign_master_has_the_slave() {
     assert_eq!(bench.heard(), ["203: 12 34"]);
 }
 
-/// Whoever it is that reads, the slave answers in data exchange, and is its master's as before.
+/// In data exchange the slave answers read requests of every master, and keeps its own master.
 #[test]
 fn a_second_master_reads_inputs_outputs_and_configuration() {
     let mut bench = Bench::exchanging(0, 0, &CFG);
@@ -110,7 +110,7 @@ fn a_second_master_reads_inputs_outputs_and_configuration() {
     assert_eq!(second.data(&mut bench, 59), CFG, "Get_Cfg");
     assert_eq!(second.data(&mut bench, 60)[..4], [0x80, 4, 0, 1], "it is locked by master 1");
     assert_eq!(bench.exchange(&[0x12, 0x35]), [0xAB, 0xCD]);
-    // Behind data exchange there is nothing to read.
+    // Outside data exchange inputs cannot be read.
     let mut bench = Bench::new(5);
     let mut second = Foreign::come(&mut bench, 9);
     bench.diag();
@@ -135,7 +135,7 @@ fn what_has_a_time_is_on_the_line_at_that_bit() {
     let answer = master.hear().unwrap();
     assert_eq!((answer.begin, Some(&answer)), (end + MIN_TSDR_BITS, listener.hear().as_ref()));
     assert_eq!((master.hear(), listener.hear()), (None, None), "nobody hears himself");
-    // A time that is past is now.
+    // A time in the past means now.
     master.say(&mut bench, 1, &[0xDC, 2, 2]);
     let now = bits(bench.now);
     bench.run(MS);
@@ -152,7 +152,7 @@ fn what_has_none_waits_for_an_idle_line() {
     one.say(&mut bench, 0, &[0xE5]);
     bench.run(MS);
     let heard: Vec<_> = core::iter::from_fn(|| listener.hear()).collect();
-    // Behind the first one an answer may come sooner than a request or a token.
+    // After the first telegram, an answer may begin sooner than a request or a token.
     let (second, third) = (10 + 33 + MIN_TSDR_BITS, 10 + 33 + MIN_TSDR_BITS + 11 + SYN_BITS);
     assert_eq!(
         heard,
@@ -173,20 +173,20 @@ fn nobody_is_told_what_two_said_at_once() {
     other.say(&mut bench, 110, &[0xDC, 3, 3]);
     bench.run(MS);
     assert_eq!((one.hear(), other.hear(), listener.hear()), (None, None, None));
-    // What is no telegram is told as it is; stations pass it over.
+    // Octets that are not a telegram are passed on unchanged; stations ignore them.
     one.say(&mut bench, 0, &[0x10, 5, 2, 0x49, 0, 0x16]);
     bench.run(MS);
     assert_eq!(listener.hear().unwrap().octets, [0x10, 5, 2, 0x49, 0, 0x16]);
     assert_eq!(bench.registers.diag.dp_state.load(), dp_state::BAUD_SEARCH);
 }
 
-/// Between a request and the end of its slot nobody else asks.
+/// Between a request and the end of its slot no other station sends a request.
 #[test]
 fn the_line_is_kept_for_an_answer() {
     for (factor, slot_bits) in [(1, 200), (50, 10_000)] {
         let mut bench = Bench::with_segment(5, &format!("kbit_s = 500, slot_factor = {factor}"));
         let (one, other) = (Foreign::come(&mut bench, 2), Foreign::come(&mut bench, 3));
-        // Nobody has address 9.
+        // No station has address 9.
         let request = [0x10, 9, 2, 0x49, 0x54, 0x16];
         one.say(&mut bench, 100, &request);
         bench.run(MS / 2);
@@ -197,8 +197,8 @@ fn the_line_is_kept_for_an_answer() {
     }
 }
 
-/// The line is kept for an answer, so an answer itself never waits for that: neither a receipt nor the status of a station, which may be
-/// a slave's, a master's that wants to enter a ring, or one's in the ring (D-358).
+/// The line is reserved for an answer, so an answer never waits for the end of the slot: neither a receipt nor the
+/// status of a slave, of a master that wants to enter a ring, or of a master in the ring (D-358).
 #[test]
 fn an_answer_does_not_wait_for_the_end_of_its_slot() {
     let status = |fc: u8| vec![0x10, 2, 9, fc, fc.wrapping_add(11), 0x16];
@@ -222,7 +222,8 @@ fn an_answer_does_not_wait_for_the_end_of_its_slot() {
     }
 }
 
-/// The line is idle before a request for 33 bits (T_SYN), before an answer for 11: who gives a time of its own that is too early is found.
+/// The line is idle for 33 bits (T_SYN) before a request, and for 11 before an answer: a guest's telegram with an
+/// earlier bit time is reported.
 #[test]
 fn a_telegram_that_begins_too_soon_is_found() {
     use crate::check::rules::GUEST_EARLY;
@@ -247,7 +248,7 @@ fn a_telegram_that_begins_too_soon_is_found() {
     }
 }
 
-/// A time that nobody waits for would keep back all that the guest says afterwards (D-677).
+/// A distant bit time would hold back all later telegrams of the guest (D-677).
 #[test]
 fn a_telegram_for_a_distant_time_is_refused() {
     use crate::check::rules::GUEST_TIME;
@@ -269,7 +270,8 @@ fn a_telegram_for_a_distant_time_is_refused() {
     master.say(&mut bench, most, &[0xDC, 2, 2]);
 }
 
-/// A DP slave knows SRD and SDN. SDA is refused with a code and without data, and a reserved bit makes a request none (D-679).
+/// A DP slave has SRD and SDN. It refuses SDA with a code and without data, and ignores a request with a reserved bit
+/// (D-679).
 #[test]
 fn services_that_no_dp_slave_has_get_no_data() {
     let mut bench = Bench::exchanging(0, 0, &CFG);
@@ -302,7 +304,7 @@ fn services_that_no_dp_slave_has_get_no_data() {
     assert_eq!(bench.exchange(&[1, 2]), [0, 0]);
 }
 
-/// The watchdog of a slave whose master is gone.
+/// The watchdog of a slave after its master has left.
 #[test]
 fn a_master_that_dies_leaves_its_slaves_to_their_watchdog() {
     let mut bench = Bench::new(5);
@@ -325,7 +327,7 @@ fn a_master_that_dies_leaves_its_slaves_to_their_watchdog() {
     assert_eq!(master.hear(), None, "its ear is closed");
 }
 
-/// A master passes the token to itself, or on to another one: slaves hear it, and nothing comes of it.
+/// A master passes the token to itself, or to another one: slaves hear it and ignore it.
 #[test]
 fn tokens_disturb_nobody() {
     let mut bench = Bench::new(5);

@@ -1,12 +1,12 @@
-//! Page mode at the gateway (p. 50-60; D-467): what a page looks like inside is tried in `pages`.
+//! Page mode at the gateway (p. 50-60; D-467); the tests of `pages` check the content of pages.
 
 use super::*;
 
-/// A page of 32 octets each way, and a window behind it as figure 6.4.2 has one: without an identifier.
+/// A page of 32 octets each way, and a window after it as in figure 6.4.2: without an identifier.
 const CFG_PAGES: [u8; 4] = [0x40, 0x9F, 0x80, 0x9F];
 const WITH_WINDOW: [u8; 6] = [0x40, 0x9F, 0x80, 0x9F, 0x9F, 0xAF];
 
-/// Page `number` under this counter, with this in it.
+/// Returns page `number` with this counter and content.
 fn page(number: u16, counter: u8, carried: &[u8]) -> Vec<u8> {
     let mut page = vec![0; 32];
     page[..2].copy_from_slice(&number.to_be_bytes());
@@ -37,12 +37,12 @@ fn identifiers_come_and_go_by_pages() {
     bench.send(data(0x302, &[1, 2]));
     bench.run(10 * MS);
     assert_eq!(bench.heard(), ["203: 34 12"]);
-    // The input page is as it was when the page was taken over; the next one brings the frame.
+    // The input page was filled when the output page was handled; the next one has the frame.
     assert_eq!(bench.exchange(&page(251, 4, &[2, 0x12, 0x34]))[8..11], [0, 0, 0]);
     assert_eq!(bench.exchange(&page(251, 5, &[2, 0x12, 0x34]))[8..11], [1, 0x66, 0x55]);
     bench.run(10 * MS);
     assert_eq!(bench.heard(), Vec::<String>::new());
-    // Cleared outputs are no page: everything is there when the next one comes.
+    // Cleared outputs are not a page: the configuration is unchanged when the next page comes.
     bench.exchange(&[]);
     assert_eq!(bench.registers.can.page_state.load(), 4);
     bench.exchange(&page(251, 6, &[1, 0, 1]));
@@ -50,7 +50,8 @@ fn identifiers_come_and_go_by_pages() {
     assert_eq!(bench.heard(), ["203: 01 00"]);
 }
 
-/// What its pages receive a CANopen master asks for once, as it does for modules (p. 29); outputs wait for their pages.
+/// A CANopen master sends one remote frame for each input of its pages, as for modules (p. 29); outputs wait for their
+/// pages.
 #[test]
 fn a_canopen_master_asks_for_its_pages() {
     let mut bench = configured(0x07);
@@ -75,20 +76,20 @@ fn a_window_in_the_last_two_segments() {
     assert_eq!(bench.heard(), ["12: 07"]);
 }
 
-/// The rules of p. 54, by the codes of p. 21.
+/// The rules of p. 54, with the codes of p. 21.
 #[test]
 fn segments_that_cannot_be() {
     let mut bench = Bench::new(5);
     bench.ask(61, &prm(0x81, 0));
     for (cfg, module, code) in [
-        // Less than 32 inputs; a segment that is shorter and not the last; longer; nothing to write.
+        // Less than 32 inputs; a shorter segment before the last one; a longer segment; no outputs.
         (&[0x9F, 0x80, 0x9F][..], 0, 3),
         (&[0x40, 0x90, 0x40, 0x9F, 0x80, 0x9F], 0, 3),
         (&[0x40, 0xA0, 0x80, 0x9F], 0, 3),
         (&[0x40, 0x9F, 0xA7], 1, 3),
         (&[0x40, 0x9F], 0, 3),
         (&[], 0, 3),
-        // Words, both ways at once, an identifier, a window in front.
+        // Words, both directions at once, an identifier, a window in front.
         (&[0x40, 0x9F, 0xEF], 1, 2),
         (&[0x40, 0x9F, 0xBF], 1, 1),
         (&[0x40, 0x9F, 0x80, 0x9F, 0x83, 1, 2, 3, 0], 2, 6),
@@ -97,7 +98,7 @@ fn segments_that_cannot_be() {
         bench.ask(62, cfg);
         assert_eq!(bench.diag()[8..], [0x3E, module, code], "{cfg:02X?}");
     }
-    // 7 segments of 32 octets are 224: there is no room for an eighth (p. 10).
+    // 7 segments of 32 octets are 224: an eighth does not fit (p. 10).
     let segments =
         |inputs: usize, outputs: usize| [[0x40, 0x9F].repeat(inputs), [0x80, 0x9F].repeat(outputs)].concat();
     bench.ask(62, &segments(7, 2));

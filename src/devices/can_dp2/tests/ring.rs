@@ -1,5 +1,6 @@
-//! Two foreign DP masters pass a token to each other through the segment's door, the gateway and a foreign slave between them:
-//! `profirust` as programs that hear telegrams at their end and say theirs as soon as the line is free.
+//! Two foreign DP masters pass a token to each other through the segment's door, with the gateway and a foreign slave
+//! at the segment: `profirust` as programs that receive telegrams at their end and send theirs as soon as the line is
+//! free.
 
 use super::*;
 use crate::devices::can_dp2::registers::values::dp_state;
@@ -15,7 +16,7 @@ use profirust::time::Instant;
 const GATEWAY: u8 = 5;
 const SLAVE: u8 = 9;
 
-/// What a program has at the door.
+/// A program's end of the door.
 struct Door {
     number: u8,
     ear: Arc<Guest>,
@@ -50,7 +51,7 @@ struct Phy {
     rate: BusRate,
     heard: Vec<u8>,
     to_say: Option<Vec<u8>>,
-    /// Until this microsecond what it has said is on the line.
+    /// The octets that the program has sent are on the line until this microsecond.
     busy_until: u64,
 }
 
@@ -135,12 +136,12 @@ impl Master {
     }
 }
 
-/// A program that is a slave: it acknowledges what it is told and sends back its outputs plus one.
+/// A program that acts as a slave: it acknowledges requests and sends back its outputs plus one.
 struct Slave {
     door: Door,
-    /// Bits that it takes to answer, besides the shortest T_SDR.
+    /// Bits before its answer, in addition to the shortest T_SDR.
     lag: u64,
-    /// When it will say what.
+    /// Time and octets of the next answer.
     answer: Option<(u64, Vec<u8>)>,
 }
 
@@ -176,7 +177,7 @@ impl Slave {
     }
 }
 
-/// Runs the ring until both masters exchange data. The foreign slave answers after so many bits.
+/// Runs the ring until both masters exchange data. The foreign slave answers after `lag` bits.
 fn exchanges(rate: Baudrate, factor: u32, slot_bits: u16, lag: u64) {
     let bit_s = u32::try_from(rate.to_rate()).unwrap();
     let kbit_s = f64::from(bit_s) / 1000.0;
@@ -248,7 +249,7 @@ fn two_foreign_masters_share_a_fast_segment() {
     }
 }
 
-/// A program that takes longer than the usual slot time needs a factor, and masters that wait as long.
+/// A program that takes longer than the usual slot time needs a factor, and masters with the same slot time.
 #[test]
 fn a_slow_foreign_slave_answers_within_a_longer_slot() {
     exchanges(Baudrate::B500000, 20, 200 * 20, 200 * 10);

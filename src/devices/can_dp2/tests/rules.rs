@@ -1,4 +1,4 @@
-//! For each rule of the device something that breaks it, and next to it something much alike that is right.
+//! For each rule of the device, one case that breaks it and a similar case that does not.
 
 use super::*;
 use crate::devices::can_dp2::rules;
@@ -6,18 +6,18 @@ use crate::door::BusMessage;
 use crate::journal::Rule;
 use crate::profibus::Telegram;
 
-/// The rules that have been broken, and at which bytes of the image.
+/// Returns the broken rules, and their bytes of the image.
 fn broken(bench: &Bench) -> Vec<(&'static str, u32)> {
     bench.journal.findings().iter().map(|entry| (entry.last.rule.id(), entry.last.offset)).collect()
 }
 
-/// Names where in the image, as a user does.
+/// Returns the offset of a name in the image, as a user writes it.
 fn at(name: &str) -> u32 {
     let place = crate::layout::Place::parse(&crate::layout::DeviceFit::unknown(&DEVICE), name).unwrap();
     place.offset()
 }
 
-/// Starts a request and lets the program write something before it has its answer.
+/// Starts a request and lets the program write before the answer.
 fn meddled(write: impl FnOnce(&CAN_DP2_MST)) -> Bench {
     let mut bench = Bench::exchanging(0, 0, &CFG);
     bench.mst.mst_dsap.store(255);
@@ -56,7 +56,8 @@ fn answered_from(address: u8) -> Bench {
     bench
 }
 
-/// P. 39: one module each way, consistent over the whole length, form 00; figure 6.4.2 has it without identifiers in page mode.
+/// P. 39: one module in each direction, consistent over the whole length, form 00; figure 6.4.2 has it without
+/// identifiers in page mode.
 #[test]
 fn each_way_to_a_wrong_window_is_found() {
     let (input, output) = ([0x43, 0x8F, 0xFF, 0xEF, 0], [0x83, 0x8F, 0xFF, 0xEF, 0]);

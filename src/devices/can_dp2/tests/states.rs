@@ -1,4 +1,4 @@
-//! Power-on, addresses, the way to data exchange and out of it.
+//! Power-on, addresses, begin and end of data exchange.
 
 use super::*;
 use crate::devices::can_dp2::registers::values::{can_state, dp_state, led_d};
@@ -32,11 +32,11 @@ fn the_way_to_data_exchange() {
     let mut bench = Bench::new(5);
     let state = |bench: &Bench| (bench.registers.diag.dp_state.load(), bench.front(FRONT_LED_E));
     assert_eq!(state(&bench), (dp_state::BAUD_SEARCH, 1));
-    // The first telegram tells the bit rate; it is sent again and answered.
+    // The first telegram gives the bit rate; it is sent again and answered.
     assert_eq!(bench.ask(254, &[]).0, mst_result::STATUS);
     assert_eq!(state(&bench), (dp_state::WAIT_PRM, 3));
     assert_eq!(bench.ask(255, &[0, 0]).0, mst_result::NOT_ACTIVATED);
-    // A configuration comes too early, and is not looked at.
+    // A configuration before the parameters is ignored.
     assert_eq!(bench.ask(62, &CFG).0, mst_result::RECEIPT);
     assert_eq!(state(&bench), (dp_state::WAIT_PRM, 3));
     assert_eq!(bench.ask(61, &prm(0, 0)).0, mst_result::RECEIPT);
@@ -53,7 +53,7 @@ fn the_way_to_data_exchange() {
 #[test]
 fn a_telegram_for_somebody_else_tells_the_rate_only() {
     let mut bench = Bench::new(5);
-    // Global_Control goes to all and is answered by nobody.
+    // Global_Control goes to all stations, and no station answers.
     assert_eq!(bench.ask(58, &[0, 0]).0, mst_result::SENT);
     assert_eq!(bench.front(FRONT_LED_E), 2);
     assert_eq!(bench.ask(58, &[0, 0]).0, mst_result::SENT);
@@ -114,7 +114,7 @@ fn the_watchdog_ends_data_exchange() {
     assert_eq!(bench.front(FRONT_LED_E), 1, "it searches");
     assert_eq!(bench.registers.outputs(2), [0, 0]);
     assert_eq!(bench.diag(), [0x02, 0x05, 0x00, 0xFF, 0x04, 0xA4]);
-    // Nothing comes on CAN by itself, and everything works again afterwards.
+    // The gateway sends nothing on CAN, and works again after the next start.
     bench.heard();
     bench.run(100 * MS);
     assert_eq!(bench.heard(), Vec::<String>::new());
