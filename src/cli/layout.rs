@@ -82,11 +82,13 @@ Verdicts:
   left        a structure with something missing or unlike, whose file stays as it is
   undeclared  a structure that the file does not declare
 
-An export of commram itself is compared and never taken over: it proves nothing about the device.
+An export of commram itself is compared and never taken over: it proves nothing about the device. The sign is its head, or
+a filler that is named after its offset, such as padding_12.
 
 Exit codes:
   0  all declared structures have been taken over; with --check: nothing is to be changed
-  1  a structure stays as it is, or the offsets make no layout; with --check: something is to be changed
+  1  a structure stays as it is, the offsets make no layout, the device has no library of the vendor, or the library of
+     another device has confirmed other offsets; with --check: something is to be changed
   2  wrong use, or a file does not parse")]
 struct ImportArgs {
     /// The declarations: TYPE ... STRUCT ... END_STRUCT; END_TYPE
@@ -252,6 +254,9 @@ fn tell(args: &ImportArgs, import: &Import) {
     let verb = if args.check { "would be changed" } else { "changed" };
     for path in import.files() {
         output::note(&format!("{} {verb}", path.display()));
+    }
+    for device in &import.also_moved {
+        output::note(&format!("the registers of {device} move, too: it uses the same structures"));
     }
     let hash = if args.check { import.hash_before } else { import.hash_after };
     let built = args.device.device.layout_hash;

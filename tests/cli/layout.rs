@@ -100,6 +100,16 @@ fn an_export_of_commram_is_recognized_for_every_device_and_proves_nothing() {
             assert_eq!(checkout.all_files(), before, "{device}");
         }
     }
+    // Nor without its head, which a tool of the vendor may drop: our fillers have their offsets as names.
+    for device in ["omega-drive-line-2", "bm4-plc"] {
+        let export = run(&["export", "st", "--device", device]).ok().to_owned();
+        let lines: Vec<_> = export.lines().filter(|line| !line.starts_with("(*")).collect();
+        let checkout = Checkout::with(&lines.join("\n"), &every_layout());
+        let before = checkout.all_files();
+        let import = checkout.import(&["--device", device]);
+        assert!(import.err.contains("TYPES.st is an export of commram"), "{device}: {}", import.err);
+        assert_eq!((import.code, checkout.all_files()), (Some(0), before), "{device}");
+    }
     // One that says something else is no evidence either.
     let export = run(&["export", "st"]).ok().replacen("w_STATUS : WORD", "w_STATUS : DWORD", 1);
     let checkout = Checkout::new(&export.replace("END_STRUCT", "w_MORE : WORD; END_STRUCT"));
@@ -177,12 +187,7 @@ fn the_library_of_the_bmaxx_plc_is_found_by_its_own_names() {
 /// Where the library has its registers elsewhere, the family's structure follows, which the firmware looks at (D-296).
 #[test]
 fn true_offsets_of_the_bmaxx_plc_move_the_structure_of_the_family() {
-    let declared = vendors(run(&["export", "st", "--device", "bm4-plc"]).ok());
-    // Something of eight bytes in front of the base values of the master.
-    let (head, tail) = declared.split_once("CANsync_PLC_MA_BMSTRUCT : (*").unwrap();
-    let moved =
-        tail.replacen("        a_WR_VALUE :", "        d_NEW1 : DWORD; d_NEW2 : DWORD; a_WR_VALUE :", 1);
-    let checkout = Checkout::with(&format!("{head}CANsync_PLC_MA_BMSTRUCT : (*{moved}"), &every_layout());
+    let checkout = Checkout::with(&with_more_in_the_master(), &every_layout());
     let import = checkout.import(&["--device", "bm4-plc", "--format", "json"]);
     assert_eq!(import.code, Some(0), "{}", import.err);
     let rows: Vec<serde_json::Value> = serde_json::from_str(&import.out).unwrap();
@@ -206,10 +211,126 @@ fn true_offsets_of_the_bmaxx_plc_move_the_structure_of_the_family() {
     assert!(!judged.out.contains("\"wrong\""), "{}", judged.out);
 }
 
-/// The same declarations as a vendor's tool would write them: without what our export says of itself.
+/// The same declarations as a vendor's tool would write them: without what our export says of itself, and with other names of
+/// fillers.
 fn vendors(export: &str) -> String {
     let lines = export.lines().filter(|line| !line.starts_with("(* Made by commram "));
-    lines.collect::<Vec<_>>().join("\n")
+    lines.collect::<Vec<_>>().join("\n").replace(" padding_", " padding_0")
+}
+
+/// The declarations of a b maXX PLC with eight bytes more in front of the reference values of the master.
+fn with_more_in_the_master() -> String {
+    let declared = vendors(run(&["export", "st", "--device", "bm4-plc"]).ok());
+    let (head, tail) = declared.split_once("CANsync_PLC_MA_BMSTRUCT : (*").unwrap();
+    let moved =
+        tail.replacen("        a_WR_VALUE :", "        d_NEW1 : DWORD; d_NEW2 : DWORD; a_WR_VALUE :", 1);
+    format!("{head}CANsync_PLC_MA_BMSTRUCT : (*{moved}")
+}
+
+/// Promise 26: offsets that one library has confirmed are not moved by another one's. Both devices would keep the mark of a file
+/// that says otherwise.
+#[test]
+fn confirmed_offsets_of_a_shared_structure_stay_where_they_are() {
+    let omega = vendors(run(&["export", "st"]).ok());
+    let import = |checkout: &Checkout, text: &str, args: &[&str]| {
+        fs::write(checkout.0.path().join("TYPES.st"), text).unwrap();
+        checkout.import(args)
+    };
+    let bm4 = ["--device", "bm4-plc"];
+    // The Omega's library first.
+    let checkout = Checkout::with(&omega, &every_layout());
+    assert_eq!(checkout.import(&[]).code, Some(0));
+    let before = checkout.all_files();
+    let refused = import(&checkout, &with_more_in_the_master(), &bm4);
+    assert_eq!(
+        refused.fails(1),
+        "commram: TYPES.st: `a_WR_VALUE` of `CANsync_MA_CTRL_BMSTRUCT` would move from 52 to 60, but \
+         layouts/cansync/CANsync_MA_CTRL_BMSTRUCT.toml has 52 from `BM_TYPES, TYPES.st`, and both devices use the \
+         structure; nothing is imported\n"
+    );
+    assert_eq!(checkout.all_files(), before);
+    let confirms = import(&checkout, &vendors(run(&["export", "st", "--device", "bm4-plc"]).ok()), &bm4);
+    assert_eq!(confirms.code, Some(0), "{}", confirms.err);
+    // The other one first: while nothing has confirmed the Omega's registers they move, too, which is said.
+    let checkout = Checkout::with(&with_more_in_the_master(), &every_layout());
+    let moves = checkout.import(&bm4);
+    assert_eq!(moves.code, Some(0), "{}", moves.err);
+    assert!(moves.err.contains("the registers of omega-drive-line-2 move, too"), "{}", moves.err);
+    let before = checkout.all_files();
+    let refused = import(&checkout, &omega, &[]);
+    assert!(
+        refused.fails(1).contains(
+            "would move from 60 to 52, but layouts/bm4-plc/CANsync_PLC_MA_BMSTRUCT.toml has 60 from `BM_TYPES, TYPES.st`"
+        ),
+        "{}",
+        refused.err
+    );
+    assert_eq!(checkout.all_files(), before);
+}
+
+/// 5.02066.01a p. 47-71, 76-97: the tables have no block 0 and no single-frame area. A library without room for them is taken
+/// over all the same: what only the family has follows the end of the structure (D-741).
+#[test]
+fn a_library_laid_out_as_the_tables_of_the_bmaxx_plc_is_taken_over() {
+    let declared = vendors(run(&["export", "st", "--device", "bm4-plc"]).ok());
+    // The master has no number (p. 47-48), but the general registers of all three structures have the same addresses.
+    let is_room = |line: &&str| line.trim_start().starts_with("padding_0") && !line.contains(" padding_06 :");
+    assert_eq!(declared.lines().filter(|line| line.contains(" padding_06 :")).count(), 1);
+    let without: Vec<_> = declared.lines().filter(|line| !is_room(line)).collect();
+    assert!(without.len() + 4 < declared.lines().count());
+    let checkout = Checkout::with(&without.join("\n"), &every_layout());
+    let import = checkout.import(&["--device", "bm4-plc", "--all", "--format", "json"]);
+    assert_eq!(import.code, Some(0), "{}", import.err);
+    let rows: Vec<serde_json::Value> = serde_json::from_str(&import.out).unwrap();
+    let offset_of = |structure: &str, name: &str| {
+        let row = rows.iter().find(|row| row["structure"] == structure && row["member"] == name).unwrap();
+        row["after"].as_u64().unwrap()
+    };
+    assert_eq!(offset_of("CANsync_PLC_MA_BMSTRUCT", "b_STEUREG_UPDOWNBLK1"), 3332);
+    assert_eq!(offset_of("CANsync_PLC_SL_BMSTRUCT", "b_STEUREG_UPDOWNBLK1"), 2894);
+    for (structure, first, last) in
+        [("CANsync_MA_CTRL_BMSTRUCT", 3680, 3696), ("CANsync_SL_CTRL_BMSTRUCT", 3226, 3240)]
+    {
+        let path = checkout.0.path().join("layouts/cansync").join(structure).with_extension("toml");
+        let text = fs::read_to_string(path).unwrap();
+        for (name, offset) in [("b_STEUREG_UPDOWNBLK0", first), ("a_DATA_UPDOWNBLK0", last)] {
+            let line = text.lines().find(|line| line.contains(&format!("name = \"{name}\""))).unwrap();
+            assert!(line.contains(&format!("offset = {offset},")), "{structure}: {line}");
+        }
+    }
+    let judged =
+        finish(commram().args(["layout", "check", "--format", "json"]).current_dir(checkout.0.path()));
+    assert!(!judged.out.contains("\"wrong\""), "{}", judged.out);
+
+    // Without the room for the number the general registers would differ, which the firmware cannot follow.
+    let without: Vec<_> = declared.lines().filter(|line| !line.contains(" padding_0")).collect();
+    let checkout = Checkout::with(&without.join("\n"), &every_layout());
+    let refused = checkout.import(&["--device", "bm4-plc"]);
+    let refused = refused.fails(1);
+    assert!(
+        refused.contains("`i_SW1_NR` of `CANsync_PLC_GENERAL` would be at offset 8 for `CANsync_PLC_INIT_BMSTRUCT`, but at 6 for")
+            && refused.contains("the firmware needs the registers at one address in all of them"),
+        "{refused}"
+    );
+}
+
+/// D-368: the addresses of the CAN-DP/2's image are ours, so no file of a vendor confirms them.
+#[test]
+fn a_device_without_a_library_is_not_confirmed() {
+    for device in ["can-dp2", "cr201x", "cs0015"] {
+        let declared = vendors(run(&["export", "st", "--device", device]).ok());
+        let checkout = Checkout::with(&declared, &every_layout());
+        let before = checkout.all_files();
+        let refused = checkout.import(&["--device", device]);
+        assert!(
+            refused
+                .fails(1)
+                .starts_with(&format!("commram: TYPES.st cannot confirm the offsets of `{device}`")),
+            "{}",
+            refused.err
+        );
+        assert_eq!(checkout.all_files(), before, "{device}");
+    }
 }
 
 #[test]

@@ -27,6 +27,9 @@ pub(crate) struct Device {
     /// What the manual does not state, for the heads of exported files: the end of "it does not state ...".
     #[serde(default)]
     pub undocumented: String,
+    /// The vendor's library of types, which states true offsets; left out by a device that has none.
+    #[cfg_attr(not(feature = "import"), expect(dead_code, reason = "only an import reads it"))]
+    pub library: Option<String>,
     /// Directory beside the device's, if it shares structures with others.
     pub family: Option<Spanned<String>>,
     /// Area of the device's own interface.

@@ -37,7 +37,7 @@ pub enum ImportError {
     /// A part that several structures share would have to look differently in them.
     #[error(
         "`{register}` of `{part}` would be at offset {offset} for {user}, but at {other_offset} for {other}, \
-         and the layout has `{part}` once for both"
+         and the layout has `{part}` once for both{why}"
     )]
     Conflict {
         /// The sub-structure or block.
@@ -52,6 +52,43 @@ pub enum ImportError {
         other: String,
         /// Offset there.
         other_offset: u32,
+        /// Why the layout has it once: the rest of the sentence.
+        why: &'static str,
+    },
+    /// The device has no library of types, so no declarations can state its offsets.
+    #[error(
+        "{} cannot confirm the offsets of `{device}`: the layout names no library of the vendor that declares its \
+         structures",
+        .path.display()
+    )]
+    NoLibrary {
+        /// The declarations.
+        path: PathBuf,
+        /// Name of the device.
+        device: String,
+    },
+    /// The library of another device has confirmed that a shared register lies elsewhere.
+    #[error(
+        "{}: `{register}` of `{structure}` would move from {before} to {after}, but {} has {before} from `{library}`, and \
+         both devices use the structure; nothing is imported",
+        .path.display(),
+        .confirmed.display()
+    )]
+    Confirmed {
+        /// The declarations.
+        path: PathBuf,
+        /// The shared structure, sub-structure or block.
+        structure: String,
+        /// The register, or `size`.
+        register: String,
+        /// Offset in the layout.
+        before: u32,
+        /// Offset in the declarations.
+        after: u32,
+        /// The file whose offsets are confirmed.
+        confirmed: PathBuf,
+        /// The origin of the confirmed offsets, as the file names it.
+        library: String,
     },
     /// The result would be no correct layout.
     #[error("the layout would be refused with these offsets: {0}")]

@@ -32,6 +32,12 @@ pub(crate) struct Home {
 
 /// All of them, and the files they are in.
 pub(crate) struct Homes {
+    /// Name of the device.
+    pub device: String,
+    /// Directory of the structures that it shares.
+    pub family: Option<String>,
+    /// The vendor's library of types.
+    pub library: Option<String>,
     pub all: Vec<Home>,
     pub files: Vec<(PathBuf, String)>,
 }
@@ -60,7 +66,9 @@ impl Homes {
             let (file, raw) = sources.parse(&structure.path, None)?;
             all.push(Home { file, table: Table::Top, is_shared: structure.shared, view: None, raw });
         }
-        let mut homes = Self { all, files: Vec::new() };
+        let raw::Device { name, family, library, .. } = top.device;
+        let (device, family) = (name.into_inner(), family.map(Spanned::into_inner));
+        let mut homes = Self { device, family, library, all, files: Vec::new() };
         homes.place_views();
         homes.files = sources.into_files();
         Ok(homes)
@@ -156,6 +164,11 @@ pub(crate) fn called_there(entry: &raw::Entry) -> Option<&str> {
 impl Home {
     pub(crate) fn name(&self) -> &str {
         self.raw.name.get_ref()
+    }
+
+    /// Whether the manual or the vendor's library states the offsets.
+    pub(crate) fn is_confirmed(&self) -> bool {
+        !matches!(self.raw.offsets, raw::Provenance::Inferred(_))
     }
 
     /// In bytes.

@@ -35,6 +35,8 @@ pub(crate) struct Matcher<'a> {
     pub homes: &'a Homes,
     pub sizes: Sizes<'a>,
     pub called: &'a Called,
+    /// Whether the declaration has a filler with the name that `commram export st` gives it.
+    pub has_our_padding: bool,
 }
 
 /// The structure that is looked at.
@@ -243,7 +245,9 @@ impl<'a> Matcher<'a> {
                 && let Element::Struct(inner) = shape.element
             {
                 self.new_members(structure, inner, &format!("{path}."), start + offset)?;
-            } else if !is_padding(&member.name, &shape) {
+            } else if is_padding(&member.name, &shape) {
+                self.has_our_padding |= member.name == format!("padding_{offset}");
+            } else {
                 let remark = format!("{}; the layout has no register for it", told(&shape));
                 structure.row(&path, Verdict::New, None, Some(start + offset), remark);
             }

@@ -9,6 +9,7 @@ mod error;
 mod homes;
 mod list;
 mod matching;
+mod others;
 mod rows;
 mod views;
 
@@ -40,6 +41,8 @@ pub struct Import {
     pub hash_after: u64,
     /// Whether the declarations are an export of commram itself: then nothing changes, whatever they say.
     pub is_own_export: bool,
+    /// Other devices whose registers move with shared structures.
+    pub also_moved: Vec<String>,
     /// Files that change, with their new content.
     files: Vec<(PathBuf, String)>,
 }
@@ -59,7 +62,7 @@ impl Import {
         let homes = Homes::read(Sources::new(dir))?;
         called.check(&homes)?;
         let sizes = Sizes::new(declarations, alignment);
-        let mut matcher = Matcher { homes: &homes, sizes, called };
+        let mut matcher = Matcher { homes: &homes, sizes, called, has_our_padding: false };
         let mut rows = Vec::new();
         let mut placements: Vec<Placement> = Vec::new();
         let mut left = Vec::new();
@@ -88,12 +91,17 @@ impl Import {
             return Err(nothing_declared(&homes, declarations));
         }
         let placements = agree(&homes, placements, &left)?;
-        let is_own_export = declarations.is_own_export;
-        let mark = mark(&declarations.path);
-        let files = if is_own_export { Vec::new() } else { edit::files(&homes, &placements, &mark)? };
+        let is_own_export = declarations.is_own_export || matcher.has_our_padding;
+        let (files, also_moved) = if is_own_export {
+            (Vec::new(), Vec::new())
+        } else {
+            let also =
+                others::check(&homes, &placements, &others::of_family(dir, &homes)?, &declarations.path)?;
+            (edit::files(&homes, &placements, &mark(&homes, declarations)?)?, also)
+        };
         let mut after = Sources::with_edits(dir, files.iter().cloned().collect());
         let device = check::load(&mut after).map_err(|error| ImportError::Refused(error.reason))?;
-        Ok(Self { rows, hash_before, hash_after: layout_hash(&device), is_own_export, files })
+        Ok(Self { rows, hash_before, hash_after: layout_hash(&device), is_own_export, also_moved, files })
     }
 
     /// Whether the layout files stay as they are.
@@ -229,6 +237,12 @@ fn compare(
     let unlike = pairs
         .into_iter()
         .find_map(|(name, (one, other))| Some((name, one?, other?)).filter(|_| one != other));
+    let why = match home.table {
+        Table::Block(_) => {
+            ": these structures overlay each other, and the firmware needs the registers at one address in all of them"
+        }
+        Table::Top | Table::Substructure(_) => "",
+    };
     match unlike {
         None => Ok(()),
         Some((register, offset, other_offset)) => Err(ImportError::Conflict {
@@ -238,12 +252,17 @@ fn compare(
             offset,
             other: user.to_owned(),
             other_offset,
+            why,
         }),
     }
 }
 
-/// The provenance of what has been imported: the vendor's library, by the name of its file.
-fn mark(path: &Path) -> String {
+/// The provenance of what has been imported: the device's library, and the name of the file.
+fn mark(homes: &Homes, declarations: &Declarations) -> Result<String, ImportError> {
+    let path = &declarations.path;
+    let Some(library) = &homes.library else {
+        return Err(ImportError::NoLibrary { path: path.clone(), device: homes.device.clone() });
+    };
     let name = path.file_name().unwrap_or(path.as_os_str());
-    format!("manual: BM_TYPES, {}", name.to_string_lossy().replace(char::is_control, "?"))
+    Ok(format!("manual: {library}, {}", name.to_string_lossy().replace(char::is_control, "?")))
 }

@@ -7,8 +7,16 @@ use crate::raw::Entry;
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-/// The placements of the family's structure that follow from `found`, those of structure `index`; none if nothing moves. A
-/// register that only the family's structure has keeps its distance to the register before it.
+/// A register of the family's structure.
+struct Register<'a> {
+    name: &'a str,
+    place: Range<u32>,
+    alignment: u32,
+    /// Its offset in the library, if the library declares it.
+    declared: Option<u32>,
+}
+
+/// The placements of the family's structure that follow from `found`, those of structure `index`; none if nothing moves.
 pub(super) fn of_family(homes: &Homes, index: usize, found: &[Placement]) -> Vec<Placement> {
     let Some(base) = homes.all[index].view else { return Vec::new() };
     let lists = homes.lists(index);
@@ -19,22 +27,24 @@ pub(super) fn of_family(homes: &Homes, index: usize, found: &[Placement]) -> Vec
             .filter_map(|(entry, place)| Some((called_there(entry.get_ref())?, place.as_ref()?.start)));
         declared.extend(placed);
     }
-    if homes.registers(base).all(|(_, name, offset)| declared.get(name).is_none_or(|start| *start == offset))
-    {
+    let mut registers: Vec<_> = homes
+        .lists(base)
+        .into_iter()
+        .flat_map(|list| &homes.all[list].raw.register)
+        .filter_map(|entry| {
+            let entry = entry.get_ref();
+            let (name, first) = (entry.name.as_ref()?.get_ref().as_str(), *entry.offset.as_ref()?.get_ref());
+            let place = first..first + bytes(homes, found, entry);
+            let declared = declared.get(name).copied();
+            Some(Register { name, place, alignment: alignment(homes, entry), declared })
+        })
+        .collect();
+    registers.sort_by_key(|register| register.place.start);
+    if registers.iter().all(|register| register.declared.is_none_or(|start| start == register.place.start)) {
         return Vec::new();
     }
-    let mut shift = 0;
-    let mut starts: BTreeMap<&str, u32> = BTreeMap::new();
-    for (_, name, offset) in homes.registers(base) {
-        if let Some(start) = declared.get(name) {
-            shift = i64::from(*start) - i64::from(offset);
-        }
-        starts.insert(name, u32::try_from(i64::from(offset) + shift).unwrap_or_default());
-    }
-    let place = |entry: &Entry| -> Option<Range<u32>> {
-        let start = *starts.get(entry.name.as_ref()?.get_ref().as_str())?;
-        Some(start..start + bytes(homes, entry))
-    };
+    let places = places(&registers);
+    let place = |entry: &Entry| places.get(entry.name.as_ref()?.get_ref().as_str()).cloned();
     let user = format!("`{}`", homes.all[index].name());
     let placements = homes.lists(base).into_iter().map(|home| {
         let entries = homes.all[home].raw.register.iter();
@@ -51,10 +61,68 @@ pub(super) fn of_family(homes: &Homes, index: usize, found: &[Placement]) -> Vec
     placements
 }
 
-/// Bytes of a register with all its elements.
-fn bytes(homes: &Homes, entry: &Entry) -> u32 {
+/// Where the registers lie, which are in ascending order. Registers that only the family has keep their distance to the register
+/// before them. Where the library leaves no room for them, they follow the end of the structure (decision D-741).
+fn places<'a>(registers: &[Register<'a>]) -> BTreeMap<&'a str, Range<u32>> {
+    let moved = |register: &Register<'_>, by: i64| -> Option<Range<u32>> {
+        let at = |offset: u32| u32::try_from(i64::from(offset) + by).ok();
+        Some(at(register.place.start)?..at(register.place.end)?)
+    };
+    let declared =
+        |register: &Register<'_>| Some(i64::from(register.declared?) - i64::from(register.place.start));
+    let mut places: BTreeMap<&str, Range<u32>> =
+        registers.iter().filter_map(|it| Some((it.name, moved(it, declared(it)?)?))).collect();
+    let mut without_room = Vec::new();
+    let mut by = 0;
+    for run in registers.chunk_by(|one, next| one.declared.is_some() == next.declared.is_some()) {
+        if let Some(last) = run.last().and_then(declared) {
+            by = last;
+            continue;
+        }
+        let free = |place: &Range<u32>| {
+            places.values().all(|other| other.end <= place.start || place.end <= other.start)
+        };
+        let wanted = run.iter().map(|register| {
+            let place = moved(register, by).filter(free)?;
+            place.start.is_multiple_of(register.alignment).then_some(place)
+        });
+        match wanted.collect::<Option<Vec<_>>>() {
+            Some(wanted) => places.extend(run.iter().map(|register| register.name).zip(wanted)),
+            None => without_room.push(run),
+        }
+    }
+    for run in without_room {
+        let end = i64::from(places.values().map(|place| place.end).max().unwrap_or_default());
+        let first = run.first().map_or(0, |register| i64::from(register.place.start));
+        // A multiple of 4 keeps every register aligned.
+        let by = end - first + (first - end).rem_euclid(4);
+        places.extend(run.iter().filter_map(|register| Some((register.name, moved(register, by)?))));
+    }
+    places
+}
+
+/// What the address of a register must be divisible by.
+fn alignment(homes: &Homes, entry: &Entry) -> u32 {
+    let Some(ty) = entry.ty.as_ref().map(|ty| ty.get_ref().as_str()) else { return 1 };
+    let of_sub = |sub: usize| {
+        let entries = homes.all[sub].raw.register.iter();
+        entries.map(|entry| alignment(homes, entry.get_ref())).max()
+    };
+    let of_scalar = Scalar::named(ty).map(Scalar::width);
+    of_scalar.or_else(|| homes.substructure(ty).and_then(of_sub)).unwrap_or(1)
+}
+
+/// Bytes of a register with all its elements; sub-structures have the size of `found`.
+fn bytes(homes: &Homes, found: &[Placement], entry: &Entry) -> u32 {
     let Some(ty) = entry.ty.as_ref().map(|ty| ty.get_ref().as_str()) else { return 0 };
-    let one = Scalar::named(ty).map(Scalar::width);
-    let one = one.or_else(|| homes.substructure(ty).map(|sub| homes.all[sub].size())).unwrap_or_default();
-    entry.array.iter().flat_map(|array| array.get_ref()).fold(one, |bytes, count| bytes * count)
+    let of_sub = |sub: usize| {
+        let declared = found.iter().find(|placement| placement.home == sub).map(|placement| placement.size);
+        declared.unwrap_or_else(|| homes.all[sub].size())
+    };
+    let one = Scalar::named(ty).map(Scalar::width).or_else(|| homes.substructure(ty).map(of_sub));
+    entry
+        .array
+        .iter()
+        .flat_map(|array| array.get_ref())
+        .fold(one.unwrap_or_default(), |bytes, count| bytes * count)
 }

@@ -15,11 +15,11 @@ const AS_IT_IS: &str = "
 TYPE
     PAIR : STRUCT w_FIRST : WORD; w_SECOND : WORD; END_STRUCT;
     INIT : STRUCT
-        w_COMMAND : WORD; w_STATUS : WORD; b_MODE : BYTE; a_TYPE : ARRAY[0..1] OF BYTE; padding_7 : BYTE;
+        w_COMMAND : WORD; w_STATUS : WORD; b_MODE : BYTE; a_TYPE : ARRAY[0..1] OF BYTE;
     END_STRUCT;
     CTRL : STRUCT
         w_COMMAND : WORD; w_STATUS : WORD; b_CONTROL : BYTE; a_FLAGS : ARRAY[1..3] OF BYTE; d_VALUE : DWORD;
-        i_TEMPERATURE : INT; padding_14 : ARRAY[0..1] OF BYTE;
+        i_TEMPERATURE : INT; padding_1 : ARRAY[0..1] OF BYTE;
         a_PAIRS : ARRAY[0..1] OF PAIR; a_GRID : ARRAY[0..1, 0..1] OF DINT;
     END_STRUCT;
 END_TYPE";
@@ -46,6 +46,9 @@ fn fixture() -> tempfile::TempDir {
         let path = entry.unwrap().path();
         fs::copy(&path, dir.path().join(path.file_name().unwrap())).unwrap();
     }
+    let device = dir.path().join("device.toml");
+    let text = fs::read_to_string(&device).unwrap();
+    fs::write(&device, format!("library = \"BM_TYPES\"\n{text}")).unwrap();
     dir
 }
 
@@ -145,7 +148,7 @@ fn registers_move_by_their_paths_whatever_their_types_are_called() {
 #[test]
 fn a_packed_library_with_fillers_of_its_own_is_taken_over() {
     let packed = AS_IT_IS
-        .replace("padding_14 : ARRAY[0..1] OF BYTE;", "w_RESERVE : WORD;")
+        .replace("padding_1 : ARRAY[0..1] OF BYTE;", "w_RESERVE : WORD;")
         .replace("a_GRID : ARRAY[0..1, 0..1]", "b : BYTE; c, d, e : BYTE; a_GRID : ARRAY[0..1, 0..1]");
     let dir = fixture();
     let import = plan_with(dir.path(), &packed, Alignment::Packed, &[]).unwrap();
@@ -179,7 +182,7 @@ fn a_structure_with_something_missing_or_unlike_stays_as_it_is() {
     let dir = fixture();
     let text = AS_IT_IS
         .replace("d_VALUE : DWORD;", "d_WERT : DWORD;")
-        .replace("padding_14 : ARRAY[0..1] OF BYTE;", "")
+        .replace("padding_1 : ARRAY[0..1] OF BYTE;", "")
         .replace("[1..3] OF BYTE", "[1..3] OF WORD")
         .replace("w_SECOND : WORD; END", "w_SECOND : DWORD; END")
         .replace(
@@ -216,7 +219,7 @@ fn other_names_can_be_given() {
         .replace("INIT : STRUCT", "INIT_T : STRUCT")
         .replace("w_SECOND", "w_ZWEITES")
         .replace("i_TEMPERATURE : INT;", "inner : STRUCT b_FILL, c_FILL : BYTE; i_TEMP : INT; END_STRUCT;")
-        .replace("padding_14 : ARRAY[0..1] OF BYTE;", "");
+        .replace("padding_1 : ARRAY[0..1] OF BYTE;", "");
     let called =
         [("INIT", "INIT_T"), ("CTRL.i_TEMPERATURE", "inner.i_TEMP"), ("CTRL.a_PAIRS.w_SECOND", "w_ZWEITES")];
     let import = plan_with(fixture().path(), &text, Alignment::Natural, &called).unwrap();
@@ -244,15 +247,48 @@ fn parts_that_structures_share_must_lie_alike_in_all_of_them() {
     assert_eq!(
         refused(&text, &[]),
         "`w_COMMAND` of `GENERAL` would be at offset 2 for `INIT`, but at 0 for `CTRL`, and the layout has \
-         `GENERAL` once for both"
+         `GENERAL` once for both: these structures overlay each other, and the firmware needs the registers at one address \
+         in all of them"
     );
     // The other structure is not declared, so it says what it has always said.
     let alone = text.replace("CTRL : STRUCT", "OTHER : STRUCT");
     assert_eq!(
         refused(&alone, &[]),
         "`w_COMMAND` of `GENERAL` would be at offset 2 for `INIT`, but at 0 for `CTRL`, which stays as it is, \
-         and the layout has `GENERAL` once for both"
+         and the layout has `GENERAL` once for both: these structures overlay each other, and the firmware needs \
+         the registers at one address in all of them"
     );
+}
+
+/// Promise 26: a tool of the vendor may drop the comment at the head of our export. Our fillers remain.
+#[test]
+fn an_export_without_its_head_is_recognized_by_its_fillers() {
+    let dir = fixture();
+    let ours = AS_IT_IS.replace("padding_1 :", "padding_14 :");
+    let import = plan(dir.path(), &ours).unwrap();
+    assert!(import.is_own_export && import.changes_nothing() && import.is_whole());
+    let vendors = plan(dir.path(), AS_IT_IS).unwrap();
+    assert!(!vendors.is_own_export && !vendors.changes_nothing());
+}
+
+/// D-742: a device without a library of the vendor has addresses that no declarations can confirm.
+#[test]
+fn a_device_without_a_library_has_nothing_to_confirm() {
+    let dir = fixture();
+    let device = dir.path().join("device.toml");
+    let text = fs::read_to_string(&device).unwrap();
+    fs::write(&device, text.replace("library = \"BM_TYPES\"\n", "")).unwrap();
+    assert_eq!(
+        plan(dir.path(), AS_IT_IS).expect_err("refused").to_string(),
+        "lib/TYPES.st cannot confirm the offsets of `small`: the layout names no library of the vendor that declares its \
+         structures"
+    );
+    let export = format!("(* Made by commram 1 *)\n{AS_IT_IS}");
+    assert!(plan(dir.path(), &export).unwrap().is_own_export, "a comparison needs no library");
+    fs::write(&device, text.replace("\"BM_TYPES\"", "\"OWN_TYPES\"")).unwrap();
+    plan(dir.path(), AS_IT_IS).unwrap().write().unwrap();
+    let text = fs::read_to_string(dir.path().join("CTRL.toml")).unwrap();
+    assert!(text.contains("offsets = \"manual: OWN_TYPES, TYPES.st\""), "{text}");
 }
 
 #[test]

@@ -177,7 +177,8 @@ fn declarations(registers: &[Drawn], order: &[usize]) -> String {
     let mut end = 0;
     let filler = |text: &mut String, from: u32, to: u32| {
         if to > from {
-            writeln!(text, "padding_{from} : ARRAY[1..{}] OF BYTE;", to - from).unwrap();
+            // Not named after its offset, as a filler of our export is.
+            writeln!(text, "padding_0{from} : ARRAY[1..{}] OF BYTE;", to - from).unwrap();
         }
     };
     for (number, at) in placed {
