@@ -76,9 +76,10 @@ pub(crate) fn tables(scope: &Scope) -> String {
     for space in spaces() {
         let _ = write!(out, " \\\n    || {}", is_meant(space));
     }
-    // Memory of the device is nobody else's, also where it ends.
-    if spaces().any(|space| space.letter == 'M' && space.segment.is_empty()) {
-        out.push_str(" \\\n    || ((letter) == 'M' && ((is_bit) || COMMRAM_IS_NO_LEVEL(b)))");
+    // Memory is the device's alone, also where the device has none: variables of the program would not overlay each other
+    // (decision D-740).
+    if spaces().any(|space| space.letter == 'M') {
+        out.push_str(" \\\n    || (letter) == 'M'");
     }
     out.push_str(
         ")\n\n/* The byte of the image that it begins at; 0, which is in the header page, where there is none. */\n\

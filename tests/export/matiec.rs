@@ -176,6 +176,31 @@ fn addresses_that_are_no_registers_are_refused_by_the_compiler() {
     }
 }
 
+/// A device without flags has no memory but its registers: variables of the program at `%MW100`, `%MB100` and `%MX100.2` would
+/// silently not overlay each other (D-740). Segments that a device does not have are refused like this, too.
+#[test]
+fn flags_that_a_device_does_not_have_are_refused_by_the_compiler() {
+    let directory = tempfile::tempdir().unwrap();
+    prepare(directory.path());
+    for (device, located) in [
+        ("bm4-plc", "WORD,__MW100,M,W,100"),
+        ("bm4-plc", "BYTE,__MB100,M,B,100"),
+        ("bm4-plc", "BOOL,__MX100_2,M,X,100,2"),
+        ("bm4-plc", "BYTE,__MB4_100,M,B,4,100"),
+        ("omega-drive-line-2", "WORD,__MW4_100,M,W,4,100"),
+    ] {
+        let header = directory.path().join("commram_matiec.h");
+        run(&["export", "matiec", "--device", device, "--output", header.to_str().unwrap()]).ok();
+        fs::write(directory.path().join("LOCATED_VARIABLES.h"), format!("__LOCATED_VAR({located})\n"))
+            .unwrap();
+        filter(directory.path());
+        let refused = compile(directory.path(), &["-std=gnu11", "-fsyntax-only"], &["main.c"]);
+        let name = located.split(',').nth(1).unwrap();
+        let why = format!("{name}: the address lies in no area of the device");
+        assert!(refused.code != Some(0) && refused.err.contains(&why), "{device}, {why}: {}", refused.err);
+    }
+}
+
 fn iec2c(matiec: &Path, directory: &Path, options: &[&str]) {
     let mut command = Command::new(matiec.join("iec2c"));
     command.current_dir(directory).args(options).arg("-I").arg(matiec.join("lib")).arg("commram.st");

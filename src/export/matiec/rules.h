@@ -7,6 +7,7 @@
  * levels; `widths`: of the registers there, added up; `bit`: the number of the bit if it is one of a flag.
  */
 #define COMMRAM_RULES(rule, name, bound, is_bit, size, levels, bytes, whole, place, widths, bit)                 \
+    rule(!(bound) || COMMRAM_IN_AREA(place), name, "the address lies in no area of the device")                  \
     rule(!(bound) || (is_bit) != 2, name, "an address without a size is that of a bit; write %MB, %MW or %MD")   \
     rule(!(bound) || !(is_bit) || (bit) != COMMRAM_NO_NUMBER, name,                                              \
          "a single bit has no address of its own; locate the byte")                                              \
@@ -15,7 +16,6 @@
     rule(!(bound) || (bytes) > 8 || (whole) || (bytes) == (size), name,                                          \
          "the type has another width than the address")                                                          \
     rule(!(bound) || (whole) || (place) % (size) == 0, name, "the address is not divisible by the width")        \
-    rule(!(bound) || COMMRAM_IN_AREA(place), name, "the address lies in no area of the device")                  \
     rule(!(bound) || (whole) || (widths) == 0 || ((unsigned)(widths) & (size)) != 0u, name,                      \
          "the register there has another width")
 
