@@ -427,8 +427,30 @@ fn a_master_without_a_bus_makes_its_sync_signal_for_the_plc() {
     bm4.step(100_000);
     assert_eq!(passed_on.a_STAT_SL[1].load(), 0x03, "the drive there is synchronized");
     assert_eq!(bm4.plant.next_sync(0, 3), bm4.plant.next_sync(0, 1));
+    // The slave without a bus waits without end, which is found at its start.
+    assert_eq!(bm4.plant.journal().findings().errors(), [&rules::NO_MASTER]);
+}
+
+/// P. 15-16, 50-51: a slave on a bus without a master never has a SYNC signal, nor a master that passes it on. The plant is
+/// doubted, and the start of the slave is found.
+#[test]
+fn a_bus_without_a_master_is_doubted_and_found() {
+    let text = "[[device]]\nkind = 'bm4-plc'\nname = 'maxx'\n[[device.module]]\nslot = 'G'\nkind = 'can-06'\n\
+                sync_in_from = 'H'\nbus = 'lower'\n[[device.module]]\nslot = 'H'\nkind = 'can-05'\nbus = 'upper'\n\
+                [[bus]]\nname = 'lower'\n[[bus]]\nname = 'upper'\n";
+    let doubts = PlantConfig::parse("p.toml", text).unwrap().doubts(text);
+    let doubts: Vec<_> = doubts.iter().map(|(line, doubt)| (*line, doubt.text.as_str())).collect();
+    assert_eq!(doubts, [(Some(16), "bus 'upper' has no master, so its stations wait without end")]);
+    let mut bm4 = Bm4::new(text);
+    let nodes =
+        [(SLOTH, Mode::Slave), (SLOTG, Mode::SyncIn)].map(|(slot, mode)| bm4.node(0, slot, rate(500), mode));
+    bm4.bring_up(&nodes.iter().collect::<Vec<_>>(), ..=Stage::SetUp);
+    bm4.step(100_000);
+    assert_eq!(bm4.plant.next_sync(0, 1), None);
     let findings = bm4.plant.journal().findings();
-    assert!(findings.errors().is_empty(), "{:?}", findings.errors());
+    let [found] = findings.iter().copied().collect::<Vec<_>>()[..] else { panic!("one finding") };
+    let name = found.last.name(bm4.plant.names().fitted(0));
+    assert_eq!((found.last.rule, name.as_deref()), (&rules::NO_MASTER, Some("slotH.b_MA_SL_MODE")));
 }
 
 /// P. 49-51: a master that is to pass a SYNC signal on and is handed none waits; a finding and the refusal of a step to the next
@@ -617,7 +639,13 @@ fn modules_without_a_signal_are_doubted() {
     let module = |slot: &str, rest: &str| format!("[[device.module]]\nslot = '{slot}'\n{rest}\n");
     let slave = module("H", "kind = 'can-05'\nbus = 'b'");
     let passes_on = "kind = 'can-06'\nsync_in_from = 'H'\nbus = ";
-    assert_eq!(plant(&(slave.clone() + &module("G", &format!("{passes_on}'c'")))), []);
+    let of_c = slave.clone() + &module("G", &format!("{passes_on}'c'"));
+    let of_b = "[[device]]\nkind = 'bm4-plc'\nname = 'top'\n[[device.module]]\nslot = 'M'\nkind = 'can-06'\nbus = 'b'\n";
+    assert_eq!(plant(&(of_c.clone() + of_b)), []);
+    assert_eq!(
+        plant(&of_c),
+        [(Some(14), "bus 'b' has no master, so its stations wait without end".to_owned())]
+    );
     for (modules, line, text) in [
         (module("G", "kind = 'can-06'"), 5, "module 'm:slotG' has no bus: its PLC has a SYNC signal"),
         (module("G", "kind = 'can-05'"), 5, "module 'm:slotG' has no bus: no SYNC signal"),

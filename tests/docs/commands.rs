@@ -10,6 +10,7 @@ const OTHERS: &str = "\
 name = 'line'
 [[plc]]
 name = 'line2'
+node2 = 'upper'
 [[device]]
 kind = 'bm4-plc'
 name = 'maxx'

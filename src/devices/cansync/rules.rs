@@ -83,6 +83,9 @@ rules! {
     NUMBER_TAKEN: 100, "number-taken", Error, "5.00005.03a p. 22; 5.02066.01a p. 15, 26; D-184",
         "The slave number at the DIP switches of a node belongs to another station of its bus, so no master reaches the node. \
          Set a number that is free and switch the supply off and on.";
+    NO_MASTER: 115, "no-master", Error, "5.00005.03a p. 122, 149, 174; 5.02066.01a p. 15-16, 50-51; D-743",
+        "A slave was started at a port without a bus or on a bus without a master, so it never receives a SYNC signal. Connect \
+         the port in the plant file to a bus that has a master.";
     FOREIGN_FRAME: 61, "foreign-frame", Warning, "D-315",
         "A program at a door sent a frame on a CANsync bus. Only the master and the slaves may send there, each in \
          its slot. Only receive on this bus.";

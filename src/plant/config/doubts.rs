@@ -20,6 +20,11 @@ impl PlantConfig {
             let masters: Vec<_> = ports.get(medium.name()).into_iter().flatten().filter_map(master).collect();
             let mut doubts = medium.doubts(&masters);
             let ports = ports.get(medium.name()).map_or(&[][..], Vec::as_slice);
+            let has_stations = !ports.is_empty() || !medium.participants().is_empty();
+            if medium.has_one_master() && masters.is_empty() && has_stations {
+                let text = format!("bus '{}' has no master, so its stations wait without end", medium.name());
+                doubts.push(Doubt { section: medium.name().to_owned(), key: "name", text });
+            }
             doubts.extend(equal_numbers(&**medium, ports).into_iter().map(|(number, first, second)| Doubt {
                 section: second.split(':').next().unwrap_or_default().to_owned(),
                 key: "switches",

@@ -60,7 +60,7 @@ const AT_A_DOOR: [&Rule; 5] = [
 ];
 
 /// What takes another plant than that of a rig: `tests/device/bm4.rs`, `tests/device/board.rs`.
-const IN_OTHER_PLANTS: [&Rule; 1] = [&cansync::rules::NUMBER_TAKEN];
+const IN_OTHER_PLANTS: [&Rule; 2] = [&cansync::rules::NUMBER_TAKEN, &cansync::rules::NO_MASTER];
 
 #[test]
 fn every_rule_has_a_case() {

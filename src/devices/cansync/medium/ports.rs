@@ -130,9 +130,13 @@ impl Medium for SimBus {
             }
             Place::Slave(index) => {
                 let bus_kbit_s = self.running.as_ref().map(|running| running.timing.kbit_per_s);
+                let has_master = !self.masters.is_empty();
                 let end = &mut self.slaves[index];
                 end.run(now, journal, |slave, ctx| {
                     let change = slave.processor_cycle(ctx, on_wire);
+                    if change == Change::SetUpStarted && !has_master {
+                        report_no_master(ctx);
+                    }
                     if let (Change::SetUpStarted, Some(kbit_s)) = (change, bus_kbit_s) {
                         report_mismatch(slave, ctx, kbit_s);
                     }
@@ -380,6 +384,12 @@ impl Medium for SimBus {
 fn report_no_sync_in(ctx: &mut Context) {
     let offset = offset_of!(CANsync_INIT_BMSTRUCT, b_MA_SL_MODE);
     ctx.find(&rules::NO_SYNC_IN, RegisterPhase::Init, offset, ma_sl_mode::MASTER_SYNC_IN.into());
+}
+
+/// A slave starts without a bus, or on a bus without a master (decision D-743).
+fn report_no_master(ctx: &mut Context) {
+    let offset = offset_of!(CANsync_INIT_BMSTRUCT, b_MA_SL_MODE);
+    ctx.find(&rules::NO_MASTER, RegisterPhase::Init, offset, ma_sl_mode::SLAVE.into());
 }
 
 impl SimBus {
