@@ -93,6 +93,10 @@ pub(crate) struct Own {
     pub(crate) par_write: CANsync_PAR_WRITE_MA,
     par_sl: CANsync_PAR_SL,
     pub(crate) par_lost: CANsync_PAR_READ_MA,
+    pub(crate) par_gone: CANsync_PAR_READ_MA,
+    /// The slave's block has shown that a job was taken back.
+    pub(crate) job_was_reset: bool,
+    pub(crate) load_lost: CANsync_UPDOWNLOAD_MA,
     pub(crate) load_ma: CANsync_UPDOWNLOAD_MA,
     load_sl: CANsync_UPDOWNLOAD_SL,
     b_init: BAPS_INIT,
@@ -200,7 +204,8 @@ impl Main {
         }
         let scans = self.scans;
         if self.own.configured && is_slave {
-            (self.own.mode_sl.x_SYNC_MODE, self.own.mode_sl.x_CANsync_RUN) = (true, scans > 500);
+            let runs = scans > 500 && !(2600..=2602).contains(&scans);
+            (self.own.mode_sl.x_SYNC_MODE, self.own.mode_sl.x_CANsync_RUN) = (true, runs);
             self.own.mode_sl.x_RESET_CANsync_CONTROLLER = scans == 300 || scans == 1500;
             self.own.mode_sl.call(&self._CANsync_CTRL_SL);
         } else if self.own.configured {
@@ -232,10 +237,9 @@ impl Main {
             .call(&self._CANsync_CTRL_SL);
     }
 
-    fn configure_master(&self) {
-        let base = &self._CANsync_CTRL_MA;
-        let (x_EN_CTRL, x_EN_PAR, x_EN_UDL) = (true, true, true);
-        let (si_SL_NR_UDL, si_MAX_SL_NR) = (4, 4);
+    /// Gives the command channel to all slaves, for transfers to this one.
+    fn open_channel(&self, si_SL_NR_UDL: i8) {
+        let (x_EN_CTRL, x_EN_PAR, x_EN_UDL, si_MAX_SL_NR) = (true, true, true, 4);
         CANsync_COMM_CONTROL_MA {
             x_EN_CTRL,
             x_EN_PAR,
@@ -244,7 +248,12 @@ impl Main {
             si_MAX_SL_NR,
             ..Default::default()
         }
-        .call(base);
+        .call(&self._CANsync_CTRL_MA);
+    }
+
+    fn configure_master(&self) {
+        let base = &self._CANsync_CTRL_MA;
+        self.open_channel(4);
         CANsync_PD_CFG_MA { a_WRC1: HALVES, a_HL_WRC1: HIGH, a_WRC2: REVERSED, ..Default::default() }
             .call(base);
         for si_SL_NR in [4, 1, 32] {
@@ -254,7 +263,7 @@ impl Main {
     }
 
     fn slave(&mut self) {
-        let (a, base) = (self.own.a, &self._CANsync_CTRL_SL);
+        let (a, scans, base) = (self.own.a, self.scans, &self._CANsync_CTRL_SL);
         let comm = &mut self.own.comm_sl;
         comm.a_RD_VALUES_SEND = std::array::from_fn(|k| a * (k as i32 + 1));
         (comm.si_RDC1_SEND, comm.si_RDC2_SEND, comm.x_COPY_TO_RD_ARRAY) = (5, 5, a < 200);
@@ -282,11 +291,14 @@ impl Main {
 
         let jobs = &mut self.own.par_sl;
         (jobs.x_EN, jobs.ud_PAR_VALUE_READ, jobs.x_PAR_FORMAT_READ, jobs.i_ERR) = (true, 70_000, true, -5);
-        jobs.x_OK_IN = jobs.x_ACTIV && jobs.u_PAR_NR != 9;
+        let has_value = jobs.u_PAR_NR != 11 || (2300..2350).contains(&scans);
+        jobs.x_OK_IN = jobs.x_ACTIV && jobs.u_PAR_NR != 9 && has_value;
         jobs.x_ERR_IN = jobs.x_ACTIV && jobs.u_PAR_NR == 9;
+        jobs.x_RESET = scans == 2350;
         jobs.call(base);
-        let sum = self.parameters.all(&[jobs.x_ACTIV, jobs.x_BUSY, jobs.x_READ, jobs.x_OK]);
+        let sum = self.parameters.all(&[jobs.x_ACTIV, jobs.x_BUSY, jobs.x_RESET_JOB, jobs.x_READ, jobs.x_OK]);
         sum.mix(jobs.u_PAR_NR.into());
+        self.own.job_was_reset |= jobs.x_RESET_JOB;
 
         let load = &mut self.own.load_sl;
         load.x_EN = true;
@@ -339,7 +351,7 @@ impl Main {
     }
 
     fn parameters(&mut self) {
-        let (a, base) = (self.own.a, &self._CANsync_CTRL_MA);
+        let (a, scans, base) = (self.own.a, self.scans, &self._CANsync_CTRL_MA);
         let read = &mut self.own.par_read;
         (read.si_SL_NR, read.u_PAR_NR) = (4, if a > 400 { 9 } else { 7 });
         read.x_EN = a > 100 && a < 300 || a > 500 && a < 700;
@@ -358,6 +370,12 @@ impl Main {
         sum.mix(read.ud_PAR_VALUE).all(&[read.x_PAR_FORMAT_READ]).mix(read.b_ERR.into()).i(read.i_ERR);
         sum.all(&[write.x_BUSY, write.x_OK]).mix(write.b_ERR.into()).i(write.i_ERR);
         sum.all(&[lost.x_BUSY]).mix(lost.b_ERR.into());
+        let gone = &mut self.own.par_gone;
+        (gone.si_SL_NR, gone.u_PAR_NR) = (4, if (2401..2540).contains(&scans) { 7 } else { 11 });
+        gone.x_EN = [2201..2250, 2401..2500, 2551..2700].iter().any(|it| it.contains(&scans));
+        gone.x_RESET = scans == 2260 || scans == 2710;
+        gone.call(base);
+        sum.all(&[gone.x_BUSY, gone.x_OK]).mix(gone.ud_PAR_VALUE).mix(gone.b_ERR.into());
     }
 
     fn transfer(&mut self) {
@@ -374,5 +392,17 @@ impl Main {
         load.call(&self._CANsync_CTRL_MA, &self.down_ma, &mut self.up_ma);
         let sum = self.transfers.all(&[load.x_BUSY, load.x_OK]).mix(load.b_ERR.into());
         sum.mix(load.w_ERR_SL.into()).mix(self.up_ma[0] as u32);
+        let scans = self.scans;
+        if scans == 2230 {
+            self.open_channel(1);
+        }
+        let lost = &mut self.own.load_lost;
+        lost.si_SL_NR = if scans > 2240 { 1 } else { 4 };
+        (lost.x_UPDOWN, lost.u_LENGTH, lost.t_TIME) = (true, 75, Duration::from_millis(50));
+        lost.x_EN = [2221..2230, 2251..2350, 2361..u32::MAX].iter().any(|it| it.contains(&scans));
+        lost.x_RESET = scans == 2240 || scans == 2355;
+        lost.call(&self._CANsync_CTRL_MA, &self.down_ma, &mut self.up_ma);
+        let sum = self.transfers.all(&[lost.x_BUSY, lost.x_OK]).mix(lost.b_ERR.into());
+        sum.mix(lost.w_ERR_SL.into());
     }
 }
