@@ -1,4 +1,4 @@
-//! Functions of CAN as such (p. 30-36).
+//! Functions for plain CAN (p. 30-36).
 
 use super::communication::is_rate;
 use super::jobs::{Answer, Desk, Job, Outcome, Refusal};
@@ -20,7 +20,8 @@ pub(super) fn carry_out(desk: Desk, job: &Job) -> Outcome {
     }
 }
 
-/// In force at once, and stored (p. 31); what an SDO enters is in force after a reset (p. 41, D-437).
+/// Sets the bit rate, which takes effect at once and is stored (p. 31). A bit rate written by SDO takes effect after a
+/// reset (p. 41, D-437).
 fn can_baudrate(desk: Desk, job: &Job) -> Outcome {
     let kbit_s = job.argument(0, 0..=u32::from(u16::MAX))? as u16;
     if !is_rate(kbit_s) {
@@ -31,13 +32,13 @@ fn can_baudrate(desk: Desk, job: &Job) -> Outcome {
     Ok(Answer::default())
 }
 
-/// An identifier: 2048, which the manual allows, too, has no eleven bits (D-438).
+/// Returns an identifier argument. The manual also allows 2048, which does not fit in eleven bits (D-438).
 fn identifier(job: &Job, argument: usize) -> Result<StandardId, Refusal> {
     let id = job.argument(argument, 0..=0x7FF)?;
     StandardId::new(id as u16).ok_or(Refusal::Arguments)
 }
 
-/// RESULT is FALSE while the controller has something to send (p. 23).
+/// RESULT is FALSE while the controller has a frame to send (p. 23).
 fn can_transmit(desk: Desk, job: &Job) -> Outcome {
     let (id, length) = (identifier(job, 0)?, job.argument(2, 0..=8)? as usize);
     let data = job.data.get(..length).ok_or(Refusal::Arguments)?;
@@ -51,7 +52,7 @@ fn can_transmit(desk: Desk, job: &Job) -> Outcome {
     Ok(answer)
 }
 
-/// DLC, RTR, AVAILABLE, OVERFLOW and DATA (p. 33-34).
+/// Returns DLC, RTR, AVAILABLE, OVERFLOW and DATA (p. 33-34).
 fn can_receive(desk: Desk, job: &Job) -> Outcome {
     let (id, is_to_clear) = (identifier(job, 2)?, job.argument(1, 0..=1)? != 0);
     let node = &mut desk.firmware.node;
@@ -65,7 +66,7 @@ fn can_receive(desk: Desk, job: &Job) -> Outcome {
     Ok(answer)
 }
 
-/// ERRORCOUNT; a controller that is BUS-off returns (p. 36).
+/// Returns ERRORCOUNT; starts the return of a BUS-off controller (p. 36).
 fn can_errorhandler(desk: Desk, job: &Job) -> Outcome {
     let is_reset = job.argument(0, 0..=1)? != 0;
     let mut answer = Answer::default();

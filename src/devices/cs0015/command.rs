@@ -7,7 +7,7 @@ use super::registers::values::{loaded, program, s1, state};
 use crate::devices::Context;
 use crate::devices::canopen::nmt::State;
 
-/// What decides whether a command of the programming system is carried out.
+/// Conditions for commands of the programming system.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Readiness {
     /// S1 is at UNLOCK.
@@ -16,15 +16,15 @@ pub(super) struct Readiness {
     pub has_program: bool,
     /// The operating system was erased since the last reset.
     pub has_been_erased: bool,
-    /// Operating state, as `state` of the front.
+    /// Operating state, as in `state` of the front.
     pub state: u32,
 }
 
 impl Readiness {
-    /// Whether `command`, as `program` of the front, is carried out (p. 11-17).
+    /// Checks whether `command`, as in `program` of the front, is permitted (p. 11-17).
     ///
     /// # Errors
-    /// Why the device refuses it.
+    /// The reason for a refusal.
     pub(super) fn check(self, command: u32) -> Result<(), Refused> {
         match (command, self.state) {
             _ if !self.is_unlocked => Err(Refused::Locked),
@@ -40,7 +40,7 @@ impl Readiness {
 }
 
 impl Firmware {
-    /// Carries out a command of the programming system, or reports why not.
+    /// Carries out a command of the programming system, or reports the reason for a refusal.
     pub(super) fn look_at_command(&mut self, ctx: &mut Context) {
         let registers = &self.node.registers;
         let Some(command) = registers.take_command() else { return };
@@ -58,7 +58,7 @@ impl Firmware {
         }
     }
 
-    /// Carries out a command that [`Readiness::check`] allows.
+    /// Carries out a command that [`Readiness::check`] permits.
     fn carry_out(&mut self, ctx: &mut Context, command: u32) {
         match command {
             program::STOP => {
@@ -69,7 +69,7 @@ impl Firmware {
                 self.is_stopped = false;
                 self.go(ctx, State::PreOperational, state::RUN);
             }
-            // P. 16: the operating system is erased, and nobody answers any more.
+            // P. 16: the operating system is erased, and the device does not answer any more.
             program::ERASE => {
                 self.shared.erased();
                 self.node.registers.parameters.b_OPERATING_SYSTEM.store(loaded::NO);
@@ -79,13 +79,13 @@ impl Firmware {
                 self.node.registers.parameters.b_OPERATING_SYSTEM.store(loaded::YES);
                 self.shared.restart();
             }
-            // P. 28: afterwards the device is no CANopen node until the program makes it one.
+            // P. 28: afterwards the device is not a CANopen node until the program switches CANopen on.
             program::RESET => self.shared.restart(),
             _ => {}
         }
     }
 
-    /// The controller goes into another state, and the node, if it is one, as well.
+    /// Changes the state of the controller, and the state of the node if the device is one.
     fn go(&mut self, ctx: &mut Context, node: State, to: u32) {
         if self.node.state() != State::Initialising {
             self.node.set_state(node, ctx.now);

@@ -1,5 +1,5 @@
-//! CANopen parameters: identifiers, transmission types, Node-ID and bit rate; what is in force, what is stored, what a reset puts
-//! back (p. 155).
+//! CANopen parameters: identifiers, transmission types, Node-ID and bit rate. Which values are in force, which are
+//! stored, and which values a reset restores (p. 155).
 
 use super::ram::Registers;
 use super::registers::DEVICE;
@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 
 /// PDOs of each direction.
 pub(super) const PDOS: usize = 8;
-/// Codes of 20F2h and 20F3h are places here, in kbit/s (p. 41).
+/// Bit rates in kbit/s; the index is the code in 20F2h and 20F3h (p. 41).
 const RATES: [u16; 8] = [1000, 500, 250, 125, 100, 50, 20, 10];
 
 /// Bits of a COB-ID.
@@ -18,7 +18,7 @@ const INVALID: u32 = 1 << 31;
 const BIT_30: u32 = 1 << 30;
 const ID: u32 = 0x7FF;
 
-/// Which way a PDO goes.
+/// Direction of a PDO.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Way {
     /// The device receives it.
@@ -28,7 +28,7 @@ pub enum Way {
 }
 
 impl Way {
-    /// Index of its first PDO's parameters.
+    /// Index of the first PDO's parameters.
     fn first(self) -> u16 {
         match self {
             Way::Receive => 0x1400,
@@ -37,25 +37,25 @@ impl Way {
     }
 }
 
-/// What a program has asked for with `PDO_RX_CONFIG` or `PDO_TX_CONFIG` (p. 47-50).
+/// Settings that a program requests by `PDO_RX_CONFIG` or `PDO_TX_CONFIG` (p. 47-50).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct PdoConfig {
-    /// Its identifier, from 380h on; none keeps the one that it has.
+    /// Identifier, from 380h on; `None` keeps the present one.
     pub id: Option<u16>,
-    /// When it is exchanged.
+    /// Transmission type.
     pub kind: Transmission,
-    /// Time after an asynchronous one until the next may be sent, in us.
+    /// Minimum time between two asynchronous PDOs, in us.
     pub inhibit_us: u64,
 }
 
-/// What holds of a PDO.
+/// Parameters of a PDO.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(super) struct Pdo {
-    /// None follows from the Node-ID, or is the factory's.
+    /// COB-ID; `None`: the default from the Node-ID, or of the factory.
     cob_id: Option<u32>,
     /// Transmission type in force.
     pub kind: Transmission,
-    /// Transmission type in the object dictionary, in force from the next begin of Operational on (p. 155).
+    /// Transmission type in the object dictionary, in force from the next start of Operational on (p. 155).
     pub written_kind: Transmission,
     pub inhibit_us: u64,
 }
@@ -69,14 +69,14 @@ impl Pdo {
     }
 }
 
-/// What a device is delivered with.
+/// Values at delivery.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Factory {
     pub node: u8,
     pub kbit_s: u16,
 }
 
-/// The identifiers in force; none where the COB-ID says that there is none.
+/// The identifiers in force; `None` if the COB-ID is marked as unused.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Identifiers {
     #[serde(with = "crate::can::kept")]
@@ -104,7 +104,7 @@ pub(super) struct Communication {
     sdo: [Option<u32>; 2],
     receive: [Pdo; PDOS],
     transmit: [Pdo; PDOS],
-    /// What the program has asked for.
+    /// Settings that the program has requested.
     asked: [[Option<PdoConfig>; PDOS]; 2],
     /// 20F0h to 20F3h as last written.
     entered: [u8; 4],
@@ -125,7 +125,7 @@ impl Communication {
         }
     }
 
-    /// Power-on: what is stored counts, and nothing else is left.
+    /// Handles power-on: takes the stored values, and resets all others.
     pub(super) fn power_on(&mut self, registers: &Registers) {
         let stored = &registers.parameters;
         *self = Communication::new(self.factory);
@@ -136,7 +136,7 @@ impl Communication {
         self.entered = [self.node, self.node, code(kbit_s), code(kbit_s)];
     }
 
-    /// A reset of the communication: what is not stored is as at power-on, but for what the program has asked for.
+    /// Resets the communication: values that are not stored are as at power-on, except for the program's requests.
     pub(super) fn reset(&mut self) {
         self.sdo = [None; 2];
         let [receive, transmit] = self.asked;
@@ -144,12 +144,13 @@ impl Communication {
         self.transmit = transmit.map(Pdo::new);
     }
 
-    /// Operational begins: the transmission types written since the last time are in force (p. 155).
+    /// Handles the start of Operational: the transmission types written since the last time take effect (p. 155).
     pub(super) fn take_over_kinds(&mut self) {
         self.receive.iter_mut().chain(&mut self.transmit).for_each(|pdo| pdo.kind = pdo.written_kind);
     }
 
-    /// The program asks for PDO number `pdo`, from 0, to be so; it is from the next reset of the communication on.
+    /// Records the program's request for PDO number `pdo`, counted from 0; it takes effect at the next reset of the
+    /// communication.
     pub(super) fn ask(&mut self, way: Way, pdo: usize, config: PdoConfig) {
         let [receive, transmit] = &mut self.asked;
         let asked = match way {
@@ -166,7 +167,7 @@ impl Communication {
         if is_rate(stored) { stored } else { self.factory.kbit_s }
     }
 
-    /// The Node-ID in force.
+    /// Returns the Node-ID in force.
     pub(super) fn node(&self) -> u8 {
         self.node
     }
@@ -185,12 +186,12 @@ impl Communication {
         }
     }
 
-    /// What the object dictionary has as default, at this Node-ID.
+    /// Returns the default value in the object dictionary, at this Node-ID.
     fn default(&self, index: u16, sub: u8) -> u32 {
         DEVICE.object(index, sub).map_or(0, |object| object.default.at_node(self.node))
     }
 
-    /// The COB-ID of SYNC (1005h), guarding (100Eh) or emergencies (1014h), which are stored.
+    /// Returns the stored COB-ID of SYNC (1005h), guarding (100Eh) or emergencies (1014h).
     pub(super) fn stored_cob_id(&self, registers: &Registers, index: u16) -> u32 {
         let stored = match index {
             0x1005 => registers.parameters.d_COB_ID_SYNC.load(),
@@ -200,7 +201,7 @@ impl Communication {
         if stored == 0 { self.default(index, 0) } else { stored }
     }
 
-    /// The COB-ID of requests (sub 1) or answers (sub 2) of the SDO.
+    /// Returns the COB-ID of requests (sub 1) or answers (sub 2) of the SDO.
     pub(super) fn sdo_cob_id(&self, sub: u8) -> u32 {
         let own = self.sdo.get(usize::from(sub).wrapping_sub(1)).copied().flatten();
         own.unwrap_or_else(|| self.default(0x1200, sub))
@@ -212,7 +213,7 @@ impl Communication {
         }
     }
 
-    /// The COB-ID of a PDO, from 0.
+    /// Returns the COB-ID of a PDO, counted from 0.
     pub(super) fn pdo_cob_id(&self, way: Way, pdo: usize) -> u32 {
         self.pdo(way, pdo).cob_id.unwrap_or_else(|| self.default(way.first() + pdo as u16, 1))
     }
@@ -221,13 +222,13 @@ impl Communication {
         self.pdo_mut(way, pdo).cob_id = Some(cob_id);
     }
 
-    /// 20F0h to 20F3h: `entry` 0 to 3.
+    /// Returns 20F0h to 20F3h: `entry` 0 to 3.
     pub(super) fn entered(&self, entry: usize) -> u8 {
         self.entered[entry]
     }
 
-    /// Writes 20F0h to 20F3h; `false`: it cannot be that. When both of a pair hold the same changed value it is stored, a
-    /// Node-ID is in force at once, a bit rate after the next power-on (p. 41, 163).
+    /// Writes 20F0h to 20F3h; returns `false` if the value is not permitted. When both entries of a pair have the same
+    /// changed value, it is stored. A Node-ID takes effect at once, a bit rate after the next power-on (p. 41, 163).
     pub(super) fn enter(&mut self, registers: &Registers, entry: usize, value: u8) -> bool {
         let is_node = entry < 2;
         let is_right = if is_node { self::is_node(value) } else { usize::from(value) < RATES.len() };
@@ -246,26 +247,26 @@ impl Communication {
         true
     }
 
-    /// The program sets the bit rate, which is in force and stored.
+    /// Sets the bit rate for the program; it takes effect at once and is stored.
     pub(super) fn set_rate(&mut self, registers: &Registers, kbit_s: u16) {
         self.entered[2..].fill(code(kbit_s));
         registers.parameters.w_KBIT_S.store(kbit_s);
         registers.flags.CANBAUDRATE.store(kbit_s);
     }
 
-    /// Whether the identifier is the one that follows from the Node-ID, or is the factory's.
+    /// Whether the identifier is the default from the Node-ID, or of the factory.
     pub(super) fn is_predefined(&self, way: Way, pdo: usize, id: u16) -> bool {
         self.default(way.first() + pdo as u16, 1) == u32::from(id)
     }
 
-    /// The identifiers in force.
+    /// Returns the identifiers in force.
     pub(super) fn identifiers(&self, registers: &Registers) -> Identifiers {
         let stored = |index| self.stored_cob_id(registers, index);
         let pdos = |way| core::array::from_fn(|pdo| valid(self.pdo_cob_id(way, pdo)));
         Identifiers {
             sync: identifier(stored(0x1005)),
             guarding: identifier(stored(0x100E)),
-            // P. 157: bit 30 says that there are any.
+            // P. 157: bit 30 is set if the node sends emergencies.
             emergency: Some(stored(0x1014)).filter(|cob_id| cob_id & BIT_30 != 0).and_then(identifier),
             sdo_request: valid(self.sdo_cob_id(1)),
             sdo_answer: valid(self.sdo_cob_id(2)),
@@ -276,7 +277,7 @@ impl Communication {
     }
 }
 
-/// Whether something can be a COB-ID here: 11 bits that are not 0, no frames of 29 bits (D-419).
+/// Whether a value is a valid COB-ID: 11 bits above 0, no frames of 29 bits (D-419).
 pub(super) fn is_cob_id(value: u32) -> bool {
     value & ID != 0 && value & !(INVALID | BIT_30 | ID) == 0
 }
@@ -289,17 +290,17 @@ fn valid(cob_id: u32) -> Option<StandardId> {
     Some(cob_id).filter(|cob_id| cob_id & INVALID == 0).and_then(identifier)
 }
 
-/// The code of a bit rate.
+/// Returns the code of a bit rate.
 fn code(kbit_s: u16) -> u8 {
     RATES.iter().position(|rate| *rate == kbit_s).unwrap_or(3) as u8
 }
 
-/// Whether a Node-ID can have this value.
+/// Whether a number is a valid Node-ID.
 pub(super) fn is_node(number: u8) -> bool {
     (1..=127).contains(&number)
 }
 
-/// Whether the device can be set to so many kbit/s.
+/// Whether the device supports a bit rate in kbit/s.
 pub(super) fn is_rate(kbit_s: u16) -> bool {
     RATES.contains(&kbit_s)
 }

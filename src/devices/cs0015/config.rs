@@ -27,19 +27,19 @@ use toml::de::{Error, ValueDeserializer};
 pub struct Cs0015Config {
     /// Name, unique among the devices.
     pub name: String,
-    /// Name of its bus.
+    /// Name of the bus.
     pub bus: Option<String>,
-    /// Node-ID that it is delivered with, 1 to 127.
+    /// Node-ID at delivery, 1 to 127.
     pub node_id: u8,
-    /// Bit rate that it is delivered with, in kbit/s.
+    /// Bit rate at delivery, in kbit/s.
     pub kbit_s: u16,
-    /// What it sends when it has started.
+    /// Boot-up message.
     pub boot_up: BootUp,
-    /// Who its program is.
+    /// The program of the controller.
     pub program: Program,
 }
 
-/// The section as it is written.
+/// Keys of the section in the plant file.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 #[serde(expecting = "a CS0015: a table with its settings")]
@@ -62,7 +62,7 @@ struct Section {
     pdo_rx: Vec<Spanned<PdoSection>>,
 }
 
-/// What a program hands to `PDO_TX_CONFIG` or `PDO_RX_CONFIG` (p. 47-50).
+/// Settings that a program gives to `PDO_TX_CONFIG` or `PDO_RX_CONFIG` (p. 47-50).
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 #[serde(expecting = "a PDO: a table with its settings")]
@@ -73,7 +73,7 @@ struct PdoSection {
     inhibit_ms: Option<u64>,
 }
 
-/// What a program hands to `NMS_GUARDING_CONFIG` (p. 46).
+/// Settings that a program gives to `NMS_GUARDING_CONFIG` (p. 46).
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 #[serde(expecting = "node guarding: a table with its settings")]
@@ -94,7 +94,7 @@ impl GuardingSection {
     }
 }
 
-/// Takes the value of a key if it is in its range.
+/// Returns the value of a key if it is in its range.
 fn checked<T: Copy + Into<u64>>(
     what: &'static str,
     name: &str,
@@ -176,7 +176,7 @@ impl Cs0015Config {
 }
 
 impl Section {
-    /// Refuses what only a master has.
+    /// Refuses keys that only a master has.
     fn has_no_master(&self) -> Result<(), Error> {
         let spans = [
             self.nodes.as_ref().map(Spanned::span),
@@ -188,7 +188,7 @@ impl Section {
         spans.into_iter().flatten().next().map_or(Ok(()), |span| Err(refused_at(span, text.to_owned())))
     }
 
-    /// What the program of a master is told; `span` is that of `program`.
+    /// Returns the settings of a master's program; `span` is the position of key `program`.
     fn master(&self, own: u8, span: core::ops::Range<usize>) -> Result<MasterConfig, Error> {
         let name = self.name.as_str();
         let Some(nodes) = &self.nodes else {

@@ -1,5 +1,5 @@
-//! What `commram demo --device cs0015` shows: a master and a slave at one bus, the start of the network, PDOs both ways, a slave that
-//! is missing (Systemhandbuch Platinensteuerung CS0015).
+//! The demo of `commram demo --device cs0015`: a master and a slave at one bus, the start of the network, PDOs in both
+//! directions, a missing slave (Systemhandbuch Platinensteuerung CS0015).
 
 use super::registers::DEVICE;
 use crate::devices::demo::{Actor, Demo, DemoError, Show};

@@ -1,4 +1,4 @@
-//! What the operating system finds wrong with the hardware, and how it tells (p. 18-19, 44).
+//! Errors of the hardware that the operating system finds, and their reports (p. 18-19, 44).
 
 use super::hardware::Defects;
 use crate::devices::canopen::emergency::Cause;
@@ -10,7 +10,7 @@ const SHORT_CIRCUIT: Cause = Cause { code: 0x2300, register: 1 << 1 };
 const VOLTAGE: Cause = Cause { code: 0x3200, register: 1 << 2 };
 const TEMPERATURE: Cause = Cause { code: 0x4000, register: 1 << 3 };
 
-/// What was found.
+/// Errors found.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Diagnosis {
     /// Outputs that have switched themselves off, bit n for output n.
@@ -21,7 +21,8 @@ pub(super) struct Diagnosis {
 }
 
 impl Diagnosis {
-    /// What there is to be found while the program has these outputs on: of an output that is off nothing is known (D-460).
+    /// Returns the errors that the operating system can find while the program has the outputs `wanted` on; it cannot
+    /// check an output that is off (D-460).
     pub(super) fn of(defects: &Defects, wanted: u16) -> Self {
         Diagnosis {
             short_circuits: defects.short_circuits & wanted,
@@ -31,7 +32,7 @@ impl Diagnosis {
         }
     }
 
-    /// Whether something is wrong that was not `before`.
+    /// Whether an error is present that `before` does not have.
     pub(super) fn has_more_than(&self, before: &Diagnosis) -> bool {
         self.short_circuits & !before.short_circuits != 0
             || self.wire_breaks & !before.wire_breaks != 0
@@ -39,7 +40,7 @@ impl Diagnosis {
             || self.is_hot && !before.is_hot
     }
 
-    /// Every error that there can be, with bytes 3 to 7 of its emergency if it is there.
+    /// Returns every possible error, with bytes 3 to 7 of its emergency if it is present.
     pub(super) fn errors(&self) -> [(Cause, Option<[u8; 5]>); 4] {
         let of_outputs = |outputs: u16| {
             let [low, high] = outputs.to_le_bytes();

@@ -1,4 +1,4 @@
-//! The object dictionary as an SDO meets it: what stands in `layouts/cs0015/objects.toml`, with the values of the moment.
+//! The object dictionary for SDOs: the entries of `layouts/cs0015/objects.toml` with their present values.
 
 use super::communication::{Communication, Way, is_cob_id};
 use super::ram::{RETAIN_BYTES, Registers};
@@ -9,14 +9,14 @@ use crate::layout::Object;
 use crate::layout::object::{Access, Default, Type};
 use crate::memory::Cell16;
 
-/// The entries, while a request is served.
+/// The entries, for one request.
 pub(super) struct Entries<'a> {
     pub communication: &'a mut Communication,
     pub registers: &'a Registers,
     pub error_register: u8,
 }
 
-/// What a PDO's parameter is: which way, which PDO from 0.
+/// Returns direction and number, from 0, of the PDO for a parameter's index.
 fn parameter(index: u16) -> Option<(Way, usize)> {
     match index {
         0x1400..=0x1407 => Some((Way::Receive, usize::from(index - 0x1400))),
@@ -25,7 +25,7 @@ fn parameter(index: u16) -> Option<(Way, usize)> {
     }
 }
 
-/// The entry, if there is one that is implemented.
+/// Returns the entry, if it exists and is implemented.
 fn object(at: At) -> Result<&'static Object, Abort> {
     let found = DEVICE.object(at.index, at.sub).filter(|object| object.access != Access::NotImplemented);
     found.ok_or_else(|| {
@@ -37,7 +37,7 @@ fn object(at: At) -> Result<&'static Object, Abort> {
 }
 
 impl Entries<'_> {
-    /// The word of a PDO that is an entry of its own (D-411).
+    /// Returns the PDO word of an entry (D-411).
     fn word(&self, at: At) -> Option<&Cell16> {
         let word = usize::from(at.sub).checked_sub(1)?;
         match at.index {
@@ -49,7 +49,7 @@ impl Entries<'_> {
         }
     }
 
-    /// A number, of whatever width.
+    /// Returns a number of any width.
     fn number(&self, at: At, object: &Object) -> u32 {
         let (communication, registers) = (&*self.communication, self.registers);
         if let Some(word) = self.word(at) {

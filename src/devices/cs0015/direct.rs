@@ -1,11 +1,11 @@
-//! CAN as a program uses it by itself: a queue for each identifier that it has made known (p. 22-23, 33-34).
+//! CAN used by a program directly: a queue for each identifier that the program has registered (p. 22-23, 33-34).
 
 use crate::can::{Frame, StandardId};
 use embedded_can::{Frame as _, Id};
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
-/// Messages that a queue holds (p. 22).
+/// Most messages in a queue (p. 22).
 const DEPTH: usize = 30;
 
 /// The messages of an identifier.
@@ -14,18 +14,18 @@ struct Queue {
     #[serde(with = "crate::can::kept")]
     id: StandardId,
     messages: VecDeque<Vec<u8>>,
-    /// At least one was lost.
+    /// At least one message was lost.
     has_overflown: bool,
 }
 
-/// What a call of `CAN_RECEIVE` finds.
+/// Result of a call of `CAN_RECEIVE`.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Found {
-    /// How many messages there were, this one included.
+    /// Number of waiting messages, including this one.
     pub available: u8,
-    /// At least one was lost.
+    /// At least one message was lost.
     pub has_overflown: bool,
-    /// The oldest one; empty if there is none.
+    /// Data of the oldest message; empty without a message.
     pub data: Vec<u8>,
 }
 
@@ -36,7 +36,7 @@ pub(super) struct Direct {
 }
 
 impl Direct {
-    /// Makes an identifier known: from now on its messages are kept, `false` if they have been before.
+    /// Registers an identifier, so that its messages are kept; returns `false` if it was registered before.
     pub(super) fn configure(&mut self, id: StandardId) -> bool {
         let is_new = self.queues.iter().all(|queue| queue.id != id);
         if is_new {
@@ -45,18 +45,18 @@ impl Direct {
         is_new
     }
 
-    /// Nothing is known any more.
+    /// Removes all identifiers.
     pub(super) fn clear(&mut self) {
         self.queues.clear();
     }
 
-    /// The identifiers that are known.
+    /// Returns the registered identifiers.
     pub(super) fn ids(&self) -> impl Iterator<Item = StandardId> {
         self.queues.iter().map(|queue| queue.id)
     }
 
-    /// Puts a received frame into the queue of its identifier, if there is one. `false`: the queue is full and the frame is
-    /// lost.
+    /// Puts a received frame into the queue of its identifier, if the identifier is registered. Returns `false` if the
+    /// queue is full and the frame is lost.
     pub(super) fn received(&mut self, frame: &Frame) -> bool {
         let queue = self.queues.iter_mut().find(|queue| frame.id() == Id::Standard(queue.id));
         let Some(queue) = queue.filter(|_| frame.is_data_frame()) else { return true };
@@ -69,7 +69,8 @@ impl Direct {
         has_room
     }
 
-    /// Takes the oldest message of an identifier; if `is_to_clear`, all are thrown away. None: nobody has made it known.
+    /// Takes the oldest message of an identifier, or discards all if `is_to_clear`. Returns `None` if the identifier is
+    /// not registered.
     pub(super) fn take(&mut self, id: StandardId, is_to_clear: bool) -> Option<Found> {
         let queue = self.queues.iter_mut().find(|queue| queue.id == id)?;
         if is_to_clear {

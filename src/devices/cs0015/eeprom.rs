@@ -3,7 +3,7 @@
 use super::ram::Registers;
 use serde::{Deserialize, Serialize};
 
-/// How long it takes to write 768 bytes, 16 at a time, and to read them, in us (D-474).
+/// Time for writing 768 bytes, 16 at a time, and for reading them, in us (D-474).
 const WRITE_US: u64 = 480_000;
 const READ_US: u64 = 20_000;
 
@@ -12,7 +12,7 @@ const INACTIVE: u32 = 0;
 const FINISHED: u32 = 1;
 const WORKING: u32 = 2;
 
-/// Which function it is.
+/// Function of the EEPROM.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) enum Access {
     /// `E2WRITE`.
@@ -21,25 +21,25 @@ pub(super) enum Access {
     Read,
 }
 
-/// A function at work.
+/// A function in progress.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 struct Work {
     access: Access,
     until: u64,
-    /// The flags as they were when a write began.
+    /// The flags at the begin of a write.
     flags: Vec<u16>,
 }
 
-/// The EEPROM.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Eeprom {
     work: Option<Work>,
-    /// The function that has ended and is still enabled.
+    /// Function that has ended and is still enabled.
     done: Option<Access>,
 }
 
 impl Eeprom {
-    /// A call of the function. One that is at work goes on to its end, enabled or not; the other one waits for it.
+    /// Handles a call of a function. A function in progress continues to its end, enabled or not; the other function
+    /// waits for it.
     pub(super) fn call(&mut self, access: Access, is_enabled: bool, registers: &Registers, now: u64) -> u32 {
         if !is_enabled {
             self.done = self.done.filter(|done| *done != access);
@@ -60,12 +60,12 @@ impl Eeprom {
         WORKING
     }
 
-    /// When the function at work ends; `u64::MAX` if there is none.
+    /// Returns the end of the function in progress; `u64::MAX` if there is none.
     pub(super) fn next_time(&self) -> u64 {
         self.work.as_ref().map_or(u64::MAX, |work| work.until)
     }
 
-    /// Ends what is due: only then has the EEPROM the new content, or the flags.
+    /// Ends a due function: only now the EEPROM, or the flags, get the new content.
     pub(super) fn due(&mut self, registers: &Registers, now: u64) {
         let Some(work) = self.work.take_if(|work| work.until <= now) else { return };
         let (flags, kept) = (&registers.function.a_FUNCTION, &registers.parameters);

@@ -3,7 +3,7 @@
 use crate::devices::Events;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// A cycle of the program begins: inputs and flags are as it finds them.
+/// A cycle of the program begins; inputs and flags are updated.
 pub(super) const CYCLE: usize = 1;
 
 /// The interrupt program of 1 ms runs (p. 118).
@@ -12,7 +12,7 @@ pub(super) const INTERRUPT: usize = 2;
 /// No event: the program was ordered to start or stop.
 const ORDER: usize = 15;
 
-/// Interrupt level of an event; none if there is no such event.
+/// Returns the interrupt level of an event; `None` if the event does not exist.
 pub(super) fn level(event: usize) -> Option<u8> {
     match event {
         CYCLE => Some(1),
@@ -21,32 +21,32 @@ pub(super) fn level(event: usize) -> Option<u8> {
     }
 }
 
-/// Events on their way from the port, where the program's cycles are counted, to the device: bit n for event n.
+/// Events on their way from the port, which counts the program's cycles, to the device: bit n for event n.
 #[derive(Clone, Default)]
 pub(super) struct Pulses(Arc<Mutex<u16>>);
 
 impl Pulses {
-    /// An event has occurred.
+    /// Adds an event.
     pub(super) fn add(&self, event: usize) {
         *self.0.lock().unwrap_or_else(PoisonError::into_inner) |= 1 << event;
     }
 
-    /// The program was ordered to start.
+    /// Adds an order to the program to start.
     pub(super) fn add_order(&self) {
         self.add(ORDER);
     }
 
-    /// Those under way.
+    /// Returns the events on their way.
     pub(super) fn waiting(&self) -> u16 {
         *self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Others are under way instead.
+    /// Replaces the events on their way.
     pub(super) fn replace(&self, pulses: u16) {
         *self.0.lock().unwrap_or_else(PoisonError::into_inner) = pulses;
     }
 
-    /// What has occurred since the last call.
+    /// Passes the events since the last call on.
     pub(super) fn pass_to(&self, events: &mut Events) {
         let fired = core::mem::take(&mut *self.0.lock().unwrap_or_else(PoisonError::into_inner));
         events.fired |= fired & !(1 << ORDER);

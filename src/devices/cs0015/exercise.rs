@@ -1,8 +1,8 @@
-//! Exercises for `commram soak`: a CANopen slave and the master that asks it, and a master with an I/O module.
+//! Exercises for `commram soak`: a CANopen slave with a master that reads and writes its entries, and a master with an
+//! I/O module.
 
 use crate::devices::exercise::{Exercise, Move, Wrong};
 
-/// All of them.
 pub(in crate::devices) static EXERCISES: [&Exercise; 2] = [&SLAVE, &MASTER];
 
 static SLAVE: Exercise = Exercise {

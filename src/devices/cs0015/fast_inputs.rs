@@ -1,29 +1,29 @@
-//! Fast inputs: signals at inputs 0 to 3, and what `FREQUENCY`, `CYCLE` and `INC_ENCODER` make of them (p. 96-99).
+//! Fast inputs: signals at inputs 0 to 3, and the functions `FREQUENCY`, `CYCLE` and `INC_ENCODER` (p. 96-99).
 
 use serde::{Deserialize, Serialize};
 
-/// Inputs that are fast.
+/// Number of fast inputs.
 pub(super) const INPUTS: usize = 4;
 /// Encoders: channels A and B at inputs 0 and 1, 2 and 3.
 pub(super) const ENCODERS: usize = 2;
 /// A whole period of a signal, in millihertz times microseconds.
 const PERIOD: u64 = 1_000_000_000;
-/// Longest time that `CYCLE` tells, in ms.
+/// Longest time that `CYCLE` returns, in ms.
 const MOST_MS: u64 = 65_535;
 
-/// A square wave from some time on.
+/// A square wave with its begin.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 struct Wave {
     mhz: u32,
     since: u64,
-    /// How far it was then, in parts of a period.
+    /// Phase at the begin, in parts of a period.
     from: u64,
-    /// Positive edges by then.
+    /// Number of positive edges at the begin.
     edges: u64,
 }
 
 impl Wave {
-    /// Parts of a period, from the last edge before its begin on.
+    /// Returns the phase, in parts of a period, from the last edge before the begin on.
     fn way(&self, now: u64) -> u64 {
         self.from + now.saturating_sub(self.since) * u64::from(self.mhz)
     }
@@ -33,16 +33,16 @@ impl Wave {
     }
 }
 
-/// The signal at an input. It goes on where it is when its frequency changes.
+/// The signal at an input. Its phase is continuous when the frequency changes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Signal {
     wave: Wave,
-    /// As it was before its last change.
+    /// Wave before the last change.
     before: Wave,
 }
 
 impl Signal {
-    /// From `now` on it has this frequency in mHz; 0 stands still.
+    /// Changes the frequency to this value in mHz from `now` on; 0 stops the signal.
     pub(super) fn set(&mut self, mhz: u32, now: u64) {
         if mhz != self.wave.mhz {
             let (way, edges) = (self.wave.way(now) % PERIOD, self.wave.edges(now));
@@ -50,17 +50,18 @@ impl Signal {
         }
     }
 
-    /// Positive edges so far; of times before its last but one change those by then.
+    /// Returns the number of positive edges so far. For a time before the last two changes, returns the number at the
+    /// earlier change.
     fn edges(&self, now: u64) -> u64 {
         if now < self.wave.since { self.before.edges(now) } else { self.wave.edges(now) }
     }
 
-    /// Whether it is high, in the first half of each period; none if there is no signal.
+    /// Whether the signal is high, in the first half of each period; `None` without a signal.
     pub(super) fn level(&self, now: u64) -> Option<bool> {
         (self.wave.mhz != 0).then(|| self.wave.way(now) % PERIOD < PERIOD / 2)
     }
 
-    /// Time from one edge to the next in ms, 0 if it stands still.
+    /// Returns the time from one edge to the next in ms, 0 for a stopped signal.
     fn cycle_ms(&self) -> u64 {
         // A frequency in mHz is a period of 1000000 / mHz in ms.
         let mhz = u64::from(self.wave.mhz);
@@ -71,7 +72,7 @@ impl Signal {
 /// `CYCLE` at an input.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 struct Cycle {
-    /// Edges when it was initialised; none if it has not been.
+    /// Number of edges at the initialisation; `None` before.
     from: Option<u64>,
     ms: u16,
 }
@@ -79,19 +80,19 @@ struct Cycle {
 /// `INC_ENCODER` at a pair of inputs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 struct Encoder {
-    /// Edges of channel A when they were last counted; none if it has not been initialised.
+    /// Number of edges of channel A at the last count; `None` before the initialisation.
     from: Option<u64>,
     counter: i32,
 }
 
-/// What `INC_ENCODER` tells.
+/// Results of `INC_ENCODER`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Counted {
     /// COUNTER.
     pub counter: i32,
-    /// UP: it has counted up since the last call.
+    /// UP: the counter has counted up since the last call.
     pub is_up: bool,
-    /// DOWN: it has counted down since the last call.
+    /// DOWN: the counter has counted down since the last call.
     pub is_down: bool,
 }
 
@@ -101,19 +102,19 @@ pub(super) struct FastInputs {
     pub signals: [Signal; INPUTS],
     /// Encoders that turn backwards: B is ahead of A.
     pub is_backwards: [bool; ENCODERS],
-    /// When `FREQUENCY` was initialised.
+    /// Time of the initialisation by `FREQUENCY`.
     frequencies: [Option<u64>; INPUTS],
     cycles: [Cycle; INPUTS],
     encoders: [Encoder; ENCODERS],
 }
 
 impl FastInputs {
-    /// Power-on: the signals go on, nothing is measured.
+    /// Handles power-on: the signals continue, and all measurements are reset.
     pub(super) fn power_on(&mut self) {
         *self = FastInputs { signals: self.signals, is_backwards: self.is_backwards, ..Self::default() };
     }
 
-    /// The levels of the inputs at which there are signals, and which those are, bit n for input n.
+    /// Returns the levels of the inputs with signals, and a mask of these inputs, bit n for input n.
     pub(super) fn levels(&self, now: u64) -> (u16, u16) {
         let mut levels = (0, 0);
         for (input, signal) in self.signals.iter().enumerate() {
@@ -125,7 +126,8 @@ impl FastInputs {
         levels
     }
 
-    /// `FREQUENCY` (p. 97): positive edges within TIMEBASE, in Hz; what the last whole one had, 0 before.
+    /// Runs `FREQUENCY` (p. 97): returns positive edges within TIMEBASE, in Hz, of the last complete time base; 0
+    /// before.
     pub(super) fn frequency(&mut self, input: u8, is_init: bool, base_us: u64, now: u64) -> u16 {
         let signal = &self.signals[usize::from(input)];
         let from = &mut self.frequencies[usize::from(input)];
@@ -133,7 +135,7 @@ impl FastInputs {
             *from = Some(now);
         }
         let Some(from) = *from else { return 0 };
-        // Whoever asks late is told of the last base that is over.
+        // A late call gets the last complete time base.
         let base_us = base_us.max(1);
         let Some(last) = ((now - from) / base_us).checked_sub(1) else { return 0 };
         let begin = from + last * base_us;
@@ -141,7 +143,7 @@ impl FastInputs {
         u16::try_from((edges * 1_000_000 + base_us / 2) / base_us).unwrap_or(u16::MAX)
     }
 
-    /// `CYCLE` (p. 98): time between two positive edges in ms, once there have been two.
+    /// Runs `CYCLE` (p. 98): returns the time between two positive edges in ms, after two edges.
     pub(super) fn cycle(&mut self, input: u8, is_init: bool, now: u64) -> u16 {
         let signal = &self.signals[usize::from(input)];
         let it = &mut self.cycles[usize::from(input)];
@@ -154,7 +156,7 @@ impl FastInputs {
         it.ms
     }
 
-    /// `INC_ENCODER` (p. 99): positive edges of channel A, up or down.
+    /// Runs `INC_ENCODER` (p. 99): counts positive edges of channel A, up or down.
     pub(super) fn encoder(&mut self, encoder: u8, is_init: bool, preset: Option<i32>, now: u64) -> Counted {
         let is_backwards = self.is_backwards[usize::from(encoder)];
         let edges = self.signals[2 * usize::from(encoder)].edges(now);
@@ -169,7 +171,7 @@ impl FastInputs {
             return Counted { counter: preset, is_up: false, is_down: false };
         }
         let steps = edges - before;
-        // It counts on beyond either end.
+        // The counter wraps at both ends.
         let by = steps as i32;
         it.counter = it.counter.wrapping_add(if is_backwards { by.wrapping_neg() } else { by });
         let has_moved = steps != 0;

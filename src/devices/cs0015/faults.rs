@@ -1,41 +1,41 @@
-//! Kinds of faults of a CS0015: what its operating system checks (p. 18-19, 44).
+//! Fault kinds of a CS0015: the conditions that its operating system checks (p. 18-19, 44).
 
 use crate::fault::{self, Fault, Field, Form, Kind, Place};
 
-/// Outputs that there are.
+/// Number of outputs.
 pub(super) const OUTPUTS: u8 = 16;
 
-/// What is wrong.
+/// Effect of a fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Effect {
-    /// This output, 0 to 15, has a short circuit.
+    /// A short circuit at this output, 0 to 15.
     ShortCircuit(u8),
-    /// Nothing is connected to this output, 0 to 15.
+    /// A broken wire at this output, 0 to 15.
     WireBreak(u8),
-    /// The supply.
+    /// A fault of the supply.
     Supply(Wrong),
-    /// It is warmer than 85 degrees.
+    /// A temperature above 85 degrees.
     Hot,
     /// An error in the memory.
     Memory,
-    /// An error that it cannot go on with.
+    /// An error after which the device cannot continue.
     Fatal,
-    /// Its CAN controller cannot be initialised.
+    /// The CAN controller cannot be initialised.
     NoCan,
-    /// Its program does not come to the end of a cycle.
+    /// The program does not reach the end of a cycle.
     Hang,
 }
 
-/// What is wrong with the supply.
+/// Fault of the supply.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Wrong {
-    /// It is too low or too high.
+    /// The voltage is too low or too high.
     Voltage,
-    /// It is gone.
+    /// The supply is off.
     Gone,
 }
 
-/// What can be wrong with the supply, of which a fault has the place.
+/// Names of the faults of the supply; a fault stores the index.
 const WRONG: &[&str] = &["under", "over", "drop"];
 
 const OUTPUT: Field =
@@ -122,6 +122,6 @@ static HANG: Kind = Kind::new(
 .without_hits()
 .shown("duration=1s");
 
-/// All kinds.
+/// All fault kinds.
 pub static KINDS: &[&Kind] =
     &[&SHORT_CIRCUIT, &WIRE_BREAK, &SUPPLY, &TEMPERATURE, &MEMORY, &FATAL, &CAN_INIT, &HANG];

@@ -1,4 +1,4 @@
-//! The device itself, besides its port: its supply, what it keeps without it, and what is wrong with its hardware.
+//! The device outside its port: its supply, its retained data, and faults of its hardware.
 
 use super::command::Readiness;
 use super::events::{self, Pulses};
@@ -16,37 +16,37 @@ use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 use serde::{Deserialize, Serialize};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// What the firmware at the port finds wrong with the hardware.
+/// Faults of the hardware as the firmware at the port sees them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Defects {
     /// Outputs with a short circuit, bit n for output n.
     pub short_circuits: u16,
-    /// Outputs whose wire is broken, bit n for output n.
+    /// Outputs with a broken wire, bit n for output n.
     pub wire_breaks: u16,
     /// The supply is too low or too high.
     pub has_wrong_voltage: bool,
-    /// It is warmer than 85 degrees.
+    /// The temperature is above 85 degrees.
     pub is_hot: bool,
-    /// An error has been found that it cannot go on with.
+    /// An error was found after which the device cannot continue.
     pub is_fatal: bool,
     /// The CAN controller cannot be initialised.
     pub has_no_can: bool,
-    /// The program does not come to the end of a cycle.
+    /// The program does not reach the end of a cycle.
     pub is_hanging: bool,
-    /// There is no supply.
+    /// The supply is off.
     pub has_dropped: bool,
-    /// The firmware wants the supply off and on.
+    /// The firmware requests to switch the supply off and on.
     pub wants_restart: bool,
     /// The operating system was erased since the last reset.
     pub has_been_erased: bool,
 }
 
-/// What the device and the firmware at its port both know.
+/// State that the device and the firmware at its port share.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Shared(Arc<Mutex<Defects>>);
 
 impl Shared {
-    /// What is wrong now.
+    /// Returns the present faults.
     pub(super) fn defects(&self) -> Defects {
         *self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -55,18 +55,18 @@ impl Shared {
         change(&mut self.0.lock().unwrap_or_else(PoisonError::into_inner));
     }
 
-    /// The device is to start anew, as if its supply went off and on.
+    /// Requests a restart of the device, as after switching the supply off and on.
     pub(super) fn restart(&self) {
         self.change(|defects| defects.wants_restart = true);
     }
 
-    /// The operating system was erased.
+    /// Notes that the operating system was erased.
     pub(super) fn erased(&self) {
         self.change(|defects| defects.has_been_erased = true);
     }
 }
 
-/// What is no port's.
+/// The parts of the device outside its port.
 pub(super) struct Hardware {
     retained: Retained,
     shared: Shared,
@@ -89,12 +89,12 @@ impl Hardware {
         Ok(Hardware { retained, shared, flags, face, has_program, pulses, events })
     }
 
-    /// Operating state, as `state` of the front.
+    /// Returns the operating state, as in `state` of the front.
     fn state(&self) -> u32 {
         self.face.front[FRONT_STATE].load()
     }
 
-    /// Whether there is an operating system at work that can find anything.
+    /// Whether an operating system is running that can find faults.
     fn is_at_work(&self) -> bool {
         matches!(self.state(), state::RESET | state::RUN | state::STOP)
     }
@@ -119,7 +119,7 @@ impl SnapshotFields for Hardware {
 
 impl Firmware for Hardware {
     fn start(&mut self, _: &mut Context) {
-        // Before the port reads them.
+        // Called before the port reads the parameters.
         self.retained.keep();
         self.shared.change(|defects| (defects.is_fatal, defects.has_been_erased) = (false, false));
     }
@@ -162,7 +162,7 @@ impl Firmware for Hardware {
                 let is_new = !self.shared.defects().is_fatal;
                 is_new.then(|| self.shared.change(|defects| defects.is_fatal = true))?;
             }
-            // They are there as long as the fault acts.
+            // These conditions are present while the fault is active.
             Effect::ShortCircuit(_)
             | Effect::WireBreak(_)
             | Effect::Supply(_)

@@ -1,33 +1,33 @@
-//! The interrupt program of 1 ms (p. 118): event 2, and the inputs and outputs that it has each time.
+//! The interrupt program of 1 ms (p. 118): event 2, and its inputs and outputs in each run.
 
 use super::events::{INTERRUPT, Pulses};
 use super::peripherals::Peripherals;
 use super::ram::Registers;
 use serde::{Deserialize, Serialize};
 
-/// Its period in us.
+/// Period in us.
 const PERIOD_US: u64 = 1_000;
-/// Inputs %IX0.00 to %IX0.07 and outputs %QX0.00 to %QX0.07, the only ones that it has.
+/// The inputs and outputs of the interrupt program: %IX0.00 to %IX0.07 and %QX0.00 to %QX0.07.
 const OWN: u16 = 0x00FF;
 
-/// When it runs.
+/// Schedule of the interrupt program.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Interrupt {
     next: Option<u64>,
 }
 
 impl Interrupt {
-    /// `SET_INTERRUPT_1MS`: it runs from `now` on, or no longer.
+    /// Runs `SET_INTERRUPT_1MS`: starts the interrupt program at `now`, or stops it.
     pub(super) fn set(&mut self, is_on: bool, now: u64) {
         self.next = is_on.then_some(now + PERIOD_US);
     }
 
-    /// When it runs next; `u64::MAX` if it does not.
+    /// Returns the time of the next run; `u64::MAX` if it is off.
     pub(super) fn next_time(&self) -> u64 {
         self.next.unwrap_or(u64::MAX)
     }
 
-    /// What the last run has left goes to the outputs, and the next one is given its inputs, if it is due.
+    /// If a run is due, writes the outputs of the last run, and reads the inputs for the next one.
     pub(super) fn due(
         &mut self,
         registers: &Registers,

@@ -8,7 +8,7 @@ use super::registers::values::{bool, job};
 use crate::devices::canopen::nmt::{Command, State};
 use crate::devices::cr201x::Model;
 
-/// How long the boot-up of the network takes, in us (p. 73: more than 2 s).
+/// Duration of the network's boot-up, in us (p. 73: more than 2 s).
 const BOOT_UP_US: u64 = 2_000_000;
 /// CFG_RESULT: read or written; not yet (p. 77).
 const DONE: u32 = 1;
@@ -33,7 +33,7 @@ fn number_of_nodes(job: &Job) -> Result<u8, OutOfRange> {
     Ok(job.argument(0, 1..=127)? as u8)
 }
 
-/// Makes the device the master of nodes 1 to NO_NODE, and is done 2 s later (p. 73, D-449).
+/// Makes the device the master of nodes 1 to NO_NODE, and finishes 2 s later (p. 73, D-449).
 fn boot_up(desk: Desk, job: &Job) -> Outcome {
     let count = number_of_nodes(job)?;
     let (guard_ms, life) = (job.argument(1, 0..=65_535)?, job.argument(2, 0..=255)? as u8);
@@ -62,7 +62,7 @@ fn boot_up(desk: Desk, job: &Job) -> Outcome {
     Err(Refusal::Later)
 }
 
-/// Sends SYNC objects, asks the nodes for their states and notes those that are missing (p. 75-76).
+/// Sends SYNC objects, requests the states of the nodes, and notes missing nodes (p. 75-76).
 fn main(mut desk: Desk, job: &Job) -> Outcome {
     number_of_nodes(job)?;
     let sync_us = u64::from(job.argument(1, 0..=65_535)?) * 1000;
@@ -76,7 +76,7 @@ fn main(mut desk: Desk, job: &Job) -> Outcome {
         nmt.io.forget_missing();
     }
     if sync_us != 0 && now >= nmt.io.next_sync && has_room(node, controller) {
-        // Behind by more than one, it begins anew.
+        // After a delay of more than one period the schedule restarts.
         let next = nmt.io.next_sync + sync_us;
         nmt.io.next_sync = if next > now { next } else { now + sync_us };
         node.send_sync(now);
@@ -84,7 +84,8 @@ fn main(mut desk: Desk, job: &Job) -> Outcome {
     Ok(Answer { data: nmt.io.missing().to_vec(), ..Answer::default() })
 }
 
-/// Writes and reads the configuration of a module, entry by entry (p. 77-79, 81-83). Until it is finished the order stays.
+/// Writes and reads the configuration of a module, entry by entry (p. 77-79, 81-83). The order remains until it is
+/// finished.
 fn configure(mut desk: Desk, job: &Job, model: Model) -> Outcome {
     let number = job.argument(0, NODES)? as u8;
     let (is_read, is_write) = (job.argument(2, 0..=1)? != 0, job.argument(3, 0..=1)? != 0);
@@ -126,7 +127,7 @@ fn configure(mut desk: Desk, job: &Job, model: Model) -> Outcome {
     Err(Refusal::Later)
 }
 
-/// Exchanges the words of a module that is Operational (p. 80, 84-85). What has not changed is not sent again.
+/// Exchanges the words of an Operational module (p. 80, 84-85). Unchanged values are not sent again.
 fn work(mut desk: Desk, job: &Job, model: Model) -> Outcome {
     let (is_init, number) = (job.argument(0, 0..=1)? != 0, job.argument(1, NODES)? as u8);
     let (nmt, node, controller) = master(&mut desk).ok_or(Refusal::State)?;

@@ -1,4 +1,4 @@
-//! I/O modules as their master knows them: what they are configured as, and their words in the flags (p. 71-85).
+//! I/O modules, master side: their configuration, and their words in the flags (p. 71-85).
 
 use super::ram::Registers;
 use crate::devices::canopen::sdo::At;
@@ -6,37 +6,37 @@ use crate::devices::cr201x::{CHANNELS, Channels, Model, Role};
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
-/// Numbers of modules whose words have a place in the flags (p. 71).
+/// Numbers of modules that have words in the flags (p. 71).
 pub(super) const NODES: core::ops::RangeInclusive<u32> = 1..=32;
-/// Missing nodes that `COP_MSTR_MAIN` notes (p. 75).
+/// Most missing nodes that `COP_MSTR_MAIN` notes (p. 75).
 const MISSING: usize = 8;
-/// The entries of a module's object dictionary that its configuration is in (D-451).
+/// The entries with the configuration in a module's object dictionary (D-451).
 const CONNECTORS: u16 = 0x2000;
 const PWM: At = At { index: 0x2001, sub: 0 };
 
-/// What goes to a module: a bit for each connector, and four words; none of what it does not have.
+/// Outputs of a module: a bit for each connector, and four words; `None` for outputs that the module does not have.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Sent {
     pub bits: Option<u8>,
     pub words: Option<[u16; 4]>,
 }
 
-/// A module whose configuration has been read.
+/// A module with a known configuration.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Slave {
     pub node: u8,
     pub channels: Channels,
     /// `SLAVE_CRxxxx_WORK` was called with INIT.
     pub is_known: bool,
-    /// What it has told last.
+    /// Inputs as last received.
     pub bits: u8,
     pub words: [u16; 4],
-    /// What it was sent since it is Operational.
+    /// Outputs sent since the module became Operational.
     pub sent: Sent,
 }
 
 impl Slave {
-    /// Exchanges its words in the flags: inputs are written there, and what is to go out is returned.
+    /// Exchanges the module's words in the flags: writes the inputs there, and returns the outputs.
     pub(super) fn exchange(&self, registers: &Registers) -> Sent {
         let Some(flags) =
             usize::from(self.node).checked_sub(1).and_then(|it| registers.slaves.a_SLAVE.get(it))
@@ -56,7 +56,7 @@ impl Slave {
                 Role::AnalogOutput(index) | Role::Signed(index, true) => {
                     sent.words.get_or_insert([0; 4])[index] = flag.load();
                 }
-                // P. 85: the current stands here, of a PWM output nothing.
+                // P. 85: this flag has the current; for a PWM output it is not written.
                 Role::Signed(..) if self.channels.tells_current(pair) => flag.store(self.words[pair]),
                 Role::Signed(..) => {}
             }
@@ -70,11 +70,11 @@ impl Slave {
 pub(super) enum Transfer {
     /// Writes a byte.
     Write(At, u8),
-    /// Reads one.
+    /// Reads a byte.
     Read(At),
 }
 
-/// A configuration under way, for a place of the job block.
+/// A configuration in progress, for a place of the job block.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Configuring {
     place: usize,
@@ -83,7 +83,7 @@ pub(super) struct Configuring {
 }
 
 impl Configuring {
-    /// Writes a module's configuration, if there is one to be written, and then reads it, if it is to be.
+    /// Plans the transfers: writes the configuration `to_write`, if given, then reads it if `is_read`.
     fn new(place: usize, model: Model, to_write: Option<(&[u8], u8)>, is_read: bool) -> Self {
         let connector = |index: usize| At { index: CONNECTORS, sub: index as u8 + 1 };
         let mut to_do = VecDeque::new();
@@ -99,40 +99,40 @@ impl Configuring {
         Configuring { place, to_do, read: Vec::new() }
     }
 
-    /// What is to be done now, if anything is left.
+    /// Returns the next transfer, if any is left.
     pub(super) fn now(&self) -> Option<Transfer> {
         self.to_do.front().copied()
     }
 
-    /// That has been done.
+    /// Removes the finished transfer, and keeps its data.
     pub(super) fn is_done(&mut self, data: &[u8]) {
         if let Some(Transfer::Read(_)) = self.to_do.pop_front() {
             self.read.extend(data.first());
         }
     }
 
-    /// What was read.
+    /// Returns the bytes read.
     pub(super) fn read(&self) -> &[u8] {
         &self.read
     }
 }
 
-/// What a master knows of its I/O modules.
+/// The I/O modules of a master.
 #[derive(Default, Serialize, Deserialize)]
 pub(super) struct IoSlaves {
     pub slaves: Vec<Slave>,
     configuring: Vec<Configuring>,
-    /// When `COP_MSTR_BOOTUP` of a place of the job block is done.
+    /// Place of the job block with a `COP_MSTR_BOOTUP`, and the time of its end.
     pub boot_up: Option<(usize, u64)>,
-    /// When `COP_MSTR_MAIN` sends the next SYNC object.
+    /// Time at which `COP_MSTR_MAIN` sends the next SYNC object.
     pub next_sync: u64,
-    /// Nodes that are missing now, and those that have been, in their order.
+    /// Nodes that are missing now, and nodes that have been missing, in order.
     now_missing: Vec<u8>,
     missing: Vec<u8>,
 }
 
 impl IoSlaves {
-    /// What is under way for a place of the job block; it begins if there is nothing yet.
+    /// Returns the configuration in progress for a place of the job block, or starts one.
     pub(super) fn configuring(
         &mut self,
         place: usize,
@@ -148,13 +148,13 @@ impl IoSlaves {
         &mut self.configuring[at]
     }
 
-    /// Nobody waits at a place of the job block any more.
+    /// Removes the work for a place of the job block.
     pub(super) fn withdraw(&mut self, place: usize) {
         self.configuring.retain(|it| it.place != place);
         self.boot_up.take_if(|(of, _)| *of == place);
     }
 
-    /// A module's configuration was read.
+    /// Records a module's configuration that was read.
     pub(super) fn has_read(&mut self, node: u8, model: Model, kinds: &[u8]) {
         let mut channels = Channels::new(model);
         kinds.iter().enumerate().for_each(|(index, kind)| _ = channels.set(index, *kind));
@@ -167,14 +167,14 @@ impl IoSlaves {
         }
     }
 
-    /// A module has told its inputs.
+    /// Records the digital inputs of a module.
     pub(super) fn told_bits(&mut self, node: u8, data: &[u8]) {
         if let (Some(slave), Some(bits)) = (self.slaves.iter_mut().find(|it| it.node == node), data.first()) {
             slave.bits = *bits;
         }
     }
 
-    /// A module has told what it measures.
+    /// Records the measured values of a module.
     pub(super) fn told_words(&mut self, node: u8, data: &[u8]) {
         if let Some(slave) = self.slaves.iter_mut().find(|it| it.node == node) {
             let words = data.as_chunks::<2>().0;
@@ -182,7 +182,7 @@ impl IoSlaves {
         }
     }
 
-    /// These nodes are missing now; who was not before is noted, as long as there is room (p. 75).
+    /// Records the missing nodes. Newly missing nodes are noted if there is room (p. 75).
     pub(super) fn note_missing(&mut self, nodes: Vec<u8>) {
         let new = nodes.iter().filter(|node| !self.now_missing.contains(node));
         let room = MISSING.saturating_sub(self.missing.len());
@@ -190,12 +190,12 @@ impl IoSlaves {
         self.now_missing = nodes;
     }
 
-    /// Those that have been missing are forgotten; those that still are, are not noted again.
+    /// Forgets the noted nodes; nodes that are still missing are not noted again.
     pub(super) fn forget_missing(&mut self) {
         self.missing.clear();
     }
 
-    /// The nodes that have been missing, 0 behind them.
+    /// Returns the noted missing nodes, followed by 0.
     pub(super) fn missing(&self) -> [u8; MISSING] {
         core::array::from_fn(|index| self.missing.get(index).copied().unwrap_or(0))
     }

@@ -1,6 +1,7 @@
-//! Jobs: what a program asks of the operating system by the functions of the libraries, in the job block (p. 30-119, D-434).
+//! Jobs: orders of a program to the operating system by the functions of the libraries, in the job block (p. 30-119,
+//! D-434).
 //!
-//! Here orders are taken and answered; what a function does is where its subject is.
+//! This module takes and answers orders; the functions themselves are in the modules of their subjects.
 
 use super::can_jobs;
 use super::io_jobs;
@@ -15,19 +16,19 @@ use crate::devices::Context;
 use crate::devices::can_bus::Controller;
 use serde::{Deserialize, Serialize};
 
-/// Places for orders.
+/// Number of places for orders.
 const PLACES: usize = 16;
-/// Arguments and results of each.
+/// Number of arguments and results of each order.
 const NUMBERS: usize = 8;
 
 /// An order.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Job {
-    /// As `a_FUNCTION` has it.
+    /// Function, as in `a_FUNCTION`.
     pub function: u16,
-    /// In the order of the manual's inputs, without ENABLE.
+    /// Arguments in the order of the manual's inputs, without ENABLE.
     pub arguments: [u32; NUMBERS],
-    /// DATA.
+    /// Bytes of DATA.
     pub data: Vec<u8>,
 }
 
@@ -36,7 +37,7 @@ pub(super) struct Job {
 pub(super) struct OutOfRange;
 
 impl Job {
-    /// An argument that must lie in `range`.
+    /// Returns an argument that must be in `range`.
     pub(super) fn argument(
         &self,
         number: usize,
@@ -47,28 +48,28 @@ impl Job {
     }
 }
 
-/// What a function has to say.
+/// Results of a function.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Answer {
-    /// In the order of the manual's outputs.
+    /// Results in the order of the manual's outputs.
     pub results: [u32; NUMBERS],
-    /// DATA.
+    /// Bytes of DATA.
     pub data: Vec<u8>,
 }
 
-/// What becomes of an order.
+/// Result of an order.
 pub(super) type Outcome = Result<Answer, Refusal>;
 
-/// Why an order is not answered as it should be.
+/// Reason for which an order has no regular answer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Refusal {
-    /// There is no such function.
+    /// The function does not exist.
     Function,
-    /// Its arguments are out of their ranges.
+    /// Arguments are out of their ranges.
     Arguments,
-    /// The device cannot do it now: it is no master, or does not know the node or identifier.
+    /// The device cannot carry out the function now: it is no master, or does not know the node or identifier.
     State,
-    /// It has been begun, or waits for another: it is looked at again.
+    /// The order was started, or waits for another one; it is checked again.
     Later,
 }
 
@@ -88,7 +89,7 @@ impl Refusal {
     }
 }
 
-/// What a function works on.
+/// Context of a function.
 pub(super) struct Desk<'a> {
     pub firmware: &'a mut Firmware,
     pub controller: &'a mut Controller,
@@ -96,7 +97,7 @@ pub(super) struct Desk<'a> {
     pub now: u64,
 }
 
-/// Orders that have been begun: their places and numbers.
+/// Started orders: their places and numbers.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct UnderWay(Vec<(usize, u32)>);
 
@@ -105,13 +106,13 @@ impl UnderWay {
         self.0.is_empty()
     }
 
-    /// Whether there are orders that have not been begun.
+    /// Whether there are orders that were not started.
     pub(super) fn has_new_orders(&self, registers: &Registers) -> bool {
         let is_new = |place: usize| !self.0.iter().any(|(begun, _)| *begun == place);
         (0..PLACES).any(|place| is_order(registers, place) && is_new(place))
     }
 
-    /// The places whose order has been taken back, or replaced by another.
+    /// Returns the places with an order that was withdrawn or replaced.
     fn take_withdrawn(&mut self, registers: &Registers) -> Vec<usize> {
         let number = |place: usize| registers.jobs.a_ORDER[place].load();
         let is_there =
@@ -133,11 +134,11 @@ fn is_order(registers: &Registers, place: usize) -> bool {
     registers.jobs.a_CONTROL[place].load() == job_control::ORDER
 }
 
-/// The places with orders, in the order in which they were given.
+/// Returns the places with orders, in the sequence of the orders.
 fn orders(registers: &Registers) -> Vec<usize> {
     let mut places: Vec<usize> = (0..PLACES).filter(|place| is_order(registers, *place)).collect();
     let first = places.first().map_or(0, |place| registers.jobs.a_ORDER[*place].load());
-    // Numbers wrap.
+    // Order numbers wrap.
     places.sort_by_key(|place| registers.jobs.a_ORDER[*place].load().wrapping_sub(first) as i32);
     places
 }
@@ -152,11 +153,11 @@ fn answer(registers: &Registers, place: usize, outcome: &Outcome) {
     jobs.a_LENGTH[place].store(room.len() as u16);
     room.for_each(|(cell, byte)| cell.store(*byte));
     jobs.a_ERROR[place].store(error);
-    // A program may have taken it back.
+    // The program may have withdrawn the order.
     let _ = jobs.a_CONTROL[place].compare_exchange(job_control::ORDER, job_control::DONE);
 }
 
-/// Carries out the orders of a program that runs.
+/// Carries out the orders of a running program.
 pub(super) fn look(firmware: &mut Firmware, ctx: &mut Context, controller: &mut Controller) {
     if !firmware.under_way.is_empty() {
         for place in firmware.under_way.take_withdrawn(&firmware.node.registers) {

@@ -2,16 +2,16 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Digits and letters together.
+/// Number of digits and letters together.
 pub(super) const PLACES: usize = 8;
-/// Digits, which come first.
+/// Number of digits, which come first.
 pub(super) const DIGITS: usize = 5;
-/// Letters.
+/// Number of letters.
 pub(super) const LETTERS: usize = PLACES - DIGITS;
-/// Segments of a digit that is on, but is no character that one could read, and of any letter (D-473).
+/// Character for an unreadable lit digit, and for any lit letter (D-473).
 const UNREADABLE: u8 = b'*';
 
-/// What is readable on 7 segments: bit 0 is e, then f, d, g, a, nothing, c, b (p. 101).
+/// Readable characters on 7 segments: bit 0 is e, then f, d, g, a, unused, c, b (p. 101).
 const READABLE: [(u8, u8); 25] = [
     (0b1101_0111, b'0'),
     (0b1100_0000, b'1'),
@@ -39,28 +39,28 @@ const READABLE: [(u8, u8); 25] = [
     (0b0000_1000, b'-'),
     (0b0000_0000, b' '),
 ];
-/// Bit 5 of a digit belongs to no segment.
+/// Bit 5 of a digit is not used.
 const SEGMENTS: u8 = !(1 << 5);
 
-/// What the display shows.
+/// Content of the display.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Lcd {
-    /// A character at each place, ASCII; 0 and blank are dark.
+    /// Characters in ASCII; 0 and blank are dark.
     pub text: [u8; PLACES],
-    /// Segments of the digits, as `LCD_SEGMENTS` has them.
+    /// Segments of the digits, as in `LCD_SEGMENTS`.
     pub digits: [u8; DIGITS],
     /// Segments of the letters.
     pub letters: [u16; LETTERS],
-    /// Places that blink, digit 1 in bit 0, letter 1 in bit 5.
+    /// Blinking places, digit 1 in bit 0, letter 1 in bit 5.
     pub blink: u8,
     /// The fixed texts: CH1 in bit 0, then CH2, CH3, CH4, RUN, PRG, TST, KEY.
     pub states: u8,
-    /// Decimal points, that of digit 1 in bit 0.
+    /// Decimal points, digit 1 in bit 0.
     pub points: u8,
 }
 
 impl Lcd {
-    /// `LCD_SEGMENTS` with CHANGE (p. 101).
+    /// Returns the content for `LCD_SEGMENTS` with CHANGE (p. 101).
     pub(super) fn segments(digits: [u8; DIGITS], letters: [u16; LETTERS]) -> Self {
         let mut text = [b' '; PLACES];
         for (place, segments) in text.iter_mut().zip(digits) {
@@ -73,16 +73,16 @@ impl Lcd {
         Lcd { text, digits, letters, ..Lcd::default() }
     }
 
-    /// `LCD_TEXT` with CHANGE (p. 103): eight characters at most, what is left is blank.
+    /// Returns the content for `LCD_TEXT` with CHANGE (p. 103): at most eight characters, filled up with blanks.
     pub(super) fn text(characters: &[u8]) -> Self {
         let mut text = [b' '; PLACES];
         text.iter_mut().zip(characters).for_each(|(place, character)| *place = *character);
         Lcd { text, ..Lcd::default() }
     }
 
-    /// The same with what else is on.
+    /// Adds blinking, fixed texts and decimal points.
     pub(super) fn with(self, blink: u8, states: u8, points: u8) -> Self {
-        // There are points behind the digits only.
+        // Only digits have points.
         Lcd { blink, states, points: points & ((1 << DIGITS) - 1), ..self }
     }
 }
@@ -93,7 +93,7 @@ mod tests {
 
     #[test]
     fn segments_that_can_be_read_are() {
-        // 1 is b and c, 8 everything, 7 a, b and c; bit 5 is nothing.
+        // 1 is b and c, 8 all segments, 7 a, b and c; bit 5 is not used.
         let lcd = Lcd::segments([0xC0, 0xDF, 0xD0 | 0x20, 0, 0x04], [0, 0x4000, 0]);
         assert_eq!(&lcd.text, b"187 * * ");
         assert_eq!((lcd.digits[2], lcd.letters[1]), (0xF0, 0x4000));

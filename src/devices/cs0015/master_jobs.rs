@@ -1,4 +1,4 @@
-//! Functions of a CANopen master (p. 52-70). Their RESULT tells what was wrong, as the manual has it.
+//! Functions of a CANopen master (p. 52-70). Their RESULT is the error code of the manual.
 
 use super::jobs::{Answer, Desk, Job, Outcome, Refusal};
 use super::nmt::{Nmt, Restart};
@@ -13,7 +13,7 @@ const OK: u32 = 0;
 const NOT_SENT: u32 = 1;
 const PARAMETERS: u32 = 2;
 const NO_MASTER: u32 = 255;
-/// RESULT of SDOs: finished. One that was aborted is not.
+/// RESULT of SDOs: finished. An aborted transfer is not finished.
 const FINISHED: u32 = 1;
 /// Bytes of DATA of an SDO: 0 to 255.
 const MOST: u32 = 256;
@@ -32,7 +32,7 @@ pub(super) fn carry_out(desk: Desk, job: &Job) -> Outcome {
         job::NMM_SET_PREPARED => Ok(result(command(desk, job, Command::Stop))),
         job::NMM_GET_NODE_STATE => Ok(results(&node_state(desk, job))),
         job::NMM_RESET_NODE => Ok(result(command(desk, job, Command::ResetNode))),
-        // P. 65 has a STATE, which nobody knows after a reset.
+        // P. 65 has a STATE, which is not known after a reset.
         job::NMM_RESET_COMM => Ok(results(&[0, command(desk, job, Command::ResetCommunication)])),
         job::PDO_INI_SEND_SYNC_OBJ => ini_send_sync(desk),
         job::PDO_SEND_SYNC_OBJ => Ok(result(u32::from(send_sync(desk)))),
@@ -57,12 +57,12 @@ fn node_number(job: &Job) -> Option<u8> {
     job.argument(0, 0..=127).ok().map(|number| number as u8)
 }
 
-/// The master, if the device is one, and what it works with.
+/// Returns the master and related objects, if the device is a master.
 pub(super) fn master<'a>(desk: &'a mut Desk) -> Option<(&'a mut Nmt, &'a mut Node, &'a Controller)> {
     Some((desk.firmware.nmt.as_mut()?, &mut desk.firmware.node, &*desk.controller))
 }
 
-/// `CAN_OPEN` counts at once here: both may be done in the first cycle (p. 52).
+/// `CAN_OPEN` takes effect at once here: both may be done in the first cycle (p. 52).
 fn set_nmt_master(desk: Desk) -> Outcome {
     desk.firmware.open(desk.now);
     if desk.firmware.node.state() == State::Initialising {
@@ -92,7 +92,7 @@ fn guarding(mut desk: Desk, job: &Job, does: impl FnOnce(&mut Nmt, u8, u64) -> b
     if is_known { OK } else { PARAMETERS }
 }
 
-/// What the program calls again and again: asks the nodes that are to be asked (D-440).
+/// Requests the states that are due; the program calls this repeatedly (D-440).
 fn node_guarding(mut desk: Desk, job: &Job) -> u32 {
     let (now, restart) = (desk.now, job.argument(0, 0..=1));
     let (Some((nmt, node, _)), Ok(restart)) = (master(&mut desk), restart) else { return NO_MASTER };
@@ -105,7 +105,7 @@ pub(super) fn has_room(node: &Node, controller: &Controller) -> bool {
     node.to_send() + controller.to_send() < Controller::ROOM
 }
 
-/// A command for a node, for all, or for the master itself (D-439).
+/// Sends a command for a node, for all, or for the master itself (D-439).
 fn command(mut desk: Desk, job: &Job, command: Command) -> u32 {
     let now = desk.now;
     let Some((nmt, node, controller)) = master(&mut desk) else { return NO_MASTER };
@@ -133,7 +133,7 @@ fn command(mut desk: Desk, job: &Job, command: Command) -> u32 {
     OK
 }
 
-/// STATE and RESULT. Of all nodes it is the one that they have in common.
+/// Returns STATE and RESULT. For all nodes STATE is their common state.
 fn node_state(mut desk: Desk, job: &Job) -> [u32; 2] {
     let Some((nmt, node, _)) = master(&mut desk) else { return [0, NO_MASTER] };
     let known = |number: u8| {
@@ -171,7 +171,7 @@ fn emergency(mut desk: Desk) -> Outcome {
     Ok(Answer { data: emergency.data.to_vec(), ..results(&numbers) })
 }
 
-/// RESULT and the code of an abort; DATA of a read. Until it is finished the order stays.
+/// Returns RESULT and the abort code; DATA of a read. The order remains until it is finished.
 fn sdo(mut desk: Desk, job: &Job) -> Outcome {
     let (now, place) = (desk.now, desk.place);
     let (nmt, node, _) = master(&mut desk).ok_or(Refusal::State)?;
@@ -212,7 +212,7 @@ mod tests {
     use crate::devices::cs0015::registers::DEVICE;
     use crate::memory::Segment;
 
-    /// What the node has still to send is to go into the controller as well.
+    /// Frames that the node still has to send need room in the controller as well.
     #[test]
     fn there_is_room_for_as_many_frames_as_the_controller_takes() {
         let registers = Registers::new(&Segment::of(&DEVICE)).unwrap();

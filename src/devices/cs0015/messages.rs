@@ -1,4 +1,4 @@
-//! What a CS0015 sends and receives as CANopen node, before anybody has told it otherwise: for databases of a bus.
+//! Messages that a CS0015 sends and receives as a CANopen node with factory settings: for bus databases.
 
 use super::communication::{Communication, Factory, PDOS, Way};
 use super::config::Cs0015Config;
@@ -8,7 +8,7 @@ use crate::can::Message;
 use crate::devices::canopen::messages::{About, NodeMessages};
 use crate::layout::Width;
 
-/// Those of a device with these settings, which holds its factory values.
+/// Returns the messages of a device with these settings and with factory values.
 pub(super) fn of(config: &Cs0015Config) -> Vec<Message> {
     if config.program == Program::None {
         return Vec::new();

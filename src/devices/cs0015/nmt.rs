@@ -1,4 +1,4 @@
-//! What `NMM_SET_NMT_MASTER` makes of the device: the master of the network, with its nodes, their emergencies, and SDOs (p. 52-70).
+//! The device as network master by `NMM_SET_NMT_MASTER`: nodes, their emergencies, and SDOs (p. 52-70).
 
 use super::io_slaves::IoSlaves;
 use super::node::Node;
@@ -14,22 +14,22 @@ const IO_BITS: u16 = 0x180;
 const IO_WORDS: u16 = 0x280;
 const SDO_ANSWER: u16 = 0x580;
 const GUARDING: u16 = 0x700;
-/// Emergencies that wait for the program to ask for them (D-441).
+/// Most emergencies that wait for the program (D-441).
 const EMERGENCIES: usize = 30;
 
-/// When a node that has told its state is started.
+/// Condition for starting a node after its state was received.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) enum Restart {
     /// Never.
     #[default]
     Never,
-    /// If it had been missing: AUTO_RESTART (p. 59).
+    /// After the node was missing: AUTO_RESTART (p. 59).
     Missing,
-    /// Whenever it is Pre-Operational.
+    /// In every Pre-Operational state.
     Always,
 }
 
-/// The emergency of a node.
+/// An emergency message of a node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Emergency {
     pub node: u8,
@@ -58,7 +58,7 @@ impl Nmt {
         }
     }
 
-    /// A frame has come: something of a node, perhaps.
+    /// Handles a received frame, which may come from a node.
     pub(super) fn received(&mut self, node: &mut Node, now: u64, id: u16, data: &[u8]) {
         let of = |first: u16| id.checked_sub(first).and_then(|number| u8::try_from(number).ok());
         let of = |first| of(first).filter(|number| self.network.has(*number));
@@ -80,7 +80,7 @@ impl Nmt {
         }
     }
 
-    /// A node has told its state.
+    /// Handles the state that a node has sent.
     fn answered(&mut self, node: &mut Node, number: u8, answer: u8) {
         let Some(answered) = self.network.answered(number, answer) else { return };
         let is_to_start = match self.restart {
@@ -94,24 +94,24 @@ impl Nmt {
         self.show(node);
     }
 
-    /// Sends a command to a node, 0 for all.
+    /// Sends a command to a node, or to all nodes if the number is 0.
     pub(super) fn command(&mut self, node: &mut Node, command: Command, number: u8) {
         node.send_command(command, number);
         self.network.commanded(command, number);
     }
 
-    /// Asks nodes for their state that are to be asked.
+    /// Sends the due requests for states of nodes.
     pub(super) fn guard(&mut self, node: &mut Node, now: u64) {
         self.network.due(now).into_iter().for_each(|order| Self::give(node, order));
         self.show(node);
     }
 
-    /// The number of the slave that is missing, 0 if there is none (p. 152).
+    /// Shows the number of the missing slave, 0 if there is none (p. 152).
     pub(super) fn show(&self, node: &Node) {
         node.registers.flags.COP_GUARDFAIL_NODEID.store(self.network.missing().unwrap_or(0));
     }
 
-    /// When an SDO has waited long enough.
+    /// Returns the time limit for the answer to an SDO.
     pub(super) fn next_time(&self) -> u64 {
         self.sdo.next_time()
     }
@@ -122,7 +122,7 @@ impl Nmt {
         }
     }
 
-    /// The order of a place of the job block has been taken back.
+    /// Handles the withdrawal of an order at a place of the job block.
     pub(super) fn withdraw(&mut self, node: &mut Node, place: usize) {
         self.io.withdraw(place);
         if let Some((number, abort)) = self.sdo.withdraw(place) {
@@ -130,7 +130,7 @@ impl Nmt {
         }
     }
 
-    /// What has become of the SDO of a place of the job block.
+    /// Takes the result of the SDO of a place of the job block.
     pub(super) fn finished(&mut self, place: usize) -> Option<Finished> {
         self.sdo.finished(place)
     }

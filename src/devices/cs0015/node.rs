@@ -18,18 +18,18 @@ use crate::devices::canopen::supervision::Supervision;
 use crate::snapshot_fields;
 use embedded_can::{Frame as _, Id, StandardId};
 
-/// Errors that it tells of, and their bits of the error register (p. 44).
+/// Errors that the node reports, and their bits of the error register (p. 44).
 const GENERAL: Cause = Cause { code: 0x1000, register: 1 << 0 };
 const NO_GUARDING: Cause = Cause { code: 0x8100, register: 1 << 4 };
 const NO_SYNC: Cause = Cause { code: 0x8200, register: 1 << 4 };
-/// Bits of byte 3 of it: what is wrong (p. 44).
+/// Bits of byte 3 of the SYNC error: its causes (p. 44).
 const CAN_BIT: u8 = 1 << 0;
 const SYNC_BIT: u8 = 1 << 1;
 
-/// What the node sends when it has started (D-418).
+/// Boot-up message of the node (D-418).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum BootUp {
-    /// Nothing.
+    /// No message.
     #[default]
     None,
     /// An emergency object without data.
@@ -38,12 +38,12 @@ pub enum BootUp {
     Guarding,
 }
 
-/// What a program hands to `NMS_GUARDING_CONFIG` (p. 46); 0 is off.
+/// Settings that a program gives to `NMS_GUARDING_CONFIG` (p. 46); 0 is off.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct GuardingConfig {
     /// GUARDTIME in ms.
     pub guard_ms: u16,
-    /// LIFETIME: requests in a row that may be missing.
+    /// LIFETIME: number of consecutive requests that may be missing.
     pub life: u8,
     /// CYCLEPERIOD: time between two SYNC objects in ms.
     pub cycle_ms: u16,
@@ -52,7 +52,7 @@ pub struct GuardingConfig {
 /// A CANopen slave.
 pub(super) struct Node {
     pub registers: Registers,
-    /// What the program does with CAN by itself.
+    /// The program's direct use of CAN.
     direct: Direct,
     communication: Communication,
     boot_up: BootUp,
@@ -66,11 +66,11 @@ pub(super) struct Node {
     transmit: [Transmit; PDOS],
     /// A SYNC object has come since the last cycle of the program.
     pub has_sync: bool,
-    /// Whether others' frames are to be filtered anew.
+    /// Whether the filters for received frames must be set again.
     has_moved: bool,
-    /// There are errors of CAN.
+    /// The device has errors of CAN.
     has_can_error: bool,
-    /// It hears everybody.
+    /// The node receives all frames.
     is_open: bool,
     /// Frames to be sent.
     out: Vec<Frame>,
@@ -106,14 +106,14 @@ impl Node {
         }
     }
 
-    /// Power-on: no CANopen node yet.
+    /// Handles power-on: the device is not a CANopen node yet.
     pub(super) fn power_on(&mut self) {
         self.communication.power_on(&self.registers);
         self.forget_identifiers();
         self.fall_silent();
     }
 
-    /// From now on it is no CANopen node, until it starts anew.
+    /// Ends the CANopen node until the next start.
     pub(super) fn fall_silent(&mut self) {
         self.state = State::Initialising;
         self.errors.clear();
@@ -127,43 +127,45 @@ impl Node {
         self.state
     }
 
-    /// The Node-ID in force.
+    /// Returns the Node-ID in force.
     pub(super) fn number(&self) -> u8 {
         self.communication.node()
     }
 
-    /// The program makes an identifier known, whose messages it will fetch (p. 33).
+    /// Registers an identifier for the program, which fetches its messages (p. 33).
     pub(super) fn make_known(&mut self, id: StandardId) {
         self.has_moved |= self.direct.configure(id);
     }
 
-    /// The program fetches a message with this identifier, or throws all of them away; none if it is not known.
+    /// Fetches a message with this identifier for the program, or discards all of them; returns `None` if the
+    /// identifier is not registered.
     pub(super) fn fetch(&mut self, id: StandardId, is_to_clear: bool) -> Option<Found> {
         self.direct.take(id, is_to_clear)
     }
 
-    /// The identifiers that the program has made known are lost (section 11.1).
+    /// Removes the identifiers that the program has registered (section 11.1).
     pub(super) fn forget_identifiers(&mut self) {
         self.direct.clear();
         self.has_moved = true;
     }
 
-    /// Keeps a received frame if the program has made its identifier known. `false`: the queue is full and the frame is lost.
+    /// Keeps a received frame if the program has registered its identifier. Returns `false` if the queue is full and
+    /// the frame is lost.
     pub(super) fn keep(&mut self, frame: &Frame) -> bool {
         self.direct.received(frame)
     }
 
-    /// The program asks for a PDO, from 0, to be so; a [`Node::restart`] follows.
+    /// Records the program's request for a PDO, counted from 0; a [`Node::restart`] follows.
     pub(super) fn ask_pdo(&mut self, way: Way, pdo: usize, config: PdoConfig) {
         self.communication.ask(way, pdo, config);
     }
 
-    /// Whether an identifier is the one that a PDO, from 0, has if nobody asks for another.
+    /// Whether an identifier is the default of a PDO, counted from 0.
     pub(super) fn is_predefined(&self, way: Way, pdo: usize, id: u16) -> bool {
         self.communication.is_predefined(way, pdo, id)
     }
 
-    /// The program sets the Node-ID, 1 to 127, which is in force at once and stored (p. 45).
+    /// Sets the Node-ID for the program, 1 to 127; it takes effect at once and is stored (p. 45).
     pub(super) fn set_number(&mut self, number: u8, now: u64) {
         for entry in 0..2 {
             self.communication.enter(&self.registers, entry, number);
@@ -171,19 +173,19 @@ impl Node {
         self.refresh(now);
     }
 
-    /// The program sets the bit rate, in kbit/s, which is stored (p. 31).
+    /// Sets the bit rate for the program, in kbit/s; it is stored (p. 31).
     pub(super) fn set_rate(&mut self, kbit_s: u16) {
         self.communication.set_rate(&self.registers, kbit_s);
     }
 
-    /// Sends a transmit PDO, from 0, once more (p. 51).
+    /// Sends a transmit PDO, counted from 0, again (p. 51).
     pub(super) fn refresh_pdo(&mut self, pdo: usize) {
         if self.state.has_pdo() {
             self.send_pdo(pdo, self.registers.transmit(pdo));
         }
     }
 
-    /// The program sets what it awaits of its master, which is stored (p. 155).
+    /// Sets the supervision of the master for the program; it is stored (p. 155).
     pub(super) fn set_guarding(&mut self, config: &GuardingConfig, now: u64) {
         let parameters = &self.registers.parameters;
         parameters.w_GUARD_TIME.store(config.guard_ms);
@@ -192,7 +194,8 @@ impl Node {
         self.refresh(now);
     }
 
-    /// Starts, or starts anew: what is not stored is as it was, nobody has asked for its state, and it is in this one then.
+    /// Starts or restarts the node: values that are not stored are reset, guarding restarts, and the node enters
+    /// `state`.
     pub(super) fn restart(&mut self, state: State, now: u64) {
         self.state = State::Initialising;
         self.communication.reset();
@@ -213,7 +216,7 @@ impl Node {
         self.set_state(state, now);
     }
 
-    /// The master, or the controller, wants another state.
+    /// Changes the state, for the master or the controller.
     pub(super) fn set_state(&mut self, state: State, now: u64) {
         let before = core::mem::replace(&mut self.state, state);
         if state.has_pdo() && !before.has_pdo() {
@@ -231,7 +234,7 @@ impl Node {
         self.tell();
     }
 
-    /// What an SDO may have changed.
+    /// Updates everything that an SDO may have changed.
     fn refresh(&mut self, now: u64) {
         let identifiers = self.communication.identifiers(&self.registers);
         if self.identifiers != identifiers {
@@ -242,14 +245,14 @@ impl Node {
         let guard_us = u64::from(parameters.w_GUARD_TIME.load()) * 1000;
         let life_us = guard_us * u64::from(parameters.b_LIFE_TIME_FACTOR.load());
         self.guarded.life.set_period(life_us, now);
-        // The useful resolution is 1 ms (p. 156).
+        // The effective resolution is 1 ms (p. 156).
         let cycle_us = u64::from(parameters.d_COMMUNICATION_CYCLE.load()).next_multiple_of(1000);
         self.sync.set_period(cycle_us, now);
         self.errors.set(NO_GUARDING, self.guarded.life.is_missing().then_some([0; 5]));
         self.set_sync_error();
     }
 
-    /// A frame has come that is no network management.
+    /// Handles a received frame other than network management.
     pub(super) fn received(&mut self, now: u64, frame: &Frame) {
         let Id::Standard(id) = frame.id() else { return };
         if self.state == State::Initialising {
@@ -275,7 +278,7 @@ impl Node {
         self.tell();
     }
 
-    /// Somebody asks for data: the master for the state, or anybody for a PDO.
+    /// Answers a remote frame: a request for the state from the master, or for a PDO from any station.
     fn asked(&mut self, now: u64, id: StandardId) {
         if self.identifiers.guarding == Some(id) {
             let answer = self.guarded.asked(self.state, now);
@@ -312,7 +315,7 @@ impl Node {
     }
 
     fn sdo(&mut self, now: u64, data: &[u8]) {
-        // Frames of another length are no SDOs.
+        // A frame of another length is not an SDO.
         let Ok(request) = data.try_into() else { return };
         let answer_id = self.identifiers.sdo_answer;
         let entries = &mut Entries {
@@ -321,14 +324,14 @@ impl Node {
             registers: &self.registers,
         };
         let answer = self.server.request(request, entries);
-        // Whoever changes the Node-ID waits for the answer where it has asked (D-417).
+        // A client that changes the Node-ID expects the answer with the previous identifier (D-417).
         if let (Some(answer), Some(id)) = (answer, answer_id) {
             self.send(id, &answer);
         }
         self.refresh(now);
     }
 
-    /// The end of a cycle of the program: looks at the data that it wants to send.
+    /// Handles the end of a program cycle: checks the PDOs for new data.
     pub(super) fn cycle(&mut self, now: u64) {
         if !self.state.has_pdo() {
             return;
@@ -342,34 +345,35 @@ impl Node {
         }
     }
 
-    /// The error that SYNC and CAN share (p. 44).
+    /// Sets the error that SYNC and CAN share (p. 44).
     fn set_sync_error(&mut self) {
         let can = if self.has_can_error { CAN_BIT } else { 0 };
         let bits = can | if self.sync.is_missing() { SYNC_BIT } else { 0 };
         self.errors.set(NO_SYNC, (bits != 0).then_some([bits, 0, 0, 0, 0]));
     }
 
-    /// What is wrong with the hardware, with bytes 3 to 7 of each emergency, and whether `CAN_ERROR` and `ERROR` are TRUE.
+    /// Sets the errors of the hardware, with bytes 3 to 7 of each emergency, and whether `CAN_ERROR` and `ERROR` are
+    /// TRUE.
     pub(super) fn set_errors(&mut self, hardware: &Diagnosis, has_can_error: bool, is_general: bool) {
         self.has_can_error = has_can_error;
         self.set_sync_error();
         for (cause, data) in hardware.errors() {
             self.errors.set(cause, data);
         }
-        // What they are comes before what follows from them.
+        // Causes are reported before their consequences.
         self.tell();
         self.errors.set(GENERAL, is_general.then_some([0; 5]));
         self.tell();
     }
 
-    /// When it has something to do by itself; `u64::MAX` if never.
+    /// Returns the time of the next event of the node itself; `u64::MAX` if there is none.
     pub(super) fn next_time(&self) -> u64 {
         let of_pdos = self.transmit.iter().map(Transmit::next_time).fold(u64::MAX, u64::min);
         let of_pdos = if self.state.has_pdo() { of_pdos } else { u64::MAX };
         of_pdos.min(self.guarded.life.next_time()).min(self.sync.next_time())
     }
 
-    /// Does what is due.
+    /// Handles the due events.
     pub(super) fn due(&mut self, now: u64) {
         if self.guarded.life.look(now) {
             self.registers.flags.COP_GUARDFAIL_ERROR.store(bool::TRUE);
@@ -385,7 +389,7 @@ impl Node {
         self.tell();
     }
 
-    /// Sends what there is to be told of errors, if it can.
+    /// Sends the waiting emergencies, if the state permits it.
     fn tell(&mut self) {
         while self.state.has_sdo()
             && let Some(message) = self.errors.message()
@@ -402,7 +406,7 @@ impl Node {
         }
     }
 
-    /// Frames that have not gone to the controller yet.
+    /// Returns the number of frames that were not given to the controller yet.
     pub(super) fn to_send(&self) -> usize {
         self.out.len()
     }
@@ -412,12 +416,12 @@ impl Node {
         self.out.extend(Payload::new(data).map(|payload| Frame::new(id, payload)));
     }
 
-    /// The frames that are to be sent, which it then forgets.
+    /// Takes the frames to send.
     pub(super) fn take_frames(&mut self) -> Vec<Frame> {
         core::mem::take(&mut self.out)
     }
 
-    /// The frames that it wants to hear, if they are others than before.
+    /// Returns the filters for received frames, if they have changed.
     pub(super) fn take_filters(&mut self) -> Option<Vec<Filter>> {
         if !core::mem::take(&mut self.has_moved) {
             return None;

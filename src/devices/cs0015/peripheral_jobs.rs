@@ -12,7 +12,7 @@ use super::registers::{CS0015_FLAGS, FLAGS, OUTPUTS};
 use super::rules;
 use super::serial::Taken;
 
-/// Longest time that `TIMER_READ` tells, in ms, and its steps (p. 115).
+/// Range of the time that `TIMER_READ` returns, in ms, and its steps (p. 115).
 const TIMER_MS: u64 = 655_360;
 const STEP_MS: u64 = 10;
 
@@ -38,7 +38,7 @@ pub(super) fn carry_out(desk: Desk, job: &Job) -> Outcome {
             let ms = (desk.now - desk.firmware.peripherals.on_since) / 1000 / STEP_MS * STEP_MS;
             Ok(of([(ms % TIMER_MS) as u32]))
         }
-        // It wraps (p. 116).
+        // The time wraps (p. 116).
         job::TIMER_US_READ => Ok(of([(desk.now - desk.firmware.peripherals.on_since) as u32])),
         job::SET_INTERRUPT_1MS => {
             desk.firmware.interrupt.set(flag(job, 0)?, desk.now);
@@ -48,14 +48,14 @@ pub(super) fn carry_out(desk: Desk, job: &Job) -> Outcome {
     }
 }
 
-/// An answer with these results.
+/// Returns an answer with these results.
 fn of<const N: usize>(results: [u32; N]) -> Answer {
     let mut answer = Answer::default();
     answer.results.iter_mut().zip(results).for_each(|(to, from)| *to = from);
     answer
 }
 
-/// A BOOL.
+/// Returns a BOOL argument.
 fn flag(job: &Job, argument: usize) -> Result<bool, OutOfRange> {
     Ok(job.argument(argument, 0..=1)? != 0)
 }
@@ -68,12 +68,12 @@ fn word(job: &Job, argument: usize) -> Result<u16, OutOfRange> {
     job.argument(argument, 0..=u32::from(u16::MAX)).map(|value| value as u16)
 }
 
-/// One of so many channels.
+/// Returns a channel argument below `count`.
 fn channel(job: &Job, argument: usize, count: usize) -> Result<u8, OutOfRange> {
     job.argument(argument, 0..=count as u32 - 1).map(|channel| channel as u8)
 }
 
-/// What `PWM` and `PWM100` do when their values have been read; `value` is put out with CHANGE.
+/// Common part of `PWM` and `PWM100` after their values were read; `value` takes effect with CHANGE.
 fn put(
     desk: Desk,
     channel: u8,
@@ -97,7 +97,7 @@ fn put(
     Ok(Answer::default())
 }
 
-/// `PWM` (p. 92). Dither moves the value to and fro (p. 91), which nobody here could tell from without.
+/// Runs `PWM` (p. 92). Dither varies the value slightly (p. 91), which is not visible at the terminals here.
 fn pwm(desk: Desk, job: &Job) -> Outcome {
     let (is_init, reload, is_divided) = (flag(job, 0)?, word(job, 1)?, flag(job, 2)?);
     let (channel, value, is_new) = (channel(job, 3, CHANNELS)?, word(job, 4)?, flag(job, 5)?);
@@ -108,7 +108,7 @@ fn pwm(desk: Desk, job: &Job) -> Outcome {
     put(desk, channel, start, value)
 }
 
-/// `PWM100` (p. 94).
+/// Runs `PWM100` (p. 94).
 fn pwm_100(desk: Desk, job: &Job) -> Outcome {
     let (is_init, hz, channel) = (flag(job, 0)?, word(job, 1)?, channel(job, 2, CHANNELS)?);
     let (percent, is_new) = (job.argument(3, 0..=100)? as u8, flag(job, 4)?);
@@ -119,20 +119,20 @@ fn pwm_100(desk: Desk, job: &Job) -> Outcome {
     put(desk, channel, start, value)
 }
 
-/// `FREQUENCY` (p. 97).
+/// Runs `FREQUENCY` (p. 97).
 fn frequency(desk: Desk, job: &Job) -> Outcome {
     let (is_init, input) = (flag(job, 0)?, channel(job, 1, INPUTS)?);
     let base_us = u64::from(job.argument(2, 1..=u32::MAX)?) * 1000;
     Ok(of([desk.firmware.peripherals.fast_inputs.frequency(input, is_init, base_us, desk.now).into()]))
 }
 
-/// `CYCLE` (p. 98).
+/// Runs `CYCLE` (p. 98).
 fn cycle(desk: Desk, job: &Job) -> Outcome {
     let (is_init, input) = (flag(job, 0)?, channel(job, 1, INPUTS)?);
     Ok(of([desk.firmware.peripherals.fast_inputs.cycle(input, is_init, desk.now).into()]))
 }
 
-/// `INC_ENCODER` (p. 99).
+/// Runs `INC_ENCODER` (p. 99).
 fn inc_encoder(desk: Desk, job: &Job) -> Outcome {
     let (is_init, encoder) = (flag(job, 0)?, channel(job, 1, ENCODERS)?);
     let preset = job.argument(2, 0..=u32::MAX)?.cast_signed();
@@ -142,7 +142,7 @@ fn inc_encoder(desk: Desk, job: &Job) -> Outcome {
     Ok(of([counter.cast_unsigned(), is_up.into(), is_down.into()]))
 }
 
-/// BLINK, STATES and POINTS, from this argument on.
+/// Shows BLINK, STATES and POINTS, from this argument on.
 fn shown(desk: Desk, job: &Job, is_new: bool, lcd: Lcd) -> Outcome {
     let lcd = lcd.with(byte(job, 1)?, byte(job, 2)?, byte(job, 3)?);
     if is_new {
@@ -151,7 +151,7 @@ fn shown(desk: Desk, job: &Job, is_new: bool, lcd: Lcd) -> Outcome {
     Ok(Answer::default())
 }
 
-/// `LCD_SEGMENTS` (p. 101): DIGITS a byte each, LETTERS a word each, low byte first.
+/// Runs `LCD_SEGMENTS` (p. 101): DIGITS a byte each, LETTERS a word each, low byte first.
 fn lcd_segments(desk: Desk, job: &Job) -> Outcome {
     let Some((digits, letters)) = job.data.split_first_chunk::<DIGITS>() else {
         return Err(Refusal::Arguments);
@@ -161,7 +161,7 @@ fn lcd_segments(desk: Desk, job: &Job) -> Outcome {
     shown(desk, job, flag(job, 0)?, Lcd::segments(*digits, [one, two, three]))
 }
 
-/// `LCD_TEXT` (p. 103).
+/// Runs `LCD_TEXT` (p. 103).
 fn lcd_text(desk: Desk, job: &Job) -> Outcome {
     if job.data.len() > PLACES {
         return Err(Refusal::Arguments);
@@ -169,14 +169,14 @@ fn lcd_text(desk: Desk, job: &Job) -> Outcome {
     shown(desk, job, flag(job, 0)?, Lcd::text(&job.data))
 }
 
-/// `E2WRITE` and `E2READ` (p. 109-110).
+/// Runs `E2WRITE` and `E2READ` (p. 109-110).
 fn eeprom(desk: Desk, job: &Job, access: Access) -> Outcome {
     let is_enabled = flag(job, 0)?;
     let Firmware { peripherals, node, .. } = desk.firmware;
     Ok(of([peripherals.eeprom.call(access, is_enabled, &node.registers, desk.now)]))
 }
 
-/// Whether RS 232 is the program's (p. 112-114); if not, that is a finding.
+/// Whether RS 232 belongs to the program (p. 112-114); reports a finding if not.
 fn has_serial(desk: &mut Desk) -> bool {
     let Firmware { peripherals, node, .. } = &mut *desk.firmware;
     let flag = &node.registers.flags.SERIAL_MODE;
@@ -188,7 +188,7 @@ fn has_serial(desk: &mut Desk) -> bool {
     is_programs
 }
 
-/// `SERIAL_TX` (p. 112).
+/// Runs `SERIAL_TX` (p. 112).
 fn serial_tx(mut desk: Desk, job: &Job) -> Outcome {
     let byte = byte(job, 0)?;
     if has_serial(&mut desk) {
@@ -197,7 +197,7 @@ fn serial_tx(mut desk: Desk, job: &Job) -> Outcome {
     Ok(Answer::default())
 }
 
-/// `SERIAL_RX` (p. 113).
+/// Runs `SERIAL_RX` (p. 113).
 fn serial_rx(mut desk: Desk, job: &Job) -> Outcome {
     let is_clear = flag(job, 0)?;
     has_serial(&mut desk);

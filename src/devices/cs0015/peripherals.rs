@@ -1,4 +1,4 @@
-//! Everything at the controller that is no CAN: PWM, fast inputs, display, RS 232, EEPROM (p. 86-114).
+//! All peripherals of the controller except CAN: PWM, fast inputs, display, RS 232, EEPROM (p. 86-114).
 
 use super::eeprom::Eeprom;
 use super::fast_inputs::{ENCODERS, FastInputs, INPUTS};
@@ -19,12 +19,12 @@ const MHZ: [usize; INPUTS] = [FRONT_MHZ_0, FRONT_MHZ_1, FRONT_MHZ_2, FRONT_MHZ_3
 const TURN: [usize; ENCODERS] = [FRONT_TURN_0, FRONT_TURN_1];
 const DISPLAY: [usize; 4] = [FRONT_DISPLAY_1, FRONT_DISPLAY_2, FRONT_DISPLAY_3, FRONT_DISPLAY_4];
 
-/// The terminals In 0 to In 15 as the front has them, bit n for input n.
+/// Returns the terminals In 0 to In 15 from the front, bit n for input n.
 fn terminals(registers: &Registers) -> u16 {
     registers.turned(FRONT_INPUTS) as u16
 }
 
-/// What the program works with by the functions of chapters 6 to 9.
+/// The peripherals that the program uses by the functions of chapters 6 to 9.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Peripherals {
     pub pwm: Pwm,
@@ -33,24 +33,23 @@ pub(super) struct Peripherals {
     pub lcd: Lcd,
     pub serial: Serial,
     pub eeprom: Eeprom,
-    /// When the supply came, for the timers.
+    /// Time at which the supply was switched on, for the timers.
     pub on_since: u64,
-    /// What the program has done against the manual.
+    /// Violations of the manual by the program.
     pub findings: Vec<Found>,
     watch: Watch,
-    /// What registers and display show.
+    /// State that registers and display show.
     shown: Option<(Pwm, Lcd, bool)>,
 }
 
 snapshot_fields!(Peripherals {
     values: pwm, fast_inputs, slow_inputs, lcd, serial, eeprom, on_since, shown;
     parts: watch;
-    // EventText before the port is left.
+    // Reported before the call of the port ends.
     built: findings
 });
 
 impl Peripherals {
-    /// Power-on.
     pub(super) fn power_on(&mut self, registers: &Registers, now: u64) {
         self.fast_inputs.power_on();
         let fast_inputs = core::mem::take(&mut self.fast_inputs);
@@ -59,7 +58,7 @@ impl Peripherals {
         self.serial.power_on(&registers.peripherals);
     }
 
-    /// The processor cycle: what others have done to the terminals since.
+    /// Runs a processor cycle: reads the changes at the terminals.
     pub(super) fn look(&mut self, registers: &Registers, now: u64) {
         for (signal, word) in self.fast_inputs.signals.iter_mut().zip(MHZ) {
             signal.set(registers.turned(word), now);
@@ -72,25 +71,26 @@ impl Peripherals {
         self.findings.extend(self.watch.look(registers));
     }
 
-    /// Inputs 0 to 15 as the program reads them: the level of a signal where there is one, filtered from input 4 on.
+    /// Returns inputs 0 to 15 as the program reads them: the level of a signal, if there is one; inputs from 4 on are
+    /// filtered.
     pub(super) fn inputs(&self, registers: &Registers, now: u64) -> u16 {
         let (levels, there) = self.fast_inputs.levels(now);
         self.slow_inputs.levels(terminals(registers)) & !there | levels
     }
 
-    /// When the next of its times is due; `u64::MAX` if none is.
+    /// Returns the time of the next due event; `u64::MAX` if there is none.
     pub(super) fn next_time(&self) -> u64 {
         self.serial.next_time().min(self.eeprom.next_time())
     }
 
-    /// Does what is due.
+    /// Handles the due events.
     pub(super) fn due(&mut self, registers: &Registers, now: u64) {
         let is_programs = registers.flags.SERIAL_MODE.load() != bool::FALSE;
         self.serial.due(&registers.peripherals, is_programs, now);
         self.eeprom.due(registers, now);
     }
 
-    /// Shows PWM outputs, which are driven or not, and the display.
+    /// Shows the display and the PWM outputs, which are on if `is_driven`.
     pub(super) fn show(&mut self, registers: &Registers, is_driven: bool) {
         let shown = Some((self.pwm, self.lcd, is_driven));
         if core::mem::replace(&mut self.shown, shown) == shown {
@@ -120,7 +120,7 @@ impl Peripherals {
         }
     }
 
-    /// Without supply nothing is lit.
+    /// Switches the display off.
     pub(super) fn power_off(&self, registers: &Registers) {
         DISPLAY.into_iter().for_each(|word| registers.shown(word).store(0));
     }

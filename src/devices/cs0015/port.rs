@@ -1,4 +1,4 @@
-//! The controller behind the CAN interface: its operating states, its program, LED STAT and terminals (p. 13-19).
+//! The controller at the CAN interface: its operating states, its program, LED STAT and terminals (p. 13-19).
 
 use super::can_errors::CanErrors;
 use super::communication::{PdoConfig, Way};
@@ -28,30 +28,30 @@ use crate::layout::RegisterPhase;
 use crate::memory::header::{ProgramState, Start};
 use embedded_can::{Frame as _, Id, StandardId};
 
-/// How long the checks of the reset take, in us (D-429).
+/// Duration of the checks in the reset, in us (D-429).
 const RESET_US: u64 = 200_000;
 /// Longest cycle of a program that the watchdog allows, in us (p. 7).
 pub(super) const WATCHDOG_US: u64 = 200_000;
 
-/// Who the program is.
+/// The program of the controller.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Program {
-    /// There is none.
+    /// No program.
     None,
     /// A built-in one that switches CANopen on.
     BuiltIn {
-        /// What it asks for in its second cycle, once: which way, PDO from 0, how.
+        /// Requests for PDOs in the second cycle: direction, PDO counted from 0, settings.
         pdos: Vec<(Way, usize, PdoConfig)>,
-        /// Its cycle in us.
+        /// Cycle time in us.
         cycle_us: u64,
-        /// What it awaits of its master; none leaves what is stored.
+        /// Supervision of the master; `None` keeps the stored settings.
         guarding: Option<GuardingConfig>,
-        /// What it is told as master; none is a slave.
+        /// Settings of a master; `None` for a slave.
         master: Option<MasterConfig>,
     },
     /// A process that attaches, a script or a test, which does everything itself.
     Attached {
-        /// Its cycle in us.
+        /// Cycle time in us.
         cycle_us: u64,
     },
 }
@@ -60,32 +60,32 @@ pub enum Program {
 pub(super) struct Firmware {
     pub(super) node: Node,
     pub(super) program: Program,
-    /// `state` of the front.
+    /// Operating state, as in `state` of the front.
     pub(super) state: u32,
-    /// What the journal last told of the node.
+    /// State of the node that the journal has last recorded.
     told: State,
     /// The programming system has stopped the program.
     pub(super) is_stopped: bool,
-    /// When the reset, or the present cycle of the program, ends; none if nothing runs.
+    /// End of the reset, or of the program's present cycle; `None` if nothing runs.
     end_at: Option<u64>,
-    /// When the present cycle began.
+    /// Begin of the present cycle.
     begun_at: u64,
-    /// The present cycle has not ended when it should have; `end_at` is when the watchdog resets the device.
+    /// The present cycle is overdue; the watchdog resets the device at `end_at`.
     is_overdue: bool,
-    /// It is the master of the network.
+    /// Set if the device is the master of the network.
     pub(super) nmt: Option<Nmt>,
-    /// What the built-in program does as one.
+    /// The built-in program as master.
     pub(super) master: Option<Master>,
-    /// Orders of the job block that have been begun.
+    /// Started orders of the job block.
     pub(super) under_way: UnderWay,
-    /// Cycles since power-on, up to three.
+    /// Number of cycles since power-on, up to three.
     cycles: u8,
-    /// The outputs as the last cycle left them.
+    /// Outputs at the end of the last cycle.
     outputs: u16,
-    /// What the device itself knows.
+    /// State shared with the device.
     pub(super) shared: Shared,
     pub(super) peripherals: Peripherals,
-    /// What is wrong with the hardware, as last seen.
+    /// Faults of the hardware at the last check.
     diagnosis: Diagnosis,
     pub(super) interrupt: Interrupt,
     pub(super) can_errors: CanErrors,
@@ -95,7 +95,7 @@ pub(super) struct Firmware {
 crate::snapshot_fields!(Firmware {
     values: state, told, is_stopped, end_at, begun_at, is_overdue, nmt, master, under_way, cycles, outputs, diagnosis, interrupt, can_errors;
     parts: node, peripherals;
-    // What the device itself knows it keeps itself.
+    // The device saves its own state.
     built: program, shared, pulses
 });
 
@@ -131,7 +131,7 @@ impl Firmware {
         }
     }
 
-    /// The controller goes into another state: the program runs in Run only.
+    /// Changes the state of the controller; the program runs only in Run.
     pub(super) fn enter(&mut self, ctx: &mut Context, to: u32) {
         let before = core::mem::replace(&mut self.state, to);
         if before == to {
@@ -145,7 +145,8 @@ impl Firmware {
         }
     }
 
-    /// The program starts after the reset, continues after a stop, and is stopped in all other states (p. 13-14, D-630).
+    /// Orders the program to start after the reset, to continue after a stop, and to stop in all other states (p.
+    /// 13-14, D-630).
     fn order_program(&self, before: u32) {
         match (before, self.state) {
             _ if self.program == Program::None => {}
@@ -156,7 +157,8 @@ impl Firmware {
         }
     }
 
-    /// A start that a client asks for, such as one that brings its program while the controller runs.
+    /// Handles a client's request for a start, for example from a client that attaches its program while the controller
+    /// runs.
     fn look_at_start_request(&mut self, ctx: &mut Context) {
         let Some(code) = self.node.registers.take_start_request() else { return };
         match Start::from_code(code) {
@@ -173,7 +175,7 @@ impl Firmware {
         self.state == state::RUN && self.program != Program::None
     }
 
-    /// What the program does, as the board shows it.
+    /// Returns the state of the program for the board.
     fn program_state(&self) -> ProgramState {
         match (&self.program, self.state) {
             (Program::None, _) => ProgramState::None,
@@ -182,13 +184,13 @@ impl Firmware {
         }
     }
 
-    /// Run and Stop follow the state of the node (p. 13-14, D-428).
+    /// Enters Run or Stop after a change of the node's state (p. 13-14, D-428).
     fn follow_node(&mut self, ctx: &mut Context) {
         let to = if self.node.state() == State::Stopped { state::STOP } else { state::RUN };
         self.enter(ctx, to);
     }
 
-    /// Network management.
+    /// Handles a network management command.
     fn command(&mut self, ctx: &mut Context, command: Command) {
         if self.node.state() == State::Initialising {
             return;
@@ -196,7 +198,7 @@ impl Firmware {
         let flags = &self.node.registers.flags;
         match command {
             Command::Stop => self.node.set_state(State::Stopped, ctx.now),
-            // P. 28: a controller that the programming system has stopped does not start.
+            // P. 28: network management does not start a controller that the programming system has stopped.
             Command::Start | Command::EnterPreOperational if self.is_stopped => return,
             Command::Start => self.node.set_state(State::Operational, ctx.now),
             Command::EnterPreOperational => self.node.set_state(State::PreOperational, ctx.now),
@@ -214,14 +216,14 @@ impl Firmware {
         self.follow_node(ctx);
     }
 
-    /// It has no operating system that goes on: nothing runs, and it is no CANopen node.
+    /// Ends the operating system: the program stops, and the device is not a CANopen node.
     pub(super) fn fall_silent(&mut self, ctx: &mut Context, to: u32) {
         self.node.fall_silent();
         self.end_master();
         self.enter(ctx, to);
     }
 
-    /// What the operating system finds wrong with the hardware.
+    /// Checks the hardware as the operating system does.
     fn diagnose(&mut self, ctx: &mut Context) {
         let defects = self.shared.defects();
         let is_at_work = matches!(self.state, state::RESET | state::RUN | state::STOP);
@@ -233,14 +235,14 @@ impl Firmware {
             state::STOP => Diagnosis::of(&defects, 0),
             _ => Diagnosis::default(),
         };
-        // There is no other flag that would tell the program of it (p. 18, D-461).
+        // No other flag reports this error to the program (p. 18, D-461).
         if found.has_more_than(&self.diagnosis) {
             self.node.registers.flags.ERROR.store(bool::TRUE);
         }
         self.diagnosis = found;
     }
 
-    /// The begin of a cycle: the program is given inputs and flags, and told.
+    /// Begins a cycle: updates inputs and flags, and notifies the program.
     fn begin_cycle(&mut self, now: u64) {
         self.read_inputs(now);
         (self.begun_at, self.is_overdue) = (now, false);
@@ -249,7 +251,7 @@ impl Firmware {
         self.pulses.add(events::CYCLE);
     }
 
-    /// Inputs and the SYNC flag, as the program finds them for a cycle.
+    /// Updates the inputs and the SYNC flag for a cycle of the program.
     fn read_inputs(&mut self, now: u64) {
         let registers = &self.node.registers;
         registers.inputs.I0.store(self.peripherals.inputs(registers, now));
@@ -265,7 +267,7 @@ impl Firmware {
         registers.flags.COP_SYNC.store(if has_sync { bool::TRUE } else { bool::FALSE });
     }
 
-    /// What the built-in program does in its first cycles.
+    /// Runs the built-in program in its first cycles.
     fn run_built_in(&mut self, ctx: &mut Context) {
         let Program::BuiltIn { pdos, guarding, master, .. } = &self.program else { return };
         match self.cycles {
@@ -274,13 +276,13 @@ impl Firmware {
                 if let Some(guarding) = guarding {
                     self.node.set_guarding(guarding, ctx.now);
                 }
-                // Each would reset the communication; what the last one leaves is what counts (p. 155).
+                // Each request would reset the communication; only the result of the last one counts (p. 155).
                 if !pdos.is_empty() {
                     pdos.iter().for_each(|(way, pdo, config)| self.node.ask_pdo(*way, *pdo, *config));
                     self.node.restart(State::PreOperational, ctx.now);
                 }
             }
-            // The second stage: what made it a master would have been lost (p. 48).
+            // Second stage: an earlier reset would have ended the role of master (p. 48).
             2 => {
                 if let Some(config) = master.clone() {
                     self.master = Some(Master::new(config, self.make_master(), ctx.now));
@@ -291,7 +293,7 @@ impl Firmware {
         self.cycles = self.cycles.saturating_add(1).min(3);
     }
 
-    /// A cycle of the program ends: what it wants is done, and the next one begins.
+    /// Ends a cycle of the program: carries out its requests, and begins the next cycle.
     fn end_cycle(&mut self, ctx: &mut Context) {
         self.run_built_in(ctx);
         self.open(ctx.now);
@@ -306,7 +308,7 @@ impl Firmware {
         self.begin_cycle(ctx.now);
     }
 
-    /// The program does not come to the end of its cycle: the watchdog resets the device 200 ms after the cycle began (p. 7).
+    /// Handles a cycle that does not end: the watchdog resets the device 200 ms after the begin of the cycle (p. 7).
     fn overdue(&mut self, ctx: &mut Context) {
         let bites_at = self.begun_at + WATCHDOG_US;
         self.is_overdue = true;
@@ -317,7 +319,7 @@ impl Firmware {
         }
     }
 
-    /// The outputs that the program has on. Where PWM is in force %QW0 is not (p. 91).
+    /// Returns the outputs that the program has on. For PWM outputs %QW0 has no effect (p. 91).
     fn wanted(&self) -> u16 {
         self.outputs & !self.peripherals.pwm.outputs() | self.peripherals.pwm.on()
     }
@@ -337,7 +339,7 @@ impl Firmware {
         }
     }
 
-    /// After whatever has happened: flags, front, journal and frames.
+    /// Updates flags, front, journal and frames after any change.
     fn show(&mut self, ctx: &mut Context, controller: &mut Controller) {
         self.can_errors.look(&self.node.registers.flags, controller);
         self.diagnose(ctx);
@@ -449,7 +451,7 @@ impl CanPort for Firmware {
         self.show(ctx, controller);
     }
 
-    /// BUS-off is left by `CAN_RESTART` only (p. 35).
+    /// Only `CAN_RESTART` ends BUS-off (p. 35).
     fn error_state(&mut self, ctx: &mut Context, controller: &mut Controller, state: ErrorState) {
         if self.state != state::OFF {
             self.can_errors.state(&self.node.registers.flags, state);
@@ -464,7 +466,7 @@ impl CanPort for Firmware {
 
     fn next_time(&self) -> u64 {
         let of_nmt = self.nmt.as_ref().map_or(u64::MAX, Nmt::next_time);
-        // P. 28: a master that the programming system has stopped is none.
+        // P. 28: a master stopped by the programming system is not active.
         let of_master = match (&self.master, &self.nmt) {
             (Some(master), Some(nmt)) if self.state == state::RUN => master.next_time(nmt),
             _ => u64::MAX,
@@ -476,7 +478,7 @@ impl CanPort for Firmware {
 
     fn due(&mut self, ctx: &mut Context, controller: &mut Controller) {
         if self.end_at.is_some_and(|end| end <= ctx.now) {
-            // What was asked for in the cycle is done before it ends.
+            // Orders of the cycle are carried out before the cycle ends.
             self.look_at_jobs(ctx, controller);
             if self.state == state::RESET {
                 self.init_can(controller);
@@ -486,7 +488,7 @@ impl CanPort for Firmware {
                 state::RESET => self.enter(ctx, state::RUN),
                 _ if self.shared.defects().is_hanging => self.overdue(ctx),
                 _ => {
-                    // A built-in program calls CAN_ERRORHANDLER in each cycle, as any should (p. 19, 36).
+                    // A built-in program calls CAN_ERRORHANDLER in each cycle, as every program should (p. 19, 36).
                     if matches!(self.program, Program::BuiltIn { .. }) {
                         self.can_errors.handle(controller, false);
                     }

@@ -1,24 +1,25 @@
-//! PWM: outputs 0 to 7 in two groups of four, each of which is digital or PWM as a whole (p. 86-95).
+//! PWM: outputs 0 to 7 in two groups of four. The outputs of a group are either digital outputs or PWM outputs (p.
+//! 86-95).
 
 use serde::{Deserialize, Serialize};
 
-/// Channels that there are; channel n is output n.
+/// Number of channels; channel n is output n.
 pub(super) const CHANNELS: usize = 8;
-/// Channels of a group.
+/// Number of channels in a group.
 const GROUP: usize = 4;
 /// Highest frequency in Hz that the outputs follow (p. 91).
 const USEFUL_HZ: u32 = 200;
-/// Highest frequency in Hz, to which everything above is brought down (p. 92, 94).
+/// Highest frequency in Hz; higher values are limited to it (p. 92, 94).
 const MOST_HZ: u32 = 10_000;
-/// Counts a second, of both groups with DIV64 (p. 88, 90).
+/// Counts per second of both groups with DIV64 (p. 88, 90).
 const DIVIDED_HZ: u32 = 156_250;
 
-/// The two groups differ in how they count.
+/// Group of channels. The groups differ in their way of counting.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Group {
-    /// Channels 0 to 3: from RELOAD down to 0; a frequency each.
+    /// Channels 0 to 3: count from RELOAD down to 0; each has its own frequency.
     Down,
-    /// Channels 4 to 7: from RELOAD up to FFFFh; all of one frequency.
+    /// Channels 4 to 7: count from RELOAD up to FFFFh; all have the same frequency.
     Up,
 }
 
@@ -27,7 +28,7 @@ impl Group {
         if channel < GROUP { Group::Down } else { Group::Up }
     }
 
-    /// Counts a second.
+    /// Returns the counts per second.
     const fn counts_hz(self, is_divided: bool) -> u32 {
         match (self, is_divided) {
             (_, true) => DIVIDED_HZ,
@@ -36,7 +37,7 @@ impl Group {
         }
     }
 
-    /// RELOAD for so many counts a period, at most 10000h.
+    /// Returns RELOAD for a number of counts per period, at most 10000h.
     fn reload(self, counts: u32) -> u16 {
         let reload = match self {
             Group::Down => counts.min(0xFFFF),
@@ -45,7 +46,7 @@ impl Group {
         reload as u16
     }
 
-    /// Counts a period.
+    /// Returns the counts per period.
     fn counts(self, reload: u16) -> u32 {
         match self {
             Group::Down => reload.into(),
@@ -54,7 +55,7 @@ impl Group {
     }
 }
 
-/// How the counter of a channel runs.
+/// Counter settings of a channel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 struct Clock {
     reload: u16,
@@ -62,13 +63,13 @@ struct Clock {
 }
 
 impl Clock {
-    /// With the frequency within its limit.
+    /// Creates the settings, with the frequency limited.
     fn new(group: Group, reload: u16, is_divided: bool) -> Self {
         let least = group.counts_hz(is_divided).div_ceil(MOST_HZ);
         Clock { reload: group.reload(group.counts(reload).max(least)), is_divided }
     }
 
-    /// For a frequency in Hz, with DIV64 where the counter would not reach that far (p. 88, 90).
+    /// Creates the settings for a frequency in Hz, with DIV64 if the counter's range would be too small (p. 88, 90).
     fn of_hz(group: Group, hz: u16) -> Self {
         let hz = u32::from(hz).clamp(1, MOST_HZ);
         let counts = |is_divided| group.counts_hz(is_divided) / hz;
@@ -81,14 +82,14 @@ impl Clock {
         (group.counts_hz(self.is_divided) + counts / 2) / counts.max(1)
     }
 
-    /// VALUE for so many percent.
+    /// Returns VALUE for a percentage.
     fn value(self, group: Group, percent: u8) -> u16 {
         let (off, on) = self.ends(group);
         let percent = i64::from(percent.min(100));
         (i64::from(off) + (i64::from(on) - i64::from(off)) * percent / 100) as u16
     }
 
-    /// VALUE for 0 % and for 100 % (p. 89, 91).
+    /// Returns VALUE for 0 % and for 100 % (p. 89, 91).
     fn ends(self, group: Group) -> (u16, u16) {
         match group {
             Group::Down => (self.reload, 0),
@@ -96,7 +97,8 @@ impl Clock {
         }
     }
 
-    /// How much of the time an output with this VALUE is on, in 0.01 %; what lies beyond an end counts as that end.
+    /// Returns the duty cycle of an output with this VALUE, in 0.01 %; a value outside the range counts as the nearer
+    /// limit.
     fn duty(self, group: Group, value: u16) -> u32 {
         let (off, on) = self.ends(group);
         let value = value.clamp(off.min(on), off.max(on));
@@ -104,21 +106,21 @@ impl Clock {
     }
 }
 
-/// Which function has initialised a channel.
+/// Function that has initialised a channel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 enum Function {
     Pwm,
     Pwm100,
 }
 
-/// What is wrong with an initialisation, which is done all the same.
+/// Faults of an initialisation, which takes effect nevertheless.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Misuse {
     /// `PWM` and `PWM100` are mixed on channels 4 to 7.
     pub is_mixed: bool,
-    /// Another frequency than the one that channels 4 to 7 have.
+    /// The frequency differs from the present one of channels 4 to 7.
     pub has_other_frequency: bool,
-    /// The outputs do not follow so fast.
+    /// The outputs cannot follow the frequency.
     pub is_too_fast: bool,
 }
 
@@ -131,7 +133,7 @@ pub(super) struct Pwm {
 }
 
 impl Pwm {
-    /// `PWM` with INIT (p. 92): the channel stands at 0 %, and its group is no group of digital outputs any more.
+    /// `PWM` with INIT (p. 92): the channel is at 0 %, and its group has PWM outputs from now on.
     pub(super) fn init(&mut self, channel: u8, reload: u16, is_divided: bool) -> Misuse {
         let channel = usize::from(channel);
         self.start(channel, Function::Pwm, Clock::new(Group::of(channel), reload, is_divided))
@@ -167,7 +169,7 @@ impl Pwm {
         }
     }
 
-    /// `PWM` with CHANGE (p. 92). Nothing happens before the channel's group has been initialised.
+    /// `PWM` with CHANGE (p. 92). No effect before the channel's group was initialised.
     pub(super) fn set(&mut self, channel: u8, value: u16) {
         self.put(channel.into(), |_, _| value);
     }
@@ -183,24 +185,24 @@ impl Pwm {
         }
     }
 
-    /// Outputs that are no digital outputs any more, bit n for output n: all four of a group of which one was initialised
-    /// (p. 91), until the supply goes.
+    /// Returns the PWM outputs, bit n for output n. After the initialisation of one output, all four of its group are
+    /// PWM outputs (p. 91) until the supply is switched off.
     pub(super) fn outputs(&self) -> u16 {
         let down = if self.down.iter().any(Option::is_some) { 0x0F } else { 0 };
         down | if self.up.is_some() { 0xF0 } else { 0 }
     }
 
-    /// Those of them that are on at least some of the time.
+    /// Returns the PWM outputs with a duty cycle above 0.
     pub(super) fn on(&self) -> u16 {
         (0..CHANNELS).filter(|channel| self.duty(*channel) != 0).fold(0, |on, channel| on | 1 << channel)
     }
 
-    /// How much of the time a channel is on, in 0.01 %.
+    /// Returns the duty cycle of a channel, in 0.01 %.
     pub(super) fn duty(&self, channel: usize) -> u32 {
         self.clock(channel).map_or(0, |clock| clock.duty(Group::of(channel), self.values[channel]))
     }
 
-    /// The frequency of a channel in Hz, 0 if it has not been initialised.
+    /// Returns the frequency of a channel in Hz, 0 before its initialisation.
     pub(super) fn hz(&self, channel: usize) -> u32 {
         self.clock(channel).map_or(0, |clock| clock.hz(Group::of(channel)))
     }

@@ -1,4 +1,4 @@
-//! What the firmware finds in the image.
+//! The image as the firmware uses it.
 
 use super::registers::{
     CS0015_FLAGS, CS0015_FUNCTION, CS0015_INPUTS, CS0015_JOBS, CS0015_OUTPUTS, CS0015_PARAMETERS,
@@ -13,10 +13,10 @@ use crate::memory::{Cell16, Cell32, Face, MemoryError, Segment, View};
 /// Bytes of the retain flags, %MB0 to %MB255 (p. 107).
 pub(super) const RETAIN_BYTES: usize = 256;
 
-/// Bytes of the operating system's area (p. 154) behind the flags that have names.
+/// Bytes of the operating system's area (p. 154) after the flags with names.
 pub(super) const UNNAMED: usize = 256 - size_of::<CS0015_FLAGS>();
 
-/// What the firmware finds in the image.
+/// The structures of the image that the firmware uses.
 pub(super) struct Registers {
     pub inputs: View<CS0015_INPUTS>,
     pub outputs: View<CS0015_OUTPUTS>,
@@ -33,7 +33,7 @@ pub(super) struct Registers {
     segment: Segment,
 }
 
-/// Four words as the eight bytes of a PDO, each low byte first (D-431).
+/// Converts four words to the eight bytes of a PDO, each low byte first (D-431).
 fn bytes(words: &[Cell16; 4]) -> [u8; 8] {
     let mut bytes = [0; 8];
     bytes
@@ -61,29 +61,29 @@ impl Registers {
         })
     }
 
-    /// A word of the front that the firmware shows.
+    /// Returns a word of the front that the firmware writes.
     pub(super) fn shown(&self, word: usize) -> &Cell32 {
         &self.face.front[word]
     }
 
-    /// What stands in a word of the front that others turn.
+    /// Reads a word of the front that users turn.
     pub(super) fn turned(&self, word: usize) -> u32 {
         self.face.asked().front[word].load()
     }
 
-    /// A command at the front, which is taken.
+    /// Takes a command at the front.
     pub(super) fn take_command(&self) -> Option<u32> {
         self.face.take(|page| &page.front[FRONT_PROGRAM])
     }
 
-    /// Shows on the board what the program does, and whether there is one.
+    /// Shows the state of the program on the board, and whether a program is loaded.
     pub(super) fn tell_program(&self, state: ProgramState) {
         self.face.put(|page| &page.program.state, state.code());
         let project = if state == ProgramState::None { Project::None } else { Project::Boot };
         self.face.project.store(project.code());
     }
 
-    /// What stands where clients report what the program does.
+    /// Returns the program state that clients have reported.
     pub(super) fn reported_program(&self) -> u32 {
         self.face.asked().program.state.load()
     }
@@ -93,71 +93,71 @@ impl Registers {
         program::order(&self.face, kind);
     }
 
-    /// Whether a client asks for something that concerns the program.
+    /// Whether a client has a request that concerns the program.
     pub(super) fn has_program_request(&self) -> bool {
         let asked = self.face.asked();
         asked.program.start_request.load() != 0
             || asked.initial_flag.request.load() != self.face.initial_flag.answer.load()
     }
 
-    /// A start that a client asks for; the request is taken.
+    /// Takes a client's request for a start.
     pub(super) fn take_start_request(&self) -> Option<u32> {
         program::refuse_initial_flag(&self.face);
         self.face.take(|page| &page.program.start_request)
     }
 
-    /// An event of the program, for whoever waits for it.
+    /// Fires an event of the program.
     pub(super) fn tell_event(&self, event: usize, now: u64) {
         if let Some(slot) = self.face.events.get(event) {
             slot.fire(now);
         }
     }
 
-    /// What transmit PDO `pdo`, from 0, carries.
+    /// Returns the data of transmit PDO `pdo`, counted from 0.
     pub(super) fn transmit(&self, pdo: usize) -> [u8; 8] {
         bytes(&self.tx.a_TX_PDO[pdo])
     }
 
-    /// What receive PDO `pdo`, from 0, has brought.
+    /// Returns the data of receive PDO `pdo`, counted from 0.
     pub(super) fn received(&self, pdo: usize) -> [u8; 8] {
         bytes(&self.rx.a_RX_PDO[pdo])
     }
 
-    /// Receive PDO `pdo`, from 0, has brought this.
+    /// Writes the data of receive PDO `pdo`, counted from 0.
     pub(super) fn receive(&self, pdo: usize, data: [u8; 8]) {
         let words = data.as_chunks::<2>().0.iter().map(|two| u16::from_le_bytes(*two));
         self.rx.a_RX_PDO[pdo].iter().zip(words).for_each(|(cell, word)| cell.store(word));
     }
 
-    /// The operating system's area behind the flags that have names.
+    /// Returns the operating system's area after the flags with names.
     pub(super) fn unnamed(&self) -> [u8; UNNAMED] {
         let mut bytes = [0; UNNAMED];
-        // It lies in the image.
+        // Cannot fail: the range is in the image.
         let _ = self.segment.read_range(self.unnamed_at(), &mut bytes);
         bytes
     }
 
-    /// Where that begins.
+    /// Returns the offset of this area.
     pub(super) fn unnamed_at(&self) -> u32 {
         (FLAGS + size_of::<CS0015_FLAGS>()) as u32
     }
 
-    /// The retain flags.
+    /// Returns the retain flags.
     pub(super) fn retain(&self) -> Vec<u8> {
         let mut flags = vec![0; RETAIN_BYTES];
-        // They lie in the image.
+        // Cannot fail: the range is in the image.
         let _ = self.segment.read_range(retain_at(), &mut flags);
         flags
     }
 
-    /// Writes as many retain flags from the first one on as there are.
+    /// Writes the retain flags, from the first one on.
     pub(super) fn set_retain(&self, flags: &[u8]) {
         for (offset, flag) in (retain_at()..).zip(flags.iter().take(RETAIN_BYTES)) {
             let _ = self.segment.store(offset, Width::Byte, (*flag).into());
         }
     }
 
-    /// Flags in which no register lies are 0 after power-on, but for those that are retained (D-401).
+    /// Clears flags outside all registers, as at power-on, except for retained ones (D-401).
     pub(super) fn clear_flags(&self) {
         let mut areas: Vec<_> = DEVICE.areas.iter().chain(DEVICE.retain.map(|retain| &retain.area)).collect();
         areas.sort_by_key(|area| area.first);

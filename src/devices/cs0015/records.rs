@@ -1,54 +1,54 @@
-//! What the journal tells of a CS0015.
+//! Journal events of a CS0015.
 
 use super::registers::DEVICE;
 use crate::devices::canopen::records::NODE_STATE;
 use crate::event_kinds;
 use crate::journal::{EventCodec, EventText, Fields, Kind, Reader};
 
-/// All kinds.
+/// All event kinds of this module.
 pub static KINDS: &[&Kind] =
     &[ControllerState::KIND, NODE_STATE, CommandRefused::KIND, JobRefused::KIND, Watchdog::KIND];
 
 event_kinds! {
-    /// The controller is in another operating state (p. 13).
+    /// The operating state of the controller has changed (p. 13).
     ControllerState = 60, "controller_state", Rare, at plc {
-        /// As `state` of the front.
+        /// Operating state, as in `state` of the front.
         to: u8,
     }
     /// A command of the programming system was not carried out.
     CommandRefused = 62, "command_refused", Rare, at plc {
-        /// As `program` of the front.
+        /// Command, as in `program` of the front.
         command: u8,
-        /// A [`Refused`].
+        /// Reason, a [`Refused`].
         why: u8,
     }
-    /// What the program asked of the operating system was not carried out.
+    /// An order of the program to the operating system was not carried out.
     JobRefused = 63, "job_refused", Rare, at plc {
-        /// As `a_FUNCTION` of the job block.
+        /// Function, as in `a_FUNCTION` of the job block.
         function: u16,
-        /// As `a_ERROR` of the job block.
+        /// Error, as in `a_ERROR` of the job block.
         error: u8,
     }
     /// The program has not ended its cycle in time, and the watchdog resets the device (p. 7).
     Watchdog = 93, "watchdog", Rare, at plc {}
 }
 
-/// Why a command of the programming system is not carried out.
+/// Reason for which a command of the programming system is not carried out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, bytemuck::CheckedBitPattern)]
 #[repr(u8)]
 pub enum Refused {
-    /// There is no program.
+    /// No program is loaded.
     NoProgram = 0,
-    /// S1 stands at LOCK.
+    /// S1 is at LOCK.
     Locked = 1,
-    /// It is not for this operating state.
+    /// The operating state does not permit the command.
     State = 2,
     /// The device needs a reset first.
     NeedsReset = 3,
 }
 
 impl Refused {
-    /// The reason for people.
+    /// Returns the reason as a text.
     pub(super) const fn reason(self) -> &'static str {
         match self {
             Refused::NoProgram => "there is no program",
@@ -63,7 +63,7 @@ impl Refused {
     }
 }
 
-/// What a value of a word of the front is called.
+/// Returns the name of a value of a front word.
 fn called(word: &str, value: u8) -> String {
     let word = DEVICE.front.iter().find(|known| known.name == word);
     word.map_or_else(|| value.to_string(), |word| word.called(value.into()))
@@ -113,14 +113,14 @@ impl EventText for Watchdog {
 }
 
 impl JobRefused {
-    /// Function and error as the layout names them.
+    /// Returns function and error as in the layout.
     fn called(&self) -> [String; 2] {
         let jobs = DEVICE.area("jobs").ok().into_iter().flat_map(|area| area.structures);
         let registers: Vec<_> = jobs.flat_map(|placed| placed.structure.registers).collect();
         [("a_FUNCTION", u32::from(self.function)), ("a_ERROR", u32::from(self.error))].map(|(name, value)| {
             let register = registers.iter().find(|register| register.name == name);
             let known = register.and_then(|register| register.meaning?.value(value));
-            // The arguments of a function stand behind it.
+            // The arguments of a function follow its name.
             known.map_or_else(
                 || format!("16#{value:04X}"),
                 |it| it.text.split(" (").next().unwrap_or(it.text).to_owned(),

@@ -1,4 +1,4 @@
-//! What the layout of the CS0015 must hold: addresses as the manual writes them, flags, object dictionary.
+//! Properties of the CS0015's layout: addresses as in the manual, flags, object dictionary.
 
 use super::registers::DEVICE;
 use crate::layout::object::{Access, Default, Type};
@@ -36,7 +36,7 @@ fn addresses_are_the_manuals() {
     assert_eq!(DEVICE.retain.unwrap().area.bytes, 256, "%MB0 to %MB255, p. 107");
 }
 
-/// P. 107, 154: %MW0 to %MW4095 are the flags, each of which lies in an area.
+/// P. 107, 154: %MW0 to %MW4095 are the flags, and each flag is in an area.
 #[test]
 fn every_flag_has_an_address() {
     for word in 0..4096 {

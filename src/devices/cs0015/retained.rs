@@ -1,4 +1,5 @@
-//! What a CS0015 keeps without supply besides its retain flags: the parameters that p. 155 has saved automatically, and the EEPROM.
+//! Data that a CS0015 keeps without supply in addition to its retain flags: the parameters saved automatically by p.
+//! 155, and the EEPROM.
 
 use super::communication::{is_cob_id, is_node, is_rate};
 use super::registers::values::loaded;
@@ -9,22 +10,22 @@ use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 use core::mem::offset_of;
 use zerocopy::IntoBytes;
 
-/// Its length.
+/// Length of the parameters.
 const BYTES: usize = size_of::<CS0015_PARAMETERS>();
-/// What tells that something has changed: everything but the EEPROM, whose writes are counted there.
+/// Bytes that are compared to detect a change: all except the EEPROM, which has a counter of its writes.
 const HEAD: usize = offset_of!(CS0015_PARAMETERS, a_EEPROM);
 
-/// Where it lies.
+/// Returns the area of the parameters.
 pub(super) fn area() -> Option<&'static Area> {
     DEVICE.areas.iter().find(|area| area.name == "parameters")
 }
 
-/// It as it is stored.
+/// The stored parameters.
 pub(super) struct Retained {
     parameters: View<CS0015_PARAMETERS>,
     segment: Segment,
     stored: [u8; BYTES],
-    /// Counts changes of `stored`.
+    /// Counter for changes of `stored`.
     generation: u32,
 }
 
@@ -36,7 +37,7 @@ impl SnapshotFields for Retained {
 
     fn restore(&mut self, from: &mut Saved<'_>) -> Result<(), Damaged> {
         let stored = from.raw(BYTES)?;
-        // Its number goes on: the file has what was there before.
+        // A restored value counts as a change, since the file has the previous values.
         self.generation = self.generation.wrapping_add((self.stored != stored).into());
         self.stored.copy_from_slice(stored);
         Ok(())
@@ -49,19 +50,19 @@ impl Retained {
         Ok(Retained { parameters, segment: segment.clone(), stored: [0; BYTES], generation: 0 })
     }
 
-    /// What NOVRAM holds, and a number that changes with it.
+    /// Returns the content of the NOVRAM, and a number that changes with it.
     pub(super) fn novram(&self) -> (&[u8], u32) {
         (&self.stored, self.generation)
     }
 
-    /// The parameters are stored when they change (p. 155). A value that a parameter cannot have is put back to the stored one
-    /// (D-661).
+    /// Stores the parameters when they have changed (p. 155). An invalid value of a parameter is replaced by the stored
+    /// one (D-661).
     pub(super) fn keep(&mut self) {
         if self.has_changed() {
             self.put_back();
         }
         if self.has_changed() {
-            // Of the same size by its definition.
+            // Cannot fail: both have the same size by definition.
             let _ = self.parameters.snapshot().write_to(&mut self.stored);
             self.generation = self.generation.wrapping_add(1);
         }
@@ -69,12 +70,12 @@ impl Retained {
 
     fn has_changed(&self) -> bool {
         let mut head = [0; HEAD];
-        // It lies in the image.
+        // Cannot fail: the range is in the image.
         let _ = self.segment.read_range(PARAMETERS as u32, &mut head);
         !self.stored.starts_with(&head)
     }
 
-    /// Puts the stored value back where a register holds none that its parameter can have. 0 is the factory setting.
+    /// Replaces invalid values in the registers by the stored ones. 0 is the factory setting.
     fn put_back(&self) {
         let CS0015_PARAMETERS {
             d_COB_ID_SYNC,
@@ -110,7 +111,7 @@ impl Retained {
         }
     }
 
-    /// The bytes at `offset` of what is stored.
+    /// Returns the stored bytes at `offset`.
     fn stored<const BYTES: usize>(&self, offset: usize) -> [u8; BYTES] {
         core::array::from_fn(|index| self.stored[offset + index])
     }

@@ -1,4 +1,4 @@
-//! What the device is on its bus, no CANopen node, a node, or the master, and what its program asks of it.
+//! Role of the device on its bus: no CANopen node, a node, or the master; and the orders of its program.
 
 use super::jobs;
 use super::nmt::Nmt;
@@ -11,7 +11,7 @@ use crate::devices::can_bus::Controller;
 use crate::devices::canopen::nmt::State;
 
 impl Firmware {
-    /// The program has switched CANopen on: it starts, if it has not yet (p. 28).
+    /// Starts CANopen if the program has switched it on and it was not started yet (p. 28).
     pub(super) fn open(&mut self, now: u64) {
         let is_can_open = self.node.registers.flags.CAN_OPEN.load() != bool::FALSE;
         if is_can_open && self.node.state() == State::Initialising {
@@ -19,7 +19,8 @@ impl Firmware {
         }
     }
 
-    /// The CAN controller is initialised, with the bit rate in force; one that cannot be is not at its bus (D-452).
+    /// Initialises the CAN controller with the bit rate in force; a controller with a fault does not take part in the
+    /// bus (D-452).
     pub(super) fn init_can(&mut self, controller: &mut Controller) {
         let flags = &self.node.registers.flags;
         if self.shared.defects().has_no_can {
@@ -30,20 +31,20 @@ impl Firmware {
         }
     }
 
-    /// It is the master of the network from now on (p. 53).
+    /// Makes the device the master of the network (p. 53).
     pub(super) fn make_master(&mut self) -> &mut Nmt {
         self.node.set_open(true);
         self.nmt.get_or_insert_default()
     }
 
-    /// It is no master any more.
+    /// Ends the role of master.
     pub(super) fn end_master(&mut self) {
         self.node.set_open(false);
         (self.nmt, self.master) = (None, None);
         self.node.registers.flags.COP_GUARDFAIL_NODEID.store(0);
     }
 
-    /// The communication starts anew, if there is any yet; what has made the device a master is lost (p. 48).
+    /// Resets the communication, if CANopen was started; the role of master is lost (p. 48).
     pub(super) fn reset_communication(&mut self, now: u64) {
         let at = (JOBS + core::mem::offset_of!(CS0015_JOBS, a_FUNCTION)) as u32;
         if self.nmt.is_some() || self.master.is_some() {
@@ -57,14 +58,14 @@ impl Firmware {
         }
     }
 
-    /// What the program asks of the operating system, which it does only while it runs.
+    /// Carries out the orders of the program, which has an effect only in Run.
     pub(super) fn look_at_jobs(&mut self, ctx: &mut Context, controller: &mut Controller) {
         if self.state == state::RUN {
             jobs::look(self, ctx, controller);
         }
     }
 
-    /// What has been begun may be done now.
+    /// Continues started orders.
     pub(super) fn go_on_with_jobs(&mut self, ctx: &mut Context, controller: &mut Controller) {
         if !self.under_way.is_empty() {
             self.look_at_jobs(ctx, controller);

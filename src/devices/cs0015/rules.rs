@@ -1,4 +1,4 @@
-//! What a program may do wrong at a CS0015.
+//! Errors that a program can make at a CS0015.
 
 use crate::rules;
 

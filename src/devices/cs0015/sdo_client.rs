@@ -3,13 +3,13 @@
 use crate::devices::canopen::sdo::{Abort, At, Client, Data, Step};
 use serde::{Deserialize, Serialize};
 
-/// How long an answer may take, in us (D-442).
+/// Time limit for an answer, in us (D-442).
 const PATIENCE_US: u64 = 1_000_000;
 
-/// What has become of a transfer: what was read, or the code of the abort.
+/// Result of a transfer: the data read, or the abort code.
 pub(super) type Finished = Result<Vec<u8>, u32>;
 
-/// A transfer under way.
+/// A transfer in progress.
 #[derive(Serialize, Deserialize)]
 struct Transfer {
     place: usize,
@@ -18,31 +18,31 @@ struct Transfer {
     until: u64,
 }
 
-/// The master's end of SDOs.
+/// SDO client of the master.
 #[derive(Default, Serialize, Deserialize)]
 pub(super) struct SdoClient {
     transfer: Option<Transfer>,
-    /// Of the place that waits for it.
+    /// Result with the place that waits for it.
     finished: Option<(usize, Finished)>,
 }
 
 impl SdoClient {
-    /// Whether nothing is under way, nor waits to be fetched.
+    /// Whether no transfer is in progress and no result waits.
     pub(super) fn is_free(&self) -> bool {
         self.transfer.is_none() && self.finished.is_none()
     }
 
-    /// Whether it works for a place.
+    /// Whether the transfer in progress belongs to a place.
     pub(super) fn is_of(&self, place: usize) -> bool {
         self.transfer.as_ref().is_some_and(|it| it.place == place)
     }
 
-    /// Reads an entry of at most `most` bytes of a node; what is to be sent.
+    /// Starts to read an entry of at most `most` bytes from a node; returns the frame to send.
     pub(super) fn read(&mut self, place: usize, node: u8, at: At, most: usize, now: u64) -> Data {
         self.begin(place, node, Client::read(at, most), now)
     }
 
-    /// Writes an entry of a node; what is to be sent.
+    /// Starts to write an entry of a node; returns the frame to send.
     pub(super) fn write(&mut self, place: usize, node: u8, at: At, data: &[u8], now: u64) -> Data {
         self.begin(place, node, Client::write(at, data), now)
     }
@@ -52,7 +52,7 @@ impl SdoClient {
         request
     }
 
-    /// A server has answered; what is to be sent to it.
+    /// Handles an answer of a server; returns the next frame for it.
     pub(super) fn answered(&mut self, node: u8, answer: Data, now: u64) -> Option<Data> {
         let transfer = self.transfer.as_mut().filter(|it| it.node == node)?;
         let (finished, request) = match transfer.client.answered(answer) {
@@ -73,24 +73,24 @@ impl SdoClient {
         self.finished = self.transfer.take().map(|it| (it.place, finished));
     }
 
-    /// What has become of the transfer of a place, once.
+    /// Takes the result of the transfer for a place.
     pub(super) fn finished(&mut self, place: usize) -> Option<Finished> {
         self.finished.take_if(|(of, _)| *of == place).map(|(_, finished)| finished)
     }
 
-    /// Whoever waited at a place does so no more: what is to be sent to whom.
+    /// Withdraws the transfer for a place; returns the node and the frame to send.
     pub(super) fn withdraw(&mut self, place: usize) -> Option<(u8, Data)> {
         self.finished(place);
         let transfer = self.transfer.take_if(|it| it.place == place)?;
         Some((transfer.node, transfer.client.give_up()))
     }
 
-    /// When an answer has been missing for too long; `u64::MAX` if none is awaited.
+    /// Returns the time limit of the expected answer; `u64::MAX` if there is none.
     pub(super) fn next_time(&self) -> u64 {
         self.transfer.as_ref().map_or(u64::MAX, |it| it.until)
     }
 
-    /// Looks at the time: what is to be sent to whom.
+    /// Checks the time limit; returns the node and the frame to send.
     pub(super) fn due(&mut self, now: u64) -> Option<(u8, Data)> {
         let transfer = self.transfer.as_ref().filter(|it| it.until <= now)?;
         let abort = (transfer.node, transfer.client.give_up());
@@ -105,7 +105,7 @@ mod tests {
 
     const AT: At = At { index: 0x1008, sub: 0 };
 
-    /// A long entry: each answer begins the wait anew, one of somebody else does not.
+    /// A long entry: each answer restarts the time limit, except an answer of another node.
     #[test]
     fn patience_counts_from_the_last_answer() {
         let mut client = SdoClient::default();

@@ -1,35 +1,34 @@
-//! The RS 232 interface, while it is the program's (`SERIAL_MODE`): bytes in their order, at 9600 baud (p. 7, 112-114).
+//! The RS 232 interface while it belongs to the program (`SERIAL_MODE`): bytes in order, at 9600 baud (p. 7, 112-114).
 
 use super::registers::CS0015_PERIPHERALS;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
-/// Received bytes that there is room for (p. 113), and bytes to send (D-475).
+/// Most received bytes (p. 113), and most bytes to send (D-475).
 const ROOM: usize = 1000;
-/// A byte on the line, with start and stop bit, in us.
+/// Duration of a byte on the line, with start and stop bit, in us.
 const BYTE_US: u64 = 1_042;
 
-/// What `SERIAL_RX` tells.
+/// Results of `SERIAL_RX`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Taken {
-    /// RX; 0 if there was none.
+    /// RX; 0 without a byte.
     pub byte: u8,
-    /// AVAILABLE: bytes that are left.
+    /// AVAILABLE: number of remaining bytes.
     pub available: u16,
     /// OVERFLOW.
     pub has_overflowed: bool,
 }
 
-/// One way of the line.
+/// One direction of the line.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 struct Line {
-    /// Bytes that have passed, wrapping.
+    /// Number of transmitted bytes, wrapping.
     count: u32,
-    /// When the byte on it is over; none if it is idle.
+    /// End of the byte on the line; `None` if the line is idle.
     until: Option<u64>,
 }
 
-/// The interface.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Serial {
     received: VecDeque<u8>,
@@ -40,20 +39,20 @@ pub(super) struct Serial {
 }
 
 impl Serial {
-    /// Power-on: what the other end has given before is gone.
+    /// Handles power-on: earlier bytes from the other end are lost.
     pub(super) fn power_on(&mut self, registers: &CS0015_PERIPHERALS) {
         *self = Serial::default();
         self.inwards.count = registers.d_RS232_GIVEN.load();
     }
 
-    /// `SERIAL_TX` (p. 112). Without room the byte is lost.
+    /// Runs `SERIAL_TX` (p. 112). The byte is lost if there is no room.
     pub(super) fn send(&mut self, byte: u8) {
         if self.to_send.len() < ROOM {
             self.to_send.push_back(byte);
         }
     }
 
-    /// `SERIAL_RX` (p. 113).
+    /// Runs `SERIAL_RX` (p. 113).
     pub(super) fn take(&mut self, is_clear: bool) -> Taken {
         if is_clear {
             self.received.clear();
@@ -63,12 +62,12 @@ impl Serial {
         Taken { byte, available: self.pending(), has_overflowed: self.has_overflowed }
     }
 
-    /// `SERIAL_PENDING` (p. 114).
+    /// Runs `SERIAL_PENDING` (p. 114).
     pub(super) fn pending(&self) -> u16 {
         self.received.len() as u16
     }
 
-    /// Looks for bytes that the other end has given, and begins to send.
+    /// Checks for bytes from the other end, and starts to send.
     pub(super) fn look(&mut self, registers: &CS0015_PERIPHERALS, now: u64) {
         let is_given = registers.d_RS232_GIVEN.load() != self.inwards.count;
         if is_given && self.inwards.until.is_none() {
@@ -79,18 +78,18 @@ impl Serial {
         }
     }
 
-    /// When a byte is over; `u64::MAX` if there is none on the line.
+    /// Returns the end of the next byte; `u64::MAX` if both lines are idle.
     pub(super) fn next_time(&self) -> u64 {
         let of = |line: &Line| line.until.unwrap_or(u64::MAX);
         of(&self.inwards).min(of(&self.outwards))
     }
 
-    /// Takes and gives the bytes that are over; those that come while the interface is not the program's are not for it.
+    /// Handles bytes that have ended. Bytes received while the interface belongs to the programming system are ignored.
     pub(super) fn due(&mut self, registers: &CS0015_PERIPHERALS, is_programs: bool, now: u64) {
         if self.inwards.until.take_if(|until| *until <= now).is_some() {
             let ring = &registers.a_RS232_GIVEN;
             let given = registers.d_RS232_GIVEN.load();
-            // What has been overwritten by now has never come.
+            // Overwritten bytes are lost.
             if given.wrapping_sub(self.inwards.count) as usize > ring.len() {
                 self.inwards.count = given.wrapping_sub(ring.len() as u32);
             }

@@ -17,12 +17,12 @@ pub(super) fn carry_out(desk: Desk, job: &Job) -> Outcome {
     }
 }
 
-/// A time in ms.
+/// Returns a time argument in ms.
 fn ms(job: &Job, argument: usize) -> Result<u16, OutOfRange> {
     job.argument(argument, 0..=u32::from(u16::MAX)).map(|ms| ms as u16)
 }
 
-/// A PDO, from 0.
+/// Returns the number of a PDO, counted from 0.
 fn pdo(job: &Job) -> Result<usize, OutOfRange> {
     job.argument(0, 1..=PDOS as u32).map(|pdo| pdo as usize - 1)
 }
@@ -40,7 +40,7 @@ fn nms_guarding_config(desk: Desk, job: &Job) -> Outcome {
     Ok(Answer::default())
 }
 
-/// Resets the communication, which ends the life of a master (p. 48).
+/// Configures a PDO and resets the communication, which ends the role of master (p. 48).
 fn pdo_config(desk: Desk, job: &Job, way: Way) -> Outcome {
     let (pdo, id) = (pdo(job)?, job.argument(1, 0..=0x7FF)? as u16);
     let code = job.argument(2, 0..=255)? as u8;

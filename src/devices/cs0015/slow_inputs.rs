@@ -1,9 +1,9 @@
-//! Inputs 4 to 15, whose filter lets signals of up to 25 Hz pass (p. 7).
+//! Inputs 4 to 15 and their filter, which passes signals of up to 25 Hz (p. 7).
 
 use super::fast_inputs;
 use serde::{Deserialize, Serialize};
 
-/// Half a period at 25 Hz, in us: a level that lasts less than this is not seen (D-660).
+/// Half a period at 25 Hz, in us: a shorter level has no effect (D-660).
 const LEAST_US: u64 = 20_000;
 /// Inputs without this filter, bit n for input n.
 const FAST: u16 = (1 << fast_inputs::INPUTS) - 1;
@@ -13,19 +13,19 @@ const FAST: u16 = (1 << fast_inputs::INPUTS) - 1;
 pub(super) struct SlowInputs {
     /// Levels after the filter, bit n for input n.
     passed: u16,
-    /// Levels at the terminals, as last looked at.
+    /// Levels at the terminals at the last check.
     terminals: u16,
-    /// Time since when each terminal has its level, in us.
+    /// Begin of the present level of each terminal, in us.
     since: [u64; 16],
 }
 
 impl SlowInputs {
-    /// Power-on with these levels at the terminals, which count as settled.
+    /// Handles power-on with these levels at the terminals, which count as settled.
     pub(super) fn power_on(terminals: u16, now: u64) -> Self {
         SlowInputs { passed: terminals, terminals, since: [now; 16] }
     }
 
-    /// Looks at the terminals at `now`.
+    /// Checks the terminals at `now`.
     pub(super) fn look(&mut self, terminals: u16, now: u64) {
         if self.passed == self.terminals && self.terminals == terminals {
             return;
@@ -42,7 +42,7 @@ impl SlowInputs {
         self.terminals = terminals;
     }
 
-    /// The levels of all inputs: those of inputs 0 to 3 as they are at the terminals.
+    /// Returns the levels of all inputs; inputs 0 to 3 are not filtered.
     pub(super) fn levels(&self, terminals: u16) -> u16 {
         terminals & FAST | self.passed & !FAST
     }

@@ -1,4 +1,4 @@
-//! A CS0015 at a bus with a master of the test: the vectors of the manual, to the microsecond.
+//! A CS0015 at a bus with a test master: the test vectors of the manual, to the microsecond.
 
 mod can_errors;
 mod can_jobs;
@@ -44,7 +44,7 @@ struct Bench {
 }
 
 impl Bench {
-    /// Just powered on, with these keys in the plant file besides its name.
+    /// A controller just powered on, with these keys in the plant file in addition to its name.
     fn new(keys: &str) -> Self {
         let text = format!("{{ name = 'panel'{}{keys} }}", if keys.is_empty() { "" } else { ", " });
         let config = Cs0015Config::read(ValueDeserializer::parse(&text).unwrap()).unwrap();
@@ -59,7 +59,7 @@ impl Bench {
         bench
     }
 
-    /// After its reset and the first cycles of its program.
+    /// A controller after its reset and the first cycles of its program.
     fn running(keys: &str) -> Self {
         let mut bench = Bench::new(keys);
         bench.run(250 * MS);
@@ -67,7 +67,7 @@ impl Bench {
         bench
     }
 
-    /// Running, and Operational.
+    /// A running controller in Operational.
     fn operational(keys: &str) -> Self {
         let mut bench = Bench::running(keys);
         bench.send(0, &[1, 0]);
@@ -93,7 +93,7 @@ impl Bench {
         self.bus.power_off(0, self.now, &mut self.journal);
     }
 
-    /// Supply off and on.
+    /// Switches the supply off and on.
     fn power_cycle(&mut self) {
         self.device.set_power(Power::Off);
         self.stop();
@@ -104,7 +104,7 @@ impl Bench {
         self.heard();
     }
 
-    /// A fault of the device, in the words of `commram fault add`. Returns its number.
+    /// Adds a fault of the device, in the words of `commram fault add`. Returns its number.
     fn fault(&mut self, kind: &str, words: &[&str]) -> u16 {
         let names = Names {
             plcs: vec!["panel".to_owned()],
@@ -125,7 +125,7 @@ impl Bench {
         self.run(MS);
     }
 
-    /// What a plant does in a processor cycle with faults, and with a device that goes off or on.
+    /// Does what a plant does in a processor cycle with faults, and with a device that is switched off or on.
     fn look_at_faults(&mut self) {
         let Bench { faults, device, journal, now, .. } = self;
         if faults.next_time() <= *now {
@@ -141,7 +141,7 @@ impl Bench {
         }
     }
 
-    /// So long, with a processor cycle every 500 us.
+    /// Advances the clock by `us` microseconds, with a processor cycle every 500 us.
     fn run(&mut self, us: u64) {
         let end = self.now + us;
         while self.now < end {
@@ -155,29 +155,29 @@ impl Bench {
         }
     }
 
-    /// The master sends a frame.
+    /// Sends a frame from the master.
     fn send(&mut self, id: u16, data: &[u8]) {
         let frame = Frame::standard(id, Payload::new(data).unwrap());
         self.wires.lock().unwrap().to_send.push(frame);
     }
 
-    /// The master asks for data.
+    /// Sends a remote frame from the master.
     fn ask(&mut self, id: u16) {
         let frame = Frame::remote(StandardId::new(id).unwrap(), 1).unwrap();
         self.wires.lock().unwrap().to_send.push(frame);
     }
 
-    /// What the master has heard since: identifiers and data.
+    /// Returns the frames that the master has heard since the last call: identifiers and data.
     fn heard(&mut self) -> Vec<(u16, Vec<u8>)> {
         self.heard_when().into_iter().map(|(_, id, data)| (id, data)).collect()
     }
 
-    /// The same with times.
+    /// As `heard`, with times.
     fn heard_when(&mut self) -> Vec<(u64, u16, Vec<u8>)> {
         self.wires.lock().unwrap().take_heard()
     }
 
-    /// Sends a frame and tells what is heard within 5 ms.
+    /// Sends a frame and returns the frames heard within 5 ms.
     fn exchange(&mut self, id: u16, data: &[u8]) -> Vec<(u16, Vec<u8>)> {
         self.send(id, data);
         self.run(5 * MS);
@@ -197,13 +197,13 @@ impl Bench {
         self.front(FRONT_STAT)
     }
 
-    /// A switch or a command at the front.
+    /// Sets a switch or a command at the front.
     fn set(&mut self, word: usize, value: u32) {
         self.registers.shown(word).store(value);
         self.run(MS);
     }
 
-    /// A command of the programming system, S1 being at UNLOCK.
+    /// Gives a command of the programming system, with S1 at UNLOCK.
     fn command(&mut self, command: u32) {
         self.set(FRONT_S1, 1);
         self.set(FRONT_PROGRAM, command);
@@ -218,7 +218,7 @@ impl Bench {
         self.order(place, function, arguments);
     }
 
-    /// Gives an order, with the data that are there.
+    /// Gives an order with the present data.
     fn order(&self, place: usize, function: u16, arguments: &[u32]) {
         let jobs = &self.registers.jobs;
         jobs.a_FUNCTION[place].store(function);
@@ -227,7 +227,7 @@ impl Bench {
         jobs.a_CONTROL[place].store(5);
     }
 
-    /// Gives an order and waits for the answer: the error, and the results.
+    /// Gives an order and waits for the answer; returns the error and the results.
     fn job(&mut self, function: u16, arguments: &[u32]) -> (u8, Vec<u32>) {
         self.order(0, function, arguments);
         self.run(MS);
@@ -236,14 +236,14 @@ impl Bench {
         (jobs.a_ERROR[0].load(), jobs.a_RESULT[0].iter().map(|cell| cell.load()).collect())
     }
 
-    /// The first result of an order.
+    /// Returns the first result of an order.
     fn result(&mut self, function: u16, arguments: &[u32]) -> u32 {
         let (error, results) = self.job(function, arguments);
         assert_eq!(error, 0);
         results[0]
     }
 
-    /// The data of the last answer at the first place.
+    /// Returns the data of the last answer at the first place.
     fn answer_data(&self) -> Vec<u8> {
         let jobs = &self.registers.jobs;
         jobs.a_DATA[0].iter().take(jobs.a_LENGTH[0].load().into()).map(|cell| cell.load()).collect()

@@ -1,4 +1,4 @@
-//! What the operating system finds that a program has written against the manual.
+//! Writes of a program that violate the manual, as the operating system finds them.
 
 use super::ram::{Registers, UNNAMED};
 use super::registers::OUTPUTS;
@@ -6,10 +6,10 @@ use super::rules;
 use crate::journal::Rule;
 use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 
-/// A rule that was broken: where, and the value.
+/// A broken rule: rule, offset, and value.
 pub(super) type Found = (&'static Rule, u32, u32);
 
-/// The flags of the operating system that have no names, as last seen.
+/// The flags of the operating system without names, at the last check.
 #[derive(Clone, Debug)]
 pub(super) struct Watch {
     unnamed: [u8; UNNAMED],
@@ -34,7 +34,7 @@ impl SnapshotFields for Watch {
 }
 
 impl Watch {
-    /// Looks for one that was written: the first word that is another one.
+    /// Checks these flags; returns a finding for the first changed word.
     pub(super) fn look(&mut self, registers: &Registers) -> Option<Found> {
         let now = registers.unnamed();
         let before = core::mem::replace(&mut self.unnamed, now);
@@ -48,7 +48,7 @@ impl Watch {
     }
 }
 
-/// Whether a program has changed outputs of these that PWM drives.
+/// Returns a finding if a program has changed one of the outputs that PWM drives.
 pub(super) fn pwm_outputs(before: u16, now: u16, pwm: u16) -> Option<Found> {
     let is_changed = (before ^ now) & pwm != 0;
     is_changed.then_some((&rules::PWM_OUTPUT, OUTPUTS as u32, now.into()))

@@ -1,4 +1,4 @@
-//! Blocks that bring a value into another range or delay it (p. 117, 123-124).
+//! Blocks that convert a value to another range or delay it (p. 117, 123-124).
 
 use super::order::ms;
 use crate::plc::{Ram, function_block};
@@ -6,7 +6,7 @@ use core::time::Duration;
 use std::collections::VecDeque;
 
 function_block! {
-    /// Brings a value from one range into another one (p. 117).
+    /// Converts a value from one range to another (p. 117).
     pub struct NORM() {
         in {
             /// The value.
@@ -21,14 +21,14 @@ function_block! {
             YL: u16;
         }
         out {
-            /// The value there.
+            /// Value in the other range.
             Y: u16;
         }
     }
 }
 
 impl NORM {
-    /// One PLC cycle. Beyond an end it is that end.
+    /// Runs one PLC cycle. A value outside a range counts as the nearer limit.
     pub fn call(&mut self) {
         let [x, from, to, low, high] = [self.X, self.XH, self.XL, self.YH, self.YL].map(i64::from);
         let x = x.clamp(from.min(to), from.max(to));
@@ -37,10 +37,10 @@ impl NORM {
     }
 }
 
-/// Values of a time, each until another one comes.
+/// Values with their times; each value is valid until the next one.
 #[derive(Clone, Debug)]
 pub struct Past<T> {
-    /// Since when which value, the oldest first; the first one is that of now and before.
+    /// Begin and value, the oldest first; the first value is valid now and earlier.
     values: VecDeque<(u64, T)>,
 }
 
@@ -51,8 +51,8 @@ impl<T> Default for Past<T> {
 }
 
 impl<T: Copy + PartialEq> Past<T> {
-    /// The value is `value` from `now` on; what it was `us` microseconds ago, none before the first one. What was before that is
-    /// forgotten.
+    /// Records `value` from `now` on; returns the value of `us` microseconds ago, `None` before the first value. Older
+    /// values are removed.
     pub(super) fn ago(&mut self, value: T, now: u64, us: u64) -> Option<T> {
         if self.values.back().is_none_or(|(_, last)| *last != value) {
             self.values.push_back((now, value));
@@ -65,13 +65,13 @@ impl<T: Copy + PartialEq> Past<T> {
     }
 }
 
-/// Microseconds of a TIME, in the whole milliseconds that it has.
+/// Converts a TIME to microseconds, in whole milliseconds.
 pub(super) fn us(time: Duration) -> u64 {
     u64::from(ms(time)) * 1000
 }
 
 function_block! {
-    /// Gives a value on after a time (p. 123). To be called in every cycle.
+    /// Delays a value by a time (p. 123). To be called in every cycle.
     pub struct DELAY(ram: Ram) {
         in {
             /// The value.
@@ -80,7 +80,7 @@ function_block! {
             T: Duration;
         }
         out {
-            /// The value as it was then; 0 before the first one.
+            /// Value at that time; 0 before the first value.
             Y: u16;
         }
         internal: Past<u16>;
@@ -88,7 +88,7 @@ function_block! {
 }
 
 impl DELAY {
-    /// One PLC cycle.
+    /// Runs one PLC cycle.
     pub fn call(&mut self, ram: &Ram) {
         self.Y = self.internal.ago(self.X, ram.now_us(), us(self.T)).unwrap_or(0);
     }
@@ -104,14 +104,14 @@ function_block! {
             T1: Duration;
         }
         out {
-            /// What follows it, from 0 on.
+            /// Filtered value, from 0 on.
             Y: u16;
         }
         internal: Lag;
     }
 }
 
-/// What a low-pass filter remembers.
+/// State of a low-pass filter.
 #[derive(Clone, Debug, Default)]
 pub struct Lag {
     y: f64,
@@ -119,7 +119,7 @@ pub struct Lag {
 }
 
 impl PT1 {
-    /// One PLC cycle. X counts for the time since the call before.
+    /// Runs one PLC cycle. X counts for the time since the previous call.
     pub fn call(&mut self, ram: &Ram) {
         let now = ram.now_us();
         let passed = now.saturating_sub(self.internal.called_at.replace(now).unwrap_or(now));
@@ -163,7 +163,7 @@ mod tests {
         assert_eq!(delay.internal.values.len(), 1, "nothing is kept that is not needed");
     }
 
-    /// A step: 63 % after the time constant, whatever the cycle.
+    /// A step reaches 63 % after the time constant, for any cycle.
     #[test]
     fn a_filter_follows_with_its_time_constant() {
         for cycle in [1, 10, 100] {

@@ -1,20 +1,20 @@
-//! Blocks of CAN as such (p. 30-36).
+//! Blocks for plain CAN (p. 30-36).
 
 use super::order::{Jobs, Order, array};
 use crate::devices::cs0015::registers::values::job;
 use crate::plc::function_block;
 
 function_block! {
-    /// Sets the bit rate, which is in force at once and stored (p. 31).
+    /// Sets the bit rate, which takes effect at once and is stored (p. 31).
     pub struct CAN_BAUDRATE(jobs: Jobs) {
         in {
             /// Gives the order.
             ENABLE: bool;
-            /// In kbit/s: 10, 20, 50, 100, 125, 250, 500, 1000.
+            /// Bit rate in kbit/s: 10, 20, 50, 100, 125, 250, 500, 1000.
             BAUDRATE: u16;
         }
         out {
-            /// The order before has been answered; ours.
+            /// The previous order has been answered; added by commram.
             ANSWERED: bool;
         }
         internal: Order;
@@ -22,7 +22,7 @@ function_block! {
 }
 
 impl CAN_BAUDRATE {
-    /// One PLC cycle.
+    /// Runs one PLC cycle.
     pub fn call(&mut self, jobs: &Jobs) {
         let arguments = [self.BAUDRATE.into()];
         self.ANSWERED = self.internal.call(jobs, self.ENABLE, job::CAN_BAUDRATE, &arguments, &[]).is_some();
@@ -30,7 +30,7 @@ impl CAN_BAUDRATE {
 }
 
 function_block! {
-    /// Hands a message to the CAN controller (p. 32).
+    /// Gives a message to the CAN controller (p. 32).
     pub struct CAN_TRANSMIT(jobs: Jobs) {
         in {
             /// Identifier, 0 to 2047.
@@ -45,9 +45,9 @@ function_block! {
             ENABLE: bool;
         }
         out {
-            /// The message of the order before was taken; else it is to be given again.
+            /// The message of the previous order was accepted; otherwise repeat the order.
             RESULT: bool;
-            /// The order before has been answered; ours.
+            /// The previous order has been answered; added by commram.
             ANSWERED: bool;
         }
         internal: Order;
@@ -55,7 +55,7 @@ function_block! {
 }
 
 impl CAN_TRANSMIT {
-    /// One PLC cycle.
+    /// Runs one PLC cycle.
     pub fn call(&mut self, jobs: &Jobs) {
         let arguments = [self.ID.into(), self.RTR.into(), self.DLC.into()];
         let answer = self.internal.call(jobs, self.ENABLE, job::CAN_TRANSMIT, &arguments, &self.DATA);
@@ -65,12 +65,12 @@ impl CAN_TRANSMIT {
 }
 
 function_block! {
-    /// Makes an identifier known, and fetches its messages, the oldest first (p. 33-34). Each call gives an order.
+    /// Registers an identifier, and fetches its messages, the oldest first (p. 33-34). Each call gives an order.
     pub struct CAN_RECEIVE(jobs: Jobs) {
         in {
-            /// Makes the identifier known, once.
+            /// Registers the identifier, once.
             CONFIG: bool;
-            /// Throws away what waits.
+            /// Discards waiting data.
             CLEAR: bool;
             /// Identifier, 0 to 2047.
             ID: u16;
@@ -82,11 +82,11 @@ function_block! {
             DLC: u8;
             /// Not used.
             RTR: u8;
-            /// Messages that waited, the one fetched included; 0: there was none.
+            /// Number of waiting messages, including the fetched one; 0: none.
             AVAILABLE: u8;
             /// At least one message was lost.
             OVERFLOW: bool;
-            /// The order before has been answered; ours.
+            /// The previous order has been answered; added by commram.
             ANSWERED: bool;
         }
         internal: Order;
@@ -94,11 +94,11 @@ function_block! {
 }
 
 impl CAN_RECEIVE {
-    /// One PLC cycle.
+    /// Runs one PLC cycle.
     pub fn call(&mut self, jobs: &Jobs) {
         let arguments = [self.CONFIG.into(), self.CLEAR.into(), self.ID.into()];
         let answer = self.internal.call(jobs, true, job::CAN_RECEIVE, &arguments, &[]);
-        // Until another message is fetched there is none.
+        // AVAILABLE is 0 until the next message is fetched.
         self.AVAILABLE = 0;
         self.ANSWERED = answer.is_some();
         let Some(answer) = answer else { return };

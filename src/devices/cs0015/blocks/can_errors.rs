@@ -5,14 +5,14 @@ use crate::devices::cs0015::registers::values::job;
 use crate::plc::function_block;
 
 function_block! {
-    /// Lets a controller that is BUS-off return to the bus (p. 35).
+    /// Starts the return of a BUS-off controller to the bus (p. 35).
     pub struct CAN_RESTART(jobs: Jobs) {
         in {
             /// Gives the order.
             ENABLE: bool;
         }
         out {
-            /// The order before has been answered; ours.
+            /// The previous order has been answered; added by commram.
             ANSWERED: bool;
         }
         internal: Order;
@@ -20,14 +20,14 @@ function_block! {
 }
 
 impl CAN_RESTART {
-    /// One PLC cycle.
+    /// Runs one PLC cycle.
     pub fn call(&mut self, jobs: &Jobs) {
         self.ANSWERED = self.internal.call(jobs, self.ENABLE, job::CAN_RESTART, &[], &[]).is_some();
     }
 }
 
 function_block! {
-    /// Counts errors of CAN, and lets a controller that is BUS-off return (p. 36). Each call gives an order.
+    /// Counts errors of CAN, and starts the return of a BUS-off controller (p. 36). Each call gives an order.
     pub struct CAN_ERRORHANDLER(jobs: Jobs) {
         in {
             /// Sets the counter to 0.
@@ -36,7 +36,7 @@ function_block! {
         out {
             /// Errors so far.
             ERRORCOUNT: u16;
-            /// The order before has been answered; ours.
+            /// The previous order has been answered; added by commram.
             ANSWERED: bool;
         }
         internal: Order;
@@ -44,7 +44,7 @@ function_block! {
 }
 
 impl CAN_ERRORHANDLER {
-    /// One PLC cycle.
+    /// Runs one PLC cycle.
     pub fn call(&mut self, jobs: &Jobs) {
         let answer = self.internal.call(jobs, true, job::CAN_ERRORHANDLER, &[self.RESET.into()], &[]);
         self.ANSWERED = answer.is_some();

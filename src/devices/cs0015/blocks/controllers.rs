@@ -4,14 +4,14 @@ use super::calculation::{Past, us};
 use crate::plc::{Ram, function_block};
 use core::time::Duration;
 
-/// Steps of a manipulated variable: 65536 is nothing, 0 everything (p. 127).
+/// Steps of a manipulated variable: 65536 is 0 %, 0 is 100 % (p. 127).
 const RANGE: f64 = 65_536.0;
-/// The largest deviation that counts (p. 127).
+/// The largest effective deviation (p. 127).
 const DEVIATION: i32 = 127;
-/// What a deviation of 1 changes the manipulated variable by, with a gain of 1.
+/// Change of the manipulated variable for a deviation of 1, with a gain of 1.
 const STEP: f64 = 256.0;
 
-/// What a controller is set to.
+/// Settings of a controller.
 struct Settings {
     kp: u8,
     tn: Duration,
@@ -19,18 +19,18 @@ struct Settings {
     tv: Duration,
 }
 
-/// What a controller remembers.
+/// State of a controller.
 #[derive(Clone, Debug, Default)]
 pub struct Controller {
-    /// What the integral part adds.
+    /// Integral part.
     integral: f64,
     called_at: Option<u64>,
-    /// Deviations of the last TV.
+    /// Deviations during the last TV.
     past: Past<i32>,
 }
 
 impl Controller {
-    /// The sum of its three parts at a deviation.
+    /// Returns the sum of the three parts for a deviation.
     fn at(&mut self, deviation: i32, settings: &Settings, now: u64) -> f64 {
         let deviation = deviation.clamp(-DEVIATION, DEVIATION);
         let passed = now.saturating_sub(self.called_at.replace(now).unwrap_or(now));
@@ -40,26 +40,26 @@ impl Controller {
             0 => 0.0,
             tn => self.integral + kp * now_it_is * passed as f64 / tn as f64,
         };
-        // More than the whole range would only take time to come back from.
+        // A larger integral part would only take longer to fall again.
         self.integral = self.integral.clamp(-RANGE, RANGE);
-        // After TV the change is over (p. 126).
+        // The change is over after TV (p. 126).
         let before = self.past.ago(deviation, now, us(settings.tv)).map_or(0.0, f64::from);
         kp * now_it_is + self.integral + kd * (now_it_is - before)
     }
 }
 
-/// The part that follows from the setpoint alone (p. 127, 131). Without a largest setpoint nothing is driven.
+/// The part that follows from the setpoint alone (p. 127, 131). If the largest setpoint is 0, the output is off.
 fn reference(setpoint: u16, most: u16) -> f64 {
     if most == 0 { RANGE } else { RANGE - f64::from(setpoint) / f64::from(most) * RANGE }
 }
 
-/// As PWM takes it.
+/// Converts to the range of PWM.
 fn output(value: f64) -> u16 {
     value.round().clamp(0.0, f64::from(u16::MAX)) as u16
 }
 
 function_block! {
-    /// A PID controller (p. 125-129). Y fits PWM with a RELOAD of 65535: 65535 is nothing, 0 everything.
+    /// A PID controller (p. 125-129). Y fits PWM with a RELOAD of 65535: 65535 is 0 %, 0 is 100 %.
     pub struct PID(ram: Ram) {
         in {
             /// Actual value.
@@ -76,7 +76,7 @@ function_block! {
             KD: u8;
             /// Derivative time.
             TV: Duration;
-            /// Optimizes itself; without effect here, as nothing tells how (D-448).
+            /// Self-optimization; without effect in commram, because the manual does not describe it (D-448).
             SO: bool;
         }
         out {
@@ -88,7 +88,7 @@ function_block! {
 }
 
 impl PID {
-    /// One PLC cycle.
+    /// Runs one PLC cycle.
     pub fn call(&mut self, ram: &Ram) {
         let settings = Settings { kp: self.KP, tn: self.TN, kd: self.KD, tv: self.TV };
         let deviation = i32::from(self.X) - i32::from(self.XS);
@@ -98,7 +98,7 @@ impl PID {
 }
 
 function_block! {
-    /// Keeps two actual values together (p. 130-131): what drives the larger one is reduced.
+    /// Keeps two actual values together (p. 130-131): reduces the drive of the larger one.
     pub struct GLR(ram: Ram) {
         in {
             /// Actual value of channel 1.
@@ -129,13 +129,13 @@ function_block! {
 }
 
 impl GLR {
-    /// One PLC cycle.
+    /// Runs one PLC cycle.
     pub fn call(&mut self, ram: &Ram) {
         let settings = Settings { kp: self.KP, tn: self.TN, kd: self.KD, tv: self.TV };
         let deviation = i32::from(self.X1) - i32::from(self.X2);
         let parts = self.internal.at(deviation, &settings, ram.now_us());
         let reference = reference(self.XS, self.XMAX);
-        // Only the larger one's is raised.
+        // Only the manipulated variable of the larger value is raised.
         let raised = |is_larger: bool, by: f64| output(reference + if is_larger { by.max(0.0) } else { 0.0 });
         self.Y1 = raised(deviation >= 0, parts);
         self.Y2 = raised(deviation <= 0, -parts);

@@ -18,11 +18,11 @@ function_block! {
             BLINK: u8;
             /// Fixed texts: CH1 in bit 0, KEY in bit 7.
             STATES: u8;
-            /// Decimal points: that of digit 1 in bit 0.
+            /// Decimal points: the point of digit 1 in bit 0.
             POINTS: u8;
         }
         out {
-            /// The order before has been answered; ours.
+            /// The previous order has been answered; added by commram.
             ANSWERED: bool;
         }
         internal: Order;
@@ -30,7 +30,7 @@ function_block! {
 }
 
 impl LCD_SEGMENTS {
-    /// One PLC cycle.
+    /// Runs one PLC cycle.
     pub fn call(&mut self, jobs: &Jobs) {
         let arguments = [self.CHANGE.into(), self.BLINK.into(), self.STATES.into(), self.POINTS.into()];
         let letters = self.LETTERS.iter().flat_map(|letter| letter.to_le_bytes());
@@ -46,17 +46,17 @@ function_block! {
         in {
             /// Gives the order.
             CHANGE: bool;
-            /// Its characters, 0 behind the last one.
+            /// Characters of the text, with 0 after the last one.
             TEXT: [u8; 8];
             /// Places that blink: digit 1 in bit 0, letter 1 in bit 5.
             BLINK: u8;
             /// Fixed texts: CH1 in bit 0, KEY in bit 7.
             STATES: u8;
-            /// Decimal points: that of digit 1 in bit 0.
+            /// Decimal points: the point of digit 1 in bit 0.
             POINTS: u8;
         }
         out {
-            /// The order before has been answered; ours.
+            /// The previous order has been answered; added by commram.
             ANSWERED: bool;
         }
         internal: Order;
@@ -64,7 +64,7 @@ function_block! {
 }
 
 impl LCD_TEXT {
-    /// One PLC cycle.
+    /// Runs one PLC cycle.
     pub fn call(&mut self, jobs: &Jobs) {
         let arguments = [self.CHANGE.into(), self.BLINK.into(), self.STATES.into(), self.POINTS.into()];
         let text = self.TEXT.split(|character| *character == 0).next().unwrap_or_default();

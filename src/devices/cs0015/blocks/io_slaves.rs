@@ -6,25 +6,25 @@ use crate::devices::cs0015::registers::values::job;
 use crate::plc::function_block;
 use core::time::Duration;
 
-/// CFG_RESULT: read or written; not yet (p. 77). Without READ and WRITE it is 0.
+/// CFG_RESULT: read or written; not yet (p. 77). It is 0 without READ and WRITE.
 const DONE: u8 = 1;
 const NOT_YET: u8 = 2;
 
 function_block! {
-    /// Makes the device the master of I/O modules 1 to NO_NODE (p. 73). ENABLE stays until DONE.
+    /// Makes the device the master of I/O modules 1 to NO_NODE (p. 73). Keep ENABLE TRUE until DONE.
     pub struct COP_MSTR_BOOTUP(jobs: Jobs) {
         in {
-            /// Begins, and ends when it is FALSE again.
+            /// Starts the operation; FALSE ends it.
             ENABLE: bool;
-            /// Number of nodes, the master left out.
+            /// Number of nodes, without the master.
             NO_NODE: u8;
             /// Time between two guarding objects, to 65535 ms; 0: never.
             GUARDTIME: Duration;
-            /// Answers in a row that may be missing.
+            /// Number of consecutive answers that may be missing.
             LIFETIME: u8;
         }
         out {
-            /// It is done, more than 2 s after its begin.
+            /// Finished, more than 2 s after the start.
             DONE: bool;
         }
         internal: Sdo;
@@ -32,7 +32,7 @@ function_block! {
 }
 
 impl COP_MSTR_BOOTUP {
-    /// One PLC cycle.
+    /// Runs one PLC cycle.
     pub fn call(&mut self, jobs: &Jobs) {
         let arguments = [self.NO_NODE.into(), ms(self.GUARDTIME), self.LIFETIME.into()];
         let (result, _) = self.internal.call(jobs, self.ENABLE, job::COP_MSTR_BOOTUP, &arguments, &[]);
@@ -46,19 +46,19 @@ function_block! {
         in {
             /// Gives the order.
             ENABLE: bool;
-            /// Number of nodes, the master left out.
+            /// Number of nodes, without the master.
             NO_NODE: u8;
             /// Time between two SYNC objects, to 65535 ms; 0: never.
             SYNC_TIME: Duration;
-            /// A node that is back is made Operational.
+            /// Makes a returning node Operational.
             AUTO_OPERATIONAL: bool;
-            /// Forgets the nodes in RESULT.
+            /// Forgets the nodes in `RESULT`.
             RESET_GUARDING: bool;
         }
         out {
-            /// Nodes that have been missing, in their order, 0 behind them.
+            /// Missing nodes in ascending order, followed by 0.
             RESULT: [u8; 8];
-            /// The order before has been answered; ours.
+            /// The previous order has been answered; added by commram.
             ANSWERED: bool;
         }
         internal: Order;
@@ -66,7 +66,7 @@ function_block! {
 }
 
 impl COP_MSTR_MAIN {
-    /// One PLC cycle.
+    /// Runs one PLC cycle.
     pub fn call(&mut self, jobs: &Jobs) {
         let arguments = [
             self.NO_NODE.into(),
@@ -82,7 +82,7 @@ impl COP_MSTR_MAIN {
     }
 }
 
-/// Blocks that configure a module: what its inputs and outputs are called.
+/// Defines blocks that configure a module, from the names of its inputs and outputs.
 macro_rules! config {
     ($($(#[$doc:meta])* $name:ident = $job:ident: $($(#[$pin_doc:meta])* $pin:ident $actual:ident)*;)*) => {$(
         function_block! {
@@ -103,10 +103,10 @@ macro_rules! config {
                     /// 1: read or written; 2: not yet; 0: neither READ nor WRITE.
                     CFG_RESULT: u8;
                     $(
-                        /// As it was read.
+                        /// Value that was read.
                         $actual: u8;
                     )*
-                    /// Why it was aborted last; 0: it was not, or was refused; ours.
+                    /// Reason of the last abort; 0: not aborted, or refused; added by commram.
                     ABORT: u32;
                 }
                 internal: Sdo;
@@ -114,7 +114,7 @@ macro_rules! config {
         }
 
         impl $name {
-            /// One PLC cycle.
+            /// Runs one PLC cycle.
             pub fn call(&mut self, jobs: &Jobs) {
                 let (arguments, data) = (
                     [self.NODE_ID.into(), self.PWM_FRQ.into(), self.READ.into(), self.WRITE.into()],
@@ -137,7 +137,7 @@ macro_rules! config {
     )*};
 }
 
-/// Blocks for a CR2010, under its old name, too.
+/// Defines blocks for a CR2010, also under its old name.
 macro_rules! cr2010 {
     ($($(#[$doc:meta])* $name:ident)*) => {
         config! {$(
@@ -164,14 +164,14 @@ macro_rules! cr2010 {
 }
 
 cr2010! {
-    /// Writes and reads what the connectors of a CR2010 are (p. 77).
+    /// Writes and reads the configuration of a CR2010's connectors (p. 77).
     SLAVE_CR2010_CONFIG
     /// The older name of `SLAVE_CR2010_CONFIG` (p. 79).
     SLAVE_8_CONFIG
 }
 
 config! {
-    /// Writes and reads what the pairs of outputs of a CR2011 are (p. 81).
+    /// Writes and reads the configuration of a CR2011's pairs of outputs (p. 81).
     SLAVE_CR2011_CONFIG = SLAVE_CR2011_CONFIG:
         /// 0 off, 2 digital outputs, 4 analog outputs (PWM), 5 analog outputs (current-controlled).
         CHANNEL_1_2 CHANNEL_1_2_
@@ -183,7 +183,7 @@ config! {
         CHANNEL_7_8 CHANNEL_7_8_;
 }
 
-/// Blocks that exchange the words of a module.
+/// Defines blocks that exchange the words of a module.
 macro_rules! work {
     ($($(#[$doc:meta])* $name:ident = $job:ident;)*) => {$(
         function_block! {
@@ -192,15 +192,15 @@ macro_rules! work {
                 in {
                     /// Gives the order.
                     ENABLE: bool;
-                    /// Makes the module known, in the first cycle.
+                    /// Registers the module, in the first cycle.
                     INIT: bool;
                     /// Number of the module, 1 to 32.
                     NODE: u8;
                 }
                 out {
-                    /// Of the order before: the words were exchanged.
+                    /// Result of the previous order: the words were exchanged.
                     RESULT: bool;
-                    /// The order before has been answered; ours.
+                    /// The previous order has been answered; added by commram.
                     ANSWERED: bool;
                 }
                 internal: Order;
@@ -208,7 +208,7 @@ macro_rules! work {
         }
 
         impl $name {
-            /// One PLC cycle.
+            /// Runs one PLC cycle.
             pub fn call(&mut self, jobs: &Jobs) {
                 let arguments = [self.INIT.into(), self.NODE.into()];
                 let answer = self.internal.call(jobs, self.ENABLE, job::$job, &arguments, &[]);

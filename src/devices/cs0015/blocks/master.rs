@@ -5,7 +5,7 @@ use crate::devices::cs0015::registers::values::job;
 use crate::plc::function_block;
 use core::time::Duration;
 
-/// Blocks with ENABLE and NODE, some of them with a STATE, and a RESULT.
+/// Defines blocks with ENABLE, NODE and RESULT, some of them with a STATE.
 macro_rules! of_node {
     ($($(#[$doc:meta])* $name:ident $(: $state:ident)?)*) => {$(
         function_block! {
@@ -19,12 +19,13 @@ macro_rules! of_node {
                 }
                 out {
                     $(
-                        /// Of the order before: 127 Pre-Operational, 5 Operational, 4 Prepared, 0 not known.
+                        /// State of the node at the previous order: 127 Pre-Operational, 5 Operational, 4 Prepared, 0
+                        /// not known.
                         $state: u8;
                     )?
-                    /// Of the order before: 0 done, 1 not sent, 2 wrong parameters, 255 no master.
+                    /// Result of the previous order: 0 done, 1 not sent, 2 wrong parameters, 255 no master.
                     RESULT: u8;
-                    /// The order before has been answered; ours.
+                    /// The previous order has been answered; added by commram.
                     ANSWERED: bool;
                 }
                 internal: Order;
@@ -32,7 +33,7 @@ macro_rules! of_node {
         }
 
         impl $name {
-            /// One PLC cycle.
+            /// Runs one PLC cycle.
             pub fn call(&mut self, jobs: &Jobs) {
                 let answer = self.internal.call(jobs, self.ENABLE, job::$name, &[self.NODE.into()], &[]);
                 self.ANSWERED = answer.is_some();
@@ -48,17 +49,17 @@ macro_rules! of_node {
 }
 
 of_node! {
-    /// Begins to guard a node (p. 57).
+    /// Starts guarding a node (p. 57).
     NMM_START_GUARDING
-    /// Guards a node no more (p. 58).
+    /// Stops guarding a node (p. 58).
     NMM_STOP_GUARDING
     /// Makes a node Pre-Operational (p. 60).
     NMM_SET_PREOPERATIONAL
-    /// Makes a node Operational, the master itself, too (p. 61).
+    /// Makes a node Operational; also works for the master itself (p. 61).
     NMM_SET_OPERATIONAL
     /// Stops a node (p. 62).
     NMM_SET_PREPARED
-    /// Tells the state of a node (p. 63).
+    /// Returns the state of a node (p. 63).
     NMM_GET_NODE_STATE: STATE
     /// Resets a node (p. 64).
     NMM_RESET_NODE
@@ -66,7 +67,7 @@ of_node! {
     NMM_RESET_COMM: STATE
 }
 
-/// Blocks with ENABLE alone.
+/// Defines blocks with ENABLE alone.
 macro_rules! of_master {
     ($($(#[$doc:meta])* $name:ident)*) => {$(
         function_block! {
@@ -77,7 +78,7 @@ macro_rules! of_master {
                     ENABLE: bool;
                 }
                 out {
-                    /// The order before has been answered; ours.
+                    /// The previous order has been answered; added by commram.
                     ANSWERED: bool;
                 }
                 internal: Order;
@@ -85,7 +86,7 @@ macro_rules! of_master {
         }
 
         impl $name {
-            /// One PLC cycle.
+            /// Runs one PLC cycle.
             pub fn call(&mut self, jobs: &Jobs) {
                 self.ANSWERED = self.internal.call(jobs, self.ENABLE, job::$name, &[], &[]).is_some();
             }
@@ -96,12 +97,12 @@ macro_rules! of_master {
 of_master! {
     /// Makes the device the master of the network (p. 53).
     NMM_SET_NMT_MASTER
-    /// Makes SYNC objects ready, once (p. 66).
+    /// Prepares SYNC objects, once (p. 66).
     PDO_INI_SEND_SYNC_OBJ
 }
 
 function_block! {
-    /// Makes a node known to the master (p. 55).
+    /// Adds a node to the master (p. 55).
     pub struct NMM_ADD_NODE(jobs: Jobs) {
         in {
             /// Gives the order.
@@ -110,13 +111,13 @@ function_block! {
             NODE: u8;
             /// Time between two guarding objects, to 65535 ms; 0: never.
             GUARDTIME: Duration;
-            /// Answers in a row that may be missing.
+            /// Number of consecutive answers that may be missing.
             LIFETIME: u8;
         }
         out {
-            /// Of the order before: 0 done, 1 not done, 2 wrong parameters.
+            /// Result of the previous order: 0 done, 1 not done, 2 wrong parameters.
             RESULT: u8;
-            /// The order before has been answered; ours.
+            /// The previous order has been answered; added by commram.
             ANSWERED: bool;
         }
         internal: Order;
@@ -124,7 +125,7 @@ function_block! {
 }
 
 impl NMM_ADD_NODE {
-    /// One PLC cycle.
+    /// Runs one PLC cycle.
     pub fn call(&mut self, jobs: &Jobs) {
         let arguments = [self.NODE.into(), ms(self.GUARDTIME), self.LIFETIME.into()];
         let answer = self.internal.call(jobs, self.ENABLE, job::NMM_ADD_NODE, &arguments, &[]);
@@ -136,18 +137,18 @@ impl NMM_ADD_NODE {
 }
 
 function_block! {
-    /// Guards the nodes whose guarding was started; to be called in every cycle (p. 59).
+    /// Guards the nodes with started guarding; to be called in every cycle (p. 59).
     pub struct NMM_NODE_GUARDING(jobs: Jobs) {
         in {
             /// Gives the order.
             ENABLE: bool;
-            /// A node that is back is made Operational.
+            /// Makes a returning node Operational.
             AUTO_RESTART: bool;
         }
         out {
-            /// Of the order before: 0, or the number of a node that is missing, one after another; 255 wrong call.
+            /// Result of the previous order: 0, or the number of a missing node, one after another; 255 wrong call.
             RESULT: u8;
-            /// The order before has been answered; ours.
+            /// The previous order has been answered; added by commram.
             ANSWERED: bool;
         }
         internal: Order;
@@ -155,7 +156,7 @@ function_block! {
 }
 
 impl NMM_NODE_GUARDING {
-    /// One PLC cycle.
+    /// Runs one PLC cycle.
     pub fn call(&mut self, jobs: &Jobs) {
         let arguments = [self.AUTO_RESTART.into()];
         let answer = self.internal.call(jobs, self.ENABLE, job::NMM_NODE_GUARDING, &arguments, &[]);
@@ -174,9 +175,9 @@ function_block! {
             ENABLE: bool;
         }
         out {
-            /// Of the order before: it was sent.
+            /// Result of the previous order: the object was sent.
             RESULT: bool;
-            /// The order before has been answered; ours.
+            /// The previous order has been answered; added by commram.
             ANSWERED: bool;
         }
         internal: Order;
@@ -184,7 +185,7 @@ function_block! {
 }
 
 impl PDO_SEND_SYNC_OBJ {
-    /// One PLC cycle.
+    /// Runs one PLC cycle.
     pub fn call(&mut self, jobs: &Jobs) {
         let answer = self.internal.call(jobs, self.ENABLE, job::PDO_SEND_SYNC_OBJ, &[], &[]);
         self.ANSWERED = answer.is_some();
@@ -193,14 +194,14 @@ impl PDO_SEND_SYNC_OBJ {
 }
 
 function_block! {
-    /// Tells what the nodes say of their errors, the oldest first (p. 68).
+    /// Returns the emergencies of the nodes, the oldest first (p. 68).
     pub struct EMC_GET_EMERGENCY(jobs: Jobs) {
         in {
             /// Gives the order.
             ENABLE: bool;
         }
         out {
-            /// There is something new, for one call.
+            /// A new emergency has come; TRUE for one call.
             RECEIVED: bool;
             /// Number of the node.
             NODE: u8;
@@ -208,9 +209,9 @@ function_block! {
             VALUE: u16;
             /// Error register, as 1001h.
             REGISTER: u8;
-            /// What the node says more.
+            /// Further data of the node.
             DATA: [u8; 5];
-            /// The order before has been answered; ours.
+            /// The previous order has been answered; added by commram.
             ANSWERED: bool;
         }
         internal: Order;
@@ -218,7 +219,7 @@ function_block! {
 }
 
 impl EMC_GET_EMERGENCY {
-    /// One PLC cycle.
+    /// Runs one PLC cycle.
     pub fn call(&mut self, jobs: &Jobs) {
         let answer = self.internal.call(jobs, self.ENABLE, job::EMC_GET_EMERGENCY, &[], &[]);
         self.ANSWERED = answer.is_some();

@@ -1,13 +1,14 @@
-//! Blocks that work on memory by its address (p. 108, 111). On the device `ADR` gives one; here it is the byte of the image (D-446).
+//! Blocks that work on memory by its address (p. 108, 111). On the device `ADR` returns an address; in commram an
+//! address is the byte of the image (D-446).
 
 use crate::devices::cs0015::registers::DEVICE;
 use crate::memory::Segment;
 use crate::plc::{Ram, function_block};
 
-/// The spaces that are memory of the device.
+/// The address spaces that are memory of the device.
 const MEMORY: [&str; 3] = ["inputs", "outputs", "flags"];
 
-/// `bytes` bytes of the device's memory from an address on; none if there are not so many.
+/// Returns `bytes` bytes of the device's memory from an address on; `None` if they are not all memory.
 pub(super) fn read(ram: &Ram, address: u32, bytes: u32) -> Option<Vec<u8>> {
     let last = address.checked_add(bytes.checked_sub(1)?)?;
     let space = DEVICE.space_at(address).filter(|space| MEMORY.contains(&space.name))?;
@@ -18,13 +19,14 @@ pub(super) fn read(ram: &Ram, address: u32, bytes: u32) -> Option<Vec<u8>> {
 
 fn write(segment: &Segment, address: u32, data: &[u8]) {
     for (offset, byte) in (address..).zip(data) {
-        // Whoever asks has seen that it lies in the image.
+        // Cannot fail: the caller has checked that the bytes are in the image.
         let _ = segment.store(offset, crate::layout::Width::Byte, (*byte).into());
     }
 }
 
 function_block! {
-    /// Copies bytes from one place of the memory to another (p. 108). Places that are no memory of the device are left alone (D-446).
+    /// Copies bytes from one address of the memory to another (p. 108). Addresses outside the device's memory are
+    /// ignored (D-446).
     pub struct MEMCPY(ram: Ram) {
         in {
             /// Address of the destination.
@@ -38,7 +40,7 @@ function_block! {
 }
 
 impl MEMCPY {
-    /// One PLC cycle.
+    /// Runs one PLC cycle.
     pub fn call(&mut self, ram: &Ram) {
         let bytes = self.LEN.into();
         if let (Some(data), Some(_)) = (read(ram, self.SRC, bytes), read(ram, self.DST, bytes)) {
@@ -48,25 +50,25 @@ impl MEMCPY {
 }
 
 function_block! {
-    /// Watches whether data change that must not (p. 111, D-446).
+    /// Supervises data that must not change (p. 111, D-446).
     pub struct CHECK_DATA(ram: Ram) {
         in {
             /// Address of the data.
             STARTADR: i32;
             /// Number of bytes.
             LENGTH: u16;
-            /// The data may change.
+            /// Accepts changed data.
             UPDATE: bool;
         }
         out {
-            /// FALSE: they have changed, or are no memory of the device.
+            /// FALSE: the data have changed, or are no memory of the device.
             RESULT: bool;
         }
         internal: Option<Watched>;
     }
 }
 
-/// Data as they are to stay, and where they lie.
+/// Reference data and their place.
 #[derive(Clone, Debug)]
 pub struct Watched {
     place: (i32, u16),
@@ -74,7 +76,8 @@ pub struct Watched {
 }
 
 impl CHECK_DATA {
-    /// One PLC cycle. What stands there in the first call, in one with UPDATE, and in the first one of another place, is right.
+    /// Runs one PLC cycle. The first call, a call with UPDATE and the first call for another place take the present
+    /// data as reference.
     pub fn call(&mut self, ram: &Ram) {
         let place = (self.STARTADR, self.LENGTH);
         let data = u32::try_from(self.STARTADR).ok().and_then(|at| read(ram, at, self.LENGTH.into()));

@@ -1,4 +1,4 @@
-//! How a block asks the operating system: an order in the job block (`docs/devices/cs0015/overview.md`).
+//! Orders of a block to the operating system, in the job block (`docs/devices/cs0015/overview.md`).
 
 use crate::devices::cs0015::registers::values::{job_control, job_error};
 use crate::devices::cs0015::registers::{CS0015_JOBS, JOBS};
@@ -11,15 +11,15 @@ use core::time::Duration;
 pub struct Jobs(Base<CS0015_JOBS>);
 
 impl Jobs {
-    /// The job block of a CS0015 with this RAM.
+    /// Returns the job block of a CS0015 with this RAM.
     ///
     /// # Errors
-    /// The RAM is too small for it: it is another device's.
+    /// The RAM is too small for a job block: it belongs to another device.
     pub fn of(ram: &Ram) -> Result<Self, MemoryError> {
         Ok(Jobs(ram.at(JOBS)?))
     }
 
-    /// A place for an order: a free one, else the one whose answer nobody has fetched for the longest time (D-434).
+    /// Takes a place for an order: a free one, otherwise the place with the oldest answer that was not fetched (D-434).
     fn take_place(&self) -> Option<usize> {
         let controls = || self.0.a_CONTROL.iter().enumerate();
         let take = |place: usize, from: u8| {
@@ -47,25 +47,25 @@ impl Wire for Jobs {
     }
 }
 
-/// What an order has brought.
+/// The answer to an order.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Answer {
-    /// It was refused, because of its arguments or the state of the device.
+    /// The order was refused, because of its arguments or the state of the device.
     pub is_refused: bool,
-    /// As `a_RESULT` has them.
+    /// Results as in `a_RESULT`.
     pub results: [u32; 8],
-    /// The bytes of `a_DATA` that it has.
+    /// The used bytes of `a_DATA`.
     pub data: Vec<u8>,
 }
 
-/// How an order stands.
+/// Progress of an order.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Progress {
-    /// There is none.
+    /// No order was given.
     Nothing,
-    /// It has not been answered yet.
+    /// The order has not been answered yet.
     UnderWay,
-    /// It has been answered, which is told once.
+    /// The order has been answered; returned once.
     Answered(Answer),
 }
 
@@ -74,8 +74,8 @@ pub enum Progress {
 pub struct Order(Option<(usize, u32)>);
 
 impl Order {
-    /// A call of a block that gives an order in each call with `enable`: the answer to the order before, if it has come, and a new
-    /// order. While one is under way there is no other.
+    /// Runs one call of a block: returns the answer to the previous order, if it has come, and gives a new order if
+    /// `enable` is true. A block has at most one order at a time.
     pub fn call(
         &mut self,
         jobs: &Jobs,
@@ -94,7 +94,7 @@ impl Order {
         answer
     }
 
-    /// Gives an order; `false`: there is no place for it.
+    /// Gives an order; returns `false` if no place is free.
     pub fn give(&mut self, jobs: &Jobs, function: u16, arguments: &[u32], data: &[u8]) -> bool {
         let Some(place) = jobs.take_place() else { return false };
         let jobs = &jobs.0;
@@ -110,7 +110,7 @@ impl Order {
         true
     }
 
-    /// How it stands. A power-on has dropped it, and nobody is told.
+    /// Returns the progress. An order that was lost by a power-on counts as not given.
     pub fn look(&mut self, jobs: &Jobs) -> Progress {
         let Some((place, number)) = self.0 else { return Progress::Nothing };
         let jobs = &jobs.0;
@@ -132,23 +132,23 @@ impl Order {
         Progress::Answered(answer)
     }
 
-    /// Takes an order back that is under way, or throws its answer away.
+    /// Withdraws an unanswered order, or discards its answer.
     pub fn withdraw(&mut self, jobs: &Jobs) {
         if self.look(jobs) == Progress::UnderWay
             && let Some((place, _)) = self.0.take()
         {
-            // It may have been answered meanwhile, which is the same.
+            // An answer that has come meanwhile is discarded, too.
             jobs.0.a_CONTROL[place].store(job_control::FREE);
         }
     }
 }
 
-/// A TIME as the job block has it, in ms.
+/// Converts a TIME to ms for the job block.
 pub(super) fn ms(time: Duration) -> u32 {
     u32::try_from(time.as_millis()).unwrap_or(u32::MAX)
 }
 
-/// Data of an answer as an array, 0 behind them.
+/// Returns the data of an answer as an array, filled up with 0.
 pub(super) fn array<const N: usize>(data: &[u8]) -> [u8; N] {
     let mut array = [0; N];
     array.iter_mut().zip(data).for_each(|(to, byte)| *to = *byte);

@@ -9,16 +9,18 @@ const INACTIVE: u8 = 0;
 const FINISHED: u8 = 1;
 const ACTIVE: u8 = 2;
 
-/// An order that takes its time: an SDO, and what is made of such. While it is enabled it is given until it has finished once.
+/// An order that takes several cycles: an SDO, or a function that uses SDOs. While enabled, the block repeats the order
+/// until it has finished once.
 #[derive(Clone, Debug, Default)]
 pub struct Sdo {
     order: Order,
-    /// It is finished; ENABLE has not been taken away since.
+    /// The order has finished, and ENABLE was not FALSE since.
     is_finished: bool,
 }
 
 impl Sdo {
-    /// A call: RESULT, the second result (the code of an abort), and data, if it has just finished.
+    /// Runs one call: returns RESULT, and if the order has just finished, the second result (the abort code) and the
+    /// data.
     pub(super) fn call(
         &mut self,
         jobs: &Jobs,
@@ -51,8 +53,8 @@ impl Sdo {
 }
 
 function_block! {
-    /// Reads an entry of the object dictionary of a node (p. 69). While ENABLE stays TRUE it is read once; what was aborted is
-    /// tried again (D-445).
+    /// Reads an entry of the object dictionary of a node (p. 69). While ENABLE is TRUE the block reads once, and
+    /// repeats an aborted transfer (D-445).
     pub struct SDO_READ(jobs: Jobs) {
         in {
             /// Reads the entry.
@@ -71,7 +73,7 @@ function_block! {
             RESULT: u8;
             /// The data.
             DATA: [u8; 256] = [0; 256];
-            /// Why it was aborted last; 0: it was not, or was refused; ours.
+            /// Reason of the last abort; 0: not aborted, or refused; added by commram.
             ABORT: u32;
         }
         internal: Sdo;
@@ -79,7 +81,7 @@ function_block! {
 }
 
 impl SDO_READ {
-    /// One PLC cycle.
+    /// Runs one PLC cycle.
     pub fn call(&mut self, jobs: &Jobs) {
         let arguments = [self.NODE.into(), self.IDX.into(), self.SUBIDX.into(), self.LENGTH.into()];
         let (result, finished) = self.internal.call(jobs, self.ENABLE, job::SDO_READ, &arguments, &[]);
@@ -113,7 +115,7 @@ function_block! {
         out {
             /// 0 not active, or aborted; 1 finished; 2 active.
             RESULT: u8;
-            /// Why it was aborted last; 0: it was not, or was refused; ours.
+            /// Reason of the last abort; 0: not aborted, or refused; added by commram.
             ABORT: u32;
         }
         internal: Sdo;
@@ -121,7 +123,7 @@ function_block! {
 }
 
 impl SDO_WRITE {
-    /// One PLC cycle.
+    /// Runs one PLC cycle.
     pub fn call(&mut self, jobs: &Jobs) {
         let arguments = [self.NODE.into(), self.IDX.into(), self.SUBIDX.into(), self.LENGTH.into()];
         let (result, finished) =

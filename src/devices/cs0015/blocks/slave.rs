@@ -6,16 +6,16 @@ use crate::plc::function_block;
 use core::time::Duration;
 
 function_block! {
-    /// Sets the Node-ID, which is in force at once and stored (p. 45).
+    /// Sets the Node-ID, which takes effect at once and is stored (p. 45).
     pub struct NMS_SET_NODEID(jobs: Jobs) {
         in {
             /// Gives the order.
             ENABLE: bool;
-            /// 1 to 30.
+            /// Node-ID, 1 to 30.
             NODEID: u8;
         }
         out {
-            /// The order before has been answered; ours.
+            /// The previous order has been answered; added by commram.
             ANSWERED: bool;
         }
         internal: Order;
@@ -23,7 +23,7 @@ function_block! {
 }
 
 impl NMS_SET_NODEID {
-    /// One PLC cycle.
+    /// Runs one PLC cycle.
     pub fn call(&mut self, jobs: &Jobs) {
         let arguments = [self.NODEID.into()];
         self.ANSWERED = self.internal.call(jobs, self.ENABLE, job::NMS_SET_NODEID, &arguments, &[]).is_some();
@@ -31,20 +31,20 @@ impl NMS_SET_NODEID {
 }
 
 function_block! {
-    /// Says what the slave awaits of its master (p. 46).
+    /// Sets the supervision of the master by the slave (p. 46).
     pub struct NMS_GUARDING_CONFIG(jobs: Jobs) {
         in {
             /// Gives the order.
             ENABLE: bool;
             /// Time between two guarding objects, to 65535 ms; 0: off.
             GUARDTIME: Duration;
-            /// Guarding objects in a row that may be missing.
+            /// Number of consecutive guarding objects that may be missing.
             LIFETIME: u8;
             /// Time between two SYNC objects, to 65535 ms; 0: off.
             CYCLEPERIOD: Duration;
         }
         out {
-            /// The order before has been answered; ours.
+            /// The previous order has been answered; added by commram.
             ANSWERED: bool;
         }
         internal: Order;
@@ -52,7 +52,7 @@ function_block! {
 }
 
 impl NMS_GUARDING_CONFIG {
-    /// One PLC cycle.
+    /// Runs one PLC cycle.
     pub fn call(&mut self, jobs: &Jobs) {
         let arguments = [ms(self.GUARDTIME), self.LIFETIME.into(), ms(self.CYCLEPERIOD)];
         let answer = self.internal.call(jobs, self.ENABLE, job::NMS_GUARDING_CONFIG, &arguments, &[]);
@@ -61,22 +61,22 @@ impl NMS_GUARDING_CONFIG {
 }
 
 function_block! {
-    /// Says how a PDO is sent, and resets the communication (p. 47-48).
+    /// Configures a transmit PDO, and resets the communication (p. 47-48).
     pub struct PDO_TX_CONFIG(jobs: Jobs) {
         in {
             /// Gives the order.
             ENABLE: bool;
             /// Number of the PDO, 1 to 8.
             PDO: u8;
-            /// Its identifier, from 16#380 on; 0: the one that it has.
+            /// Identifier of the PDO, from 16#380 on; 0: keeps the present one.
             ID: u16;
-            /// 0 to 240: with SYNC, 255: when it has changed.
+            /// 0 to 240: with SYNC, 255: when the data have changed.
             TRANS_TYPE: u8;
-            /// Time until the next one, to 65535 ms.
+            /// Minimum time until the next PDO, to 65535 ms.
             INHIBIT_TIME: Duration;
         }
         out {
-            /// The order before has been answered; ours.
+            /// The previous order has been answered; added by commram.
             ANSWERED: bool;
         }
         internal: Order;
@@ -84,7 +84,7 @@ function_block! {
 }
 
 impl PDO_TX_CONFIG {
-    /// One PLC cycle.
+    /// Runs one PLC cycle.
     pub fn call(&mut self, jobs: &Jobs) {
         let arguments = [self.PDO.into(), self.ID.into(), self.TRANS_TYPE.into(), ms(self.INHIBIT_TIME)];
         self.ANSWERED = self.internal.call(jobs, self.ENABLE, job::PDO_TX_CONFIG, &arguments, &[]).is_some();
@@ -92,20 +92,20 @@ impl PDO_TX_CONFIG {
 }
 
 function_block! {
-    /// Says how a PDO is received, and resets the communication (p. 49-50).
+    /// Configures a receive PDO, and resets the communication (p. 49-50).
     pub struct PDO_RX_CONFIG(jobs: Jobs) {
         in {
             /// Gives the order.
             ENABLE: bool;
             /// Number of the PDO, 1 to 8.
             PDO: u8;
-            /// Its identifier, from 16#380 on; 0: the one that it has.
+            /// Identifier of the PDO, from 16#380 on; 0: keeps the present one.
             ID: u16;
             /// 0 to 240: with SYNC, 255: at once.
             TRANS_TYPE: u8;
         }
         out {
-            /// The order before has been answered; ours.
+            /// The previous order has been answered; added by commram.
             ANSWERED: bool;
         }
         internal: Order;
@@ -113,7 +113,7 @@ function_block! {
 }
 
 impl PDO_RX_CONFIG {
-    /// One PLC cycle.
+    /// Runs one PLC cycle.
     pub fn call(&mut self, jobs: &Jobs) {
         let arguments = [self.PDO.into(), self.ID.into(), self.TRANS_TYPE.into()];
         self.ANSWERED = self.internal.call(jobs, self.ENABLE, job::PDO_RX_CONFIG, &arguments, &[]).is_some();
@@ -124,13 +124,13 @@ function_block! {
     /// Sends a PDO once more (p. 51).
     pub struct PDO_TX_REFRESH(jobs: Jobs) {
         in {
-            /// Gives the order, not in every cycle.
+            /// Gives the order; do not set it in every cycle.
             ENABLE: bool;
             /// Number of the PDO, 1 to 8.
             PDO: u8;
         }
         out {
-            /// The order before has been answered; ours.
+            /// The previous order has been answered; added by commram.
             ANSWERED: bool;
         }
         internal: Order;
@@ -138,7 +138,7 @@ function_block! {
 }
 
 impl PDO_TX_REFRESH {
-    /// One PLC cycle.
+    /// Runs one PLC cycle.
     pub fn call(&mut self, jobs: &Jobs) {
         let arguments = [self.PDO.into()];
         self.ANSWERED = self.internal.call(jobs, self.ENABLE, job::PDO_TX_REFRESH, &arguments, &[]).is_some();

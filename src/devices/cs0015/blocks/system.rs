@@ -6,14 +6,14 @@ use crate::plc::function_block;
 use core::time::Duration;
 
 function_block! {
-    /// Starts the controller anew, as if its supply went off and on (p. 106).
+    /// Restarts the controller, as after switching the supply off and on (p. 106).
     pub struct SOFTRESET(jobs: Jobs) {
         in {
             /// Gives the order.
             ENABLE: bool;
         }
         out {
-            /// The order before has been answered; ours.
+            /// The previous order has been answered; added by commram.
             ANSWERED: bool;
         }
         internal: Order;
@@ -21,26 +21,26 @@ function_block! {
 }
 
 impl SOFTRESET {
-    /// One PLC cycle.
+    /// Runs one PLC cycle.
     pub fn call(&mut self, jobs: &Jobs) {
         self.ANSWERED = self.internal.call(jobs, self.ENABLE, job::SOFTRESET, &[], &[]).is_some();
     }
 }
 
-/// Blocks that work on the EEPROM while ENABLE is TRUE.
+/// Defines blocks that work on the EEPROM while ENABLE is TRUE.
 macro_rules! of_eeprom {
     ($($(#[$doc:meta])* $name:ident)*) => {$(
         function_block! {
             $(#[$doc])*
             pub struct $name(jobs: Jobs) {
                 in {
-                    /// Begins, and ends when it is FALSE again.
+                    /// Starts the operation; FALSE ends it.
                     ENABLE: bool;
                 }
                 out {
                     /// 0: inactive, 1: finished, 2: working.
                     RESULT: u8;
-                    /// The order before has been answered; ours.
+                    /// The previous order has been answered; added by commram.
                     ANSWERED: bool;
                 }
                 internal: Order;
@@ -48,7 +48,7 @@ macro_rules! of_eeprom {
         }
 
         impl $name {
-            /// One PLC cycle.
+            /// Runs one PLC cycle.
             pub fn call(&mut self, jobs: &Jobs) {
                 let is_wanted = self.ENABLE || self.RESULT != 0;
                 let answer = self.internal.call(jobs, is_wanted, job::$name, &[self.ENABLE.into()], &[]);
@@ -60,14 +60,14 @@ macro_rules! of_eeprom {
 }
 
 of_eeprom! {
-    /// Saves %MW128 to %MW511 in the EEPROM (p. 109). ENABLE stays until RESULT is 1.
+    /// Saves %MW128 to %MW511 in the EEPROM (p. 109). Keep ENABLE TRUE until RESULT is 1.
     E2WRITE
-    /// Loads %MW128 to %MW511 from the EEPROM (p. 110). ENABLE stays until RESULT is 1.
+    /// Loads %MW128 to %MW511 from the EEPROM (p. 110). Keep ENABLE TRUE until RESULT is 1.
     E2READ
 }
 
 function_block! {
-    /// Sends a byte by RS 232 (p. 112). It needs SERIAL_MODE.
+    /// Sends a byte by RS 232 (p. 112). Needs SERIAL_MODE.
     pub struct SERIAL_TX(jobs: Jobs) {
         in {
             /// Gives the order.
@@ -76,7 +76,7 @@ function_block! {
             DATA: u8;
         }
         out {
-            /// The order before has been answered; ours.
+            /// The previous order has been answered; added by commram.
             ANSWERED: bool;
         }
         internal: Order;
@@ -84,7 +84,7 @@ function_block! {
 }
 
 impl SERIAL_TX {
-    /// One PLC cycle.
+    /// Runs one PLC cycle.
     pub fn call(&mut self, jobs: &Jobs) {
         let arguments = [self.DATA.into()];
         self.ANSWERED = self.internal.call(jobs, self.ENABLE, job::SERIAL_TX, &arguments, &[]).is_some();
@@ -92,20 +92,20 @@ impl SERIAL_TX {
 }
 
 function_block! {
-    /// Fetches a byte that has come by RS 232 (p. 113). It needs SERIAL_MODE. Each call gives an order.
+    /// Fetches a byte received by RS 232 (p. 113). Needs SERIAL_MODE. Each call gives an order.
     pub struct SERIAL_RX(jobs: Jobs) {
         in {
-            /// Throws away what waits.
+            /// Discards waiting data.
             CLEAR: bool;
         }
         out {
             /// The byte.
             RX: u8;
-            /// Bytes that still wait.
+            /// Number of bytes that still wait.
             AVAILABLE: u16;
             /// Bytes were lost.
             OVERFLOW: bool;
-            /// The order before has been answered; ours.
+            /// The previous order has been answered; added by commram.
             ANSWERED: bool;
         }
         internal: Order;
@@ -113,7 +113,7 @@ function_block! {
 }
 
 impl SERIAL_RX {
-    /// One PLC cycle.
+    /// Runs one PLC cycle.
     pub fn call(&mut self, jobs: &Jobs) {
         let answer = self.internal.call(jobs, true, job::SERIAL_RX, &[self.CLEAR.into()], &[]);
         self.ANSWERED = answer.is_some();
@@ -125,12 +125,12 @@ impl SERIAL_RX {
 }
 
 function_block! {
-    /// How many bytes wait that have come by RS 232 (p. 114). Each call gives an order.
+    /// Returns the number of waiting bytes received by RS 232 (p. 114). Each call gives an order.
     pub struct SERIAL_PENDING(jobs: Jobs) {
         out {
-            /// Bytes that wait.
+            /// Number of waiting bytes.
             NUMBER: u16;
-            /// The order before has been answered; ours.
+            /// The previous order has been answered; added by commram.
             ANSWERED: bool;
         }
         internal: Order;
@@ -138,7 +138,7 @@ function_block! {
 }
 
 impl SERIAL_PENDING {
-    /// One PLC cycle.
+    /// Runs one PLC cycle.
     pub fn call(&mut self, jobs: &Jobs) {
         let answer = self.internal.call(jobs, true, job::SERIAL_PENDING, &[], &[]);
         self.ANSWERED = answer.is_some();
@@ -147,12 +147,12 @@ impl SERIAL_PENDING {
 }
 
 function_block! {
-    /// Time since the supply came (p. 115). Each call gives an order.
+    /// Time since the supply was switched on (p. 115). Each call gives an order.
     pub struct TIMER_READ(jobs: Jobs) {
         out {
-            /// In steps of 10 ms, to 10 m 55 s 350 ms, then from 0 on.
+            /// Time in steps of 10 ms, to 10 m 55 s 350 ms, then from 0 on.
             T: Duration;
-            /// The order before has been answered; ours.
+            /// The previous order has been answered; added by commram.
             ANSWERED: bool;
         }
         internal: Order;
@@ -160,7 +160,7 @@ function_block! {
 }
 
 impl TIMER_READ {
-    /// One PLC cycle.
+    /// Runs one PLC cycle.
     pub fn call(&mut self, jobs: &Jobs) {
         let answer = self.internal.call(jobs, true, job::TIMER_READ, &[], &[]);
         self.ANSWERED = answer.is_some();
@@ -169,12 +169,12 @@ impl TIMER_READ {
 }
 
 function_block! {
-    /// Time since the supply came (p. 116). Each call gives an order.
+    /// Time since the supply was switched on (p. 116). Each call gives an order.
     pub struct TIMER_US_READ(jobs: Jobs) {
         out {
-            /// In us, to 4294967295, then from 0 on.
+            /// Time in us, to 4294967295, then from 0 on.
             TIME_US: u32;
-            /// The order before has been answered; ours.
+            /// The previous order has been answered; added by commram.
             ANSWERED: bool;
         }
         internal: Order;
@@ -182,7 +182,7 @@ function_block! {
 }
 
 impl TIMER_US_READ {
-    /// One PLC cycle.
+    /// Runs one PLC cycle.
     pub fn call(&mut self, jobs: &Jobs) {
         let answer = self.internal.call(jobs, true, job::TIMER_US_READ, &[], &[]);
         self.ANSWERED = answer.is_some();
@@ -191,14 +191,14 @@ impl TIMER_US_READ {
 }
 
 function_block! {
-    /// Makes the program of event 2 run each millisecond (p. 118). A call in which ENABLE is another one gives an order.
+    /// Runs the program of event 2 each millisecond (p. 118). A call with a changed ENABLE gives an order.
     pub struct SET_INTERRUPT_1MS(jobs: Jobs) {
         in {
-            /// Runs it.
+            /// Runs the program of event 2.
             ENABLE: bool;
         }
         out {
-            /// The order before has been answered; ours.
+            /// The previous order has been answered; added by commram.
             ANSWERED: bool;
         }
         internal: (Order, bool);
@@ -206,7 +206,7 @@ function_block! {
 }
 
 impl SET_INTERRUPT_1MS {
-    /// One PLC cycle.
+    /// Runs one PLC cycle.
     pub fn call(&mut self, jobs: &Jobs) {
         let (order, was_enabled) = &mut self.internal;
         let is_new = *was_enabled != self.ENABLE;

@@ -6,28 +6,28 @@ use crate::plc::function_block;
 use core::time::Duration;
 
 function_block! {
-    /// A PWM output by the values of its counter (p. 92). A call with INIT or CHANGE gives an order.
+    /// A PWM output, with values of its counter (p. 92). A call with INIT or CHANGE gives an order.
     pub struct PWM(jobs: Jobs) {
         in {
-            /// Makes PWM outputs of the four of its group; then VALUE is 0 %.
+            /// Makes PWM outputs of the four outputs of the group; then VALUE is 0 %.
             INIT: bool;
-            /// Where the counter begins, which is the frequency.
+            /// Start value of the counter; determines the frequency.
             RELOAD: u16;
-            /// The counter is 64 times slower.
+            /// Makes the counter 64 times slower.
             DIV64: bool;
             /// Output, 0 to 7.
             CHANNEL: u8;
-            /// Where the counter switches the output on.
+            /// Counter value that switches the output on.
             VALUE: u16;
             /// Takes VALUE.
             CHANGE: bool;
             /// Amplitude of the dither.
             DITHER_VALUE: u16;
-            /// PWM frequency divided by that of the dither.
+            /// PWM frequency divided by the frequency of the dither.
             DITHER_DIVIDER: u16;
         }
         out {
-            /// The order before has been answered; ours.
+            /// The previous order has been answered; added by commram.
             ANSWERED: bool;
         }
         internal: Order;
@@ -35,7 +35,7 @@ function_block! {
 }
 
 impl PWM {
-    /// One PLC cycle.
+    /// Runs one PLC cycle.
     pub fn call(&mut self, jobs: &Jobs) {
         let arguments = [
             self.INIT.into(),
@@ -56,13 +56,13 @@ function_block! {
     /// A PWM output in percent (p. 94). A call with INIT or CHANGE gives an order.
     pub struct PWM100(jobs: Jobs) {
         in {
-            /// Makes PWM outputs of the four of its group; then VALUE is 0 %.
+            /// Makes PWM outputs of the four outputs of the group; then VALUE is 0 %.
             INIT: bool;
-            /// In Hz.
+            /// Frequency in Hz.
             FREQUENCY: u16;
             /// Output, 0 to 7.
             CHANNEL: u8;
-            /// In percent.
+            /// Duty cycle in percent.
             VALUE: u8;
             /// Takes VALUE.
             CHANGE: bool;
@@ -72,7 +72,7 @@ function_block! {
             DITHER_FREQUENCY: u16;
         }
         out {
-            /// The order before has been answered; ours.
+            /// The previous order has been answered; added by commram.
             ANSWERED: bool;
         }
         internal: Order;
@@ -80,7 +80,7 @@ function_block! {
 }
 
 impl PWM100 {
-    /// One PLC cycle.
+    /// Runs one PLC cycle.
     pub fn call(&mut self, jobs: &Jobs) {
         let arguments = [
             self.INIT.into(),
@@ -100,17 +100,17 @@ function_block! {
     /// Measures the frequency at a fast input (p. 97). Each call gives an order.
     pub struct FREQUENCY(jobs: Jobs) {
         in {
-            /// Begins to measure.
+            /// Starts the measurement.
             INIT: bool;
             /// Input, 0 to 3.
             CHANNEL: u8;
-            /// How long edges are counted.
+            /// Time for counting edges.
             TIMEBASE: Duration;
         }
         out {
-            /// In Hz.
+            /// Frequency in Hz.
             F: u16;
-            /// The order before has been answered; ours.
+            /// The previous order has been answered; added by commram.
             ANSWERED: bool;
         }
         internal: Order;
@@ -118,7 +118,7 @@ function_block! {
 }
 
 impl FREQUENCY {
-    /// One PLC cycle.
+    /// Runs one PLC cycle.
     pub fn call(&mut self, jobs: &Jobs) {
         let arguments = [self.INIT.into(), self.CHANNEL.into(), ms(self.TIMEBASE)];
         let answer = self.internal.call(jobs, true, job::FREQUENCY, &arguments, &[]);
@@ -131,15 +131,15 @@ function_block! {
     /// Measures the period at a fast input (p. 98). Each call gives an order.
     pub struct CYCLE(jobs: Jobs) {
         in {
-            /// Begins to measure.
+            /// Starts the measurement.
             INIT: bool;
             /// Input, 0 to 3.
             CHANNEL: u8;
         }
         out {
-            /// In ms.
+            /// Period in ms.
             C: u16;
-            /// The order before has been answered; ours.
+            /// The previous order has been answered; added by commram.
             ANSWERED: bool;
         }
         internal: Order;
@@ -147,7 +147,7 @@ function_block! {
 }
 
 impl CYCLE {
-    /// One PLC cycle.
+    /// Runs one PLC cycle.
     pub fn call(&mut self, jobs: &Jobs) {
         let arguments = [self.INIT.into(), self.CHANNEL.into()];
         let answer = self.internal.call(jobs, true, job::CYCLE, &arguments, &[]);
@@ -157,26 +157,26 @@ impl CYCLE {
 }
 
 function_block! {
-    /// Counts what an encoder at two fast inputs turns (p. 99). Each call gives an order.
+    /// Counts the steps of an encoder at two fast inputs (p. 99). Each call gives an order.
     pub struct INC_ENCODER(jobs: Jobs) {
         in {
-            /// Begins to count, at 0.
+            /// Starts to count, at 0.
             INIT: bool;
             /// Encoder, 0 or 1.
             CHANNEL: u8;
-            /// What PRESET sets the counter to.
+            /// Counter value that PRESET sets.
             PRESET_VALUE: i32;
-            /// Sets the counter; it counts when this is FALSE again.
+            /// Sets the counter; FALSE: the counter runs.
             PRESET: bool;
         }
         out {
             /// The counter.
             COUNTER: i32;
-            /// It has counted up.
+            /// The counter has counted up.
             UP: bool;
-            /// It has counted down.
+            /// The counter has counted down.
             DOWN: bool;
-            /// The order before has been answered; ours.
+            /// The previous order has been answered; added by commram.
             ANSWERED: bool;
         }
         internal: Order;
@@ -184,7 +184,7 @@ function_block! {
 }
 
 impl INC_ENCODER {
-    /// One PLC cycle.
+    /// Runs one PLC cycle.
     pub fn call(&mut self, jobs: &Jobs) {
         let preset = self.PRESET_VALUE.cast_unsigned();
         let arguments = [self.INIT.into(), self.CHANNEL.into(), preset, self.PRESET.into()];

@@ -1,4 +1,4 @@
-//! The block that makes a text of a number (p. 104-105).
+//! The block that converts a number to a text (p. 104-105).
 
 use super::memory;
 use crate::plc::{Ram, function_block};
@@ -7,23 +7,23 @@ use crate::plc::{Ram, function_block};
 const LENGTH: usize = 80;
 
 function_block! {
-    /// Makes a text of a variable (p. 104-105, D-447).
+    /// Converts a variable to a text (p. 104-105, D-447).
     pub struct STR(ram: Ram) {
         in {
             /// Address of the variable.
             A: i32;
-            /// How: a text with one of %d %u %o %x %X %f %e %E %g %G %C, 0 behind the last character.
+            /// Format: a text with one of %d %u %o %x %X %f %e %E %g %G %C, with 0 after the last character.
             F: [u8; 80] = [0; 80];
         }
         out {
-            /// The text, 0 behind the last character; empty if F or A is wrong.
+            /// The text, with 0 after the last character; empty if `F` or `A` is wrong.
             STR: [u8; 80] = [0; 80];
         }
     }
 }
 
 impl STR {
-    /// One PLC cycle.
+    /// Runs one PLC cycle.
     pub fn call(&mut self, ram: &Ram) {
         let form = self.F.split(|byte| *byte == 0).next().unwrap_or_default();
         let variable = |bytes| memory::read(ram, u32::try_from(self.A).ok()?, bytes);
@@ -33,7 +33,7 @@ impl STR {
     }
 }
 
-/// The text of a variable, of which so many bytes can be had.
+/// Returns the text of a variable; `variable` returns the given number of its bytes.
 fn formatted(form: &[u8], variable: impl Fn(u32) -> Option<Vec<u8>>) -> Option<Vec<u8>> {
     let Some(at) = form.iter().position(|byte| *byte == b'%') else { return Some(form.to_vec()) };
     let (before, rest) = form.split_at(at);
@@ -67,7 +67,7 @@ fn exponential(value: f32, decimals: usize, letter: char) -> String {
     format!("{digits}{letter}{sign}{exponent:0>2}")
 }
 
-/// Six digits without the zeros behind them, with an exponent if the number is very small or large.
+/// Six digits without trailing zeros, with an exponent if the number is very small or large.
 fn general(value: f32, letter: char) -> String {
     const DIGITS: i32 = 6;
     let text = exponential(value, 5, letter);

@@ -1,4 +1,4 @@
-//! What a device sends when it is the master of the network (p. 52-85).
+//! Frames that a device sends as master of the network (p. 52-85).
 
 use super::Node;
 use crate::can::Frame;
@@ -6,33 +6,33 @@ use crate::devices::canopen::nmt::Command;
 use crate::devices::canopen::sdo::Data;
 use embedded_can::StandardId;
 
-/// First identifier of requests to SDO servers, of the predefined connection set (p. 38).
+/// First identifier of requests to SDO servers, from the predefined connection set (p. 38).
 const SDO_REQUEST: u16 = 0x600;
 
 impl Node {
-    /// A frame for `node`, whose identifiers begin at `first`.
+    /// Sends a frame to `node`; the identifiers of its kind begin at `first`.
     pub(in super::super) fn send_to(&mut self, first: u16, node: u8, data: &[u8]) {
         if let Some(id) = StandardId::new(first + u16::from(node)) {
             self.send(id, data);
         }
     }
 
-    /// An SDO for the server of `node`.
+    /// Sends an SDO to the server of `node`.
     pub(in super::super) fn send_sdo(&mut self, node: u8, request: Data) {
         self.send_to(SDO_REQUEST, node, &request);
     }
 
-    /// Asks for data by a remote frame.
+    /// Sends a remote frame.
     pub(in super::super) fn ask(&mut self, id: u16) {
         self.out.extend(StandardId::new(id).and_then(|id| Frame::remote(id, 1)));
     }
 
-    /// Network management for `node`, 0 for all.
+    /// Sends a network management command to `node`, or to all nodes if it is 0.
     pub(in super::super) fn send_command(&mut self, command: Command, node: u8) {
         self.send(StandardId::ZERO, &[command.code(), node]);
     }
 
-    /// Sends a SYNC object, which is one for itself, too; `false`: it has no identifier.
+    /// Sends a SYNC object, which the device also evaluates itself; returns `false` if it has no identifier.
     pub(in super::super) fn send_sync(&mut self, now: u64) -> bool {
         let Some(id) = self.identifiers.sync else { return false };
         self.send(id, &[]);
@@ -40,7 +40,7 @@ impl Node {
         true
     }
 
-    /// From now on it hears everybody, as a master has to, or those that concern it.
+    /// Receives all frames, as a master must, or only the frames for this node.
     pub(in super::super) fn set_open(&mut self, is_open: bool) {
         self.is_open = is_open;
         self.has_moved = true;

@@ -13,7 +13,7 @@ fn bus_off(bench: &mut Bench) {
     bench.run(500);
 }
 
-/// A program of one's own that has switched CANopen on.
+/// An attached program that has switched CANopen on.
 fn attached() -> Bench {
     let mut bench = Bench::running("program = 'attached'");
     bench.registers.flags.CAN_OPEN.store(1);

@@ -1,11 +1,11 @@
-//! CAN as a program uses it by itself: p. 22-23, 32-34.
+//! CAN used by a program directly: p. 22-23, 32-34.
 
 use super::super::registers::values::{job, job_error};
 use super::{Bench, MS};
 
 const ATTACHED: &str = "program = 'attached'";
 
-/// What `CAN_RECEIVE` finds: AVAILABLE, OVERFLOW, DATA.
+/// Calls `CAN_RECEIVE`; returns AVAILABLE, OVERFLOW, DATA.
 fn receive(bench: &mut Bench, id: u32) -> (u32, u32, Vec<u8>) {
     let (error, results) = bench.job(job::CAN_RECEIVE, &[0, 0, id]);
     assert_eq!(error, job_error::NONE);
@@ -13,7 +13,7 @@ fn receive(bench: &mut Bench, id: u32) -> (u32, u32, Vec<u8>) {
     (results[2], results[3], bench.answer_data())
 }
 
-/// Vectors T7 to T9; p. 28: as it is after power-on, the device is at the bus without CANopen.
+/// Vectors T7 to T9; p. 28: after power-on the device is at the bus without CANopen.
 #[test]
 fn messages_wait_for_the_program() {
     let mut bench = Bench::running(ATTACHED);
@@ -39,7 +39,7 @@ fn messages_wait_for_the_program() {
     assert_eq!(bench.job(job::CAN_RECEIVE, &[0, 0, 0x111]).0, job_error::STATE, "forgotten");
 }
 
-/// P. 42: beside CANopen, too. Section 11.1: a reset by the master loses what was made known.
+/// P. 42: also with CANopen. Section 11.1: a reset by the master removes the registered identifiers.
 #[test]
 fn beside_canopen_messages_wait_until_the_master_resets_the_node() {
     let mut bench = Bench::running("");

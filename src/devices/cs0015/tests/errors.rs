@@ -38,7 +38,7 @@ fn who_was_guarded_once_misses_its_master() {
     assert_eq!(bench.registers.flags.COP_GUARDFAIL_ERROR.load(), 1, "the program resets it (p. 19)");
 }
 
-/// P. 46: what `NMS_GUARDING_CONFIG` sets is stored.
+/// P. 46: the settings of `NMS_GUARDING_CONFIG` are stored.
 #[test]
 fn a_program_sets_what_it_awaits_of_its_master() {
     let keys = "guarding = { guard_time_ms = 100, life_time = 3, cycle_period_ms = 50 }";
@@ -95,7 +95,7 @@ fn a_missing_sync_is_told() {
     assert_eq!(bench.exchange(0x80, &[]), [(0xA0, vec![0; 8])]);
 }
 
-/// A prepared node sends no emergencies; what is there when it may again, it tells then (D-414).
+/// A prepared node sends no emergencies; it reports present errors when it may send again (D-414).
 #[test]
 fn emergencies_wait_until_they_can_be_sent() {
     let mut bench = Bench::running("");
@@ -104,7 +104,7 @@ fn emergencies_wait_until_they_can_be_sent() {
     bench.run(50 * MS);
     assert_eq!(bench.heard(), []);
     assert_eq!(bench.exchange(0, &[128, 0]), [(0xA0, vec![0x00, 0x10, 0x01, 0, 0, 0, 0, 0])]);
-    // Bit 30 of 1014h is 0: it sends none.
+    // Bit 30 of 1014h is 0: the node sends no emergencies.
     bench.exchange(0x620, &[0x23, 0x14, 0x10, 0, 0xA0, 0, 0, 0]);
     bench.registers.flags.ERROR.store(0);
     bench.run(50 * MS);

@@ -1,10 +1,10 @@
-//! Whatever comes from the bus: nothing brings the controller down.
+//! No frame from the bus stops the controller.
 
 use super::*;
 use embedded_can::ExtendedId;
 use proptest::prelude::*;
 
-/// Frames that mean something more often than by chance.
+/// Frames, chosen so that many have a meaning for the controller.
 fn frame() -> impl Strategy<Value = Frame> {
     let known =
         prop_oneof![Just(0), Just(0x80), Just(0x620), Just(0x720), Just(0x220), Just(0x387), 0..0x800_u16];
@@ -26,7 +26,7 @@ fn frame() -> impl Strategy<Value = Frame> {
     prop_oneof![3 => plain, 2 => management, 4 => sdo, 2 => remote, 1 => extended]
 }
 
-/// Bytes that are a request: eight, and no abort of the client.
+/// Whether the bytes are a request: eight bytes, and no abort of the client.
 fn is_request(frame: &Frame) -> bool {
     let is_sdo = frame.id() == Id::Standard(StandardId::new(0x620).unwrap()) && !frame.is_remote_frame();
     is_sdo && frame.data().len() == 8 && frame.data()[0] >> 5 != 4

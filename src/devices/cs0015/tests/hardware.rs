@@ -6,7 +6,7 @@ use crate::devices::cs0015::registers::FRONT_OUTPUTS;
 use crate::journal::Record;
 use crate::memory::Width;
 
-/// Puts %QW0, and lets a cycle of the program end.
+/// Writes %QW0, and lets a cycle of the program end.
 fn put(bench: &mut Bench, outputs: u16) {
     bench.registers.outputs.Q0.store(outputs);
     bench.run(12 * MS);
@@ -16,7 +16,7 @@ fn driven(bench: &Bench) -> u32 {
     bench.registers.shown(FRONT_OUTPUTS).load()
 }
 
-/// The error register as an SDO reads it.
+/// Reads the error register by SDO.
 fn error_register(bench: &mut Bench) -> u8 {
     bench.exchange(0x620, &[0x40, 0x01, 0x10, 0, 0, 0, 0, 0])[0].1[4]
 }
@@ -73,7 +73,7 @@ fn a_broken_wire_is_told_with_its_output() {
     assert_eq!(bench.heard(), [emergency([0; 8])]);
 }
 
-/// P. 44: bits 1 to 3 of the error register stand in 1001h as well, though p. 156 has 0, 4 and 7 only (D-414).
+/// P. 44: bits 1 to 3 of the error register are in 1001h as well, though p. 156 lists 0, 4 and 7 only (D-414).
 #[test]
 fn supply_and_temperature_have_bits_of_their_own() {
     let mut bench = Bench::operational("");
@@ -197,7 +197,7 @@ fn without_an_operating_system_only_a_download_helps() {
     assert_eq!(told, expected.map(|why| why as u8));
 }
 
-/// Guarding that was under way when the supply went is not missed afterwards.
+/// Guarding that was active when the supply was switched off is not missed afterwards.
 #[test]
 fn nobody_is_missed_during_the_reset() {
     let mut bench = Bench::running("guarding = { guard_time_ms = 100, life_time = 1 }");
@@ -207,7 +207,7 @@ fn nobody_is_missed_during_the_reset() {
     assert_eq!(bench.registers.flags.COP_GUARDFAIL_ERROR.load(), 0);
 }
 
-/// P. 7: the watchdog resets a device whose program does not end its cycle within 200 ms. D-664.
+/// P. 7: the watchdog resets the device if the program does not end its cycle within 200 ms. D-664.
 #[test]
 fn a_program_that_hangs_trips_the_watchdog() {
     let mut bench = Bench::operational("");

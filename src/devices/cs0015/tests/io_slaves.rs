@@ -1,4 +1,4 @@
-//! A master of I/O modules that the test plays: p. 71-85.
+//! A master of I/O modules, which the test simulates: p. 71-85.
 
 use super::super::registers::values::{job, job_error};
 use super::{Bench, MS};
@@ -7,7 +7,7 @@ use crate::devices::cr201x::Model;
 const DONE: u32 = 1;
 const NOT_YET: u32 = 2;
 
-/// A master of node 3, by `COP_MSTR_BOOTUP`, which is answered for the test.
+/// A master of node 3, by `COP_MSTR_BOOTUP`; the test has simulated the node's answers.
 fn booted() -> Bench {
     let mut bench = Bench::running("node_id = 32, program = 'attached'");
     bench.order(0, job::COP_MSTR_BOOTUP, &[3, 500, 9]);
@@ -36,7 +36,7 @@ fn the_boot_up_is_over_when_its_two_seconds_are() {
     assert!(bench.is_answered(0));
 }
 
-/// Answers the SDOs of a configuration as module 3 would that has these values, until the order is answered.
+/// Answers the SDOs of a configuration as module 3 with these values, until the order is answered.
 fn configure(bench: &mut Bench, values: &mut [u8]) -> Vec<(u16, u8, bool)> {
     let mut asked = Vec::new();
     for _ in 0..40 {
@@ -61,7 +61,7 @@ fn configure(bench: &mut Bench, values: &mut [u8]) -> Vec<(u16, u8, bool)> {
     asked
 }
 
-/// Vectors T33 and T34: where a module's words lie.
+/// Vectors T33 and T34: positions of a module's words.
 fn word(bench: &Bench, number: u32) -> u32 {
     bench.segment.load(8192 + 2 * number, crate::layout::Width::Word).unwrap()
 }
@@ -167,7 +167,7 @@ fn a_cr2011_has_setpoints_with_signs_and_tells_its_current() {
     assert_eq!([word(&bench, 1031), word(&bench, 1033)], [7, 500], "nothing, and the current");
 }
 
-/// P. 77: no result tells of an abort, it is not there yet.
+/// P. 77: no result reports an abort; the configuration is not finished yet.
 #[test]
 fn a_module_that_refuses_is_asked_again_by_the_next_order() {
     let mut bench = booted();

@@ -1,4 +1,4 @@
-//! What a program asks of the operating system: p. 30-51.
+//! Orders of a program to the operating system: p. 30-51.
 
 use super::super::events::CYCLE;
 use super::super::registers::values::{job, job_error};
@@ -94,7 +94,7 @@ fn pdos_are_configured_and_repeated() {
     assert_eq!(bench.job(job::PDO_TX_REFRESH, &[2]).0, job_error::NONE);
     bench.run(5 * MS);
     assert_eq!(bench.heard(), [(0x2A0, vec![0; 8])]);
-    // The identifier of the predefined connection set goes on following the Node-ID.
+    // A PDO with an identifier of the predefined connection set keeps following the Node-ID.
     bench.job(job::NMS_SET_NODEID, &[7]);
     bench.send(0x207, &[1, 2, 3, 4, 5, 6, 7, 8]);
     bench.run(5 * MS);
@@ -152,7 +152,7 @@ fn what_is_no_function_is_refused_and_told() {
     }
 }
 
-/// Its functions are called while it runs.
+/// The functions are called only while the program runs.
 #[test]
 fn nothing_is_done_for_a_program_that_stands_still() {
     let mut bench = canopen();

@@ -1,11 +1,12 @@
-//! The built-in program as master of nodes that the test plays.
+//! The built-in program as master of nodes, which the test simulates.
 
 use super::*;
 use crate::devices::cs0015::registers::values::program;
 
 const KEYS: &str = "node_id = 1, program = 'master', nodes = [5], guard_ms = 100, life = 2, sync_ms = 20";
 
-/// What the master has sent since but SYNC: data frames, and remote frames as those of nodes 5.
+/// Returns the frames that the master has sent since the last call, without SYNC; remote frames have the data of node
+/// 5.
 fn orders(bench: &mut Bench) -> Vec<(u16, Vec<u8>)> {
     bench.heard().into_iter().filter(|(id, _)| *id != 0x80).collect()
 }

@@ -1,4 +1,4 @@
-//! A program that is the master of nodes that the test plays: p. 52-70.
+//! A program as master of nodes, which the test simulates: p. 52-70.
 
 use super::super::registers::values::{job, job_error};
 use super::{Bench, MS};

@@ -1,4 +1,4 @@
-//! Process data objects: when they go and come, and what the program asks for.
+//! Process data objects: their times, and the settings of the program.
 
 use super::*;
 
@@ -81,14 +81,14 @@ fn the_inhibit_time_is_kept() {
     let times: Vec<_> = bench.heard_when().into_iter().map(|(at, id, _)| (at, id)).collect();
     assert!((5..=6).contains(&times.len()), "{times:?}");
     assert!(times.iter().all(|(_, id)| *id == 0x390), "{times:?}");
-    // To the microsecond but for the bits that stuffing adds.
+    // To the microsecond, except for stuff bits.
     assert!(times.windows(2).all(|two| two[1].0 - two[0].0 + 200 >= 100 * MS), "{times:?}");
     bench.run(200 * MS);
     let last = bench.heard();
     assert_eq!(last.last(), Some(&(0x390, vec![50, 0, 0, 0, 0, 0, 0, 0])), "the last value goes, too");
 }
 
-/// P. 48, 155: a reset of the communication leaves what the program has asked for, not what an SDO has.
+/// P. 48, 155: a reset of the communication keeps the program's settings, not the settings by SDO.
 #[test]
 fn what_the_program_asks_for_outlives_a_reset() {
     let mut bench = Bench::operational("boot_up = '700', pdo_rx = [{ pdo = 3, id = 0x3A0 }]");
@@ -105,7 +105,7 @@ fn what_the_program_asks_for_outlives_a_reset() {
     assert_eq!((word(&bench, 0, 0), word(&bench, 2, 0)), (0x0808, 0x0909));
 }
 
-/// The two stages of the start (p. 155): CANopen, then the PDOs, which start it anew.
+/// The two stages of the start (p. 155): CANopen, then the PDOs, which restart it.
 #[test]
 fn a_program_that_asks_for_pdos_starts_in_two_stages() {
     let boots = |keys: &str| {

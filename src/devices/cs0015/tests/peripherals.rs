@@ -8,7 +8,7 @@ use crate::devices::cs0015::registers::{
 };
 use crate::layout::{Width, shown_text};
 
-/// What a function answers that is asked as it should be.
+/// Returns the results of a function called with valid arguments.
 fn ask(bench: &mut Bench, function: u16, arguments: &[u32]) -> Vec<u32> {
     let (error, results) = bench.job(function, arguments);
     assert_eq!(error, job_error::NONE, "{function:04X} {arguments:?}");
@@ -21,7 +21,7 @@ fn outputs(bench: &mut Bench, wanted: u16) -> u32 {
     bench.registers.shown(FRONT_OUTPUTS).load()
 }
 
-/// The rules that were broken, by their names.
+/// Returns the names of the broken rules.
 fn broken(bench: &mut Bench) -> Vec<&'static str> {
     let broken = bench.journal.findings().iter().map(|entry| entry.last.rule.id()).collect();
     bench.journal.clear_findings();
@@ -97,7 +97,7 @@ fn fast_inputs_measure_what_is_at_them() {
     assert_eq!((counted[0], counted[1], counted[2]), (10, 0, 1));
     let preset = (-5_i32).cast_unsigned();
     assert_eq!(ask(&mut bench, job::INC_ENCODER, &[0, 0, preset, 1])[0], preset);
-    // A signal of 20 ms, of which each cycle sees a half.
+    // A signal with a period of 20 ms: each cycle sees one half.
     bench.set(FRONT_MHZ_1, 50_000);
     let mut seen = Vec::new();
     for _ in 0..4 {
@@ -181,7 +181,7 @@ fn the_eeprom_keeps_a_block_of_flags() {
     bench.run(20 * MS);
     assert_eq!((ask(&mut bench, job::E2READ, &[1])[0], flag(&bench)), (1, 0x1234));
     assert_eq!((ask(&mut bench, job::E2READ, &[0])[0], ask(&mut bench, job::E2READ, &[1])[0]), (0, 2));
-    // A write that does not come to its end has not been.
+    // An unfinished write has no effect.
     bench.run(30 * MS);
     bench.registers.function.a_FUNCTION[383].store(0x9999);
     assert_eq!(ask(&mut bench, job::E2WRITE, &[1])[0], 2);
@@ -327,7 +327,7 @@ fn a_slave_configures_its_pdos_before_it_is_started() {
     assert_eq!(broken(&mut bench), [""; 0]);
 }
 
-/// The blocks ask for the same, with the manual's inputs and outputs.
+/// The blocks give the same orders, with the manual's inputs and outputs.
 #[cfg(feature = "plc")]
 #[test]
 fn blocks_are_the_functions() {

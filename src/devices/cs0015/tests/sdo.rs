@@ -4,7 +4,7 @@ use super::*;
 use crate::devices::canopen::sdo::Abort;
 use crate::layout::object::{Access, Type};
 
-/// A transfer, as a client at this Node-ID does it.
+/// A transfer as by a client, to this Node-ID.
 pub(super) fn transfer(bench: &mut Bench, node: u16, request: [u8; 8]) -> [u8; 8] {
     let heard = bench.exchange(0x600 + node, &request);
     let [(id, data)] = heard.as_slice() else { panic!("{request:X?}: {heard:X?}") };
@@ -17,7 +17,7 @@ pub(super) fn request(command: u8, index: u16, sub: u8, value: u32) -> [u8; 8] {
     [command, low, high, sub, a, b, c, d]
 }
 
-/// Writes so many bytes to node 32.
+/// Writes `bytes` bytes to node 32.
 pub(super) fn write(bench: &mut Bench, index: u16, sub: u8, value: u32, bytes: u8) -> Result<(), u32> {
     let command = 0x23 | (4 - bytes) << 2;
     let answer = transfer(bench, 32, request(command, index, sub, value));
@@ -29,7 +29,7 @@ pub(super) fn write(bench: &mut Bench, index: u16, sub: u8, value: u32, bytes: u
     Ok(())
 }
 
-/// Reads from node 32, in segments if need be.
+/// Reads from node 32, in segments if necessary.
 pub(super) fn read(bench: &mut Bench, index: u16, sub: u8) -> Result<Vec<u8>, u32> {
     let answer = transfer(bench, 32, request(0x40, index, sub, 0));
     if answer[0] == 0x80 {
@@ -95,7 +95,7 @@ fn a_node_id_is_entered_twice_and_holds_at_once() {
     assert_eq!((number(&mut bench, 0x20F0, 0), number(&mut bench, 0x20F1, 0)), (32, 32));
     assert_eq!(write(&mut bench, 0x20F0, 0, 5, 1), Ok(()));
     assert_eq!((number(&mut bench, 0x100B, 0), bench.registers.flags.NODEID.load()), (32, 32));
-    // The answer comes where the master awaits it.
+    // The answer has the identifier that the master expects.
     assert_eq!(write(&mut bench, 0x20F1, 0, 5, 1), Ok(()));
     assert_eq!(bench.registers.flags.NODEID.load(), 5);
     let told = |bench: &mut Bench, index, sub| {
@@ -165,7 +165,7 @@ fn retained_data_go_in_segments() {
     assert_eq!(answer, request(0x80, 0x2000, 0, Abort::TooLong.code()));
 }
 
-/// P. 155: these are saved, the others are not.
+/// P. 155: these values are saved, the others are not.
 #[test]
 fn what_is_saved_is_there_after_a_power_cycle() {
     let mut bench = Bench::running("");
@@ -209,7 +209,7 @@ fn what_cannot_be_is_refused() {
     }
 }
 
-/// Vector T20: it answers in Pre-Operational and Operational only.
+/// Vector T20: the node answers in Pre-Operational and Operational only.
 #[test]
 fn a_prepared_node_serves_no_sdo() {
     let mut bench = Bench::running("");

@@ -1,10 +1,10 @@
-//! When settings of the object dictionary act, and which of them are stored: p. 155-163.
+//! Settings of the object dictionary: the time at which they take effect, and whether they are stored (p. 155-163).
 
 use super::sdo::{number, request, transfer, write};
 use super::*;
 use crate::layout::object::{Access, Type};
 
-/// A value of each writable number but those that the tests of SDO, Node-ID and bit rate have.
+/// Returns another value for each writable number, except those in the tests of SDO, Node-ID and bit rate.
 fn other_value(index: u16, sub: u8) -> Option<u32> {
     let pdo = u32::from(index & 7);
     Some(match (index, sub) {
@@ -23,11 +23,11 @@ fn other_value(index: u16, sub: u8) -> Option<u32> {
     })
 }
 
-/// Entries that p. 155 has saved. The other ones are back at their defaults after a reset of the communication, except words
-/// of PDOs, which are flags of the program.
+/// Entries saved by p. 155. A reset of the communication sets the others to their defaults, except words of PDOs, which
+/// are flags of the program.
 const SAVED: [u16; 6] = [0x1005, 0x1006, 0x100C, 0x100D, 0x100E, 0x1014];
 
-/// P. 155-163: every row that can be written.
+/// P. 155-163: every writable row.
 #[test]
 fn each_setting_is_stored_or_not_as_the_list_says() {
     let mut bench = Bench::running("");
@@ -67,14 +67,14 @@ fn each_setting_is_stored_or_not_as_the_list_says() {
     }
 }
 
-/// Asks for the state with this identifier.
+/// Requests the state with this identifier.
 fn guard(bench: &mut Bench, id: u16) -> Vec<(u16, Vec<u8>)> {
     bench.ask(id);
     bench.run(5 * MS);
     bench.heard()
 }
 
-/// P. 155: COB-IDs act at once, in Operational too.
+/// P. 155: COB-IDs take effect at once, also in Operational.
 #[test]
 fn identifiers_act_at_once() {
     let mut bench = Bench::operational("");
@@ -114,7 +114,7 @@ fn identifiers_act_at_once() {
     assert_eq!(bench.heard()[0].0, 0xB0);
 }
 
-/// P. 157: the identifiers of the SDO act at once and are not stored.
+/// P. 157: the identifiers of the SDO take effect at once and are not stored.
 #[test]
 fn identifiers_of_the_sdo_act_at_once() {
     let mut bench = Bench::running("");
@@ -127,7 +127,7 @@ fn identifiers_of_the_sdo_act_at_once() {
     assert_eq!(transfer(&mut bench, 32, request(0x40, 0x1000, 0, 0))[0], 0x43);
 }
 
-/// P. 42, 155: a node that was guarded once is supervised as soon as both times are set.
+/// P. 42, 155: a node that was guarded once supervises its master as soon as both times are set.
 #[test]
 fn guarding_times_act_at_once() {
     let mut bench = Bench::running("");
@@ -136,13 +136,13 @@ fn guarding_times_act_at_once() {
     assert_eq!(write(&mut bench, 0x100D, 0, 3, 1), Ok(()));
     let begun = bench.now;
     while bench.now < begun + 280 * MS {
-        // SDOs are no guarding.
+        // SDOs do not count as guarding.
         number(&mut bench, 0x1000, 0);
     }
     assert_eq!(bench.registers.flags.COP_GUARDFAIL_ERROR.load(), 0);
     bench.run(25 * MS);
     assert_eq!(bench.registers.flags.COP_GUARDFAIL_ERROR.load(), 1);
-    // A shorter time holds from now on.
+    // A shorter time takes effect at once.
     let mut bench = Bench::running("guarding = { guard_time_ms = 1000, life_time = 2 }");
     guard(&mut bench, 0x720);
     assert_eq!(write(&mut bench, 0x100C, 0, 10, 2), Ok(()));
@@ -164,7 +164,7 @@ fn the_communication_cycle_acts_at_once() {
     assert_eq!(heard, [(0x5A0, request(0x60, 0x1006, 0, 0).to_vec()), (0xA0, vec![0; 8])], "off again");
 }
 
-/// P. 155: a transmission type acts when Operational begins the next time.
+/// P. 155: a transmission type takes effect at the next start of Operational.
 #[test]
 fn transmission_types_act_in_the_next_operational() {
     let mut bench = Bench::operational("");
@@ -199,7 +199,7 @@ fn transmission_types_act_in_the_next_operational() {
     bench.run(15 * MS);
     assert_eq!(bench.heard().len(), 8);
     assert!((0..8).all(|pdo| received(&bench, pdo) == 0x0202));
-    // What is written in Pre-Operational acts with the Operational that follows.
+    // A type written in Pre-Operational takes effect in the following Operational.
     bench.exchange(0, &[128, 0]);
     assert_eq!(write(&mut bench, 0x1800, 2, 255, 1), Ok(()));
     bench.exchange(0, &[1, 0]);
@@ -208,7 +208,7 @@ fn transmission_types_act_in_the_next_operational() {
     assert_eq!(bench.heard().len(), 1);
 }
 
-/// P. 7, 21, 41: 10 to 1000 kbit/s. Nor is any other value stored that a parameter cannot have (D-661).
+/// P. 7, 21, 41: 10 to 1000 kbit/s. Other invalid values of parameters are not stored either (D-661).
 #[test]
 fn a_value_that_cannot_be_is_put_back() {
     let mut bench = Bench::running("");

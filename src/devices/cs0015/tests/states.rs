@@ -32,8 +32,8 @@ fn network_management_makes_it_run_and_stop() {
     assert_eq!(states, [127, 5, 4, 127]);
 }
 
-/// P. 13-14, 28: the program starts after the reset, and continues after a stop (D-630). A process that brings its program while the
-/// controller runs asks for a start, as on any device that has a project.
+/// P. 13-14, 28: the program starts after the reset, and continues after a stop (D-630). A process that attaches its
+/// program while the controller runs requests a start, as on any device that has a project.
 #[test]
 fn the_program_is_started_and_stopped_as_the_states_go() {
     let mut bench = Bench::new("program = 'attached'");
@@ -54,7 +54,7 @@ fn the_program_is_started_and_stopped_as_the_states_go() {
     assert_eq!((ordered(&header).0, header.program.start_request.load()), (2, 0), "refused in Stop");
     bench.exchange(0, &[128, 0]);
     assert_eq!(ordered(&header), (3, Start::Hot));
-    // A program has gone, and another one comes before the firmware has looked.
+    // A program is gone, and another one comes before the next check of the firmware.
     header.program.state.store(ProgramState::None.code());
     header.program.state.store(ProgramState::Stopped.code());
     header.program.start_request.store(Start::Cold.code());
@@ -94,7 +94,7 @@ fn a_boot_up_message_is_sent_if_it_is_wanted() {
     assert_eq!(boot_up("boot_up = 'empty-emcy', node_id = 5"), [(0x85, vec![])]);
 }
 
-/// Vectors T21; p. 43: nothing starts anew but the communication.
+/// Vector T21; p. 43: only the communication restarts.
 #[test]
 fn a_reset_by_the_master_is_the_programs_affair() {
     for (command, is_node) in [(129, true), (130, false)] {
@@ -141,7 +141,7 @@ fn who_is_stopped_by_the_programming_system_is_not_started_by_the_master() {
     assert_eq!(bench.state(), "stop", "a stop of the master is always executed");
 }
 
-/// P. 28: afterwards the device is no CANopen node until its program makes it one. D-663.
+/// P. 28: afterwards the device is not a CANopen node until its program switches CANopen on. D-663.
 #[test]
 fn a_reset_command_begins_in_direct_mode() {
     let mut bench = Bench::running("program = 'attached'");
@@ -235,7 +235,7 @@ fn outputs_are_driven_while_the_program_runs_without_error() {
 fn retained_flags_are_left_when_the_supply_was_gone() {
     let mut bench = Bench::running("");
     let flags = DEVICE.spaces.iter().find(|space| space.name == "flags").unwrap();
-    // The system has a use for those below %MW512 and those of PDOs.
+    // The system uses the words below %MW512 and the words of PDOs.
     let words = [0, 127, 128, 600, 1500, 2000, 3967].map(|word| flags.offset + 2 * word);
     for word in words {
         bench.segment.store(word, Width::Word, 0x1234).unwrap();
