@@ -2,7 +2,7 @@
 
 use super::Plc;
 use super::plc::{MASTER, SLAVE};
-use crate::devices::cansync::drive::{BuiltInDrive, BuiltInDriveConfig, Watch};
+use crate::devices::cansync::drive::{BuiltInDrive, BuiltInDriveConfig, MonitorSettings};
 use crate::devices::omega_drive_line_2::registers::{
     BAUD_RATES, DEVICE, ETHERNET_CONFIG, RETAIN_BYTES, RETAIN_DEFAULT_BYTES,
 };
@@ -102,7 +102,7 @@ impl PlcConfig {
         time_or_none("sync_loss_us", name, self.sync_loss_us)?;
         time_or_none("drive.sync_loss_us", name, drive.sync_loss_us)?;
         time("drive.monitoring.sync.time_us", name, drive.monitoring.sync.time_us)?;
-        let cyclic_data = drive.monitoring.cyclic_data.map(|Watch { time_us, .. }| time_us);
+        let cyclic_data = drive.monitoring.cyclic_data.map(|MonitorSettings { time_us, .. }| time_us);
         time_or_none("drive.monitoring.cyclic_data.time_us", name, cyclic_data)
     }
 }

@@ -2,7 +2,7 @@
 
 use super::bench::*;
 use crate::rig::{Memory, OMEGA_RATES};
-use commram::devices::cansync::drive::State;
+use commram::devices::cansync::drive::DrivecomState;
 use commram::devices::omega_drive_line_2::registers::{CANsync_INIT_BMSTRUCT, DEVICE, NODE2};
 use commram::plant::Power;
 
@@ -20,7 +20,7 @@ fn turning(memory: Memory) -> Bench {
     bench
 }
 
-fn state(bench: &Bench) -> (State, u32) {
+fn state(bench: &Bench) -> (DrivecomState, u32) {
     (bench.drive().state(), bench.p(308))
 }
 
@@ -29,9 +29,9 @@ fn a_plc_that_stops_exchanging_stops_the_axis() {
     for memory in [Memory::Heap, Memory::Mapped] {
         let mut bench = turning(memory);
         bench.step(99_000);
-        assert_eq!(state(&bench), (State::OperationEnabled, 0), "events go on, but nobody exchanges");
+        assert_eq!(state(&bench), (DrivecomState::OperationEnabled, 0), "events go on, but nobody exchanges");
         bench.step(2_000);
-        assert_eq!(state(&bench), (State::Fault, 503));
+        assert_eq!(state(&bench), (DrivecomState::Fault, 503));
         assert_eq!(bench.p(SPEED_ACTUAL), 0);
     }
 }
@@ -43,12 +43,12 @@ fn who_exchanges_again_in_time_is_not_away() {
         bench.step(90_000);
         bench.exchange(1);
     }
-    assert_eq!(state(&bench), (State::OperationEnabled, 0));
+    assert_eq!(state(&bench), (DrivecomState::OperationEnabled, 0));
     bench.configure(SAME_CYCLE, &[SPEED_REFERENCE], &[SPEED_ACTUAL]);
     bench.step(200_000);
     assert_eq!(
         state(&bench),
-        (State::OperationEnabled, 0),
+        (DrivecomState::OperationEnabled, 0),
         "a new configuration begins with its first exchange"
     );
 }
@@ -59,7 +59,7 @@ fn a_plc_in_reset_does_not_exchange() {
     let mut bench = turning(Memory::Heap);
     bench.plant.set_power(0, Power::HoldReset);
     bench.step(101_000);
-    assert_eq!(state(&bench), (State::Fault, 503));
+    assert_eq!(state(&bench), (DrivecomState::Fault, 503));
 }
 
 #[test]
@@ -79,9 +79,9 @@ fn the_drive_notices_that_its_trigger_signal_is_gone() {
     node.w_CPU_CONTROL.store(0x0000);
     bench.step(20_000);
     assert!(!bench.drive().is_synchronized());
-    assert_eq!(state(&bench), (State::SwitchOnDisabled, 0));
+    assert_eq!(state(&bench), (DrivecomState::SwitchOnDisabled, 0));
     bench.step(10_000);
-    assert_eq!(state(&bench), (State::Fault, 77), "whether or not anything is exchanged");
+    assert_eq!(state(&bench), (DrivecomState::Fault, 77), "whether or not anything is exchanged");
 }
 
 /// P. 74 knows 4 and 8 kHz.

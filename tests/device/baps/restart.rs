@@ -2,7 +2,7 @@
 
 use super::bench::*;
 use crate::rig::Memory;
-use commram::devices::cansync::drive::State;
+use commram::devices::cansync::drive::DrivecomState;
 use commram::plant::Power;
 
 /// The drive turns with P300 = 1000, P302 is 5, and a service data job is under way.
@@ -18,12 +18,12 @@ fn turning(drive: &str, test: impl Fn(Bench)) {
     });
 }
 
-fn values(bench: &Bench) -> (u32, u32, u32, State) {
+fn values(bench: &Bench) -> (u32, u32, u32, DrivecomState) {
     (bench.p(SPEED_REFERENCE), bench.p(SPEED_ACTUAL), bench.p(ADDITIONAL), bench.drive().state())
 }
 
-const TURNING: (u32, u32, u32, State) = (1000, 1000, 5, State::OperationEnabled);
-const POWERED_ON: (u32, u32, u32, State) = (0, 0, 0, State::SwitchOnDisabled);
+const TURNING: (u32, u32, u32, DrivecomState) = (1000, 1000, 5, DrivecomState::OperationEnabled);
+const POWERED_ON: (u32, u32, u32, DrivecomState) = (0, 0, 0, DrivecomState::SwitchOnDisabled);
 
 #[test]
 fn after_reset_the_drive_turns_and_the_interface_starts_anew() {
@@ -50,7 +50,7 @@ fn after_reset_the_drive_turns_and_the_interface_starts_anew() {
         assert_eq!((bench.regs.a_RD_VALUE[0].load(), bench.regs.w_STATUSWORD.load()), (1000, 0x0037));
         bench.regs.w_CONTROLWORD.store(0);
         bench.exchange(2);
-        assert_eq!(bench.drive().state(), State::SwitchOnDisabled, "it obeys again");
+        assert_eq!(bench.drive().state(), DrivecomState::SwitchOnDisabled, "it obeys again");
     });
 }
 
@@ -86,9 +86,13 @@ fn a_drive_fails_under_reset_but_not_without_supply() {
     turning("ramp_per_second = 100000", |mut bench| {
         bench.plant.set_power(0, Power::HoldReset);
         bench.trip(17);
-        assert_eq!((bench.drive().state(), bench.p(308)), (State::FaultReactionActive, 17));
+        assert_eq!((bench.drive().state(), bench.p(308)), (DrivecomState::FaultReactionActive, 17));
         bench.step(20_000);
-        assert_eq!((bench.drive().state(), bench.p(SPEED_ACTUAL)), (State::Fault, 0), "it brakes by itself");
+        assert_eq!(
+            (bench.drive().state(), bench.p(SPEED_ACTUAL)),
+            (DrivecomState::Fault, 0),
+            "it brakes by itself"
+        );
         bench.plant.set_power(0, Power::Off);
         bench.trip(18);
         assert_eq!(bench.p(308), 0);

@@ -3,7 +3,7 @@
 use super::*;
 use crate::rig::{At, BOTH, FASTEST, Memory, RATES};
 use commram::devices::cansync;
-use commram::devices::cansync::drive::State;
+use commram::devices::cansync::drive::DrivecomState;
 use commram::devices::cansync::medium::drives;
 
 fn edges(rig: &Rig) -> Vec<u64> {
@@ -267,10 +267,14 @@ fn a_drive_without_sync_reacts_as_it_is_set() {
         };
         // The lock is lost two and a half intervals after the last edge.
         rig.step(100_000 + 2 * rate.interval_us);
-        let moving = (State::OperationEnabled, 0x00B7, 501);
-        assert_eq!(told(&rig), [moving, (State::OperationEnabled, 0x0037, 0)], "the first has no reaction");
+        let moving = (DrivecomState::OperationEnabled, 0x00B7, 501);
+        assert_eq!(
+            told(&rig),
+            [moving, (DrivecomState::OperationEnabled, 0x0037, 0)],
+            "the first has no reaction"
+        );
         rig.step(3_000);
-        assert_eq!(told(&rig), [moving, (State::Fault, 0x0018, 501)]);
+        assert_eq!(told(&rig), [moving, (DrivecomState::Fault, 0x0018, 501)]);
     }
 }
 

@@ -11,7 +11,7 @@ macro_rules! sender {
         function_block! {
             #[doc = concat!("Sends a broadcast command with ", $rank, " priority (manual p. ", $page, ").")]
             ///
-            /// Every call with `x_EN` enters the command anew; one interval is enough to send it once.
+            /// Every call with `x_EN` enters the command again. One interval is enough to send it once.
             pub struct $name(_BASE: Base<CANsync_MA_CTRL_BMSTRUCT>) {
                 in {
                     /// Command number: 1 control word, 128 to 255 free for the user.
@@ -84,14 +84,14 @@ function_block! {
     /// Receives broadcast commands of the master (manual p. 202-203).
     ///
     /// Command 1 is a control word, which [`CANsync_CONTROLWORD_SL`](super::CANsync_CONTROLWORD_SL) shows as well
-    /// (decision D-603). If another command has come, too, that one is shown first.
+    /// (decision D-603). If another command has also come, the block shows the other command first.
     pub struct CANsync_BC_SL(_BASE: Base<CANsync_SL_CTRL_BMSTRUCT>) {
         out {
-            /// Command number; the one before until a new command is received.
+            /// Command number; keeps the previous value until a new command is received.
             us_BC_CMD_NR: u8;
-            /// Data byte, likewise; 0 with command 1.
+            /// Data byte, as `us_BC_CMD_NR`; 0 with command 1.
             si_BC_BYTE: i8;
-            /// Data word, likewise; the control word with command 1.
+            /// Data word, as `us_BC_CMD_NR`; the control word with command 1.
             i_BC_WORD: i16;
             /// 2: a command was received since the last call; otherwise 0.
             si_BC_RECEIVED: i8;

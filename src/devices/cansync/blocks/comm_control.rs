@@ -1,4 +1,4 @@
-//! `CANsync_COMM_CONTROL_MA`: who may use the command channel (p. 204-206).
+//! `CANsync_COMM_CONTROL_MA`: assignment of the command channel (p. 204-206).
 
 use super::registers::{AUTOMATIC, slave_index};
 use crate::devices::cansync::registers::CANsync_MA_CTRL_BMSTRUCT;
@@ -6,11 +6,11 @@ use crate::memory::Cell8;
 use crate::plc::{Base, Like, function_block};
 
 function_block! {
-    /// Says for which slave the command channel looks after control words, parameter jobs and
-    /// up-/downloads (manual p. 204-206).
+    /// Selects the slave whose control words, parameter jobs and up-/downloads the command channel handles (manual p.
+    /// 204-206).
     ///
-    /// An input is taken over only with its enable input; numbers other than -128 and 0 to 31 change nothing
-    /// (decision D-205).
+    /// An input is taken over only with its enable input. Numbers other than -128 and 0 to 31 have no effect (decision
+    /// D-205).
     pub struct CANsync_COMM_CONTROL_MA(_BASE: Base<CANsync_MA_CTRL_BMSTRUCT>) {
         in {
             /// Slave for control words; -128 (default): all in turn.
@@ -25,8 +25,8 @@ function_block! {
             si_SL_NR_UDL: i8 = AUTOMATIC;
             /// Take over `si_SL_NR_UDL`.
             x_EN_UDL: bool;
-            /// Highest number of those in turn; -1 (default): as it was. The same register as `si_MAX_SL_NR` of
-            /// [`CANsync_PD_COMM_MA`](super::CANsync_PD_COMM_MA); use one of the two.
+            /// Highest number of the slaves in turn; -1 (default): unchanged. The same register as `si_MAX_SL_NR` of
+            /// [`CANsync_PD_COMM_MA`](super::CANsync_PD_COMM_MA); use only one of the two.
             si_MAX_SL_NR: i8 = -1;
         }
     }
@@ -49,7 +49,7 @@ impl CANsync_COMM_CONTROL_MA {
     }
 }
 
-/// Input `si_MAX_SL_NR`: everything but 0 to 31 leaves the register as it is.
+/// Handles input `si_MAX_SL_NR`: any value except 0 to 31 leaves the register unchanged.
 pub(super) fn set_highest_slave(register: &Cell8, number: i8) {
     if slave_index(number).is_some() {
         register.store(number as u8);

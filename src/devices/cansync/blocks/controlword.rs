@@ -9,7 +9,7 @@ function_block! {
     /// Sends a control word to one slave (manual p. 207-208). Needs
     /// [`CANsync_COMM_CONTROL_MA`](super::CANsync_COMM_CONTROL_MA) first.
     ///
-    /// Every call with `x_EN` enters the control word anew; one interval is enough to send it once.
+    /// Every call with `x_EN` enters the control word again. One interval is enough to send it once.
     pub struct CANsync_CONTROLWORD_MA(_BASE: Base<CANsync_MA_CTRL_BMSTRUCT>) {
         in {
             /// The slave, 0 to 31.
@@ -27,7 +27,7 @@ function_block! {
 }
 
 impl CANsync_CONTROLWORD_MA {
-    /// One PLC cycle. A slave number that does not exist does nothing.
+    /// One PLC cycle. A slave number that does not exist has no effect.
     pub fn call(&mut self, _BASE: &Base<impl Like<CANsync_MA_CTRL_BMSTRUCT>>) {
         let _BASE = &_BASE.viewed();
         self.x_OK = false;
@@ -49,7 +49,7 @@ function_block! {
     /// Receives the master's control word (manual p. 209-210).
     pub struct CANsync_CONTROLWORD_SL(_BASE: Base<CANsync_SL_CTRL_BMSTRUCT>) {
         out {
-            /// Control word; the one before until a new one is received.
+            /// Control word; keeps the previous value until a new one is received.
             w_CONTROLWORD: u16;
             /// 2: a control word was received since the last call; otherwise 0.
             si_RECEIVED: i8;

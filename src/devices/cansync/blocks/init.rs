@@ -1,5 +1,5 @@
-//! `CANsync_INIT`: from restart to "waiting for start" or set-up mode (p. 211-215, in 5.02066.01a p. 122-127). Baud rates
-//! are each device's own.
+//! `CANsync_INIT`: from restart to "waiting for start" or set-up mode (p. 211-215, in 5.02066.01a p. 122-127). Each
+//! device has its own baud rates.
 
 use crate::devices::cansync::BaudRate;
 use crate::devices::cansync::registers::CANsync_INIT_BMSTRUCT;
@@ -9,7 +9,7 @@ use crate::devices::cansync::registers::values::{
 use crate::plc::{Viewed, Watch};
 use core::time::Duration;
 
-/// How long each answer of the CANsync node may take. The manual names no time (decision D-203).
+/// Time limit for each answer of the CANsync node. The manual names no time (decision D-203).
 const HANDSHAKE_TIME: Duration = Duration::from_secs(1);
 
 /// Bit 0 of `w_ERR`.
@@ -18,26 +18,26 @@ const TIMEOUT: u16 = 1 << 0;
 const BIT_TIMING: u16 = 1 << 1;
 /// Bit 11.
 const NOT_FINISHED: u16 = 1 << 11;
-/// `us_BAUDRATE` of 125 kbit/s, which every number that there is not stands for.
+/// `us_BAUDRATE` of 125 kbit/s, used for every undefined number.
 const SLOWEST: u8 = 3;
 
-/// The inputs of the block, and its device's baud rates.
+/// The inputs of the block, and the baud rates of the device.
 pub(crate) struct Inputs<'a> {
     pub slave: bool,
     pub sync_in: bool,
-    /// Sets up synchronous operation, too.
+    /// Also sets up synchronous operation.
     pub set_up: bool,
     pub slave_types: &'a [u8; 32],
-    /// Code and mask.
+    /// Acceptance code and mask.
     pub acceptance: [u8; 2],
-    /// Counts if `baud_rate` is 0.
+    /// Used if `baud_rate` is 0.
     pub bit_timing: [u8; 2],
     pub baud_rate: u8,
     pub interval_ms: u8,
     pub rates: &'a [BaudRate],
 }
 
-/// An initialization, under way or at its end.
+/// An initialization, under way or finished.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Initialization {
     step: Step,
@@ -46,7 +46,7 @@ pub struct Initialization {
     has_ended: bool,
 }
 
-/// What the block waits for.
+/// The step that the block waits for.
 #[derive(Clone, Copy, Debug, Default)]
 enum Step {
     #[default]
@@ -58,13 +58,13 @@ enum Step {
 }
 
 impl Initialization {
-    /// One PLC cycle: `w_ERR` and `x_OK`.
+    /// Runs one PLC cycle and returns `w_ERR` and `x_OK`.
     pub(crate) fn call(
         &mut self,
         base: &Viewed<'_, CANsync_INIT_BMSTRUCT>,
         inputs: &Inputs<'_>,
     ) -> (u16, bool) {
-        // One call goes as far as the node's answers allow.
+        // One call advances as far as the node's answers permit.
         while let Some(next) = self.next(base, inputs) {
             self.step = next;
         }
@@ -76,7 +76,7 @@ impl Initialization {
         self.has_ended && self.error != 0
     }
 
-    /// The next step, if its time has come.
+    /// Returns the next step, if its condition is met.
     fn next(&mut self, base: &Viewed<'_, CANsync_INIT_BMSTRUCT>, inputs: &Inputs<'_>) -> Option<Step> {
         let state = base.w_OPTION_STATUS.load();
         let command = |value| {
@@ -148,7 +148,7 @@ impl Initialization {
         }
     }
 
-    /// `b_BT_0` and `b_BT_1` by the inputs; sets bit 1 if they are not as documented.
+    /// Returns `b_BT_0` and `b_BT_1` for the inputs. Sets bit 1 if they are not documented.
     fn bit_timing(&mut self, inputs: &Inputs<'_>) -> [u8; 2] {
         let timing = |rate: &BaudRate| [rate.b_BT_0, rate.b_BT_1];
         let of_number = |number| inputs.rates.iter().find(|rate| rate.us_BAUDRATE == number).map(timing);
@@ -164,19 +164,19 @@ impl Initialization {
     }
 }
 
-/// The block of a device: its pages, its table of baud rates, and what its documentation says of them.
+/// The block of a device: its pages, its table of baud rates, and the parts of the text that depend on the device.
 macro_rules! init {
     ($page:literal, $rates:expr, $sync:literal, $more:literal, $intervals:literal) => {
         $crate::plc::function_block! {
             #[doc = concat!("Initializes a CANsync node as master or slave (manual p. ", $page, ").")]
             ///
-            /// The first call begins; call on, at least once per processor cycle, until `x_OK` or `x_ERR`
-            /// (decision D-201). A call after that begins anew.
+            /// The first call begins. Continue to call, at least once per processor cycle, until `x_OK` or `x_ERR`
+            /// (decision D-201). The next call begins again.
             pub struct CANsync_INIT(_BASE: $crate::plc::Base<$crate::devices::cansync::registers::CANsync_INIT_BMSTRUCT>) {
                 in {
                     /// Slave; default: master.
                     x_SL: bool;
-                    #[doc = concat!("Master: takes over the SYNC signal ", $sync, "; default: makes its own.")]
+                    #[doc = concat!("Master: takes over the SYNC signal ", $sync, "; default: generates its own.")]
                     x_SYNC_IN: bool;
                     /// Sets up synchronous operation as well; default: only takes over the initialization data.
                     x_SYNC_MODE: bool;
@@ -194,7 +194,7 @@ macro_rules! init {
                     b_BIT_TIMING0: u8;
                     /// Bus timing 1, if `us_BAUDRATE` is 0.
                     b_BIT_TIMING1: u8;
-                    #[doc = concat!("3: 125 kbit/s, 4: 250, 5: 500, ", $more, "0 (default): what the bus timing inputs say.")]
+                    #[doc = concat!("3: 125 kbit/s, 4: 250, 5: 500, ", $more, "0 (default): the bus timing inputs.")]
                     us_BAUDRATE: u8;
                     #[doc = concat!("CANsync interval in ms: ", $intervals, ".")]
                     us_SYNC_INTERVAL: u8;

@@ -1,7 +1,7 @@
 //! The CANsync function blocks (manual 5.00005.03a chapter 7.3, p. 194-271; 5.02066.01a chapter 4, p. 99-196).
 //!
-//! Where the manuals agree, the block is here, and each device lends it out. Where they do not, the pins and what is common
-//! are here, in a macro that makes the device's own block.
+//! A block on which the manuals agree is defined here, and each device exports it. Where the manuals differ, this
+//! module has the pins and the common part, in a macro that creates the block of a device.
 
 #![allow(non_snake_case, non_camel_case_types, reason = "the manual's names, letter for letter")]
 

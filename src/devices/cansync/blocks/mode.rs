@@ -1,4 +1,4 @@
-//! `CANsync_MODE_MA`, `CANsync_MODE_SL`: commands to a node and what it shows (p. 216-221).
+//! `CANsync_MODE_MA`, `CANsync_MODE_SL`: commands to a node, and its state (p. 216-221).
 
 use crate::devices::cansync::registers::values::{
     cpu_control::{ENABLE_ACTIVE, RESET_CONTROLLER, RESTART, START_SYNCHRONOUS, TAKE_OVER_INIT_DATA},
@@ -13,10 +13,10 @@ macro_rules! mode {
         function_block! {
             #[doc = concat!("Sets the operating mode of a CANsync ", $who, " (manual p. ", $page, ").")]
             ///
-            /// Inputs are commands, outputs show the node's state at the time of the call; an answer to a
-            /// command is seen at a later call. No input: no command. With `x_SYNC_MODE` and `x_CANsync_RUN`
-            /// together the mode is set up first and enabled by a later call; once it is active nothing more
-            /// is commanded (decision D-204).
+            /// Inputs are commands. Outputs show the node's state at the time of the call; the answer to a command is
+            /// visible at a later call. Without an input there is no command. With `x_SYNC_MODE` and `x_CANsync_RUN`
+            /// together, the mode is set up first and enabled by a later call. In the active mode no further command is
+            /// sent (decision D-204).
             pub struct $name(_BASE: Base<$base>) {
                 in {
                     /// Restarts the node.
@@ -104,11 +104,11 @@ struct Commands {
 }
 
 impl Commands {
-    /// Writes the command. If several are given, the one that comes earlier in a start counts.
+    /// Writes the command. Of several commands, the one that comes earlier in a start counts.
     fn give<T: SharedRegs>(&self, base: &Viewed<'_, T>, control: &Cell16, state: u16) {
         let command = match self {
             Commands { restart: true, .. } => {
-                // It resets the controller as well.
+                // A restart also resets the controller.
                 control.store(RESTART);
                 base.tell_restart();
                 return;

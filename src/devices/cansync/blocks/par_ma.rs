@@ -16,7 +16,7 @@ const SLAVE_NUMBER: u8 = 1 << 4;
 /// Preset of `t_TIME`.
 pub(crate) const PRESET_TIME: Duration = Duration::from_secs(3);
 
-/// How far a job is.
+/// Progress of a job.
 #[derive(Clone, Copy, Debug, Default)]
 enum Phase {
     #[default]
@@ -24,13 +24,13 @@ enum Phase {
     /// Another block's job for the same slave is under way.
     Waiting(Watch),
     Running(Watch),
-    /// Ends when `x_EN` falls.
+    /// Finished; waits until `x_EN` falls.
     Done,
-    /// Failed or cancelled: only `x_RESET` helps.
+    /// Failed or cancelled; waits for `x_RESET`.
     Locked,
 }
 
-/// What a call means for the outputs: nothing but this is to be seen there.
+/// Result of a call for the outputs.
 #[derive(Clone, Copy, Default)]
 pub(crate) struct Shown {
     pub busy: bool,
@@ -38,11 +38,11 @@ pub(crate) struct Shown {
     pub error: u8,
     /// `i_ERR`.
     pub number: i16,
-    /// The job has been done.
+    /// Set when the job is done.
     pub answer: Option<Answer>,
 }
 
-/// What the slave has answered.
+/// Answer of the slave.
 #[derive(Clone, Copy)]
 pub(crate) struct Answer {
     pub value: u32,
@@ -54,7 +54,7 @@ pub(crate) struct Inputs {
     pub slave: i8,
     pub number: u16,
     pub doubleword: bool,
-    /// The value to write; none: reads.
+    /// The value to write; `None`: read.
     pub write: Option<u32>,
     pub time: Duration,
     pub enable: bool,
@@ -76,16 +76,16 @@ fn registers(base: &CANsync_MA_CTRL_BMSTRUCT, slave: i8) -> Option<(Job<'_>, &DA
     Some((job, base.a_DATA_PARAMETER.get(index)?))
 }
 
-/// The state that a block keeps from call to call.
+/// State of a block between calls.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct State {
     phase: Phase,
-    /// The slave of the job under way, whatever the input shows meanwhile.
+    /// The slave of the job under way, independent of later values of the input.
     slave: i8,
 }
 
 impl State {
-    /// One PLC cycle; nothing if the outputs stay as they are.
+    /// Runs one PLC cycle. Returns `None` if the outputs keep their values.
     pub(crate) fn step(
         &mut self,
         base: &Viewed<'_, CANsync_MA_CTRL_BMSTRUCT>,
@@ -145,13 +145,13 @@ impl State {
         Shown { answer: Some(answer), ..Shown::default() }
     }
 
-    /// The job has failed; the block is locked.
+    /// Locks the block, because the job has failed.
     pub(crate) fn fail(&mut self, error: u8, number: i16) -> Shown {
         self.phase = Phase::Locked;
         Shown { error, number, ..Shown::default() }
     }
 
-    /// Takes the own job out of the registers; a slave that does not answer would be asked for ever.
+    /// Removes the block's job from the registers. Otherwise a slave without an answer would be asked without end.
     fn withdraw(&self, base: &Viewed<'_, CANsync_MA_CTRL_BMSTRUCT>) {
         if let Phase::Running(_) = self.phase
             && let Some((job, _)) = registers(base, self.slave)
@@ -161,8 +161,8 @@ impl State {
     }
 }
 
-/// The block that reads of a device: its pages, its own bits of `b_ERR`, and what it says to the formats at
-/// `x_PAR_FORMAT` and of the answer (those bits).
+/// The read block of a device: its pages, its additional bits of `b_ERR`, and a check of the formats at `x_PAR_FORMAT`
+/// and of the answer (which returns those bits).
 macro_rules! par_read_ma {
     ($page:literal, $formats:literal, $check:expr) => {
         $crate::plc::function_block! {

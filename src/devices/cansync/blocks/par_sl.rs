@@ -10,15 +10,15 @@ use crate::plc::{Base, Like, function_block};
 function_block! {
     /// Shows the master's parameter jobs to a slave's application and sends its answers (manual p. 225-229).
     ///
-    /// The application's results count from the call after the one that showed the job, so that `x_OK_IN` may
-    /// still show the last job's end then (decision D-210).
+    /// The application's results count from the call after the one that showed the job. So in that call `x_OK_IN` may
+    /// still have the value for the end of the last job (decision D-210).
     pub struct CANsync_PAR_SL(_BASE: Base<CANsync_SL_CTRL_BMSTRUCT>) {
         in {
             /// Value of the parameter, for a read job.
             ud_PAR_VALUE_READ: u32;
             /// Its format: FALSE word, TRUE doubleword.
             x_PAR_FORMAT_READ: bool;
-            /// Error number that goes to the master with `x_ERR_IN`.
+            /// Error number sent to the master with `x_ERR_IN`.
             i_ERR: i16;
             /// The application could not do the job.
             x_ERR_IN: bool;
@@ -46,7 +46,7 @@ function_block! {
             x_ACTIV: bool;
             /// Waits for the application, or for the master to fetch the answer.
             x_BUSY: bool;
-            /// The master has fetched the answer to the last job, be it an error or not.
+            /// The master has fetched the answer to the last job, with or without an error.
             x_OK: bool;
         }
         internal: Phase;
@@ -61,7 +61,7 @@ pub enum Phase {
     Shown,
     /// The answer is ready for the master.
     Answered,
-    /// Cancelled: only `x_RESET` helps.
+    /// Cancelled; waits for `x_RESET`.
     Locked,
 }
 
@@ -91,22 +91,22 @@ impl CANsync_PAR_SL {
             // The firmware keeps READ or WRITE until it drops the job (decision D-63).
             Phase::Shown | Phase::Answered if control & (READ | WRITE) == 0 => self.drop_job(),
             Phase::Shown => self.take_results(_BASE, &job),
-            // A new job shows that the answer to the one before has gone out, too.
+            // A new job means that the answer to the previous one was also sent.
             Phase::Answered if control & BUSY == 0 || control & ACTIVE != 0 => {
                 self.x_OK = true;
                 self.show(Phase::Idle);
             }
             Phase::Answered => {}
-            // Bit 7: the firmware has not yet entered what the master has changed to.
+            // Bit 7: the firmware has not yet entered the job that the master has changed to.
             Phase::Idle if control & RESET != 0 => {}
-            // The job was never shown, or `x_RESET` has taken it back, answered or not (p. 190).
+            // The job was never shown, or `x_RESET` has withdrawn it with or without an answer (p. 190).
             Phase::Idle if control & CHANGED != 0 => job.change(|value| value | RESET),
             Phase::Idle if control & ACTIVE != 0 => self.enter(_BASE, control),
             Phase::Idle => {}
         }
     }
 
-    /// Goes on to `phase` and shows it.
+    /// Changes to `phase` and updates the outputs.
     fn show(&mut self, phase: Phase) {
         self.internal = phase;
         self.x_ACTIV = matches!(phase, Phase::Shown);
@@ -116,7 +116,7 @@ impl CANsync_PAR_SL {
         }
     }
 
-    /// The job shown does not count any more.
+    /// Drops the shown job, which is no longer valid.
     fn drop_job(&mut self) {
         self.x_RESET_JOB = true;
         self.show(Phase::Idle);
@@ -135,7 +135,7 @@ impl CANsync_PAR_SL {
         self.show(Phase::Shown);
     }
 
-    /// Hands over what the application has come to.
+    /// Passes the application's results to the firmware.
     fn take_results(&mut self, base: &CANsync_SL_CTRL_BMSTRUCT, job: &Job) {
         if self.x_ERR_IN {
             base.w_ERR_NR_PAR_CMD.store(self.i_ERR as u16);

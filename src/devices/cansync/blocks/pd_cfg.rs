@@ -1,5 +1,5 @@
-//! `CANsync_PD_CFG_MA`, `_PD_CFG_READ_MA`, `_PD_CFG_READ_SL`, `_PD_CFG_SL`: which word of a frame is which
-//! half of which value (p. 233-246).
+//! `CANsync_PD_CFG_MA`, `_PD_CFG_READ_MA`, `_PD_CFG_READ_SL`, `_PD_CFG_SL`: assignment of the words of a frame to
+//! values and their halves (p. 233-246).
 
 use super::registers::slave_index;
 use crate::devices::cansync::registers::values::last_received;
@@ -15,7 +15,7 @@ const FRAME2: RangeInclusive<u8> = 4..=7;
 /// Number of an unassigned word.
 const NONE: i8 = -1;
 
-/// The configuration bytes of one frame. A number that the frame cannot carry leaves its word unassigned
+/// Writes the configuration bytes of one frame. The word of a number that the frame cannot carry stays unassigned
 /// (decision D-206).
 fn configure(registers: [&Cell8; 4], (numbers, high): Words, values: RangeInclusive<u8>) {
     for ((register, number), high) in registers.into_iter().zip(numbers).zip(high) {
@@ -36,7 +36,7 @@ fn configure_rdc(cfg: &CFG_RDC_WORD, one: Words, two: Words) {
     configure(words2, two, FRAME2);
 }
 
-/// Master and slave have structures of their own, with the same names.
+/// Master and slave have separate structures with the same names.
 macro_rules! configure_wrc {
     ($cfg:expr, $one:expr, $two:expr) => {{
         let cfg = $cfg;
@@ -52,7 +52,7 @@ macro_rules! configure_wrc {
 function_block! {
     /// Maps reference values into the reference value frames of a master (manual p. 233-235).
     ///
-    /// Begins anew to notice received actual values, too (decision D-207).
+    /// Also re-arms the detection of received actual values (decision D-207).
     pub struct CANsync_PD_CFG_MA(_BASE: Base<CANsync_MA_CTRL_BMSTRUCT>) {
         in {
             /// Reference value (0 to 3) in each word of frame 1; -1 (default): none.
@@ -84,13 +84,13 @@ macro_rules! read {
             #[doc = concat!("(manual p. ", $page, ").")]
             pub struct $name(_BASE: Base<$base>) {
                 in {
-                    /// The slave that sends the frames, 0 to 31; other numbers do nothing.
+                    /// The slave that sends the frames, 0 to 31. Other numbers have no effect.
                     si_SL_NR: i8;
-                    /// Actual value (0 to 3) that each word of frame 1 goes to; -1 (default): none.
+                    /// Actual value (0 to 3) for each word of frame 1; -1 (default): none.
                     a_RDC1: [i8; 4] = [NONE; 4];
                     /// TRUE: its high word; default: its low word.
                     a_HL_RDC1: [bool; 4];
-                    /// Actual value (4 to 7) that each word of frame 2 goes to; -1 (default): none.
+                    /// Actual value (4 to 7) for each word of frame 2; -1 (default): none.
                     a_RDC2: [i8; 4] = [NONE; 4];
                     /// TRUE: its high word; default: its low word.
                     a_HL_RDC2: [bool; 4];
@@ -118,14 +118,14 @@ function_block! {
     /// Maps the reference value frames of a slave to reference values, and its own actual values into its
     /// actual value frames (manual p. 242-246).
     ///
-    /// Begins anew to notice overheard actual values, too (decision D-207).
+    /// Also re-arms the detection of overheard actual values (decision D-207).
     pub struct CANsync_PD_CFG_SL(_BASE: Base<CANsync_SL_CTRL_BMSTRUCT>) {
         in {
-            /// Reference value (0 to 3) that each word of frame 1 goes to; -1 (default): none.
+            /// Reference value (0 to 3) for each word of frame 1; -1 (default): none.
             a_WRC1: [i8; 4] = [NONE; 4];
             /// TRUE: its high word; default: its low word.
             a_HL_WRC1: [bool; 4];
-            /// Reference value (4 to 7) that each word of frame 2 goes to; -1 (default): none.
+            /// Reference value (4 to 7) for each word of frame 2; -1 (default): none.
             a_WRC2: [i8; 4] = [NONE; 4];
             /// TRUE: its high word; default: its low word.
             a_HL_WRC2: [bool; 4];

@@ -9,12 +9,12 @@ use crate::devices::cansync::registers::values::request;
 use crate::memory::Cell8;
 use crate::plc::{Base, Like, function_block};
 
-/// Input of the slave numbers: nobody is asked.
-const ASK_NOBODY: i8 = -1;
+/// Input of the slave numbers: no request.
+const NO_REQUEST: i8 = -1;
 
 function_block! {
-    /// Hands over reference values and asks for actual values of slaves (manual p. 247-251). Call it right
-    /// at the start of the CANsync event task.
+    /// Writes reference values and requests actual values of slaves (manual p. 247-251). Call it directly at the start
+    /// of the CANsync event task.
     pub struct CANsync_PD_COMM_MA(_BASE: Base<CANsync_MA_CTRL_BMSTRUCT>) {
         in {
             /// Reference values 0 to 7.
@@ -23,11 +23,11 @@ function_block! {
             si_WRC1_SEND: i8;
             /// 5: reference values 4 to 7 are valid, send frame 2.
             si_WRC2_SEND: i8;
-            /// Slave asked for frame 1; -128 (default): all in turn; -1: nobody (decision D-208).
+            /// Slave requested for frame 1; -128 (default): all in turn; -1: none (decision D-208).
             si_RD_SL_NR1_RECEIVE: i8 = AUTOMATIC;
-            /// Slave asked for frame 2; -128 (default): all in turn; -1: nobody.
+            /// Slave requested for frame 2; -128 (default): all in turn; -1: none.
             si_RD_SL_NR2_RECEIVE: i8 = AUTOMATIC;
-            /// Highest number of those in turn; -1 (default): as it was.
+            /// Highest number of the slaves in turn; -1 (default): unchanged.
             si_MAX_SL_NR: i8 = -1;
             /// Copies received actual values to `a_RD_ARRAY`; default: FALSE.
             x_COPY_TO_RD_ARRAY: bool;
@@ -66,10 +66,10 @@ impl CANsync_PD_COMM_MA {
     }
 }
 
-/// Input of a slave number; other numbers than the documented ones leave the register as it is.
+/// Handles the input of a slave number. Undocumented numbers leave the register unchanged.
 fn ask(register: &Cell8, slave: i8) {
     match slave {
-        ASK_NOBODY => register.store(request::NOBODY),
+        NO_REQUEST => register.store(request::NOBODY),
         AUTOMATIC => register.store(request::AUTOMATIC),
         number if slave_index(number).is_some() => register.store(number as u8),
         _ => {}

@@ -1,12 +1,13 @@
 //! `CANsync_PD_COMM_READ_MA`, `CANsync_PD_COMM_READ_SL`: actual values of one slave (p. 252-255, in 5.02066.01a p.
-//! 174-179). What they show for frames received is each device's own.
+//! 174-179). The output values for received frames depend on the device.
 
 use super::process_data::receive_from;
 use super::registers::slave_index;
 use crate::devices::cansync::registers::STATREG_RDC;
 use crate::memory::Cell32;
 
-/// The actual values of one slave: copies those of frames received since the last call, and says which were.
+/// Copies the actual values of one slave from the frames received since the last call. Returns true for each received
+/// frame.
 pub(crate) fn take_actuals(
     slave: i8,
     states: &[STATREG_RDC; 32],
@@ -17,7 +18,7 @@ pub(crate) fn take_actuals(
     slave.map_or([false; 2], |(state, registers)| receive_from(state, registers, values))
 }
 
-/// The block of a device for a master or a slave: its pages, and what it shows for frames 1 and 2 received.
+/// The block of a device for a master or a slave: its pages, and the output values for received frames 1 and 2.
 macro_rules! pd_comm_read {
     ($name:ident, $base:ident, $other:literal, $page:literal, $one:literal, $two:literal) => {
         $crate::plc::function_block! {
@@ -25,7 +26,7 @@ macro_rules! pd_comm_read {
             #[doc = concat!("old projects, for use with `x_COPY_TO_RD_ARRAY` FALSE at `", $other, "`.")]
             pub struct $name(_BASE: $crate::plc::Base<$crate::devices::cansync::registers::$base>) {
                 in {
-                    /// The slave, 0 to 31; other numbers read nothing.
+                    /// The slave, 0 to 31. Other numbers read no values.
                     si_SL_NR: i8;
                 }
                 out {

@@ -1,23 +1,23 @@
-//! `CANsync_PD_COMM_SL`: process data of a slave (p. 256-260, in 5.02066.01a p. 180-184). What it shows for frames
-//! received is each device's own.
+//! `CANsync_PD_COMM_SL`: process data of a slave (p. 256-260, in 5.02066.01a p. 180-184). The output values for
+//! received frames depend on the device.
 
 use super::CANsync_RD_BMARRAY;
 use super::process_data::{receive, receive_from_all, send, take_last_slave};
 use crate::devices::cansync::registers::CANsync_SL_CTRL_BMSTRUCT;
 use crate::plc::Viewed;
 
-/// Releases the actual values of each frame whose input is 5.
+/// Releases the actual values of each frame with input value 5.
 pub(crate) fn release(base: &CANsync_SL_CTRL_BMSTRUCT, values: &[i32; 8], inputs: [i8; 2]) {
     let controls = [&base.b_CTRLREG_RD_RDC1, &base.b_CTRLREG_RD_RDC2];
     send(values, inputs, &base.a_RD_VALUE_SEND, controls);
 }
 
-/// Takes the reference values of frames received since the last call; says which were.
+/// Copies the reference values of the frames received since the last call. Returns true for each received frame.
 pub(crate) fn take_references(base: &CANsync_SL_CTRL_BMSTRUCT, values: &mut [i32; 8]) -> [bool; 2] {
     receive([&base.b_CTRLREG_WRC1, &base.b_CTRLREG_WRC2], &base.a_WR_VALUE_RECEIVE, values)
 }
 
-/// The slaves overheard last since the last call, and their values if there is room for them.
+/// Returns the slaves overheard last since the last call, and copies their values if `a_RD_ARRAY` is given.
 pub(crate) fn overhear(
     base: &Viewed<'_, CANsync_SL_CTRL_BMSTRUCT>,
     a_RD_ARRAY: Option<&mut CANsync_RD_BMARRAY>,
@@ -29,12 +29,12 @@ pub(crate) fn overhear(
     slaves
 }
 
-/// The block of a device: its page, and what it shows for frames 1 and 2 received.
+/// The block of a device: its page, and the output values for received frames 1 and 2.
 macro_rules! pd_comm_sl {
     ($page:literal, $one:literal, $two:literal) => {
         $crate::plc::function_block! {
-            /// Hands over own actual values, reads reference values and overhears other slaves' actual values.
-            /// Call it right at the start of the CANsync event task.
+            /// Writes own actual values, reads reference values and overhears other slaves' actual values. Call it
+            /// directly at the start of the CANsync event task.
             #[doc = concat!("Manual p. ", $page, ".")]
             pub struct CANsync_PD_COMM_SL(_BASE: $crate::plc::Base<$crate::devices::cansync::registers::CANsync_SL_CTRL_BMSTRUCT>) {
                 in {

@@ -1,5 +1,5 @@
-//! Process data registers: values that a PLC releases or takes, frame by frame. Frame 1 carries values 0
-//! to 3, frame 2 values 4 to 7.
+//! Process data registers: values that a PLC releases or reads, frame by frame. Frame 1 carries values 0 to 3, frame 2
+//! values 4 to 7.
 
 use super::CANsync_RD_BMARRAY;
 use super::registers::{AUTOMATIC, slave_index, take_received};
@@ -21,7 +21,7 @@ pub(super) fn send(values: &[i32; 8], inputs: [i8; 2], registers: &[Cell32], con
     }
 }
 
-/// Copies the values of the frames received since the last call; says which were.
+/// Copies the values of the frames received since the last call. Returns true for each received frame.
 pub(super) fn receive(states: [&Cell8; 2], registers: &[Cell32], values: &mut [i32]) -> [bool; 2] {
     let received = states.map(|state| take_received(state) != 0);
     let frames = values.chunks_mut(FRAME).zip(registers.chunks(FRAME));
@@ -49,7 +49,7 @@ pub(super) fn receive_from_all(
     }
 }
 
-/// The slave heard last since the last call; -128: none.
+/// Returns the slave received last since the last call; -128: none.
 pub(super) fn take_last_slave(register: &Cell8) -> i8 {
     let number = register.update(|_| last_received::RE_ARMED) as i8;
     if slave_index(number).is_some() { number } else { AUTOMATIC }

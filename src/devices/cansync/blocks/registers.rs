@@ -1,5 +1,5 @@
-//! What several function blocks do with control and status registers, and how a PLC
-//! writes the register pair of a job (manual 5.00005.03a chapters 7.2.2, 7.2.3).
+//! Functions for control and status registers that several blocks share, and the way in which a PLC writes the register
+//! pair of a job (manual 5.00005.03a chapters 7.2.2, 7.2.3).
 
 use crate::devices::cansync::registers::values::{receive, request};
 use crate::devices::cansync::registers::{
@@ -7,7 +7,7 @@ use crate::devices::cansync::registers::{
 };
 use crate::memory::Cell8;
 
-/// A structure is like itself.
+/// Every structure is like itself.
 macro_rules! like_itself {
     ($($structure:ident)*) => {$(
         impl AsRef<$structure> for $structure {
@@ -22,16 +22,16 @@ like_itself!(CANsync_INIT_BMSTRUCT CANsync_MA_CTRL_BMSTRUCT CANsync_SL_CTRL_BMST
 
 /// Number of slaves on a bus.
 pub(super) const SLAVES: usize = 32;
-/// Slave number inputs: the number goes up by itself. Outputs: no slave.
+/// As an input of a slave number: the number advances by itself. As an output: no slave.
 pub(super) const AUTOMATIC: i8 = request::AUTOMATIC.cast_signed();
 
-/// A slave number as an index; `None` if it is not 0 to 31.
+/// Returns a slave number as an index; `None` if it is not 0 to 31.
 pub(super) fn slave_index(number: i8) -> Option<usize> {
     usize::try_from(number).ok().filter(|&index| index < SLAVES)
 }
 
-/// Empties a receive register; 2 if something was received, otherwise 0. It is emptied before the data
-/// are read, so that what arrives meanwhile is seen at the next call.
+/// Clears a receive register. Returns 2 if a frame was received, otherwise 0. The register is cleared before the data
+/// are read, so a frame that arrives meanwhile is noticed at the next call.
 pub(super) fn take_received(register: &Cell8) -> i8 {
     match register.compare_exchange(receive::RECEIVED, receive::NOTHING) {
         Ok(received) => received as i8,
@@ -49,7 +49,7 @@ pub(super) enum ControlWordReader {
 }
 
 impl ControlWordReader {
-    /// Value that this block leaves in `b_STATREG_CONTROLWORD` for the other block.
+    /// Value that this block writes to `b_STATREG_CONTROLWORD` for the other block.
     const fn mark(self) -> u8 {
         match self {
             ControlWordReader::Broadcast => 0x10,
@@ -79,18 +79,18 @@ pub(super) struct Job<'a> {
 }
 
 impl Job<'_> {
-    /// The control register, the one that decides.
+    /// Returns the control register, which decides.
     pub(super) fn control(&self) -> u8 {
         self.control.load()
     }
 
-    /// Writes both, the control register last (p. 165).
+    /// Writes both registers, the control register last (p. 165).
     pub(super) fn enter(&self, value: u8) {
         self.status.store(value);
         self.control.store(value);
     }
 
-    /// Changes bits of both and leaves alone what the firmware writes at the same time.
+    /// Changes bits of both registers and keeps simultaneous writes of the firmware.
     pub(super) fn change(&self, change: impl Fn(u8) -> u8) {
         self.status.update(&change);
         self.control.update(&change);

@@ -1,5 +1,5 @@
-//! The CANsync blocks in IEC Structured Text, for `commram export st --blocks`. The Rust blocks beside them are what they
-//! are held against: names and pins by a test of the documentation, what they do by running both.
+//! The CANsync blocks in IEC Structured Text, for `commram export st --blocks`. Tests compare them with the Rust
+//! blocks: a test of the documentation compares names and pins, and other tests run both and compare the behaviour.
 
 /// The texts, in `st/`.
 pub(crate) mod text {
@@ -20,8 +20,8 @@ pub(crate) mod text {
     pub(crate) const INTR_SET: &str = include_str!("../../intr_set.st");
 }
 
-/// The parts of a device: what its INIT, master and slave structure are called, what is its own of these blocks, and
-/// what comes behind them.
+/// The parts of a device: the names of its INIT, master and slave structures, its own parts of these blocks, and the
+/// parts that follow them.
 macro_rules! st {
     ($init:literal, $ma:literal, $sl:literal, $own:expr, [$($behind:expr),*]) => {{
         use $crate::devices::cansync::blocks::st::text;

@@ -1,52 +1,53 @@
-//! What `CANsync_UPDOWNLOAD_MA` and `_SL` have in common: how a transfer of up to 2048 values is split
-//! into blocks of 75 (decision D-211).
+//! Common part of `CANsync_UPDOWNLOAD_MA` and `_SL`: division of a transfer of up to 2048 values into blocks of 75
+//! (decision D-211).
 
 use crate::devices::cansync::registers::values::{base_adr, updown_error};
 
-/// Values of one transfer at most (p. 264).
+/// Maximum number of values in a transfer (p. 264).
 pub const UPDOWN_VALUES: usize = 2048;
 /// The values of a transfer.
 pub type CANsync_UPDOWN_BMARRAY = [i32; UPDOWN_VALUES];
 
-/// Values of one block at most (p. 266).
+/// Maximum number of values in a block (p. 266).
 pub(super) const BLOCK_VALUES: usize = 75;
-/// Base address of a transfer's first value; those below belong to the operating system (p. 167).
+/// Base address of a transfer's first value. Lower addresses belong to the operating system (p. 167).
 const FIRST_ADDRESS: u32 = *base_adr::FREE.start();
 
 /// One block of a transfer: `d_BASE_ADR` and `w_LENGTH` of its job.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Block {
-    /// Index of its first value.
+    /// Index of the block's first value.
     pub(super) first: usize,
-    /// Its number of values.
+    /// Number of values in the block.
     pub(super) values: usize,
-    /// Values of the whole transfer.
+    /// Number of values in the whole transfer.
     pub(super) total: usize,
 }
 
 impl Block {
-    /// The block of a transfer that begins with value `first`.
+    /// Returns the block of a transfer that begins with value `first`.
     pub(super) fn starting_at(first: usize, total: usize) -> Self {
         Block { first, values: total.saturating_sub(first).min(BLOCK_VALUES), total }
     }
 
-    /// The block behind this one, if the transfer has one.
+    /// Returns the next block, if the transfer has one.
     pub(super) fn next(self) -> Option<Self> {
-        let behind = self.first + self.values;
-        (behind < self.total).then(|| Block::starting_at(behind, self.total))
+        let end = self.first + self.values;
+        (end < self.total).then(|| Block::starting_at(end, self.total))
     }
 
-    /// Bits 31 to 16: values of the transfer; 15 to 0: 16#0100 plus the index of the first value.
+    /// Returns the base address. Bits 31 to 16: values of the transfer; 15 to 0: 16#0100 plus the index of the first
+    /// value.
     pub(super) fn base_address(self) -> u32 {
         (self.total as u32) << 16 | (FIRST_ADDRESS + self.first as u32)
     }
 
-    /// Length in bytes.
+    /// Returns the length in bytes.
     pub(super) fn length(self) -> u16 {
         (self.values * 4) as u16
     }
 
-    /// The block of a job; the error number if it is none (p. 168). A master that does not name the
+    /// Returns the block of a job, or the error number of an invalid job (p. 168). A master that does not name the
     /// transfer's length (bits 31 to 16) transfers a single block.
     pub(super) fn of_job(base_address: u32, length: u16) -> Result<Self, u16> {
         let low = base_address & 0xFFFF;
@@ -87,7 +88,7 @@ mod tests {
     }
 
     #[test]
-    fn jobs_that_are_no_block_are_refused() {
+    fn invalid_jobs_are_refused() {
         assert_eq!(Block::of_job(0x0000_0100, 300), Ok(Block { first: 0, values: 75, total: 75 }));
         assert_eq!(Block::of_job(0x0000_00FF, 4), Err(0x0105));
         assert_eq!(Block::of_job(0x0001_0000, 4), Err(0x0105));

@@ -1,5 +1,5 @@
-//! `CANsync_UPDOWNLOAD_MA`: up- and downloads of a master (p. 263-267, in 5.02066.01a p. 187-192). Which bit of `b_ERR` says
-//! what is each device's own.
+//! `CANsync_UPDOWNLOAD_MA`: up- and downloads of a master (p. 263-267, in 5.02066.01a p. 187-192). The bits of `b_ERR`
+//! depend on the device.
 
 use super::registers::Job;
 use super::updownload::{Block, CANsync_UPDOWN_BMARRAY, UPDOWN_VALUES};
@@ -8,9 +8,9 @@ use crate::devices::cansync::registers::values::updown_master::{ACTIVE, CANCEL, 
 use crate::plc::{Viewed, Watch};
 use core::time::Duration;
 
-/// Control register of a job just entered, without the direction; the firmware fills in the mode.
+/// Control register of a new job, without the direction. The firmware adds the mode.
 const ENTERED: u8 = ACTIVE | MODE_INIT;
-/// `t_TIME` is preset at the slave's block only; the master's takes the same (decision D-212).
+/// The manual gives a preset of `t_TIME` only for the slave's block. The master's block uses the same (decision D-212).
 pub(crate) const PRESET_TIME: Duration = Duration::from_secs(30);
 
 #[derive(Clone, Copy, Debug, Default)]
@@ -20,16 +20,16 @@ enum Phase {
     /// Waits until the registers are free for this block.
     Waiting(Try),
     Running(Try),
-    /// Ends when `x_EN` falls.
+    /// Finished; waits until `x_EN` falls.
     Done,
-    /// Cancelled or failed: only `x_RESET` helps.
+    /// Cancelled or failed; waits for `x_RESET`.
     Locked(Option<Failure>),
 }
 
-/// A try to transfer a block.
+/// One attempt to transfer a block.
 #[derive(Clone, Copy, Debug)]
 struct Try {
-    /// Slave and direction of the transfer, whatever the inputs show meanwhile.
+    /// Slave and direction of the transfer, independent of later values of the inputs.
     slave: u8,
     download: bool,
     block: Block,
@@ -48,22 +48,22 @@ pub(crate) struct Inputs {
     pub reset: bool,
 }
 
-/// Why a transfer has failed.
+/// Reason for the failure of a transfer.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Failure {
     /// `u_LENGTH` is 0 or more than 2048.
     Length,
-    /// The last try of a block took too long.
+    /// The last attempt for a block took too long.
     Timeout,
-    /// The slave, or the node, has given this error number.
+    /// The slave or the node has returned this error number.
     Slave(u16),
 }
 
-/// A transfer, under way or at its end.
+/// A transfer, under way or finished.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Transfer {
     phase: Phase,
-    /// The last one was done.
+    /// True if the last transfer was done.
     done: bool,
 }
 
@@ -120,7 +120,7 @@ impl Transfer {
         self.done
     }
 
-    /// Why the last transfer has failed, if it has.
+    /// Returns the reason for the failure of the last transfer, if it has failed.
     pub(crate) fn failure(&self) -> Option<Failure> {
         if let Phase::Locked(failure) = self.phase { failure } else { None }
     }
@@ -182,17 +182,18 @@ impl Transfer {
         }
     }
 
-    /// Tries the block again when its time is over, or gives up.
+    /// Tries the block again after its monitoring time, or gives up.
     fn check_time(&mut self, base: &Viewed<'_, CANsync_MA_CTRL_BMSTRUCT>, inputs: &Inputs, this: Try) {
         if !this.watch.is_over(base.ram()) {
             return;
         }
-        // For a whole monitoring time the command channel has not asked the slave of an earlier job. Its cancel ends here.
+        // During a whole monitoring time the command channel has not asked the slave of an earlier job. The block ends
+        // the cancellation here.
         if matches!(self.phase, Phase::Waiting(_)) && job(base).control() & CANCEL != 0 {
             job(base).enter(0);
         }
         if this.number < inputs.tries {
-            // The new job replaces the old one: the registers are free as soon as it is withdrawn.
+            // The new job replaces the old one. The registers are free when the old one is withdrawn.
             if let Phase::Running(_) = self.phase {
                 job(base).enter(0);
             }
@@ -204,7 +205,7 @@ impl Transfer {
         }
     }
 
-    /// Makes the firmware tell the slave that the transfer is over.
+    /// Makes the firmware notify the slave that the transfer is over.
     fn cancel(&self, base: &CANsync_MA_CTRL_BMSTRUCT) {
         if let Phase::Running(_) = self.phase {
             job(base).change(|value| value | CANCEL);
@@ -216,7 +217,7 @@ fn job(base: &CANsync_MA_CTRL_BMSTRUCT) -> Job<'_> {
     Job { control: &base.b_STEUREG_UPDOWNBLK1, status: &base.b_STATREG_UPDOWNBLK1 }
 }
 
-/// The block of a device: its pages, what its documentation says of `b_ERR`, and which bits a failure has there.
+/// The block of a device: its pages, its text about `b_ERR`, and its bits for the failures.
 macro_rules! updownload_ma {
     ($page:literal, $errors:literal, $bits:expr) => {
         $crate::plc::function_block! {
@@ -232,9 +233,9 @@ macro_rules! updownload_ma {
                     x_UPDOWN: bool;
                     /// Number of values, 1 to 2048.
                     u_LENGTH: u16;
-                    /// How often each block is tried; preset 1.
+                    /// Number of attempts for each block; preset 1.
                     us_MAX_NR_OF_COMM: u8 = 1;
-                    /// Monitoring time of each try of a block, in emulated time; preset 30 s.
+                    /// Monitoring time of each attempt for a block, in emulated time; preset 30 s.
                     t_TIME: core::time::Duration = $crate::devices::cansync::blocks::updownload_ma::PRESET_TIME;
                     /// Starts the job; TRUE until `x_BUSY` falls. FALSE before: cancels, then `x_RESET` is needed.
                     x_EN: bool;

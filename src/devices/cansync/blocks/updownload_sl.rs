@@ -15,8 +15,7 @@ use core::time::Duration;
 const TIMEOUT: u16 = 1 << 0;
 
 function_block! {
-    /// Does the up- and downloads of `CANsync_UPDOWNLOAD_MA` at the slave
-    /// (manual p. 268-271).
+    /// Handles the up- and downloads of `CANsync_UPDOWNLOAD_MA` at the slave (manual p. 268-271).
     pub struct CANsync_UPDOWNLOAD_SL(_BASE: Base<CANsync_SL_CTRL_BMSTRUCT>) {
         in {
             /// Monitoring time of a whole job, in emulated time; preset 30 s.
@@ -33,7 +32,7 @@ function_block! {
             x_ORDER_ACTIV: bool;
             /// Values of the block being transferred, 1 to 75.
             u_LENGTH: u16;
-            /// The block works at a job.
+            /// Number of values in the present block, 1 to 75.
             x_BUSY: bool;
             /// Bit 0: timeout.
             w_ERR: u16;
@@ -54,11 +53,11 @@ function_block! {
 pub enum Phase {
     #[default]
     Idle,
-    /// A job of several blocks is under way; this one is the latest.
+    /// A job of several blocks is under way, with its latest block.
     Transfer(Watch, Block),
-    /// The last block is answered; the master has yet to fetch the answer.
+    /// The last block is answered. The master has not fetched the answer yet.
     Ending(Watch),
-    /// Failed or cancelled: only `x_RESET` helps.
+    /// Failed or cancelled; waits for `x_RESET`.
     Locked,
 }
 
@@ -91,13 +90,13 @@ impl CANsync_UPDOWNLOAD_SL {
             return self.show(if is_locked { Phase::Locked } else { Phase::Idle });
         }
         if is_locked {
-            // The master shall not wait for a block that needs a reset.
+            // The master must not wait for a block that needs a reset.
             if control & ACTIVE != 0 {
                 refuse(_BASE, updown_error::SLAVE_CANCELS);
             }
             return;
         }
-        // A new job shows that the answer to the one before has gone out, too.
+        // A new job means that the answer to the previous one was also sent.
         if matches!(self.internal, Phase::Ending(_)) && (control & BUSY == 0 || control & ACTIVE != 0) {
             self.show(Phase::Idle);
             self.x_OK = true;
@@ -106,7 +105,7 @@ impl CANsync_UPDOWNLOAD_SL {
             match (control & MODE, self.internal) {
                 (MODE_INIT, _) => self.begin(_BASE, control, a_UPLOAD),
                 (MODE_END, Phase::Transfer(watch, block)) => self.block_done(_BASE, watch, block, a_DOWNLOAD),
-                // Begun before this block was enabled or reset.
+                // The transfer began before this block was enabled or reset.
                 _ => refuse(_BASE, updown_error::SLAVE_CANCELS),
             }
         }
@@ -119,14 +118,14 @@ impl CANsync_UPDOWNLOAD_SL {
         }
     }
 
-    /// Goes on to `phase` and shows it.
+    /// Changes to `phase` and updates the outputs.
     fn show(&mut self, phase: Phase) {
         self.internal = phase;
         self.x_BUSY = matches!(phase, Phase::Transfer(..) | Phase::Ending(_));
         self.x_ORDER_ACTIV = self.x_BUSY;
     }
 
-    /// The master begins a block: its first one begins the job.
+    /// Handles the start of a block by the master. The first block starts the job.
     fn begin(
         &mut self,
         base: &Viewed<'_, CANsync_SL_CTRL_BMSTRUCT>,
@@ -155,7 +154,7 @@ impl CANsync_UPDOWNLOAD_SL {
         job(base).change(|value| value & !ACTIVE);
     }
 
-    /// All data of a block are through.
+    /// Handles a complete block.
     fn block_done(
         &mut self,
         base: &CANsync_SL_CTRL_BMSTRUCT,

@@ -1,4 +1,4 @@
-//! A CAN data frame with 11-bit identifier and 0 to 8 data bytes.
+//! A CAN data frame with an 11-bit identifier and 0 to 8 data bytes.
 
 use super::ident::FrameKind;
 use crate::can;
@@ -6,8 +6,8 @@ use crate::can::Payload;
 use embedded_can::{Id, StandardId};
 use serde::{Deserialize, Serialize};
 
-/// A data frame on the simulated bus. Remote frames and identifiers of 29 bits do not occur in CANsync, so this is smaller
-/// than a [`can::Frame`], which it can become: journals hold many.
+/// A data frame on the simulated bus. CANsync has no remote frames and no 29-bit identifiers, so this type is smaller
+/// than a [`can::Frame`], to which it can be converted. Journals hold many frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub struct Frame {
     id: u16,
@@ -15,7 +15,7 @@ pub struct Frame {
 }
 
 impl Frame {
-    /// A frame with identifier `id` (0..=0x7FF) and `data` (0..=8 bytes); `None` outside these ranges.
+    /// Creates a frame with identifier `id` (0..=0x7FF) and `data` (0..=8 bytes); `None` outside these ranges.
     pub fn new(id: u16, data: &[u8]) -> Option<Self> {
         if id > 0x7FF {
             return None;
@@ -35,7 +35,7 @@ impl Frame {
         self.id
     }
 
-    /// What the identifier says; `None` if it is none of CANsync.
+    /// Returns the meaning of the identifier; `None` if it is not a CANsync identifier.
     #[inline]
     pub const fn kind(&self) -> Option<FrameKind> {
         FrameKind::from_id(self.id)
@@ -47,21 +47,20 @@ impl Frame {
         &self.payload
     }
 
-    /// The data bytes, as many as the frame carries.
+    /// Returns the data bytes of the frame.
     #[inline]
     pub fn data(&self) -> &[u8] {
         self.payload.data()
     }
 
-    /// All eight bytes of the data field; bytes behind the length are 0.
+    /// Returns all eight bytes of the data field. Bytes after the length are 0.
     #[inline]
     pub const fn padded(&self) -> [u8; 8] {
         self.payload.padded()
     }
 }
 
-/// Length of the process data frames of a bus (decision D-10). Jobs and answers are as long as they need to be in
-/// any case.
+/// Length of the process data frames of a bus (decision D-10). Jobs and answers always have the required length.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 #[serde(expecting = "a length of frames, as a word")]
@@ -74,7 +73,7 @@ pub enum FrameLength {
 }
 
 impl FrameLength {
-    /// A process data frame as it goes out, made from one that ends with its last word in use.
+    /// Returns the process data frame to send, given one that ends with its last used word.
     #[inline]
     pub const fn of(self, frame: Frame) -> Frame {
         match self {
@@ -131,7 +130,7 @@ mod tests {
     use crate::devices::cansync::bus::Channel;
 
     #[test]
-    fn refuses_what_is_no_standard_data_frame() {
+    fn only_standard_data_frames_are_accepted() {
         assert_eq!(Frame::new(0x800, &[]), None);
         assert_eq!(Frame::new(0x100, &[0; 9]), None);
         assert_eq!(<Frame as embedded_can::Frame>::new_remote(StandardId::ZERO, 0), None);
@@ -146,7 +145,7 @@ mod tests {
     }
 
     #[test]
-    fn it_is_a_can_frame() {
+    fn a_frame_converts_to_a_can_frame() {
         let frame = Frame::new(0x585, &[1, 2, 3]).unwrap();
         let general = can::Frame::from(frame);
         assert_eq!(embedded_can::Frame::id(&general), embedded_can::Frame::id(&frame));

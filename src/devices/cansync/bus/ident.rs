@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Reference and actual values travel in two channels: WRC1/RDC1 and WRC2/RDC2.
+/// Channel of process data: reference and actual values travel in WRC1/RDC1 or WRC2/RDC2.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub enum Channel {
     /// WRC1 and RDC1.
@@ -21,7 +21,7 @@ impl Channel {
         self as usize
     }
 
-    /// The channel's number as the manual counts, 1 or 2.
+    /// Returns the channel's number in the manual, 1 or 2.
     #[inline]
     pub const fn number(self) -> u8 {
         self as u8 + 1
@@ -31,18 +31,18 @@ impl Channel {
 /// The highest slave number (manual 5.00005.03a p. 22).
 pub const LAST_SLAVE: u8 = 31;
 
-/// What a frame is, as its identifier says it.
+/// Kind of a frame according to its identifier.
 ///
-/// The numbers have 7 bits on the bus; slaves have the numbers 0 to 31. [`FrameKind::id`] takes the lower
-/// 7 bits of a number.
+/// A number has 7 bits on the bus; slaves have the numbers 0 to 31. [`FrameKind::id`] uses the lower 7 bits of a
+/// number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum FrameKind {
-    /// Reference value frame of the master; the slave with this number has to answer with its actual
-    /// values. Everybody reads the reference values.
+    /// Reference value frame of the master. The slave with this number must answer with its actual values. All slaves
+    /// read the reference values.
     ReferenceValue(Channel, u8),
     /// Actual value frame sent by the slave with this number.
     ActualValue(Channel, u8),
-    /// Action command of the master; the data field says which slaves it concerns.
+    /// Action command of the master. The data field selects the slaves.
     Action,
     /// Parameter or up-/download job of the master to the slave with this number.
     Job(u8),
@@ -60,7 +60,7 @@ const JOB: u16 = 0x500;
 const RESPONSE: u16 = 0x580;
 
 impl FrameKind {
-    /// Reads an identifier; `None` if CANsync does not know it.
+    /// Decodes an identifier; `None` if it is not a CANsync identifier.
     #[inline]
     pub const fn from_id(id: u16) -> Option<Self> {
         let number = (id & NUMBER) as u8;
@@ -76,7 +76,7 @@ impl FrameKind {
         }
     }
 
-    /// The time slot of the interval that such a frame is sent in (manual 5.00005.03a p. 124-126).
+    /// Returns the time slot of the interval for such a frame (manual 5.00005.03a p. 124-126).
     #[inline]
     pub const fn slot(self) -> &'static str {
         match self {
@@ -110,7 +110,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_identifier_is_read_and_written_alike() {
+    fn every_identifier_survives_a_round_trip() {
         let known = (0..0x800).filter_map(|id| FrameKind::from_id(id).map(|kind| (id, kind)));
         let mut count = 0;
         for (id, kind) in known {
@@ -144,7 +144,7 @@ mod tests {
     }
 
     #[test]
-    fn a_number_never_spoils_the_frame_kind() {
+    fn a_number_never_changes_the_frame_kind() {
         assert_eq!(FrameKind::Job(0xFF).id(), 0x57F);
     }
 

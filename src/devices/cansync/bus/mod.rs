@@ -1,8 +1,8 @@
 //! The CANsync bus: frames, identifiers, codecs, timing.
 //!
-//! Everything here is pure: no I/O, no allocation, no clock. [`Frame`] is what travels, [`FrameKind`] what
-//! its identifier says, [`codec`] what its data bytes mean, [`wire`] how long it occupies the bus, [`SyncLock`] whether a
-//! slave runs in step.
+//! Everything here is pure: no I/O, no allocation, no clock. [`Frame`] is a transmitted frame, [`FrameKind`] the
+//! meaning of its identifier, [`codec`] the meaning of its data bytes, [`wire`] its duration on the bus, and
+//! [`SyncLock`] the synchronization of a slave.
 
 pub mod codec;
 pub mod frame;

@@ -1,12 +1,14 @@
-//! Whether a slave runs in step with the SYNC signal (manual 5.00005.03a p. 134-135).
+//! Synchronization of a slave to the SYNC signal (manual 5.00005.03a p. 134-135).
 //!
-//! One rule for all of them: drives with CANsync card, slave nodes of PLCs, and the drive behind a BAPS, whose signal is
-//! that of the trigger controller. It takes an unbroken sequence of edges to lock (decision D-07). Once locked, a slave
-//! runs on by its own clock through intervals whose edge is missing, until the signal has been gone for a settable time.
+//! The same rule applies to drives with a CANsync card, to slave nodes of PLCs, and to a drive at a BAPS, which uses
+//! the signal of the trigger controller. Locking requires an uninterrupted sequence of edges (decision D-07). A locked
+//! slave continues by its own clock through intervals without an edge, until the signal has been missing for a settable
+//! time.
 
 use crate::snapshot_fields;
 
-/// Whether an edge comes in time, so long after the one before it: give or take a quarter of the interval.
+/// Returns true if an edge comes in time, this long after the previous one: with a tolerance of a quarter of the
+/// interval.
 #[inline]
 pub(crate) const fn is_in_time(distance_us: u64, interval_us: u32) -> bool {
     distance_us.abs_diff(interval_us as u64) <= (interval_us / 4) as u64
@@ -16,13 +18,13 @@ pub(crate) const fn is_in_time(distance_us: u64, interval_us: u32) -> bool {
 #[derive(Clone, Copy, Debug)]
 pub struct SyncLock {
     lock_time_us: u64,
-    /// Time without SYNC that ends the lock, as set.
+    /// Configured time without SYNC that ends the lock.
     loss_us: Option<u64>,
     wanted: bool,
     locked: bool,
-    /// While not locked: the first edge of the present unbroken sequence.
+    /// First edge of the present uninterrupted sequence, while not locked.
     since: Option<u64>,
-    /// The last edge that counted.
+    /// The last accepted edge.
     last: u64,
     interval_us: u64,
 }
@@ -30,15 +32,15 @@ pub struct SyncLock {
 snapshot_fields!(SyncLock { values: wanted, locked, since, last, interval_us; built: lock_time_us, loss_us });
 
 impl SyncLock {
-    /// A lock that is reached after `lock_time_us` of SYNC signal without a gap and lost after `loss_us` without SYNC;
-    /// `None`: two and a half intervals. Less than two and a quarter count as two and a quarter, because one lost edge
-    /// must not end the lock (p. 135).
+    /// Creates a lock that is reached after `lock_time_us` of uninterrupted SYNC signal and lost after `loss_us`
+    /// without SYNC (`None`: two and a half intervals). A value below two and a quarter intervals counts as two and a
+    /// quarter, because one lost edge must not end the lock (p. 135).
     #[must_use]
     pub const fn new(lock_time_us: u64, loss_us: Option<u64>) -> Self {
         SyncLock { lock_time_us, loss_us, wanted: false, locked: false, since: None, last: 0, interval_us: 0 }
     }
 
-    /// "SYNC mode": on or off. "On" while it is on changes nothing (decision D-83).
+    /// Switches the SYNC mode on or off. A repeated "on" has no effect (decision D-83).
     pub fn set_mode(&mut self, on: bool) {
         self.wanted = on;
         if !on {
@@ -46,10 +48,11 @@ impl SyncLock {
         }
     }
 
-    /// A falling edge at `now_us`, in a signal that is to come every `interval_us`, give or take `tolerance_us`.
+    /// Handles a falling edge at `now_us`. The signal is expected every `interval_us`, with a tolerance of
+    /// `tolerance_us`.
     ///
-    /// While locking, an edge that is too early or too late begins anew. A lock that is reached stays: an edge off its
-    /// time does not count for it, so that the time without SYNC goes on (decision D-125).
+    /// While locking, an edge that is too early or too late restarts the sequence. An existing lock stays: an edge at
+    /// the wrong time is not accepted for it, so the time without SYNC continues (decision D-125).
     #[inline]
     pub fn edge(&mut self, now_us: u64, interval_us: u32, tolerance_us: u32) {
         let (interval, tolerance) = (u64::from(interval_us), u64::from(tolerance_us));
@@ -80,8 +83,8 @@ impl SyncLock {
         self.locked = now_us.saturating_sub(since) >= self.lock_time_us;
     }
 
-    /// The same for an edge that comes in time ([`is_in_time`]) while the lock stands. `false`: it is not of this kind, and
-    /// nothing has happened.
+    /// As [`SyncLock::edge`] for an edge in time ([`is_in_time`]) while locked. Returns false without an effect if this
+    /// is not such an edge.
     #[inline]
     pub(crate) fn goes_on(&mut self, now_us: u64, interval_us: u32) -> bool {
         let in_time = is_in_time(now_us.saturating_sub(self.last), interval_us);
@@ -92,20 +95,20 @@ impl SyncLock {
         goes_on
     }
 
-    /// More edges of this kind have come, each in time behind the one before it; the last one at `now_us`.
+    /// Handles further edges of this kind, each in time after the previous one; the last one at `now_us`.
     #[inline]
     pub(crate) fn has_gone_on(&mut self, now_us: u64) {
         self.last = now_us;
     }
 
-    /// Time has passed: the signal may have been gone for too long.
+    /// Advances the clock. The signal may have been missing for too long.
     pub fn pass(&mut self, now_us: u64) {
         if self.lost_at().is_some_and(|time| time <= now_us) {
             self.unlock();
         }
     }
 
-    /// When the lock will be lost if no edge comes; `None` without lock.
+    /// Returns the time at which the lock will be lost if no edge comes; `None` without a lock.
     #[must_use]
     pub fn lost_at(&self) -> Option<u64> {
         let least = self.interval_us * 9 / 4;
@@ -113,26 +116,26 @@ impl SyncLock {
         self.locked.then(|| self.last.saturating_add(loss))
     }
 
-    /// Whether an interval that begins at `now_us` without its edge is run through all the same: the slave is locked,
-    /// and it is the first that is missing.
+    /// Returns true if the slave runs through an interval that begins at `now_us` without its edge: the slave is
+    /// locked, and this is the first missing edge.
     #[must_use]
     pub fn runs_through(&self, now_us: u64) -> bool {
         self.locked && now_us.saturating_sub(self.last) < self.interval_us * 7 / 4
     }
 
-    /// Ends the lock; locking begins anew with the next edge.
+    /// Ends the lock. Locking restarts with the next edge.
     pub fn unlock(&mut self) {
         self.locked = false;
         self.since = None;
     }
 
-    /// The last edge that counted.
+    /// Returns the time of the last accepted edge.
     #[must_use]
     pub const fn last_edge(&self) -> u64 {
         self.last
     }
 
-    /// Whether the slave is synchronized.
+    /// Returns true if the slave is synchronized.
     #[inline]
     #[must_use]
     pub const fn is_locked(&self) -> bool {
@@ -140,10 +143,10 @@ impl SyncLock {
     }
 }
 
-/// Whether an edge `distance` after the last one that counted lies where one was to come, edges in between being lost.
+/// Returns true if an edge `distance` after the last accepted one is at an expected time, with lost edges in between.
 fn is_in_step(distance: u64, interval: u64, tolerance: u64) -> bool {
-    let Some(behind) = distance.checked_rem(interval) else { return false };
-    distance + tolerance >= interval && behind.min(interval - behind) <= tolerance
+    let Some(remainder) = distance.checked_rem(interval) else { return false };
+    distance + tolerance >= interval && remainder.min(interval - remainder) <= tolerance
 }
 
 #[cfg(test)]
@@ -157,12 +160,12 @@ mod tests {
         lock.is_locked()
     }
 
-    /// Edges every 2 ms from `from` to `to`; the time at which the lock is reached.
+    /// Sends edges every 2 ms from `from` to `to`, and returns the time at which the lock is reached.
     fn run(lock: &mut SyncLock, from: u64, to: u64) -> Option<u64> {
         (from..=to).step_by(INTERVAL as usize).find(|&now| edge(lock, now))
     }
 
-    /// Needs 10 ms; locked with its last edge at 10 ms.
+    /// Returns a lock that needs 10 ms, locked with its last edge at 10 ms.
     fn locked(loss_us: Option<u64>) -> SyncLock {
         let mut lock = SyncLock::new(10_000, loss_us);
         lock.set_mode(true);
@@ -192,7 +195,7 @@ mod tests {
     }
 
     #[test]
-    fn the_time_without_sync_ends_it() {
+    fn the_configured_time_without_sync_ends_the_lock() {
         for (loss_us, end) in
             [(None, 15_000), (Some(1), 14_500), (Some(4_600), 14_600), (Some(9_000), 19_000)]
         {
@@ -202,19 +205,19 @@ mod tests {
             assert!(lock.is_locked(), "{loss_us:?}");
             lock.pass(end);
             assert!(!lock.is_locked() && lock.lost_at().is_none(), "{loss_us:?}");
-            assert_eq!(run(&mut lock, 20_000, 60_000), Some(30_000), "locking begins anew");
+            assert_eq!(run(&mut lock, 20_000, 60_000), Some(30_000), "locking starts again");
         }
     }
 
     #[test]
-    fn an_edge_after_that_time_comes_too_late_also_if_nobody_looked_before() {
+    fn an_edge_after_the_loss_time_is_too_late_even_without_a_poll() {
         let mut lock = locked(None);
         assert!(!edge(&mut lock, 16_000));
         assert_eq!(run(&mut lock, 18_000, 60_000), Some(26_000));
     }
 
     #[test]
-    fn edges_off_their_time_do_not_count() {
+    fn edges_at_the_wrong_time_are_not_accepted() {
         let mut lock = locked(None);
         for (now, counts) in [(11_499, false), (12_501, false), (13_499, false), (13_500, true)] {
             assert!(edge(&mut lock, now));
@@ -226,7 +229,7 @@ mod tests {
     }
 
     #[test]
-    fn locking_takes_an_unbroken_sequence() {
+    fn locking_requires_an_uninterrupted_sequence() {
         for (second, reached) in [(1_499, 11_499), (1_500, 11_500), (2_500, 10_500), (2_501, 12_501)] {
             let mut lock = SyncLock::new(10_000, None);
             lock.set_mode(true);
@@ -236,7 +239,7 @@ mod tests {
     }
 
     #[test]
-    fn the_first_interval_without_edge_is_run_through() {
+    fn a_slave_runs_through_the_first_interval_without_an_edge() {
         let mut lock = locked(None);
         assert_eq!(
             [12_000, 13_499, 13_500, 14_000].map(|now| lock.runs_through(now)),
@@ -268,7 +271,7 @@ mod tests {
     }
 
     #[test]
-    fn an_interval_of_nothing_is_no_division_by_zero() {
+    fn an_interval_of_zero_causes_no_division_by_zero() {
         let mut lock = SyncLock::new(0, None);
         lock.set_mode(true);
         lock.edge(5, 0, 0);

@@ -1,18 +1,18 @@
-//! How long a frame is under way and how long it occupies the bus, on the clock of the plant.
+//! Duration of a frame and of its occupation of the bus, on the clock of the plant.
 
 use super::Frame;
 use crate::can::wire;
 
-/// How long a frame takes from the start bit on, in microseconds, rounded up.
+/// Duration of a frame from its start bit, in microseconds, rounded up.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Airtime {
-    /// To the end of the end-of-frame field: its receivers have it.
+    /// Duration to the end of the end-of-frame field, when the receivers have the frame.
     pub delivery_us: u32,
-    /// To the end of the intermission: the next frame may begin.
+    /// Duration to the end of the intermission, when the next frame may begin.
     pub occupation_us: u32,
 }
 
-/// How long the frame takes at `kbit_s` kbit/s. A bus without a bit rate never gets a frame through: `u32::MAX`.
+/// Returns the duration of a frame at `kbit_s` kbit/s; `u32::MAX` at 0 kbit/s.
 #[inline]
 pub fn airtime(frame: &Frame, kbit_s: u32) -> Airtime {
     let bits = wire::bits(&(*frame).into());
@@ -24,7 +24,7 @@ pub fn airtime(frame: &Frame, kbit_s: u32) -> Airtime {
 
 #[inline]
 fn bits_to_us(bits: u32, kbit_s: u32) -> u32 {
-    // Constant divisors for the rates in use: the division would take as long as everything else.
+    // Constant divisors for the usual rates: a general division would take as long as the rest.
     match kbit_s {
         1000 => bits,
         500 => bits * 2,

@@ -1,16 +1,16 @@
-//! Mode "synchronous reference position": how the angle reference value (P258) becomes a speed.
+//! Mode "synchronous reference position": conversion of the angle reference value (P258) to a speed.
 //!
-//! The drive interpolates from one reference value to the next over the SYNC slot (P167) and goes on with the same
-//! slope if no new one comes (manual 5.00005.03a p. 74, 5.01010.01 p. 22). A proportional loop with speed
+//! The drive interpolates from one reference value to the next over the SYNC slot (P167). If no new value comes, it
+//! continues with the same slope (manual 5.00005.03a p. 74, 5.01010.01 p. 22). A proportional loop with speed
 //! feed-forward follows that set point (decision D-163).
 
 use serde::{Deserialize, Serialize};
 
-/// Bits of the angle reference value that take effect (table of manual 5.00005.03a p. 74).
+/// Returns the mask of the effective bits of the angle reference value (table of manual 5.00005.03a p. 74).
 ///
-/// The drive's control interval is half a PWM period: 125 us at 4 kHz. The slot must be divided into equal whole
-/// steps, so as many low bits are masked as a power of two of steps needs. Slots that the table does not list
-/// are rounded up to the next one that it does (decision D-161).
+/// The drive's control interval is half a PWM period: 125 us at 4 kHz. The slot must be divided into equal whole steps.
+/// So the number of masked low bits is the binary logarithm of the number of steps, rounded up. A slot that is not in
+/// the table is rounded up to the next one (decision D-161).
 pub const fn mask(sync_slot_us: u16, pwm_khz: u16) -> u32 {
     if sync_slot_us == 0 {
         return 0xFFF8_0000;
@@ -23,22 +23,22 @@ pub const fn mask(sync_slot_us: u16, pwm_khz: u16) -> u32 {
 /// The set point between two reference values.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub(super) struct SetPoint {
-    /// Where the present slope begins.
+    /// Angle at the start of the present slope.
     from: u32,
-    /// Way within one slot.
+    /// Distance covered within one slot.
     way: i32,
     elapsed_us: u64,
     slot_us: u32,
 }
 
 impl SetPoint {
-    /// The drive stands at `angle` and is to stay there.
+    /// Holds the drive at `angle`.
     #[inline]
     pub(crate) fn hold(&mut self, angle: u32) {
         *self = SetPoint { from: angle, ..SetPoint::default() };
     }
 
-    /// A reference value came: it is to be reached in one slot; in a slot of 0 us at once.
+    /// Starts a slope to a reference value. The value is reached after one slot; in a slot of 0 us at once.
     #[inline]
     pub(crate) fn reference(&mut self, value: u32, slot_us: u16) {
         let (from, _) = self.now();
@@ -53,13 +53,13 @@ impl SetPoint {
         };
     }
 
-    /// Lets time pass.
+    /// Advances the clock.
     #[inline]
     pub(crate) fn pass(&mut self, us: u32) {
         self.elapsed_us += u64::from(us);
     }
 
-    /// Set point and its speed in increments per millisecond.
+    /// Returns the set point and its speed in increments per millisecond.
     #[inline]
     pub(crate) fn now(&self) -> (u32, i64) {
         if self.way == 0 {
@@ -71,9 +71,9 @@ impl SetPoint {
     }
 }
 
-/// Speed that brings `angle` to `set_point` with `gain` (1/s), on top of the set point's own speed.
+/// Returns the speed that brings `angle` to `set_point` with `gain` (1/s), added to the set point's own speed.
 ///
-/// Within one step of `step_us` no more than the whole way is made up.
+/// One step of `step_us` covers at most the whole distance.
 #[inline]
 pub(super) fn follow((set_point, speed): (u32, i64), angle: u32, gain: u32, step_us: u32) -> i64 {
     let error = i64::from(set_point.wrapping_sub(angle) as i32);
@@ -105,7 +105,7 @@ mod tests {
     }
 
     #[test]
-    fn set_point_moves_evenly_and_goes_on_without_a_new_reference() {
+    fn set_point_moves_evenly_and_continues_without_a_new_reference() {
         let mut set_point = SetPoint::default();
         set_point.hold(1000);
         set_point.reference(1400, 2000);
@@ -120,7 +120,7 @@ mod tests {
     }
 
     #[test]
-    fn the_shorter_way_round() {
+    fn the_set_point_takes_the_shorter_direction() {
         let mut set_point = SetPoint::default();
         set_point.hold(100);
         set_point.reference(0xFFFF_FF9C, 1000);
@@ -136,8 +136,8 @@ mod tests {
     }
 
     #[test]
-    fn no_more_than_the_whole_way_in_one_step() {
-        // 8000 increments in 8 ms are 1000 per ms, whatever the gain.
+    fn one_step_covers_at_most_the_whole_distance() {
+        // 8000 increments in 8 ms are 1000 per ms, with every gain.
         assert_eq!(follow((8000, 0), 0, 1000, 8000), 1000);
         assert_eq!(follow((8000, 0), 0, 50, 8000), 400);
         assert_eq!(follow((8000, 7), 8000, 50, 500), 7);

@@ -1,7 +1,7 @@
-//! The drive behind the BAPS of a PLC: the Omega Drive-Line II is a module inside of it.
+//! The built-in drive of a PLC, connected to its BAPS: the Omega Drive-Line II is a module inside the drive.
 
 use super::config::{DriveError, ParameterNumbers};
-use super::drivecom::{Enable, State};
+use super::drivecom::{DrivecomState, Enable};
 use super::monitoring::{BapsMonitoring, Monitor, fault};
 use super::parameters::ParameterSpec;
 use super::regler::{Setup, VRegler};
@@ -10,10 +10,10 @@ use crate::snapshot_fields;
 use serde::{Deserialize, Serialize};
 use std::num::NonZeroU32;
 
-/// How far from the SYNC slot (P167) the distance of two trigger edges may be, in us (decision D-156).
+/// Permitted difference between the distance of two trigger edges and the SYNC slot (P167), in us (decision D-156).
 const TOLERANCE_US: u32 = 20;
-/// How long after an edge the trigger signal counts as running, in us: longer than any period that a board timer or
-/// CANsync can have.
+/// Time after an edge in which the trigger signal counts as running, in us. Longer than any period of a board timer or
+/// CANsync.
 const TRIGGERED_US: u64 = 100_000;
 
 /// The drive of a PLC, section `[plc.drive]` of the plant file. Every key has a default.
@@ -30,25 +30,25 @@ const TRIGGERED_US: u64 = 100_000;
 #[serde(deny_unknown_fields, default)]
 #[serde(expecting = "a drive: a table with its settings")]
 pub struct BuiltInDriveConfig {
-    /// Version of the drive software, 309 for 000309: from there on it can be re-initialized while process data
+    /// Version of the drive software, 309 for 000309. From 309 on, the drive can be re-initialized while process data
     /// run, and it exchanges four actual values in the same cycle (manual 5.00005.03a p. 90, 104).
     pub software: u32,
     /// State after power-on.
     pub enable: Enable,
-    /// How long the trigger controller's signal must come without a gap, in us, until the drive is synchronized (D-07).
+    /// Time of an uninterrupted signal from the trigger controller until the drive is synchronized, in us (D-07).
     pub lock_time_us: u64,
-    /// How long that signal may be gone, in us, until the drive is no longer synchronized. Left out: two and a half SYNC
-    /// slots (P167); see [`SyncLock`].
+    /// Time without that signal until the drive is no longer synchronized, in us. Left out: two and a half SYNC slots
+    /// (P167); see [`SyncLock`].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sync_loss_us: Option<u64>,
-    /// What the drive does when the signal or the PLC's process data stay away.
+    /// Reaction of the drive to a missing signal or missing process data of the PLC.
     pub monitoring: BapsMonitoring,
     /// Time from a service data job to its answer, in us (decision D-158).
     pub service_time_us: u64,
-    /// Largest change of the speed per second; as for a drive on the bus.
+    /// Largest change of the speed per second, as for a drive on the bus.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub ramp_per_second: Option<NonZeroU32>,
-    /// Numbers of the built-in parameters that no manual at hand gives.
+    /// Numbers of the built-in parameters that are not in the available manuals.
     pub numbers: ParameterNumbers,
     /// Further parameters.
     pub parameters: Vec<ParameterSpec>,
@@ -75,7 +75,7 @@ impl Default for BuiltInDriveConfig {
 pub struct BuiltInDrive {
     regler: VRegler,
     sync: SyncLock,
-    /// The last edge that the drive goes by.
+    /// The last edge that the drive accepted.
     last_edge: Option<u64>,
     sync_monitor: Monitor,
     cyclic_data: Option<Monitor>,
@@ -84,10 +84,10 @@ pub struct BuiltInDrive {
 snapshot_fields!(BuiltInDrive { values: last_edge; parts: regler, sync, sync_monitor, cyclic_data });
 
 impl BuiltInDrive {
-    /// The drive of PLC `plc` as it is after power-on.
+    /// Creates the drive of PLC `plc` in its state after power-on.
     ///
     /// # Errors
-    /// [`DriveError`] names the PLC and the parameter at fault.
+    /// [`DriveError`] names the PLC and the wrong parameter.
     pub fn new(plc: &str, config: &BuiltInDriveConfig) -> Result<Self, DriveError> {
         let regler = VRegler::new(&Setup {
             name: plc,
@@ -110,8 +110,9 @@ impl BuiltInDrive {
         })
     }
 
-    /// An edge of the trigger signal at `now_us`. In step with the SYNC slot (P167) for the lock time, the drive is
-    /// synchronized. Tells whether the drive goes by this edge: once synchronized, not by one that is off its time.
+    /// Handles an edge of the trigger signal at `now_us`. After edges at the distance of the SYNC slot (P167) for the
+    /// lock time, the drive is synchronized. Returns true if the drive accepts this edge: a synchronized drive ignores
+    /// an edge at the wrong time.
     pub(crate) fn trigger_edge(&mut self, now_us: u64) -> bool {
         let was_synchronized = self.is_synchronized();
         let slot = self.sync_slot_us();
@@ -128,8 +129,8 @@ impl BuiltInDrive {
         counts
     }
 
-    /// One run of the control task at `now_us`, `us` after the last. A trigger signal that has been gone for too long
-    /// ends the synchronized state.
+    /// Runs the control task once at `now_us`, `us` after the previous run. A trigger signal that has been missing for
+    /// too long ends the synchronized state.
     pub(crate) fn step(&mut self, now_us: u64, us: u32) {
         let was_synchronized = self.is_synchronized();
         self.sync.pass(now_us);
@@ -142,24 +143,24 @@ impl BuiltInDrive {
         let is_synchronized = self.is_synchronized();
         self.regler.show_synchronized(is_synchronized);
         if is_synchronized {
-            self.sync_monitor.there();
+            self.sync_monitor.mark_present();
         } else if was_synchronized {
-            self.sync_monitor.away(now_us);
+            self.sync_monitor.mark_missing(now_us);
         }
     }
 
-    /// The PLC has exchanged process data at `now_us`: until it does so again, it is away (decision D-295).
+    /// Restarts the monitoring time, because the PLC has exchanged process data at `now_us` (decision D-295).
     pub(crate) fn exchanged(&mut self, now_us: u64) {
         if let Some(monitor) = &mut self.cyclic_data {
-            monitor.there();
-            monitor.away(now_us);
+            monitor.mark_present();
+            monitor.mark_missing(now_us);
         }
     }
 
-    /// The PLC configures the process data anew: nothing is to come before the first exchange.
+    /// Stops the monitoring until the first exchange, because the PLC configures new process data.
     pub(crate) fn configured(&mut self) {
         if let Some(monitor) = &mut self.cyclic_data {
-            monitor.there();
+            monitor.mark_present();
         }
     }
 
@@ -167,7 +168,7 @@ impl BuiltInDrive {
         self.regler.sync_times().0
     }
 
-    /// The first slot at `earliest` or later that lies at the SYNC offset after an edge; `None` unless the drive is
+    /// Returns the first slot at `earliest` or later, at the SYNC offset after an edge; `None` unless the drive is
     /// synchronized.
     pub(crate) fn next_slot(&self, earliest: u64) -> Option<u64> {
         let edge = self.last_edge.filter(|_| self.is_synchronized())?;
@@ -177,13 +178,13 @@ impl BuiltInDrive {
         Some(first + missed * u64::from(slot))
     }
 
-    /// SYNC offset (P168): when, after an edge of the trigger signal, the drive's slot begins.
+    /// Returns the SYNC offset (P168): the time from an edge of the trigger signal to the start of the drive's slot.
     pub(crate) fn sync_offset_us(&self) -> u32 {
         self.regler.sync_times().1
     }
 
-    /// SYNC slot (P167) if it has to be the time between two communications over the BAPS: with a trigger signal and
-    /// in mode "synchronous reference position" (manual 5.00005.03a p. 89).
+    /// Returns the SYNC slot (P167) if it must be the time between two communications over the BAPS: with a trigger
+    /// signal, and in mode "synchronous reference position" (manual 5.00005.03a p. 89).
     pub(crate) fn required_slot_us(&self, now_us: u64) -> Option<u32> {
         let is_triggered = self.last_edge.is_some_and(|last| now_us.saturating_sub(last) <= TRIGGERED_US);
         (is_triggered || self.regler.is_following_angle()).then(|| self.sync_slot_us())
@@ -197,19 +198,20 @@ impl BuiltInDrive {
         &mut self.regler
     }
 
-    /// Whether the drive is synchronized to its trigger signal.
+    /// Returns true if the drive is synchronized to its trigger signal.
     #[inline]
     pub fn is_synchronized(&self) -> bool {
         self.sync.is_locked()
     }
 
-    /// Whether nothing changes by itself, and no error will be reported.
-    pub(crate) fn is_at_rest(&self) -> bool {
+    /// Returns true if no value changes without a command, and no error will be reported.
+    pub(crate) fn is_quiescent(&self) -> bool {
         let reports = [Some(&self.sync_monitor), self.cyclic_data.as_ref()];
-        self.regler.is_at_rest() && reports.into_iter().flatten().all(|monitor| monitor.next_time().is_none())
+        self.regler.is_quiescent()
+            && reports.into_iter().flatten().all(|monitor| monitor.next_time().is_none())
     }
 
-    /// The value of parameter `number`, if the drive has it.
+    /// Returns the value of parameter `number`, if the drive has it.
     pub fn parameter(&self, number: u16) -> Option<u32> {
         self.regler.parameter(number)
     }
@@ -220,11 +222,11 @@ impl BuiltInDrive {
     }
 
     /// State of the drive's state machine.
-    pub fn state(&self) -> State {
+    pub fn state(&self) -> DrivecomState {
         self.regler.state()
     }
 
-    /// Brings a fault upon the drive, as [`Drive::trip`](super::Drive::trip) does.
+    /// Trips the drive, as [`Drive::trip`](super::Drive::trip) does.
     pub(crate) fn trip(&mut self, fault: u16) -> bool {
         self.regler.trip(fault)
     }
@@ -257,7 +259,7 @@ mod tests {
         assert_eq!(
             locks(&mut drive, &[8141, 10120, 14120]),
             [true, true, true],
-            "one off its time, one missing"
+            "one at the wrong time, one missing"
         );
         assert_eq!(
             locks(&mut drive, &[19120, 21120, 23120]),
@@ -266,13 +268,17 @@ mod tests {
         );
     }
 
-    /// D-155: the slices of a drive lie where its trigger says; of one that is synchronized only where that is in time.
+    /// D-155: the trigger defines the time slices of a drive. A synchronized drive accepts only edges in time.
     #[test]
-    fn a_synchronized_drive_goes_by_no_edge_that_is_off_its_time() {
+    fn a_synchronized_drive_ignores_an_edge_at_the_wrong_time() {
         let mut drive = drive();
         let counts: Vec<_> = [0, 1500, 4000, 6000, 8000].map(|at| drive.trigger_edge(at)).into();
-        assert_eq!((counts, drive.is_synchronized()), (vec![true; 5], true), "it goes by each until then");
-        assert!(!drive.trigger_edge(8_300), "off its time");
+        assert_eq!(
+            (counts, drive.is_synchronized()),
+            (vec![true; 5], true),
+            "it accepts each edge until then"
+        );
+        assert!(!drive.trigger_edge(8_300), "at the wrong time");
         assert!(drive.trigger_edge(10_000), "in time");
     }
 

@@ -1,8 +1,8 @@
-//! The CANsync card in the drive: takes reference values out of frames, puts actual values into frames
-//! and exchanges both with the drive once per interval, and the control word with them (manual 5.01010.01 p. 14-20).
+//! The CANsync card in the drive: extracts reference values from frames, inserts actual values into frames, and
+//! exchanges both with the drive once per interval, together with the control word (manual 5.01010.01 p. 14-20).
 //!
-//! The ZK parameters are resolved to bit positions and store places when the drive is built, so that a
-//! frame costs a few instructions.
+//! The ZK parameters are resolved to bit positions and parameter slots when the drive is built, so that a frame costs
+//! few instructions.
 
 mod run;
 
@@ -10,7 +10,7 @@ pub(super) use run::References;
 
 use super::card_function::CardFunction;
 use super::config::ZkError;
-use super::parameters::{ParamFormat, ParameterStore, Slot};
+use super::parameters::{ParamFormat, ParameterSlot, ParameterStore};
 use super::regler::VRegler;
 use super::table::number::{ANGLE_REFERENCE, CONTROL_WORD, STATUS_WORD};
 use super::zk::{ActualMapping, ReferenceMapping, Source, ZkParameters};
@@ -29,14 +29,14 @@ struct ReferenceSlot {
     channel: Channel,
     format: ParamFormat,
     shift: u8,
-    /// Bytes a frame must have to carry the value.
+    /// Minimum length of a frame that carries the value, in bytes.
     end: u8,
-    target: Slot,
+    target: ParameterSlot,
     /// A synchronous position reference value, which a drive takes only while it is synchronized (decision D-82).
     is_position: bool,
-    /// Such a frame must have come in the interval before as well.
+    /// True if the value counts only when its frame also came in the previous interval.
     needs_every: bool,
-    /// It has.
+    /// True if the frame came in the previous interval.
     came_before: bool,
     received: Option<u32>,
     delayed: [Option<u32>; DELAY_LINE],
@@ -48,7 +48,7 @@ struct ActualSlot {
     format: ParamFormat,
     shift: u8,
     /// `None`: the status word.
-    origin: Option<Slot>,
+    origin: Option<ParameterSlot>,
 }
 
 /// Reference value losses, see ZK 26.
@@ -57,9 +57,9 @@ struct Losses {
     allowed: u32,
     /// Frames of the master that carry a mapped reference value; bit 0 frame 1, bit 1 frame 2.
     wanted: u8,
-    /// Those of them that came at least once: before the first one nothing can be lost.
+    /// Those frames of `wanted` that came at least once. No frame can be lost before its first arrival.
     expected: u8,
-    /// Those that came in the present interval.
+    /// Those frames of `wanted` that came in the present interval.
     seen: u8,
     in_succession: u32,
     total: u64,
@@ -74,7 +74,7 @@ pub(super) struct Card {
     turn: u8,
     /// The control word that waits for the next hand-over.
     control_word: Option<u16>,
-    /// Hand-overs until every delay line is empty; 0: nothing to hand over.
+    /// Hand-overs until every delay line is empty; 0: no value waits.
     underway: u8,
     losses: Losses,
     stopped: bool,
@@ -120,7 +120,7 @@ impl SnapshotFields for Card {
 }
 
 impl ReferenceSlot {
-    /// The value of the interval that has ended, if it counts.
+    /// Returns the value of the previous interval, if it counts.
     #[inline]
     fn take_received(&mut self) -> Option<u32> {
         let received = self.received.take();
@@ -131,23 +131,23 @@ impl ReferenceSlot {
         received.filter(|_| came_before)
     }
 
-    /// Whether a value reaches a drive that is synchronized, or not.
+    /// Returns true if a value reaches a drive with this SYNC state.
     #[inline]
     const fn reaches(&self, is_synchronized: bool) -> bool {
         is_synchronized || !self.is_position
     }
 }
 
-type Fault = (u8, u16, ZkError);
+type ZkFault = (u8, u16, ZkError);
 
 impl Card {
-    /// Resolves the ZK parameters; the error names the one at fault with its value.
+    /// Creates the card from the ZK parameters. The error names the wrong one with its value.
     pub(crate) fn new(
         zk: &ZkParameters,
         function: CardFunction,
         slave_number: u8,
         store: &ParameterStore,
-    ) -> Result<Self, Fault> {
+    ) -> Result<Self, ZkFault> {
         if zk.zk_24 > 3 {
             return Err((24, zk.zk_24, ZkError::Delay));
         }
@@ -184,8 +184,8 @@ impl Card {
         Ok(card)
     }
 
-    /// Finds the lengths of the actual value frames and words used twice.
-    fn lay_out(&mut self, zk: &ZkParameters) -> Result<(), Fault> {
+    /// Calculates the lengths of the actual value frames, and finds words with two values.
+    fn lay_out(&mut self, zk: &ZkParameters) -> Result<(), ZkFault> {
         let names = [(20, zk.zk_20), (21, zk.zk_21), (25, zk.zk_25)];
         let mut owners: [[Option<u8>; 4]; 2] = [[None; 4]; 2];
         for (slot, (name, value)) in self.actuals.iter().zip(names) {
@@ -202,7 +202,7 @@ impl Card {
         Ok(())
     }
 
-    /// A frame with values of `source` has come.
+    /// Handles a frame with values of `source`.
     #[inline]
     pub(crate) fn receive(&mut self, source: Source, channel: Channel, payload: &Payload) {
         let bits = u64::from_le_bytes(payload.padded());
@@ -217,12 +217,12 @@ impl Card {
         }
     }
 
-    /// The master's control word has come; the last one counts.
+    /// Stores the master's control word. The last one counts.
     pub(crate) fn receive_control_word(&mut self, word: u16) {
         self.control_word = Some(word);
     }
 
-    /// Takes the actual values and the status word out of the drive, to be sent in this interval.
+    /// Samples the actual values and the status word of the drive, to be sent in this interval.
     #[inline]
     pub(crate) fn sample(&mut self, store: &mut ParameterStore, status_word: u16) {
         if self.stopped {
@@ -240,12 +240,12 @@ impl Card {
         self.frames = frames;
     }
 
-    /// The status word that the drive gave last, if it has given one.
+    /// Returns the last status word of the drive, if there was one.
     pub(crate) const fn sampled_status(&self) -> Option<u16> {
         self.sampled_status
     }
 
-    /// While nothing comes from the drive its last status word stands, but bit 15 is the card's own (p. 30).
+    /// Updates the last status word while the drive sends none: bit 15 is the card's own (p. 30).
     fn sample_sync_state(&mut self, sync_state: u16) {
         let Some(last) = self.sampled_status.filter(|last| last & drive_status::SYNCHRONIZED != sync_state)
         else {
@@ -257,9 +257,9 @@ impl Card {
         }
     }
 
-    /// Gives the drive the control word, and the reference values of the interval that has just ended, or of up to three
-    /// intervals before (ZK 24). Where none came, and where it refuses one, the drive keeps the last one. `is_synchronized`:
-    /// the drive was and is.
+    /// Passes the control word to the drive, and the reference values of the previous interval, or of up to three
+    /// intervals before (ZK 24). If no value came, or if the drive refuses it, the drive keeps the last one.
+    /// `is_synchronized`: the drive was and is synchronized.
     #[inline]
     pub(crate) fn hand_over(&mut self, regler: &mut VRegler, is_synchronized: bool) {
         if let (Some(word), false) = (self.control_word, self.stopped) {
@@ -285,7 +285,7 @@ impl Card {
         }
     }
 
-    /// Without a delay nothing waits in the line.
+    /// Without a delay no value waits in the line.
     #[inline]
     fn hand_over_at_once(&mut self, regler: &mut VRegler, is_synchronized: bool) {
         for slot in self.references.iter_mut().flatten() {
@@ -296,7 +296,7 @@ impl Card {
         }
     }
 
-    /// Counts the expected reference value frames that did not come in the interval that has just ended. Too many stop the
+    /// Counts the expected reference value frames that did not come in the previous interval. Too many losses stop the
     /// exchange (ZK 26).
     #[inline]
     pub(crate) fn count_losses(&mut self) {
@@ -316,7 +316,7 @@ impl Card {
         }
     }
 
-    /// Forgets the reference values that came while nothing is exchanged; the control word waits.
+    /// Drops the reference values that came while no data are exchanged. The control word waits.
     #[inline]
     pub(crate) fn discard(&mut self) {
         self.losses.seen = 0;
@@ -333,43 +333,43 @@ impl Card {
         }
     }
 
-    /// Resumes the exchange that too many losses have stopped.
+    /// Resumes the exchange after too many losses have stopped it.
     pub(crate) fn resume(&mut self) {
         self.stopped = false;
         self.losses.in_succession = 0;
         self.losses.expected = 0;
     }
 
-    /// Whether reference value losses can stop the exchange: what was sampled last stands then.
+    /// Returns true if reference value losses can stop the exchange. The last samples stay then.
     #[inline]
     pub(crate) const fn may_stop(&self) -> bool {
         self.losses.allowed != 0
     }
 
-    /// Whether too many reference value losses have stopped the exchange.
+    /// Returns true if too many reference value losses have stopped the exchange.
     pub(crate) const fn is_stopped(&self) -> bool {
         self.stopped
     }
 
-    /// Reference value frames lost so far.
+    /// Returns the number of lost reference value frames.
     pub(crate) const fn total_losses(&self) -> u64 {
         self.losses.total
     }
 
-    /// The own actual value frame, if anything is mapped into it.
+    /// Returns the own actual value frame, if a value is mapped into it.
     #[inline]
     pub(crate) const fn frame(&self, channel: Channel) -> Option<Payload> {
         let (bits, len) = (self.frames[channel.index()], self.lens[channel.index()]);
         if len == 0 { None } else { Some(Payload::from_padded(bits.to_le_bytes(), len as usize)) }
     }
 
-    /// Whether the master's reference value frames of this channel carry anything for the drive.
+    /// Returns true if the master's reference value frames of this channel carry a value for the drive.
     #[inline]
     pub(crate) const fn wants_reference(&self, channel: Channel) -> bool {
         self.losses.wanted >> channel.index() & 1 != 0
     }
 
-    /// Slaves whose actual value frames carry reference values for the drive, bit n for slave n.
+    /// Returns the slaves whose actual value frames carry reference values for the drive, bit n for slave n.
     pub(crate) fn wants_overheard(&self) -> u32 {
         self.references.iter().flatten().fold(0, |mask, slot| match slot.source {
             Source::Master => mask,
@@ -378,13 +378,13 @@ impl Card {
     }
 }
 
-/// The parameter that ZK `name` maps, if it exists and has the mapping's format.
+/// Returns the parameter that ZK `name` maps, if it exists and has the mapping's format.
 fn mapped(
     (name, number): (u8, u16),
     (zk, mapping): (u8, u16),
     format: ParamFormat,
     store: &ParameterStore,
-) -> Result<Slot, Fault> {
+) -> Result<ParameterSlot, ZkFault> {
     if matches!(number, CONTROL_WORD | STATUS_WORD) {
         return Err((name, number, ZkError::ControlOrStatusWord(number)));
     }
@@ -400,7 +400,7 @@ fn reference(
     mapping: (u8, u16),
     slave_number: u8,
     store: &ParameterStore,
-) -> Result<Option<ReferenceSlot>, Fault> {
+) -> Result<Option<ReferenceSlot>, ZkFault> {
     let (zk, value) = mapping;
     let Some(ReferenceMapping { word, channel, format, source }) =
         ReferenceMapping::from_zk(value).map_err(|reason| (zk, value, reason.into()))?
@@ -437,7 +437,7 @@ fn actual(
     number: (u8, u16),
     mapping: (u8, u16),
     store: &ParameterStore,
-) -> Result<Option<ActualSlot>, Fault> {
+) -> Result<Option<ActualSlot>, ZkFault> {
     let (zk, value) = mapping;
     let Some(ActualMapping { word, channel, format }) =
         ActualMapping::from_zk(value).map_err(|reason| (zk, value, reason.into()))?
@@ -448,7 +448,7 @@ fn actual(
     Ok(Some(ActualSlot { channel, format, shift: 16 * word, origin }))
 }
 
-fn status(value: u16) -> Result<Option<ActualSlot>, Fault> {
+fn status(value: u16) -> Result<Option<ActualSlot>, ZkFault> {
     let mapping = ActualMapping::from_zk_25(value).map_err(|reason| (25, value, reason.into()))?;
     Ok(mapping.map(|ActualMapping { word, channel, format }| ActualSlot {
         channel,

@@ -1,8 +1,8 @@
-//! Function of the CANsync card and what depends on the baud rate (manual 5.01010.01 p. 10, 13).
+//! Function of the CANsync card and its baud rates (manual 5.01010.01 p. 10, 13).
 
 use serde::{Deserialize, Serialize};
 
-/// Baud rates in kbit/s, fastest first, each with the SYNC slot (P167) in us that belongs to it (p. 13).
+/// Baud rates in kbit/s, fastest first, each with its SYNC slot (P167) in us (p. 13).
 const RATES: [(u16, u16); 4] = [(1000, 1000), (500, 2000), (250, 4000), (125, 8000)];
 
 /// "Function option card 1" in the type key of a drive (p. 10).
@@ -11,14 +11,14 @@ const RATES: [(u16, u16); 4] = [(1000, 1000), (500, 2000), (250, 4000), (125, 80
 #[serde(expecting = "the number of a function of the card")]
 pub enum CardFunction {
     /// 00, not for new applications: 125 to 1000 kbit/s. ZK 26 has no effect. A reference value from another slave's
-    /// actual value frame needs that frame requested in every interval.
+    /// actual value frame requires a request for that frame in every interval.
     Old,
-    /// 01: 125 to 500 kbit/s, watches reference values for losses (ZK 26).
+    /// 01: 125 to 500 kbit/s, monitors the loss of reference values (ZK 26).
     #[default]
     Current,
 }
 
-/// A function that no card has.
+/// An invalid function number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("card_function is {0}; it must be 0 or 1")]
 pub struct UnknownFunction(u8);
@@ -42,18 +42,18 @@ impl From<CardFunction> for u8 {
 }
 
 impl CardFunction {
-    /// The SYNC slot (P167) in us for a bus of `kbit_s`; `None` if the card does not run at that rate.
+    /// Returns the SYNC slot (P167) in us for a bus of `kbit_s`; `None` if the card does not support that rate.
     pub fn sync_slot_us(self, kbit_s: u16) -> Option<u16> {
         let runs = self == CardFunction::Old || kbit_s <= 500;
         RATES.into_iter().find(|(rate, _)| runs && *rate == kbit_s).map(|(_, slot)| slot)
     }
 
-    /// Whether ZK 26 has an effect (p. 17).
+    /// Returns true if ZK 26 has an effect (p. 17).
     pub(super) const fn counts_losses(self) -> bool {
         matches!(self, CardFunction::Current)
     }
 
-    /// Whether another slave's frame must be requested in every interval.
+    /// Returns true if another slave's frame must be requested in every interval.
     pub(super) const fn needs_every_frame(self) -> bool {
         matches!(self, CardFunction::Old)
     }

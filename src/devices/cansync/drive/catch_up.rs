@@ -1,60 +1,61 @@
-//! What concerns all drives on a bus alike, and how a drive takes it later.
+//! Events that come to all drives on a bus, and the way in which a drive processes them later.
 //!
-//! A drive tells nobody anything of its own accord. So it need not take edges and reference values when they come: it is
-//! enough that it has taken them, in their order, before somebody looks at it or gives it something that is for it alone.
+//! A drive sends nothing on its own initiative. So it need not process edges and reference values when they come. It is
+//! sufficient to process them, in their order, before the drive is read or gets an individual command.
 
 use super::Drive;
 use crate::can::Payload;
 use crate::devices::cansync::bus::{Channel, is_in_time};
 
-/// Something that has come to all drives on a bus.
+/// An event that comes to all drives on a bus.
 #[derive(Clone, Copy, Debug)]
-pub(crate) enum Passed {
-    /// A SYNC edge, with which an interval of this length begins.
+pub(crate) enum BusEvent {
+    /// A SYNC edge, which starts an interval of this length.
     Edge {
-        /// When.
+        /// Time of the edge in us.
         now_us: u64,
         /// Length of the interval.
         interval_us: u32,
     },
     /// A reference value frame of the master.
     Reference {
-        /// Baud rate of the bus: drives that are set to another one do not hear it.
+        /// Baud rate of the bus. Drives at another rate do not receive the frame.
         kbit_s: u16,
         /// Frame 1 or 2.
         channel: Channel,
-        /// What is in it.
+        /// Content of the frame.
         payload: Payload,
     },
 }
 
-/// All of it, in its order.
+/// Log of the events, in their order.
 #[derive(Debug, Default)]
-pub(crate) struct Log {
-    passed: Vec<Passed>,
-    /// The last edge.
+pub(crate) struct EventLog {
+    passed: Vec<BusEvent>,
+    /// Index of the last edge.
     edge: Option<usize>,
-    /// Where the intervals before that edge begin that are all alike and follow each other in step.
+    /// Index of the first of the uniform intervals before that edge, which follow each other in time.
     alike_from: usize,
-    frames: Frames,
+    frames: IntervalFrames,
 }
 
-/// The reference value frames of an interval: at most one of a channel, in their order, of eight bytes each.
+/// The reference value frames of an interval: at most one of each channel, in order of the channels, of eight bytes
+/// each.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-struct Frames {
-    /// Bit 0 frame 1, bit 1 frame 2.
+struct IntervalFrames {
+    /// Bit 0: frame 1; bit 1: frame 2.
     channels: u8,
-    /// Their baud rate; 0 if there is none.
+    /// Baud rate of the frames; 0 without frames.
     kbit_s: u16,
 }
 
-impl Frames {
-    /// Those that have come, if they are of this kind.
+impl IntervalFrames {
+    /// Returns the frames of an interval with these events, if they fit this pattern.
     #[inline]
-    fn of(came: &[Passed]) -> Option<Self> {
-        let mut frames = Frames::default();
+    fn of(came: &[BusEvent]) -> Option<Self> {
+        let mut frames = IntervalFrames::default();
         for it in came {
-            let Passed::Reference { kbit_s, channel, payload } = it else { return None };
+            let BusEvent::Reference { kbit_s, channel, payload } = it else { return None };
             let bit = 1 << channel.index();
             if frames.channels >= bit || payload.len() != payload.padded().len() {
                 return None;
@@ -62,29 +63,29 @@ impl Frames {
             if frames.channels != 0 && frames.kbit_s != *kbit_s {
                 return None;
             }
-            frames = Frames { channels: frames.channels | bit, kbit_s: *kbit_s };
+            frames = IntervalFrames { channels: frames.channels | bit, kbit_s: *kbit_s };
         }
         Some(frames)
     }
 
-    /// How much has passed in such an interval, its edge included.
+    /// Returns the number of events in such an interval, including its edge.
     #[inline]
     fn stride(self) -> usize {
         1 + self.channels.count_ones() as usize
     }
 }
 
-impl Log {
-    /// Something has come.
+impl EventLog {
+    /// Adds an event.
     #[inline]
-    pub(crate) fn push(&mut self, it: Passed) {
-        if let Passed::Edge { now_us, interval_us } = it {
+    pub(crate) fn push(&mut self, it: BusEvent) {
+        if let BusEvent::Edge { now_us, interval_us } = it {
             self.begin(now_us, interval_us);
         }
         self.passed.push(it);
     }
 
-    /// An edge comes: an interval has ended.
+    /// Ends an interval, because an edge comes.
     #[inline]
     fn begin(&mut self, now_us: u64, interval_us: u32) {
         let next = self.passed.len();
@@ -93,10 +94,10 @@ impl Log {
             return;
         };
         let is_first = self.alike_from == edge;
-        let frames = Frames::of(&self.passed[edge + 1..]);
+        let frames = IntervalFrames::of(&self.passed[edge + 1..]);
         let frames = frames.filter(|frames| is_first || *frames == self.frames);
         match (frames, self.passed[edge]) {
-            (Some(frames), Passed::Edge { now_us: before_us, interval_us: its })
+            (Some(frames), BusEvent::Edge { now_us: before_us, interval_us: its })
                 if its == interval_us && is_in_time(now_us.saturating_sub(before_us), its) =>
             {
                 self.frames = frames;
@@ -105,26 +106,26 @@ impl Log {
         }
     }
 
-    /// How much it is.
+    /// Returns the number of events.
     #[inline]
     pub(crate) fn len(&self) -> usize {
         self.passed.len()
     }
 
-    /// All have taken it.
+    /// Clears the log, because all drives are up to date.
     pub(crate) fn clear(&mut self) {
         self.passed.clear();
         self.edge = None;
     }
 
-    /// What has come behind the first `taken`.
+    /// Returns the events after the first `taken`.
     #[inline]
-    pub(crate) fn since(&self, taken: usize) -> Since<'_> {
+    pub(crate) fn since(&self, taken: usize) -> PendingEvents<'_> {
         let passed = self.passed.get(taken..).unwrap_or_default();
         let Some(edge) = self.edge.filter(|edge| *edge >= taken) else {
-            return Since {
+            return PendingEvents {
                 one_by_one: &[],
-                alike: Alike { passed: &[], frames: self.frames },
+                alike: UniformIntervals { passed: &[], frames: self.frames },
                 rest: passed,
             };
         };
@@ -132,59 +133,59 @@ impl Log {
         let behind = taken.saturating_sub(self.alike_from).next_multiple_of(stride);
         let (before, rest) = passed.split_at(edge - taken);
         let (one_by_one, alike) = before.split_at((self.alike_from + behind).max(taken) - taken);
-        Since { one_by_one, alike: Alike { passed: alike, frames: self.frames }, rest }
+        PendingEvents { one_by_one, alike: UniformIntervals { passed: alike, frames: self.frames }, rest }
     }
 }
 
-/// What a drive has not taken yet, in three parts one behind the other.
+/// Events that a drive has not processed yet, in three consecutive parts.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Since<'a> {
-    /// Whatever came before the intervals that are alike.
-    pub one_by_one: &'a [Passed],
+pub(crate) struct PendingEvents<'a> {
+    /// Events before the uniform intervals.
+    pub one_by_one: &'a [BusEvent],
     /// Whole intervals up to the last edge.
-    pub alike: Alike<'a>,
-    /// The last edge, and what came behind it.
-    pub rest: &'a [Passed],
+    pub alike: UniformIntervals<'a>,
+    /// The last edge and the events after it.
+    pub rest: &'a [BusEvent],
 }
 
-/// Intervals that all bring the same frames, each beginning in step with the one before it.
+/// Intervals with the same frames, each beginning in time after the previous one.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Alike<'a> {
-    passed: &'a [Passed],
-    frames: Frames,
+pub(crate) struct UniformIntervals<'a> {
+    passed: &'a [BusEvent],
+    frames: IntervalFrames,
 }
 
-impl<'a> Alike<'a> {
-    /// All of it, one by one.
-    pub(crate) fn passed(&self) -> &'a [Passed] {
+impl<'a> UniformIntervals<'a> {
+    /// Returns the events one by one.
+    pub(crate) fn passed(&self) -> &'a [BusEvent] {
         self.passed
     }
 
-    /// The first edge, the last one, and the length of the intervals; `None`: there is no interval.
+    /// Returns the first edge, the last edge, and the length of the intervals; `None` if there is no interval.
     #[inline]
     pub(crate) fn edges(&self) -> Option<(u64, u64, u32)> {
         let last = self.passed.len().checked_sub(self.frames.stride())?;
         match (self.passed.first()?, self.passed.get(last)?) {
-            (Passed::Edge { now_us: first, interval_us }, Passed::Edge { now_us: last, .. }) => {
+            (BusEvent::Edge { now_us: first, interval_us }, BusEvent::Edge { now_us: last, .. }) => {
                 Some((*first, *last, *interval_us))
             }
             _ => None,
         }
     }
 
-    /// How many intervals these are.
+    /// Returns the number of intervals.
     #[inline]
     pub(crate) fn count(&self) -> usize {
         self.passed.len() / self.frames.stride()
     }
 
-    /// The frames that a drive of this baud rate hears in each interval: bit 0 frame 1, bit 1 frame 2.
+    /// Returns the frames that a drive of this baud rate receives in each interval: bit 0 frame 1, bit 1 frame 2.
     #[inline]
     pub(crate) fn heard_at(&self, kbit_s: u16) -> u8 {
         if kbit_s == self.frames.kbit_s { self.frames.channels } else { 0 }
     }
 
-    /// What the frames of this channel bring, interval by interval, first byte lowest; 0 where there is none.
+    /// Returns the content of this channel's frame in each interval, first byte lowest; 0 without a frame.
     #[inline]
     pub(crate) fn bits(
         &self,
@@ -194,13 +195,13 @@ impl<'a> Alike<'a> {
         self.passed.chunks_exact(self.frames.stride()).map(move |interval| bits_of(interval.get(place)))
     }
 
-    /// The same of one interval.
+    /// Returns the content of this channel's frame in one interval.
     #[inline]
     pub(crate) fn bits_in(&self, interval: usize, channel: Channel) -> u64 {
         bits_of(self.passed.get(interval * self.frames.stride() + self.place(channel)))
     }
 
-    /// Where in an interval its frame stands.
+    /// Returns the index of the channel's frame within an interval.
     #[inline]
     fn place(&self, channel: Channel) -> usize {
         let before = self.frames.channels & ((1 << channel.index()) - 1);
@@ -209,17 +210,17 @@ impl<'a> Alike<'a> {
 }
 
 #[inline]
-fn bits_of(frame: Option<&Passed>) -> u64 {
+fn bits_of(frame: Option<&BusEvent>) -> u64 {
     match frame {
-        Some(Passed::Reference { payload, .. }) => u64::from_le_bytes(payload.padded()),
+        Some(BusEvent::Reference { payload, .. }) => u64::from_le_bytes(payload.padded()),
         _ => 0,
     }
 }
 
 impl Drive {
-    /// Takes what has passed since it was last up to date. What the card samples at an edge goes out in its interval, if at
-    /// all: of all these edges that is the last one.
-    pub(crate) fn catch_up(&mut self, since: &Since) {
+    /// Processes the events since the last update. The samples at an edge are sent only in the interval of that edge,
+    /// so only the last of these edges needs samples.
+    pub(crate) fn catch_up(&mut self, since: &PendingEvents) {
         let before = since.one_by_one.len() + since.alike.passed.len();
         if before > 0 {
             let taken = self.cruise(since);
@@ -232,18 +233,18 @@ impl Drive {
         }
     }
 
-    /// One by one, of all of which nobody can tell what the card samples.
+    /// Processes the events one by one. The samples of the card at these edges are never sent.
     #[cold]
-    fn take_edges<'a>(&mut self, passed: impl Iterator<Item = &'a Passed>) {
+    fn take_edges<'a>(&mut self, passed: impl Iterator<Item = &'a BusEvent>) {
         passed.for_each(|it| self.take(it, false));
     }
 
-    /// Takes one of them; unless it `is_looked_at` before the next edge, nobody can tell what the card samples.
+    /// Processes one event. `is_looked_at`: the samples of the card may be read before the next edge.
     #[inline]
-    fn take(&mut self, passed: &Passed, is_looked_at: bool) {
+    fn take(&mut self, passed: &BusEvent, is_looked_at: bool) {
         match *passed {
-            Passed::Edge { now_us, interval_us } => self.edge(now_us, interval_us, is_looked_at),
-            Passed::Reference { kbit_s, channel, ref payload } => {
+            BusEvent::Edge { now_us, interval_us } => self.edge(now_us, interval_us, is_looked_at),
+            BusEvent::Reference { kbit_s, channel, ref payload } => {
                 if kbit_s == self.kbit_s {
                     self.reference_frame(channel, payload);
                 }

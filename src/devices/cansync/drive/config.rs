@@ -1,4 +1,4 @@
-//! What the plant file says about a drive.
+//! Configuration of a drive in the plant file.
 
 use super::card_function::CardFunction;
 use super::drivecom::Enable;
@@ -12,7 +12,7 @@ use std::num::NonZeroU32;
 
 /// A drive with CANsync card.
 ///
-/// Only name and slave number are needed; everything else has a value that makes the drive move:
+/// Only name and slave number are required. All other settings have defaults with which the drive moves:
 ///
 /// ```
 /// let drive: commram::devices::cansync::drive::DriveConfig = toml::from_str(r#"
@@ -39,8 +39,8 @@ pub struct DriveConfig {
     pub name: String,
     /// DIP switches S20, 6 to 10: slave number on the bus, 0 to 31.
     pub slave_number: u8,
-    /// DIP switches S20, 1 and 2: baud rate in kbit/s, 1000, 500, 250 or 125 (manual 5.01010.01 p. 13). Left out: that of
-    /// its bus in the plant file.
+    /// DIP switches S20, 1 and 2: baud rate in kbit/s, 1000, 500, 250 or 125 (manual 5.01010.01 p. 13). Left out: the
+    /// rate of the drive's bus in the plant file.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub kbit_s: Option<u16>,
     /// Function of the CANsync card, 0 or 1 (default).
@@ -49,24 +49,24 @@ pub struct DriveConfig {
     /// Parameters of the CANsync card. Left out: [`DriveConfig::standard_mapping`].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub zk: Option<ZkParameters>,
-    /// How long SYNC must come without a gap, in us, until the drive is synchronized (decision D-07).
+    /// Time of uninterrupted SYNC until the drive is synchronized, in us (decision D-07).
     #[serde(default = "default_lock_time_us")]
     pub lock_time_us: u64,
-    /// How long SYNC may be gone, in us, until the drive is no longer synchronized (manual 5.00005.03a p. 135). Left
-    /// out: two and a half intervals; see [`SyncLock`](crate::devices::cansync::bus::SyncLock).
+    /// Time without SYNC until the drive is no longer synchronized, in us (manual 5.00005.03a p. 135). Left out: two
+    /// and a half intervals; see [`SyncLock`](crate::devices::cansync::bus::SyncLock).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sync_loss_us: Option<u64>,
-    /// What the drive does when SYNC or reference values stay away.
+    /// Reaction of the drive to a missing SYNC signal or missing reference values.
     #[serde(default)]
     pub monitoring: CardMonitoring,
     /// State after power-on.
     #[serde(default)]
     pub enable: Enable,
-    /// Largest change of the speed per second, in increments of the speed format, 1 to 4294967295.
-    /// Left out: the speed takes the value of its reference at once.
+    /// Largest change of the speed per second, in increments of the speed format, 1 to 4294967295. Left out: the speed
+    /// takes the value of its reference at once.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ramp_per_second: Option<NonZeroU32>,
-    /// Numbers of the built-in parameters that no manual at hand gives.
+    /// Numbers of the built-in parameters that are not in the available manuals.
     #[serde(default)]
     pub numbers: ParameterNumbers,
     /// Further parameters.
@@ -74,8 +74,8 @@ pub struct DriveConfig {
     pub parameters: Vec<ParameterSpec>,
 }
 
-/// Numbers of the built-in doubleword parameters. They are inferred: the drive's own manual (5.95036) is
-/// not at hand.
+/// Numbers of the built-in doubleword parameters. They are inferred, because the drive's own manual (5.95036) is not
+/// available.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 #[serde(expecting = "a table with the numbers of parameters")]
@@ -84,7 +84,7 @@ pub struct ParameterNumbers {
     pub speed_reference: u16,
     /// Speed actual value, in the same unit; read only.
     pub speed_actual: u16,
-    /// Additional reference value: kept as it comes, the drive makes nothing of it.
+    /// Additional reference value: stored without an effect on the drive.
     pub additional_reference: u16,
 }
 
@@ -99,7 +99,7 @@ const fn default_lock_time_us() -> u64 {
 }
 
 impl DriveConfig {
-    /// The drive of the built-in plant: standard mapping, enabled at power-on, no ramp.
+    /// Returns the drive of the built-in plant: standard mapping, enabled at power-on, no ramp.
     pub fn demo(name: impl Into<String>, slave_number: u8) -> Self {
         DriveConfig {
             name: name.into(),
@@ -117,7 +117,7 @@ impl DriveConfig {
         }
     }
 
-    /// The mapping of a drive without `zk`:
+    /// Returns the mapping of a drive without `zk`:
     ///
     /// | frame | words 0-1 | word 2 |
     /// |---|---|---|
@@ -146,13 +146,13 @@ impl DriveConfig {
         }
     }
 
-    /// The mapping in force.
+    /// Returns the effective mapping.
     pub fn mapping(&self) -> ZkParameters {
         self.zk.unwrap_or_else(|| self.standard_mapping())
     }
 }
 
-/// A drive that cannot be built as the plant file describes it.
+/// A drive in the plant file that cannot be built.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum DriveError {
     /// Slave number above 31.
@@ -160,7 +160,7 @@ pub enum DriveError {
     SlaveNumber {
         /// Name of the drive.
         drive: String,
-        /// The number.
+        /// The invalid number.
         number: u8,
     },
     /// The card does not run at the bus's baud rate (manual 5.01010.01 p. 10).
@@ -176,17 +176,17 @@ pub enum DriveError {
         /// Baud rate that its switches are set to.
         kbit_s: u16,
     },
-    /// A parameter is defined wrongly.
+    /// A parameter definition is wrong.
     #[error("drive {drive}: parameter {number}: {reason}")]
     Parameter {
         /// Name of the drive.
         drive: String,
         /// Parameter number.
         number: u16,
-        /// What is wrong.
+        /// Reason.
         reason: ParameterError,
     },
-    /// A card parameter is set wrongly.
+    /// A card parameter has a wrong value.
     #[error("drive {drive}: ZK {zk} = 16#{value:04X}: {reason}")]
     Zk {
         /// Name of the drive.
@@ -195,7 +195,7 @@ pub enum DriveError {
         zk: u8,
         /// Its value.
         value: u16,
-        /// What is wrong.
+        /// Reason.
         reason: ZkError,
     },
 }
@@ -216,31 +216,31 @@ impl From<DriveError> for BuildError {
     }
 }
 
-/// What is wrong with a card parameter.
+/// Reason why the value of a card parameter is wrong.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ZkError {
-    /// A bit pattern outside the table.
+    /// A bit pattern that is not in the table.
     #[error(transparent)]
     Mapping(#[from] MappingError),
-    /// Control word and status word travel by themselves (p. 14).
+    /// Control word and status word have their own way of transport (p. 14).
     #[error("parameter {0} cannot be mapped: 120 comes by action command, 121 goes by ZK 25")]
     ControlOrStatusWord(u16),
     /// The drive has no such parameter.
     #[error("the drive has no parameter {0}")]
     NoParameter(u16),
-    /// A reference value for a parameter that only the drive itself writes.
+    /// A reference value for a parameter that only the drive writes.
     #[error("parameter {0} cannot be written")]
     ReadOnly(u16),
     /// Mapping and parameter differ in width.
     #[error("parameter {0} has the other format (bit 6: 0 word, 1 doubleword)")]
     Format(u16),
-    /// A drive does not hear itself.
+    /// A drive does not receive its own frames.
     #[error("reference value from the drive's own actual value frame")]
     OwnFrame,
-    /// Two actual values on the same word.
+    /// Two actual values use the same word.
     #[error("the words are taken by ZK {0} already")]
     Overlap(u8),
-    /// Delay beyond the table of p. 16.
+    /// The delay exceeds the table of p. 16.
     #[error("the delay is above 3 intervals")]
     Delay,
 }

@@ -1,18 +1,18 @@
-//! Many intervals in one go, of a drive that runs in step with SYNC and gets nothing but reference values of the master.
+//! Many intervals in one step, for a synchronized drive that receives only reference values of the master.
 //!
-//! It is the same as interval by interval: what cannot change meanwhile is looked at once, what changes is at hand. A drive
-//! or an edge that is not of this kind is left to [`Drive::edge`]. Where all intervals are alike, not even each of them is
-//! looked at: of what they bring, only the speed reference values of all of them matter.
+//! The result is the same as interval by interval. Values that cannot change during the run are checked once; values
+//! that change are kept ready. For any other drive or edge, [`Drive::edge`] is used. If all intervals are uniform, not
+//! even each interval is processed: only the speed reference values of all intervals matter.
 
-use super::catch_up::{Alike, Passed, Since};
+use super::catch_up::{BusEvent, PendingEvents, UniformIntervals};
 use super::monitoring::Monitor;
 use super::{Drive, card, parts_of, regler};
 
 impl Drive {
-    /// Takes as much of what came before the last edge as can be taken in this way; returns how much that is. The card
-    /// samples nothing.
-    pub(super) fn cruise(&mut self, since: &Since) -> usize {
-        let is_disturbed = self.regler.reports_error() || self.monitors.iter().any(Monitor::is_away);
+    /// Processes as many of the events before the last edge as possible, and returns their number. The card takes no
+    /// samples.
+    pub(super) fn cruise(&mut self, since: &PendingEvents) -> usize {
+        let is_disturbed = self.regler.reports_error() || self.monitors.iter().any(Monitor::is_missing);
         if !self.is_synchronized() || is_disturbed {
             return 0;
         }
@@ -29,16 +29,16 @@ impl Drive {
         taken
     }
 
-    /// Interval by interval, up to an edge that is not of this kind.
+    /// Processes the events one by one, up to an edge that does not fit.
     fn take_in_run(
         &mut self,
-        passed: &[Passed],
+        passed: &[BusEvent],
         run: &mut regler::Run,
         references: &mut card::References,
     ) -> usize {
         for (taken, it) in passed.iter().enumerate() {
             match *it {
-                Passed::Edge { now_us, interval_us } => {
+                BusEvent::Edge { now_us, interval_us } => {
                     if interval_us != run.sync_slot_us || !self.sync.goes_on(now_us, interval_us) {
                         return taken;
                     }
@@ -50,7 +50,7 @@ impl Drive {
                     }
                     self.regler.step_in_run(run, after_us);
                 }
-                Passed::Reference { kbit_s, channel, ref payload } => {
+                BusEvent::Reference { kbit_s, channel, ref payload } => {
                     if kbit_s == self.kbit_s {
                         self.card.receive_in_run(references, channel, payload);
                     }
@@ -60,8 +60,13 @@ impl Drive {
         passed.len()
     }
 
-    /// All intervals at once; `false`: they are to be taken one by one.
-    fn leap(&mut self, alike: &Alike, run: &mut regler::Run, references: &mut card::References) -> bool {
+    /// Processes all intervals at once. Returns false if they must be processed one by one.
+    fn leap(
+        &mut self,
+        alike: &UniformIntervals,
+        run: &mut regler::Run,
+        references: &mut card::References,
+    ) -> bool {
         let Some((first_us, last_us, interval_us)) = alike.edges() else { return false };
         let heard = alike.heard_at(self.kbit_s);
         if interval_us != run.sync_slot_us
@@ -75,7 +80,7 @@ impl Drive {
         let now = self.card.hand_over_in_run(references).unwrap_or(run.speed_reference);
         let parts = parts_of(interval_us);
         match references.speeds(alike, heard) {
-            // What comes in an interval counts from the next one on.
+            // A value that comes in an interval takes effect in the next one.
             Some(speeds) => {
                 let before_last = speeds.len() - 1;
                 let speeds = speeds.take(before_last);

@@ -1,14 +1,14 @@
-//! The drive's state machine after the DRIVECOM profile, as control word (parameter 120) and status word
-//! (parameter 121) show it.
+//! The drive's state machine according to the DRIVECOM profile, as shown in control word (parameter 120) and status
+//! word (parameter 121).
 //!
-//! No manual at hand prints the profile; states, patterns and transition numbers are those of
-//! IEC 61800-7-201 (CiA 402). "Not ready to switch on" lasts for a self-test, which takes no time here,
-//! and transition 16 (back from quick stop), which the profile leaves open, does not exist.
+//! No available manual prints the profile. States, patterns and transition numbers are those of IEC 61800-7-201 (CiA
+//! 402). "Not ready to switch on" lasts for a self-test, which takes no time here. Transition 16 (back from quick stop)
+//! is optional in the profile and does not exist here.
 
 use crate::devices::cansync::registers::values::{drive_control, drive_status as status};
 use serde::{Deserialize, Serialize};
 
-/// In which state a drive comes up.
+/// State of a drive after power-on.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 #[serde(expecting = "how the drive is enabled, as a word")]
@@ -23,7 +23,7 @@ pub enum Enable {
 
 /// States of the profile.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
-pub enum State {
+pub enum DrivecomState {
     /// Power stage locked.
     SwitchOnDisabled,
     /// Power may be switched on.
@@ -40,18 +40,18 @@ pub enum State {
     Fault,
 }
 
-impl State {
+impl DrivecomState {
     /// Bits 0-3, 5 and 6 of the status word.
     pub const fn status_bits(self) -> u16 {
         const ENABLED: u16 = status::READY | status::SWITCHED_ON | status::OPERATION_ENABLED;
         match self {
-            State::SwitchOnDisabled => status::DISABLED,
-            State::ReadyToSwitchOn => status::READY | status::NO_QUICK_STOP,
-            State::SwitchedOn => status::READY | status::SWITCHED_ON | status::NO_QUICK_STOP,
-            State::OperationEnabled => ENABLED | status::NO_QUICK_STOP,
-            State::QuickStopActive => ENABLED,
-            State::FaultReactionActive => ENABLED | status::FAULT,
-            State::Fault => status::FAULT,
+            DrivecomState::SwitchOnDisabled => status::DISABLED,
+            DrivecomState::ReadyToSwitchOn => status::READY | status::NO_QUICK_STOP,
+            DrivecomState::SwitchedOn => status::READY | status::SWITCHED_ON | status::NO_QUICK_STOP,
+            DrivecomState::OperationEnabled => ENABLED | status::NO_QUICK_STOP,
+            DrivecomState::QuickStopActive => ENABLED,
+            DrivecomState::FaultReactionActive => ENABLED | status::FAULT,
+            DrivecomState::Fault => status::FAULT,
         }
     }
 }
@@ -59,7 +59,7 @@ impl State {
 /// State, control word and warning of one drive.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(crate) struct StateMachine {
-    state: State,
+    state: DrivecomState,
     control_word: u16,
     warning: bool,
 }
@@ -68,15 +68,15 @@ impl StateMachine {
     /// The state machine after power-on.
     pub(crate) const fn new(enable: Enable) -> Self {
         let (state, control_word) = match enable {
-            Enable::AtPowerOn => (State::OperationEnabled, 0x000F),
-            Enable::ByControlWord => (State::SwitchOnDisabled, 0x0000),
+            Enable::AtPowerOn => (DrivecomState::OperationEnabled, 0x000F),
+            Enable::ByControlWord => (DrivecomState::SwitchOnDisabled, 0x0000),
         };
         StateMachine { state, control_word, warning: false }
     }
 
     /// The state.
     #[inline]
-    pub(crate) const fn state(&self) -> State {
+    pub(crate) const fn state(&self) -> DrivecomState {
         self.state
     }
 
@@ -85,32 +85,32 @@ impl StateMachine {
         self.control_word
     }
 
-    /// The drive's status word. Bit 15 is 0, the card adds it.
+    /// Returns the drive's status word. Bit 15 is 0; the card adds it.
     #[inline]
     pub(crate) const fn status_word(&self) -> u16 {
         let warning = if self.warning { status::WARNING } else { 0 };
         self.state.status_bits() | status::VOLTAGE | warning
     }
 
-    /// Takes over a control word and makes all transitions it causes.
+    /// Takes over a control word and makes all resulting transitions.
     pub(crate) fn command(&mut self, word: u16) {
         let reset = word & !self.control_word & drive_control::FAULT_RESET != 0;
         self.control_word = word;
-        if self.state == State::Fault {
+        if self.state == DrivecomState::Fault {
             if reset {
-                self.state = State::SwitchOnDisabled;
+                self.state = DrivecomState::SwitchOnDisabled;
             }
             return;
         }
-        // One word can take two steps: 16#000F switches on and enables (transitions 3 and 4).
+        // One word can cause two transitions: 16#000F switches on and enables (transitions 3 and 4).
         while let Some(next) = self.transition() {
             self.state = next;
         }
     }
 
-    /// The next transition under the present control word.
-    const fn transition(&self) -> Option<State> {
-        use State::*;
+    /// Returns the next transition under the present control word.
+    const fn transition(&self) -> Option<DrivecomState> {
+        use DrivecomState::*;
         let switch_on = self.control_word & drive_control::SWITCH_ON != 0;
         let enable = self.control_word & drive_control::ENABLE_OPERATION != 0;
         let voltage = self.control_word & drive_control::ENABLE_VOLTAGE != 0;
@@ -128,26 +128,26 @@ impl StateMachine {
         }
     }
 
-    /// The drive stands still: ends quick stop (transition 12) and fault reaction (14).
+    /// Ends quick stop (transition 12) and fault reaction (14), because the drive is at a standstill.
     #[inline]
     pub(crate) fn standstill(&mut self) {
         self.state = match self.state {
-            State::QuickStopActive => State::SwitchOnDisabled,
-            State::FaultReactionActive => State::Fault,
+            DrivecomState::QuickStopActive => DrivecomState::SwitchOnDisabled,
+            DrivecomState::FaultReactionActive => DrivecomState::Fault,
             other => other,
         };
     }
 
-    /// A fault occurs (transition 13).
+    /// Trips the drive (transition 13).
     pub(crate) fn trip(&mut self) {
-        if self.state != State::Fault {
-            self.state = State::FaultReactionActive;
+        if self.state != DrivecomState::Fault {
+            self.state = DrivecomState::FaultReactionActive;
         }
     }
 
-    /// A fault switches the power stage off at once: transitions 13 and 14 in one.
+    /// Switches the power stage off at once because of a fault: transitions 13 and 14 together.
     pub(crate) fn inhibit(&mut self) {
-        self.state = State::Fault;
+        self.state = DrivecomState::Fault;
     }
 
     /// Sets or clears the warning.
@@ -158,10 +158,10 @@ impl StateMachine {
 
 #[cfg(test)]
 mod tests {
-    use super::State::*;
+    use super::DrivecomState::*;
     use super::*;
 
-    const ALL: [State; 7] = [
+    const ALL: [DrivecomState; 7] = [
         SwitchOnDisabled,
         ReadyToSwitchOn,
         SwitchedOn,
@@ -171,14 +171,14 @@ mod tests {
         Fault,
     ];
 
-    fn after(state: State, word: u16) -> State {
+    fn after(state: DrivecomState, word: u16) -> DrivecomState {
         let mut machine = StateMachine { state, control_word: 0, warning: false };
         machine.command(word);
         machine.state()
     }
 
     #[test]
-    fn usual_way_to_operation_and_back() {
+    fn the_usual_control_words_enable_and_disable_operation() {
         let mut machine = StateMachine::new(Enable::ByControlWord);
         for (word, state, status) in [
             (0x0000, SwitchOnDisabled, 0x0050),
@@ -225,7 +225,7 @@ mod tests {
     }
 
     #[test]
-    fn every_control_word_comes_to_rest() {
+    fn every_control_word_ends_in_a_stable_state() {
         for state in ALL {
             for word in 0..=u16::MAX {
                 after(state, word);

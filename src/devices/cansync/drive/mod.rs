@@ -1,24 +1,27 @@
-//! Drives (V-Regler): one with CANsync interface card, a slave on the bus, and the one behind the BAPS of each PLC.
+//! Drives (V-Regler): a drive with a CANsync interface card is a slave on the bus; a built-in drive is connected to the
+//! BAPS of its PLC.
 //!
-//! Both are the same `VRegler`, with the parameters of `layouts/v-regler`. The rest is about the one with the card.
+//! Both are the same `VRegler`, with the parameters of `layouts/v-regler`. The rest of this text describes the drive
+//! with a card.
 //!
-//! The drive knows no clock and no bus. The bus calls [`Drive::sync_edge`] once per interval and hands
-//! over frames; the drive answers at once. An interval runs like this:
+//! The drive has no clock and no bus. The bus calls [`Drive::sync_edge`] once per interval and passes frames; the drive
+//! answers at once. The steps of an interval:
 //!
-//! 1. At the SYNC edge the card samples actual values and status word; they go out when the master asks
-//!    for them in this interval.
+//! 1. At the SYNC edge the card samples actual values and status word. They are sent when the master requests them in
+//! this interval.
 //! 2. For 750 us the drive moves as before.
-//! 3. Then the drive acts on what the card hands over: the control word, and the reference values received in the interval
-//!    before (manual 5.01010.01 p. 14 and 20; decision D-34).
+//! 3. Then the drive processes the data that the card passes on: the control word, and the reference values received in
+//! the previous interval (manual 5.01010.01 p. 14 and 20; decision D-34).
 //! 4. The drive moves for the rest of the interval.
 //!
-//! All this is calculated at the edge, so that a drive shows between two edges how it stands at the end of the interval.
+//! All steps are calculated at the edge, so between two edges a drive shows its state at the end of the interval.
 //!
-//! So a reference value of interval k moves the drive in interval k+1 and shows in the actual value of
-//! interval k+2. Without SYNC signal, and when lost reference values have stopped the exchange (ZK 26), card and drive
-//! exchange nothing (p. 17 and 22): reference values are lost, the control word waits in the card, and parameter jobs are
-//! answered with BUSY (decision D-615). A drive that is not synchronized yet takes everything but position reference values
-//! (5.00005.03a p. 135; decision D-82). Actual values are sampled at every edge, so that a master can watch the drive.
+//! So a reference value of interval k moves the drive in interval k+1 and is visible in the actual value of interval
+//! k+2. Card and drive exchange no data without a SYNC signal, or after lost reference values have stopped the exchange
+//! (ZK 26). Then reference values are lost, the control word waits in the card, and parameter jobs are answered with
+//! BUSY (p. 17 and 22; decision D-615). A drive that is not synchronized yet takes all reference values except position
+//! reference values (5.00005.03a p. 135; decision D-82). Actual values are sampled at every edge, so that a master can
+//! observe the drive.
 
 pub mod angle;
 mod built_in;
@@ -28,7 +31,7 @@ mod catch_up;
 mod config;
 mod cruise;
 mod drivecom;
-mod look;
+mod inspection;
 mod monitoring;
 mod motion;
 mod parameters;
@@ -40,10 +43,10 @@ mod zk;
 
 pub use built_in::{BuiltInDrive, BuiltInDriveConfig};
 pub use card_function::{CardFunction, UnknownFunction};
-pub(crate) use catch_up::{Log, Passed};
+pub(crate) use catch_up::{BusEvent, EventLog};
 pub use config::{DriveConfig, DriveError, ParameterNumbers, ZkError};
-pub use drivecom::{Enable, State};
-pub use monitoring::{BapsMonitoring, CardMonitoring, Reaction, Watch};
+pub use drivecom::{DrivecomState, Enable};
+pub use monitoring::{BapsMonitoring, CardMonitoring, MonitorSettings, Reaction};
 pub use parameters::{ParamFormat, ParameterError, ParameterSpec};
 pub use regler::{MAXIMUM_ELEMENT, MINIMUM_ELEMENT};
 pub use table::{PARAMETERS, ParameterRow, number};
@@ -63,17 +66,17 @@ use regler::{Setup, VRegler};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-/// How long after the SYNC edge the drive acts on what the card hands over in an interval, in us (manual 5.01010.01 p. 20).
+/// Time after the SYNC edge at which the drive processes the card's data, in us (manual 5.01010.01 p. 20).
 const ACTS_AFTER_US: u32 = 750;
 
-/// The parts of an interval before and after the drive acts on what the card hands over, in us.
+/// Returns the parts of an interval before and after the drive processes the card's data, in us.
 #[inline]
 fn parts_of(interval_us: u32) -> [u32; 2] {
     let before = ACTS_AFTER_US.min(interval_us);
     [before, interval_us - before]
 }
 
-/// Parameters that must fit each other, and the bus.
+/// Parameters that must match each other and the bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 struct Settings {
     slot_us: u32,
@@ -82,7 +85,7 @@ struct Settings {
     interval_us: u32,
 }
 
-/// Something that is wrong with a drive's parameters, with the value that stands there.
+/// A wrong setting of a drive's parameters, with the present value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Objection {
     /// P167 does not belong to the bus's baud rate (manual 5.01010.01 p. 13).
@@ -93,7 +96,7 @@ pub(crate) enum Objection {
     Pwm(u32),
 }
 
-/// What is wrong with a PWM frequency, if anything is.
+/// Returns the objection to a PWM frequency, if it is wrong.
 pub(crate) fn pwm_objection(khz: u32) -> Option<Objection> {
     (!matches!(khz, 4 | 8)).then_some(Objection::Pwm(khz))
 }
@@ -105,13 +108,13 @@ pub struct Drive {
     slave_number: u8,
     kbit_s: u16,
     sync: SyncLock,
-    /// The present interval began without its edge.
+    /// The present interval began without a SYNC edge.
     edge_is_missing: bool,
-    /// Card and drive exchange data in the present interval, unless lost reference values have stopped them.
+    /// Card and drive exchange data in the present interval, unless lost reference values have stopped the exchange.
     exchanges: bool,
-    /// What the last objections were about.
+    /// The settings of the last check for objections.
     objected: Option<Settings>,
-    /// SYNC and reference values.
+    /// Monitors of SYNC and of reference values.
     monitors: [Monitor; 2],
     /// The card's parameters.
     zk: ZkParameters,
@@ -126,11 +129,11 @@ snapshot_fields!(Drive {
 });
 
 impl Drive {
-    /// Builds the drive that the plant file describes, as it is after power-on. It is set to `kbit_s` unless the file says
-    /// otherwise.
+    /// Creates the drive of the plant file, in its state after power-on, with the baud rate `kbit_s` unless the file
+    /// has another one.
     ///
     /// # Errors
-    /// [`DriveError`] names the drive and the parameter or card parameter at fault.
+    /// [`DriveError`] names the drive and the wrong parameter or card parameter.
     pub fn new(cfg: &DriveConfig, kbit_s: u16) -> Result<Drive, DriveError> {
         let drive = || cfg.name.clone();
         if cfg.slave_number > 31 {
@@ -173,7 +176,7 @@ impl Drive {
         })
     }
 
-    /// Shares what can be shared with another drive, which takes less memory.
+    /// Shares equal tables with another drive, to save memory.
     pub(crate) fn share(&mut self, other: &Drive) {
         self.regler.store.share(&other.regler.store);
     }
@@ -189,23 +192,24 @@ impl Drive {
         self.slave_number
     }
 
-    /// Baud rate that its switches are set to, in kbit/s.
+    /// Baud rate set at the drive's switches, in kbit/s.
     #[inline]
     pub fn kbit_s(&self) -> u16 {
         self.kbit_s
     }
 
-    /// Falling SYNC edge at `now_us`: an interval of `interval_us` begins.
+    /// Handles a falling SYNC edge at `now_us`: an interval of `interval_us` begins.
     #[inline]
     pub fn sync_edge(&mut self, now_us: u64, interval_us: u32) {
         self.edge(now_us, interval_us, true);
     }
 
-    /// The same; unless it `is_looked_at` before the next edge, nobody can tell what the card has sampled.
+    /// As [`Drive::sync_edge`]. `is_looked_at`: the samples of the card may be read before the next edge. Otherwise
+    /// sampling is skipped.
     #[inline]
     fn edge(&mut self, now_us: u64, interval_us: u32, is_looked_at: bool) {
         let was_synchronized = self.is_synchronized();
-        // The control task cannot run in step with a signal that does not come once in its SYNC slot (decision D-291).
+        // The control task cannot synchronize to a signal that does not come once in its SYNC slot (decision D-291).
         if self.regler.sync_times().0 == interval_us {
             self.sync.edge(now_us, interval_us, interval_us / 4);
         } else {
@@ -218,13 +222,15 @@ impl Drive {
             let status_word = self.status_word();
             self.card.sample(&mut self.regler.store, status_word);
         }
-        // A position reference value that came in an interval without lock is lost, also if the lock comes right after it.
+        // A position reference value from an interval without lock is lost, also if the lock comes immediately
+        // afterwards.
         self.go_on(was_synchronized && self.is_synchronized(), now_us, interval_us);
     }
 
-    /// An interval of `interval_us` begins at `now_us` by the drive's own clock, as its SYNC edge is missing. The first
-    /// one is run through (manual 5.00005.03a p. 135); after that nothing is exchanged (5.01010.01 p. 22). The drive
-    /// moves on in any case. Its actual value frames are left out, which p. 135 allows (decision D-124).
+    /// Starts an interval of `interval_us` at `now_us` by the drive's own clock, because its SYNC edge is missing. The
+    /// drive runs through the first such interval (manual 5.00005.03a p. 135). After that card and drive exchange no
+    /// data (5.01010.01 p. 22). The motion continues in both cases. The actual value frames are left out, which p. 135
+    /// permits (decision D-124).
     pub fn interval_without_edge(&mut self, now_us: u64, interval_us: u32) {
         let runs_through = self.sync.runs_through(now_us);
         self.pass(now_us);
@@ -232,7 +238,8 @@ impl Drive {
         self.go_on(runs_through, now_us, interval_us);
     }
 
-    /// Goes through the interval that begins at `now_us`. `is_synchronized`: the drive is, and was in the interval before.
+    /// Runs through the interval that begins at `now_us`. `is_synchronized`: the drive is synchronized and was in the
+    /// previous interval.
     #[inline]
     fn go_on(&mut self, is_synchronized: bool, now_us: u64, interval_us: u32) {
         if self.exchanges {
@@ -241,9 +248,9 @@ impl Drive {
             self.card.discard();
         }
         if self.card.is_stopped() {
-            self.monitors[1].away(now_us);
+            self.monitors[1].mark_missing(now_us);
         } else {
-            self.monitors[1].there();
+            self.monitors[1].mark_present();
         }
         self.monitor(now_us);
         if !self.exchanges {
@@ -255,13 +262,13 @@ impl Drive {
         self.regler.step(after_us);
     }
 
-    /// The card overwrites bit 15 of the status word with the SYNC state (manual 5.01010.01 p. 30).
+    /// Updates bit 15 of the status word: the card overwrites it with the SYNC state (manual 5.01010.01 p. 30).
     #[inline]
     fn show_synchronized(&mut self) {
         self.regler.show_synchronized(self.sync.is_locked());
     }
 
-    /// Time has passed without a SYNC edge, up to `now_us`: the signal may have been gone for too long.
+    /// Advances the clock to `now_us` without a SYNC edge. The signal may have been missing for too long.
     pub fn pass(&mut self, now_us: u64) {
         let was_synchronized = self.is_synchronized();
         self.sync.pass(now_us);
@@ -272,68 +279,70 @@ impl Drive {
 
     #[inline]
     fn monitor(&mut self, now_us: u64) {
-        if self.regler.reports_error() || self.monitors.iter().any(Monitor::is_away) {
+        if self.regler.reports_error() || self.monitors.iter().any(Monitor::is_missing) {
             self.regler.monitor(now_us, self.monitors.iter_mut());
         }
     }
 
-    /// A lock that SYNC has ended is an error (p. 135), until the drive is synchronized again.
+    /// Updates the SYNC monitor. The end of a lock by a missing SYNC is an error (p. 135), until the drive is
+    /// synchronized again.
     #[inline]
     fn notice_lock(&mut self, was_synchronized: bool, now_us: u64) {
         match (was_synchronized, self.is_synchronized()) {
-            (true, false) => self.monitors[0].away(now_us),
-            (_, true) => self.monitors[0].there(),
+            (true, false) => self.monitors[0].mark_missing(now_us),
+            (_, true) => self.monitors[0].mark_present(),
             (false, false) => {}
         }
     }
 
-    /// When something will happen to the drive if no SYNC edge comes, beside its motion.
+    /// Returns the time of the next change of the drive without a SYNC edge, other than its motion.
     pub fn next_time(&self) -> Option<u64> {
         let reports = self.monitors.iter().filter_map(Monitor::next_time);
         self.sync.lost_at().into_iter().chain(reports).min()
     }
 
-    /// Whether the drive has nothing to do while no SYNC edge comes.
-    pub fn is_at_rest(&self) -> bool {
-        // An exchange that goes on ends when the next edge stays away.
-        self.regler.is_at_rest() && !self.exchanges
+    /// Returns true if the drive has no work while no SYNC edge comes.
+    pub fn is_quiescent(&self) -> bool {
+        // A running exchange ends when the next edge is missing.
+        self.regler.is_quiescent() && !self.exchanges
     }
 
-    /// The master's reference value frame of `channel`. Frames that do not carry a mapped value entirely
-    /// do not change it.
+    /// Handles the master's reference value frame of `channel`. A frame that carries a mapped value only partly does
+    /// not change the value.
     #[inline]
     pub fn reference_frame(&mut self, channel: Channel, payload: &Payload) {
         self.card.receive(Source::Master, channel, payload);
     }
 
-    /// The actual value frame of `channel` that slave `from` has sent (ZK 4 and 5, bit 7).
+    /// Handles the actual value frame of `channel` from slave `from` (ZK 4 and 5, bit 7).
     #[inline]
     pub fn overheard_frame(&mut self, from: u8, channel: Channel, payload: &Payload) {
         self.card.receive(Source::Slave(from), channel, payload);
     }
 
-    /// Slaves whose actual value frames the drive evaluates, bit n for slave n.
+    /// Returns the slaves whose actual value frames the drive evaluates, bit n for slave n.
     pub fn wants_overheard(&self) -> u32 {
         self.card.wants_overheard()
     }
 
-    /// Whether the drive evaluates the master's reference value frames of `channel`.
+    /// Returns true if the drive evaluates the master's reference value frames of `channel`.
     #[inline]
     pub fn wants_reference(&self, channel: Channel) -> bool {
         self.card.wants_reference(channel)
     }
 
-    /// The drive's actual value frame of `channel` in this interval; `None` if nothing is mapped into it:
-    /// then the drive does not answer, nor in an interval without SYNC edge. Words without a value are 0.
+    /// Returns the drive's actual value frame of `channel` in this interval. `None` if no value is mapped into it, or
+    /// in an interval without a SYNC edge: the drive does not answer. Words without a value are 0.
     #[inline]
     pub fn actual_value_frame(&self, channel: Channel) -> Option<Payload> {
         if self.edge_is_missing { None } else { self.card.frame(channel) }
     }
 
-    /// An action command; commands that do not concern the drive (SLAVE_GROUP) are ignored here.
+    /// Handles an action command. The drive ignores commands for other drives (SLAVE_GROUP).
     ///
-    /// A control word waits for the next exchange between card and drive (decision D-81). SYNC mode on resumes an exchange
-    /// stopped by reference value losses (ZK 26); off ends the synchronized state. Other commands mean nothing to the drive.
+    /// A control word waits for the next exchange between card and drive (decision D-81). SYNC mode on resumes an
+    /// exchange that reference value losses have stopped (ZK 26). SYNC mode off ends the synchronized state. Other
+    /// commands have no effect.
     pub fn action_command(&mut self, command: &ActionCommand) {
         if !command.concerns(self.slave_number) {
             return;
@@ -351,11 +360,11 @@ impl Drive {
         }
     }
 
-    /// A parameter or up-/download job for this drive: the answer frame, `None` if the data field is no
-    /// job at all.
+    /// Handles a parameter or up-/download job for this drive. Returns the answer frame; `None` if the data field is
+    /// not a job.
     ///
-    /// The card's manual describes no area for up- and downloads; the drive refuses all of them with
-    /// 16#0104 "not possible" (decision D-47).
+    /// The card's manual describes no area for up- and downloads. The drive refuses all of them with 16#0104 "not
+    /// possible" (decision D-47).
     pub fn job(&mut self, payload: &Payload) -> Option<Frame> {
         if let Ok(job) = ParameterJob::decode(payload) {
             return Some(self.parameter_job(&job).frame(self.slave_number));
@@ -365,12 +374,12 @@ impl Drive {
         Some(refusal.frame(self.slave_number))
     }
 
-    /// A parameter job; the drive answers at once. While card and drive exchange nothing the card answers with BUSY, so that
-    /// the master repeats the job (5.01010.01 p. 22, 26-27; decision D-615); only the status word can be read.
+    /// Answers a parameter job at once. While card and drive exchange no data, the card answers with BUSY, so that the
+    /// master repeats the job (5.01010.01 p. 22, 26-27; decision D-615). Only the status word can be read then.
     ///
-    /// The element selection of a read job is ignored, as the manual allows (5.01010.01 p. 26); only
-    /// element 7 can be written, others are 16#FFFC "not changeable". The drive has no sub-slaves: any
-    /// sub-slave address but 0 is 16#FFFB "not present".
+    /// The element selection of a read job is ignored, as the manual permits (5.01010.01 p. 26). Only element 7 can be
+    /// written; the error for others is 16#FFFC "not changeable". The drive has no sub-slaves: each sub-slave address
+    /// except 0 gives 16#FFFB "not present".
     pub fn parameter_job(&mut self, job: &ParameterJob) -> ParameterResponse {
         job.answer(self.service(job).unwrap_or_else(ParameterResult::Error))
     }
@@ -396,8 +405,8 @@ impl Drive {
         Ok(ParameterResult::Done)
     }
 
-    /// While card and drive exchange nothing, the card knows the status word that the drive gave last, and its own bit 15
-    /// (5.01010.01 p. 30). Everything else has to wait.
+    /// Answers a job while card and drive exchange no data. The card has the last status word of the drive and its own
+    /// bit 15 (5.01010.01 p. 30). All other jobs must wait.
     fn answer_of_the_card(&self, job: &ParameterJob) -> ParameterResult {
         match (job.number(), job.access(), self.card.sampled_status()) {
             (number::STATUS_WORD, Access::Read, Some(word)) => {
@@ -408,7 +417,8 @@ impl Drive {
         }
     }
 
-    /// What is wrong with the drive's parameters on a bus with this interval; once for each pair of values.
+    /// Returns the wrong settings of the drive's parameters on a bus with this interval, once for each combination of
+    /// values.
     pub(crate) fn take_objections(&mut self, interval_us: u32) -> impl Iterator<Item = Objection> + use<> {
         let ((slot_us, offset_us), pwm_khz) = (self.regler.sync_times(), self.regler.pwm_khz());
         let settings = Settings { slot_us, offset_us, pwm_khz, interval_us };
@@ -419,41 +429,42 @@ impl Drive {
         slot.into_iter().chain(offset).chain(pwm)
     }
 
-    /// The value of parameter `number`, if the drive has it.
+    /// Returns the value of parameter `number`, if the drive has it.
     pub fn parameter(&self, number: u16) -> Option<u32> {
         self.regler.parameter(number)
     }
 
-    /// The status word (parameter 121) with the SYNC state in bit 15.
+    /// Returns the status word (parameter 121) with the SYNC state in bit 15.
     #[inline]
     pub fn status_word(&self) -> u16 {
         self.regler.status_word()
     }
 
-    /// Whether the drive runs in step with SYNC.
+    /// Returns true if the drive is synchronized to SYNC.
     #[inline]
     pub fn is_synchronized(&self) -> bool {
         self.sync.is_locked()
     }
 
     /// State of the drive's state machine.
-    pub fn state(&self) -> State {
+    pub fn state(&self) -> DrivecomState {
         self.regler.state()
     }
 
-    /// Reference value frames missed so far. Counted while card and drive exchange data, from the first frame on.
+    /// Returns the number of missed reference value frames. They are counted while card and drive exchange data, from
+    /// the first frame on.
     pub fn reference_losses(&self) -> u64 {
         self.card.total_losses()
     }
 
-    /// Whether more reference values were lost in direct succession than ZK 26 allows: card and drive
-    /// exchange nothing until SYNC mode is switched on again.
+    /// Returns true if more reference values were lost in direct succession than ZK 26 permits. Card and drive exchange
+    /// no data until SYNC mode is switched on again.
     pub fn is_exchange_stopped(&self) -> bool {
         self.card.is_stopped()
     }
 
-    /// Brings a fault upon the drive: it brakes and waits for a fault reset (control word, bit 7). Parameter 308
-    /// shows the number of the first fault until then. `false`: the drive has a fault already, which stays.
+    /// Trips the drive: it brakes and waits for a fault reset (control word, bit 7). Until then parameter 308 has the
+    /// number of the first fault. Returns false if the drive already has a fault.
     pub fn trip(&mut self, fault: u16) -> bool {
         self.regler.trip(fault)
     }

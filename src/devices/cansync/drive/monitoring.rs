@@ -1,25 +1,26 @@
-//! Communication monitoring of a drive: what it does when SYNC, reference values or its PLC stay away.
+//! Communication monitoring of a drive: its reaction to a missing SYNC signal, missing reference values or a missing
+//! PLC.
 //!
-//! The manuals say that the drive then reports an error, and that its reaction can be set (5.00005.03a p. 135;
-//! 5.01010.01 p. 17, 22). They name no time, no reaction by default and no number: those are ours (decision D-293).
+//! According to the manuals the drive then reports an error, with an adjustable reaction (5.00005.03a p. 135;
+//! 5.01010.01 p. 17, 22). They name no time, no default reaction and no number. Decision D-293 defines these.
 
 use crate::snapshot_fields;
 use serde::{Deserialize, Serialize};
 use std::num::NonZeroU16;
 
-/// Fault numbers where the plant file gives none (decision D-293).
+/// Default fault numbers (decision D-293).
 pub(super) mod fault {
     pub(crate) const SYNC: u16 = 501;
     pub(crate) const REFERENCE_VALUES: u16 = 502;
     pub(crate) const CYCLIC_DATA: u16 = 503;
 }
 
-/// What a drive does beside reporting the error (5.00005.03a p. 135: quick stop, inhibit, ...).
+/// Reaction of a drive in addition to reporting the error (5.00005.03a p. 135: quick stop, inhibit, ...).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 #[serde(expecting = "a reaction of the drive, as a word")]
 pub enum Reaction {
-    /// Nothing: a warning, which goes when its cause does.
+    /// No reaction: a warning, which ends with its cause.
     #[default]
     None,
     /// Brakes to standstill, then "fault".
@@ -28,17 +29,17 @@ pub enum Reaction {
     Inhibit,
 }
 
-/// One thing that is monitored.
+/// Settings of one monitor.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
-#[serde(expecting = "a table that says what is watched")]
-pub struct Watch {
-    /// How long it must have been away until the error is reported, in us, at most one hour. SYNC counts from the loss of
-    /// the lock, reference values from the moment at which ZK 26 stops the exchange, cyclic data from the last exchange.
+#[serde(expecting = "a table with the settings of a monitor")]
+pub struct MonitorSettings {
+    /// Time from the loss to the error report, in us, at most one hour. For SYNC the time starts at the loss of the
+    /// lock, for reference values when ZK 26 stops the exchange, for cyclic data at the last exchange.
     pub time_us: u64,
-    /// What the drive does then.
+    /// Reaction of the drive.
     pub reaction: Reaction,
-    /// Number that parameter 308 shows. Left out: 501 SYNC, 502 reference values, 503 cyclic data.
+    /// Fault number in parameter 308. Left out: 501 SYNC, 502 reference values, 503 cyclic data.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub fault: Option<NonZeroU16>,
 }
@@ -46,32 +47,32 @@ pub struct Watch {
 /// Table `[bus.drive.monitoring]`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
-#[serde(expecting = "a table with what the card watches")]
+#[serde(expecting = "a table with the monitors of the card")]
 pub struct CardMonitoring {
     /// The SYNC signal.
-    pub sync: Watch,
+    pub sync: MonitorSettings,
     /// Reference values, by ZK 26.
-    pub reference_values: Watch,
+    pub reference_values: MonitorSettings,
 }
 
 /// Table `[plc.drive.monitoring]`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
-#[serde(expecting = "a table with what the BAPS watches")]
+#[serde(expecting = "a table with the monitors of the BAPS")]
 pub struct BapsMonitoring {
     /// The signal of the trigger controller.
-    pub sync: Watch,
+    pub sync: MonitorSettings,
     /// Process data of the PLC; left out: not monitored.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub cyclic_data: Option<Watch>,
+    pub cyclic_data: Option<MonitorSettings>,
 }
 
-/// A [`Watch`] at work.
+/// The running monitor of one signal.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Monitor {
-    watch: Watch,
+    watch: MonitorSettings,
     fault: u16,
-    /// Since when the thing has been away.
+    /// Start of the present loss.
     since: Option<u64>,
     reported: bool,
 }
@@ -79,33 +80,33 @@ pub(super) struct Monitor {
 snapshot_fields!(Monitor { values: since, reported; built: watch, fault });
 
 impl Monitor {
-    /// A monitor that reports `fault` unless `watch` names another number.
-    pub(crate) fn new(watch: &Watch, fault: u16) -> Self {
+    /// Creates a monitor that reports `fault` unless `watch` has another number.
+    pub(crate) fn new(watch: &MonitorSettings, fault: u16) -> Self {
         let fault = watch.fault.map_or(fault, NonZeroU16::get);
         Monitor { watch: *watch, fault, since: None, reported: false }
     }
 
-    /// The thing is away, or still away, at `now`.
+    /// Notes that the signal is missing at `now`.
     #[inline]
-    pub(crate) fn away(&mut self, now: u64) {
+    pub(crate) fn mark_missing(&mut self, now: u64) {
         if self.since.is_none() {
             (self.since, self.reported) = (Some(now), false);
         }
     }
 
-    /// The thing is there.
+    /// Notes that the signal is present.
     #[inline]
-    pub(crate) fn there(&mut self) {
+    pub(crate) fn mark_present(&mut self) {
         self.since = None;
     }
 
-    /// Whether the thing is away.
+    /// Returns true if the signal is missing.
     #[inline]
-    pub(crate) fn is_away(&self) -> bool {
+    pub(crate) fn is_missing(&self) -> bool {
         self.since.is_some()
     }
 
-    /// When the error will be reported.
+    /// Returns the time at which the error will be reported.
     pub(crate) fn next_time(&self) -> Option<u64> {
         self.due().filter(|_| !self.reported)
     }
@@ -114,7 +115,7 @@ impl Monitor {
         self.since.map(|since| since.saturating_add(self.watch.time_us))
     }
 
-    /// Number and reaction, if the thing has been away for too long at `now`.
+    /// Returns number and reaction of the error, if the signal has been missing for too long at `now`.
     #[inline]
     pub(crate) fn error(&mut self, now: u64) -> Option<(u16, Reaction)> {
         let is_due = self.due()? <= now;
@@ -129,26 +130,27 @@ mod tests {
 
     #[test]
     fn an_error_is_due_after_its_time_and_until_the_cause_is_gone() {
-        let watch = Watch { time_us: 100, reaction: Reaction::QuickStop, fault: None };
+        let watch = MonitorSettings { time_us: 100, reaction: Reaction::QuickStop, fault: None };
         let mut monitor = Monitor::new(&watch, 7);
         assert_eq!((monitor.next_time(), monitor.error(1_000)), (None, None));
-        monitor.away(1_000);
-        monitor.away(1_050);
+        monitor.mark_missing(1_000);
+        monitor.mark_missing(1_050);
         assert_eq!((monitor.next_time(), monitor.error(1_099)), (Some(1_100), None));
         for now in [1_100, 1_200] {
             assert_eq!(monitor.error(now), Some((7, Reaction::QuickStop)));
             assert_eq!(monitor.next_time(), None, "it is reported");
         }
-        monitor.there();
+        monitor.mark_present();
         assert_eq!(monitor.error(1_300), None);
-        monitor.away(1_300);
+        monitor.mark_missing(1_300);
         assert_eq!(monitor.next_time(), Some(1_400));
     }
 
     #[test]
     fn the_plant_file_chooses_the_number() {
-        let mut monitor = Monitor::new(&Watch { fault: NonZeroU16::new(9), ..Watch::default() }, 7);
-        monitor.away(5);
+        let mut monitor =
+            Monitor::new(&MonitorSettings { fault: NonZeroU16::new(9), ..MonitorSettings::default() }, 7);
+        monitor.mark_missing(5);
         assert_eq!(monitor.error(5), Some((9, Reaction::None)));
     }
 }

@@ -1,36 +1,36 @@
-//! How the drive moves: the speed follows its target, at once or along a ramp, and the angle follows the speed. Where somebody
-//! else knows what the motor turns, the speed is what he says.
+//! Motion of the drive: the speed follows its target, at once or along a ramp, and the angle follows the speed. If an
+//! external model drives the motor, the model gives the speed.
 
 use serde::{Deserialize, Serialize};
 
-/// Speed of the drive in increments per millisecond, and the angle it has come to in increments. An increment is
-/// the 2^32nd part of a revolution, so that the angle wraps around once per revolution (decision D-162).
+/// Speed of the drive in increments per millisecond, and its angle in increments. An increment is the 2^32nd part of a
+/// revolution, so the angle wraps around once per revolution (decision D-162).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Motion {
-    /// What the drive demands; without a model outside the motor does it.
+    /// The speed that the drive demands. Without an external model it is the motor's speed.
     speed: i32,
     angle: u32,
-    /// Part of an increment of speed left over by the ramp, in millionths.
+    /// Remainder of the ramp, in millionths of an increment of speed.
     speed_carry: u64,
-    /// Part of an increment of angle left over, in thousandths.
+    /// Remainder of the angle, in thousandths of an increment.
     angle_carry: i64,
-    /// The motor's speed by a model outside.
+    /// The motor's speed according to the external model.
     turned: Option<i32>,
 }
 
 impl Motion {
-    /// The motor's speed.
+    /// Returns the motor's speed.
     #[inline]
     pub(crate) fn speed(&self) -> i32 {
         self.turned.unwrap_or(self.speed)
     }
 
-    /// The speed that the drive demands of its motor.
+    /// Returns the speed that the drive demands of its motor.
     pub(crate) const fn demand(&self) -> i32 {
         self.speed
     }
 
-    /// From now on the motor turns with the speed that a model outside says; `None`: with the one that the drive demands.
+    /// Sets the motor's speed according to an external model; `None`: the motor follows the demand.
     pub(crate) const fn turn(&mut self, speed: Option<i32>) {
         self.turned = speed;
     }
@@ -41,8 +41,8 @@ impl Motion {
         self.angle
     }
 
-    /// Moves on by `interval_us` towards the speed `target`, by at most `ramp` increments of speed per second
-    /// (0: at once); returns the motor's speed.
+    /// Advances by `interval_us` towards the speed `target`, by at most `ramp` increments of speed per second (0: at
+    /// once). Returns the motor's speed.
     #[inline]
     pub(crate) fn step(&mut self, target: i32, interval_us: u32, ramp: u32) -> i32 {
         if self.speed != target {
@@ -60,9 +60,9 @@ impl Motion {
         speed
     }
 
-    /// Moves through one interval for each of the `targets`, of which there is at least one. An interval has two parts, whose
-    /// lengths in us are `parts`: the target of the interval before, at first `before`, still counts in the first part. Returns
-    /// whether the motor stands still in any part.
+    /// Advances through one interval for each of the `targets`. There is at least one. An interval has two parts, whose
+    /// lengths in us are `parts`. The target of the previous interval, at first `before`, is still valid in the first
+    /// part. Returns true if the motor is at a has_stoppedtill in any part.
     #[inline]
     pub(crate) fn steps(
         &mut self,
@@ -72,21 +72,21 @@ impl Motion {
         ramp: u32,
     ) -> bool {
         if ramp == 0
-            && let Some(stands) = self.steps_at_once(before, targets.clone(), parts)
+            && let Some(has_stopped) = self.steps_at_once(before, targets.clone(), parts)
         {
-            return stands;
+            return has_stopped;
         }
-        let (mut before, mut stands) = (before, false);
+        let (mut before, mut has_stopped) = (before, false);
         for target in targets {
-            stands |= self.step(before, parts[0], ramp) == 0;
-            stands |= self.step(target, parts[1], ramp) == 0;
+            has_stopped |= self.step(before, parts[0], ramp) == 0;
+            has_stopped |= self.step(target, parts[1], ramp) == 0;
             before = target;
         }
-        stands
+        has_stopped
     }
 
-    /// The same without a ramp, if it does not depend on their order: the part of an increment that is left over points the
-    /// way that the motor turned last.
+    /// As [`Motion::steps`] without a ramp, if the result does not depend on the order of the targets: the remainder
+    /// has the direction of the motor's last motion.
     #[inline]
     fn steps_at_once(
         &mut self,
@@ -95,11 +95,11 @@ impl Motion {
         [old_us, new_us]: [u32; 2],
     ) -> Option<bool> {
         let first = self.turned.unwrap_or(before);
-        let (mut last, mut sum, mut stands) = (before, 0, first == 0);
+        let (mut last, mut sum, mut has_stopped) = (before, 0, first == 0);
         let (mut lowest, mut highest) = (first.min(0), first.max(0));
         let mut add = |speed: i32| {
             sum += i64::from(speed);
-            stands |= speed == 0;
+            has_stopped |= speed == 0;
             (lowest, highest) = (speed.min(lowest), speed.max(highest));
         };
         match self.turned {
@@ -115,8 +115,8 @@ impl Motion {
         if (lowest < 0 || self.angle_carry < 0) && (highest > 0 || self.angle_carry > 0) {
             return None;
         }
-        // Each target counts for a whole interval. But the first interval begins with `before`, and the old part of the last target
-        // lies in the interval that follows.
+        // Each target is valid for a whole interval. But the first interval begins with `before`, and the first part of
+        // the last target belongs to the following interval.
         let interval_us = i64::from(old_us) + i64::from(new_us);
         let shift = i64::from(first) - i64::from(self.turned.unwrap_or(last));
         let way = sum.checked_mul(interval_us)?.checked_add(shift.checked_mul(old_us.into())?)?;
@@ -124,7 +124,7 @@ impl Motion {
         self.speed = last;
         self.angle = self.angle.wrapping_add((way / 1000) as u32);
         self.angle_carry = way % 1000;
-        Some(stands)
+        Some(has_stopped)
     }
 
     fn ramp(&mut self, target: i32, ramp: u32, interval_us: u32) {
@@ -137,7 +137,7 @@ impl Motion {
             return;
         }
         self.speed_carry = way % 1_000_000;
-        // Below the distance, so it fits 32 bits and cannot overshoot.
+        // Smaller than the distance, so the step fits 32 bits and cannot overshoot.
         let step = step as u32;
         self.speed = if target > self.speed {
             self.speed.wrapping_add_unsigned(step)
@@ -169,7 +169,7 @@ mod tests {
     }
 
     #[test]
-    fn slow_ramp_does_not_stand_still() {
+    fn a_slow_ramp_moves_after_several_intervals() {
         // 100 increments per second are 0.2 per interval of 2 ms.
         let mut motion = Motion::default();
         let speeds: Vec<i32> = (0..10).map(|_| motion.step(50, 2000, 100)).collect();
@@ -198,7 +198,7 @@ mod tests {
     }
 
     #[test]
-    fn a_model_outside_turns_the_motor_and_the_drive_goes_on_demanding() {
+    fn an_external_model_turns_the_motor_while_the_drive_keeps_its_demand() {
         let mut motion = Motion::default();
         motion.turn(Some(1000));
         assert_eq!(motion.step(5000, 2000, 1_000_000), 1000);
@@ -211,7 +211,7 @@ mod tests {
         #![proptest_config(crate::property_tests())]
 
         #[test]
-        fn steps_are_as_many_single_ones(
+        fn steps_are_equal_to_single_steps(
             targets in prop_oneof![
                 prop::collection::vec(any::<i32>(), 1..9),
                 prop::collection::vec(-3..=0, 1..9),
@@ -227,14 +227,14 @@ mod tests {
             one_by_one.step(speed, 1, 0);
             one_by_one.turn(turned.map(i32::from));
             let mut at_once = one_by_one;
-            let mut stands = false;
+            let mut has_stopped = false;
             let mut old = before;
             for target in &targets {
-                stands |= one_by_one.step(old, parts[0], ramp) == 0;
-                stands |= one_by_one.step(*target, parts[1], ramp) == 0;
+                has_stopped |= one_by_one.step(old, parts[0], ramp) == 0;
+                has_stopped |= one_by_one.step(*target, parts[1], ramp) == 0;
                 old = *target;
             }
-            prop_assert_eq!(at_once.steps(before, targets.iter().copied(), parts, ramp), stands);
+            prop_assert_eq!(at_once.steps(before, targets.iter().copied(), parts, ramp), has_stopped);
             prop_assert_eq!(at_once, one_by_one);
         }
 

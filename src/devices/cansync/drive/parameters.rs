@@ -26,7 +26,7 @@ impl ParamFormat {
         }
     }
 
-    /// The highest unsigned value.
+    /// Returns the highest unsigned value.
     pub const fn mask(self) -> u32 {
         match self {
             ParamFormat::Word => 0xFFFF,
@@ -53,11 +53,11 @@ pub struct ParameterSpec {
     /// Highest value that can be written from outside.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub max: Option<i64>,
-    /// Only the drive itself writes it.
+    /// True if only the drive writes the parameter.
     #[serde(default)]
     pub read_only: bool,
-    /// How long the drive recalculates after it was written from outside, in us; parameter jobs cannot have
-    /// it meanwhile.
+    /// Duration of the recalculation after an external write, in us. The parameter is not available to parameter jobs
+    /// during this time.
     #[serde(default)]
     pub settle_us: u32,
 }
@@ -68,18 +68,19 @@ impl ParameterSpec {
         ParameterSpec { number, format, initial: 0, min: None, max: None, read_only: false, settle_us: 0 }
     }
 
-    /// The same, which only the drive itself writes.
+    /// Returns the parameter with write access for the drive only.
     pub const fn read_only(self) -> Self {
         ParameterSpec { read_only: true, ..self }
     }
 
-    /// Whether it says nothing but the value after power-on of a parameter that the drive has itself, and may.
+    /// Returns true if this entry only sets the value after power-on of the drive's own parameter `own`, and `own` is
+    /// writable.
     pub(super) fn is_value_of(&self, own: &ParameterSpec) -> bool {
         !own.read_only
             && *self == ParameterSpec { initial: self.initial, ..ParameterSpec::new(own.number, own.format) }
     }
 
-    /// Lowest and highest value that the format has.
+    /// Returns the lowest and highest value of the format.
     fn format_limits(&self) -> (u32, u32) {
         match (self.is_signed(), self.format) {
             (false, format) => (0, format.mask()),
@@ -101,7 +102,7 @@ impl ParameterSpec {
         (self.number_of(lowest), self.number_of(highest))
     }
 
-    /// The number that these bits are.
+    /// Returns the number with these bits.
     pub(super) fn number_of(&self, bits: u32) -> i64 {
         match (self.is_signed(), self.format) {
             (false, _) => i64::from(bits),
@@ -114,7 +115,7 @@ impl ParameterSpec {
         self.min.is_some_and(|min| min < 0)
     }
 
-    /// Refusal of a value: its error number (16#FFFE or 16#FFFD).
+    /// Checks a value. The error is the error number (16#FFFE or 16#FFFD).
     fn check(&self, value: u32) -> Result<(), u16> {
         let value = self.number_of(value);
         if self.min.is_some_and(|min| value < min) {
@@ -127,7 +128,7 @@ impl ParameterSpec {
     }
 }
 
-/// What is wrong with a parameter of the plant file.
+/// Reason why a parameter of the plant file is wrong.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ParameterError {
     /// Number above 4095.
@@ -136,7 +137,7 @@ pub enum ParameterError {
     /// Number in use already.
     #[error("the number is there twice")]
     Twice,
-    /// One of the drive's own parameters, described anew.
+    /// One of the drive's own parameters is defined again.
     #[error(
         "the drive has this parameter itself (layouts/v-regler); give number, its format and `initial` only, and none that is read only or the control word"
     )]
@@ -145,18 +146,18 @@ pub enum ParameterError {
     #[error("initial value 16#{0:X} does not fit a word")]
     Width(u32),
     /// The initial value violates the limits.
-    #[error("initial value 16#{0:X} lies outside its own limits")]
+    #[error("initial value 16#{0:X} is outside the limits of the parameter")]
     Limits(u32),
 }
 
-/// Place of a parameter in the store of the drive that gave it away.
+/// Index of a parameter in the store of a drive, valid only for that drive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub(super) struct Slot(u16);
+pub(super) struct ParameterSlot(u16);
 
-impl Slot {
-    /// There are 4096 at most.
+impl ParameterSlot {
+    /// A store has at most 4096 parameters.
     fn at(index: usize) -> Self {
-        Slot(index as u16)
+        ParameterSlot(index as u16)
     }
 
     #[inline]
@@ -165,18 +166,18 @@ impl Slot {
     }
 }
 
-/// All parameters of one drive, in the order of their numbers.
+/// All parameters of one drive, in order of their numbers.
 #[derive(Clone, Debug)]
 pub(super) struct ParameterStore {
-    /// What they are; drives that have the same share it.
+    /// Definitions; drives with the same definitions share them.
     specs: Arc<[ParameterSpec]>,
     values: Box<[u32]>,
     changed: bool,
-    /// The parameter whose writing is watched, see [`ParameterStore::watch`].
-    watched: Option<Slot>,
+    /// The parameter with write detection, see [`ParameterStore::watch`].
+    watched: Option<ParameterSlot>,
     written: bool,
-    /// Parameters that are being recalculated, with the time left in us.
-    settling: Vec<(Slot, u32)>,
+    /// Parameters in recalculation, with the remaining time in us.
+    settling: Vec<(ParameterSlot, u32)>,
 }
 
 impl SnapshotFields for ParameterStore {
@@ -192,7 +193,7 @@ impl SnapshotFields for ParameterStore {
 }
 
 impl ParameterStore {
-    /// A store with the given parameters; the error names the parameter at fault.
+    /// Creates a store with the given parameters. The error names the wrong parameter.
     pub(crate) fn new(mut specs: Vec<ParameterSpec>) -> Result<Self, (u16, ParameterError)> {
         specs.sort_by_key(|spec| spec.number);
         for spec in &specs {
@@ -215,25 +216,25 @@ impl ParameterStore {
         Ok(ParameterStore { specs: specs.into(), values, changed: true, watched, written: false, settling })
     }
 
-    /// Shares what can be shared with another drive's.
+    /// Shares equal definitions with the store of another drive.
     pub(crate) fn share(&mut self, other: &ParameterStore) {
         if self.specs == other.specs {
             self.specs = Arc::clone(&other.specs);
         }
     }
 
-    /// Watches writes of one parameter, also those that do not change it.
-    pub(crate) fn watch(&mut self, slot: Slot) {
+    /// Switches on write detection for one parameter. Writes of the same value count too.
+    pub(crate) fn watch(&mut self, slot: ParameterSlot) {
         self.watched = Some(slot);
     }
 
-    /// Whether the watched parameter was written since the last call.
+    /// Returns true if the watched parameter was written since the last call.
     #[inline]
     pub(crate) fn take_written(&mut self) -> bool {
         std::mem::take(&mut self.written)
     }
 
-    /// Lets time pass for recalculations.
+    /// Advances the clock for recalculations.
     #[inline]
     pub(crate) fn pass(&mut self, us: u32) {
         if !self.settling.is_empty() {
@@ -244,77 +245,77 @@ impl ParameterStore {
         }
     }
 
-    /// Whether any parameter is being recalculated.
+    /// Returns true if a parameter is in recalculation.
     pub(crate) fn is_settling(&self) -> bool {
         !self.settling.is_empty()
     }
 
-    /// Whether the parameter can be had: it is not being recalculated.
+    /// Returns true if the parameter is available: not in recalculation.
     #[inline]
-    pub(crate) fn is_available(&self, slot: Slot) -> bool {
+    pub(crate) fn is_available(&self, slot: ParameterSlot) -> bool {
         self.settling.iter().all(|(settling, _)| *settling != slot)
     }
 
     /// Lowest and highest value of a parameter, in its format.
-    pub(crate) fn limits(&self, slot: Slot) -> (u32, u32) {
+    pub(crate) fn limits(&self, slot: ParameterSlot) -> (u32, u32) {
         self.specs[slot.index()].limits()
     }
 
-    /// Where parameter `number` is.
-    pub(crate) fn slot(&self, number: u16) -> Option<Slot> {
-        self.specs.binary_search_by_key(&number, |spec| spec.number).ok().map(Slot::at)
+    /// Returns the slot of parameter `number`.
+    pub(crate) fn slot(&self, number: u16) -> Option<ParameterSlot> {
+        self.specs.binary_search_by_key(&number, |spec| spec.number).ok().map(ParameterSlot::at)
     }
 
     /// All parameters.
-    pub(super) fn slots(&self) -> impl Iterator<Item = Slot> {
-        (0..self.specs.len()).map(Slot::at)
+    pub(super) fn slots(&self) -> impl Iterator<Item = ParameterSlot> {
+        (0..self.specs.len()).map(ParameterSlot::at)
     }
 
-    /// What a parameter is.
-    pub(super) fn spec(&self, slot: Slot) -> &ParameterSpec {
+    /// Returns the definition of a parameter.
+    pub(super) fn spec(&self, slot: ParameterSlot) -> &ParameterSpec {
         &self.specs[slot.index()]
     }
 
     /// Width of a parameter.
-    pub(crate) fn format(&self, slot: Slot) -> ParamFormat {
+    pub(crate) fn format(&self, slot: ParameterSlot) -> ParamFormat {
         self.specs[slot.index()].format
     }
 
-    /// Whether only the drive itself may write the parameter.
-    pub(crate) fn is_read_only(&self, slot: Slot) -> bool {
+    /// Returns true if only the drive may write the parameter.
+    pub(crate) fn is_read_only(&self, slot: ParameterSlot) -> bool {
         self.specs[slot.index()].read_only
     }
 
     /// Value of a parameter.
     #[inline]
-    pub(crate) fn get(&self, slot: Slot) -> u32 {
+    pub(crate) fn get(&self, slot: ParameterSlot) -> u32 {
         self.values[slot.index()]
     }
 
-    /// Sets a parameter from inside the drive; limits do not apply. What comes from outside takes [`ParameterStore::write`].
+    /// Sets a parameter from inside the drive, without limits. External values use [`ParameterStore::write`].
     #[inline]
-    pub(crate) fn set(&mut self, slot: Slot, value: u32) {
+    pub(crate) fn set(&mut self, slot: ParameterSlot, value: u32) {
         let place = &mut self.values[slot.index()];
         self.changed |= *place != value;
         *place = value;
         self.written |= self.watched == Some(slot);
     }
 
-    /// Whether any value has changed since the last call.
+    /// Returns true if a value has changed since the last call.
     #[inline]
     pub(crate) fn take_changed(&mut self) -> bool {
         std::mem::take(&mut self.changed)
     }
 
-    /// Whether [`ParameterStore::write`] takes every value of the parameter's format at any time.
-    pub(crate) fn takes_every_value(&self, slot: Slot) -> bool {
+    /// Returns true if [`ParameterStore::write`] takes every value of the parameter's format at any time.
+    pub(crate) fn takes_every_value(&self, slot: ParameterSlot) -> bool {
         let spec = &self.specs[slot.index()];
         !spec.read_only && spec.settle_us == 0 && spec.limits() == spec.format_limits()
     }
 
-    /// Writes a parameter with a value from outside, on whatever way it comes; the error is an error number of the manual
-    /// (5.00005.03a p. 166).
-    pub(crate) fn write(&mut self, slot: Slot, format: ParamFormat, value: u32) -> Result<(), u16> {
+    /// Writes a parameter with an external value of any origin. The error is an error number of the manual (5.00005.03a
+    /// p. 166).
+    pub(crate) fn write(&mut self, slot: ParameterSlot, format: ParamFormat, value: u32) -> Result<(), u16> {
         let spec = &self.specs[slot.index()];
         if spec.read_only {
             return Err(par_error::NOT_CHANGEABLE);
@@ -403,7 +404,7 @@ mod tests {
     }
 
     #[test]
-    fn a_parameter_takes_every_value_if_its_limits_are_those_of_its_format() {
+    fn a_parameter_with_the_limits_of_its_format_takes_every_value() {
         let word = ParameterSpec::new(1, Word);
         let wide = ParameterSpec::new(1, Doubleword);
         let signed = ParameterSpec { min: Some(i32::MIN.into()), max: Some(i32::MAX.into()), ..wide };
@@ -424,7 +425,7 @@ mod tests {
     }
 
     #[test]
-    fn a_parameter_that_is_being_recalculated_cannot_be_written() {
+    fn a_parameter_in_recalculation_cannot_be_written() {
         let mut store = store(&[ParameterSpec { settle_us: 1000, ..ParameterSpec::new(1, Word) }]).unwrap();
         let slot = store.slot(1).unwrap();
         assert_eq!(store.write(slot, Word, 5), Ok(()));

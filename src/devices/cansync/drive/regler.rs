@@ -1,4 +1,4 @@
-//! The drive itself (V-Regler), whatever it is connected by: parameters, state machine, speed and position loop.
+//! The drive itself (V-Regler), for every kind of connection: parameters, state machine, speed and position loop.
 
 mod run;
 
@@ -6,10 +6,10 @@ pub(super) use run::Run;
 
 use super::angle::{self, SetPoint};
 use super::config::{DriveError, ParameterNumbers};
-use super::drivecom::{Enable, State, StateMachine};
+use super::drivecom::{DrivecomState, Enable, StateMachine};
 use super::monitoring::{Monitor, Reaction};
 use super::motion::Motion;
-use super::parameters::{ParamFormat, ParameterError, ParameterSpec, ParameterStore, Slot};
+use super::parameters::{ParamFormat, ParameterError, ParameterSlot, ParameterSpec, ParameterStore};
 use super::table::{PARAMETERS, ParameterRow, number};
 use crate::devices::Shaft;
 use crate::devices::cansync::bus::codec::parameter::{MAX_NUMBER, VALUE_ELEMENT};
@@ -17,43 +17,43 @@ use crate::devices::cansync::registers::values::{drive_status, par_element, par_
 use crate::snapshot_fields;
 use std::num::NonZeroU32;
 
-/// Element of a parameter that is its lowest value (decision D-160).
+/// Element with the lowest value of a parameter (decision D-160).
 pub const MINIMUM_ELEMENT: u8 = par_element::MINIMUM;
-/// Element of a parameter that is its highest value (decision D-160).
+/// Element with the highest value of a parameter (decision D-160).
 pub const MAXIMUM_ELEMENT: u8 = par_element::MAXIMUM;
 /// Value of the operating mode parameter: synchronous reference position.
 const SYNCHRONOUS_POSITION: u32 = 1;
 
-/// What the plant file says about a drive, without its connection.
+/// Settings of a drive from the plant file, without its connection.
 pub(super) struct Setup<'a> {
     pub name: &'a str,
     pub enable: Enable,
     pub ramp_per_second: Option<NonZeroU32>,
     pub numbers: &'a ParameterNumbers,
     pub parameters: &'a [ParameterSpec],
-    /// Version of the drive software; `None`: as the parameter table says.
+    /// Version of the drive software; `None`: the value of the parameter table.
     pub software: Option<u32>,
-    /// SYNC slot (P167) after power-on, in us; `None`: as the parameter table says.
+    /// SYNC slot (P167) after power-on, in us; `None`: the value of the parameter table.
     pub sync_slot_us: Option<u16>,
 }
 
-/// Places of the parameters that the drive itself works with.
+/// Slots of the parameters that the control loops use.
 #[derive(Clone, Copy, Debug)]
 struct Slots {
-    speed_reference: Slot,
-    speed_actual: Slot,
-    additional_reference: Slot,
-    angle_reference: Slot,
-    angle_actual: Slot,
-    mode: Slot,
-    speed_limit: Slot,
-    ramp: Slot,
-    gain: Slot,
-    sync_slot: Slot,
-    sync_offset: Slot,
-    pwm: Slot,
-    fault: Slot,
-    control_word: Slot,
+    speed_reference: ParameterSlot,
+    speed_actual: ParameterSlot,
+    additional_reference: ParameterSlot,
+    angle_reference: ParameterSlot,
+    angle_actual: ParameterSlot,
+    mode: ParameterSlot,
+    speed_limit: ParameterSlot,
+    ramp: ParameterSlot,
+    gain: ParameterSlot,
+    sync_slot: ParameterSlot,
+    sync_offset: ParameterSlot,
+    pwm: ParameterSlot,
+    fault: ParameterSlot,
+    control_word: ParameterSlot,
 }
 
 /// A V-Regler.
@@ -64,14 +64,14 @@ pub(crate) struct VRegler {
     set_point: SetPoint,
     pub(super) store: ParameterStore,
     slots: Slots,
-    /// Bit 15 of the status word, which the connection sets.
+    /// Bit 15 of the status word, set by the connection.
     synchronized: bool,
-    /// Number of an error of the communication monitoring that is reported without reaction; 0: none.
+    /// Number of a communication error that is reported without a reaction; 0: none.
     error: u16,
 }
 
-/// What a parameter job did: the value and format read, or nothing.
-pub(crate) type Read = (ParamFormat, u32);
+/// Format and value that a parameter job has read.
+pub(crate) type ReadValue = (ParamFormat, u32);
 
 snapshot_fields!(VRegler {
     values: machine, motion, set_point, synchronized, error;
@@ -80,7 +80,7 @@ snapshot_fields!(VRegler {
 });
 
 impl VRegler {
-    /// The drive as it is after power-on.
+    /// Creates the drive in its state after power-on.
     pub(super) fn new(setup: &Setup) -> Result<Self, DriveError> {
         let numbers = setup.numbers;
         let mut specs: Vec<ParameterSpec> = PARAMETERS.iter().map(ParameterSpec::from).collect();
@@ -101,7 +101,7 @@ impl VRegler {
             }
         }
         let fault = |(number, reason)| DriveError::Parameter { drive: setup.name.to_owned(), number, reason };
-        // So that those which follow are few, however many the file has.
+        // Checks this first, so that at most 4096 numbers follow, for any size of the file.
         if let Some(none) = setup.parameters.iter().find(|spec| spec.number > MAX_NUMBER) {
             return Err(fault((none.number, ParameterError::Number)));
         }
@@ -112,7 +112,7 @@ impl VRegler {
             }
             match specs.iter_mut().find(|own| same(own)) {
                 None => specs.push(*spec),
-                // The control word after power-on is what `enable` says.
+                // `enable` decides the control word after power-on.
                 Some(own) if own.number != number::CONTROL_WORD && spec.is_value_of(own) => {
                     own.initial = spec.initial;
                 }
@@ -149,10 +149,10 @@ impl VRegler {
         })
     }
 
-    /// One run of the control task, `us` after the last.
+    /// Runs the control task once, `us` after the previous run.
     #[inline]
     pub(super) fn step(&mut self, us: u32) {
-        let enabled = self.machine.state() == State::OperationEnabled;
+        let enabled = self.machine.state() == DrivecomState::OperationEnabled;
         let target = if self.is_following_angle() {
             self.follow_angle(enabled, us)
         } else if enabled {
@@ -176,7 +176,7 @@ impl VRegler {
         self.store.get(self.slots.mode) == SYNCHRONOUS_POSITION
     }
 
-    /// Target speed in mode "synchronous reference position". P258 shows the reference value that takes effect.
+    /// Returns the target speed in mode "synchronous reference position". P258 shows the effective reference value.
     fn follow_angle(&mut self, enabled: bool, us: u32) -> i64 {
         let slots = &self.slots;
         let slot_us = self.store.get(slots.sync_slot) as u16;
@@ -195,11 +195,14 @@ impl VRegler {
         angle::follow(self.set_point.now(), self.motion.angle(), self.store.get(slots.gain), us)
     }
 
-    /// Whether nothing changes by itself: no motion, nothing being recalculated.
-    pub(crate) fn is_at_rest(&self) -> bool {
-        let driven = self.machine.state() == State::OperationEnabled
+    /// Returns true if no value changes without a command: no motion, and no parameter in recalculation.
+    pub(crate) fn is_quiescent(&self) -> bool {
+        let driven = self.machine.state() == DrivecomState::OperationEnabled
             && (self.is_following_angle() || self.store.get(self.slots.speed_reference) != 0);
-        let braking = matches!(self.machine.state(), State::QuickStopActive | State::FaultReactionActive);
+        let braking = matches!(
+            self.machine.state(),
+            DrivecomState::QuickStopActive | DrivecomState::FaultReactionActive
+        );
         self.motion.speed() == 0
             && self.motion.demand() == 0
             && !driven
@@ -207,9 +210,9 @@ impl VRegler {
             && !self.store.is_settling()
     }
 
-    /// What its motor is to do, and does.
+    /// Returns demand and motion of the motor.
     pub(super) fn shaft(&self) -> Shaft {
-        use State::{FaultReactionActive, OperationEnabled, QuickStopActive};
+        use DrivecomState::{FaultReactionActive, OperationEnabled, QuickStopActive};
         Shaft {
             demand: self.motion.demand(),
             is_fed: matches!(self.state(), OperationEnabled | QuickStopActive | FaultReactionActive),
@@ -218,7 +221,7 @@ impl VRegler {
         }
     }
 
-    /// The motor turns with this speed, whatever the drive demands of it; `None`: it does what the drive demands.
+    /// Sets the speed of the motor, independent of the drive's demand; `None`: the motor follows the demand.
     pub(super) fn turn_shaft(&mut self, speed: Option<i32>) {
         self.motion.turn(speed);
     }
@@ -226,9 +229,9 @@ impl VRegler {
     /// Reads an element of a parameter.
     ///
     /// # Errors
-    /// The error number of the manual (5.00005.03a p. 95 and 166): 16#FFFB no such parameter or element, 16#FFFA
-    /// being recalculated.
-    pub(crate) fn read_element(&self, number: u16, element: u8) -> Result<Read, u16> {
+    /// The error number of the manual (5.00005.03a p. 95 and 166): 16#FFFB no such parameter or element, 16#FFFA in
+    /// recalculation.
+    pub(crate) fn read_element(&self, number: u16, element: u8) -> Result<ReadValue, u16> {
         let slot = self.store.slot(number).ok_or(par_error::NOT_PRESENT)?;
         let value = match element {
             MINIMUM_ELEMENT => self.store.limits(slot).0,
@@ -240,7 +243,7 @@ impl VRegler {
         Ok((self.store.format(slot), value))
     }
 
-    /// Writes an element of a parameter; only the value can be written.
+    /// Writes an element of a parameter. Only the value can be written.
     ///
     /// # Errors
     /// The error number of the manual (5.00005.03a p. 95 and 166).
@@ -258,13 +261,13 @@ impl VRegler {
         self.write(slot, format, value)
     }
 
-    /// Writes a parameter with a value from outside. This is the one way in: parameter jobs, process data of the card and of
-    /// the BAPS, and somebody in front of the drive all come here.
+    /// Writes a parameter with a value from outside. All external writes use this function: parameter jobs, process
+    /// data of the card and of the BAPS, and local operation.
     ///
     /// # Errors
     /// The error number of the manual (5.00005.03a p. 95 and 166); the parameter keeps its value.
     #[inline]
-    fn write(&mut self, slot: Slot, format: ParamFormat, value: u32) -> Result<(), u16> {
+    fn write(&mut self, slot: ParameterSlot, format: ParamFormat, value: u32) -> Result<(), u16> {
         self.store.write(slot, format, value)?;
         if slot == self.slots.control_word {
             self.take_control_word(value as u16);
@@ -272,20 +275,20 @@ impl VRegler {
         Ok(())
     }
 
-    /// Takes over a cyclic reference value of the card. One that a parameter job could not write is refused as well: the
+    /// Takes over a cyclic reference value of the card. A value that a parameter job could not write is refused: the
     /// parameter keeps its value (decision D-616).
     #[inline]
-    pub(super) fn take_reference(&mut self, target: Slot, format: ParamFormat, value: u32) {
-        // A frame has no answer that could tell the master.
+    pub(super) fn take_reference(&mut self, target: ParameterSlot, format: ParamFormat, value: u32) {
+        // A frame has no answer that could report the refusal to the master.
         let _ = self.write(target, format, value);
     }
 
-    /// Whether `number` can be a cyclic reference value.
+    /// Returns true if `number` can be a cyclic reference value.
     pub(crate) fn is_writable(&self, number: u16) -> bool {
         self.store.slot(number).is_some_and(|slot| !self.store.is_read_only(slot))
     }
 
-    /// Whether `number` can be a cyclic actual value.
+    /// Returns true if `number` can be a cyclic actual value.
     pub(crate) fn is_readable(&self, number: u16) -> bool {
         self.store.slot(number).is_some()
     }
@@ -295,8 +298,8 @@ impl VRegler {
         self.store.slot(number).map(|slot| self.store.format(slot))
     }
 
-    /// Control and status word live in the state machine, everything else in the store.
-    fn value(&self, number: u16, slot: Slot) -> u32 {
+    /// Returns a value: control and status word from the state machine, all others from the store.
+    fn value(&self, number: u16, slot: ParameterSlot) -> u32 {
         match number {
             number::CONTROL_WORD => u32::from(self.machine.control_word()),
             number::STATUS_WORD => u32::from(self.status_word()),
@@ -304,27 +307,27 @@ impl VRegler {
         }
     }
 
-    /// The value of parameter `number`, if the drive has it.
+    /// Returns the value of parameter `number`, if the drive has it.
     pub(crate) fn parameter(&self, number: u16) -> Option<u32> {
         self.store.slot(number).map(|slot| self.value(number, slot))
     }
 
     /// Takes over the control word of process data.
     pub(crate) fn command(&mut self, word: u16) {
-        // The control word has no limits, and the plant file cannot give it any.
+        // Never refused: the control word has no limits, and the plant file cannot add any.
         let _ = self.write(self.slots.control_word, ParamFormat::Word, word.into());
     }
 
-    /// A fault reset clears the fault number.
+    /// Takes over a control word. A fault reset clears the fault number.
     fn take_control_word(&mut self, word: u16) {
-        let was_faulty = self.machine.state() == State::Fault;
+        let was_faulty = self.machine.state() == DrivecomState::Fault;
         self.machine.command(word);
-        if was_faulty && self.machine.state() != State::Fault {
+        if was_faulty && self.machine.state() != DrivecomState::Fault {
             self.store.set(self.slots.fault, self.error.into());
         }
     }
 
-    /// The status word (parameter 121); bit 15 tells whether the drive runs in step with its SYNC signal.
+    /// Returns the status word (parameter 121). Bit 15 is set if the drive is synchronized to its SYNC signal.
     #[inline]
     pub(crate) fn status_word(&self) -> u16 {
         let synchronized = if self.synchronized { drive_status::SYNCHRONIZED } else { 0 };
@@ -339,11 +342,12 @@ impl VRegler {
 
     /// State of the state machine.
     #[inline]
-    pub(crate) fn state(&self) -> State {
+    pub(crate) fn state(&self) -> DrivecomState {
         self.machine.state()
     }
 
-    /// Brings a fault upon the drive, unless it has one: it brakes and waits for a fault reset. Tells whether it did.
+    /// Trips the drive, unless it has a fault: it brakes and waits for a fault reset. Returns true if the drive
+    /// tripped.
     pub(crate) fn trip(&mut self, number: u16) -> bool {
         let trips = !self.is_faulty();
         if trips {
@@ -354,16 +358,16 @@ impl VRegler {
     }
 
     fn is_faulty(&self) -> bool {
-        matches!(self.machine.state(), State::FaultReactionActive | State::Fault)
+        matches!(self.machine.state(), DrivecomState::FaultReactionActive | DrivecomState::Fault)
     }
 
-    /// Whether an error of the communication monitoring is reported without reaction.
+    /// Returns true if a communication error is reported without a reaction.
     #[inline]
     pub(super) fn reports_error(&self) -> bool {
         self.error != 0
     }
 
-    /// Reports the errors of the communication monitoring that stand at `now`, and reacts (decision D-294).
+    /// Reports the communication errors present at `now`, and reacts (decision D-294).
     pub(super) fn monitor<'a>(&mut self, now: u64, monitors: impl Iterator<Item = &'a mut Monitor>) {
         let mut reported = 0;
         for (fault, reaction) in monitors.filter_map(|monitor| monitor.error(now)) {
@@ -375,7 +379,7 @@ impl VRegler {
                 }
                 Reaction::Inhibit => {
                     self.trip(fault);
-                    // Also of a drive that brakes because of another fault.
+                    // Also ends the braking because of another fault.
                     self.machine.inhibit();
                 }
             }
@@ -389,7 +393,7 @@ impl VRegler {
         }
     }
 
-    /// Speed reference value, speed and number of the fault.
+    /// Returns speed reference value, speed and fault number.
     pub(super) fn shown(&self) -> [u32; 3] {
         [self.slots.speed_reference, self.slots.speed_actual, self.slots.fault]
             .map(|slot| self.store.get(slot))
@@ -400,7 +404,7 @@ impl VRegler {
         self.synchronized
     }
 
-    /// What the table says of a parameter; nothing, if the plant file has added it.
+    /// Returns the table row of a parameter; `None` if the plant file has added the parameter.
     pub(super) fn row_of(&self, number: u16) -> Option<&'static ParameterRow> {
         let renamed = [
             (self.slots.speed_reference, number::SPEED_REFERENCE),
@@ -410,7 +414,7 @@ impl VRegler {
         let slot = self.store.slot(number)?;
         let named = match renamed.iter().find(|(own, _)| *own == slot) {
             Some((_, named)) => *named,
-            // Only the one that has taken its place is called so.
+            // The name belongs only to the parameter that replaced this one.
             None if renamed.iter().any(|(_, named)| *named == number) => return None,
             None => number,
         };

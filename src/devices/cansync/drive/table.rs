@@ -1,4 +1,4 @@
-//! The parameters that every drive has, compiled from `layouts/v-regler/parameters.toml`.
+//! The parameters of every drive, compiled from `layouts/v-regler/parameters.toml`.
 
 use super::parameters::{ParamFormat, ParameterSpec};
 
@@ -7,7 +7,7 @@ use super::parameters::{ParamFormat, ParameterSpec};
 pub struct ParameterRow {
     /// Parameter number, 1 to 4095.
     pub number: u16,
-    /// What it is.
+    /// Name of the parameter.
     pub name: &'static str,
     /// Word or doubleword.
     pub format: ParamFormat,
@@ -21,9 +21,9 @@ pub struct ParameterRow {
     pub read_only: bool,
     /// Unit of the value; empty if it has none.
     pub unit: &'static str,
-    /// Page of the manual that names the parameter, or the decision by which it is `inferred`.
+    /// Page of the manual that names the parameter, or the decision from which it is `inferred`.
     pub source: &'static str,
-    /// How long the drive recalculates after a write, in us; the parameter cannot be had meanwhile.
+    /// Duration of the recalculation after a write, in us. The parameter is not available during this time.
     pub settle_us: u32,
 }
 

@@ -4,7 +4,7 @@ use super::parameters::ParamFormat;
 use crate::devices::cansync::bus::Channel;
 use serde::{Deserialize, Serialize};
 
-/// The card's parameters as they stand in the drive. What is left out is 0: nothing mapped.
+/// The card's parameters. A missing parameter is 0: no mapping.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 #[serde(expecting = "a table with the numbers of parameters")]
@@ -29,11 +29,11 @@ pub struct ZkParameters {
     pub zk_24: u16,
     /// Mapping of the status word, as an actual value of word format.
     pub zk_25: u16,
-    /// Reference value losses allowed in direct succession; 0 switches the watch off.
+    /// Permitted reference value losses in direct succession; 0 switches the monitoring off.
     pub zk_26: u16,
 }
 
-/// Where a reference value comes from.
+/// Source of a reference value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Source {
     /// A reference value frame of the master.
@@ -42,7 +42,7 @@ pub enum Source {
     Slave(u8),
 }
 
-/// ZK 4 and 5: where in which frame a reference value stands (p. 15).
+/// ZK 4 and 5: frame and words of a reference value (p. 15).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct ReferenceMapping {
     /// First word, 0 to 3; 3 for a word only.
@@ -51,11 +51,11 @@ pub struct ReferenceMapping {
     pub channel: Channel,
     /// Word or doubleword.
     pub format: ParamFormat,
-    /// Who sends the frame.
+    /// Sender of the frame.
     pub source: Source,
 }
 
-/// ZK 20, 21 and 25: where in which actual value frame a value goes (p. 16-17).
+/// ZK 20, 21 and 25: frame and words of an actual value (p. 16-17).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct ActualMapping {
     /// First word, 0 to 3; 3 for a word only.
@@ -66,7 +66,7 @@ pub struct ActualMapping {
     pub format: ParamFormat,
 }
 
-/// What is wrong with a mapping.
+/// A wrong mapping.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum MappingError {
     /// A bit is set that the manual reserves.
@@ -110,10 +110,10 @@ const fn bits(word: u8, channel: Channel, format: ParamFormat) -> u16 {
 }
 
 impl ReferenceMapping {
-    /// Reads ZK 4 or 5; `None` if bit 0 says that there is no such reference value.
+    /// Reads ZK 4 or 5. Returns `None` if bit 0 is clear: no reference value.
     ///
     /// # Errors
-    /// [`MappingError`] if the mapping is valid in name only.
+    /// [`MappingError`] if bit 0 is set but the mapping is wrong.
     pub fn from_zk(zk: u16) -> Result<Option<Self>, MappingError> {
         if zk & VALID == 0 {
             return Ok(None);
@@ -129,7 +129,7 @@ impl ReferenceMapping {
         Ok(Some(ReferenceMapping { word, channel, format, source }))
     }
 
-    /// The value for ZK 4 or 5.
+    /// Returns the value for ZK 4 or 5.
     pub const fn to_zk(self) -> u16 {
         let source = match self.source {
             Source::Master => 0,
@@ -140,10 +140,10 @@ impl ReferenceMapping {
 }
 
 impl ActualMapping {
-    /// Reads ZK 20 or 21; `None` if bit 0 says that there is no such actual value.
+    /// Reads ZK 20 or 21. Returns `None` if bit 0 is clear: no actual value.
     ///
     /// # Errors
-    /// [`MappingError`] if the mapping is valid in name only.
+    /// [`MappingError`] if bit 0 is set but the mapping is wrong.
     pub fn from_zk(zk: u16) -> Result<Option<Self>, MappingError> {
         if zk & VALID == 0 {
             return Ok(None);
@@ -156,7 +156,7 @@ impl ActualMapping {
         Ok(Some(ActualMapping { word, channel, format }))
     }
 
-    /// Reads ZK 25, in which bit 6 is 0 for the status word is a word.
+    /// Reads ZK 25. Bit 6 must be 0, because the status word is a word.
     ///
     /// # Errors
     /// [`MappingError`] as [`ActualMapping::from_zk`], also with bit 6 set.
@@ -167,7 +167,7 @@ impl ActualMapping {
         Self::from_zk(zk)
     }
 
-    /// The value for ZK 20, 21 or 25.
+    /// Returns the value for ZK 20, 21 or 25.
     pub const fn to_zk(self) -> u16 {
         bits(self.word, self.channel, self.format)
     }
@@ -259,7 +259,7 @@ mod tests {
     }
 
     #[test]
-    fn whatever_is_read_is_written_alike() {
+    fn every_valid_mapping_survives_a_round_trip() {
         for zk in 0..=u16::MAX {
             if let Ok(Some(mapping)) = ReferenceMapping::from_zk(zk) {
                 let read_again = ReferenceMapping::from_zk(mapping.to_zk());

@@ -4,7 +4,7 @@
 //! interval. So the bus logs these events once for all drives. Each access through this module first brings the drive
 //! up to date.
 
-use crate::devices::cansync::drive::{Drive, Log, Passed};
+use crate::devices::cansync::drive::{BusEvent, Drive, EventLog};
 use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 use std::sync::OnceLock;
 
@@ -19,7 +19,7 @@ pub(super) struct Drives {
     /// Snapshot of each drive at power-on.
     fresh: Vec<Box<[u8]>>,
     /// Events since all drives were last up to date.
-    passed: Log,
+    passed: EventLog,
     /// Number of logged events that each drive has taken.
     taken: Vec<usize>,
     /// Drives that are switched off, bit n for slave n. They receive no events.
@@ -57,7 +57,7 @@ impl Drives {
 
     /// Logs an event that comes to all drives.
     #[inline]
-    pub(super) fn pass(&mut self, passed: Passed) {
+    pub(super) fn pass(&mut self, passed: BusEvent) {
         if self.all.is_empty() {
             return;
         }

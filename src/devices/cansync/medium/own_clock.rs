@@ -77,7 +77,7 @@ impl SimBus {
             *next = now + u64::from(*interval_us);
         }
         let drives = self.drives.settle();
-        let moving = drives.iter().any(|drive| !drive.is_at_rest()).then_some(*next);
+        let moving = drives.iter().any(|drive| !drive.is_quiescent()).then_some(*next);
         let waiting = drives.iter().filter_map(Drive::next_time);
         match waiting.chain(moving).min() {
             Some(time) => self.schedule.set(Slot::OwnClock, time.max(now + 1)),

@@ -5,7 +5,7 @@ use super::schedule::Slot;
 use super::{Run, Sender, Station};
 use crate::devices::cansync::Deadline;
 use crate::devices::cansync::bus::{Channel, Frame, FrameKind};
-use crate::devices::cansync::drive::Passed;
+use crate::devices::cansync::drive::BusEvent;
 use crate::devices::cansync::firmware::Built;
 use crate::devices::cansync::records::SyncEdge;
 
@@ -77,7 +77,7 @@ impl Run<'_> {
                 end.firmware.sync_edge(now, interval_us);
             }
         }
-        self.bus.drives.pass(Passed::Edge { now_us: now, interval_us });
+        self.bus.drives.pass(BusEvent::Edge { now_us: now, interval_us });
         self.bus.edge_for_drives(now, interval_us);
     }
 
@@ -141,7 +141,7 @@ impl Run<'_> {
 
     pub(super) fn deliver_reference(&mut self, channel: Channel, frame: &Frame) {
         let kbit_s = self.timing.kbit_per_s;
-        self.bus.drives.pass(Passed::Reference { kbit_s, channel, payload: *frame.payload() });
+        self.bus.drives.pass(BusEvent::Reference { kbit_s, channel, payload: *frame.payload() });
         self.each_node(|slave, _| slave.reference_value(channel, frame));
     }
 

@@ -1,5 +1,5 @@
-//! Rules about the mapping of frames as a whole. A program writes it byte by byte, so it is judged only when the
-//! firmware takes it over.
+//! Rules about the mapping of frames as a whole. A program writes a mapping byte by byte, so it is checked only when
+//! the firmware takes it over.
 
 use super::judge::Judge;
 use crate::devices::cansync::registers::values::{cfg_word, request};
@@ -9,10 +9,10 @@ use crate::devices::cansync::registers::{
 use crate::devices::cansync::rules;
 use core::mem::offset_of;
 
-/// Words of the two frames together.
+/// Words of both frames together.
 const WORDS: usize = 8;
 
-/// Judges the mapping of a node.
+/// Checks the mapping of a node.
 pub(super) fn judge(judge: &mut Judge) {
     let (single, others): (&[usize], usize) = if judge.facts.is_master {
         (&[offset_of!(Master, _CFG_WRC_WORD)], offset_of!(Master, a_CFG_RDC_WORD))
@@ -29,11 +29,10 @@ pub(super) fn judge(judge: &mut Judge) {
     }
 }
 
-/// Looks for values whose halves travel in different frames: one half in just one frame, the other half in just
-/// the other one.
+/// Finds values with halves in different frames: one half only in one frame, the other half only in the other frame.
 fn split_doublewords(judge: &mut Judge, group: usize) {
     let config: [u8; WORDS] = core::array::from_fn(|word| judge.registers.now(group + word));
-    // For each frame the values, a bit each, of which it carries the low word and the high word.
+    // For each frame two bit sets of values: those with the low word in the frame, and those with the high word.
     let mut halves = [[0u8; 2]; 2];
     for (word, byte) in config.iter().enumerate().filter(|(_, byte)| **byte & cfg_word::ASSIGNED != 0) {
         halves[word / 4][usize::from(byte & cfg_word::HIGH_WORD != 0)] |= value_bit(*byte);
@@ -44,23 +43,23 @@ fn split_doublewords(judge: &mut Judge, group: usize) {
         let is_low_word_of_split = byte & (cfg_word::ASSIGNED | cfg_word::HIGH_WORD) == cfg_word::ASSIGNED
             && value_bit(*byte) & split != 0;
         if is_low_word_of_split {
-            judge.find(&rules::SPLIT_DOUBLEWORD, group + word, (*byte).into());
+            judge.report_violation(&rules::SPLIT_DOUBLEWORD, group + word, (*byte).into());
         }
     }
 }
 
-/// The bit of the value whose number a configuration byte holds; none for numbers above 7.
+/// Returns the bit of the value with the number in a configuration byte; 0 for numbers above 7.
 fn value_bit(byte: u8) -> u8 {
     let number = (byte & cfg_word::NUMBER) >> cfg_word::NUMBER.trailing_zeros();
     1u8.checked_shl(number.into()).unwrap_or(0)
 }
 
-/// Looks for expected slaves that automatic requests for actual values never reach.
+/// Finds expected slaves that automatic requests for actual values never reach.
 fn requests(judge: &mut Judge) {
     let orders = [offset_of!(Master, b_CTRLREG_RD_ORDER_RDC1), offset_of!(Master, b_CTRLREG_RD_ORDER_RDC2)];
     let max = judge.registers.now(offset_of!(Master, b_MAX_SL_NR));
     let never_asked = judge.facts.expected.checked_shr(u32::from(max) + 1).unwrap_or(0);
     if never_asked != 0 && orders.iter().any(|&order| judge.registers.now(order) == request::AUTOMATIC) {
-        judge.find(&rules::NOT_REQUESTED, offset_of!(Master, b_MAX_SL_NR), max.into());
+        judge.report_violation(&rules::NOT_REQUESTED, offset_of!(Master, b_MAX_SL_NR), max.into());
     }
 }

@@ -1,7 +1,7 @@
-//! The watch over the registers of a CANsync node, as part of the access checker ([`check`](crate::check)).
+//! Access checks for the registers of a CANsync node, as part of the access checker ([`check`](crate::check)).
 //!
-//! `registers` says what is to be watched at which register, `node` finds what was written, `judge` holds it against the
-//! rules, `mapping` those about frames as a whole.
+//! `registers` defines the checks of each register, `node` detects writes, `judge` has the rules for single writes, and
+//! `mapping` the rules for frames as a whole.
 
 mod judge;
 mod mapping;
@@ -12,12 +12,12 @@ pub(super) use node::NodeWatch;
 
 use crate::layout::RegisterPhase;
 
-/// What the rules must know about a node beyond its registers.
+/// Facts about a node that the rules need in addition to its registers.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Facts {
-    /// It is the master of its bus.
+    /// True if the node is the master of its bus.
     pub is_master: bool,
-    /// Which structure is valid.
+    /// The structure that is valid.
     pub live: RegisterPhase,
     /// The node waits for initialization data, and the PLC has ordered to take them over.
     pub takes_over_init: bool,
@@ -25,9 +25,9 @@ pub(super) struct Facts {
     pub is_on_bus: bool,
     /// The node is in active operation.
     pub is_active: bool,
-    /// For frames 1 and 2: when in the present interval the deadline was missed, in emulated microseconds, if the
-    /// frame went out in the interval before.
+    /// Time at which the deadline of frame 1 or 2 was missed in the present interval, in emulated microseconds, if the
+    /// frame was sent in the previous interval.
     pub missed: [Option<u64>; 2],
-    /// Slaves that a master expects, a bit each.
+    /// Slaves that a master expects, one bit each.
     pub expected: u32,
 }

@@ -194,7 +194,7 @@ impl Baps {
             || !self.service.is_idle()
             || self.process_hold.is_running()
             || self.service_hold.is_running()
-            || !self.drive.is_at_rest()
+            || !self.drive.is_quiescent()
             || self.drive.is_synchronized()
     }
 

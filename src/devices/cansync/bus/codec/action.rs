@@ -1,5 +1,5 @@
-//! The action command: one order of the master to any group of slaves, without an answer
-//! (manual 5.00005.03a p. 138 and 162-163).
+//! The action command: one order of the master to any group of slaves, without an answer (manual 5.00005.03a p. 138 and
+//! 162-163).
 
 use super::CodecError;
 use crate::can::Payload;
@@ -19,14 +19,14 @@ pub struct ActionCommand {
     pub data_word: u16,
 }
 
-/// What an action command orders.
+/// Order of an action command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Action {
     /// Command 16#01: take over this control word.
     ControlWord(u16),
-    /// Command 16#02: SYNC mode on or off. The data byte 1 means on, every other value off.
+    /// Command 16#02: SYNC mode on or off. Data byte 1 means on, any other value off.
     SyncMode(bool),
-    /// Any other command; its meaning is a matter of the application.
+    /// Any other command. The application defines its meaning.
     Other,
 }
 
@@ -34,25 +34,25 @@ impl ActionCommand {
     /// SLAVE_GROUP of a broadcast.
     pub const ALL_SLAVES: u32 = u32::MAX;
 
-    /// Writes the control word of every slave in `slave_group`.
+    /// Creates a command with a control word for every slave in `slave_group`.
     #[inline]
     pub const fn control_word(slave_group: u32, word: u16) -> Self {
         ActionCommand { slave_group, command: action_command::CONTROL_WORD, data_byte: 0, data_word: word }
     }
 
-    /// Switches the SYNC mode of every slave in `slave_group`.
+    /// Creates a command that switches the SYNC mode of every slave in `slave_group`.
     #[inline]
     pub const fn sync_mode(slave_group: u32, on: bool) -> Self {
         ActionCommand { slave_group, command: action_command::SYNC_MODE, data_byte: on as u8, data_word: 0 }
     }
 
-    /// Whether the command concerns `slave`; numbers above 31 have no bit.
+    /// Returns true if the command addresses `slave`. Numbers above 31 have no bit.
     #[inline]
     pub const fn concerns(&self, slave: u8) -> bool {
         slave < 32 && self.slave_group >> slave & 1 != 0
     }
 
-    /// What the command orders.
+    /// Returns the order of the command.
     #[inline]
     pub const fn action(&self) -> Action {
         match self.command {
@@ -62,7 +62,7 @@ impl ActionCommand {
         }
     }
 
-    /// The frame, always with eight data bytes.
+    /// Returns the frame, always with eight data bytes.
     #[inline]
     pub const fn frame(&self) -> Frame {
         let [a, b, c, d] = self.slave_group.to_le_bytes();
@@ -71,10 +71,10 @@ impl ActionCommand {
         Frame::of(FrameKind::Action, Payload::from_padded(bytes, 8))
     }
 
-    /// Reads the data field of an action command.
+    /// Decodes the data field of an action command.
     ///
-    /// Some commands carry less data than others (p. 138), so bytes behind the command byte may be
-    /// missing; they count as 0.
+    /// Some commands have less data than others (p. 138), so bytes after the command byte may be missing. Missing bytes
+    /// count as 0.
     ///
     /// # Errors
     /// [`CodecError::Length`] if the command byte is missing.
@@ -115,7 +115,7 @@ mod tests {
     }
 
     #[test]
-    fn each_slave_has_its_own_bit() {
+    fn each_slave_has_a_separate_bit() {
         for slave in 0..32 {
             let command = ActionCommand::control_word(1 << slave, 0);
             assert!((0..=u8::MAX).all(|n| command.concerns(n) == (n == slave)));

@@ -1,4 +1,4 @@
-//! Any frame, taken apart as far as it goes by itself, and its line in a trace.
+//! Decoding of any frame without further information, and its line in a trace.
 
 use super::parameter::{self, VALUE_ELEMENT};
 use super::updown;
@@ -17,16 +17,16 @@ pub enum Decoded {
     ReferenceValue {
         /// WRC1 or WRC2.
         channel: Channel,
-        /// The slave that has to answer with its actual values.
+        /// The slave that must answer with its actual values.
         asked: u8,
-        /// The words; what they mean is a matter of configuration.
+        /// The words. The configuration defines their meaning.
         payload: Payload,
     },
     /// Actual values of a slave.
     ActualValue {
         /// RDC1 or RDC2.
         channel: Channel,
-        /// Who sends them.
+        /// Sender.
         slave: u8,
         /// The words.
         payload: Payload,
@@ -35,44 +35,44 @@ pub enum Decoded {
     Action(ActionCommand),
     /// Parameter job.
     ParameterJob {
-        /// To whom.
+        /// Receiver of the job.
         slave: u8,
-        /// What for.
+        /// The job.
         job: ParameterJob,
     },
     /// Answer to a parameter job.
     ParameterResponse {
-        /// By whom.
+        /// Sender of the answer.
         slave: u8,
-        /// The answer, read without knowledge of the job.
+        /// The answer, decoded without the job.
         response: ParameterResponse,
     },
     /// Up-/download job.
     UpDownJob {
-        /// To whom.
+        /// Receiver of the job.
         slave: u8,
-        /// What for.
+        /// The job.
         job: UpDownJob,
     },
     /// Answer to an up-/download job.
     UpDownResponse {
-        /// By whom.
+        /// Sender of the answer.
         slave: u8,
-        /// The answer, read without knowledge of the job.
+        /// The answer, decoded without the job.
         response: UpDownResponse,
     },
 }
 
-/// Bit 7 of the first data byte tells up-/download (1) from parameter frames (0).
+/// Returns true for an up-/download frame. Bit 7 of the first data byte is 1 in up-/download and 0 in parameter frames.
 #[inline]
 pub const fn is_up_download(payload: &Payload) -> bool {
     payload.padded()[0] & 0x80 != 0
 }
 
-/// Takes a frame apart.
+/// Decodes a frame.
 ///
 /// # Errors
-/// [`CodecError::ForeignIdentifier`], or what is wrong with the data of a known frame.
+/// [`CodecError::ForeignIdentifier`], or the error in the data of a known frame.
 pub const fn decode(frame: &Frame) -> Result<Decoded, CodecError> {
     let Some(kind) = frame.kind() else {
         return Err(CodecError::ForeignIdentifier(frame.id()));
@@ -128,7 +128,7 @@ impl fmt::Display for Decoded {
     }
 }
 
-/// The words of process data, `3344 1122`; a last byte without partner stands alone.
+/// Formats the words of process data, `3344 1122`; a single last byte is printed alone.
 struct Words<'a>(&'a Payload);
 
 impl fmt::Display for Words<'_> {
@@ -148,7 +148,7 @@ impl fmt::Display for Words<'_> {
     }
 }
 
-/// Bytes in their order on the bus.
+/// Formats bytes in their order on the bus.
 struct Bytes([u8; updown::BLOCK]);
 
 impl fmt::Display for Bytes {
@@ -161,7 +161,7 @@ impl fmt::Display for Bytes {
     }
 }
 
-/// Appends the sub-slave address unless it is the slave itself.
+/// Appends the sub-slave address, except for the slave itself.
 fn sub_slave(f: &mut fmt::Formatter<'_>, address: u16) -> fmt::Result {
     if address != 0 { write!(f, ", sub-slave 16#{address:04X}") } else { Ok(()) }
 }

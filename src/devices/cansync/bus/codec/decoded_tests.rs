@@ -59,7 +59,7 @@ fn one_line_for_each_kind_of_frame() {
 }
 
 #[test]
-fn faults_say_what_would_be_right() {
+fn errors_name_the_right_form() {
     for (id, data, expected) in [
         (
             0x7FF,
@@ -80,7 +80,7 @@ fn faults_say_what_would_be_right() {
     }
 }
 
-/// The frame that a decoded frame was, built anew.
+/// Encodes a decoded frame again.
 fn encode(decoded: &Decoded) -> Frame {
     match *decoded {
         Decoded::ReferenceValue { channel, asked, payload } => {
@@ -102,7 +102,7 @@ fn decoded_or_refused(id: u16, bytes: [u8; 8], len: usize) {
     assert!(!line(&frame).is_empty());
     match decode(&frame) {
         Ok(decoded) => {
-            // Reserved bits and lengths we do not send ourselves may get lost, the meaning may not.
+            // Reserved bits, and lengths that the emulator never sends, may get lost. The meaning must not.
             let again = encode(&decoded);
             assert_eq!(again.kind(), frame.kind());
             assert_eq!(decode(&again), Ok(decoded));

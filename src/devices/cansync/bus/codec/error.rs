@@ -1,11 +1,11 @@
-//! What can be wrong with a received frame, or with a job before it is sent.
+//! Errors of a received frame, or of a job before it is sent.
 
 use crate::can::Payload;
 
-/// A frame that does not keep to the grammar, or a job that cannot be expressed in it.
+/// A frame with a wrong format, or a job that does not fit the format.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum CodecError {
-    /// The identifier is none of CANsync.
+    /// The identifier is not a CANsync identifier.
     #[error("identifier 16#{0:03X} is none of CANsync (16#010, 16#100-1FF, 16#300-3FF, 16#500-5FF)")]
     ForeignIdentifier(u16),
     /// The number of data bytes does not fit the kind of frame.
@@ -13,20 +13,20 @@ pub enum CodecError {
     Length {
         /// Kind of frame.
         frame: &'static str,
-        /// Data bytes found.
+        /// Number of data bytes in the frame.
         found: u8,
-        /// Data bytes that would be right.
+        /// Permitted numbers of data bytes.
         expected: &'static str,
     },
     /// An up-/download job has bits 5-4 (MODE) of data byte 0 at 00.
     #[error("up-/download job with MODE 00, which is reserved (01 init, 10 body, 11 last block)")]
     ReservedMode,
-    /// Bit 7 of data byte 0 says "parameter" where up-/download is due, or the other way round.
-    #[error("{found} frame where {expected} is due (bit 7 of data byte 0)")]
+    /// Bit 7 of data byte 0 selects "parameter" where up-/download is expected, or vice versa.
+    #[error("{found} frame where {expected} is expected (bit 7 of data byte 0)")]
     OtherService {
-        /// What the frame is.
+        /// Service of the frame.
         found: &'static str,
-        /// What it should be.
+        /// Expected service.
         expected: &'static str,
     },
     /// The parameter number does not fit the 12 bits of the frame.
@@ -38,7 +38,7 @@ pub enum CodecError {
     /// A block length or offset does not fit the 12 bits of the frame.
     #[error("block length or offset {0} is above 4095 bytes")]
     Offset(u16),
-    /// The answer is about another parameter than the job.
+    /// The answer has another parameter number than the job.
     #[error("answer for parameter {found} to a job for parameter {asked}")]
     OtherParameter {
         /// Number in the job.
@@ -46,7 +46,7 @@ pub enum CodecError {
         /// Number in the answer.
         found: u16,
     },
-    /// The answer names another sub-slave than the job.
+    /// The answer has another sub-slave address than the job.
     #[error("answer of sub-slave {found} to a job for sub-slave {asked}")]
     OtherSubSlave {
         /// Sub-slave address in the job.
@@ -62,12 +62,12 @@ pub enum CodecError {
         /// Offset in the answer.
         found: u16,
     },
-    /// The answer cannot be one to this job: data where none was asked for, or none where it was.
+    /// The answer does not fit the job: unrequested data, or missing data.
     #[error("{answer} as answer to {job}")]
     Mismatch {
-        /// What the answer is.
+        /// Description of the answer.
         answer: &'static str,
-        /// What was asked.
+        /// Description of the job.
         job: &'static str,
     },
 }

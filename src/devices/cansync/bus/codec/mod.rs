@@ -1,8 +1,8 @@
-//! What the data bytes of CANsync frames mean (manual 5.00005.03a p. 136-143).
+//! The meaning of the data bytes of CANsync frames (manual 5.00005.03a p. 136-143).
 //!
-//! Sending: build the value ([`ActionCommand`], [`ParameterJob`], [`UpDownJob`] or an `answer` to a job)
-//! and take its `frame`. Receiving: [`Frame::kind`](crate::devices::cansync::bus::Frame::kind) says which `decode` to call;
-//! an answer is read together with its job. [`decode`] takes any frame apart for a trace.
+//! To send, build the value ([`ActionCommand`], [`ParameterJob`], [`UpDownJob`] or an `answer` to a job) and take its
+//! `frame`. To receive, use [`Frame::kind`](crate::devices::cansync::bus::Frame::kind) to select the `decode` function;
+//! an answer is decoded together with its job. [`decode`] decodes any frame for a trace.
 
 pub mod action;
 mod decoded;

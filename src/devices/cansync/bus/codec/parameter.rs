@@ -1,8 +1,8 @@
 //! Parameter jobs and their answers (manual 5.00005.03a p. 139-140, 5.01010.01 p. 26-27).
 //!
-//! A job's kind shows in its length alone: 4 bytes read, 6 write a word, 8 write a doubleword. Answers of
-//! 6 bytes may be a value or an error, and an answer of 4 bytes a finished write or BUSY; bits 6 and 5 of
-//! the first byte tell, and whether such an answer fits can be judged only with the job at hand.
+//! The length alone distinguishes the jobs: 4 bytes read, 6 write a word, 8 write a doubleword. An answer of 6 bytes
+//! may be a value or an error, and an answer of 4 bytes a finished write or BUSY. Bits 6 and 5 of the first byte
+//! distinguish these. Only together with the job can the decoder check that such an answer fits.
 
 use super::CodecError;
 use crate::can::Payload;
@@ -14,23 +14,23 @@ use serde::{Deserialize, Serialize};
 
 /// Highest parameter number.
 pub const MAX_NUMBER: u16 = 4095;
-/// The element that is the parameter's value, the only one that may be written.
+/// The element with the parameter's value, the only writable one.
 pub const VALUE_ELEMENT: u8 = par_element::VALUE;
 
-/// What an error number of a slave means.
+/// Returns the meaning of a slave's error number.
 pub fn error_text(number: u16) -> &'static str {
     application_error(&descriptor::MEANING_PAR_ERROR, number)
 }
 
-/// The layout's word for an error number; whatever it does not name is the application's.
+/// Returns the text of the layout for an error number. Other numbers are defined by the application.
 pub(super) fn application_error(errors: &'static Meaning, number: u16) -> &'static str {
     errors.value(number.into()).map_or("error of the application", |known| known.text)
 }
 
-/// What a parameter job wants.
+/// Access of a parameter job.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum Access {
-    /// Read; the answer tells the format.
+    /// Read. The answer has the format.
     Read,
     /// Write a word.
     WriteWord(u16),
@@ -48,7 +48,7 @@ pub struct ParameterJob {
 }
 
 impl ParameterJob {
-    /// A job for the value (element 7) of parameter `number` of the slave itself (sub-slave address 0).
+    /// Creates a job for the value (element 7) of parameter `number` of the slave itself (sub-slave address 0).
     ///
     /// # Errors
     /// [`CodecError::ParameterNumber`] above 4095.
@@ -60,7 +60,7 @@ impl ParameterJob {
         Ok(ParameterJob { number, element: VALUE_ELEMENT, sub_slave: 0, access })
     }
 
-    /// The same job for another element, 0 to 7.
+    /// Returns the job with another element, 0 to 7.
     ///
     /// # Errors
     /// [`CodecError::Element`] above 7.
@@ -72,7 +72,7 @@ impl ParameterJob {
         Ok(ParameterJob { element, ..self })
     }
 
-    /// The same job for a sub-slave; 0 is the slave itself.
+    /// Returns the job for a sub-slave; 0 is the slave itself.
     #[inline]
     pub const fn with_sub_slave(self, sub_slave: u16) -> Self {
         ParameterJob { sub_slave, ..self }
@@ -102,13 +102,13 @@ impl ParameterJob {
         self.access
     }
 
-    /// The answer to this job.
+    /// Returns the answer to this job.
     #[inline]
     pub const fn answer(&self, result: ParameterResult) -> ParameterResponse {
         ParameterResponse { number: self.number, sub_slave: self.sub_slave, result }
     }
 
-    /// The frame to `slave` (0 to 127, on a bus 0 to 31).
+    /// Returns the frame to `slave` (0 to 127, on a bus 0 to 31).
     #[inline]
     pub const fn frame(&self, slave: u8) -> Frame {
         let [number_low, number_high] = self.number.to_le_bytes();
@@ -128,11 +128,11 @@ impl ParameterJob {
         Frame::of(FrameKind::Job(slave), payload)
     }
 
-    /// Reads the data field of a parameter job.
+    /// Decodes the data field of a parameter job.
     ///
     /// # Errors
-    /// [`CodecError::OtherService`] if it is an up-/download job, [`CodecError::Length`] if it has not
-    /// 4, 6 or 8 data bytes.
+    /// [`CodecError::OtherService`] for an up-/download job, [`CodecError::Length`] if there are not 4, 6 or 8 data
+    /// bytes.
     #[inline]
     pub const fn decode(payload: &Payload) -> Result<Self, CodecError> {
         let [control, number_low, a, b, c, d, e, f] = payload.padded();
@@ -157,7 +157,7 @@ impl ParameterJob {
     }
 }
 
-/// How a slave answers a parameter job.
+/// Result in a slave's answer to a parameter job.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum ParameterResult {
     /// Read: the value, a word.
@@ -172,7 +172,7 @@ pub enum ParameterResult {
     Busy,
 }
 
-/// The answer of a slave to a parameter job; [`ParameterJob::answer`] makes it.
+/// A slave's answer to a parameter job, created by [`ParameterJob::answer`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub struct ParameterResponse {
     number: u16,
@@ -202,10 +202,10 @@ impl ParameterResponse {
         self.result
     }
 
-    /// The frame of slave `slave` (0 to 127, on a bus 0 to 31).
+    /// Returns the frame of slave `slave` (0 to 127, on a bus 0 to 31).
     ///
-    /// The manual does not give the layout of a BUSY answer; it is sent with four bytes like a finished
-    /// write: status, number, sub-slave address.
+    /// The manual does not give the layout of a BUSY answer. The emulator sends four bytes as for a finished write:
+    /// status, number, sub-slave address.
     #[inline]
     pub const fn frame(&self, slave: u8) -> Frame {
         let [number_low, number_high] = self.number.to_le_bytes();
@@ -233,11 +233,11 @@ impl ParameterResponse {
         Frame::of(FrameKind::Response(slave), payload)
     }
 
-    /// Reads the data field of an answer to `job`.
+    /// Decodes the data field of an answer to `job`.
     ///
     /// # Errors
-    /// As [`ParameterResponse::decode_alone`]; further [`CodecError::OtherParameter`],
-    /// [`CodecError::OtherSubSlave`] or [`CodecError::Mismatch`] if it cannot be the answer to `job`.
+    /// As [`ParameterResponse::decode_alone`]; also [`CodecError::OtherParameter`], [`CodecError::OtherSubSlave`] or
+    /// [`CodecError::Mismatch`] if the answer does not fit `job`.
     #[inline]
     pub fn decode(job: &ParameterJob, payload: &Payload) -> Result<Self, CodecError> {
         let response = Self::decode_alone(payload)?;
@@ -246,7 +246,7 @@ impl ParameterResponse {
         }
         let write = !matches!(job.access, Access::Read);
         match response.result {
-            // Where a BUSY answer names the sub-slave is our own convention, so it is not insisted upon.
+            // The place of the sub-slave in a BUSY answer is the emulator's own convention, so it is not checked.
             ParameterResult::Busy => return Ok(job.answer(ParameterResult::Busy)),
             ParameterResult::Word(_) | ParameterResult::Doubleword(_) if write => {
                 return Err(CodecError::Mismatch { answer: "a value", job: job.text() });
@@ -262,14 +262,14 @@ impl ParameterResponse {
         Ok(response)
     }
 
-    /// Reads the data field of an answer without knowing the job, as a trace has to: 4 bytes are taken
-    /// for a finished write, 6 and 8 for a value that was read.
+    /// Decodes the data field of an answer without the job, as a trace requires: 4 bytes count as a finished write, 6
+    /// and 8 as a value.
     ///
-    /// With BUSY set any length from 2 bytes on is taken, and ERR is not looked at; if the length is not
-    /// 4, the sub-slave address counts as 0.
+    /// With BUSY set, any length from 2 bytes on is accepted and ERR is ignored. If the length is not 4, the sub-slave
+    /// address counts as 0.
     ///
     /// # Errors
-    /// [`CodecError::OtherService`] if it answers an up-/download job, [`CodecError::Length`].
+    /// [`CodecError::OtherService`] for an answer to an up-/download job, [`CodecError::Length`].
     #[inline]
     pub const fn decode_alone(payload: &Payload) -> Result<Self, CodecError> {
         let [status, number_low, a, b, c, d, e, f] = payload.padded();

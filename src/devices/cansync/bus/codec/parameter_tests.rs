@@ -34,7 +34,7 @@ fn answers_byte_by_byte() {
 }
 
 #[test]
-fn the_job_decides_what_an_answer_may_be() {
+fn the_job_decides_which_answers_are_valid() {
     let read = job(300, Access::Read);
     let write = job(300, Access::WriteWord(1));
     let (done, word) = (write.answer(ParameterResult::Done), read.answer(ParameterResult::Word(1)));
@@ -53,7 +53,7 @@ fn the_job_decides_what_an_answer_may_be() {
 }
 
 #[test]
-fn answers_of_others_are_refused() {
+fn answers_to_other_jobs_are_refused() {
     let asked = job(300, Access::Read);
     let other = job(301, Access::Read).answer(ParameterResult::Word(1)).frame(1);
     let err = ParameterResponse::decode(&asked, other.payload());
@@ -64,7 +64,7 @@ fn answers_of_others_are_refused() {
 }
 
 #[test]
-fn busy_is_taken_in_every_plausible_length() {
+fn busy_is_accepted_in_every_plausible_length() {
     let asked = job(300, Access::Read).with_sub_slave(7);
     for len in 0..=8 {
         let answer = Payload::from_padded([0x41, 0x2C, 1, 2, 3, 4, 5, 6], len);
@@ -78,7 +78,7 @@ fn busy_is_taken_in_every_plausible_length() {
 }
 
 #[test]
-fn lengths_outside_the_grammar_are_refused() {
+fn lengths_outside_the_format_are_refused() {
     for len in [0, 1, 2, 3, 5, 7] {
         for status in [0x01, 0x21] {
             let payload = Payload::from_padded([status; 8], len);
@@ -94,7 +94,7 @@ fn lengths_outside_the_grammar_are_refused() {
 }
 
 #[test]
-fn what_does_not_fit_the_frame_is_refused_before_sending() {
+fn values_that_do_not_fit_the_frame_are_refused_before_sending() {
     assert_eq!(ParameterJob::new(4096, Access::Read), Err(CodecError::ParameterNumber(4096)));
     assert_eq!(job(4095, Access::Read).with_element(8), Err(CodecError::Element(8)));
 }

@@ -1,7 +1,7 @@
 //! Process data: the four words of a reference or actual value frame and the registers that assign them.
 //!
-//! Manual 5.00005.03a p. 152-153 (master, reference values), p. 156-157 (master, actual values) and the
-//! slave's chapters from p. 176 on, which use the same byte.
+//! Manual 5.00005.03a p. 152-153 (master, reference values), p. 156-157 (master, actual values), and the slave's
+//! chapters from p. 176 on with the same byte.
 
 use crate::can::Payload;
 use crate::devices::cansync::registers::values::{cfg_word, cfg_wrc_master};
@@ -9,39 +9,39 @@ use serde::{Deserialize, Serialize};
 
 /// Lowest bit of the value number.
 const NUMBER_AT: u32 = cfg_word::NUMBER.trailing_zeros();
-// Both kinds of bytes are alike but for the length of the number.
+// Both kinds of bytes differ only in the length of the number.
 const _: () = assert!(
     cfg_wrc_master::NUMBER.trailing_zeros() == NUMBER_AT
         && cfg_wrc_master::ASSIGNED == cfg_word::ASSIGNED
         && cfg_wrc_master::HIGH_WORD == cfg_word::HIGH_WORD
 );
 
-/// One configuration byte (`b_CFG_WRCx_WORDy`, `b_CFG_RDCx_WORDy`): which half of which value a word is.
+/// One configuration byte (`b_CFG_WRCx_WORDy`, `b_CFG_RDCx_WORDy`): the value and the half that a word carries.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct WordConfig(pub u8);
 
 impl WordConfig {
-    /// The byte for the low or high word of value `number` (0..=31, higher bits are cut).
+    /// Creates the byte for the low or high word of value `number` (0..=31, higher bits are cut).
     #[inline]
     pub const fn new(number: u8, high_word: bool) -> Self {
         let half = if high_word { cfg_word::HIGH_WORD } else { 0 };
         WordConfig(cfg_word::ASSIGNED | half | number << NUMBER_AT & cfg_wrc_master::NUMBER)
     }
 
-    /// Whether the word is in use: any byte but 0 says so, even with bit 0 ("assigned") clear, because
-    /// the manual calls a word unused only if number, half and bit 0 are all 0.
+    /// Returns true if the word is in use: any byte except 0, even with bit 0 ("assigned") clear. The manual calls a
+    /// word unused only if number, half and bit 0 are all 0.
     #[inline]
     pub const fn is_used(self) -> bool {
         self.0 != 0
     }
 
-    /// Bit 0.
+    /// Returns bit 0.
     #[inline]
     pub const fn is_assigned(self) -> bool {
         self.0 & cfg_word::ASSIGNED != 0
     }
 
-    /// Bit 1: the high word of the value instead of its low word.
+    /// Returns bit 1: the high word of the value instead of its low word.
     #[inline]
     pub const fn is_high_word(self) -> bool {
         self.0 & cfg_word::HIGH_WORD != 0
@@ -52,49 +52,50 @@ impl WordConfig {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub struct FrameConfig {
     words: [u8; 4],
-    /// The bits of the value number.
+    /// Mask of the value number.
     number: u8,
 }
 
-/// A process data frame as [`FrameConfig::build`] makes it.
+/// A process data frame built by [`FrameConfig::build`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Built {
     /// The data field.
     pub payload: Payload,
-    /// How many words are in use, 0 to 4; the time to build the frame depends on it (p. 153).
+    /// Number of used words, 0 to 4. The time to build the frame depends on it (p. 153).
     pub used_words: u8,
 }
 
 impl FrameConfig {
-    /// The master's reference value frames: 5-bit value numbers (bits 2 to 6).
+    /// Creates the configuration of a master's reference value frame, with 5-bit value numbers (bits 2 to 6).
     #[inline]
     pub const fn master_reference(words: [u8; 4]) -> Self {
         FrameConfig { words, number: cfg_wrc_master::NUMBER }
     }
 
-    /// All other frames (actual values at the master, everything at the slave): 4-bit value numbers
-    /// (bits 2 to 5).
+    /// Creates the configuration of any other frame (actual values at the master, all frames at the slave), with 4-bit
+    /// value numbers (bits 2 to 5).
     #[inline]
     pub const fn new(words: [u8; 4]) -> Self {
         FrameConfig { words, number: cfg_word::NUMBER }
     }
 
-    /// Whether no word is in use.
+    /// Returns true if no word is in use.
     #[inline]
     pub const fn is_unused(self) -> bool {
         u32::from_ne_bytes(self.words) == 0
     }
 
-    /// How many words are in use, 0 to 4.
+    /// Returns the number of used words, 0 to 4.
     #[inline]
     pub fn used_words(self) -> u8 {
         self.words.iter().map(|&byte| u8::from(WordConfig(byte).is_used())).sum()
     }
 
-    /// Composes a frame; `values` gives the doubleword with the given number.
+    /// Builds a frame; `values` returns the doubleword with the given number.
     ///
-    /// The data field reaches to the last used word; unused words before it are 0; with no used word it carries no
-    /// data. The bus may make the frame longer ([`FrameLength`](crate::devices::cansync::bus::FrameLength), decision D-10).
+    /// The data field ends with the last used word. Unused words before it are 0. Without a used word the frame has no
+    /// data. The bus may make the frame longer ([`FrameLength`](crate::devices::cansync::bus::FrameLength), decision
+    /// D-10).
     #[inline]
     pub fn build(self, mut values: impl FnMut(u8) -> u32) -> Built {
         let (mut words, mut used_words, mut len) = ([0; 4], 0, 0);
@@ -110,8 +111,8 @@ impl FrameConfig {
         Built { payload: Payload::from_words(words, len), used_words }
     }
 
-    /// Takes a received frame apart: calls `sink` with value number, "high word" and word for each used
-    /// word that the frame carries entirely.
+    /// Extracts the words of a received frame: calls `sink` with value number, "high word" and word for each used word
+    /// that the frame carries completely.
     #[inline]
     pub fn scatter(self, payload: &Payload, mut sink: impl FnMut(u8, bool, u16)) {
         for (index, byte) in self.words.into_iter().enumerate() {
@@ -188,7 +189,7 @@ mod tests {
     }
 
     #[test]
-    fn a_short_frame_leaves_the_other_words_alone() {
+    fn a_short_frame_delivers_only_its_complete_words() {
         let config = FrameConfig::new([0x01, 0x03, 0x05, 0x07]);
         for len in 0..=8 {
             let payload = Payload::from_padded([0x11; 8], len);
@@ -200,7 +201,7 @@ mod tests {
         #![proptest_config(crate::property_tests())]
 
         #[test]
-        fn what_is_built_is_scattered(words: [u8; 4], values: [u32; 32]) {
+        fn a_built_frame_returns_its_values(words: [u8; 4], values: [u32; 32]) {
             let config = FrameConfig::master_reference(words);
             let built = config.build(|number| values[usize::from(number)]);
             let got = scattered(config, &built.payload);

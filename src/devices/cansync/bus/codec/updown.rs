@@ -1,8 +1,7 @@
 //! Up- and download frames (manual 5.00005.03a p. 141-143).
 //!
-//! An init frame announces address and length, then the data travels in blocks of six bytes at the
-//! offsets 0, 6, 12 ..., the last one in a frame of its own mode. What the blocks mean in sequence is not
-//! decided here.
+//! An init frame announces address and length. Then the data travel in blocks of six bytes at the offsets 0, 6, 12 ...;
+//! the last block has a separate mode. This module does not check the sequence of the blocks.
 
 use super::CodecError;
 use super::parameter::application_error;
@@ -26,12 +25,12 @@ const LAST: u8 = 0x30;
 const BUSY: u8 = 0x40;
 const ERR: u8 = 0x20;
 
-/// What an error number of an up-/download means.
+/// Returns the meaning of an error number of an up-/download.
 pub fn error_text(number: u16) -> &'static str {
     application_error(&descriptor::MEANING_UPDOWN_ERROR, number)
 }
 
-/// Direction of a transfer as the master sees it.
+/// Direction of a transfer from the master's point of view.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum Direction {
     /// Slave to master.
@@ -40,10 +39,10 @@ pub enum Direction {
     Download,
 }
 
-/// What a job frame does.
+/// Step of a transfer in a job frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum UpDownStep {
-    /// MODE 01: begins a transfer (or ends it, see [`UpDownJob::cancel`]).
+    /// MODE 01: starts a transfer (or ends it, see [`UpDownJob::cancel`]).
     Init {
         /// Up or down.
         direction: Direction,
@@ -52,14 +51,14 @@ pub enum UpDownStep {
         /// Sub-slave address, valid for the whole transfer; 0 is the slave itself.
         sub_slave: u16,
     },
-    /// MODE 10 or 11: asks for six bytes.
+    /// MODE 10 or 11: requests six bytes.
     Upload {
         /// MODE 11: the last block.
         last: bool,
     },
-    /// MODE 10 or 11: brings six bytes.
+    /// MODE 10 or 11: carries six bytes.
     Download {
-        /// MODE 11: the last block, of which the slave takes what belongs to the announced length.
+        /// MODE 11: the last block. The slave takes the bytes within the announced length.
         last: bool,
         /// The bytes.
         data: [u8; BLOCK],
@@ -74,8 +73,8 @@ pub struct UpDownJob {
 }
 
 impl UpDownJob {
-    /// A job; `offset` is the block length in an init job, else the offset of the block, 0 to 4095 bytes.
-    /// Length 0 in an upload leaves the length to the slave.
+    /// Creates a job. `offset` is the block length in an init job, otherwise the offset of the block, 0 to 4095 bytes.
+    /// With length 0 in an upload the slave selects the length.
     ///
     /// # Errors
     /// [`CodecError::Offset`] above 4095.
@@ -86,24 +85,24 @@ impl UpDownJob {
         Ok(UpDownJob { offset, step })
     }
 
-    /// The job that cancels any transfer: an upload init with address 0 and length 0.
+    /// Creates the job that cancels any transfer: an upload init with address 0 and length 0.
     pub const fn cancel() -> Self {
         let step = UpDownStep::Init { direction: Direction::Upload, address: 0, sub_slave: 0 };
         UpDownJob { offset: 0, step }
     }
 
-    /// Whether the job cancels a transfer: an init job of either direction with address 0 and length 0.
+    /// Returns true if the job cancels a transfer: an init job of either direction with address 0 and length 0.
     pub const fn is_cancel(&self) -> bool {
         matches!(self.step, UpDownStep::Init { address: 0, .. }) && self.offset == 0
     }
 
-    /// Block length of an init job, else offset of the block, in bytes, 0 to 4095.
+    /// Returns the block length of an init job, otherwise the offset of the block, in bytes, 0 to 4095.
     #[inline]
     pub const fn offset(&self) -> u16 {
         self.offset
     }
 
-    /// What the job does.
+    /// Returns the step of the job.
     #[inline]
     pub const fn step(&self) -> UpDownStep {
         self.step
@@ -118,7 +117,7 @@ impl UpDownJob {
         }
     }
 
-    /// The usual answer to this job: it carries the job's offset; that to an init job 0.
+    /// Returns the usual answer to this job. It has the job's offset; the answer to an init job has offset 0.
     pub const fn answer(&self, result: UpDownResult) -> UpDownResponse {
         let offset = match self.step {
             UpDownStep::Init { .. } => 0,
@@ -127,7 +126,7 @@ impl UpDownJob {
         UpDownResponse { offset, result }
     }
 
-    /// The answer to an upload init job whose length the slave sets, 0 to 4095 bytes.
+    /// Returns the answer to an upload init job with a length set by the slave, 0 to 4095 bytes.
     ///
     /// # Errors
     /// [`CodecError::Offset`] above 4095.
@@ -138,7 +137,7 @@ impl UpDownJob {
         Ok(UpDownResponse { offset: length, result: UpDownResult::Done })
     }
 
-    /// The refusal that names the block the slave expects instead (16#0100), 0 to 4095.
+    /// Returns the refusal with the offset of the expected block (16#0100), 0 to 4095.
     ///
     /// # Errors
     /// [`CodecError::Offset`] above 4095.
@@ -149,7 +148,7 @@ impl UpDownJob {
         Ok(UpDownResponse { offset, result: UpDownResult::Error(updown_error::EXPECTS_OTHER_BLOCK) })
     }
 
-    /// The frame to `slave` (0 to 127, on a bus 0 to 31).
+    /// Returns the frame to `slave` (0 to 127, on a bus 0 to 31).
     pub const fn frame(&self, slave: u8) -> Frame {
         let [low, high] = self.offset.to_le_bytes();
         let payload = match self.step {
@@ -172,11 +171,10 @@ impl UpDownJob {
         Frame::of(FrameKind::Job(slave), payload)
     }
 
-    /// Reads the data field of an up-/download job.
+    /// Decodes the data field of an up-/download job.
     ///
     /// # Errors
-    /// [`CodecError::OtherService`] if it is a parameter job, [`CodecError::ReservedMode`],
-    /// [`CodecError::Length`].
+    /// [`CodecError::OtherService`] for a parameter job, [`CodecError::ReservedMode`], [`CodecError::Length`].
     pub const fn decode(payload: &Payload) -> Result<Self, CodecError> {
         let [control, low, a, b, c, d, e, f] = payload.padded();
         if payload.is_empty() {
@@ -207,12 +205,12 @@ const fn mode(last: bool) -> u8 {
     if last { LAST } else { BODY }
 }
 
-/// How a slave answers an up-/download job.
+/// Result in a slave's answer to an up-/download job.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum UpDownResult {
     /// Init or download block accepted.
     Done,
-    /// Upload: six bytes; behind the end of the range they mean nothing.
+    /// Upload: six bytes. Bytes after the end of the range have no meaning.
     Data([u8; BLOCK]),
     /// Refused; see [`updown_error`].
     Error(u16),
@@ -220,7 +218,7 @@ pub enum UpDownResult {
     Busy,
 }
 
-/// The answer of a slave to an up-/download job; [`UpDownJob::answer`] makes it.
+/// A slave's answer to an up-/download job, created by [`UpDownJob::answer`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub struct UpDownResponse {
     offset: u16,
@@ -228,8 +226,8 @@ pub struct UpDownResponse {
 }
 
 impl UpDownResponse {
-    /// Offset of the block, 0 to 4095; after an upload init job the length set by the slave, else 0; with
-    /// error 16#0100 the offset that the slave expects.
+    /// Returns the offset of the block, 0 to 4095. After an upload init job it is the length set by the slave,
+    /// otherwise 0. With error 16#0100 it is the offset that the slave expects.
     #[inline]
     pub const fn offset(&self) -> u16 {
         self.offset
@@ -241,8 +239,8 @@ impl UpDownResponse {
         self.result
     }
 
-    /// The frame of slave `slave` (0 to 127, on a bus 0 to 31). A BUSY answer has two bytes: status and
-    /// offset are all that the manual gives it.
+    /// Returns the frame of slave `slave` (0 to 127, on a bus 0 to 31). A BUSY answer has two bytes: the manual gives
+    /// it only status and offset.
     pub const fn frame(&self, slave: u8) -> Frame {
         let [low, high] = self.offset.to_le_bytes();
         let status = SERVICE | high;
@@ -260,12 +258,12 @@ impl UpDownResponse {
         Frame::of(FrameKind::Response(slave), payload)
     }
 
-    /// Reads the data field of an answer to `job`.
+    /// Decodes the data field of an answer to `job`.
     ///
     /// # Errors
-    /// As [`UpDownResponse::decode_alone`]; further [`CodecError::Mismatch`] if data comes unasked or is
-    /// missing, and [`CodecError::OtherOffset`] if another block is acknowledged (the master's error
-    /// 16#0001). The offset of error answers is not compared: it may be the one the slave expects.
+    /// As [`UpDownResponse::decode_alone`]; also [`CodecError::Mismatch`] if data are unrequested or missing, and
+    /// [`CodecError::OtherOffset`] if another block is acknowledged (the master's error 16#0001). The offset of error
+    /// answers is not compared: it may be the one that the slave expects.
     pub fn decode(job: &UpDownJob, payload: &Payload) -> Result<Self, CodecError> {
         let response = Self::decode_alone(payload)?;
         let wants_data = matches!(job.step, UpDownStep::Upload { .. });
@@ -286,12 +284,12 @@ impl UpDownResponse {
         Ok(response)
     }
 
-    /// Reads the data field of an answer without knowing the job, as a trace has to.
+    /// Decodes the data field of an answer without the job, as a trace requires.
     ///
-    /// With BUSY set any length from 2 bytes on is taken, and ERR is not looked at.
+    /// With BUSY set, any length from 2 bytes on is accepted and ERR is ignored.
     ///
     /// # Errors
-    /// [`CodecError::OtherService`] if it answers a parameter job, [`CodecError::Length`].
+    /// [`CodecError::OtherService`] for an answer to a parameter job, [`CodecError::Length`].
     pub const fn decode_alone(payload: &Payload) -> Result<Self, CodecError> {
         let [status, low, a, b, c, d, e, f] = payload.padded();
         if payload.is_empty() {

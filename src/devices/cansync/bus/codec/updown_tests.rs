@@ -57,7 +57,7 @@ fn cancel_is_an_upload_init_without_address_and_length() {
 }
 
 #[test]
-fn init_is_answered_with_length_0_or_that_of_the_slave() {
+fn the_answer_to_init_has_length_0_or_the_length_of_the_slave() {
     let upload = job(0, init(Direction::Upload));
     assert_eq!(job(300, init(Direction::Download)).answer(UpDownResult::Done).offset(), 0);
     let answer = upload.answer_with_length(1234).unwrap();
@@ -95,7 +95,7 @@ fn an_answer_has_to_fit_its_job() {
 }
 
 #[test]
-fn a_wrong_block_number_is_noticed_but_not_in_errors() {
+fn a_wrong_block_number_is_refused_except_in_error_answers() {
     let asked = job(12, UpDownStep::Upload { last: false });
     let other = job(6, UpDownStep::Upload { last: false }).answer(UpDownResult::Data(DATA));
     let decoded = UpDownResponse::decode(&asked, other.frame(0).payload());
@@ -107,7 +107,7 @@ fn a_wrong_block_number_is_noticed_but_not_in_errors() {
 }
 
 #[test]
-fn lengths_modes_and_services_outside_the_grammar() {
+fn lengths_modes_and_services_outside_the_format_are_refused() {
     for len in 0..=8 {
         let decode = |control| UpDownJob::decode(&Payload::from_padded([control; 8], len));
         for (control, right) in [(0x90, 8), (0xD0, 8), (0xA0, 2), (0xB0, 2), (0xE0, 8), (0xF0, 8)] {
@@ -129,7 +129,7 @@ fn lengths_modes_and_services_outside_the_grammar() {
 }
 
 #[test]
-fn answer_lengths_outside_the_grammar() {
+fn answer_lengths_outside_the_format_are_refused() {
     for len in 0..=8 {
         for (status, right) in [(0x80, &[2, 8][..]), (0xA0, &[4]), (0xC0, &[2, 3, 4, 5, 6, 7, 8])] {
             let decoded = UpDownResponse::decode_alone(&Payload::from_padded([status; 8], len));

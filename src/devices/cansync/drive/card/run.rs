@@ -1,33 +1,33 @@
-//! What the card does in a run: many intervals in one go, see [`Drive::cruise`](super::super::Drive::cruise).
+//! A run of the card: many intervals in one step, see [`Drive::cruise`](super::super::Drive::cruise).
 
 use super::{Card, DELAY_LINE};
 use crate::can::Payload;
 use crate::devices::cansync::bus::Channel;
-use crate::devices::cansync::drive::catch_up::Alike;
-use crate::devices::cansync::drive::parameters::Slot;
+use crate::devices::cansync::drive::catch_up::UniformIntervals;
+use crate::devices::cansync::drive::parameters::ParameterSlot;
 use crate::devices::cansync::drive::regler::VRegler;
 use crate::devices::cansync::drive::zk::Source;
 
 /// The card's reference values in a run.
-pub(in crate::devices::cansync::drive) struct References([InRun; 2]);
+pub(in crate::devices::cansync::drive) struct References([RunSlot; 2]);
 
-/// One of them.
+/// One reference value in a run.
 #[derive(Clone, Copy)]
-struct InRun {
+struct RunSlot {
     channel: Channel,
     shift: u8,
     end: u8,
     mask: u32,
-    target: Option<Slot>,
+    target: Option<ParameterSlot>,
     is_speed: bool,
     received: Option<u32>,
-    /// The last one that was handed over.
+    /// The last value that was passed to the drive.
     value: Option<u32>,
 }
 
-impl InRun {
-    /// No frame is long enough for it.
-    const NONE: Self = InRun {
+impl RunSlot {
+    /// An unused slot: no frame is long enough for it.
+    const NONE: Self = RunSlot {
         channel: Channel::One,
         shift: 0,
         end: u8::MAX,
@@ -38,7 +38,7 @@ impl InRun {
         value: None,
     };
 
-    /// Whether its value comes, if these frames of eight bytes do.
+    /// Returns true if these frames of eight bytes carry the value.
     #[inline]
     fn is_heard(&self, channels: u8) -> bool {
         self.target.is_some()
@@ -51,7 +51,7 @@ impl InRun {
         1 << self.channel.index()
     }
 
-    /// Its value in the data of a frame.
+    /// Returns the value in the data of a frame.
     #[inline]
     fn value_in(&self, bits: u64) -> u32 {
         (bits >> self.shift) as u32 & self.mask
@@ -59,18 +59,18 @@ impl InRun {
 }
 
 impl References {
-    /// Speed reference values that come, one in each interval; `None`: there are none.
+    /// Returns the speed reference values, one per interval; `None` if none come.
     #[inline]
     pub(crate) fn speeds<'a>(
         &self,
-        alike: &Alike<'a>,
+        alike: &UniformIntervals<'a>,
         heard: u8,
     ) -> Option<impl ExactSizeIterator<Item = u32> + DoubleEndedIterator + Clone + use<'a>> {
         let slot = *self.0.iter().find(|slot| slot.is_speed && slot.is_heard(heard))?;
         Some(alike.bits(slot.channel).map(move |bits| slot.value_in(bits)))
     }
 
-    /// The channels of those values that come.
+    /// Returns the channels of the values that come.
     #[inline]
     fn heard(&self, channels: u8) -> u8 {
         let heard = self.0.iter().filter(|slot| slot.is_heard(channels));
@@ -79,19 +79,19 @@ impl References {
 }
 
 impl Card {
-    /// Many intervals are about to come, of which none is lost. `None` if the card does more than to hand the master's
-    /// reference values over at once.
+    /// Starts a run of many intervals without losses. Returns `None` if the card does more than pass on the master's
+    /// reference values at once.
     pub(crate) fn begin_run(&self, regler: &VRegler) -> Option<References> {
         if self.delay != 0 || self.stopped || self.may_stop() || self.control_word.is_some() {
             return None;
         }
-        let mut references = References([InRun::NONE; 2]);
+        let mut references = References([RunSlot::NONE; 2]);
         for (slot, own) in references.0.iter_mut().zip(&self.references) {
             let Some(own) = own else { continue };
             if own.source != Source::Master {
                 return None;
             }
-            *slot = InRun {
+            *slot = RunSlot {
                 channel: own.channel,
                 shift: own.shift,
                 end: own.end,
@@ -107,7 +107,7 @@ impl Card {
         is_clear.then_some(references)
     }
 
-    /// As [`Card::receive`] from the master, in a run.
+    /// As [`Card::receive`] from the master, during a run.
     #[inline]
     pub(crate) fn receive_in_run(
         &mut self,
@@ -125,7 +125,7 @@ impl Card {
         }
     }
 
-    /// As [`Card::hand_over`], in a run; returns the speed reference value if it came.
+    /// As [`Card::hand_over`], during a run. Returns the speed reference value if it came.
     #[inline]
     pub(crate) fn hand_over_in_run(&mut self, references: &mut References) -> Option<u32> {
         self.count_losses();
@@ -142,16 +142,16 @@ impl Card {
         speed
     }
 
-    /// Whether no reference value that is expected is missing as long as these frames of eight bytes come in each interval.
+    /// Returns true if no expected reference value is missing while these frames of eight bytes come in each interval.
     #[inline]
     pub(crate) fn misses_nothing(&self, references: &References, channels: u8) -> bool {
         (self.losses.expected | self.losses.seen) & !references.heard(channels) == 0
     }
 
-    /// All these intervals but the first hand-over: as [`Card::receive_in_run`] and [`Card::hand_over_in_run`] for each of them, if
-    /// they miss nothing ([`Card::misses_nothing`]).
+    /// Processes all these intervals except the first hand-over, as [`Card::receive_in_run`] and
+    /// [`Card::hand_over_in_run`] do for each interval. [`Card::misses_nothing`] must be true.
     #[inline]
-    pub(crate) fn leap(&mut self, references: &mut References, alike: &Alike, channels: u8) {
+    pub(crate) fn leap(&mut self, references: &mut References, alike: &UniformIntervals, channels: u8) {
         let heard = references.heard(channels);
         let handed_over = alike.count() - 1;
         if handed_over > 0 {
@@ -171,7 +171,7 @@ impl Card {
         }
     }
 
-    /// The run is over: what was handed over stands in the parameters.
+    /// Ends the run: writes the values passed on to the parameters.
     pub(crate) fn end_run(&mut self, references: &References, regler: &mut VRegler) {
         for (slot, own) in references.0.iter().zip(&mut self.references) {
             let Some(own) = own else { continue };

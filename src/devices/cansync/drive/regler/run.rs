@@ -1,20 +1,20 @@
-//! What the drive does in a run: many intervals in one go, see [`Drive::cruise`](super::super::Drive::cruise).
+//! A run of the drive: many intervals in one step, see [`Drive::cruise`](super::super::Drive::cruise).
 
 use super::{Slots, VRegler};
-use crate::devices::cansync::drive::drivecom::State;
-use crate::devices::cansync::drive::parameters::Slot;
+use crate::devices::cansync::drive::drivecom::DrivecomState;
+use crate::devices::cansync::drive::parameters::ParameterSlot;
 
-/// What a drive in speed mode goes by while no parameter but its reference values is written.
+/// Parameters of a drive in speed mode while only reference values are written.
 pub(in crate::devices::cansync::drive) struct Run {
     pub sync_slot_us: u32,
     pub speed_reference: u32,
-    /// The lowest and the highest speed that is aimed at.
+    /// The lowest and the highest target speed.
     bounds: (i32, i32),
     ramp: u32,
 }
 
 impl Run {
-    /// The speed that is aimed at with this reference value.
+    /// Returns the target speed for this reference value.
     #[inline]
     fn target(&self, reference: u32) -> i32 {
         (reference as i32).clamp(self.bounds.0, self.bounds.1)
@@ -22,14 +22,14 @@ impl Run {
 }
 
 impl VRegler {
-    /// The drive is about to run for many intervals in which nothing but reference values comes; `None` if it does not run
-    /// by its speed reference value alone.
+    /// Starts a run of many intervals in which only reference values come. Returns `None` if the motion does not depend
+    /// on the speed reference value alone.
     pub(in crate::devices::cansync::drive) fn begin_run(&self) -> Option<Run> {
         if self.is_following_angle() || self.store.is_settling() {
             return None;
         }
         let limit = match self.machine.state() {
-            State::OperationEnabled => self.store.get(self.slots.speed_limit),
+            DrivecomState::OperationEnabled => self.store.get(self.slots.speed_limit),
             _ => 0,
         };
         Some(Run {
@@ -40,15 +40,16 @@ impl VRegler {
         })
     }
 
-    /// Whether a reference value for this parameter can come in a run, and whether it is the speed reference value.
-    pub(in crate::devices::cansync::drive) fn takes_in_run(&self, target: Slot) -> Option<bool> {
+    /// Returns `Some` if a reference value for this parameter is permitted in a run; true if it is the speed reference
+    /// value.
+    pub(in crate::devices::cansync::drive) fn takes_in_run(&self, target: ParameterSlot) -> Option<bool> {
         let Slots { mode, speed_limit, ramp, sync_slot, angle_reference, .. } = self.slots;
         let is_looked_at = [mode, speed_limit, ramp, sync_slot, angle_reference].contains(&target);
         let takes = !is_looked_at && self.store.takes_every_value(target);
         takes.then_some(target == self.slots.speed_reference)
     }
 
-    /// As [`VRegler::step`], in a run.
+    /// As [`VRegler::step`], during a run.
     #[inline]
     pub(in crate::devices::cansync::drive) fn step_in_run(&mut self, run: &Run, us: u32) {
         if self.motion.step(run.target(run.speed_reference), us, run.ramp) == 0 {
@@ -56,8 +57,8 @@ impl VRegler {
         }
     }
 
-    /// Goes through one interval for each of the speed reference values, of which there is at least one and the last one stays.
-    /// An interval has two parts: its reference value counts in the second one.
+    /// Runs through one interval for each speed reference value. There is at least one; the last one stays. An interval
+    /// has two parts; its reference value takes effect in the second one.
     #[inline]
     pub(in crate::devices::cansync::drive) fn steps_in_run(
         &mut self,
@@ -73,7 +74,7 @@ impl VRegler {
         run.speed_reference = references.next_back().unwrap_or(run.speed_reference);
     }
 
-    /// The run is over: its actual values can be looked at.
+    /// Ends the run: stores the actual values.
     pub(in crate::devices::cansync::drive) fn end_run(&mut self) {
         self.store.set(self.slots.speed_actual, self.motion.speed() as u32);
         self.store.set(self.slots.angle_actual, self.motion.angle());

@@ -1,18 +1,18 @@
-//! A drive that catches up is as one that has taken everything when it came.
+//! A drive that catches up has the same state as a drive that processed every event at once.
 
 use super::*;
-use crate::devices::cansync::drive::{Log, Passed};
+use crate::devices::cansync::drive::{BusEvent, EventLog};
 use crate::snapshot_fields::{Saving, SnapshotFields};
 use proptest::prelude::*;
 
-fn passed() -> impl Strategy<Value = Passed> {
+fn passed() -> impl Strategy<Value = BusEvent> {
     let reference =
         (prop_oneof![9 => Just(500), 1 => Just(250)], any::<bool>(), any::<[u16; 4]>(), 0..5usize);
     prop_oneof![
-        // Mostly in time, so that the drive gets and stays synchronized.
+        // Mostly in time, so that the drive becomes and stays synchronized.
         3 => prop_oneof![9 => Just(2000_u64), 1 => 0..9000_u64]
-            .prop_map(|now_us| Passed::Edge { now_us, interval_us: INTERVAL }),
-        3 => reference.prop_map(|(kbit_s, first, words, count)| Passed::Reference {
+            .prop_map(|now_us| BusEvent::Edge { now_us, interval_us: INTERVAL }),
+        3 => reference.prop_map(|(kbit_s, first, words, count)| BusEvent::Reference {
             kbit_s,
             channel: if first { Channel::One } else { Channel::Two },
             payload: Payload::from_words(words, count),
@@ -20,14 +20,14 @@ fn passed() -> impl Strategy<Value = Passed> {
     ]
 }
 
-/// Something, or intervals that are all alike: the frames of `channels`, of eight bytes each.
-fn stretches() -> impl Strategy<Value = Vec<Passed>> {
+/// Arbitrary events, or uniform intervals with the frames of `channels`, of eight bytes each.
+fn stretches() -> impl Strategy<Value = Vec<BusEvent>> {
     let small = || (0..9_u16, 0..9_u16).prop_map(|(one, two)| [one, 0, two, 0]);
     let words = || prop_oneof![any::<[u16; 4]>(), small()];
     let alike = prop::collection::vec((words(), words()), 1..9);
     let alike = (alike, prop_oneof![9 => Just(500), 1 => Just(250)], 0..4_u8).prop_map(
         |(intervals, kbit_s, channels)| {
-            let frame = |channel: Channel, words| Passed::Reference {
+            let frame = |channel: Channel, words| BusEvent::Reference {
                 kbit_s,
                 channel,
                 payload: Payload::from_words(words, 4),
@@ -35,7 +35,7 @@ fn stretches() -> impl Strategy<Value = Vec<Passed>> {
             let interval = |(one, two)| {
                 let frames = [frame(Channel::One, one), frame(Channel::Two, two)].into_iter().enumerate();
                 let frames = frames.filter(|(bit, _)| channels >> bit & 1 != 0).map(|(_, frame)| frame);
-                let edge = Passed::Edge { now_us: INTERVAL.into(), interval_us: INTERVAL };
+                let edge = BusEvent::Edge { now_us: INTERVAL.into(), interval_us: INTERVAL };
                 core::iter::once(edge).chain(frames).collect::<Vec<_>>()
             };
             intervals.into_iter().flat_map(interval).collect()
@@ -44,7 +44,7 @@ fn stretches() -> impl Strategy<Value = Vec<Passed>> {
     prop_oneof![1 => passed().prop_map(|one| vec![one]), 2 => alike]
 }
 
-/// Drives whose cards do different things with what comes.
+/// Drives with different configurations of the card.
 fn drives() -> Vec<Drive> {
     let quick = |cfg: DriveConfig| DriveConfig { lock_time_us: 4000, ..cfg };
     let mode = ParameterSpec { initial: 1, ..ParameterSpec::new(number::OPERATING_MODE, ParamFormat::Word) };
@@ -64,13 +64,13 @@ fn drives() -> Vec<Drive> {
     configs.map(|cfg| Drive::new(&quick(cfg), 500)).into_iter().collect::<Result<_, _>>().unwrap()
 }
 
-fn takes(drive: &mut Drive, passed: &Passed) {
+fn takes(drive: &mut Drive, passed: &BusEvent) {
     match *passed {
-        Passed::Edge { now_us, interval_us } => drive.sync_edge(now_us, interval_us),
-        Passed::Reference { kbit_s, channel, ref payload } if kbit_s == drive.kbit_s() => {
+        BusEvent::Edge { now_us, interval_us } => drive.sync_edge(now_us, interval_us),
+        BusEvent::Reference { kbit_s, channel, ref payload } if kbit_s == drive.kbit_s() => {
             drive.reference_frame(channel, payload);
         }
-        Passed::Reference { .. } => {}
+        BusEvent::Reference { .. } => {}
     }
 }
 
@@ -91,7 +91,7 @@ proptest! {
     ) {
         let (mut all, mut now) = (all.concat(), 0);
         for it in &mut all {
-            if let Passed::Edge { now_us, .. } = it {
+            if let BusEvent::Edge { now_us, .. } = it {
                 now += *now_us;
                 *now_us = now;
             }
@@ -102,7 +102,7 @@ proptest! {
                 at_once.action_command(&ActionCommand::control_word(ActionCommand::ALL_SLAVES, word));
             }
             let mut later = at_once.clone();
-            let mut log = Log::default();
+            let mut log = EventLog::default();
             for stretch in all.chunks(stretch) {
                 let taken = log.len();
                 stretch.iter().for_each(|it| takes(&mut at_once, it));
@@ -119,16 +119,16 @@ proptest! {
 
 #[test]
 fn intervals_that_are_alike_are_found_wherever_one_begins() {
-    let mut log = Log::default();
+    let mut log = EventLog::default();
     let mut now_us = 0;
     for interval in 0..6 {
         now_us += if interval == 2 { 2600 } else { u64::from(INTERVAL) };
-        log.push(Passed::Edge { now_us, interval_us: INTERVAL });
+        log.push(BusEvent::Edge { now_us, interval_us: INTERVAL });
         for channel in [Channel::One, Channel::Two] {
-            log.push(Passed::Reference { kbit_s: 500, channel, payload: Payload::from_words([7; 4], 4) });
+            log.push(BusEvent::Reference { kbit_s: 500, channel, payload: Payload::from_words([7; 4], 4) });
         }
     }
-    // The third edge is late, so the intervals from there on are alike up to the last edge.
+    // The third edge is late, so the intervals from there to the last edge are uniform.
     for (taken, one_by_one, alike, rest) in
         [(0, 6, 3, 3), (6, 0, 3, 3), (7, 2, 2, 3), (9, 0, 2, 3), (15, 0, 0, 3), (16, 0, 0, 2), (18, 0, 0, 0)]
     {

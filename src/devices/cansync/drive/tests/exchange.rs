@@ -1,4 +1,4 @@
-//! When card and drive exchange data, and what a drive takes from it.
+//! Data exchange between card and drive.
 
 use super::*;
 use crate::devices::ParameterRefusal;
@@ -27,21 +27,22 @@ fn a_reference_value_acts_750_us_after_the_edge() {
     }
 }
 
-/// The control word belongs to the process data (5.01010.01 p. 14), so it acts when the reference values do.
+/// The control word belongs to the process data (5.01010.01 p. 14), so it takes effect together with the reference
+/// values.
 #[test]
 fn a_control_word_acts_with_the_reference_values() {
     let mut bench = Bench::synchronized(&demo());
     bench.send(Channel::One, &[1000, 0]).edge();
     bench.control(0x0007);
-    assert_eq!(bench.drive.state(), State::OperationEnabled, "it waits for the exchange");
+    assert_eq!(bench.drive.state(), DrivecomState::OperationEnabled, "it waits for the exchange");
     let before = bench.p(number::ANGLE_ACTUAL);
     bench.edge();
-    assert_eq!((bench.drive.state(), bench.p(301)), (State::SwitchedOn, 0));
+    assert_eq!((bench.drive.state(), bench.p(301)), (DrivecomState::SwitchedOn, 0));
     assert_eq!(bench.p(number::ANGLE_ACTUAL) - before, 750, "1000 increments per ms for 750 us");
 }
 
-/// Manuals 5.00005.03a p. 135, 5.02066.01a p. 33: only synchronous position reference values need a synchronized drive; other
-/// reference values and operating modes are allowed before.
+/// Manuals 5.00005.03a p. 135, 5.02066.01a p. 33: only synchronous position reference values need a synchronized drive.
+/// Other reference values and operating modes are permitted before.
 #[test]
 fn only_position_reference_values_wait_until_the_drive_is_synchronized() {
     let position = with_zk(|zk| {
@@ -61,11 +62,11 @@ fn only_position_reference_values_wait_until_the_drive_is_synchronized() {
         position.send(Channel::One, &[0x700, 0]).edge();
     }
     assert!(position.drive.is_synchronized());
-    assert_eq!(position.edge().p(number::ANGLE_REFERENCE), 0, "what came before the lock is forgotten");
+    assert_eq!(position.edge().p(number::ANGLE_REFERENCE), 0, "a value from before the lock is lost");
     assert_eq!(position.send(Channel::One, &[0x800, 0]).edge().p(number::ANGLE_REFERENCE), 0x800);
 }
 
-/// A value that waits in the card (ZK 24) while the drive gets synchronized came before the lock as well.
+/// A value that waits in the card (ZK 24) during the lock also came before the lock.
 #[test]
 fn a_delayed_position_reference_value_from_before_the_lock_is_lost() {
     let cfg = with_zk(|zk| (zk.zk_0, zk.zk_24) = (number::ANGLE_REFERENCE, 2));
@@ -78,10 +79,10 @@ fn a_delayed_position_reference_value_from_before_the_lock_is_lost() {
     assert_eq!(shown, [0, 0, 0x800, 0x800]);
 }
 
-/// Manual 5.00005.03a p. 103, 165-166: a value outside of the limits cannot be written. That holds on every way into a
-/// parameter: frame, parameter job, and by hand.
+/// Manual 5.00005.03a p. 103, 165-166: a value outside the limits cannot be written. This applies to every write
+/// access: frame, parameter job, and local operation.
 #[test]
-fn every_way_into_a_parameter_has_its_limits() {
+fn every_write_access_respects_the_limits() {
     let own = ParameterSpec { min: Some(-5), max: Some(9), ..ParameterSpec::new(400, ParamFormat::Word) };
     for (number, good, too_low, too_high) in [
         (number::PWM_FREQUENCY, 5, Some(3), 65535),
@@ -109,7 +110,7 @@ fn every_way_into_a_parameter_has_its_limits() {
     }
 }
 
-/// A parameter that the drive recalculates (16#FFFA, 5.00005.03a p. 166) does so whichever way it was written.
+/// The drive recalculates a parameter (16#FFFA, 5.00005.03a p. 166) after every kind of write.
 #[test]
 fn a_reference_value_for_the_pwm_frequency_makes_the_drive_recalculate() {
     let mut bench = Bench::synchronized(&with_zk(|zk| (zk.zk_1, zk.zk_5) = (number::PWM_FREQUENCY, 0x0009)));
@@ -124,29 +125,30 @@ fn a_reference_value_for_the_pwm_frequency_makes_the_drive_recalculate() {
     assert_eq!(read(&mut bench), ParameterResult::Word(8), "20 ms");
 }
 
-/// Manual 5.01010.01 p. 22: without SYNC signal card and drive do not communicate. The control word waits in the card, and a
-/// parameter job is answered with BUSY (p. 26-27). The first interval without edge is run through (5.00005.03a p. 135).
+/// Manual 5.01010.01 p. 22: without SYNC signal card and drive do not communicate. The control word waits in the card,
+/// and a parameter job is answered with BUSY (p. 26-27). The drive runs through the first interval without edge
+/// (5.00005.03a p. 135).
 #[test]
 fn nothing_passes_between_card_and_drive_without_sync() {
     let mut bench = Bench::new(&demo());
     bench.control(0x0007);
     assert_eq!(bench.job(300, Access::Read), ParameterResult::Busy, "no edge yet");
     assert_eq!(bench.job(300, Access::WriteDoubleword(5)), ParameterResult::Busy);
-    assert_eq!((bench.p(300), bench.drive.state()), (0, State::OperationEnabled));
+    assert_eq!((bench.p(300), bench.drive.state()), (0, DrivecomState::OperationEnabled));
 
     let mut bench = Bench::synchronized(&demo());
     bench.control(0x0007).lost_edge();
-    assert_eq!(bench.drive.state(), State::SwitchedOn, "run through");
+    assert_eq!(bench.drive.state(), DrivecomState::SwitchedOn, "run through");
     assert_eq!(bench.job(300, Access::WriteDoubleword(5)), ParameterResult::Done);
     bench.lost_edge();
     for _ in 0..4 {
         bench.control(0x000F).send(Channel::One, &[9, 0]).lost_edge();
         assert_eq!(bench.job(300, Access::Read), ParameterResult::Busy);
         assert_eq!(bench.job(300, Access::WriteDoubleword(6)), ParameterResult::Busy);
-        assert_eq!((bench.p(300), bench.drive.state()), (5, State::SwitchedOn));
+        assert_eq!((bench.p(300), bench.drive.state()), (5, DrivecomState::SwitchedOn));
     }
     bench.edge();
-    assert_eq!(bench.drive.state(), State::OperationEnabled, "it has waited");
+    assert_eq!(bench.drive.state(), DrivecomState::OperationEnabled, "it has waited");
     assert_eq!(bench.job(300, Access::WriteDoubleword(6)), ParameterResult::Done);
 }
 
@@ -157,18 +159,18 @@ fn nothing_passes_between_card_and_drive_after_too_many_losses() {
     bench.send(Channel::One, &[7, 0]).edge().edge().edge();
     assert!(bench.drive.is_exchange_stopped());
     bench.control(0x0007).edge();
-    assert_eq!(bench.drive.state(), State::OperationEnabled);
+    assert_eq!(bench.drive.state(), DrivecomState::OperationEnabled);
     for access in [Access::Read, Access::WriteDoubleword(5)] {
         assert_eq!(bench.job(300, access), ParameterResult::Busy);
     }
     assert_eq!(bench.p(300), 7);
     bench.sync_mode(true).edge();
-    assert_eq!(bench.drive.state(), State::SwitchedOn);
+    assert_eq!(bench.drive.state(), DrivecomState::SwitchedOn);
     assert_eq!(bench.job(300, Access::Read), ParameterResult::Doubleword(7));
 }
 
-/// Manual 5.01010.01 p. 30: bit 15 of the status word is the card's. So a master sees in it that the drive has lost SYNC
-/// (p. 21), while the drive's part of the word stands still.
+/// Manual 5.01010.01 p. 30: bit 15 of the status word belongs to the card. So a master sees in it that the drive has
+/// lost SYNC (p. 21), while the drive's part of the word does not change.
 #[test]
 fn the_card_answers_the_status_word_also_without_sync() {
     let mut bench = Bench::new(&demo());
@@ -182,7 +184,7 @@ fn the_card_answers_the_status_word_also_without_sync() {
     assert_eq!(bench.job(number::STATUS_WORD, Access::WriteWord(0)), ParameterResult::Busy);
 }
 
-/// The card answers by itself what it need not ask the drive for.
+/// The card answers jobs that do not need the drive.
 #[test]
 fn a_job_for_a_sub_slave_is_refused_also_without_sync() {
     let mut bench = Bench::new(&demo());

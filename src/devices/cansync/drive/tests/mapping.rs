@@ -43,7 +43,7 @@ fn zk_24_delays_by_whole_intervals() {
 
 /// Manual 5.01010.01 p. 10: a card with function 0 needs the other slave's frame in every interval.
 #[test]
-fn card_function_0_takes_another_slaves_value_only_if_it_comes_in_every_interval() {
+fn card_function_0_needs_another_slaves_value_in_every_interval() {
     let taken = |card_function| {
         let source = Source::Slave(31);
         let mapping =
@@ -190,7 +190,7 @@ fn zk_26_stops_the_exchange_after_more_losses_in_succession() {
     assert_eq!((bench.p(300), bench.drive.is_exchange_stopped()), (3, false));
 }
 
-/// 5.01010.01 p. 30: bit 15 is the card's, whatever the drive says, or no longer says (ZK 26).
+/// 5.01010.01 p. 30: bit 15 belongs to the card, independent of the drive's status word, also after its end (ZK 26).
 #[test]
 fn bit_15_goes_with_the_lock_also_after_the_exchange_was_stopped() {
     let mut bench = Bench::synchronized(&with_zk(|zk| zk.zk_26 = 1));
@@ -205,12 +205,12 @@ fn bit_15_goes_with_the_lock_also_after_the_exchange_was_stopped() {
     bench.sync_mode(true).edge();
     assert_eq!(frame(&bench), Some(words_of(&[7, 0, 0x80B7])), "as it is: enabled, error reported");
     bench.edge();
-    assert_eq!(frame(&bench), Some(words_of(&[0, 0, 0x8033])), "the control word has been handed over");
+    assert_eq!(frame(&bench), Some(words_of(&[0, 0, 0x8033])), "the drive has the control word");
 }
 
 #[test]
 fn master_and_drive_agree_on_the_words() {
-    // What a master's configuration registers build is what the card takes out, and back again.
+    // The card extracts the words that a master's configuration registers build, and vice versa.
     use crate::devices::cansync::bus::codec::FrameConfig;
     let words = [WordConfig::new(2, false).0, WordConfig::new(2, true).0, 0, 0];
     let built = FrameConfig::master_reference(words).build(|_| 0x1122_3344);
@@ -246,7 +246,7 @@ proptest! {
     }
 
     #[test]
-    fn whatever_comes_over_the_bus_is_digested(
+    fn arbitrary_frames_never_cause_a_panic(
         frames in prop::collection::vec((any::<u8>(), any::<[u8; 8]>(), 0usize..=8), 0..40),
         zk_26 in 0u16..4,
     ) {

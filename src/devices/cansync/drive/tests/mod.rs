@@ -1,4 +1,4 @@
-//! The drive as the bus sees it.
+//! Tests of the drive through its interface to the bus.
 
 mod catch_up;
 mod exchange;
@@ -10,7 +10,7 @@ use super::*;
 
 const INTERVAL: u32 = 2000;
 
-/// A drive on a bus of its own; `now` is the time of the next SYNC edge.
+/// A drive on a separate bus; `now` is the time of the next SYNC edge.
 struct Bench {
     drive: Drive,
     now: u64,
@@ -21,7 +21,7 @@ impl Bench {
         Bench { drive: Drive::new(cfg, 500).unwrap(), now: 0 }
     }
 
-    /// SYNC mode is on and the lock time is over.
+    /// Switches SYNC mode on and waits for the lock time.
     fn synchronized(cfg: &DriveConfig) -> Self {
         let mut bench = Bench::new(&DriveConfig { lock_time_us: 0, ..cfg.clone() });
         bench.drive.action_command(&ActionCommand::sync_mode(ActionCommand::ALL_SLAVES, true));
@@ -56,7 +56,7 @@ impl Bench {
         self
     }
 
-    /// The answer to a parameter job.
+    /// Returns the answer to a parameter job.
     fn job(&mut self, number: u16, access: Access) -> ParameterResult {
         self.drive.parameter_job(&ParameterJob::new(number, access).unwrap()).result()
     }

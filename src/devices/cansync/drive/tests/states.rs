@@ -13,9 +13,9 @@ fn bit_15_comes_after_the_lock_time() {
     assert_eq!(bench.drive.actual_value_frame(Channel::One).and_then(|p| p.word(2)), Some(0x8037));
 }
 
-/// Manual 5.00005.03a p. 135: the next interval is run through, at most its actual value frame is missing.
+/// Manual 5.00005.03a p. 135: the drive runs through the next interval; at most its actual value frame is missing.
 #[test]
-fn an_interval_whose_edge_is_lost_is_run_through() {
+fn a_drive_runs_through_an_interval_with_a_lost_edge() {
     let mut bench = Bench::synchronized(&demo());
     bench.send(Channel::One, &[7, 0]).lost_edge();
     assert_eq!((bench.p(300), bench.p(301)), (7, 7), "handed over, and the drive moves");
@@ -25,9 +25,10 @@ fn an_interval_whose_edge_is_lost_is_run_through() {
     assert_eq!(bench.drive.actual_value_frame(Channel::One).and_then(|p| p.word(0)), Some(7));
 }
 
-/// P. 135: only a settable time in succession ends the lock; 5.01010.01 p. 22: nothing is exchanged meanwhile.
+/// P. 135: only a longer loss, of adjustable duration, ends the lock. 5.01010.01 p. 22: card and drive exchange no data
+/// meanwhile.
 #[test]
-fn a_longer_loss_of_sync_ends_the_lock_and_the_drive_moves_on() {
+fn a_longer_loss_of_sync_ends_the_lock_but_not_the_motion() {
     let mut bench = Bench::synchronized(&DriveConfig { sync_loss_us: Some(9_000), ..demo() });
     let ramp_per_second = NonZeroU32::new(500_000); // 1000 per interval
     let mut ramp = Bench::synchronized(&DriveConfig { ramp_per_second, ..demo() });
@@ -43,11 +44,11 @@ fn a_longer_loss_of_sync_ends_the_lock_and_the_drive_moves_on() {
     assert_eq!((bench.drive.status_word(), bench.drive.next_time()), (0x00B7, None));
 
     let speeds = [0; 5].map(|_| ramp.lost_edge().p(301));
-    assert_eq!(speeds, [1625, 2625, 3625, 4625, 5000], "the motion goes on");
+    assert_eq!(speeds, [1625, 2625, 3625, 4625, 5000], "the motion continues");
     assert!(!ramp.drive.is_synchronized());
 }
 
-/// P. 135: the loss of SYNC is an error; D-294: a warning, if no reaction is set.
+/// P. 135: the loss of SYNC is an error; D-294: a warning, if no reaction is configured.
 #[test]
 fn a_lost_lock_is_reported_until_the_drive_is_synchronized_again() {
     let mut bench = Bench::synchronized(&demo());
@@ -65,11 +66,18 @@ fn the_reaction_to_a_lost_lock_comes_after_its_time() {
     for (reaction, states) in [
         (
             Reaction::QuickStop,
-            [(2000, State::FaultReactionActive), (1000, State::FaultReactionActive), (0, State::Fault)],
+            [
+                (2000, DrivecomState::FaultReactionActive),
+                (1000, DrivecomState::FaultReactionActive),
+                (0, DrivecomState::Fault),
+            ],
         ),
-        (Reaction::Inhibit, [(2000, State::Fault), (1000, State::Fault), (0, State::Fault)]),
+        (
+            Reaction::Inhibit,
+            [(2000, DrivecomState::Fault), (1000, DrivecomState::Fault), (0, DrivecomState::Fault)],
+        ),
     ] {
-        let sync = Watch { time_us: 3_000, reaction, fault: NonZeroU16::new(77) };
+        let sync = MonitorSettings { time_us: 3_000, reaction, fault: NonZeroU16::new(77) };
         let monitoring = CardMonitoring { sync, ..Default::default() };
         let mut bench = Bench::synchronized(&DriveConfig { ramp_per_second, monitoring, ..demo() });
         bench.send(Channel::One, &[3000, 0]).edge().edge().edge().edge();
@@ -79,7 +87,7 @@ fn the_reaction_to_a_lost_lock_comes_after_its_time() {
         bench.drive.pass(last + 5_000);
         assert_eq!(
             (bench.drive.next_time(), bench.drive.state()),
-            (Some(last + 8_000), State::OperationEnabled)
+            (Some(last + 8_000), DrivecomState::OperationEnabled)
         );
         bench.lost_edge();
         assert_eq!((bench.p(301), bench.p(308)), (3000, 0), "6 ms");
@@ -92,16 +100,16 @@ fn the_reaction_to_a_lost_lock_comes_after_its_time() {
             );
         }
         bench.control(0x0080).lost_edge();
-        assert_eq!(bench.drive.state(), State::Fault, "the cause lasts");
+        assert_eq!(bench.drive.state(), DrivecomState::Fault, "the cause lasts");
         bench.edge().control(0x0000).edge().control(0x0080).edge();
-        assert_eq!((bench.drive.state(), bench.p(308)), (State::SwitchOnDisabled, 0));
+        assert_eq!((bench.drive.state(), bench.p(308)), (DrivecomState::SwitchOnDisabled, 0));
     }
 }
 
-/// D-294: "inhibit" does not wait for the end of a braking that something else has begun.
+/// D-294: "inhibit" does not wait for the end of a braking with another cause.
 #[test]
 fn inhibit_ends_the_braking_of_another_fault() {
-    let sync = Watch { reaction: Reaction::Inhibit, ..Default::default() };
+    let sync = MonitorSettings { reaction: Reaction::Inhibit, ..Default::default() };
     let monitoring = CardMonitoring { sync, ..Default::default() };
     let ramp_per_second = NonZeroU32::new(500_000); // 1000 per interval
     let mut bench = Bench::synchronized(&DriveConfig { ramp_per_second, monitoring, ..demo() });
@@ -111,25 +119,29 @@ fn inhibit_ends_the_braking_of_another_fault() {
     }
     bench.drive.trip(17);
     bench.lost_edge();
-    assert_eq!((bench.p(301), bench.drive.state()), (8000, State::FaultReactionActive));
+    assert_eq!((bench.p(301), bench.drive.state()), (8000, DrivecomState::FaultReactionActive));
     bench.lost_edge().lost_edge();
-    assert_eq!((bench.drive.state(), bench.p(308)), (State::Fault, 17), "the first fault's number stays");
+    assert_eq!(
+        (bench.drive.state(), bench.p(308)),
+        (DrivecomState::Fault, 17),
+        "the first fault's number stays"
+    );
 }
 
-/// P. 135; 5.01010.01 p. 17: more losses than ZK 26 allows are an error.
+/// P. 135; 5.01010.01 p. 17: more losses than ZK 26 permits are an error.
 #[test]
 fn lost_reference_values_are_reported_until_sync_mode_on() {
-    let reference_values = Watch { reaction: Reaction::Inhibit, ..Default::default() };
+    let reference_values = MonitorSettings { reaction: Reaction::Inhibit, ..Default::default() };
     for (monitoring, state) in [
-        (CardMonitoring::default(), State::OperationEnabled),
-        (CardMonitoring { reference_values, ..Default::default() }, State::Fault),
+        (CardMonitoring::default(), DrivecomState::OperationEnabled),
+        (CardMonitoring { reference_values, ..Default::default() }, DrivecomState::Fault),
     ] {
         let mut bench = Bench::synchronized(&DriveConfig { monitoring, ..with_zk(|zk| zk.zk_26 = 3) });
         bench.send(Channel::One, &[7, 0]).edge();
         for _ in 0..3 {
             bench.edge();
         }
-        assert_eq!((bench.p(308), bench.drive.state()), (0, State::OperationEnabled));
+        assert_eq!((bench.p(308), bench.drive.state()), (0, DrivecomState::OperationEnabled));
         bench.edge();
         assert_eq!((bench.p(308), bench.drive.state()), (502, state));
         bench.drive.action_command(&ActionCommand::sync_mode(1 << 3, true));
@@ -138,7 +150,7 @@ fn lost_reference_values_are_reported_until_sync_mode_on() {
     }
 }
 
-/// Manual 5.01010.01 p. 13: P167 goes with the baud rate, and P168 is 0. D-291: with another value there is no lock.
+/// Manual 5.01010.01 p. 13: P167 matches the baud rate, and P168 is 0. D-291: with another value the drive never locks.
 #[test]
 fn a_sync_slot_of_another_rate_never_locks() {
     for (kbit_s, interval) in [(1000, 1000), (500, 2000), (250, 4000), (125, 8000)] {
@@ -153,7 +165,7 @@ fn a_sync_slot_of_another_rate_never_locks() {
         drive.regler.write_element(number::SYNC_OFFSET, 7, ParamFormat::Word, 0).unwrap();
         drive.regler.write_element(number::SYNC_SLOT, 7, ParamFormat::Word, 500).unwrap();
         assert_eq!(drive.take_objections(interval).collect::<Vec<_>>(), [Objection::SyncSlot(500)]);
-        assert_eq!(drive.take_objections(interval).next(), None, "told once");
+        assert_eq!(drive.take_objections(interval).next(), None, "reported once");
         drive.sync_edge(u64::from(interval), interval);
         assert!(!drive.is_synchronized());
     }
@@ -193,7 +205,7 @@ fn moves_only_in_operation_enabled() {
     bench.control(0x0006).edge().control(0x0007).edge().control(0x000F).edge();
     assert_eq!((bench.p(301), bench.p(120), bench.p(121)), (100, 0x000F, 0x8037));
     bench.control(0x0007).edge();
-    assert_eq!((bench.p(301), bench.drive.state()), (0, State::SwitchedOn));
+    assert_eq!((bench.p(301), bench.drive.state()), (0, DrivecomState::SwitchedOn));
 }
 
 #[test]
@@ -205,9 +217,9 @@ fn ramp_brakes_down_to_the_end_of_a_quick_stop() {
     bench.edge().edge();
     assert_eq!(bench.p(301), 120);
     bench.control(0x000B).edge();
-    assert_eq!((bench.p(301), bench.drive.state()), (89, State::QuickStopActive));
+    assert_eq!((bench.p(301), bench.drive.state()), (89, DrivecomState::QuickStopActive));
     bench.edge().edge();
-    assert_eq!((bench.p(301), bench.drive.state()), (0, State::SwitchOnDisabled));
+    assert_eq!((bench.p(301), bench.drive.state()), (0, DrivecomState::SwitchOnDisabled));
 }
 
 #[test]
@@ -215,7 +227,7 @@ fn fault_stops_the_drive_until_it_is_reset() {
     let mut bench = Bench::synchronized(&demo());
     bench.send(Channel::One, &[120, 0]).edge();
     bench.drive.trip(17);
-    assert_eq!(bench.drive.state(), State::FaultReactionActive);
+    assert_eq!(bench.drive.state(), DrivecomState::FaultReactionActive);
     bench.edge();
     assert_eq!((bench.p(301), bench.drive.status_word()), (0, 0x8018));
     bench.control(0x0080).edge().control(0x0006).edge().control(0x000F).edge();

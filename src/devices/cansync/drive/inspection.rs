@@ -1,30 +1,30 @@
-//! What there is to be seen of a drive, and to be set by somebody in front of it.
+//! Views of a drive's state for users, and local operation of the drive.
 
-use super::parameters::Slot;
+use super::parameters::ParameterSlot;
 use super::regler::VRegler;
-use super::{BuiltInDrive, Drive, State, ZkParameters};
+use super::{BuiltInDrive, Drive, DrivecomState, ZkParameters};
 use crate::devices::cansync::bus::codec::parameter::VALUE_ELEMENT;
 use crate::devices::cansync::registers::values::par_error;
 use crate::devices::{DriveDetails, DriveState, ParameterRefusal, ParameterState, Shaft};
 
-impl State {
-    /// Its name: `operation_enabled`.
+impl DrivecomState {
+    /// Returns the name of the state, such as `operation_enabled`.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
-            State::SwitchOnDisabled => "switch_on_disabled",
-            State::ReadyToSwitchOn => "ready_to_switch_on",
-            State::SwitchedOn => "switched_on",
-            State::OperationEnabled => "operation_enabled",
-            State::QuickStopActive => "quick_stop_active",
-            State::FaultReactionActive => "fault_reaction_active",
-            State::Fault => "fault",
+            DrivecomState::SwitchOnDisabled => "switch_on_disabled",
+            DrivecomState::ReadyToSwitchOn => "ready_to_switch_on",
+            DrivecomState::SwitchedOn => "switched_on",
+            DrivecomState::OperationEnabled => "operation_enabled",
+            DrivecomState::QuickStopActive => "quick_stop_active",
+            DrivecomState::FaultReactionActive => "fault_reaction_active",
+            DrivecomState::Fault => "fault",
         }
     }
 }
 
 impl ZkParameters {
-    /// Numbers and values.
+    /// Returns numbers and values of the parameters.
     fn listed(&self) -> Vec<(u8, u16)> {
         let ZkParameters { zk_0, zk_1, zk_4, zk_5, zk_16, zk_17, zk_20, zk_21, zk_24, zk_25, zk_26 } = *self;
         [
@@ -45,7 +45,7 @@ impl ZkParameters {
 }
 
 impl Drive {
-    /// How the drive stands.
+    /// Returns the state of the drive.
     pub fn look(&self) -> DriveState {
         DriveState {
             number: Some(self.slave_number),
@@ -56,12 +56,12 @@ impl Drive {
         }
     }
 
-    /// All that is to be seen of it.
+    /// Returns the state, all parameters and the card's parameters.
     pub fn details(&self) -> DriveDetails {
         DriveDetails { state: self.look(), parameters: self.regler.parameters(), card: self.zk.listed() }
     }
 
-    /// Sets a parameter, as somebody does who stands in front of it.
+    /// Sets a parameter by local operation, as at the drive itself.
     ///
     /// # Errors
     /// [`ParameterRefusal`].
@@ -69,25 +69,25 @@ impl Drive {
         self.regler.set_by_hand(number, value)
     }
 
-    /// What its motor is to do, and does.
+    /// Returns demand and motion of the motor.
     pub fn shaft(&self) -> Shaft {
         self.regler.shaft()
     }
 
-    /// The motor turns with this speed, whatever the drive demands of it; `None`: it does what the drive demands.
+    /// Sets the speed of the motor, independent of the drive's demand; `None`: the motor follows the demand.
     pub fn turn_shaft(&mut self, speed: Option<i32>) {
         self.regler.turn_shaft(speed);
     }
 }
 
 impl BuiltInDrive {
-    /// All that is to be seen of the drive.
+    /// Returns the state and all parameters.
     pub fn details(&self) -> DriveDetails {
         let regler = self.regler();
         DriveDetails { state: regler.look(), parameters: regler.parameters(), card: Vec::new() }
     }
 
-    /// Sets a parameter, as somebody does who stands in front of it.
+    /// Sets a parameter by local operation, as at the drive itself.
     ///
     /// # Errors
     /// [`ParameterRefusal`].
@@ -95,12 +95,12 @@ impl BuiltInDrive {
         self.regler_mut().set_by_hand(number, value)
     }
 
-    /// What its motor is to do, and does.
+    /// Returns demand and motion of the motor.
     pub fn shaft(&self) -> Shaft {
         self.regler().shaft()
     }
 
-    /// The motor turns with this speed, whatever the drive demands of it; `None`: it does what the drive demands.
+    /// Sets the speed of the motor, independent of the drive's demand; `None`: the motor follows the demand.
     pub(crate) fn turn_shaft(&mut self, speed: Option<i32>) {
         self.regler_mut().turn_shaft(speed);
     }
@@ -124,7 +124,7 @@ impl VRegler {
     }
 
     fn parameters(&self) -> Vec<ParameterState> {
-        let state = |slot: Slot| {
+        let state = |slot: ParameterSlot| {
             let spec = self.store.spec(slot);
             let row = self.row_of(spec.number);
             let (min, max) = spec.range();
@@ -142,7 +142,7 @@ impl VRegler {
         self.store.slots().map(state).collect()
     }
 
-    /// Writes the value as a parameter job does.
+    /// Writes a value like a parameter job.
     fn set_by_hand(&mut self, number: u16, value: i64) -> Result<(), ParameterRefusal> {
         let slot = self.store.slot(number).ok_or(ParameterRefusal::NotThere)?;
         let spec = *self.store.spec(slot);
