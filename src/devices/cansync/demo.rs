@@ -25,7 +25,7 @@ pub(crate) struct Master {
     pub device: &'static Device,
     /// The port of the master.
     pub port: &'static Port,
-    /// Its baud rate.
+    /// Baud rate of the master.
     pub rate: &'static BaudRate,
     /// Headlines of start, initialization data, mapping and set-up mode, with the manual's pages.
     pub headlines: [&'static str; 4],

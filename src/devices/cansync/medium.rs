@@ -1,8 +1,8 @@
 //! A simulated CANsync bus: one master, up to 32 slaves, frames in their slots.
 //!
 //! A frame is delivered at the end of its end-of-frame field, to every station that listens at the bus's baud rate. The
-//! next frame can begin after the intermission. The content of a frame is fixed at its start. Slot times are those of
-//! the manual's table (5.00005.03a p. 125). Frame lengths are those of the real frames, stuff bits included. A frame
+//! next frame can begin after the intermission. The content of a frame is fixed at its start. Slot times are from the
+//! manual's table (5.00005.03a p. 125). Frame lengths are equal to real frames, stuff bits included. A frame
 //! that reaches into the next slot delays the frame of that slot (decision D-280).
 
 mod command;
@@ -12,13 +12,13 @@ mod drives;
 mod end;
 mod fault;
 mod guests;
-mod kept;
 mod own_clock;
 mod ports;
 mod process;
 mod rates;
 mod schedule;
 mod slots;
+mod snapshot;
 #[cfg(test)]
 mod tests;
 mod watch;
@@ -45,7 +45,7 @@ use slots::{OnWire, PLACES};
 /// Family name of CANsync media.
 pub(crate) const FAMILY: &str = "cansync";
 
-/// The station that is connected under a slave number.
+/// The station connected under a slave number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 enum Station {
     Nobody,
@@ -65,7 +65,7 @@ enum Sender {
 /// The running bus: its times and its SYNC signal.
 struct Running {
     timing: &'static BaudRate,
-    /// Whether the master generates the SYNC signal itself.
+    /// True if the master generates the SYNC signal itself.
     own_sync: bool,
     /// The SYNC signal, generated or passed on.
     signal: SyncSignal,
@@ -248,7 +248,7 @@ struct Run<'a> {
     timing: &'static BaudRate,
     journal: &'a mut Journal,
     faults: &'a mut Faults,
-    /// Ports whose devices must be notified of an edge.
+    /// Ports of devices that must be notified of an edge.
     edges: &'a mut Vec<Origin>,
 }
 

@@ -33,9 +33,9 @@ event_kinds! {
         frame: Frame,
     }
 
-    /// A deadline was missed, so a frame is left out in this interval.
+    /// A deadline was missed, so a frame is omitted in this interval.
     Missed = 5, "missed", Missed, at origin {
-        /// The frame that is left out.
+        /// The omitted frame.
         what: OmittedFrame,
     }
 
@@ -61,7 +61,7 @@ event_kinds! {
         status: u8,
     }
 
-    /// A node is set to another baud rate than its bus, or than the bus whose SYNC signal the node passes on.
+    /// A node is set to another baud rate than its bus, or than the source of the SYNC signal that it passes on.
     BaudRateMismatch = 9, "baud_rate_mismatch", Rare, at origin {
         /// The node's baud rate in kbit/s.
         node_kbit_s: u16,
@@ -121,7 +121,7 @@ pub enum Command {
     LeftBehind,
 }
 
-/// A frame of process data that is left out.
+/// An omitted frame of process data.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum OmittedFrame {
     /// Reference value frame 1 or 2 was not released by 16#05 in time.

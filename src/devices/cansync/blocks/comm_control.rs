@@ -6,7 +6,7 @@ use crate::memory::Cell8;
 use crate::plc::{Base, Like, function_block};
 
 function_block! {
-    /// Selects the slave whose control words, parameter jobs and up-/downloads the command channel handles (manual p.
+    /// Selects the slave for control words, parameter jobs and up-/downloads in the command channel (manual p.
     /// 204-206).
     ///
     /// An input is taken over only with its enable input. Numbers other than -128 and 0 to 31 have no effect (decision

@@ -9,9 +9,9 @@ use crate::memory::{Cell16, SharedRegs};
 use crate::plc::{Base, Like, Viewed, function_block};
 
 macro_rules! mode {
-    ($name:ident, $base:ident, $who:literal, $page:literal) => {
+    ($name:ident, $base:ident, $role:literal, $page:literal) => {
         function_block! {
-            #[doc = concat!("Sets the operating mode of a CANsync ", $who, " (manual p. ", $page, ").")]
+            #[doc = concat!("Sets the operating mode of a CANsync ", $role, " (manual p. ", $page, ").")]
             ///
             /// Inputs are commands. Outputs show the node's state at the time of the call; the answer to a command is
             /// visible at a later call. Without an input there is no command. With `x_SYNC_MODE` and `x_CANsync_RUN`

@@ -18,7 +18,7 @@ pub(crate) const PRESET_TIME: Duration = Duration::from_secs(3);
 
 /// Progress of a job.
 #[derive(Clone, Copy, Debug, Default)]
-enum Phase {
+enum JobPhase {
     #[default]
     Idle,
     /// Another block's job for the same slave is under way.
@@ -32,7 +32,7 @@ enum Phase {
 
 /// Result of a call for the outputs.
 #[derive(Clone, Copy, Default)]
-pub(crate) struct Shown {
+pub(crate) struct CallResult {
     pub busy: bool,
     /// `b_ERR`.
     pub error: u8,
@@ -78,49 +78,53 @@ fn registers(base: &CANsync_MA_CTRL_BMSTRUCT, slave: i8) -> Option<(Job<'_>, &DA
 
 /// State of a block between calls.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct State {
-    phase: Phase,
+pub struct JobState {
+    phase: JobPhase,
     /// The slave of the job under way, independent of later values of the input.
     slave: i8,
 }
 
-impl State {
+impl JobState {
     /// Runs one PLC cycle. Returns `None` if the outputs keep their values.
     pub(crate) fn step(
         &mut self,
         base: &Viewed<'_, CANsync_MA_CTRL_BMSTRUCT>,
         inputs: &Inputs,
-    ) -> Option<Shown> {
+    ) -> Option<CallResult> {
         if inputs.reset {
             self.withdraw(base);
-            self.phase = Phase::Idle;
-            return Some(Shown::default());
+            self.phase = JobPhase::Idle;
+            return Some(CallResult::default());
         }
         match (self.phase, inputs.enable) {
-            (Phase::Waiting(_) | Phase::Running(_), false) => {
+            (JobPhase::Waiting(_) | JobPhase::Running(_), false) => {
                 self.withdraw(base);
-                self.phase = Phase::Locked;
-                return Some(Shown::default());
+                self.phase = JobPhase::Locked;
+                return Some(CallResult::default());
             }
-            (Phase::Done, false) => self.phase = Phase::Idle,
-            (Phase::Idle, true) => {
+            (JobPhase::Done, false) => self.phase = JobPhase::Idle,
+            (JobPhase::Idle, true) => {
                 if slave_index(inputs.slave).is_none() {
                     return Some(self.fail(SLAVE_NUMBER, 0));
                 }
                 self.slave = inputs.slave;
-                self.phase = Phase::Waiting(base.ram().watch(inputs.time));
+                self.phase = JobPhase::Waiting(base.ram().watch(inputs.time));
             }
             _ => {}
         }
         self.proceed(base, inputs)
     }
 
-    fn proceed(&mut self, base: &Viewed<'_, CANsync_MA_CTRL_BMSTRUCT>, inputs: &Inputs) -> Option<Shown> {
-        let (Phase::Waiting(watch) | Phase::Running(watch)) = self.phase else { return None };
+    fn proceed(
+        &mut self,
+        base: &Viewed<'_, CANsync_MA_CTRL_BMSTRUCT>,
+        inputs: &Inputs,
+    ) -> Option<CallResult> {
+        let (JobPhase::Waiting(watch) | JobPhase::Running(watch)) = self.phase else { return None };
         let (job, data) = registers(base, self.slave)?;
         let control = job.control();
         if control & ACTIVE == 0 {
-            if matches!(self.phase, Phase::Running(_)) {
+            if matches!(self.phase, JobPhase::Running(_)) {
                 return Some(self.end(control, data.d_PAR_VALUE.load()));
             }
             data.w_PAR_NR.store(inputs.number);
@@ -128,32 +132,32 @@ impl State {
                 data.d_PAR_VALUE.store(value);
             }
             job.enter(inputs.command());
-            self.phase = Phase::Running(watch);
+            self.phase = JobPhase::Running(watch);
         } else if watch.is_over(base.ram()) {
             self.withdraw(base);
             return Some(self.fail(TIMEOUT, 0));
         }
-        Some(Shown { busy: true, ..Shown::default() })
+        Some(CallResult { busy: true, ..CallResult::default() })
     }
 
-    fn end(&mut self, control: u8, value: u32) -> Shown {
+    fn end(&mut self, control: u8, value: u32) -> CallResult {
         if control & ERROR != 0 {
             return self.fail(COMMUNICATION, value as i16);
         }
-        self.phase = Phase::Done;
+        self.phase = JobPhase::Done;
         let answer = Answer { value, doubleword: control & DOUBLEWORD != 0 };
-        Shown { answer: Some(answer), ..Shown::default() }
+        CallResult { answer: Some(answer), ..CallResult::default() }
     }
 
     /// Locks the block, because the job has failed.
-    pub(crate) fn fail(&mut self, error: u8, number: i16) -> Shown {
-        self.phase = Phase::Locked;
-        Shown { error, number, ..Shown::default() }
+    pub(crate) fn fail(&mut self, error: u8, number: i16) -> CallResult {
+        self.phase = JobPhase::Locked;
+        CallResult { error, number, ..CallResult::default() }
     }
 
     /// Removes the block's job from the registers. Otherwise a slave without an answer would be asked without end.
     fn withdraw(&self, base: &Viewed<'_, CANsync_MA_CTRL_BMSTRUCT>) {
-        if let Phase::Running(_) = self.phase
+        if let JobPhase::Running(_) = self.phase
             && let Some((job, _)) = registers(base, self.slave)
         {
             job.enter(0);
@@ -202,7 +206,7 @@ macro_rules! par_read_ma {
                     /// The last job has been done.
                     x_OK: bool;
                 }
-                internal: $crate::devices::cansync::blocks::par_ma::State;
+                internal: $crate::devices::cansync::blocks::par_ma::JobState;
             }
         }
 
@@ -271,7 +275,7 @@ function_block! {
             /// The last job has been done.
             x_OK: bool;
         }
-        internal: State;
+        internal: JobState;
     }
 }
 

@@ -16,7 +16,7 @@ function_block! {
         in {
             /// Value of the parameter, for a read job.
             ud_PAR_VALUE_READ: u32;
-            /// Its format: FALSE word, TRUE doubleword.
+            /// Format of `ud_PAR_VALUE_READ`: FALSE word, TRUE doubleword.
             x_PAR_FORMAT_READ: bool;
             /// Error number sent to the master with `x_ERR_IN`.
             i_ERR: i16;
@@ -49,12 +49,12 @@ function_block! {
             /// The master has fetched the answer to the last job, with or without an error.
             x_OK: bool;
         }
-        internal: Phase;
+        internal: JobPhase;
     }
 }
 
 #[derive(Clone, Copy, Debug, Default)]
-pub enum Phase {
+pub enum JobPhase {
     #[default]
     Idle,
     /// The application is at work.
@@ -70,47 +70,47 @@ impl CANsync_PAR_SL {
     pub fn call(&mut self, _BASE: &Base<impl Like<CANsync_SL_CTRL_BMSTRUCT>>) {
         let _BASE = &_BASE.viewed();
         if self.x_RESET {
-            self.show(Phase::Idle);
+            self.show(JobPhase::Idle);
             (self.x_RESET_JOB, self.x_OK) = (false, false);
             return;
         }
         if !self.x_EN {
-            if matches!(self.internal, Phase::Shown | Phase::Answered) {
-                self.show(Phase::Locked);
+            if matches!(self.internal, JobPhase::Shown | JobPhase::Answered) {
+                self.show(JobPhase::Locked);
             }
             return;
         }
         let job = Job { control: &_BASE.b_STEUREG_PAR_CMD, status: &_BASE.b_STATREG_PAR_CMD };
         let control = job.control();
         match self.internal {
-            Phase::Locked => {}
-            Phase::Shown | Phase::Answered if control & CHANGED != 0 => {
+            JobPhase::Locked => {}
+            JobPhase::Shown | JobPhase::Answered if control & CHANGED != 0 => {
                 job.change(|value| value | RESET);
                 self.drop_job();
             }
             // The firmware keeps READ or WRITE until it drops the job (decision D-63).
-            Phase::Shown | Phase::Answered if control & (READ | WRITE) == 0 => self.drop_job(),
-            Phase::Shown => self.take_results(_BASE, &job),
+            JobPhase::Shown | JobPhase::Answered if control & (READ | WRITE) == 0 => self.drop_job(),
+            JobPhase::Shown => self.take_results(_BASE, &job),
             // A new job means that the answer to the previous one was also sent.
-            Phase::Answered if control & BUSY == 0 || control & ACTIVE != 0 => {
+            JobPhase::Answered if control & BUSY == 0 || control & ACTIVE != 0 => {
                 self.x_OK = true;
-                self.show(Phase::Idle);
+                self.show(JobPhase::Idle);
             }
-            Phase::Answered => {}
+            JobPhase::Answered => {}
             // Bit 7: the firmware has not yet entered the job that the master has changed to.
-            Phase::Idle if control & RESET != 0 => {}
+            JobPhase::Idle if control & RESET != 0 => {}
             // The job was never shown, or `x_RESET` has withdrawn it with or without an answer (p. 190).
-            Phase::Idle if control & CHANGED != 0 => job.change(|value| value | RESET),
-            Phase::Idle if control & ACTIVE != 0 => self.enter(_BASE, control),
-            Phase::Idle => {}
+            JobPhase::Idle if control & CHANGED != 0 => job.change(|value| value | RESET),
+            JobPhase::Idle if control & ACTIVE != 0 => self.enter(_BASE, control),
+            JobPhase::Idle => {}
         }
     }
 
     /// Changes to `phase` and updates the outputs.
-    fn show(&mut self, phase: Phase) {
+    fn show(&mut self, phase: JobPhase) {
         self.internal = phase;
-        self.x_ACTIV = matches!(phase, Phase::Shown);
-        self.x_BUSY = matches!(phase, Phase::Shown | Phase::Answered);
+        self.x_ACTIV = matches!(phase, JobPhase::Shown);
+        self.x_BUSY = matches!(phase, JobPhase::Shown | JobPhase::Answered);
         if !self.x_ACTIV {
             (self.x_READ, self.x_WRITE) = (false, false);
         }
@@ -119,7 +119,7 @@ impl CANsync_PAR_SL {
     /// Drops the shown job, which is no longer valid.
     fn drop_job(&mut self) {
         self.x_RESET_JOB = true;
-        self.show(Phase::Idle);
+        self.show(JobPhase::Idle);
     }
 
     /// Shows the job in the registers.
@@ -132,7 +132,7 @@ impl CANsync_PAR_SL {
             self.x_PAR_FORMAT_WRITE = control & DOUBLEWORD != 0;
         }
         (self.x_RESET_JOB, self.x_OK) = (false, false);
-        self.show(Phase::Shown);
+        self.show(JobPhase::Shown);
     }
 
     /// Passes the application's results to the firmware.
@@ -152,6 +152,6 @@ impl CANsync_PAR_SL {
         } else {
             return;
         }
-        self.show(Phase::Answered);
+        self.show(JobPhase::Answered);
     }
 }

@@ -17,7 +17,7 @@ const NONE: i8 = -1;
 
 /// Writes the configuration bytes of one frame. The word of a number that the frame cannot carry stays unassigned
 /// (decision D-206).
-fn configure(registers: [&Cell8; 4], (numbers, high): Words, values: RangeInclusive<u8>) {
+fn configure(registers: [&Cell8; 4], (numbers, high): WordAssignments, values: RangeInclusive<u8>) {
     for ((register, number), high) in registers.into_iter().zip(numbers).zip(high) {
         register.store(match u8::try_from(number) {
             Ok(number) if values.contains(&number) => 1 | u8::from(high) << 1 | number << 2,
@@ -27,9 +27,9 @@ fn configure(registers: [&Cell8; 4], (numbers, high): Words, values: RangeInclus
 }
 
 /// Numbers and halves of the words of one frame.
-type Words = ([i8; 4], [bool; 4]);
+type WordAssignments = ([i8; 4], [bool; 4]);
 
-fn configure_rdc(cfg: &CFG_RDC_WORD, one: Words, two: Words) {
+fn configure_rdc(cfg: &CFG_RDC_WORD, one: WordAssignments, two: WordAssignments) {
     let words1 = [&cfg.b_CFG_RDC1_WORD0, &cfg.b_CFG_RDC1_WORD1, &cfg.b_CFG_RDC1_WORD2, &cfg.b_CFG_RDC1_WORD3];
     let words2 = [&cfg.b_CFG_RDC2_WORD0, &cfg.b_CFG_RDC2_WORD1, &cfg.b_CFG_RDC2_WORD2, &cfg.b_CFG_RDC2_WORD3];
     configure(words1, one, FRAME1);
@@ -78,9 +78,9 @@ impl CANsync_PD_CFG_MA {
 }
 
 macro_rules! read {
-    ($name:ident, $base:ident, $who:literal, $page:literal) => {
+    ($name:ident, $base:ident, $owner:literal, $page:literal) => {
         function_block! {
-            #[doc = concat!("Maps the actual value frames of one slave to actual values of ", $who)]
+            #[doc = concat!("Maps the actual value frames of one slave to actual values of ", $owner)]
             #[doc = concat!("(manual p. ", $page, ").")]
             pub struct $name(_BASE: Base<$base>) {
                 in {

@@ -33,9 +33,9 @@ function_block! {
             x_COPY_TO_RD_ARRAY: bool;
         }
         out {
-            /// Slave whose frame 1 was received last since the last call; -128: none.
+            /// Sender of the last received frame 1 since the last call; -128: none.
             si_RD_SL_NR1_RECEIVED: i8 = AUTOMATIC;
-            /// Slave whose frame 2 was received last since the last call; -128: none.
+            /// Sender of the last received frame 2 since the last call; -128: none.
             si_RD_SL_NR2_RECEIVED: i8 = AUTOMATIC;
         }
         in_out {

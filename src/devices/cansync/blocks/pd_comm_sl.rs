@@ -54,9 +54,9 @@ macro_rules! pd_comm_sl {
                     si_WRC1_RECEIVED: i8;
                     #[doc = concat!($two, ": reference value frame 2 was received since the last call; otherwise 0.")]
                     si_WRC2_RECEIVED: i8;
-                    /// Slave whose frame 1 was overheard last since the last call; -128: none.
+                    /// Sender of the last overheard frame 1 since the last call; -128: none.
                     si_RD_SL_NR1_RECEIVED: i8 = -128;
-                    /// Slave whose frame 2 was overheard last since the last call; -128: none.
+                    /// Sender of the last overheard frame 2 since the last call; -128: none.
                     si_RD_SL_NR2_RECEIVED: i8 = -128;
                 }
                 in_out {

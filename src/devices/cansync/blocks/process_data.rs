@@ -10,7 +10,7 @@ use crate::memory::{Cell8, Cell32};
 /// Values of one frame.
 const FRAME: usize = 4;
 
-/// Writes the values of each frame whose `..._SEND` input is 5, and releases the frame.
+/// Writes the values of each frame with `..._SEND` input 5, and releases the frame.
 pub(super) fn send(values: &[i32; 8], inputs: [i8; 2], registers: &[Cell32], controls: [&Cell8; 2]) {
     let frames = values.chunks(FRAME).zip(registers.chunks(FRAME));
     for ((input, control), (values, registers)) in inputs.into_iter().zip(controls).zip(frames) {

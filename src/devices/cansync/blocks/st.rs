@@ -23,7 +23,7 @@ pub(crate) mod text {
 /// The parts of a device: the names of its INIT, master and slave structures, its own parts of these blocks, and the
 /// parts that follow them.
 macro_rules! st {
-    ($init:literal, $ma:literal, $sl:literal, $own:expr, [$($behind:expr),*]) => {{
+    ($init:literal, $ma:literal, $sl:literal, $own:expr, [$($following:expr),*]) => {{
         use $crate::devices::cansync::blocks::st::text;
         use $crate::plc::StPart;
         &[
@@ -53,7 +53,7 @@ macro_rules! st {
             StPart { text: text::UPDOWNLOAD_MA, words: &[("MA", $ma)] },
             StPart { text: text::UPDOWNLOAD_SL, words: &[("SL", $sl)] },
             StPart { text: text::INTR_SET, words: &[] },
-            $(StPart { text: $behind, words: &[] },)*
+            $(StPart { text: $following, words: &[] },)*
         ]
     }};
 }

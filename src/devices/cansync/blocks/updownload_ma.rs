@@ -14,12 +14,12 @@ const ENTERED: u8 = ACTIVE | MODE_INIT;
 pub(crate) const PRESET_TIME: Duration = Duration::from_secs(30);
 
 #[derive(Clone, Copy, Debug, Default)]
-enum Phase {
+enum TransferPhase {
     #[default]
     Idle,
     /// Waits until the registers are free for this block.
-    Waiting(Try),
-    Running(Try),
+    Waiting(Attempt),
+    Running(Attempt),
     /// Finished; waits until `x_EN` falls.
     Done,
     /// Cancelled or failed; waits for `x_RESET`.
@@ -28,7 +28,7 @@ enum Phase {
 
 /// One attempt to transfer a block.
 #[derive(Clone, Copy, Debug)]
-struct Try {
+struct Attempt {
     /// Slave and direction of the transfer, independent of later values of the inputs.
     slave: u8,
     download: bool,
@@ -62,7 +62,7 @@ pub(crate) enum Failure {
 /// A transfer, under way or finished.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Transfer {
-    phase: Phase,
+    phase: TransferPhase,
     /// True if the last transfer was done.
     done: bool,
 }
@@ -82,16 +82,16 @@ impl Transfer {
             return;
         }
         match (self.phase, inputs.enable) {
-            (Phase::Waiting(_) | Phase::Running(_), false) => {
+            (TransferPhase::Waiting(_) | TransferPhase::Running(_), false) => {
                 self.cancel(base);
-                self.phase = Phase::Locked(None);
+                self.phase = TransferPhase::Locked(None);
             }
-            (Phase::Done, false) => self.phase = Phase::Idle,
-            (Phase::Idle, true) => self.begin(base, inputs),
+            (TransferPhase::Done, false) => self.phase = TransferPhase::Idle,
+            (TransferPhase::Idle, true) => self.begin(base, inputs),
             _ => {}
         }
         let job = job(base);
-        if let Phase::Running(this) = self.phase {
+        if let TransferPhase::Running(this) = self.phase {
             let control = job.control();
             if control & ACTIVE != 0 {
                 self.check_time(base, inputs, this);
@@ -101,7 +101,7 @@ impl Transfer {
                 self.block_done(base, inputs, this, a_UPLOAD);
             }
         }
-        if let Phase::Waiting(this) = self.phase {
+        if let TransferPhase::Waiting(this) = self.phase {
             if job.control() & (ACTIVE | CANCEL) == 0 {
                 self.enter(base, this, a_DOWNLOAD);
             } else {
@@ -112,7 +112,7 @@ impl Transfer {
 
     /// `x_BUSY`.
     pub(crate) fn is_busy(&self) -> bool {
-        matches!(self.phase, Phase::Waiting(_) | Phase::Running(_))
+        matches!(self.phase, TransferPhase::Waiting(_) | TransferPhase::Running(_))
     }
 
     /// `x_OK`: the last transfer was done.
@@ -122,11 +122,11 @@ impl Transfer {
 
     /// Returns the reason for the failure of the last transfer, if it has failed.
     pub(crate) fn failure(&self) -> Option<Failure> {
-        if let Phase::Locked(failure) = self.phase { failure } else { None }
+        if let TransferPhase::Locked(failure) = self.phase { failure } else { None }
     }
 
     fn fail(&mut self, failure: Failure) {
-        self.phase = Phase::Locked(Some(failure));
+        self.phase = TransferPhase::Locked(Some(failure));
     }
 
     fn begin(&mut self, base: &Viewed<'_, CANsync_MA_CTRL_BMSTRUCT>, inputs: &Inputs) {
@@ -135,18 +135,18 @@ impl Transfer {
         if total == 0 || total > UPDOWN_VALUES {
             return self.fail(Failure::Length);
         }
-        let first = Try {
+        let first = Attempt {
             slave: inputs.slave as u8,
             download: inputs.download,
             block: Block::starting_at(0, total),
             number: 1,
             watch: base.ram().watch(inputs.time),
         };
-        self.phase = Phase::Waiting(first);
+        self.phase = TransferPhase::Waiting(first);
     }
 
     /// Enters the job of a block.
-    fn enter(&mut self, base: &CANsync_MA_CTRL_BMSTRUCT, this: Try, a_DOWNLOAD: &CANsync_UPDOWN_BMARRAY) {
+    fn enter(&mut self, base: &CANsync_MA_CTRL_BMSTRUCT, this: Attempt, a_DOWNLOAD: &CANsync_UPDOWN_BMARRAY) {
         let block = this.block;
         base.b_SL_NR_UPDOWNBLK1.store(this.slave);
         base.w_SUBSL_NR_UPDOWNBLK1.store(0);
@@ -157,14 +157,14 @@ impl Transfer {
             base.a_DATA_UPDOWNBLK1.iter().zip(values).for_each(|(cell, value)| cell.store(*value as u32));
         }
         job(base).enter(ENTERED | if this.download { DOWNLOAD } else { 0 });
-        self.phase = Phase::Running(this);
+        self.phase = TransferPhase::Running(this);
     }
 
     fn block_done(
         &mut self,
         base: &Viewed<'_, CANsync_MA_CTRL_BMSTRUCT>,
         inputs: &Inputs,
-        this: Try,
+        this: Attempt,
         a_UPLOAD: &mut CANsync_UPDOWN_BMARRAY,
     ) {
         if !this.download {
@@ -174,31 +174,31 @@ impl Transfer {
         match this.block.next() {
             Some(block) => {
                 let watch = base.ram().watch(inputs.time);
-                self.phase = Phase::Waiting(Try { block, number: 1, watch, ..this });
+                self.phase = TransferPhase::Waiting(Attempt { block, number: 1, watch, ..this });
             }
             None => {
-                (self.phase, self.done) = (Phase::Done, true);
+                (self.phase, self.done) = (TransferPhase::Done, true);
             }
         }
     }
 
     /// Tries the block again after its monitoring time, or gives up.
-    fn check_time(&mut self, base: &Viewed<'_, CANsync_MA_CTRL_BMSTRUCT>, inputs: &Inputs, this: Try) {
+    fn check_time(&mut self, base: &Viewed<'_, CANsync_MA_CTRL_BMSTRUCT>, inputs: &Inputs, this: Attempt) {
         if !this.watch.is_over(base.ram()) {
             return;
         }
         // During a whole monitoring time the command channel has not asked the slave of an earlier job. The block ends
         // the cancellation here.
-        if matches!(self.phase, Phase::Waiting(_)) && job(base).control() & CANCEL != 0 {
+        if matches!(self.phase, TransferPhase::Waiting(_)) && job(base).control() & CANCEL != 0 {
             job(base).enter(0);
         }
         if this.number < inputs.tries {
             // The new job replaces the old one. The registers are free when the old one is withdrawn.
-            if let Phase::Running(_) = self.phase {
+            if let TransferPhase::Running(_) = self.phase {
                 job(base).enter(0);
             }
             let watch = base.ram().watch(inputs.time);
-            self.phase = Phase::Waiting(Try { number: this.number + 1, watch, ..this });
+            self.phase = TransferPhase::Waiting(Attempt { number: this.number + 1, watch, ..this });
         } else {
             self.cancel(base);
             self.fail(Failure::Timeout);
@@ -207,7 +207,7 @@ impl Transfer {
 
     /// Makes the firmware notify the slave that the transfer is over.
     fn cancel(&self, base: &CANsync_MA_CTRL_BMSTRUCT) {
-        if let Phase::Running(_) = self.phase {
+        if let TransferPhase::Running(_) = self.phase {
             job(base).change(|value| value | CANCEL);
         }
     }

@@ -45,12 +45,12 @@ function_block! {
             a_DOWNLOAD: CANsync_UPDOWN_BMARRAY;
             a_UPLOAD: CANsync_UPDOWN_BMARRAY;
         }
-        internal: Phase;
+        internal: TransferPhase;
     }
 }
 
 #[derive(Clone, Copy, Debug, Default)]
-pub enum Phase {
+pub enum TransferPhase {
     #[default]
     Idle,
     /// A job of several blocks is under way, with its latest block.
@@ -72,22 +72,22 @@ impl CANsync_UPDOWNLOAD_SL {
         let _BASE = &_BASE.viewed();
         if self.x_RESET || !self.x_EN {
             _BASE.b_EN_UPDOWNBLK1.store(0);
-            if let Phase::Transfer(..) | Phase::Ending(_) = self.internal {
+            if let TransferPhase::Transfer(..) | TransferPhase::Ending(_) = self.internal {
                 refuse(_BASE, updown_error::SLAVE_CANCELS);
-                self.show(Phase::Locked);
+                self.show(TransferPhase::Locked);
             }
             if self.x_RESET {
-                self.show(Phase::Idle);
+                self.show(TransferPhase::Idle);
                 (self.w_ERR, self.x_ERR, self.x_OK) = (0, false, false);
             }
             return;
         }
         _BASE.b_EN_UPDOWNBLK1.store(1);
         let control = job(_BASE).control();
-        let is_locked = matches!(self.internal, Phase::Locked);
+        let is_locked = matches!(self.internal, TransferPhase::Locked);
         if control & CHANGED != 0 {
             job(_BASE).change(|value| value | RESET);
-            return self.show(if is_locked { Phase::Locked } else { Phase::Idle });
+            return self.show(if is_locked { TransferPhase::Locked } else { TransferPhase::Idle });
         }
         if is_locked {
             // The master must not wait for a block that needs a reset.
@@ -97,31 +97,34 @@ impl CANsync_UPDOWNLOAD_SL {
             return;
         }
         // A new job means that the answer to the previous one was also sent.
-        if matches!(self.internal, Phase::Ending(_)) && (control & BUSY == 0 || control & ACTIVE != 0) {
-            self.show(Phase::Idle);
+        if matches!(self.internal, TransferPhase::Ending(_)) && (control & BUSY == 0 || control & ACTIVE != 0)
+        {
+            self.show(TransferPhase::Idle);
             self.x_OK = true;
         }
         if control & ACTIVE != 0 {
             match (control & MODE, self.internal) {
                 (MODE_INIT, _) => self.begin(_BASE, control, a_UPLOAD),
-                (MODE_END, Phase::Transfer(watch, block)) => self.block_done(_BASE, watch, block, a_DOWNLOAD),
+                (MODE_END, TransferPhase::Transfer(watch, block)) => {
+                    self.block_done(_BASE, watch, block, a_DOWNLOAD)
+                }
                 // The transfer began before this block was enabled or reset.
                 _ => refuse(_BASE, updown_error::SLAVE_CANCELS),
             }
         }
-        if let Phase::Transfer(watch, _) | Phase::Ending(watch) = self.internal
+        if let TransferPhase::Transfer(watch, _) | TransferPhase::Ending(watch) = self.internal
             && watch.is_over(_BASE.ram())
         {
             refuse(_BASE, updown_error::SLAVE_CANCELS);
-            self.show(Phase::Locked);
+            self.show(TransferPhase::Locked);
             (self.w_ERR, self.x_ERR) = (TIMEOUT, true);
         }
     }
 
     /// Changes to `phase` and updates the outputs.
-    fn show(&mut self, phase: Phase) {
+    fn show(&mut self, phase: TransferPhase) {
         self.internal = phase;
-        self.x_BUSY = matches!(phase, Phase::Transfer(..) | Phase::Ending(_));
+        self.x_BUSY = matches!(phase, TransferPhase::Transfer(..) | TransferPhase::Ending(_));
         self.x_ORDER_ACTIV = self.x_BUSY;
     }
 
@@ -136,11 +139,11 @@ impl CANsync_UPDOWNLOAD_SL {
             Ok(block) => block,
             Err(number) => {
                 refuse(base, number);
-                return self.show(Phase::Idle);
+                return self.show(TransferPhase::Idle);
             }
         };
         let watch = match self.internal {
-            Phase::Transfer(watch, before) if before.next() == Some(block) => watch,
+            TransferPhase::Transfer(watch, before) if before.next() == Some(block) => watch,
             _ => base.ram().watch(self.t_TIME),
         };
         self.x_UPDOWN = control & DOWNLOAD != 0;
@@ -150,7 +153,7 @@ impl CANsync_UPDOWNLOAD_SL {
             let values = a_UPLOAD.iter().skip(block.first).take(block.values);
             base.a_DATA_UPDOWNBLK1.iter().zip(values).for_each(|(cell, value)| cell.store(*value as u32));
         }
-        self.show(Phase::Transfer(watch, block));
+        self.show(TransferPhase::Transfer(watch, block));
         job(base).change(|value| value & !ACTIVE);
     }
 
@@ -167,7 +170,7 @@ impl CANsync_UPDOWNLOAD_SL {
             values.zip(&base.a_DATA_UPDOWNBLK1).for_each(|(value, cell)| *value = cell.load() as i32);
         }
         if block.next().is_none() {
-            self.show(Phase::Ending(watch));
+            self.show(TransferPhase::Ending(watch));
         }
         job(base).change(|value| value & !ACTIVE);
     }

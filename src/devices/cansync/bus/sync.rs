@@ -32,7 +32,7 @@ pub struct SyncLock {
 snapshot_fields!(SyncLock { values: wanted, locked, since, last, interval_us; built: lock_time_us, loss_us });
 
 impl SyncLock {
-    /// Creates a lock that is reached after `lock_time_us` of uninterrupted SYNC signal and lost after `loss_us`
+    /// Creates a lock. It is reached after `lock_time_us` of uninterrupted SYNC signal and lost after `loss_us`
     /// without SYNC (`None`: two and a half intervals). A value below two and a quarter intervals counts as two and a
     /// quarter, because one lost edge must not end the lock (p. 135).
     #[must_use]

@@ -369,7 +369,7 @@ impl Card {
         self.losses.wanted >> channel.index() & 1 != 0
     }
 
-    /// Returns the slaves whose actual value frames carry reference values for the drive, bit n for slave n.
+    /// Returns the slaves that send reference values for the drive in their actual value frames, bit n for slave n.
     pub(crate) fn wants_overheard(&self) -> u32 {
         self.references.iter().flatten().fold(0, |mask, slot| match slot.source {
             Source::Master => mask,

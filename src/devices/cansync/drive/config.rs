@@ -193,7 +193,7 @@ pub enum DriveError {
         drive: String,
         /// Number of the card parameter.
         zk: u8,
-        /// Its value.
+        /// Value of the card parameter.
         value: u16,
         /// Reason.
         reason: ZkError,
@@ -219,7 +219,7 @@ impl From<DriveError> for BuildError {
 /// Reason why the value of a card parameter is wrong.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ZkError {
-    /// A bit pattern that is not in the table.
+    /// A bit pattern outside the table.
     #[error(transparent)]
     Mapping(#[from] MappingError),
     /// Control word and status word have their own way of transport (p. 14).

@@ -320,7 +320,7 @@ impl Drive {
         self.card.receive(Source::Slave(from), channel, payload);
     }
 
-    /// Returns the slaves whose actual value frames the drive evaluates, bit n for slave n.
+    /// Returns the slaves with actual value frames that the drive evaluates, bit n for slave n.
     pub fn wants_overheard(&self) -> u32 {
         self.card.wants_overheard()
     }

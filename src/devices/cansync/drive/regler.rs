@@ -66,7 +66,7 @@ pub(crate) struct VRegler {
     slots: Slots,
     /// Bit 15 of the status word, set by the connection.
     synchronized: bool,
-    /// Number of a communication error that is reported without a reaction; 0: none.
+    /// Number of a communication error reported without a reaction; 0: none.
     error: u16,
 }
 

@@ -58,7 +58,7 @@ impl Controller {
         self.back_at.is_some()
     }
 
-    /// Ends a recovery that is over at `now`.
+    /// Ends the recovery if its time has passed at `now`.
     pub(super) fn recover(&mut self, now: u64) {
         if self.back_at.is_some_and(|at| at <= now) {
             self.back_at = None;

@@ -64,7 +64,7 @@ impl Master {
     /// Creates the master at `location` of `segment`.
     ///
     /// # Errors
-    /// If the segment is too small for it.
+    /// The segment is too small for the master.
     pub fn new(segment: &Segment, location: NodeLocation) -> Result<Self, MemoryError> {
         Ok(Master {
             node: Node::new(Role::Master, segment, location)?,

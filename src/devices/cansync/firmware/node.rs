@@ -174,7 +174,7 @@ impl Node {
         }
     }
 
-    /// Returns the structure that is valid at present (decision D-03).
+    /// Returns the present phase, which selects the valid structure (decision D-03).
     fn live(&self) -> RegisterPhase {
         match self.state {
             NodeState::StartUp | NodeState::WaitingForInit => RegisterPhase::Init,

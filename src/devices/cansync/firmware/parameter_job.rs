@@ -135,7 +135,7 @@ mod tests {
     use crate::devices::samples::tables::NODES;
     use crate::memory::Segment;
 
-    /// The register offsets for the journal are those of the register table.
+    /// The register offsets for the journal are equal to those in the register table.
     #[test]
     fn register_offsets_of_every_slave_match_the_table() {
         let base = NODES.area("node2").unwrap().first;

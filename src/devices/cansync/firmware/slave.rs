@@ -64,7 +64,7 @@ impl Slave {
     /// Creates the slave at `location` of `segment` with slave number `number`; `lock` has its rules for synchronizing.
     ///
     /// # Errors
-    /// If the segment is too small for it.
+    /// The segment is too small for the slave.
     pub fn new(
         segment: &Segment,
         location: NodeLocation,

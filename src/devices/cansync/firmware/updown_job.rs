@@ -43,7 +43,7 @@ impl EnteredJob {
         }
     }
 
-    /// Returns the error number of a job that is refused without a request to the slave (decision D-43).
+    /// Returns the error number of a job that is refused before any request to the slave (decision D-43).
     fn refusal(&self) -> Option<u16> {
         if self.length > MAX_LENGTH {
             Some(updown_error::LENGTH)

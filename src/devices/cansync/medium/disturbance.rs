@@ -13,7 +13,7 @@ pub(super) struct Disturbance {
     off: u32,
     /// Slaves that are switched off by faults.
     faulty: u32,
-    /// Slaves whose device has no power.
+    /// Slaves in devices without power.
     unpowered: u32,
     /// Frames under way that no station receives, by place on the wire.
     pub(super) lost: u8,
@@ -57,7 +57,7 @@ impl Disturbance {
         self.off.checked_shr(slave.into()).unwrap_or(0) & 1 != 0
     }
 
-    /// Returns and clears the fate of the frame at this place on the wire, whose regular end is now.
+    /// Returns and clears the fate of the frame at this place on the wire at its regular end.
     #[inline]
     pub(super) fn take_fate(&mut self, place: usize) -> Fate {
         let bit = 1 << place;
@@ -153,7 +153,7 @@ impl SimBus {
         self.disturbance.strays.retain(|stray| !stray.is_of(sender));
         match sender {
             Sender::Master => {
-                // A frame that is still being built never reaches the controller.
+                // A frame under construction never reaches the controller.
                 for (reference, built) in self.reference.iter_mut().zip([Slot::Built1, Slot::Built2]) {
                     reference.take_if(|_| self.schedule.at(built).is_some());
                 }

@@ -24,7 +24,7 @@ pub(super) struct Drives {
     taken: Vec<usize>,
     /// Drives that are switched off, bit n for slave n. They receive no events.
     off: u32,
-    /// Slaves whose actual value frames at least one drive evaluates, bit n for slave n.
+    /// Slaves with actual value frames that at least one drive evaluates, bit n for slave n.
     overheard: u32,
     /// Copies of the drives, up to date, for readers.
     shown: OnceLock<Vec<Drive>>,
@@ -68,7 +68,7 @@ impl Drives {
         self.passed.push(passed);
     }
 
-    /// Whether any drive evaluates actual value frames of this slave.
+    /// Returns true if a drive evaluates actual value frames of this slave.
     #[inline]
     pub(super) fn overhears(&self, number: u8) -> bool {
         self.overheard.checked_shr(number.into()).unwrap_or(0) & 1 != 0
@@ -116,7 +116,8 @@ impl Drives {
         })
     }
 
-    /// Switches these drives off and no others, bit n for slave n. A drive whose supply changes is as at power-on.
+    /// Switches these drives off and no others, bit n for slave n. After a change of its supply a drive is as at
+    /// power-on.
     pub(super) fn switch_off(&mut self, off: u32) {
         self.settle();
         let changed = self.off ^ off;

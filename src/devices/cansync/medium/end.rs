@@ -41,7 +41,7 @@ pub enum SocketRole {
         /// Rules for locking to the SYNC signal.
         lock: SyncLock,
     },
-    /// A slave without registers: a drive that is built into the device, on the bus under its slave number.
+    /// A slave without registers: the built-in drive of the device, on the bus under its slave number.
     Drive(Box<DriveConfig>),
 }
 

@@ -17,8 +17,7 @@ use crate::fault::{Hit, Target};
 use crate::journal::Origin;
 
 impl Run<'_> {
-    /// Applies faults to a frame that is to begin at `from`. Returns the start time of the frame; `None` if the frame
-    /// is lost.
+    /// Applies faults to a frame with the planned start `from`. Returns the start time of the frame; `None` if it is lost.
     #[cold]
     pub(super) fn disturb(
         &mut self,

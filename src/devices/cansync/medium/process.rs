@@ -81,7 +81,7 @@ impl Run<'_> {
         self.bus.edge_for_drives(now, interval_us);
     }
 
-    /// Handles an edge that is lost on the line. Locked slaves know that it was due.
+    /// Handles a lost edge. Locked slaves know that the edge was due.
     #[cold]
     fn miss_edge(&mut self, interval_us: u32) {
         let now = self.now;

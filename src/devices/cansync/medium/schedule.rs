@@ -68,7 +68,7 @@ pub(super) struct Schedule {
 }
 
 impl Schedule {
-    /// Time of a slot that is not due.
+    /// Time of a slot without a due time.
     pub(super) const NEVER: u64 = u64::MAX;
 
     pub(super) fn empty() -> Self {
@@ -107,13 +107,13 @@ impl Schedule {
         *self = Self::empty();
     }
 
-    /// Returns the due time of the next slot; [`Schedule::NEVER`] if no slot is due.
+    /// Returns the due time of the next slot; [`Schedule::NEVER`] if there is none.
     #[inline]
     pub(super) fn next_time(&self) -> u64 {
         self.open().map(|index| self.due[index]).fold(Self::NEVER, u64::min)
     }
 
-    /// Removes and returns the first slot that is due at `time`.
+    /// Removes and returns the first slot with the due time `time`.
     #[inline]
     pub(super) fn take(&mut self, time: u64) -> Option<Slot> {
         let slot = ALL[self.open().find(|index| self.due[*index] == time)?];

@@ -39,7 +39,7 @@ impl Run<'_> {
         let place = place_on_wire(slot);
         let before = self.bus.on_wire[(place + PLACES - 1) % PLACES];
         let from = slot_start.max(self.now).max(before.map_or(0, |frame| frame.free));
-        // Clear the fate of an earlier frame in this place whose end never came.
+        // Clear the fate of an earlier frame that never reached its end in this place.
         self.bus.disturbance.take_fate(place);
         let begin =
             if self.faults.is_empty() { Some(from) } else { self.disturb(place, frame, from, airtime) };
@@ -57,7 +57,7 @@ impl Run<'_> {
         begin
     }
 
-    /// Delays a frame whose slot is still to come: it begins at `free` at the earliest.
+    /// Delays a frame in a future slot: it begins at `free` at the earliest.
     fn hold_back(&mut self, slot: Slot, free: u64) {
         let Some(wire) = &mut self.bus.on_wire[place_on_wire(slot)] else { return };
         if wire.free == 0 || wire.from <= self.now {

@@ -36,7 +36,7 @@ struct Bench {
 }
 
 impl Bench {
-    /// A bus with a drive that is set to `kbit_s`. The nodes are restarted.
+    /// A bus with a drive at `kbit_s`. The nodes are restarted.
     fn new(kbit_s: u16, master: &'static [BaudRate], slave: &'static [BaudRate]) -> Self {
         let config = format!(
             "name = 'b'\nkbit_s = {kbit_s}\nframe_length = 'variable'\n\

@@ -31,7 +31,7 @@ pub(super) struct CheckedNode {
     pub plc: u16,
     /// First byte of the node.
     pub base: usize,
-    /// The structure that is valid.
+    /// Phase, which selects the valid structure.
     pub live: RegisterPhase,
 }
 

@@ -17,7 +17,7 @@ use crate::layout::RegisterPhase;
 pub(super) struct Facts {
     /// True if the node is the master of its bus.
     pub is_master: bool,
-    /// The structure that is valid.
+    /// Phase, which selects the valid structure.
     pub live: RegisterPhase,
     /// The node waits for initialization data, and the PLC has ordered to take them over.
     pub takes_over_init: bool,

@@ -18,7 +18,7 @@ pub(super) enum RegisterUse {
     ReservedUnderInit,
     /// Selects the value in a word of a frame.
     Mapping,
-    /// Selects the slaves whose actual values are requested.
+    /// Selects the slaves for requests of actual values.
     Request,
     /// Releases frame 1 or 2 (index 0 or 1).
     Release(usize),
@@ -82,7 +82,7 @@ pub(super) struct RegisterMap {
 impl RegisterMap {
     const NONE: u16 = u16::MAX;
 
-    /// Creates the map of the structure in `area` that is valid in phase `live` for a node with this role.
+    /// Creates the map of the structure in `area` in phase `live`, for a node with this role.
     fn new(area: &'static Area, role: Role, live: RegisterPhase) -> Self {
         let mut map = RegisterMap { registers: Vec::new(), bytes: Vec::new() };
         let placed = area.structures.iter().filter(|placed| placed.live.is_valid_in(live));

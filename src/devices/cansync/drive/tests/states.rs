@@ -18,7 +18,7 @@ fn bit_15_comes_after_the_lock_time() {
 fn a_drive_runs_through_an_interval_with_a_lost_edge() {
     let mut bench = Bench::synchronized(&demo());
     bench.send(Channel::One, &[7, 0]).lost_edge();
-    assert_eq!((bench.p(300), bench.p(301)), (7, 7), "handed over, and the drive moves");
+    assert_eq!((bench.p(300), bench.p(301)), (7, 7), "the drive has the value and moves");
     assert_eq!((bench.drive.status_word(), bench.drive.actual_value_frame(Channel::One)), (0x8037, None));
     bench.send(Channel::One, &[8, 0]).edge();
     assert_eq!((bench.p(300), bench.drive.status_word()), (8, 0x8037));
