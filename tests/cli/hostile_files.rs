@@ -64,7 +64,7 @@ fn plants_are_refused_in_their_time() {
         (
             "parameters",
             filled(most, &parameters, |n| format!("{{number={},format='word'}},", 1000 + n % 3000), "]\n"),
-            "the number is there twice",
+            "the number is used twice",
         ),
         ("keys", filled(most, plc, |n| format!("k{n}=1\n"), ""), "unknown field `k0`"),
         ("deep", filled(most, &format!("{plc}x="), |_| "[".to_owned(), ""), "cannot recurse further"),

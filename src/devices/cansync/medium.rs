@@ -2,8 +2,8 @@
 //!
 //! A frame is delivered at the end of its end-of-frame field, to every station that listens at the bus's baud rate. The
 //! next frame can begin after the intermission. The content of a frame is fixed at its start. Slot times are from the
-//! manual's table (5.00005.03a p. 125). Frame lengths are equal to real frames, stuff bits included. A frame
-//! that reaches into the next slot delays the frame of that slot (decision D-280).
+//! manual's table (5.00005.03a p. 125). Frame lengths are equal to real frames, stuff bits included. A frame that
+//! reaches into the next slot delays the frame of that slot (decision D-280).
 
 mod command;
 mod config;

@@ -223,7 +223,7 @@ pub enum ZkError {
     #[error(transparent)]
     Mapping(#[from] MappingError),
     /// Control word and status word have their own way of transport (p. 14).
-    #[error("parameter {0} cannot be mapped: 120 comes by action command, 121 goes by ZK 25")]
+    #[error("parameter {0} cannot be mapped: 120 is sent by action command, 121 is mapped by ZK 25")]
     ControlOrStatusWord(u16),
     /// The drive has no such parameter.
     #[error("the drive has no parameter {0}")]
@@ -238,7 +238,7 @@ pub enum ZkError {
     #[error("reference value from the drive's own actual value frame")]
     OwnFrame,
     /// Two actual values use the same word.
-    #[error("the words are taken by ZK {0} already")]
+    #[error("ZK {0} already uses the words")]
     Overlap(u8),
     /// The delay exceeds the table of p. 16.
     #[error("the delay is above 3 intervals")]

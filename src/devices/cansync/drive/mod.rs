@@ -8,10 +8,10 @@
 //! answers at once. The steps of an interval:
 //!
 //! 1. At the SYNC edge the card samples actual values and status word. They are sent when the master requests them in
-//! this interval.
+//!    this interval.
 //! 2. For 750 us the drive moves as before.
 //! 3. Then the drive processes the data that the card passes on: the control word, and the reference values received in
-//! the previous interval (manual 5.01010.01 p. 14 and 20; decision D-34).
+//!    the previous interval (manual 5.01010.01 p. 14 and 20; decision D-34).
 //! 4. The drive moves for the rest of the interval.
 //!
 //! All steps are calculated at the edge, so between two edges a drive shows its state at the end of the interval.

@@ -135,11 +135,11 @@ pub enum ParameterError {
     #[error("the number is above 4095")]
     Number,
     /// Number in use already.
-    #[error("the number is there twice")]
+    #[error("the number is used twice")]
     Twice,
     /// One of the drive's own parameters is defined again.
     #[error(
-        "the drive has this parameter itself (layouts/v-regler); give number, its format and `initial` only, and none that is read only or the control word"
+        "the drive has this parameter itself (layouts/v-regler); an entry may only set `initial` with the same format, and only for a writable parameter except the control word"
     )]
     Own,
     /// The initial value needs more bits.

@@ -84,7 +84,7 @@ proptest! {
     #![proptest_config(crate::property_tests())]
 
     #[test]
-    fn it_does_not_matter_when(
+    fn the_time_of_catching_up_does_not_matter(
         all in prop::collection::vec(stretches(), 1..30),
         stretch in 1..40usize,
         control_word: Option<u16>,
@@ -118,7 +118,7 @@ proptest! {
 }
 
 #[test]
-fn intervals_that_are_alike_are_found_wherever_one_begins() {
+fn uniform_intervals_are_found_from_every_start() {
     let mut log = EventLog::default();
     let mut now_us = 0;
     for interval in 0..6 {

@@ -190,7 +190,7 @@ fn commands_for_others_are_ignored() {
 }
 
 #[test]
-fn unknown_commands_mean_nothing() {
+fn unknown_commands_have_no_effect() {
     let mut bench = Bench::synchronized(&demo());
     let command = ActionCommand { slave_group: u32::MAX, command: 0x80, data_byte: 0, data_word: 0 };
     bench.drive.action_command(&command);
