@@ -203,6 +203,10 @@ fn a_number_that_is_taken_leaves_the_node_alone() {
     let taken = OnBoard { plc: B as u16, what: BoardEvent::NumberTaken { port: 1, number: 2 } }.into();
     assert!(rig.records().any(|record| record.event == taken));
     rig.expect_errors(&[&commram::devices::cansync::rules::NUMBER_TAKEN]);
+    // Nothing has changed at the next power-on, so it is found again (5.00005.03a p. 22).
+    rig.plant.set_power(B, Power::Off);
+    rig.plant.set_power(B, Power::On);
+    assert_eq!(rig.records().filter(|record| record.event == taken).count(), 2);
     // Back to a free one.
     rig.plant.devices()[B].segment().header().unwrap().board.dip.store(1);
     rig.plant.set_power(B, Power::Off);
@@ -211,6 +215,45 @@ fn a_number_that_is_taken_leaves_the_node_alone() {
     rig.step(100_000);
     let answering: Vec<_> = (0..4).filter(|n| rig.master.a_STAT_SL[*n].load() & 1 != 0).collect();
     assert_eq!(answering, [1, 2], "the node and the drive");
+}
+
+/// 5.00005.03a p. 22 asks for different numbers only: once the other station has moved, the number is free for the node that could not be
+/// addressed, and a node that is off keeps its number from nobody (D-184).
+#[test]
+fn a_number_is_free_when_its_station_has_moved_or_is_off() {
+    const C: usize = 2;
+    let rate = OMEGA_RATES[0];
+    let text = rate.plant("") + &rate.kind.plc("c", 3, Some("line"), None);
+    let mut rig = Rig::of_plant(Memory::Heap, rate, &text);
+    rig.expect_errors(&[&commram::devices::cansync::rules::NUMBER_TAKEN]);
+    let turn = |rig: &mut Rig, plc: usize, dip: u32| {
+        rig.plant.devices()[plc].segment().header().unwrap().board.dip.store(dip);
+        rig.plant.set_power(plc, Power::Off);
+        rig.plant.set_power(plc, Power::On);
+    };
+    let taken = |rig: &Rig| {
+        let is_taken = |record: &&commram::journal::Record| {
+            record.event.get::<OnBoard>().is_some_and(|it| matches!(it.what, BoardEvent::NumberTaken { .. }))
+        };
+        rig.records().filter(is_taken).count()
+    };
+    turn(&mut rig, B, 3);
+    assert_eq!(taken(&rig), 1);
+    // The other one moves; the number stays at the switches of the first.
+    turn(&mut rig, C, 1);
+    turn(&mut rig, B, 3);
+    assert_eq!(taken(&rig), 1);
+    rig.set_up();
+    rig.step(100_000);
+    let answering =
+        |rig: &Rig| (0..4).filter(|n| rig.master.a_STAT_SL[*n].load() & 1 != 0).collect::<Vec<_>>();
+    assert_eq!(answering(&rig), [3]);
+    // One that is off has no number; when it comes on, it is the newcomer.
+    rig.plant.set_power(B, Power::Off);
+    turn(&mut rig, C, 3);
+    assert_eq!(taken(&rig), 1);
+    rig.plant.set_power(B, Power::On);
+    assert_eq!(taken(&rig), 2);
 }
 
 /// A client turns the switch in the header page; the firmware sees it at its next look.

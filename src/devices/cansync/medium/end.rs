@@ -50,6 +50,8 @@ pub(super) struct End<F> {
     pub(super) firmware: F,
     pub(super) watch: NodeWatch,
     pub(super) origin: Origin,
+    /// The node's device has power and is not held in RESET.
+    pub(super) is_on: bool,
     /// Time at which the node last sent or received a frame, in emulated microseconds. `None` if no frame has passed
     /// since the node is on the bus.
     pub(super) last_frame: Option<u64>,
@@ -79,7 +81,7 @@ pub(super) struct DriveEnd {
 
 snapshot_fields!(DriveEnd { values: last_frame; built: origin, number, kbit_s });
 
-snapshot_fields!(where [F: SnapshotFields] End<F> { values: last_frame; parts: firmware, watch; built: origin, header, segment, location, role });
+snapshot_fields!(where [F: SnapshotFields] End<F> { values: is_on, last_frame; parts: firmware, watch; built: origin, header, segment, location, role });
 
 impl<F> End<F> {
     fn new(socket: &Socket, firmware: F) -> Result<Self, MemoryError> {
@@ -91,6 +93,7 @@ impl<F> End<F> {
             firmware,
             watch: NodeWatch::new(socket.origin.plc, socket.area, role, &socket.segment)?,
             origin: socket.origin,
+            is_on: false,
             last_frame: None,
             header: socket.segment.header()?,
             segment: socket.segment.clone(),

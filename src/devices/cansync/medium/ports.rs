@@ -65,19 +65,28 @@ impl Medium for SimBus {
     }
 
     fn power_on(&mut self, place: usize, address: u8, now: u64, _: &mut Journal) -> bool {
-        let mut is_free = true;
         match self.places[place] {
-            Place::Master(index) => self.masters[index].firmware.power_on(address),
-            Place::Slave(index) => {
-                if self.slaves[index].firmware.number() != address {
-                    is_free = self.renumber(index, address);
-                    self.slaves[index].begin_as(address);
-                }
-                self.slaves[index].firmware.power_on();
+            Place::Master(index) => {
+                self.masters[index].is_on = true;
+                self.masters[index].firmware.power_on(address);
+                true
             }
-            Place::Drive(index) => self.supply_drive(now, self.drive_ends[index].number, true),
+            Place::Slave(index) => {
+                // Also a node whose number has not changed: another station may have it, or may have had it until now.
+                let is_free = self.renumber(index, address);
+                let end = &mut self.slaves[index];
+                if end.firmware.number() != address {
+                    end.begin_as(address);
+                }
+                end.is_on = true;
+                end.firmware.power_on();
+                is_free
+            }
+            Place::Drive(index) => {
+                self.supply_drive(now, self.drive_ends[index].number, true);
+                true
+            }
         }
-        is_free
     }
 
     fn set_processor_cycle(&mut self, us: u32) {
@@ -89,12 +98,14 @@ impl Medium for SimBus {
             Place::Master(index) => {
                 self.masters[index].run(now, journal, |master, ctx| master.power_off(ctx));
                 self.masters[index].forget();
+                self.masters[index].is_on = false;
                 self.stop(now);
             }
             Place::Slave(index) => {
                 let number = self.slaves[index].firmware.number();
                 self.slaves[index].run(now, journal, |slave, ctx| slave.power_off(ctx));
                 self.slaves[index].begin_as(number);
+                self.slaves[index].is_on = false;
             }
             Place::Drive(index) => {
                 self.drive_ends[index].last_frame = None;
@@ -419,8 +430,8 @@ impl SimBus {
         goes
     }
 
-    /// Changes the slave number of slave node `index`. Returns false if another station has the number; the node is
-    /// then not connected.
+    /// Connects slave node `index`, which comes on, under `number`. Returns false if another station has the number; the
+    /// node is then not connected. A node that is off loses its number to this node; a drive keeps it (decision D-184).
     fn renumber(&mut self, index: usize, number: u8) -> bool {
         if !self.is_wired {
             return true;
@@ -430,13 +441,16 @@ impl SimBus {
                 *station = Station::Nobody;
             }
         }
-        match self.stations.get_mut(usize::from(number)) {
-            Some(place) if *place == Station::Nobody => {
-                *place = Station::Node(index);
-                true
-            }
-            _ => false,
+        let Some(station) = self.stations.get_mut(usize::from(number)) else { return false };
+        let is_free = match *station {
+            Station::Nobody => true,
+            Station::Node(other) => !self.slaves[other].is_on,
+            Station::Drive(_) => false,
+        };
+        if is_free {
+            *station = Station::Node(index);
         }
+        is_free
     }
 
     /// Returns the activity of a node's controller when a poll at `now` read its status: `Some(true)` sending,
