@@ -49,10 +49,13 @@ pub(crate) fn on_any_device<T>(
     }
 }
 
+/// Distance of a refusal by a device that has no such area or name.
+const UNKNOWN: u8 = 2;
+
 /// How far a refusal is from what was meant; less is closer.
 fn distance(refusal: &LayoutError) -> u8 {
     match refusal {
-        LayoutError::UnknownArea { .. } | LayoutError::UnknownName { .. } => 2,
+        LayoutError::UnknownArea { .. } | LayoutError::UnknownName { .. } => UNKNOWN,
         LayoutError::BadAddress { .. } | LayoutError::NoSpace { .. } => 1,
         _ => 0,
     }
@@ -103,11 +106,17 @@ pub(crate) fn of_any_device(text: &str) -> Result<Place, CliError> {
 /// The same, before `instance` is asked what it is there. A register or address that no device has is refused by the PLC's own
 /// device, if the instance runs.
 pub(crate) fn of_any_device_but_told_by(instance: &Instance) -> impl Fn(&str) -> Result<Place, CliError> {
-    |text| of_any_device(text).or_else(|refusal| told_by(instance, refusal, |session| session.place(text)))
+    |text| {
+        of_any_device(text).or_else(|refusal| {
+            let place = |fitted: &DeviceFit| Place::parse(fitted, text);
+            told_by(instance, refusal, |session| session.place(text), place)
+        })
+    }
 }
 
 /// What `ask` gets from the instance, if it runs and `refusal` is about a name or an address: the instance knows which devices
-/// its PLCs are, and how they are fitted.
+/// its PLCs are, and how they are fitted. `look_up` is the same on one of them. It decides where the instance has several PLCs and the
+/// user has named none.
 ///
 /// # Errors
 /// What `ask` is refused with, else `refusal`.
@@ -115,6 +124,7 @@ pub(crate) fn told_by<T>(
     instance: &Instance,
     refusal: CliError,
     ask: impl Fn(&Session) -> Result<T, CliError>,
+    look_up: impl Fn(&DeviceFit) -> Result<T, LayoutError>,
 ) -> Result<T, CliError> {
     if !matches!(refusal, CliError::Layout(_) | CliError::NoDeviceHas { .. }) {
         return Err(refusal);
@@ -122,9 +132,29 @@ pub(crate) fn told_by<T>(
     let Ok(session) = Session::open_for_reading(&Instance::running(instance.name())) else {
         return Err(refusal);
     };
-    ask(&session).map_err(|told| match (&told, &refusal) {
+    ask(&session).map_err(|told| match told {
         // What is wrong whichever PLC is meant comes before the question which one.
-        (CliError::WhichPlc { .. }, CliError::Layout(error)) if distance(error) == 0 => refusal,
+        CliError::WhichPlc { .. } => match common_refusal(session.all_fitted(), look_up) {
+            Some(common) => common.into(),
+            None => told,
+        },
         _ => told,
     })
+}
+
+/// The refusal that says what is wrong with a name or an address whichever of these devices is meant: all of them refuse it, and those
+/// that have such an area or such addresses do so in the same words.
+fn common_refusal<T>(
+    devices: &[DeviceFit],
+    look_up: impl Fn(&DeviceFit) -> Result<T, LayoutError>,
+) -> Option<LayoutError> {
+    let mut close: Vec<LayoutError> = Vec::new();
+    for fitted in devices {
+        let refusal = look_up(fitted).err()?;
+        if distance(&refusal) < UNKNOWN {
+            close.push(refusal);
+        }
+    }
+    let common = close.pop()?;
+    close.iter().all(|other| other.to_string() == common.to_string()).then_some(common)
 }

@@ -119,6 +119,14 @@ pub(crate) fn check(names: &[String]) -> Result<(), CliError> {
         .try_for_each(|name| on_any_device(|fitted| select(fitted, name).map(drop)))
 }
 
+/// The same on one device.
+///
+/// # Errors
+/// It has no such block or register.
+pub(crate) fn check_on(fitted: &DeviceFit, name: &str) -> Result<(), LayoutError> {
+    select(fitted, name).map(drop)
+}
+
 impl Blocks {
     /// Finds the blocks of an instance; without names all areas with registers of all PLCs.
     ///

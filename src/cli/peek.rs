@@ -94,7 +94,8 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     for text in &args.registers {
         if is_pattern(text) {
             dump::check(core::slice::from_ref(text)).or_else(|refusal| {
-                told_by(&args.instance, refusal, |session| Wanted::find(session, text).map(drop))
+                let find = |session: &Session| Wanted::find(session, text).map(drop);
+                told_by(&args.instance, refusal, find, |fitted| dump::check_on(fitted, text))
             })?;
         } else {
             check(text)?;

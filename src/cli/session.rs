@@ -148,6 +148,11 @@ impl Session {
         self.fitted(plc).device()
     }
 
+    /// What each of its PLCs is, and how it is fitted.
+    pub(crate) fn all_fitted(&self) -> &[DeviceFit] {
+        &self.fitted
+    }
+
     /// What PLC `plc` is, and how it is fitted.
     pub(crate) fn fitted(&self, plc: u16) -> DeviceFit {
         let known = self.fitted.get(usize::from(plc)).copied();

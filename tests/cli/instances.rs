@@ -195,6 +195,43 @@ fn list_shows_what_runs() {
     assert!(csv.out.contains(&format!("{name},press saw,{pid},stepped,3000,ready,\n")), "{}", csv.out);
 }
 
+/// CS0015 p. 107, CAN-DP/2 (D-368), 5.00005.03a p. 41: what is wrong with an address is told in the words of a device that the instance
+/// has. If its devices refuse the address in different words, the command asks for the PLC.
+#[test]
+fn an_address_is_refused_in_the_words_of_the_devices_that_are_there() {
+    let emulator = start_with_plant(
+        "[[device]]\nkind = 'can-dp2'\nname = 'gw'\n[[device]]\nkind = 'cs0015'\nname = 'panel'\n",
+    );
+    for text in ["%MB3.5", "%MW9999", "node2.w_CPU_CONTRL"] {
+        for (command, argument) in
+            [("peek", text.to_owned()), ("wait", format!("{text}==1")), ("poke", format!("{text}=1"))]
+        {
+            let refused = emulator.run(command, &[&argument]);
+            let told = refused.fails(2);
+            assert!(told.contains("has several PLCs (gw, panel)"), "{command} {argument}: {told}");
+            assert!(!told.contains("baps") && !told.contains("even address"), "{command} {argument}: {told}");
+        }
+    }
+    let refused = emulator.run("peek", &["gw:%MW9999"]);
+    assert!(refused.fails(2).contains("%MB0 to %MB3071"), "{}", refused.err);
+    let refused = emulator.run("peek", &["panel:%MW9999"]);
+    assert!(refused.fails(2).contains("%MW0 to %MW4095 (flags)"), "{}", refused.err);
+    // Two of a kind agree.
+    let emulator = start_with_plant(TWO_PLCS);
+    for (text, expected) in [
+        ("%MB3.5", "lies in no area; the first one, `baps`, starts at %MB3.80000"),
+        ("node2.w_CPU_CONTRL", "w_CPU_CONTROL"),
+        ("%MW3.200001", "even address"),
+    ] {
+        let refused = emulator.run("peek", &[text]);
+        assert!(
+            refused.fails(2).contains(expected) && !refused.err.contains("several"),
+            "{text}: {}",
+            refused.err
+        );
+    }
+}
+
 #[test]
 fn with_several_plcs_registers_need_one() {
     let emulator = start_with_plant(TWO_PLCS);
