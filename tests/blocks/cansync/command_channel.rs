@@ -165,6 +165,26 @@ fn a_control_word_is_broadcast_command_1_too() {
     }
 }
 
+/// 5.02066.01a p. 92 gives 16#02 as reception indicator of the control word. A block that shows the word leaves another value for the other
+/// block, which the page of the function blocks tells a program that polls the register itself (D-603).
+#[test]
+fn what_a_block_leaves_of_the_reception_indicator_is_on_its_page() {
+    let page = include_str!("../../../docs/devices/omega-drive-line-2/function-blocks.md");
+    let page = page.split_whitespace().collect::<Vec<_>>().join(" ");
+    let dead = Dead::new();
+    let base = dead.slave();
+    base.b_STATREG_CONTROLWORD.store(0x02);
+    CANsync_BC_SL::default().call(&base);
+    let after_broadcast = base.b_STATREG_CONTROLWORD.load();
+    base.b_STATREG_CONTROLWORD.store(0x02);
+    CANsync_CONTROLWORD_SL::default().call(&base);
+    let after_control_word = base.b_STATREG_CONTROLWORD.load();
+    for (block, left) in [("CANsync_BC_SL", after_broadcast), ("CANsync_CONTROLWORD_SL", after_control_word)]
+    {
+        assert!(page.contains(&format!("`{block}` by 16#{left:02X}")), "{block} leaves 16#{left:02X}");
+    }
+}
+
 /// The same on the bus: the master sends command 1 by its block for broadcast commands.
 #[test]
 fn broadcast_command_1_reaches_the_slave() {
