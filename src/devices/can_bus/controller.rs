@@ -14,6 +14,10 @@ pub struct QueueFull;
 pub struct Controller {
     /// Each frame with the time from which it can be sent, in ns.
     queue: VecDeque<(u64, Frame)>,
+    /// The first frame of the queue is on the wire.
+    pub(super) is_sending: bool,
+    /// The first frame was discarded since the bus last polled.
+    has_discarded: bool,
     filters: Vec<Filter>,
     /// Filters were set since the bus last polled.
     has_new_filters: bool,
@@ -26,7 +30,17 @@ pub struct Controller {
     pub(super) now: u64,
 }
 
-snapshot_fields!(Controller { values: queue, filters, has_new_filters, bit_s, errors, restarts, now });
+snapshot_fields!(Controller {
+    values: queue,
+    is_sending,
+    has_discarded,
+    filters,
+    has_new_filters,
+    bit_s,
+    errors,
+    restarts,
+    now
+});
 
 impl Controller {
     /// Most frames in the queue.
@@ -43,6 +57,12 @@ impl Controller {
         }
         self.queue.push_back((self.now * 1000, frame));
         Ok(())
+    }
+
+    /// Discards the frames to be sent, except a frame that is on the wire.
+    pub fn discard(&mut self) {
+        self.has_discarded |= !self.is_sending && !self.queue.is_empty();
+        self.queue.truncate(self.is_sending.into());
     }
 
     /// Number of frames to be sent, including the frame on the wire.
@@ -98,6 +118,11 @@ impl Controller {
 
     pub(super) fn errors_mut(&mut self) -> &mut ErrorCounters {
         &mut self.errors
+    }
+
+    /// Returns whether the first frame was discarded since the last call.
+    pub(super) fn take_discarded(&mut self) -> bool {
+        core::mem::take(&mut self.has_discarded)
     }
 
     /// Returns whether filters were set since the last call.

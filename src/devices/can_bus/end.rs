@@ -128,5 +128,8 @@ impl End {
         self.controller.now = now;
         let ctx = &mut Context { now, journal, origin: self.origin, base: self.base };
         firmware(&mut *self.port, ctx, &mut self.controller);
+        if self.controller.take_discarded() {
+            self.forget_frame();
+        }
     }
 }

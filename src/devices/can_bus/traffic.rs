@@ -58,6 +58,7 @@ impl CanBus {
             None => {}
             Some(Event::Begun(it)) => {
                 (self.sender_gone, self.is_lost) = (false, false);
+                self.stations.get_mut(it.sender).controller.is_sending = true;
                 self.stations.frame_begins(it.begin_ns, quiet_ns);
                 if !world.faults.is_empty() {
                     self.disturb(&it, world);
@@ -72,6 +73,7 @@ impl CanBus {
     /// A frame has arrived. The journal records it before a station answers.
     fn delivered(&mut self, it: &OnWire, world: &mut World) {
         let (bus, frame, sender) = (self.index, it.frame, self.stations.all()[it.sender].origin);
+        self.stations.get_mut(it.sender).controller.is_sending = false;
         if !self.is_lost {
             world.journal.push(world.now, Transmitted { bus, frame, sender });
         }
@@ -125,6 +127,7 @@ impl CanBus {
     /// A frame ends in an error frame.
     fn failed(&mut self, it: &OnWire, now: u64, journal: &mut Journal) {
         let (bus, frame, sender) = (self.index, it.frame, self.stations.all()[it.sender].origin);
+        self.stations.get_mut(it.sender).controller.is_sending = false;
         // A station alone on the bus repeats its frame without end.
         let unheard = it.fate == Fate::NotAcknowledged;
         let is_known = core::mem::replace(&mut self.stations.get_mut(it.sender).is_unheard, unheard);

@@ -30,6 +30,9 @@ impl CanSide {
     fn show(&mut self, ctx: &mut Context, controller: &mut Controller) {
         let gateway = &mut *lock(&self.gateway);
         gateway.plan_sync(ctx.now);
+        if gateway.take_emptied() {
+            controller.discard();
+        }
         if let Some((bit_s, filters)) = gateway.take_setup() {
             controller.set_bit_rate(bit_s);
             controller.set_filters(filters);

@@ -47,6 +47,8 @@ pub(super) struct Gateway {
     /// A data exchange has brought outputs since the configuration. Before the first outputs (p. 30; D-675) and after
     /// the end of data exchange (D-386) the gateway has no data to send.
     has_outputs: bool,
+    /// The configuration is good, and data exchange has not ended since.
+    is_configured: bool,
     wake_at: Option<u64>,
     /// Time of the next SYNC object, in us.
     sync_at: Option<u64>,
@@ -55,6 +57,8 @@ pub(super) struct Gateway {
     window: Window,
     pages: Option<Pages>,
     frames: VecDeque<Frame>,
+    /// The CAN controller must discard the frames that it has not sent yet.
+    is_emptied: bool,
     /// The settings of the controller have changed.
     is_new: bool,
     /// State of the CAN bus, as in the diagnosis.
@@ -66,8 +70,8 @@ pub(super) struct Gateway {
 }
 
 snapshot_fields!(Gateway {
-    values: on_since, setup, state, has_outputs, wake_at, sync_at, sync_waits, window, pages, frames, is_new, bus, irq_lost,
-        msg_lost, has_news;
+    values: on_since, setup, state, has_outputs, is_configured, wake_at, sync_at, sync_waits, window, pages, frames, is_emptied,
+        is_new, bus, irq_lost, msg_lost, has_news;
     built: registers
 });
 
@@ -79,12 +83,14 @@ impl Gateway {
             setup: None,
             state: can_state::OFF,
             has_outputs: false,
+            is_configured: false,
             wake_at: None,
             sync_at: None,
             sync_waits: false,
             window: Window::default(),
             pages: None,
             frames: VecDeque::new(),
+            is_emptied: false,
             is_new: false,
             bus: bus_state::OK,
             irq_lost: 0,
@@ -158,11 +164,11 @@ impl Gateway {
         }
     }
 
-    /// Begins data exchange with these parameters and modules. Frames wait for the first outputs.
+    /// Begins data exchange with these parameters and modules. Frames of outputs wait for the first outputs.
     pub(super) fn begin(&mut self, parameters: &Parameters, configuration: &Configuration, now: u64) {
         self.end();
         (self.window, self.pages) = (Window::default(), configuration.pages());
-        self.is_new = true;
+        (self.is_new, self.is_configured) = (true, true);
         let setup = Setup {
             parameters: parameters.clone(),
             configuration: configuration.clone(),
@@ -187,7 +193,7 @@ impl Gateway {
 
     /// Ends data exchange: the gateway sends no more frames by itself, but continues to receive (D-386).
     pub(super) fn end(&mut self) {
-        self.has_outputs = false;
+        (self.has_outputs, self.is_configured, self.is_emptied) = (false, false, true);
         (self.wake_at, self.sync_at, self.sync_waits) = (None, None, false);
         self.frames.clear();
         if let Some(setup) = &mut self.setup {
@@ -215,7 +221,7 @@ impl Gateway {
         }
     }
 
-    /// Handles the first outputs. A CANopen start that has waited for them sends its frames (D-675).
+    /// Handles the first outputs. A CANopen start that has waited for them sends them (D-675).
     fn begin_outputs(&mut self, outputs: &[u8], now: u64) {
         let Some(setup) = &mut self.setup else { return };
         self.has_outputs = true;
@@ -223,7 +229,7 @@ impl Gateway {
             Role::Layer2 => self.start_cycles(now),
             Role::Master | Role::Slave(_) if self.state == can_state::WORKING => {
                 setup.outputs.iter_mut().zip(outputs).for_each(|(to, from)| *to = *from);
-                self.send_all(now);
+                self.send_outputs(now);
             }
             Role::Master | Role::Slave(_) => {}
         }
@@ -371,6 +377,11 @@ impl Gateway {
             filters.push(Filter::exactly(ExtendedId::MAX).data_only());
         }
         Some((parameters.can_bit_s(), filters))
+    }
+
+    /// Returns whether the CAN controller must discard the frames that it has not sent yet (D-386), once for each end of data exchange.
+    pub(super) fn take_emptied(&mut self) -> bool {
+        core::mem::take(&mut self.is_emptied)
     }
 
     /// Takes the next frame to send.

@@ -39,13 +39,16 @@ pub(super) struct Master {
     pending: Option<Pending>,
     /// Frame count bit of the last request; `None` if the next request is the first one.
     fcb: Option<bool>,
+    /// Address of its last request; none since power-on.
+    last_address: Option<u8>,
 }
 
-snapshot_fields!(Master { values: pending, fcb; built: registers, header });
+snapshot_fields!(Master { values: pending, fcb, last_address; built: registers, header });
 
 impl Master {
     pub(super) fn new(segment: &Segment) -> Result<Self, MemoryError> {
-        Ok(Master { registers: segment.view(MST)?, header: segment.header()?, pending: None, fcb: None })
+        let (registers, header) = (segment.view(MST)?, segment.header()?);
+        Ok(Master { registers, header, pending: None, fcb: None, last_address: None })
     }
 
     /// Returns the request in the registers; `None` if they contain no valid request.
@@ -115,7 +118,7 @@ impl Master {
 
 impl ProfibusPort for Master {
     fn power_on(&mut self, _: &mut Context, station: &mut Station) {
-        (self.pending, self.fcb) = (None, None);
+        (self.pending, self.fcb, self.last_address) = (None, None, None);
         station.set_alarm(None);
     }
 
@@ -147,6 +150,7 @@ impl ProfibusPort for Master {
             }
             Some(frame) => {
                 station.request(&Telegram::Frame(frame.clone()));
+                self.last_address = Some(frame.sa);
                 self.pending = Some(Pending { frame, tries: 1, is_sent: false });
                 self.registers.mst_status.store(mst_status::WAITING_FOR_LINE);
             }
@@ -168,6 +172,14 @@ impl ProfibusPort for Master {
     }
 
     fn heard(&mut self, ctx: &mut Context, station: &mut Station, telegram: &Telegram) {
+        // Another master asks under the address of this one (D-721).
+        if let Telegram::Frame(frame) = telegram
+            && self.last_address == Some(frame.sa)
+            && !FunctionCode::is_answer(frame.fc)
+        {
+            let at = offset_of!(CAN_DP2_MST, mst_address);
+            ctx.find(&rules::MASTER_ADDRESS, RegisterPhase::Always, at, frame.sa.into());
+        }
         let Some(pending) = self.pending.as_ref().filter(|pending| pending.is_sent) else { return };
         let (result, data) = match telegram {
             Telegram::ShortAck => (mst_result::RECEIPT, Vec::new()),

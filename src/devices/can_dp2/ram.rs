@@ -1,7 +1,7 @@
 //! The image as the firmware uses it.
 
 use super::modules::{Configuration, EXTENDED, Kind, MODULES};
-use super::parameters::{LENGTH, Parameters};
+use super::parameters::{LENGTH, Parameters, Role};
 use super::registers::values::module_kind;
 use super::registers::{
     CAN, CAN_DP2_CAN, CAN_DP2_CFG, CAN_DP2_DIAG, CAN_DP2_INPUTS, CAN_DP2_OUTPUTS, CAN_DP2_PRM,
@@ -11,7 +11,7 @@ use crate::can::Id;
 use crate::memory::{Cell8, Cell32, Face, MemoryError, Segment, View};
 
 /// Value for the stored SYNC time (p. 30).
-const SYNC_STORED: u16 = 0xFFFF;
+pub(super) const SYNC_STORED: u16 = 0xFFFF;
 
 /// The structures of the image that the gateway's firmware uses.
 pub(super) struct Registers {
@@ -107,6 +107,10 @@ impl Registers {
         ];
         cells.into_iter().zip(parameters.octets).for_each(|(cell, octet)| cell.store(octet));
         prm.prm_len.store(LENGTH as u8);
+        if parameters.role() == Role::Layer2 {
+            // P. 29: wake-up and SYNC time are ignored (D-720).
+            return;
+        }
         if let Some(time) = parameters.wakeup_s() {
             self.stored.stored_wakeup_time.store(time);
         }
@@ -125,7 +129,7 @@ impl Registers {
 
     /// Shows the configuration in force; inputs and outputs begin at 0.
     pub(super) fn set_configuration(&self, configuration: &Configuration) {
-        let Configuration { octets, modules, inputs, outputs, sync_ms } = configuration;
+        let Configuration { octets, modules, inputs, outputs, sync_ms: _ } = configuration;
         self.cfg.cfg_len.store(octets.len() as u8);
         self.cfg.input_len.store(*inputs as u8);
         self.cfg.output_len.store(*outputs as u8);
@@ -133,9 +137,6 @@ impl Registers {
         fill(&self.cfg.cfg, octets);
         fill(&self.inputs.inputs, &[]);
         fill(&self.outputs.outputs, &[]);
-        if let Some(time) = sync_ms {
-            self.set_sync_time(*time);
-        }
         for number in 0..MODULES {
             let (cells, module) = (&self.cfg.module[number], modules.get(number));
             let number_of = |id: &Id| match id {

@@ -27,4 +27,7 @@ rules! {
     ADDRESS: 110, "dp-address", Error, "CAN-DP/2 rev. 1.1 p. 9, 26",
         "Another station of the segment answers at the same address (the value), so both answer at once and no master understands \
          either. Set the switches of each gateway to an address of its own; they count at power-on.";
+    MASTER_ADDRESS: 111, "dp-master-address", Warning, "D-481, D-721",
+        "Another master of the segment asks under the same address (the value), so no slave can tell the two apart, and a slave that one \
+         of them has locked accepts both. Write a different mst_address for each master.";
 }

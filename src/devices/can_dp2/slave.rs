@@ -300,15 +300,17 @@ impl Slave {
     fn check_configuration(&mut self, octets: &[u8], now: u64, gateway: &mut Gateway, registers: &Registers) {
         let Some(parameters) = &self.parameters else { return };
         match Configuration::parse(octets, parameters) {
-            // The same configuration again has no effect.
-            Ok(configuration)
-                if self.state == dp_state::DATA_EXCHANGE && configuration == self.configuration => {}
             Ok(configuration) => {
-                registers.set_configuration(&configuration);
-                gateway.begin(parameters, &configuration, now);
-                self.judge(&configuration);
-                (self.cfg_fault, self.configuration) = (None, configuration);
-                self.enter(dp_state::DATA_EXCHANGE);
+                let sync_ms = configuration.sync_ms;
+                // The same configuration again only sets the SYNC time of its comment: the last entry counts (p. 30; D-381).
+                if self.state != dp_state::DATA_EXCHANGE || configuration != self.configuration {
+                    registers.set_configuration(&configuration);
+                    gateway.begin(parameters, &configuration, now);
+                    self.judge(&configuration);
+                    (self.cfg_fault, self.configuration) = (None, configuration);
+                    self.enter(dp_state::DATA_EXCHANGE);
+                }
+                sync_ms.into_iter().for_each(|time| gateway.set_sync_time_of_comment(time));
             }
             Err(fault) => {
                 gateway.end();

@@ -1,10 +1,13 @@
 //! Values that a CAN-DP/2 keeps without supply: wake-up and SYNC time (p. 29-30; D-370).
 
+use super::ram::SYNC_STORED;
+use super::registers::values::wakeup_time;
 use super::registers::{CAN_DP2_STORED, DEVICE, STORED};
 use crate::devices::{Context, Firmware};
 use crate::layout::Area;
 use crate::memory::{MemoryError, Segment, View};
 use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
+use core::mem::offset_of;
 use zerocopy::IntoBytes;
 
 /// Length of the stored values.
@@ -26,6 +29,18 @@ pub(super) struct Stored {
 impl Stored {
     pub(super) fn new(segment: &Segment) -> Result<Self, MemoryError> {
         Ok(Stored { registers: segment.view(STORED)?, stored: [0; BYTES], generation: 0 })
+    }
+
+    /// Puts the stored time back where a register holds the value that means it (p. 29-30), which is none to be stored (D-370).
+    fn put_back(&self) {
+        let CAN_DP2_STORED { stored_wakeup_time, stored_sync_time, .. } = &*self.registers;
+        if stored_wakeup_time.load() == wakeup_time::STORED {
+            stored_wakeup_time.store(self.stored[offset_of!(CAN_DP2_STORED, stored_wakeup_time)]);
+        }
+        if stored_sync_time.load() == SYNC_STORED {
+            let at = offset_of!(CAN_DP2_STORED, stored_sync_time);
+            stored_sync_time.store(u16::from_le_bytes([self.stored[at], self.stored[at + 1]]));
+        }
     }
 }
 
@@ -66,6 +81,7 @@ impl Firmware for Stored {
     }
 
     fn keep(&mut self) {
+        self.put_back();
         let mut now = [0; BYTES];
         // Cannot fail: both have the same size by definition.
         let _ = self.registers.snapshot().write_to(&mut now);

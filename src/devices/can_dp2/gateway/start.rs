@@ -8,25 +8,48 @@ use crate::devices::can_dp2::registers::values::can_state;
 use crate::devices::canopen::nmt::Command;
 
 impl Gateway {
-    /// Sets a SYNC time by command 20; the time counts from now on (p. 42, 44).
+    /// Sets a SYNC time by command 20; the time counts from now on (p. 42, 44). Layer 2 ignores it (p. 29; D-720).
     pub(super) fn set_sync_time(&mut self, time: u16) {
-        if self.registers.set_sync_time(time) {
+        let is_canopen = self.setup.as_ref().is_some_and(|setup| setup.parameters.role() != Role::Layer2);
+        if is_canopen && self.registers.set_sync_time(time) {
             self.sync_at = None;
         }
     }
 
-    /// Sends all outputs, then remote frames for all inputs (p. 29). Does nothing before the first outputs.
-    pub(super) fn send_all(&mut self, now: u64) {
-        let Some(Setup { parameters, configuration, outputs, .. }) = &self.setup else { return };
-        if !self.has_outputs {
-            return;
+    /// Sets the SYNC time of a window's comment. A configuration that is already in force sets it too: the last entry counts (p. 30, 44).
+    pub(in crate::devices::can_dp2) fn set_sync_time_of_comment(&mut self, time: u16) {
+        if self.registers.stored.stored_sync_time.load() != time {
+            self.set_sync_time(time);
         }
+    }
+
+    /// Sends all outputs, if there are any yet, then remote frames for all inputs (p. 29).
+    pub(super) fn send_all(&mut self, now: u64) {
+        if self.has_outputs {
+            self.send_outputs(now);
+        }
+        if self.is_configured {
+            self.request_inputs();
+        }
+    }
+
+    /// Sends all outputs and begins their cycles.
+    pub(super) fn send_outputs(&mut self, now: u64) {
+        let Some(Setup { parameters, configuration, outputs, .. }) = &self.setup else { return };
         let of_outputs = configuration.modules.iter().filter_map(|module| match module.kind {
             Kind::Output { id, .. } => {
                 frame(id, module, outputs.get(module.range())?, parameters.has_tx_counter())
             }
             _ => None,
         });
+        let frames: Vec<Frame> = of_outputs.collect();
+        frames.into_iter().for_each(|frame| self.push(frame));
+        self.start_cycles(now);
+    }
+
+    /// Sends remote frames for the inputs of modules and pages.
+    fn request_inputs(&mut self) {
+        let Some(Setup { parameters, configuration, .. }) = &self.setup else { return };
         let counter = usize::from(parameters.has_rx_counter());
         let of_inputs = configuration.modules.iter().filter_map(|module| match module.kind {
             Kind::Input { id, is_frozen: false } if parameters.has_rtr() => {
@@ -34,9 +57,8 @@ impl Gateway {
             }
             _ => None,
         });
-        let frames: Vec<Frame> = of_outputs.chain(of_inputs).chain(self.page_requests()).collect();
+        let frames: Vec<Frame> = of_inputs.chain(self.page_requests()).collect();
         frames.into_iter().for_each(|frame| self.push(frame));
-        self.start_cycles(now);
     }
 
     /// Handles the end of the wake-up time.

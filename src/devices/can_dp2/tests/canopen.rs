@@ -153,13 +153,149 @@ fn times_are_kept() {
     );
 }
 
+/// P. 29, table 5.1.2: remote frames follow the wake-up time of a master and the start of a slave. They carry no outputs, so they wait for
+/// none, and a master that only clears has its inputs asked for, too (D-675).
+#[test]
+fn inputs_are_asked_for_before_there_are_outputs() {
+    for (flags, then) in
+        [(0x04, &["289: remote 2"][..]), (0x06, &["0: 01 00", "289: remote 2"]), (0x14, &[]), (0x00, &[])]
+    {
+        let mut bench = Bench::new(5);
+        bench.ask(61, &timed(flags, 1, 0));
+        bench.ask(62, &CFG);
+        bench.exchange(&[]);
+        bench.run(900 * MS);
+        assert_eq!(bench.heard(), Vec::<String>::new(), "flags 16#{flags:02X}");
+        bench.run(200 * MS);
+        assert_eq!(bench.heard(), then, "flags 16#{flags:02X}");
+        bench.exchange(&[1, 1]);
+        bench.run(10 * MS);
+        assert_eq!(bench.heard(), ["203: 01 01"], "once: flags 16#{flags:02X}");
+    }
+}
+
+/// D-386: when data exchange ends, what waits to be sent is dropped, in the CAN controller as well; only a frame that is on the wire
+/// goes out to its end. So no output of a configuration outlives it (p. 30; D-675).
+#[test]
+fn the_end_of_data_exchange_empties_the_can_controller() {
+    let cfg: Vec<u8> = (0..30).flat_map(|id| [0x83, 7, 1, id, 0]).collect();
+    for way in ["parameters", "configuration", "wrong configuration", "length"] {
+        let mut bench = Bench::new(5);
+        bench.commission(0, 0, &cfg);
+        bench.exchange(&[0x55; 240]);
+        match way {
+            "parameters" => {
+                bench.ask(61, &timed(0, 0, 0));
+                bench.ask(62, &cfg);
+            }
+            "configuration" => drop(bench.ask(62, &cfg[..20])),
+            "wrong configuration" => drop(bench.ask(62, &[0x83])),
+            _ => drop(bench.ask(255, &[1])),
+        }
+        // Request and answer take some ms, so some frames have gone out before.
+        let before = bench.heard().len();
+        bench.run(100 * MS);
+        let after = bench.heard();
+        assert!(before + after.len() < 30 && after.len() <= 1, "{way}: {before}, then {after:?}");
+    }
+}
+
+/// P. 28: the bit rate comes with the parameters. Frames for which nobody was there at the rate before are not sent at the new one (D-386).
+#[test]
+fn another_bit_rate_brings_no_frames_of_the_one_before() {
+    let mut bench = Bench::new(5);
+    let mut octets = timed(0, 0, 0);
+    octets[8] = 2;
+    bench.ask(61, &octets);
+    bench.ask(62, &CFG);
+    for value in 1..=5 {
+        bench.exchange(&[value, value]);
+    }
+    bench.run(10 * MS);
+    assert_eq!(bench.heard(), Vec::<String>::new());
+    bench.ask(61, &timed(0, 0, 0));
+    bench.ask(62, &CFG);
+    bench.run(100 * MS);
+    assert_eq!(bench.heard(), Vec::<String>::new());
+    bench.exchange(&[7, 7]);
+    bench.run(10 * MS);
+    assert_eq!(bench.heard(), ["203: 07 07"]);
+}
+
+/// P. 30, 44: the last entry of the SYNC time is valid, also one in the comment of a configuration that is in force already (D-381, D-385).
+#[test]
+fn the_same_configuration_again_sets_its_sync_time() {
+    let mut bench = Bench::new(5);
+    bench.ask(61, &timed(0x94, 0, 0xFFFF));
+    let cfg = [0x85, 0x8F, 0xFF, 0xEF, 0, 0, 20, 0x43, 0x8F, 0xFF, 0xEF, 0];
+    bench.ask(62, &cfg);
+    let mut order = [0; 16];
+    (order[5], order[13], order[15]) = (50, 1, 20);
+    bench.exchange(&order);
+    assert_eq!(bench.registers.stored.stored_sync_time.load(), 50);
+    bench.ask(62, &cfg);
+    assert_eq!(bench.registers.stored.stored_sync_time.load(), 20);
+    assert_eq!(bench.diag()[..2], [0, 4], "data exchange goes on");
+    bench.heard();
+    bench.run(201 * MS);
+    assert_eq!(bench.heard(), ["80:"; 10]);
+}
+
+/// P. 29, table 5.1.2: in layer 2 wake-up and SYNC time are ignored, whichever way they come, so what is stored stays (D-720).
+#[test]
+fn in_layer_2_the_stored_times_stay() {
+    let cfg = [0x85, 0x8F, 0xFF, 0xEF, 0, 0, 20, 0x43, 0x8F, 0xFF, 0xEF, 0];
+    for (flags, then) in [(0x90, (3, 30)), (0x94, (9, 50)), (0x98, (9, 50))] {
+        let mut bench = Bench::new(5);
+        bench.registers.stored.stored_wakeup_time.store(3);
+        bench.registers.stored.stored_sync_time.store(30);
+        bench.ask(61, &timed(flags, 9, 7));
+        bench.ask(62, &cfg);
+        let mut order = [0; 16];
+        (order[5], order[13], order[15]) = (50, 1, 20);
+        bench.exchange(&order);
+        let stored = &bench.registers.stored;
+        let found = (stored.stored_wakeup_time.load(), stored.stored_sync_time.load());
+        assert_eq!(found, then, "flags 16#{flags:02X}");
+    }
+}
+
+/// P. 29-30: 255 and 65535 mean the stored times, so they are no times to be stored; a register that is written so is put back (D-370).
+#[test]
+fn values_that_mean_the_stored_times_are_put_back() {
+    let mut bench = Bench::new(5);
+    let times = |bench: &Bench| {
+        let stored = &bench.registers.stored;
+        (stored.stored_wakeup_time.load(), stored.stored_sync_time.load())
+    };
+    let write = |bench: &mut Bench, (wakeup, sync)| {
+        bench.registers.stored.stored_wakeup_time.store(wakeup);
+        bench.registers.stored.stored_sync_time.store(sync);
+        bench.run(CYCLE);
+    };
+    write(&mut bench, (255, 0xFFFF));
+    assert_eq!(times(&bench), (0, 0), "from the factory");
+    write(&mut bench, (254, 0xFFFE));
+    assert_eq!(times(&bench), (254, 0xFFFE));
+    write(&mut bench, (255, 5));
+    assert_eq!(times(&bench), (254, 5));
+    write(&mut bench, (6, 0xFFFF));
+    assert_eq!(times(&bench), (6, 5));
+    bench.power(Power::Off);
+    bench.power(Power::On);
+    assert_eq!(times(&bench), (6, 5));
+}
+
 /// P. 30: the gateway begins to send data as soon as it has data. Before the first outputs it sends only the start
-/// frame and the boot-up message (p. 28-29; D-675), so no drive receives a control word of 0 during the parameters.
+/// frame, the boot-up message and remote frames (p. 28-29; D-675), so no drive receives a control word of 0 during the
+/// parameters.
 #[test]
 fn nothing_is_sent_before_there_are_outputs() {
     // An output with a cycle of 20 ms, one without, an input.
     let cfg = [0x85, 1, 2, 3, 0, 0, 20, 0x83, 0, 2, 4, 0, 0x43, 1, 2, 0x89, 0];
-    for (flags, start) in [(0x04, &[][..]), (0x06, &["0: 01 00"]), (0x08, &["85:"]), (0x00, &[])] {
+    let asked = "289: remote 2";
+    for (flags, start) in [(0x04, &[asked][..]), (0x06, &["0: 01 00", asked]), (0x08, &["85:"]), (0x00, &[])]
+    {
         let mut bench = Bench::new(5);
         for round in 0..2 {
             bench.ask(61, &timed(flags, 0, 10));
@@ -170,18 +306,19 @@ fn nothing_is_sent_before_there_are_outputs() {
             // none.
             bench.exchange(&[]);
             bench.ask(58, &[2, 0]);
+            let at_start: &[&str] = if flags == 0x08 { &[asked] } else { &[] };
             if flags == 0x08 {
                 bench.send(data(0, &[1, 5]));
             }
             bench.run(100 * MS);
-            assert_eq!(bench.heard(), Vec::<String>::new(), "flags 16#{flags:02X}, round {round}");
+            assert_eq!(bench.heard(), at_start, "flags 16#{flags:02X}, round {round}");
             bench.exchange(&[0, 7, 0]);
             bench.run(15 * MS);
             let heard = bench.heard();
             match flags {
                 0x00 => assert_eq!(heard, ["203: 00 07"]),
-                0x08 => assert_eq!(heard, ["203: 00 07", "204: 00", "289: remote 2"]),
-                _ => assert_eq!(heard, ["203: 00 07", "204: 00", "289: remote 2", "80:"]),
+                0x08 => assert_eq!(heard, ["203: 00 07", "204: 00"]),
+                _ => assert_eq!(heard, ["203: 00 07", "204: 00", "80:"]),
             }
             bench.run(100 * MS);
             let heard = bench.heard();

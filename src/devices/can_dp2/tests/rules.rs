@@ -56,6 +56,34 @@ fn answered_from(address: u8) -> Bench {
     bench
 }
 
+/// A foreign master asks another slave from this address.
+fn asked_from(address: u8) -> Bench {
+    let mut bench = exchanging(&CFG);
+    assert!(bench.buses[0].guest_joins(1, bench.now));
+    let (da, fc, dsap, ssap, data) = (9, 0x49, None, None, vec![]);
+    let frame = crate::profibus::Frame { da, sa: address, fc, dsap, ssap, data };
+    let said = BusMessage::burst(Telegram::Frame(frame).octets().unwrap());
+    bench.buses[0].guest_sends(1, &said, bench.now, &mut bench.journal).unwrap();
+    bench.run(MS);
+    bench
+}
+
+/// A master that has asked nothing has no address that others could share (D-721).
+#[test]
+fn a_master_that_asks_nothing_shares_no_address() {
+    let mut bench = Bench::new(5);
+    assert!(bench.buses[0].guest_joins(1, bench.now));
+    for _ in 0..2 {
+        let frame = crate::profibus::Frame { da: 9, sa: 1, fc: 0x49, dsap: None, ssap: None, data: vec![] };
+        let said = BusMessage::burst(Telegram::Frame(frame).octets().unwrap());
+        bench.buses[0].guest_sends(1, &said, bench.now, &mut bench.journal).unwrap();
+        bench.run(5 * MS);
+    }
+    assert_eq!(broken(&bench), []);
+    bench.ask(60, &[]);
+    assert_eq!(broken(&bench), [], "it has heard none since");
+}
+
 /// P. 39: one module in each direction, consistent over the whole length, form 00; figure 6.4.2 has it without
 /// identifiers in page mode.
 #[test]
@@ -82,7 +110,7 @@ fn each_way_to_a_wrong_window_is_found() {
 
 #[test]
 fn each_rule_is_broken_by_its_case_alone_and_not_by_the_neighbour() {
-    let cases: [(&Rule, &str, Bench, Bench); 9] = [
+    let cases: [(&Rule, &str, Bench, Bench); 10] = [
         (&rules::REQUEST, "mst.mst_dsap", asked(54, &[]), asked(55, &[])),
         (
             &rules::REQUEST_CHANGED,
@@ -117,6 +145,7 @@ fn each_rule_is_broken_by_its_case_alone_and_not_by_the_neighbour() {
             with_window(&[0x83, 0x8F, 0xFF, 0xEF, 0, 0x43, 0x8F, 0xFF, 0xEF, 0]),
         ),
         (&rules::ADDRESS, "front.switches", answered_from(5), answered_from(6)),
+        (&rules::MASTER_ADDRESS, "mst.mst_address", asked_from(1), asked_from(2)),
     ];
     for (rule, name, breaks, right) in &cases {
         assert_eq!(broken(breaks), [(rule.id(), at(name))]);
