@@ -40,6 +40,12 @@ pub trait DeviceConfig: fmt::Debug + Send + Sync {
         Vec::new()
     }
 
+    /// Whether `port` is a drive of its medium, as [`Device::is_drive`] tells of the running device.
+    fn is_drive(&self, port: u8) -> bool {
+        let _ = port;
+        false
+    }
+
     /// The rates that it can run at one of its ports, in kbit/s; empty if it takes any, or the medium has none.
     fn kbit_s(&self, port: u8) -> Vec<u16> {
         let _ = port;

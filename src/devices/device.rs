@@ -55,6 +55,17 @@ pub trait Device: Any + Send + SnapshotFields {
         DeviceFit::unknown(self.layout())
     }
 
+    /// Whether `port` is a drive of its medium, of which the device has no registers. Faults name it by its number on the medium.
+    fn is_drive(&self, port: u8) -> bool {
+        let _ = port;
+        false
+    }
+
+    /// `port` is plugged in at a medium with this bit rate in bit/s; 0 if the medium has none. Called once, before the first start.
+    fn plugged_in(&mut self, port: u8, bit_s: u32) {
+        let _ = (port, bit_s);
+    }
+
     /// The header page of its image.
     fn header(&self) -> &Header;
 

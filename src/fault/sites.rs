@@ -98,6 +98,8 @@ pub struct DeviceSite {
     pub faults: &'static [&'static Kind],
     /// The ports that are on a bus: their number, and the bus.
     pub plugged: Vec<(u8, u16)>,
+    /// The ports that are drives of their bus: faults name the bus and the drive's number there.
+    pub drives: Vec<u8>,
 }
 
 impl Sites {
@@ -125,6 +127,13 @@ impl Sites {
                     let plugged = site.plugged.iter().filter_map(name).collect();
                     return Err(Refusal::NotPlugged { plc: device, port: known.name, plugged });
                 };
+                if site.drives.contains(&port) {
+                    return Err(Refusal::Disagree(format!(
+                        "{} is a drive of its bus, and its CAN controller has no faults; name the bus and the slave number, for \
+                         instance with slave_off",
+                        known.name
+                    )));
+                }
                 // It is the port's firmware that has it, or what the medium does with any port.
                 if !site.faults.contains(&fault.kind()) {
                     self.medium(medium, fault)?;

@@ -98,8 +98,13 @@ fn an_installation_has_what_it_has() {
             MediumSite { faults: &[], fits: |_| Ok(()), participants: 0 },
         ],
         devices: vec![
-            DeviceSite { layout: &Device::UNKNOWN, faults: OF_DEVICE, plugged: Vec::new() },
-            DeviceSite { layout: &Device::UNKNOWN, faults: &[], plugged: Vec::new() },
+            DeviceSite {
+                layout: &Device::UNKNOWN,
+                faults: OF_DEVICE,
+                plugged: Vec::new(),
+                drives: Vec::new(),
+            },
+            DeviceSite { layout: &Device::UNKNOWN, faults: &[], plugged: Vec::new(), drives: Vec::new() },
         ],
     };
     let owner = |kind: &'static Kind, target| {

@@ -157,10 +157,12 @@ impl PlantConfig {
         let devices = self.devices.iter().map(|device| {
             let ports = device.ports().into_iter();
             let plugged = ports.filter_map(|port| Some((port.number, *index_of.get(port.medium?)? as u16)));
+            let drives = device.ports().into_iter().map(|port| port.number);
             DeviceSite {
                 layout: device.layout(),
                 faults: devices::faults_of_device(device.layout()),
                 plugged: plugged.collect(),
+                drives: drives.filter(|port| device.is_drive(*port)).collect(),
             }
         });
         Sites { media: media.collect(), devices: devices.collect() }

@@ -67,6 +67,7 @@ impl Plant {
                 layout: device.layout(),
                 faults: devices::faults_of_device(device.layout()),
                 plugged: plugged.map(|port| (port.number, port.medium as u16)).collect(),
+                drives: ports.iter().map(|port| port.number).filter(|port| device.is_drive(*port)).collect(),
             }
         });
         Sites { media: media.collect(), devices: devices.collect() }

@@ -115,9 +115,9 @@ impl Plant {
         let mut devices: Vec<Box<dyn Device>> = Vec::with_capacity(config.devices.len());
         let mut ports = Ports::default();
         for (index, device) in config.devices.iter().enumerate() {
-            let (device, plugs) =
+            let (mut device, plugs) =
                 device.build(index, segment(device.name(), device.layout())?).map_err(refused::<E>)?;
-            ports.plug_in(&*device, plugs, &mut media, named_media).map_err(refused::<E>)?;
+            ports.plug_in(&mut *device, plugs, &mut media, named_media).map_err(refused::<E>)?;
             devices.push(device);
         }
         let cycle_us = u64::from(config.processor_cycle_us.max(1));

@@ -46,7 +46,7 @@ impl Ports {
     /// each kind, then one for each port that runs alone.
     pub(super) fn plug_in(
         &mut self,
-        device: &dyn Device,
+        device: &mut dyn Device,
         plugs: Vec<Plug>,
         media: &mut Vec<Box<dyn Medium>>,
         named: usize,
@@ -67,6 +67,7 @@ impl Ports {
             };
             seats.resize(media.len(), Vec::new());
             let place = media[medium].attach(socket)?;
+            device.plugged_in(number, media[medium].bit_s());
             seats[medium].push(Seat { device: self.of_device.len(), port: ports.len() });
             ports.push(Port { number, medium, place, takes_part: false });
         }

@@ -4,7 +4,6 @@ mod vectors;
 
 use crate::rig::bring_up::{Mode, Node, Stage, bring_up_in};
 use crate::rig::plant_of;
-use commram::devices::Led;
 use commram::devices::bm4_o_can_06::Leds;
 use commram::devices::bm4_o_can_06::blocks::{CANsync_INIT, INTR_SET, Ram};
 use commram::devices::bm4_o_can_06::registers::*;
@@ -14,6 +13,7 @@ use commram::devices::cansync::{BaudRate, registers as family, rules};
 use commram::devices::fault_kinds;
 use commram::devices::omega_drive_line_2::registers as omega;
 use commram::devices::records::{BoardEvent, OnBoard};
+use commram::devices::{Led, Switch};
 use commram::fault::FaultSpec;
 use commram::journal::Format;
 use commram::journal::text::Text;
@@ -334,6 +334,36 @@ fn a_number_that_is_taken_is_told_with_its_slot() {
     assert_eq!(name.as_deref(), Some("slotH.w_SLAVE_NUMBER"));
 }
 
+/// P. 15, 26: slaves of a bus differ in their numbers, and nothing else counts. The modules of a PLC come on together, so two that have
+/// swapped their numbers differ, and none is compared with a number of before (D-184).
+#[test]
+fn modules_of_a_plc_swap_their_numbers() {
+    let module = |slot: &str, rest: &str| format!("[[device.module]]\nslot = '{slot}'\nbus = 'b'\n{rest}\n");
+    let slave = |dip: u8| format!("kind = 'can-05'\ndip = {dip}\nlock_time_us = 20000");
+    let text = "[[device]]\nkind = 'bm4-plc'\nname = 'maxx'\n".to_owned()
+        + &module("H", &slave(4))
+        + &module("J", &slave(5))
+        + "[[device]]\nkind = 'bm4-plc'\nname = 'top'\n"
+        + &module("M", "kind = 'can-06'")
+        + "[[bus]]\nname = 'b'\n";
+    let mut bm4 = Bm4::new(&text);
+    for (port, dip) in [(2, 5), (3, 4)] {
+        assert!(bm4.plant.set_board(0, BoardSetting::ModuleDip { port, dip }));
+    }
+    bm4.plant.set_power(0, Power::Off);
+    bm4.plant.set_power(0, Power::On);
+    let slaves: [Slave; 2] = [SLOTH, SLOTJ].map(|slot| bm4.segment(0).view(slot).unwrap());
+    assert_eq!(slaves.each_ref().map(|slave| slave.w_OMEGA_NR.load()), [5, 4]);
+    let nodes = [(0, SLOTH, Mode::Slave), (0, SLOTJ, Mode::Slave), (1, SLOTM, Mode::Master)]
+        .map(|(device, slot, mode)| bm4.node(device, slot, rate(500), mode));
+    bm4.bring_up(&nodes.each_ref(), ..=Stage::SetUp);
+    bm4.step(400_000);
+    let master: Master = bm4.segment(1).view(SLOTM).unwrap();
+    assert_eq!([master.a_STAT_SL[4].load(), master.a_STAT_SL[5].load()], [0x03; 2]);
+    let findings = bm4.plant.journal().findings();
+    assert!(findings.errors().is_empty(), "{:?}", findings.errors());
+}
+
 /// The PLC itself has no DIP switches (p. 26 describes those of a slave module): its power-on names none.
 #[test]
 fn the_power_on_of_a_plc_without_dip_switches_names_no_number() {
@@ -597,6 +627,54 @@ fn a_slave_of_the_controller_is_a_drive_of_its_bus() {
     );
     let findings = bm4.plant.journal().findings();
     assert!(findings.errors().is_empty(), "{:?}", findings.errors());
+}
+
+/// P. 27: without `dip_baud` DIP switches 1 to 3 stand at the rate of the bus (D-649). The number of a slave of the controller is the plant
+/// file's, and the refusal says so.
+#[test]
+fn the_switches_of_a_slave_of_the_controller_stand_at_the_rate_of_its_bus() {
+    for (kbit_s, baud) in [(125, 0b011), (250, 0b100), (500, 0b101), (1000, 0b110)] {
+        for (more, shown) in [("", baud), ("dip_baud = 0b011\n", 0b011)] {
+            let bm4 = Bm4::new(&format!(
+                "[[device]]\nkind = 'bm4-plc'\nname = 'm'\n[[device.module]]\nslot = 'J'\nkind = 'can-05'\nbus = 'b'\n\
+                 dip = 5\ndip9 = false\n{more}[[bus]]\nname = 'b'\nkbit_s = {kbit_s}\n"
+            ));
+            let device = &bm4.plant.devices()[0];
+            let modules = commram::devices::modules(device.header(), device.layout()).unwrap();
+            let [(slot, front)] = &modules[..] else { panic!("{modules:?}") };
+            let numbers = [("dip", Switch::Number(5)), ("dip_baud", Switch::Number(shown))];
+            assert!(numbers.iter().all(|number| front.switches.contains(number)), "{kbit_s}: {front:?}");
+            assert_eq!(*slot, "slotJ");
+            let why = device.refusal(BoardSetting::ModuleDip { port: 3, dip: 6 }).unwrap();
+            assert!(why.contains("is set in the plant file"), "{why}");
+        }
+    }
+}
+
+/// P. 31: H4 of a slave of the controller flashes in the case of a fault, which is BUS-off (D-367). A drive has no such fault, so it is
+/// refused instead of waiting without effect (D-649). The same for an overrun.
+#[test]
+fn a_slave_of_the_controller_has_the_faults_of_a_drive() {
+    let mut bm4 = with_controllers_slave("dip9 = false");
+    let names = bm4.plant.names();
+    let mut add = |text: &str| {
+        let spec: FaultSpec = toml::from_str(text).unwrap();
+        let fault = spec.resolve(fault_kinds(), &names).unwrap();
+        bm4.plant.add_fault(fault).map(drop).map_err(|refusal| refusal.to_string())
+    };
+    for kind in ["bus_off", "overrun"] {
+        let refused = add(&format!("kind = '{kind}'\nplc = 'maxx'\nnode = 'slotH'")).unwrap_err();
+        assert!(
+            refused.contains("slotH is a drive of its bus") && refused.contains("slave_off"),
+            "{refused}"
+        );
+        assert_eq!(add(&format!("kind = '{kind}'\nplc = 'top'\nnode = 'slotM'")), Ok(()));
+    }
+    assert_eq!(add("kind = 'slave_off'\nbus = 'b'\nslave = 4"), Ok(()));
+    let in_file = "[[device]]\nkind = 'bm4-plc'\nname = 'm'\n[[device.module]]\nslot = 'J'\nkind = 'can-05'\nbus = 'b'\n\
+                   dip9 = false\n[[bus]]\nname = 'b'\n[[fault]]\nkind = 'bus_off'\nplc = 'm'\nnode = 'slotJ'\n";
+    let refused = PlantConfig::parse("p.toml", in_file).unwrap_err().to_string();
+    assert!(refused.contains("bus_off: slotJ is a drive of its bus"), "{refused}");
 }
 
 /// P. 27 and 29-31: an error at initialization, and DIP switches 1 to 3 that name no baud rate.

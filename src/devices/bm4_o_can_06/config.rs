@@ -88,7 +88,7 @@ impl ModuleConfig {
 }
 
 /// DIP switches 3, 2 and 1 of a slave of the controller, with the baud rates in kbit/s that they name (p. 27).
-const CONTROLLER_RATES: [(u8, u16); 4] = [(0b011, 125), (0b100, 250), (0b101, 500), (0b110, 1000)];
+pub(super) const CONTROLLER_RATES: [(u8, u16); 4] = [(0b011, 125), (0b100, 250), (0b101, 500), (0b110, 1000)];
 
 /// A b maXX PLC of the plant file.
 #[derive(Clone, Debug)]
@@ -348,6 +348,11 @@ impl DeviceConfig for Bm4Config {
         let takes_part =
             |module: &&ModuleConfig| !matches!(module.work(), Work::InitError | Work::UnknownBaudRate);
         self.modules.iter().filter(takes_part).map(port).collect()
+    }
+
+    fn is_drive(&self, port: u8) -> bool {
+        let module = self.modules.iter().find(|module| module.port.number == port);
+        module.is_some_and(|module| matches!(module.work(), Work::ControllerSlave(_)))
     }
 
     fn kbit_s(&self, _: u8) -> Vec<u16> {

@@ -1,7 +1,7 @@
 //! One b maXX PLC: its communication RAM, its option modules as far as their nodes do not run where their buses are, and
 //! its front.
 
-use super::config::{Bm4Config, ModuleConfig, Work};
+use super::config::{Bm4Config, CONTROLLER_RATES, ModuleConfig, Work};
 use super::front::{self, Front};
 use super::leds::{Leds, Seen};
 use super::module::{DIP_9_OFF, DIP_10_ON, DIP_BAUD};
@@ -17,8 +17,8 @@ use crate::memory::header::BoardSetting;
 use crate::memory::{Header, MemoryError, Segment, View};
 use crate::snapshot_fields;
 
-/// DIP switches 3, 2 and 1 of a slave of the controller at 500 kbit/s, which is what drives are set to.
-const DEFAULT_BAUD: u8 = 0b101;
+/// DIP switches 3, 2 and 1 of a slave of the controller at 500 kbit/s, until it is plugged in at its bus.
+const UNPLUGGED_BAUD: u8 = 0b101;
 
 /// How long H1 shows a frame (decision D-367).
 const TRAFFIC_US: u64 = 100_000;
@@ -50,7 +50,7 @@ impl Module {
             number: config.port.number,
             work: config.work(),
             has_registers: config.has_registers(),
-            other_switches: u32::from(config.dip_baud.unwrap_or(DEFAULT_BAUD)) << DIP_BAUD
+            other_switches: u32::from(config.dip_baud.unwrap_or(UNPLUGGED_BAUD)) << DIP_BAUD
                 | if config.has_registers() { 0 } else { DIP_9_OFF }
                 | if config.dip10 { DIP_10_ON } else { 0 },
             regs: segment.view(config.port.area.first as usize)?,
@@ -120,12 +120,8 @@ impl Bm4Plc {
     ) -> Result<(Self, Vec<Plug>), BuildError> {
         let index = index as u16;
         let face = segment.face()?;
-        let mut modules = Vec::with_capacity(config.modules.len());
-        for module in &config.modules {
-            let module = Module::new(module, &segment)?;
-            face.put(|page| &page.ports[module.place()].dip, module.switches());
-            modules.push(module);
-        }
+        let modules = config.modules.iter().map(|module| Module::new(module, &segment));
+        let modules = modules.collect::<Result<Vec<_>, _>>()?;
         let plug = |module: &ModuleConfig| {
             let role = match module.work() {
                 Work::Master => SocketRole::Master { has_sync_in: config.hands_sync_to(module) },
@@ -162,7 +158,14 @@ impl Bm4Plc {
             sync_ways: config.modules.iter().filter_map(way).collect(),
             segment,
         };
+        device.modules.iter().for_each(|module| device.show_switches(module.number));
         Ok((device, ports))
+    }
+
+    fn show_switches(&self, port: u8) {
+        if let Some(module) = self.modules.iter().find(|module| module.number == port) {
+            self.front.face.put(|page| &page.ports[module.place()].dip, module.switches());
+        }
     }
 
     fn module(&mut self, port: u8) -> Option<&mut Module> {
@@ -204,6 +207,23 @@ impl Device for Bm4Plc {
         })
     }
 
+    fn is_drive(&self, port: u8) -> bool {
+        let module = self.modules.iter().find(|module| module.number == port);
+        module.is_some_and(|module| matches!(module.work, Work::ControllerSlave(_)))
+    }
+
+    /// DIP switches 1 to 3 of a slave of the controller stand at the rate of its bus, unless the plant file sets them (p. 27; decision
+    /// D-649).
+    fn plugged_in(&mut self, port: u8, bit_s: u32) {
+        let Some(module) = self.module(port) else { return };
+        let of_bus = CONTROLLER_RATES.iter().find(|(_, kbit_s)| u32::from(*kbit_s) * 1000 == bit_s);
+        if let (Work::ControllerSlave(None), Some((switches, _))) = (module.work, of_bus) {
+            let others = module.other_switches & !(0b111 << DIP_BAUD);
+            module.other_switches = others | u32::from(*switches) << DIP_BAUD;
+            self.show_switches(port);
+        }
+    }
+
     /// DIP switches and LEDs are the modules'; a program and a switch for it are not described (decision D-366).
     fn turn(&self, setting: BoardSetting) -> bool {
         match setting {
@@ -212,7 +232,6 @@ impl Device for Bm4Plc {
                 self.front.face.ask(|page| &page.program.start_request, start.code());
             }
             BoardSetting::ModuleDip { port, dip } => {
-                // The number of a slave of the controller is the plant file's.
                 let is_it = |module: &&Module| {
                     module.number == port && module.has_registers && module.work != Work::Master
                 };
@@ -224,6 +243,15 @@ impl Device for Bm4Plc {
             _ => return false,
         }
         true
+    }
+
+    fn refusal(&self, setting: BoardSetting) -> Option<&'static str> {
+        let BoardSetting::ModuleDip { port, .. } = setting else { return None };
+        let module = self.modules.iter().find(|module| module.number == port)?;
+        let is_set_in_file = !module.has_registers && module.work != Work::Master;
+        is_set_in_file.then_some(
+            "DIP switch 9 of the module is at OFF, and the number of a slave of the controller is set in the plant file",
+        )
     }
 
     fn set_power(&mut self, power: Power) -> Look {

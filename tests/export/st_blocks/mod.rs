@@ -121,8 +121,8 @@ fn blocks_in_structured_text_do_what_the_rust_blocks_do() {
         (master.own.par_write.b_ERR, master.own.par_write.i_ERR, master.own.par_lost.b_ERR),
         (1, -3, 2)
     );
-    // P. 189-190, 227: the slave does the job that follows an unfetched answer, and its block shows that the firmware dropped a
-    // job. P. 263, 266: the drive answers after the cancel of a transfer whose slave has no turn.
+    // P. 189-190, 227: the job behind an answer that nobody fetched is done, and a dropped one is shown as such. P. 263, 266: the
+    // drive answers behind the cancel of a transfer whose slave has no turn.
     assert_eq!((master.own.par_gone.ud_PAR_VALUE, slave.own.job_was_reset), (70_000, true));
     assert_eq!(master.own.load_lost.w_ERR_SL, 0x0104, "{:?}", master.own.load_lost);
     assert!(master.own.b_four.x_RE_INIT_OK && master.own.b_four.b_ERR == 0, "{:?}", master.own.b_four);

@@ -68,8 +68,28 @@ pub enum ImportError {
         device: String,
     },
     /// The library of another device has confirmed that a shared register lies elsewhere.
-    #[error("{0}")]
-    Confirmed(Box<Confirmed>),
+    #[error(
+        "{}: `{register}` of `{structure}` would move from {before} to {after}, but {} has {before} from `{library}`, and \
+         both devices use the structure; nothing is imported",
+        .path.display(),
+        .confirmed.display()
+    )]
+    Confirmed {
+        /// The declarations.
+        path: PathBuf,
+        /// The shared structure, sub-structure or block.
+        structure: String,
+        /// The register, or `size`.
+        register: String,
+        /// Offset in the layout.
+        before: u32,
+        /// Offset in the declarations.
+        after: u32,
+        /// The file whose offsets are confirmed.
+        confirmed: PathBuf,
+        /// The origin of the confirmed offsets, as the file names it.
+        library: String,
+    },
     /// The result would be no correct layout.
     #[error("the layout would be refused with these offsets: {0}")]
     Refused(Box<Reason>),
@@ -89,29 +109,4 @@ pub enum ImportError {
         /// What the system says.
         reason: std::io::Error,
     },
-}
-
-/// A register that one library confirms and another one would move.
-#[derive(Debug, thiserror::Error)]
-#[error(
-    "{}: `{register}` of `{structure}` would move from {before} to {after}, but {} has {before} from `{library}`, and \
-     both devices use the structure; nothing is imported",
-    .path.display(),
-    .confirmed.display()
-)]
-pub struct Confirmed {
-    /// The declarations.
-    pub path: PathBuf,
-    /// The shared structure, sub-structure or block.
-    pub structure: String,
-    /// The register, or `size`.
-    pub register: String,
-    /// Offset in the layout.
-    pub before: u32,
-    /// Offset in the declarations.
-    pub after: u32,
-    /// The file whose offsets are confirmed.
-    pub confirmed: PathBuf,
-    /// The origin of the confirmed offsets, as the file names it.
-    pub library: String,
 }

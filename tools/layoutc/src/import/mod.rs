@@ -13,7 +13,7 @@ mod others;
 mod rows;
 mod views;
 
-pub use error::{Confirmed, ImportError};
+pub use error::ImportError;
 pub use rows::{Row, Verdict};
 
 use crate::check;

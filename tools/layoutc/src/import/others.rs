@@ -1,9 +1,8 @@
 //! Other devices of the family: an import that moves a shared structure moves their registers, too.
 
-use super::error::{Confirmed, ImportError};
 use super::homes::{Home, Homes, Table};
 use super::matching::Placement;
-use super::offsets;
+use super::{ImportError, offsets};
 use crate::check::files;
 use crate::error::Error;
 use crate::raw::Provenance;
@@ -40,10 +39,8 @@ pub(super) fn of_family(dir: &Path, homes: &Homes) -> Result<Vec<Other>, Error> 
     beside.iter().map(|path| Homes::read(Sources::new(path)).map(Other)).collect()
 }
 
-/// Returns the devices whose registers move with shared structures.
-///
-/// # Errors
-/// The library of another device has confirmed the offset of a register that would move.
+/// Refuses to move registers whose offsets the library of another device has confirmed. Returns the devices whose registers
+/// move, too.
 pub(super) fn check(
     homes: &Homes,
     placements: &[Placement],
@@ -57,7 +54,7 @@ pub(super) fn check(
                 Provenance::Documented(document) => document.clone(),
                 Provenance::Manual | Provenance::Inferred(_) => "the manual".to_owned(),
             };
-            return Err(ImportError::Confirmed(Box::new(Confirmed {
+            return Err(ImportError::Confirmed {
                 path: declarations.to_owned(),
                 structure: moved.home.name().to_owned(),
                 register: moved.register.to_owned(),
@@ -65,7 +62,7 @@ pub(super) fn check(
                 after: moved.after,
                 confirmed: other.0.files[confirmed.file].0.clone(),
                 library,
-            })));
+            });
         }
     }
     let also = if moved.is_empty() { &[] } else { others };
