@@ -1,10 +1,11 @@
-//! When each of many is due, so that what is due first is found without asking all of them: a tournament, in which an event
-//! plays only the matches of those that it concerns.
+//! Times of many participants, arranged so that the next one is found without a search over all of them: a tournament,
+//! in which an event plays only the matches of its own participants.
 
-/// Nothing is due.
+/// No event.
 pub(crate) const NEVER: u64 = u64::MAX;
 
-/// A time for each of some: a tree whose nodes have the earlier time of their two children, the first behind its root at 1.
+/// Times of several participants: a tree in which each node has the earlier time of its two children, with the first
+/// node after the root at 1.
 pub(crate) struct DueQueue {
     /// Leaves; a power of two.
     size: usize,
@@ -12,13 +13,13 @@ pub(crate) struct DueQueue {
 }
 
 impl DueQueue {
-    /// Of so many, none of which is due.
+    /// Creates a queue of `count` participants without events.
     pub(crate) fn of(count: usize) -> Self {
         let size = count.max(1).next_power_of_two();
         DueQueue { size, times: vec![NEVER; 2 * size] }
     }
 
-    /// Makes room for so many.
+    /// Makes room for `count` participants.
     pub(crate) fn grow(&mut self, count: usize) {
         if count <= self.size {
             return;
@@ -29,7 +30,7 @@ impl DueQueue {
         }
     }
 
-    /// `who` is due at `time`.
+    /// Sets the next time of participant `who`.
     #[inline]
     pub(crate) fn set(&mut self, who: usize, time: u64) {
         let mut node = self.size + who;
@@ -44,13 +45,13 @@ impl DueQueue {
         }
     }
 
-    /// When the first one is due.
+    /// Returns the earliest time.
     #[inline]
     pub(crate) fn first(&self) -> u64 {
         self.times[1]
     }
 
-    /// When the first one but `who` is due.
+    /// Returns the earliest time of all participants except `who`.
     #[inline]
     pub(crate) fn first_besides(&self, who: usize) -> u64 {
         let (mut node, mut first) = (self.size + who, NEVER);
@@ -61,7 +62,7 @@ impl DueQueue {
         first
     }
 
-    /// The first from `from` on that is due at `now`.
+    /// Returns the first participant from `from` on with a time of at most `now`.
     #[inline]
     pub(crate) fn due(&self, from: usize, now: u64) -> Option<usize> {
         if from >= self.size {
@@ -70,7 +71,7 @@ impl DueQueue {
         // From all of them one goes down from the root.
         let mut node = if from == 0 { 1 } else { self.size + from };
         while self.times[node] > now {
-            // The next tree to the right; behind the last one there is none.
+            // The next tree to the right; after the last one there is none.
             while node & 1 == 1 {
                 node /= 2;
             }

@@ -1,19 +1,19 @@
 //! Files that people hand in: plants, scenarios, dumps, logs.
 //!
-//! What stands under the name can be anything. A device such as `/dev/zero` never ends and a pipe without a writer never
-//! begins, so neither is waited for; pipes that somebody writes to, as a shell's `<(...)`, are read like files.
+//! The name can refer to anything. A device such as `/dev/zero` never ends and a pipe without a writer never begins, so
+//! the emulator waits for neither. Pipes with a writer, such as a shell's `<(...)`, are read like files.
 
 use std::fs::{File, OpenOptions};
 use std::io::{Error, ErrorKind, Read, Result};
 use std::os::unix::fs::{FileTypeExt, OpenOptionsExt};
 use std::path::Path;
 
-/// Longest dump or log that is read, in bytes: frames of five minutes on a CAN bus that is never idle.
+/// Maximum length of a dump or log, in bytes: frames of five minutes on a CAN bus that is never idle.
 pub const LONGEST: u64 = 64 << 20;
-/// Longest plant. One of 1,000 PLCs with 32 drives each fits in.
+/// Maximum length of a plant. A plant of 1,000 PLCs with 32 drives each fits in.
 pub const LONGEST_PLANT: u64 = 8 << 20;
-/// Longest script; each import is one. All of it is compiled before its first line runs, in which the names of a map or the
-/// cases of a `switch` are held each against each other.
+/// Maximum length of a script; each import counts separately. All of it is compiled before its first line runs, and the
+/// compiler compares the names of a map or the cases of a `switch` pair by pair.
 pub const LONGEST_SCRIPT: u64 = 64 << 10;
 
 /// The text of a file or pipe.
@@ -32,7 +32,7 @@ pub fn text(bytes: Vec<u8>) -> Result<String> {
     String::from_utf8(bytes).map_err(|_| Error::new(ErrorKind::InvalidData, "it is no text in UTF-8"))
 }
 
-/// What is in a file or pipe.
+/// Reads the contents of a file or pipe.
 ///
 /// # Errors
 /// It cannot be read, is neither file nor pipe, or is longer than `longest` bytes.
@@ -50,7 +50,7 @@ pub fn read_bytes(path: &Path, longest: u64) -> Result<Vec<u8>> {
 }
 
 fn open(path: &Path) -> Result<File> {
-    // Without O_NONBLOCK, opening a pipe waits for somebody who writes to it.
+    // Without O_NONBLOCK, opening a pipe waits for a writer.
     let flags = (rustix::fs::OFlags::NONBLOCK | rustix::fs::OFlags::NOCTTY).bits();
     let file = OpenOptions::new().read(true).custom_flags(flags as i32).open(path)?;
     let kind = file.metadata()?.file_type();

@@ -1,8 +1,8 @@
 //! commram: the communication RAM of drive and fieldbus controllers, emulated register by register: Baumüller's Omega
 //! Drive-Line II and b maXX PLC with CANsync modules, ifm's CANopen controller CS0015, esd's PROFIBUS/CAN gateway CAN-DP/2.
 //!
-//! The RAM of a device lies on the heap or in an image file in shared memory, of the first two with `%MB3.n` at byte n,
-//! and firmware, bus and drives run behind it, driven by one deterministic function,
+//! The RAM of a device is on the heap or in an image file in shared memory, of the first two with `%MB3.n` at byte n.
+//! Firmware, bus and drives run on that memory, driven by one deterministic function,
 //! [`Plant::advance_to`](plant::Plant::advance_to).
 //!
 //! | module | what it is |
@@ -31,10 +31,9 @@
 //! | [`time`] | emulated times as text |
 //! | [`input_file`] | text files that people hand in |
 //!
-//! `layout` and `memory` are always there; the others are cargo features: `channel`, `script` and `export` with the module of
-//! their name, `plc` with the function blocks, `emulator` with everything that happens behind the registers, `cli` with the
-//! program. All are on unless a
-//! soft-PLC says `default-features = false, features = ["plc"]`.
+//! `layout` and `memory` are always available; the others are cargo features: `channel`, `script` and `export` with the
+//! module of their name, `plc` with the function blocks, `emulator` with the emulation of the registers, `cli` with the
+//! program. All are on unless a soft-PLC says `default-features = false, features = ["plc"]`.
 //!
 //! In a test, without any file or process:
 //!
@@ -115,7 +114,7 @@ pub mod time;
 #[doc = include_str!("../docs/reference/attach.md")]
 struct AttachContract;
 
-/// So are those of the function blocks' documentation.
+/// The code blocks of the function blocks' documentation are tests, too.
 #[cfg(all(doctest, feature = "cli"))]
 #[doc = include_str!("../docs/devices/omega-drive-line-2/function-blocks.md")]
 struct FunctionBlocks;
@@ -130,7 +129,7 @@ struct Cs0015Blocks;
 #[doc = include_str!("../docs/devices/can-dp2/function-blocks.md")]
 struct CanDp2Blocks;
 
-/// So are those of the scenario reference.
+/// The code blocks of the scenario reference are tests, too.
 #[cfg(all(doctest, feature = "cli"))]
 #[doc = include_str!("../docs/reference/scenarios.md")]
 struct Scenarios;
@@ -140,22 +139,22 @@ struct Scenarios;
 fn property_tests() -> proptest::test_runner::Config {
     use proptest::test_runner::{Config, FailurePersistence, FileFailurePersistence};
     let mut config = Config::default();
-    // None if the environment says so.
+    // No persistence if the environment disables it.
     config.failure_persistence = config.failure_persistence.map(|_| -> Box<dyn FailurePersistence> {
         Box::new(FileFailurePersistence::SourceParallel("tests/proptest-regressions/src"))
     });
     config
 }
 
-/// A fuzz target: it gets what is kept for its name in `tests/__fuzz__`, and some bytes drawn by lot. In a build for libFuzzer
-/// (`tools/nightly fuzz`) it gets whatever that makes of what is kept, without an end.
+/// A fuzz target: it receives the files that are kept for its name in `tests/__fuzz__`, and some random bytes. In a
+/// build for libFuzzer (`tools/nightly fuzz`) it receives variations of the kept files, without an end.
 #[cfg(all(test, feature = "emulator"))]
 fn fuzz(name: &str, target: impl Fn(&[u8]) + core::panic::RefUnwindSafe) {
     let location = bolero::TargetLocation {
         package_name: env!("CARGO_PKG_NAME"),
         manifest_dir: env!("CARGO_MANIFEST_DIR"),
         module_path: module_path!(),
-        // What is kept is sought beside this, below `__fuzz__`.
+        // Kept files are searched next to this path, below `__fuzz__`.
         file: concat!(env!("CARGO_MANIFEST_DIR"), "/tests/__fuzz__"),
         line: line!(),
         item_path: "commram::fuzz::__bolero_item_path__",

@@ -1,11 +1,11 @@
-//! Files that people get: exports, reports, pictures, snapshots. What stood under the name stays until all of the new content is
-//! written, so nobody finds half a file there, nor loses the old one to a full disk.
+//! Output files for users: exports, reports, pictures, snapshots. The previous file of the same name stays until all of
+//! the new content is written, so no reader finds half a file, and a full disk does not destroy the old one.
 
 use std::fs::{self, File, Metadata};
 use std::io::{ErrorKind, Result, Write};
 use std::path::{Path, PathBuf};
 
-/// Files that somebody who was killed has left under the name that this process would take.
+/// Number of names that are tried: killed processes may have left files with the names that this process would use.
 const TRIES: u32 = 16;
 /// Links that lead on to links.
 const MOST_LINKS: u32 = 40;
@@ -13,7 +13,8 @@ const MOST_LINKS: u32 = 40;
 /// Writes where a shell's `>` would: links are followed, pipes and devices are written to. A file keeps its permissions.
 ///
 /// # Errors
-/// It cannot be written; then what was there is as it was, but where only the file itself may be changed and nothing be made beside it.
+/// The file cannot be written; then its contents are unchanged, except where only the file itself may be changed and no
+/// new file be made beside it.
 pub(crate) fn write(path: &Path, bytes: &[u8]) -> Result<()> {
     let before = fs::metadata(path);
     let is_file = before.as_ref().map_or(true, Metadata::is_file);
@@ -21,7 +22,7 @@ pub(crate) fn write(path: &Path, bytes: &[u8]) -> Result<()> {
         return fs::write(path, bytes);
     };
     replace_as(&place, bytes, before.ok().as_ref()).or_else(|reason| match reason.kind() {
-        // A directory of somebody else; a file that is mounted.
+        // A directory of another user; a file that is mounted.
         ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem | ErrorKind::ResourceBusy => {
             fs::write(path, bytes)
         }
@@ -29,10 +30,10 @@ pub(crate) fn write(path: &Path, bytes: &[u8]) -> Result<()> {
     })
 }
 
-/// Puts a new file in the place of whatever stands there, and follows no link.
+/// Replaces the file of this name with a new file, without following links.
 ///
 /// # Errors
-/// It cannot be written; then what was there is as it was.
+/// The file cannot be written; then its contents are unchanged.
 #[cfg(feature = "studio")]
 pub(crate) fn replace(path: &Path, bytes: &[u8]) -> Result<()> {
     replace_as(path, bytes, None)
@@ -44,7 +45,7 @@ fn replace_as(path: &Path, bytes: &[u8], like: Option<&Metadata>) -> Result<()> 
     let permitted = like.map_or(Ok(()), |like| file.set_permissions(like.permissions()));
     let written = permitted.and_then(|()| file.write_all(bytes)).and_then(|()| fs::rename(&begun, path));
     written.inspect_err(|_| {
-        // What is left of it helps nobody.
+        // An incomplete file is of no use.
         let _ = fs::remove_file(&begun);
     })
 }
@@ -64,7 +65,8 @@ fn begin(path: &Path) -> Result<(File, PathBuf)> {
     }
 }
 
-/// Where a file under this name lies, or would; none if that is an open file of a process, as `/dev/stdout` is, which others hold as well.
+/// Returns the real path of a file of this name, existing or not; none if the name is an open file of a process, such
+/// as `/dev/stdout`, which other processes have open as well.
 fn end_of_links(path: &Path) -> Option<PathBuf> {
     let mut path = path.to_owned();
     for _ in 0..MOST_LINKS {
@@ -108,7 +110,7 @@ mod tests {
         write(&path, b"new").unwrap();
         assert_eq!(fs::read(&path).unwrap(), b"new");
         assert_eq!(fs::metadata(&path).unwrap().permissions().mode() & 0o777, 0o640);
-        // Who reads the old one meanwhile reads all of it.
+        // A reader of the old file meanwhile reads all of it.
         let mut seen = String::new();
         std::io::Read::read_to_string(&mut reader, &mut seen).unwrap();
         assert_eq!(seen, "old");

@@ -1,7 +1,7 @@
 //! Plots: registers over emulated time, as SVG or PNG.
 //!
-//! A [`Row`] for each register, one below the other, over the SYNC edges. Nothing is drawn that the journal does not tell: a
-//! register's line begins with the first value that is known, and holds each value until the next one.
+//! A [`Row`] for each register, one below the other, over the SYNC edges. The plot draws only data of the journal: a
+//! register's line begins with the first value that is known, and keeps each value until the next one.
 
 mod draw;
 mod render;
@@ -10,7 +10,7 @@ mod row;
 pub use render::{Picture, PlotError};
 pub use row::{Row, Style, address_of};
 
-/// What a plot shows.
+/// Contents of a plot.
 pub struct Plot {
     /// Where it begins, in emulated microseconds since power-on.
     pub from_us: u64,

@@ -10,7 +10,7 @@ pub(crate) fn plural(count: impl Into<u64>, what: impl Display) -> String {
     }
 }
 
-/// Of a list: `1 device`, `3 devices`.
+/// Formats the length of a list: `1 device`, `3 devices`.
 pub(crate) fn plural_of<T>(list: &[T], what: impl Display) -> String {
     plural(list.len() as u64, what)
 }

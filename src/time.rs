@@ -2,7 +2,7 @@
 
 use thiserror::Error;
 
-/// A text that is no time.
+/// The text is not a time.
 #[derive(Debug, PartialEq, Eq, Error)]
 pub enum TimeError {
     /// Not a number with a unit.
@@ -43,7 +43,7 @@ pub fn parse(text: &str) -> Result<u64, TimeError> {
     whole.checked_mul(unit_us).and_then(|us| us.checked_add(fraction)).ok_or(TimeError::TooLong)
 }
 
-/// The decimals behind the point, of a unit of so many microseconds.
+/// Returns the decimals of a unit of `unit_us` microseconds.
 fn fraction_us(digits: &str, unit_us: u64) -> Result<u64, TimeError> {
     let mut rest = unit_us;
     let mut us = 0;

@@ -1,17 +1,17 @@
-//! Words as the firmware left them, beside the cells in which they stand.
+//! Words as the firmware left them, compared with the cells that contain them.
 
 use crate::memory::{Block, Cell64};
 
-/// What the firmware left in a row of words.
+/// Contents of a row of words after the last run of the firmware.
 pub(crate) struct Baseline(Box<[Block]>);
 
 impl Baseline {
-    /// So many words, all 0.
+    /// Creates `words` words, all 0.
     pub(crate) fn new(words: usize) -> Self {
         Baseline(vec![Block::new([0; Block::WORDS]); words.div_ceil(Block::WORDS)].into())
     }
 
-    /// Word number `index`; 0 behind the last one.
+    /// Word number `index`; 0 after the last one.
     #[inline]
     pub(crate) fn word(&self, index: usize) -> u64 {
         self.0.get(index / Block::WORDS).map_or(0, |block| block.words()[index % Block::WORDS])
@@ -23,7 +23,7 @@ impl Baseline {
         Some(&mut self.0.get_mut(index / Block::WORDS)?.words_mut()[index % Block::WORDS])
     }
 
-    /// All words, in their order; behind them zeros up to the end of the block.
+    /// All words, in their order; then zeros up to the end of the block.
     pub(crate) fn words(&self) -> impl Iterator<Item = &u64> {
         self.0.iter().flat_map(|block| block.words())
     }
@@ -99,8 +99,8 @@ mod tests {
             assert!(left.words().zip(&cells).all(|(left, now)| *left == now.load()));
         }
     }
-    /// Registers of several widths in each word, which others write meanwhile: what is noted and what is found changed is
-    /// whole registers.
+    /// Each word contains registers of several widths, and other threads write meanwhile: only whole registers are
+    /// stored and reported.
     #[test]
     fn no_register_is_torn() {
         const TURNS: usize = 20_000;

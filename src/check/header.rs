@@ -12,7 +12,7 @@ const WORD: usize = size_of::<u64>();
 /// Bytes up to the board. From there on clients and emulator write side by side, and in the requests both write the same
 /// fields.
 const BYTES: usize = offset_of!(Header, board);
-/// Blocks in which they are looked at; nothing of what lies behind them is watched.
+/// Blocks that are compared; memory after them is not watched.
 const BLOCKS: usize = BYTES.div_ceil(Block::WORDS * WORD);
 const WORDS: usize = BLOCKS * Block::WORDS;
 
@@ -110,7 +110,7 @@ impl HeaderWatch {
         }
     }
 
-    /// Reports what was written since.
+    /// Reports writes since the last baseline.
     #[inline]
     pub(crate) fn look(&mut self, now: u64, journal: &mut Journal) {
         if self.left.differs_in(&*self.now, &WATCHED_BLOCKS) {
@@ -124,7 +124,7 @@ impl HeaderWatch {
         for (index, ((now, left), watched)) in words {
             let word = now.load();
             let differs = (word ^ *left) & watched;
-            // Fields are 32 or 64 bits wide, or text; of each half that differs the value is told.
+            // Fields are 32 or 64 bits wide, or text; the value of each half that differs is reported.
             for half in [0, 1] {
                 if differs >> (32 * half) & u64::from(u32::MAX) != 0 {
                     let offset = (index * WORD + 4 * half) as u32;

@@ -1,12 +1,12 @@
-//! The access checker: tells PLC programmers what they did against the manual.
+//! The access checker: reports accesses of PLC programs that contradict the manual.
 //!
-//! The rules are data ([`Rule`](crate::journal::Rule)); `docs/reference/checker.md` lists them. What breaks one is a
+//! The rules are data ([`Rule`](crate::journal::Rule)); `docs/reference/checker.md` lists them. A violation is a
 //! [`Finding`](crate::journal::Finding): an event in the journal, which counts it in its table of
 //! [`Findings`](crate::journal::Findings). They come from these places:
 //!
-//! - A watch compares registers with what the firmware left in them, before the firmware runs again, and so sees what was
-//!   written through the map. Writes through the channel it is told. [`DeviceWatch`] is the one that any device has; a
-//!   family that has rules about its registers has its own.
+//! - A watch compares registers with the contents that the firmware left, before the firmware runs again, and so sees
+//!   writes through the map. Writes through the channel are reported to it. [`DeviceWatch`] serves any device; a family
+//!   with rules about its registers has its own watch.
 //! - The firmware reports what it finds when it takes over a command or initialization data.
 //!
 //! Nothing here changes a register, and nothing here knows a device.
@@ -39,7 +39,7 @@ pub struct DeviceWatch {
 snapshot_fields!(DeviceWatch { parts: header, owned });
 
 impl DeviceWatch {
-    /// The watch over device number `plc` of the plant, whose registers are as the firmware left them.
+    /// Creates the watch over device number `plc` of the plant, with the present registers as baseline.
     ///
     /// # Errors
     /// If the segment is too small for the device.
@@ -50,7 +50,7 @@ impl DeviceWatch {
         })
     }
 
-    /// Before the firmware runs: judges what was written since [`DeviceWatch::leave`].
+    /// Before the firmware runs: checks the writes since [`DeviceWatch::leave`].
     #[inline]
     pub fn look(&mut self, now: u64, journal: &mut Journal) {
         self.header.look(now, journal);

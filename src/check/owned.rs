@@ -1,4 +1,4 @@
-//! The watch over registers that only the firmware writes, where nobody knows more rules.
+//! The watch over registers that only the firmware writes, for areas without further rules.
 
 use super::{rules, word};
 use crate::journal::{Finding, Journal};
@@ -8,15 +8,15 @@ use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 
 const WORD: u32 = word::WORD as u32;
 
-/// The registers of a device that only its own firmware writes, in ascending order. What lies in the areas of its ports
-/// is the firmware's of a medium, and watched there.
+/// The registers of a device that only its own firmware writes, in ascending order. The firmware of a medium owns the
+/// registers in the areas of its ports, and they are watched there.
 pub(crate) fn owned(layout: &'static Device) -> impl Iterator<Item = RegisterRef> {
     let is_ports = |area| layout.ports.iter().any(|port| core::ptr::eq(port.area, area));
     let areas = layout.areas.iter().filter(move |area| !is_ports(*area));
     areas.flat_map(move |area| owned_in(layout, area))
 }
 
-/// Those of one area.
+/// Such registers of one area.
 fn owned_in(layout: &'static Device, area: &'static Area) -> impl Iterator<Item = RegisterRef> {
     let registers = DeviceFit::unknown(layout).registers_in(area, RegisterPhase::Always);
     registers.filter(|register| register.owner() == Owner::Firmware)
@@ -86,7 +86,7 @@ impl OwnedWatch {
         Ok(watch)
     }
 
-    /// The watch over those of an area of `layout`, whose structures are always valid.
+    /// Creates the watch over such registers of an area of `layout` with permanently valid structures.
     ///
     /// # Errors
     /// If the image is too small for them.
@@ -107,7 +107,7 @@ impl OwnedWatch {
         }
     }
 
-    /// Reports what was written since.
+    /// Reports writes since the last baseline.
     #[inline]
     pub(crate) fn look(&mut self, now: u64, journal: &mut Journal) {
         let differs =

@@ -1,5 +1,5 @@
-//! Kinds of faults that buses share whose frames are CAN's: at frames, and in the controllers of ports. What they do on a bus is
-//! its family's affair; what a family cannot have it refuses.
+//! Kinds of faults that are shared by all buses with CAN frames: faults of frames, and faults in the controllers of
+//! ports. The bus family defines their effect on a bus, and refuses a kind that it cannot have.
 
 use crate::can::Arbitration;
 use crate::fault::{self, Fault, Field, Form, Kind, Place};
@@ -10,7 +10,7 @@ pub(super) const MAX_DELAY_US: u32 = 1_000_000;
 const MAX_STANDARD: u32 = 0x7FF;
 const MAX_EXTENDED: u32 = 0x1FFF_FFFF;
 
-/// What goes wrong.
+/// Effect of a fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Effect {
     /// Frames.
@@ -21,14 +21,14 @@ pub(super) enum Effect {
     Overrun,
 }
 
-/// What happens to a frame.
+/// Effect of a fault on a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum FrameEffect {
-    /// Nobody receives it; its sender does not notice.
+    /// No station receives the frame; its sender does not notice the loss.
     Lose,
-    /// It begins so many microseconds later, 1 to [`MAX_DELAY_US`].
+    /// The frame begins later by this many microseconds, 1 to [`MAX_DELAY_US`].
     Delay(u32),
-    /// It arrives once more, so many microseconds later, 0 to [`MAX_DELAY_US`].
+    /// The frame arrives once more after this many microseconds, 0 to [`MAX_DELAY_US`].
     Duplicate(u32),
     /// It ends in an error frame.
     Disturb,
@@ -36,7 +36,7 @@ pub(super) enum FrameEffect {
     LoseArbitration,
 }
 
-/// Which frames a fault concerns: those whose identifier agrees with `id` where `mask` has a 1.
+/// Frames that a fault concerns: the frames whose identifier agrees with `id` in the bits that are 1 in `mask`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Frames {
     /// Identifier, no bit outside the mask.
@@ -98,7 +98,7 @@ pub(super) const fn delay(least: u64, about: &'static str) -> Field {
     Field::new("delay_us", Form::Time { least, most: MAX_DELAY_US as u64 }, about).or("us")
 }
 
-/// What is right where a time is missing.
+/// Hint for a missing time.
 pub(super) const IN_US: &str = "give it in microseconds";
 
 /// Some identifier must agree with the mask.
@@ -215,7 +215,7 @@ static LOST_ARBITRATION: Kind = Kind::new(
 .agreeing(agree)
 .shown("id=16#180 count=1");
 
-/// Those of a CAN bus.
+/// Kinds of faults of a CAN bus.
 pub(super) static OF_CAN: &[&Kind] =
     &[&LOSE_FRAME, &DELAY_FRAME, &DUPLICATE_FRAME, &BUS_OFF, &OVERRUN, &ERROR_FRAME, &LOST_ARBITRATION];
 

@@ -1,4 +1,4 @@
-//! What there can be in a journal, whatever the devices of a plant: the sum of what everybody has registered.
+//! Catalogue of everything that can occur in a journal, for all devices: the sum of all registrations.
 
 use super::{MEDIA, all, guest, of_hash, records};
 use crate::check;
@@ -10,7 +10,7 @@ use crate::journal::{Catalogue, FaultName, Kind, Rule};
 use crate::layout::Device;
 use std::sync::LazyLock;
 
-/// What somebody registers that is no device.
+/// Registration that belongs to no device.
 pub(super) struct Generic {
     pub owner: &'static str,
     pub records: &'static [&'static Kind],
@@ -18,7 +18,7 @@ pub(super) struct Generic {
     pub faults: &'static [&'static fault::Kind],
 }
 
-/// What is the same for every device, and what each kind of media has.
+/// Returns the registrations that are the same for every device, then the registrations of each kind of media.
 pub(super) fn generic() -> impl Iterator<Item = Generic> {
     let own = [
         Generic { owner: "journal", records: journal::KINDS, rules: &[], faults: &[] },
@@ -78,7 +78,8 @@ pub fn faults_of_device(layout: &Device) -> &'static [&'static fault::Kind] {
     of_hash(layout.layout_hash).map_or(&[], |known| known.faults)
 }
 
-/// What faults can concern at a medium of this family with these participants, bit n for number n.
+/// Returns the fault targets of a medium of this family with these participants; bit n stands for participant
+/// n.
 pub fn medium_site(family: &str, participants: u32) -> MediumSite {
     let kind = MEDIA.iter().find(|kind| kind.name == family);
     let (faults, fits) = kind.map_or((&[][..], (|_| Ok(())) as Fits), |kind| (kind.faults, kind.fits));
@@ -88,7 +89,8 @@ pub fn medium_site(family: &str, participants: u32) -> MediumSite {
 /// Whether a medium of this family can have such a door; else why not.
 ///
 /// # Errors
-/// What goes through the door is something else than what is on the medium; the text says which would be right.
+/// Checks that the family accepts a door of this kind. A text in the error names the door that the family
+/// expects.
 pub fn door_fits(family: &str, door: DoorSpec) -> Result<(), String> {
     let speech = MEDIA.iter().find(|kind| kind.name == family).map(|kind| kind.speech);
     let right = match speech {

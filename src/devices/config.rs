@@ -1,4 +1,5 @@
-//! What the plant file says about devices and media, as far as the plant must understand it: everything else is their own.
+//! Settings of devices and media in the plant file, as far as the plant must understand them. All other keys belong to
+//! the device or the medium.
 
 use super::{BuildError, Device, Medium, Plug};
 use crate::can;
@@ -19,7 +20,7 @@ pub trait DeviceConfig: fmt::Debug + Send + Sync {
     /// Its name, unique among the devices.
     fn name(&self) -> &str;
 
-    /// What it is.
+    /// Layout of the device.
     fn layout(&self) -> &'static layout::Device;
 
     /// Checks the settings.
@@ -52,8 +53,8 @@ pub trait DeviceConfig: fmt::Debug + Send + Sync {
         Vec::new()
     }
 
-    /// What frames it sends and receives at one of its ports with what it is delivered with, as far as that is known before it
-    /// runs.
+    /// Frames that the device sends and receives at one of its ports with the program that it is delivered with, as far
+    /// as they are known before the device runs.
     fn messages(&self, port: u8) -> Vec<Message> {
         let _ = port;
         Vec::new()
@@ -64,7 +65,7 @@ pub trait DeviceConfig: fmt::Debug + Send + Sync {
         0
     }
 
-    /// The area whose first structure lies in NOVRAM; `None` without any. [`Device::novram`] tells what of it is stored.
+    /// The area whose first structure lies in NOVRAM; `None` without any. [`Device::novram`] returns the stored part.
     fn novram(&self) -> Option<&'static layout::Area> {
         None
     }
@@ -90,7 +91,7 @@ pub struct PortConfig<'a> {
 }
 
 impl<'a> PortConfig<'a> {
-    /// Of a port of the layout, which others call by no number.
+    /// Describes a port of the layout that has no number on its medium.
     pub(super) const fn of(port: &layout::Port, medium: Option<&'a str>) -> Self {
         PortConfig { number: port.number, name: port.name, medium, address: None }
     }
@@ -108,11 +109,11 @@ pub struct MasterConfig {
 /// Something in a plant file that can hardly be meant. It is allowed: there are plants with faults on purpose.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Doubt {
-    /// Name in the section that it stands in; of a module that of its port, as in `maxx:slotG`.
+    /// Name in the section of the plant file; for a module the name of its port, as in `maxx:slotG`.
     pub section: String,
-    /// The key, if it stands there.
+    /// The key, if the section contains it.
     pub key: &'static str,
-    /// What is doubtful, and what would be right.
+    /// The doubtful setting, and a better one.
     pub text: String,
 }
 
@@ -129,7 +130,7 @@ pub trait MediumConfig: fmt::Debug + Send + Sync {
         Ok(())
     }
 
-    /// What is allowed and can hardly be meant, with these masters.
+    /// Settings that are allowed but are probably a mistake, given these masters.
     fn doubts(&self, masters: &[MasterConfig]) -> Vec<Doubt> {
         let _ = masters;
         Vec::new()
@@ -138,7 +139,7 @@ pub trait MediumConfig: fmt::Debug + Send + Sync {
     /// Its kind, one of [`MEDIA`](super::MEDIA).
     fn family(&self) -> &'static str;
 
-    /// Who takes part without being a device's port: name and number.
+    /// Participants that are not ports of devices: name and number.
     fn participants(&self) -> Vec<(&str, u8)> {
         Vec::new()
     }
@@ -173,26 +174,26 @@ pub type Read<T> = fn(ValueDeserializer<'_>) -> Result<Arc<T>, Error>;
 pub struct MediumKind {
     /// Its name, in the plant file and as the family of ports in layouts.
     pub name: &'static str,
-    /// What it has to tell the journal.
+    /// Kinds of journal records of the medium.
     pub records: &'static [&'static Kind],
     /// Rules of the access checker about the registers of its ports.
     pub rules: &'static [&'static Rule],
-    /// What can go wrong with it, its participants and its ports.
+    /// Kinds of faults of the medium, of its participants and of its ports.
     pub faults: &'static [&'static fault::Kind],
     /// Whether it can have a fault of one of these kinds; else why not.
     pub fits: fn(&Fault) -> Result<(), String>,
     /// Reads a `[[bus]]` of this kind.
     pub read: Read<dyn MediumConfig>,
-    /// JSON schema of the keys of that section, but for `kind`; `#/definitions/name` is the schema of names. What it defines
-    /// itself is there for devices, too.
+    /// JSON schema of the keys of that section, except `kind`; `#/definitions/name` is the schema of names. Devices can
+    /// use the definitions of this schema, too.
     pub schema: &'static str,
-    /// What goes through doors to it.
+    /// Content of the doors to this medium.
     pub speech: Speech,
-    /// What a frame says there, for people; nothing if that is its users' affair.
+    /// Describes the meaning of a frame on this medium, for people; empty if its users define the meaning.
     pub says: fn(&can::Frame) -> String,
     /// Where ports of this family are that no medium is plugged in at.
     pub unplugged: fn() -> Box<dyn Medium>,
-    /// Whether a port, by its [`Plug::socket`], does something even then, and needs an unplugged medium of its own for it.
+    /// Whether a port with this [`Plug::socket`] also works unplugged, and therefore needs a separate medium.
     pub runs_alone: fn(&dyn Any) -> bool,
 }
 
@@ -224,7 +225,7 @@ mod tests {
         }
     }
 
-    /// As [`DeviceConfig`] says of each.
+    /// Each default is the value that [`DeviceConfig`] documents.
     #[test]
     fn a_device_that_says_nothing_has_nothing() {
         assert!(Silent.check().is_ok() && Silent.ports().is_empty() && Silent.novram().is_none());

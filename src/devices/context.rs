@@ -1,26 +1,26 @@
-//! What a device's firmware is given at each call.
+//! Arguments of each call of a device's firmware.
 //!
-//! The firmware works on [`View`](crate::memory::View)s of register structures and does not know
-//! whether they lie on the heap or in a mapped image. It has no clock of its own: the plant calls it at
-//! the emulated times at which the device would look at its registers.
+//! The firmware works on [`View`](crate::memory::View)s of register structures and does not know whether
+//! they lie on the heap or in a mapped image. It has no clock: the plant calls it at the emulated times at
+//! which the device would poll its registers.
 
 use crate::journal::{EventText, Finding, Handshake, Journal, Origin, Rule};
 use crate::layout::RegisterPhase;
 
-/// What the firmware is given at each call: the time, a place to report to, and who is reporting.
+/// Arguments of each call of the firmware: the time, the journal, and the node that reports.
 pub struct Context<'a> {
     /// Emulated time in microseconds.
     pub now: u64,
     /// The journal.
     pub journal: &'a mut Journal,
-    /// The node on whose behalf the firmware runs.
+    /// The node for which the firmware runs.
     pub origin: Origin,
     /// First byte of the area that it looks after; the firmware's offsets count from there.
     pub base: usize,
 }
 
 impl Context<'_> {
-    /// Writes what there is to tell into the journal at the present time.
+    /// Writes an event into the journal at the present time.
     #[inline]
     pub fn report(&mut self, told: impl EventText) {
         self.journal.push(self.now, told);

@@ -1,4 +1,4 @@
-//! What `commram demo` needs to know of a device: a plant, and a soft-PLC that runs on it.
+//! Demonstration of a device for `commram demo`: a plant, and a soft-PLC that runs on it.
 
 use super::attach;
 use crate::layout::{Device, DeviceFit, LayoutError, Place, RegisterPhase};
@@ -16,11 +16,11 @@ pub struct Demo {
     pub area: &'static str,
     /// The same for a headline.
     pub title: &'static str,
-    /// The soft-PLC, a process of its own that has nothing but the image of its PLC.
+    /// The soft-PLC, a separate process that accesses only the image of its PLC.
     pub program: DemoProgram,
 }
 
-/// A soft-PLC that tells what it does.
+/// A soft-PLC that prints its actions.
 pub type DemoProgram = fn(Attached, Show<'_>) -> Result<(), DemoError>;
 
 /// Shows a text at once.
@@ -32,22 +32,22 @@ pub enum DemoError {
     /// The emulator has gone, or its memory cannot be used.
     #[error(transparent)]
     Memory(#[from] MemoryError),
-    /// A register that is none.
+    /// The name or address is not a register.
     #[error(transparent)]
     Layout(#[from] LayoutError),
     /// Nothing can be shown.
     #[error("cannot write: {0}")]
     Output(#[from] io::Error),
-    /// The soft-PLC waits in vain.
+    /// The soft-PLC waits without success.
     #[error("{what}: {place} did not become {wanted} within {seconds} s, it holds {found}")]
     Stuck {
-        /// What the wait was for.
+        /// Description of the wait.
         what: String,
         /// Name and address of the register.
         place: String,
-        /// What was awaited.
+        /// Expected value.
         wanted: String,
-        /// What it holds, with the meaning.
+        /// Value of the register, with its meaning.
         found: String,
         /// How long, in real time.
         seconds: u64,
@@ -60,7 +60,7 @@ pub enum DemoError {
 /// How long something may take, in real time. It takes at most some seconds.
 const PATIENCE: Duration = Duration::from_secs(30);
 
-/// A device whose registers a demonstration writes and reads, and tells of it.
+/// A device whose registers a demonstration writes, reads and prints.
 pub(crate) struct Actor<'a> {
     name: &'static str,
     layout: &'static Device,
@@ -69,7 +69,7 @@ pub(crate) struct Actor<'a> {
 }
 
 impl<'a> Actor<'a> {
-    /// The device called `name`, whose image this is.
+    /// Creates the actor of the device called `name` with this image.
     pub(crate) fn new(
         name: &'static str,
         layout: &'static Device,
@@ -86,12 +86,12 @@ impl<'a> Actor<'a> {
         Ok(Actor::new(name, layout, attached, self.show))
     }
 
-    /// Tells something of it.
+    /// Prints a text about the device.
     pub(crate) fn tell(&self, text: &str) -> Result<(), DemoError> {
         Ok((self.show)(&format!("  {:6} {text}\n", self.name))?)
     }
 
-    /// Tells what stands somewhere.
+    /// Prints the value of a register.
     fn say(&self, doing: &str, place: &Place, value: u32) -> Result<(), DemoError> {
         let (label, value) = (place.label(RegisterPhase::Always), place.format(RegisterPhase::Always, value));
         self.tell(&format!("{doing} {label} = {value}"))

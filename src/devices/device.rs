@@ -1,4 +1,4 @@
-//! What a plant knows of a device: an image with firmware behind it, and ports that media end at.
+//! Interface between a plant and a device: an image with its firmware, and the ports that connect the device to media.
 
 use super::{Context, DriveDetails, Events, ParameterRefusal, Shaft, World};
 use crate::fault::{Effect, Faults, Hit, Target};
@@ -9,7 +9,7 @@ use crate::memory::{Header, Segment, Width};
 use crate::snapshot_fields::SnapshotFields;
 use core::any::Any;
 
-/// What takes a device down or brings it up.
+/// Cause that switches a device off or on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Power {
     /// Supply off.
@@ -18,11 +18,11 @@ pub enum Power {
     On,
     /// RESET held.
     HoldReset,
-    /// RESET released; the switch then stands at STOP.
+    /// RESET is released; the switch is then at STOP.
     ReleaseReset,
 }
 
-/// What a look at a device's front asks of the rest.
+/// Result of polling a device's front: the action that the plant must take.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Look {
     /// Nothing.
@@ -33,13 +33,13 @@ pub enum Look {
     Held,
     /// The supply failed, be RESET held or not: the device stops, and what shares its supply.
     Off,
-    /// Power-on, or RESET was released: the device starts anew.
+    /// Power-on, or RESET was released: the device restarts.
     Up,
 }
 
-/// A device of a plant. Its ports are firmware of the medium that they belong to; the plant tells the device what of
-/// them concerns it, and the ports what of it concerns them. What a device does not have, it does not implement; one with
-/// nothing in front but its supply is a [`Plain`](super::Plain) one.
+/// A device of a plant. Its ports are firmware of the medium that they belong to. The plant passes events of the device
+/// to its ports, and events of the ports to the device. A device implements only the methods that it needs; a device
+/// whose front has only a supply is a [`Plain`](super::Plain) one.
 pub trait Device: Any + Send + SnapshotFields {
     /// Its name in the plant.
     fn name(&self) -> &str;
@@ -50,7 +50,7 @@ pub trait Device: Any + Send + SnapshotFields {
     /// Its registers.
     fn layout(&self) -> &'static layout::Device;
 
-    /// What its ports are, as it is fitted: of a modular device it is the modules that decide.
+    /// Returns the ports of the device as it is equipped: the modules of a modular device decide about them.
     fn fitted(&self) -> DeviceFit {
         DeviceFit::unknown(self.layout())
     }
@@ -69,7 +69,7 @@ pub trait Device: Any + Send + SnapshotFields {
     /// The header page of its image.
     fn header(&self) -> &Header;
 
-    /// Its front as it stands.
+    /// State of the front.
     fn board(&self) -> BoardState {
         BoardState::of(self.header())
     }
@@ -85,10 +85,10 @@ pub trait Device: Any + Send + SnapshotFields {
         None
     }
 
-    /// Switches supply or RESET, as if somebody had turned the switch.
+    /// Switches supply or RESET, as a user does at the switch.
     fn set_power(&mut self, power: Power) -> Look;
 
-    /// One look at switches and requests of the front.
+    /// Polls switches and requests of the front once.
     fn look(&mut self, ctx: &mut Context) -> Look;
 
     /// Whether it has power and is not held in RESET.
@@ -109,23 +109,24 @@ pub trait Device: Any + Send + SnapshotFields {
         0
     }
 
-    /// Somebody else has the number of `port`, which is therefore not connected.
+    /// Another station has the number of `port`, so the port is not connected.
     fn address_taken(&mut self, ctx: &mut Context, port: u8) {
         let _ = (ctx, port);
     }
 
-    /// Whether `port` takes part in the traffic of its medium; told when it changes.
+    /// Called when `port` starts or stops taking part in the traffic of its medium.
     fn port_joined(&mut self, port: u8, takes_part: bool) {
         let _ = (port, takes_part);
     }
 
-    /// The firmware of `port` has looked at its registers in a processor cycle at `now`; `last_frame` is when the port last sent or
-    /// received a frame since it takes part, where its medium tells.
+    /// Called after the firmware of `port` has polled its registers in a processor cycle at `now`. `last_frame` is the
+    /// time of the last frame that the port sent or received since it joined, if the medium records that time.
     fn port_looked(&mut self, port: u8, last_frame: Option<u64>, now: u64) {
         let _ = (port, last_frame, now);
     }
 
-    /// The ports whose SYNC signal goes on to another port of the device, if the firmware there wants it: from, to.
+    /// The ports whose SYNC signal is passed on to another port of the device if the firmware there enables it: from,
+    /// to.
     fn sync_ways(&self) -> &[(u8, u8)] {
         &[]
     }
@@ -149,30 +150,30 @@ pub trait Device: Any + Send + SnapshotFields {
         let _ = ctx;
     }
 
-    /// Whether it rests: a look at front and registers and a processor cycle have just found what there was, and as long as
-    /// nobody writes, those that follow will find nothing to do, whatever time it is, and show nothing else, until something
-    /// else happens, be it [`Device::due`]. The plant then leaves them out. Whoever is not sure does not rest.
+    /// Whether the device is quiescent: the last poll and processor cycle found nothing to do, and the next ones will
+    /// change nothing until a register is written or another event occurs, for example [`Device::due`]. The plant then
+    /// skips them. When in doubt, returns false.
     fn is_quiescent(&self) -> bool {
         false
     }
 
-    /// Whether a look at front and registers and a processor cycle find nothing to do, whatever time it is, as everything
-    /// stands now, whoever has written it. Whoever is not sure does not look in vain.
+    /// Whether polling the front and the registers and a processor cycle would change nothing now, at any time, for any
+    /// origin of the present register contents. When in doubt, returns false.
     fn poll_changes_nothing(&self) -> bool {
         false
     }
 
-    /// When the next of its own times is due; `u64::MAX` if none is.
+    /// Next time at which the device itself has something to do; `u64::MAX` if there is none.
     fn next_time(&self) -> u64 {
         u64::MAX
     }
 
-    /// Handles what is due at `world.now`.
+    /// Handles the event at `world.now`.
     fn due(&mut self, world: &mut World) {
         let _ = world;
     }
 
-    /// Which of the faults that the device lets act do so has changed.
+    /// Called when the set of active faults of the device has changed.
     fn faults_changed(&mut self, faults: &Faults) {
         let _ = faults;
     }
@@ -184,12 +185,12 @@ pub trait Device: Any + Send + SnapshotFields {
         None
     }
 
-    /// The drive that it is built into, if it is, with all that is to be seen of it.
+    /// The drive that the device is built into, if there is one, with all its details.
     fn drive(&self) -> Option<DriveDetails> {
         None
     }
 
-    /// Sets a parameter of that drive, as somebody does who stands in front of it.
+    /// Sets a parameter of that drive, as a user does at the drive itself.
     ///
     /// # Errors
     /// [`ParameterRefusal`].
@@ -204,13 +205,13 @@ pub trait Device: Any + Send + SnapshotFields {
         Err(ParameterRefusal::NotThere)
     }
 
-    /// What the motor of that drive is to do, and does.
+    /// Demanded and actual motion of the motor of that drive.
     fn shaft(&self) -> Option<Shaft> {
         None
     }
 
-    /// The motor of that drive turns with this speed, whatever the drive demands of it; `None`: it does what the drive
-    /// demands.
+    /// Sets the speed of the motor of that drive independently of the drive's demand; `None`: the motor follows the
+    /// drive.
     fn turn_shaft(&mut self, speed: Option<i32>, now: u64) {
         let _ = (speed, now);
     }
@@ -235,7 +236,7 @@ pub trait Device: Any + Send + SnapshotFields {
         u64::from(offset) + u64::from(width.bytes()) <= u64::from(retain.area.first) + u64::from(bytes)
     }
 
-    /// `bytes` bytes at `offset` were written by somebody who named the place.
+    /// A client has written `bytes` bytes at `offset` by address.
     fn named(&self, offset: u32, bytes: u32) {
         let _ = (offset, bytes);
     }
@@ -247,17 +248,17 @@ pub trait Device: Any + Send + SnapshotFields {
         false
     }
 
-    /// Such a write.
+    /// Handles a write that was announced by `named`.
     fn written(&mut self, ctx: &mut Context) {
         let _ = ctx;
     }
 
-    /// What its NOVRAM holds, and a number that changes with it; empty if it has none.
+    /// Contents of the NOVRAM, and a number that changes with them; empty if the device has none.
     fn novram(&self) -> (&[u8], u32) {
         (&[], 0)
     }
 
-    /// What stands in the NOVRAM registers counts as stored, as at power-off.
+    /// Stores the contents of the NOVRAM registers, as at power-off.
     fn keep_novram(&mut self) {}
 
     /// The emulated time, for the header page.

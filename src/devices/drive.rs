@@ -1,8 +1,8 @@
-//! What there is to be seen and set of a drive, whatever it is connected by.
+//! State and parameters of a drive, independent of its connection.
 
 use serde::{Deserialize, Serialize};
 
-/// A drive as it stands.
+/// State of a drive.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct DriveState {
     /// Its number on its bus, if it is on one.
@@ -15,7 +15,7 @@ pub struct DriveState {
     pub status_word: u16,
     /// Whether it runs in step with its SYNC signal.
     pub is_synchronized: bool,
-    /// What its speed is to be, in increments of its speed format.
+    /// Reference value of the speed, in increments of the drive's speed format.
     pub speed_reference: i32,
     /// Its speed, in the same.
     pub speed_actual: i32,
@@ -32,7 +32,7 @@ pub struct DriveState {
 pub struct ParameterState {
     /// Its number.
     pub number: u16,
-    /// What it is; empty for what the plant file has added.
+    /// Name of the parameter; empty for a parameter that the plant file has added.
     pub name: String,
     /// Its unit; empty if it has none.
     pub unit: String,
@@ -48,7 +48,8 @@ pub struct ParameterState {
     pub read_only: bool,
 }
 
-/// What the motor of a drive is to do, and does. Speeds are in increments of the drive's speed format.
+/// Demanded and actual motion of the motor of a drive. Speeds are in increments of the drive's speed
+/// format.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shaft {
     /// The speed that the drive demands of its motor: limited, and along its ramp.
@@ -64,7 +65,7 @@ pub struct Shaft {
 /// A drive with all that can be seen of it.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct DriveDetails {
-    /// How it stands.
+    /// State of the drive.
     pub state: DriveState,
     /// Its parameters, in the order of their numbers.
     pub parameters: Vec<ParameterState>,

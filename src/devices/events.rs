@@ -7,14 +7,14 @@ use crate::memory::header::InterruptResult;
 use crate::memory::{Face, Header};
 use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 
-/// Enabled events and what has become of them. Bit n stands for event n.
+/// Enabled events and their occurrences. Bit n stands for event n.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Events {
-    /// Which are enabled.
+    /// Enabled events.
     pub enabled: u16,
-    /// No event occurs: switch or program stand at STOP (decision D-300).
+    /// No event occurs: the switch or the program is at STOP (decision D-300).
     pub held: bool,
-    /// Events since somebody asked last.
+    /// Events that have occurred since the last query.
     pub fired: u16,
     /// Events that stop the plant for lockstep.
     pub watched: u16,
@@ -22,7 +22,7 @@ pub struct Events {
     pub stop: bool,
 }
 
-/// Who is waited for in lockstep is no part of the plant.
+/// The clients that are waited for in lockstep are no part of the plant.
 impl SnapshotFields for Events {
     fn save(&self, to: &mut Saving) {
         let Self { enabled, held, fired, watched: _, stop: _ } = self;
@@ -37,7 +37,7 @@ impl SnapshotFields for Events {
 }
 
 impl Events {
-    /// One occurrence of an event, if it is enabled and the program may run.
+    /// Fires an event once, if it is enabled and the program may run.
     #[inline]
     pub fn fire(&mut self, header: &Header, event: usize, now: u64) {
         let bit = 1u16 << event;
@@ -56,7 +56,7 @@ impl Events {
         self.stop |= self.watched != 0;
     }
 
-    /// As after power-on. Who watches and what has occurred stays.
+    /// Disables all events as after power-on. Watches and past occurrences stay.
     pub fn disable_all(&mut self) {
         self.enabled = 0;
     }
@@ -67,14 +67,13 @@ impl Events {
         core::mem::take(&mut self.stop)
     }
 
-    /// Those that have occurred since the last call.
+    /// Returns the events that have occurred since the last call.
     #[inline]
     pub fn take_fired(&mut self) -> u16 {
         core::mem::take(&mut self.fired)
     }
 
-    /// Answers the requests that have come in, by ascending event number: `set` is told event number, `i_PAR1` and
-    /// `x_EN`.
+    /// Answers the pending requests, by ascending event number: `set` receives the event number, `i_PAR1` and `x_EN`.
     pub fn answer(
         &mut self,
         ctx: &mut Context,

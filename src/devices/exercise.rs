@@ -1,25 +1,25 @@
-//! What `commram soak` puts a device through: a plant, and what a program that uses the device rightly does with it.
+//! Exercises for `commram soak`: a plant, and the correct actions of a program that uses the device.
 
 use core::ops::RangeInclusive;
 
-/// An exercise: a scenario whose middle is drawn by lot.
+/// An exercise: a scenario whose middle part is generated at random.
 ///
-/// Its [`script`](Exercise::script) defines, beside a function for each [`Move`], `start()`, which brings a plant at power-on to where moves
-/// can be made, and `recover()`, which does that after whatever has happened. Each may use `pass(us)`, which lets time pass in the slices of
-/// the run, and the names of its [setting](Exercise::settings).
+/// Its [`script`](Exercise::script) defines a function for each [`Move`], and two more: `start()` brings a plant from
+/// power-on to the point where moves can be made, and `recover()` brings it there from any state. Each may use
+/// `pass(us)`, which advances the clock in the slices of the run, and the names of its [setting](Exercise::settings).
 #[derive(Debug)]
 pub struct Exercise {
     /// Its name, unique among all.
     pub name: &'static str,
-    /// The plant file. `${NAME}` stands for what the setting has under this name.
+    /// The plant file. `${NAME}` is replaced by the value of this name in the setting.
     pub plant: &'static str,
-    /// Of these one is taken: names and what they stand for, as a script would write it.
+    /// One of these settings is used: names and their values, as a script would write them.
     pub settings: &'static [&'static [(&'static str, &'static str)]],
     /// Functions in the language of scenarios.
     pub script: &'static str,
-    /// What the program does.
+    /// The correct actions of the program.
     pub moves: &'static [Move],
-    /// What a program must not do.
+    /// Actions that a program must not take.
     pub wrongs: &'static [Wrong],
     /// Rules of warnings that its right program may meet.
     pub allowed: &'static [&'static str],
@@ -29,22 +29,23 @@ pub struct Exercise {
 /// order, repeated and left out.
 #[derive(Debug)]
 pub struct Move {
-    /// The function. Its first parameter tells whether nothing is disturbed, so that everything must go as the manual says.
+    /// The function. Its first parameter is true if nothing is disturbed, so that every step must succeed as the manual
+    /// says.
     pub name: &'static str,
-    /// What its other parameters can be.
+    /// Ranges of its other parameters.
     pub parameters: &'static [RangeInclusive<i64>],
     /// How often it is made, compared with others.
     pub weight: u32,
 }
 
 impl Move {
-    /// A move that is made as often as others.
+    /// A move with the usual weight.
     #[must_use]
     pub const fn new(name: &'static str, parameters: &'static [RangeInclusive<i64>]) -> Self {
         Move { name, parameters, weight: 1 }
     }
 
-    /// The same, made so many times as often.
+    /// The same move, with `weight` times the usual frequency.
     #[must_use]
     pub const fn often(self, weight: u32) -> Self {
         Move { weight, ..self }

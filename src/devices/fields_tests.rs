@@ -1,4 +1,5 @@
-//! The fields of each kind in JSON Lines are those of the table in `docs/reference/journal.md`, and so is the place.
+//! The fields of each kind in JSON Lines are the fields of the table in `docs/reference/journal.md`, and so is the
+//! place.
 
 use super::catalogue;
 use super::told_tests::{drawn, line, names};
@@ -14,7 +15,7 @@ const ALWAYS: [&str; 4] = ["v", "seq", "time_us", "kind"];
 /// Latency, and words that mean more than numbers: they come with what has happened, not with its kind.
 const NOT_OF_THE_KIND: [&str; 2] = ["latency_us", "text"];
 
-/// What the page says of a kind.
+/// Row of the table for one kind.
 struct Row {
     source: &'static str,
     fields: &'static str,
@@ -32,8 +33,8 @@ fn rows() -> BTreeMap<&'static str, Row> {
     rows
 }
 
-/// What stands in backticks in a cell: names of fields and values. What stands behind `as` is somewhere else; what
-/// stands there `as of` a kind is this one's, too.
+/// Words in backticks in a cell: names of fields and values. A word that follows `as` belongs to another table; the
+/// words of the kind named in `as of` are included.
 fn words(cell: &'static str, rows: &BTreeMap<&str, Row>) -> BTreeSet<&'static str> {
     let mut words = BTreeSet::new();
     for clause in cell.split(';') {

@@ -12,13 +12,14 @@ pub enum GuestRefusal {
     /// It has many to send already; later there will be room.
     #[error("the guest has as many frames to send as its controller holds")]
     Full,
-    /// It gives a time that no guest waits for, so that nothing behind that would be sent; later would be no better.
+    /// The time is too far ahead: no guest waits for it, so later frames would not be sent either; a later time
+    /// would be no better.
     #[error("the time of the guest's telegram lies {seconds} s ahead; it may be 60 s at most")]
     TooFarAhead {
         /// Emulated seconds from now until then.
         seconds: u64,
     },
-    /// It does not take part, nobody runs the medium, or there are no frames of that kind here.
+    /// The guest does not take part, the medium is not emulated, or the medium has no frames of that kind.
     #[error("the guest cannot send this frame here")]
     NotHere,
 }
@@ -28,7 +29,7 @@ event_kinds! {
     GuestNews = 52, "guest", Rare, at bus {
         /// Its number on the bus.
         guest: u8,
-        /// What happened.
+        /// Event of the guest.
         news: Attendance,
     }
 }

@@ -1,4 +1,5 @@
-//! `INTR_SET`: an event task of whatever device gets its event, by a request in the header page (`docs/reference/attach.md`).
+//! `INTR_SET`: an event task of any device subscribes to its event by a request in the header page
+//! (`docs/reference/attach.md`).
 
 #![allow(non_snake_case, non_camel_case_types, reason = "the manual's names, letter for letter")]
 
@@ -55,7 +56,7 @@ function_block! {
 }
 
 impl INTR_SET {
-    /// One PLC cycle.
+    /// Runs one PLC cycle.
     pub fn call(&mut self, ram: &Ram) {
         let inputs = (self.i_EVENT, self.i_PAR1, self.x_EN);
         let slot = usize::try_from(self.i_EVENT).ok().and_then(|event| ram.header().interrupts.get(event));
@@ -79,7 +80,7 @@ impl INTR_SET {
         }
     }
 
-    /// Whether `x_ERR` tells what became of the inputs of the last call.
+    /// Whether `x_ERR` is the result for the inputs of the last call.
     pub fn is_answered(&self) -> bool {
         self.x_ERR || matches!(self.internal, Some((.., true)))
     }

@@ -1,4 +1,4 @@
-//! What a plant knows of a medium: a bus with the ports of devices at it, and whoever else takes part.
+//! Interface between a plant and a medium: a bus with the ports of devices and other participants.
 
 use super::{
     BuildError, Context, Device, DriveDetails, DriveState, GuestRefusal, Interval, ParameterRefusal, Shaft,
@@ -12,7 +12,7 @@ use core::any::Any;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-/// What an event may touch besides the device or medium that it is due at.
+/// Access of an event to other objects than its own device or medium.
 pub struct World<'a> {
     /// Emulated time in microseconds.
     pub now: u64,
@@ -20,16 +20,16 @@ pub struct World<'a> {
     pub journal: &'a mut Journal,
     /// The faults that wait or act.
     pub faults: &'a mut Faults,
-    /// Ports whose devices are to be told of a SYNC edge, in this order, after the event.
+    /// Ports whose devices are to be notified of a SYNC edge, in this order, after the event.
     pub edges: &'a mut Vec<Origin>,
 }
 
-/// A SYNC signal, as far as those must know it who take it over.
+/// A SYNC signal, as far as the masters that take it over need it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SyncSignal {
     /// Time from one edge to the next in us.
     pub interval_us: u32,
-    /// Rate of the medium whose master makes it, in kbit/s.
+    /// Rate of the medium of the master that generates it, in kbit/s.
     pub kbit_s: u16,
 }
 
@@ -44,7 +44,7 @@ pub enum SyncOrigin {
     Idle {
         /// Its port.
         port: Origin,
-        /// What its status register shows.
+        /// Value of its status register.
         state: u16,
     },
     /// The master makes the signal itself.
@@ -61,33 +61,33 @@ pub struct Plug {
     pub family: &'static str,
     /// Name of the medium in the plant; none is plugged in if it is left out.
     pub medium: Option<String>,
-    /// What the family of media needs to run the port's firmware.
+    /// Data that the family of media needs to run the port's firmware.
     pub socket: Box<dyn Any + Send>,
 }
 
-/// A station of a medium whose stations are known.
+/// A station of a medium with known stations.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StationState {
     /// The port, or the guest.
     pub origin: Origin,
     /// Its address, where stations have one and it is known.
     pub address: Option<u8>,
-    /// What it does, in one word; none: the state of its error counters says that.
+    /// Activity of the station in one word; `None`: the state of its error counters describes it.
     pub does: Option<&'static str>,
     /// Its error counters, 0 where stations count no errors.
     pub errors: ErrorCounters,
 }
 
-/// Somebody on a medium whose rate is another, so that it does not take part.
+/// A station with another rate than its medium, which therefore does not take part.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Stranger {
-    /// Who it is.
+    /// Identity of the station.
     pub whose: Whose,
     /// The rate that it is set to, in bit/s.
     pub bit_s: u32,
 }
 
-/// Who on a medium is meant.
+/// Participant of a medium.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Whose {
     /// A port of a device.
@@ -96,8 +96,8 @@ pub enum Whose {
     Own(String),
 }
 
-/// A medium of a plant. It runs the firmware of the ports that are attached to it, so that an event meets everybody whom
-/// it concerns without asking a device.
+/// A medium of a plant. It runs the firmware of the ports that are attached to it, so an event reaches all affected
+/// ports without a call of their devices.
 pub trait Medium: Any + Send + SnapshotFields {
     /// Its name in the plant.
     fn name(&self) -> &str;
@@ -117,14 +117,14 @@ pub trait Medium: Any + Send + SnapshotFields {
         let _ = us;
     }
 
-    /// Its device starts, with this number at its switches; `false` if somebody else has it and the port is therefore not
-    /// connected.
+    /// The device at `place` starts with this number at its switches. Returns `false` if another station has the number
+    /// and the port is therefore not connected.
     fn power_on(&mut self, place: usize, address: u8, now: u64, journal: &mut Journal) -> bool;
 
     /// Its device stops: the port leaves the medium and forgets everything.
     fn power_off(&mut self, place: usize, now: u64, journal: &mut Journal);
 
-    /// The port's firmware looks at its control registers. Tells whether it takes part in the traffic now.
+    /// The port's firmware polls its control registers. Returns whether the port now takes part in the traffic.
     fn processor_cycle(&mut self, place: usize, now: u64, journal: &mut Journal) -> bool;
 
     /// Whether the firmware of the port rests, as a device does ([`Device::is_quiescent`]): its processor cycles find nothing to do
@@ -134,11 +134,10 @@ pub trait Medium: Any + Send + SnapshotFields {
         false
     }
 
-    /// Whether a look of the port's firmware at `now` finds nothing to do, and shows nothing but what another look shortly
-    /// after it shows anew: the traffic of the moment. `is_seen`: nobody has written since registers were looked at, so
-    /// that only what has happened on the medium can matter; else the registers are those of anybody. Where looks were in vain,
-    /// what happens on the medium by itself may give one something to do, but not whether the port takes part in the traffic.
-    /// Whoever is not sure does not look in vain.
+    /// True if polling this port at `now` would change nothing except the live traffic bits. `is_seen`: no register was
+    /// written since the last poll, so only events on the medium matter; otherwise a client may have written the
+    /// registers. Events on the medium itself may give a later poll something to do, but must not change whether the
+    /// port takes part in the traffic. When in doubt, returns false.
     fn poll_changes_nothing(&self, place: usize, now: u64, is_seen: bool) -> bool {
         let _ = (place, now, is_seen);
         false
@@ -166,8 +165,8 @@ pub trait Medium: Any + Send + SnapshotFields {
         let _ = (place, offset, bytes, now, journal);
     }
 
-    /// Judges what is taken over at a SYNC edge. Called when all who are told of an edge that [`Medium::event`] returned have
-    /// been told.
+    /// Checks the values that are taken over at a SYNC edge. Called after all devices were notified of an edge that
+    /// [`Medium::event`] returned.
     fn judge_edge(&mut self, now: u64, journal: &mut Journal) {
         let _ = (now, journal);
     }
@@ -175,7 +174,7 @@ pub trait Medium: Any + Send + SnapshotFields {
     /// The rate that it runs at now, in bit/s.
     fn bit_s(&self) -> u32;
 
-    /// Who is set to another rate than that and takes no part for that reason.
+    /// Stations that are set to another rate and therefore do not take part.
     fn strangers(&self) -> Vec<Stranger> {
         Vec::new()
     }
@@ -193,21 +192,22 @@ pub trait Medium: Any + Send + SnapshotFields {
         None
     }
 
-    /// Does what has been put off because nobody could tell. Whoever only looks finds it done in any case; it saves him the way.
+    /// Does work that was postponed because its result was not visible. Readers see the same result without this call;
+    /// it only saves time.
     fn settle(&mut self) {}
 
-    /// The drives on it, in the order of the plant file: names and how they stand.
+    /// The drives on the medium, in the order of the plant file: names and states.
     fn drives(&self) -> Vec<(&str, DriveState)> {
         Vec::new()
     }
 
-    /// All that is to be seen of the drive at this place in [`Medium::drives`].
+    /// All details of the drive at this place in [`Medium::drives`].
     fn drive(&self, drive: usize) -> Option<DriveDetails> {
         let _ = drive;
         None
     }
 
-    /// Sets a parameter of such a drive, as somebody does who stands in front of it.
+    /// Sets a parameter of such a drive, as a user does at the drive itself.
     ///
     /// # Errors
     /// [`ParameterRefusal`].
@@ -223,39 +223,39 @@ pub trait Medium: Any + Send + SnapshotFields {
         Err(ParameterRefusal::NotThere)
     }
 
-    /// What the motor of such a drive is to do, and does.
+    /// Demanded and actual motion of the motor of such a drive.
     fn shaft(&self, drive: usize) -> Option<Shaft> {
         let _ = drive;
         None
     }
 
-    /// The motor of such a drive turns with this speed, whatever the drive demands of it; `None`: it does what the drive
-    /// demands.
+    /// Sets the speed of the motor of such a drive independently of the drive's demand; `None`: the motor follows the
+    /// drive.
     fn turn_shaft(&mut self, drive: usize, speed: Option<i32>, now: u64) {
         let _ = (drive, speed, now);
     }
 
-    /// How long something that the journal tells of this medium has kept the wire busy, in nanoseconds: a frame.
+    /// Time for which a journal event of this medium, a frame, has kept the wire busy, in nanoseconds.
     fn busy_ns(&self, event: &Event) -> u64 {
         let rate = BitRate::new(self.bit_s());
         let taken = event.frame().zip(rate).map(|(carried, rate)| can::wire::airtime(&carried.frame, rate));
         taken.map_or(0, |airtime| airtime.occupation_ns)
     }
 
-    /// A guest takes part from now on. Guests have numbers, one each; number 0 is whoever asks by requests. Tells whether that
-    /// makes a difference here.
+    /// A guest takes part from now on. Each guest has a number; number 0 is the guest that acts by requests. Returns
+    /// whether this changes anything here.
     fn guest_joins(&mut self, guest: u8, now: u64) -> bool {
         let _ = (guest, now);
         false
     }
 
-    /// It does so no longer. What it has given to its controller is still sent.
+    /// The guest stops taking part. Frames that it has passed to its controller are still sent.
     fn guest_leaves(&mut self, guest: u8, now: u64) {
         let _ = (guest, now);
     }
 
-    /// It has gone for ever, and has more to send than there was room for. What would keep that waiting for ever it sends no longer:
-    /// what it wanted to send later than now, and all if nobody is there to hear it.
+    /// The guest has disconnected, with more frames to send than there was room for. Frames that would wait without a
+    /// limit are dropped: the frames for a later time than now, and all frames if no station receives them.
     fn guest_has_gone(&mut self, guest: u8, now: u64) {
         let _ = (guest, now);
     }
@@ -266,7 +266,7 @@ pub trait Medium: Any + Send + SnapshotFields {
         ErrorState::Active
     }
 
-    /// What a guest that takes part is to hear and the journal does not keep whole goes to this ear.
+    /// Frames for a guest that takes part go to `ear` if the journal does not keep them whole.
     fn guest_hears(&mut self, guest: u8, ear: Arc<Guest>) {
         let _ = (guest, ear);
     }
@@ -283,16 +283,16 @@ pub trait Medium: Any + Send + SnapshotFields {
         journal: &mut Journal,
     ) -> Result<(), GuestRefusal>;
 
-    /// When the next event is due; `u64::MAX` if none is. It changes only in calls to the medium.
+    /// Time of the next event; `u64::MAX` if there is none. It changes only in calls to the medium.
     fn next_time(&self) -> u64;
 
-    /// Until when its events touch nothing that anybody else touches before, and ask for nobody: they then may happen on another
-    /// core than those of others. 0: they never do.
+    /// Time up to which the medium's events are independent of all other participants, so they may run on another core.
+    /// 0: never.
     fn apart_until(&self) -> u64 {
         0
     }
 
-    /// Handles one event that is due at `world.now`. Returns the SYNC signal if that was an edge that went out on the line.
+    /// Handles one event at `world.now`. Returns the SYNC signal if the event was an edge that went out on the line.
     fn event(&mut self, world: &mut World) -> Option<SyncSignal>;
 
     /// Whether the port takes its SYNC signal from another port of its device.
@@ -316,8 +316,8 @@ pub trait Medium: Any + Send + SnapshotFields {
         SyncOrigin::Unknown
     }
 
-    /// When a port last sent or received a frame since it takes part, in emulated microseconds; `None` if it has not, or the
-    /// medium does not tell.
+    /// Time of the last frame that a port sent or received since it joined, in emulated microseconds; `None` if there
+    /// was none, or the medium does not record it.
     fn last_frame(&self, place: usize) -> Option<u64> {
         let _ = place;
         None
@@ -328,7 +328,7 @@ pub trait Medium: Any + Send + SnapshotFields {
         0
     }
 
-    /// Which of the faults that the medium lets act do so has changed.
+    /// Called when the set of active faults of the medium has changed.
     fn faults_changed(&mut self, now: u64, faults: &Faults) {
         let _ = (now, faults);
     }
@@ -342,21 +342,21 @@ pub trait Medium: Any + Send + SnapshotFields {
 }
 
 impl dyn Device {
-    /// The device as what it is, if that is a `T`.
+    /// Returns the device as a `T`, if it has that type.
     pub fn as_a<T: Device>(&self) -> Option<&T> {
         (self as &dyn Any).downcast_ref()
     }
 }
 
 impl dyn Medium {
-    /// The medium as what it is, if that is a `T`.
+    /// Returns the medium as a `T`, if it has that type.
     pub fn as_a<T: Medium>(&self) -> Option<&T> {
         (self as &dyn Any).downcast_ref()
     }
 }
 
 impl World<'_> {
-    /// What firmware of `origin`, whose area begins at `base`, is given.
+    /// Returns the context for firmware of `origin`, whose area begins at `base`.
     pub fn context(&mut self, origin: Origin, base: usize) -> Context<'_> {
         Context { now: self.now, journal: self.journal, origin, base }
     }

@@ -4,7 +4,7 @@ use super::of_hash;
 use crate::layout::{Device as Layout, Fit, Role};
 use crate::memory::Header;
 
-/// What a LED shows.
+/// State of a LED.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Led {
     /// Dark.
@@ -12,25 +12,25 @@ pub enum Led {
     Off,
     /// Lit.
     On,
-    /// Flashes: so many times, then a pause.
+    /// Flashes this many times, then pauses.
     Flashes(u8),
     /// Flashes in turn with the other LED of the module that does so.
     InTurn,
 }
 
-/// How a switch of a module stands.
+/// Position of a switch of a module.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Switch {
     /// Several switches that make a number.
     Number(u8),
-    /// One that is ON (`true`) or OFF.
+    /// A switch that is ON (`true`) or OFF.
     Is(bool),
 }
 
 /// The front of a module.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ModuleFront {
-    /// What it is, as plant files call it.
+    /// Kind of the module, as plant files call it.
     pub kind: &'static str,
     /// Its switches, by the names that they have in plant files.
     pub switches: Vec<(&'static str, Switch)>,
@@ -38,9 +38,9 @@ pub struct ModuleFront {
     pub leds: Vec<(&'static str, Led)>,
 }
 
-/// What the module of a port is and shows: from its role, its DIP switches and its LEDs as they stand in the header
-/// page ([`PortEntry`](crate::memory::header::PortEntry)). A module without registers in the device has no role; `None` if there is
-/// no module.
+/// Returns the module of a port with its display: from its role, its DIP switches and its LEDs in the header page
+/// ([`PortEntry`](crate::memory::header::PortEntry)). A module without registers in the device has no role; `None` if
+/// there is no module.
 pub type ReadModule = fn(Option<Role>, u32, u32) -> Option<ModuleFront>;
 
 /// The modules of a device by the names of their ports, in the order of these; `None` if it is not modular.

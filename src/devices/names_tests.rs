@@ -1,4 +1,4 @@
-//! What the manuals' own names lead to, and what their values mean.
+//! Tests of the search for names from the manuals, and of the meanings of values.
 
 use super::bm4_o_can_06::registers::DEVICE as SLOTS;
 use super::omega_drive_line_2::registers::DEVICE;
@@ -65,6 +65,6 @@ fn what_a_device_adds_to_a_manual_names_its_decision() {
     let decode = |name: &str, value| DEVICE.register(name).unwrap().decode(value);
     assert_eq!(decode("baps.us_PAR_ELEMENT", 7), "value");
     assert_eq!(decode("baps.us_PAR_ELEMENT", 5), "minimum (D-160)");
-    // Of bits in a row that follow from one decision the last one names it.
+    // The last of several adjacent bits that follow from one decision names it.
     assert_eq!(decode("baps.w_STATUSWORD", 0x8001), "ready to switch on, quick stop (D-87), synchronized");
 }

@@ -11,7 +11,8 @@ use crate::memory::{Face, Header, MemoryError, Segment};
 use crate::snapshot_fields;
 use crate::snapshot_fields::SnapshotFields;
 
-/// The firmware of a [`Plain`] device, as far as it does not run at its ports. Whoever has none takes `()`.
+/// The firmware of a [`Plain`] device, as far as it does not run at its ports. A device without such firmware uses
+/// `()`.
 pub trait Firmware: SnapshotFields + Send + 'static {
     /// Power-on or end of a reset.
     fn start(&mut self, ctx: &mut Context) {
@@ -26,32 +27,32 @@ pub trait Firmware: SnapshotFields + Send + 'static {
         let _ = ctx;
     }
 
-    /// As [`Device::is_quiescent`].
+    /// Same as [`Device::is_quiescent`].
     fn is_quiescent(&self) -> bool {
         false
     }
 
-    /// When the next of its own times is due; `u64::MAX` if none is.
+    /// Next time at which the firmware has something to do; `u64::MAX` if there is none.
     fn next_time(&self) -> u64 {
         u64::MAX
     }
 
-    /// Handles what is due at `ctx.now`.
+    /// Handles the event at `ctx.now`.
     fn due(&mut self, ctx: &mut Context) {
         let _ = ctx;
     }
 
-    /// The area whose registers are left as they are at power-on and reset; its first structure is what NOVRAM holds.
+    /// The area whose registers keep their values at power-on and reset; NOVRAM holds its first structure.
     fn kept(&self) -> Option<&'static Area> {
         None
     }
 
-    /// What NOVRAM holds, and a number that changes with it; empty if there is none.
+    /// Contents of NOVRAM, and a number that changes with them; empty if there is none.
     fn novram(&self) -> (&[u8], u32) {
         (&[], 0)
     }
 
-    /// What stands in the NOVRAM registers counts as stored.
+    /// Stores the contents of the NOVRAM registers.
     fn keep(&mut self) {}
 
     /// A fault of the device itself acts, at its begin or in a processor cycle: does it hit?
@@ -60,12 +61,12 @@ pub trait Firmware: SnapshotFields + Send + 'static {
         None
     }
 
-    /// Which of its faults act has changed: those of `owner`.
+    /// Called when the set of active faults of `owner` has changed.
     fn faults_changed(&mut self, faults: &Faults, owner: Owner) {
         let _ = (faults, owner);
     }
 
-    /// As [`Device::refusal`].
+    /// Same as [`Device::refusal`].
     fn refusal(&self, setting: BoardSetting) -> Option<&'static str> {
         let _ = setting;
         None
@@ -76,7 +77,7 @@ pub trait Firmware: SnapshotFields + Send + 'static {
         true
     }
 
-    /// As [`Device::event_level`].
+    /// Same as [`Device::event_level`].
     fn event_level(&self, event: usize) -> Option<u8> {
         let _ = event;
         None
@@ -87,8 +88,8 @@ pub trait Firmware: SnapshotFields + Send + 'static {
         None
     }
 
-    /// Whether the device has a program of its own, which its firmware starts and stops. Otherwise the program that a client brings
-    /// runs while the device is up.
+    /// Whether the device has a separate program, which its firmware starts and stops. Otherwise the program of a
+    /// client runs while the device is up.
     fn starts_program(&self) -> bool {
         false
     }
@@ -272,7 +273,7 @@ impl<F: Firmware> Device for Plain<F> {
 mod tests {
     use super::*;
 
-    /// As [`Firmware`] says of each.
+    /// Each default is the value that [`Firmware`] documents.
     #[test]
     fn firmware_that_says_nothing_has_nothing() {
         let mut none = ();

@@ -56,7 +56,7 @@ impl Starts {
         ordered
     }
 
-    /// Power-on: a program that is loaded starts, warm unless it is new.
+    /// Power-on: starts a loaded program, with a warm start unless the program is new.
     pub(super) fn start(&mut self, ctx: &mut Context, face: &Face) -> Option<Start> {
         self.is_loaded.then(|| self.order(ctx, face, if self.is_new { Start::Cold } else { Start::Warm }))
     }
@@ -187,7 +187,7 @@ mod tests {
         assert_eq!((rig.power_on(), rig.power_on()), (Some(Start::Cold), Some(Start::Warm)));
     }
 
-    /// Nobody waits for an answer that does not come.
+    /// A refused request is answered, so no client waits for ever.
     #[test]
     fn initial_values_of_retain_flags_are_refused() {
         let mut rig = Rig::new();

@@ -89,7 +89,7 @@ fn every_fact_of(device: &'static Device) {
     }
 }
 
-/// What no manual says must not look as if one did.
+/// Facts that no manual states are marked as such.
 #[test]
 fn inventions_are_marked() {
     let decisions = |meaning: &str| -> Vec<_> {

@@ -1,4 +1,4 @@
-//! What the journal tells about the board of a device: its front, its supply, its program and its events.
+//! Journal records about the board of a device: its front, its supply, its program and its events.
 
 use crate::event_kinds;
 use crate::journal::{EventCodec, EventText, Fields, Kind, Origin, Packer, Part, Reader, Unpacker};
@@ -12,7 +12,7 @@ pub static KINDS: &[&Kind] = &[OnBoard::KIND];
 event_kinds! {
     /// Something happened on the board of a PLC.
     OnBoard = 20, "board", Rare, at plc {
-        /// What.
+        /// The event.
         what: BoardEvent,
     }
 }
@@ -55,17 +55,17 @@ pub enum BoardEvent {
         /// Its new position.
         to: RunSwitch,
     },
-    /// The PLC program is told to start or stop.
+    /// The PLC program is ordered to start or stop.
     Start {
         /// How.
         kind: Start,
     },
     /// A project was loaded, or the one that was loaded is deleted.
     Project {
-        /// Which.
+        /// The loaded project.
         project: Project,
     },
-    /// A start was asked for that is not possible: the switch is not at RUN, or there is no program or no such start.
+    /// A start was requested that is not possible: the switch is not at RUN, or there is no program or no such start.
     StartRefused {
         /// The number asked for.
         code: u8,
@@ -78,17 +78,18 @@ pub enum BoardEvent {
         factor: i16,
         /// `x_EN`.
         enable: bool,
-        /// What became of it.
+        /// Result of the request.
         result: InterruptResult,
     },
     /// `OPT_INIT` was run.
     Triggers {
         /// Modes of trigger 1, trigger 2 and trigger controller.
         modes: [u8; 3],
-        /// What became of it.
+        /// Result of the request.
         result: OptInitResult,
     },
-    /// The number at the DIP switches belongs to another station of the bus at a port: nobody can address the port.
+    /// The number at the DIP switches belongs to another station of the bus at a port, so no station can address the
+    /// port.
     NumberTaken {
         /// Number of the port.
         port: u8,
@@ -99,7 +100,7 @@ pub enum BoardEvent {
     Lockstep {
         /// Its event number.
         event: u8,
-        /// What became of it.
+        /// New state.
         state: SeatState,
     },
     /// An IP address was stored by writing `d_IP_CONFIG`.
@@ -125,11 +126,11 @@ pub enum BoardEvent {
     },
 }
 
-/// Number of [`BoardEvent::Up`] in the journal for a device without DIP switches of its own.
+/// Number of [`BoardEvent::Up`] in the journal for a device without DIP switches.
 const NO_DIP: u64 = 1 << 8;
 
 impl BoardEvent {
-    /// What it is, and its numbers.
+    /// Number of the event kind, and the numbers of the event.
     fn words(&self) -> (u8, u64) {
         let address_words =
             |config: u32, address: Ipv4Addr| u64::from(config) << 32 | u64::from(address.to_bits());
@@ -206,7 +207,7 @@ impl BoardEvent {
         }
     }
 
-    /// What happened, in words; `port_name` tells the name of a port.
+    /// Describes the event in words; `port_name` returns the name of a port.
     fn text<'a>(&self, port_name: impl Fn(u8) -> Cow<'a, str>) -> String {
         match *self {
             BoardEvent::Up { dip: Some(dip) } => format!("on, DIP number {dip}"),

@@ -1,4 +1,4 @@
-//! Which devices there are: those of commram itself, and those that a program adds before it uses any.
+//! Registry of devices: the devices of commram, and the devices that a program adds before the first use.
 
 #[cfg(feature = "emulator")]
 use super::demo::Demo;
@@ -22,12 +22,13 @@ use std::sync::{Mutex, OnceLock, PoisonError};
 pub struct Registered {
     /// Its areas, registers, ports and times.
     pub layout: &'static Layout,
-    /// What it has at its board, of [`BoardWords::NAMES`](header::BoardWords::NAMES); supply and restarts every device has.
+    /// Elements of its board, from [`BoardWords::NAMES`](header::BoardWords::NAMES); every device has supply and
+    /// restarts.
     pub board: &'static [&'static str],
     /// The function blocks that its programs use.
     #[cfg(feature = "plc")]
     pub blocks: &'static [BlockKind],
-    /// The same in IEC Structured Text, in the order in which a compiler wants them; none if nobody has written them.
+    /// The structures in IEC Structured Text, in the order that a compiler needs; empty if there is no such text.
     #[cfg(feature = "plc")]
     pub st: &'static [StPart],
     /// Reads its section of a plant file; none if only its registers are known.
@@ -39,28 +40,28 @@ pub struct Registered {
     /// A plant with such a device to begin with, its first one, in which every key is shown.
     #[cfg(feature = "emulator")]
     pub template: Option<&'static str>,
-    /// What only its firmware has to tell the journal.
+    /// Kinds of journal records that only its firmware writes.
     #[cfg(feature = "emulator")]
     pub records: &'static [&'static Kind],
     /// Rules of the access checker that only hold for it.
     #[cfg(feature = "emulator")]
     pub rules: &'static [&'static Rule],
-    /// What can go wrong with the device itself, or with its ports whatever they are at.
+    /// Kinds of faults of the device itself, or of its ports on any medium.
     #[cfg(feature = "emulator")]
     pub faults: &'static [&'static fault::Kind],
-    /// Tells what its modules show; none if it has no modules.
+    /// Reads the front of its modules; `None` if the device has no modules.
     #[cfg(feature = "emulator")]
     pub module: Option<ReadModule>,
-    /// What `commram demo` shows of it; none if nobody has written a demonstration.
+    /// Demonstration for `commram demo`; `None` if there is none.
     #[cfg(feature = "emulator")]
     pub demo: Option<&'static Demo>,
-    /// What `commram soak` puts it through.
+    /// Exercises for `commram soak`.
     #[cfg(feature = "emulator")]
     pub exercises: &'static [&'static Exercise],
 }
 
 impl Registered {
-    /// A device of which only the registers are known. What it has beyond them stands in front:
+    /// A device of which only the registers are known. Other properties precede the base in a struct update:
     /// `Registered { rules: ALL, ..Registered::new(&DEVICE) }`.
     #[must_use]
     pub const fn new(layout: &'static Layout) -> Self {
@@ -199,7 +200,7 @@ static BUILT_IN: [Registered; 5] = [
 /// Why a device cannot be added.
 #[derive(Clone, Debug, thiserror::Error, PartialEq, Eq)]
 pub enum RegisterError {
-    /// Somebody has already looked something up.
+    /// A device has already been looked up.
     #[error("device '{name}' comes too late: add devices before anything else uses them")]
     TooLate {
         /// The device.
@@ -214,12 +215,12 @@ pub enum RegisterError {
         what: &'static str,
         /// The name or number.
         taken: String,
-        /// Who has it.
+        /// Owner of the claim.
         other: &'static str,
     },
 }
 
-/// Devices in the order of their registration; who looks first ends it.
+/// Devices in the order of their registration; the first lookup ends the registration.
 struct Registry {
     added: Mutex<Vec<&'static Registered>>,
     all: OnceLock<Vec<&'static Registered>>,
@@ -241,7 +242,7 @@ impl Registry {
     }
 
     fn register(&self, device: &'static Registered) -> Result<(), RegisterError> {
-        // Whoever looks first waits for this lock.
+        // The first lookup waits for this lock.
         let mut added = self.added.lock().unwrap_or_else(PoisonError::into_inner);
         let name = device.layout.name;
         if self.all.get().is_some() {
@@ -266,7 +267,7 @@ struct Claim {
     owner: &'static str,
     what: &'static str,
     value: String,
-    /// What has it, if devices may share it, as those of a family do.
+    /// Owner of the claim, if devices may share it, as the devices of a family do.
     shared: Option<*const ()>,
 }
 
@@ -286,7 +287,7 @@ impl Claim {
     }
 }
 
-/// What a device claims for itself.
+/// Claims of a device.
 fn claims(device: &'static Registered) -> Vec<Claim> {
     let layout = device.layout;
     let hash = format!("16#{:016X}", layout.layout_hash);
@@ -320,7 +321,7 @@ fn claims_of(
     of_records.chain(of_rules).chain(of_faults)
 }
 
-/// What is the same for every device, and what belongs to media.
+/// Claims that are the same for every device, and claims of media.
 fn generic_claims() -> Vec<Claim> {
     #[cfg(feature = "emulator")]
     let claims =
@@ -330,13 +331,12 @@ fn generic_claims() -> Vec<Claim> {
     claims
 }
 
-/// Adds a device, for a program that has one of its own: before it does anything else, so that the device is there
-/// wherever commram looks one up. Such a program then calls [`cli::main`](crate::cli::main), or takes what it needs of
-/// the library.
+/// Adds a device of another crate. The program must call this before anything else, so that every lookup in commram
+/// finds the device. The program then calls [`cli::main`](crate::cli::main), or uses parts of the library.
 ///
 /// # Errors
-/// [`RegisterError`]: name, layout hash, or the number or name of a record, rule or fault is taken, or somebody has already looked
-/// a device up.
+/// [`RegisterError`]: the name, the layout hash, or the number or name of a record, rule or fault is taken, or a device
+/// has already been looked up.
 pub fn register(device: &'static Registered) -> Result<(), RegisterError> {
     REGISTRY.register(device)
 }
@@ -347,7 +347,7 @@ pub fn all() -> &'static [&'static Registered] {
     REGISTRY.all()
 }
 
-/// The device that is meant if nobody names one.
+/// The device that is used if no name is given.
 #[must_use]
 pub fn default() -> &'static Registered {
     &BUILT_IN[0]
@@ -359,22 +359,22 @@ pub fn find(name: &str) -> Option<&'static Registered> {
     all().iter().copied().find(|it| it.layout.name == name)
 }
 
-/// The device of an image whose header holds this layout hash.
+/// The device of an image with this layout hash in its header.
 #[must_use]
 pub fn of_hash(hash: u64) -> Option<&'static Registered> {
     all().iter().copied().find(|it| it.layout.layout_hash == hash)
 }
 
-/// What a device has at its board: [`Registered::board`]; everything, if nobody knows it.
+/// Elements of the device's board: [`Registered::board`]; all elements for an unknown device.
 #[must_use]
 pub fn board_of(layout: &Layout) -> &'static [&'static str] {
     of_hash(layout.layout_hash).map_or(&header::BoardWords::NAMES, |known| known.board)
 }
 
-/// Attaches to the image of a PLC, whatever it is, and tells what it is.
+/// Attaches to the image of a PLC of any device, and returns the device.
 ///
 /// # Errors
-/// As [`Image::attach`]; [`MemoryError::OtherLayout`] if no device has the layout of the image.
+/// Same as [`Image::attach`]; [`MemoryError::OtherLayout`] if no device has the layout of the image.
 pub fn attach(
     instance: &str,
     plc: &str,

@@ -1,4 +1,4 @@
-//! What others are tested with, under names that are no device's.
+//! Samples for tests of other modules, with names that belong to no device.
 
 #[cfg(feature = "emulator")]
 mod events;

@@ -1,4 +1,4 @@
-//! What somebody sees who looks at a medium: intervals with their slots.
+//! View of a medium: intervals with their slots.
 
 use serde::{Deserialize, Serialize};
 
@@ -14,14 +14,14 @@ pub struct Interval {
 /// A part of an interval that belongs to a frame.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Slot {
-    /// What the frame is called.
+    /// Name of the frame.
     pub name: String,
     /// When it begins at the latest, in us after the SYNC edge.
     pub start_us: u32,
 }
 
 impl Slot {
-    /// A slot that begins so many us after the SYNC edge.
+    /// Creates a slot that begins `start_us` after the SYNC edge.
     #[must_use]
     pub fn new(name: &str, start_us: u32) -> Self {
         Self { name: name.to_owned(), start_us }

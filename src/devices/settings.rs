@@ -1,4 +1,4 @@
-//! What the settings of devices and media in a plant file have in common: ranges, times.
+//! Checks that the settings of devices and media in a plant file share: ranges, times.
 
 use crate::memory::MemoryError;
 use core::convert::Infallible;
@@ -17,11 +17,11 @@ const HOUR_US: u64 = 3_600_000_000;
 pub struct SettingError {
     /// The key.
     pub what: &'static str,
-    /// Whose.
+    /// Name of the device or medium.
     pub name: String,
     /// The value.
     pub value: u64,
-    /// What would be right.
+    /// Description of a correct value.
     pub right: &'static str,
 }
 
@@ -42,15 +42,15 @@ pub enum BuildError {
     Own {
         /// Name of the owner, as the plant file has it.
         name: String,
-        /// Where in its section that stands: `zk.zk_0`; empty if nowhere in particular.
+        /// Path in the section, such as `zk.zk_0`; empty if the error has no particular path.
         at: String,
-        /// What is wrong, and what would be right.
+        /// Description of the error and of a correct value.
         reason: String,
     },
 }
 
 impl BuildError {
-    /// What only `name` can judge, and where in its section that stands.
+    /// Creates an error that only `name` can detect, with its path in the section.
     pub(crate) fn own(name: &str, at: &str, reason: String) -> Self {
         Self::Own { name: name.to_owned(), at: at.to_owned(), reason }
     }
@@ -76,7 +76,7 @@ pub fn range(
 /// Checks a time in us that may be 0: at most one hour.
 ///
 /// # Errors
-/// As [`range`].
+/// Same as [`range`].
 pub fn time(what: &'static str, name: &str, us: u64) -> Result<(), SettingError> {
     range(what, name, us, 0..=HOUR_US, "at most one hour")
 }
@@ -84,14 +84,14 @@ pub fn time(what: &'static str, name: &str, us: u64) -> Result<(), SettingError>
 /// Checks a time in us that may be left out, but not be 0.
 ///
 /// # Errors
-/// As [`range`].
+/// Same as [`range`].
 pub fn time_or_none(what: &'static str, name: &str, us: Option<u64>) -> Result<(), SettingError> {
     us.map_or(Ok(()), |us| range(what, name, us, 1..=HOUR_US, "1 to 3600000000"))
 }
 
-/// A refusal of what stands at `span` of the plant file; the message will tell the line.
+/// Creates an error about the text at `span` of the plant file; the message contains the line.
 pub fn refused_at(span: Range<usize>, text: String) -> toml::de::Error {
-    // Only a value that is being read gives an error its place.
+    // Only a value that is being read gives an error its position.
     let value = ValueDeserializer::from(Spanned::new(span, DeValue::Boolean(false)));
     match (Refusal { text }).deserialize(value) {
         Err(error) => error,

@@ -4,9 +4,9 @@ use crate::devices::Context;
 use crate::journal::Register;
 use crate::memory::{Cell8, Cell16, Cell32};
 
-/// A register whose changes are worth a record. Process data are not: the frames tell them.
+/// A register whose changes are recorded. Process data are not: the frames contain them.
 pub(crate) trait Shown {
-    /// What the register holds.
+    /// Value of the register.
     type Value;
 
     /// Stores `value`; a change is noted. `offset` is the register's in its area.

@@ -10,7 +10,7 @@ use crate::snapshot_fields;
 /// Supply and whether the device is up.
 pub(super) struct Supply {
     is_powered: bool,
-    /// Whether anything comes in when the switch stands at on.
+    /// Whether power comes in when the switch is on.
     is_fed: bool,
     is_up: bool,
     /// Whether it has been up before: the first power-on is no event.
@@ -37,12 +37,12 @@ impl Supply {
         self.is_up
     }
 
-    /// Whether something comes in, as last told.
+    /// Whether power comes in, by the last report.
     pub(super) fn is_fed(&self) -> bool {
         self.is_fed
     }
 
-    /// The supply behind the switch drops, or is back.
+    /// The supply in front of the switch drops or returns.
     pub(super) fn feed(&mut self, face: &Face, is_fed: bool) -> Look {
         self.is_fed = is_fed;
         self.look(face)
@@ -62,7 +62,7 @@ impl Supply {
         self.switch(on)
     }
 
-    /// One look at the switch.
+    /// Polls the switch once.
     pub(super) fn look(&mut self, face: &Face) -> Look {
         self.seen = face.asked().program.power.load();
         self.switch(self.seen != header::Power::Off.code())
@@ -76,7 +76,7 @@ impl Supply {
         if on { Look::Up } else { Look::Off }
     }
 
-    /// The device starts; from the second time on that is an event.
+    /// The device starts; every start except the first is an event.
     pub(super) fn start(&mut self, ctx: &mut Context, face: &Face) {
         self.is_up = true;
         face.program.restarts.increment();

@@ -1,5 +1,5 @@
-//! How each kind of event reads, for people and for programs: `tests/journal/events.txt` has it as it was last agreed.
-//! `COMMRAM_UPDATE_EVENTS=1` renews the file; what changes there changes for everybody who reads journals.
+//! Texts of each kind of event, for people and for programs. `tests/journal/events.txt` contains the agreed texts.
+//! `COMMRAM_UPDATE_EVENTS=1` renews the file; a change there is visible to every reader of journals.
 
 use super::samples::event_at;
 use super::{all, catalogue};
@@ -13,11 +13,11 @@ use std::collections::BTreeSet;
 use std::fmt::Write;
 use std::sync::LazyLock;
 
-/// Lines drawn of each kind, and those of them that are kept: whose words, leaving out numbers, are like no other's.
+/// Lines that are generated for each kind. Only lines whose words, without numbers, differ from all others are kept.
 const DRAWN: usize = 1000;
 const KEPT: usize = 24;
 
-/// One PLC of each device, named by a number as the buses are.
+/// One PLC of each device, named by a number like the buses.
 pub(super) fn names() -> Names {
     Names {
         plcs: (0..all().len()).map(|plc| format!("{plc}")).collect(),
@@ -32,7 +32,7 @@ pub(super) fn line(mut format: impl Format, record: &Record) -> String {
     line
 }
 
-/// What is left of a line if numbers and octets say nothing.
+/// Words of a line without numbers and octets.
 fn shape(line: &str) -> Vec<&str> {
     let words = line.split(|it: char| !it.is_alphanumeric() && it != '_');
     words

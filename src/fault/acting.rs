@@ -15,7 +15,7 @@ const NEVER: u64 = u64::MAX;
 struct Entry {
     status: FaultStatus,
     owner: Owner,
-    /// What the values mean, as the family has it that lets the fault act.
+    /// Meaning of the values for the family that applies the fault.
     effect: Effect,
     begins: u64,
     ends: u64,
@@ -33,7 +33,7 @@ impl Entry {
     }
 }
 
-/// A fault as a snapshot has it: its kind by its number, and of what it does only what cannot be told from that.
+/// A fault in a snapshot: the number of its kind, and only the values that do not follow from the kind.
 #[derive(Serialize, Deserialize)]
 struct Kept {
     id: u16,
@@ -51,7 +51,7 @@ struct Kept {
 
 impl Kept {
     fn of(entry: &Entry) -> Self {
-        // What a fault does and who lets it act follows from the fault; none is over between two events.
+        // The effect and the owner follow from the fault; no fault is over between two events.
         let Entry { status, owner: _, effect: _, begins, ends, done: _ } = entry;
         let FaultStatus { id, fault, acting, hits } = *status;
         let (index, number) = fault.target().numbers();
@@ -99,13 +99,13 @@ pub struct Faults {
 impl Faults {
     /// Saves those that wait or act.
     pub(crate) fn save(&self, to: &mut Saving) {
-        // When the next one is due follows from them.
+        // The next time follows from the entries.
         let Faults { entries, last_id, next: _ } = self;
         to.value(&(entries.iter().map(Kept::of).collect::<Vec<_>>(), last_id));
     }
 
-    /// Takes over those of a snapshot, which must be such as an installation with these `sites` can have. What they have
-    /// done to media and devices is in the state of these.
+    /// Restores the faults of a snapshot, which must be valid for an installation with these `sites`. The effects on
+    /// media and devices are part of their own states.
     pub(crate) fn restore(
         &mut self,
         from: &mut Saved<'_>,
@@ -175,7 +175,7 @@ impl Faults {
         }
     }
 
-    /// Begins and ends what is due at `now`.
+    /// Begins and ends faults at time `now`.
     pub fn advance(&mut self, now: u64, journal: &mut Journal) {
         for entry in &mut self.entries {
             entry.status.acting |= entry.begins <= now;
@@ -217,7 +217,7 @@ impl Faults {
         });
     }
 
-    /// Lets all faults strike that act, whoever's they are.
+    /// Fires all active faults, of all owners.
     pub fn fire_all(
         &mut self,
         now: u64,

@@ -1,8 +1,8 @@
-//! What a family makes of a fault's values.
+//! Effect of a fault, as its family defines it from the values.
 
 use core::any::Any;
 
-/// What a fault does, in a type of the family that has it. Only that family looks into it.
+/// Effect of a fault, in a type of its family. Only that family reads it.
 pub struct Effect(Box<dyn Any + Send>);
 
 impl Effect {
@@ -11,7 +11,7 @@ impl Effect {
         Effect(Box::new(effect))
     }
 
-    /// It as what it is, if that is a `T`.
+    /// Returns the effect as a `T`, if it has that type.
     #[inline]
     pub fn get<T: Any>(&self) -> Option<&T> {
         self.0.downcast_ref()

@@ -1,4 +1,4 @@
-//! What can be wrong with the description of a fault.
+//! Errors in the description of a fault.
 
 use super::{Field, Kind, MAX_FAULTS, Place};
 use crate::journal::Names;
@@ -20,12 +20,12 @@ pub enum Refusal {
         /// Largest value.
         most: u64,
     },
-    /// A field that is missing.
+    /// A missing field.
     #[error("{field} is missing; {right}")]
     Missing {
         /// The field.
         field: &'static Field,
-        /// What would be right.
+        /// Description of a correct value.
         right: String,
     },
     /// Values of which each is right, but not together.
@@ -79,10 +79,10 @@ pub enum Refusal {
         plc: u16,
         /// The port.
         port: u8,
-        /// What the PLC is.
+        /// Device of the PLC.
         layout: &'static Device,
     },
-    /// A port that is not on a bus.
+    /// The port is not on a bus.
     #[error("{port} of PLC {plc} is not on a bus; those that are: {}", list(.plugged))]
     NotPlugged {
         /// The PLC.
@@ -119,15 +119,15 @@ pub enum Refusal {
     },
 }
 
-/// What is wrong with a [`FaultSpec`](super::FaultSpec).
+/// Error in a [`FaultSpec`](super::FaultSpec).
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum FaultError {
     /// A kind that does not exist.
     #[error("kind = \"{kind}\": there is no such fault{hint}; the kinds are: {known}")]
     UnknownKind {
-        /// As given.
+        /// Text of the description.
         kind: String,
-        /// Which may be meant.
+        /// Kind that may be meant.
         hint: String,
         /// The kinds there are.
         known: String,
@@ -137,7 +137,7 @@ pub enum FaultError {
     UnknownField {
         /// The kind.
         kind: &'static Kind,
-        /// As given.
+        /// Text of the description.
         field: String,
     },
     /// A field that the kind does not have.
@@ -163,9 +163,9 @@ pub enum FaultError {
         kind: &'static Kind,
         /// The field.
         field: &'static Field,
-        /// As given, a text in quotation marks.
+        /// Text of the description, with quotation marks for a text.
         given: String,
-        /// What would be right.
+        /// Description of a correct value.
         right: String,
     },
     /// A bus that does not exist.
@@ -173,7 +173,7 @@ pub enum FaultError {
     UnknownBus {
         /// The kind.
         kind: &'static Kind,
-        /// As given.
+        /// Text of the description.
         bus: String,
         /// The buses there are.
         known: String,
@@ -183,7 +183,7 @@ pub enum FaultError {
     UnknownPlc {
         /// The kind.
         kind: &'static Kind,
-        /// As given.
+        /// Text of the description.
         plc: String,
         /// The PLCs there are.
         known: String,
@@ -195,7 +195,7 @@ pub enum FaultError {
         kind: &'static Kind,
         /// The PLC.
         plc: String,
-        /// As given.
+        /// Text of the description.
         port: String,
         /// The ports it has.
         known: String,
@@ -212,7 +212,7 @@ pub enum FaultError {
         /// The slaves it has, bit n for slave n.
         present: u32,
     },
-    /// A port that is not on a bus.
+    /// The port is not on a bus.
     #[error("{}: {port} of PLC \"{plc}\" is not on a bus; those that are: {}", .kind.name(), list(.plugged))]
     NotPlugged {
         /// The kind.
@@ -244,7 +244,7 @@ pub enum FaultError {
         /// The faults that it has itself.
         known: &'static [&'static Kind],
     },
-    /// What does not depend on names.
+    /// Refusal that does not depend on names.
     #[error("{}: {refusal}", .kind.name())]
     Refused {
         /// The kind.
@@ -278,7 +278,7 @@ impl FaultError {
     }
 }
 
-/// What a kind acts on, for people.
+/// Describes the target of a kind, for people.
 const fn acts_on(place: Place) -> &'static str {
     match place {
         Place::Medium => "a bus",

@@ -1,4 +1,4 @@
-//! Fields that describe a fault: what each of them holds, told once for whoever reads, checks, prints or documents it.
+//! Fields that describe a fault. A single definition of each field serves reading, checks, printing and documentation.
 
 use super::Refusal;
 use core::fmt;
@@ -14,14 +14,14 @@ pub struct Field {
     need: Need,
 }
 
-/// What a field holds.
+/// Type of a field's value.
 #[derive(Clone, Copy, Debug)]
 pub enum Form {
     /// Name of a bus or PLC.
     Name,
     /// Name or number of a PLC's port.
     Port,
-    /// One of these words, of which the fault holds the position.
+    /// One of these words; the fault stores its position.
     Word(&'static [&'static str]),
     /// A decimal number.
     Number {
@@ -30,7 +30,7 @@ pub enum Form {
         /// The largest.
         most: u64,
     },
-    /// A number that is written hexadecimal.
+    /// A number in hexadecimal notation.
     Hex {
         /// The smallest.
         least: u64,
@@ -65,7 +65,7 @@ impl Field {
         Field { name, other_name: None, about, form, need: Need::Optional }
     }
 
-    /// The same with another name that is understood too.
+    /// Returns the same field with an alternative name.
     #[must_use]
     pub const fn or(self, other_name: &'static str) -> Self {
         Field { other_name: Some(other_name), ..self }
@@ -89,25 +89,25 @@ impl Field {
         self.name
     }
 
-    /// Another name that is understood wherever [`Field::name`] is.
+    /// Alternative name that is accepted in place of [`Field::name`].
     #[must_use]
     pub const fn other_name(&self) -> Option<&'static str> {
         self.other_name
     }
 
-    /// What it is.
+    /// Description of the field.
     #[must_use]
     pub const fn about(&self) -> &'static str {
         self.about
     }
 
-    /// What it holds.
+    /// Type of the value.
     #[must_use]
     pub const fn form(&self) -> Form {
         self.form
     }
 
-    /// What would be right if it is left out and must not be.
+    /// Description of a correct value, if the field is required.
     pub(super) const fn missing(&self) -> Option<&'static str> {
         match self.need {
             Need::Required(right) => Some(right),
@@ -155,7 +155,7 @@ impl Field {
         }
     }
 
-    /// What it may hold, for people.
+    /// Description of the allowed values, for people.
     #[must_use]
     pub fn range_text(&self) -> String {
         let (least, most) = self.range();

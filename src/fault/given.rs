@@ -20,7 +20,7 @@ pub struct FaultSpec {
     pub required: bool,
 }
 
-/// What a field holds.
+/// Value of a field.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Given {
     /// A number.
@@ -29,7 +29,7 @@ pub enum Given {
     Text(String),
 }
 
-/// Equal descriptions have the same fields, in whatever order.
+/// Equal descriptions have the same fields, in any order.
 impl PartialEq for FaultSpec {
     fn eq(&self, other: &Self) -> bool {
         self.kind == other.kind

@@ -1,12 +1,12 @@
-//! Kinds of faults. A family tells each of its kinds once: number, name, where it acts, fields, how it ends, and what it
-//! makes of the values.
+//! Kinds of faults. A family defines each of its kinds in one place: number, name, target, fields, end, and the effect
+//! of the values.
 
 use super::field::{Field, Form};
 use super::{Effect, Fault, MAX_AT_US, MAX_DURATION_US};
 use core::fmt;
 use core::hash::{Hash, Hasher};
 
-/// Most fields of a kind, besides those that say where and when.
+/// Maximum number of fields of a kind, without the fields for target and time.
 pub const MAX_FIELDS: usize = 5;
 /// Bits that the values of a fault may take, so that it fits into an operation of the channel.
 pub const MAX_BITS: u32 = 88;
@@ -33,7 +33,7 @@ pub struct Kind {
 pub enum Place {
     /// A bus as a whole.
     Medium,
-    /// One participant of a bus.
+    /// A participant of a bus.
     Participant,
     /// A port of a device, which is plugged in.
     Port,
@@ -84,8 +84,8 @@ impl Kind {
     /// The fields of every kind, which say when.
     pub const COMMON: [&'static Field; 3] = [&AT_US, &COUNT, &DURATION_US];
 
-    /// A kind without fields of its own, which lasts until it is cleared. Number and name belong to it alone; `effect` makes
-    /// of the values what the medium or device wants to know while the fault acts.
+    /// Creates a kind without fields, which lasts until it is cleared. Number and name are unique; `effect` converts
+    /// the values to data for the medium or device while the fault is active.
     #[must_use]
     pub const fn new(
         number: u8,
@@ -139,7 +139,7 @@ impl Kind {
         Kind { example, ..self }
     }
 
-    /// The same, happening once if nobody says how often.
+    /// Returns the same kind, which occurs once if no repetition is given.
     #[must_use]
     pub const fn once(self) -> Self {
         Kind { happens_once: true, ..self }
@@ -151,19 +151,19 @@ impl Kind {
         Kind { has_hits: false, ..self }
     }
 
-    /// The same, whose values must agree with each other.
+    /// Returns the same kind, with a check that the values agree with each other.
     #[must_use]
     pub const fn agreeing(self, agree: fn(&Fault) -> Result<(), String>) -> Self {
         Kind { agree, ..self }
     }
 
-    /// Its number, by which it travels through journal and channel and in whose order kinds are listed.
+    /// Its number, which identifies the kind in journal and channel and defines the order of lists.
     #[must_use]
     pub const fn number(&self) -> u8 {
         self.number
     }
 
-    /// The families of media to whose ports it belongs.
+    /// The families of media to which its ports belong.
     pub(super) const fn families(&self) -> &'static [&'static str] {
         self.families
     }
@@ -180,13 +180,13 @@ impl Kind {
         self.place
     }
 
-    /// What happens, in a sentence.
+    /// Description of the fault in a sentence.
     #[must_use]
     pub const fn about(&self) -> &'static str {
         self.about
     }
 
-    /// The fields of its own, in whose order values are.
+    /// Fields of the kind, in the order of the values.
     #[must_use]
     pub const fn fields(&self) -> &'static [Field] {
         self.fields
@@ -198,7 +198,7 @@ impl Kind {
         self.example
     }
 
-    /// Whether it happens once if nobody says how often. All others last until they are cleared.
+    /// Whether the fault occurs once if no repetition is given. All others last until they are cleared.
     #[must_use]
     pub const fn happens_once(&self) -> bool {
         self.happens_once
@@ -220,7 +220,7 @@ impl Kind {
         (self.agree)(fault)
     }
 
-    /// What the values of a fault of this kind mean.
+    /// Returns the effect of the values of a fault of this kind.
     pub(super) fn effect(&self, fault: &Fault) -> Effect {
         (self.effect)(fault)
     }

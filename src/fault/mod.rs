@@ -1,9 +1,9 @@
 //! Faults to be injected: what goes wrong, where, from when and how often.
 //!
-//! Nothing here knows a kind of fault: the families of devices and media describe theirs ([`Kind`]), once, and let them
-//! act. A [`Fault`] names buses and PLCs by their index, so that it is small and can travel anywhere, and is always one
-//! that its kind allows; a [`FaultSpec`] is the same with names, as plant files and the command line have it, and unchecked.
-//! What the kinds do to the plant is described in `docs/reference/faults.md`.
+//! This module knows no kind of fault: the families of devices and media define theirs ([`Kind`]) and apply them. A
+//! [`Fault`] refers to buses and PLCs by index, so it is small and can travel anywhere, and its values are always valid
+//! for its kind. A [`FaultSpec`] is an unchecked fault with names, as in plant files and on the command line.
+//! `docs/reference/faults.md` describes the effects on the plant.
 
 mod acting;
 mod effect;
@@ -52,7 +52,7 @@ pub struct Fault {
     limit: Limit,
 }
 
-/// A fault that nobody has checked yet.
+/// An unchecked fault.
 #[derive(Clone, Copy, Debug)]
 pub struct Draft {
     /// Its kind.
@@ -85,11 +85,11 @@ pub struct FaultStatus {
 /// When a fault ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum Limit {
-    /// When somebody clears it.
+    /// When a client clears it.
     UntilCleared,
-    /// After so many hits, at least 1.
+    /// After this number of hits, at least 1.
     Count(u32),
-    /// So many emulated microseconds after its begin, 1 to [`MAX_DURATION_US`].
+    /// After this many emulated microseconds from its begin, 1 to [`MAX_DURATION_US`].
     Duration(u32),
 }
 
@@ -139,7 +139,7 @@ impl Draft {
 }
 
 impl Fault {
-    /// Which kind it is.
+    /// Kind of the fault.
     #[must_use]
     pub const fn kind(&self) -> &'static Kind {
         self.kind
@@ -177,7 +177,7 @@ impl Fault {
         self.limit
     }
 
-    /// What it does, as its family has it.
+    /// Effect of the fault, in the type of its family.
     #[must_use]
     pub fn effect(&self) -> Effect {
         self.kind.effect(self)

@@ -1,4 +1,4 @@
-//! What the journal tells about injected faults.
+//! Journal records about injected faults.
 
 use super::{Place, Target};
 use crate::journal::{
@@ -18,11 +18,11 @@ pub struct FaultNews {
     pub id: u16,
     /// Number of its kind.
     pub kind: u8,
-    /// What happened.
+    /// Event of the fault.
     pub news: News,
 }
 
-/// What there is to tell about an injected fault.
+/// Event of an injected fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum News {
     /// It was added; it begins at its time.
@@ -35,14 +35,14 @@ pub enum News {
     Cleared,
 }
 
-/// What a hit concerns.
+/// Details of a hit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Hit {
-    /// Nothing that its kind and place do not tell.
+    /// No details beyond kind and place.
     Plain,
     /// The frame with this identifier.
     Frame(u32),
-    /// A SYNC edge, which is moved by so many microseconds.
+    /// A SYNC edge, which is moved by this many microseconds.
     Edge(i32),
 }
 

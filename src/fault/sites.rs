@@ -26,7 +26,7 @@ pub enum Target {
     Device(u16),
 }
 
-/// Who lets a fault act: the one that the target is, or whose participant or port it is.
+/// Device or medium that applies a fault: the target, or the owner of the target's participant or port.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Owner {
     /// A bus.
@@ -36,7 +36,7 @@ pub enum Owner {
 }
 
 impl Target {
-    /// What kinds must say of themselves to act here.
+    /// Returns the place that kinds must declare to act here.
     #[must_use]
     pub const fn place(self) -> Place {
         match self {
@@ -69,7 +69,7 @@ impl Target {
     }
 }
 
-/// What an installation has that a fault can name.
+/// Targets of an installation that a fault can name.
 #[derive(Clone, Debug, Default)]
 pub struct Sites {
     /// The buses in the order of the plant file.
@@ -92,7 +92,7 @@ pub struct MediumSite {
 /// A PLC that faults can concern.
 #[derive(Clone, Debug)]
 pub struct DeviceSite {
-    /// What it is.
+    /// Device of the PLC.
     pub layout: &'static Device,
     /// The kinds that it has itself, and at its ports.
     pub faults: &'static [&'static Kind],
@@ -103,10 +103,10 @@ pub struct DeviceSite {
 }
 
 impl Sites {
-    /// Checks that what the fault names is there and can have it. Returns who lets it act.
+    /// Checks that the target of the fault exists and can have it. Returns the owner that applies the fault.
     ///
     /// # Errors
-    /// [`Refusal`] names what is wrong and what would be right.
+    /// [`Refusal`] describes the error and a correct value.
     pub fn owner(&self, fault: &Fault) -> Result<Owner, Refusal> {
         match fault.target() {
             Target::Medium(bus) => self.medium(bus, fault).map(|_| Owner::Medium(bus)),

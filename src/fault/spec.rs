@@ -12,8 +12,8 @@ impl FaultSpec {
     /// The fault this describes in an installation with these names, one of these kinds.
     ///
     /// # Errors
-    /// [`FaultError`] names the field and what would be right. Whether the slave or port is there only the
-    /// installation can tell: [`Sites::owner`](super::Sites::owner).
+    /// [`FaultError`] names the field and a correct value. Only the installation can check that the slave
+    /// or port exists: [`Sites::owner`](super::Sites::owner).
     pub fn resolve(&self, kinds: &[&'static Kind], names: &Names) -> Result<Fault, FaultError> {
         let Some(kind) = named(&self.kind, kinds) else {
             let hint = did_you_mean(&self.kind, kinds.iter().map(|kind| kind.name()));
@@ -23,7 +23,7 @@ impl FaultSpec {
     }
 }
 
-/// The kind that is called so; `-` is as good as `_`.
+/// Returns the kind of this name; `-` and `_` are equivalent.
 pub(super) fn named(name: &str, kinds: &[&'static Kind]) -> Option<&'static Kind> {
     let name = name.replace('-', "_");
     kinds.iter().copied().find(|kind| kind.name() == name)
@@ -197,7 +197,7 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// What a port is called in a fault: by its number if its name says no more.
+/// Returns the name of a port in a fault: its number if its name contains no more.
 pub(super) fn port_given(port: &Port) -> Given {
     if port.name.strip_prefix(NODE.name()) == Some(&port.number.to_string()) {
         Given::Number(port.number.into())
@@ -206,7 +206,7 @@ pub(super) fn port_given(port: &Port) -> Given {
     }
 }
 
-/// Whether there are ports whose names are all numbers.
+/// Whether the names of all ports are numbers.
 fn are_numbered(device: &Device) -> bool {
     !device.ports.is_empty() && device.ports.iter().all(|port| matches!(port_given(port), Given::Number(_)))
 }

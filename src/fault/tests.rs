@@ -2,7 +2,7 @@ use super::*;
 use crate::journal::{Journal, Names};
 use crate::layout::Device;
 
-/// What a family makes of its faults.
+/// Effect of the faults of a family.
 #[derive(Debug, PartialEq)]
 enum Noise {
     Hiss(u32),

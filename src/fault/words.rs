@@ -7,20 +7,20 @@ use crate::layout::{RegType, did_you_mean, value};
 use crate::time;
 use thiserror::Error;
 
-/// A word that is no field of a fault.
+/// The word is not a field of a fault.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("`{text}`: {right}")]
 pub struct WordError {
-    /// As given.
+    /// The word.
     pub text: String,
-    /// What would be right.
+    /// Description of a correct word.
     pub right: String,
 }
 
 impl FaultSpec {
-    /// Reads a kind and its fields, each as `name=value`. The fields are those of a plant file, of any of these kinds; times may
-    /// have a unit, without `_us` in the field's name then (`delay=500us`), and numbers a base (`id=16#101`). Whether the
-    /// fields suit the kind only [`FaultSpec::resolve`] tells.
+    /// Reads a kind and its fields, each as `name=value`. The fields are those of a plant file, of any of these kinds.
+    /// Times may have a unit, without `_us` in the field's name then (`delay=500us`), and numbers a base (`id=16#101`).
+    /// [`FaultSpec::resolve`] checks later whether the fields suit the kind.
     ///
     /// # Errors
     /// [`WordError`] for the first field that cannot be read.
@@ -62,8 +62,8 @@ impl FaultSpec {
     }
 }
 
-/// The fields of all kinds, each once: first those that say where, then the kinds' own, then those that say when. What
-/// they hold is for the kind that is meant to say.
+/// Returns the fields of all kinds, each once: first the fields for the target, then the fields of the kinds, then the
+/// fields for the time. A kind of the name `kind` comes first, so that its field types win.
 fn known(kind: &str, kinds: &[&'static Kind]) -> Vec<&'static Field> {
     let place = kinds.iter().flat_map(|kind| kind.place().fields().iter().copied());
     let (names, numbers): (Vec<_>, Vec<_>) =
@@ -80,7 +80,7 @@ fn known(kind: &str, kinds: &[&'static Kind]) -> Vec<&'static Field> {
     known
 }
 
-/// The field of a name, and whether its value has a unit: the name of a time then stands without it.
+/// Returns the field of a name, and whether its value has a unit: the name of a time then has no `_us`.
 fn field(known: &[&'static Field], name: &str) -> Option<(&'static Field, bool)> {
     let exact = known.iter().find(|field| field.is_called(name)).map(|field| (*field, false));
     let long = format!("{name}_us");

@@ -1,4 +1,4 @@
-//! Accesses from outside by address: any width, whatever registers they meet.
+//! Accesses from outside by address, of any width to any registers.
 
 use super::Plant;
 use crate::journal::By;
@@ -8,7 +8,8 @@ impl Plant {
     /// Reads `width` at `offset` of PLC `plc`.
     ///
     /// # Errors
-    /// No register area covers the access, or there is no such PLC. As for all functions here.
+    /// No register area covers the access, or there is no such PLC. All functions here return this
+    /// error.
     pub fn load(&self, plc: usize, offset: u32, width: Width) -> Result<u32, Unmapped> {
         let (widths, ram) = self.ram(plc, offset)?;
         widths.load(ram, offset, width)
@@ -17,7 +18,7 @@ impl Plant {
     /// Writes `width` at `offset` of PLC `plc`, notes it in the journal and lets the checker judge it.
     ///
     /// # Errors
-    /// As [`Plant::load`].
+    /// Same as [`Plant::load`].
     pub fn store(&mut self, plc: usize, offset: u32, width: Width, value: u32) -> Result<(), Unmapped> {
         self.keep_changes(By::Program);
         let (widths, ram) = self.ram(plc, offset)?;
@@ -26,10 +27,11 @@ impl Plant {
         Ok(())
     }
 
-    /// As [`Plant::store`], if `current` is there; the inner result is what was there, `Ok` if written.
+    /// Same as [`Plant::store`], if the memory contains `current`. The inner result is the previous
+    /// value, `Ok` if the new value was written.
     ///
     /// # Errors
-    /// As [`Plant::load`].
+    /// Same as [`Plant::load`].
     pub fn compare_exchange(
         &mut self,
         plc: usize,
@@ -47,10 +49,10 @@ impl Plant {
         Ok(outcome)
     }
 
-    /// Copies bytes, whatever their registers' widths.
+    /// Copies bytes, independently of the widths of the registers.
     ///
     /// # Errors
-    /// As [`Plant::load`].
+    /// Same as [`Plant::load`].
     pub fn read_range(&self, plc: usize, offset: u32, to: &mut [u8]) -> Result<(), Unmapped> {
         let (widths, ram) = self.ram(plc, offset)?;
         widths.read_range(ram, offset, to)

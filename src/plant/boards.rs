@@ -8,8 +8,8 @@ use crate::layout::{FrontWord, Owner};
 use crate::memory::header::{BoardSetting, FRONT, SeatState};
 
 impl Plant {
-    /// Answers what clients ask of the boards at the present time: requests and switches in the header pages. Tells
-    /// whether there was anything.
+    /// Answers the requests of clients to the boards at the present time: requests and switches in the header pages.
+    /// Returns whether there were any.
     pub fn look_at_boards(&mut self) -> bool {
         if !self.is_asked() {
             return false;
@@ -26,7 +26,7 @@ impl Plant {
         changed
     }
 
-    /// Whether somebody has asked the board of a device for something, or turned a switch.
+    /// Whether a client has made a request to the board of a device, or turned a switch.
     pub(crate) fn is_asked(&self) -> bool {
         self.devices.iter().any(|device| device.front_has_changed())
     }
@@ -86,7 +86,7 @@ impl Plant {
             |word: &&FrontWord| word.index() == index && word.owner == Owner::Plc && word.takes(value);
         let word = device.layout().front.iter().find(is_it);
         let index = word.map(FrontWord::index).filter(|index| *index < FRONT);
-        // Firmware has such a face, so there is one.
+        // Firmware has such a front, so it exists.
         let face = device.segment().face().ok();
         index.zip(face).map(|(index, face)| face.put(|page| &page.front[index], value)).is_some()
     }
@@ -97,7 +97,7 @@ impl Plant {
         self.journal.push(self.now, OnBoard { plc, what: BoardEvent::Lockstep { event, state } });
     }
 
-    /// What stands in the NOVRAM registers counts as stored, as at power-off.
+    /// Stores the contents of the NOVRAM registers, as at power-off.
     pub fn keep_novram(&mut self) {
         self.devices.iter_mut().for_each(|device| device.keep_novram());
     }

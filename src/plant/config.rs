@@ -35,8 +35,8 @@ const BUILT_IN: &str = include_str!("built_in.toml");
 /// A plant, as described by a plant file (TOML). See `docs/reference/plant.md`.
 #[derive(Clone, Debug)]
 pub struct PlantConfig {
-    /// How often, in emulated microseconds, the firmware looks at registers that nobody rang for
-    /// (10..=10000, default 500; decision D-22).
+    /// Interval at which the firmware polls registers that no doorbell announces, in emulated microseconds (10..=10000,
+    /// default 500; decision D-22).
     pub processor_cycle_us: u32,
     /// The devices, one at least: first each `[[plc]]`, then each `[[device]]`.
     pub devices: Vec<Arc<dyn DeviceConfig>>,
@@ -92,8 +92,8 @@ impl PlantConfig {
         &self.text
     }
 
-    /// Numbers that tell plants apart whose devices and media are set otherwise, within one version of commram: the
-    /// processor cycle, then one for each device and for each medium. Faults are no settings.
+    /// Numbers that differ between plants with different settings of devices and media, within one version of commram:
+    /// the processor cycle, then one for each device and for each medium. Faults are not settings.
     pub(super) fn settings(&self) -> Arc<[u64]> {
         let PlantConfig { processor_cycle_us, devices, media, faults: _, text: _ } = self;
         let of = |settings: &dyn core::fmt::Debug| XxHash3_64::oneshot(format!("{settings:?}").as_bytes());
@@ -142,7 +142,7 @@ impl PlantConfig {
         }
     }
 
-    /// What faults can concern. Meant for a plant whose numbers have been checked.
+    /// Targets of faults. Meant for a plant with checked numbers.
     pub(super) fn sites(&self) -> Sites {
         let ports = self.ports_of_media();
         let mask = |medium: &Arc<dyn MediumConfig>| {
@@ -207,7 +207,7 @@ fn numbers_on<'a>(medium: &'a dyn MediumConfig, ports: &'a [PortOf<'a>]) -> Vec<
     numbered.chain(own).collect()
 }
 
-/// Who has the number of somebody before: the number, the first that has it, and this one.
+/// Finds numbers that are used twice: the number, its first user, and its second user.
 fn equal_numbers(medium: &dyn MediumConfig, ports: &[PortOf<'_>]) -> Vec<(u8, String, String)> {
     let mut taken: [Option<String>; 256] = [const { None }; 256];
     let before = |(name, number): (Cow<'_, str>, u8)| match &mut taken[usize::from(number)] {

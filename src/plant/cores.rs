@@ -1,10 +1,9 @@
 //! A plant with many media: each goes on by itself as long as it can, on one core or on several.
 //!
-//! Between two moments at which something passes from one to another (SYNC edges, times of devices) media that say so go on by
-//! themselves ([`Medium::apart_until`]), each with all its events in a row: what belongs to it then has to come into the
-//! processor's caches once and not for each event anew. On several cores each has a share of the media; so they do of the
-//! watches of the access checker. What is told meanwhile is put into the journal in the order in which it would have been told
-//! one event after the other: by time, then in plant order.
+//! Between two moments of interaction (SYNC edges, times of devices), media that allow it run independently
+//! ([`Medium::apart_until`]), each with all its events in a row. The data of a medium then come into the processor's
+//! caches once and not for each event. Several cores share the media, and likewise the watches of the access checker.
+//! The events of this period are put into the journal in the order of a sequential run: by time, then in plant order.
 
 use super::Plant;
 use super::ports::Seat;
@@ -15,12 +14,13 @@ use crate::fault::Faults;
 use crate::journal::Journal;
 use core::num::NonZero;
 
-/// With fewer media there is less to do than it takes to put what they tell in order.
+/// With fewer media, sorting their events takes longer than running them.
 pub(super) const LEAST: usize = 32;
-/// Of a device, what tells something at one moment: its own watch or its own look, and those of its ports.
+/// Number of sources of events at one moment in each device: its own watch, its own poll, and the watches and polls of
+/// its ports.
 const TELLERS: usize = 256;
 
-/// Media that go on by themselves, and whose ports they have.
+/// Media that run independently, with their ports.
 type Share = (usize, Vec<Box<dyn Medium>>, Journal);
 
 /// Until when media go on by themselves, and the processor cycles in between, which are looked at only where one would find
@@ -30,12 +30,12 @@ struct Stretch {
     until: u64,
     first_cycle: u64,
     cycle_us: u64,
-    /// Those who tell something in processor cycles have lower numbers than media.
+    /// Sources that report in processor cycles have lower numbers than media.
     lookers: usize,
 }
 
 impl Plant {
-    /// How many cores may work at it: 1, unless somebody says otherwise. It makes no difference but to how long it takes.
+    /// Sets how many cores the plant may use; the default is 1. The number only affects the run time.
     pub fn set_cores(&mut self, count: NonZero<usize>) {
         let count = if self.named_media < LEAST { 1 } else { count.get() };
         self.crew = WorkerPool::of(count - 1);
@@ -46,15 +46,15 @@ impl Plant {
         };
     }
 
-    /// Time moves on: lets the media go on by themselves, if they can, before anything else is due, but for processor cycles
-    /// that would find nothing. Tells whether they did.
+    /// Lets the media run independently before the next other event up to `time`, if they can; processor cycles that
+    /// change nothing are ignored. Returns whether they did.
     pub(super) fn go_apart(&mut self, time: u64) -> bool {
-        // Who strikes whom in between, and which registers were changed by whom, is found out one event after the other.
+        // Faults and register changes in between must be found event by event.
         if !self.is_unobserved() {
             return false;
         }
         let first = self.next_device.min(time.saturating_add(1));
-        // What has no bus goes on one event after the other.
+        // Media without a bus run event by event.
         let unnamed = self.media[self.named_media..].iter().map(|medium| medium.next_time());
         let first = unnamed.fold(first, u64::min);
         let until = self.media().iter().map(|medium| medium.apart_until()).fold(first, u64::min);
@@ -106,7 +106,8 @@ impl Plant {
         drafts.map(|(part, draft)| (part * size, media.by_ref().take(size).collect(), draft)).collect()
     }
 
-    /// As the plant looks for writes, device by device, and then what belongs to their ports. `false`: that is for one core.
+    /// Looks for writes on several cores: for each device, first its own registers, then the registers of its ports.
+    /// Returns `false` if one core must do it.
     pub(super) fn look_on_cores(&mut self) -> bool {
         if self.drafts.len() < 2 {
             return false;
@@ -126,7 +127,7 @@ impl Plant {
         true
     }
 
-    /// As the plant notes what the firmware leaves. `false`: that is for one core.
+    /// Stores the baselines after a firmware run on several cores. Returns `false` if one core must do it.
     pub(super) fn leave_on_cores(&mut self) -> bool {
         let is_shared = self.drafts.len() > 1;
         if is_shared {
@@ -183,7 +184,7 @@ impl Stretch {
                 }
                 cycle += self.cycle_us;
             }
-            // A look may have changed what is next.
+            // The poll may have changed the next event.
             let now = medium.next_time();
             if now >= self.until {
                 return last;

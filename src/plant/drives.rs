@@ -1,4 +1,4 @@
-//! The drives of a plant, whatever they are connected by.
+//! The drives of a plant, for all kinds of connections.
 
 use super::Plant;
 use crate::devices::{DriveDetails, DriveState, ParameterRefusal, Shaft};
@@ -19,7 +19,7 @@ pub struct PlantDrive {
     pub name: String,
     /// Its bus, if it is on one.
     pub bus: Option<String>,
-    /// How it stands.
+    /// State of the drive.
     pub state: DriveState,
 }
 
@@ -51,7 +51,7 @@ impl Plant {
         on_bus.chain(own).nth(number)
     }
 
-    /// All that is to be seen of drive `number`; `None` if there is none.
+    /// All details of drive `number`; `None` if there is no such drive.
     pub fn drive(&self, number: usize) -> Option<DriveDetails> {
         match self.drive_at(number)? {
             At::Bus(bus, drive) => self.media().get(bus)?.drive(drive),
@@ -59,7 +59,7 @@ impl Plant {
         }
     }
 
-    /// Sets a parameter of drive `number`, as somebody does who stands in front of it; `None` if there is no such drive.
+    /// Sets a parameter of drive `number`, as a user does at the drive itself; `None` if there is no such drive.
     ///
     /// # Errors
     /// [`ParameterRefusal`].
@@ -79,7 +79,7 @@ impl Plant {
         Some(done)
     }
 
-    /// What the motor of drive `number` is to do, and does; `None` if there is none.
+    /// Demanded and actual motion of the motor of drive `number`; `None` if there is no such drive.
     pub fn shaft(&self, number: usize) -> Option<Shaft> {
         match self.drive_at(number)? {
             At::Bus(bus, drive) => self.media().get(bus)?.shaft(drive),
@@ -87,8 +87,9 @@ impl Plant {
         }
     }
 
-    /// The motor of drive `number` turns with this speed from its next control task on, whatever the drive demands of it:
-    /// somebody outside knows what it is coupled with. `None`: it does what the drive demands. `false`: no such drive.
+    /// Sets the speed of the motor of drive `number` from its next control task on, independently of the drive's
+    /// demand: a client simulates the coupled load. `None`: the motor follows the drive. Returns `false` if there is no
+    /// such drive.
     pub fn turn_shaft(&mut self, number: usize, speed: Option<i32>) -> bool {
         let Some(at) = self.drive_at(number) else { return false };
         let Plant { now, media, devices, .. } = self;

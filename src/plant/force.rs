@@ -1,4 +1,4 @@
-//! Forced registers: they keep their value whatever firmware and PLC write.
+//! Forced registers: they keep their value even if firmware and PLC write them.
 //!
 //! Plain RAM cannot trap accesses, so a forced value is put back whenever the firmware is about to look and
 //! whenever it has written. The firmware therefore never sees another value; a PLC on the mapped RAM sees
@@ -40,7 +40,7 @@ pub enum ForceError {
     /// Only a part of a register, or several.
     #[error("{asked}: only a whole register can be forced, here {right}")]
     NotWhole {
-        /// What was to be forced.
+        /// Address that was to be forced.
         asked: Address,
         /// The register there.
         right: Address,
@@ -88,7 +88,7 @@ impl Plant {
         Ok(())
     }
 
-    /// Lets a forced register go; it keeps the value until somebody writes it. Returns whether it was forced.
+    /// Releases a forced register; it keeps the value until the next write. Returns whether it was forced.
     pub fn unforce(&mut self, plc: u16, offset: u32) -> bool {
         let ended = self.forces.end(plc, offset);
         if ended {
@@ -104,7 +104,7 @@ impl Plant {
 }
 
 impl Forced {
-    /// Checks that it is one whole register, or plain RAM, and that the value fits.
+    /// Checks that the address is one whole register, or plain RAM, and that the value fits.
     pub(super) fn check(&self, device: &'static Layout) -> Result<(), ForceError> {
         let address = device.at(self.width, self.offset);
         device.area_at(address)?;

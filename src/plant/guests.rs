@@ -1,4 +1,4 @@
-//! Guests, as whoever runs the doors brings them in. They are nobody's inputs but their own: the same acts at the same
+//! Guests, as the server of the doors adds them. Guests depend only on their own actions: the same actions at the same
 //! emulated times give the same journal.
 
 use super::Plant;
@@ -25,7 +25,7 @@ impl Plant {
         self.journal.push(now, GuestNews { bus, guest, news });
     }
 
-    /// The guests that take part in buses whose stations are known, but for whoever asks by requests: bus and number.
+    /// The guests that take part in buses with known stations, except the guest that acts by requests: bus and number.
     pub(crate) fn guests(&self) -> Vec<(u16, u8)> {
         let mut found = Vec::new();
         for (bus, medium) in (0..).zip(self.media()) {
@@ -35,7 +35,7 @@ impl Plant {
         found
     }
 
-    /// It does so no longer. What it has given to its controller is still sent.
+    /// The guest stops taking part. Frames that it has passed to its controller are still sent.
     pub fn guest_leaves(&mut self, bus: u16, guest: u8) {
         let now = self.now;
         let Some(medium) = self.medium_of(bus) else { return };
@@ -56,7 +56,7 @@ impl Plant {
         self.journal.push(self.now, GuestNews { bus, guest, news });
     }
 
-    /// What it is to hear and the journal does not keep whole goes to this ear.
+    /// Frames for the guest go to `ear` if the journal does not keep them whole.
     pub fn guest_hears(&mut self, bus: u16, guest: u8, ear: &Arc<Guest>) {
         if let Some(medium) = self.medium_of(bus) {
             medium.guest_hears(guest, Arc::clone(ear));
@@ -75,8 +75,8 @@ impl Plant {
         medium.guest_sends(guest, said, now, &mut self.journal)
     }
 
-    /// Whoever asks by requests, which is guest 0, takes part in bus number `bus` from now on, and sends a frame if there is
-    /// one.
+    /// The guest that acts by requests, guest 0, takes part in bus number `bus` from now on, and sends a frame if one
+    /// is given.
     ///
     /// # Errors
     /// [`GuestRefusal`].
@@ -94,7 +94,8 @@ impl Plant {
         self.journal.find(self.now, Finding::at_bus(&rules::GUEST_BIT_RATE, bus, guest, code.into()));
     }
 
-    /// A guest has announced a telegram of so many octets, which none has, and was sent away (decision D-357).
+    /// A guest has announced a telegram of `octets` octets, an impossible length, and was disconnected (decision
+    /// D-357).
     pub fn guest_talks_nonsense(&mut self, bus: u16, guest: u8, octets: u16) {
         self.journal.find(self.now, Finding::at_bus(&rules::GUEST_TELEGRAM, bus, guest, octets.into()));
     }
@@ -123,7 +124,7 @@ mod tests {
         BusMessage::Frame(Frame::standard(id, Payload::new(data).unwrap()))
     }
 
-    /// When which frame of whom has arrived.
+    /// Frames that have arrived: time, identifier and sender.
     fn arrived(plant: &Plant) -> Vec<(u64, u32, Option<u8>)> {
         let carried = plant.journal().records().filter(|it| it.event.source() == Source::Bus(0));
         let told = carried.filter_map(|it| Some((it.time_us, Event::frame(&it.event)?)));
@@ -168,7 +169,7 @@ mod tests {
         plant.advance_to(10_000);
         assert_eq!(arrived(&plant).len(), 3);
         assert_eq!(plant.guest_sends(0, 1, &frame(5, &[])), Err(GuestRefusal::NotHere));
-        // Alone, the other one keeps nothing for those who come later.
+        // A single guest on the bus keeps nothing for guests that join later.
         assert_eq!(plant.guest_sends(0, 2, &frame(6, &[])), Ok(()));
         plant.guest_leaves(0, 2);
         plant.guest_joins(0, 1, false);
@@ -207,7 +208,7 @@ mod tests {
         let mut plant = plant(&OPEN.replace("kind = 'can'\n", ""));
         plant.guest_is_deaf(0, 3, 6);
         plant.guest_joins(0, 1, false);
-        // Nobody runs it.
+        // The medium is not emulated.
         assert_eq!(plant.guest_sends(0, 1, &frame(1, &[])), Err(GuestRefusal::NotHere));
         let found: Vec<_> = plant.journal().findings().iter().map(|entry| entry.last).collect();
         assert_eq!(found, [Finding::at_bus(&rules::GUEST_BIT_RATE, 0, 3, 6)]);

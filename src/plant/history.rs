@@ -1,5 +1,5 @@
-//! Registers that somebody follows: the plant compares them whenever the firmware is about to look, and whenever it has
-//! run.
+//! Registers that a client follows: the plant compares them before each poll of the firmware, and after each run of the
+//! firmware.
 
 use super::Plant;
 use super::force::Forces;
@@ -31,7 +31,7 @@ impl Plant {
     /// as it would without.
     ///
     /// # Errors
-    /// [`FollowError`]; those in front of the one that is too many are followed.
+    /// [`FollowError`]; the registers that precede the one that is too many are followed.
     pub fn follow_registers(
         &mut self,
         plc: usize,
@@ -39,7 +39,7 @@ impl Plant {
         len: u32,
         keep: Keep,
     ) -> Result<(), FollowError> {
-        // What was written before is no news.
+        // Earlier writes are not recorded.
         self.keep_changes(By::Program);
         let (widths, ram) = self.ram(plc, offset)?;
         let registers = widths.registers(ram, offset, len)?;
@@ -55,7 +55,7 @@ impl Plant {
         self.journal.changes(from, max)
     }
 
-    /// Compares the registers that are followed; what differs was `by` somebody.
+    /// Compares the followed registers; a difference is attributed to `by`.
     #[inline]
     pub(super) fn keep_changes(&mut self, by: By) {
         if self.journal.follows() {
@@ -64,7 +64,7 @@ impl Plant {
         }
     }
 
-    /// Tells those who look on what is otherwise at this moment, which the plant has gone to.
+    /// Notifies onlookers of the changes at this moment, to which the plant has advanced.
     pub(super) fn arrive(&mut self) {
         if self.journal.follows() {
             let (journal, rams) = self.compared();

@@ -5,7 +5,7 @@ use crate::devices;
 use crate::fault::{DeviceSite, Fault, FaultStatus, Owner, Refusal, Sites};
 
 impl Plant {
-    /// Adds a fault; one whose time has come begins at once. Returns its number.
+    /// Adds a fault; a fault with a begin that has passed begins at once. Returns its number.
     ///
     /// # Errors
     /// [`Refusal`]: a bus, slave or port that the plant does not have or that cannot have it, too many faults.
@@ -38,7 +38,7 @@ impl Plant {
         self.faults.list()
     }
 
-    /// Begins and ends what is due now.
+    /// Begins and ends faults at the present time.
     pub(super) fn advance_faults(&mut self) {
         self.faults.advance(self.now, &mut self.journal);
         self.tell_of_faults();
@@ -57,7 +57,7 @@ impl Plant {
         }
     }
 
-    /// What faults can concern.
+    /// Targets of faults.
     pub(super) fn sites(&self) -> Sites {
         let media = self.media().iter();
         let media = media.map(|medium| devices::medium_site(medium.family(), medium.participants()));
@@ -73,7 +73,7 @@ impl Plant {
         Sites { media: media.collect(), devices: devices.collect() }
     }
 
-    /// Faults that hit by themselves, whatever goes on.
+    /// Fires the faults that act without a trigger.
     pub(super) fn fire(&mut self) {
         let Plant { now, devices, media, faults, journal, is_rescheduled, .. } = self;
         *is_rescheduled = true;

@@ -7,9 +7,10 @@ use crate::journal::Source;
 const LATE_US: u64 = 2_000_000;
 
 impl Plant {
-    /// How much of the last `span_us` of emulated time, or of the time since power-on if that is less, the wire of bus `bus`
-    /// was busy with frames that have arrived, in thousandths; `None` if no time has passed. It is made of what the journal
-    /// still has; a journal that continues from a snapshot knows nothing of the time before that.
+    /// Load of bus `bus` in thousandths: the time for which frames that have arrived kept its wire busy, in the last
+    /// `span_us` of emulated time or since power-on if that is less. `None` if no time has passed. The load is computed
+    /// from the records that the journal still has; a journal that continues from a snapshot has no records before the
+    /// snapshot.
     pub fn bus_load(&self, bus: usize, span_us: u64) -> Option<u16> {
         let medium = self.media().get(bus)?;
         let begin = self.now().saturating_sub(span_us).max(self.journal().since_us());
@@ -24,7 +25,7 @@ impl Plant {
             }
         }
         let passed_us = self.now() - begin;
-        // Nanoseconds by microseconds are thousandths. A frame whose end lies in the time may have begun before.
+        // Nanoseconds per microsecond are thousandths. A frame that ends in the span may have begun earlier.
         (passed_us > 0).then(|| (busy_ns / passed_us).min(1000) as u16)
     }
 }

@@ -47,19 +47,19 @@ use ports::Ports;
 use std::sync::Arc;
 use worker_pool::WorkerPool;
 
-/// How often in a row media are asked in vain whether they can go on by themselves, before it is left.
+/// Number of consecutive attempts to run media independently before the plant gives up for a while.
 const TRIES: u32 = 4;
 
-/// Everything that is simulated, with its clock and its journal.
+/// The whole simulation, with its clock and its journal.
 pub struct Plant {
     now: u64,
     next_cycle: u64,
-    /// When any device's own next time is due. It may be too early, which does no harm.
+    /// Next time of any device. It may be too early, which does no harm.
     next_device: u64,
     cycle_us: u64,
     /// Nothing has happened since a processor cycle.
     has_looked: bool,
-    /// What stands in the registers was looked at, and nobody has written since.
+    /// The registers were polled, and no register was written since then.
     is_seen: bool,
     /// Whether a watched event is to stop [`Plant::advance_until`].
     watching: bool,
@@ -69,25 +69,26 @@ pub struct Plant {
     media: Vec<Box<dyn Medium>>,
     /// How many media the plant file has.
     named_media: usize,
-    /// When each of them is due, while time passes; before it does, anybody may have done anything.
+    /// Next time of each device and medium. Valid while the clock advances; before that, any client may have changed
+    /// something.
     schedule: DueQueue,
-    /// That may not be true any more.
+    /// `schedule` is stale and must be rebuilt before use.
     is_rescheduled: bool,
     ports: Ports,
     journal: Journal,
-    /// What media tell that go on by themselves: one for each core, if there are many media.
+    /// Journals of media that run independently: one for each core, if there are many media.
     drafts: Vec<Journal>,
-    /// The cores besides this one.
+    /// Worker threads on the other cores.
     crew: WorkerPool,
     forces: Forces,
     faults: Faults,
-    /// Of the access checker, over each device; those over ports are the media's.
+    /// Watches of the access checker over each device; the media have the watches over ports.
     watches: Vec<DeviceWatch>,
-    /// Ports whose devices are to be told of a SYNC edge; empty between events.
+    /// Ports of devices that are to be notified of a SYNC edge; empty between events.
     edges: Vec<Origin>,
-    /// Of each device, for accesses from outside.
+    /// Register widths of each device, for accesses from outside.
     widths: Vec<RegisterWidths>,
-    /// The text of the plant file, and numbers that stand for its settings.
+    /// The text of the plant file, and numbers for its settings.
     text: Arc<str>,
     settings: Arc<[u64]>,
 }
@@ -170,7 +171,7 @@ impl Plant {
         self.now
     }
 
-    /// When the next event is due; there always is one, the next processor cycle at the latest.
+    /// Time of the next event; there always is one, the next processor cycle at the latest.
     pub fn next_event(&self) -> u64 {
         let first = self.next_cycle.min(self.next_device).min(self.faults.next_time());
         self.media.iter().map(|medium| medium.next_time()).fold(first, u64::min)
@@ -182,9 +183,8 @@ impl Plant {
         while self.advance_until(time) {}
     }
 
-    /// As [`Plant::advance_to`], but stops early as soon as an event has occurred that somebody watches
-    /// ([`Plant::watch`]), and then returns `true`. What is due at the same moment after the event is left for the
-    /// next call.
+    /// Same as [`Plant::advance_to`], but stops early when a watched event ([`Plant::watch`]) has occurred, and then
+    /// returns `true`. Later events at the same moment are left for the next call.
     pub fn advance_until(&mut self, time: u64) -> bool {
         self.look_for_writes();
         self.is_rescheduled = true;
@@ -261,8 +261,8 @@ impl Plant {
         stopped
     }
 
-    /// Lets time pass in which nothing is due ([`Plant::next_event`]): cheaper than [`Plant::advance_to`], which judges
-    /// what was written before. A time in the past changes nothing.
+    /// Advances the clock to a time before the next event ([`Plant::next_event`]): cheaper than [`Plant::advance_to`],
+    /// which checks earlier writes. A time in the past changes nothing.
     #[inline]
     pub fn pass_to(&mut self, time: u64) {
         self.now = self.now.max(time);
@@ -272,7 +272,7 @@ impl Plant {
         self.watches.iter_mut().for_each(|watch| watch.show_time(self.now));
     }
 
-    /// Which events of device `device` stop [`Plant::advance_until`], bit n for event n.
+    /// Sets the events of device `device` that stop [`Plant::advance_until`], bit n for event n.
     pub fn watch(&mut self, device: usize, events: u16) {
         if let Some(its) = self.devices.get_mut(device).and_then(|device| device.events()) {
             its.watched = events;
@@ -285,7 +285,7 @@ impl Plant {
         events_of(&mut self.devices).fold(false, |stop, its| stop | its.take_stop())
     }
 
-    /// Whatever of the devices' own is due now.
+    /// Handles all events of the devices themselves at the present time.
     fn devices_due(&mut self) {
         self.is_seen = false;
         let Plant { now, devices, journal, faults, edges, .. } = self;
@@ -301,8 +301,8 @@ impl Plant {
         self.next_device = self.devices.iter().map(|device| device.next_time()).fold(NEVER, u64::min);
     }
 
-    /// One look of all boards at their switches and of all nodes at their control registers at the present time:
-    /// what a rung doorbell asks for. Does not shift the regular processor cycle.
+    /// All boards poll their switches and all nodes poll their control registers at the present time, as a doorbell
+    /// requests. Does not shift the regular processor cycle.
     pub fn processor_cycle(&mut self) {
         self.look_for_writes();
         self.run_cycle();
@@ -340,8 +340,8 @@ impl Plant {
             || self.devices.iter().any(|device| device.has_changed())
     }
 
-    /// The event that is due at a medium, and, if nobody could tell, those behind it at the same medium before anything else is
-    /// due.
+    /// Handles the present event of a medium. If the order is not visible, also handles the following events of the
+    /// same medium before any other event.
     fn medium_events(&mut self, index: usize, time: u64) {
         let until = if self.is_unobserved() {
             let others = self.schedule.first_besides(index).min(self.next_cycle).min(self.next_device);
@@ -376,7 +376,8 @@ impl Plant {
         self.is_rescheduled = false;
     }
 
-    /// Tells the devices of the SYNC edges at their ports, which may have begun or moved something of theirs.
+    /// Notifies the devices of the SYNC edges at their ports; an edge may have started or moved an activity of the
+    /// device.
     fn tell_edges(&mut self) {
         for Origin { plc, node } in self.edges.drain(..) {
             if let Some(device) = self.devices.get_mut(usize::from(plc)) {
@@ -433,7 +434,7 @@ fn refused<E: From<MemoryError> + From<PlantError>>(error: BuildError) -> E {
     }
 }
 
-/// What is due next.
+/// Next event.
 enum Due {
     Cycle,
     Device,

@@ -1,5 +1,5 @@
-//! Whatever frames and telegrams come to the nodes of a plant of any device, and whatever stands in their registers then: nothing panics, and
-//! the plant goes on once it has been switched off and on.
+//! Frames and telegrams of any content come to the nodes of a plant of any device, with any register contents: nothing
+//! panics, and the plant continues after it has been switched off and on.
 
 use super::*;
 use crate::can::{ExtendedId, Frame, Payload, StandardId};
@@ -8,7 +8,7 @@ use crate::door::BusMessage;
 use crate::memory::header::{BoardSetting, Power, RunSwitch};
 use crate::memory::{Segment, Width};
 
-/// What a guest gives a medium; half of all is of no use to it, and refused.
+/// Telegram of a guest to a medium; half of them are of no use to the medium, and refused.
 fn said(head: u8, bytes: &[u8]) -> Option<BusMessage> {
     let [low, high, data @ ..] = bytes else { return None };
     let number = u16::from_le_bytes([*low, *high]);
@@ -44,7 +44,7 @@ fn act(plant: &mut Plant, head: u8, bytes: &[u8]) {
             for (width, value) in
                 [(Width::Byte, value & 0xFF), (Width::Word, value & 0xFFFF), (Width::Dword, value)]
             {
-                // One of them is the register's width, if there is a register.
+                // The width of the register is among them, if there is a register.
                 let _unmapped = plant.store(plc, offset, width, value);
             }
         }
@@ -65,7 +65,7 @@ fn fuzz_node_frames() {
         for bus in 0..plant.named_media as u16 {
             plant.guest_joins(bus, 1, true);
         }
-        // As many as take a bearable time.
+        // This number of rounds takes an acceptable time.
         for _ in 0..200 {
             let [head, len, behind @ ..] = rest else { break };
             let (bytes, behind) = behind.split_at(usize::from(*len).min(behind.len()));

@@ -1,4 +1,4 @@
-//! What programs outside have stored into the images, for other plants that are to go the same way.
+//! Stores of outside programs into the images, recorded for other plants that must run the same way.
 
 use super::Plant;
 use super::snapshot::registers_of;
@@ -7,8 +7,8 @@ use crate::memory::{RegisterCopy, StoredBytes};
 use core::ops::Range;
 use serde::{Deserialize, Serialize};
 
-/// What stood in the registers of all devices when they were looked at last. What boards were asked needs no copy: their firmware
-/// reads it in pages of its own.
+/// Contents of the registers of all devices at the last poll. Requests to the boards need no copy: their firmware reads
+/// them in separate pages.
 pub(crate) struct Outside(Vec<Seen>);
 
 struct Seen {
@@ -16,7 +16,7 @@ struct Seen {
     registers: RegisterCopy,
 }
 
-/// A store by somebody outside.
+/// A store by an outside program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Stored {
     plc: u16,
@@ -39,12 +39,12 @@ impl Seen {
 }
 
 impl Outside {
-    /// What stands there now.
+    /// Copies the present contents.
     pub(crate) fn of(plant: &Plant) -> Self {
         Outside(plant.devices().iter().map(|device| Seen::of(&**device)).collect())
     }
 
-    /// Which registers differ from the last look.
+    /// Registers that differ from the last poll.
     pub(crate) fn stored(&mut self, plant: &Plant) -> Vec<Stored> {
         let devices = (0..).zip(plant.devices().iter().zip(&mut self.0));
         let stored = devices.flat_map(|(plc, (device, seen))| {
@@ -54,7 +54,7 @@ impl Outside {
         stored.collect()
     }
 
-    /// What stands in the registers now is no news.
+    /// Takes the present contents of the registers as already known.
     pub(crate) fn renew(&mut self, plant: &Plant) {
         let devices = plant.devices().iter().zip(&mut self.0);
         devices.for_each(|(device, seen)| device.segment().renew_copy(&seen.ranges, &mut seen.registers));
@@ -62,13 +62,14 @@ impl Outside {
 }
 
 impl Plant {
-    /// Whether programs have asked a board for something that its firmware was not told, or the boards have something to look at.
+    /// Whether programs have made a request to a board that its firmware has not seen, or the boards have something to
+    /// poll.
     pub(crate) fn has_untold(&self) -> bool {
         let is_asked = |device: &dyn Device| device.segment().is_asked(device.layout().front);
         self.is_asked() || self.devices().iter().any(|device| is_asked(&**device))
     }
 
-    /// Tells the firmware what programs have asked of the boards by the header page.
+    /// Passes the requests of programs in the header pages to the firmware of the boards.
     pub(crate) fn tell_boards(&self) -> Vec<Stored> {
         let told = (0..).zip(self.devices().iter()).flat_map(|(plc, device)| {
             let told = device.segment().tell_asked(device.layout().front);

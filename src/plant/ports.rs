@@ -1,4 +1,4 @@
-//! Which port of which device is where, and what passes between the two.
+//! Connection of ports with media: which port of which device is where, and the signals between both.
 
 use super::Plant;
 use crate::devices::{BuildError, Context, Device, Look, MEDIA, Medium, Plug, SyncOrigin, SyncSignal};
@@ -18,7 +18,7 @@ pub(super) struct Port {
     takes_part: bool,
 }
 
-/// Whose port is plugged in somewhere.
+/// Device and port that are plugged in at a place of a medium.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Seat {
     /// Index of the device.
@@ -37,7 +37,7 @@ pub(super) struct Ports {
     /// For each medium the ports that can take its SYNC signal over: their device, their index there, and that of the port
     /// at this medium.
     ways: Vec<Vec<(usize, usize, usize)>>,
-    /// For each medium who is at which of its places.
+    /// For each medium the ports at its places.
     seats: Arc<Vec<Vec<Seat>>>,
 }
 
@@ -91,7 +91,7 @@ impl Ports {
         self.of_device.iter().enumerate().flat_map(of_device)
     }
 
-    /// Who is at the places of each medium; a place is given to each port that is plugged in, one after the other.
+    /// Ports at the places of each medium; a place is given to each port that is plugged in, one after the other.
     pub(super) fn seats(&self) -> Arc<Vec<Vec<Seat>>> {
         Arc::clone(&self.seats)
     }
@@ -145,7 +145,7 @@ impl Plant {
         }
     }
 
-    /// What a look at the front of device `index` asks of the rest.
+    /// Takes the action that polling the front of device `index` requires.
     pub(super) fn follow(&mut self, look: Look, index: usize) {
         self.is_rescheduled |= !matches!(look, Look::Nothing | Look::Answered);
         match look {
@@ -176,7 +176,7 @@ impl Plant {
         }
     }
 
-    /// Passes a SYNC edge on to the media whose masters take it over from medium `from` (decision D-12).
+    /// Passes a SYNC edge on to the media with masters that take it over from medium `from` (decision D-12).
     pub(super) fn forward_sync(&mut self, from: usize, signal: SyncSignal) {
         for &(device, port, _) in &self.ports.ways[from] {
             let port = self.ports.of_device[device][port];
@@ -202,7 +202,7 @@ impl Plant {
         None
     }
 
-    /// The port whose SYNC signal the master at a medium passes on now.
+    /// The port with the SYNC signal that the master at a medium passes on now.
     fn sync_comes_from(&self, medium: usize) -> Option<Port> {
         let takes_it = |&&(device, to, _): &&(usize, usize, usize)| {
             let port = self.ports.of_device[device][to];

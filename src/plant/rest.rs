@@ -1,20 +1,20 @@
 //! Looks at registers that find nothing to do, and are left out.
 //!
-//! A processor cycle looks at registers that nobody has to announce. When one has been, everybody who could look rests and
-//! nobody writes, those up to the next event find what it found, so they need not be made: nobody can tell the difference.
-//! Whoever lets time pass is the only one who can write before it has passed, but for a program that has mapped an image:
-//! that one is seen at the next look behind, so there is one whenever [`Plant::advance_to`] comes to a processor cycle for
-//! the first time.
+//! A processor cycle polls registers that no client has to announce. After a processor cycle, if all ports and devices
+//! are quiescent and no register is written, the cycles up to the next event would have the same result, so the plant
+//! skips them. No client can see the difference. Only the client that advances the clock can write before the time has
+//! passed, except a program that has mapped an image. The next poll sees such a write, so the plant always polls when
+//! [`Plant::advance_to`] reaches a processor cycle for the first time.
 //!
-//! While a bus is at work, a look also shows what is on the wire at its moment. Of several in a stretch of time that passes
-//! in one go, the last one is enough for that, if none of them finds anything to do.
+//! While a bus is busy, a poll also shows the traffic of its moment. If a single call advances the clock over several
+//! polls that find nothing to do, the last poll is sufficient.
 
 use super::Plant;
 use super::ports::Port;
 
 impl Plant {
-    /// As [`Plant::next_event`], but for processor cycles that would find nothing to do: whoever waits for a register need
-    /// not look at it before, unless another program writes it.
+    /// Same as [`Plant::next_event`], but without processor cycles that change nothing: a client that waits for a
+    /// register need not poll it earlier, unless another program writes it.
     pub fn next_change(&self) -> u64 {
         let others = self.next_besides_cycle();
         if self.has_looked && self.next_cycle < others && self.is_quiescent() {
@@ -24,7 +24,7 @@ impl Plant {
         }
     }
 
-    /// When something other than a processor cycle is due.
+    /// Time of the next event other than a processor cycle.
     fn next_besides_cycle(&self) -> u64 {
         let first = self.next_device.min(self.faults.next_time());
         self.media.iter().map(|medium| medium.next_time()).fold(first, u64::min)
@@ -40,8 +40,9 @@ impl Plant {
         }
     }
 
-    /// The next processor cycle is due: leaves it out, and those behind it up to `due`, when something else is, if they would
-    /// find nothing to do but to show a traffic that another one before `time` shows anew (decision D-585).
+    /// Called at the next processor cycle: skips it, and the following ones before the next other event at `due`, if
+    /// they would change nothing except the live traffic, which another cycle before `time` shows again (decision
+    /// D-585).
     #[inline]
     pub(super) fn leaves_cycles_out(&mut self, due: u64, time: u64) -> bool {
         let (first, cycle_us) = (self.next_cycle, self.cycle_us);
@@ -61,8 +62,8 @@ impl Plant {
         true
     }
 
-    /// The next processor cycle up to `time` that is needed, as far as can be said now: media that go on by themselves make
-    /// those before it where one would find something to do.
+    /// The next processor cycle up to `time` that is needed, by present knowledge: media that run independently make
+    /// earlier cycles themselves where a cycle would find something to do.
     pub(super) fn last_needed_cycle(&mut self, time: u64) -> u64 {
         let first = self.next_cycle;
         let may_be_left = first + self.cycle_us <= time && !self.watching && self.is_unobserved();
@@ -70,12 +71,12 @@ impl Plant {
             return first;
         }
         self.is_seen = true;
-        // The journal is told the time at the first one behind its next look.
+        // The journal receives the time at the first cycle after its next poll.
         let wanted = time.min(self.journal.next_look().saturating_add(self.cycle_us - 1)).max(first);
         first + (wanted - first) / self.cycle_us * self.cycle_us
     }
 
-    /// Whether nobody follows registers or forces them, and nothing is to be disturbed.
+    /// Whether no registers are followed or forced, and there are no faults.
     #[inline]
     pub(super) fn is_unobserved(&self) -> bool {
         self.faults.is_empty() && !self.journal.follows() && self.forces.list().is_empty()
@@ -91,7 +92,8 @@ impl Plant {
         })
     }
 
-    /// Whether looks find nothing to do until something else is due, after one that has found what there was.
+    /// Whether further polls would change nothing until another event occurs, after a poll that has handled all
+    /// changes.
     fn is_quiescent(&self) -> bool {
         let mut devices = self.devices.iter().zip(self.ports.of_devices());
         self.faults.is_empty()

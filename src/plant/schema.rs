@@ -4,7 +4,8 @@ use crate::devices::{self, MEDIA};
 use crate::fault::{Field, Form, Kind};
 use serde_json::{Map, Value, json};
 
-/// The schema, draft 7, as editors and validators take it. What devices of other crates have in their sections it leaves open.
+/// Returns the schema, draft 7, for editors and validators. It does not restrict the sections of devices of other
+/// crates.
 ///
 /// # Panics
 /// A schema in this crate is no JSON, which a test rules out.
@@ -101,7 +102,7 @@ fn fault(kind: &'static Kind) -> Value {
     })
 }
 
-/// What a field of a fault may hold; numbers and times may be texts as on the command line.
+/// Schema of the values of a fault's field; numbers and times may be texts as on the command line.
 fn value_of(field: &Field) -> Value {
     let (least, most) = field.range();
     let about = format!("{}: {}", field.about(), field.range_text());
@@ -194,7 +195,7 @@ mod tests {
             let section = sections.iter().find(|section| section["properties"]["kind"]["const"] == kind);
             for key in section.unwrap()["properties"].as_object().unwrap().keys().filter(|key| *key != "kind")
             {
-                // Set, or a table of its own.
+                // The key is set, or is a separate table.
                 let shows = |line: &str| {
                     line.trim_start_matches("# ").starts_with(&format!("{key} = "))
                         || line.contains(&format!(".{key}]"))

@@ -1,7 +1,8 @@
 //! Snapshots: the state of a whole plant at a moment, and the way back to it.
 //!
-//! Whoever goes on from a snapshot leaves the same journal as whoever did not stop. Not in it are the records of the journal,
-//! and what belongs to processes outside: who waits, who takes part in lockstep, bells and what they count.
+//! A plant that continues from a snapshot writes the same journal as a plant that did not stop. The snapshot does not
+//! contain the records of the journal, nor data of outside processes: waiting clients, lockstep participants, bells and
+//! their counters.
 
 mod file;
 #[cfg(test)]
@@ -39,7 +40,7 @@ pub enum SnapshotError {
     OtherPlant {
         /// Its devices and buses.
         theirs: String,
-        /// Those that are here.
+        /// Names in this plant.
         ours: String,
     },
     /// The registers of a device are elsewhere.
@@ -62,18 +63,18 @@ pub enum SnapshotError {
     OtherDevice {
         /// The device.
         plc: String,
-        /// What it is in the snapshot.
+        /// Name in the snapshot.
         theirs: &'static str,
-        /// What it is here.
+        /// Name in this plant.
         ours: &'static str,
     },
     /// Its devices and buses have other settings.
     #[error("the plant file that it is of sets {what} otherwise; start its plant by `commram run --from`")]
     OtherSettings {
-        /// What is set otherwise there.
+        /// Settings that differ there.
         what: String,
     },
-    /// Everything is set alike, but it stands elsewhere.
+    /// All settings agree, but the state differs.
     #[error(
         "its state is another one: it has other faults in its plant file, or does not begin at the same moment"
     )]
@@ -102,7 +103,7 @@ impl Snapshot {
         self.state
     }
 
-    /// As a file has it.
+    /// Writes the fields of the file format.
     fn save(&self, to: &mut Saving) {
         let Snapshot { time_us, layouts, media, settings, state } = self;
         to.value(&(time_us, layouts, media, settings.as_ref(), state));
@@ -115,7 +116,7 @@ impl Snapshot {
 }
 
 impl Plant {
-    /// Does what has been put off. Nobody can tell, but snapshots take less time.
+    /// Does the postponed work. The result is the same, but snapshots take less time.
     pub(crate) fn settle(&mut self) {
         self.media.iter_mut().for_each(|medium| medium.settle());
     }
@@ -137,7 +138,7 @@ impl Plant {
         SnapshotFile { plant: self.text.as_ref().to_owned(), snapshot }
     }
 
-    /// As [`Plant::snapshot`], in the memory of bytes that are no longer needed.
+    /// Same as [`Plant::snapshot`], in the memory of bytes that are no longer needed.
     pub(crate) fn snapshot_reusing(&self, bytes: Vec<u8>) -> Snapshot {
         let mut to = Saving::reusing(bytes);
         self.save(&mut to);
@@ -151,8 +152,9 @@ impl Plant {
         }
     }
 
-    /// Goes to a snapshot of this plant, or of one of the same plant file. Records of the journal are not in it: none stays, and
-    /// [`Journal::turn`](crate::journal::Journal::turn) tells its readers.
+    /// Restores a snapshot of this plant, or of a plant with the same plant file. The snapshot does not contain records
+    /// of the journal: all records are dropped, and [`Journal::turn`](crate::journal::Journal::turn) changes for its
+    /// readers.
     ///
     /// # Errors
     /// [`SnapshotError`]; the plant is then as it was before.
@@ -163,7 +165,7 @@ impl Plant {
     /// Goes back to a snapshot that this plant has been at: the records of the journal up to there stay.
     ///
     /// # Errors
-    /// As [`Plant::restore`].
+    /// Same as [`Plant::restore`].
     pub fn go_back(&mut self, snapshot: &Snapshot) -> Result<(), SnapshotError> {
         self.take_over(snapshot, true)
     }
@@ -179,7 +181,7 @@ impl Plant {
         self.arrive();
     }
 
-    /// What tells this plant from others at this moment, for [`Plant::is_like`]: what it consists of, and a number for the state.
+    /// Fingerprint of this plant at this moment for [`Plant::is_like`]: its parts, and a number for the state.
     #[cfg(feature = "channel")]
     pub(crate) fn likeness(&self) -> Vec<u8> {
         let snapshot = self.snapshot();
@@ -189,11 +191,11 @@ impl Plant {
         to.into_bytes()
     }
 
-    /// Whether another plant, of which [`Plant::likeness`] has told `theirs`, consists of the same, and stood then where this one
-    /// stood when it told `ours`.
+    /// Whether another plant with the [`Plant::likeness`] `theirs` has the same parts, and had the state that this
+    /// plant had when it returned `ours`.
     ///
     /// # Errors
-    /// What is otherwise.
+    /// The difference between the plants.
     #[cfg(feature = "channel")]
     pub(crate) fn is_like(&self, ours: &[u8], theirs: &[u8]) -> Result<(), SnapshotError> {
         self.fits(&Snapshot::of_saved(&mut Saved::new(theirs))?)?;
@@ -207,7 +209,7 @@ impl Plant {
         let mut from = Saved::new(&snapshot.state);
         let taken = self.read(&mut from, goes_back).and_then(|()| from.end());
         if taken.is_err() {
-            // What this plant has saved a moment ago it can read.
+            // This plant can read the bytes that it has just saved.
             let _ = self.read(&mut Saved::new(before.bytes()), true);
         }
         self.arrive();
@@ -241,7 +243,7 @@ impl Plant {
         }
     }
 
-    /// What is set otherwise in another plant of the same devices and media.
+    /// Settings that differ in another plant with the same devices and media.
     fn set_otherwise(&self, theirs: &[u64]) -> String {
         let devices = self.devices.iter().map(|device| format!("PLC '{}'", device.name()));
         let media = self.media.iter().map(|medium| format!("bus '{}' or what is at it", medium.name()));
@@ -265,10 +267,10 @@ impl Plant {
             next_cycle,
             next_device,
             cycle_us: _,
-            // Whoever goes on looks first.
+            // A plant that continues polls first.
             has_looked: _,
             is_seen: _,
-            // Somebody outside waits for an event.
+            // A client outside waits for an event.
             watching: _,
             devices,
             media,

@@ -1,7 +1,8 @@
-//! Threads that stay: who has work for several cores at once, again and again, does not start them anew each time.
+//! Permanent worker threads: repeated work for several cores does not start new threads each time.
 //!
-//! What is to be worked at is handed over whole and comes back, so that nobody else has it meanwhile. A thread without work looks
-//! for some for a moment, because work mostly comes again soon, then sleeps (on a futex, in the channel that work comes by).
+//! Each piece of work is moved to a thread as a whole and returned, so no other thread has access meanwhile. An idle
+//! thread polls for work for a moment, because work mostly comes again soon, then sleeps (on a futex, in the channel of
+//! the work).
 
 use core::time::Duration;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
@@ -14,7 +15,7 @@ type Work = Box<dyn FnOnce() + Send>;
 /// How long a thread looks before it sleeps: about as long as it takes to sleep and to be woken up.
 const LOOKS: Duration = Duration::from_micros(100);
 
-/// The threads besides the one that asks; those that cannot be had are done without.
+/// The threads besides the calling thread. If a thread cannot be started, the pool works without it.
 #[derive(Default)]
 pub(super) struct WorkerPool {
     workers: Vec<Worker>,
@@ -29,9 +30,9 @@ struct Worker {
 }
 
 impl WorkerPool {
-    /// So many threads.
+    /// Starts `count` threads.
     pub(super) fn of(count: usize) -> Self {
-        // On a processor less, who looks would keep the one from working for which he waits.
+        // With fewer processors, a polling thread would keep the thread that it waits for from working.
         let is_room = available_parallelism().is_ok_and(|processors| processors.get() > count);
         let looks = if is_room { LOOKS } else { Duration::ZERO };
         let start = |_| {
@@ -43,7 +44,7 @@ impl WorkerPool {
         WorkerPool { workers: (0..count).filter_map(start).collect(), looks }
     }
 
-    /// Does the parts at the same time, the first one here. What comes of them, in their order.
+    /// Runs the parts in parallel, the first one in the calling thread. Returns the results in the order of the parts.
     pub(super) fn share<P, R>(&self, parts: Vec<P>, run: impl Fn(P) -> R + Clone + Send + 'static) -> Vec<R>
     where
         P: Send + 'static,
@@ -58,7 +59,7 @@ impl WorkerPool {
             let (run, done) = (run.clone(), done.clone());
             let work: Work = Box::new(move || {
                 let outcome = catch_unwind(AssertUnwindSafe(|| run(part)));
-                // Who does not wait any more has panicked.
+                // A closed channel means that the receiver has panicked.
                 let _ = done.send((index, outcome));
             });
             let worker = self.workers.get(place).and_then(|worker| worker.work.as_ref());
@@ -74,7 +75,7 @@ impl WorkerPool {
         let left = count - outcomes.len();
         outcomes.extend(core::iter::from_fn(|| next(&all_done, self.looks)).take(left));
         outcomes.sort_by_key(|(index, _)| *index);
-        // Who has panicked takes this one with it.
+        // A panic in a worker continues in this thread.
         outcomes.into_iter().map(|(_, done)| done.unwrap_or_else(|panic| resume_unwind(panic))).collect()
     }
 }
@@ -89,7 +90,7 @@ impl Drop for WorkerPool {
     }
 }
 
-/// What comes next; `None`: nothing more comes.
+/// Returns the next item; `None`: no more items will come.
 fn next<T>(from: &Receiver<T>, looks: Duration) -> Option<T> {
     let begin = Instant::now();
     loop {

@@ -1,12 +1,12 @@
-//! What others write into the images, as the access checker sees it.
+//! Writes of clients into the images, as the access checker sees them.
 
 use super::Plant;
 use crate::devices::Context;
 use crate::journal::{By, ChannelWrite, Origin};
 
 impl Plant {
-    /// What others have written since the firmware last ran is judged before it runs again: device by device, then what
-    /// belongs to its ports.
+    /// Checks the writes of clients since the last run of the firmware, before it runs again: device by device, first
+    /// its own registers, then the registers of its ports.
     #[inline]
     pub(super) fn look_for_writes(&mut self) {
         (self.has_looked, self.is_seen) = (false, false);

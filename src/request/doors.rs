@@ -7,7 +7,7 @@ use crate::devices::{GuestRefusal, Medium, StationState, Whose};
 use crate::door::{DoorSpec, Doors};
 use crate::journal::Source;
 
-/// What the load of a bus is measured over, in emulated microseconds.
+/// Period over which the load of a bus is measured, in emulated microseconds.
 const LOAD_US: u64 = 100_000;
 
 /// The buses, with the doors there are.

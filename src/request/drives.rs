@@ -1,16 +1,16 @@
-//! Drives: how they stand, and their parameters.
+//! Drives: their states and parameters.
 
 use super::{Code, DriveEntry, Host, Refused, Reply};
 use crate::devices::ParameterRefusal;
 use crate::plant::PlantDrive;
 
-/// The drives and how they stand.
+/// Returns the drives and their states.
 pub(super) fn drives(host: &dyn Host) -> Reply {
     let entry = |PlantDrive { name, bus, state }| DriveEntry { name, bus, state };
     Reply::Drives(host.plant().drives().into_iter().map(entry).collect())
 }
 
-/// All that is to be seen of a drive.
+/// Returns all details of a drive.
 pub(super) fn drive(host: &dyn Host, drive: u16) -> Result<Reply, Refused> {
     let details = host.plant().drive(drive.into());
     details.map(|details| Reply::Drive(Box::new(details))).ok_or_else(|| unknown(host, drive))

@@ -1,4 +1,4 @@
-//! Executes operations: the one place that tells what each of them does.
+//! Executes operations: the only place that defines the effect of each of them.
 
 mod range;
 mod time;
@@ -19,20 +19,20 @@ use time::{limit, look_at, no_conditions, no_sync, stepped};
 
 /// An operation under way.
 ///
-/// With a stepped clock an operation lets the time pass where it asks for that, and has no reply while it pauses
-/// ([`Host::should_pause`]): whoever executes it goes on with it soon. In real time a wait cannot let it pass: it has no reply
-/// yet, and whoever executes it tries again after every firmware step.
+/// With a stepped clock an operation advances the clock where needed, and has no reply while it pauses
+/// ([`Host::should_pause`]); the caller continues it soon. In real time a wait cannot advance the clock: it has no
+/// reply yet, and the caller tries again after every firmware step.
 #[derive(Debug, Default)]
 pub struct Execution {
     /// Where the operation under way ends at the latest, in emulated microseconds.
     end: Option<u64>,
     /// Where the part of it ends that has begun: all parts are the same, wherever the operation pauses.
     part: Option<u64>,
-    /// It has let time pass.
+    /// The operation has advanced the clock.
     has_set_out: bool,
     /// Events that a wait has passed.
     events: u32,
-    /// What the wait to come waits for.
+    /// Conditions of the next wait.
     conditions: Vec<(Register, Test)>,
 }
 
@@ -43,7 +43,7 @@ impl Execution {
     /// [`Refused`].
     pub fn run(&mut self, host: &mut dyn Host, op: &Op) -> Result<Option<Reply>, Refused> {
         host.permit(op)?;
-        // What is stored is kept as such.
+        // Stores are recorded separately.
         if op.acts() && !op.stores() {
             host.plant_and_travel().1.touch();
         }

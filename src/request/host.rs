@@ -1,4 +1,4 @@
-//! Who runs a plant.
+//! Host of a plant.
 
 use super::travel::Travel;
 use super::{InstanceInfo, Op, Refused};
@@ -7,7 +7,8 @@ use crate::plant::Plant;
 
 /// A plant with its clock, as operations need it. Times are emulated time in microseconds.
 ///
-/// What an operation does to the plant is not here: [`super::Execution`] does it, for all hosts alike.
+/// The effects of operations on the plant are not defined here: [`super::Execution`] applies them, equally for all
+/// hosts.
 pub trait Host {
     /// The plant.
     fn plant(&self) -> &Plant;
@@ -32,26 +33,27 @@ pub trait Host {
         true
     }
 
-    /// A request has come, and nothing else is under way. What guests at doors want is learned first; with a stepped clock, what
-    /// the boards were asked for before it is answered, too: whoever asks of them and then sends a request always sees the same.
+    /// A request has come, and no other request is in progress. The host first takes the inputs of guests at doors.
+    /// With a stepped clock it also answers the pending requests to the boards, so that a client with a board request
+    /// followed by a channel request always sees the same result.
     fn begin_request(&mut self);
 
     /// Time of the next event; `u64::MAX` if there is none. Once [`Host::advance_to`] has gone there it is later.
     fn next_event(&self) -> u64;
 
-    /// As [`Host::next_event`], but for looks at registers that find nothing to do: until then no register changes but by
-    /// somebody outside.
+    /// Same as [`Host::next_event`], but without polls that change nothing: until then only outside programs change
+    /// registers.
     fn next_change(&self) -> u64 {
         self.next_event()
     }
 
-    /// Stepped mode: runs everything up to and including time `t`. Going there in several calls has the
-    /// same outcome as going there in one. `false`: the host is to stop, or somebody has a turn for whom the time waits;
-    /// then it is called again with the same `t`.
+    /// Stepped mode: runs everything up to and including time `t`. Several calls have the same outcome as a single
+    /// call. `false`: the host is to stop, or the time waits for a participant that has a turn; the caller then calls
+    /// again with the same `t`.
     fn advance_to(&mut self, t: u64) -> bool;
 
-    /// Asked between the parts of an operation that lets time pass: whether it is to pause, so that others are heard
-    /// meanwhile. Whoever executes it goes on with it then. Where it pauses makes no difference to the plant.
+    /// Called between the parts of an operation that advances the clock: whether it is to pause so that other clients
+    /// can be served. The caller continues the operation afterwards. A pause makes no difference to the plant.
     fn should_pause(&self) -> bool {
         false
     }
@@ -66,10 +68,10 @@ pub trait Host {
         None
     }
 
-    /// The plant, and what is kept for going back with it.
+    /// The plant, and the history for going back.
     fn plant_and_travel(&mut self) -> (&mut Plant, &mut Travel);
 
-    /// Who takes part from outside, if anybody does: he cannot go back when the plant does.
+    /// Outside participants, if there are any: they cannot go back with the plant.
     fn outsiders(&mut self) -> Option<String> {
         None
     }
@@ -77,7 +79,7 @@ pub trait Host {
     /// The plant is somewhere else on its way.
     fn has_travelled(&mut self) {}
 
-    /// What the instance says about itself.
+    /// Description of the instance.
     fn info(&self) -> InstanceInfo;
 
     /// Asks the host to end; [`Host::should_stop`] is true from then on.

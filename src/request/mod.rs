@@ -1,11 +1,11 @@
 //! Requests: the one way to ask an emulator anything.
 //!
 //! An operation is a value of [`Op`], its answer one of [`Reply`] or a [`Refused`], and [`Execution`] is the one
-//! function between them. Who runs a plant is its [`Host`]. How a request comes to the host is not told here: a
+//! function between them. The [`Host`] runs a plant. This module does not define how a request comes to the host: a
 //! scenario calls the function in its own process, and the channel carries operations and replies between processes.
 //!
-//! Rules: operations of one request run in order and stop at the first that is refused; with a stepped clock, what the
-//! boards were asked for before the request is answered first ([`Host::begin_request`]).
+//! Rules: operations of one request run in order and stop at the first refusal; with a stepped clock, earlier requests
+//! to the boards are answered first ([`Host::begin_request`]).
 
 mod doors;
 mod drives;

@@ -20,10 +20,11 @@ pub const MAX_CONDITIONS: usize = 32;
 /// Longest time one operation may let pass: 24 h of emulated time, in microseconds.
 pub const MAX_ADVANCE_US: u64 = 24 * 3_600_000_000;
 
-/// One operation of a request.
+/// An operation of a request.
 ///
-/// `plc` is the PLC's number in the instance, from 0; `offset` is the byte in its image file, at which the address stands that
-/// the device's [`spaces`](crate::layout::Device::spaces) say, and must suit the width. Times are emulated time in microseconds.
+/// `plc` is the PLC's number in the instance, from 0; `offset` is the byte in its image file, which the device's
+/// [`spaces`](crate::layout::Device::spaces) map to the address, and must suit the width. Times are emulated time in
+/// microseconds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Op {
     /// Reads a register. Answered by [`Reply::Value`](super::Reply::Value).
@@ -80,7 +81,7 @@ pub enum Op {
         width: Width,
         /// The bits that count; must fit the width.
         mask: u32,
-        /// What those bits shall be; no bit outside the mask.
+        /// New value of the bits in the mask; no bit outside the mask.
         value: u32,
         /// Longest wait in emulated microseconds, at most [`MAX_ADVANCE_US`].
         within_us: u64,
@@ -94,12 +95,12 @@ pub enum Op {
         offset: u32,
         /// Its width.
         width: Width,
-        /// What shall hold of it; mask and value must fit the width.
+        /// Condition for the register; mask and value must fit the width.
         test: Test,
     },
-    /// Waits until all conditions in front of it hold at one moment, or any of them. In stepped mode it lets the time pass,
-    /// event by event. Answered by [`Reply::Waited`](super::Reply::Waited), whose value has bit n set if condition n (from 0)
-    /// holds, or refused with [`Code::NOT_IN_TIME`](super::Code::NOT_IN_TIME) and the same.
+    /// Waits until all conditions that precede it hold at the same moment, or any of them. In stepped mode it advances
+    /// the clock, event by event. Answered by [`Reply::Waited`](super::Reply::Waited), with bit n of the value set if
+    /// condition n (from 0) holds, or refused with [`Code::NOT_IN_TIME`](super::Code::NOT_IN_TIME) and the same.
     WaitFor {
         /// Whether one of them is enough.
         any: bool,
@@ -119,15 +120,16 @@ pub enum Op {
         /// Number of the port of that PLC.
         node: u8,
     },
-    /// Lets the time pass up to the next moment at which the emulator has something to do; stepped mode only. What is
-    /// due now is done now, and no time passes. Answered by [`Reply::Time`](super::Reply::Time).
+    /// Advances the clock to the next moment at which the emulator has something to do; stepped mode only. If there are
+    /// events at the present time, they are handled now, and no time passes. Answered by
+    /// [`Reply::Time`](super::Reply::Time).
     AdvanceToEvent {
         /// The longest time, in microseconds, at most [`MAX_ADVANCE_US`].
         within_us: u64,
     },
     /// Reads the journal from record number `from` on. Answered by [`Reply::Journal`](super::Reply::Journal).
     Journal {
-        /// Number of the first record wanted; what is no longer kept is left out.
+        /// Number of the first record wanted; records that are no longer kept are left out.
         from: u64,
         /// Most records wanted; more than [`MAX_RECORDS`] are never sent.
         max: u32,
@@ -152,10 +154,11 @@ pub enum Op {
         /// Byte offset of the register.
         offset: u32,
     },
-    /// Reads the changes that are kept for onlookers, from number `from` on. Whoever has not asked for ten seconds of real
-    /// time is not looked out for any more. Answered by [`Reply::Changes`](super::Reply::Changes).
+    /// Reads the changes that are kept for onlookers, from number `from` on. Changes are no longer collected for an
+    /// onlooker after ten seconds of real time without a request. Answered by
+    /// [`Reply::Changes`](super::Reply::Changes).
     Changes {
-        /// Number of the first change wanted; what is no longer kept is left out.
+        /// Number of the first change wanted; changes that are no longer kept are left out.
         from: u64,
         /// Most changes wanted; more than [`MAX_RECORDS`] are never sent.
         max: u32,
@@ -199,12 +202,12 @@ pub enum Op {
         /// Number of the PLC.
         plc: u16,
     },
-    /// Does something to a PLC's board, at the present emulated time. Answered by [`Reply::Written`](super::Reply::Written); a start that is
-    /// not possible is refused.
+    /// Changes a setting of a PLC's board, at the present emulated time. Answered by
+    /// [`Reply::Written`](super::Reply::Written); a start that is not possible is refused.
     SetBoard {
         /// Number of the PLC.
         plc: u16,
-        /// What.
+        /// The setting.
         setting: BoardSetting,
     },
     /// Asks what the access checker has found. Answered by [`Reply::Findings`](super::Reply::Findings).
@@ -213,14 +216,14 @@ pub enum Op {
     ClearFindings,
     /// Asks for the buses, their doors and the guests there. Answered by [`Reply::Buses`](super::Reply::Buses).
     Buses,
-    /// Asks for the drives and how they stand. Answered by [`Reply::Drives`](super::Reply::Drives).
+    /// Reads the drives and their states. Answered by [`Reply::Drives`](super::Reply::Drives).
     Drives,
-    /// Asks for all that is to be seen of a drive. Answered by [`Reply::Drive`](super::Reply::Drive).
+    /// Reads all details of a drive. Answered by [`Reply::Drive`](super::Reply::Drive).
     Drive {
         /// Its place in the answer to [`Op::Drives`].
         drive: u16,
     },
-    /// Sets a parameter of a drive, as somebody does who stands in front of it. Answered by
+    /// Sets a parameter of a drive, as a user does at the drive itself. Answered by
     /// [`Reply::Written`](super::Reply::Written).
     SetParameter {
         /// Its place in the answer to [`Op::Drives`].
@@ -230,7 +233,8 @@ pub enum Op {
         /// Its new value.
         value: i64,
     },
-    /// Asks what is going on at the buses: their intervals and ports. Answered by [`Reply::Scene`](super::Reply::Scene).
+    /// Reads the present activity of the buses: their intervals and ports. Answered by
+    /// [`Reply::Scene`](super::Reply::Scene).
     Scene,
     /// Opens a door to a bus. Answered by [`Reply::DoorOpened`](super::Reply::DoorOpened).
     DoorOpen {
@@ -246,7 +250,7 @@ pub enum Op {
         /// The door, with its real port or number; `None`: all.
         door: Option<DoorSpec>,
     },
-    /// Takes part in a bus from now on, and sends a frame if there is one. Answered by
+    /// Takes part in a bus from now on, and sends a frame if one is given. Answered by
     /// [`Reply::Written`](super::Reply::Written).
     BusSend {
         /// Number of the bus.
@@ -277,16 +281,16 @@ pub enum Op {
         at: u32,
         /// How many bytes it has, up to 16.
         count: u8,
-        /// The bytes; those behind `count` are 0.
+        /// The bytes; bytes after `count` are 0.
         bytes: [u8; 16],
     },
-    /// Goes to the snapshot in the file that was brought. Answered by [`Reply::Time`](super::Reply::Time), as the next two.
-    /// `detached`, here and below: also if somebody outside takes part who cannot go back.
+    /// Restores the snapshot in the file that was uploaded. Answered by [`Reply::Time`](super::Reply::Time), like the
+    /// next two. `detached`, here and below: also if an outside participant cannot go back.
     Restore {
         /// See above.
         detached: bool,
     },
-    /// Goes back to a snapshot that is kept.
+    /// Restores a kept snapshot.
     BackTo {
         /// Its number.
         number: u32,
@@ -303,14 +307,14 @@ pub enum Op {
     /// Goes back to the last moment before now at which the conditions in front of it came to hold. Answered by
     /// [`Reply::Waited`](super::Reply::Waited).
     BackUntil {
-        /// One is enough.
+        /// A single condition is sufficient.
         any: bool,
         /// See [`Op::Restore`].
         detached: bool,
     },
     /// Asks for the emulated time. Answered by [`Reply::Time`](super::Reply::Time).
     Time,
-    /// Asks who answers. Answered by [`Reply::Info`](super::Reply::Info).
+    /// Reads the description of the instance. Answered by [`Reply::Info`](super::Reply::Info).
     Info,
     /// Asks the emulator to end. Answered by [`Reply::Stopping`](super::Reply::Stopping).
     Stop,

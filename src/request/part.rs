@@ -47,8 +47,8 @@ impl JournalPart {
     }
 }
 
-/// Reads the journal from record number `from` to its end, in as many operations as that takes. If the plant goes to a snapshot
-/// meanwhile, reading begins anew, so that all records are of one history.
+/// Reads the journal from record number `from` to its end, in as many operations as needed. If the plant restores a
+/// snapshot meanwhile, reading restarts, so that all records are of the same history.
 ///
 /// # Errors
 /// An operation fails, or a reply brings the reader no further.

@@ -1,4 +1,4 @@
-//! What an operation is refused with: a code for programs, a text for people.
+//! Refusal of an operation: a code for programs, a text for people.
 
 use super::Waited;
 use crate::fault;
@@ -6,7 +6,7 @@ use crate::layout::Device;
 use crate::memory::header::BoardSetting;
 use core::fmt;
 
-/// Which refusal it is; `docs/reference/channel.md` lists them. An emulator of a later version may have others.
+/// Code of the refusal; `docs/reference/channel.md` lists them. An emulator of a later version may have others.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Code(pub u16);
 
@@ -29,9 +29,9 @@ impl Code {
     pub const UNKNOWN_PLC: Self = Self(8);
     /// The time cannot be stepped.
     pub const CLOCK_IS_REAL_TIME: Self = Self(9);
-    /// The register did not match in time; [`Refused::waited`] tells what it holds.
+    /// The register did not match in time; [`Refused::waited`] contains its value.
     pub const NOT_IN_TIME: Self = Self(10);
-    /// Nobody sends SYNC on that bus, or there is no such bus.
+    /// No station sends SYNC on that bus, or there is no such bus.
     pub const NO_SYNC: Self = Self(11);
     /// The request has too many operations.
     pub const TOO_MANY_OPERATIONS: Self = Self(12);
@@ -75,9 +75,9 @@ impl Code {
     pub const CONDITIONS: Self = Self(40);
     /// A snapshot cannot be kept, read or gone to.
     pub const SNAPSHOT: Self = Self(50);
-    /// Somebody outside takes part who cannot go back with the plant.
+    /// An outside participant cannot go back with the plant.
     pub const NOT_ALONE: Self = Self(51);
-    /// So far back nothing is kept, or what was to be found did not come about since then.
+    /// The time is before the kept history, or the searched condition did not occur since then.
     pub const NOT_SO_FAR: Self = Self(52);
 
     /// The instance has no drive of that number.
@@ -87,7 +87,7 @@ impl Code {
     /// The drive cannot take a parameter now: it has no supply, or recalculates it.
     pub const NOT_NOW: Self = Self(44);
 
-    /// Whether the operation asks for what cannot be. If not, it is the plant that is not in the state for it.
+    /// Whether the operation is impossible in any state. If not, the plant is in a wrong state for it.
     pub fn is_wrong_use(self) -> bool {
         const STATES: [Code; 8] = [
             Code::NOT_IN_TIME,
@@ -107,11 +107,11 @@ impl Code {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{text}")]
 pub struct Refused {
-    /// Which refusal it is.
+    /// Code of the refusal.
     pub code: Code,
     /// The same for people.
     pub text: String,
-    /// Of a wait that is over ([`Code::NOT_IN_TIME`]): when, and what the register holds.
+    /// For a wait that has ended ([`Code::NOT_IN_TIME`]): the time, and the value of the register.
     pub waited: Option<Waited>,
 }
 

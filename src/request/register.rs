@@ -5,7 +5,7 @@ use crate::layout::place::live_by;
 use crate::layout::{Address, Device, Owner, Place, RegisterPhase, Test, Width, plc_prefix};
 use crate::plant::ForceError;
 
-/// A register whose PLC exists and whose address suits its width.
+/// A register with an existing PLC and an address that suits its width.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Register {
     pub plc: usize,
@@ -51,7 +51,7 @@ impl Register {
         Err(Refused::new(Code::VALUE_TOO_WIDE, text))
     }
 
-    /// What is awaited of the register can come about, and need not hold whatever it holds.
+    /// Checks that the condition of the register can become true, and is not true for every value.
     pub(crate) fn can_match(self, host: &dyn Host, test: Test) -> Result<(), Refused> {
         let Test { mask, value, .. } = test;
         self.fits(host, mask)?;
@@ -66,7 +66,7 @@ impl Register {
         Err(Refused::new(Code::NEVER_MATCHES, text))
     }
 
-    /// What is at the front is written by its owner only: nobody has the display in his hand.
+    /// The front is written by its owner only: a client cannot change the display.
     pub(crate) fn writable(self) -> Result<(), Refused> {
         let address = self.address;
         if !self.device.is_front(address.offset()) {

@@ -21,7 +21,7 @@ pub enum Reply {
     Exchanged {
         /// Whether the register held the expected value and was written.
         ok: bool,
-        /// What it held before.
+        /// Previous value.
         found: u32,
     },
     /// The bytes of a range.
@@ -37,7 +37,7 @@ pub enum Reply {
         records: Vec<Record>,
         /// The number that the next record will have.
         end: u64,
-        /// Which history they are of.
+        /// History of the records.
         turn: Turn,
     },
     /// Changes of registers that are followed.
@@ -46,7 +46,7 @@ pub enum Reply {
         changes: Vec<Change>,
         /// The number that the next change will have.
         end: u64,
-        /// Which history they are of.
+        /// History of the changes.
         turn: Turn,
     },
     /// The forced registers, in the order of PLCs and addresses.
@@ -65,7 +65,7 @@ pub enum Reply {
     },
     /// A PLC's board.
     Board(BoardState),
-    /// What the access checker has found, in the order of the first findings.
+    /// Findings of the access checker, in the order of the first findings.
     Findings(Vec<Entry>),
     /// It is forgotten.
     Cleared,
@@ -73,9 +73,9 @@ pub enum Reply {
     Buses(Vec<BusState>),
     /// The drives: those on buses, in the order of the plant file, then those that devices are built into.
     Drives(Vec<DriveEntry>),
-    /// All that is to be seen of a drive.
+    /// All details of a drive.
     Drive(Box<DriveDetails>),
-    /// What is going on at the buses, in the order of their numbers.
+    /// Present activity of the buses, in the order of their numbers.
     Scene(Vec<BusScene>),
     /// A door is open.
     DoorOpened(DoorSpec),
@@ -84,11 +84,11 @@ pub enum Reply {
         /// How many.
         count: u16,
     },
-    /// Who answers.
+    /// Description of the instance.
     Info(Box<InstanceInfo>),
     /// The emulator is going to end.
     Stopping,
-    /// The operation was refused; those behind it were not executed.
+    /// The operation was refused; the following operations were not executed.
     Error(Refused),
     /// An earlier operation of the request was refused.
     NotExecuted,
@@ -101,11 +101,11 @@ pub struct DriveEntry {
     pub name: String,
     /// Its bus, if it is on one.
     pub bus: Option<String>,
-    /// How it stands.
+    /// State of the drive.
     pub state: DriveState,
 }
 
-/// What is going on at a bus.
+/// Present activity of a bus.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct BusScene {
     /// Its name.
@@ -120,7 +120,7 @@ pub struct BusScene {
     pub ports: Vec<String>,
 }
 
-/// What there is to know of a bus.
+/// Description of a bus.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct BusState {
     /// Its name.
@@ -137,11 +137,11 @@ pub struct BusState {
     pub doors: Vec<DoorState>,
     /// Its stations that have power, at CAN and PROFIBUS.
     pub stations: Vec<Station>,
-    /// Who is set to another rate and takes no part for that reason.
+    /// Stations that are set to another rate and therefore do not take part.
     pub strangers: Vec<Stranger>,
 }
 
-/// Somebody whose rate is not that of the bus.
+/// A station with a rate that differs from the rate of the bus.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Stranger {
     /// Device and port, or the drive: `line:node1`, `winder`.
@@ -174,7 +174,7 @@ impl Station {
     }
 }
 
-/// What an emulator says about itself.
+/// Description of an emulator.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct InstanceInfo {
     /// Name of the instance.
@@ -193,9 +193,9 @@ pub struct InstanceInfo {
     pub abi_version: u32,
     /// Version of the program, as in `commram --version`.
     pub version: String,
-    /// For whom the emulated time waits now, if it does: a task in lockstep that has its turn.
+    /// The task in lockstep that has its turn, if the emulated time waits for such a task now.
     pub waits_for: Option<String>,
-    /// What its PLCs and buses are called, in the order of their numbers, and what the PLCs are.
+    /// Names of its PLCs and buses, in the order of their numbers, and the devices of the PLCs.
     #[serde(with = "super::naming")]
     pub names: Names,
 }
@@ -214,7 +214,7 @@ pub struct Waited {
 #[error("the reply does not fit the operation; use the same version on both ends")]
 pub struct WrongReply;
 
-/// What a reply of the expected kind holds.
+/// Contents of a reply of the expected kind.
 macro_rules! contents {
     ($($(#[$doc:meta])* $name:ident: $pattern:pat => $content:expr, $type:ty;)*) => {
         impl Reply {
@@ -237,9 +237,9 @@ macro_rules! contents {
 contents! {
     /// The value of a register.
     value: Reply::Value(value) => value, u32;
-    /// That something was written or set.
+    /// Confirmation that a value was written or set.
     written: Reply::Written => (), ();
-    /// What a register held; `Ok` if that was expected and it was written.
+    /// Previous value of a register; `Ok` if it was expected and the new value was written.
     exchanged: Reply::Exchanged { ok, found } => if ok { Ok(found) } else { Err(found) }, Result<u32, u32>;
     /// The bytes of a range.
     bytes: Reply::Bytes(bytes) => bytes, Vec<u8>;
@@ -263,26 +263,26 @@ contents! {
     faults: Reply::Faults(faults) => faults, Vec<FaultStatus>;
     /// The drives.
     drives: Reply::Drives(drives) => drives, Vec<DriveEntry>;
-    /// All that is to be seen of a drive.
+    /// All details of a drive.
     drive: Reply::Drive(drive) => *drive, DriveDetails;
     /// How many faults were cleared.
     faults_cleared: Reply::FaultsCleared { count } => count, u16;
     /// A board.
     board: Reply::Board(state) => state, BoardState;
-    /// What the checker has found.
+    /// Findings of the checker.
     findings: Reply::Findings(entries) => entries, Vec<Entry>;
-    /// That the findings are forgotten.
+    /// Confirmation that the findings were cleared.
     cleared: Reply::Cleared => (), ();
     /// The buses.
     buses: Reply::Buses(buses) => buses, Vec<BusState>;
-    /// What is going on at the buses.
+    /// Present activity of the buses.
     scene: Reply::Scene(buses) => buses, Vec<BusScene>;
     /// A door that was opened, with its real port or number.
     door_opened: Reply::DoorOpened(door) => door, DoorSpec;
     /// How many doors were closed.
     doors_closed: Reply::DoorsClosed { count } => count, u16;
-    /// Who answers.
+    /// Description of the instance.
     info: Reply::Info(info) => *info, InstanceInfo;
-    /// That the emulator is going to end.
+    /// Confirmation that the emulator is going to end.
     stopping: Reply::Stopping => (), ();
 }

@@ -1,4 +1,4 @@
-//! What is going on at the buses.
+//! Present activity of the buses.
 
 use super::Host;
 use super::{BusScene, Reply};

@@ -46,13 +46,13 @@ pub(crate) struct TestHost {
     pub pauses: bool,
     /// Whether one has paused.
     has_paused: Cell<bool>,
-    /// How often somebody is asked for whom the time waits until his turn has ended.
+    /// Number of queries until the turn of the participant that the time waits for has ended.
     pub turn_left: usize,
-    /// Whether the real-time clock of the test server stands still.
+    /// Whether the real-time clock of the test server is stopped.
     #[cfg_attr(not(feature = "channel"), expect(dead_code, reason = "for the tests of the channel"))]
     pub is_frozen: bool,
     travel: Travel,
-    /// Who takes part from outside.
+    /// Outside participants.
     pub outsiders: Option<String>,
 }
 
@@ -104,7 +104,7 @@ impl TestHost {
         self.plant.devices()[0].segment().store(offset, Width::Word, value.into()).unwrap();
     }
 
-    /// Executes operations up to the first that is refused. None of them may wait.
+    /// Executes operations up to the first refusal. None of them may wait.
     pub(crate) fn request(&mut self, ops: &[Op]) -> Vec<Reply> {
         self.begin_request();
         let (mut replies, mut execution) = (Vec::new(), Execution::default());

@@ -1,10 +1,10 @@
-//! Going back: what is kept of the plant on its way, and how it gets to where it was.
+//! Going back: the history that is kept of the plant, and the return to a moment of it.
 //!
-//! With a stepped clock nothing but the passing of time happens between two moments at which somebody does something, and
-//! whoever does something does it before time passes on. So it is enough to keep what operations have stored, and a snapshot
-//! when time is about to pass behind anything else that was done: to any moment behind it the plant goes by itself, with the
-//! same stores, as it did the first time. Only what a program stores through the map comes by no request; who goes back over
-//! such a stretch is told.
+//! With a stepped clock only the clock advances between two actions of clients, and a client acts before the clock
+//! advances. It is therefore enough to keep the stores of operations, and a snapshot before the clock advances after
+//! any other action. The plant reaches every later moment by itself, with the same stores, as it did the first time.
+//! Only stores of a program through the map come without a request; going back over such a stretch is reported to the
+//! client.
 
 mod back;
 mod file;
@@ -23,12 +23,12 @@ use stretch::Stretch;
 
 /// Most snapshots that clients keep at a time.
 const MAX_SAVED: usize = 64;
-/// Emulated time between two snapshots while it passes in one go: so long it takes to get there again at most.
+/// Emulated time between two snapshots while the clock advances in one go: the maximum time that must be repeated.
 const STRETCH_US: u64 = 10_000_000;
 /// The same between two operations: programs may store through the map, and from a snapshot on one knows what they have stored.
 const PAUSE_US: u64 = 100_000;
 
-/// What is kept for going back.
+/// The history that is kept for going back.
 #[derive(Debug)]
 pub struct Travel {
     /// Snapshots that clients have asked for, by their numbers.
@@ -38,14 +38,14 @@ pub struct Travel {
     leaving: (u32, Vec<u8>),
     /// A file that comes in.
     coming: Vec<u8>,
-    /// Of the way here, the oldest first.
+    /// Stretches of the history, the oldest first.
     history: VecDeque<Stretch>,
     /// Bytes that it takes, and may take.
     size: usize,
     most: usize,
-    /// Somebody has done something since the last snapshot of the way that is not kept with it.
+    /// An action since the last snapshot of the history is not recorded in it.
     is_touched: bool,
-    /// The plant has come from a snapshot that was not of its way, so what was kept of that was dropped.
+    /// The plant has restored a snapshot from outside its history, so the history was dropped.
     came_from_elsewhere: bool,
 }
 
@@ -65,10 +65,10 @@ impl Default for Travel {
 }
 
 impl Travel {
-    /// Bytes that snapshots of the way may take unless somebody says otherwise.
+    /// Default limit of the bytes for snapshots of the history.
     pub const DEFAULT_BYTES: usize = 8 << 20;
 
-    /// Nothing yet; snapshots of the way may take so many bytes, 0: none is kept.
+    /// Creates an empty history; its snapshots may take `most` bytes, 0: none is kept.
     #[must_use]
     pub fn new(most: usize) -> Self {
         Travel {
@@ -90,7 +90,7 @@ impl Travel {
         self.history.front().map(|stretch| stretch.begin.time_us())
     }
 
-    /// Somebody does something to the plant, or has done it.
+    /// Called when a client acts on the plant, or has done so.
     pub fn touch(&mut self) {
         self.is_touched = true;
     }
@@ -107,7 +107,7 @@ impl Travel {
         }
     }
 
-    /// Whether nothing was kept for so long that it should be.
+    /// Whether the last snapshot is older than `after_us`.
     fn is_overdue(&self, now: u64, after_us: u64) -> bool {
         self.history.back().is_none_or(|last| last.begin.time_us() + after_us <= now)
     }
@@ -118,7 +118,7 @@ impl Travel {
         let now = plant.now();
         self.is_touched = false;
         let mut room = Vec::new();
-        // What was done at one moment is all in the last snapshot of it.
+        // The last snapshot of a moment contains all actions of this moment.
         while let Some(last) = self.history.pop_back_if(|last| last.begin.time_us() >= now) {
             self.size -= last.size();
             room = last.begin.into_state();
@@ -131,7 +131,7 @@ impl Travel {
         }
     }
 
-    /// The plant is where it is now: what was kept of later moments is no part of its way.
+    /// The plant is at its present time: later moments are no longer part of its history.
     fn is_at(&mut self, plant: &Plant) {
         let (now, written) = (plant.now(), plant.journal().written());
         self.drop_from(now + 1);
@@ -143,14 +143,14 @@ impl Travel {
         self.saved.values_mut().for_each(|saved| saved.is_behind &= saved.written <= written);
     }
 
-    /// Drops what begins at a moment or behind it.
+    /// Drops stretches that begin at a moment or after it.
     fn drop_from(&mut self, time_us: u64) {
         while let Some(later) = self.history.pop_back_if(|it| it.begin.time_us() >= time_us) {
             self.size -= later.size();
         }
     }
 
-    /// Nothing that is kept is of the plant's way.
+    /// Drops the history, because it does not belong to the present state.
     fn is_elsewhere(&mut self) {
         self.history.clear();
         self.size = 0;
@@ -187,7 +187,7 @@ pub(super) fn set_out(host: &mut dyn Host, is_first: bool) {
     }
 }
 
-/// Time has passed, and nobody has asked for anything.
+/// The clock has advanced without a request.
 pub(super) fn arrived(host: &mut dyn Host) {
     let (plant, travel) = host.plant_and_travel();
     if let Some(stretch) = travel.history.back_mut() {
@@ -204,7 +204,7 @@ pub(super) fn save(host: &mut dyn Host) -> Result<u32, Refused> {
         return Err(Refused::new(Code::SNAPSHOT, text));
     }
     travel.last = travel.last.wrapping_add(1).max(1);
-    // What is stored from here on is not of this moment, even if no time passes.
+    // Stores from here on do not belong to this moment, even if no time passes.
     travel.touch();
     let (snapshot, written) = (plant.snapshot(), plant.journal().written());
     travel.saved.insert(travel.last, Saved { snapshot, written, is_behind: true });
@@ -217,7 +217,7 @@ pub(super) fn forget(host: &mut dyn Host, number: u32) -> Result<(), Refused> {
     travel.saved.remove(&number).map(drop).ok_or_else(|| unknown(number))
 }
 
-/// Goes back to a snapshot that is kept.
+/// Restores a kept snapshot.
 pub(super) fn back_to(host: &mut dyn Host, number: u32, detached: bool) -> Result<(), Refused> {
     alone(host, detached)?;
     let (_, travel) = host.plant_and_travel();
@@ -226,7 +226,7 @@ pub(super) fn back_to(host: &mut dyn Host, number: u32, detached: bool) -> Resul
     go_to(host, &snapshot, is_behind)?;
     let (plant, travel) = host.plant_and_travel();
     if is_behind {
-        // What is kept of the same moment may be of later on: a new one is taken before time passes.
+        // An entry of the same moment may be a later one, so a new snapshot is taken before time passes.
         travel.drop_from(plant.now());
         travel.is_at(plant);
         travel.touch();
@@ -246,7 +246,7 @@ fn go_to(host: &mut dyn Host, snapshot: &Snapshot, is_behind: bool) -> Result<()
     gone.map_err(|error| Refused::new(Code::SNAPSHOT, error))
 }
 
-/// Refuses while the clock runs by itself, and while somebody outside takes part who cannot go back.
+/// Refuses while the clock runs by itself, and while an outside participant cannot go back.
 fn alone(host: &mut dyn Host, detached: bool) -> Result<(), Refused> {
     stepped(host)?;
     match host.outsiders().filter(|_| !detached) {

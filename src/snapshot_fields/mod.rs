@@ -1,14 +1,14 @@
-//! What a snapshot holds of a structure, and how it is read back into one.
+//! Snapshots of structures: the contents, and how they are read back.
 //!
-//! A structure mixes what was made of the plant file (views of registers, tables, names) and what has happened since. A
-//! snapshot holds the latter only. It is read into a structure that was built of the same plant file, so that what was
-//! made of it stays as it is.
+//! A structure mixes data from the plant file (views of registers, tables, names) with data that has changed since. A
+//! snapshot contains only the changed data. It is read into a structure from the same plant file, so that the data of
+//! the plant file stay unchanged.
 //!
-//! [`snapshot_fields!`](macro@crate::snapshot_fields) names **each** field of a structure and says whether it is kept: who adds a field and does not
-//! say so gets an error of the compiler instead of a snapshot in which something is missing.
+//! [`snapshot_fields!`](macro@crate::snapshot_fields) names **each** field of a structure and declares whether it is
+//! kept. A new field without a declaration is a compiler error instead of a snapshot with a missing field.
 //!
-//! Bytes may come from a file that somebody else has made. Whatever is in them, reading ends with a value or with
-//! [`Damaged`], in memory that is bounded by the length of the bytes.
+//! Bytes may come from a file of an unknown author. For all bytes, reading ends with a value or with [`Damaged`], in
+//! memory that is bounded by the length of the bytes.
 
 mod saved;
 mod sealed;
@@ -21,18 +21,18 @@ pub trait SnapshotFields {
     /// Appends its state.
     fn save(&self, to: &mut Saving);
 
-    /// Takes over a state that one like it has saved. After an error it is neither what it was nor what was saved: it is to
-    /// be restored from another snapshot, or dropped.
+    /// Restores a state that a structure of the same type has saved. After an error the contents are undefined: they
+    /// must be restored from another snapshot, or dropped.
     ///
     /// # Errors
     /// [`Damaged`]: the bytes are not the state of one like it.
     fn restore(&mut self, from: &mut Saved<'_>) -> Result<(), Damaged>;
 }
 
-/// Says what a snapshot holds of a structure; each of its fields must stand in one of the three lists.
+/// Declares the snapshot contents of a structure; each of its fields must be in one of the three lists.
 ///
 /// - `values`: the field is written and read as a whole by `serde`.
-/// - `parts`: the field has a [`SnapshotFields`] of its own, which is read into the one that is there.
+/// - `parts`: the field implements [`SnapshotFields`] and is read into the existing value.
 /// - `built`: the field was made of the plant file, or is empty between two events. Nothing is kept.
 ///
 /// ```
@@ -120,7 +120,7 @@ impl<T: SnapshotFields, const N: usize> SnapshotFields for [T; N] {
     }
 }
 
-/// Whether there is one is what the plant file says.
+/// The plant file decides whether there is a value.
 impl<T: SnapshotFields> SnapshotFields for Option<T> {
     fn save(&self, to: &mut Saving) {
         self.iter().for_each(|part| part.save(to));

@@ -8,7 +8,7 @@ use serde::de::DeserializeOwned;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("there is no {what} at byte {at} of the state")]
 pub struct Damaged {
-    /// What should be there.
+    /// Expected content.
     pub what: &'static str,
     /// Where, counted from the beginning of the state.
     pub at: usize,
@@ -51,14 +51,14 @@ impl Saving {
         Saving { bytes }
     }
 
-    /// Appends a value. Of values without a length known beforehand (iterators that serde cannot count) there are none.
+    /// Appends a value. Values without a length known beforehand (iterators that serde cannot count) do not occur.
     #[inline]
     pub fn value<T: Serialize + ?Sized>(&mut self, value: &T) {
         let written = postcard::serialize_with_flavor(value, Appended(&mut self.bytes));
         debug_assert!(written.is_ok(), "{written:?}");
     }
 
-    /// Appends bytes whose number the reader knows.
+    /// Appends bytes; the reader knows their number.
     pub fn raw(&mut self, bytes: &[u8]) {
         self.bytes.extend_from_slice(bytes);
     }
@@ -69,13 +69,13 @@ impl Saving {
         self.value(&words);
     }
 
-    /// What has been written.
+    /// Bytes written so far.
     #[must_use]
     pub fn bytes(&self) -> &[u8] {
         &self.bytes
     }
 
-    /// What has been written.
+    /// Bytes written so far.
     #[must_use]
     pub fn into_bytes(self) -> Vec<u8> {
         self.bytes
@@ -90,7 +90,7 @@ pub struct Saved<'a> {
 }
 
 impl<'a> Saved<'a> {
-    /// What [`Saving`] has written.
+    /// Reads the bytes that [`Saving`] has written.
     #[must_use]
     pub fn new(bytes: &'a [u8]) -> Self {
         Saved { all: bytes, rest: bytes }
@@ -114,7 +114,7 @@ impl<'a> Saved<'a> {
     /// The next `count` bytes.
     ///
     /// # Errors
-    /// [`Damaged`]: so many are not left.
+    /// [`Damaged`]: fewer than `count` bytes are left.
     pub fn raw(&mut self, count: usize) -> Result<&'a [u8], Damaged> {
         let (bytes, rest) = self.rest.split_at_checked(count).ok_or_else(|| self.no("byte"))?;
         self.rest = rest;
@@ -141,7 +141,7 @@ impl<'a> Saved<'a> {
         if self.value::<usize>()? == right { Ok(()) } else { Err(self.no(what)) }
     }
 
-    /// That what has been read cannot be.
+    /// Error for a value that is invalid.
     ///
     /// # Errors
     /// [`Damaged`] unless `holds`.
@@ -149,13 +149,13 @@ impl<'a> Saved<'a> {
         if holds { Ok(()) } else { Err(self.no(what)) }
     }
 
-    /// That there is none such here.
+    /// Error for a `what` that does not exist here.
     #[must_use]
     pub fn no(&self, what: &'static str) -> Damaged {
         Damaged { what, at: self.all.len() - self.rest.len() }
     }
 
-    /// That nothing is left over.
+    /// Checks that all bytes were read.
     ///
     /// # Errors
     /// [`Damaged`]: something is.

@@ -14,7 +14,7 @@ use std::sync::Arc;
 use toml::Spanned;
 use toml::de::{Error, ValueDeserializer};
 
-/// What a module is.
+/// Kind of a module.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(expecting = "a kind of module, as a word")]
 pub enum ModuleKind {
@@ -26,7 +26,7 @@ pub enum ModuleKind {
     Can05,
 }
 
-/// What a module is once it has power.
+/// Function of a module that has power.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Work {
     /// The master of its bus.
@@ -46,7 +46,7 @@ pub(super) enum Work {
 pub struct ModuleConfig {
     /// Its slot.
     pub port: &'static Port,
-    /// What it is.
+    /// Kind of the module.
     pub kind: ModuleKind,
     /// Name of its bus.
     pub bus: Option<String>,
@@ -58,7 +58,7 @@ pub struct ModuleConfig {
     pub dip_baud: Option<u8>,
     /// DIP switch 10, which must be OFF: `true` is ON.
     pub dip10: bool,
-    /// The module whose SYNC signal a master can pass on (decision D-12).
+    /// The module with the SYNC signal that a master can pass on (decision D-12).
     pub sync_in_from: Option<&'static Port>,
     /// Emulated time that a slave needs to lock to the SYNC signal, in us (default 1 s; D-07).
     pub lock_time_us: u64,
@@ -67,7 +67,7 @@ pub struct ModuleConfig {
 }
 
 impl ModuleConfig {
-    /// What the module is once it has power.
+    /// Returns the function of the module when it has power.
     pub(super) fn work(&self) -> Work {
         match (self.kind, self.dip9, self.dip_baud) {
             (ModuleKind::Can06, ..) => Work::Master,
@@ -162,8 +162,8 @@ impl Bm4Config {
 }
 
 impl Bm4Config {
-    /// Whether the SYNC signal that this master can pass on can come to it: the module that is to hand it over has a signal, and
-    /// not that of the master's own bus (decision D-646).
+    /// Whether the SYNC signal that this master can pass on can reach it: the source module has a signal, and it is not
+    /// the signal of the master's own bus (decision D-646).
     pub(super) fn hands_sync_to(&self, module: &ModuleConfig) -> bool {
         let source = module.sync_in_from.and_then(|port| self.module(port));
         source.is_some_and(|source| match source.work() {
@@ -363,7 +363,7 @@ impl DeviceConfig for Bm4Config {
         self.modules.iter().filter_map(|module| self.doubt_of(module)).collect()
     }
 
-    /// The manual of the modules tells of none.
+    /// The manual of the modules does not mention retain flags.
     fn retain_bytes(&self) -> u32 {
         0
     }

@@ -1,4 +1,5 @@
-//! What `commram demo --device bm4-plc` shows: a BM4-O-CAN-06 in slot G at 1 Mbit/s (manual 5.02066.01a).
+//! Demonstration for `commram demo --device bm4-plc`: a BM4-O-CAN-06 in slot G at 1 Mbit/s (manual
+//! 5.02066.01a).
 
 use super::registers::{BAUD_RATES, DEVICE};
 use crate::devices::cansync::demo::Master;

@@ -1,5 +1,5 @@
-//! What of the b maXX PLC stands around its modules: supply, start of the program, events. The manual of the modules
-//! tells nothing of it but event 11 (p. 25); the rest is as far as a program needs it (decision D-366).
+//! Front of the b maXX PLC around its modules: supply, start of the program, events. The manual of the modules
+//! describes only event 11 (p. 25); the rest is emulated as far as a program needs it (decision D-366).
 
 use crate::devices::Events;
 use crate::devices::program::Starts;
@@ -59,7 +59,7 @@ impl Front {
         self.supply.set(&self.face, power)
     }
 
-    /// One look at switches and requests.
+    /// Polls switches and requests once.
     pub(crate) fn look(&mut self, ctx: &mut Context) -> Look {
         if !self.has_changed() {
             return Look::Nothing;

@@ -14,7 +14,7 @@ pub struct Leds {
 /// Code in the header page of a LED that flashes in turn with another one.
 const IN_TURN: u8 = 0xFE;
 
-/// What they depend on.
+/// Conditions that the LEDs show.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Seen {
     /// The module is in set-up mode or active operation.
@@ -42,8 +42,8 @@ impl Leds {
         Leds { h: [h1, h2, h3, fault(can, takes_part)] }
     }
 
-    /// The LEDs of a slave for the controller (p. 30-31): it waits for the master until SYNC has come for the first time, and `has_sync`
-    /// tells whether that was so.
+    /// The LEDs of a slave for the controller (p. 30-31): the slave waits for the master until SYNC has come for the
+    /// first time; `has_sync` is true after that.
     pub(super) fn of_controllers_slave(has_sync: bool, seen: Seen) -> Self {
         let Seen { interval_us, has_traffic, .. } = seen;
         if !has_sync {
@@ -61,12 +61,12 @@ impl Leds {
         Leds { h: [Led::Off, Led::Flashes(1), Led::Off, h4] }
     }
 
-    /// A slave for the controller whose DIP switches 1 to 3 name no baud rate (p. 31).
+    /// A slave for the controller with DIP switches 1 to 3 that stand for no baud rate (p. 31).
     pub(super) fn of_unknown_baud_rate() -> Self {
         Leds { h: [Led::Off, Led::InTurn, Led::Off, Led::InTurn] }
     }
 
-    /// As in the header page: eight bits for each, H1 lowest.
+    /// Returns the code in the header page: eight bits for each LED, H1 lowest.
     pub(super) fn code(self) -> u32 {
         let code = |led| match led {
             Led::Off => 0,

@@ -1,4 +1,4 @@
-//! What one sees at the front of a module: DIP switches (manual 5.02066.01a p. 26-27) and LEDs (p. 28-31).
+//! Front of a module: DIP switches (manual 5.02066.01a p. 26-27) and LEDs (p. 28-31).
 
 use super::leds::Leds;
 use super::registers::DIP_LAST;
@@ -8,14 +8,16 @@ use crate::layout::Role;
 /// Names of the LEDs.
 const LEDS: [&str; 4] = ["H1", "H2", "H3", "H4"];
 
-/// DIP switches 1 to 3, in the word of the header page whose lowest five bits are DIP switches 4 to 8.
+/// DIP switches 1 to 3, in the word of the header page that has DIP switches 4 to 8 in its lowest five
+/// bits.
 pub(super) const DIP_BAUD: u32 = 5;
-/// A BM4-O-CAN-05 with DIP switch 9 at OFF: it has no registers, so this bit alone tells that it is there.
+/// A BM4-O-CAN-05 with DIP switch 9 at OFF: the module has no registers, so only this bit shows its
+/// presence.
 pub(super) const DIP_9_OFF: u32 = 1 << 8;
 /// DIP switch 10 at ON.
 pub(super) const DIP_10_ON: u32 = 1 << 9;
 
-/// The module with this role, from what stands in the header page of its DIP switches and LEDs.
+/// Returns the module with this role, from its DIP switches and LEDs in the header page.
 pub(crate) fn read(role: Option<Role>, dip: u32, leds: u32) -> Option<ModuleFront> {
     let leds = LEDS.into_iter().zip(Leds::of_code(leds).h);
     let is_for_controller = dip & DIP_9_OFF != 0;

@@ -1,5 +1,4 @@
-//! One b maXX PLC: its communication RAM, its option modules as far as their nodes do not run where their buses are, and
-//! its front.
+//! One b maXX PLC: its communication RAM, its front, and the parts of its option modules that the buses do not run.
 
 use super::config::{Bm4Config, CONTROLLER_RATES, ModuleConfig, Work};
 use super::front::{self, Front};
@@ -100,9 +99,9 @@ pub struct Bm4Plc {
     segment: Segment,
     front: Front,
     modules: Vec<Module>,
-    /// Number of the port whose SYNC signal is event 11.
+    /// Number of the port that provides the SYNC signal of event 11.
     sync_source: Option<u8>,
-    /// Ports whose SYNC signal another one can pass on.
+    /// Ports with a SYNC signal that another port can pass on.
     sync_ways: Vec<(u8, u8)>,
 }
 
@@ -334,7 +333,7 @@ impl Device for Bm4Plc {
         self.front.has_changed()
     }
 
-    /// LEDs follow what the module's firmware shows and what is on its bus.
+    /// The LEDs show the state of the module's firmware and the traffic of its bus.
     fn port_looked(&mut self, port: u8, last_frame: Option<u64>, now: u64) {
         let Some(module) = self.module(port) else { return };
         module.last_frame = last_frame;

@@ -1,4 +1,4 @@
-//! What the layout's tables and structures of the b maXX PLC must hold.
+//! Tests of the layout's tables and structures of the b maXX PLC.
 
 use crate::devices::bm4_o_can_06::registers::*;
 use crate::devices::cansync::registers as family;
@@ -51,7 +51,7 @@ fn one_typed_view_serves_both_devices() {
     assert_eq!(omega.w_OMEGA_NR.load(), 7);
 }
 
-/// Manual 5.02066.01a p. 47, 76: only the slave shows a number, and INIT is one type for both.
+/// Manual 5.02066.01a p. 47, 76: only the slave shows a number, and INIT is a common type for both.
 #[test]
 fn the_master_has_nothing_where_the_slave_shows_its_number() {
     let registers = |structure: &'static Structure, at: u32| {
@@ -98,7 +98,7 @@ fn deadlines_are_documented_at_1_mbit_only() {
     }
 }
 
-/// 5.02066.01a has pages of its own for what it shares with 5.00005.03a.
+/// 5.02066.01a has its own pages for facts that it shares with 5.00005.03a.
 #[test]
 fn meanings_have_the_pages_of_this_manual() {
     let area = DEVICE.areas.first().unwrap();

@@ -37,7 +37,7 @@ pub struct PlcConfig {
     pub sync_loss_us: Option<u64>,
     /// Period of the SYNC signal of an option card in us, 50..=1000000; without one there is no such card.
     pub option_sync_us: Option<u32>,
-    /// The drive behind the BAPS.
+    /// The drive at the other end of the BAPS.
     #[serde(default)]
     pub drive: BuiltInDriveConfig,
     /// Speed of the Ethernet link in Mbit/s: 100 (default), 10, or 0 for no link.
@@ -51,17 +51,17 @@ pub struct PlcConfig {
     pub retain_bytes: u32,
 }
 
-/// Which project a PLC has at the first power-on (manual p. 37).
+/// Project of a PLC at the first power-on (manual p. 37).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 #[serde(expecting = "a project, as a word")]
 pub enum ProjectConfig {
-    /// None, until a program loads one.
+    /// No project, until a program loads one.
     #[default]
     None,
     /// A boot project: it survives power-off and reset.
     Boot,
-    /// One that was only sent: the next power-off or reset loses it.
+    /// A project that was only sent: the next power-off or reset loses it.
     Sent,
 }
 
@@ -93,7 +93,7 @@ impl PlcConfig {
         Ok(Arc::new(Self::deserialize(value)?))
     }
 
-    /// Checks the times of node 1 and of the drive behind the BAPS.
+    /// Checks the times of node 1 and of the drive at the BAPS.
     fn check_times(&self) -> Result<(), SettingError> {
         let (name, drive) = (self.name.as_str(), &self.drive);
         time("lock_time_us", name, self.lock_time_us)?;
@@ -131,7 +131,7 @@ impl DeviceConfig for PlcConfig {
             let (name, value) = (self.name.clone(), self.retain_bytes.into());
             return Err(SettingError { what: "retain_bytes", name, value, right }.into());
         }
-        // What only the drive itself knows.
+        // Checks that only the drive itself can make.
         BuiltInDrive::new(&self.name, &self.drive)?;
         Ok(())
     }

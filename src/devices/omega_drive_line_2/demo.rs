@@ -1,4 +1,5 @@
-//! What `commram demo` shows of the Omega Drive-Line II: its node 2 as master (manual 5.00005.03a).
+//! Demonstration of the Omega Drive-Line II for `commram demo`: its node 2 as master (manual
+//! 5.00005.03a).
 
 use super::registers::{BAUD_RATES, DEVICE};
 use crate::devices::cansync::demo::Master;

@@ -1,8 +1,8 @@
 //! Ethernet configuration: which IP address the board has (manual 5.00005.03a p. 75-82).
 //!
-//! The registers of `ETHERNET_CONFIG_BMSTRUCT` lie in NOVRAM. What stands there at power-on counts; later address and
-//! mask are stored by writing `d_IP_CONFIG` (p. 78), which the firmware sees when the register changes (decision
-//! D-191). `ETHERNET_DIAGNOSE_BMSTRUCT` shows what came out of it.
+//! The registers of `ETHERNET_CONFIG_BMSTRUCT` lie in NOVRAM. Their contents at power-on apply. Later, a write to
+//! `d_IP_CONFIG` (p. 78) stores address and mask; the firmware sees it when the register changes (decision D-191).
+//! `ETHERNET_DIAGNOSE_BMSTRUCT` shows the result.
 
 use crate::devices::Context;
 use crate::devices::omega_drive_line_2::registers::values::{ethernet_status, ip_config, router};
@@ -33,7 +33,7 @@ pub fn effective(ip_config: u32, address: Ipv4Addr, mask: Ipv4Addr, dip: u8) -> 
         _ => (DELIVERY.0, DELIVERY.1, dip),
     };
     let [a, b, c, d] = base.octets();
-    // A base that is not allowed itself can still be meant with a DIP number on top.
+    // A base that is not allowed itself can be valid together with a DIP number.
     let last = d.checked_add(add).filter(|last| !matches!(last, 0 | 255))?;
     Some((Ipv4Addr::new(a, b, c, last), mask))
 }
@@ -61,7 +61,7 @@ impl SnapshotFields for Ethernet {
     fn restore(&mut self, from: &mut Saved<'_>) -> Result<(), Damaged> {
         let stored: Stored;
         (self.dip, stored, self.seen) = from.value()?;
-        // Its number goes on: the file of NOVRAM has what was there before.
+        // The number is increased, because the file of NOVRAM has the previous contents.
         self.generation = self.generation.wrapping_add((self.stored != stored).into());
         self.stored = stored;
         Ok(())
@@ -85,7 +85,7 @@ impl Ethernet {
         })
     }
 
-    /// Power-on or end of a reset with the DIP number read: what stands in NOVRAM counts.
+    /// Power-on or end of a reset with the DIP number read: the contents of NOVRAM apply.
     pub fn power_on(&mut self, ctx: &mut Context, dip: u8) {
         self.dip = dip;
         self.keep();
@@ -95,13 +95,13 @@ impl Ethernet {
         }
     }
 
-    /// Power-off: NOVRAM keeps what stands in it. The interface shows nothing.
+    /// Power-off: NOVRAM keeps its contents. The interface shows nothing.
     pub fn power_off(&mut self) {
         self.keep();
         self.diagnose.reset_from(0);
     }
 
-    /// What stands in the registers is what NOVRAM holds.
+    /// Stores the contents of the registers in NOVRAM.
     pub fn keep(&mut self) {
         let now = self.registers();
         if now != self.stored {
@@ -111,7 +111,7 @@ impl Ethernet {
         self.seen = self.watched();
     }
 
-    /// What NOVRAM holds, and a number that changes with it.
+    /// Contents of NOVRAM, and a number that changes with them.
     pub fn stored(&self) -> (&Stored, u32) {
         (&self.stored, self.generation)
     }
@@ -122,7 +122,7 @@ impl Ethernet {
         self.watched() == self.seen
     }
 
-    /// One look at the two registers that matter at once.
+    /// Polls the two registers that take effect at once.
     #[inline]
     pub fn look(&mut self, ctx: &mut Context) {
         if !self.poll_changes_nothing() {
@@ -161,7 +161,7 @@ impl Ethernet {
 
     fn registers(&self) -> Stored {
         let mut bytes = Stored::default();
-        // Of the same size by their definition.
+        // Both have the same size by their definition.
         let _ = self.config.snapshot().write_to(&mut bytes);
         bytes
     }
@@ -175,7 +175,7 @@ impl Ethernet {
         self.config.d_IP_CONFIG.store(config);
     }
 
-    /// Shows what counts; tells whether there is a valid address.
+    /// Shows the address in use; returns whether there is a valid address.
     fn show(&self, refused: bool) -> bool {
         let Some((config, address, mask, router)) = parts(&self.stored) else { return false };
         let found = effective(config, address, mask, self.dip);
@@ -196,7 +196,7 @@ impl Ethernet {
         found.is_some()
     }
 
-    /// Reports what stands in the registers.
+    /// Reports the contents of the registers.
     fn report(&self, ctx: &mut Context, what: impl FnOnce(u32, Ipv4Addr) -> BoardEvent) {
         if let Some((config, address, ..)) = parts(&self.registers()) {
             let plc = ctx.origin.plc;

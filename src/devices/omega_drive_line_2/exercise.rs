@@ -1,4 +1,4 @@
-//! Exercises for `commram soak`: a master and a slave of CANsync with drives, and the drive behind the BAPS.
+//! Exercises for `commram soak`: a master and a slave of CANsync with drives, and the drive at the BAPS.
 
 use crate::devices::cansync::exercise;
 use crate::devices::exercise::{Exercise, Move, Wrong};

@@ -1,4 +1,4 @@
-//! Kinds of faults of the drive behind the BAPS.
+//! Kinds of faults of the drive at the BAPS.
 
 use super::baps::Pace;
 use crate::fault::{self, Fault, Faults, Field, Form, Hit, Kind, Owner, Place};
@@ -7,14 +7,14 @@ use crate::journal::Journal;
 /// Longest time by which a drive is late at the BAPS, in emulated microseconds: longer than the function blocks wait.
 pub const MAX_SLOWNESS_US: u32 = 60_000_000;
 
-/// What is wrong with the drive.
+/// Fault of the drive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Effect {
     /// It has this fault, 1 to 65535.
     Trip(u16),
     /// It leaves out what it has to do at the BAPS.
     Silent,
-    /// It does that so many microseconds late, 1 to [`MAX_SLOWNESS_US`].
+    /// The drive takes commands late by this many microseconds, 1 to [`MAX_SLOWNESS_US`].
     Slow(u32),
 }
 

@@ -1,5 +1,5 @@
-//! One Omega Drive-Line II: its communication RAM, its board, Ethernet, and the drive that it is built into. Its two
-//! CANsync nodes run where their buses are.
+//! One Omega Drive-Line II: its communication RAM, its board, Ethernet, and the drive that it is built into. The
+//! buses run its two CANsync nodes.
 
 use super::config::PlcConfig;
 use super::faults::{Effect, pace};
@@ -99,7 +99,7 @@ impl Plc {
         self.board.dip()
     }
 
-    /// The BAPS with the drive behind it.
+    /// The BAPS with its drive.
     pub fn baps(&self) -> &Baps {
         &self.baps
     }
@@ -175,7 +175,7 @@ impl Device for Plc {
         self.baps.power_on();
     }
 
-    /// The drive notices nothing but that nobody asks for anything any more.
+    /// The drive only notices that no more requests come.
     fn stop(&mut self, ctx: &mut Context) {
         self.board.stop();
         self.ethernet.power_off();
@@ -208,7 +208,8 @@ impl Device for Plc {
         &[(SLAVE, MASTER)]
     }
 
-    /// As event of the board: the signal of node 1 if it is on its bus, else that of node 2 (decision D-182).
+    /// Fires the event of the board: the signal of node 1 if the node is on its bus, else the signal of node 2
+    /// (decision D-182).
     #[inline]
     fn sync_edge(&mut self, port: u8, now: u64) {
         let source = if self.slave_is_on_bus { SLAVE } else { MASTER };

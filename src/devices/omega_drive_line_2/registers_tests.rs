@@ -1,4 +1,4 @@
-//! What the layout's tables and structures of the Omega Drive-Line II must hold.
+//! Tests of the layout's tables and structures of the Omega Drive-Line II.
 
 use crate::devices::omega_drive_line_2::registers::*;
 use crate::layout::{Owner, Provenance, Role};
@@ -13,8 +13,8 @@ fn init_overlays_the_beginning_of_both_cyclic_structures() {
     assert_eq!(offset_of!(CANsync_MA_CTRL_BMSTRUCT, a_WR_VALUE), 52);
 }
 
-/// Manual 5.00005.03a p. 176-186 prints the slave's registers in an order in which each is naturally
-/// aligned right behind the one before.
+/// Manual 5.00005.03a p. 176-186 prints the slave's registers in an order in which each follows the
+/// previous one directly and is naturally aligned.
 #[test]
 fn the_slave_structure_is_in_the_order_of_the_manuals_tables_without_padding() {
     let ends = [
@@ -65,7 +65,7 @@ fn error_numbers_of_up_and_downloads_are_the_masters_to_read_and_the_slaves_to_w
     }
 }
 
-/// 5.00005.03a p. 61: node 1 is the slave, node 2 the master; nothing but the layout knows it.
+/// 5.00005.03a p. 61: node 1 is the slave, node 2 the master; only the layout contains this fact.
 #[test]
 fn ports_are_found_by_name_and_by_number() {
     let found = DEVICE.port("node2").unwrap();

@@ -1,4 +1,4 @@
-//! What a PLC program may do wrong at the BAPS and with the IP address.
+//! Rules for the access of PLC programs to the BAPS and to the IP address.
 
 use crate::rules;
 

@@ -1,4 +1,4 @@
-//! Which devices can be added, and when.
+//! Tests of the registration of devices.
 
 use super::*;
 use crate::event_kinds;

@@ -1,4 +1,4 @@
-//! Events to test with, of every kind that anybody has registered.
+//! Test events of every registered kind.
 
 use crate::devices::catalogue;
 use crate::journal::{Event, Kind, Packer};
@@ -111,7 +111,7 @@ mod tests {
                 Source::Node(origin) => (None, Some(names.plc(origin.plc)), Some(origin.node.into())),
             };
             prop_assert_eq!((line["bus"].as_str(), line["plc"].as_str()), (place.0.as_deref(), place.1.as_deref()));
-            // Of a kind that has a field of its own of this name it is that.
+            // If the kind has a separate field of this name, the field holds the place.
             prop_assert!(place.2.is_none() || number("node") == place.2);
         }
 

@@ -1,4 +1,4 @@
-//! A station at a CAN bus whose program is the test, beside the port of a device.
+//! A station at a CAN bus that is controlled by the test, next to the port of a device.
 
 use super::tables::STATION;
 use crate::can::Frame;
@@ -12,7 +12,7 @@ use embedded_can::{Frame as _, Id};
 use std::sync::{Arc, Mutex};
 use toml::de::ValueDeserializer;
 
-/// What the station sends, and what it has heard when.
+/// Frames that the station sends, and frames that it has received with their times.
 #[derive(Default)]
 pub(crate) struct Wires {
     pub(crate) to_send: Vec<Frame>,
@@ -20,7 +20,7 @@ pub(crate) struct Wires {
 }
 
 impl Wires {
-    /// What it has heard since: times, identifiers and data.
+    /// Returns the frames received since the last call: times, identifiers and data.
     pub(crate) fn take_heard(&mut self) -> Vec<(u64, u16, Vec<u8>)> {
         let told = |(at, frame): (u64, Frame)| match frame.id() {
             Id::Standard(id) => (at, id.as_raw(), frame.data().to_vec()),

@@ -1,5 +1,5 @@
-//! Register tables: of a device whose nodes are what they are, of one whose slots hold modules, of one with switches of its own, of a
-//! station that has none.
+//! Register tables: of a device with fixed nodes, of a device with modules in slots, of a device with switches, and of
+//! a station without any.
 
 #[cfg(feature = "emulator")]
 pub(crate) use super::station::STATION;

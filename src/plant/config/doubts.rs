@@ -1,11 +1,12 @@
-//! What a plant file may say and can hardly mean.
+//! Settings of a plant file that are allowed but are probably a mistake.
 
 use super::{PlantConfig, PortOf, equal_numbers, file, places};
 use crate::devices::{Doubt, MasterConfig, MediumConfig};
 use std::sync::Arc;
 
 impl PlantConfig {
-    /// What in it is allowed and can hardly be meant, with its line in `text`, the file as it was read.
+    /// Returns allowed settings that are probably a mistake, with their lines in `text`, the file as it
+    /// was read.
     #[must_use]
     pub fn doubts(&self, text: &str) -> Vec<(Option<usize>, Doubt)> {
         let ports = self.ports_of_media();

@@ -1,4 +1,4 @@
-//! What can be wrong with a plant file.
+//! Errors in a plant file.
 
 use super::MOST;
 use crate::devices::BuildError;
@@ -6,7 +6,7 @@ use crate::fault::FaultError;
 use std::path::PathBuf;
 use thiserror::Error;
 
-/// What can be wrong with a plant file.
+/// Error in a plant file.
 #[derive(Debug, Error)]
 pub enum PlantError {
     /// The file cannot be read.
@@ -24,17 +24,17 @@ pub enum PlantError {
         file: String,
         /// The line, from 1, if it is known.
         line: Option<usize>,
-        /// What is wrong there, in one line.
+        /// Description of the error in one line.
         what: String,
     },
-    /// Something is wrong that stands in a plant file.
+    /// An error at a place in a plant file.
     #[error("{file}: {}{source}", in_line(*.line))]
     At {
         /// The file.
         file: String,
-        /// The line, from 1; none if what is wrong stands in none, because it is missing.
+        /// The line, from 1; none if the error has no line, because something is missing.
         line: Option<usize>,
-        /// What.
+        /// The error.
         source: Box<PlantError>,
     },
     /// No PLC in the plant.

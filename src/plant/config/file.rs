@@ -1,4 +1,4 @@
-//! A plant file as text: which section is whose, and the line of what is wrong.
+//! A plant file as text: the owner of each section, and the line of an error.
 
 use super::{PlantConfig, PlantError};
 use crate::devices::{self, DeviceConfig, MEDIA, MediumConfig, Read};
@@ -9,7 +9,7 @@ use std::sync::Arc;
 use toml::Spanned;
 use toml::de::{DeArray, DeTable, DeValue, Deserializer, Error, ValueDeserializer};
 
-/// What is the plant's own, and the names of the rest for messages.
+/// Keys of the plant itself, and the names of all other keys for messages.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 #[serde(expecting = "a plant: tables with what it has")]
@@ -36,7 +36,7 @@ struct Source<'a> {
     text: &'a str,
 }
 
-/// Reads a plant file. Returns where its faults begin, too: what is wrong with them only the whole plant can tell.
+/// Reads a plant file. Also returns where its faults begin: only the whole plant can detect errors in them.
 pub(super) fn read(file: &str, text: &str) -> Result<(PlantConfig, Vec<usize>), PlantError> {
     let source = Source { file, text };
     let mut table = DeTable::parse(text).map_err(|error| source.syntax(&error))?;
@@ -73,7 +73,7 @@ pub(super) fn line_of(text: &str, offset: usize) -> usize {
 }
 
 impl PlantError {
-    /// The line, from 1, of the plant file that it is about; none if it stands nowhere.
+    /// The line, from 1, of the plant file that the error is about; none if it has no line.
     #[must_use]
     pub fn line(&self) -> Option<usize> {
         match self {
@@ -83,7 +83,7 @@ impl PlantError {
         }
     }
 
-    /// What is wrong, without file and line.
+    /// Description of the error, without file and line.
     #[must_use]
     pub fn message(&self) -> String {
         let whole = match self {
@@ -103,7 +103,7 @@ impl PlantError {
 impl Source<'_> {
     fn syntax(&self, error: &Error) -> PlantError {
         let line = error.span().map(|span| self.line_of(span.start));
-        // What would have been right stands in a line of its own.
+        // The hint of the parser is on a separate line.
         let what = error.message().lines().collect::<Vec<_>>().join(", ");
         PlantError::Syntax { file: self.file.to_owned(), line, what }
     }
@@ -122,7 +122,7 @@ impl Source<'_> {
         }
     }
 
-    /// Takes the `kind` out of a section and finds who reads the rest.
+    /// Takes the `kind` out of a section and finds the reader of the rest.
     fn of_kind<'t, T: ?Sized>(
         &self,
         mut section: Spanned<DeValue<'t>>,

@@ -1,4 +1,4 @@
-//! Where in a plant file stands what only the whole plant can tell to be wrong.
+//! Positions in a plant file of errors that only the whole plant can detect.
 //!
 //! Looked for after the refusal, so that settings need not carry their places about.
 
@@ -12,7 +12,7 @@ const BUS_KEYS: [&str; 3] = ["node1", "node2", "bus"];
 
 type Value<'t> = Spanned<DeValue<'t>>;
 
-/// Offset in the text of what `error` is about; `None` if it is about nothing that stands there.
+/// Offset in the text for `error`; `None` if the text does not contain the subject of the error.
 pub(super) fn offset_of(error: &PlantError, text: &str) -> Option<usize> {
     let table = DeTable::parse(text).ok()?;
     let root = table.get_ref();
@@ -36,7 +36,7 @@ pub(super) fn offset_of(error: &PlantError, text: &str) -> Option<usize> {
     found.map(|value| value.span().start)
 }
 
-/// Offset of a key in the section of this name, or of the section where it does not stand there.
+/// Offset of a key in the section of this name, or of the section if it does not contain the key.
 pub(super) fn offset_of_key(section: &str, key: &str, text: &str) -> Option<usize> {
     let table = DeTable::parse(text).ok()?;
     let root = table.get_ref();
@@ -44,14 +44,14 @@ pub(super) fn offset_of_key(section: &str, key: &str, text: &str) -> Option<usiz
     Some(section.get_ref().get(key).unwrap_or(section).span().start)
 }
 
-/// What stands at a path in a section, or in the table `drive` in it; the section itself if nothing does.
+/// Value at a path in a section, or in the table `drive` in it; the section itself if there is no value.
 fn inside<'a, 't>(section: &'a Value<'t>, path: &str) -> &'a Value<'t> {
     let at = |section: &'a Value<'t>| path.split('.').try_fold(section, |it, key| it.get_ref().get(key));
     let own_drive = || section.get_ref().get("drive").and_then(at);
     at(section).or_else(own_drive).unwrap_or(section)
 }
 
-/// The value that is out of its range.
+/// The value out of its range.
 fn setting<'a, 't>(root: &'a DeTable<'t>, error: &SettingError) -> Option<&'a Value<'t>> {
     let SettingError { what, name, value, .. } = error;
     let at = |section: &'a Value<'t>| {

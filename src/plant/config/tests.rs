@@ -22,7 +22,7 @@ fn the_documented_plant_file_is_a_good_one() {
     assert!(plant.media[1].build(1).is_ok());
 }
 
-/// Whatever a plant file says, it is refused, or it is a plant that runs.
+/// Any plant file is either refused, or it is a plant that runs.
 #[test]
 fn fuzz_plant() {
     crate::fuzz("plant", |bytes| {
@@ -122,7 +122,7 @@ fn each_mistake_is_named() {
     }
 }
 
-/// What only the whole plant can tell is told with the line of the later one.
+/// Errors that only the whole plant can detect are reported with the line of the later entry.
 #[test]
 fn each_mistake_is_told_with_its_line() {
     let plc = "[[plc]]\nname = 'p'\n";
@@ -150,7 +150,7 @@ fn each_mistake_is_told_with_its_line() {
         (format!("{plc}node1 = 'b'\n[[plc]]\nname = 'q'\nnode1 = 'b'\n{bus}"), 6),
         (format!("{plc}{bus}kbit_s = 800\n"), 5),
         (format!("{plc}node2 = 'b'\n{bus}kind = 'can'\nkbit_s = 500\n"), 3),
-        // What only the drives themselves can judge.
+        // Checks that only the drives themselves can make.
         (format!("{plc}{bus}kbit_s = 1000\n[[bus.drive]]\nname = 'd'\nslave_number = 1\n"), 6),
         (
             format!(
@@ -168,7 +168,7 @@ fn each_mistake_is_told_with_its_line() {
     }
 }
 
-/// D-541: plants with faults on purpose stay possible, and nobody has one unawares.
+/// D-541: plants with faults on purpose stay possible, and a warning prevents accidental ones.
 #[test]
 fn rates_at_which_drives_hear_nothing_are_doubted() {
     let plant = |bus: &str, drive: &str| {

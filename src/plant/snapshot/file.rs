@@ -4,9 +4,9 @@ use super::Snapshot;
 use crate::plant::{PlantConfig, PlantError};
 use crate::snapshot_fields::{Damaged, Saved, Saving, seal, unseal};
 
-/// What such a file begins with.
+/// First bytes of such a file.
 const MAGIC: [u8; 8] = *b"cmrmsnap";
-/// Number of the format behind it. Whoever changes what a snapshot holds counts it up.
+/// Version of the format that follows. Increase it with every change of the contents of a snapshot.
 const FORMAT: u16 = 3;
 
 /// A snapshot with the plant that it is of.
@@ -44,7 +44,7 @@ pub enum SnapshotFileError {
 }
 
 impl SnapshotFile {
-    /// Longest file that is read, in bytes.
+    /// Maximum length of a file, in bytes.
     pub const LONGEST: u64 = 64 << 20;
 
     /// Whether these bytes begin as such a file does.

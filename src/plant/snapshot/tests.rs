@@ -1,4 +1,4 @@
-//! Whatever is in a file, reading it ends with a snapshot or with an error, and a plant that has taken one over goes on.
+//! Any file is read to a snapshot or to an error, and a plant that has restored a snapshot continues.
 
 use super::*;
 use crate::memory::Segment;
@@ -49,7 +49,7 @@ fn file_state(bytes: &[u8]) -> usize {
     SnapshotFile::of_bytes(bytes).unwrap().snapshot.state.len() + size_of::<u64>()
 }
 
-/// What cannot be read is named in words, not by a type of the program.
+/// A damaged part is described in words, not by a type of the program.
 #[test]
 fn messages_name_no_types() {
     let error = Saved::new(&[0xFF; 3]).value::<(u64, Vec<String>)>().unwrap_err().to_string();
@@ -68,7 +68,7 @@ fn runs_or_is_refused(plant: &mut Plant, good: &Snapshot, bad: &Snapshot) -> boo
     is_taken
 }
 
-/// Bytes are written into the state of a plant of any device, behind a right checksum; and bytes as a file.
+/// Writes bytes into the state of a plant of any device, with a correct checksum; and bytes as a file.
 #[test]
 fn fuzz_snapshot() {
     let plants: Vec<_> = templates()
@@ -94,7 +94,7 @@ fn fuzz_snapshot() {
     });
 }
 
-/// Behind a right checksum.
+/// The checksum is correct.
 #[test]
 fn a_state_that_makes_no_sense_is_refused_or_runs() {
     let mut random = fastrand::Rng::with_seed(16);

@@ -14,7 +14,7 @@ pub(super) fn read_range(host: &dyn Host, plc: u16, offset: u32, len: u32) -> Re
     Ok(bytes)
 }
 
-/// The PLC of a range that is not too long.
+/// Returns the PLC of a range within the length limit.
 pub(super) fn ranged(host: &dyn Host, plc: u16, offset: u32, len: u32) -> Result<usize, Refused> {
     let plc = known_plc(host, plc)?;
     if len <= MAX_RANGE {

@@ -83,7 +83,7 @@ fn set(name: &str, value: u32) -> Op {
     poke(place.offset(), place.width(), value)
 }
 
-/// A host whose master sends SYNC.
+/// A host with a master that sends SYNC.
 fn with_sync() -> TestHost {
     let mut host = TestHost::new(true);
     let status = |value| {
@@ -309,7 +309,7 @@ fn a_long_advance_listens_to_the_stop_flag() {
     let mut host = TestHost::new(true);
     host.stop_at = 1_000_000;
     assert_eq!(host.refusal(Op::Advance { us: 3_600_000_000 }).0, Code::SHUTTING_DOWN);
-    // It is seen behind the part in which it came, and nothing changes in this plant.
+    // The change is seen after the part that contains it, and nothing changes in this plant.
     assert!((1_000_000..100_000_000).contains(&host.plant.now()), "{}", host.plant.now());
 
     let mut host = TestHost::new(true);
@@ -421,8 +421,8 @@ fn a_switch_that_is_not_there_is_refused_by_name() {
     assert_eq!(text, "PLC 'saw': there is no module with DIP switches in node2");
 }
 
-/// Where an operation pauses makes no difference: not to what is answered, nor to a single record of the journal, nor to
-/// the moments up to which the plant goes in one part.
+/// A pause of an operation makes no difference: not to the answer, nor to a record of the journal, nor to the moments
+/// up to which the plant advances in one part.
 #[test]
 fn an_operation_that_pauses_does_the_same() {
     let ops = [

@@ -1,4 +1,4 @@
-//! How operations let time pass: in parts, so that nothing makes the emulator deaf.
+//! Advances the clock for operations: in parts, so that the emulator keeps answering.
 
 use super::{Execution, plc_name};
 use crate::layout::Test;
@@ -74,7 +74,7 @@ impl Execution {
         outcome
     }
 
-    /// Waits until `look` finds what is awaited; it also tells a value for the answer.
+    /// Waits until `look` returns true; it also returns a value for the answer.
     pub(super) fn wait(
         &mut self,
         host: &mut dyn Host,
@@ -86,7 +86,7 @@ impl Execution {
         let begin = host.plant().now();
         let deadline = *self.end.get_or_insert(begin.saturating_add(within_us));
         loop {
-            // What is awaited is looked at between two parts only, wherever the wait pauses.
+            // The condition is checked between two parts only, at any pause of the wait.
             if let Some(part) = self.part
                 && !host.should_stop()
                 && !self.go_to(host, part)

@@ -5,7 +5,7 @@ use crate::plant::Snapshot;
 use crate::request::{Code, Host, Refused};
 use crate::time;
 
-/// Goes back by so many microseconds.
+/// Goes back by `us` microseconds.
 pub(in crate::request) fn back(host: &mut dyn Host, us: u64, detached: bool) -> Result<(), Refused> {
     alone(host, detached)?;
     let now = host.plant().now();
@@ -29,7 +29,7 @@ pub(in crate::request) fn back(host: &mut dyn Host, us: u64, detached: bool) -> 
     outcome
 }
 
-/// Goes back to the last moment before now at which `look` came to find something. What it finds there is returned.
+/// Goes back to the last moment before now at which `look` became successful. Returns its result.
 pub(in crate::request) fn back_until<T>(
     host: &mut dyn Host,
     detached: bool,
@@ -49,7 +49,7 @@ fn find_back<T>(
     look: impl Fn(&dyn Host) -> Result<Option<T>, Refused>,
 ) -> Result<T, Refused> {
     let here = host.plant().snapshot();
-    // Behind a stretch: when the next one begins, and whether it is found there.
+    // After a stretch: the begin of the next one, and whether `look` succeeds there.
     let mut behind = (here.time_us(), false);
     for place in (0..host.plant_and_travel().1.history.len()).rev() {
         let found = last_in(host, place, behind, &look);
@@ -101,8 +101,8 @@ fn last_in<T>(
     Ok(((is_behind && !is_found).then_some(end).or(last), first))
 }
 
-/// Goes to a moment of the way, from wherever the plant is; `here` is where it was when somebody asked for that, and where it
-/// is again if it is refused.
+/// Goes to a moment of the history, from any present moment. `here` is the moment at the time of the request, and the
+/// plant returns there if the request is refused.
 fn arrive(host: &mut dyn Host, target: u64, here: &Snapshot, detached: bool) -> Result<(), Refused> {
     let (_, travel) = host.plant_and_travel();
     let place = travel.stretch_of(target).ok_or_else(|| Refused::new(Code::NOT_SO_FAR, travel.nothing()))?;
@@ -128,7 +128,7 @@ fn arrive(host: &mut dyn Host, target: u64, here: &Snapshot, detached: bool) -> 
     Ok(())
 }
 
-/// To where the plant was when somebody asked for something that is refused. It was there a moment ago.
+/// Returns to the moment of a request that is refused. The plant was there a moment ago, so this succeeds.
 fn return_to(host: &mut dyn Host, here: &Snapshot) {
     let _ = go_to(host, here, true);
 }

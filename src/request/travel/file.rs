@@ -4,7 +4,8 @@ use super::{alone, go_to, unknown};
 use crate::plant::SnapshotFile;
 use crate::request::{Code, Host, Refused};
 
-/// A part of one as a file, at most `most` bytes from byte `from` on; none behind its end.
+/// Returns a part of a snapshot as a file, at most `most` bytes from byte `from` on; no bytes after
+/// its end.
 pub(in crate::request) fn read(
     host: &mut dyn Host,
     number: u32,

@@ -3,7 +3,7 @@
 use crate::memory::Width;
 use crate::plant::{Plant, Snapshot};
 
-/// Most stores that are kept behind one snapshot: about as many bytes as it has itself.
+/// Maximum number of stores after one snapshot: about the same number of bytes as the snapshot itself.
 const MOST_STORES: usize = 256;
 
 /// A store by an operation.
@@ -16,12 +16,12 @@ pub(in crate::request) struct Store {
     pub(in crate::request) value: u32,
 }
 
-/// A stretch of time in which nobody has done anything but to store registers.
+/// A stretch of time in which clients have only stored registers.
 #[derive(Clone, Debug)]
 pub(super) struct Stretch {
     /// Its beginning.
     pub(super) begin: Snapshot,
-    /// What was stored by operations behind that, in this order.
+    /// Stores of operations after the snapshot, in order.
     pub(super) stores: Vec<Store>,
     /// How far it went without a break.
     end: End,
@@ -38,7 +38,7 @@ struct End {
 }
 
 impl Stretch {
-    /// One that begins where the plant is; the snapshot may take the room of a former one.
+    /// Creates a stretch that begins at the present moment; the snapshot may reuse the memory of an earlier one.
     pub(super) fn from_here(plant: &Plant, room: Vec<u8>) -> Self {
         let end = End { time_us: plant.now(), stores: 0, hash: plant.journal().hash() };
         Stretch { begin: plant.snapshot_reusing(room), stores: Vec::new(), end }
@@ -58,7 +58,7 @@ impl Stretch {
         self.end = End { time_us: plant.now(), stores: self.stores.len(), hash: plant.journal().hash() };
     }
 
-    /// The plant is at a moment of this stretch: what comes behind it is no part of the way any more.
+    /// The plant is at a moment of this stretch: later parts are no longer part of the history.
     pub(super) fn ends_here(&mut self, plant: &Plant) {
         let now = plant.now();
         self.stores.truncate(self.stores.partition_point(|store| store.time_us <= now));
@@ -71,20 +71,21 @@ impl Stretch {
         self.end.time_us
     }
 
-    /// From the beginning, at which the plant is: goes to the end, and tells whether all was as it had been the first time.
+    /// Starts at the beginning of the stretch, where the plant is: goes to the end, and returns whether all results
+    /// were the same as the first time.
     pub(super) fn is_repeated(&self, plant: &mut Plant) -> bool {
         let End { time_us, stores, hash } = self.end;
         Way(&self.stores[..stores]).go_to(plant, time_us);
         plant.journal().hash() == hash
     }
 
-    /// The way from the beginning on, with what was stored up to a moment.
+    /// Returns the way from the beginning on, with the stores up to a moment.
     pub(super) fn way(&self, until_us: u64) -> Way<'_> {
         Way(&self.stores[..self.stores.partition_point(|store| store.time_us <= until_us)])
     }
 }
 
-/// What is still to be stored on the way.
+/// Remaining stores of the way.
 pub(super) struct Way<'a>(&'a [Store]);
 
 impl Way<'_> {
@@ -93,7 +94,7 @@ impl Way<'_> {
         self.0.first().map_or(u64::MAX, |store| store.time_us)
     }
 
-    /// Goes on to a moment, with what is stored up to it and at it.
+    /// Advances to a moment, with the stores up to and including it.
     pub(super) fn go_to(&mut self, plant: &mut Plant, time_us: u64) {
         while let Some((store, rest)) = self.0.split_first().filter(|(store, _)| store.time_us <= time_us) {
             plant.advance_to(store.time_us);

@@ -49,10 +49,10 @@ fn back_by_a_time_all_is_as_it_was_and_goes_on_anew() {
     assert_eq!(held(&mut host), Reply::Value(1));
     let kept: Vec<_> = host.plant.journal().records().copied().collect();
     assert!(kept.len() < records.len() && records.starts_with(&kept), "{kept:?}");
-    // What was done then is done again: the same journal.
+    // The same stores are repeated: the same journal.
     host.request(&[Op::Advance { us: 1_500 }, poke(2), Op::Advance { us: 4_000 }]);
     assert_eq!((host.plant.journal().hash(), host.plant.journal().end()), (hash, end));
-    // Whoever reads it is told that it is another history.
+    // A reader of the journal sees that the history is another one.
     let turn = host.plant.journal().turn();
     assert!(turn.number > 0 && turn.begin == kept.last().map_or(0, |last| last.seq + 1), "{turn:?}");
 }
@@ -107,7 +107,8 @@ fn one_can_go_back_as_far_as_is_kept_and_only_alone_with_a_stepped_clock() {
     assert_eq!(host.refusal(back(1)).0, Code::CLOCK_IS_REAL_TIME);
 }
 
-/// Stores do not need snapshots: all of the way is behind the first one, and to each of its moments the plant goes back.
+/// Stores do not need snapshots: the whole history follows the first snapshot, and the plant can go back to each of its
+/// moments.
 #[test]
 fn what_operations_have_stored_is_stored_again() {
     let mut host = host();
@@ -122,7 +123,7 @@ fn what_operations_have_stored_is_stored_again() {
     };
     let value = |us| states(us).0;
     assert_eq!([0, 1_999, 2_000, 4_999, 5_000, 8_999].map(value), [0, 0, 1, 1, 2, 2].map(Reply::Value));
-    // What comes behind is forgotten, also of the stretch.
+    // Later parts are dropped, also of the stretch.
     assert_eq!([1_999, 2_000, 4_999, 5_000].map(|us| states(us).2), [0, 1, 1, 2]);
     // A comparison that has failed has stored nothing.
     let exchange =
@@ -135,7 +136,7 @@ fn what_operations_have_stored_is_stored_again() {
     assert_eq!(held(&mut host), Reply::Value(2));
 }
 
-/// A snapshot in the middle of a moment is that of what was stored before it.
+/// A snapshot in the middle of a moment contains only the stores before it.
 #[test]
 fn what_was_stored_behind_a_snapshot_of_the_same_moment_is_not_in_it() {
     let mut host = host();
@@ -151,7 +152,7 @@ fn what_was_stored_behind_a_snapshot_of_the_same_moment_is_not_in_it() {
     assert_eq!(held(&mut host), Reply::Value(2));
 }
 
-/// So that going back does not take longer and longer, and what is kept stays small.
+/// Limits the time for going back and the size of the history.
 #[test]
 fn so_many_stores_are_worth_a_snapshot() {
     let mut host = TestHost::new(true);

@@ -1,8 +1,8 @@
 //! The function blocks for the CANsync option modules of the b maXX PLC (manual 5.02066.01a chapter 4, p. 99-196), and
 //! `INTR_SET`, which p. 25 names.
 //!
-//! What `_BASE` is connected to are this device's structures: `_CANsyncMaster_Init_Slot_G AT %MB3.2001792 :
-//! CANsync_PLC_INIT_BMSTRUCT` and so on. Blocks of the BACI are not described and not here.
+//! `_BASE` is connected to this device's structures: `_CANsyncMaster_Init_Slot_G AT %MB3.2001792 :
+//! CANsync_PLC_INIT_BMSTRUCT` and so on. Blocks of the BACI are neither described nor provided here.
 
 #![allow(non_snake_case, non_camel_case_types, reason = "the manual's names, letter for letter")]
 

@@ -22,7 +22,7 @@ pub enum Method {
     SameCycle,
 }
 
-/// The cycle times that a value of `w_COMMAND_REG` stands for.
+/// Cycle times for a value of `w_COMMAND_REG`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Cycle {
     method: Method,
@@ -116,7 +116,7 @@ mod tests {
         for (number, ms) in [(1, 1), (2, 2), (3, 4), (4, 8), (5, 16), (15, 16384)] {
             assert_eq!(cycle(number << 4 | 8).communication_us(), ms * 1000);
         }
-        // One slice after the slot: slots 1 are the odd slices, slots 2 the slices 2, 6, 10.
+        // The next slice after the slot: slots 1 are the odd slices, slots 2 the slices 2, 6, 10.
         for (number, first) in [(1, 1000), (2, 1500), (3, 2500), (15, 8_192_500)] {
             assert_eq!(cycle(number << 4 | 8).first_us(), first);
         }

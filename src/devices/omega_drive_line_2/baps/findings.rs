@@ -1,4 +1,4 @@
-//! What the drive finds wrong when it takes a command; the access checker counts it.
+//! Errors that the drive finds when it takes a command; the access checker counts them.
 
 use super::cycle::Cycle;
 use crate::check;
@@ -15,7 +15,8 @@ use core::mem::offset_of;
 /// Cycles of the PLC program that have to be over before the first configuration (manual 5.00005.03a p. 63).
 const CYCLES_BEFORE: u32 = 5;
 
-/// Whether the PLC program has not come to its sixth cycle yet, as far as it tells (decision D-313).
+/// Whether the PLC program has not reached its sixth cycle yet, as far as the program reports its cycles (decision
+/// D-313).
 pub(super) fn is_too_early(asked: &Header) -> bool {
     match ProgramState::from_code(asked.program.state.load()) {
         Some(ProgramState::Initializing) => true,
@@ -29,7 +30,7 @@ pub(super) fn find(ctx: &mut Context, rule: &'static Rule, offset: usize, value:
     ctx.find(rule, RegisterPhase::Always, offset, value);
 }
 
-/// The cycle times that stand in `w_COMMAND_REG`; `None` if they are reserved. What is reserved is reported.
+/// The cycle times in `w_COMMAND_REG`; `None` if they are reserved. Reserved values are reported.
 pub(super) fn cycle_of(ctx: &mut Context, regs: &BAPS_CTRL_BMSTRUCT) -> Option<Cycle> {
     let word = regs.w_COMMAND_REG.load();
     let cycle = Cycle::from_register(word);

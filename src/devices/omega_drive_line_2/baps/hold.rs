@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 pub enum Pace {
     /// In this time slice.
     AtOnce,
-    /// In the first time slice that lies so many microseconds later.
+    /// In the first time slice at least this many microseconds later.
     Late(u32),
     /// Not in this time slice.
     Never,
@@ -30,8 +30,8 @@ impl Hold {
         self.until = None;
     }
 
-    /// How something to do is taken in the slice at `now`. `pace` is asked when it turns up and once more when it has
-    /// waited, and told which of both: what has waited once does not wait again.
+    /// Decides how a command is taken in the slice at `now`. `pace` is called when the command appears and once more
+    /// when the command has waited, and its argument says which of both. A command waits only once.
     pub(crate) fn turn(&mut self, now: u64, pace: impl FnOnce(bool) -> Pace) -> Pace {
         if let Some(until) = self.until.filter(|&until| now < until) {
             return Pace::Late((until - now) as u32);

@@ -1,8 +1,8 @@
 //! BAPS: the interface between the Omega Drive-Line II and the drive it is built into (manual 5.00005.03a chapter 6).
 //!
-//! The registers are described in `docs/devices/omega-drive-line-2/baps.md`; the manual shows them only through its function blocks. The drive
-//! has a time slice of 500 us for them. While nobody uses the BAPS there are no slices: the firmware looks at two
-//! registers in every processor cycle, and that is all.
+//! The registers are described in `docs/devices/omega-drive-line-2/baps.md`; the manual shows them only through its
+//! function blocks. The drive has a time slice of 500 us for them. While no program uses the BAPS there are no slices:
+//! the firmware only polls two registers in every processor cycle.
 
 mod config;
 mod cycle;
@@ -27,7 +27,7 @@ use hold::Hold;
 use process::Process;
 use service::Service;
 
-/// The BAPS of one PLC with the drive behind it.
+/// The BAPS of one PLC with its drive.
 pub struct Baps {
     regs: View<BAPS_CTRL_BMSTRUCT>,
     drive: BuiltInDrive,
@@ -41,7 +41,7 @@ pub struct Baps {
     service_hold: Hold,
     /// Whether the Omega Drive-Line II's side runs; the drive does without it.
     is_up: bool,
-    /// The next time slice; [`Baps::NEVER`] while nobody uses the BAPS.
+    /// The next time slice; [`Baps::NEVER`] while no program uses the BAPS.
     next: u64,
     last: Option<u64>,
     /// Where slices lie: at this time after multiples of 500 us.
@@ -55,10 +55,10 @@ snapshot_fields!(Baps {
 });
 
 impl Baps {
-    /// Time at which nothing is due.
+    /// Time of an event that never occurs.
     pub const NEVER: u64 = u64::MAX;
 
-    /// The BAPS in `segment` with `drive` behind it.
+    /// Creates the BAPS in `segment` with `drive`.
     ///
     /// # Errors
     /// If the segment is too small.
@@ -88,8 +88,8 @@ impl Baps {
         self.is_up = true;
     }
 
-    /// RESET of the board: the interface starts anew, while the drive keeps its parameters and goes on with what it
-    /// was told last (decision D-166).
+    /// RESET of the board: the interface restarts, while the drive keeps its parameters and continues with its last
+    /// command (decision D-166).
     pub fn reset(&mut self) {
         self.is_up = false;
         self.process.reset();
@@ -110,13 +110,13 @@ impl Baps {
         &self.drive
     }
 
-    /// How often process data were handed over since power-on: each time is an event "BAPS process data" (events 4
-    /// and 8, manual 5.00005.03a p. 83).
+    /// Number of exchanges of process data since power-on: each exchange is an event "BAPS process data" (events 4 and
+    /// 8, manual 5.00005.03a p. 83).
     pub fn process_data_events(&self) -> u64 {
         self.process.events()
     }
 
-    /// When the next time slice is due.
+    /// Time of the next time slice.
     #[inline]
     pub fn next_time(&self) -> u64 {
         self.next
@@ -131,7 +131,7 @@ impl Baps {
                 || self.regs.b_MA_SEMAPHORE.load() != baps_semaphore::IDLE)
     }
 
-    /// One processor cycle: begins time slices if the PLC asks for something.
+    /// Runs one processor cycle: begins time slices if the PLC makes a request.
     #[inline]
     pub fn processor_cycle(&mut self, now: u64) {
         if self.is_called() {
@@ -151,8 +151,8 @@ impl Baps {
         earliest + (self.phase + SLICE_US - earliest % SLICE_US) % SLICE_US
     }
 
-    /// The time slice that is due. `pace` tells how the drive takes what it has to do at the registers; it is told
-    /// whether that has waited already.
+    /// Runs the present time slice. `pace` returns how the drive takes a command at the registers; its argument says
+    /// whether the command has already waited.
     pub fn slice(&mut self, ctx: &mut Context, pace: impl FnMut(&mut Journal, bool) -> Pace) {
         let now = ctx.now;
         let us = self.last.map_or(SLICE_US, |last| (now - last).min(SLICE_US));
@@ -219,7 +219,7 @@ impl Baps {
         }
     }
 
-    /// Sets a parameter of the drive, as somebody does who stands in front of it.
+    /// Sets a parameter of the drive, as a user does at the drive itself.
     ///
     /// # Errors
     /// [`ParameterRefusal`].

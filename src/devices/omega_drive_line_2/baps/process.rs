@@ -25,13 +25,13 @@ struct Configured {
     numbers: Numbers,
     /// Communications so far.
     count: u64,
-    /// When the next one is due.
+    /// Time of the next communication.
     next: u64,
-    /// One has fallen due and has not been done yet.
+    /// A communication is pending.
     is_due: bool,
     /// Whether the PLC had given a command for the last one.
     is_used: bool,
-    /// The SYNC slot (P167) that the PLC was told to be wrong, in us.
+    /// The wrong SYNC slot (P167) that was reported to the PLC, in us.
     wrong_slot: Option<u32>,
     re_init: ReInit,
 }
@@ -39,11 +39,11 @@ struct Configured {
 /// Where a re-initialization is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 enum ReInit {
-    /// None, or its result was read.
+    /// No command, or its result was read.
     Idle,
-    /// So many communications are left.
+    /// The re-initialization still needs `left` communications.
     Active { numbers: Numbers, left: u8 },
-    /// Over with this acknowledgement, which stands until another command comes.
+    /// The command has ended with this acknowledgement, which stays until another command comes.
     Over(u8),
 }
 
@@ -66,7 +66,7 @@ impl Process {
         Ok(Process { face: segment.face()?, configured: None, events: 0 })
     }
 
-    /// The board starts anew: without configuration, as at first (manual p. 90).
+    /// The board restarts: there is no configuration, as after power-on (manual p. 90).
     pub(crate) fn reset(&mut self) {
         self.configured = None;
     }
@@ -80,7 +80,7 @@ impl Process {
         self.events
     }
 
-    /// The communications go on with this slot of the trigger signal, if there is one.
+    /// The communications continue with this slot of the trigger signal, if there is such a slot.
     pub(crate) fn align(&mut self, slot: Option<u64>) {
         if let (Some(configured), Some(slot)) = (&mut self.configured, slot) {
             configured.next = slot;
@@ -92,7 +92,7 @@ impl Process {
         if let Some(configured) = &mut self.configured
             && configured.next <= now
         {
-            // Slots that lie behind an alignment to the trigger signal are left out.
+            // Slots after an alignment to the trigger signal are skipped.
             configured.next = now + configured.cycle.communication_us();
             configured.count += 1;
             configured.is_due = true;
@@ -109,14 +109,14 @@ impl Process {
         }
     }
 
-    /// The communication that is due does not take place.
+    /// Skips the pending communication.
     pub(crate) fn leave_out(&mut self) {
         if let Some(configured) = &mut self.configured {
             configured.is_due = false;
         }
     }
 
-    /// Does the communication that is due and answers a command.
+    /// Makes the pending communication and answers a command.
     pub(crate) fn slice(&mut self, ctx: &mut Context, regs: &BAPS_CTRL_BMSTRUCT, drive: &mut BuiltInDrive) {
         let word = regs.b_COMMAND.load();
         match word {
@@ -220,7 +220,7 @@ impl Configured {
         acknowledge(ctx, regs, word, answer);
     }
 
-    /// Reports what is wrong with the cycle times of this exchange.
+    /// Reports errors in the cycle times of this exchange.
     fn judge(&mut self, ctx: &mut Context, cycle: Cycle, regs: &BAPS_CTRL_BMSTRUCT, drive: &BuiltInDrive) {
         let offset = offset_of!(BAPS_CTRL_BMSTRUCT, w_COMMAND_REG);
         if cycle != self.cycle {
@@ -266,7 +266,7 @@ impl Configured {
         matches!(&self.re_init, ReInit::Active { numbers, .. } if changes(numbers))
     }
 
-    /// Starts a re-initialization or goes on with it; its acknowledgement, if there is one to give.
+    /// Starts or continues a re-initialization; returns its acknowledgement, if it has ended.
     fn re_initialize(&mut self, word: u8, regs: &BAPS_CTRL_BMSTRUCT, drive: &BuiltInDrive) -> Option<u8> {
         let wanted = word == baps_command::RE_INITIALIZE;
         match self.re_init {

@@ -53,7 +53,7 @@ enum Phase {
     Idle,
     /// The drive works on the job until then.
     Working(Job, u64),
-    /// The result stands in the registers.
+    /// The result is in the registers.
     Answered,
 }
 
@@ -71,7 +71,7 @@ impl Service {
         Service { phase: Phase::default(), time_us }
     }
 
-    /// The board starts anew: a job under way is forgotten.
+    /// The board restarts: a job in progress is dropped.
     pub(crate) fn reset(&mut self) {
         self.phase = Phase::Idle;
     }
@@ -90,7 +90,7 @@ impl Service {
         }
     }
 
-    /// One look of the drive at the semaphores.
+    /// The drive polls the semaphores once.
     pub(crate) fn slice(&mut self, ctx: &mut Context, regs: &BAPS_CTRL_BMSTRUCT, drive: &mut BuiltInDrive) {
         let master = regs.b_MA_SEMAPHORE.load();
         match self.phase {

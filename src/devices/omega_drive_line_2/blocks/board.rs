@@ -19,7 +19,7 @@ function_block! {
 }
 
 impl LED {
-    /// One PLC cycle.
+    /// Runs one PLC cycle.
     pub fn call(&mut self, ram: &Ram) {
         ram.header().board.leds.store(u32::from(self.b_LEDS & 0x0F));
     }
@@ -62,7 +62,7 @@ function_block! {
 }
 
 impl OPT_INIT {
-    /// One PLC cycle.
+    /// Runs one PLC cycle.
     pub fn call(&mut self, ram: &Ram) {
         let slot = &ram.header().opt_init;
         match self.internal.filter(|request| request.is_of_this_life(ram)) {
@@ -102,15 +102,15 @@ function_block! {
 }
 
 impl TIME_MEASURE_START {
-    /// One PLC cycle.
+    /// Runs one PLC cycle.
     pub fn call(&mut self, ram: &Ram) {
         self.ud_TIME = ram.exact_us() as u32;
     }
 }
 
 function_block! {
-    /// Tells how long a piece of code took (manual p. 47). With a stepped clock that is what was stepped
-    /// meanwhile. Pins: decision D-214.
+    /// Returns the run time of a piece of code (manual p. 47). With a stepped clock the result is the emulated time
+    /// between. Pins: decision D-214.
     pub struct TIME_MEASURE_END(ram: Ram) {
         in {
             /// The output of [`TIME_MEASURE_START`].
@@ -124,7 +124,7 @@ function_block! {
 }
 
 impl TIME_MEASURE_END {
-    /// One PLC cycle.
+    /// Runs one PLC cycle.
     pub fn call(&mut self, ram: &Ram) {
         self.ud_TIME_DIFF = (ram.exact_us() as u32).wrapping_sub(self.ud_TIME);
     }

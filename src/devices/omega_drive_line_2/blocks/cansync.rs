@@ -1,4 +1,5 @@
-//! Those blocks of CANsync that manual 5.00005.03a describes otherwise than another device's.
+//! Blocks of CANsync that manual 5.00005.03a describes differently from the manual of another
+//! device.
 
 use crate::devices::cansync::blocks::{init, par_ma, pd_comm_read, pd_comm_sl, updownload_ma};
 use crate::devices::omega_drive_line_2::registers::BAUD_RATES;

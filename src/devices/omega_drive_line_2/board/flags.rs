@@ -12,7 +12,7 @@ const FIRST: u32 = RETAIN as u32;
 #[derive(Debug)]
 pub(super) struct Flags {
     segment: Segment,
-    /// Byte by byte; 0 where nobody has said anything.
+    /// One entry for each byte; 0 where no value was set.
     initial: Box<[u8]>,
 }
 
@@ -60,7 +60,7 @@ impl Flags {
         slot.answer.store(request);
     }
 
-    /// Gives flags an initial value, or takes all of them back if the width is 0; `None` if that is not possible.
+    /// Sets the initial value of flags, or clears all initial values if the width is 0; `None` if that is not possible.
     fn set(&mut self, flag: u32, width: u32, value: u32) -> Option<()> {
         if width == 0 {
             self.forget();
@@ -85,7 +85,7 @@ impl Flags {
     pub(crate) fn clear(&self) {
         for area in DEVICE.areas.iter().filter(|area| area.space.name == "free_flags") {
             for offset in (area.first..area.last()).step_by(4) {
-                // They lie in the segment, which is writable. Memory that nobody has used stays untouched.
+                // The flags lie in the segment, which is writable. Unused memory stays untouched.
                 if self.segment.load(offset, Width::Dword).is_ok_and(|flags| flags != 0) {
                     let _: Result<(), MemoryError> = self.segment.store(offset, Width::Dword, 0);
                 }

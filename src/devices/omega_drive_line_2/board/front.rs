@@ -28,13 +28,13 @@ pub(super) struct Front {
     projects: Projects,
     /// It has been started: from then on a power-on is a further one.
     is_used: bool,
-    /// The program was told to stop while the switch stands at RUN.
+    /// The program was ordered to stop while the switch was at RUN.
     halted: bool,
     /// The PLC program may run.
     released: bool,
-    /// A cold or warm start was ordered since somebody asked last.
+    /// A cold or warm start was ordered since the last query.
     started: bool,
-    /// A start or stop was ordered since somebody asked last.
+    /// A start or stop was ordered since the last query.
     ordered: bool,
     flags: Flags,
 }
@@ -197,7 +197,8 @@ impl Front {
         face.board.display.store(self.character(ctx.now));
     }
 
-    /// What the PLC tells of its program: it comes, goes, or copies the boot project.
+    /// Takes the program state that the PLC reports: the program comes, goes, or copies the boot
+    /// project.
     fn note_program(&mut self, face: &Face, told: ProgramState) {
         use ProgramState::*;
         let before = self.program;
@@ -208,7 +209,7 @@ impl Front {
                 self.projects.taken_back();
                 self.flags.forget();
             }
-            // What the program of a project that is lost tells late is no new one.
+            // A late report of the program of a lost project does not announce a new program.
             (Project::None, Initializing | Cyclic) if self.projects.is_lost() => self.program = None,
             (Project::None, Stopped | Initializing | Cyclic) => self.projects.brought(),
             (_, ErasingBootProject) if before != told => self.projects.erased(),
@@ -218,7 +219,7 @@ impl Front {
         face.project.store(self.projects.loaded().code());
     }
 
-    /// Another project is loaded, or none: the PLC's program stands.
+    /// Another project is loaded, or none: the PLC's program stops.
     fn show_project(&mut self, face: &Face) {
         let loaded = self.projects.loaded();
         if loaded == Project::None {
@@ -245,7 +246,7 @@ impl Front {
         self.see(ctx, face);
     }
 
-    /// Whether events may occur: no event task runs while the switch or the program stands at STOP.
+    /// Whether events may occur: no event task runs while the switch or the program is at STOP.
     pub(crate) fn runs_events(&self) -> bool {
         self.switch == RunSwitch::Run && !(self.halted && self.projects.loaded() != Project::None)
     }

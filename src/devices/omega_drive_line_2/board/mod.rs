@@ -43,7 +43,7 @@ pub struct Board {
 snapshot_fields!(Board { values: requests, triggers, timers; parts: events, front; built: face, option_sync_us });
 
 impl Board {
-    /// The board whose header page is in `segment`, with the `project` that it has at the first power-on;
+    /// Creates the board with its header page in `segment`, and with the `project` of the first power-on;
     /// `option_sync_us` is the period of an option card's SYNC signal, if there is such a card.
     ///
     /// # Errors
@@ -115,7 +115,7 @@ impl Board {
         self.face.asked().board_requests.load() != self.requests || self.front.has_changed(&self.face)
     }
 
-    /// One look at switches and requests. Costs a few loads if nothing has changed.
+    /// Polls switches and requests once. Costs a few loads if nothing has changed.
     #[inline]
     pub fn look(&mut self, ctx: &mut Context) -> Look {
         if self.has_changed() { self.look_closely(ctx) } else { Look::Nothing }
@@ -161,7 +161,7 @@ impl Board {
         Look::Answered
     }
 
-    /// When the next timer is due; `u64::MAX` if none runs.
+    /// Time of the next timer; `u64::MAX` if none runs.
     #[inline]
     pub fn next_time(&self) -> u64 {
         self.timers.next_time()

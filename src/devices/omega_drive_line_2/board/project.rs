@@ -1,9 +1,9 @@
-//! The project on the board: what is loaded, and what the flash memory has (manual 5.00005.03a p. 37, 40).
+//! Project on the board: the loaded project, and the project in the flash memory (manual 5.00005.03a p. 37, 40).
 
 use crate::memory::header::Project;
 use serde::{Deserialize, Serialize};
 
-/// What the flash memory has.
+/// Content of the flash memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 enum Flash {
     Empty,
@@ -13,12 +13,12 @@ enum Flash {
     OfProcess,
 }
 
-/// What is loaded, and what comes back after power-off and reset.
+/// The loaded project, and the project that is loaded after power-off and reset.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(super) struct Projects {
     loaded: Project,
     flash: Flash,
-    /// The next start is a cold one: the project that is loaded is a new one.
+    /// The next start is a cold one, because the loaded project is new.
     cold: bool,
     /// The same of the boot project.
     boot_cold: bool,
@@ -33,7 +33,7 @@ impl Projects {
         Projects { loaded, flash, cold: true, boot_cold: true, lost: false }
     }
 
-    /// What is loaded.
+    /// The loaded project.
     pub(crate) fn loaded(&self) -> Project {
         self.loaded
     }
@@ -43,12 +43,12 @@ impl Projects {
         self.cold
     }
 
-    /// A project that was only sent has been lost; who had it may report what it did until another one is loaded.
+    /// A project that was only sent has been lost; its client may still report until another project is loaded.
     pub(crate) fn is_lost(&self) -> bool {
         self.lost
     }
 
-    /// NOVRAM has kept the retain flags: they are those of the boot project.
+    /// NOVRAM has kept the retain flags of the boot project.
     pub(crate) fn retain_was_kept(&mut self) {
         self.boot_cold = false;
         self.cold = self.loaded == Project::Sent;
@@ -62,7 +62,7 @@ impl Projects {
         }
     }
 
-    /// Somebody loads a project, or deletes the one that is loaded. The boot project stays in the flash memory (p. 38).
+    /// A client loads a project, or deletes the loaded project. The boot project stays in the flash memory (p. 38).
     pub(crate) fn load(&mut self, project: Project) {
         if project == Project::Boot {
             (self.flash, self.boot_cold) = (Flash::Boot, true);
@@ -78,7 +78,7 @@ impl Projects {
         (self.loaded, self.lost) = (Project::Boot, false);
     }
 
-    /// The process has taken its program back: whatever is loaded next is a new project.
+    /// The process has withdrawn its program: the next project is a new one in any case.
     pub(crate) fn taken_back(&mut self) {
         if self.flash == Flash::OfProcess {
             self.flash = Flash::Empty;
@@ -87,7 +87,7 @@ impl Projects {
         (self.loaded, self.cold) = (Project::None, true);
     }
 
-    /// The boot project is erased from the flash memory; what is loaded stays until power-off or reset.
+    /// The boot project is erased from the flash memory; the loaded project stays until power-off or reset.
     pub(crate) fn erased(&mut self) {
         self.flash = Flash::Empty;
         if self.loaded == Project::Boot {
@@ -114,7 +114,7 @@ impl Projects {
 mod tests {
     use super::*;
 
-    /// Manual p. 37: after reset or power-off the boot project is active again, whatever was sent meanwhile.
+    /// Manual p. 37: after reset or power-off the boot project is active again, even if another project was sent.
     #[test]
     fn only_the_boot_project_comes_back() {
         let mut projects = Projects::new(Project::Boot);

@@ -8,7 +8,7 @@ use crate::journal::{Journal, Origin, Record};
 use crate::memory::header::{InterruptResult, OptInitResult, ProgramState, Project, RunSwitch, Start};
 use crate::memory::{Header, View};
 
-/// A board on heap memory, with a clock that stands where the test puts it.
+/// A board on heap memory, with a clock that the test sets.
 struct Rig {
     board: Board,
     header: View<Header>,
@@ -194,7 +194,7 @@ fn board_timer_a_divides_5_mhz() {
     assert_eq!([0, 1].map(|n| rig.header.timers[n].bell.rings()), [10, 5], "timer B runs, without event");
 }
 
-/// A period that is no whole number of microseconds does not drift.
+/// A period that is not a whole number of microseconds does not drift.
 #[test]
 fn odd_dividers_keep_their_phase() {
     let mut rig = Rig::new();

@@ -61,8 +61,8 @@ impl Default for Timers {
 }
 
 impl Timers {
-    /// Starts a timer at `now`, or anew; its first pulse comes after a whole period, given in [`PER_US`], at least
-    /// 1 us.
+    /// Starts or restarts a timer at `now`. Its first pulse comes after a whole period, given in [`PER_US`], at
+    /// least 1 us.
     pub(crate) fn start(&mut self, timer: Timer, now: u64, period: u64) {
         self.set(timer, Clock { period, start: now, next: 1, due: now + period / PER_US });
     }

@@ -46,12 +46,12 @@ impl Triggers {
         self.controller_pulsed |= self.routes[Trigger::Controller as usize] == Some(source);
     }
 
-    /// The program starts anew: its start task may run `OPT_INIT` again (decision D-260).
+    /// The program restarts: its start task may run `OPT_INIT` again (decision D-260).
     pub(crate) fn permit(&mut self) {
         self.closed = false;
     }
 
-    /// Answers an `OPT_INIT`, if there is one; tells what became of it.
+    /// Answers an `OPT_INIT`, if there is one; returns its result.
     pub(crate) fn look(&mut self, now: u64, face: &Face, timers: &mut Timers) -> Option<OptInitResult> {
         let request = face.asked().opt_init.request.load();
         if request == face.opt_init.answer.load() {

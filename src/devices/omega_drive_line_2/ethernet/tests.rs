@@ -64,7 +64,7 @@ const EXAMPLE: Ip = Ip::new(192, 168, 75, 190);
 const MASK: Ip = Ip::new(255, 255, 255, 0);
 const OTHER_MASK: Ip = Ip::new(255, 255, 240, 0);
 
-/// The examples of p. 79-80, and delivery state for whatever else stands in `d_IP_CONFIG`.
+/// The examples of p. 79-80, and the delivery state for any other value of `d_IP_CONFIG`.
 #[test]
 fn addresses_are_those_of_the_manual() {
     let last =

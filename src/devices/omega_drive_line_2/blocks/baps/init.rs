@@ -19,7 +19,8 @@ const EVENT_REFUSED: u8 = 1 << 5;
 macro_rules! block {
     ($([$index:literal $wr:ident $rd:ident])*) => {
         function_block! {
-            /// Tells the drive which parameters the process data exchange, and how often (manual p. 86-92).
+            /// Configures the parameters and the cycle time of the process data exchange in the drive (manual p.
+            /// 86-92).
             ///
             /// Call it until `x_OK` or `x_ERR`. `us_MODE` 2 only writes the new numbers for
             /// [`BAPS_PD_COMM24`](super::BAPS_PD_COMM24), at every call, and has neither.
@@ -59,7 +60,7 @@ macro_rules! block {
                     b_ERR: u8;
                     /// `b_ERR` is not 0.
                     x_ERR: bool;
-                    /// The BAPS, and the event if there is one, are initialized.
+                    /// The BAPS, and the event if it is used, are initialized.
                     x_OK: bool;
                 }
                 internal: Internal;
@@ -85,7 +86,7 @@ block! {
     [7 u_WR_PAR_NR7 u_RD_PAR_NR7]
 }
 
-/// What the block remembers.
+/// Internal state of the block.
 #[derive(Clone, Debug, Default)]
 pub struct Internal {
     phase: Phase,
@@ -107,7 +108,7 @@ enum Phase {
 }
 
 impl BAPS_INIT {
-    /// One PLC cycle.
+    /// Runs one PLC cycle.
     pub fn call(&mut self, _BASE: &Base<BAPS_CTRL_BMSTRUCT>) {
         if self.us_HW_TYPE != OMEGA_DRIVE_LINE_II {
             return;

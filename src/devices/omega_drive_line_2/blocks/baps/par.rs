@@ -40,7 +40,7 @@ function_block! {
 }
 
 impl BAPS_PAR_READ {
-    /// One PLC cycle.
+    /// Runs one PLC cycle.
     pub fn call(&mut self, _BAPS_SD_DATA: &mut BAPS_BMSTRUCT) {
         let (number, element) = (self.u_PAR_NR, self.us_PAR_ELEMENT);
         let job = |ticket| Job { ticket, kind: Kind::Read, number, element, doubleword: false, value: 0 };
@@ -92,7 +92,7 @@ function_block! {
 }
 
 impl BAPS_PAR_WRITE {
-    /// One PLC cycle.
+    /// Runs one PLC cycle.
     pub fn call(&mut self, _BAPS_SD_DATA: &mut BAPS_BMSTRUCT) {
         let (number, doubleword, value) = (self.u_PAR_NR, self.x_PAR_FORMAT, self.ud_PAR_VALUE);
         let job = |ticket| Job {

@@ -9,8 +9,8 @@ use crate::plc::{Base, function_block};
 /// Bit 0 of `b_ERR`.
 pub(super) const NOT_EXCHANGED: u8 = 1 << 0;
 
-/// One exchange: reads what the drive has handed over, then gives `command` with new values, and with the method and
-/// cycle time that the communications have from then on.
+/// One exchange: reads the values from the drive, then writes `command` with new values, and with the method and
+/// cycle time of the next communications.
 pub(super) fn exchange(
     base: &BAPS_CTRL_BMSTRUCT,
     command: u8,
@@ -26,8 +26,8 @@ pub(super) fn exchange(
     base.b_COMMAND.store(command);
 }
 
-/// Whether an acknowledgement tells that values have not been exchanged. 16#00, 16#FF mean nothing and
-/// 16#02 is that of the configuration before (decision D-216).
+/// Whether an acknowledgement means that values have not been exchanged. 16#00, 16#FF mean nothing and 16#02 belongs
+/// to the previous configuration (decision D-216).
 pub(super) fn is_error(b_SL_QUIT: u8) -> bool {
     !matches!(
         b_SL_QUIT,
@@ -41,8 +41,8 @@ macro_rules! block {
             #[doc = concat!("Exchanges control word, status word and up to ", $count, " reference and actual values")]
             #[doc = concat!("with the drive (manual p. ", $page, ").")]
             ///
-            /// A call reads what the last communication has brought and gives the values for the next one, whose
-            /// acknowledgement the next call shows.
+            /// A call reads the values of the last communication and writes the values for the next one; the next
+            /// call shows its acknowledgement.
             pub struct $name(_BASE: Base<BAPS_CTRL_BMSTRUCT>) {
                 in {
                     /// 0: Omega Drive-Line II; with anything else the block does nothing.
@@ -71,7 +71,7 @@ macro_rules! block {
                     )*
                     /// Acknowledgement of the drive.
                     b_SL_QUIT: u8;
-                    /// Bit 0: the drive has not exchanged the values, `b_SL_QUIT` tells why.
+                    /// Bit 0: the drive has not exchanged the values, `b_SL_QUIT` has the reason.
                     b_ERR: u8;
                     /// `b_ERR` is not 0.
                     x_ERR: bool;
@@ -80,7 +80,7 @@ macro_rules! block {
         }
 
         impl $name {
-            /// One PLC cycle.
+            /// Runs one PLC cycle.
             pub fn call(&mut self, _BASE: &Base<BAPS_CTRL_BMSTRUCT>) {
                 if !self.x_EN || self.us_HW_TYPE != OMEGA_DRIVE_LINE_II {
                     return;

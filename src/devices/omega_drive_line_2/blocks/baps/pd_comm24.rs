@@ -53,11 +53,12 @@ function_block! {
             ud_RD_VALUE3: u32;
             /// Acknowledgement of the drive.
             b_SL_QUIT: u8;
-            /// Bit 0: the drive has not exchanged the values, `b_SL_QUIT` tells why; 1: timeout of a re-initialization.
+            /// Bit 0: the drive has not exchanged the values, `b_SL_QUIT` has the reason; 1: timeout of a
+            /// re-initialization.
             b_ERR: u8;
             /// `b_ERR` is not 0.
             x_ERR: bool;
-            /// The last re-initialization has failed; `b_SL_QUIT` tells why.
+            /// The last re-initialization has failed; `b_SL_QUIT` has the reason.
             x_RE_INIT_ERR: bool;
             /// The last re-initialization has succeeded.
             x_RE_INIT_OK: bool;
@@ -66,7 +67,7 @@ function_block! {
     }
 }
 
-/// What the block remembers.
+/// Internal state of the block.
 #[derive(Clone, Debug, Default)]
 pub struct Internal {
     start: bool,
@@ -76,7 +77,7 @@ pub struct Internal {
 }
 
 impl BAPS_PD_COMM24 {
-    /// One PLC cycle.
+    /// Runs one PLC cycle.
     pub fn call(&mut self, _BASE: &Base<BAPS_CTRL_BMSTRUCT>) {
         if self.us_HW_TYPE != OMEGA_DRIVE_LINE_II {
             return;

@@ -5,7 +5,8 @@ use crate::plc::{Base, Watch, function_block};
 use core::time::Duration;
 
 function_block! {
-    /// Watches that a `BAPS_PD_COMMxx` is called, whatever comes of it (manual p. 117). Belongs to another task.
+    /// Watches that a `BAPS_PD_COMMxx` is called, with or without success (manual p. 117). Belongs to another
+    /// task.
     pub struct BAPS_PD_CONTROL(_BASE: Base<BAPS_CTRL_BMSTRUCT>) {
         in {
             /// Resets the block.
@@ -22,7 +23,7 @@ function_block! {
 }
 
 impl BAPS_PD_CONTROL {
-    /// One PLC cycle.
+    /// Runs one PLC cycle.
     pub fn call(&mut self, _BASE: &Base<BAPS_CTRL_BMSTRUCT>) {
         if self.x_RESET {
             (self.x_ERR, self.internal) = (false, None);

@@ -23,8 +23,8 @@ mod error {
 }
 
 function_block! {
-    /// Carries out parameter jobs through the semaphores of the BAPS, one at a time (manual p. 118-120). One
-    /// instance for all [`BAPS_PAR_READ`](super::BAPS_PAR_READ) and [`BAPS_PAR_WRITE`](super::BAPS_PAR_WRITE).
+    /// Executes parameter jobs through the semaphores of the BAPS, sequentially (manual p. 118-120). A single instance
+    /// serves all [`BAPS_PAR_READ`](super::BAPS_PAR_READ) and [`BAPS_PAR_WRITE`](super::BAPS_PAR_WRITE).
     pub struct BAPS_SD_CONTROL(_BASE: Base<BAPS_CTRL_BMSTRUCT>, _BAPS_SD_DATA: Shared<BAPS_BMSTRUCT>) {
         in {
             /// Resets the block; needed after the errors of bits 0 to 4.
@@ -43,7 +43,7 @@ function_block! {
     }
 }
 
-/// What the block waits for.
+/// Event that the block waits for.
 #[derive(Clone, Copy, Debug, Default)]
 pub enum Phase {
     /// A job.
@@ -60,7 +60,7 @@ pub enum Phase {
 }
 
 impl BAPS_SD_CONTROL {
-    /// One PLC cycle.
+    /// Runs one PLC cycle.
     pub fn call(&mut self, _BASE: &Base<BAPS_CTRL_BMSTRUCT>, _BAPS_SD_DATA: &mut BAPS_BMSTRUCT) {
         if self.x_RESET {
             _BASE.b_MA_SEMAPHORE.store(IDLE);
@@ -87,7 +87,7 @@ impl BAPS_SD_CONTROL {
         }
     }
 
-    /// Goes on with the job; tells what became of it.
+    /// Continues the job; returns its answer when it has ended.
     fn proceed(&mut self, base: &Base<BAPS_CTRL_BMSTRUCT>, job: &Job) -> Option<Answer> {
         let semaphores = (base.b_MA_SEMAPHORE.load(), base.b_SL_SEMAPHORE.load());
         match (self.internal, semaphores) {

@@ -1,11 +1,12 @@
-//! What `BAPS_PAR_READ`, `BAPS_PAR_WRITE` and `BAPS_SD_CONTROL` share: one job at a time.
+//! Types that `BAPS_PAR_READ`, `BAPS_PAR_WRITE` and `BAPS_SD_CONTROL` share: there is at most one job at a
+//! time.
 
 /// Variable that connects the blocks of the service data (manual p. 94, 97, 119). Its content is the blocks'
 /// own (decision D-215).
 #[derive(Clone, Debug, Default)]
 pub struct BAPS_BMSTRUCT {
     pub(super) stage: Stage,
-    /// Tells apart the blocks that enter jobs.
+    /// Number of the last ticket; tickets identify the blocks that enter jobs.
     pub(super) tickets: u32,
 }
 
@@ -39,7 +40,7 @@ pub(super) enum Kind {
     Write,
 }
 
-/// What became of a job.
+/// Result of a job.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Answer {
     /// `i_ERR_DETAIL`, as the register holds it.
@@ -70,7 +71,7 @@ enum Phase {
     Locked,
 }
 
-/// What a call means for the outputs.
+/// Result of a call, from which the outputs follow.
 pub(super) enum Outcome {
     Unchanged,
     Cleared,
@@ -79,7 +80,7 @@ pub(super) enum Outcome {
 }
 
 impl Outcome {
-    /// `x_BUSY` and, if there is one, the answer; `None` if the outputs stay as they are.
+    /// Returns `x_BUSY` and, if there is one, the answer; `None` if the outputs do not change.
     pub(super) fn shown(self) -> Option<(bool, Option<Answer>)> {
         match self {
             Outcome::Unchanged => None,
@@ -91,7 +92,7 @@ impl Outcome {
 }
 
 impl Client {
-    /// One call: enters `job` on `enable`, waits for its answer.
+    /// Runs one call: enters `job` on `enable`, waits for its answer.
     pub(super) fn step(
         &mut self,
         shared: &mut BAPS_BMSTRUCT,
@@ -126,7 +127,7 @@ impl Client {
                 Outcome::Answered(answer)
             }
             (Phase::Running(ticket), Stage::Entered(of)) if of.ticket == ticket => Outcome::Busy,
-            // The variable was reset in between: nobody will answer.
+            // The variable was reset in between, so no answer will come.
             (Phase::Running(_), _) => {
                 self.phase = Phase::Locked;
                 Outcome::Answered(Answer { communication: -1, ..Answer::default() })

@@ -195,7 +195,8 @@ fn a_cold_start_alone_touches_the_retain_flags() {
     assert_eq!((flag(&rig), rig.ordered().1), ([5, 99], Start::Warm), "NOVRAM keeps them");
 }
 
-/// p. 37, 40: what was only sent is gone after a reset, and the display says so; the boot project is there again.
+/// p. 37, 40: a project that was only sent is lost after a reset, and the display shows it; the boot project is
+/// loaded again.
 #[test]
 fn a_reset_loses_a_project_that_was_only_sent() {
     for (project, after, display) in
@@ -210,7 +211,7 @@ fn a_reset_loses_a_project_that_was_only_sent() {
         rig.header.board.switch.store(RunSwitch::Stop.code());
         rig.start();
         assert_eq!((rig.header.program.state.load(), rig.display()), (after.code(), (display, false)));
-        // What its program tells late does not bring it back.
+        // A late report of its program does not restore the project.
         rig.program(ProgramState::Cyclic);
         rig.turn(RunSwitch::Run);
         let is_back = project == Project::Boot;
@@ -252,7 +253,7 @@ fn a_project_can_be_sent_and_deleted() {
     assert_eq!((rig.header.project_request.load(), rig.ordered().0), (0, 5), "no such project");
 }
 
-/// D-300: while switch or program stand at STOP no event occurs, so no event task runs.
+/// D-300: while switch or program are at STOP no event occurs, so no event task runs.
 #[test]
 fn no_event_occurs_at_stop() {
     let mut rig = Rig::new();
