@@ -36,7 +36,7 @@ pub(super) enum FrameEffect {
     LoseArbitration,
 }
 
-/// Frames that a fault concerns: the frames whose identifier agrees with `id` in the bits that are 1 in `mask`.
+/// Frames that a fault concerns: the identifier must agree with `id` in the bits that are 1 in `mask`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Frames {
     /// Identifier, no bit outside the mask.

@@ -65,7 +65,7 @@ pub trait DeviceConfig: fmt::Debug + Send + Sync {
         0
     }
 
-    /// The area whose first structure lies in NOVRAM; `None` without any. [`Device::novram`] returns the stored part.
+    /// The area with its first structure in NOVRAM; `None` without any. [`Device::novram`] returns the stored part.
     fn novram(&self) -> Option<&'static layout::Area> {
         None
     }

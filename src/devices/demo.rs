@@ -60,7 +60,7 @@ pub enum DemoError {
 /// How long something may take, in real time. It takes at most some seconds.
 const PATIENCE: Duration = Duration::from_secs(30);
 
-/// A device whose registers a demonstration writes, reads and prints.
+/// A device with registers that a demonstration writes, reads and prints.
 pub(crate) struct Actor<'a> {
     name: &'static str,
     layout: &'static Device,

@@ -39,7 +39,7 @@ pub enum Look {
 
 /// A device of a plant. Its ports are firmware of the medium that they belong to. The plant passes events of the device
 /// to its ports, and events of the ports to the device. A device implements only the methods that it needs; a device
-/// whose front has only a supply is a [`Plain`](super::Plain) one.
+/// that has only a supply in its front is a [`Plain`](super::Plain) one.
 pub trait Device: Any + Send + SnapshotFields {
     /// Its name in the plant.
     fn name(&self) -> &str;
@@ -125,8 +125,8 @@ pub trait Device: Any + Send + SnapshotFields {
         let _ = (port, last_frame, now);
     }
 
-    /// The ports whose SYNC signal is passed on to another port of the device if the firmware there enables it: from,
-    /// to.
+    /// The ports with a SYNC signal that is passed on to another port of the device if the firmware there enables it:
+    /// from, to.
     fn sync_ways(&self) -> &[(u8, u8)] {
         &[]
     }
@@ -185,7 +185,7 @@ pub trait Device: Any + Send + SnapshotFields {
         None
     }
 
-    /// The drive that the device is built into, if there is one, with all its details.
+    /// The drive that contains the device, if there is such a drive, with all its details.
     fn drive(&self) -> Option<DriveDetails> {
         None
     }

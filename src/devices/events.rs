@@ -7,7 +7,7 @@ use crate::memory::header::InterruptResult;
 use crate::memory::{Face, Header};
 use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 
-/// Enabled events and their occurrences. Bit n stands for event n.
+/// Enabled events and their occurrences, bit n for event n.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Events {
     /// Enabled events.

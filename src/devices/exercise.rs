@@ -2,7 +2,7 @@
 
 use core::ops::RangeInclusive;
 
-/// An exercise: a scenario whose middle part is generated at random.
+/// An exercise: a scenario with a middle part that is generated at random.
 ///
 /// Its [`script`](Exercise::script) defines a function for each [`Move`], and two more: `start()` brings a plant from
 /// power-on to the point where moves can be made, and `recover()` brings it there from any state. Each may use
@@ -13,7 +13,7 @@ pub struct Exercise {
     pub name: &'static str,
     /// The plant file. `${NAME}` is replaced by the value of this name in the setting.
     pub plant: &'static str,
-    /// One of these settings is used: names and their values, as a script would write them.
+    /// Alternative settings; each run uses one of them: names and their values, as a script would write them.
     pub settings: &'static [&'static [(&'static str, &'static str)]],
     /// Functions in the language of scenarios.
     pub script: &'static str,

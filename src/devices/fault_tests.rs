@@ -20,7 +20,7 @@ fn resolve(text: &str) -> Result<Fault, FaultError> {
     toml::from_str::<FaultSpec>(text).unwrap().resolve(fault_kinds(), &names())
 }
 
-/// One description of each kind with all its fields, and its text in a list.
+/// For each kind a description with all its fields, and its text in a list.
 const EACH_KIND: [(&str, &str); 26] = [
     (
         "kind = 'lose_frame'\nbus = 'drives'\nslot = 'WRC1'\nid = 0x101\nmask = 0x70F\nat_us = 5\ncount = 3",

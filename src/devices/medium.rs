@@ -20,7 +20,7 @@ pub struct World<'a> {
     pub journal: &'a mut Journal,
     /// The faults that wait or act.
     pub faults: &'a mut Faults,
-    /// Ports whose devices are to be notified of a SYNC edge, in this order, after the event.
+    /// Ports of devices that are to be notified of a SYNC edge, in this order, after the event.
     pub edges: &'a mut Vec<Origin>,
 }
 
@@ -356,7 +356,7 @@ impl dyn Medium {
 }
 
 impl World<'_> {
-    /// Returns the context for firmware of `origin`, whose area begins at `base`.
+    /// Returns the context for firmware of `origin` with an area that begins at `base`.
     pub fn context(&mut self, origin: Origin, base: usize) -> Context<'_> {
         Context { now: self.now, journal: self.journal, origin, base }
     }

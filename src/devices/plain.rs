@@ -42,7 +42,7 @@ pub trait Firmware: SnapshotFields + Send + 'static {
         let _ = ctx;
     }
 
-    /// The area whose registers keep their values at power-on and reset; NOVRAM holds its first structure.
+    /// The area with registers that keep their values at power-on and reset; NOVRAM holds its first structure.
     fn kept(&self) -> Option<&'static Area> {
         None
     }

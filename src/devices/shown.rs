@@ -4,7 +4,7 @@ use crate::devices::Context;
 use crate::journal::Register;
 use crate::memory::{Cell8, Cell16, Cell32};
 
-/// A register whose changes are recorded. Process data are not: the frames contain them.
+/// A register with changes that are recorded. Process data are not: the frames contain them.
 pub(crate) trait Shown {
     /// Value of the register.
     type Value;

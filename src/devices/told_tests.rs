@@ -13,11 +13,12 @@ use std::collections::BTreeSet;
 use std::fmt::Write;
 use std::sync::LazyLock;
 
-/// Lines that are generated for each kind. Only lines whose words, without numbers, differ from all others are kept.
+/// Lines that are generated for each kind. A line is kept only if its words, without numbers, differ from all
+/// others.
 const DRAWN: usize = 1000;
 const KEPT: usize = 24;
 
-/// One PLC of each device, named by a number like the buses.
+/// A PLC of each device, named by a number like the buses.
 pub(super) fn names() -> Names {
     Names {
         plcs: (0..all().len()).map(|plc| format!("{plc}")).collect(),

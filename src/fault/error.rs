@@ -308,7 +308,7 @@ fn field_list(kind: &'static Kind) -> String {
     list(&kind.all_fields().map(Field::name).collect::<Vec<_>>())
 }
 
-/// Slave numbers as text; bit n of `mask` stands for slave n.
+/// Slave numbers as text, bit n of `mask` for slave n.
 pub fn slave_list(mask: u32) -> String {
     let numbers: Vec<_> = (0..32).filter(|n| mask >> n & 1 != 0).map(|n: u32| n.to_string()).collect();
     list(&numbers)

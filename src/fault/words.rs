@@ -63,7 +63,7 @@ impl FaultSpec {
 }
 
 /// Returns the fields of all kinds, each once: first the fields for the target, then the fields of the kinds, then the
-/// fields for the time. A kind of the name `kind` comes first, so that its field types win.
+/// fields for the time. If the kind called `kind` has a field, its definition of the field is used.
 fn known(kind: &str, kinds: &[&'static Kind]) -> Vec<&'static Field> {
     let place = kinds.iter().flat_map(|kind| kind.place().fields().iter().copied());
     let (names, numbers): (Vec<_>, Vec<_>) =

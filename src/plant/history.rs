@@ -31,7 +31,7 @@ impl Plant {
     /// as it would without.
     ///
     /// # Errors
-    /// [`FollowError`]; the registers that precede the one that is too many are followed.
+    /// [`FollowError`]; the registers before the excess register are followed.
     pub fn follow_registers(
         &mut self,
         plc: usize,

@@ -7,10 +7,9 @@ use crate::journal::Source;
 const LATE_US: u64 = 2_000_000;
 
 impl Plant {
-    /// Load of bus `bus` in thousandths: the time for which frames that have arrived kept its wire busy, in the last
-    /// `span_us` of emulated time or since power-on if that is less. `None` if no time has passed. The load is computed
-    /// from the records that the journal still has; a journal that continues from a snapshot has no records before the
-    /// snapshot.
+    /// Load of bus `bus` in thousandths: the time for which arrived frames kept its wire busy, in the last `span_us` of
+    /// emulated time or since power-on if this is less. `None` if no time has passed. The load is computed from the
+    /// records that the journal still has; a journal that continues from a snapshot has no records before the snapshot.
     pub fn bus_load(&self, bus: usize, span_us: u64) -> Option<u16> {
         let medium = self.media().get(bus)?;
         let begin = self.now().saturating_sub(span_us).max(self.journal().since_us());

@@ -171,7 +171,7 @@ impl Plant {
         self.now
     }
 
-    /// Time of the next event; there always is one, the next processor cycle at the latest.
+    /// Time of the next event; the next processor cycle at the latest.
     pub fn next_event(&self) -> u64 {
         let first = self.next_cycle.min(self.next_device).min(self.faults.next_time());
         self.media.iter().map(|medium| medium.next_time()).fold(first, u64::min)

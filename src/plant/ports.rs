@@ -91,7 +91,7 @@ impl Ports {
         self.of_device.iter().enumerate().flat_map(of_device)
     }
 
-    /// Ports at the places of each medium; a place is given to each port that is plugged in, one after the other.
+    /// Ports at the places of each medium; each port that is plugged in gets the next place.
     pub(super) fn seats(&self) -> Arc<Vec<Vec<Seat>>> {
         Arc::clone(&self.seats)
     }

@@ -15,7 +15,7 @@ type Work = Box<dyn FnOnce() + Send>;
 /// How long a thread looks before it sleeps: about as long as it takes to sleep and to be woken up.
 const LOOKS: Duration = Duration::from_micros(100);
 
-/// The threads besides the calling thread. If a thread cannot be started, the pool works without it.
+/// The worker threads. If a thread cannot be started, the pool works without it.
 #[derive(Default)]
 pub(super) struct WorkerPool {
     workers: Vec<Worker>,

@@ -1,4 +1,4 @@
-//! Going back: the history that is kept of the plant, and the return to a moment of it.
+//! Going back: the history of the plant, and the return to a moment of it.
 //!
 //! With a stepped clock only the clock advances between two actions of clients, and a client acts before the clock
 //! advances. It is therefore enough to keep the stores of operations, and a snapshot before the clock advances after
@@ -28,7 +28,7 @@ const STRETCH_US: u64 = 10_000_000;
 /// The same between two operations: programs may store through the map, and from a snapshot on one knows what they have stored.
 const PAUSE_US: u64 = 100_000;
 
-/// The history that is kept for going back.
+/// The history for going back.
 #[derive(Debug)]
 pub struct Travel {
     /// Snapshots that clients have asked for, by their numbers.

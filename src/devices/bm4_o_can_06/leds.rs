@@ -61,7 +61,7 @@ impl Leds {
         Leds { h: [Led::Off, Led::Flashes(1), Led::Off, h4] }
     }
 
-    /// A slave for the controller with DIP switches 1 to 3 that stand for no baud rate (p. 31).
+    /// A slave for the controller with DIP switches 1 to 3 at a code without a baud rate (p. 31).
     pub(super) fn of_unknown_baud_rate() -> Self {
         Leds { h: [Led::Off, Led::InTurn, Led::Off, Led::InTurn] }
     }

@@ -1,5 +1,5 @@
-//! One Omega Drive-Line II: its communication RAM, its board, Ethernet, and the drive that it is built into. The
-//! buses run its two CANsync nodes.
+//! An Omega Drive-Line II: its communication RAM, its board, Ethernet, and the drive that contains it. The buses
+//! run its two CANsync nodes.
 
 use super::config::PlcConfig;
 use super::faults::{Effect, pace};

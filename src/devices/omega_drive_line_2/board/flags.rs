@@ -12,7 +12,7 @@ const FIRST: u32 = RETAIN as u32;
 #[derive(Debug)]
 pub(super) struct Flags {
     segment: Segment,
-    /// One entry for each byte; 0 where no value was set.
+    /// An entry for each byte; 0 where no value was set.
     initial: Box<[u8]>,
 }
 
@@ -48,7 +48,7 @@ impl Flags {
         self.segment.read_range(FIRST, &mut bytes).is_ok() && bytes.iter().any(|flag| *flag != 0)
     }
 
-    /// Answers a request, if there is one.
+    /// Answers a pending request.
     pub(crate) fn look(&mut self, asked: &InitialFlag, slot: &InitialFlag) {
         let request = asked.request.load();
         if request == slot.answer.load() {

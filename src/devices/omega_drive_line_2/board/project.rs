@@ -13,7 +13,7 @@ enum Flash {
     OfProcess,
 }
 
-/// The loaded project, and the project that is loaded after power-off and reset.
+/// The loaded project, and the project after power-off and reset.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(super) struct Projects {
     loaded: Project,

@@ -51,7 +51,7 @@ impl Triggers {
         self.closed = false;
     }
 
-    /// Answers an `OPT_INIT`, if there is one; returns its result.
+    /// Answers a pending `OPT_INIT`; returns its result.
     pub(crate) fn look(&mut self, now: u64, face: &Face, timers: &mut Timers) -> Option<OptInitResult> {
         let request = face.asked().opt_init.request.load();
         if request == face.opt_init.answer.load() {

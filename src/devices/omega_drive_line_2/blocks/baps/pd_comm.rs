@@ -9,8 +9,8 @@ use crate::plc::{Base, function_block};
 /// Bit 0 of `b_ERR`.
 pub(super) const NOT_EXCHANGED: u8 = 1 << 0;
 
-/// One exchange: reads the values from the drive, then writes `command` with new values, and with the method and
-/// cycle time of the next communications.
+/// A single exchange: reads the values from the drive, then writes `command` with new values, and with the method
+/// and cycle time of the next communications.
 pub(super) fn exchange(
     base: &BAPS_CTRL_BMSTRUCT,
     command: u8,
