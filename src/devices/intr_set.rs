@@ -36,7 +36,7 @@ function_block! {
     /// [`INTR_SET::is_answered`], `x_ERR` is FALSE (decision D-213).
     pub struct INTR_SET(ram: Ram) {
         in {
-            /// Event number, see `docs/devices/omega-drive-line-2/overview.md`.
+            /// Event number, 0 to 12.
             i_EVENT: i8;
             /// Reserved.
             i_MODE: i16;

@@ -6,7 +6,7 @@
 //! RAM of a plant in this process and on an attached image alike, and monitoring times are in emulated time.
 //!
 //! A call never waits. A block that needs the firmware's answer goes on at a later call, so that the same
-//! program runs in real time and with a stepped clock. `docs/devices/omega-drive-line-2/function-blocks.md` has all inputs and outputs.
+//! program runs in real time and with a stepped clock. The function block page of each device has all inputs and outputs.
 
 mod block;
 mod pin;

@@ -9,7 +9,7 @@
  * I_PAR1   enables the event with INTR_SET first: of a CPU timer, events 0 and 2, the factor of 50 us
  *
  * In stepped mode emulated time waits for each scan of an event, and for what the board orders (lockstep). TON and the like count
- * emulated time. The device starts and stops the program (docs/devices/omega-drive-line-2/overview.md): a cold start gives all variables their initial values, a warm
+ * emulated time. The device starts and stops the program: a cold start gives all variables their initial values, a warm
  * start all but those declared RETAIN and the retain flags, a hot start none. It ends by SIGINT and SIGTERM.
  *
  * Exit code: 0 ended by a signal, 1 the emulator is gone or has refused something, 2 wrong use or not attached.

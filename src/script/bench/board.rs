@@ -112,24 +112,23 @@ impl Bench {
         }
     }
 
-    /// How often an event of a PLC has come since power-on; `""` is the only PLC. `docs/devices/omega-drive-line-2/overview.md` has the numbers
+    /// How often an event of a PLC has come since power-on; `""` is the only PLC. The device's overview page has the numbers
     /// of the events, which count while they are enabled.
     ///
     /// # Errors
     /// There is no such PLC or event.
     pub fn event_count(&mut self, plc: &str, event: usize) -> Result<u32, ScenarioError> {
         let ram = self.ram(plc)?;
-        let slot = ram.header().events.get(event).ok_or_else(|| {
-            ScenarioError::argument(
-                &event.to_string(),
-                "event numbers are 0 to 12, see docs/devices/omega-drive-line-2/overview.md",
-            )
-        })?;
+        let slot = ram
+            .header()
+            .events
+            .get(event)
+            .ok_or_else(|| ScenarioError::argument(&event.to_string(), "event numbers are 0 to 12"))?;
         Ok(slot.bell.rings())
     }
 
     /// How often a trigger of a PLC has pulsed since power-on: 1, 2, or 3 for the trigger controller; `""` is the only
-    /// PLC. `OPT_INIT` routes them (`docs/devices/omega-drive-line-2/overview.md`).
+    /// PLC. `OPT_INIT` routes them.
     ///
     /// # Errors
     /// There is no such PLC or trigger.
@@ -137,7 +136,7 @@ impl Bench {
         let ram = self.ram(plc)?;
         let slot = trigger.checked_sub(1).and_then(|index| ram.header().triggers.get(index));
         let slot = slot.ok_or_else(|| {
-            let right = "triggers are 1, 2, and 3 for the trigger controller, see docs/devices/omega-drive-line-2/overview.md";
+            let right = "triggers are 1, 2, and 3 for the trigger controller";
             ScenarioError::argument(&trigger.to_string(), right)
         })?;
         Ok(slot.bell.rings())
