@@ -1,14 +1,14 @@
 //! How client and emulator wake each other.
 //!
-//! iceoryx2 carries the messages but wakes nobody. The emulator's thread sleeps on the doorbell in the
-//! header page of the image, and clients sleep on another bell there until a reply is announced. Both
-//! bells are futex words shared by all clients, so a wake-up means "look again", nothing more.
+//! iceoryx2 carries the messages but wakes no thread. The emulator's thread sleeps on the doorbell in
+//! the header page of the image. Clients sleep on another bell there until a reply is announced. Both
+//! bells are futex words shared by all clients, so a wake-up only means "check again".
 
 use std::time::Duration;
 
 /// The bells between client and emulator.
 ///
-/// Waiting must not miss a ring: whoever takes the count first and then finds nothing to do, is woken by
+/// A wait must not miss a ring. A thread that reads the count first, and then finds no work, is woken by
 /// every ring after that count.
 pub trait Bells {
     /// Client: wakes the emulator's thread.
@@ -26,7 +26,7 @@ pub trait Bells {
     /// Client: process id of the emulator these bells belong to, as the emulator itself sees it.
     fn emulator_pid(&self) -> u32;
 
-    /// Client: whether the emulator's process still lives. Asked when a reply is late.
+    /// Client: true if the emulator's process still runs. Called when a reply is late.
     fn emulator_alive(&self) -> bool;
 }
 

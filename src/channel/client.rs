@@ -1,8 +1,7 @@
-//! The callers' end of the channel.
+//! The client's side of the channel.
 //!
-//! A request is sent, the doorbell rung, and the reply awaited: there is no fire and forget, because
-//! iceoryx2 loses what a client leaves behind when it ends. A client that gives up or dies does not
-//! disturb the others.
+//! The client sends a request, rings the doorbell, and waits for the reply. It always waits, because iceoryx2 loses the
+//! messages of a client that has ended. A client that gives up or dies does not disturb the others.
 
 mod error;
 
@@ -24,31 +23,31 @@ use std::time::{Duration, Instant};
 type Port = iceoryx2::port::client::Client<Threads, [WireOp], (), [Block], ()>;
 type Pending = PendingResponse<Threads, [WireOp], (), [Block], ()>;
 
-/// How long to sleep before asking whether the emulator still lives.
+/// Time to sleep before checking that the emulator still runs.
 const ALIVE_CHECK: Duration = Duration::from_millis(100);
-/// Free room in the memory file system below which a client does not enter, in bytes: a request of the greatest length,
-/// and what iceoryx2 needs for itself. Without room it would be killed.
+/// Free space in the memory file system that a client needs, in bytes: for a request of the greatest length, and for
+/// iceoryx2. Without this space the client would be killed.
 pub(super) const ROOM: u64 = 256 << 10;
-/// Open files of a client at most, beside those that its process has otherwise.
+/// Largest number of files that a client opens, in addition to the other files of its process.
 const FILES: u64 = 16;
-/// Address space of a client beside that of its process, in bytes: what iceoryx2 maps, threads for the ways in and out, and what the
-/// allocator reserves for each thread.
+/// Address space that a client needs in addition to that of its process, in bytes: maps of iceoryx2, threads for
+/// entering and leaving, and memory that the allocator reserves for each thread.
 const SPACE: u64 = 160 << 20;
-/// Pause between two tries to connect.
+/// Pause between two attempts to connect.
 const RETRY: Duration = Duration::from_millis(2);
 
-/// How a client waits.
+/// Limits of a client's waits.
 #[derive(Clone, Copy, Debug)]
 pub struct Patience {
     /// How long [`Client::connect`] waits for an instance that is not running yet. Zero by default.
     pub connect: Duration,
-    /// How long entering the channel may take, of which a part may be damaged. 5 s by default.
+    /// Longest time to enter the channel, parts of which may be damaged. 5 s by default.
     pub enter: Duration,
-    /// How long a reply may take, in wall time; the time that waits in the request may take is added, as
-    /// if the clock ran in real time. 5 s by default.
+    /// Longest wait for a reply, in wall time. The time limits of waits in the request are added, as if the clock ran
+    /// in real time. 5 s by default.
     pub reply: Duration,
-    /// How long to look for the reply before going to sleep. Zero by default: on few processors a client
-    /// that spins takes the emulator's time.
+    /// How long to poll for the reply before sleeping. Zero by default: with few processors a polling client takes
+    /// processor time from the emulator.
     pub spin: Duration,
 }
 
@@ -63,7 +62,7 @@ impl Default for Patience {
 pub struct Client {
     port: Port,
     service: Service<Threads>,
-    // After the ports, which belong to its node.
+    // After the ports, which belong to the guest's node.
     guest: Guest,
     bells: Box<dyn Bells + Send>,
     patience: Patience,
@@ -71,10 +70,10 @@ pub struct Client {
 }
 
 impl Client {
-    /// Connects to `instance`, whose channel lies in the directory `root`.
+    /// Connects to `instance`, whose channel has its files in the directory `root`.
     ///
     /// # Errors
-    /// The instance is not running, is of another version, or has too many clients; or its channel is damaged.
+    /// The instance is not running, has another version, or has too many clients; or its channel is damaged.
     pub fn connect(
         instance: &str,
         root: &Path,
@@ -97,18 +96,17 @@ impl Client {
         }
     }
 
-    /// Replies may take so long from now on ([`Patience::reply`]).
+    /// Sets the longest wait for a reply from now on ([`Patience::reply`]).
     #[cfg(feature = "studio")]
     pub(crate) fn set_patience(&mut self, reply: Duration) {
         self.patience.reply = reply;
     }
 
-    /// Sends the operations as one request and awaits their replies, one per operation in the same order.
+    /// Sends the operations as one request and waits for the replies, one per operation in the same order.
     ///
-    /// An operation that fails is answered by [`Reply::Error`], and those behind it by
-    /// [`Reply::NotExecuted`].
+    /// A failed operation is answered by [`Reply::Error`], and the operations after it by [`Reply::NotExecuted`].
     ///
-    /// # Errors
+    /// The request as a whole got no reply.
     /// The request as a whole got no replies.
     pub fn request(&self, ops: &[Op]) -> Result<Vec<Reply>, ClientError> {
         let mut replies = Vec::with_capacity(ops.len());
@@ -116,7 +114,7 @@ impl Client {
         Ok(replies)
     }
 
-    /// As [`Client::request`], with a vector to use again. It is cleared first.
+    /// As [`Client::request`], with a vector that can be reused. The vector is cleared first.
     ///
     /// # Errors
     /// As [`Client::request`].
@@ -158,11 +156,11 @@ impl Client {
         limit: Duration,
         replies: &mut Vec<Reply>,
     ) -> Result<(), ClientError> {
-        // The clock is read only if the reply is not there at once.
+        // The clock is read only if the reply does not arrive immediately.
         let (mut start, mut withdrawn) = (None, false);
         loop {
             let seen = self.bells.reply_count();
-            // Asked before looking for the reply: the emulator closes a request after having answered it.
+            // Read before checking for the reply: the emulator answers a request first and then closes it.
             let open = pending.is_connected();
             if self.take_reply(pending, replies)? {
                 return Ok(());
@@ -185,7 +183,8 @@ impl Client {
             if !self.bells.emulator_alive() {
                 return if self.take_reply(pending, replies)? { Ok(()) } else { Err(self.gone()) };
             }
-            // One that ends takes its announcement back and then answers; one that has given the channel up does not.
+            // An ending emulator withdraws its announcement and then answers; one that has given up the channel does
+            // not answer.
             if !self.guest.domain().is_announced(self.bells.emulator_pid())
                 && core::mem::replace(&mut withdrawn, true)
             {
@@ -208,7 +207,7 @@ impl Client {
         }
     }
 
-    /// The request was closed and no reply came.
+    /// The request was closed without a reply.
     fn closed(&self) -> ClientError {
         if self.service.dynamic_config().number_of_servers() == 0 || !self.bells.emulator_alive() {
             return self.gone();
@@ -232,12 +231,13 @@ impl Client {
     }
 }
 
-/// Single operations.
+/// Functions for single operations.
 impl Client {
     /// Reads a register.
     ///
     /// # Errors
-    /// The emulator refused it ([`ClientError::Refused`]), or there was no reply. As for all below.
+    /// The emulator refused it ([`ClientError::Refused`]), or there was no reply. The functions below have the same
+    /// errors.
     pub fn peek(&self, plc: u16, offset: u32, width: Width) -> Result<u32, ClientError> {
         self.fitting(self.single(Op::Peek { plc, offset, width })?.value())
     }
@@ -258,7 +258,7 @@ impl Client {
         self.fitting(self.single(Op::ReadRange { plc, offset, len })?.bytes())
     }
 
-    /// Lets the emulated time pass; returns the time afterwards, in microseconds.
+    /// Advances the clock; returns the new time, in microseconds.
     ///
     /// # Errors
     /// As [`Client::peek`].
@@ -266,7 +266,7 @@ impl Client {
         self.fitting(self.single(Op::Advance { us })?.time())
     }
 
-    /// Asks who answers.
+    /// Describes the instance that answers.
     ///
     /// # Errors
     /// As [`Client::peek`].
@@ -301,14 +301,14 @@ impl std::fmt::Debug for Client {
     }
 }
 
-/// The domain of an emulator that is ready.
+/// Returns the domain of an emulator that is ready.
 pub(super) fn domain_of(instance: &str, root: &Path, bells: &dyn Bells) -> Result<Domain, ClientError> {
     let domain = Domain::find(instance, root)?;
     let is_ready = |domain: &Domain| domain.is_announced(bells.emulator_pid()) && bells.emulator_alive();
     let Some(domain) = domain.filter(is_ready) else {
         return Err(not_running(instance, root));
     };
-    // iceoryx2 would wait on such an object for ever.
+    // iceoryx2 would wait for such an object without a timeout.
     if let Some(path) = domain.half_made().pop() {
         return Err(ClientError::Damaged { instance: instance.to_owned(), path });
     }
@@ -320,7 +320,7 @@ pub(super) fn domain_of(instance: &str, root: &Path, bells: &dyn Bells) -> Resul
     }
 }
 
-/// What a client has in the domain. The guest goes last.
+/// The parts of a client in the domain. The guest is dropped last.
 type Ends = (Port, Service<Threads>, Guest);
 
 fn ports(instance: &str, root: &Path, bells: &dyn Bells, limit: Duration) -> Result<Ends, ClientError> {
@@ -329,14 +329,14 @@ fn ports(instance: &str, root: &Path, bells: &dyn Bells, limit: Duration) -> Res
     let domain = domain_of(instance, root, bells)?;
     let (name, place) = (instance.to_owned(), root.to_owned());
     let ends = guest::within(limit, instance, move || enter(&name, &place, domain))?;
-    // If the emulator was replaced meanwhile, this may be a connection to what the new one swept away.
+    // If the emulator was replaced meanwhile, this may be a connection to objects that the new one has removed.
     if !ends.2.domain().is_announced(bells.emulator_pid()) {
         return Err(not_running());
     }
     Ok(ends)
 }
 
-/// Refuses a client whose process has too little of what iceoryx2 takes: that fails half-way, and does not say why.
+/// Refuses a client whose process has not enough resources for iceoryx2, which would fail later without a reason.
 fn check_limits(instance: &str) -> Result<(), ClientError> {
     let name = || instance.to_owned();
     limits::allow_files(FILES, FILES).map_err(|limits::FileLimit { needed, most }| {
@@ -359,7 +359,7 @@ fn enter(instance: &str, root: &Path, domain: Domain) -> Result<Ends, ClientErro
     let guest = Guest::enter(domain).map_err(|e| connect(e.to_string()))?;
     let node = guest.node().ok_or_else(|| connect("no node".into()))?;
     let service = match open(node).ok_or_else(|| connect("no service".into()))? {
-        // Others that were killed may hold the places.
+        // Killed clients may occupy the places.
         Err(OpenError::ExceedsMaxNumberOfNodes) => {
             guest.domain().clean_up_after_the_dead(node);
             open(node).ok_or_else(|| connect("no service".into()))?

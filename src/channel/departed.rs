@@ -1,30 +1,31 @@
-//! Which clients have died while requests of theirs are under way.
+//! Finds clients that have died during their requests.
 //!
-//! A client that is killed takes nothing back, so its request looks as if it still waited for the answer. iceoryx2 knows its
-//! node for dead, but asking takes system calls and, in a damaged channel, may take for ever: a thread asks now and then.
+//! A killed client cannot withdraw its request, so the request looks as if the client still waited. iceoryx2 detects
+//! the dead node. But the query takes system calls, and in a damaged channel it may never return, so a thread runs it
+//! at intervals.
 
 use super::domain::Domain;
 use iceoryx2::identifiers::UniqueNodeId;
 use std::sync::mpsc::{self, Receiver, TryRecvError};
 use std::time::{Duration, Instant};
 
-/// How often it is asked.
+/// Query interval.
 const INTERVAL: Duration = Duration::from_millis(200);
 
-/// Asks who has died.
+/// Queries iceoryx2 for dead clients.
 #[derive(Default)]
 pub(super) struct Departed {
     last: Option<Instant>,
-    /// The answer to come.
+    /// Receiver of the next result.
     asked: Option<Receiver<Vec<UniqueNodeId>>>,
 }
 
 impl Departed {
-    /// The nodes of those found dead since the last look. Costs nothing to speak of while nothing is known.
+    /// Returns the nodes that were found dead since the last call. Costs almost nothing while there is no result.
     pub(crate) fn look(&mut self, domain: &Domain) -> Vec<UniqueNodeId> {
         if let Some(answer) = &self.asked {
             return match answer.try_recv() {
-                // One that does not come any more is not asked for again.
+                // A query that never returns is not repeated.
                 Err(TryRecvError::Empty) => Vec::new(),
                 answer => {
                     self.asked = None;
@@ -38,7 +39,7 @@ impl Departed {
             let (send, receive) = mpsc::channel();
             let domain = domain.clone();
             let thread = std::thread::Builder::new().name("channel".to_owned());
-            // If no thread can be had, the next look tries again.
+            // If the thread cannot be started, the next call tries again.
             self.asked = thread.spawn(move || send.send(domain.dead_nodes())).ok().map(|_| receive);
         }
         Vec::new()

@@ -1,12 +1,12 @@
-//! The iceoryx2 domain of an instance: where its files lie, how its service is set up, and how remains of
-//! killed runs are removed.
+//! The iceoryx2 domain of an instance: the location of its files, the settings of its service, and the removal of files
+//! of killed runs.
 //!
-//! Everything of one instance lies in its own root directory, which nobody else may enter, and, as POSIX shared
-//! memory, under a name prefix that stands in that directory. Half of the prefix is random, so nobody can make such
-//! an object before us. iceoryx2 removes most of what a killed process leaves, but not all: a run killed while it
-//! creates the service can block it for good, and a 16-byte counter per prefix always stays. So whoever owns the
-//! instance sweeps the domain before the start and after the end, if nobody alive uses it; and a client that
-//! outlives the emulator does so when it leaves ([`Guest`](super::guest::Guest)).
+//! All files of an instance are in its root directory, which only its user can enter. Its POSIX shared memory has a
+//! name prefix that is stored in that directory. Half of the prefix is random, so no other program can create such an
+//! object first. iceoryx2 removes most files of a killed process, but not all: a run killed while it creates the
+//! service can block the service permanently, and a 16-byte counter per prefix always stays. So the owner of the
+//! instance sweeps the domain before the start and after the end, if no living process uses it. A client that outlives
+//! the emulator does so when it leaves ([`Guest`](super::guest::Guest)).
 
 use super::limit;
 use super::passage::{self, Place, Root};
@@ -25,9 +25,9 @@ use std::path::{Path as FsPath, PathBuf};
 use std::sync::{Arc, Once};
 use std::time::{Duration, Instant};
 
-/// The server's end.
+/// The server's side.
 pub(super) type Ipc = ipc::Service;
-/// A client's end, which may go from the thread that has entered the domain to the one that uses it.
+/// The client's side, which may move from the thread that has entered the domain to the one that uses it.
 pub(super) type Threads = ipc_threadsafe::Service;
 pub(super) type ServiceBuilder<S> = Builder<[WireOp], (), [Block], (), S>;
 pub(super) type Service<S> =
@@ -35,32 +35,32 @@ pub(super) type Service<S> =
 
 /// Clients that can be connected at the same time.
 pub const MAX_CLIENTS: usize = 32;
-/// The clients' nodes, the server's, and some that died and are not yet cleaned up.
+/// The clients' nodes, the server's node, and some nodes of dead processes that are not cleaned up yet.
 pub(super) const MAX_NODES: usize = MAX_CLIENTS + 8;
-/// Longest root directory in bytes: what iceoryx2 puts below it must stay within its 255 bytes.
+/// Longest root directory in bytes: the paths of iceoryx2 below it are limited to 255 bytes.
 pub(super) const MAX_ROOT: usize = 120;
-/// Exists while a server is ready; holds its process.
+/// Exists while a server is ready; contains its process.
 const READY: &str = "ready";
-/// Holds the prefix of the domain's shared memory.
+/// Contains the prefix of the domain's shared memory.
 const PREFIX: &str = "prefix";
-/// The directories iceoryx2 makes in the root.
+/// Directories that iceoryx2 creates in the root.
 const DIRECTORIES: [&str; 2] = ["nodes", "services"];
-/// How long the owner waits for those who are just leaving.
+/// Longest wait of the owner for clients that are just leaving.
 const MOVE_IN: Duration = Duration::from_secs(2);
 
-/// Why a domain's directory cannot be used.
+/// The reason why a domain's directory cannot be used.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum RootError {
-    /// The directory cannot be made or found.
+    /// The directory cannot be created or found.
     #[error("channel directory {}: {source}", .path.display())]
     Io {
         /// The directory.
         path: PathBuf,
-        /// What the system says.
+        /// Error of the system.
         source: io::Error,
     },
-    /// The directory is not ours alone.
+    /// The directory is accessible to other users.
     #[error(transparent)]
     Private(#[from] MemoryError),
     /// The path is too long for iceoryx2, or not UTF-8.
@@ -69,7 +69,7 @@ pub enum RootError {
         /// The directory.
         path: PathBuf,
     },
-    /// A client that is leaving does not go on.
+    /// A client that is leaving hangs.
     #[error("channel directory {}: a client that is leaving has it locked and is stopped; end it", .path.display())]
     Held {
         /// The directory.
@@ -87,8 +87,8 @@ pub(super) struct Domain {
 }
 
 impl Domain {
-    /// The domain of `instance` in `root` for its owner, who makes it. As long as the second value lives, those who
-    /// leave do not sweep.
+    /// Creates the domain of `instance` in `root`, for its owner. While the second value exists, leaving clients do not
+    /// sweep.
     pub(crate) fn own(instance: &str, root: &FsPath) -> Result<(Self, Held), RootError> {
         let start = Instant::now();
         let create = || Ok(Arc::new(PrivateDir::create(root)?));
@@ -104,7 +104,7 @@ impl Domain {
         let prefix = match prefix(&directory, &tag) {
             Some(prefix) => prefix,
             None => {
-                // Of a run that was killed and whose directory somebody has removed then.
+                // Objects of a killed run whose directory was removed afterwards.
                 shm::remove(&tag);
                 new_prefix(&directory, &tag).map_err(|source| io_error(root, source))?
             }
@@ -112,7 +112,7 @@ impl Domain {
         Ok((Self::new(directory, tag, prefix)?, held))
     }
 
-    /// The domain of `instance` in `root`; `None` if there is none.
+    /// Returns the domain of `instance` in `root`; `None` if there is none.
     pub(crate) fn find(instance: &str, root: &FsPath) -> Result<Option<Self>, RootError> {
         let Some(directory) = PrivateDir::open(root)? else { return Ok(None) };
         let tag = tag(instance, &canonical(root)?);
@@ -128,15 +128,14 @@ impl Domain {
         let mut config = Config::default();
         config.global.set_root_path(&Path::new(bytes).map_err(|_| unusable())?);
         config.global.prefix = FileName::new(prefix.as_bytes()).map_err(|_| unusable())?;
-        // The server cleans up after the dead; a client that only wants a value shall not spend its time
-        // on it.
+        // The server cleans up after dead processes; a client that reads one value must not spend time on that.
         config.global.node.cleanup_dead_nodes_on_creation = false;
         config.global.node.cleanup_dead_nodes_on_destruction = false;
         config.global.service.cleanup_dead_nodes_on_open = false;
         Ok(Self { root, tag, prefix, config })
     }
 
-    /// Begins anew, with a prefix that nobody knows. Only for its owner: whoever is still connected is cut off.
+    /// Starts again with a new prefix. Only for the owner: clients that are still connected are cut off.
     pub(crate) fn renew(self) -> Result<Self, RootError> {
         self.sweep();
         let prefix =
@@ -144,7 +143,7 @@ impl Domain {
         Self::new(self.root, self.tag, prefix)
     }
 
-    /// A node of its own for one end of the channel.
+    /// Creates a separate node for one side of the channel.
     pub(crate) fn node<S: iceoryx2::service::Service>(&self) -> Result<Node<S>, NodeCreationFailure> {
         NodeBuilder::new()
             .config(&self.config)
@@ -152,8 +151,8 @@ impl Domain {
             .create::<S>()
     }
 
-    /// The service of the domain. One request per client may be under way, and a client that has given
-    /// up does not block the next: its request is overwritten or skipped.
+    /// Settings of the domain's service. Each client may have one request under way. A client that has given up does
+    /// not block the next: its request is overwritten or skipped.
     pub(crate) fn service<S: iceoryx2::service::Service>(node: &Node<S>) -> Option<ServiceBuilder<S>> {
         let name = ServiceName::new("commram.channel").ok()?;
         let builder = node
@@ -172,8 +171,8 @@ impl Domain {
         Some(builder)
     }
 
-    /// The owner's node. iceoryx2 opens one file to every user, the counter of the prefix's nodes; a private copy takes
-    /// its place before anybody relies on it.
+    /// Creates the owner's node. iceoryx2 makes one file accessible to every user, the counter of the prefix's nodes. A
+    /// private copy replaces it before any client relies on it.
     pub(crate) fn owners_node(&self) -> Result<Node<Ipc>, NodeCreationFailure> {
         let node = self.node()?;
         match shm::make_private(&self.prefix) {
@@ -188,15 +187,15 @@ impl Domain {
         self.node()
     }
 
-    /// Says that the server, which is this process, is ready. Clients stay away from the domain until then, so that
-    /// they do not meet the sweep before it.
+    /// Announces that the server, which is this process, is ready. Clients do not enter the domain before, so they do
+    /// not meet the sweep.
     pub(crate) fn announce(&self) -> Result<(), RootError> {
         let published = self.root.publish(READY, &format!("{}\n", ProcessId::own()));
         published.map_err(|source| io_error(self.root.path(), source))
     }
 
-    /// Whether the server with process id `pid` has announced itself and not taken it back. An
-    /// announcement that a killed server left has another id.
+    /// True if the server with process id `pid` has announced itself and not withdrawn this. The announcement of a
+    /// killed server has another id.
     pub(crate) fn is_announced(&self, pid: u32) -> bool {
         self.announced().is_some_and(|process| process.pid == pid)
     }
@@ -205,27 +204,27 @@ impl Domain {
         ProcessId::parse(&self.root.read(READY)?)
     }
 
-    /// Removes what dead processes left, while others may use the domain.
+    /// Removes the files of dead processes, while others may use the domain.
     pub(crate) fn clean_up_after_the_dead<S: iceoryx2::service::Service>(&self, node: &Node<S>) {
         self.remove_half_made();
         node.try_cleanup_dead_nodes();
     }
 
-    /// Removes shared memory objects without content, on which others would wait for ever.
+    /// Removes shared memory objects without content, which would block other processes.
     pub(crate) fn remove_half_made(&self) {
         for path in self.half_made() {
             let _ = std::fs::remove_file(path);
         }
     }
 
-    /// Its shared memory objects with their lengths in bytes.
+    /// The shared memory objects of the domain with their lengths in bytes.
     pub(crate) fn lengths(&self) -> Vec<(PathBuf, u64)> {
         shm::lengths(&self.prefix)
     }
 
-    /// Shared memory objects that stay without content, so that nobody can enter the domain. Those that nobody uses, which a
-    /// process left that was killed while it made them, are removed; for those that are returned somebody takes long, or
-    /// they have been damaged.
+    /// Returns shared memory objects that stay without content and so prevent entering the domain. Removes unused ones,
+    /// which a process left when it was killed while creating them. The returned ones are still in use by a slow
+    /// process, or damaged.
     pub(crate) fn half_made(&self) -> Vec<PathBuf> {
         let (used, left): (Vec<_>, Vec<_>) =
             shm::half_made(&self.prefix).into_iter().partition(|path| shm::is_in_use(path));
@@ -235,10 +234,11 @@ impl Domain {
         used
     }
 
-    /// The nodes of processes that have died and not left. It may take for ever, if somebody has damaged the channel.
+    /// Returns the nodes of processes that have died without leaving. May never return if another program has damaged
+    /// the channel.
     pub(crate) fn dead_nodes(&self) -> Vec<UniqueNodeId> {
         let mut dead = Vec::new();
-        // What cannot be listed is left to the next time.
+        // Nodes that cannot be listed are found the next time.
         let _ = Node::<Ipc>::list(&self.config, |node| {
             if let NodeState::Dead(node) = &node {
                 dead.push(*node.id());
@@ -248,14 +248,15 @@ impl Domain {
         dead
     }
 
-    /// Removes all that remains of earlier runs, unless a living process still uses the domain.
+    /// Removes all files of earlier runs, unless a living process still uses the domain.
     pub(crate) fn sweep_if_unused(&self) {
         if !self.in_use() {
             self.sweep();
         }
     }
 
-    /// The server has gone. Removes everything, unless a living process still uses the domain after `patience`.
+    /// Call after the server has ended. Removes everything, unless a living process still uses the domain after
+    /// `patience`.
     pub(crate) fn close(&self, patience: Duration) {
         passage::close(self, || settles(patience, || !self.in_use()));
     }
@@ -288,7 +289,7 @@ impl Place for Domain {
         self.root.remove(READY);
     }
 
-    /// If iceoryx2 cannot tell because somebody has damaged it, nobody is.
+    /// If iceoryx2 cannot list the nodes because of damage, the domain counts as unused.
     fn in_use(&self) -> bool {
         if !self.root.path().join(DIRECTORIES[0]).exists() {
             return false;
@@ -297,13 +298,14 @@ impl Place for Domain {
         limit::on_a_thread(limit::SHORT, move || has_living_node(&config)).unwrap_or(false)
     }
 
-    /// Whoever is still connected is cut off. Of the directory that was opened: the next owner's may have its name by now.
+    /// Cuts off clients that are still connected. Removes files of the opened directory only: its name may already
+    /// belong to the directory of the next owner.
     fn sweep(&self) {
         for directory in DIRECTORIES {
             self.root.remove(directory);
         }
         shm::remove(&self.prefix);
-        // Last: without it nobody would find the rest.
+        // Last: without the prefix the other files cannot be found.
         self.root.remove(PREFIX);
     }
 
@@ -328,21 +330,21 @@ fn io_error(path: &FsPath, source: io::Error) -> RootError {
     RootError::Io { path: path.to_owned(), source }
 }
 
-/// The root as iceoryx2 gets it.
+/// The root path for iceoryx2.
 fn canonical(root: &FsPath) -> Result<PathBuf, RootError> {
     let path = root.canonicalize().map_err(|source| io_error(root, source))?;
     let short = path.to_str().is_some_and(|text| text.len() <= MAX_ROOT);
     if short { Ok(path) } else { Err(RootError::Unusable { path }) }
 }
 
-/// What the prefixes of an instance begin with, so that a human can tell whose objects they are; for a root without
+/// The beginning of all prefixes of an instance, which makes the owner of an object recognizable; for a root without
 /// links.
 pub(super) fn tag(instance: &str, root: &FsPath) -> String {
     let hash = fnv1a(&[&root.to_string_lossy(), instance]);
     format!("{CHANNEL_PREFIX}{:08x}", hash >> 32 ^ hash & 0xFFFF_FFFF)
 }
 
-/// The prefix that stands in the directory.
+/// The prefix that is stored in the directory.
 fn prefix(root: &PrivateDir, tag: &str) -> Option<String> {
     let text = root.read(PREFIX)?;
     let rest = text.trim_end().strip_prefix(tag)?.strip_suffix('_')?;
@@ -361,7 +363,7 @@ fn quiet() {
     ONCE.call_once(|| set_log_level_from_env_or(LogLevel::Fatal));
 }
 
-/// FNV-1a over the texts, each with a zero behind it.
+/// FNV-1a over the texts, each followed by a zero.
 fn fnv1a(texts: &[&str]) -> u64 {
     let bytes = texts.iter().flat_map(|text| text.bytes().chain([0]));
     bytes.fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
@@ -431,7 +433,7 @@ mod tests {
         assert_ne!(tag("a", 0), tag("b", 0));
         assert_ne!(tag("a", 0), tag("a", 1));
         assert_eq!(tag("a", 0), tag("a", 0));
-        // No prefix is the beginning of another: all have the same length and end alike.
+        // No prefix is the beginning of another one: all have the same length and the same end.
         assert_eq!(tag("a", 0).len(), tag("another", 1).len());
     }
 

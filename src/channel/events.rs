@@ -1,8 +1,8 @@
 //! Events of the boards as an iceoryx2 event service, one for each PLC: `commram.events.<plc>`, in the domain of the
 //! channel. The id of a notification is the number of the event.
 //!
-//! Notifications wake; they do not count: several events of one number become one notification. How many there were
-//! say the counters in the header page, which are ahead of the notification.
+//! Notifications wake listeners; they do not count: several events of one number become one notification. The
+//! counters in the header page have the number of events and are updated before the notification.
 
 use super::client::{ClientError, Patience, domain_of};
 use super::domain::{Domain, Ipc, MAX_CLIENTS, MAX_NODES, Threads};
@@ -18,7 +18,7 @@ use std::time::{Duration, Instant};
 
 /// Highest event number that can be notified.
 const LAST_EVENT: usize = crate::memory::header::EVENT_SLOTS - 1;
-/// How often a listener looks whether the emulator lives.
+/// Interval at which a listener checks that the emulator runs.
 const ALIVE_CHECK: Duration = Duration::from_millis(100);
 
 fn builder<S: iceoryx2::service::Service>(node: &Node<S>, plc: &str) -> Option<Builder<S>> {
@@ -28,9 +28,9 @@ fn builder<S: iceoryx2::service::Service>(node: &Node<S>, plc: &str) -> Option<B
     Some(builder.event_id_max_value(LAST_EVENT))
 }
 
-/// The emulator's end: tells listeners of events. Costs next to nothing while nobody listens.
+/// The emulator's side: notifies listeners of events. Costs almost nothing without listeners.
 pub struct EventNotifier {
-    /// One per PLC.
+    /// One service per PLC.
     services: Vec<(Service<Ipc>, Notifier<Ipc>)>,
 }
 
@@ -46,12 +46,12 @@ impl EventNotifier {
         Ok(EventNotifier { services: plcs.iter().map(open).collect::<Result<_, ServerError>>()? })
     }
 
-    /// Whether anybody listens to any PLC.
+    /// True if a client listens to any PLC.
     pub fn is_listened_to(&self) -> bool {
         self.services.iter().any(|(service, _)| service.dynamic_config().number_of_listeners() != 0)
     }
 
-    /// Events of PLC `plc` have occurred, bit n for event n.
+    /// Notifies listeners of events of PLC `plc`: bit n for event n.
     #[inline]
     pub fn notify(&self, plc: usize, events: u16) {
         let Some((service, notifier)) = self.services.get(plc) else { return };
@@ -60,17 +60,17 @@ impl EventNotifier {
         }
         for event in (0..=LAST_EVENT).filter(|event| events & 1 << event != 0) {
             if let Err(reason) = notifier.notify_with_custom_event_id(EventId::new(event)) {
-                // A listener has died; the others have been told.
+                // A listener has died; the others were notified.
                 tracing::debug!(?reason, "an event could not be told");
             }
         }
     }
 }
 
-/// A client's end: waits for events of one PLC.
+/// The client's side: waits for events of one PLC.
 pub struct EventListener {
     listener: Listener<Threads>,
-    // After the port, which belongs to them.
+    // After the port, which belongs to the service and the guest.
     service: Service<Threads>,
     _guest: Guest,
     bells: Box<dyn Bells>,
@@ -78,7 +78,7 @@ pub struct EventListener {
 }
 
 impl EventListener {
-    /// Listens to the events of PLC `plc` of `instance`, whose channel lies in the directory `root`.
+    /// Listens to the events of PLC `plc` of `instance`, whose channel has its files in the directory `root`.
     ///
     /// # Errors
     /// The instance is not running or has no such PLC, or iceoryx2 refuses.
@@ -95,11 +95,11 @@ impl EventListener {
         Ok(EventListener { listener, service, _guest: guest, bells, instance: instance.to_owned() })
     }
 
-    /// Waits until events have occurred since the last call, at most for `timeout`; bit n of the result stands for
-    /// event n, and 0 for none. Look at the counters before the first call, and after each one.
+    /// Waits for events since the last call, for at most `timeout`. Bit n of the result means event n; 0 means none.
+    /// Read the counters before the first call, and after each call.
     ///
     /// # Errors
-    /// [`ClientError::EmulatorGone`], noticed within 100 ms, or iceoryx2 fails.
+    /// [`ClientError::EmulatorGone`], detected within 100 ms, or iceoryx2 fails.
     pub fn wait(&self, timeout: Duration) -> Result<u16, ClientError> {
         let start = Instant::now();
         loop {
@@ -116,7 +116,7 @@ impl EventListener {
             if events != 0 || left.is_zero() {
                 return Ok(events);
             }
-            // An ending emulator takes its port back before it waits for its clients to leave.
+            // An ending emulator removes its port before it waits for its clients to leave.
             if self.service.dynamic_config().number_of_notifiers() == 0 || !self.bells.emulator_alive() {
                 return Err(ClientError::EmulatorGone { instance: self.instance.clone() });
             }

@@ -1,7 +1,7 @@
-//! A client in a domain: how it gets in and out without waiting for ever.
+//! A client in a domain: enters and leaves it with a time limit.
 //!
-//! Both ways are gone on a thread of their own ([`limit`]). What has come in then goes over to the caller, which is why
-//! clients use the variant of iceoryx2 that may.
+//! Entering and leaving run in a separate thread ([`limit`]). The result then moves to the calling thread, so clients
+//! use the variant of iceoryx2 that allows this.
 
 use super::client::ClientError;
 use super::domain::{Domain, Threads};
@@ -11,28 +11,27 @@ use iceoryx2::node::NodeCreationFailure;
 use iceoryx2::prelude::Node;
 use std::time::Duration;
 
-/// A client in a domain. Dropping it leaves.
+/// A client in a domain. Dropping it leaves the domain.
 pub(super) struct Guest {
-    /// `None` only while it leaves.
+    /// `None` only while the client leaves.
     node: Option<Node<Threads>>,
     domain: Domain,
 }
 
 impl Guest {
-    /// Enters a domain. It may take for ever: see [`within`].
+    /// Enters a domain. May never return: see [`within`].
     pub(crate) fn enter(domain: Domain) -> Result<Self, NodeCreationFailure> {
-        // Ahead of the node: an attempt that fails leaves things behind as well.
+        // Before the node: a failed attempt also leaves files.
         let mut guest = Guest { node: None, domain };
         guest.node = Some(guest.domain.node()?);
         Ok(guest)
     }
 
-    /// Its node; `None` while it leaves.
+    /// The node of the client; `None` while it leaves.
     pub(crate) fn node(&self) -> Option<&Node<Threads>> {
         self.node.as_ref()
     }
 
-    /// Its domain.
     pub(crate) fn domain(&self) -> &Domain {
         &self.domain
     }
@@ -51,7 +50,7 @@ impl Drop for Guest {
     }
 }
 
-/// Enters the channel of `instance` on a thread of its own, for at most `limit`.
+/// Enters the channel of `instance` in a separate thread, for at most `limit`.
 ///
 /// # Errors
 /// As `enter`, or [`ClientError::Stuck`].

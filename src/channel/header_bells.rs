@@ -4,11 +4,11 @@ use super::Bells;
 use crate::memory::{Attached, Header, MemoryError, View};
 use std::time::Duration;
 
-/// Doorbell and reply bell in the header pages of an instance's PLCs. A client knows one of them, whichever
-/// it found; the emulator listens and rings at all of them.
+/// Doorbell and reply bell in the header pages of an instance's PLCs. A client uses one of the pages; the
+/// emulator waits and rings on all of them.
 pub struct HeaderBells {
     headers: Vec<View<Header>>,
-    /// A client's attachment, which knows whether the emulator lives.
+    /// A client's attachment, which detects the end of the emulator.
     attached: Option<Attached>,
 }
 
@@ -21,9 +21,9 @@ impl HeaderBells {
     /// A client's side.
     ///
     /// # Errors
-    /// The image is attached read-only: a client that cannot ring cannot be heard.
+    /// The image is attached read-only: such a client cannot ring.
     pub fn of_client(attached: Attached) -> Result<Self, MemoryError> {
-        // Who asks by requests has no registers mapped.
+        // A client of the channel does not need the registers mapped.
         let attached = attached.only_header()?;
         Ok(HeaderBells { headers: vec![attached.header()?.clone()], attached: Some(attached) })
     }
@@ -53,7 +53,7 @@ impl Bells for HeaderBells {
     }
 
     fn emulator_alive(&self) -> bool {
-        // The emulator need not ask about itself.
+        // The emulator itself always counts as running.
         self.attached.as_ref().is_none_or(Attached::is_alive)
     }
 }

@@ -1,38 +1,38 @@
-//! A limit for what iceoryx2 may do for ever.
+//! A time limit for calls of iceoryx2 that may never return.
 //!
-//! Parts of the channel can be damaged by any program of the same user, and iceoryx2 waits on some of them without a
-//! limit: a pipe in the place of a file, an object without a length. Nothing can call a thread back from there, so it
-//! is left behind if it takes too long.
+//! Any program of the same user can damage parts of the channel, and iceoryx2 waits for some of them without a limit:
+//! a pipe in the place of a file, an object without a length. Such a call cannot be cancelled, so its thread is
+//! abandoned if it takes too long.
 
 use std::sync::mpsc::{self, RecvTimeoutError};
 use std::time::Duration;
 
-/// For what waits for nobody.
+/// Limit for calls that wait for no other process.
 pub(super) const SHORT: Duration = Duration::from_secs(1);
 
-/// Why there is no result.
+/// The reason why there is no result.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) enum Lost {
-    /// It takes too long.
+    /// The call takes too long.
     Late,
     /// The thread could not be started or has panicked.
     Ended,
 }
 
-/// Does `work` on a thread of its own and waits for it, for at most `limit`.
+/// Runs `work` in a separate thread and waits for it, for at most `limit`.
 pub(super) fn on_a_thread<R: Send + 'static>(
     limit: Duration,
     work: impl FnOnce() -> R + Send + 'static,
 ) -> Result<R, Lost> {
     let (done, result) = mpsc::sync_channel(1);
     let thread = std::thread::Builder::new().name("channel".to_owned());
-    // If nobody waits any more, what comes too late is dropped there.
+    // After the limit, the thread drops the late result.
     let thread = thread.spawn(move || drop(done.send(work()))).map_err(|_| Lost::Ended)?;
     let result = result.recv_timeout(limit).map_err(|error| match error {
         RecvTimeoutError::Timeout => Lost::Late,
         RecvTimeoutError::Disconnected => Lost::Ended,
     })?;
-    // It is about to end; whoever looks at the process behind this finds no thread of it.
+    // The thread is about to end; joining it makes sure that it is gone from the process.
     let _ = thread.join();
     Ok(result)
 }

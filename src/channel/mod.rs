@@ -1,15 +1,15 @@
-//! The channel: a request-response door to a running emulator, for tools and tests.
+//! The channel: a request-response interface to a running emulator, for tools and tests.
 //!
-//! The channel is the second door beside the mapped image. It can do what a map cannot: step the
-//! emulated time, wait for a register without missing a change, and do several things in one go
-//! (poke, step, peek) so that nothing happens in between. If it is missing or fails, firmware and mapped
-//! clients go on.
+//! The channel is the second interface beside the mapped image. It has functions that a map does not have: it
+//! advances the emulated time, waits for a register without missing a change, and executes several operations in one
+//! step (poke, step, peek) with no other input in between. If it is missing or fails, firmware and mapped clients
+//! continue.
 //!
 //! | part | content |
 //! |---|---|
-//! | [`wire`] | operations and replies ([`crate::request`]) as blocks of bytes, and the way back from hostile ones |
-//! | [`server`], [`client`] | the two ends over iceoryx2 |
-//! | [`bells`] | how the two ends wake each other |
+//! | [`wire`] | operations and replies ([`crate::request`]) as blocks of bytes, with checked decoding |
+//! | [`server`], [`client`] | the two sides over iceoryx2 |
+//! | [`bells`] | how the two sides wake each other |
 //!
 //! Rules: one server per instance; up to [`server::MAX_CLIENTS`] clients; a client has one request under way and
 //! always waits for its reply.

@@ -1,46 +1,46 @@
-//! How an owner moves into the directory of a channel, and how whoever leaves last removes what iceoryx2 leaves there.
+//! How an owner enters the directory of a channel, and how the last process that leaves removes the files of iceoryx2.
 //!
-//! Owner is who has the instance's lock, which lies in the same directory. It sweeps before it announces itself and when it ends; clients
-//! that outlive it do so when they leave. Whoever sweeps must not hit an owner that has come meanwhile.
+//! The owner holds the instance's lock, which is in the same directory. It sweeps before it announces itself and when
+//! it ends. Clients that outlive it sweep when they leave. A sweep must not affect an owner that has entered meanwhile.
 
 #[cfg(test)]
 mod model;
 
-/// A directory that may have a name; a real one, or one of a model.
+/// A directory that may have a name; real or modelled.
 pub(super) trait Root {
-    /// As long as it lives, nobody else has the lock.
+    /// While it exists, no other process has the lock.
     type Held;
 
-    /// Takes the lock, if nobody else has it.
+    /// Takes the lock if it is free.
     fn try_lock(&self) -> Option<Self::Held>;
 
-    /// Whether the name is still this directory's.
+    /// True if the name still belongs to this directory.
     fn is_named(&self) -> bool;
 }
 
-/// What lies in it.
+/// Content of the directory.
 pub(super) trait Place {
     type Root: Root;
 
     fn root(&self) -> &Self::Root;
 
-    /// Whether a living process has announced itself.
+    /// True if a living process has announced itself.
     fn is_served(&self) -> bool;
 
-    /// Whether anybody who lives is in it.
+    /// True if a living process is in the domain.
     fn in_use(&self) -> bool;
 
-    /// Takes the announcement back.
+    /// Withdraws the announcement.
     fn withdraw(&self);
 
-    /// Removes everything that iceoryx2 has put there.
+    /// Removes all files of iceoryx2.
     fn sweep(&self);
 
-    /// Removes the directory, if nothing is in it any more.
+    /// Removes the directory if it is empty.
     fn remove_root(&self);
 }
 
-/// The directory for its owner, who makes it with `create`. As long as the second value lives, those who leave do not sweep.
+/// Returns the directory for its owner; `create` makes it. While the second value exists, leaving clients do not sweep.
 pub(super) fn own<R: Root, E>(
     mut create: impl FnMut() -> Result<R, E>,
     mut wait: impl FnMut() -> Result<(), E>,
@@ -49,14 +49,14 @@ pub(super) fn own<R: Root, E>(
         let root = create()?;
         match root.try_lock() {
             Some(held) if root.is_named() => return Ok((root, held)),
-            // Whoever held it has removed it.
+            // The previous holder has removed the directory.
             Some(_) => {}
             None => wait()?,
         }
     }
 }
 
-/// A client has left. If the server has gone before, nobody else would remove what stays.
+/// Called by a client that has left. If the server has ended before, the client must remove the remaining files.
 pub(super) fn leave(place: &impl Place) {
     while !place.is_served() {
         let Some(held) = place.root().try_lock() else { return };
@@ -70,14 +70,14 @@ pub(super) fn leave(place: &impl Place) {
             return;
         }
         drop(held);
-        // Others that have left meanwhile have found the lock taken and gone their way.
+        // Clients that have left meanwhile found the lock taken and did not sweep.
         if place.in_use() {
             return;
         }
     }
 }
 
-/// The server has gone, and those who are left have been given the time to leave.
+/// Called after the server has ended and the clients had time to leave.
 pub(super) fn close(place: &impl Place, is_unused: impl FnOnce() -> bool) {
     if is_unused() {
         place.sweep();

@@ -1,38 +1,38 @@
-//! A request of the channel: operations as they came, one after the other, and the replies to be sent.
+//! A request of the channel: executes its operations in order, and collects the replies.
 
 use super::wire::{ReplyBuffer, WireOp};
 use crate::request::{Code, Execution, Host, MAX_OPS, Op, Refused};
 
-/// Whether a request is done.
+/// State of a request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Progress {
-    /// All operations are answered, or one of them by an error.
+    /// All operations have replies, or one of them failed.
     Done,
-    /// A wait goes on, or an operation pauses; try again after the next firmware step.
+    /// A wait is not over, or an operation pauses; call again after the next firmware step.
     Waiting,
 }
 
 /// A request under way.
 #[derive(Debug, Default)]
 pub(crate) struct Run {
-    /// Position of the next operation.
+    /// Index of the next operation.
     next: usize,
-    /// That operation.
+    /// State of that operation.
     execution: Execution,
     /// The replies so far.
     pub replies: ReplyBuffer,
 }
 
 impl Run {
-    /// Makes it ready for another request; the reply buffer's memory stays.
+    /// Prepares for another request; keeps the memory of the reply buffer.
     pub(crate) fn reset(&mut self) {
         self.next = 0;
         self.execution = Execution::default();
         self.replies.clear();
     }
 
-    /// Executes `ops` from where the last call stopped. They are read once each, so it does no harm if a
-    /// hostile client changes them meanwhile.
+    /// Executes `ops` from where the last call stopped. Each operation is read only once, so changes by
+    /// a hostile client have no effect.
     pub(crate) fn go(&mut self, host: &mut dyn Host, ops: &[WireOp]) -> Progress {
         if ops.len() > MAX_OPS {
             let count = ops.len();
@@ -46,7 +46,7 @@ impl Run {
         self.go_on(host, ops)
     }
 
-    /// Executes operations that only look, while another request is under way. The host need not know.
+    /// Executes operations that only read, while another request is under way. The host is not notified.
     pub(crate) fn look(&mut self, host: &mut dyn Host, ops: &[WireOp]) -> Progress {
         self.go_on(host, ops)
     }
@@ -65,12 +65,12 @@ impl Run {
         Progress::Done
     }
 
-    /// Ends a request that waits, because the emulator ends.
+    /// Ends a waiting request with an error, because the emulator ends.
     pub(crate) fn abort(&mut self) {
         self.replies.error(&Refused::shutting_down());
     }
 
-    /// Whether all operations only look at the plant.
+    /// True if all operations only read the plant.
     pub(crate) fn only_looks(ops: &[WireOp]) -> bool {
         ops.len() <= MAX_OPS && ops.iter().all(|op| Op::try_from(*op).is_ok_and(|op| op.only_looks()))
     }

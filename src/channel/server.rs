@@ -1,8 +1,8 @@
-//! The emulator's end of the channel.
+//! The emulator's side of the channel.
 //!
-//! The server lives on the firmware thread: it is made there, and [`Server::poll`] is called there after
-//! every firmware step. Polling with nothing to do costs some ten nanoseconds, and a request in the
-//! steady state makes no system call and, on our side, no allocation.
+//! The server runs on the firmware thread, which creates it and calls [`Server::poll`] after every firmware step.
+//! Polling without requests costs some ten nanoseconds. A request in the steady state makes no system call and, on this
+//! side, no allocation.
 
 mod error;
 mod opening;
@@ -30,18 +30,18 @@ use std::time::Duration;
 type Port = iceoryx2::port::server::Server<Ipc, [WireOp], (), [Block], ()>;
 type Request = ActiveRequest<Ipc, [WireOp], (), [Block], ()>;
 
-/// Most requests one [`Server::poll`] takes on, so that busy clients cannot stop the firmware.
+/// Most requests that one [`Server::poll`] accepts, so that busy clients cannot stop the firmware.
 const MAX_PER_POLL: usize = 2 * MAX_CLIENTS;
 
-/// How long the end waits for clients to leave, so that it can remove everything.
+/// Longest wait at the end for clients to leave, so that all files can be removed.
 const LEAVE: Duration = Duration::from_millis(250);
 
-/// Free room in the memory file system below which no channel is opened, in bytes: a reply of the greatest length,
-/// and what iceoryx2 needs for itself.
+/// Free space in the memory file system that a channel needs, in bytes: for a reply of the greatest length, and for
+/// iceoryx2.
 const ROOM: u64 = 2 << 20;
 
-/// Removes what an emulator that was killed has left of its channel in the directory `root`. The caller holds the
-/// instance's lock; whoever is still connected is cut off.
+/// Removes the channel of a killed emulator from the directory `root`. The caller holds the instance's lock. Clients
+/// that are still connected are cut off.
 ///
 /// # Errors
 /// The directory cannot be used.
@@ -52,26 +52,25 @@ pub fn remove_remains(instance: &str, root: &Path) -> Result<(), ServerError> {
     Ok(())
 }
 
-/// The emulator's end of the channel. Not `Send`: make it on the thread that polls it.
+/// The emulator's side of the channel. Not `Send`: create it on the thread that polls it.
 pub struct Server {
-    /// Requests that wait in real time. With a stepped clock, the one under way and those behind it, in the order in which
-    /// they came. Before the port, which they refer to.
+    /// Requests that wait in real time. With a stepped clock, the request under way and its successors in order of
+    /// arrival. Declared before the port, which they refer to.
     waiting: Vec<(Request, Run)>,
     departed: Departed,
     /// `None` only while it is being dropped.
     port: Option<Port>,
     service: Option<Service<Ipc>>,
     node: Option<Node<Ipc>>,
-    /// Runs to use again.
+    /// Runs for reuse.
     spare: Vec<Run>,
     bells: Box<dyn Bells>,
     domain: Domain,
 }
 
 impl Server {
-    /// Opens the channel of `instance` with its files in the directory `root`, which is made if missing and
-    /// belongs to the channel alone. The caller holds the instance's lock: remains of earlier runs are
-    /// removed.
+    /// Opens the channel of `instance` with its files in the directory `root`, which is created if missing and used
+    /// only by the channel. The caller holds the instance's lock. Files of earlier runs are removed.
     ///
     /// # Errors
     /// The directory cannot be used, the channel is already served, or iceoryx2 gets no resources.
@@ -97,7 +96,7 @@ impl Server {
     fn move_in(instance: &str, mut domain: Domain, bells: Box<dyn Bells>) -> Result<Self, ServerError> {
         need_room(instance)?;
         let (node, service, port) = match ports(instance, &domain) {
-            // A run was killed while it created the service.
+            // An earlier run was killed while it created the service.
             Err(OpenFailure::Wedged) => {
                 domain = domain.renew()?;
                 ports(instance, &domain).map_err(|e| e.into_error(instance))?
@@ -118,7 +117,7 @@ impl Server {
         Ok(server)
     }
 
-    /// The event services of the PLCs `plcs`, which are to be dropped before the server.
+    /// Creates the event services of the PLCs `plcs`. Drop them before the server.
     ///
     /// # Errors
     /// iceoryx2 gets no resources.
@@ -128,31 +127,31 @@ impl Server {
         EventNotifier::open(instance, self.node.as_ref().ok_or_else(gone)?, plcs)
     }
 
-    /// To look from another thread whether a program shortens what is there by now.
+    /// Creates a watch that detects, from another thread, when a program shortens the present shared memory.
     pub fn watch(&self) -> ChannelWatch {
         ChannelWatch { objects: self.domain.lengths().into(), damaged: Arc::default() }
     }
 
-    /// Number of requests that wait or pause. While it is not zero, poll after every firmware step; with a stepped clock
-    /// at once.
+    /// Number of waiting or paused requests. While it is not zero, poll after every firmware step; with a stepped
+    /// clock, immediately.
     pub fn waiting(&self) -> usize {
         self.waiting.len()
     }
 
-    /// Goes on with requests under way, then receives and executes new ones, and answers those that are done. With a stepped
-    /// clock one request at a time lets the time pass and changes the plant, those behind it wait for its end; but what
-    /// only looks is answered meanwhile ([`Op::only_looks`](crate::request::Op::only_looks)).
+    /// Continues requests under way, then receives and executes new ones, and answers finished ones. With a stepped
+    /// clock only one request at a time advances the clock and changes the plant, and later ones wait for its end.
+    /// Requests that only read are answered meanwhile ([`Op::only_looks`](crate::request::Op::only_looks)).
     ///
-    /// Never blocks, except for the emulated time that a request lets pass until it pauses.
+    /// Never blocks, except while a request advances the clock until it pauses.
     ///
-    /// Returns the number of requests answered. If it is not zero, more may have arrived meanwhile.
+    /// Returns the number of answered requests. If it is not zero, more may have arrived meanwhile.
     pub fn poll(&mut self, host: &mut dyn Host) -> usize {
         self.forget_the_departed();
         let answered = if host.is_stepped() { self.go_on(host) } else { self.retry(host) };
         answered + self.receive(host)
     }
 
-    /// Forgets requests whose clients have given up or died.
+    /// Forgets requests of clients that have given up or died.
     fn forget_the_departed(&mut self) {
         if self.waiting.is_empty() {
             return;
@@ -169,7 +168,7 @@ impl Server {
         }
     }
 
-    /// The clients with these nodes.
+    /// The clients on these nodes.
     fn clients_of(&self, nodes: &[UniqueNodeId]) -> Vec<UniqueClientId> {
         let mut clients = Vec::new();
         if let Some(service) = &self.service {
@@ -183,7 +182,7 @@ impl Server {
         clients
     }
 
-    /// With a stepped clock: goes on with the first request until it pauses again, then with those behind it.
+    /// With a stepped clock: continues the first request until it pauses again, then its successors.
     fn go_on(&mut self, host: &mut dyn Host) -> usize {
         let mut answered = 0;
         while let Some((request, run)) = self.waiting.first_mut() {
@@ -245,16 +244,16 @@ impl Server {
         match port.receive() {
             Ok(request) => request,
             Err(reason) => {
-                // A client died while it connected, or one of another make has too many requests under way.
+                // A client died while it connected, or a client of another build has too many requests under way.
                 tracing::debug!(?reason, "a request could not be received");
                 None
             }
         }
     }
 
-    /// Ends the channel: answers everything under way with
-    /// [`Code::SHUTTING_DOWN`](crate::request::Code::SHUTTING_DOWN) and removes the domain's files, unless clients are still
-    /// connected.
+    /// Ends the channel: answers all requests under way with
+    /// [`Code::SHUTTING_DOWN`](crate::request::Code::SHUTTING_DOWN) and removes the domain's files, unless clients are
+    /// still connected.
     pub fn close(mut self) {
         self.domain.withdraw();
         for (request, mut run) in std::mem::take(&mut self.waiting) {
@@ -271,8 +270,8 @@ impl Server {
 }
 
 impl Server {
-    /// Ends a channel that somebody has damaged. None of its memory is touched, which may not be there any more, so
-    /// nobody is answered; its files are removed.
+    /// Ends a damaged channel. Does not access its memory, which may be missing, so no request is answered. Removes its
+    /// files.
     pub fn abandon(mut self) {
         self.domain.withdraw();
         core::mem::forget(core::mem::take(&mut self.waiting));
@@ -287,7 +286,7 @@ impl Drop for Server {
         self.waiting.clear();
         self.port = None;
         self.service = None;
-        // Clients that are still there find their connection closed.
+        // Clients that are still connected find their connection closed.
         self.bells.announce_reply();
         if let Some(node) = self.node.take() {
             let domain = self.domain.clone();
@@ -307,7 +306,7 @@ impl std::fmt::Debug for Server {
     }
 }
 
-/// Sends the replies and closes the request. If that fails, the client sees it closed without an answer.
+/// Sends the replies and closes the request. After a failure the client sees it closed without an answer.
 fn answer(request: Request, run: &Run, bells: &dyn Bells) {
     let blocks = run.replies.blocks();
     match request.loan_slice_uninit(blocks.len()) {

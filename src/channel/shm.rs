@@ -1,4 +1,4 @@
-//! iceoryx2's POSIX shared memory, which lies beside the instance's directory, where everybody sees its names.
+//! POSIX shared memory of iceoryx2. It is outside the instance's directory, and its names are visible to all users.
 
 use crate::memory::directory::Directory;
 use std::fs::File;
@@ -7,27 +7,27 @@ use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// Where POSIX shared memory lies on Linux.
+/// Directory of POSIX shared memory on Linux.
 pub(super) const SHM: &str = "/dev/shm";
-/// How long a shared memory object may have no content: far longer than a living process needs, also on a processor that
-/// several others want.
+/// Longest time for a shared memory object without content: far more than a living process needs, even on a busy
+/// processor.
 const HALF_MADE: Duration = Duration::from_millis(500);
-/// Longest object that is open to everybody: iceoryx2's counter of nodes has 16 bytes.
+/// Longest object that is accessible to all users: iceoryx2's counter of nodes has 16 bytes.
 const MAX_PUBLIC: u64 = 4096;
 
-/// Our shared memory objects whose names begin with `prefix`. Everybody sees the prefix, so others can make objects
-/// that bear it; nobody of ours opens those, and nobody shall be kept away by them.
+/// Shared memory objects of this user whose names begin with `prefix`. Other users can see the prefix and create
+/// objects with it; no process of this user opens those, and they must not block one.
 pub(super) fn objects(prefix: &str) -> impl Iterator<Item = PathBuf> {
     let own = rustix::process::geteuid().as_raw();
     let entries = std::fs::read_dir(SHM).into_iter().flatten().flatten();
     entries
         .filter(move |entry| entry.file_name().as_encoded_bytes().starts_with(prefix.as_bytes()))
-        // Of the entry itself, not of what a link points to.
+        // Owner of the entry itself, not of the target of a link.
         .filter(move |entry| entry.metadata().is_ok_and(|data| data.uid() == own))
         .map(|entry| entry.path())
 }
 
-/// They with their lengths in bytes.
+/// The objects with their lengths in bytes.
 pub(super) fn lengths(prefix: &str) -> Vec<(PathBuf, u64)> {
     objects(prefix).filter_map(|path| length(&path).map(|length| (path, length))).collect()
 }
@@ -37,16 +37,16 @@ pub(super) fn length(path: &Path) -> Option<u64> {
     Some(path.symlink_metadata().ok()?.len())
 }
 
-/// Removes them all.
+/// Removes all these objects.
 pub(super) fn remove(prefix: &str) {
     for path in objects(prefix) {
         let _ = std::fs::remove_file(path);
     }
 }
 
-/// Objects without content that stay so. A process killed between creating one and giving it its size leaves
-/// such an object, and iceoryx2 0.10.0 waits for its size for ever, whatever the timeout
-/// (`dynamic_storage/posix_shared_memory.rs`, `MappingSizeIsZero`). A living process is through in microseconds.
+/// Objects that stay without content. A process killed between creating an object and setting its size leaves one.
+/// iceoryx2 0.10.0 waits for the size without a limit, even with a timeout (`dynamic_storage/posix_shared_memory.rs`,
+/// `MappingSizeIsZero`). A living process needs only microseconds.
 pub(super) fn half_made(prefix: &str) -> Vec<PathBuf> {
     let empty = || {
         let empty = objects(prefix).filter(|path| path.symlink_metadata().is_ok_and(|data| data.len() == 0));
@@ -63,7 +63,7 @@ pub(super) fn half_made(prefix: &str) -> Vec<PathBuf> {
     stale
 }
 
-/// Whether a process that we can look at has the file open or mapped. Where nothing can be told of processes, one has.
+/// True if a visible process has the file open or mapped, or if the processes cannot be listed.
 pub(super) fn is_in_use(path: &Path) -> bool {
     let Ok(processes) = std::fs::read_dir("/proc") else { return true };
     let is_process = |name: &std::ffi::OsStr| name.as_encoded_bytes().iter().all(u8::is_ascii_digit);
@@ -77,8 +77,8 @@ pub(super) fn is_in_use(path: &Path) -> bool {
     })
 }
 
-/// Puts private copies in the place of objects that others can open; tells whether there were any. Nobody of
-/// ours may use them yet. Whoever has opened one meanwhile is left with the file that nobody uses any more.
+/// Replaces objects that other users can open by private copies; returns whether there were any. No process of this
+/// user may use them yet. A process that has opened one keeps the old file, which is no longer used.
 pub(super) fn make_private(prefix: &str) -> io::Result<bool> {
     let shm = Directory::open(Path::new(SHM))?;
     let mut any = false;
@@ -95,20 +95,20 @@ pub(super) fn make_private(prefix: &str) -> io::Result<bool> {
 fn replace(shm: &Directory, name: &str, prefix: &str) -> io::Result<()> {
     let mut content = Vec::new();
     shm.read(name)?.take(MAX_PUBLIC).read_to_end(&mut content)?;
-    // The prefix, so that a sweep removes it if this is the last that this process does; the rest nobody can guess
-    // and take before us.
+    // With the prefix, so that a sweep removes it if this process dies here. The rest of the name is random, so no
+    // other user can create it first.
     let new = format!("{prefix}{}", random()?);
     shm.with_new(&new, &content, |_| Ok(shm.rename(&new, name)?))
 }
 
-/// Eight hexadecimal digits that nobody can guess.
+/// Eight random hexadecimal digits.
 pub(super) fn random() -> io::Result<String> {
     let mut random = [0; 4];
     File::open("/dev/urandom")?.read_exact(&mut random)?;
     Ok(format!("{:08x}", u32::from_ne_bytes(random)))
 }
 
-/// Whether it is so now or within `patience`.
+/// True if `is_so` is true now or becomes true within `patience`.
 pub(super) fn settles(patience: Duration, mut is_so: impl FnMut() -> bool) -> bool {
     let start = Instant::now();
     loop {
@@ -127,7 +127,7 @@ mod tests {
     use super::*;
     use std::os::unix::fs::PermissionsExt;
 
-    /// A prefix of this test's own; what bears it is removed in the end.
+    /// A prefix of this test; its objects are removed at the end.
     struct Prefix(String);
 
     impl Prefix {
@@ -174,7 +174,7 @@ mod tests {
         assert!(!is_in_use(&path));
     }
 
-    /// Only root can make objects of somebody else; others have nothing to test here.
+    /// Only root can create objects of another user; other users cannot run this test.
     #[test]
     fn objects_of_other_users_are_none_of_ours() {
         let prefix = Prefix::new("foreign");
@@ -195,7 +195,7 @@ mod tests {
         assert_eq!(found, (0, vec![], false));
     }
 
-    /// Who has opened the public file before cannot do anything with it.
+    /// A process that has opened the public file before cannot affect the new one.
     #[test]
     fn a_public_object_is_replaced_by_a_private_copy() {
         let prefix = Prefix::new("public");

@@ -1,13 +1,12 @@
 //! Requests and replies as fixed-width integers.
 //!
-//! A request is a slice of [`WireOp`], one per operation. A reply is a slice of [`Block`]: per operation
-//! one head block, followed by as many blocks as its data needs. Both ends may be hostile or of another
-//! build, so every bit pattern must be decodable, if only into an error; therefore there are only
-//! integers here, no `bool`, `char` or enum, and the way back is a checked conversion. Both ends are on
-//! one machine, so integers have its byte order.
+//! A request is a slice of [`WireOp`], one per operation. A reply is a slice of [`Block`]: per operation one head
+//! block, followed by the blocks of its data. Both sides may be hostile or of another build, so every bit pattern must
+//! be decodable, if only into an error. Therefore the format has only integers, no `bool`, `char` or enum, and decoding
+//! is checked. Both sides are on one machine, so integers have its byte order.
 //!
-//! `docs/reference/channel.md` describes the format for other languages. The type names carry its version: iceoryx2 refuses
-//! a client whose type names or sizes differ.
+//! `docs/reference/channel.md` describes the format for other languages. The type names contain its version: iceoryx2
+//! refuses a client with other type names or sizes.
 
 mod door;
 mod fault;
@@ -31,27 +30,27 @@ use core::num::NonZeroU16;
 use iceoryx2::prelude::ZeroCopySend;
 use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
 
-/// Longest reply in bytes: four full ranges and some room for everything else.
+/// Longest reply in bytes: four full ranges and some space for other replies.
 pub const MAX_REPLY_BYTES: usize = 4 * MAX_RANGE as usize + 64 * MAX_OPS;
 /// Longest reply in blocks.
 pub const MAX_REPLY_BLOCKS: usize = MAX_REPLY_BYTES / size_of::<Block>();
 
-/// One operation of a request. A fault is laid out by `fault.rs`, a door by `door.rs`.
+/// One operation of a request. `fault.rs` defines the layout of a fault, `door.rs` that of a door.
 #[derive(
     Clone, Copy, Debug, Default, PartialEq, Eq, FromBytes, IntoBytes, Immutable, KnownLayout, ZeroCopySend,
 )]
 #[type_name("commram.channel.WireOp.v2")]
 #[repr(C)]
 pub struct WireOp {
-    /// Which operation: one of [`kind`].
+    /// Kind of the operation: one of [`kind`].
     pub kind: u16,
     /// Number of the PLC or bus.
     pub plc: u16,
     /// Access width in bytes: 1, 2 or 4.
     pub width: u16,
-    /// Number of the port, or how a condition compares.
+    /// Number of the port, or operator of a condition.
     pub node: u16,
-    /// Byte in the image, or which setting of a board.
+    /// Byte in the image, or number of a board setting.
     pub offset: u32,
     /// Value to write or awaited, length of a range, or number of records.
     pub value: u32,
@@ -63,18 +62,18 @@ pub struct WireOp {
     pub time_us: u64,
 }
 
-/// A unit of a reply: a head, or 16 bytes of the data behind a head.
+/// A unit of a reply: a head, or 16 bytes of the data that follow a head.
 #[derive(
     Clone, Copy, Debug, Default, PartialEq, Eq, FromBytes, IntoBytes, Immutable, KnownLayout, ZeroCopySend,
 )]
 #[type_name("commram.channel.Block.v2")]
 #[repr(C)]
 pub struct Block {
-    /// Which reply: one of [`reply_kind`].
+    /// Kind of the reply: one of [`reply_kind`].
     pub kind: u16,
     /// Code of an error, or whether a comparison held.
     pub code: u16,
-    /// Bytes of data in the blocks behind this one; what is left of the last block is zero.
+    /// Number of data bytes in the following blocks; the rest of the last block is zero.
     pub data_len: u32,
     /// The reply's number: a value, a time, or the end of the journal.
     pub value: u64,
@@ -396,7 +395,7 @@ impl TryFrom<WireOp> for Op {
             kind::STOP => Op::Stop,
             _ => return Err(BadField::new("the kind", kind)),
         };
-        // A field that a later version gives a meaning must not be passed over by this one.
+        // A field may get a meaning in a later version, so this version must not ignore it.
         if WireOp::from(&op) != wire {
             return Err(BadField::new("an unused field", kind));
         }
@@ -404,13 +403,13 @@ impl TryFrom<WireOp> for Op {
     }
 }
 
-/// 16 bytes as they lie behind each other in an operation.
+/// 16 contiguous bytes of an operation.
 fn words_of(bytes: [u8; 16]) -> (u32, u32, u64) {
     let [value, second] = [0, 4].map(|at| bytes[at..at + 4].try_into().map_or(0, u32::from_ne_bytes));
     (value, second, bytes[8..].try_into().map_or(0, u64::from_ne_bytes))
 }
 
-/// The way back.
+/// Inverse of [`words_of`].
 fn bytes_of(value: u32, second: u32, time_us: u64) -> [u8; 16] {
     let mut bytes = [0; 16];
     bytes[..4].copy_from_slice(&value.to_ne_bytes());
@@ -419,7 +418,7 @@ fn bytes_of(value: u32, second: u32, time_us: u64) -> [u8; 16] {
     bytes
 }
 
-/// Added to the number of a comparison of numbers with a sign.
+/// Added to the number of a signed comparison.
 const SIGNED: u16 = 256;
 
 /// A comparison on the wire.
@@ -433,7 +432,7 @@ pub(super) const fn width_code(width: Width) -> u16 {
     width.bytes() as u16
 }
 
-/// The way back from [`width_code`].
+/// Inverse of [`width_code`].
 pub(super) const fn width_from_code(code: u16) -> Option<Width> {
     Width::of_bytes(code as u32)
 }

@@ -1,4 +1,4 @@
-//! Why the callers' end fails.
+//! Errors of the client's side.
 
 use super::ROOM;
 use crate::channel::domain::{MAX_CLIENTS, RootError};
@@ -8,7 +8,7 @@ use iceoryx2::service::builder::request_response::RequestResponseOpenError as Op
 use std::path::PathBuf;
 use std::time::Duration;
 
-/// Why a request got no replies.
+/// The reason why a request got no replies.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ClientError {
@@ -23,15 +23,15 @@ pub enum ClientError {
     /// The channel's directory cannot be used.
     #[error(transparent)]
     Root(#[from] RootError),
-    /// Somebody has emptied a part of the channel.
+    /// Another program has emptied a part of the channel.
     #[error("instance {instance}: the channel is damaged, {} is empty; restart the emulator (`commram stop` ends it)", .path.display())]
     Damaged {
         /// Name of the instance.
         instance: String,
-        /// The part.
+        /// Path of the part.
         path: PathBuf,
     },
-    /// Entering takes too long: iceoryx2 waits on a part that somebody has damaged.
+    /// Entering takes too long: iceoryx2 waits for a part that another program has damaged.
     #[error(
         "instance {instance}: the channel cannot be entered within {after:?}, a part of it may be damaged; end the \
          emulator with `commram stop -i {instance}`, and what then is left with `commram stop --clean -i {instance}`"
@@ -39,10 +39,10 @@ pub enum ClientError {
     Stuck {
         /// Name of the instance.
         instance: String,
-        /// How long it was tried.
+        /// Length of the attempt.
         after: Duration,
     },
-    /// A part of the channel makes no sense any more.
+    /// A part of the channel is invalid.
     #[error(
         "instance {instance}: the channel is damaged; end the emulator with `commram stop -i {instance}`, and what \
          then is left with `commram stop --clean -i {instance}`"
@@ -56,10 +56,10 @@ pub enum ClientError {
     NoRoom {
         /// Name of the instance.
         instance: String,
-        /// What is left, in KiB.
+        /// Free space, in KiB.
         free_kib: u64,
     },
-    /// This process may have too few open files.
+    /// The limit of open files of this process is too low.
     #[error(
         "instance {instance}: a client would have {needed} open files, and this process may have {most}: raise that \
          limit (`ulimit -n`)"
@@ -67,12 +67,12 @@ pub enum ClientError {
     OpenFiles {
         /// Name of the instance.
         instance: String,
-        /// How many it would have.
+        /// Number of open files that it would have.
         needed: u64,
-        /// How many it may have.
+        /// Largest number of open files.
         most: u64,
     },
-    /// This process may have too little address space.
+    /// The limit of the address space of this process is too low.
     #[error(
         "instance {instance}: a client would have {} KiB of address space, and this process may have {}: raise that \
          limit (`ulimit -v`)", .needed.div_ceil(1024), .most / 1024
@@ -80,9 +80,9 @@ pub enum ClientError {
     AddressSpace {
         /// Name of the instance.
         instance: String,
-        /// How much it would have, in bytes.
+        /// Size that it would have, in bytes.
         needed: u64,
-        /// How much it may have, in bytes.
+        /// Largest size, in bytes.
         most: u64,
     },
     /// Too many clients are connected.
@@ -94,12 +94,12 @@ pub enum ClientError {
         /// Name of the instance.
         instance: String,
     },
-    /// The emulator is of a version that speaks another format.
+    /// The emulator has a version with another format.
     #[error("instance {instance} is of another version ({reason:?}); use the same version on both ends")]
     Incompatible {
         /// Name of the instance.
         instance: String,
-        /// What iceoryx2 says.
+        /// Error of iceoryx2.
         reason: OpenError,
     },
     /// iceoryx2 cannot connect.
@@ -107,7 +107,7 @@ pub enum ClientError {
     Connect {
         /// Name of the instance.
         instance: String,
-        /// What iceoryx2 says.
+        /// Error of iceoryx2.
         reason: String,
     },
     /// The emulator's process has ended.
@@ -116,12 +116,12 @@ pub enum ClientError {
         /// Name of the instance.
         instance: String,
     },
-    /// The emulator lives, but did not answer in time.
+    /// The emulator runs, but did not answer in time.
     #[error("instance {instance} did not answer within {} ms; is it busy or stopped?", .after.as_millis())]
     Timeout {
         /// Name of the instance.
         instance: String,
-        /// How long the client waited.
+        /// Length of the wait.
         after: Duration,
     },
     /// The request has too many operations.
@@ -135,7 +135,7 @@ pub enum ClientError {
     Send {
         /// Name of the instance.
         instance: String,
-        /// What iceoryx2 says.
+        /// Error of iceoryx2.
         reason: String,
     },
     /// The emulator closed the request without an answer.
@@ -144,10 +144,10 @@ pub enum ClientError {
         /// Name of the instance.
         instance: String,
     },
-    /// The reply makes no sense.
+    /// The reply is malformed.
     #[error(transparent)]
     Reply(#[from] DecodeError),
-    /// The reply answers something else.
+    /// The reply does not fit the operation.
     #[error(
         "instance {instance} gave a reply that does not fit the operation; use the same version on both ends"
     )]
@@ -161,7 +161,7 @@ pub enum ClientError {
 }
 
 impl ClientError {
-    /// Whether the failure to connect may be gone in a moment, while the emulator starts.
+    /// True if the connection may succeed soon, while the emulator starts.
     pub(super) fn may_pass(&self) -> bool {
         matches!(self, Self::NotRunning { .. } | Self::Connect { .. } | Self::Broken { .. })
     }

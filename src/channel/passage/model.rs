@@ -1,31 +1,31 @@
-//! Interleavings of an owner that ends, the next one, and clients that leave, with the steps that the file system makes whole.
+//! Interleavings of an ending owner, the next owner, and leaving clients, with the atomic steps of the file system.
 
 use super::{Place, Root, close, leave, own};
 use core::convert::Infallible;
 use loom::sync::{Arc, Mutex, MutexGuard};
 use loom::thread;
 
-/// What the file system does, or does not.
+/// Behaviour of the modelled file system.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum System {
     /// As Linux does.
     Right,
-    /// A lock keeps nobody out.
+    /// A lock excludes no other process.
     LocksAreOpen,
-    /// What is swept is what has the name, whatever directory was opened.
+    /// A sweep affects the directory that has the name, not the opened one.
     SweepsGoByName,
 }
 
 /// A directory.
 #[derive(Debug, Default)]
 struct Content {
-    /// Its lock.
+    /// True if the directory is locked.
     is_locked: bool,
-    /// The lock of the instance, which is a file in it.
+    /// True if the instance's lock, a file in the directory, is held.
     is_owned: bool,
-    /// The number of the owner that has announced itself.
+    /// Number of the owner that has announced itself.
     ready: Option<u32>,
-    /// Those who are in the domain, by number, and what iceoryx2 leaves of those who were.
+    /// Numbers of the processes in the domain; `has_remains`: files of iceoryx2 exist.
     inside: Vec<u32>,
     has_remains: bool,
 }
@@ -44,7 +44,7 @@ struct World {
 }
 
 impl World {
-    /// The directory that has the name, which is made if there is none.
+    /// Returns the directory that has the name; creates it if there is none.
     fn make(&mut self) -> usize {
         *self.named.get_or_insert_with(|| {
             self.directories.push(Content::default());
@@ -52,7 +52,7 @@ impl World {
         })
     }
 
-    /// What is done to a path is done to the directory that has the name now.
+    /// An operation on a path affects the directory that has the name now.
     fn at_path(&mut self) -> Option<&mut Content> {
         self.named.and_then(|number| self.directories.get_mut(number))
     }
@@ -64,7 +64,7 @@ impl World {
     }
 }
 
-/// A directory that somebody has opened.
+/// A directory that a process has opened.
 #[derive(Clone)]
 struct Opened {
     world: Arc<Mutex<World>>,
@@ -117,7 +117,7 @@ impl Place for Opened {
     }
 
     fn in_use(&self) -> bool {
-        // iceoryx2 is told a path.
+        // iceoryx2 works with paths.
         self.world().at_path().is_some_and(|it| !it.inside.is_empty())
     }
 
@@ -138,7 +138,7 @@ impl Place for Opened {
     }
 }
 
-/// Where all of them go.
+/// The world with the site of all processes.
 #[derive(Clone)]
 struct Site {
     world: Arc<Mutex<World>>,
@@ -150,7 +150,7 @@ impl Site {
         Opened { world: Arc::clone(&self.world), system: self.system, number }
     }
 
-    /// Takes the instance, whose lock tells owners apart, and begins to serve the channel, as `Server::open` does.
+    /// Like `Server::open`: takes the instance, whose lock distinguishes owners, and starts to serve the channel.
     fn opens(&self, owner: u32) -> Opened {
         loop {
             let mut world = self.world.lock().unwrap();
@@ -179,7 +179,7 @@ impl Site {
         root
     }
 
-    /// A client comes in and sees that it is not with one that has gone; as `client::ports` does.
+    /// Like `client::ports`: a client enters and checks that its owner has not ended.
     fn enters(&self, client: u32, owner: u32) -> Option<Opened> {
         let number = self.world.lock().unwrap().named?;
         let place = self.open(number);
@@ -195,13 +195,13 @@ impl Site {
     }
 }
 
-/// As a client does that ends.
+/// Like a client that ends.
 fn leaves(place: &Opened, client: u32) {
     place.content(|it| it.inside.retain(|other| *other != client));
     leave(place);
 }
 
-/// Ends in good order, as an emulator does.
+/// Like an emulator that ends normally.
 fn ends(place: &Opened, owner: u32) {
     place.withdraw();
     place.content(|it| it.inside.retain(|other| *other != owner));
@@ -211,7 +211,7 @@ fn ends(place: &Opened, owner: u32) {
     world.remove_if_empty(place.number);
 }
 
-/// An owner that has announced itself is found, with all that it has put there.
+/// A client finds an owner that has announced itself, with all its files.
 fn serves(place: &Opened, owner: u32) {
     let world = place.world();
     assert_eq!(world.named, Some(place.number), "nobody finds the owner");
@@ -224,7 +224,7 @@ const FIRST: u32 = 1;
 const SECOND: u32 = 2;
 const CLIENT: u32 = 10;
 
-/// Checks all interleavings with few preemptions; nothing is left in any of them.
+/// Checks all interleavings with few preemptions; no run leaves files.
 fn model(system: System, go: impl Fn(&Site) + Sync + Send + 'static) {
     let mut builder = loom::model::Builder::new();
     builder.preemption_bound = Some(2);
@@ -236,14 +236,15 @@ fn model(system: System, go: impl Fn(&Site) + Sync + Send + 'static) {
     });
 }
 
-/// An owner ends, or is killed, with a client that leaves at any time, and the next one comes.
+/// An owner ends or is killed, a client leaves at any time, and the next owner enters.
 fn one_after_the_other(system: System, is_killed: bool) {
     model(system, move |site| {
         let first = site.opens(FIRST);
         let client = site.enters(CLIENT, FIRST).unwrap();
         let leaving = thread::spawn(move || leaves(&client, CLIENT));
         if is_killed {
-            // What dies with it: its announcement, which counts only as long as it lives, its place in the domain, and its locks.
+            // Lost with the process: its announcement, which is valid only while it runs, its place in the domain, and
+            // its locks.
             first.content(|it| {
                 it.ready = None;
                 it.inside.retain(|other| *other != FIRST);
@@ -269,7 +270,7 @@ fn who_leaves_late_sweeps_nobody_away() {
     one_after_the_other(System::Right, true);
 }
 
-/// Whoever is last removes everything, also if they go at the same time.
+/// The last process removes everything, even if several leave at the same time.
 #[test]
 fn nothing_stays_when_all_leave_at_once() {
     model(System::Right, |site| {
@@ -281,7 +282,7 @@ fn nothing_stays_when_all_leave_at_once() {
     });
 }
 
-/// Whoever comes when the owner ends is with it until then, or is told that nobody is there.
+/// A client that enters while the owner ends is either with it until its end, or gets an error.
 #[test]
 fn who_enters_while_the_owner_ends_leaves_nothing() {
     model(System::Right, |site| {

@@ -92,7 +92,7 @@ fn replies_that_are_too_long_together_are_refused() {
     assert!(got.len() > 4, "four of them do fit");
 }
 
-/// What was asked of the boards comes before the request, once.
+/// Earlier requests to the boards are handled before the request, once.
 #[test]
 fn a_request_begins_once() {
     let mut host = TestHost::new(false);
@@ -115,7 +115,7 @@ fn a_real_time_wait_is_resumed_where_it_stopped() {
     host.store(REG, 0x44);
     host.run_to(5_000);
     assert_eq!(run.go(&mut host, &ops), Progress::Done);
-    // The poke was not made again.
+    // The poke was not repeated.
     let waited = Reply::Waited(Waited { time_us: 5_000, value: 0x44 });
     assert_eq!(replies(&run), [Reply::Written, waited, Reply::Value(8)]);
 }

@@ -1,11 +1,11 @@
-//! Why there is no channel.
+//! Errors of the server's side.
 
 use super::ROOM;
 use crate::channel::domain::RootError;
 use iceoryx2::node::NodeCreationFailure;
 use iceoryx2::service::builder::request_response::RequestResponseOpenError as OpenError;
 
-/// Why the channel cannot be opened. The emulator can go on without it.
+/// The reason why the channel cannot be opened. The emulator can continue without it.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ServerError {
@@ -20,12 +20,12 @@ pub enum ServerError {
         /// Name of the instance.
         instance: String,
     },
-    /// A client of another version still holds the old service.
+    /// A client of another version still uses the old service.
     #[error("instance {instance}: a client of another version is still connected ({reason:?}); end it first")]
     Incompatible {
         /// Name of the instance.
         instance: String,
-        /// What iceoryx2 says.
+        /// Error of iceoryx2.
         reason: OpenError,
     },
     /// The memory file system is nearly full.
@@ -33,18 +33,18 @@ pub enum ServerError {
     NoRoom {
         /// Name of the instance.
         instance: String,
-        /// What is left, in KiB.
+        /// Free space, in KiB.
         free_kib: u64,
     },
-    /// iceoryx2 cannot make a node.
+    /// iceoryx2 cannot create a node.
     #[error("instance {instance}: no iceoryx2 node ({reason:?}); is /dev/shm full or not writable?")]
     Node {
         /// Name of the instance.
         instance: String,
-        /// What iceoryx2 says.
+        /// Error of iceoryx2.
         reason: NodeCreationFailure,
     },
-    /// iceoryx2 cannot make the service or its server port.
+    /// iceoryx2 cannot create the service or its server port.
     #[error(
         "instance {instance}: no iceoryx2 service ({reason}); is /dev/shm full or not writable?{}",
         crate::memory::limits::named_space()
@@ -52,7 +52,7 @@ pub enum ServerError {
     Service {
         /// Name of the instance.
         instance: String,
-        /// What iceoryx2 says.
+        /// Error of iceoryx2.
         reason: String,
     },
 }

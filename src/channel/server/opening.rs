@@ -1,4 +1,4 @@
-//! The ports of the channel, and why they cannot be made.
+//! Creates the ports of the channel.
 
 use super::{Port, ROOM, ServerError};
 use crate::channel::domain::{Domain, Ipc, Service};
@@ -12,8 +12,8 @@ use iceoryx2::service::builder::request_response::{
 };
 use iceoryx2::service::port_factory::server::ServerCreateError;
 
-/// Refuses a memory file system that is nearly full: iceoryx2 takes room without asking for it, and whoever then
-/// touches what there is none for is killed (SIGBUS).
+/// Refuses a memory file system that is nearly full: iceoryx2 uses memory without reserving it, and an access to
+/// missing memory kills the process (SIGBUS).
 pub(super) fn need_room(instance: &str) -> Result<(), ServerError> {
     match room::free() {
         Some(free) if free < ROOM => {
@@ -23,9 +23,9 @@ pub(super) fn need_room(instance: &str) -> Result<(), ServerError> {
     }
 }
 
-/// Why the ports cannot be made.
+/// The reason why the ports cannot be created.
 pub(super) enum OpenFailure {
-    /// The service is half made or broken; sweeping the domain helps.
+    /// The service is incomplete or broken; sweeping the domain helps.
     Wedged,
     Incompatible(OpenError),
     AlreadyServed,
@@ -66,7 +66,7 @@ impl From<OpenOrCreateError> for OpenFailure {
     }
 }
 
-/// The ports of the instance, on a node of their own.
+/// Creates the ports of the instance, on a separate node.
 pub(super) fn ports(instance: &str, domain: &Domain) -> Result<(Node<Ipc>, Service<Ipc>, Port), OpenFailure> {
     domain.remove_half_made();
     let node = domain.owners_node().map_err(OpenFailure::Node)?;

@@ -1,11 +1,12 @@
-//! Whether the channel's memory is still as long as it was.
+//! Detects shortened memory of the channel.
 
 use crate::channel::shm;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Looks whether a program shortens a part of the channel: whoever touches what is missing is killed (SIGBUS).
+/// Checks whether a program has shortened a part of the channel: an access to the missing part kills the
+/// process (SIGBUS).
 #[derive(Clone, Debug)]
 pub struct ChannelWatch {
     /// The server's shared memory objects and their lengths in bytes.
@@ -14,7 +15,7 @@ pub struct ChannelWatch {
 }
 
 impl ChannelWatch {
-    /// Looks at them all.
+    /// Checks all objects.
     pub fn look(&self) -> bool {
         let is_short = |(path, length): &(PathBuf, u64)| shm::length(path).is_some_and(|now| now < *length);
         if self.objects.iter().any(is_short) {
@@ -23,7 +24,7 @@ impl ChannelWatch {
         self.is_damaged()
     }
 
-    /// Whether anybody has found one shorter than it was.
+    /// True if any check has found a shortened object.
     #[inline]
     pub fn is_damaged(&self) -> bool {
         self.damaged.load(Ordering::Acquire)

@@ -1,4 +1,4 @@
-//! Peers that speak iceoryx2 but not our language.
+//! Peers that use iceoryx2 but break the protocol.
 
 use super::rig::{Emulator, Place};
 use crate::channel::domain::{Domain, Ipc};
@@ -13,7 +13,7 @@ use zerocopy::FromBytes;
 
 const REG: u32 = RAM.start;
 
-/// Sends raw operations; `None` if the reply is not waited for.
+/// Sends raw operations; returns no replies if `wait` is false.
 fn send_raw(place: &Place, requests: &[Vec<WireOp>], wait: bool) -> Vec<Vec<Reply>> {
     let node = place.domain().node::<Ipc>().unwrap();
     let service = Domain::service(&node).unwrap().open().unwrap();
@@ -82,7 +82,7 @@ fn noise_is_survived() {
     let place = Arc::new(Place::new());
     let _emulator = Emulator::start(&place, false);
     let client = place.client();
-    // The same in every run.
+    // The same random numbers in every run.
     let mut noise = fastrand::Rng::with_seed(1);
     let requests: Vec<Vec<WireOp>> = (0..300)
         .map(|_| {
@@ -91,7 +91,8 @@ fn noise_is_survived() {
                 .map(|_| {
                     let bytes: [u8; 32] = std::array::from_fn(|_| noise.u8(..));
                     let mut op = WireOp::read_from_bytes(&bytes).unwrap();
-                    // Half of them look right at first; none stops the emulator or waits for long.
+                    // Half of them look valid at first; none stops the emulator or waits for a long
+                    // time.
                     if noise.bool() {
                         op.kind = noise.u16(..8);
                         op.plc %= 3;
@@ -124,7 +125,7 @@ fn requests_nobody_waits_for_do_no_harm() {
     assert!(place.remains().is_empty(), "{:?}", place.remains());
 }
 
-/// A server that answers every request with these blocks, until the client has what it wants.
+/// Runs a server that answers every request with these blocks, until the client returns.
 fn with_answer(blocks: &[Block], ops: &[Op]) -> Result<Vec<Reply>, ClientError> {
     let place = Place::new();
     let domain = place.domain();

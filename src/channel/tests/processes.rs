@@ -1,4 +1,4 @@
-//! Processes that are killed. The child processes are this test binary, told by its environment what to be.
+//! Killed processes. The child processes run this test binary with a role in the environment.
 
 use super::rig::{Emulator, LONG, Place, is_gone, serve};
 use crate::channel::client::Patience;
@@ -32,7 +32,7 @@ impl Process {
         Self(child)
     }
 
-    /// Kills it the hard way. It must still be alive.
+    /// Sends SIGKILL. The process must still run.
     fn kill(mut self) {
         assert!(!is_gone(Pid::from_child(&self.0)), "the child ended by itself");
         self.0.kill().unwrap();
@@ -47,7 +47,7 @@ impl Drop for Process {
     }
 }
 
-/// Not a test: what the child processes run.
+/// Not a real test: the body of the child processes.
 #[test]
 fn child() {
     let Ok(role) = std::env::var(ROLE) else { return };
@@ -78,7 +78,7 @@ fn child() {
     }
 }
 
-/// Looks again and again until it holds.
+/// Repeats the check until it is true.
 fn until(what: &str, mut holds: impl FnMut() -> bool) {
     let start = Instant::now();
     while !holds() {
@@ -114,7 +114,7 @@ fn killed_clients_do_not_use_up_the_places() {
     let place = Arc::new(Place::new());
     let emulator = Emulator::start(&place, true);
     let client = place.client();
-    // Some more than there are places.
+    // More than the number of places.
     for round in 0..12 {
         let before = client.peek(0, REG, Width::Dword).unwrap();
         let children: [_; 4] = std::array::from_fn(|_| Process::spawn(&place, "hammer"));
@@ -131,12 +131,12 @@ fn killed_clients_do_not_use_up_the_places() {
     assert!(place.remains().is_empty(), "{:?}", place.remains());
 }
 
-/// Between making a part of the channel and giving it its size it may be killed.
+/// A client may be killed between creating a part of the channel and setting its size.
 #[test]
 fn what_a_client_left_that_was_killed_while_it_entered_keeps_nobody_away() {
     let place = Arc::new(Place::new());
     let emulator = Emulator::start(&place, true);
-    // From then on the channel is there.
+    // The channel exists from here on.
     let client = place.client();
     let (part, _) = place.domain().lengths().swap_remove(0);
     let half_made = PathBuf::from(format!("{}-half", part.display()));
@@ -145,7 +145,7 @@ fn what_a_client_left_that_was_killed_while_it_entered_keeps_nobody_away() {
     let refused = place.connect(impatient).unwrap_err();
     assert!(matches!(&refused, ClientError::Damaged { path, .. } if *path == half_made), "{refused}");
     drop(maker);
-    // Another test's child may have inherited it for the moment until it runs its own program.
+    // A child of another test may have inherited the file until its `exec`.
     until("nobody has it open", || place.connect(impatient).is_ok());
     assert!(!half_made.exists());
     client.poke(0, REG, Width::Dword, 1).unwrap();
@@ -168,7 +168,7 @@ fn a_killed_emulator_is_noticed_and_can_be_started_again() {
         assert!(start.elapsed() < quick().reply, "a dead emulator is noticed before the timeout");
         let gone = client.peek(0, REG, Width::Word).unwrap_err();
         assert!(matches!(gone, ClientError::EmulatorGone { .. }), "{gone}");
-        // A new client does not wait for a dead emulator either.
+        // A new client does not wait for a dead emulator, either.
         let refused = place.connect(Patience::default()).unwrap_err();
         assert!(matches!(refused, ClientError::NotRunning { .. }), "{refused}");
         assert!(!place.remains().is_empty());
@@ -204,7 +204,8 @@ fn a_client_in_the_middle_of_a_request_notices_the_death_of_the_emulator() {
     });
 }
 
-/// Random kills in the first milliseconds used to block the service for good, so kill at every stage.
+/// Random kills in the first milliseconds once blocked the service permanently, so this test kills at every
+/// stage.
 #[test]
 fn an_emulator_killed_while_it_starts_does_not_block_the_next() {
     let place = Place::new();

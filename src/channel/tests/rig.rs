@@ -1,4 +1,4 @@
-//! A server on a thread of its own with a plant, and bells that work between processes.
+//! A server with a plant in a separate thread, and bells that work between processes.
 
 use crate::channel::client::Patience;
 use crate::channel::domain::{Domain, tag};
@@ -16,10 +16,10 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 use tempfile::TempDir;
 
-/// The watchdog: nothing in these tests takes that long.
+/// Watchdog limit, longer than any test runs.
 pub(crate) const LONG: Duration = Duration::from_secs(30);
 
-/// Bells in a small file, as they lie in the header page of an image.
+/// Bells in a small file, in the same form as in the header page of an image.
 pub(crate) struct FileBells {
     map: MmapRaw,
 }
@@ -91,7 +91,7 @@ impl Bells for FileBells {
     }
 }
 
-/// Whether a process has ended; a zombie has.
+/// True if a process has ended; a zombie has.
 pub(crate) fn is_gone(pid: rustix::process::Pid) -> bool {
     let stat = std::fs::read_to_string(format!("/proc/{}/stat", pid.as_raw_nonzero())).unwrap_or_default();
     let state = stat.rsplit(") ").next().unwrap_or_default().chars().next();
@@ -100,7 +100,7 @@ pub(crate) fn is_gone(pid: rustix::process::Pid) -> bool {
 
 /// The files of one instance.
 pub(crate) struct Place {
-    /// Removes the files in the end; `None` in a child process.
+    /// Removes the files at the end; `None` in a child process.
     owned: Option<TempDir>,
     pub directory: PathBuf,
     pub instance: String,
@@ -116,7 +116,7 @@ impl Place {
         Self { owned: Some(owned), directory, instance }
     }
 
-    /// The same place, seen from a child process.
+    /// The same files, as seen by a child process.
     pub(crate) fn inherited(directory: PathBuf, instance: String) -> Self {
         Self { owned: None, directory, instance }
     }
@@ -144,14 +144,14 @@ impl Place {
         self.connect(Patience { connect: LONG, reply: LONG, ..Patience::default() }).unwrap()
     }
 
-    /// The domain; makes its root directory.
+    /// The domain; creates its root directory.
     pub(crate) fn domain(&self) -> Domain {
         Domain::own(&self.instance, &self.root()).unwrap().0
     }
 
-    /// What the names of the instance's shared memory begin with.
+    /// The beginning of the names of the instance's shared memory.
     fn tag(&self) -> String {
-        // As it is while the root directory is there.
+        // The same path as while the root directory exists.
         let directory = self.directory.canonicalize().unwrap();
         tag(&self.instance, &directory.join("iox"))
     }
@@ -163,7 +163,7 @@ impl Place {
 }
 
 impl Drop for Place {
-    /// Nothing of a test may stay in /dev/shm, also if it fails.
+    /// Removes all files of a test from /dev/shm, even after a failure.
     fn drop(&mut self) {
         if self.owned.is_some() {
             shm::remove(&self.tag());
@@ -179,7 +179,7 @@ pub(crate) fn serve(place: &Place, mut host: TestHost) {
         let seen = bells.doorbell_count();
         let answered = server.poll(&mut host);
         if !host.is_stepped {
-            // A clock that runs as fast as the loop, and stands still while nobody waits.
+            // The clock runs as fast as the loop, and stops while no request waits.
             if server.waiting() > 0 && !host.is_frozen {
                 let next = host.next_event();
                 host.run_to(next);
@@ -194,7 +194,7 @@ pub(crate) fn serve(place: &Place, mut host: TestHost) {
     server.close();
 }
 
-/// A server on a thread of its own; ended on drop.
+/// A server in a separate thread; ended on drop.
 pub(crate) struct Emulator {
     stop: Arc<AtomicBool>,
     bells: Arc<FileBells>,

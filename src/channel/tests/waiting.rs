@@ -34,7 +34,7 @@ fn waits_of_several_clients_end_when_their_register_matches() {
             });
         }
         let client = place.client();
-        // In another order than they were asked for.
+        // In another order than the requests.
         for number in [3, 0, 4, 2, 1] {
             client.poke(0, REG + 2 * number, Width::Word, 0x44).unwrap();
         }
@@ -57,7 +57,7 @@ fn a_wait_in_real_time_fails_after_its_emulated_time() {
     }
 }
 
-/// Runs a server with a real-time clock that stands still, polled as long as `client` runs.
+/// Runs a server with a stopped real-time clock, polled while `client` runs.
 fn with_frozen_server(client: impl FnOnce(&Place) + Send) -> (usize, usize) {
     let place = Place::new();
     let mut host = TestHost::new(false);
@@ -123,14 +123,14 @@ fn closing_answers_those_who_wait() {
     });
 }
 
-/// A host whose operations pause wherever they can.
+/// A host whose operations pause wherever possible.
 fn pausing() -> TestHost {
     let mut host = TestHost::new(true);
     host.pauses = true;
     host
 }
 
-/// Emulated time that nobody can wait for.
+/// More emulated time than a test can wait for.
 const DAY: Op = Op::Advance { us: MAX_ADVANCE_US };
 
 #[test]
@@ -152,7 +152,7 @@ fn others_look_and_stop_while_time_passes() {
     });
 }
 
-/// A wait for several conditions pauses as an advance does, and what looks at buses and drives is no exception.
+/// A wait for several conditions pauses like an advance, and reading buses and drives is possible meanwhile.
 #[test]
 fn others_look_while_somebody_waits_for_conditions() {
     let place = Arc::new(Place::new());
@@ -176,7 +176,7 @@ fn others_look_while_somebody_waits_for_conditions() {
     });
 }
 
-/// What changes the plant waits for its turn: in between it would come at a moment that nobody has chosen.
+/// A request that changes the plant waits for its turn: otherwise the moment of the change would be arbitrary.
 #[test]
 fn who_changes_the_plant_waits_for_the_end_of_what_is_under_way() {
     let place = Arc::new(Place::new());

@@ -1,4 +1,4 @@
-//! A door in an operation: its kind in the place of the width, then its numbers.
+//! A door in an operation: its kind in the field of the width, followed by its numbers.
 
 use super::{BadField, WireOp};
 use crate::door::DoorSpec;
@@ -9,7 +9,7 @@ const SLCAN_TCP: u16 = 1;
 const SLCAN_PTY: u16 = 2;
 const PROFIBUS_TCP: u16 = 3;
 
-/// The fields that say which door.
+/// Encodes the door in its fields.
 pub(super) fn encode(door: Option<DoorSpec>) -> WireOp {
     let rest = WireOp::default();
     let tcp = |kind, at: SocketAddrV4| WireOp {
@@ -29,10 +29,9 @@ pub(super) fn encode(door: Option<DoorSpec>) -> WireOp {
     }
 }
 
-/// The way back.
+/// Decodes the door.
 ///
-/// # Errors
-/// There is no such kind of door.
+/// # Errors The kind of door is unknown.
 pub(super) fn decode(wire: &WireOp) -> Result<Option<DoorSpec>, BadField> {
     let WireOp { width, node, value, .. } = *wire;
     let at = SocketAddrV4::new(Ipv4Addr::from_bits(value), node);

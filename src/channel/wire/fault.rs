@@ -1,4 +1,4 @@
-//! Faults on the wire: in an operation, and with their state in a list.
+//! Faults on the wire: in an operation, and with their status in a list.
 
 use super::{WireOp, kind, own};
 use crate::devices;
@@ -9,7 +9,7 @@ use zerocopy::{FromBytes, IntoBytes};
 /// Bytes that values take.
 const BYTES: usize = MAX_BITS as usize / 8;
 
-/// The values of a fault of this kind, one behind the other.
+/// The values of a fault of this kind, packed without gaps.
 fn packed(kind: &Kind, values: Values) -> [u8; BYTES] {
     let (mut bits, mut place) = (0, 0);
     for (field, value) in kind.fields().iter().zip(values) {
@@ -21,7 +21,7 @@ fn packed(kind: &Kind, values: Values) -> [u8; BYTES] {
     packed
 }
 
-/// The way back.
+/// Inverse of [`packed`].
 fn unpacked(kind: &Kind, packed: [u8; BYTES]) -> [u64; MAX_FIELDS] {
     let mut bits = packed.iter().rev().fold(0, |bits, byte| bits << 8 | u128::from(*byte));
     let mut values = [0; MAX_FIELDS];
@@ -32,15 +32,16 @@ fn unpacked(kind: &Kind, packed: [u8; BYTES]) -> [u64; MAX_FIELDS] {
     values
 }
 
-/// A fault. Its longest form has as many bytes as an operation has behind its kind: kinds of faults see to that.
+/// A fault. Its longest form has the size of an operation after the kind; the kinds of faults guarantee this.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct WireFault {
     kind: u8,
     index: u16,
     number: u8,
-    /// Which values are given, bit n for value n.
+    /// Given values, bit n for value n.
     given: u8,
-    /// The values, 0 where none is given, each with as many bits as its field needs, the first one lowest.
+    /// The values, 0 for values that are not given, each with the number of bits of its field, the first one
+    /// lowest.
     values: [u8; BYTES],
     at_us: u64,
     limit: Limit,
@@ -64,7 +65,7 @@ impl From<&Fault> for WireFault {
 }
 
 impl WireFault {
-    /// The way back; `None` for what is no fault that any kind allows.
+    /// Decodes the fault; `None` if no kind allows it.
     fn fault(&self) -> Option<Fault> {
         let kind = devices::fault_kinds().iter().find(|kind| kind.number() == self.kind)?;
         let mut draft = Draft::new(kind, Target::of_numbers(kind.place(), self.index, self.number));
@@ -81,7 +82,7 @@ impl WireFault {
     }
 }
 
-/// The operation that adds `fault`: its kind, and behind it the fault.
+/// The operation that adds `fault`: its kind, followed by the fault.
 pub(super) fn encode(fault: &Fault) -> WireOp {
     let mut op = WireOp { kind: kind::FAULT_ADD, ..WireOp::default() };
     let bytes = own::encode(&WireFault::from(fault));
@@ -92,17 +93,16 @@ pub(super) fn encode(fault: &Fault) -> WireOp {
     op
 }
 
-/// The way back. The caller looks whether anything stands behind the fault.
+/// Decodes the fault. The caller checks that no bytes follow it.
 ///
-/// # Errors
-/// The number that is no kind of fault, or the kind that allows no such fault.
+/// # Errors The number of an unknown kind of fault, or of a kind that does not allow this fault.
 pub(super) fn decode(wire: &WireOp) -> Result<Fault, u8> {
     let bytes = wire.as_bytes().get(size_of::<u16>()..).unwrap_or_default();
     let number = u8::read_from_prefix(bytes).map_or(0, |(number, _)| number);
     own::decode_first::<WireFault>(bytes).and_then(|fault| fault.fault()).ok_or(number)
 }
 
-/// A fault of a list.
+/// A fault in a list.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct WireStatus {
     fault: WireFault,
@@ -119,7 +119,7 @@ impl From<&FaultStatus> for WireStatus {
 }
 
 impl WireStatus {
-    /// The way back; `None` for what no server of this version can have sent.
+    /// Decodes the status; `None` if no server of this version can have sent it.
     pub(crate) fn status(&self) -> Option<FaultStatus> {
         let WireStatus { fault, id, acting, hits } = *self;
         Some(FaultStatus { id, fault: fault.fault()?, acting, hits })
@@ -131,7 +131,7 @@ mod tests {
     use super::*;
     use crate::fault::MAX_AT_US;
 
-    /// The longest fault of every kind fits into an operation: at the end of every range, with every value.
+    /// The longest fault of every kind fits into an operation: with the end of every range, and all values.
     #[test]
     fn the_longest_fault_of_every_kind_comes_back_from_an_operation() {
         for kind in devices::fault_kinds() {
@@ -146,7 +146,7 @@ mod tests {
         }
     }
 
-    /// Whatever a single byte of it says: another fault, or none.
+    /// Any single byte of the fault may change: the result is another fault, or none.
     #[test]
     fn hostile_bytes_are_refused_with_the_kind() {
         let kind = devices::fault_kinds()[0];

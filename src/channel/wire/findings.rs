@@ -19,14 +19,14 @@ pub(super) struct WireEntry {
 impl From<&Entry> for WireEntry {
     fn from(entry: &Entry) -> Self {
         let Entry { last, is_single, count, first_us, last_us, latest_us } = *entry;
-        // An entry stands for at least one finding.
+        // An entry counts at least one finding.
         let count = NonZeroU64::new(count).unwrap_or(NonZeroU64::MIN);
         WireEntry { last: Found::from(last).words(), count, first_us, last_us, latest_us, is_single }
     }
 }
 
 impl WireEntry {
-    /// The way back; `None` for what no server of this version can have sent.
+    /// Decodes the entry; `None` if no server of this version can have sent it.
     pub(crate) fn entry(&self) -> Option<Entry> {
         let WireEntry { last, count, first_us, last_us, latest_us, is_single } = *self;
         let found: Found = devices::catalogue().event(last)?.get()?;

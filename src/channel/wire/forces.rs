@@ -23,7 +23,7 @@ pub(super) fn encode(forces: &[Forced]) -> Vec<u8> {
     forces.iter().map(wire).flat_map(|forced| forced.as_bytes().to_vec()).collect()
 }
 
-/// The way back; `None` for what [`encode`] cannot have made.
+/// Decodes the list; `None` if [`encode`] cannot have produced it.
 pub(super) fn decode(bytes: &[u8]) -> Option<Vec<Forced>> {
     let forced = |bytes: &[u8]| {
         let WireForced { plc, width, offset, value } = WireForced::read_from_bytes(bytes).ok()?;

@@ -5,7 +5,7 @@ use crate::journal::{Change, Changed, EventCodec, Record};
 use core::num::NonZeroU32;
 use serde::{Deserialize, Serialize};
 
-/// A record.
+/// A record of the journal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct WireRecord {
     seq: u64,
@@ -20,14 +20,14 @@ pub(super) struct WireRecord {
 impl From<&Record> for WireRecord {
     fn from(record: &Record) -> Self {
         let &Record { seq, time_us, event, count, period_us, latency_us } = record;
-        // A record stands for at least one event.
+        // A record counts at least one event.
         let count = NonZeroU32::new(count).unwrap_or(NonZeroU32::MIN);
         WireRecord { seq, time_us, count, period_us, latency_us, event: event.words() }
     }
 }
 
 impl WireRecord {
-    /// The way back; `None` for what no server of this version can have sent.
+    /// Decodes the record; `None` if no server of this version can have sent it.
     pub(crate) fn record(&self) -> Option<Record> {
         let &WireRecord { seq, time_us, count, period_us, latency_us, event } = self;
         let event = devices::catalogue().event(event)?;
@@ -35,7 +35,7 @@ impl WireRecord {
     }
 }
 
-/// A change of a register that is followed.
+/// A change of a followed register.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct WireChange {
     seq: u64,
@@ -50,7 +50,7 @@ impl From<&Change> for WireChange {
 }
 
 impl WireChange {
-    /// The way back; `None` for what no server of this version can have sent.
+    /// Decodes the change; `None` if no server of this version can have sent it.
     pub(crate) fn change(&self) -> Option<Change> {
         let what = Changed::read(self.what).filter(|what| what.words() == self.what)?;
         Some(Change { seq: self.seq, time_us: self.time_us, what })

@@ -1,4 +1,4 @@
-//! Replies on the wire: blocks made of them, and the checked way back.
+//! Replies on the wire: encoding into blocks, and checked decoding.
 
 use super::fault::WireStatus;
 use super::findings::WireEntry;
@@ -10,18 +10,18 @@ use crate::memory::header::BoardState;
 use crate::request::{Code, Refused, Reply, Waited};
 use zerocopy::{FromBytes, IntoBytes};
 
-/// Longest text of an error in bytes; what is longer is cut.
+/// Longest text of an error in bytes; longer texts are cut.
 const MAX_TEXT: usize = 1020;
-/// Blocks an error takes at most; they are kept free so that a reply too long can say so.
+/// Largest number of blocks of an error; they are reserved, so that an error about a long reply always fits.
 const ERROR_BLOCKS: usize = 1 + blocks_for(size_of::<u32>() + MAX_TEXT);
 
-/// Blocks that `len` bytes of data take.
+/// Number of blocks for `len` bytes of data.
 const fn blocks_for(len: usize) -> usize {
     len.div_ceil(size_of::<Block>())
 }
 
-/// The replies of a request being built. Cleared and used again, so that registers and time need no memory in the steady
-/// state.
+/// Replies of a request under construction. The buffer is cleared and reused, so replies about registers and time need
+/// no allocation in the steady state.
 #[derive(Debug, Default)]
 pub struct ReplyBuffer {
     blocks: Vec<Block>,
@@ -33,7 +33,7 @@ impl ReplyBuffer {
         &self.blocks
     }
 
-    /// Forgets the blocks and keeps the memory.
+    /// Removes the blocks and keeps the memory.
     pub fn clear(&mut self) {
         self.blocks.clear();
     }
@@ -41,7 +41,7 @@ impl ReplyBuffer {
     /// Appends a reply.
     ///
     /// # Errors
-    /// There is no room for it, and nothing was appended.
+    /// The buffer has no space for it, and nothing was appended.
     pub fn push(&mut self, reply: &Reply) -> Result<(), Refused> {
         let only = |kind| (kind, 0, 0);
         match reply {
@@ -96,7 +96,7 @@ impl ReplyBuffer {
         }
     }
 
-    /// Appends an error, for which there is always room: it is the last reply of a request.
+    /// Appends an error, for which space is reserved: it is the last reply of a request.
     pub fn error(&mut self, refused: &Refused) {
         let Waited { time_us, value } = refused.waited.unwrap_or_default();
         let text = &refused.text[..refused.text.floor_char_boundary(MAX_TEXT)];
@@ -125,20 +125,20 @@ impl ReplyBuffer {
     }
 }
 
-/// A reply that no server of this version can have sent.
+/// A reply that a server of this version cannot have sent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("reply {index} at block {block} is malformed; do client and emulator have the same version?")]
 pub struct DecodeError {
-    /// Position of the reply, from 0.
+    /// Index of the reply.
     pub index: usize,
-    /// Position of its head block.
+    /// Index of its head block.
     pub block: usize,
 }
 
 /// Appends the replies in `blocks` to `replies`.
 ///
 /// # Errors
-/// The first reply that does not make sense; those before it have been appended.
+/// The first malformed reply; replies before it have been appended.
 pub fn decode(blocks: &[Block], replies: &mut Vec<Reply>) -> Result<(), DecodeError> {
     let first = replies.len();
     let mut rest = blocks;

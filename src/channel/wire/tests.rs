@@ -314,17 +314,17 @@ fn reply() -> impl Strategy<Value = Reply> {
     ]
 }
 
-/// Longest time that an operation of a fuzzer may take, in microseconds: else it would only wait.
+/// Longest time that an operation of a fuzzer may take, in microseconds: longer ones would only wait.
 const FUZZED_US: u64 = 20_000;
 
-/// An operation that encodes the same, or none.
+/// An operation with the same encoding, or none.
 fn operation(wire: WireOp) -> Option<Op> {
     let op = Op::try_from(wire).ok()?;
     assert_eq!(WireOp::from(&op), wire);
     Some(op)
 }
 
-/// Requests of whatever operations: what is one is executed, on two PLCs one of which has a bus.
+/// Requests of arbitrary operations: valid ones are executed, on two PLCs of which one has a bus.
 #[test]
 fn fuzz_channel_requests() {
     crate::fuzz("channel_requests", |bytes| {
@@ -337,7 +337,7 @@ fn fuzz_channel_requests() {
         for request in ops.split(Option::is_none) {
             let ops: Vec<_> = request.iter().flatten().cloned().collect();
             let mut buffer = ReplyBuffer::default();
-            // What is too long for a reply is the server's affair.
+            // The server handles replies that are too long.
             let _fits = host.request(&ops).iter().all(|reply| buffer.push(reply).is_ok());
         }
     });
@@ -442,7 +442,7 @@ fn the_largest_request_of_small_operations_fits_its_reply() {
     }
 }
 
-/// The operations that `docs/reference/channel.md` lists are those that exist, but for the five that it names in a sentence.
+/// The page lists exactly the existing operations, except five that it names in a sentence.
 #[test]
 fn the_channels_page_lists_every_operation() {
     let page = include_str!("../../../docs/reference/channel.md");
