@@ -61,7 +61,7 @@ impl EventNotifier {
         for event in (0..=LAST_EVENT).filter(|event| events & 1 << event != 0) {
             if let Err(reason) = notifier.notify_with_custom_event_id(EventId::new(event)) {
                 // A listener has died; the others were notified.
-                tracing::debug!(?reason, "an event could not be told");
+                tracing::debug!(?reason, "a listener could not be notified");
             }
         }
     }

@@ -45,7 +45,7 @@ impl Drop for Guest {
             passage::leave(&domain);
         });
         if left.is_err() {
-            tracing::debug!("a client that leaves a damaged channel is left behind");
+            tracing::debug!("leaving a damaged channel takes too long; its thread is abandoned");
         }
     }
 }

@@ -292,7 +292,9 @@ impl Drop for Server {
             let domain = self.domain.clone();
             let cleaned = limit::on_a_thread(limit::SHORT, move || domain.clean_up_after_the_dead(&node));
             if cleaned.is_err() {
-                tracing::warn!("somebody has damaged the channel; what is left of it is removed by force");
+                tracing::warn!(
+                    "another program has damaged the channel; its remaining files are removed by force"
+                );
                 self.domain.sweep();
             }
         }

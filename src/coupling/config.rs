@@ -109,11 +109,11 @@ impl CouplingConfig {
             ));
         }
         if let Some(bad) = read.bad_name() {
-            return Err(wrong(format!("{bad:?} is no name for HELICS")));
+            return Err(wrong(format!("{bad:?} is not a name for HELICS")));
         }
         let mut buses = BTreeSet::new();
         if let Some(twice) = read.bus.iter().find(|bus| !buses.insert(&bus.name)) {
-            return Err(wrong(format!("bus '{}' stands there twice", twice.name)));
+            return Err(wrong(format!("bus '{}' is listed twice", twice.name)));
         }
         let File { name, publish, subscribe, bus: buses, .. } = read;
         Ok(CouplingConfig { period_us, name, publish, subscribe, buses })

@@ -91,12 +91,12 @@ impl Interface {
         let all = publications.iter().map(|it| &it.key).chain(endpoints.iter().map(|it| &it.name));
         let mut keys = BTreeSet::new();
         if let Some(twice) = all.clone().find(|key| !keys.insert(*key)) {
-            let why = "the plant gives that twice; each needs a key of its own".to_owned();
+            let why = "the plant publishes this twice; give each a separate key".to_owned();
             return Err(CouplingError::Unfit { name: twice.clone(), why });
         }
         let mut taken = BTreeSet::new();
         if let Some(twice) = subscriptions.iter().find(|it| !taken.insert(&it.name)) {
-            let why = "it is taken from two; leave one of them out".to_owned();
+            let why = "it has two subscriptions; remove one of them".to_owned();
             return Err(CouplingError::Unfit { name: twice.name.clone(), why });
         }
         Ok(Interface { name: name.clone(), publications, subscriptions, endpoints })
@@ -111,11 +111,12 @@ fn subscription(plant: &Plant, plant_name: &str, it: &Named) -> Result<Subscript
     let unfit = |why: &str| CouplingError::Unfit { name: it.value.clone(), why: why.to_owned() };
     let mut found = looked_up(plant, it)?;
     let (Some(one), true) = (found.pop(), found.is_empty()) else {
-        return Err(unfit("it names several values; subscribe to each with a key of its own"));
+        return Err(unfit("it names several values; subscribe to each with a separate key"));
     };
     if !matches!(one.causality, Causality::Input | Causality::Parameter) {
         return Err(unfit(
-            "the plant gives it and does not take it; only what a PLC's program writes can be taken",
+            "the plant publishes it and cannot subscribe to it; only registers that a PLC's program writes can \
+                be subscribed to",
         ));
     }
     let key = it.key.clone().unwrap_or_else(|| format!("{plant_name}/{}", one.name));

@@ -198,7 +198,7 @@ impl Coupling {
         let all = self.refused_values.iter().chain(&self.refused_frames);
         let refused: u64 = all.map(|it| it.0).sum();
         if refused > 0 {
-            tracing::warn!("{refused} of the values and frames of other simulators were not taken");
+            tracing::warn!("{refused} of the values and frames of other simulators were refused");
         }
     }
 

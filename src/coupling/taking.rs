@@ -18,7 +18,7 @@ impl Refusals {
         self.0 += 1;
         if self.0 == 10_u64.pow(self.0.ilog10()) {
             let times = if self.0 == 1 { "time" } else { "times" };
-            tracing::warn!("{what}: {why}; it was not taken ({} {times} so far)", self.0);
+            tracing::warn!("{what}: {why}; it was refused ({} {times} so far)", self.0);
         }
     }
 }

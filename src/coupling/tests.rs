@@ -137,7 +137,7 @@ fn files_that_cannot_be_are_refused() {
         ("period = '0us'\n[[bus]]\nname = 'drives'", "is not 1us to 24h"),
         ("period = '5'\n[[bus]]\nname = 'drives'", "5ms"),
         ("period = '1ms'\nperiods = 3", "line 2"),
-        ("period = '1ms'\nname = ''\n[[bus]]\nname = 'drives'", "no name for HELICS"),
+        ("period = '1ms'\nname = ''\n[[bus]]\nname = 'drives'", "not a name for HELICS"),
     ] {
         assert!(told(file).contains(why), "{file}: {}", told(file));
     }
@@ -148,10 +148,13 @@ fn files_that_cannot_be_are_refused() {
         ("[[publish]]\nvalue = 'other:node2.w_CPU_CONTROL'", "its PLCs are: line"),
         ("[[publish]]\nvalue = 'drive1.speed'", "speed_demand"),
         ("[[publish]]\nvalue = 'node2.w_*'\nkey = 'one'", "one key"),
-        ("[[publish]]\nvalue = 'node2.w_CPU_CONTROL'\n[[publish]]\nvalue = 'node2.w_*'", "gives that twice"),
+        (
+            "[[publish]]\nvalue = 'node2.w_CPU_CONTROL'\n[[publish]]\nvalue = 'node2.w_*'",
+            "publishes this twice",
+        ),
         ("[[subscribe]]\nvalue = 'node2.w_*'", "names several"),
-        ("[[subscribe]]\nvalue = 'node2.w_OPTION_STATUS'", "does not take it"),
-        ("[[subscribe]]\nvalue = 'drive1.speed_demand'", "does not take it"),
+        ("[[subscribe]]\nvalue = 'node2.w_OPTION_STATUS'", "cannot subscribe to it"),
+        ("[[subscribe]]\nvalue = 'drive1.speed_demand'", "cannot subscribe to it"),
     ] {
         assert!(section(text).contains(why), "{text}: {}", section(text));
     }

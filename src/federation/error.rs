@@ -11,13 +11,14 @@ pub enum FederationError {
     Exchange(String),
     /// The emulator was not started as one that shares its plant.
     #[error(
-        "the emulator was started with a plant of its own: set Options::is_federate, so that boards are asked on all hosts alike"
+        "the emulator was started without Options::is_federate: set it, so that all hosts handle requests to \
+            boards identically"
     )]
     Unprepared,
     /// Messages of another federate stopped.
     #[error(
-        "federate {who} has not been heard of for {} s: it has not been started or has died, its host is gone, or nobody \
-         brings messages there (does a broker run?)",
+        "federate {who} has sent nothing for {} s: it has not been started or has died, its host is down, or \
+            there is no connection to it (does a broker run?)",
         .limit.as_secs_f64()
     )]
     Silent {
@@ -35,7 +36,8 @@ pub enum FederationError {
         reason: String,
     },
     /// Another federate has another version of commram.
-    #[error("federate {who} is commram {theirs}, this is commram {}; take the same program everywhere", env!("CARGO_PKG_VERSION"))]
+    #[error("federate {who} is commram {theirs}, this is commram {}; use the same program on all \
+        hosts", env!("CARGO_PKG_VERSION"))]
     OtherVersion {
         /// Number of the federate.
         who: u8,
@@ -44,7 +46,7 @@ pub enum FederationError {
     },
     /// Another federate was started with another number of federates.
     #[error(
-        "federate {who} says that there are {theirs} federates, here there are {ours}; say the same everywhere"
+        "federate {who} was started for {theirs} federates, this one for {ours}; use the same number everywhere"
     )]
     OtherCount {
         /// Number of the federate.
@@ -63,12 +65,13 @@ pub enum FederationError {
         why: String,
     },
     /// All federates only follow.
-    #[error("all federates follow (--follow), so nobody lets time pass; leave it out at one of them")]
+    #[error("all federates follow (--follow), so none advances the clock; start one of them without it")]
     NobodyLeads,
     /// Input has entered the plant here and not on another host.
     #[error(
-        "at {at_us} us federate {who} has another journal than this one: a program has stored into an image while time \
-         passed or somebody else had his turn, or has set a switch without the channel; let it take part in lockstep"
+        "at {at_us} us federate {who} has another journal than this one: a program has stored into an image \
+            while the clock advanced or in the turn of another federate, or has set a switch without the \
+            channel; let it take part in lockstep"
     )]
     Apart {
         /// Number of the federate.
@@ -80,7 +83,7 @@ pub enum FederationError {
     #[error(transparent)]
     Coupling(#[from] crate::coupling::CouplingError),
     /// A message is malformed, or arrived in place of another one.
-    #[error("federate {who} has sent what no federate sends now; is something else on the way there?")]
+    #[error("federate {who} has sent an unexpected message; does another program use this federation?")]
     Nonsense {
         /// Federate that had the turn.
         who: u8,

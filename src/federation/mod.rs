@@ -130,8 +130,8 @@ impl Federation {
     /// Describes the federate for which the clock waits; `None` if it is this one.
     pub fn waits_for(&self) -> Option<String> {
         match (self.is_complete, self.is_own_turn()) {
-            (false, _) => Some(format!("federate {}, which has not been heard of yet", self.missing())),
-            (true, false) => Some(format!("federate {}, whose turn it is", self.turn)),
+            (false, _) => Some(format!("federate {}, which has not joined yet", self.missing())),
+            (true, false) => Some(format!("federate {}, which has the turn", self.turn)),
             (true, true) => None,
         }
     }
@@ -153,7 +153,8 @@ impl Federation {
     pub fn permit(&mut self, plant: &Plant, op: &Op) -> Result<(), Refused> {
         match op {
             Op::Restore { .. } | Op::BackTo { .. } | Op::Back { .. } | Op::BackUntil { .. } => {
-                let text = "the other federates cannot go back with the plant; going back needs an instance of its own";
+                let text =
+                    "the other federates cannot go back with the plant; going back needs a separate instance";
                 return Err(Refused::new(Code::NOT_ALONE, text));
             }
             Op::DoorOpen { .. } => {

@@ -141,7 +141,7 @@ impl Combination {
         // SAFETY: as above.
         let granted =
             self.functions.checked(|it, status| unsafe { (it.request_time)(self.federate, time, status) })?;
-        if granted >= LATEST { Err("the federation has come to its end".to_owned()) } else { Ok(()) }
+        if granted >= LATEST { Err("the federation has ended".to_owned()) } else { Ok(()) }
     }
 
     /// Names of the federates that have not left; `None` if HELICS gives no answer.

@@ -28,8 +28,9 @@ const FAREWELL: Duration = Duration::from_secs(3);
 pub enum HelicsError {
     /// The library cannot be loaded.
     #[error(
-        "HELICS cannot be loaded{}: {reason}; install it, for example by `pip install helics`, and let {VARIABLE} name its \
-         libhelics.so.3 or the directory in which that is", .given.as_ref().map(|path| format!(" ({VARIABLE}={})", path.display()))
+        "HELICS cannot be loaded{}: {reason}; install it, for example by `pip install helics`, and let \
+            {VARIABLE} name its libhelics.so.3 or the directory of that \
+            file", .given.as_ref().map(|path| format!(" ({VARIABLE}={})", path.display()))
             .unwrap_or_default()
     )]
     NoLibrary {
@@ -40,7 +41,8 @@ pub enum HelicsError {
     },
     /// The federation cannot be joined.
     #[error(
-        "the HELICS federation cannot be joined: {reason}; does a broker run there, and does it wait for this federate?"
+        "the HELICS federation cannot be joined: {reason}; does a broker run at this address, and does it wait \
+            for this federate?"
     )]
     NotJoined {
         /// Error of HELICS.
@@ -198,7 +200,7 @@ fn listen(federate: &Federate, place: &Place, others: &[u8], ends: &AtomicBool, 
                 None if source.is_empty() => return tell(Err("HELICS has ended".to_owned())),
                 None if !strangers.contains(&source) => {
                     tracing::warn!(
-                        "{source} sends commands, and is no federate of this plant; they are left out"
+                        "{source} sends commands, but is not a federate of this plant; they are ignored"
                     );
                     strangers.push(source);
                 }

@@ -100,7 +100,7 @@ cell!(
     Cell32, 4, u32
 );
 cell!(
-    /// A 64-bit word of the header page; the device has no register of this width.
+    /// A 64-bit word of the header page; the device itself has no register that wide.
     Cell64, 8, u64
 );
 

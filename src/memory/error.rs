@@ -14,7 +14,7 @@ pub enum MemoryError {
         address: Address,
     },
     /// The access ends after the last byte of the segment.
-    #[error("{address} lies behind the last one, byte {}", end - 1)]
+    #[error("{address} is after the last one, byte {}", end - 1)]
     OutOfRange {
         /// The refused access.
         address: Address,
@@ -22,13 +22,13 @@ pub enum MemoryError {
         end: usize,
     },
     /// The access touches the header page, which belongs to the attach contract and holds no registers.
-    #[error("{address} lies in the header page; registers begin at byte {}", HEADER_SIZE)]
+    #[error("{address} is in the header page; registers begin at byte {}", HEADER_SIZE)]
     InHeader {
         /// The refused access.
         address: Address,
     },
     /// A block (typed view or copy) does not fit into the segment.
-    #[error("byte {offset} of the image: {size} bytes from there end behind the last one, byte {}", end - 1)]
+    #[error("byte {offset} of the image: {size} bytes from there end after the last one, byte {}", end - 1)]
     BlockOutOfRange {
         /// First byte of the block.
         offset: usize,
@@ -56,7 +56,7 @@ pub enum MemoryError {
         value: u32,
     },
     /// A partial access that is not part of the register it names.
-    #[error("{part} is no part of the register there: {register}")]
+    #[error("{part} is not a part of the register there: {register}")]
     NotWithin {
         /// The whole register.
         register: Address,
@@ -103,7 +103,8 @@ pub enum MemoryError {
     /// The machine has no memory for all images of a plant.
     #[error(
         "instance {instance}: no room for {count} images of {needed_kib} KiB together, {free_kib} KiB of memory are left in {}; \
-             make the plant smaller, enlarge it (`mount -o remount,size=...`, in Docker `--shm-size`) or end another instance",
+             make the plant smaller, enlarge it (`mount -o remount,size=...`, in Docker `--shm-size`) or end \
+             another instance",
         IMAGE_DIRECTORY
     )]
     NoRoomForAll {
@@ -125,7 +126,8 @@ pub enum MemoryError {
         pid: Option<u32>,
     },
     /// There is no image of this name.
-    #[error("{} does not exist, nothing runs under this name; start it with `commram run -i {instance}`", .path.display())]
+    #[error("{} does not exist, no emulator with this name runs; start it with `commram run -i \
+        {instance}`", .path.display())]
     NotThere {
         /// Name of the instance.
         instance: String,
@@ -155,7 +157,8 @@ pub enum MemoryError {
         user: u32,
     },
     /// The instance's directory belongs to another user.
-    #[error("{} belongs to user {owner}, not to user {user}, who has taken this instance name; choose another one", .path.display())]
+    #[error("{} belongs to user {owner}, not to user {user}, and that user has taken this instance name; choose \
+        another one", .path.display())]
     ForeignDirectory {
         /// The refused path.
         path: PathBuf,
@@ -165,7 +168,8 @@ pub enum MemoryError {
         user: u32,
     },
     /// Others could write to the instance's directory.
-    #[error("{} can be written by others (mode {mode:o}), who may have put anything there; remove it yourself", .path.display())]
+    #[error("{} can be written by other users (mode {mode:o}), and its content is not reliable; remove it \
+        yourself", .path.display())]
     OpenDirectory {
         /// The refused path.
         path: PathBuf,
@@ -243,7 +247,8 @@ pub enum MemoryError {
         state: Option<State>,
     },
     /// The emulator of the image was killed.
-    #[error("{}: the emulator (process {pid}) has died; restart it, or attach read-only to look at what it left", .path.display())]
+    #[error("{}: the emulator (process {pid}) has died; restart it, or attach read-only to read its last \
+        values", .path.display())]
     EmulatorDied {
         /// The image.
         path: PathBuf,
@@ -307,7 +312,8 @@ pub enum MemoryError {
     },
     /// The emulator has continued without a task.
     #[error(
-        "the emulator has given up the task of event {event}, whose turn took longer than its patience; join again"
+        "the emulator has given up the task of event {event}, because its turn took longer than its patience; \
+            join again"
     )]
     LockstepLost {
         /// Event of the task.

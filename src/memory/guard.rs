@@ -22,11 +22,11 @@ const MAX_GUARDED: usize = 256;
 const MAX_TRIES: usize = 16;
 /// Message when the process cannot continue.
 const LAST_WORDS: &[u8] =
-    b"commram: error: SIGBUS: /dev/shm is full, or somebody has shortened a file there that is in use\n";
+    b"commram: error: SIGBUS: /dev/shm is full, or another program has shortened a file there that is in use\n";
 /// Message of a client.
 const CLIENTS_WORDS: &[u8] =
-    b"commram: somebody has shortened an image or a part of the channel while it was in use, or /dev/shm is full; \
-    `commram stop` ends the emulator, and `commram stop --clean` removes what one has left\n";
+    b"commram: another program has shortened an image or a part of the channel while it was in use, or /dev/shm \
+        is full; `commram stop` ends the emulator, and `commram stop --clean` removes the files of a killed one\n";
 
 /// A map that the handler knows. Only atomics: the handler may interrupt any code.
 struct Slot {

@@ -23,7 +23,7 @@ pub(crate) struct Onlookers {
 impl Onlookers {
     pub(crate) fn of(images: Vec<ImageFileWatch>) -> Self {
         let opened = watch(&images).inspect_err(|reason| {
-            tracing::debug!(%reason, "no notice of those who open an image: it is taken for looked at");
+            tracing::debug!(%reason, "cannot detect processes that open an image: it counts as open");
         });
         Onlookers { opened: opened.ok(), images }
     }

@@ -211,7 +211,7 @@ pub struct Waited {
 
 /// The reply to another operation than the one that was asked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("the reply does not fit the operation; use the same version on both ends")]
+#[error("the reply does not fit the operation; use the same version on both sides")]
 pub struct WrongReply;
 
 /// Contents of a reply of the expected kind.

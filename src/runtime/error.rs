@@ -31,8 +31,8 @@ pub enum RuntimeError {
     #[error(transparent)]
     Door(#[from] DoorError),
     /// Another process has shortened an image in use.
-    #[error("{}: another program has shortened it while it was in use, so the registers are lost; nothing of them was \
-             written to NOVRAM, start again", .path.display())]
+    #[error("{}: another program has shortened it while it was in use, so the registers are lost; none of them \
+        was written to NOVRAM, start again", .path.display())]
     Shortened {
         /// The image.
         path: PathBuf,

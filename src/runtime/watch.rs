@@ -103,10 +103,10 @@ fn say(file: &ImageFileWatch, state: FileState) {
     match state {
         FileState::Intact | FileState::Shortened => {}
         FileState::Lengthened { size } => {
-            tracing::warn!("{path}: somebody has made it longer ({size} bytes); that changes nothing");
+            tracing::warn!("{path}: another program has made it longer ({size} bytes); this has no effect");
         }
         FileState::Removed => tracing::warn!(
-            "{path}: somebody has removed it; who is attached goes on, nobody else can attach until a restart"
+            "{path}: another program has removed it; attached clients continue, new ones cannot attach until a restart"
         ),
     }
 }

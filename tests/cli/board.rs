@@ -127,7 +127,7 @@ fn mistakes_are_named() {
     let emulator = Emulator::stepped();
     for (args, code, text) in [
         (vec!["set", "dip=32"], 2, "dip is a number from 0 to 31"),
-        (vec!["set", "display=8"], 2, "there are dip, leds, switch, power, start, project"),
+        (vec!["set", "display=8"], 2, "the settings are dip, leds, switch, power, start, project"),
         (vec!["set", "press:dip=1"], 2, "press"),
         (vec!["get", "press"], 2, "press"),
     ] {

@@ -353,7 +353,7 @@ fn who_dies_is_missed_and_who_ends_takes_the_others_along() {
     leads.run("step", &["1ms"]);
     assert_eq!(leads.wait().code(), Some(3));
     let complaints = leads.complaints();
-    assert!(complaints.contains("federate 1 has not been heard of for 3 s"), "{complaints}");
+    assert!(complaints.contains("federate 1 has sent nothing for 3 s"), "{complaints}");
 
     let broker = Broker::start(&helics, 2);
     let leads = broker.federate(&plant, "0/2", &[]);

@@ -65,7 +65,7 @@ fn a_longer_image_is_told_and_goes_on() {
     emulator.run("stop", &[]).ok();
     assert_eq!(emulator.wait().code(), Some(0));
     let complaints = emulator.complaints();
-    assert!(complaints.contains("somebody has made it longer (4000000 bytes)"), "{complaints}");
+    assert!(complaints.contains("another program has made it longer (4000000 bytes)"), "{complaints}");
 }
 
 #[test]
@@ -89,7 +89,7 @@ fn a_removed_image_is_told_and_who_is_attached_goes_on() {
     emulator.run("stop", &[]).ok();
     assert_eq!(emulator.wait().code(), Some(0));
     let complaints = emulator.complaints();
-    assert!(complaints.contains("somebody has removed it"), "{complaints}");
+    assert!(complaints.contains("another program has removed it"), "{complaints}");
     assert_eq!(emulator.files(), Vec::<std::path::PathBuf>::new());
 }
 

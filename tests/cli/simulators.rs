@@ -220,7 +220,7 @@ fn simulators_that_are_missing_or_wrong_are_told() {
     model.end();
     assert_eq!(emulator.wait().code(), Some(3));
     let complaints = emulator.complaints();
-    assert!(complaints.contains("the other simulators have not come to 5 ms in 3 s"), "{complaints}");
+    assert!(complaints.contains("the other simulators have not reached 5 ms in 3 s"), "{complaints}");
     let outcome =
         finish(commram().args(["run", "--clock", "stepped", "--federate", "1/2", "--exchange", "x.toml"]));
     assert!(outcome.fails(2).contains("federate 0"), "{}", outcome.err);

@@ -33,8 +33,9 @@ pub enum ClientError {
     },
     /// Entering takes too long: iceoryx2 waits for a part that another program has damaged.
     #[error(
-        "instance {instance}: the channel cannot be entered within {after:?}, a part of it may be damaged; end the \
-         emulator with `commram stop -i {instance}`, and what then is left with `commram stop --clean -i {instance}`"
+        "instance {instance}: the channel cannot be entered within {after:?}, a part of it may be damaged; end \
+            the emulator with `commram stop -i {instance}`, and remove its remaining files with `commram stop \
+            --clean -i {instance}`"
     )]
     Stuck {
         /// Name of the instance.
@@ -44,8 +45,8 @@ pub enum ClientError {
     },
     /// A part of the channel is invalid.
     #[error(
-        "instance {instance}: the channel is damaged; end the emulator with `commram stop -i {instance}`, and what \
-         then is left with `commram stop --clean -i {instance}`"
+        "instance {instance}: the channel is damaged; end the emulator with `commram stop -i {instance}`, and \
+            remove its remaining files with `commram stop --clean -i {instance}`"
     )]
     Broken {
         /// Name of the instance.
@@ -86,16 +87,13 @@ pub enum ClientError {
         most: u64,
     },
     /// Too many clients are connected.
-    #[error(
-        "instance {instance} already has {} clients, which is all it takes; end one of them",
-        MAX_CLIENTS
-    )]
+    #[error("instance {instance} already has {} clients, which is the maximum; end one of them", MAX_CLIENTS)]
     TooManyClients {
         /// Name of the instance.
         instance: String,
     },
     /// The emulator has a version with another format.
-    #[error("instance {instance} is of another version ({reason:?}); use the same version on both ends")]
+    #[error("instance {instance} has another version ({reason:?}); use the same version on both sides")]
     Incompatible {
         /// Name of the instance.
         instance: String,
@@ -111,7 +109,7 @@ pub enum ClientError {
         reason: String,
     },
     /// The emulator's process has ended.
-    #[error("instance {instance} has ended; start it again and connect anew")]
+    #[error("instance {instance} has ended; start it again and connect again")]
     EmulatorGone {
         /// Name of the instance.
         instance: String,
@@ -149,7 +147,7 @@ pub enum ClientError {
     Reply(#[from] DecodeError),
     /// The reply does not fit the operation.
     #[error(
-        "instance {instance} gave a reply that does not fit the operation; use the same version on both ends"
+        "instance {instance} gave a reply that does not fit the operation; use the same version on both sides"
     )]
     WrongReply {
         /// Name of the instance.

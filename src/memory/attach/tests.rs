@@ -34,7 +34,7 @@ fn nothing_there() {
         assert_eq!(
             refusal(&instance, mode),
             format!(
-                "{} does not exist, nothing runs under this name; start it with `commram run -i {}`",
+                "{} does not exist, no emulator with this name runs; start it with `commram run -i {}`",
                 instance.path().display(),
                 &*instance
             )

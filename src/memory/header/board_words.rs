@@ -59,7 +59,7 @@ impl<'a> BoardWord<'a> {
         if let Some((port, name)) = name.split_once('.') {
             return match name {
                 "dip" => Ok(Self { text, plc, what: What::ModuleDip { port, dip: number(31)? } }),
-                _ => Err(wrong("of a module there is dip, its DIP switches")),
+                _ => Err(wrong("a module has dip, its DIP switches")),
             };
         }
         let setting = match (name, value) {
@@ -81,7 +81,7 @@ impl<'a> BoardWord<'a> {
             ("project", "boot") => BoardSetting::Project(Project::Boot),
             ("project", "sent") => BoardSetting::Project(Project::Sent),
             ("project", _) => {
-                return Err(wrong("projects are boot and sent; none deletes the one that is loaded"));
+                return Err(wrong("projects are boot and sent; none deletes the loaded one"));
             }
             _ => return Ok(Self { text, plc, what: What::Front { name, value } }),
         };
@@ -111,7 +111,9 @@ impl<'a> BoardWord<'a> {
                 let switches = || device.front.iter().filter(|word| word.owner == Owner::Plc);
                 let Some(word) = switches().find(|word| word.name == name) else {
                     let own: String = switches().map(|word| format!(", {}", word.name)).collect();
-                    return Err(wrong(format!("there are dip, leds, switch, power, start, project{own}")));
+                    return Err(wrong(format!(
+                        "the settings are dip, leds, switch, power, start, project{own}"
+                    )));
                 };
                 let value = word.parse(value);
                 let value = value.ok_or_else(|| wrong(format!("{name} can be {}", word.choices())))?;
@@ -237,9 +239,9 @@ mod tests {
         assert_eq!(message("dip"), "`dip`: write NAME=VALUE, for example dip=5");
         assert!(message("switch=off").contains("run, stop, reset"));
         assert_eq!(message("slotH.dip=32"), "`slotH.dip=32`: slotH.dip is a number from 0 to 31");
-        assert!(message("slotH.leds=1").contains("of a module there is dip"));
+        assert!(message("slotH.leds=1").contains("a module has dip"));
         assert!(message("slotI.dip=1").contains("unknown port `slotI`; the ports are slotG, slotH"));
-        assert!(message("display=8").contains("there are dip, leds, switch, power, start, project"));
+        assert!(message("display=8").contains("the settings are dip, leds, switch, power, start, project"));
     }
 
     /// As text, and as the two numbers of the channel.
@@ -274,7 +276,7 @@ mod tests {
         for (text, right) in [
             ("power=half", "power is on or off"),
             ("start=slow", "starts are cold, warm, hot; stop ends the program"),
-            ("project=old", "projects are boot and sent; none deletes the one that is loaded"),
+            ("project=old", "projects are boot and sent; none deletes the loaded one"),
         ] {
             assert_eq!(BoardWord::parse(text).unwrap_err().right, right);
         }

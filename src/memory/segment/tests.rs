@@ -62,15 +62,15 @@ fn refusals_name_the_address_and_what_would_be_right() {
         );
         assert_eq!(
             message(segment.load(3_262_144, Width::Dword)),
-            "DWORD at byte 3262144 of the image lies behind the last one, byte 3262143"
+            "DWORD at byte 3262144 of the image is after the last one, byte 3262143"
         );
         assert_eq!(
             message(segment.load(u32::MAX, Width::Byte)),
-            "byte 4294967295 of the image lies behind the last one, byte 3262143"
+            "byte 4294967295 of the image is after the last one, byte 3262143"
         );
         assert_eq!(
             message(segment.load(4_095, Width::Byte)),
-            "byte 4095 of the image lies in the header page; registers begin at byte 4096"
+            "byte 4095 of the image is in the header page; registers begin at byte 4096"
         );
         assert_eq!(
             message(segment.store(200_000, Width::Byte, 0x100)),
@@ -82,11 +82,11 @@ fn refusals_name_the_address_and_what_would_be_right() {
         );
         assert_eq!(
             message(segment.store_within(200_000, Width::Word, 200_002, Width::Byte, 0)),
-            "byte 200002 of the image is no part of the register there: WORD at byte 200000 of the image"
+            "byte 200002 of the image is not a part of the register there: WORD at byte 200000 of the image"
         );
         assert_eq!(
             message(segment.load_within(200_000, Width::Byte, 200_000, Width::Word)),
-            "WORD at byte 200000 of the image is no part of the register there: byte 200000 of the image"
+            "WORD at byte 200000 of the image is not a part of the register there: byte 200000 of the image"
         );
         assert_eq!(
             message(segment.store_within(200_000, Width::Dword, 200_001, Width::Word, 0)),
@@ -94,7 +94,7 @@ fn refusals_name_the_address_and_what_would_be_right() {
         );
         assert_eq!(
             message(segment.read_range(LAST, &mut [0; 2])),
-            "byte 3262143 of the image: 2 bytes from there end behind the last one, byte 3262143"
+            "byte 3262143 of the image: 2 bytes from there end after the last one, byte 3262143"
         );
     }
 }
@@ -108,7 +108,7 @@ fn view_refusals() {
         );
         assert_eq!(
             message(segment.view::<[Cell8; 2]>(SEGMENT_SIZE - 1)),
-            "byte 3262143 of the image: 2 bytes from there end behind the last one, byte 3262143"
+            "byte 3262143 of the image: 2 bytes from there end after the last one, byte 3262143"
         );
         assert!(matches!(segment.view::<Cell32>(usize::MAX - 3), Err(MemoryError::BlockOutOfRange { .. })));
         // The words of the front are accessible at their own width, and no other bytes are.

@@ -20,7 +20,7 @@ pub enum NovramError {
     },
     /// Another emulator uses the directory for its NOVRAM.
     #[error(
-        "NOVRAM {}: another emulator uses this directory; give each instance one of its own",
+        "NOVRAM {}: another emulator uses this directory; give each instance a separate one",
         path.display()
     )]
     InUse {
@@ -42,8 +42,8 @@ pub enum NovramError {
     },
     /// Other users can write to the directory.
     #[error(
-        "NOVRAM {}: others can write to this directory (mode {mode:o}) and exchange its files; make a directory of \
-         its own for them, or take their right away with `chmod go-w`",
+        "NOVRAM {}: others can write to this directory (mode {mode:o}) and exchange its files; use a separate \
+            directory, or remove this right with `chmod go-w`",
         path.display()
     )]
     Writable {
@@ -64,7 +64,7 @@ pub enum NovramError {
         found: &'static str,
     },
     /// The last attempt to write has failed, too.
-    #[error("the last changes are lost, this is no longer tried again: {source}")]
+    #[error("the last changes are lost, and there is no further attempt: {source}")]
     Lost {
         /// The error.
         source: Box<NovramError>,

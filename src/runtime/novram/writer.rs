@@ -128,13 +128,13 @@ fn say_what_is_new(name: &str, result: &Result<(), NovramError>, said: &mut BTre
     match result {
         Ok(()) => {
             if said.remove(name).is_some() {
-                tracing::warn!("NOVRAM {name}: written at last");
+                tracing::warn!("NOVRAM {name}: written now");
             }
         }
         Err(error) => {
             let text = error.to_string();
             if said.get(name) != Some(&text) {
-                tracing::error!("{text}; tried again every {RETRY_AFTER:?}");
+                tracing::error!("{text}; next attempts every {RETRY_AFTER:?}");
                 said.insert(name.to_owned(), text);
             }
         }
