@@ -39,7 +39,7 @@ const RETRY: Duration = Duration::from_millis(2);
 /// Limits of a client's waits.
 #[derive(Clone, Copy, Debug)]
 pub struct Patience {
-    /// How long [`Client::connect`] waits for an instance that is not running yet. Zero by default.
+    /// How long [`Client::connect`] waits for an instance that does not run yet. Zero by default.
     pub connect: Duration,
     /// Longest time to enter the channel, parts of which may be damaged. 5 s by default.
     pub enter: Duration,
@@ -70,7 +70,7 @@ pub struct Client {
 }
 
 impl Client {
-    /// Connects to `instance`, whose channel has its files in the directory `root`.
+    /// Connects to `instance`, with the channel's files in the directory `root`.
     ///
     /// # Errors
     /// The instance is not running, has another version, or has too many clients; or its channel is damaged.
@@ -301,7 +301,7 @@ impl std::fmt::Debug for Client {
     }
 }
 
-/// Returns the domain of an emulator that is ready.
+/// Returns the domain of a ready emulator.
 pub(super) fn domain_of(instance: &str, root: &Path, bells: &dyn Bells) -> Result<Domain, ClientError> {
     let domain = Domain::find(instance, root)?;
     let is_ready = |domain: &Domain| domain.is_announced(bells.emulator_pid()) && bells.emulator_alive();
@@ -321,9 +321,14 @@ pub(super) fn domain_of(instance: &str, root: &Path, bells: &dyn Bells) -> Resul
 }
 
 /// The parts of a client in the domain. The guest is dropped last.
-type Ends = (Port, Service<Threads>, Guest);
+type ClientParts = (Port, Service<Threads>, Guest);
 
-fn ports(instance: &str, root: &Path, bells: &dyn Bells, limit: Duration) -> Result<Ends, ClientError> {
+fn ports(
+    instance: &str,
+    root: &Path,
+    bells: &dyn Bells,
+    limit: Duration,
+) -> Result<ClientParts, ClientError> {
     let not_running = || not_running(instance, root);
     check_limits(instance)?;
     let domain = domain_of(instance, root, bells)?;
@@ -336,7 +341,7 @@ fn ports(instance: &str, root: &Path, bells: &dyn Bells, limit: Duration) -> Res
     Ok(ends)
 }
 
-/// Refuses a client whose process has not enough resources for iceoryx2, which would fail later without a reason.
+/// Refuses a client without enough resources for iceoryx2, which would fail later without a reason.
 fn check_limits(instance: &str) -> Result<(), ClientError> {
     let name = || instance.to_owned();
     limits::allow_files(FILES, FILES).map_err(|limits::FileLimit { needed, most }| {
@@ -353,7 +358,7 @@ fn not_running(instance: &str, root: &Path) -> ClientError {
     ClientError::NotRunning { instance: instance.to_owned(), root: root.display().to_string() }
 }
 
-fn enter(instance: &str, root: &Path, domain: Domain) -> Result<Ends, ClientError> {
+fn enter(instance: &str, root: &Path, domain: Domain) -> Result<ClientParts, ClientError> {
     let name = || instance.to_owned();
     let connect = |reason: String| ClientError::Connect { instance: name(), reason };
     let guest = Guest::enter(domain).map_err(|e| connect(e.to_string()))?;

@@ -2,19 +2,19 @@
 //! of killed runs.
 //!
 //! All files of an instance are in its root directory, which only its user can enter. Its POSIX shared memory has a
-//! name prefix that is stored in that directory. Half of the prefix is random, so no other program can create such an
+//! name prefix stored in that directory. Half of the prefix is random, so no other program can create such an
 //! object first. iceoryx2 removes most files of a killed process, but not all: a run killed while it creates the
 //! service can block the service permanently, and a 16-byte counter per prefix always stays. So the owner of the
 //! instance sweeps the domain before the start and after the end, if no living process uses it. A client that outlives
 //! the emulator does so when it leaves ([`Guest`](super::guest::Guest)).
 
 use super::limit;
-use super::passage::{self, Place, Root};
+use super::passage::{self, ChannelRoot, ChannelSite};
 use super::shm::{self, settles};
 use super::wire::{Block, WireOp};
 use crate::memory::MemoryError;
 use crate::memory::names::CHANNEL_PREFIX;
-use crate::memory::private::{Held, PrivateDir};
+use crate::memory::private::{DirectoryLock, PrivateDir};
 use crate::memory::process::ProcessId;
 use iceoryx2::identifiers::UniqueNodeId;
 use iceoryx2::node::{NodeCreationFailure, NodeView};
@@ -69,7 +69,7 @@ pub enum RootError {
         /// The directory.
         path: PathBuf,
     },
-    /// A client that is leaving hangs.
+    /// A leaving client hangs.
     #[error("channel directory {}: a client that is leaving has it locked and is stopped; end it", .path.display())]
     Held {
         /// The directory.
@@ -89,7 +89,7 @@ pub(super) struct Domain {
 impl Domain {
     /// Creates the domain of `instance` in `root`, for its owner. While the second value exists, leaving clients do not
     /// sweep.
-    pub(crate) fn own(instance: &str, root: &FsPath) -> Result<(Self, Held), RootError> {
+    pub(crate) fn own(instance: &str, root: &FsPath) -> Result<(Self, DirectoryLock), RootError> {
         let start = Instant::now();
         let create = || Ok(Arc::new(PrivateDir::create(root)?));
         let wait = || {
@@ -104,7 +104,7 @@ impl Domain {
         let prefix = match prefix(&directory, &tag) {
             Some(prefix) => prefix,
             None => {
-                // Objects of a killed run whose directory was removed afterwards.
+                // Objects of a killed run; its directory was removed afterwards.
                 shm::remove(&tag);
                 new_prefix(&directory, &tag).map_err(|source| io_error(root, source))?
             }
@@ -262,10 +262,10 @@ impl Domain {
     }
 }
 
-impl Root for Arc<PrivateDir> {
-    type Held = Held;
+impl ChannelRoot for Arc<PrivateDir> {
+    type Lock = DirectoryLock;
 
-    fn try_lock(&self) -> Option<Held> {
+    fn try_lock(&self) -> Option<DirectoryLock> {
         PrivateDir::try_lock(self)
     }
 
@@ -274,8 +274,8 @@ impl Root for Arc<PrivateDir> {
     }
 }
 
-impl Place for Domain {
-    type Root = Arc<PrivateDir>;
+impl ChannelSite for Domain {
+    type ChannelRoot = Arc<PrivateDir>;
 
     fn root(&self) -> &Arc<PrivateDir> {
         &self.root
@@ -344,7 +344,7 @@ pub(super) fn tag(instance: &str, root: &FsPath) -> String {
     format!("{CHANNEL_PREFIX}{:08x}", hash >> 32 ^ hash & 0xFFFF_FFFF)
 }
 
-/// The prefix that is stored in the directory.
+/// Reads the prefix from the directory.
 fn prefix(root: &PrivateDir, tag: &str) -> Option<String> {
     let text = root.read(PREFIX)?;
     let rest = text.trim_end().strip_prefix(tag)?.strip_suffix('_')?;
@@ -390,7 +390,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_left_of_a_run_without_a_directory_is_removed() {
+    fn remains_of_a_run_without_a_directory_are_removed() {
         let root = TempDir::new().unwrap();
         let path = root.path().join("iox.d");
         let (domain, held) = Domain::own("a", &path).unwrap();
@@ -427,7 +427,7 @@ mod tests {
     }
 
     #[test]
-    fn each_instance_and_each_root_has_a_tag_of_its_own() {
+    fn instances_and_roots_have_different_tags() {
         let roots = [(); 2].map(|()| TempDir::new().unwrap());
         let tag = |instance: &str, root: usize| tag(instance, roots[root].path());
         assert_ne!(tag("a", 0), tag("b", 0));
@@ -438,7 +438,7 @@ mod tests {
     }
 
     #[test]
-    fn a_prefix_that_is_none_is_not_swept_with() {
+    fn an_invalid_prefix_is_not_swept() {
         let root = TempDir::new().unwrap();
         let (domain, _held) = Domain::own("a", root.path()).unwrap();
         for text in ["", "_", "commram_", "commram_00000000_", &domain.tag, "../"] {

@@ -5,7 +5,7 @@
 
 use super::client::ClientError;
 use super::domain::{Domain, Threads};
-use super::limit::{self, Lost};
+use super::limit::{self, LimitError};
 use super::passage;
 use iceoryx2::node::NodeCreationFailure;
 use iceoryx2::prelude::Node;
@@ -62,8 +62,8 @@ pub(super) fn within<R: Send + 'static>(
     limit::on_a_thread(limit, enter).unwrap_or_else(|why| {
         let instance = instance.to_owned();
         Err(match why {
-            Lost::Late => ClientError::Stuck { instance, after: limit },
-            Lost::Ended => ClientError::Broken { instance },
+            LimitError::Late => ClientError::Stuck { instance, after: limit },
+            LimitError::Ended => ClientError::Broken { instance },
         })
     })
 }

@@ -12,7 +12,7 @@ pub(super) const SHORT: Duration = Duration::from_secs(1);
 
 /// The reason why there is no result.
 #[derive(Debug, PartialEq, Eq)]
-pub(super) enum Lost {
+pub(super) enum LimitError {
     /// The call takes too long.
     Late,
     /// The thread could not be started or has panicked.
@@ -23,14 +23,14 @@ pub(super) enum Lost {
 pub(super) fn on_a_thread<R: Send + 'static>(
     limit: Duration,
     work: impl FnOnce() -> R + Send + 'static,
-) -> Result<R, Lost> {
+) -> Result<R, LimitError> {
     let (done, result) = mpsc::sync_channel(1);
     let thread = std::thread::Builder::new().name("channel".to_owned());
     // After the limit, the thread drops the late result.
-    let thread = thread.spawn(move || drop(done.send(work()))).map_err(|_| Lost::Ended)?;
+    let thread = thread.spawn(move || drop(done.send(work()))).map_err(|_| LimitError::Ended)?;
     let result = result.recv_timeout(limit).map_err(|error| match error {
-        RecvTimeoutError::Timeout => Lost::Late,
-        RecvTimeoutError::Disconnected => Lost::Ended,
+        RecvTimeoutError::Timeout => LimitError::Late,
+        RecvTimeoutError::Disconnected => LimitError::Ended,
     })?;
     // The thread is about to end; joining it makes sure that it is gone from the process.
     let _ = thread.join();
@@ -42,10 +42,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_takes_for_ever_is_left_behind() {
+    fn a_call_that_never_returns_is_abandoned() {
         let (never, ends) = mpsc::channel::<()>();
         let waits = move || ends.recv().is_ok();
-        assert_eq!(on_a_thread(Duration::from_millis(1), waits), Err(Lost::Late));
+        assert_eq!(on_a_thread(Duration::from_millis(1), waits), Err(LimitError::Late));
         assert!(on_a_thread(Duration::from_secs(60), || 7).is_ok_and(|seven| seven == 7));
         drop(never);
     }

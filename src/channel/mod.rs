@@ -16,7 +16,7 @@
 
 pub mod bells;
 pub mod client;
-mod departed;
+mod dead_clients;
 mod domain;
 pub mod events;
 mod guest;

@@ -7,22 +7,22 @@
 mod model;
 
 /// A directory that may have a name; real or modelled.
-pub(super) trait Root {
+pub(super) trait ChannelRoot {
     /// While it exists, no other process has the lock.
-    type Held;
+    type Lock;
 
     /// Takes the lock if it is free.
-    fn try_lock(&self) -> Option<Self::Held>;
+    fn try_lock(&self) -> Option<Self::Lock>;
 
     /// True if the name still belongs to this directory.
     fn is_named(&self) -> bool;
 }
 
 /// Content of the directory.
-pub(super) trait Place {
-    type Root: Root;
+pub(super) trait ChannelSite {
+    type ChannelRoot: ChannelRoot;
 
-    fn root(&self) -> &Self::Root;
+    fn root(&self) -> &Self::ChannelRoot;
 
     /// True if a living process has announced itself.
     fn is_served(&self) -> bool;
@@ -41,10 +41,10 @@ pub(super) trait Place {
 }
 
 /// Returns the directory for its owner; `create` makes it. While the second value exists, leaving clients do not sweep.
-pub(super) fn own<R: Root, E>(
+pub(super) fn own<R: ChannelRoot, E>(
     mut create: impl FnMut() -> Result<R, E>,
     mut wait: impl FnMut() -> Result<(), E>,
-) -> Result<(R, R::Held), E> {
+) -> Result<(R, R::Lock), E> {
     loop {
         let root = create()?;
         match root.try_lock() {
@@ -57,7 +57,7 @@ pub(super) fn own<R: Root, E>(
 }
 
 /// Called by a client that has left. If the server has ended before, the client must remove the remaining files.
-pub(super) fn leave(place: &impl Place) {
+pub(super) fn leave(place: &impl ChannelSite) {
     while !place.is_served() {
         let Some(held) = place.root().try_lock() else { return };
         if !place.root().is_named() || place.is_served() {
@@ -78,7 +78,7 @@ pub(super) fn leave(place: &impl Place) {
 }
 
 /// Called after the server has ended and the clients had time to leave.
-pub(super) fn close(place: &impl Place, is_unused: impl FnOnce() -> bool) {
+pub(super) fn close(place: &impl ChannelSite, is_unused: impl FnOnce() -> bool) {
     if is_unused() {
         place.sweep();
     }

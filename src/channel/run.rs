@@ -43,15 +43,15 @@ impl Run {
         if self.next == 0 && !self.execution.is_under_way() {
             host.begin_request();
         }
-        self.go_on(host, ops)
+        self.resume(host, ops)
     }
 
     /// Executes operations that only read, while another request is under way. The host is not notified.
     pub(crate) fn look(&mut self, host: &mut dyn Host, ops: &[WireOp]) -> Progress {
-        self.go_on(host, ops)
+        self.resume(host, ops)
     }
 
-    fn go_on(&mut self, host: &mut dyn Host, ops: &[WireOp]) -> Progress {
+    fn resume(&mut self, host: &mut dyn Host, ops: &[WireOp]) -> Progress {
         while let Some(wire) = ops.get(self.next) {
             match self.execute(host, *wire) {
                 Ok(Progress::Done) => self.next += 1,

@@ -12,9 +12,9 @@ pub use super::domain::{MAX_CLIENTS, RootError};
 pub use error::ServerError;
 pub use watch::ChannelWatch;
 
-use super::departed::Departed;
+use super::dead_clients::DeadClients;
 use super::domain::{Domain, Ipc, Service};
-use super::passage::Place;
+use super::passage::ChannelSite;
 use super::run::{Progress, Run};
 use super::wire::{Block, WireOp};
 use super::{Bells, EventNotifier, limit};
@@ -57,7 +57,7 @@ pub struct Server {
     /// Requests that wait in real time. With a stepped clock, the request under way and its successors in order of
     /// arrival. Declared before the port, which they refer to.
     waiting: Vec<(Request, Run)>,
-    departed: Departed,
+    departed: DeadClients,
     /// `None` only while it is being dropped.
     port: Option<Port>,
     service: Option<Service<Ipc>>,
@@ -105,7 +105,7 @@ impl Server {
         };
         let server = Self {
             waiting: Vec::new(),
-            departed: Departed::default(),
+            departed: DeadClients::default(),
             port: Some(port),
             service: Some(service),
             node: Some(node),
@@ -146,13 +146,13 @@ impl Server {
     ///
     /// Returns the number of answered requests. If it is not zero, more may have arrived meanwhile.
     pub fn poll(&mut self, host: &mut dyn Host) -> usize {
-        self.forget_the_departed();
-        let answered = if host.is_stepped() { self.go_on(host) } else { self.retry(host) };
+        self.forget_dead_clients();
+        let answered = if host.is_stepped() { self.resume(host) } else { self.retry(host) };
         answered + self.receive(host)
     }
 
     /// Forgets requests of clients that have given up or died.
-    fn forget_the_departed(&mut self) {
+    fn forget_dead_clients(&mut self) {
         if self.waiting.is_empty() {
             return;
         }
@@ -183,7 +183,7 @@ impl Server {
     }
 
     /// With a stepped clock: continues the first request until it pauses again, then its successors.
-    fn go_on(&mut self, host: &mut dyn Host) -> usize {
+    fn resume(&mut self, host: &mut dyn Host) -> usize {
         let mut answered = 0;
         while let Some((request, run)) = self.waiting.first_mut() {
             if !host.may_act() || run.go(host, request.payload()) == Progress::Waiting {

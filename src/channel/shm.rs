@@ -12,10 +12,10 @@ pub(super) const SHM: &str = "/dev/shm";
 /// Longest time for a shared memory object without content: far more than a living process needs, even on a busy
 /// processor.
 const HALF_MADE: Duration = Duration::from_millis(500);
-/// Longest object that is accessible to all users: iceoryx2's counter of nodes has 16 bytes.
+/// Longest object with access for all users: iceoryx2's counter of nodes has 16 bytes.
 const MAX_PUBLIC: u64 = 4096;
 
-/// Shared memory objects of this user whose names begin with `prefix`. Other users can see the prefix and create
+/// Shared memory objects of this user with names that begin with `prefix`. Other users can see the prefix and create
 /// objects with it; no process of this user opens those, and they must not block one.
 pub(super) fn objects(prefix: &str) -> impl Iterator<Item = PathBuf> {
     let own = rustix::process::geteuid().as_raw();
@@ -149,7 +149,7 @@ mod tests {
     }
 
     #[test]
-    fn half_made_objects_are_told_from_finished_ones() {
+    fn incomplete_objects_are_distinguished_from_complete_ones() {
         let prefix = Prefix::new("half");
         let half = prefix.object("half", "");
         prefix.object("done", "x");
@@ -160,13 +160,13 @@ mod tests {
     }
 
     #[test]
-    fn who_has_an_object_open_or_mapped_uses_it() {
+    fn an_open_or_mapped_object_is_in_use() {
         let prefix = Prefix::new("used");
         let path = prefix.object("one", "x");
         assert!(!is_in_use(&path));
         let file = File::open(&path).unwrap();
         assert!(is_in_use(&path));
-        // SAFETY: nobody else knows the file, and it is only looked at whether it is mapped.
+        // SAFETY: no other code knows the file, and the contents of the map are not read.
         let map = unsafe { memmap2::Mmap::map(&file) }.unwrap();
         drop(file);
         assert!(is_in_use(&path));
@@ -176,7 +176,7 @@ mod tests {
 
     /// Only root can create objects of another user; other users cannot run this test.
     #[test]
-    fn objects_of_other_users_are_none_of_ours() {
+    fn objects_of_other_users_are_ignored() {
         let prefix = Prefix::new("foreign");
         let (empty, link) = (prefix.object("empty", ""), Path::new(SHM).join(format!("{}link", prefix.0)));
         std::os::unix::fs::symlink(&empty, &link).unwrap();

@@ -13,8 +13,8 @@ mod fault;
 mod findings;
 mod forces;
 mod journal;
-mod own;
 mod reply;
+mod serde_types;
 #[cfg(test)]
 mod tests;
 

@@ -2,8 +2,8 @@
 
 use super::error::CliError;
 use crate::coupling::{Coupling, CouplingConfig};
-use crate::federation::{Alone, Exchange, FederationError, MOST, Part};
-use crate::helics::{ByHelics, Place, SimulatorsByHelics};
+use crate::federation::{Exchange, FederateConfig, FederationError, MOST, NoExchange};
+use crate::helics::{HelicsConfig, HelicsExchange, HelicsSimulators};
 use crate::runtime::{Clock, Emulator};
 use crate::time;
 use std::path::PathBuf;
@@ -98,7 +98,7 @@ impl FederateArgs {
             });
         }
         let (own, count) = self.federate.unwrap_or((0, 1));
-        let place = Place {
+        let place = HelicsConfig {
             federation: self.federation.clone(),
             own,
             count,
@@ -107,14 +107,17 @@ impl FederateArgs {
         };
         let coupling = self.coupling(emulator)?;
         let exchange: Box<dyn Exchange> = match count {
-            1 => Box::new(Alone),
-            _ => Box::new(ByHelics::join(place.clone(), emulator.waker())?),
+            1 => Box::new(NoExchange),
+            _ => Box::new(HelicsExchange::join(place.clone(), emulator.waker())?),
         };
         let exchange_us = coupling.as_ref().map(Coupling::period_us);
-        emulator.join(Part { own, count, follows: self.follow, limit: self.limit, exchange_us }, exchange)?;
+        emulator.join(
+            FederateConfig { own, count, follows: self.follow, limit: self.limit, exchange_us },
+            exchange,
+        )?;
         if let Some(mut coupling) = coupling {
             let (interface, first) = (coupling.interface().clone(), coupling.first(emulator.plant()));
-            let simulators = SimulatorsByHelics::join(place, interface, first, emulator.waker())?;
+            let simulators = HelicsSimulators::join(place, interface, first, emulator.waker())?;
             coupling.connect(Box::new(simulators));
             emulator.couple(coupling);
         }

@@ -16,17 +16,17 @@ pub struct CouplingConfig {
     /// Name of the plant among the simulators.
     pub name: String,
     /// Values that the plant publishes.
-    pub publish: Vec<Named>,
+    pub publish: Vec<ValueEntry>,
     /// Values that the plant subscribes to.
-    pub subscribe: Vec<Named>,
-    /// Buses whose frames are exchanged with the others.
-    pub buses: Vec<NamedBus>,
+    pub subscribe: Vec<ValueEntry>,
+    /// Buses that exchange frames with the others.
+    pub buses: Vec<BusEntry>,
 }
 
 /// A value and its key: one entry of `[[publish]]` or `[[subscribe]]`.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Named {
+pub struct ValueEntry {
     /// Name of a register, a pattern, or a value at the shaft of a drive.
     pub value: String,
     /// Name of the value among the simulators. Default: the name of the plant, followed by `value`.
@@ -36,7 +36,7 @@ pub struct Named {
 /// One entry of `[[bus]]`.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct NamedBus {
+pub struct BusEntry {
     /// Name of the bus in the plant.
     pub name: String,
     /// Endpoint to which the others send. Default: the name of the plant, followed by the name of
@@ -54,11 +54,11 @@ struct File {
     #[serde(default = "plant")]
     name: String,
     #[serde(default)]
-    publish: Vec<Named>,
+    publish: Vec<ValueEntry>,
     #[serde(default)]
-    subscribe: Vec<Named>,
+    subscribe: Vec<ValueEntry>,
     #[serde(default)]
-    bus: Vec<NamedBus>,
+    bus: Vec<BusEntry>,
 }
 
 impl File {

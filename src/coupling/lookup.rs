@@ -1,6 +1,6 @@
 //! Looks up the names of the file in a plant.
 
-use super::{CouplingConfig, CouplingError, Named};
+use super::{CouplingConfig, CouplingError, ValueEntry};
 use crate::fmi::{Causality, Kind, Variable, What, named};
 use crate::plant::Plant;
 use std::collections::BTreeSet;
@@ -14,7 +14,7 @@ pub struct Interface {
     pub publications: Vec<Publication>,
     /// Values that the plant subscribes to.
     pub subscriptions: Vec<Subscription>,
-    /// Buses of the plant whose frames are exchanged.
+    /// Buses of the plant that exchange frames.
     pub endpoints: Vec<Endpoint>,
 }
 
@@ -44,7 +44,7 @@ pub struct Subscription {
     pub(super) what: What,
 }
 
-/// A bus whose frames are exchanged.
+/// A bus that exchanges frames.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Endpoint {
     /// Name of the endpoint among the simulators.
@@ -61,7 +61,7 @@ impl Interface {
         let CouplingConfig { name, publish, subscribe, buses, .. } = config;
         let mut publications = Vec::new();
         for it in publish {
-            let found = looked_up(plant, it)?;
+            let found = look_up(plant, it)?;
             if it.key.is_some() && found.len() > 1 {
                 let why = "several values cannot have one key; leave it out, or name one of them".to_owned();
                 return Err(CouplingError::Unfit { name: it.value.clone(), why });
@@ -103,13 +103,13 @@ impl Interface {
     }
 }
 
-fn looked_up(plant: &Plant, it: &Named) -> Result<Vec<Variable>, CouplingError> {
+fn look_up(plant: &Plant, it: &ValueEntry) -> Result<Vec<Variable>, CouplingError> {
     named(plant, &it.value).map_err(|why| CouplingError::Unknown { name: it.value.clone(), why })
 }
 
-fn subscription(plant: &Plant, plant_name: &str, it: &Named) -> Result<Subscription, CouplingError> {
+fn subscription(plant: &Plant, plant_name: &str, it: &ValueEntry) -> Result<Subscription, CouplingError> {
     let unfit = |why: &str| CouplingError::Unfit { name: it.value.clone(), why: why.to_owned() };
-    let mut found = looked_up(plant, it)?;
+    let mut found = look_up(plant, it)?;
     let (Some(one), true) = (found.pop(), found.is_empty()) else {
         return Err(unfit("it names several values; subscribe to each with a separate key"));
     };

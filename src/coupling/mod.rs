@@ -6,14 +6,14 @@
 //! next exchange (decision D-576). [`Simulators`] transports the values and frames.
 
 mod config;
+mod conversion;
 mod error;
-mod fitting;
+mod input;
 mod lookup;
-mod taking;
 #[cfg(test)]
 mod tests;
 
-pub use config::{CouplingConfig, Named, NamedBus};
+pub use config::{BusEntry, CouplingConfig, ValueEntry};
 pub use error::CouplingError;
 pub use lookup::{Endpoint, Interface, Publication, Subscription};
 
@@ -22,12 +22,12 @@ use crate::journal::{Source, candump};
 use crate::plant::Plant;
 use crate::request::Host;
 use core::time::Duration;
+use input::Refusals;
 use std::time::Instant;
-use taking::Refusals;
 
 /// The values and frames that the plant publishes at an exchange.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Given {
+pub struct PlantOutput {
     /// Changed values, by their index in [`Interface::publications`].
     pub values: Vec<(usize, Value)>,
     /// Frames on the buses since the last exchange, as lines of a log, by their index in [`Interface::endpoints`].
@@ -38,7 +38,7 @@ pub struct Given {
 
 /// The values and frames that the other simulators publish at an exchange.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Taken {
+pub struct SimulatorOutput {
     /// Values published since the last exchange, by their index in [`Interface::subscriptions`].
     pub values: Vec<(usize, f64)>,
     /// Frames as text, by their index in [`Interface::endpoints`].
@@ -50,13 +50,14 @@ pub struct Taken {
 /// Connection to the other simulators. An implementation also wakes the emulator when input has arrived.
 pub trait Simulators: Send {
     /// Publishes the values and frames, and lets the others advance to the next exchange.
-    fn give(&mut self, given: Given);
+    fn give(&mut self, given: PlantOutput);
 
     /// Returns the input for the current exchange; does not wait. The first exchange is at the start, before the first
     /// `give`.
     ///
-    /// # Errors The connection failed; the text gives the reason.
-    fn take(&mut self) -> Result<Option<Taken>, String>;
+    /// # Errors
+    /// The connection failed; the text gives the reason.
+    fn take(&mut self) -> Result<Option<SimulatorOutput>, String>;
 
     /// Closes the connection.
     fn leave(&mut self);
@@ -65,18 +66,18 @@ pub trait Simulators: Send {
 /// Result of [`Coupling::take`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Progress {
-    /// No exchange is due.
+    /// It is not time for an exchange.
     Nothing,
-    /// An exchange is due, and the others have not reached it.
+    /// It is time for an exchange, and the others have not reached it.
     Waits,
     /// The others have published something. These motors now turn at another speed: number of the drive, and speed as
     /// the plant counts it; `None`: as the drive demands.
-    Taken(Vec<(usize, Option<i32>)>),
+    Exchanged(Vec<(usize, Option<i32>)>),
     /// The others have ended normally.
     HaveGone,
 }
 
-/// A plant that is coupled with other simulators.
+/// A plant coupled with other simulators.
 pub struct Coupling {
     interface: Interface,
     published: Vec<(What, Option<Value>)>,
@@ -89,7 +90,7 @@ pub struct Coupling {
     start_us: u64,
     /// Emulated time of the next exchange.
     due_us: u64,
-    /// First record of the journal whose frames were not sent yet.
+    /// First record of the journal with frames that were not sent yet.
     next_record: u64,
     limit: Duration,
     waits_since: Option<Instant>,
@@ -132,8 +133,8 @@ impl Coupling {
     }
 
     /// Returns all published values, for the exchange before the clock starts.
-    pub fn first(&mut self, plant: &Plant) -> Given {
-        Given { next_us: 0, ..self.collect(plant) }
+    pub fn first(&mut self, plant: &Plant) -> PlantOutput {
+        PlantOutput { next_us: 0, ..self.collect(plant) }
     }
 
     /// Sets the connection to the other simulators.
@@ -141,14 +142,15 @@ impl Coupling {
         self.simulators = Some(simulators);
     }
 
-    /// True if an exchange is due at this emulated time. Then no other input may enter the plant before the exchange.
+    /// True if this emulated time is the time of an exchange. Then no other input may enter the plant before the exchange.
     pub fn is_due(&self, now: u64) -> bool {
         now >= self.due_us
     }
 
-    /// If an exchange is due, passes the input of the others to the plant.
+    /// At the time of an exchange, passes the input of the others to the plant.
     ///
-    /// # Errors The others have left or cannot be reached.
+    /// # Errors
+    /// The others have left or cannot be reached.
     pub fn take(&mut self, host: &mut dyn Host) -> Result<Progress, CouplingError> {
         let is_due = self.is_due(host.plant().now());
         let Some(simulators) = self.simulators.as_mut().filter(|_| is_due) else {
@@ -178,10 +180,10 @@ impl Coupling {
         let before = core::mem::replace(&mut self.turned, now);
         let pairs = self.turned.iter().zip(before).enumerate();
         let changed = pairs.filter(|(_, (now, before))| *now != before);
-        Ok(Progress::Taken(changed.map(|(drive, (now, _))| (drive, *now)).collect()))
+        Ok(Progress::Exchanged(changed.map(|(drive, (now, _))| (drive, *now)).collect()))
     }
 
-    /// Call after [`Progress::Taken`]: publishes the values of the plant. The next exchange is one period later.
+    /// Call after [`Progress::Exchanged`]: publishes the values of the plant. The next exchange is one period later.
     pub fn give(&mut self, plant: &Plant) {
         self.due_us = self.due_us.saturating_add(self.period_us);
         let given = self.collect(plant);
@@ -202,8 +204,8 @@ impl Coupling {
         }
     }
 
-    fn collect(&mut self, plant: &Plant) -> Given {
-        let mut given = Given { next_us: self.due_us - self.start_us, ..Given::default() };
+    fn collect(&mut self, plant: &Plant) -> PlantOutput {
+        let mut given = PlantOutput { next_us: self.due_us - self.start_us, ..PlantOutput::default() };
         for (place, (what, last)) in self.published.iter_mut().enumerate() {
             let value = self.shafts.value(plant, *what);
             if last.replace(value) != Some(value) {

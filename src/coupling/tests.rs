@@ -9,14 +9,14 @@ use std::sync::{Arc, Mutex};
 
 /// Scripted input, and a record of the output.
 #[derive(Clone, Default)]
-struct Letters(Arc<Mutex<(VecDeque<Taken>, Vec<Given>)>>);
+struct ScriptedSimulators(Arc<Mutex<(VecDeque<SimulatorOutput>, Vec<PlantOutput>)>>);
 
-impl Simulators for Letters {
-    fn give(&mut self, given: Given) {
+impl Simulators for ScriptedSimulators {
+    fn give(&mut self, given: PlantOutput) {
         self.0.lock().unwrap().1.push(given);
     }
 
-    fn take(&mut self) -> Result<Option<Taken>, String> {
+    fn take(&mut self) -> Result<Option<SimulatorOutput>, String> {
         Ok(self.0.lock().unwrap().0.pop_front())
     }
 
@@ -53,25 +53,25 @@ value = 'drive1.speed_modelled'
 value = 'node2.b_BT_1'
 ";
 
-fn taken(values: &[(usize, f64)]) -> Taken {
-    Taken { values: values.to_vec(), ..Taken::default() }
+fn taken(values: &[(usize, f64)]) -> SimulatorOutput {
+    SimulatorOutput { values: values.to_vec(), ..SimulatorOutput::default() }
 }
 
 #[test]
-fn what_is_taken_is_stored_and_what_changes_is_given() {
+fn inputs_are_stored_and_changes_are_published() {
     let mut host = host_of("");
     let mut coupling = coupling(&host.plant, EXCHANGE).unwrap();
     assert_eq!(coupling.interface().publications[0].key, "plant/node2.w_OPTION_STATUS");
     assert_eq!(coupling.interface().subscriptions[1].key, "plant/drive1.speed_modelled");
     let first = coupling.first(&host.plant);
     assert_eq!(first.values, [(0, Value::Integer(1)), (1, Value::Float(0.0))]);
-    let letters = Letters::default();
+    let letters = ScriptedSimulators::default();
     coupling.connect(Box::new(letters.clone()));
     assert!(coupling.is_due(0));
     assert_eq!(coupling.take(&mut host).unwrap(), Progress::Waits);
     let give = |values: &[(usize, f64)]| letters.0.lock().unwrap().0.push_back(taken(values));
     give(&[(0, 1.2), (1, 10.0), (2, 28.0)]);
-    let Progress::Taken(turned) = coupling.take(&mut host).unwrap() else { panic!() };
+    let Progress::Exchanged(turned) = coupling.take(&mut host).unwrap() else { panic!() };
     assert_eq!(turned.len(), 1);
     coupling.give(&host.plant);
     assert!(!coupling.is_due(999) && coupling.is_due(1000));
@@ -79,16 +79,16 @@ fn what_is_taken_is_stored_and_what_changes_is_given() {
     // Storing the same values again is no store, and values out of range are refused.
     let before = host.plant.journal().hash();
     give(&[(2, 28.0), (0, 65_536.0), (0, f64::NAN), (1, f64::INFINITY)]);
-    assert_eq!(coupling.take(&mut host).unwrap(), Progress::Taken(Vec::new()));
+    assert_eq!(coupling.take(&mut host).unwrap(), Progress::Exchanged(Vec::new()));
     assert_eq!(host.plant.journal().hash(), before);
     assert_eq!(coupling.refused_values.iter().map(|it| it.0).collect::<Vec<_>>(), [2, 1, 0]);
     coupling.give(&host.plant);
     assert_eq!(coupling.take(&mut host).unwrap(), Progress::Nothing);
     let given = letters.0.lock().unwrap().1.clone();
     assert_eq!(given.len(), 2);
-    assert_eq!(given[0], Given { next_us: 1000, ..Given::default() });
+    assert_eq!(given[0], PlantOutput { next_us: 1000, ..PlantOutput::default() });
     assert!(given[1].values.contains(&(0, Value::Integer(2))) && given[1].next_us == 2000, "{given:?}");
-    letters.0.lock().unwrap().0.push_back(Taken { have_gone: true, ..Taken::default() });
+    letters.0.lock().unwrap().0.push_back(SimulatorOutput { have_gone: true, ..SimulatorOutput::default() });
     host.plant.advance_to(2000);
     assert_eq!(coupling.take(&mut host).unwrap(), Progress::HaveGone);
 }
@@ -100,23 +100,23 @@ fn frames_go_both_ways() {
     host.plant.guest_joins(0, 1, true);
     let file = "period = '1ms'\n[[bus]]\nname = 'open'\nto = ['sensor/can']\n";
     let mut coupling = coupling(&host.plant, file).unwrap();
-    let letters = Letters::default();
+    let letters = ScriptedSimulators::default();
     coupling.connect(Box::new(letters.clone()));
     let say = |frames: &[&str]| {
         let frames = frames.iter().map(|text| (0, text.as_bytes().to_vec())).collect();
-        letters.0.lock().unwrap().0.push_back(Taken { frames, ..Taken::default() });
+        letters.0.lock().unwrap().0.push_back(SimulatorOutput { frames, ..SimulatorOutput::default() });
     };
     say(&["123#1122", "(0000000000.000000) other 00000007#R3", "nonsense", "", "123#11 22"]);
-    assert!(matches!(coupling.take(&mut host), Ok(Progress::Taken(_))));
+    assert!(matches!(coupling.take(&mut host), Ok(Progress::Exchanged(_))));
     assert_eq!(coupling.refused_frames[0].0, 3);
     coupling.give(&host.plant);
     host.plant.advance_to(1000);
     say(&[]);
-    assert!(matches!(coupling.take(&mut host), Ok(Progress::Taken(_))));
+    assert!(matches!(coupling.take(&mut host), Ok(Progress::Exchanged(_))));
     coupling.give(&host.plant);
     host.plant.advance_to(2000);
     say(&[]);
-    assert!(matches!(coupling.take(&mut host), Ok(Progress::Taken(_))));
+    assert!(matches!(coupling.take(&mut host), Ok(Progress::Exchanged(_))));
     coupling.give(&host.plant);
     let given = letters.0.lock().unwrap().1.clone();
     let frames: Vec<_> =
@@ -127,10 +127,10 @@ fn frames_go_both_ways() {
 }
 
 #[test]
-fn files_that_cannot_be_are_refused() {
+fn invalid_files_are_refused() {
     let plant = host_of("").plant;
-    let told = |file: &str| coupling(&plant, file).err().unwrap_or_else(|| panic!("taken: {file}"));
-    let section = |section: &str| told(&format!("period = '1ms'\n{section}"));
+    let refusal = |file: &str| coupling(&plant, file).err().unwrap_or_else(|| panic!("taken: {file}"));
+    let section = |section: &str| refusal(&format!("period = '1ms'\n{section}"));
     for (file, why) in [
         ("", "period"),
         ("period = '1ms'", "nothing is exchanged"),
@@ -139,7 +139,7 @@ fn files_that_cannot_be_are_refused() {
         ("period = '1ms'\nperiods = 3", "line 2"),
         ("period = '1ms'\nname = ''\n[[bus]]\nname = 'drives'", "not a name for HELICS"),
     ] {
-        assert!(told(file).contains(why), "{file}: {}", told(file));
+        assert!(refusal(file).contains(why), "{file}: {}", refusal(file));
     }
     for (text, why) in [
         ("[[bus]]\nname = 'nobus'", "the buses are: drives"),
@@ -162,10 +162,10 @@ fn files_that_cannot_be_are_refused() {
 
 /// The same model, as a unit and over a coupling.
 #[test]
-fn a_model_is_as_at_a_unit() {
+fn a_model_behaves_as_at_a_unit() {
     let mut host = host_of("");
     let mut coupling = coupling(&host.plant, EXCHANGE).unwrap();
-    let letters = Letters::default();
+    let letters = ScriptedSimulators::default();
     coupling.connect(Box::new(letters.clone()));
     let mut unit = Unit::new(&Resources::built_in(Vec::new()).unwrap()).unwrap();
     let at = |name: &str| unit.variables().iter().position(|it| it.name == name).unwrap() as u32;
@@ -175,7 +175,7 @@ fn a_model_is_as_at_a_unit() {
     for step in 0..50_u32 {
         let (word, turns) = (u32::from(step > 3), f64::from(step) * 1.7);
         letters.0.lock().unwrap().0.push_back(taken(&[(0, f64::from(word)), (1, turns)]));
-        let Progress::Taken(turned) = coupling.take(&mut host).unwrap() else { panic!() };
+        let Progress::Exchanged(turned) = coupling.take(&mut host).unwrap() else { panic!() };
         turned.iter().for_each(|(drive, speed)| assert!(host.plant.turn_shaft(*drive, *speed)));
         coupling.give(&host.plant);
         host.plant.advance_to(u64::from(step + 1) * 1000);

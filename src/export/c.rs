@@ -8,7 +8,7 @@ use super::scope::Scope;
 use super::text;
 use crate::layout::{RegType, Structure, format_value};
 use crate::memory::HEADER_SIZE;
-use crate::memory::contract::{self, HeaderStruct, Kind};
+use crate::memory::contract::{self, FieldKind, HeaderStruct};
 use crate::memory::header::{ABI_VERSION, MAGIC};
 use std::fmt::Write;
 
@@ -92,8 +92,8 @@ fn header_struct(out: &mut String, of: &HeaderStruct) {
     let _ = writeln!(out, "\ntypedef struct {name} {{");
     for field in of.fields {
         let ty = match field.kind {
-            Kind::Integer(bytes) => format!("COMMRAM_CELL(uint{}_t)", 8 * bytes),
-            Kind::Struct(of) => format!("commram_{}", text::snake(of.name)),
+            FieldKind::Integer(bytes) => format!("COMMRAM_CELL(uint{}_t)", 8 * bytes),
+            FieldKind::Struct(of) => format!("commram_{}", text::snake(of.name)),
         };
         let bounds = field.count.map(|count| format!("[{count}]")).unwrap_or_default();
         let meaning = field.meaning().filter(|meaning| !meaning.is_empty());

@@ -6,7 +6,7 @@ use super::scope::Scope;
 use super::text;
 use crate::layout::{Area, BitField, Dim, Register, Space, Structure, ValueMeaning};
 use crate::memory::HEADER_SIZE;
-use crate::memory::contract::{self, HeaderStruct, Kind};
+use crate::memory::contract::{self, FieldKind, HeaderStruct};
 use crate::memory::header::ABI_VERSION;
 use serde_json::{Map, Value, json};
 
@@ -62,8 +62,8 @@ fn header() -> Value {
 fn header_struct(of: &HeaderStruct) -> Value {
     let fields = of.fields.iter().map(|field| {
         let kind = match field.kind {
-            Kind::Integer(bytes) => format!("u{}", 8 * bytes),
-            Kind::Struct(of) => of.name.to_owned(),
+            FieldKind::Integer(bytes) => format!("u{}", 8 * bytes),
+            FieldKind::Struct(of) => of.name.to_owned(),
         };
         json!({
             "name": field.name,

@@ -6,7 +6,7 @@ use super::scope::Scope;
 use super::text;
 use crate::layout::{BitField, Meaning, Provenance, RegType, Register, Space, Unit, ValueMeaning};
 use crate::memory::HEADER_SIZE;
-use crate::memory::contract::{self, Codes, Field, HeaderStruct, Kind};
+use crate::memory::contract::{self, Codes, Field, FieldKind, HeaderStruct};
 use crate::memory::header::{ABI_VERSION, MAGIC};
 use std::fmt::Write;
 
@@ -65,10 +65,10 @@ fn header_struct(out: &mut String, of: &HeaderStruct) {
     let _ = writeln!(out, "    {:?}: {{", of.name);
     for Field { offset, name, kind, count } in of.fields {
         let code = match kind {
-            Kind::Integer(1) => "B",
-            Kind::Integer(4) => "I",
-            Kind::Integer(_) => "Q",
-            Kind::Struct(of) => of.name,
+            FieldKind::Integer(1) => "B",
+            FieldKind::Integer(4) => "I",
+            FieldKind::Integer(_) => "Q",
+            FieldKind::Struct(of) => of.name,
         };
         let count = count.map_or("None".to_owned(), |count| count.to_string());
         let _ = writeln!(out, "        {name:?}: ({offset}, {code:?}, {count}, {}),", kind.bytes());

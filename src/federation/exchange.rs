@@ -4,7 +4,8 @@
 pub trait Exchange: Send {
     /// Sends a message to all others. Messages of one federate arrive in the order in which it sent them.
     ///
-    /// # Errors The connection failed; the text gives the reason.
+    /// # Errors
+    /// The connection failed; the text gives the reason.
     fn send(&mut self, message: &[u8]) -> Result<(), String>;
 
     /// Returns the next message of another federate, with the number of that federate; does not wait.

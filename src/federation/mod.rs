@@ -9,14 +9,14 @@
 //!
 //! An [`Exchange`] transports the messages.
 
-mod alone;
 mod error;
 mod exchange;
 mod message;
+mod no_exchange;
 
-pub use alone::Alone;
 pub use error::FederationError;
 pub use exchange::Exchange;
+pub use no_exchange::NoExchange;
 
 use crate::memory::header::SeatState;
 use crate::plant::{Outside, Plant, SnapshotError};
@@ -33,7 +33,7 @@ const ALIVE: Duration = Duration::from_secs(1);
 
 /// Configuration of this federate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Part {
+pub struct FederateConfig {
     /// Number of this federate, from 0.
     pub own: u8,
     /// Number of federates.
@@ -48,7 +48,7 @@ pub struct Part {
 
 /// Result of [`Federation::look`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum News {
+pub enum FederationEvent {
     /// No message has arrived.
     Nothing,
     /// The plant or the owner of the turn has changed.
@@ -59,7 +59,7 @@ pub enum News {
 
 /// This federate among the others.
 pub struct Federation {
-    part: Part,
+    part: FederateConfig,
     exchange: Box<dyn Exchange>,
     /// Received greetings, by federate, until all have arrived.
     hellos: Vec<Option<Hello>>,
@@ -91,7 +91,11 @@ impl Federation {
     ///
     /// # Errors
     /// The message to the others cannot be sent.
-    pub fn join(part: Part, plant: &Plant, mut exchange: Box<dyn Exchange>) -> Result<Self, FederationError> {
+    pub fn join(
+        part: FederateConfig,
+        plant: &Plant,
+        mut exchange: Box<dyn Exchange>,
+    ) -> Result<Self, FederationError> {
         let hello = Hello {
             version: env!("CARGO_PKG_VERSION").to_owned(),
             count: part.count,
@@ -149,7 +153,8 @@ impl Federation {
 
     /// Checks an operation before it is executed here.
     ///
-    /// # Errors The operation is not possible on several hosts together.
+    /// # Errors
+    /// The operation is not possible on several hosts together.
     pub fn permit(&mut self, plant: &Plant, op: &Op) -> Result<(), Refused> {
         match op {
             Op::Restore { .. } | Op::BackTo { .. } | Op::Back { .. } | Op::BackUntil { .. } => {
@@ -202,7 +207,7 @@ impl Federation {
     }
 
     /// True if the clock has reached `target`, which [`Federation::end_turn`] asked for.
-    pub fn has_come_to(&mut self, target: u64) -> bool {
+    pub fn has_reached(&mut self, target: u64) -> bool {
         self.arrived.take_if(|at| *at >= target).is_some()
     }
 
@@ -232,8 +237,8 @@ impl Federation {
     ///
     /// # Errors
     /// [`FederationError`].
-    pub fn look(&mut self, host: &mut dyn Host) -> Result<News, FederationError> {
-        let mut news = News::Nothing;
+    pub fn look(&mut self, host: &mut dyn Host) -> Result<FederationEvent, FederationError> {
+        let mut news = FederationEvent::Nothing;
         while !self.is_own_turn() {
             let Some((from, bytes)) = self.exchange.receive().map_err(FederationError::Exchange)? else {
                 self.is_in_time()?;
@@ -241,7 +246,7 @@ impl Federation {
             };
             self.heard = Instant::now();
             match Message::of_bytes(&bytes).ok_or(FederationError::Nonsense { who: from })? {
-                Message::Bye(None) => return Ok(News::Left(from)),
+                Message::Bye(None) => return Ok(FederationEvent::Left(from)),
                 Message::Bye(Some(reason)) => return Err(FederationError::Failed { who: from, reason }),
                 Message::Hello(hello) if !self.is_complete => self.welcome(host.plant(), from, hello)?,
                 Message::Alive => {}
@@ -251,7 +256,7 @@ impl Federation {
                 },
                 Message::Hello(_) => return Err(FederationError::Nonsense { who: from }),
             }
-            news = News::Moved;
+            news = FederationEvent::Moved;
             while self.is_complete
                 && let Some(turn) = self.pending[usize::from(self.turn)].pop_front()
             {
@@ -275,7 +280,7 @@ impl Federation {
     }
 
     fn is_in_time(&self) -> Result<(), FederationError> {
-        let Part { limit, .. } = self.part;
+        let FederateConfig { limit, .. } = self.part;
         if self.heard.elapsed() < limit {
             return Ok(());
         }
@@ -284,7 +289,7 @@ impl Federation {
     }
 
     fn welcome(&mut self, plant: &Plant, who: u8, hello: Hello) -> Result<(), FederationError> {
-        let Part { count, .. } = self.part;
+        let FederateConfig { count, .. } = self.part;
         if hello.version != env!("CARGO_PKG_VERSION") {
             return Err(FederationError::OtherVersion { who, theirs: hello.version });
         }
@@ -294,7 +299,7 @@ impl Federation {
         let own = usize::from(self.part.own);
         let Some(Some(ours)) = self.hellos.get(own) else { return Err(FederationError::Nonsense { who }) };
         let is_like = plant.is_like(&ours.plant, &hello.plant);
-        is_like.map_err(|why| FederationError::OtherPlant { who, why: in_words(why) })?;
+        is_like.map_err(|why| FederationError::OtherPlant { who, why: describe_difference(why) })?;
         match self.hellos.get_mut(usize::from(who)) {
             Some(place @ None) => *place = Some(hello),
             _ => return Err(FederationError::Nonsense { who }),
@@ -374,7 +379,7 @@ impl Federation {
 }
 
 /// Describes a difference between plants, without the remedy for snapshots.
-fn in_words(why: SnapshotError) -> String {
+fn describe_difference(why: SnapshotError) -> String {
     match why {
         SnapshotError::OtherSettings { what } => format!("its plant file sets {what} otherwise"),
         SnapshotError::OtherPlant { theirs, ours } => format!("it has {theirs}, here there are {ours}"),

@@ -29,7 +29,7 @@ const LATEST: f64 = 9_223_372_036.0;
 const GONE: [&str; 2] = ["disconnected", "error"];
 
 /// A federate with values and messages. It must stay on the thread that created it.
-pub(super) struct Combination {
+pub(super) struct ValueFederate {
     functions: Functions,
     federate: Object,
     name: String,
@@ -41,10 +41,11 @@ pub(super) struct Combination {
     endpoints: Vec<Object>,
 }
 
-impl Combination {
+impl ValueFederate {
     /// Creates the federate.
     ///
-    /// # Errors There is no broker, or the name is taken.
+    /// # Errors
+    /// There is no broker, or the name is taken.
     pub(super) fn create(functions: Functions, name: &str, init: &str) -> Result<Self, String> {
         // SAFETY: here and below: the objects are the library's own and are used on this thread only; texts and bytes live
         // through the calls.
@@ -58,7 +59,7 @@ impl Combination {
         };
         let federate = functions.create(functions.create_combination, (name, init), set_up)?;
         let (publications, inputs, endpoints) = Default::default();
-        Ok(Combination {
+        Ok(ValueFederate {
             federate,
             name: name.to_owned(),
             functions,
@@ -76,7 +77,7 @@ impl Combination {
         subscriptions: &[Subscription],
         endpoints: &[Endpoint],
     ) -> Result<(), String> {
-        let Combination { functions, federate, .. } = self;
+        let ValueFederate { functions, federate, .. } = self;
         let federate = *federate;
         let publication = |key: &str, ty, unit: &str| {
             let (key, unit) = (text(key), text(unit));
@@ -253,7 +254,7 @@ impl Combination {
     /// Publishes the end, and leaves.
     pub(super) fn leave(self) {
         let _ = self.say_runs(false);
-        // SAFETY: as above. Whether it succeeds is all the same to who leaves.
+        // SAFETY: as above. A leaving federate ignores the result.
         let _ = self.functions.checked(|it, status| unsafe { (it.disconnect)(self.federate, status) });
     }
 }

@@ -5,29 +5,30 @@ use super::library::{Functions, Object, text};
 use core::ffi::{CStr, c_char};
 
 /// A federate with commands only: its time is independent of the time of the others.
-pub(super) struct Federate {
+pub(super) struct CommandFederate {
     functions: Functions,
     federate: Object,
 }
 
-// SAFETY: HELICS looks federates up by their handles and keeps what it does in queues that several threads may use. What is not
-// guarded is where the last command stands: that is of the one thread that waits for commands.
-unsafe impl Send for Federate {}
+// SAFETY: HELICS finds federates by their handles and uses thread-safe queues. Only the buffer of the last command is
+// unguarded, and only the one thread that waits for commands uses it.
+unsafe impl Send for CommandFederate {}
 // SAFETY: as above.
-unsafe impl Sync for Federate {}
+unsafe impl Sync for CommandFederate {}
 
-impl Federate {
+impl CommandFederate {
     /// Joins a federation as `name`. Returns when all federates that the broker expects have joined, or when the core
     /// gives up.
     ///
-    /// # Errors There is no broker, or the name is taken.
+    /// # Errors
+    /// There is no broker, or the name is taken.
     pub(super) fn join(functions: Functions, name: &str, init: &str) -> Result<Self, HelicsError> {
         let failed = |reason| HelicsError::NotJoined { reason };
         let made = functions.create(functions.create_plain, (name, init), |_| Ok(()));
         let federate = made.map_err(failed)?;
         // SAFETY: here and below: the objects are the library's own; texts live through the calls.
         functions.checked(|it, status| unsafe { (it.enter_executing)(federate, status) }).map_err(failed)?;
-        Ok(Federate { functions, federate })
+        Ok(CommandFederate { functions, federate })
     }
 
     /// Sends a command to a federate; a command to an absent one is lost.
@@ -43,7 +44,7 @@ impl Federate {
     pub(super) fn wait(&self) -> Result<(String, String), String> {
         let functions = &self.functions;
         let copied = |at: *const c_char| {
-            // SAFETY: where the command stands is left alone until the next wait, and it is copied now.
+            // SAFETY: HELICS does not change the command until the next wait, and it is copied now.
             let text = unsafe { (!at.is_null()).then(|| CStr::from_ptr(at)) };
             text.unwrap_or_default().to_string_lossy().into_owned()
         };
@@ -60,7 +61,7 @@ impl Federate {
 
     /// Leaves the federation. Earlier commands arrive first.
     pub(super) fn leave(&self) {
-        // SAFETY: as above. Whether it succeeds is all the same to who leaves.
+        // SAFETY: as above. A leaving federate ignores the result.
         let _ = self.functions.checked(|it, status| unsafe { (it.disconnect)(self.federate, status) });
     }
 }

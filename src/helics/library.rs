@@ -53,7 +53,7 @@ macro_rules! functions {
         }
 
         fn functions(path: &Path) -> Result<Functions, libloading::Error> {
-            // SAFETY: whoever names a library lets it run in this process; what HELICS does when it is loaded is to set up its own
+            // SAFETY: naming a library permits it to run in this process; on loading, HELICS only sets up its
             // tables. The types are those of its header, which all versions 3 have.
             unsafe {
                 let library = Library::new(path)?;
@@ -130,7 +130,7 @@ pub(super) fn load() -> Result<Functions, HelicsError> {
     Err(HelicsError::NoLibrary { given, reason })
 }
 
-/// Skips the exit handlers of the library when this process ends: they would wait for a call that is still running.
+/// Skips the exit handlers of the library when this process ends: they would wait for a call that still runs.
 pub(super) fn end_without_it() {
     #[cfg(target_env = "gnu")]
     {
@@ -163,7 +163,8 @@ impl Functions {
     /// Creates a federate called `name` with `constructor`, on a core started with `init`; `set_up` configures the
     /// federate info.
     ///
-    /// # Errors There is no broker, or the name is taken.
+    /// # Errors
+    /// There is no broker, or the name is taken.
     pub(super) fn create(
         &self,
         constructor: Constructor,

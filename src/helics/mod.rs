@@ -8,10 +8,10 @@ mod federate;
 mod library;
 mod simulators;
 
-pub use simulators::SimulatorsByHelics;
+pub use simulators::HelicsSimulators;
 
 use crate::federation::Exchange;
-use federate::Federate;
+use federate::CommandFederate;
 use library::{Functions, VARIABLE};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -55,7 +55,7 @@ pub enum HelicsError {
 
 /// Position of a federate in the federation, and the address of the broker.
 #[derive(Clone, Debug)]
-pub struct Place {
+pub struct HelicsConfig {
     /// Name of the federation. A federate is called `<federation>/<number>`.
     pub federation: String,
     /// Number of this federate.
@@ -68,7 +68,7 @@ pub struct Place {
     pub limit: Duration,
 }
 
-impl Place {
+impl HelicsConfig {
     fn name_of(&self, number: u8) -> String {
         format!("{}/{number}", self.federation)
     }
@@ -90,39 +90,40 @@ enum Command {
 type Received = Result<(u8, Vec<u8>), String>;
 
 /// The emulator's side of the connection.
-pub struct ByHelics {
+pub struct HelicsExchange {
     commands: Sender<Command>,
     messages: Receiver<Received>,
     has_left: Receiver<()>,
 }
 
-impl ByHelics {
+impl HelicsExchange {
     /// Starts to join; calls `wake` whenever a message can be [received](Exchange::receive).
     ///
-    /// # Errors There is no library. A missing broker is reported later.
-    pub fn join(place: Place, wake: impl Fn() + Send + Sync + 'static) -> Result<Self, HelicsError> {
+    /// # Errors
+    /// There is no library. A missing broker is reported later.
+    pub fn join(place: HelicsConfig, wake: impl Fn() + Send + Sync + 'static) -> Result<Self, HelicsError> {
         let functions = library::load()?;
         let (commands, asked) = mpsc::channel();
-        let (told, messages) = mpsc::channel();
+        let (sender, messages) = mpsc::channel();
         let (left, has_left) = mpsc::channel();
         let thread = Builder::new().name("helics".to_owned());
         let run = move || {
-            let tell = |news: Received| {
+            let report = |news: Received| {
                 // The emulator may have ended; then the message is lost on purpose.
-                let _ = told.send(news);
+                let _ = sender.send(news);
                 wake();
             };
-            if let Err(reason) = talk(functions, &place, &asked, &tell) {
-                tell(Err(reason));
+            if let Err(reason) = talk(functions, &place, &asked, &report) {
+                report(Err(reason));
             }
             drop(left);
         };
         thread.spawn(run).map_err(HelicsError::Thread)?;
-        Ok(ByHelics { commands, messages, has_left })
+        Ok(HelicsExchange { commands, messages, has_left })
     }
 }
 
-impl Exchange for ByHelics {
+impl Exchange for HelicsExchange {
     fn send(&mut self, message: &[u8]) -> Result<(), String> {
         // A thread that has ended has queued its reason, and the emulator receives it next.
         let _ = self.commands.send(Command::Send(message.to_vec()));
@@ -149,21 +150,21 @@ impl Exchange for ByHelics {
 /// Joins, sends the requested messages, and leaves.
 fn talk(
     functions: Functions,
-    place: &Place,
+    place: &HelicsConfig,
     asked: &Receiver<Command>,
-    tell: &(impl Fn(Received) + Sync),
+    report: &(impl Fn(Received) + Sync),
 ) -> Result<(), String> {
     let init = place.of_core();
     let own = place.name_of(place.own);
-    let federate = Federate::join(functions, &own, &init).map_err(|error| error.to_string())?;
+    let federate = CommandFederate::join(functions, &own, &init).map_err(|error| error.to_string())?;
     let others: Vec<_> = (0..place.count).filter(|number| *number != place.own).collect();
     let ends = AtomicBool::new(false);
     let said = std::thread::scope(|scope| {
         let listener = Builder::new().name("helics-listens".to_owned());
-        let listener = listener.spawn_scoped(scope, || listen(&federate, place, &others, &ends, tell));
+        let listener = listener.spawn_scoped(scope, || listen(&federate, place, &others, &ends, report));
         listener.map_err(|error| HelicsError::Thread(error).to_string())?;
         let to_all = |bytes: Vec<u8>| {
-            let command = in_text(&bytes);
+            let command = encode_text(&bytes);
             others.iter().try_for_each(|other| federate.send(&place.name_of(*other), &command))
         };
         let mut said = Ok(());
@@ -186,7 +187,13 @@ fn talk(
 }
 
 /// Passes the commands of the other federates to the emulator.
-fn listen(federate: &Federate, place: &Place, others: &[u8], ends: &AtomicBool, tell: &impl Fn(Received)) {
+fn listen(
+    federate: &CommandFederate,
+    place: &HelicsConfig,
+    others: &[u8],
+    ends: &AtomicBool,
+    report: &impl Fn(Received),
+) {
     let mut strangers = Vec::new();
     loop {
         let command = federate.wait();
@@ -196,8 +203,8 @@ fn listen(federate: &Federate, place: &Place, others: &[u8], ends: &AtomicBool, 
         match command {
             Ok((source, command)) => match others.iter().find(|number| place.name_of(**number) == source) {
                 // A malformed command becomes an empty message, which no receiver accepts.
-                Some(number) => tell(Ok((*number, of_text(&command).unwrap_or_default()))),
-                None if source.is_empty() => return tell(Err("HELICS has ended".to_owned())),
+                Some(number) => report(Ok((*number, decode_text(&command).unwrap_or_default()))),
+                None if source.is_empty() => return report(Err("HELICS has ended".to_owned())),
                 None if !strangers.contains(&source) => {
                     tracing::warn!(
                         "{source} sends commands, but is not a federate of this plant; they are ignored"
@@ -206,19 +213,19 @@ fn listen(federate: &Federate, place: &Place, others: &[u8], ends: &AtomicBool, 
                 }
                 None => {}
             },
-            Err(reason) => return tell(Err(reason)),
+            Err(reason) => return report(Err(reason)),
         }
     }
 }
 
 /// Encodes bytes as a text without characters that have a meaning for HELICS.
-fn in_text(bytes: &[u8]) -> String {
+fn encode_text(bytes: &[u8]) -> String {
     let digits = bytes.iter().flat_map(|byte| [byte >> 4, byte & 0xF]);
     digits.map(|digit| char::from(b"0123456789abcdef"[usize::from(digit)])).collect()
 }
 
 /// Decodes the bytes of such a text.
-fn of_text(text: &str) -> Option<Vec<u8>> {
+fn decode_text(text: &str) -> Option<Vec<u8>> {
     let digit = |byte: u8| char::from(byte).to_digit(16).map(|digit| digit as u8);
     let (pairs, rest) = text.as_bytes().as_chunks::<2>();
     let bytes = pairs.iter().map(|[high, low]| Some(digit(*high)? << 4 | digit(*low)?));
@@ -230,10 +237,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn bytes_come_back_from_their_text() {
+    fn bytes_survive_the_text_encoding() {
         let all: Vec<u8> = (0..=255).collect();
-        assert_eq!(of_text(&in_text(&all)), Some(all));
-        assert_eq!(in_text(&[0x0A, 0xF0]), "0af0");
-        assert_eq!([of_text("0af"), of_text("0g"), of_text("\u{e4}")], [None, None, None]);
+        assert_eq!(decode_text(&encode_text(&all)), Some(all));
+        assert_eq!(encode_text(&[0x0A, 0xF0]), "0af0");
+        assert_eq!([decode_text("0af"), decode_text("0g"), decode_text("\u{e4}")], [None, None, None]);
     }
 }

@@ -3,10 +3,10 @@
 //! The calls of the library block, so one thread makes them. At each exchange it waits for the values that the others
 //! publish at exactly this time, in any order of arrival (decision D-576).
 
-use super::combination::Combination;
+use super::combination::ValueFederate;
 use super::library::{self, Functions};
-use super::{FAREWELL, HelicsError, Place};
-use crate::coupling::{Given, Interface, Simulators, Taken};
+use super::{FAREWELL, HelicsConfig, HelicsError};
+use crate::coupling::{Interface, PlantOutput, SimulatorOutput, Simulators};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender, TryRecvError};
 use std::thread::Builder;
 use std::time::Duration;
@@ -17,46 +17,47 @@ const SOONER: Duration = Duration::from_secs(1);
 const TAKEN: [&str; 4] = ["double", "int64", "int", "bool"];
 
 /// The emulator's side of the connection.
-pub struct SimulatorsByHelics {
-    given: Option<Sender<Given>>,
-    taken: Receiver<Result<Taken, String>>,
+pub struct HelicsSimulators {
+    given: Option<Sender<PlantOutput>>,
+    taken: Receiver<Result<SimulatorOutput, String>>,
     has_left: Receiver<()>,
 }
 
-impl SimulatorsByHelics {
+impl HelicsSimulators {
     /// Starts to join. `first` is published before the clock starts. `wake` is called whenever there is input to take.
     ///
-    /// # Errors There is no library. A missing broker is reported later.
+    /// # Errors
+    /// There is no library. A missing broker is reported later.
     pub fn join(
-        place: Place,
+        place: HelicsConfig,
         interface: Interface,
-        first: Given,
+        first: PlantOutput,
         wake: impl Fn() + Send + 'static,
     ) -> Result<Self, HelicsError> {
         let functions = library::load()?;
         let (give, given) = mpsc::channel();
-        let (tell, taken) = mpsc::channel();
+        let (outputs, taken) = mpsc::channel();
         let (left, has_left) = mpsc::channel();
         let run = move || {
-            if let Err(reason) = talk(functions, &place, &interface, first, &given, &tell, &wake) {
+            if let Err(reason) = talk(functions, &place, &interface, first, &given, &outputs, &wake) {
                 // The emulator may have ended; then the reason is lost on purpose.
-                let _ = tell.send(Err(reason));
+                let _ = outputs.send(Err(reason));
                 wake();
             }
             drop(left);
         };
         Builder::new().name("simulators".to_owned()).spawn(run).map_err(HelicsError::Thread)?;
-        Ok(SimulatorsByHelics { given: Some(give), taken, has_left })
+        Ok(HelicsSimulators { given: Some(give), taken, has_left })
     }
 }
 
-impl Simulators for SimulatorsByHelics {
-    fn give(&mut self, given: Given) {
+impl Simulators for HelicsSimulators {
+    fn give(&mut self, given: PlantOutput) {
         // A thread that has ended has queued its reason, and the emulator takes it next.
         let _ = self.given.as_ref().map(|thread| thread.send(given));
     }
 
-    fn take(&mut self) -> Result<Option<Taken>, String> {
+    fn take(&mut self) -> Result<Option<SimulatorOutput>, String> {
         match self.taken.try_recv() {
             Ok(taken) => taken.map(Some),
             Err(TryRecvError::Empty) => Ok(None),
@@ -76,18 +77,18 @@ impl Simulators for SimulatorsByHelics {
 /// Body of the thread.
 fn talk(
     functions: Functions,
-    place: &Place,
+    place: &HelicsConfig,
     interface: &Interface,
-    first: Given,
-    given: &Receiver<Given>,
-    tell: &Sender<Result<Taken, String>>,
+    first: PlantOutput,
+    given: &Receiver<PlantOutput>,
+    outputs: &Sender<Result<SimulatorOutput, String>>,
     wake: &impl Fn(),
 ) -> Result<(), String> {
     let Interface { name, publications, subscriptions, endpoints } = interface;
     // The emulator gives up later than the core, because the core knows the reason.
-    let init = Place { limit: place.limit.saturating_sub(SOONER), ..place.clone() }.of_core();
+    let init = HelicsConfig { limit: place.limit.saturating_sub(SOONER), ..place.clone() }.of_core();
     let not_joined = |reason| HelicsError::NotJoined { reason }.to_string();
-    let mut federate = Combination::create(functions, name, &init).map_err(not_joined)?;
+    let mut federate = ValueFederate::create(functions, name, &init).map_err(not_joined)?;
     federate.register(publications, subscriptions, endpoints).map_err(not_joined)?;
     federate.enter_initializing().map_err(not_joined)?;
     publish(&federate, interface, &first)?;
@@ -105,10 +106,10 @@ fn talk(
         let (values, frames) = (federate.values()?, federate.messages());
         let is_idle = values.is_empty() && frames.is_empty();
         let have_gone = is_idle && place.is_alone(&federate, name, &mut had_company);
-        let told = tell.send(Ok(Taken { values, frames, have_gone }));
+        let sent = outputs.send(Ok(SimulatorOutput { values, frames, have_gone }));
         wake();
         // An error here means that the emulator has ended.
-        let Some(given) = told.ok().and_then(|()| given.recv().ok()) else { break };
+        let Some(given) = sent.ok().and_then(|()| given.recv().ok()) else { break };
         publish(&federate, interface, &given)?;
         federate.go_to(given.next_us)?;
     }
@@ -116,9 +117,9 @@ fn talk(
     Ok(())
 }
 
-impl Place {
+impl HelicsConfig {
     /// True if all federates except the hosts of the plant have left.
-    fn is_alone(&self, federate: &Combination, plant: &str, had_company: &mut bool) -> bool {
+    fn is_alone(&self, federate: &ValueFederate, plant: &str, had_company: &mut bool) -> bool {
         let Some(present) = federate.present() else { return false };
         let is_own = |name: &String| name == plant || (0..self.count).any(|host| *name == self.name_of(host));
         let has_company = !present.iter().all(is_own);
@@ -127,7 +128,7 @@ impl Place {
     }
 }
 
-fn publish(federate: &Combination, interface: &Interface, given: &Given) -> Result<(), String> {
+fn publish(federate: &ValueFederate, interface: &Interface, given: &PlantOutput) -> Result<(), String> {
     given.values.iter().try_for_each(|(place, value)| federate.publish(*place, *value))?;
     for (place, line) in &given.frames {
         for to in interface.endpoints.get(*place).map_or(&[][..], |endpoint| &endpoint.to) {

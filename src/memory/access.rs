@@ -25,7 +25,7 @@ mod blocks;
 pub(crate) use blocks::Block;
 
 /// A value that the RAM can be accessed as: 8, 16, 32 or 64 bits, in the host's byte order.
-pub(super) trait Value: Copy + Eq {
+pub(super) trait MemoryValue: Copy + Eq {
     /// Loads (Acquire). The memory may be read-only.
     ///
     /// # Safety
@@ -35,21 +35,21 @@ pub(super) trait Value: Copy + Eq {
     /// Stores (Release).
     ///
     /// # Safety
-    /// As [`Value::load`], and valid for writes.
+    /// As [`MemoryValue::load`], and valid for writes.
     unsafe fn store(at: *mut Self, value: Self);
 
     /// Stores `new` if the memory holds `current` (Acquire and Release); returns the old value, as an error if it
     /// differs.
     ///
     /// # Safety
-    /// As [`Value::store`].
+    /// As [`MemoryValue::store`].
     unsafe fn compare_exchange(at: *mut Self, current: Self, new: Self) -> Result<Self, Self>;
 }
 
 /// Loads 32-bit words into private memory, each with a separate load, in the order of their addresses.
 ///
 /// # Safety
-/// As [`Value::load`], for all of them.
+/// As [`MemoryValue::load`], for all of them.
 #[cfg(feature = "emulator")]
 pub(super) unsafe fn load_words(from: *const u32, into: &mut [u32]) {
     // SAFETY: the caller vouches for the pointer.
@@ -58,13 +58,13 @@ pub(super) unsafe fn load_words(from: *const u32, into: &mut [u32]) {
 
 #[cfg(all(target_arch = "x86_64", not(miri)))]
 mod machine {
-    use super::Value;
+    use super::MemoryValue;
     use core::arch::asm;
     use core::sync::atomic::{Ordering, compiler_fence};
 
     macro_rules! value {
         ($value:ty, $size:literal, $load:literal as $wide:ty, $class:ident $operand:literal, $accumulator:tt) => {
-            impl Value for $value {
+            impl MemoryValue for $value {
                 #[inline(always)]
                 unsafe fn load(at: *const Self) -> Self {
                     let value: $wide;
@@ -138,12 +138,12 @@ mod machine {
 
 #[cfg(any(not(target_arch = "x86_64"), miri))]
 mod machine {
-    use super::Value;
+    use super::MemoryValue;
     use core::sync::atomic::{AtomicU8, AtomicU16, AtomicU32, AtomicU64, Ordering, fence};
 
     macro_rules! value {
         ($value:ty, $atomic:ty) => {
-            impl Value for $value {
+            impl MemoryValue for $value {
                 #[inline(always)]
                 unsafe fn load(at: *const Self) -> Self {
                     // SAFETY: the caller vouches for the pointer.
@@ -185,11 +185,11 @@ mod machine {
 
 #[cfg(test)]
 mod tests {
-    use super::Value;
+    use super::MemoryValue;
     use core::fmt::Debug;
 
     /// A word in the middle of others, which must not be touched.
-    fn there_and_back<T: Value + Debug + Default>(one: T, other: T) {
+    fn round_trip<T: MemoryValue + Debug + Default>(one: T, other: T) {
         let mut memory = [T::default(); 3];
         let at = &raw mut memory[1];
         // SAFETY: aligned, valid, and nothing else accesses it meanwhile.
@@ -207,8 +207,8 @@ mod tests {
     /// The rules of this module need all code to use it. No other source of the program has atomics of these widths;
     /// the atomic of the cell is for calls of the kernel.
     #[test]
-    #[cfg_attr(miri, ignore = "reads all sources, which takes Miri for ever")]
-    fn nothing_else_could_access_the_ram() {
+    #[cfg_attr(miri, ignore = "reads all sources, which takes too long under Miri")]
+    fn no_other_code_accesses_the_ram() {
         fn look(directory: &std::path::Path, found: &mut Vec<String>) {
             for entry in directory.read_dir().unwrap() {
                 let path = entry.unwrap().path();
@@ -244,9 +244,9 @@ mod tests {
 
     #[test]
     fn each_width_is_itself_alone() {
-        there_and_back(0x81_u8, 0xFE);
-        there_and_back(0x8081_u16, 0xFEDC);
-        there_and_back(0x8081_8283_u32, 0xFEDC_BA98);
-        there_and_back(0x8081_8283_8485_8687_u64, 0xFEDC_BA98_7654_3210);
+        round_trip(0x81_u8, 0xFE);
+        round_trip(0x8081_u16, 0xFEDC);
+        round_trip(0x8081_8283_u32, 0xFEDC_BA98);
+        round_trip(0x8081_8283_8485_8687_u64, 0xFEDC_BA98_7654_3210);
     }
 }

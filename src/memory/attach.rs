@@ -163,8 +163,9 @@ impl Attached {
 
     /// Checks that the emulator of the attachment still serves the image.
     ///
-    /// # Errors The emulator has stopped, died, or been replaced by another one. In each case the
-    /// registers have lost their settings, and the client must attach again.
+    /// # Errors
+    /// The emulator has stopped, died, or been replaced by another one. In each case the registers have lost their
+    /// settings, and the client must attach again.
     pub fn check(&self) -> Result<(), MemoryError> {
         let header = self.header_snapshot();
         self.check_generation(&header)?;
@@ -301,7 +302,7 @@ impl Attached {
     }
 }
 
-/// The reason why no emulator serves an image that is not alive.
+/// The reason why no emulator serves a dead image.
 fn dead(file: &ImageFile, header: &Header) -> MemoryError {
     let path = file.path.clone();
     match State::from_code(header.state.load()) {

@@ -33,7 +33,7 @@ pub struct Bell {
     waiters: Cell32,
 }
 
-super::published::publish! { Bell: 0 => word, 4 => waiters }
+super::struct_tables::publish! { Bell: 0 => word, 4 => waiters }
 
 // SAFETY: both fields are cells and there is no padding (IntoBytes).
 unsafe impl super::SharedRegs for Bell {}

@@ -8,7 +8,7 @@
 //! Loads are `Acquire` and stores are `Release`, so "data first, then the control register" needs no further fences: a
 //! reader that sees the control register also sees the data written before it.
 
-use super::access::Value;
+use super::access::MemoryValue;
 use core::cell::UnsafeCell;
 use core::sync::atomic::AtomicU32;
 use zerocopy::{FromBytes, IntoBytes, KnownLayout};
@@ -20,7 +20,7 @@ use zerocopy::{FromBytes, IntoBytes, KnownLayout};
 /// padding.
 pub unsafe trait SharedRegs: FromBytes + IntoBytes + KnownLayout + Sync {}
 
-// SAFETY: an array of cells is nothing but cells.
+// SAFETY: an array of cells consists of cells only.
 unsafe impl<T: SharedRegs, const N: usize> SharedRegs for [T; N] where
     [T; N]: FromBytes + IntoBytes + KnownLayout
 {
@@ -44,7 +44,7 @@ macro_rules! cell {
             #[inline]
             pub fn load(&self) -> $value {
                 // SAFETY: the cell is valid and aligned, and accessed in this way only.
-                <$value>::from_le(unsafe { Value::load(self.0.get()) })
+                <$value>::from_le(unsafe { MemoryValue::load(self.0.get()) })
             }
 
             /// Writes the register.
@@ -52,7 +52,7 @@ macro_rules! cell {
             pub fn store(&self, value: $value) {
                 // SAFETY: as in `load`; cells in memory that cannot be written are only lent out by `segment`, which
                 // does not store to them.
-                unsafe { Value::store(self.0.get(), value.to_le()) }
+                unsafe { MemoryValue::store(self.0.get(), value.to_le()) }
             }
 
             /// Writes `new` if the register still holds `current`.
@@ -62,7 +62,7 @@ macro_rules! cell {
             #[inline]
             pub fn compare_exchange(&self, current: $value, new: $value) -> Result<$value, $value> {
                 // SAFETY: as in `store`.
-                let found = unsafe { Value::compare_exchange(self.0.get(), current.to_le(), new.to_le()) };
+                let found = unsafe { MemoryValue::compare_exchange(self.0.get(), current.to_le(), new.to_le()) };
                 found.map(<$value>::from_le).map_err(<$value>::from_le)
             }
 
@@ -115,7 +115,7 @@ impl Cell32 {
     /// it would bypass `access`.
     #[inline]
     pub(super) fn as_futex(&self) -> &AtomicU32 {
-        // SAFETY: valid and aligned, and nobody accesses it but the kernel.
+        // SAFETY: valid and aligned, and only the kernel accesses it.
         unsafe { AtomicU32::from_ptr(self.as_ptr()) }
     }
 
@@ -138,7 +138,7 @@ mod tests {
     use zerocopy::FromZeros;
 
     #[test]
-    fn values_lie_in_little_endian_order() {
+    fn values_are_little_endian() {
         let mut bytes = [0x44, 0x33, 0x22, 0x11];
         let cell = Cell32::mut_from_bytes(&mut bytes);
         // The buffer may be misaligned for a u32; only an aligned one gives a view.

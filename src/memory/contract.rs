@@ -5,7 +5,7 @@
 
 use super::header::*;
 
-pub use super::published::{Codes, Field, HeaderStruct, Kind};
+pub use super::struct_tables::{Codes, Field, FieldKind, HeaderStruct};
 
 /// All code tables.
 pub const CODES: [Codes; 11] = [
@@ -27,7 +27,7 @@ pub const CODES: [Codes; 11] = [
 pub fn structures() -> Vec<&'static HeaderStruct> {
     fn add(of: &'static HeaderStruct, found: &mut Vec<&'static HeaderStruct>) {
         for field in of.fields {
-            if let Kind::Struct(of) = field.kind {
+            if let FieldKind::Struct(of) = field.kind {
                 add(of, found);
             }
         }
@@ -47,7 +47,7 @@ mod tests {
 
     /// Every byte of the page is in the contract's tables, under the name it has here.
     #[test]
-    #[cfg_attr(miri, ignore = "searches a page for each field, which takes Miri for ever")]
+    #[cfg_attr(miri, ignore = "searches a page for each field, which takes too long under Miri")]
     fn the_attach_contract_describes_every_byte() {
         for of in structures() {
             let mut end = 0;
@@ -67,9 +67,9 @@ mod tests {
         let field = |name| Header::STRUCT.fields.iter().find(|field| field.name == name).unwrap();
         let events = field("events");
         assert_eq!((events.count, events.bytes()), (Some(16), 256));
-        assert_eq!(events.kind, Kind::Struct(&EventSlot::STRUCT));
-        assert_eq!((field("magic").kind, field("magic").count), (Kind::Integer(8), None));
-        assert_eq!(field("instance").kind, Kind::Integer(1));
+        assert_eq!(events.kind, FieldKind::Struct(&EventSlot::STRUCT));
+        assert_eq!((field("magic").kind, field("magic").count), (FieldKind::Integer(8), None));
+        assert_eq!(field("instance").kind, FieldKind::Integer(1));
         assert_eq!(field("magic").meaning().unwrap(), "commram and a zero");
         assert_eq!(Bell::STRUCT.fields[0].meaning().unwrap(), "number of rings, wrapping; the futex");
     }

@@ -1,4 +1,4 @@
-//! A directory that is accessed through its descriptor only, so that no other process can exchange a part of its path.
+//! A directory accessed through its descriptor only, so that no other process can exchange a part of its path.
 //!
 //! In a directory that others can write to, any file may be replaced by a link or a pipe. So files are opened without
 //! following links and without waiting, and new files get an unused name.
@@ -28,7 +28,7 @@ impl Directory {
         Self::open_with(path, OFlags::empty())
     }
 
-    /// Opens the directory at `path`, unless that is a link.
+    /// Opens the directory at `path`; refuses a link.
     pub(crate) fn open_itself(path: &Path) -> Result<Self, Errno> {
         Self::open_with(path, OFlags::NOFOLLOW)
     }

@@ -120,7 +120,7 @@ mod tests {
     use crate::memory::names::IMAGE_DIRECTORY;
 
     #[test]
-    fn the_kernel_is_believed_and_not_what_is_written() {
+    fn the_kernel_names_the_holder_not_the_lock_file() {
         let mut bystander = std::process::Command::new("sleep").arg("60").spawn().unwrap();
         let signed = ProcessId::of(bystander.id());
         let file = tempfile::tempfile_in(IMAGE_DIRECTORY).unwrap();

@@ -3,7 +3,7 @@
 use super::{Address, HEADER_SIZE, State, header::EVENT_SLOTS, limits, names::IMAGE_DIRECTORY};
 use std::{io, path::PathBuf, time::Duration};
 
-/// A refused access or image file: what is wrong, where, and what would be right.
+/// A refused access or image file: the fault, its place, and what would be right.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum MemoryError {
@@ -55,7 +55,7 @@ pub enum MemoryError {
         /// The refused value.
         value: u32,
     },
-    /// A partial access that is not part of the register it names.
+    /// A partial access outside the register that it names.
     #[error("{part} is not a part of the register there: {register}")]
     NotWithin {
         /// The whole register.
@@ -114,7 +114,7 @@ pub enum MemoryError {
         count: usize,
         /// Memory that the images still need, in KiB.
         needed_kib: u64,
-        /// Memory that is available, in KiB.
+        /// Available memory, in KiB.
         free_kib: u64,
     },
     /// Another emulator has the instance, or a process is removing the files of a killed one.

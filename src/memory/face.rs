@@ -34,14 +34,14 @@ impl Face {
         &self.asked
     }
 
-    fn is_one(&self) -> bool {
+    fn is_one_page(&self) -> bool {
         core::ptr::eq(&raw const *self.shown, &raw const *self.asked)
     }
 
     /// Applies an action to the cells that programs write, in both pages; once if they are one.
     pub fn both(&self, act: impl Fn(&Header)) {
         act(&self.asked);
-        if !self.is_one() {
+        if !self.is_one_page() {
             act(&self.shown);
         }
     }
@@ -51,11 +51,11 @@ impl Face {
         self.both(|page| cell(page).store(value));
     }
 
-    /// Takes a request, if there is one. If it was replaced meanwhile, the next call takes the new one.
+    /// Takes a request, if any. If it was replaced meanwhile, the next call takes the new one.
     pub fn take(&self, cell: impl Fn(&Header) -> &Cell32) -> Option<u32> {
         let request = cell(&self.asked).load();
         let is_taken = request != 0 && cell(&self.asked).compare_exchange(request, 0).is_ok();
-        if is_taken && !self.is_one() {
+        if is_taken && !self.is_one_page() {
             // A newer request there is copied to the firmware's page later.
             let _ = cell(&self.shown).compare_exchange(request, 0);
         }

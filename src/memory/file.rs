@@ -1,6 +1,6 @@
 //! Opens and checks image files, and never changes a file of another owner.
 
-use super::image::Claimed;
+use super::image::LockableFile;
 use super::{HEADER_SIZE, Header, MemoryError, State, header, names, process::ProcessId};
 use rustix::{
     fs::{FileType, Mode, OFlags, Stat},
@@ -83,7 +83,7 @@ impl ImageFile {
         Ok(u64::try_from(self.stat()?.st_size).unwrap_or(0))
     }
 
-    /// Refuses another ABI version, and a file that is shorter than its header page says: areas would be outside the
+    /// Refuses another ABI version, and a file shorter than its header page says: areas would be outside the
     /// file.
     pub(crate) fn check_shape(&self, header: &Header) -> Result<(), MemoryError> {
         let found = header.abi_version.load();
@@ -124,7 +124,7 @@ impl ImageFile {
     }
 }
 
-impl Claimed for ImageFile {
+impl LockableFile for ImageFile {
     type Error = MemoryError;
 
     fn lock(&self) -> Result<bool, MemoryError> {

@@ -20,7 +20,7 @@ pub use initial_flag::{InitialFlag, InitialFlagResult};
 pub use lockstep::{SEAT_ORDERS, Seat, SeatState};
 pub use table::{AREAS, AreaEntry, PORTS, PortEntry, TABLE_NAME_LENGTH};
 
-use super::published::publish;
+use super::struct_tables::publish;
 use super::{Bell, Cell8, Cell32, Cell64, SharedRegs};
 use crate::layout::{Device, DeviceFit, FrontWord};
 use zerocopy::{FromBytes, IntoBytes, KnownLayout};
@@ -109,7 +109,7 @@ pub struct Header {
     /// `CLOCK_MONOTONIC` at emulated time 0, in ns, extrapolated if the clock has another speed; 0 in stepped
     /// mode and until the clock runs.
     pub real_epoch_ns: Cell64,
-    /// Byte of this file that is the first retain flag; 0 if the device has none.
+    /// Offset of the first retain flag in this file; 0 if the device has none.
     pub retain_offset: Cell32,
     /// Number of retain flags in bytes.
     pub retain_size: Cell32,
@@ -119,7 +119,7 @@ pub struct Header {
     pub initial_flag: InitialFlag,
     /// Request to load a project: the number of a [`Project`] plus 1; the firmware sets it back to 0.
     pub project_request: Cell32,
-    /// The [`Project`] that is loaded, written by the firmware.
+    /// The loaded [`Project`], written by the firmware.
     pub project: Cell32,
     /// Zero.
     pub reserved_816: [Cell32; 4],
@@ -282,7 +282,7 @@ impl Header {
     }
 }
 
-/// A name field as text, up to its first zero. Anything that is not UTF-8 becomes U+FFFD.
+/// A name field as text, up to its first zero. Invalid UTF-8 becomes U+FFFD.
 pub fn name<const N: usize>(field: &[Cell8; N]) -> String {
     let bytes: Vec<u8> = field.iter().map(Cell8::load).take_while(|&b| b != 0).collect();
     String::from_utf8_lossy(&bytes).into_owned()
@@ -333,7 +333,7 @@ mod tests {
     }
 
     #[test]
-    fn each_word_of_a_front_stands_for_itself() {
+    fn each_word_of_a_front_is_separate() {
         let header = Header::new_box_zeroed().unwrap();
         for (word, cell) in (100..).zip(&header.front) {
             cell.store(word);

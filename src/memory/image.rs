@@ -1,9 +1,9 @@
 //! The emulator's side of an image file: create it or take it over, and remove it at the end.
 
 mod claim;
-mod place;
+mod site;
 
-pub(super) use claim::Claimed;
+pub(super) use claim::LockableFile;
 
 use super::{
     ClockMode, HEADER_SIZE, Header, MemoryError, Segment, State, View, Width, file::ImageFile, guard::Guard,
@@ -11,8 +11,8 @@ use super::{
 };
 use crate::layout::Device;
 use memmap2::MmapRaw;
-use place::Place;
 use rustix::{fs::FallocateFlags, io::Errno};
+use site::ImageSite;
 use std::{
     os::fd::{AsFd, AsRawFd, BorrowedFd},
     path::Path,
@@ -58,7 +58,7 @@ impl Image {
     /// left the image ([`MemoryError::LeftByOther`]); the path names something else than an image of this user, which
     /// stays unchanged; or the system refuses.
     pub fn create(instance: &str, plc: &str, spec: &ImageSpec) -> Result<Image, MemoryError> {
-        claim::enter(&Place::new(instance, plc, spec)?)
+        claim::enter(&ImageSite::new(instance, plc, spec)?)
     }
 
     fn take_over(file: ImageFile, spec: &ImageSpec) -> Result<Image, MemoryError> {
@@ -148,7 +148,7 @@ impl Image {
     /// The other processes that have the registers mapped for writing, as text.
     #[cfg(feature = "emulator")]
     pub(crate) fn writers(&self) -> Vec<String> {
-        super::mapped::writers_of(&self.file.path)
+        super::writers::writers_of(&self.file.path)
     }
 
     /// The emulated RAM.
@@ -188,7 +188,7 @@ impl Image {
         }
     }
 
-    /// Process id of the killed emulator whose image this one has taken over.
+    /// Process id of the killed emulator that this one has replaced on its image.
     pub fn taken_over(&self) -> Option<u32> {
         self.taken_over
     }
@@ -198,7 +198,7 @@ impl Image {
     /// # Errors
     /// As [`Image::create`].
     pub fn remove_dead(instance: &str, plc: &str) -> Result<bool, MemoryError> {
-        claim::remove_dead(&Place::new(instance, plc, ())?)
+        claim::remove_dead(&ImageSite::new(instance, plc, ())?)
     }
 }
 
@@ -214,7 +214,7 @@ impl Drop for Image {
     }
 }
 
-/// Changes by others to an image file that is in use.
+/// Changes by others to an image file in use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FileState {
     /// No change.

@@ -154,7 +154,7 @@ mod tests {
     use crate::memory::testing::Instance;
 
     #[test]
-    fn one_at_a_time_has_an_instance() {
+    fn only_one_process_has_an_instance() {
         let instance = Instance::new();
         let lock = InstanceLock::take(&instance).unwrap();
         let refused = InstanceLock::take(&instance).unwrap_err().to_string();
@@ -171,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn many_at_once_never_have_it_together() {
+    fn concurrent_processes_never_share_an_instance() {
         use std::sync::atomic::{AtomicU32, Ordering};
         let instance = Instance::new();
         let (inside, taken) = (AtomicU32::new(0), AtomicU32::new(0));

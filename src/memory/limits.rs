@@ -16,13 +16,13 @@ pub(crate) fn named(reason: &io::Error) -> String {
         Some(Errno::MFILE) => getrlimit(Resource::Nofile).current.map_or_else(String::new, |most| {
             format!("; this process may have {most} open files (`ulimit -n`)")
         }),
-        Some(Errno::NOMEM | Errno::AGAIN) => named_space(),
+        Some(Errno::NOMEM | Errno::AGAIN) => describe_space_limit(),
         _ => String::new(),
     }
 }
 
 /// The same for an error that may come from a lack of memory, if the address space is limited.
-pub(crate) fn named_space() -> String {
+pub(crate) fn describe_space_limit() -> String {
     address_space().map_or_else(String::new, |most| {
         format!("; this process may have {} KiB of address space (`ulimit -v`)", most / 1024)
     })
@@ -32,7 +32,7 @@ pub(crate) fn named_space() -> String {
 /// and up to `wished` if possible.
 ///
 /// # Errors
-/// The largest number of files, if that is less than needed.
+/// The largest number of files, if it is less than needed.
 pub(crate) fn allow_files(more: u64, wished: u64) -> Result<(), FileLimit> {
     // The listing itself uses one descriptor. If it cannot be read, all descriptors count as used.
     let open = fs::read_dir(OPEN_FILES).map_or(u64::MAX, |files| files.count().saturating_sub(1) as u64);
@@ -50,7 +50,7 @@ pub(crate) fn allow_files(more: u64, wished: u64) -> Result<(), FileLimit> {
     if most < needed { Err(FileLimit { needed, most }) } else { Ok(()) }
 }
 
-/// A limit of open files that is too low.
+/// A too low limit of open files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct FileLimit {
     /// Number of files that the process would have open.
@@ -61,7 +61,8 @@ pub(crate) struct FileLimit {
 
 /// Checks that this process can have `more` bytes of address space in addition to the present ones.
 ///
-/// # Errors The needed and the allowed number of bytes.
+/// # Errors
+/// The needed and the allowed number of bytes.
 #[cfg(feature = "channel")]
 pub(crate) fn check_address_space(more: u64) -> Result<(), (u64, u64)> {
     let Some(most) = address_space() else { return Ok(()) };
@@ -81,7 +82,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_what_a_limit_explains_gets_its_name() {
+    fn only_errors_explained_by_a_limit_name_it() {
         let of = |errno: Errno| named(&errno.into());
         let most = getrlimit(Resource::Nofile).current.unwrap();
         assert_eq!(of(Errno::MFILE), format!("; this process may have {most} open files (`ulimit -n`)"));

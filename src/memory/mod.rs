@@ -5,14 +5,10 @@
 //! accesses at a given [`Width`].
 
 mod access;
-#[cfg(feature = "channel")]
-mod asked;
 mod attach;
 pub mod bell;
 pub mod cell;
 pub mod contract;
-#[cfg(feature = "channel")]
-mod copied;
 pub(crate) mod directory;
 mod emulator_process;
 mod error;
@@ -23,24 +19,28 @@ mod guard;
 pub mod header;
 mod image;
 mod instance;
-#[cfg(feature = "emulator")]
-mod kept;
 pub(crate) mod limits;
 mod list;
 mod locks;
-#[cfg(feature = "emulator")]
-mod mapped;
 pub mod names;
 #[cfg(feature = "emulator")]
 mod onlookers;
 pub(crate) mod private;
 pub(crate) mod process;
-mod published;
+#[cfg(feature = "channel")]
+mod register_copy;
+#[cfg(feature = "channel")]
+mod requests;
 pub(crate) mod room;
 mod running;
+#[cfg(feature = "emulator")]
+mod saved_registers;
 mod segment;
+mod struct_tables;
 mod view;
 mod widths;
+#[cfg(feature = "emulator")]
+mod writers;
 
 pub use crate::layout::{Address, Width};
 #[cfg(feature = "emulator")]
@@ -48,8 +48,6 @@ pub(crate) use access::Block;
 pub use attach::{AttachMode, Attached, LockstepTask};
 pub use bell::Bell;
 pub use cell::{Cell8, Cell16, Cell32, Cell64, SharedRegs};
-#[cfg(feature = "channel")]
-pub(crate) use copied::{RegisterCopy, StoredBytes};
 pub use emulator_process::EmulatorProcess;
 pub use error::MemoryError;
 #[cfg(feature = "emulator")]
@@ -62,7 +60,9 @@ pub use image::{FileState, Image, ImageFileWatch, ImageSpec};
 pub use instance::InstanceLock;
 pub use list::{Condition, ImageInfo, ImageSummary, instances, list};
 #[cfg(feature = "emulator")]
-pub(crate) use onlookers::{Onlookers, Woken, end as end_of_wait};
+pub(crate) use onlookers::{Onlookers, WakeReason, end as end_of_wait};
+#[cfg(feature = "channel")]
+pub(crate) use register_copy::{RegisterCopy, StoredBytes};
 pub use running::RunningInstance;
 pub use segment::Segment;
 pub use view::View;

@@ -1,6 +1,6 @@
 //! Detects whether another process has an image open or mapped; without that it can neither read nor store a register.
 //!
-//! The kernel reports each open of the file (inotify). A write lease tells whether all others are gone: the kernel
+//! The kernel reports each open of the file (inotify). A write lease shows whether all others are gone: the kernel
 //! grants it only while no other process has the file open or mapped. It is released immediately. If either is not
 //! available, the image counts as open.
 
@@ -38,21 +38,21 @@ impl Onlookers {
     }
 
     /// Waits until another process opens an image, `end` is rung, or `timeout` is over; returns which.
-    pub(crate) fn wait(&self, end: &OwnedFd, timeout: Duration) -> Woken {
+    pub(crate) fn wait(&self, end: &OwnedFd, timeout: Duration) -> WakeReason {
         let timeout = Timespec::try_from(timeout).ok();
         let mut ends = vec![PollFd::new(end, PollFlags::IN)];
         ends.extend(self.opened.iter().map(|opened| PollFd::new(opened, PollFlags::IN)));
         // A signal may interrupt the wait.
         let _ = poll(&mut ends, timeout.as_ref());
-        let [ends, opened @ ..] = &ends[..] else { return Woken::Ended };
+        let [ends, opened @ ..] = &ends[..] else { return WakeReason::Ended };
         if !ends.revents().is_empty() {
-            return Woken::Ended;
+            return WakeReason::Ended;
         }
         if opened.iter().any(|opened| !opened.revents().is_empty()) {
             self.forget_events();
-            return Woken::Opened;
+            return WakeReason::Opened;
         }
-        Woken::InTime
+        WakeReason::InTime
     }
 
     fn forget_events(&self) {
@@ -67,7 +67,7 @@ impl Onlookers {
 
 /// Reason for the end of a wait.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Woken {
+pub(crate) enum WakeReason {
     /// A process has opened an image.
     Opened,
     /// The waiting thread must end.
@@ -115,22 +115,22 @@ mod tests {
     const LONG: Duration = Duration::from_secs(60);
 
     #[test]
-    fn whoever_has_an_image_mapped_is_there_until_he_lets_go() {
+    fn a_process_with_a_mapped_image_counts_until_it_unmaps() {
         let instance = Instance::new();
         let image = instance.create();
         image.set_ready();
         let onlookers = Onlookers::of(vec![image.watch()]);
         assert!(onlookers.are_gone());
         let end = end().unwrap();
-        assert_eq!(onlookers.wait(&end, Duration::ZERO), Woken::InTime);
+        assert_eq!(onlookers.wait(&end, Duration::ZERO), WakeReason::InTime);
         for mode in [AttachMode::ReadWrite, AttachMode::ReadOnly] {
             let attached = Image::attach(&instance, PLC, mode, Some(HASH)).unwrap();
-            assert_eq!(onlookers.wait(&end, LONG), Woken::Opened);
+            assert_eq!(onlookers.wait(&end, LONG), WakeReason::Opened);
             assert!(!onlookers.are_gone());
             drop(attached);
             assert!(onlookers.are_gone());
         }
         rustix::io::write(&end, &1u64.to_ne_bytes()).unwrap();
-        assert_eq!(onlookers.wait(&end, LONG), Woken::Ended);
+        assert_eq!(onlookers.wait(&end, LONG), WakeReason::Ended);
     }
 }

@@ -14,7 +14,7 @@ use std::io;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-/// Longest file that is read from such a directory: the files have one or two lines.
+/// Size limit for reading a file of such a directory: the files have one or two lines.
 #[cfg(feature = "channel")]
 const MAX_TEXT: u64 = 4096;
 /// Rights of other users in a mode.
@@ -32,8 +32,8 @@ pub(crate) struct PrivateDir {
 impl PrivateDir {
     /// Opens the directory; creates a missing one, accessible to this user only.
     ///
-    /// # Errors The name belongs to something else, the directory is owned or writable by other users, or the system
-    /// refuses.
+    /// # Errors
+    /// The name belongs to something else, the directory is owned or writable by other users, or the system refuses.
     pub(crate) fn create(path: &Path) -> Result<Self, MemoryError> {
         loop {
             match rustix::fs::mkdir(path, Mode::RWXU) {
@@ -78,9 +78,9 @@ impl PrivateDir {
 
     /// Takes the directory's lock if it is free, for the lifetime of the result.
     #[cfg(feature = "channel")]
-    pub(crate) fn try_lock(self: &std::sync::Arc<Self>) -> Option<Held> {
+    pub(crate) fn try_lock(self: &std::sync::Arc<Self>) -> Option<DirectoryLock> {
         let is_ours = self.directory.try_lock().is_ok_and(|is_ours| is_ours);
-        is_ours.then(|| Held(std::sync::Arc::clone(self)))
+        is_ours.then(|| DirectoryLock(std::sync::Arc::clone(self)))
     }
 
     /// Opens or creates the file `name` in it for reading and writing; `None` if the directory itself has been removed.
@@ -146,10 +146,10 @@ impl PrivateDir {
 /// A directory's lock.
 #[cfg(feature = "channel")]
 #[derive(Debug)]
-pub(crate) struct Held(std::sync::Arc<PrivateDir>);
+pub(crate) struct DirectoryLock(std::sync::Arc<PrivateDir>);
 
 #[cfg(feature = "channel")]
-impl Drop for Held {
+impl Drop for DirectoryLock {
     fn drop(&mut self) {
         let _ = self.0.directory.unlock();
     }
@@ -229,7 +229,7 @@ mod tests {
 
     #[cfg(feature = "channel")]
     #[test]
-    fn what_is_published_replaces_a_link_and_does_not_follow_it() {
+    fn publishing_replaces_a_link_and_does_not_follow_it() {
         let (parent, path) = place();
         let victim = parent.path().join("victim");
         std::fs::write(&victim, "precious").unwrap();
@@ -256,7 +256,7 @@ mod tests {
     }
 
     #[test]
-    fn whatever_has_a_name_is_removed_and_no_link_followed() {
+    fn any_entry_is_removed_and_no_link_is_followed() {
         let (parent, path) = place();
         let victim = parent.path().join("victim");
         std::fs::write(&victim, "precious").unwrap();

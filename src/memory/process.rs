@@ -83,7 +83,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn fields_are_found_behind_a_nasty_command_name() {
+    fn fields_are_found_after_a_command_name_with_parentheses() {
         let stat = "42 (a) Z (b) S 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16 17 18 4711 20 21";
         assert_eq!(parse_stat(stat), Some(('S', 4711)));
         assert_eq!(parse_stat("42 (a) S 1 2"), None);

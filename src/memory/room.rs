@@ -1,6 +1,6 @@
 //! Checks that all images have room before the first one is created.
 //!
-//! Images are in memory. Without this check, a plant that is too large would first take all memory from the other
+//! Images are in memory. Without this check, a too large plant would first take all memory from the other
 //! programs of the machine, and then fail.
 
 #[cfg(feature = "emulator")]
@@ -62,7 +62,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_programs_can_have_is_read() {
+    fn available_memory_is_read() {
         let text = "MemTotal:  9000 kB\nMemFree:  10 kB\nMemAvailable:   1000 kB\nSwapTotal: 7 kB\nSwapFree:  500 kB\n";
         assert_eq!(available(text), Some(1350 * 1024));
         assert_eq!(available("MemAvailable: 1000 kB"), Some(900 * 1024));
@@ -72,7 +72,7 @@ mod tests {
     }
 
     #[test]
-    fn more_than_there_is_is_refused_with_the_numbers() {
+    fn more_than_the_available_memory_is_refused_with_the_numbers() {
         let plcs = ["a", "b", "c"];
         let lengths = |length: usize| plcs.iter().map(move |plc| (*plc, length));
         assert!(check("room", lengths(1)).is_ok());

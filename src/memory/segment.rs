@@ -3,22 +3,22 @@
 //! Access rules, enforced here:
 //!
 //! 1. No code gets a `&T` of plain data. Only cells (see [`super::cell`]) cover the memory, and all accesses are
-//!   functions of [`super::access`], which allows different widths.
+//!    functions of [`super::access`], which allows different widths.
 //! 2. A register is written at its own width. The segment does not know the registers, so a user of the raw accesses
-//!   takes the width from the register map. To write a part of a register, use [`Segment::store_within`], which
-//!   replaces the whole register by compare-exchange.
+//!    takes the width from the register map. To write a part of a register, use [`Segment::store_within`], which
+//!    replaces the whole register by compare-exchange.
 //! 3. Bulk copies and comparisons ([`Segment::read_range`], [`Segment::snapshot`], the access checker) load aligned
-//!   32-bit or 64-bit words for registers of any width. Each register is within one word, so none is torn; copying
-//!   megabytes field by field would cost four times as much. They never write. A copy may be torn between words;
-//!   related values are read under their handshake.
+//!    32-bit or 64-bit words for registers of any width. Each register is within one word, so none is torn; copying
+//!    megabytes field by field would cost four times as much. They never write. A copy may be torn between words;
+//!    related values are read under their handshake.
 //! 4. The first [`HEADER_SIZE`] bytes are the header page. Raw accesses cannot reach them, except for the words of the
-//!   device's front, [`Header::front`].
+//!    device's front, [`Header::front`].
 
 #[cfg(feature = "emulator")]
 use super::Face;
 use super::header::FRONT;
 use super::{
-    Cell8, Cell16, Cell32, Cell64, HEADER_SIZE, Header, MemoryError, View, Width, access::Value,
+    Cell8, Cell16, Cell32, Cell64, HEADER_SIZE, Header, MemoryError, View, Width, access::MemoryValue,
     cell::SharedRegs,
 };
 use crate::layout::Device;
@@ -164,7 +164,7 @@ impl Segment {
     /// The same memory for firmware that reads requests in a separate page, which has no requests yet.
     #[cfg(feature = "emulator")]
     #[must_use]
-    pub(crate) fn asked_apart(self) -> Segment {
+    pub(crate) fn with_request_page(self) -> Segment {
         let page = Segment::heap(HEADER_SIZE);
         Segment { asked: Some(page.backing), ..self }
     }
@@ -340,7 +340,7 @@ impl Segment {
     #[inline]
     fn word(&self, offset: usize) -> [u8; 4] {
         debug_assert!(offset.is_multiple_of(4) && offset + 4 <= self.size());
-        // SAFETY: called with aligned offsets inside the segment only, whose length is a multiple of 4;
+        // SAFETY: all offsets are aligned and inside the segment, which has a length divisible by 4;
         // the memory is mapped for as long as `self` lives.
         unsafe { u32::load(self.backing.base.as_ptr().add(offset).cast::<u32>()) }.to_ne_bytes()
     }

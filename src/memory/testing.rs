@@ -177,7 +177,7 @@ impl Drop for Emulator {
     }
 }
 
-/// Not a real test: the body of [`Emulator`]. Ends with its parent, whose pipe it reads.
+/// Not a real test: the body of [`Emulator`]. Reads a pipe of its parent and ends with it.
 #[test]
 fn emulator_process() {
     let Ok(instance) = std::env::var(CHILD) else { return };

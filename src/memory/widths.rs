@@ -6,7 +6,7 @@ use crate::layout::{Device, DeviceFit, RegisterRef};
 /// No register area covers an address.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Unmapped {
-    /// Byte offset of the first byte that is not covered.
+    /// Byte offset of the first uncovered byte.
     pub offset: u32,
 }
 
@@ -34,7 +34,7 @@ struct AreaWidths {
 
 /// A part of an access that lies within one register.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Part {
+struct PartialAccess {
     /// Offset of the part.
     offset: u32,
     /// Bytes of the part: 1, 2 or 4.
@@ -92,7 +92,7 @@ impl RegisterWidths {
         segment: &Segment,
         offset: u32,
         width: Width,
-    ) -> Result<impl Iterator<Item = Part>, Unmapped> {
+    ) -> Result<impl Iterator<Item = PartialAccess>, Unmapped> {
         let area = self.area(segment, offset, width.bytes())?;
         let end = offset + width.bytes();
         let mut at = offset;
@@ -160,7 +160,7 @@ impl RegisterWidths {
     }
 
     /// The registers that `len` bytes from `offset` on touch, each as offset and width, in ascending order. Plain RAM
-    /// counts as doublewords, or as one item if the whole range is one.
+    /// counts as doublewords, or as one item if it fills the whole range.
     ///
     /// # Errors
     /// No register area covers one of the bytes.
@@ -201,14 +201,14 @@ impl AreaWidths {
         Some((at - u32::from(byte >> 4), Width::of_bytes(u32::from(byte & 0x0F))?))
     }
 
-    fn part(&self, at: u32, end: u32, offset: u32, width: Width) -> Part {
+    fn part(&self, at: u32, end: u32, offset: u32, width: Width) -> PartialAccess {
         match self.register(at) {
             Some((first, width)) => {
                 let bytes = (first + width.bytes() - at).min(end - at);
-                Part { offset: at, bytes, register: (first, width) }
+                PartialAccess { offset: at, bytes, register: (first, width) }
             }
             // Plain RAM has no registers, so the width of the access applies.
-            None => Part { offset: at, bytes: end - at, register: (offset, width) },
+            None => PartialAccess { offset: at, bytes: end - at, register: (offset, width) },
         }
     }
 }
@@ -219,13 +219,13 @@ fn retain_bytes(segment: &Segment) -> u32 {
 }
 
 /// Reads `bytes` bytes at `offset` out of the register they lie in.
-fn load_part(segment: &Segment, part: Part) -> Result<u32, MemoryError> {
+fn load_part(segment: &Segment, part: PartialAccess) -> Result<u32, MemoryError> {
     let (start, width) = part.register;
     let value = segment.load(start, width)? >> ((part.offset - start) * 8);
     Ok(value & mask(part.bytes))
 }
 
-fn store_part(segment: &Segment, part: Part, value: u32) -> Result<(), MemoryError> {
+fn store_part(segment: &Segment, part: PartialAccess, value: u32) -> Result<(), MemoryError> {
     let (start, width) = part.register;
     if part.bytes == width.bytes() {
         return segment.store(start, width, value);
@@ -238,7 +238,7 @@ fn store_part(segment: &Segment, part: Part, value: u32) -> Result<(), MemoryErr
 /// Compare-exchange of a part, atomic for the register it lies in.
 fn exchange_part(
     segment: &Segment,
-    part: Part,
+    part: PartialAccess,
     current: u32,
     new: u32,
 ) -> Result<Result<u32, u32>, MemoryError> {
@@ -261,7 +261,7 @@ mod tests {
     use super::*;
     use crate::devices::samples::tables::NODES as DEVICE;
 
-    fn parts(offset: u32, width: Width) -> Vec<Part> {
+    fn parts(offset: u32, width: Width) -> Vec<PartialAccess> {
         RegisterWidths::of(&DeviceFit::unknown(&DEVICE))
             .parts(&Segment::of(&DEVICE), offset, width)
             .unwrap()
@@ -270,7 +270,7 @@ mod tests {
 
     #[test]
     fn an_access_of_the_registers_width_is_one_part() {
-        let part = Part { offset: 200_000, bytes: 2, register: (200_000, Width::Word) };
+        let part = PartialAccess { offset: 200_000, bytes: 2, register: (200_000, Width::Word) };
         assert_eq!(parts(200_000, Width::Word), [part]);
     }
 
@@ -286,37 +286,37 @@ mod tests {
         let odd = [1_000_001, 1_000_002, 1_000_003].map(|byte| (byte, Width::Byte));
         assert_eq!(of(1_000_001, 3), odd);
         let rest = [(1_000_000, Width::Dword), (1_000_004, Width::Byte), (1_000_005, Width::Byte)];
-        assert_eq!(of(1_000_000, 6), rest, "nothing behind the range");
+        assert_eq!(of(1_000_000, 6), rest, "nothing after the range");
         assert!(widths.registers(&ram, 0, 4).is_err());
     }
 
     #[test]
-    fn a_narrow_access_lies_within_its_register() {
-        let part = Part { offset: 200_003, bytes: 1, register: (200_002, Width::Word) };
+    fn a_narrow_access_is_within_its_register() {
+        let part = PartialAccess { offset: 200_003, bytes: 1, register: (200_002, Width::Word) };
         assert_eq!(parts(200_003, Width::Byte), [part]);
     }
 
     #[test]
     fn a_wide_access_is_split_at_registers() {
-        let part = |offset| Part { offset, bytes: 2, register: (offset, Width::Word) };
+        let part = |offset| PartialAccess { offset, bytes: 2, register: (offset, Width::Word) };
         assert_eq!(parts(200_000, Width::Dword), [part(200_000), part(200_002)]);
         assert_eq!(parts(200_012, Width::Word).len(), 2, "two byte registers");
     }
 
     /// Only the master uses the slave types: on node 1 they are parts of the reference values under them.
     #[test]
-    fn where_nobody_uses_a_register_the_one_under_it_says_the_width() {
+    fn an_unused_register_has_the_width_of_the_one_under_it() {
         let slave = DEVICE.register("node1.a_SL_TYP[13]").unwrap().offset();
-        let part = Part { offset: slave, bytes: 1, register: (100_032, Width::Dword) };
+        let part = PartialAccess { offset: slave, bytes: 1, register: (100_032, Width::Dword) };
         assert_eq!(parts(slave, Width::Byte), [part]);
         let master = DEVICE.register("node2.a_SL_TYP[13]").unwrap().offset();
-        let part = Part { offset: master, bytes: 1, register: (master, Width::Byte) };
+        let part = PartialAccess { offset: master, bytes: 1, register: (master, Width::Byte) };
         assert_eq!(parts(master, Width::Byte), [part]);
     }
 
     #[test]
     fn plain_ram_is_accessed_as_asked() {
-        let part = Part { offset: 1_000_004, bytes: 4, register: (1_000_004, Width::Dword) };
+        let part = PartialAccess { offset: 1_000_004, bytes: 4, register: (1_000_004, Width::Dword) };
         assert_eq!(parts(1_000_004, Width::Dword), [part]);
     }
 
@@ -346,7 +346,7 @@ mod tests {
     }
 
     #[test]
-    fn a_plc_has_as_many_retain_flags_as_its_header_page_says() {
+    fn the_header_page_gives_the_number_of_retain_flags() {
         let (map, segment) = (RegisterWidths::of(&DeviceFit::unknown(&DEVICE)), Segment::of(&DEVICE));
         for (bytes, end) in [(0, 8192), (20_000, 28_192), (57_344, 65_536), (u32::MAX, 65_536)] {
             segment.header().unwrap().retain_size.store(bytes);

@@ -65,14 +65,14 @@ impl Plant {
     /// Whether programs have made a request to a board that its firmware has not seen, or the boards have something to
     /// poll.
     pub(crate) fn has_untold(&self) -> bool {
-        let is_asked = |device: &dyn Device| device.segment().is_asked(device.layout().front);
+        let is_asked = |device: &dyn Device| device.segment().has_new_requests(device.layout().front);
         self.is_asked() || self.devices().iter().any(|device| is_asked(&**device))
     }
 
     /// Passes the requests of programs in the header pages to the firmware of the boards.
     pub(crate) fn tell_boards(&self) -> Vec<Stored> {
         let told = (0..).zip(self.devices().iter()).flat_map(|(plc, device)| {
-            let told = device.segment().tell_asked(device.layout().front);
+            let told = device.segment().deliver_requests(device.layout().front);
             told.into_iter().map(move |(index, value)| Stored { plc, what: What::Board(index, value) })
         });
         told.collect()
@@ -83,7 +83,7 @@ impl Plant {
         let Some(device) = self.devices().get(usize::from(stored.plc)) else { return };
         match stored.what {
             What::Registers(bytes) => device.segment().store_bytes(&bytes),
-            What::Board(index, value) => device.segment().store_asked(device.layout().front, index, value),
+            What::Board(index, value) => device.segment().store_request(device.layout().front, index, value),
         }
     }
 }

@@ -315,7 +315,7 @@ impl Plant {
             device.segment().restore_registers(&registers_of(&**device), from)?;
             device.header().restore(from)?;
             #[cfg(feature = "channel")]
-            device.segment().ask_as_written(device.layout().front);
+            device.segment().copy_requests(device.layout().front);
             device.show_time(self.now);
         }
         self.devices.restore(from)?;

@@ -99,7 +99,7 @@ mod tests {
     }
 
     #[test]
-    fn past_times_are_due_at_once() {
+    fn past_times_are_due_immediately() {
         assert_eq!(WallClock::start(1.0).until(0), Duration::ZERO);
     }
 }

@@ -11,7 +11,7 @@ use super::clock::{Clock, WallClock};
 use super::error::RuntimeError;
 use super::guests::Guests;
 use super::lockstep::Lockstep;
-use super::novram::{Directory, Found, Keeper, Novram};
+use super::novram::{Directory, Keeper, Novram, RestoreOutcome};
 use super::open_files;
 use super::watch::Watch;
 use crate::door::DoorSpec;
@@ -71,7 +71,7 @@ pub struct Emulator {
     pub(super) guests: Guests,
     /// Start of the present turns of guests, if there are any.
     pub(super) turn_since: Option<Instant>,
-    /// Target of a step that is paused so that other clients can be served.
+    /// Target of a step that has paused to serve other clients.
     pub(super) under_way: Option<u64>,
     /// Declared before the images: it must write everything before another emulator can have them.
     novram: Keeper,
@@ -83,7 +83,7 @@ pub struct Emulator {
     /// Time of the first `should_pause` call of the channel in this round.
     pub(super) slice: Cell<Option<Instant>>,
     #[cfg(feature = "channel")]
-    pub(super) membership: super::federated::Membership,
+    pub(super) membership: super::membership::Membership,
     /// Declared before the server, because it uses the server's node.
     #[cfg(feature = "channel")]
     events: Option<crate::channel::EventNotifier>,
@@ -106,7 +106,7 @@ impl Emulator {
         Self::start_from(config, options, None)
     }
 
-    /// As [`Emulator::start`], from a snapshot of this plant if there is one. Its NOVRAM replaces the content of the
+    /// As [`Emulator::start`], from a snapshot of this plant, if any. Its NOVRAM replaces the content of the
     /// files.
     ///
     /// # Errors
@@ -138,7 +138,7 @@ impl Emulator {
             };
             let image = Image::create(&options.instance, plc, &spec)?;
             let segment = image.segment().clone();
-            let segment = if options.is_federate { segment.asked_apart() } else { segment };
+            let segment = if options.is_federate { segment.with_request_page() } else { segment };
             images.push(image);
             if let (Some(path), Some(of)) = (&options.novram, config.device(plc)) {
                 // After the first image: starting an instance twice then reports the running instance, not the
@@ -148,7 +148,7 @@ impl Emulator {
                     none => none.insert(Directory::open(path)?),
                 };
                 let content = Novram::power_on(directory, of, &segment)?;
-                if let Some((_, Found::SetAside(path))) = &content {
+                if let Some((_, RestoreOutcome::SetAside(path))) = &content {
                     tracing::warn!("damaged NOVRAM of {plc}: kept as {}", path.display());
                 }
                 novram.push(content.map(|(novram, _)| novram));
@@ -188,7 +188,7 @@ impl Emulator {
             rings,
             slice: Cell::default(),
             #[cfg(feature = "channel")]
-            membership: super::federated::Membership::default(),
+            membership: super::membership::Membership::default(),
             lockstep,
             guests,
             turn_since: None,
@@ -348,7 +348,7 @@ impl Emulator {
         false
     }
 
-    pub(super) fn tell_events(&mut self) {}
+    pub(super) fn notify_events(&mut self) {}
 
     fn close_channel(&mut self) {}
 }

@@ -12,13 +12,13 @@ use std::sync::Arc;
 /// The doors of an instance, and the guests at them.
 pub(super) struct Guests {
     doors: Doors,
-    present: Vec<Present>,
+    present: Vec<GuestEntry>,
     /// First record of the journal that was not sent to guests yet.
     next: u64,
 }
 
 /// A connected guest; the plant may know it.
-struct Present {
+struct GuestEntry {
     guest: Arc<Guest>,
     wish: Wish,
     /// Number of frames to send at the last check; later frames wait for the next check.
@@ -85,14 +85,14 @@ impl Guests {
         }
         for guest in self.doors.guests() {
             if !self.present.iter().any(|it| Arc::ptr_eq(&it.guest, guest)) {
-                self.present.push(Present::new(Arc::clone(guest)));
+                self.present.push(GuestEntry::new(Arc::clone(guest)));
             }
         }
         // Events of one moment happen in this order, independent of the order of arrival.
         self.present.sort_by_key(|it| (it.guest.bus, it.guest.number));
-        let was_heard = self.present.iter().any(Present::hears);
+        let was_heard = self.present.iter().any(GuestEntry::hears);
         learn_all(&mut self.present, |_| true, plant);
-        self.forget_the_gone();
+        self.forget_departed();
         if !was_heard {
             self.next = plant.journal().end();
         }
@@ -111,13 +111,13 @@ impl Guests {
     /// Executes the wishes of the last check.
     fn bring_in(&mut self, plant: &mut Plant, is_stepped: bool) {
         bring_in_all(&mut self.present, |_| true, plant, is_stepped);
-        self.forget_the_gone();
+        self.forget_departed();
     }
 
     /// Forgets guests that have left, once the plant does not know them and no frame of theirs is left.
-    fn forget_the_gone(&mut self) {
+    fn forget_departed(&mut self) {
         let is_over =
-            |it: &mut Present| it.wish.has_gone && !it.is_in && !it.has_seat && it.guest.waiting() == 0;
+            |it: &mut GuestEntry| it.wish.has_gone && !it.is_in && !it.has_seat && it.guest.waiting() == 0;
         for gone in self.present.extract_if(.., is_over) {
             self.doors.forget(&gone.guest);
         }
@@ -132,7 +132,7 @@ impl Guests {
     /// Description of a guest that takes part.
     pub(super) fn present_one(&self, plant: &Plant) -> Option<String> {
         // Guests that have left are forgotten only when the clock advances.
-        let is_here = |it: &&Present| (it.is_in || it.has_seat) && !it.guest.wish().has_gone;
+        let is_here = |it: &&GuestEntry| (it.is_in || it.has_seat) && !it.guest.wish().has_gone;
         self.present.iter().find(is_here).map(|it| it.label(plant))
     }
 
@@ -143,7 +143,7 @@ impl Guests {
 
     /// Call after the plant has moved to another moment, with other guests: connects the present guests again, and
     /// skips the earlier part of the journal.
-    pub(super) fn come_again(&mut self, plant: &mut Plant) {
+    pub(super) fn reconnect_all(&mut self, plant: &mut Plant) {
         for (bus, guest) in plant.guests() {
             if !self.present.iter().any(|it| it.is_in && (it.guest.bus, it.guest.number) == (bus, guest)) {
                 plant.guest_leaves(bus, guest);
@@ -177,7 +177,7 @@ impl Guests {
 
     /// True if the clock waits for the turn of a guest.
     pub(super) fn have_turns(&self) -> bool {
-        self.present.iter().any(Present::has_turn)
+        self.present.iter().any(GuestEntry::has_turn)
     }
 
     /// Takes the seats of all guests in their turn away.
@@ -197,8 +197,8 @@ impl Guests {
 
     /// Sends guests the frames of others that have arrived since the last call, and the state of their bus. Their buses
     /// have already sent them everything else.
-    pub(super) fn tell(&mut self, plant: &Plant) {
-        if !self.present.iter().any(Present::hears) {
+    pub(super) fn send_heard(&mut self, plant: &Plant) {
+        if !self.present.iter().any(GuestEntry::hears) {
             return;
         }
         for it in self.present.iter().filter(|it| it.is_in) {
@@ -213,7 +213,7 @@ impl Guests {
             let (Some(carried), Source::Bus(bus)) = (record.event.frame(), record.event.source()) else {
                 continue;
             };
-            let others = |it: &&Present| it.guest.bus == bus && carried.guest != Some(it.guest.number);
+            let others = |it: &&GuestEntry| it.guest.bus == bus && carried.guest != Some(it.guest.number);
             for it in self.present.iter().filter(|it| it.hears()).filter(others) {
                 it.guest.hear(record.time_us, BusMessage::Frame(carried.frame));
                 is_news = true;
@@ -227,7 +227,7 @@ impl Guests {
 }
 
 /// Reads the wishes of the selected guests.
-fn learn_all(present: &mut [Present], are_meant: fn(&Present) -> bool, plant: &mut Plant) {
+fn learn_all(present: &mut [GuestEntry], are_meant: fn(&GuestEntry) -> bool, plant: &mut Plant) {
     // Frames first: a guest that opened before another one sent must be present when that frame enters.
     for it in present.iter_mut().filter(|it| are_meant(it)) {
         it.waiting = it.guest.waiting();
@@ -237,8 +237,8 @@ fn learn_all(present: &mut [Present], are_meant: fn(&Present) -> bool, plant: &m
 
 /// Executes the last wishes of the selected guests: connects and disconnects them and passes their frames to the plant.
 fn bring_in_all(
-    present: &mut [Present],
-    are_meant: fn(&Present) -> bool,
+    present: &mut [GuestEntry],
+    are_meant: fn(&GuestEntry) -> bool,
     plant: &mut Plant,
     is_stepped: bool,
 ) {
@@ -262,15 +262,15 @@ fn bring_in_all(
         }
         it.guest.take_request(plant.now());
         if is_stepped {
-            it.be_seated(plant);
+            it.update_seat(plant);
         }
     }
 }
 
-impl Present {
+impl GuestEntry {
     fn new(guest: Arc<Guest>) -> Self {
         let wish = guest.wish();
-        Present {
+        GuestEntry {
             guest,
             wish,
             waiting: 0,
@@ -306,7 +306,7 @@ impl Present {
     }
 
     /// Takes or gives back a seat, as requested.
-    fn be_seated(&mut self, plant: &mut Plant) {
+    fn update_seat(&mut self, plant: &mut Plant) {
         let wants = self.guest.seat() != Seat::Free;
         if core::mem::replace(&mut self.has_seat, wants) != wants {
             let news = if wants { Attendance::Seated } else { Attendance::SeatBack };
@@ -363,7 +363,7 @@ mod tests {
         let mut guests = Guests::new(&config, || {}).unwrap();
         let [one, other] = [1, 2].map(|number| Guest::of_a_test(0, number));
         for guest in [&one, &other] {
-            guests.present.push(Present::new(Arc::clone(guest)));
+            guests.present.push(GuestEntry::new(Arc::clone(guest)));
         }
         guests.look(&mut plant);
         other.opens();
@@ -374,13 +374,13 @@ mod tests {
         guests.enter(&mut plant, false);
         assert_eq!(one.waiting(), 0);
         plant.advance_to(10_000);
-        guests.tell(&plant);
+        guests.send_heard(&plant);
         assert_eq!(other.heard(), 1);
     }
 
     /// Otherwise a guest that connects and leaves repeatedly would occupy all places.
     #[test]
-    fn nobody_keeps_a_place_for_what_it_can_never_send() {
+    fn a_guest_does_not_keep_a_place_for_unsendable_frames() {
         let kinds: [(_, fn(&Guest)); 2] =
             [("can", |guest| guest.says(1)), ("profibus", |guest| guest.says_later())];
         for (kind, says) in kinds {
@@ -388,7 +388,7 @@ mod tests {
                 plant(&OPEN.replace("'can'", &format!("'{kind}'")).replace("125", "500"));
             let mut guests = Guests::new(&config, || {}).unwrap();
             let guest = Guest::of_a_test(0, 1);
-            guests.present.push(Present::new(Arc::clone(&guest)));
+            guests.present.push(GuestEntry::new(Arc::clone(&guest)));
             guest.opens();
             (0..200).for_each(|_| says(&guest));
             guest.goes();

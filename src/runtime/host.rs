@@ -50,7 +50,7 @@ impl Host for Emulator {
     }
 
     fn has_travelled(&mut self) {
-        self.guests.come_again(&mut self.plant);
+        self.guests.reconnect_all(&mut self.plant);
         // Clients that wait for a register check it again.
         self.announce();
     }
@@ -96,7 +96,7 @@ impl Host for Emulator {
             return self.ask_for(t);
         }
         let has_arrived = self.step_to(t);
-        self.tell_events();
+        self.notify_events();
         has_arrived
     }
 

@@ -47,11 +47,11 @@ struct Turn {
 }
 
 /// Result of a check of a turn.
-enum Look {
+enum TurnCheck {
     /// The turn has ended, and the task claims run time.
     Ended,
     /// The turn continues, and another client rings.
-    GoesOn,
+    Continues,
     /// The task has died, left or exceeded its patience.
     Lost,
 }
@@ -176,7 +176,7 @@ impl Lockstep {
         tasks.fold(0, |events, task| events | 1 << task.event)
     }
 
-    /// Advances the clock to `target`, with a turn for each task whose time has come. Returns early if `stop` is true,
+    /// Advances the clock to `target`, with a turn for each task at its time. Returns early if `stop` is true,
     /// or if a task is in its turn and a client rings; then call it again with the same target.
     pub(crate) fn advance(&mut self, plant: &mut Plant, target: u64, stop: impl Fn() -> bool) {
         let witness = &mut NoWitness;
@@ -250,9 +250,9 @@ impl Lockstep {
         loop {
             if let Some(turn) = self.turn.take() {
                 match self.await_end(&turn, plant, witness) {
-                    Look::Ended => self.claim(turn.index, plant),
-                    Look::Lost => self.give_up(turn.index, plant, witness),
-                    Look::GoesOn => {
+                    TurnCheck::Ended => self.claim(turn.index, plant),
+                    TurnCheck::Lost => self.give_up(turn.index, plant, witness),
+                    TurnCheck::Continues => {
                         self.turn = Some(turn);
                         return false;
                     }
@@ -327,7 +327,7 @@ impl Lockstep {
 
     /// Waits for the end of a turn, or until another client rings. Meanwhile the boards answer, so that the task can
     /// send them requests.
-    fn await_end(&self, turn: &Turn, plant: &mut Plant, witness: &mut dyn Witness) -> Look {
+    fn await_end(&self, turn: &Turn, plant: &mut Plant, witness: &mut dyn Witness) -> TurnCheck {
         let task = &self.tasks[turn.index];
         let (header, seat) = (&self.headers[task.plc], &task.seat);
         let patience = match seat.patience_ms.load() {
@@ -339,15 +339,15 @@ impl Lockstep {
             header.answer.ring();
         }
         if seat.done.rings() != turn.done {
-            return Look::Ended;
+            return TurnCheck::Ended;
         }
         let slice = LIVENESS.min(patience.saturating_sub(turn.since.elapsed()));
         let rung = bell::wait_any(&[(&seat.done, turn.done), (&header.doorbell, rings)], Some(slice));
         match rung {
-            Some(0) => Look::Ended,
-            _ if !task.has_seat() => Look::Lost,
-            None if task.gone() || turn.since.elapsed() >= patience => Look::Lost,
-            _ => Look::GoesOn,
+            Some(0) => TurnCheck::Ended,
+            _ if !task.has_seat() => TurnCheck::Lost,
+            None if task.gone() || turn.since.elapsed() >= patience => TurnCheck::Lost,
+            _ => TurnCheck::Continues,
         }
     }
 

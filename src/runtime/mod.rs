@@ -2,14 +2,14 @@
 
 mod clock;
 #[cfg(feature = "channel")]
-mod coupled;
+mod coupling;
 mod emulator;
 mod error;
-#[cfg(feature = "channel")]
-mod federated;
 mod guests;
 mod host;
 mod lockstep;
+#[cfg(feature = "channel")]
+mod membership;
 mod novram;
 mod open_files;
 mod turns;
@@ -18,4 +18,4 @@ mod watch;
 pub use clock::Clock;
 pub use emulator::{Emulator, Options, StopHandle};
 pub use error::RuntimeError;
-pub use novram::{Directory, Found, Keeper, Novram, NovramError};
+pub use novram::{Directory, Keeper, Novram, NovramError, RestoreOutcome};

@@ -27,7 +27,7 @@ use std::path::PathBuf;
 
 /// Content of the NOVRAM at power-on.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Found {
+pub enum RestoreOutcome {
     /// No file yet: delivery state.
     Nothing,
     /// The content was restored.
@@ -45,7 +45,7 @@ pub struct Novram {
     /// Name of the file.
     name: String,
     segment: Segment,
-    /// Content of the file, or content that is being written.
+    /// Content of the file, or of the present write.
     saved: Content,
     /// Generation number of the saved registers.
     generation: u32,
@@ -60,12 +60,12 @@ impl Novram {
     /// firmware starts.
     ///
     /// # Errors
-    /// [`NovramError`] if the file cannot be read or written. A damaged file is no error, see [`Found`].
+    /// [`NovramError`] if the file cannot be read or written. A damaged file is no error, see [`RestoreOutcome`].
     pub fn power_on(
         directory: &Directory,
         device: &dyn DeviceConfig,
         segment: &Segment,
-    ) -> Result<Option<(Self, Found)>, NovramError> {
+    ) -> Result<Option<(Self, RestoreOutcome)>, NovramError> {
         let retain_bytes = device.retain_bytes();
         let kept = device.novram().and_then(|area| Some((area, area.structures.first()?)));
         let bytes = kept.map_or(0, |(_, placed)| placed.structure.bytes) as usize;

@@ -23,12 +23,12 @@ impl Emulator {
         if self.under_way.take() != Some(target) && !self.lockstep.is_in_turn() {
             self.guests.enter(&mut self.plant, true);
         }
-        let has_arrived = self.go_on_to(target);
+        let has_arrived = self.continue_to(target);
         self.under_way = (!has_arrived).then_some(target);
         has_arrived
     }
 
-    fn go_on_to(&mut self, target: u64) -> bool {
+    fn continue_to(&mut self, target: u64) -> bool {
         loop {
             if !self.lockstep.is_in_turn() && !self.give_turns() {
                 return false;
@@ -36,7 +36,7 @@ impl Emulator {
             let until = if self.guests.have_seats() { self.next_event().min(target) } else { target };
             let stop = &self.stop;
             self.lockstep.advance(&mut self.plant, until, || stop.load(Ordering::Acquire));
-            self.guests.tell(&self.plant);
+            self.guests.send_heard(&self.plant);
             if self.lockstep.is_in_turn() || self.stop.load(Ordering::Acquire) {
                 return false;
             }
@@ -51,7 +51,7 @@ impl Emulator {
         }
     }
 
-    /// Gives turns to all guests with seats whose time has come, and passes their frames to the plant. Returns false if
+    /// Gives turns to all guests with seats at their time, and passes their frames to the plant. Returns false if
     /// stopped or if a turn is still in progress.
     fn give_turns(&mut self) -> bool {
         while self.guests.have_seats() {

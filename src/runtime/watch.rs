@@ -4,7 +4,7 @@
 use super::emulator::StopHandle;
 #[cfg(feature = "channel")]
 use crate::channel::ChannelWatch;
-use crate::memory::{FileState, ImageFileWatch, Onlookers, Woken, end_of_wait};
+use crate::memory::{FileState, ImageFileWatch, Onlookers, WakeReason, end_of_wait};
 use std::os::fd::OwnedFd;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -24,7 +24,7 @@ pub(super) struct Watch {
 }
 
 impl Watch {
-    /// Watches these files, and the channel, whose state the emulator queries. A shortened image ends the emulator, see
+    /// Watches these files, and the channel; the emulator queries its state. A shortened image ends the emulator, see
     /// [`super::RuntimeError::Shortened`].
     ///
     /// # Errors
@@ -70,16 +70,16 @@ fn watch(onlookers: &Onlookers, look: impl Fn(), stop: &StopHandle, ended: &Owne
     let mut next = Instant::now() + EVERY;
     loop {
         let woken = onlookers.wait(ended, next.saturating_duration_since(Instant::now()));
-        if woken == Woken::Opened {
+        if woken == WakeReason::Opened {
             is_alone.store(false, Ordering::Release);
             stop.wake();
         }
-        if woken != Woken::Ended && Instant::now() < next {
+        if woken != WakeReason::Ended && Instant::now() < next {
             continue;
         }
         next = Instant::now() + EVERY;
         // The next wait reports any process that opens an image from here on.
-        if woken == Woken::InTime && !is_alone.load(Ordering::Relaxed) {
+        if woken == WakeReason::InTime && !is_alone.load(Ordering::Relaxed) {
             is_alone.store(onlookers.are_gone(), Ordering::Release);
         }
         for (file, known) in onlookers.images().iter().zip(&mut known) {
@@ -92,7 +92,7 @@ fn watch(onlookers: &Onlookers, look: impl Fn(), stop: &StopHandle, ended: &Owne
             }
         }
         look();
-        if woken == Woken::Ended {
+        if woken == WakeReason::Ended {
             return;
         }
     }

@@ -4,7 +4,7 @@
 use super::ScenarioError;
 use super::carrier::Carrier;
 use super::local::Local;
-use crate::federation::{Exchange, Federation, Part};
+use crate::federation::{Exchange, FederateConfig, Federation};
 use crate::memory::Segment;
 use crate::memory::header::ABI_VERSION;
 use crate::plant::{Plant, PlantConfig};
@@ -121,7 +121,7 @@ impl Host for Federate {
 
     fn advance_to(&mut self, t: u64) -> bool {
         let federation = self.federation.as_mut().unwrap();
-        if federation.is_own_turn() && !federation.has_come_to(t) {
+        if federation.is_own_turn() && !federation.has_reached(t) {
             self.end_turn(Some(t));
             return false;
         }
@@ -165,15 +165,17 @@ impl Federated {
     ) -> Result<Self, ScenarioError> {
         let letters: Letters = Arc::new(Mutex::new(vec![VecDeque::new(); count.into()]));
         let federate = |number: u8| {
-            let plant =
-                Plant::new(config, |_, device| Ok::<_, ScenarioError>(Segment::of(device).asked_apart()))?;
+            let plant = Plant::new(config, |_, device| {
+                Ok::<_, ScenarioError>(Segment::of(device).with_request_page())
+            })?;
             let exchange = ByMemory {
                 own: number.into(),
                 letters: Arc::clone(&letters),
                 program: program(number, &plant),
             };
             let limit = Duration::from_secs(60);
-            let part = Part { own: number, count, follows: number != own, limit, exchange_us: None };
+            let part =
+                FederateConfig { own: number, count, follows: number != own, limit, exchange_us: None };
             let federation = Federation::join(part, &plant, Box::new(exchange)).unwrap();
             Ok(Federate { plant, travel: Travel::new(0), federation: Some(federation) })
         };

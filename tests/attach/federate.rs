@@ -1,7 +1,7 @@
 //! Emulators in this process that share their plant.
 
 use crate::common::unique_name;
-use commram::federation::{Alone, Part};
+use commram::federation::{FederateConfig, NoExchange};
 use commram::plant::PlantConfig;
 use commram::runtime::{Clock, Emulator, Options};
 use std::time::Duration;
@@ -19,8 +19,8 @@ fn an_emulator_with_a_plant_of_its_own_joins_nobody() {
         };
         let mut emulator = Emulator::start(&PlantConfig::built_in().unwrap(), options).unwrap();
         let limit = Duration::from_secs(30);
-        let part = Part { own: 0, count: 1, follows: false, limit, exchange_us: None };
-        emulator.join(part, Box::new(Alone)).map_err(|error| error.to_string())
+        let part = FederateConfig { own: 0, count: 1, follows: false, limit, exchange_us: None };
+        emulator.join(part, Box::new(NoExchange)).map_err(|error| error.to_string())
     };
     assert_eq!(join(true), Ok(()));
     assert!(join(false).unwrap_err().contains("set Options::is_federate"));

@@ -1,6 +1,6 @@
 //! Interleavings of an ending owner, the next owner, and leaving clients, with the atomic steps of the file system.
 
-use super::{Place, Root, close, leave, own};
+use super::{ChannelRoot, ChannelSite, close, leave, own};
 use core::convert::Infallible;
 use loom::sync::{Arc, Mutex, MutexGuard};
 use loom::thread;
@@ -72,7 +72,7 @@ struct Opened {
     number: usize,
 }
 
-struct Held(Opened, bool);
+struct ModelLock(Opened, bool);
 
 impl Opened {
     fn world(&self) -> MutexGuard<'_, World> {
@@ -84,7 +84,7 @@ impl Opened {
     }
 }
 
-impl Drop for Held {
+impl Drop for ModelLock {
     fn drop(&mut self) {
         if self.1 && !std::thread::panicking() {
             self.0.content(|it| it.is_locked = false);
@@ -92,12 +92,12 @@ impl Drop for Held {
     }
 }
 
-impl Root for Opened {
-    type Held = Held;
+impl ChannelRoot for Opened {
+    type Lock = ModelLock;
 
-    fn try_lock(&self) -> Option<Held> {
+    fn try_lock(&self) -> Option<ModelLock> {
         let is_free = self.content(|it| !core::mem::replace(&mut it.is_locked, true));
-        (is_free || self.system == System::LocksAreOpen).then(|| Held(self.clone(), is_free))
+        (is_free || self.system == System::LocksAreOpen).then(|| ModelLock(self.clone(), is_free))
     }
 
     fn is_named(&self) -> bool {
@@ -105,8 +105,8 @@ impl Root for Opened {
     }
 }
 
-impl Place for Opened {
-    type Root = Self;
+impl ChannelSite for Opened {
+    type ChannelRoot = Self;
 
     fn root(&self) -> &Self {
         self
@@ -150,7 +150,7 @@ impl Site {
         Opened { world: Arc::clone(&self.world), system: self.system, number }
     }
 
-    /// Like `Server::open`: takes the instance, whose lock distinguishes owners, and starts to serve the channel.
+    /// Like `Server::open`: takes the lock of the instance, which distinguishes owners, and starts to serve the channel.
     fn opens(&self, owner: u32) -> Opened {
         loop {
             let mut world = self.world.lock().unwrap();
@@ -214,7 +214,7 @@ fn ends(place: &Opened, owner: u32) {
 /// A client finds an owner that has announced itself, with all its files.
 fn serves(place: &Opened, owner: u32) {
     let world = place.world();
-    assert_eq!(world.named, Some(place.number), "nobody finds the owner");
+    assert_eq!(world.named, Some(place.number), "the owner cannot be found");
     let content = &world.directories[place.number];
     assert!(content.inside.contains(&owner) && content.has_remains, "the owner was swept away: {content:?}");
     assert_eq!(content.ready, Some(owner));
@@ -265,14 +265,14 @@ fn one_after_the_other(system: System, is_killed: bool) {
 }
 
 #[test]
-fn who_leaves_late_sweeps_nobody_away() {
+fn a_late_client_does_not_sweep_the_next_owner() {
     one_after_the_other(System::Right, false);
     one_after_the_other(System::Right, true);
 }
 
 /// The last process removes everything, even if several leave at the same time.
 #[test]
-fn nothing_stays_when_all_leave_at_once() {
+fn no_files_remain_when_all_leave_together() {
     model(System::Right, |site| {
         let owner = site.opens(FIRST);
         let clients = [CLIENT, CLIENT + 1].map(|client| (site.enters(client, FIRST).unwrap(), client));
@@ -284,7 +284,7 @@ fn nothing_stays_when_all_leave_at_once() {
 
 /// A client that enters while the owner ends is either with it until its end, or gets an error.
 #[test]
-fn who_enters_while_the_owner_ends_leaves_nothing() {
+fn a_client_that_enters_while_the_owner_ends_leaves_no_files() {
     model(System::Right, |site| {
         let owner = site.opens(FIRST);
         let entering = {
@@ -302,12 +302,12 @@ fn who_enters_while_the_owner_ends_leaves_nothing() {
 
 #[test]
 #[should_panic(expected = "swept away")]
-fn the_model_would_notice_a_lock_that_keeps_nobody_out() {
+fn the_model_detects_a_lock_that_excludes_no_process() {
     one_after_the_other(System::LocksAreOpen, false);
 }
 
 #[test]
 #[should_panic(expected = "swept away")]
-fn the_model_would_notice_a_sweep_that_goes_by_a_name() {
+fn the_model_detects_a_sweep_by_name() {
     one_after_the_other(System::SweepsGoByName, false);
 }

@@ -121,7 +121,7 @@ fn a_real_time_wait_is_resumed_where_it_stopped() {
 }
 
 #[test]
-fn a_second_wait_has_a_deadline_of_its_own() {
+fn a_second_wait_has_a_separate_deadline() {
     let mut host = TestHost::new(false);
     let ops = wires(&[wait(1, 1, 5_000), wait(2, 2, 5_000)]);
     let mut run = Run::default();

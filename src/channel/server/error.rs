@@ -47,7 +47,7 @@ pub enum ServerError {
     /// iceoryx2 cannot create the service or its server port.
     #[error(
         "instance {instance}: no iceoryx2 service ({reason}); is /dev/shm full or not writable?{}",
-        crate::memory::limits::named_space()
+        crate::memory::limits::describe_space_limit()
     )]
     Service {
         /// Name of the instance.

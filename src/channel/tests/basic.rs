@@ -1,4 +1,4 @@
-use super::rig::{Emulator, Place};
+use super::rig::{Emulator, InstanceFiles};
 use crate::channel::client::Patience;
 use crate::channel::{ClientError, ServerError};
 use crate::memory::Width;
@@ -9,8 +9,8 @@ use std::time::Duration;
 
 const REG: u32 = RAM.start;
 
-fn place() -> Arc<Place> {
-    Arc::new(Place::new())
+fn place() -> Arc<InstanceFiles> {
+    Arc::new(InstanceFiles::new())
 }
 
 #[test]
@@ -28,7 +28,7 @@ fn a_poke_a_step_and_a_peek_in_one_message() {
 }
 
 #[test]
-fn thousands_of_requests_use_nothing_up() {
+fn thousands_of_requests_use_up_no_resources() {
     let place = place();
     let _emulator = Emulator::start(&place, true);
     let client = place.client();
@@ -39,7 +39,7 @@ fn thousands_of_requests_use_nothing_up() {
 }
 
 #[test]
-fn operations_behind_an_error_are_not_executed() {
+fn operations_after_an_error_are_not_executed() {
     let place = place();
     let _emulator = Emulator::start(&place, true);
     let client = place.client();
@@ -76,7 +76,7 @@ fn the_largest_request_and_the_largest_reply() {
 }
 
 #[test]
-fn the_instance_tells_about_itself() {
+fn the_instance_describes_itself() {
     let place = place();
     let _emulator = Emulator::start(&place, true);
     assert_eq!(place.client().info().unwrap(), TestHost::new(true).info());
@@ -94,7 +94,7 @@ fn a_refusal_is_an_error_of_the_single_operation() {
 }
 
 #[test]
-fn several_clients_at_once_each_get_their_own_replies() {
+fn concurrent_clients_get_their_own_replies() {
     let place = place();
     let _emulator = Emulator::start(&place, true);
     std::thread::scope(|scope| {
@@ -113,7 +113,7 @@ fn several_clients_at_once_each_get_their_own_replies() {
 }
 
 #[test]
-fn clients_beyond_the_limit_are_told_so() {
+fn clients_above_the_limit_are_refused() {
     let place = place();
     let _emulator = Emulator::start(&place, true);
     let mut clients: Vec<_> = (0..crate::channel::server::MAX_CLIENTS).map(|_| place.client()).collect();
@@ -159,7 +159,7 @@ fn without_an_emulator_there_is_no_connection() {
 }
 
 #[test]
-fn a_clean_end_leaves_nothing_behind() {
+fn a_normal_end_leaves_no_files() {
     let place = place();
     let emulator = Emulator::start(&place, true);
     let client = place.client();
@@ -172,7 +172,7 @@ fn a_clean_end_leaves_nothing_behind() {
 }
 
 #[test]
-fn the_last_client_removes_what_an_ended_emulator_had_to_leave() {
+fn the_last_client_removes_the_files_of_an_ended_emulator() {
     let place = place();
     let emulator = Emulator::start(&place, true);
     let clients = [place.client(), place.client()];
@@ -185,7 +185,7 @@ fn the_last_client_removes_what_an_ended_emulator_had_to_leave() {
 }
 
 #[test]
-fn stop_ends_the_emulator_and_whoever_asks_then_is_told() {
+fn stop_ends_the_emulator_and_later_requests_fail() {
     let place = place();
     let emulator = Emulator::start(&place, true);
     let client = place.client();

@@ -1,6 +1,6 @@
 //! Peers that use iceoryx2 but break the protocol.
 
-use super::rig::{Emulator, Place};
+use super::rig::{Emulator, InstanceFiles};
 use crate::channel::domain::{Domain, Ipc};
 use crate::channel::wire::{self, Block, DecodeError, WireOp};
 use crate::channel::{Bells, ClientError};
@@ -14,7 +14,7 @@ use zerocopy::FromBytes;
 const REG: u32 = RAM.start;
 
 /// Sends raw operations; returns no replies if `wait` is false.
-fn send_raw(place: &Place, requests: &[Vec<WireOp>], wait: bool) -> Vec<Vec<Reply>> {
+fn send_raw(place: &InstanceFiles, requests: &[Vec<WireOp>], wait: bool) -> Vec<Vec<Reply>> {
     let node = place.domain().node::<Ipc>().unwrap();
     let service = Domain::service(&node).unwrap().open().unwrap();
     let port = service.client_builder().initial_max_slice_len(4 * MAX_OPS).create().unwrap();
@@ -45,7 +45,7 @@ fn send_raw(place: &Place, requests: &[Vec<WireOp>], wait: bool) -> Vec<Vec<Repl
 
 #[test]
 fn malformed_requests_are_answered_by_errors() {
-    let place = Arc::new(Place::new());
+    let place = Arc::new(InstanceFiles::new());
     let _emulator = Emulator::start(&place, true);
     let client = place.client();
     let poke = WireOp::from(&Op::Poke { plc: 0, offset: REG, width: Width::Word, value: 1 });
@@ -78,8 +78,8 @@ fn malformed_requests_are_answered_by_errors() {
 }
 
 #[test]
-fn noise_is_survived() {
-    let place = Arc::new(Place::new());
+fn random_requests_do_not_stop_the_server() {
+    let place = Arc::new(InstanceFiles::new());
     let _emulator = Emulator::start(&place, false);
     let client = place.client();
     // The same random numbers in every run.
@@ -112,8 +112,8 @@ fn noise_is_survived() {
 }
 
 #[test]
-fn requests_nobody_waits_for_do_no_harm() {
-    let place = Arc::new(Place::new());
+fn abandoned_requests_do_no_harm() {
+    let place = Arc::new(InstanceFiles::new());
     let emulator = Emulator::start(&place, true);
     let client = place.client();
     let poke = WireOp::from(&Op::Poke { plc: 1, offset: REG, width: Width::Word, value: 1 });
@@ -127,7 +127,7 @@ fn requests_nobody_waits_for_do_no_harm() {
 
 /// Runs a server that answers every request with these blocks, until the client returns.
 fn with_answer(blocks: &[Block], ops: &[Op]) -> Result<Vec<Reply>, ClientError> {
-    let place = Place::new();
+    let place = InstanceFiles::new();
     let domain = place.domain();
     let bells = place.bells();
     let node = domain.node::<Ipc>().unwrap();

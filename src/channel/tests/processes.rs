@@ -1,6 +1,6 @@
 //! Killed processes. The child processes run this test binary with a role in the environment.
 
-use super::rig::{Emulator, LONG, Place, is_gone, serve};
+use super::rig::{Emulator, InstanceFiles, LONG, is_gone, serve};
 use crate::channel::client::Patience;
 use crate::channel::{Bells, ClientError};
 use crate::memory::Width;
@@ -20,7 +20,7 @@ const ROLE: &str = "COMMRAM_TEST_ROLE";
 struct Process(Child);
 
 impl Process {
-    fn spawn(place: &Place, role: &str) -> Self {
+    fn spawn(place: &InstanceFiles, role: &str) -> Self {
         let child = Command::new(std::env::current_exe().unwrap())
             .args(["--exact", "channel::tests::processes::child", "--nocapture"])
             .env(ROLE, role)
@@ -52,7 +52,7 @@ impl Drop for Process {
 fn child() {
     let Ok(role) = std::env::var(ROLE) else { return };
     let directory = std::env::var_os("COMMRAM_TEST_DIRECTORY").unwrap().into();
-    let place = Place::inherited(directory, std::env::var("COMMRAM_TEST_INSTANCE").unwrap());
+    let place = InstanceFiles::inherited(directory, std::env::var("COMMRAM_TEST_INSTANCE").unwrap());
     match role.as_str() {
         "server" => serve(&place, TestHost::new(false)),
         "waiter" => {
@@ -93,7 +93,7 @@ fn quick() -> Patience {
 
 #[test]
 fn a_client_killed_while_it_waits_does_not_disturb_the_others() {
-    let place = Arc::new(Place::new());
+    let place = Arc::new(InstanceFiles::new());
     let mut host = TestHost::new(false);
     host.is_frozen = true;
     let emulator = Emulator::start_with(&place, host);
@@ -111,7 +111,7 @@ fn a_client_killed_while_it_waits_does_not_disturb_the_others() {
 
 #[test]
 fn killed_clients_do_not_use_up_the_places() {
-    let place = Arc::new(Place::new());
+    let place = Arc::new(InstanceFiles::new());
     let emulator = Emulator::start(&place, true);
     let client = place.client();
     // More than the number of places.
@@ -133,8 +133,8 @@ fn killed_clients_do_not_use_up_the_places() {
 
 /// A client may be killed between creating a part of the channel and setting its size.
 #[test]
-fn what_a_client_left_that_was_killed_while_it_entered_keeps_nobody_away() {
-    let place = Arc::new(Place::new());
+fn remains_of_a_client_killed_while_it_entered_block_no_other() {
+    let place = Arc::new(InstanceFiles::new());
     let emulator = Emulator::start(&place, true);
     // The channel exists from here on.
     let client = place.client();
@@ -146,7 +146,7 @@ fn what_a_client_left_that_was_killed_while_it_entered_keeps_nobody_away() {
     assert!(matches!(&refused, ClientError::Damaged { path, .. } if *path == half_made), "{refused}");
     drop(maker);
     // A child of another test may have inherited the file until its `exec`.
-    until("nobody has it open", || place.connect(impatient).is_ok());
+    until("no process has it open", || place.connect(impatient).is_ok());
     assert!(!half_made.exists());
     client.poke(0, REG, Width::Dword, 1).unwrap();
     drop(client);
@@ -156,7 +156,7 @@ fn what_a_client_left_that_was_killed_while_it_entered_keeps_nobody_away() {
 
 #[test]
 fn a_killed_emulator_is_noticed_and_can_be_started_again() {
-    let place = Place::new();
+    let place = InstanceFiles::new();
     for _ in 0..3 {
         let server = Process::spawn(&place, "server");
         let client = place.connect(quick()).unwrap();
@@ -186,7 +186,7 @@ fn a_killed_emulator_is_noticed_and_can_be_started_again() {
 
 #[test]
 fn a_client_in_the_middle_of_a_request_notices_the_death_of_the_emulator() {
-    let place = Place::new();
+    let place = InstanceFiles::new();
     let server = Process::spawn(&place, "server");
     let client = place.connect(quick()).unwrap();
     std::thread::scope(|scope| {
@@ -208,7 +208,7 @@ fn a_client_in_the_middle_of_a_request_notices_the_death_of_the_emulator() {
 /// stage.
 #[test]
 fn an_emulator_killed_while_it_starts_does_not_block_the_next() {
-    let place = Place::new();
+    let place = InstanceFiles::new();
     let files = || {
         let mut count = place.remains().len();
         let mut directories = vec![place.root()];
@@ -235,7 +235,7 @@ fn an_emulator_killed_while_it_starts_does_not_block_the_next() {
 
 #[test]
 fn the_dead_are_recognised() {
-    let place = Place::new();
+    let place = InstanceFiles::new();
     let bells = place.bells();
     bells.set_pid(std::process::id());
     assert!(bells.emulator_alive());

@@ -99,14 +99,14 @@ pub(crate) fn is_gone(pid: rustix::process::Pid) -> bool {
 }
 
 /// The files of one instance.
-pub(crate) struct Place {
+pub(crate) struct InstanceFiles {
     /// Removes the files at the end; `None` in a child process.
     owned: Option<TempDir>,
     pub directory: PathBuf,
     pub instance: String,
 }
 
-impl Place {
+impl InstanceFiles {
     pub(crate) fn new() -> Self {
         static COUNTER: AtomicU32 = AtomicU32::new(0);
         let number = COUNTER.fetch_add(1, Ordering::Relaxed);
@@ -162,7 +162,7 @@ impl Place {
     }
 }
 
-impl Drop for Place {
+impl Drop for InstanceFiles {
     /// Removes all files of a test from /dev/shm, even after a failure.
     fn drop(&mut self) {
         if self.owned.is_some() {
@@ -172,7 +172,7 @@ impl Drop for Place {
 }
 
 /// Runs the firmware thread until it is asked to stop.
-pub(crate) fn serve(place: &Place, mut host: TestHost) {
+pub(crate) fn serve(place: &InstanceFiles, mut host: TestHost) {
     let bells = place.bells();
     let mut server = place.server().unwrap();
     while !host.should_stop() {
@@ -202,11 +202,11 @@ pub(crate) struct Emulator {
 }
 
 impl Emulator {
-    pub(crate) fn start(place: &Arc<Place>, stepped: bool) -> Self {
+    pub(crate) fn start(place: &Arc<InstanceFiles>, stepped: bool) -> Self {
         Self::start_with(place, TestHost::new(stepped))
     }
 
-    pub(crate) fn start_with(place: &Arc<Place>, host: TestHost) -> Self {
+    pub(crate) fn start_with(place: &Arc<InstanceFiles>, host: TestHost) -> Self {
         let stop = Arc::clone(&host.stop);
         let bells = place.bells();
         let place = Arc::clone(place);

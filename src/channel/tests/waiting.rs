@@ -1,4 +1,4 @@
-use super::rig::{Emulator, LONG, Place};
+use super::rig::{Emulator, InstanceFiles, LONG};
 use crate::channel::client::Patience;
 use crate::channel::{Bells, ClientError};
 use crate::layout::{Compare, Test};
@@ -17,7 +17,7 @@ fn wait(offset: u32, value: u32, within_us: u64) -> Op {
 
 #[test]
 fn waits_of_several_clients_end_when_their_register_matches() {
-    let place = Arc::new(Place::new());
+    let place = Arc::new(InstanceFiles::new());
     let _emulator = Emulator::start(&place, false);
     let done = AtomicUsize::new(0);
     std::thread::scope(|scope| {
@@ -44,7 +44,7 @@ fn waits_of_several_clients_end_when_their_register_matches() {
 
 #[test]
 fn a_wait_in_real_time_fails_after_its_emulated_time() {
-    let place = Arc::new(Place::new());
+    let place = Arc::new(InstanceFiles::new());
     let _emulator = Emulator::start(&place, false);
     let client = place.client();
     client.poke(0, REG, Width::Word, 0x41).unwrap();
@@ -58,8 +58,8 @@ fn a_wait_in_real_time_fails_after_its_emulated_time() {
 }
 
 /// Runs a server with a stopped real-time clock, polled while `client` runs.
-fn with_frozen_server(client: impl FnOnce(&Place) + Send) -> (usize, usize) {
-    let place = Place::new();
+fn with_frozen_server(client: impl FnOnce(&InstanceFiles) + Send) -> (usize, usize) {
+    let place = InstanceFiles::new();
     let mut host = TestHost::new(false);
     host.is_frozen = true;
     let mut server = place.server().unwrap();
@@ -104,8 +104,8 @@ fn a_client_that_gives_up_is_forgotten_and_may_ask_again() {
 }
 
 #[test]
-fn closing_answers_those_who_wait() {
-    let place = Arc::new(Place::new());
+fn closing_answers_waiting_requests() {
+    let place = Arc::new(InstanceFiles::new());
     let mut host = TestHost::new(false);
     host.is_frozen = true;
     let emulator = Emulator::start_with(&place, host);
@@ -123,7 +123,7 @@ fn closing_answers_those_who_wait() {
     });
 }
 
-/// A host whose operations pause wherever possible.
+/// A host with operations that pause wherever possible.
 fn pausing() -> TestHost {
     let mut host = TestHost::new(true);
     host.pauses = true;
@@ -134,8 +134,8 @@ fn pausing() -> TestHost {
 const DAY: Op = Op::Advance { us: MAX_ADVANCE_US };
 
 #[test]
-fn others_look_and_stop_while_time_passes() {
-    let place = Arc::new(Place::new());
+fn other_clients_read_and_stop_while_the_clock_advances() {
+    let place = Arc::new(InstanceFiles::new());
     let _emulator = Emulator::start_with(&place, pausing());
     std::thread::scope(|scope| {
         let stepper = scope.spawn(|| place.client().request(&[DAY]));
@@ -154,8 +154,8 @@ fn others_look_and_stop_while_time_passes() {
 
 /// A wait for several conditions pauses like an advance, and reading buses and drives is possible meanwhile.
 #[test]
-fn others_look_while_somebody_waits_for_conditions() {
-    let place = Arc::new(Place::new());
+fn other_clients_read_while_one_waits_for_conditions() {
+    let place = Arc::new(InstanceFiles::new());
     let _emulator = Emulator::start_with(&place, pausing());
     let test = Test { mask: 0xFFFF, compare: Compare::Equal, is_signed: false, value: 7 };
     let condition = Op::Condition { plc: 0, offset: REG, width: Width::Word, test };
@@ -178,8 +178,8 @@ fn others_look_while_somebody_waits_for_conditions() {
 
 /// A request that changes the plant waits for its turn: otherwise the moment of the change would be arbitrary.
 #[test]
-fn who_changes_the_plant_waits_for_the_end_of_what_is_under_way() {
-    let place = Arc::new(Place::new());
+fn a_request_that_changes_the_plant_waits_for_the_one_under_way() {
+    let place = Arc::new(InstanceFiles::new());
     let _emulator = Emulator::start_with(&place, pausing());
     let step = Op::Advance { us: 3_000_000 };
     let peek = Op::Peek { plc: 0, offset: REG, width: Width::Word };
@@ -195,7 +195,7 @@ fn who_changes_the_plant_waits_for_the_end_of_what_is_under_way() {
 
 #[test]
 fn the_operation_of_a_client_that_gives_up_ends() {
-    let place = Arc::new(Place::new());
+    let place = Arc::new(InstanceFiles::new());
     let _emulator = Emulator::start_with(&place, pausing());
     let impatient = Patience { connect: LONG, reply: Duration::from_millis(50), ..Patience::default() };
     let late = place.connect(impatient).unwrap().request(&[DAY]).unwrap_err();

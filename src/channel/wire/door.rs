@@ -31,7 +31,8 @@ pub(super) fn encode(door: Option<DoorSpec>) -> WireOp {
 
 /// Decodes the door.
 ///
-/// # Errors The kind of door is unknown.
+/// # Errors
+/// The kind of door is unknown.
 pub(super) fn decode(wire: &WireOp) -> Result<Option<DoorSpec>, BadField> {
     let WireOp { width, node, value, .. } = *wire;
     let at = SocketAddrV4::new(Ipv4Addr::from_bits(value), node);

@@ -1,6 +1,6 @@
 //! Faults on the wire: in an operation, and with their status in a list.
 
-use super::{WireOp, kind, own};
+use super::{WireOp, kind, serde_types};
 use crate::devices;
 use crate::fault::{Draft, Fault, FaultStatus, Kind, Limit, MAX_BITS, MAX_FIELDS, Target, Values};
 use serde::{Deserialize, Serialize};
@@ -85,7 +85,7 @@ impl WireFault {
 /// The operation that adds `fault`: its kind, followed by the fault.
 pub(super) fn encode(fault: &Fault) -> WireOp {
     let mut op = WireOp { kind: kind::FAULT_ADD, ..WireOp::default() };
-    let bytes = own::encode(&WireFault::from(fault));
+    let bytes = serde_types::encode(&WireFault::from(fault));
     if let Some(room) = op.as_mut_bytes().get_mut(size_of::<u16>()..).and_then(|it| it.get_mut(..bytes.len()))
     {
         room.copy_from_slice(&bytes);
@@ -95,11 +95,12 @@ pub(super) fn encode(fault: &Fault) -> WireOp {
 
 /// Decodes the fault. The caller checks that no bytes follow it.
 ///
-/// # Errors The number of an unknown kind of fault, or of a kind that does not allow this fault.
+/// # Errors
+/// The number of an unknown kind of fault, or of a kind that does not allow this fault.
 pub(super) fn decode(wire: &WireOp) -> Result<Fault, u8> {
     let bytes = wire.as_bytes().get(size_of::<u16>()..).unwrap_or_default();
     let number = u8::read_from_prefix(bytes).map_or(0, |(number, _)| number);
-    own::decode_first::<WireFault>(bytes).and_then(|fault| fault.fault()).ok_or(number)
+    serde_types::decode_first::<WireFault>(bytes).and_then(|fault| fault.fault()).ok_or(number)
 }
 
 /// A fault in a list.
@@ -157,7 +158,10 @@ mod tests {
             wire.as_mut_bytes()[at] = byte;
             match decode(&wire) {
                 Ok(other) => {
-                    assert_eq!(WireFault::from(&other), own::decode_first(&wire.as_bytes()[2..]).unwrap())
+                    assert_eq!(
+                        WireFault::from(&other),
+                        serde_types::decode_first(&wire.as_bytes()[2..]).unwrap()
+                    )
                 }
                 Err(number) => assert_eq!(number, wire.as_bytes()[2]),
             }

@@ -38,7 +38,7 @@ impl WireEntry {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::channel::wire::own;
+    use crate::channel::wire::serde_types;
     use crate::check::rules;
     use crate::journal::Finding;
     use crate::layout::RegisterPhase;
@@ -56,18 +56,22 @@ mod tests {
         for is_single in [true, false] {
             let entry = Entry { last, is_single, count: 7, first_us: 1, last_us: u64::MAX, latest_us: 5 };
             let wire = WireEntry::from(&entry);
-            let bytes = own::encode(&wire);
-            let back: WireEntry = own::decode(&bytes).unwrap();
+            let bytes = serde_types::encode(&wire);
+            let back: WireEntry = serde_types::decode(&bytes).unwrap();
             assert_eq!((back, back.entry()), (wire, Some(entry)));
             assert_eq!(WireEntry { last: [1, 0, 0], ..wire }.entry(), None, "a SYNC edge");
             let strange = |at: usize, byte: u8| {
                 let mut bytes = bytes.clone();
                 bytes[at] = byte;
-                own::decode::<WireEntry>(&bytes)
+                serde_types::decode::<WireEntry>(&bytes)
             };
             assert_eq!(strange(bytes.len() - 1, 2), None, "neither one finding nor several");
-            assert_eq!(own::decode::<WireEntry>(&bytes[..bytes.len() - 1]), None);
-            assert_eq!(own::decode::<WireEntry>(&[&bytes[..], &[0]].concat()), None, "something behind it");
+            assert_eq!(serde_types::decode::<WireEntry>(&bytes[..bytes.len() - 1]), None);
+            assert_eq!(
+                serde_types::decode::<WireEntry>(&[&bytes[..], &[0]].concat()),
+                None,
+                "bytes after it"
+            );
         }
     }
 }

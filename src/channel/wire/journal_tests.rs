@@ -1,5 +1,5 @@
 use super::*;
-use crate::channel::wire::{Block, ReplyBuffer, decode, own};
+use crate::channel::wire::{Block, ReplyBuffer, decode, serde_types};
 use crate::devices::samples::event;
 use crate::journal::{Journal, Turn, Unforce};
 use crate::request::Reply;
@@ -34,7 +34,7 @@ proptest! {
 
     #[test]
     fn any_bytes_are_a_record_or_none(bytes in proptest::collection::vec(any::<u8>(), 0..80)) {
-        if let Some(record) = own::decode::<WireRecord>(&bytes).and_then(|wire| wire.record()) {
+        if let Some(record) = serde_types::decode::<WireRecord>(&bytes).and_then(|wire| wire.record()) {
             prop_assert!(record.count > 0);
             let _ = (record.first_us(), record.times().next());
         }
@@ -42,10 +42,10 @@ proptest! {
 
     #[test]
     fn nearly_valid_records_are_records_or_none(record in record(), at in any::<prop::sample::Index>(), byte in any::<u8>()) {
-        let mut bytes = own::encode(&WireRecord::from(&record));
+        let mut bytes = serde_types::encode(&WireRecord::from(&record));
         let at = at.index(bytes.len());
         bytes[at] = byte;
-        if let Some(wire) = own::decode::<WireRecord>(&bytes) && let Some(record) = wire.record() {
+        if let Some(wire) = serde_types::decode::<WireRecord>(&bytes) && let Some(record) = wire.record() {
             prop_assert_eq!(WireRecord::from(&record), wire);
             let _ = (record.first_us(), record.times().next());
         }

@@ -3,7 +3,7 @@
 use super::fault::WireStatus;
 use super::findings::WireEntry;
 use super::journal::{WireChange, WireRecord};
-use super::{Block, MAX_REPLY_BLOCKS, MAX_REPLY_BYTES, forces, own, reply_kind};
+use super::{Block, MAX_REPLY_BLOCKS, MAX_REPLY_BYTES, forces, reply_kind, serde_types};
 use crate::fault::FaultStatus;
 use crate::journal::{Change, Entry, Record, Turn};
 use crate::memory::header::BoardState;
@@ -57,17 +57,23 @@ impl ReplyBuffer {
             Reply::Time(time_us) => self.append((reply_kind::TIME, 0, *time_us), &[]),
             Reply::Journal { records, end, turn } => {
                 let records: Vec<_> = records.iter().map(WireRecord::from).collect();
-                self.append((reply_kind::JOURNAL, turn.number, *end), &own::encode(&(turn.begin, records)))
+                self.append(
+                    (reply_kind::JOURNAL, turn.number, *end),
+                    &serde_types::encode(&(turn.begin, records)),
+                )
             }
             Reply::Changes { changes, end, turn } => {
                 let changes: Vec<_> = changes.iter().map(WireChange::from).collect();
-                self.append((reply_kind::CHANGES, turn.number, *end), &own::encode(&(turn.begin, changes)))
+                self.append(
+                    (reply_kind::CHANGES, turn.number, *end),
+                    &serde_types::encode(&(turn.begin, changes)),
+                )
             }
             Reply::Forces(forced) => self.append(only(reply_kind::FORCES), &forces::encode(forced)),
             Reply::FaultAdded { id } => self.append((reply_kind::FAULT_ADDED, 0, u64::from(*id)), &[]),
             Reply::Faults(faults) => {
                 let faults: Vec<_> = faults.iter().map(WireStatus::from).collect();
-                self.append(only(reply_kind::FAULTS), &own::encode(&faults))
+                self.append(only(reply_kind::FAULTS), &serde_types::encode(&faults))
             }
             Reply::FaultsCleared { count } => {
                 self.append((reply_kind::FAULTS_CLEARED, 0, u64::from(*count)), &[])
@@ -75,18 +81,18 @@ impl ReplyBuffer {
             Reply::Board(state) => self.append(only(reply_kind::BOARD), state.as_bytes()),
             Reply::Findings(entries) => {
                 let entries: Vec<_> = entries.iter().map(WireEntry::from).collect();
-                self.append(only(reply_kind::FINDINGS), &own::encode(&entries))
+                self.append(only(reply_kind::FINDINGS), &serde_types::encode(&entries))
             }
             Reply::Cleared => self.append(only(reply_kind::CLEARED), &[]),
-            Reply::Buses(buses) => self.append(only(reply_kind::BUSES), &own::encode(buses)),
-            Reply::Scene(buses) => self.append(only(reply_kind::SCENE), &own::encode(buses)),
-            Reply::Drives(drives) => self.append(only(reply_kind::DRIVES), &own::encode(drives)),
-            Reply::Drive(drive) => self.append(only(reply_kind::DRIVE), &own::encode(&**drive)),
-            Reply::DoorOpened(door) => self.append(only(reply_kind::DOOR_OPENED), &own::encode(door)),
+            Reply::Buses(buses) => self.append(only(reply_kind::BUSES), &serde_types::encode(buses)),
+            Reply::Scene(buses) => self.append(only(reply_kind::SCENE), &serde_types::encode(buses)),
+            Reply::Drives(drives) => self.append(only(reply_kind::DRIVES), &serde_types::encode(drives)),
+            Reply::Drive(drive) => self.append(only(reply_kind::DRIVE), &serde_types::encode(&**drive)),
+            Reply::DoorOpened(door) => self.append(only(reply_kind::DOOR_OPENED), &serde_types::encode(door)),
             Reply::DoorsClosed { count } => {
                 self.append((reply_kind::DOORS_CLOSED, 0, u64::from(*count)), &[])
             }
-            Reply::Info(info) => self.append(only(reply_kind::INFO), &own::encode(&**info)),
+            Reply::Info(info) => self.append(only(reply_kind::INFO), &serde_types::encode(&**info)),
             Reply::Stopping => self.append(only(reply_kind::STOPPING), &[]),
             Reply::Error(refused) => {
                 self.error(refused);
@@ -179,13 +185,13 @@ fn decode_one(head: &Block, data: &[u8]) -> Option<Reply> {
         reply_kind::BOARD => Reply::Board(BoardState::read_from_bytes(data).ok()?),
         reply_kind::FINDINGS => Reply::Findings(entries(data)?),
         reply_kind::CLEARED => Reply::Cleared,
-        reply_kind::BUSES => Reply::Buses(own::decode(data)?),
-        reply_kind::SCENE => Reply::Scene(own::decode(data)?),
-        reply_kind::DRIVES => Reply::Drives(own::decode(data)?),
-        reply_kind::DRIVE => Reply::Drive(Box::new(own::decode(data)?)),
-        reply_kind::DOOR_OPENED => Reply::DoorOpened(own::decode(data)?),
+        reply_kind::BUSES => Reply::Buses(serde_types::decode(data)?),
+        reply_kind::SCENE => Reply::Scene(serde_types::decode(data)?),
+        reply_kind::DRIVES => Reply::Drives(serde_types::decode(data)?),
+        reply_kind::DRIVE => Reply::Drive(Box::new(serde_types::decode(data)?)),
+        reply_kind::DOOR_OPENED => Reply::DoorOpened(serde_types::decode(data)?),
         reply_kind::DOORS_CLOSED => Reply::DoorsClosed { count: value.try_into().ok()? },
-        reply_kind::INFO => Reply::Info(Box::new(own::decode(data)?)),
+        reply_kind::INFO => Reply::Info(Box::new(serde_types::decode(data)?)),
         reply_kind::STOPPING => Reply::Stopping,
         reply_kind::ERROR => Reply::Error(error(Code(head.code), value, data)?),
         _ => return None,
@@ -199,21 +205,21 @@ fn error(code: Code, time_us: u64, data: &[u8]) -> Option<Refused> {
 }
 
 fn journal_records(data: &[u8]) -> Option<(u64, Vec<Record>)> {
-    let (begin, records): (u64, Vec<WireRecord>) = own::decode(data)?;
+    let (begin, records): (u64, Vec<WireRecord>) = serde_types::decode(data)?;
     Some((begin, records.iter().map(WireRecord::record).collect::<Option<_>>()?))
 }
 
 fn changes(data: &[u8]) -> Option<(u64, Vec<Change>)> {
-    let (begin, changes): (u64, Vec<WireChange>) = own::decode(data)?;
+    let (begin, changes): (u64, Vec<WireChange>) = serde_types::decode(data)?;
     Some((begin, changes.iter().map(WireChange::change).collect::<Option<_>>()?))
 }
 
 fn faults(data: &[u8]) -> Option<Vec<FaultStatus>> {
-    own::decode::<Vec<WireStatus>>(data)?.iter().map(WireStatus::status).collect()
+    serde_types::decode::<Vec<WireStatus>>(data)?.iter().map(WireStatus::status).collect()
 }
 
 fn entries(data: &[u8]) -> Option<Vec<Entry>> {
-    own::decode::<Vec<WireEntry>>(data)?.iter().map(WireEntry::entry).collect()
+    serde_types::decode::<Vec<WireEntry>>(data)?.iter().map(WireEntry::entry).collect()
 }
 
 fn flag(code: u16) -> Option<bool> {

@@ -1,7 +1,7 @@
 //! Reads the RAM in blocks of sixteen words, with the processor's widest loads. The access checker compares all of the
 //! RAM with the values that the firmware left, before the firmware runs again.
 
-use super::Value;
+use super::MemoryValue;
 use crate::memory::cell::Cell64;
 
 /// Words of a [`Block`].
@@ -63,7 +63,7 @@ impl Block {
 /// Loads sixteen words in a row for each of the blocks (Acquire).
 ///
 /// # Safety
-/// As [`Value::load`], for all of them.
+/// As [`MemoryValue::load`], for all of them.
 #[inline]
 unsafe fn load(at: *const [u64; BLOCK], to: &mut [Block]) {
     #[cfg(all(target_arch = "x86_64", not(miri)))]
@@ -256,7 +256,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn blocks_are_held_against_words() {
+    fn blocks_are_compared_with_words() {
         const BLOCKS: usize = 3;
         // Not at the alignment of a block.
         let mut words = [0_u64; BLOCKS * BLOCK + 2];

@@ -21,7 +21,7 @@ fn refusal(instance: &Instance, mode: AttachMode) -> String {
 }
 
 /// Waits until a client has entered itself as a waiter.
-fn somebody_waits(bell: &Bell) {
+fn wait_for_waiter(bell: &Bell) {
     while !format!("{bell:?}").contains("waiters: 16#00000001") {
         thread::yield_now();
     }
@@ -181,7 +181,7 @@ fn a_sleeping_client_is_woken_by_the_answer_bell() {
                 segment.load(REGISTER, Width::Word).ok().filter(|&value| value != 0)
             })
         });
-        somebody_waits(&image.header().answer);
+        wait_for_waiter(&image.header().answer);
         image.segment().store(REGISTER, Width::Word, 7).unwrap();
         image.header().answer.ring();
         assert_eq!(waiter.join().unwrap().unwrap(), 7);
@@ -196,7 +196,7 @@ fn events_are_waited_for_by_number() {
     let seen = client.header().unwrap().events[12].bell.rings();
     thread::scope(|scope| {
         let waiter = scope.spawn(|| client.wait_event(12, seen, WATCHDOG));
-        somebody_waits(&image.header().events[12].bell);
+        wait_for_waiter(&image.header().events[12].bell);
         image.header().events[12].fire(8_000);
         assert_eq!(waiter.join().unwrap().unwrap(), seen + 1);
     });
@@ -243,7 +243,7 @@ fn a_waiting_client_notices_that_the_emulator_is_killed() {
 }
 
 #[test]
-fn a_waiting_client_is_told_that_the_emulator_ends() {
+fn a_waiting_client_notices_the_end_of_the_emulator() {
     for mode in BOTH {
         let instance = Instance::new();
         let image = instance.create_ready();
@@ -260,7 +260,7 @@ fn a_waiting_client_is_told_that_the_emulator_ends() {
 }
 
 #[test]
-fn a_waiting_client_is_told_that_another_emulator_took_over() {
+fn a_waiting_client_notices_a_takeover() {
     let instance = Instance::new();
     let emulator = Emulator::start(&instance);
     let client = attach(&instance, AttachMode::ReadWrite).unwrap();

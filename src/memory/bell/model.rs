@@ -100,6 +100,6 @@ fn no_wake_up_is_lost() {
 
 #[test]
 #[should_panic(expected = "deadlock")]
-fn the_model_would_notice_a_missing_fence() {
+fn the_model_detects_a_missing_fence() {
     client_and_firmware::<false>();
 }

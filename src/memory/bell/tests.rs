@@ -13,7 +13,7 @@ fn header() -> View<Header> {
 }
 
 /// Waits until a waiter is registered.
-fn somebody_waits(bell: &Bell) {
+fn wait_for_waiter(bell: &Bell) {
     while !bell.has_waiters() {
         thread::yield_now();
     }
@@ -61,7 +61,7 @@ fn any_of_several_bells_wakes() {
         let seen = bells.map(|bell| (bell, bell.rings()));
         thread::scope(|scope| {
             let waiter = scope.spawn(|| wait_any(&seen, WATCHDOG));
-            somebody_waits(bells[2]);
+            wait_for_waiter(bells[2]);
             bells[rung].ring();
             assert_eq!(waiter.join().unwrap(), Some(rung));
         });
@@ -76,7 +76,7 @@ fn more_bells_than_the_kernel_takes_still_wake() {
     let seen: Vec<_> = segments.iter().map(|header| (&header.doorbell, 0)).collect();
     thread::scope(|scope| {
         let waiter = scope.spawn(|| wait_any(&seen, WATCHDOG));
-        somebody_waits(&segments[MAX_WAITV].doorbell);
+        wait_for_waiter(&segments[MAX_WAITV].doorbell);
         segments[MAX_WAITV].doorbell.ring();
         assert_eq!(waiter.join().unwrap(), Some(MAX_WAITV));
     });

@@ -39,8 +39,8 @@ pub(super) fn close(address: usize) -> bool {
     GAPS.store(true, Ordering::Release);
     let start = core::ptr::without_provenance_mut(address - address % page);
     let rights = ProtFlags::READ | ProtFlags::WRITE;
-    // SAFETY: the page is one of a map of shared memory of which nobody holds a reference: others write there too. It
-    // cannot be read now, and zeros are a content that others could have written.
+    // SAFETY: the page belongs to a map of shared memory without Rust references, because others write there, too. It
+    // cannot be read now, and others could have written zeros.
     unsafe { rustix::mm::mmap_anonymous(start, page, rights, MapFlags::PRIVATE | MapFlags::FIXED) }.is_ok()
 }
 

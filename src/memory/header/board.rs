@@ -1,7 +1,7 @@
 //! The board's front, its power, and the start of the PLC program (manual 5.00005.03a p. 22, 38-40, 51).
 
 use super::{FRONT, Header};
-use crate::memory::published::publish;
+use crate::memory::struct_tables::publish;
 use crate::memory::{Bell, Cell32, SharedRegs};
 use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
 
@@ -217,7 +217,7 @@ pub enum BoardSetting {
     Power(Power),
     /// Requests a start or a stop of the program.
     Start(Start),
-    /// Loads a project, or deletes the one that is loaded.
+    /// Loads a project, or deletes the loaded one.
     Project(Project),
     /// Presses RESET and releases it.
     Reset,

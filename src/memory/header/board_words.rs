@@ -9,22 +9,22 @@ use crate::layout::{Device, LayoutError, Owner, RegType, split_plc, value};
 pub struct BoardWordError {
     /// The refused text.
     pub text: String,
-    /// What would be right.
+    /// The right values.
     pub right: String,
 }
 
-/// A [`BoardSetting`] as text, for a PLC that is not looked up yet.
+/// A [`BoardSetting`] as text, before its PLC is looked up.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BoardWord<'a> {
     /// The parsed text.
     pub text: &'a str,
     /// The PLC, if one is named.
     pub plc: Option<&'a str>,
-    what: What<'a>,
+    what: BoardWordKind<'a>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum What<'a> {
+enum BoardWordKind<'a> {
     Setting(BoardSetting),
     /// DIP switches of the module in a port.
     ModuleDip {
@@ -58,7 +58,7 @@ impl<'a> BoardWord<'a> {
         };
         if let Some((port, name)) = name.split_once('.') {
             return match name {
-                "dip" => Ok(Self { text, plc, what: What::ModuleDip { port, dip: number(31)? } }),
+                "dip" => Ok(Self { text, plc, what: BoardWordKind::ModuleDip { port, dip: number(31)? } }),
                 _ => Err(wrong("a module has dip, its DIP switches")),
             };
         }
@@ -83,17 +83,17 @@ impl<'a> BoardWord<'a> {
             ("project", _) => {
                 return Err(wrong("projects are boot and sent; none deletes the loaded one"));
             }
-            _ => return Ok(Self { text, plc, what: What::Front { name, value } }),
+            _ => return Ok(Self { text, plc, what: BoardWordKind::Front { name, value } }),
         };
-        Ok(Self { text, plc, what: What::Setting(setting) })
+        Ok(Self { text, plc, what: BoardWordKind::Setting(setting) })
     }
 
     /// This setting of a PLC; messages show `text` for it.
     pub fn of(text: &'a str, plc: Option<&'a str>, setting: BoardSetting) -> Self {
-        Self { text, plc, what: What::Setting(setting) }
+        Self { text, plc, what: BoardWordKind::Setting(setting) }
     }
 
-    /// The setting for a PLC that is such a device.
+    /// The setting for a PLC of this device type.
     ///
     /// # Errors
     /// The device has no such port or switch, or it cannot have this value.
@@ -101,12 +101,12 @@ impl<'a> BoardWord<'a> {
         let wrong =
             |error: LayoutError| BoardWordError { text: self.text.to_owned(), right: error.to_string() };
         match self.what {
-            What::Setting(setting) => Ok(setting),
-            What::ModuleDip { port, dip } => {
+            BoardWordKind::Setting(setting) => Ok(setting),
+            BoardWordKind::ModuleDip { port, dip } => {
                 let port = device.port_named(port).map_err(wrong)?.number;
                 Ok(BoardSetting::ModuleDip { port, dip })
             }
-            What::Front { name, value } => {
+            BoardWordKind::Front { name, value } => {
                 let wrong = |right| BoardWordError { text: self.text.to_owned(), right };
                 let switches = || device.front.iter().filter(|word| word.owner == Owner::Plc);
                 let Some(word) = switches().find(|word| word.name == name) else {
@@ -246,7 +246,7 @@ mod tests {
 
     /// As text, and as the two numbers of the channel.
     #[test]
-    fn every_setting_has_a_word_and_numbers_of_its_own() {
+    fn every_setting_has_a_unique_word_and_unique_numbers() {
         use BoardSetting as Set;
         let all = [
             ("dip=17", Set::Dip(17)),
@@ -283,7 +283,7 @@ mod tests {
     }
 
     #[test]
-    fn a_device_can_have_switches_of_its_own() {
+    fn a_device_can_have_own_switches() {
         let setting = |text| BoardWord::parse(text).and_then(|word| word.at(&PANEL));
         let front = |word, value| Ok(BoardSetting::Front { word, value });
         assert_eq!(setting("panel:s1=unlock"), front(5, 1));
@@ -303,7 +303,7 @@ mod tests {
     }
 
     #[test]
-    fn codes_are_told_in_words() {
+    fn codes_are_printed_as_words() {
         assert_eq!(named(ProgramState::from_code(6), 6), "boot project copied");
         assert_eq!(named(ProgramState::from_code(60), 60), "60");
     }

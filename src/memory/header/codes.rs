@@ -11,7 +11,7 @@ macro_rules! codes {
 
         impl $name {
             /// All numbers as data.
-            pub const CODES: $crate::memory::published::Codes = $crate::memory::published::Codes {
+            pub const CODES: $crate::memory::struct_tables::Codes = $crate::memory::struct_tables::Codes {
                 name: stringify!($name),
                 codes: &[$(($value, stringify!($variant), concat!($($vdoc),*))),*],
             };

@@ -1,7 +1,7 @@
 //! Events and their sources: the slots that count them, and the configuration that the function blocks `INTR_SET` and
 //! `OPT_INIT` write (manual 5.00005.03a p. 47-60).
 
-use crate::memory::published::publish;
+use crate::memory::struct_tables::publish;
 use crate::memory::{Bell, Cell32, Cell64, SharedRegs};
 use zerocopy::{FromBytes, IntoBytes, KnownLayout};
 

@@ -1,6 +1,6 @@
 //! Initial values of retain flags, which a cold start gives them (manual 5.00005.03a p. 38).
 
-use crate::memory::published::publish;
+use crate::memory::struct_tables::publish;
 use crate::memory::{Cell32, SharedRegs};
 use zerocopy::{FromBytes, IntoBytes, KnownLayout};
 

@@ -1,10 +1,10 @@
 //! Tasks in lockstep: the emulated time waits for them. `docs/reference/attach.md` describes the turns.
 
 #[cfg(feature = "emulator")]
-mod hands;
+mod seat_owner;
 
 use crate::memory::process::ProcessId;
-use crate::memory::published::publish;
+use crate::memory::struct_tables::publish;
 use crate::memory::{Bell, Cell32, Cell64, SharedRegs};
 use zerocopy::{FromBytes, IntoBytes, KnownLayout};
 

@@ -2,7 +2,7 @@
 
 use crate::layout::{Area, Fit, MOST_PORTS, Port, Role, Space};
 use crate::memory::header::set_name;
-use crate::memory::published::publish;
+use crate::memory::struct_tables::publish;
 use crate::memory::{Cell8, Cell32, SharedRegs};
 use zerocopy::{FromBytes, IntoBytes, KnownLayout};
 

@@ -7,7 +7,7 @@
 mod model;
 
 /// A file that may have the name of an image; real or modelled.
-pub(in crate::memory) trait Claimed: Sized {
+pub(in crate::memory) trait LockableFile: Sized {
     /// Error of the system.
     type Error;
 
@@ -27,14 +27,14 @@ pub(in crate::memory) trait Claimed: Sized {
 }
 
 /// The name of an image, and operations on the files that have it.
-pub(super) trait Site {
-    type File: Claimed<Error = Self::Error>;
+pub(super) trait ImageName {
+    type File: LockableFile<Error = Self::Error>;
     type Error;
 
     /// Returns the file that has the name.
     fn find(&self) -> Result<Option<Self::File>, Self::Error>;
 
-    /// Refuses a file that is not an image of this user.
+    /// Refuses a file unless it is an image of this user.
     fn judge(&self, file: &Self::File) -> Result<(), Self::Error>;
 
     /// Waits a moment for a lock that another process has; an error if the total wait was long enough.
@@ -42,7 +42,7 @@ pub(super) trait Site {
 }
 
 /// Operations of a starting emulator.
-pub(super) trait Start: Site {
+pub(super) trait ImageCreator: ImageName {
     type Image;
 
     /// Creates a new file without a name.
@@ -62,7 +62,7 @@ pub(super) trait Start: Site {
 }
 
 /// Acquires the name, for a new file or the file of a dead emulator.
-pub(super) fn enter<S: Start>(site: &S) -> Result<S::Image, S::Error> {
+pub(super) fn enter<S: ImageCreator>(site: &S) -> Result<S::Image, S::Error> {
     loop {
         let Some(file) = site.find()? else {
             let file = site.nameless()?;
@@ -86,7 +86,7 @@ pub(super) fn enter<S: Start>(site: &S) -> Result<S::Image, S::Error> {
 }
 
 /// Removes the file of a dead emulator; returns whether there was one.
-pub(super) fn remove_dead<S: Site>(site: &S) -> Result<bool, S::Error> {
+pub(super) fn remove_dead<S: ImageName>(site: &S) -> Result<bool, S::Error> {
     loop {
         let Some(file) = site.find()? else { return Ok(false) };
         if let Some(file) = claim(site, file)? {
@@ -96,9 +96,9 @@ pub(super) fn remove_dead<S: Site>(site: &S) -> Result<bool, S::Error> {
     }
 }
 
-/// Takes the lock of a file whose emulator is dead. `None`: try again, the file was replaced or another process has its
+/// Takes the lock of a dead emulator's file. `None`: try again, the file was replaced or another process has its
 /// lock.
-pub(super) fn claim<S: Site>(site: &S, file: S::File) -> Result<Option<S::File>, S::Error> {
+pub(super) fn claim<S: ImageName>(site: &S, file: S::File) -> Result<Option<S::File>, S::Error> {
     if !file.lock()? {
         site.wait(file)?;
         return Ok(None);

@@ -20,7 +20,7 @@ use std::{
 };
 use zerocopy::FromZeros;
 
-/// A register whose value identifies its writer.
+/// A register with a value that identifies its writer.
 pub(crate) const MARK: u32 = 200_000;
 
 fn create(instance: &Instance) -> Result<Image, MemoryError> {
@@ -117,7 +117,7 @@ fn a_killed_emulator_is_recognized_and_taken_over_in_place() {
 }
 
 #[test]
-fn a_takeover_forgets_the_last_run_but_goes_on_counting_rings() {
+fn a_takeover_resets_the_registers_but_keeps_the_ring_counts() {
     let instance = Instance::new();
     instance.leave(SEGMENT_SIZE, |header| {
         header.board.dip.store(31);
@@ -207,7 +207,7 @@ fn a_symbolic_link_is_refused_and_left_alone() {
 }
 
 #[test]
-fn what_is_no_file_is_refused_without_waiting_for_it() {
+fn a_path_that_is_not_a_file_is_refused_without_waiting() {
     let instance = Instance::new();
     fs::create_dir(instance.path()).unwrap();
     assert!(matches!(create(&instance), Err(MemoryError::NotAFile { .. })));
@@ -225,7 +225,7 @@ fn bad_names_are_refused() {
 }
 
 #[test]
-fn of_many_creators_one_wins() {
+fn one_of_many_creators_wins() {
     for left_over in [false, true] {
         let instance = Instance::new();
         if left_over {
@@ -260,7 +260,7 @@ fn a_file_that_has_lost_its_name_is_not_claimed() {
     let first = instance.create();
     let late = || ImageFile::open(&instance, PLC, true).unwrap().unwrap();
     let (one, other) = (late(), late());
-    let place = Place::new(&instance, PLC, ()).unwrap();
+    let place = ImageSite::new(&instance, PLC, ()).unwrap();
     drop(first);
     assert!(claim::claim(&place, one).unwrap().is_none(), "its path names nothing");
     let _second = instance.create();
@@ -302,7 +302,7 @@ fn the_image_of_a_killed_emulator_can_be_removed() {
 }
 
 #[test]
-fn the_list_tells_the_living_from_the_rest() {
+fn the_list_distinguishes_running_emulators() {
     let (living, dead, foreign) = (Instance::new(), Instance::new(), Instance::new());
     let image = living.create_ready();
     image.header().virtual_time_us.store(62_500);
@@ -318,37 +318,37 @@ fn the_list_tells_the_living_from_the_rest() {
 
 /// A reader of the header page alone finds every area and port of the device in the file.
 #[test]
-fn the_header_page_tells_areas_and_ports() {
+fn the_header_page_lists_areas_and_ports() {
     let instance = Instance::new();
     let image = instance.create();
-    let told = |entry: &header::AreaEntry| {
+    let listed = |entry: &header::AreaEntry| {
         let numbers = [&entry.first, &entry.unit, &entry.file_offset, &entry.size].map(|cell| cell.load());
         (header::name(&entry.name), header::name(&entry.space), numbers)
     };
     let [ram, retain, none, ..] = &image.header().areas;
-    assert_eq!(told(ram), ("ram".to_owned(), "M3.".to_owned(), [80_000, 1, 80_000, 3_182_144]));
-    assert_eq!(told(retain), ("retain".to_owned(), "M".to_owned(), [10_000_000, 1, 8_192, 71_808]));
-    assert_eq!(told(none), (String::new(), String::new(), [0; 4]));
-    let told = |entry: &header::PortEntry| {
+    assert_eq!(listed(ram), ("ram".to_owned(), "M3.".to_owned(), [80_000, 1, 80_000, 3_182_144]));
+    assert_eq!(listed(retain), ("retain".to_owned(), "M".to_owned(), [10_000_000, 1, 8_192, 71_808]));
+    assert_eq!(listed(none), (String::new(), String::new(), [0; 4]));
+    let listed = |entry: &header::PortEntry| {
         let numbers = [&entry.number, &entry.file_offset].map(|cell| cell.load());
         (header::name(&entry.name), header::name(&entry.medium), numbers)
     };
     let [end, none, ..] = &image.header().ports;
-    assert_eq!(told(end), ("end".to_owned(), "wire".to_owned(), [1, 80_000]));
-    assert_eq!(told(none), (String::new(), String::new(), [0; 2]));
+    assert_eq!(listed(end), ("end".to_owned(), "wire".to_owned(), [1, 80_000]));
+    assert_eq!(listed(none), (String::new(), String::new(), [0; 2]));
     assert_eq!((end.role.load(), none.role.load()), (3, 0), "a layout that leaves no choice says the role");
 }
 
 /// The modules of a modular device determine the contents of its areas.
 #[test]
-fn the_header_page_tells_what_the_ports_are() {
+fn the_header_page_lists_the_roles_of_the_ports() {
     let header = Header::new_box_zeroed().unwrap();
     let known = DeviceFit::unknown(&SLOTS).with(1, Fit::As(Role::Master)).with(2, Fit::As(Role::Slave));
     header.describe(&SLOTS);
     header.set_fitted(&known);
-    let told = header.fitted(&SLOTS);
+    let listed = header.fitted(&SLOTS);
     assert_eq!(
-        [1, 2, 3].map(|port| told.port(port)),
+        [1, 2, 3].map(|port| listed.port(port)),
         [Fit::As(Role::Master), Fit::As(Role::Slave), Fit::Empty]
     );
     header.ports[2].role.store(99);
@@ -357,7 +357,7 @@ fn the_header_page_tells_what_the_ports_are() {
 
 /// A new emulator does not inherit the port state of its predecessor.
 #[test]
-fn a_takeover_leaves_nothing_of_what_happened_at_the_ports() {
+fn a_takeover_resets_the_ports() {
     let instance = Instance::new();
     instance.leave(SEGMENT_SIZE, |header| {
         let [end, .., last] = &header.ports;

@@ -39,7 +39,7 @@ fn starts_zeroed_and_holds_the_last_byte() {
 }
 
 #[test]
-fn registers_lie_in_little_endian_order() {
+fn registers_are_little_endian() {
     for segment in both() {
         segment.store(200_000, Width::Dword, 0x1122_3344).unwrap();
         segment.store(200_004, Width::Word, 0x5566).unwrap();
@@ -210,11 +210,8 @@ fn ranges_at_any_alignment() {
 /// A word, a doubleword and a byte side by side, each written at its own width, while others read all of them in words
 /// of 64 and 32 bits: no register is torn, and writing a register does not change its neighbour.
 #[test]
-#[cfg_attr(
-    miri,
-    ignore = "accesses of several widths at once are the machine's affair; Miri's model has none"
-)]
-fn registers_are_whole_whatever_width_they_are_looked_at_in() {
+#[cfg_attr(miri, ignore = "Miri has no model for concurrent accesses of several widths")]
+fn registers_are_whole_when_read_in_any_width() {
     const TURNS: u32 = 20_000;
     // Offset, width, and the two values it alternates between.
     let registers = [
@@ -293,7 +290,7 @@ fn a_map_that_is_too_short_gives_no_segment() {
 }
 
 #[test]
-fn the_header_lies_at_the_front() {
+fn the_header_is_at_the_beginning() {
     for segment in both() {
         segment.header().unwrap().virtual_time_us.store(62_500);
         assert_eq!(segment.header_snapshot().virtual_time_us.load(), 62_500);
@@ -302,10 +299,7 @@ fn the_header_lies_at_the_front() {
 
 /// Fields of the header page, each written at its own width, while others copy the whole page.
 #[test]
-#[cfg_attr(
-    miri,
-    ignore = "accesses of several widths at once are the machine's affair; Miri's model has none"
-)]
+#[cfg_attr(miri, ignore = "Miri has no model for concurrent accesses of several widths")]
 fn the_header_page_is_whole_in_a_copy() {
     const TURNS: u64 = 20_000;
     const TIMES: [u64; 2] = [0x1111_1111_1111_1111, 0xEEEE_EEEE_EEEE_EEEE];

@@ -40,7 +40,7 @@ impl Emulator {
     }
 
     /// Reports occurred events to the listeners of the event services.
-    pub(in crate::runtime) fn tell_events(&mut self) {
+    pub(in crate::runtime) fn notify_events(&mut self) {
         for plc in 0..self.images.len() {
             let fired = self.plant.take_fired(plc);
             if fired != 0

@@ -58,12 +58,12 @@ impl Emulator {
                 }
                 self.lockstep.look(&mut self.plant, &mut NoWitness);
             }
-            self.guests.tell(&self.plant);
+            self.guests.send_heard(&self.plant);
             self.guests.grant(self.plant.now());
             self.guests.enter(&mut self.plant, false);
             if look || due {
                 self.announce();
-                self.tell_events();
+                self.notify_events();
             }
             self.save_novram(false);
             if self.serve_channel() {

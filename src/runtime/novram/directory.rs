@@ -17,7 +17,7 @@ const PATIENCE: Duration = Duration::from_millis(500);
 /// Write rights of other users in a mode.
 const OTHERS_WRITE: u32 = 0o022;
 
-/// A directory that is locked for the lifetime of this value.
+/// A directory, locked for the lifetime of this value.
 #[derive(Debug)]
 pub struct Directory {
     path: PathBuf,

@@ -27,7 +27,7 @@ pub enum NovramError {
         /// The directory.
         path: PathBuf,
     },
-    /// The directory belongs to another user, who could exchange the files.
+    /// The directory belongs to another user, and that user could exchange the files.
     #[error(
         "NOVRAM {}: this directory belongs to user {owner}, not to user {user}; use one of your own, mode 0700",
         path.display()

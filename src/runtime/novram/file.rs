@@ -1,6 +1,6 @@
 //! The NOVRAM file: magic, version, length, content, checksum.
 
-use super::{Directory, Found, NovramError};
+use super::{Directory, NovramError, RestoreOutcome};
 
 const MAGIC: [u8; 8] = *b"commramN";
 const VERSION: u32 = 2;
@@ -61,15 +61,19 @@ impl Content {
 }
 
 /// Reads the file of this name. An unusable file is set aside; a file that cannot be written is an error.
-pub(super) fn load(directory: &Directory, name: &str, size: Size) -> Result<(Content, Found), NovramError> {
+pub(super) fn load(
+    directory: &Directory,
+    name: &str,
+    size: Size,
+) -> Result<(Content, RestoreOutcome), NovramError> {
     let (content, found) = match directory.read(name, HEAD + size.registers + size.flags + CHECKSUM)? {
-        None => (Content::empty(size.registers), Found::Nothing),
+        None => (Content::empty(size.registers), RestoreOutcome::Nothing),
         Some(bytes) => match decode(&bytes, size) {
             Some(content) => {
                 let retain = content.retain().iter().any(|flag| *flag != 0);
-                (content, Found::Content { retain })
+                (content, RestoreOutcome::Content { retain })
             }
-            None => (Content::empty(size.registers), Found::SetAside(directory.set_aside(name)?)),
+            None => (Content::empty(size.registers), RestoreOutcome::SetAside(directory.set_aside(name)?)),
         },
     };
     directory.probe(name, &encode(&content))?;

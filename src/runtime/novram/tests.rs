@@ -32,13 +32,20 @@ fn segment() -> Segment {
 }
 
 /// Restores the NOVRAM of a device of a plant.
-fn restored(directory: &Directory, plant: &str, segment: &Segment) -> Result<(Novram, Found), NovramError> {
+fn restored(
+    directory: &Directory,
+    plant: &str,
+    segment: &Segment,
+) -> Result<(Novram, RestoreOutcome), NovramError> {
     let plant = PlantConfig::parse("novram", plant).unwrap();
     Ok(Novram::power_on(directory, &*plant.devices[0], segment)?.expect("it has one"))
 }
 
 /// Restores PLC `line`, with the default number of retain flags.
-fn power_on(directory: &tempfile::TempDir, segment: &Segment) -> Result<(Novram, Found), NovramError> {
+fn power_on(
+    directory: &tempfile::TempDir,
+    segment: &Segment,
+) -> Result<(Novram, RestoreOutcome), NovramError> {
     restored(&open(directory), "[[plc]]\nname = 'line'\n", segment)
 }
 
@@ -48,7 +55,7 @@ fn names(directory: &tempfile::TempDir) -> Vec<String> {
     entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect()
 }
 
-/// A file that is read equals one that would be written, and any correct content is restored.
+/// Writing an accepted file again gives the same bytes, and any correct content is restored.
 #[test]
 fn fuzz_novram() {
     crate::fuzz("novram", |bytes| {
@@ -95,7 +102,7 @@ fn flags_beyond_those_of_the_plant_stay_in_the_file() {
 
 /// The memory goes away while its retain flags are read: the file keeps the last known ones.
 #[test]
-fn what_is_lost_while_it_is_read_is_not_written() {
+fn registers_lost_during_the_read_are_not_written() {
     let directory = tempfile::tempdir().unwrap();
     let kept = |is_lost: bool| {
         let (segment, opened) = (segment(), open(&directory));
@@ -121,7 +128,7 @@ fn content_survives_power_off() {
     let directory = tempfile::tempdir().unwrap();
     let first = segment();
     let (mut novram, found) = power_on(&directory, &first).unwrap();
-    assert_eq!(found, Found::Nothing);
+    assert_eq!(found, RestoreOutcome::Nothing);
     let mut config = [0; REGISTERS];
     assert_eq!(novram.changed((&config, 0), true), None, "nothing to save");
     config[4] = 192;
@@ -135,7 +142,7 @@ fn content_survives_power_off() {
 
     let second = segment();
     let (_, found) = power_on(&directory, &second).unwrap();
-    assert_eq!(found, Found::Content { retain: true });
+    assert_eq!(found, RestoreOutcome::Content { retain: true });
     for (offset, width, value) in
         [(ROUTER, Width::Dword, 0x4E6F_5F52), (ADDRESS, Width::Byte, 192), (FLAG, Width::Byte, 1)]
     {
@@ -162,7 +169,7 @@ fn a_device_without_novram_has_no_file() {
 }
 
 #[test]
-fn retain_flags_are_looked_at_when_it_is_time() {
+fn retain_flags_are_checked_once_a_second() {
     let directory = tempfile::tempdir().unwrap();
     let segment = segment();
     let (mut novram, _) = power_on(&directory, &segment).unwrap();
@@ -191,7 +198,7 @@ fn a_damaged_or_foreign_file_is_set_aside() {
         let segment = segment();
         let (_, found) = power_on(&directory, &segment).unwrap();
         let aside = directory.path().join(format!("line.novram.bad-{}", n + 1));
-        assert_eq!(found, Found::SetAside(aside.clone()));
+        assert_eq!(found, RestoreOutcome::SetAside(aside.clone()));
         assert_eq!(fs::read(aside).unwrap(), bytes, "kept as it was");
         assert_eq!(segment.load(ROUTER, Width::Dword).unwrap(), 0);
     }
@@ -260,7 +267,7 @@ fn wait_until_saved(directory: &tempfile::TempDir) {
 }
 
 #[test]
-fn what_cannot_be_written_is_tried_again_until_it_can() {
+fn failed_writes_are_repeated_until_they_succeed() {
     let directory = tempfile::tempdir().unwrap();
     let mut keeper = keeper(&directory);
     let in_the_way = block(&directory);
@@ -276,7 +283,7 @@ fn what_cannot_be_written_is_tried_again_until_it_can() {
 }
 
 #[test]
-fn what_cannot_be_written_at_last_either_is_an_error() {
+fn a_failed_last_write_is_an_error() {
     let directory = tempfile::tempdir().unwrap();
     let mut keeper = keeper(&directory);
     let _in_the_way = block(&directory);
@@ -289,7 +296,7 @@ fn what_cannot_be_written_at_last_either_is_an_error() {
 
 /// The new directory is locked at once, so no other emulator can take it.
 #[test]
-fn a_directory_that_has_gone_is_made_again() {
+fn a_missing_directory_is_created_again() {
     let directory = tempfile::tempdir().unwrap();
     let mut keeper = keeper(&directory);
     fs::remove_dir(directory.path()).unwrap();
@@ -299,7 +306,7 @@ fn a_directory_that_has_gone_is_made_again() {
 }
 
 #[test]
-fn a_directory_that_cannot_be_written_is_found_out_at_power_on() {
+fn an_unwritable_directory_is_detected_at_power_on() {
     let directory = tempfile::tempdir().unwrap();
     let _in_the_way = block(&directory);
     let error = power_on(&directory, &segment()).unwrap_err().to_string();
@@ -307,7 +314,7 @@ fn a_directory_that_cannot_be_written_is_found_out_at_power_on() {
 }
 
 #[test]
-fn what_a_killed_emulator_has_left_half_written_goes() {
+fn a_partial_file_of_a_killed_emulator_is_removed() {
     let directory = tempfile::tempdir().unwrap();
     let (new, other) = (directory.path().join("line.novram.new"), directory.path().join("other"));
     fs::write(&new, "half").unwrap();
@@ -348,18 +355,18 @@ fn only_regular_files_are_read_and_no_links_are_followed() {
     }
 }
 
-/// Such a file would exceed memory and time.
+/// Reading the file would exceed memory and time.
 #[test]
 fn a_huge_file_is_set_aside_unread() {
     let directory = tempfile::tempdir().unwrap();
     let file = fs::File::create(directory.path().join("line.novram")).unwrap();
     file.set_len(1 << 40).unwrap();
     let (_, found) = power_on(&directory, &segment()).unwrap();
-    assert_eq!(found, Found::SetAside(directory.path().join("line.novram.bad-1")));
+    assert_eq!(found, RestoreOutcome::SetAside(directory.path().join("line.novram.bad-1")));
 }
 
 #[test]
-fn nobody_else_may_read_what_is_kept() {
+fn other_users_cannot_read_the_files() {
     use std::os::unix::fs::MetadataExt;
     let parent = tempfile::tempdir().unwrap();
     let path = parent.path().join("a/b");

@@ -106,7 +106,7 @@ fn write_all(mut directory: Directory, jobs: &Receiver<Job>) -> Result<(), Novra
         }
         dirty.retain(|name, content| {
             let result = file::store(&mut directory, name, content);
-            say_what_is_new(name, &result, &mut said);
+            log_change(name, &result, &mut said);
             result.is_err()
         });
     }
@@ -124,7 +124,7 @@ fn write_all(mut directory: Directory, jobs: &Receiver<Job>) -> Result<(), Novra
 }
 
 /// Logs the fault of a file once, until it is written or has another fault.
-fn say_what_is_new(name: &str, result: &Result<(), NovramError>, said: &mut BTreeMap<String, String>) {
+fn log_change(name: &str, result: &Result<(), NovramError>, said: &mut BTreeMap<String, String>) {
     match result {
         Ok(()) => {
             if said.remove(name).is_some() {

@@ -7,7 +7,7 @@ use commram::devices;
 use commram::export::Scope;
 use commram::layout::{DeviceFit, Place};
 use commram::memory::Segment;
-use commram::memory::contract::{self, Kind};
+use commram::memory::contract::{self, FieldKind};
 use commram::memory::header::{ABI_VERSION, HEADER_SIZE, MAGIC};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -110,10 +110,10 @@ pub(crate) fn header(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
         let fields = PyDict::new(py);
         for field in of.fields {
             let kind = match field.kind {
-                Kind::Integer(1) => "B",
-                Kind::Integer(4) => "I",
-                Kind::Integer(_) => "Q",
-                Kind::Struct(of) => of.name,
+                FieldKind::Integer(1) => "B",
+                FieldKind::Integer(4) => "I",
+                FieldKind::Integer(_) => "Q",
+                FieldKind::Struct(of) => of.name,
             };
             fields.set_item(field.name, (field.offset, kind, field.count, field.kind.bytes()))?;
         }

@@ -1,6 +1,6 @@
 //! Interleavings of emulators that start and end, and clients that check, with the atomic steps of the file system.
 
-use super::{Claimed, Site, Start, enter, remove_dead};
+use super::{ImageCreator, ImageName, LockableFile, enter, remove_dead};
 use loom::sync::{Arc, Mutex, MutexGuard};
 use loom::thread;
 
@@ -59,7 +59,7 @@ impl File {
     }
 }
 
-impl Claimed for File {
+impl LockableFile for File {
     type Error = Running;
 
     fn lock(&self) -> Result<bool, Running> {
@@ -88,7 +88,7 @@ impl Drop for File {
     }
 }
 
-impl Site for Visitor {
+impl ImageName for Visitor {
     type File = File;
     type Error = Running;
 
@@ -109,7 +109,7 @@ impl Site for Visitor {
     }
 }
 
-impl Start for Visitor {
+impl ImageCreator for Visitor {
     type Image = File;
 
     fn nameless(&self) -> Result<File, Running> {
@@ -158,12 +158,12 @@ impl Visitor {
 
     fn serves(&self, image: &File) {
         let before = self.world.lock().unwrap().served.replace(image.number);
-        assert_eq!(before, None, "two emulators serve an image at once");
+        assert_eq!(before, None, "two emulators serve one image");
     }
 
     fn ends(&self, image: File) {
         let mut world = self.world.lock().unwrap();
-        assert_eq!(world.named, Some(image.number), "an emulator serves an image that nobody finds");
+        assert_eq!(world.named, Some(image.number), "an emulator serves an image that cannot be found");
         assert_eq!(world.served.take(), Some(image.number));
         drop(world);
         image.unlink().unwrap();
@@ -218,19 +218,19 @@ fn two_start_while_one_ends(system: System) {
 }
 
 #[test]
-fn of_two_that_start_one_at_a_time_serves_the_image() {
+fn two_starting_emulators_never_serve_together() {
     for left in [None, Some(UNFIT), Some(FIT)] {
         two_start(System::Right, left);
     }
 }
 
 #[test]
-fn who_starts_while_one_ends_has_an_image_that_is_found() {
+fn an_emulator_that_starts_while_one_ends_has_a_visible_image() {
     two_start_while_one_ends(System::Right);
 }
 
 #[test]
-fn who_clears_away_what_is_left_takes_nothing_from_who_starts() {
+fn removing_remains_spares_a_starting_emulator() {
     model(System::Right, Some(FIT), |visitor| {
         let (cleaner, starter) = (visitor(2), visitor(2));
         let cleaner = thread::spawn(move || remove_dead(&cleaner));
@@ -242,7 +242,7 @@ fn who_clears_away_what_is_left_takes_nothing_from_who_starts() {
 }
 
 #[test]
-fn who_looks_keeps_nobody_away() {
+fn a_checking_client_blocks_no_emulator() {
     model(System::Right, Some(FIT), |visitor| {
         let (client, starter) = (visitor(0), visitor(1));
         let client = thread::spawn(move || client.looks());
@@ -252,19 +252,19 @@ fn who_looks_keeps_nobody_away() {
 }
 
 #[test]
-#[should_panic(expected = "that nobody finds")]
-fn the_model_would_notice_a_file_that_is_taken_over_behind_its_removal() {
+#[should_panic(expected = "that cannot be found")]
+fn the_model_detects_a_takeover_of_a_removed_file() {
     two_start_while_one_ends(System::NamesStay);
 }
 
 #[test]
 #[should_panic(expected = "assertion")]
-fn the_model_would_notice_a_name_that_is_taken_from_somebody() {
+fn the_model_detects_a_stolen_name() {
     two_start(System::NamesReplace, None);
 }
 
 #[test]
 #[should_panic(expected = "assertion")]
-fn the_model_would_notice_a_lock_that_keeps_nobody_out() {
+fn the_model_detects_a_lock_that_excludes_no_process() {
     two_start(System::LocksAreOpen, Some(FIT));
 }

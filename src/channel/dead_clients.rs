@@ -14,13 +14,13 @@ const INTERVAL: Duration = Duration::from_millis(200);
 
 /// Queries iceoryx2 for dead clients.
 #[derive(Default)]
-pub(super) struct Departed {
+pub(super) struct DeadClients {
     last: Option<Instant>,
     /// Receiver of the next result.
     asked: Option<Receiver<Vec<UniqueNodeId>>>,
 }
 
-impl Departed {
+impl DeadClients {
     /// Returns the nodes that were found dead since the last call. Costs almost nothing while there is no result.
     pub(crate) fn look(&mut self, domain: &Domain) -> Vec<UniqueNodeId> {
         if let Some(answer) = &self.asked {

@@ -4,9 +4,9 @@ use super::Exchange;
 
 /// Exchange of a federate without others: the plant runs on one host and exchanges values with other simulators.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Alone;
+pub struct NoExchange;
 
-impl Exchange for Alone {
+impl Exchange for NoExchange {
     fn send(&mut self, _: &[u8]) -> Result<(), String> {
         Ok(())
     }

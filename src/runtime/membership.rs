@@ -7,7 +7,7 @@ use super::emulator::{Emulator, LONGEST_SLEEP};
 use super::error::RuntimeError;
 use super::lockstep::Witness;
 use crate::coupling::Coupling;
-use crate::federation::{Exchange, Federation, FederationError, News, Part};
+use crate::federation::{Exchange, FederateConfig, Federation, FederationError, FederationEvent};
 use crate::memory::header::SeatState;
 use crate::plant::Plant;
 use crate::request::Travel;
@@ -15,9 +15,9 @@ use std::sync::atomic::Ordering;
 
 /// Result of a turn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Had {
+enum TurnOutcome {
     /// A task is still running.
-    GoesOn,
+    Continues,
     /// The turn has ended.
     Ended,
     /// The clock has reached the requested time.
@@ -74,8 +74,9 @@ impl Emulator {
     /// Shares the plant with other emulators from now on. The clock must be stepped,
     /// [`is_federate`](super::Options::is_federate) must be set, and nothing may have happened yet.
     ///
-    /// # Errors The emulator was not started to share its plant, or the message to the others cannot be sent.
-    pub fn join(&mut self, part: Part, exchange: Box<dyn Exchange>) -> Result<(), RuntimeError> {
+    /// # Errors
+    /// The emulator was not started to share its plant, or the message to the others cannot be sent.
+    pub fn join(&mut self, part: FederateConfig, exchange: Box<dyn Exchange>) -> Result<(), RuntimeError> {
         if !self.options.is_federate {
             return Err(FederationError::Unprepared.into());
         }
@@ -97,16 +98,16 @@ impl Emulator {
         while !self.is_stopping() && outcome.is_ok() {
             let has_rung = self.note_rings();
             let news = self.look_for_news();
-            if !matches!(news, Ok(News::Nothing)) {
-                self.tell_events();
+            if !matches!(news, Ok(FederationEvent::Nothing)) {
+                self.notify_events();
                 self.announce();
             }
-            if let Ok(News::Left(who)) = news {
+            if let Ok(FederationEvent::Left(who)) = news {
                 tracing::warn!("federate {who} has left; the plant ends here as well");
                 self.stop.store(true, Ordering::Release);
                 break;
             }
-            let mut has_news = matches!(news, Ok(News::Moved));
+            let mut has_news = matches!(news, Ok(FederationEvent::Moved));
             match self.exchange() {
                 Ok(has_taken) => has_news |= has_taken,
                 Err(error) => {
@@ -123,16 +124,16 @@ impl Emulator {
                 self.announce();
             }
             let follows = self.membership.federation.as_ref().is_some_and(Federation::follows);
-            let mut goes_on = self.is_time_passing() && self.may_act_now();
+            let mut continues = self.is_time_passing() && self.may_act_now();
             let mut has_ended = false;
-            if follows && !goes_on && self.may_act_now() {
-                goes_on = self.have_turn(None) == Had::GoesOn;
-                has_ended = !goes_on;
+            if follows && !continues && self.may_act_now() {
+                continues = self.take_turn(None) == TurnOutcome::Continues;
+                has_ended = !continues;
             }
-            // Then the messages of the others come first; a federate that is alone has the next turn, too.
+            // Then the messages of the others come first; a single federate has the next turn, too.
             has_ended |= had_turn && !self.may_act_now();
             outcome = news.map(drop).and_then(|()| self.membership.error.take().map_or(Ok(()), Err));
-            if !has_news && !served && !has_ended && !goes_on && outcome.is_ok() {
+            if !has_news && !served && !has_ended && !continues && outcome.is_ok() {
                 self.sleep(LONGEST_SLEEP);
             }
         }
@@ -145,9 +146,11 @@ impl Emulator {
         outcome.map_err(RuntimeError::Federation)
     }
 
-    fn look_for_news(&mut self) -> Result<News, FederationError> {
+    fn look_for_news(&mut self) -> Result<FederationEvent, FederationError> {
         // Taken out for the call: input from other federates is not sent to them again.
-        let Some(mut federation) = self.membership.federation.take() else { return Ok(News::Nothing) };
+        let Some(mut federation) = self.membership.federation.take() else {
+            return Ok(FederationEvent::Nothing);
+        };
         let news = federation.look(self);
         self.membership.federation = Some(federation);
         news
@@ -167,26 +170,26 @@ impl Emulator {
     }
 
     /// Gives this federate's turn to its participants in lockstep, and ends it with the request to reach `target`.
-    fn have_turn(&mut self, target: Option<u64>) -> Had {
+    fn take_turn(&mut self, target: Option<u64>) -> TurnOutcome {
         let Emulator { plant, lockstep, membership, stop, .. } = self;
-        let Some(federation) = &mut membership.federation else { return Had::GoesOn };
+        let Some(federation) = &mut membership.federation else { return TurnOutcome::Continues };
         federation.look_at_boards(plant);
         let is_over = lockstep.take_turns(plant, || stop.load(Ordering::Acquire), federation);
         if !is_over {
-            return Had::GoesOn;
+            return TurnOutcome::Continues;
         }
-        if target.is_some_and(|target| federation.has_come_to(target)) {
-            return Had::Arrived;
+        if target.is_some_and(|target| federation.has_reached(target)) {
+            return TurnOutcome::Arrived;
         }
         let want = lockstep.next_turn().min(target.unwrap_or(u64::MAX));
         let want = want.min(federation.next_exchange(plant.now()));
         let ended = federation.end_turn(plant, target, want, lockstep.watched());
         membership.error = ended.err();
-        Had::Ended
+        TurnOutcome::Ended
     }
 
     /// As [`Host::advance_to`](crate::request::Host::advance_to): returns true when the clock has reached `target`.
     pub(super) fn ask_for(&mut self, target: u64) -> bool {
-        self.may_act_now() && self.have_turn(Some(target)) == Had::Arrived
+        self.may_act_now() && self.take_turn(Some(target)) == TurnOutcome::Arrived
     }
 }

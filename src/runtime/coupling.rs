@@ -1,4 +1,4 @@
-//! An emulator that is coupled with other simulators: exchanges happen in the turns of its federate.
+//! An emulator coupled with other simulators: exchanges happen in the turns of its federate.
 
 use super::emulator::Emulator;
 use crate::coupling::{Coupling, Progress};
@@ -17,7 +17,7 @@ impl Emulator {
         self.membership.may_act(self.plant.now())
     }
 
-    /// Runs the exchange with other simulators if it is due and this federate has its turn; returns true if it did.
+    /// Runs the exchange with other simulators at its time, in this federate's turn; returns true if it did.
     /// When the others have left, it stops the emulator.
     pub(super) fn exchange(&mut self) -> Result<bool, FederationError> {
         if !self.membership.has_turn() {
@@ -26,9 +26,9 @@ impl Emulator {
         // Taken out for the call, because the exchange executes operations on the emulator.
         let Some(mut coupling) = self.membership.coupling.take() else { return Ok(false) };
         let progress = coupling.take(self);
-        let was_one = matches!(progress, Ok(Progress::Taken(_)));
+        let was_one = matches!(progress, Ok(Progress::Exchanged(_)));
         match &progress {
-            Ok(Progress::Taken(turned)) => {
+            Ok(Progress::Exchanged(turned)) => {
                 for (drive, speed) in turned {
                     self.plant.turn_shaft(*drive, *speed);
                     if let Some(federation) = &mut self.membership.federation {

@@ -15,7 +15,7 @@ pub struct Codes {
 
 /// Type of a field of the header page.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum FieldKind {
     /// A little-endian unsigned integer of this many bytes: 1, 4 or 8.
     Integer(usize),
     /// A structure of the header page.
@@ -41,18 +41,18 @@ pub struct Field {
     /// Name of the field.
     pub name: &'static str,
     /// Type of the field, or of one element.
-    pub kind: Kind,
+    pub kind: FieldKind,
     /// Number of elements; `None` if it is no array.
     pub count: Option<usize>,
 }
 
-impl Kind {
+impl FieldKind {
     /// Size in bytes.
     #[must_use]
     pub const fn bytes(self) -> usize {
         match self {
-            Kind::Integer(bytes) => bytes,
-            Kind::Struct(of) => of.bytes,
+            FieldKind::Integer(bytes) => bytes,
+            FieldKind::Struct(of) => of.bytes,
         }
     }
 }
@@ -93,24 +93,24 @@ impl Field {
 
 /// The part of a [`Field`] that depends on its type.
 pub(super) trait Described {
-    const KIND: Kind;
+    const KIND: FieldKind;
     const COUNT: Option<usize> = None;
 }
 
 macro_rules! described {
     ($($ty:ty => $kind:expr),* $(,)?) => {
-        $(impl Described for $ty { const KIND: Kind = $kind; })*
+        $(impl Described for $ty { const KIND: FieldKind = $kind; })*
     };
 }
 
 described! {
-    Cell8 => Kind::Integer(1),
-    Cell32 => Kind::Integer(4),
-    Cell64 => Kind::Integer(8),
+    Cell8 => FieldKind::Integer(1),
+    Cell32 => FieldKind::Integer(4),
+    Cell64 => FieldKind::Integer(8),
 }
 
 impl<T: Described, const N: usize> Described for [T; N] {
-    const KIND: Kind = T::KIND;
+    const KIND: FieldKind = T::KIND;
     const COUNT: Option<usize> = Some(N);
 }
 
@@ -122,10 +122,10 @@ macro_rules! publish {
 
         impl $ty {
             /// The structure as data.
-            pub const STRUCT: $crate::memory::published::HeaderStruct = $crate::memory::published::HeaderStruct {
+            pub const STRUCT: $crate::memory::struct_tables::HeaderStruct = $crate::memory::struct_tables::HeaderStruct {
                 name: stringify!($ty),
                 bytes: size_of::<$ty>(),
-                fields: &[$($crate::memory::published::Field::of(
+                fields: &[$($crate::memory::struct_tables::Field::of(
                     $offset,
                     stringify!($field),
                     |of: &$ty| &of.$field,
@@ -133,8 +133,8 @@ macro_rules! publish {
             };
         }
 
-        impl $crate::memory::published::Described for $ty {
-            const KIND: $crate::memory::published::Kind = $crate::memory::published::Kind::Struct(&$ty::STRUCT);
+        impl $crate::memory::struct_tables::Described for $ty {
+            const KIND: $crate::memory::struct_tables::FieldKind = $crate::memory::struct_tables::FieldKind::Struct(&$ty::STRUCT);
         }
     };
 }

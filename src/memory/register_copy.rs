@@ -55,7 +55,7 @@ impl Segment {
         let mut rest = into.as_mut_slice();
         for block in self.blocks(ranges).filter(|block| !block.is_empty()) {
             let (words, behind) = core::mem::take(&mut rest).split_at_mut(block.len() / 4);
-            // SAFETY: the block lies inside the segment, whose length is a multiple of 4, and begins at a line; the memory is
+            // SAFETY: the block is inside the segment, which has a length divisible by 4, and begins at a line; the memory is
             // mapped for as long as `self` lives.
             unsafe { load_words(self.base().add(block.start).cast(), words) };
             rest = behind;
@@ -106,7 +106,7 @@ mod tests {
     use crate::memory::testing::DEVICE;
 
     #[test]
-    fn what_was_stored_is_found_once_and_makes_another_segment_alike() {
+    fn stored_bytes_are_found_once_and_make_another_segment_equal() {
         let [segment, other] = [Segment::of(&DEVICE), Segment::of(&DEVICE)];
         let end = segment.size();
         let ranges =

@@ -1,6 +1,6 @@
 //! Passes the input of other simulators to the plant, or refuses it.
 
-use super::fitting::fitted;
+use super::conversion::convert;
 use super::{Coupling, Subscription};
 use crate::fmi::{ShaftValue, Value, What};
 use crate::journal::candump;
@@ -34,7 +34,7 @@ impl Coupling {
             });
             switches.any(|drive| drive == of)
         };
-        let outcome = match (subscription.what, fitted(subscription.kind, value)) {
+        let outcome = match (subscription.what, convert(subscription.kind, value)) {
             (_, Err(why)) => Err(why),
             (What::Register { plc, offset, width, ty, owner }, Ok(Value::Integer(value))) => {
                 let bits = value as u32 & ty.mask();

@@ -43,7 +43,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lines_tell_length_rights_device_and_file() {
+    fn lines_contain_length_rights_device_and_file() {
         let line =
             |range, rights, place| format!("{range} {rights} 00000000 {place}    /dev/shm/commram.a.b");
         let of = |line: String| is_of(&line, (0, 0x1a), 4711);

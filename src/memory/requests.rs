@@ -7,7 +7,7 @@ use core::iter;
 impl Header {
     /// The cells that programs write, for a device with this front. Requests come first: a reader that goes in this
     /// order and finds a request also finds its parameters.
-    fn asked<'a>(&'a self, front: &'a [FrontWord]) -> impl Iterator<Item = &'a Cell32> {
+    fn request_cells<'a>(&'a self, front: &'a [FrontWord]) -> impl Iterator<Item = &'a Cell32> {
         let Header { board, program, initial_flag: flag, opt_init, .. } = self;
         let requests =
             [&program.start_request, &self.project_request, &flag.request, &opt_init.request].into_iter();
@@ -31,62 +31,62 @@ impl Header {
 impl Segment {
     /// For each cell, the value in the page of the firmware and in the page of the programs; does nothing if both are
     /// one page.
-    fn asked_and_written(&self, front: &[FrontWord], mut each: impl FnMut(u16, &Cell32, &Cell32)) {
-        let Some(face) = self.apart() else { return };
-        let cells = face.asked().asked(front).zip((*face).asked(front));
+    fn for_each_request_cell(&self, front: &[FrontWord], mut each: impl FnMut(u16, &Cell32, &Cell32)) {
+        let Some(face) = self.both_pages() else { return };
+        let cells = face.asked().request_cells(front).zip((*face).request_cells(front));
         iter::zip(0.., cells).for_each(|(index, (asked, written))| each(index, asked, written));
     }
 
     /// True if programs have written something that the firmware's page does not have yet.
-    pub(crate) fn is_asked(&self, front: &[FrontWord]) -> bool {
-        let mut is_asked = false;
-        self.asked_and_written(front, |_, asked, written| is_asked |= asked.load() != written.load());
-        is_asked
+    pub(crate) fn has_new_requests(&self, front: &[FrontWord]) -> bool {
+        let mut has_any = false;
+        self.for_each_request_cell(front, |_, asked, written| has_any |= asked.load() != written.load());
+        has_any
     }
 
     /// Copies it to the firmware's page; returns the index and value of each changed cell.
-    pub(crate) fn tell_asked(&self, front: &[FrontWord]) -> Vec<(u16, u32)> {
-        let mut told = Vec::new();
-        self.asked_and_written(front, |index, asked, written| {
+    pub(crate) fn deliver_requests(&self, front: &[FrontWord]) -> Vec<(u16, u32)> {
+        let mut changed = Vec::new();
+        self.for_each_request_cell(front, |index, asked, written| {
             let value = written.load();
             if asked.load() != value {
                 asked.store(value);
-                told.push((index, value));
+                changed.push((index, value));
             }
         });
-        if !told.is_empty() {
-            self.submit_asked();
+        if !changed.is_empty() {
+            self.submit_requests();
         }
-        told
+        changed
     }
 
     /// Stores in this segment a change of another segment of the same device. Ignores an index without a cell.
-    pub(crate) fn store_asked(&self, front: &[FrontWord], index: u16, value: u32) {
-        self.asked_and_written(front, |at, asked, written| {
+    pub(crate) fn store_request(&self, front: &[FrontWord], index: u16, value: u32) {
+        self.for_each_request_cell(front, |at, asked, written| {
             if at == index {
                 asked.store(value);
                 written.store(value);
             }
         });
-        self.submit_asked();
+        self.submit_requests();
     }
 
     /// Copies the programs' page to the firmware's page, after a state was restored.
-    pub(crate) fn ask_as_written(&self, front: &[FrontWord]) {
-        self.asked_and_written(front, |_, asked, written| asked.store(written.load()));
-        if let Some(face) = self.apart() {
+    pub(crate) fn copy_requests(&self, front: &[FrontWord]) {
+        self.for_each_request_cell(front, |_, asked, written| asked.store(written.load()));
+        if let Some(face) = self.both_pages() {
             face.asked().board_requests.store(face.board_requests.load());
         }
     }
 
-    fn submit_asked(&self) {
-        if let Some(face) = self.apart() {
+    fn submit_requests(&self) {
+        if let Some(face) = self.both_pages() {
             face.asked().board_requests.increment();
         }
     }
 
     /// Both pages; `None` if they are one.
-    fn apart(&self) -> Option<Face> {
+    fn both_pages(&self) -> Option<Face> {
         self.asked.as_ref().and_then(|_| self.face().ok())
     }
 }
@@ -97,13 +97,13 @@ mod tests {
     use crate::devices::samples::tables::PANEL;
     use crate::memory::header::RunSwitch;
 
-    fn told(segment: &Segment) -> Vec<u32> {
-        segment.tell_asked(PANEL.front).into_iter().map(|(_, value)| value).collect()
+    fn deliver(segment: &Segment) -> Vec<u32> {
+        segment.deliver_requests(PANEL.front).into_iter().map(|(_, value)| value).collect()
     }
 
     #[test]
-    fn firmware_that_reads_a_page_of_its_own_knows_what_it_was_told() {
-        let segment = Segment::of(&PANEL).asked_apart();
+    fn firmware_with_a_separate_page_reads_only_delivered_requests() {
+        let segment = Segment::of(&PANEL).with_request_page();
         let (header, face) = (segment.header().unwrap(), segment.face().unwrap());
         let word = PANEL.front.iter().find(|word| word.owner == Owner::Plc).unwrap();
         header.board.switch.store(RunSwitch::Stop.code());
@@ -111,62 +111,66 @@ mod tests {
         header.interrupts[12].ask(7, true);
         header.program.start_kind.store(9);
         assert_eq!((face.asked().board.switch.load(), face.asked().interrupts[12].request.load()), (0, 0));
-        assert!(segment.is_asked(PANEL.front));
+        assert!(segment.has_new_requests(PANEL.front));
         let before = face.asked().board_requests.load();
         assert_eq!(
-            told(&segment),
+            deliver(&segment),
             [0x0007_0003, 1, 3],
             "requests first, and nothing that programs do not write"
         );
-        assert!(!segment.is_asked(PANEL.front) && told(&segment).is_empty());
+        assert!(!segment.has_new_requests(PANEL.front) && deliver(&segment).is_empty());
         assert_eq!(face.asked().board_requests.load(), before + 1);
         assert_eq!(face.asked().board.switch.load(), RunSwitch::Stop.code());
     }
 
     #[test]
-    fn what_was_told_makes_another_segment_alike() {
-        let [segment, other] = [Segment::of(&PANEL), Segment::of(&PANEL)].map(Segment::asked_apart);
+    fn delivered_requests_make_another_segment_equal() {
+        let [segment, other] = [Segment::of(&PANEL), Segment::of(&PANEL)].map(Segment::with_request_page);
         let header = segment.header().unwrap();
         header.board.dip.store(21);
         header.opt_init.triggers[1].store(4);
         header.opt_init.ask();
-        for (index, value) in segment.tell_asked(PANEL.front) {
-            other.store_asked(PANEL.front, index, value);
+        for (index, value) in segment.deliver_requests(PANEL.front) {
+            other.store_request(PANEL.front, index, value);
         }
-        other.store_asked(PANEL.front, u16::MAX, 1);
+        other.store_request(PANEL.front, u16::MAX, 1);
         let face = other.face().unwrap();
         for page in [face.asked(), &*face] {
             let triggers = [0, 1, 2].map(|n| page.opt_init.triggers[n].load());
             let request = page.opt_init.request.load();
             assert_eq!((page.board.dip.load(), triggers, request), (21, [0, 4, 0], 1));
         }
-        assert!(!other.is_asked(PANEL.front), "it is not told back");
+        assert!(!other.has_new_requests(PANEL.front), "it is not delivered back");
     }
 
     #[test]
-    fn a_request_that_was_taken_leaves_the_next_one_where_it_is() {
-        let segment = Segment::of(&PANEL).asked_apart();
+    fn taking_a_request_keeps_the_next_one() {
+        let segment = Segment::of(&PANEL).with_request_page();
         let (header, face) = (segment.header().unwrap(), segment.face().unwrap());
         let request = |page: &Header| page.program.start_request.load();
         header.program.start_request.store(2);
-        assert_eq!(told(&segment), [2]);
+        assert_eq!(deliver(&segment), [2]);
         header.program.start_request.store(4);
-        assert_eq!(face.take(|page| &page.program.start_request), Some(2), "the other one was not told yet");
+        assert_eq!(
+            face.take(|page| &page.program.start_request),
+            Some(2),
+            "the other one was not delivered yet"
+        );
         assert_eq!(face.take(|page| &page.program.start_request), None);
         assert_eq!((request(face.asked()), request(&header)), (0, 4));
-        assert_eq!(told(&segment), [4]);
+        assert_eq!(deliver(&segment), [4]);
         assert_eq!(face.take(|page| &page.program.start_request), Some(4));
         assert_eq!((request(face.asked()), request(&header)), (0, 0));
-        assert!(told(&segment).is_empty());
+        assert!(deliver(&segment).is_empty());
     }
 
     #[test]
-    fn usually_firmware_is_asked_in_the_page_that_programs_write() {
+    fn firmware_usually_reads_the_page_that_programs_write() {
         let segment = Segment::of(&PANEL);
         let (header, face) = (segment.header().unwrap(), segment.face().unwrap());
         header.program.power.store(1);
         assert_eq!(face.asked().program.power.load(), 1);
-        assert!(!segment.is_asked(PANEL.front) && told(&segment).is_empty());
+        assert!(!segment.has_new_requests(PANEL.front) && deliver(&segment).is_empty());
         face.both(|page| {
             page.program.restarts.increment();
         });
@@ -177,13 +181,13 @@ mod tests {
     }
 
     #[test]
-    fn another_state_is_asked_as_it_was_written() {
-        let segment = Segment::of(&PANEL).asked_apart();
+    fn a_restored_state_is_requested_as_written() {
+        let segment = Segment::of(&PANEL).with_request_page();
         let (header, face) = (segment.header().unwrap(), segment.face().unwrap());
         header.board.switch.store(1);
         header.board_requests.store(77);
-        segment.ask_as_written(PANEL.front);
+        segment.copy_requests(PANEL.front);
         assert_eq!((face.asked().board.switch.load(), face.asked().board_requests.load()), (1, 77));
-        assert!(!segment.is_asked(PANEL.front));
+        assert!(!segment.has_new_requests(PANEL.front));
     }
 }

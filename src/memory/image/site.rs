@@ -1,6 +1,6 @@
 //! The name of a PLC's image in the file system.
 
-use super::claim::{Site, Start};
+use super::claim::{ImageCreator, ImageName};
 use super::{Image, ImageSpec, allocate};
 use crate::memory::file::{self, ImageFile};
 use crate::memory::{MemoryError, State, names};
@@ -11,14 +11,14 @@ use std::os::fd::AsRawFd;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-/// Longest wait of a starting emulator for a lock whose holder does not look like a running emulator:
+/// Longest wait of a starting emulator for a lock with a holder that does not look like a running emulator:
 /// it may be ending, or be a client that checks for a running emulator.
 const PATIENCE: Duration = Duration::from_millis(500);
 /// Longest wait if the holder runs: it may have been killed a moment ago and not be gone yet.
 const GRACE: Duration = Duration::from_millis(50);
 
 /// The path of an image, the start time of the attempt, and the data of the image.
-pub(super) struct Place<'a, S> {
+pub(super) struct ImageSite<'a, S> {
     instance: &'a str,
     plc: &'a str,
     path: PathBuf,
@@ -26,7 +26,7 @@ pub(super) struct Place<'a, S> {
     spec: S,
 }
 
-impl<'a, S> Place<'a, S> {
+impl<'a, S> ImageSite<'a, S> {
     pub(super) fn new(instance: &'a str, plc: &'a str, spec: S) -> Result<Self, MemoryError> {
         let path = names::image_path(instance, plc)?;
         Ok(Self { instance, plc, path, since: Instant::now(), spec })
@@ -37,7 +37,7 @@ impl<'a, S> Place<'a, S> {
     }
 }
 
-impl<S> Site for Place<'_, S> {
+impl<S> ImageName for ImageSite<'_, S> {
     type File = ImageFile;
     type Error = MemoryError;
 
@@ -65,7 +65,7 @@ impl<S> Site for Place<'_, S> {
     }
 }
 
-impl Start for Place<'_, &ImageSpec> {
+impl ImageCreator for ImageSite<'_, &ImageSpec> {
     type Image = Image;
 
     fn nameless(&self) -> Result<ImageFile, MemoryError> {

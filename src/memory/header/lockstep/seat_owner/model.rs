@@ -1,12 +1,12 @@
 //! Explores every interleaving of tasks that take a seat, ask and leave, with an emulator that answers, gives up and
 //! frees, with the memory orders of [`super::Cell32`]. The model omits times, and bells, which have a separate model.
 
-use super::{Hands, NOBODY, SeatState, Word};
+use super::{NOBODY, SeatState, SeatWords, Word};
 use loom::sync::Arc;
 use loom::sync::atomic::AtomicU32;
 use loom::sync::atomic::Ordering::{AcqRel, Acquire, Release};
 
-/// A word whose exchange is one atomic step, or two steps.
+/// A word with an exchange in one atomic step, or in two.
 struct Model<const WHOLE: bool>(AtomicU32);
 
 impl<const WHOLE: bool> Model<WHOLE> {
@@ -50,8 +50,8 @@ impl<const WHOLE: bool> Seat<WHOLE> {
         Self { owner: zero(), state: zero(), event: zero(), is_dead: AtomicU32::new(0) }
     }
 
-    fn hands(&self) -> Hands<'_, Model<WHOLE>> {
-        Hands { owner: &self.owner, state: &self.state, event: &self.event }
+    fn hands(&self) -> SeatWords<'_, Model<WHOLE>> {
+        SeatWords { owner: &self.owner, state: &self.state, event: &self.event }
     }
 
     /// Like a task: takes the seat, which can have only one owner, and asks for the event with its own number.
@@ -92,10 +92,10 @@ fn one_after_the_other<const WHOLE: bool>(may_first: bool) {
                 seat.is_dead.store(1, Release);
                 let is_asking = seat.ask(SECOND);
                 // As a task does while it waits for the answer.
-                let told = SeatState::from_code(seat.state.load());
+                let answer = SeatState::from_code(seat.state.load());
                 assert!(
-                    !matches!(told, Some(SeatState::Refused | SeatState::Lost)),
-                    "{told:?} to a good event"
+                    !matches!(answer, Some(SeatState::Refused | SeatState::Lost)),
+                    "{answer:?} to a good event"
                 );
                 is_asking
             })
@@ -117,18 +117,18 @@ fn one_after_the_other<const WHOLE: bool>(may_first: bool) {
 }
 
 #[test]
-fn who_comes_next_has_its_seat_when_the_one_before_was_lost() {
+fn the_next_task_gets_the_seat_of_a_lost_one() {
     one_after_the_other::<true>(true);
 }
 
 #[test]
-fn who_comes_next_has_its_seat_when_the_one_before_was_refused() {
+fn the_next_task_gets_the_seat_of_a_refused_one() {
     one_after_the_other::<true>(false);
 }
 
 /// A task that dies without leaving loses its seat, and the next one finds the seat free.
 #[test]
-fn the_seat_of_the_dead_is_free_for_the_next() {
+fn the_next_task_gets_the_seat_of_a_dead_one() {
     loom::model(|| {
         let seat = Arc::new(Seat::<true>::new());
         assert!(seat.ask(FIRST));
@@ -148,6 +148,6 @@ fn the_seat_of_the_dead_is_free_for_the_next() {
 
 #[test]
 #[should_panic(expected = "assertion")]
-fn the_model_would_notice_exchanges_in_two_steps() {
+fn the_model_detects_exchanges_in_two_steps() {
     one_after_the_other::<false>(true);
 }

@@ -4,8 +4,9 @@ use crate::fmi::{Kind, Value};
 
 /// Converts a number to a value of this kind, rounded to the nearest one (decision D-577).
 ///
-/// # Errors The kind has no such value; the text gives the reason.
-pub(super) fn fitted(kind: Kind, number: f64) -> Result<Value, String> {
+/// # Errors
+/// The kind has no such value; the text gives the reason.
+pub(super) fn convert(kind: Kind, number: f64) -> Result<Value, String> {
     if !number.is_finite() {
         return Err(format!("{number} is no value"));
     }
@@ -34,23 +35,23 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn numbers_are_rounded_and_held_against_the_range() {
-        assert_eq!(fitted(Kind::U8, 255.4), Ok(Value::Integer(255)));
-        assert_eq!(fitted(Kind::U8, -0.4), Ok(Value::Integer(0)));
-        assert_eq!(fitted(Kind::U8, 255.5), Err("255.5 is not 0 to 255".to_owned()));
-        assert_eq!(fitted(Kind::I16, -32_768.0), Ok(Value::Integer(-32_768)));
-        assert_eq!(fitted(Kind::Bool, -0.1), Ok(Value::Boolean(true)));
-        assert_eq!(fitted(Kind::F64, f64::NAN), Err("NaN is no value".to_owned()));
-        assert!(fitted(Kind::U32, f64::INFINITY).is_err());
+    fn numbers_are_rounded_and_checked_against_the_range() {
+        assert_eq!(convert(Kind::U8, 255.4), Ok(Value::Integer(255)));
+        assert_eq!(convert(Kind::U8, -0.4), Ok(Value::Integer(0)));
+        assert_eq!(convert(Kind::U8, 255.5), Err("255.5 is not 0 to 255".to_owned()));
+        assert_eq!(convert(Kind::I16, -32_768.0), Ok(Value::Integer(-32_768)));
+        assert_eq!(convert(Kind::Bool, -0.1), Ok(Value::Boolean(true)));
+        assert_eq!(convert(Kind::F64, f64::NAN), Err("NaN is no value".to_owned()));
+        assert!(convert(Kind::U32, f64::INFINITY).is_err());
     }
 
     proptest! {
         #![proptest_config(crate::property_tests())]
 
         #[test]
-        fn any_number_is_taken_as_it_is_or_not_at_all(number: f64) {
+        fn any_number_is_accepted_exactly_or_refused(number: f64) {
             for kind in [Kind::U8, Kind::U16, Kind::U32, Kind::I8, Kind::I16, Kind::I32] {
-                if let Ok(Value::Integer(value)) = fitted(kind, number) {
+                if let Ok(Value::Integer(value)) = convert(kind, number) {
                     prop_assert!((value as f64 - number).abs() <= 0.5);
                 }
             }

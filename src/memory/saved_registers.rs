@@ -4,7 +4,7 @@
 //! Bells and their counters are not restored but continue, since processes may wait on them. Fields of the instance and
 //! of the participating processes are not part of the plant.
 
-use super::access::{Value, load_words};
+use super::access::{MemoryValue, load_words};
 use super::{Cell32, Cell64, HEADER_SIZE, Header, Segment};
 use crate::snapshot_fields::{Damaged, Saved, Saving};
 use core::ops::Range;
@@ -104,7 +104,7 @@ impl Segment {
     /// Stores words that differ, up to the end of the segment.
     fn put(&self, at: usize, bytes: &[u8]) {
         for (at, word) in (at..self.size()).step_by(4).zip(bytes.as_chunks().0) {
-            // SAFETY: inside the segment, whose length is a multiple of 4, aligned and mapped as above; only a segment
+            // SAFETY: inside the segment, with a length that is a multiple of 4, aligned and mapped as above; only a segment
             // that is writable has firmware.
             unsafe {
                 let to = self.base().add(at).cast_mut().cast::<u32>();
@@ -168,12 +168,12 @@ mod tests {
     use crate::memory::Width;
 
     #[test]
-    fn lines_of_ranges_that_meet_come_once() {
+    fn adjacent_ranges_give_each_line_once() {
         let of = |ranges: &[Range<usize>]| chunks(ranges).collect::<Vec<_>>();
         assert_eq!(
             of(&[4096..4097, 4100..4230, 4230..4231, 8200..8201]),
             [4096..4160, 4160..4288, 8192..8256],
-            "the third one lies in the second one"
+            "the third one is inside the second one"
         );
         assert_eq!(of(std::slice::from_ref(&(4096..12_290))), [4096..8192, 8192..12_288, 12_288..12_352]);
         assert_eq!(of(&[0..10, 20..30]), [] as [Range<usize>; 0], "the header page has no registers");
@@ -191,7 +191,7 @@ mod tests {
     }
 
     #[test]
-    fn a_run_that_lies_elsewhere_is_damage() {
+    fn a_run_at_another_address_is_damage() {
         let segment = Segment::heap(4096 + CHUNK);
         let ranges = std::iter::once(4096..4096 + CHUNK).collect::<Vec<_>>();
         for (at, lines) in [(4096, 65), (4097, 1), (4096 + CHUNK - LINE, 2), (4096 + CHUNK, 1), (0, 1)] {
@@ -206,7 +206,7 @@ mod tests {
     }
 
     #[test]
-    fn chunks_that_are_full_come_back() {
+    fn full_chunks_are_restored() {
         let (segment, other) = (Segment::heap(4096 + 3 * CHUNK + 36), Segment::heap(4096 + 3 * CHUNK + 36));
         let ranges = std::iter::once(4096..segment.size()).collect::<Vec<_>>();
         for offset in (4096..segment.size() as u32).step_by(4) {
@@ -226,7 +226,7 @@ mod tests {
     }
 
     #[test]
-    fn registers_come_back_and_all_else_is_zero() {
+    fn registers_are_restored_and_all_else_is_zero() {
         let (segment, ranges) = (Segment::heap(4096 + 1028), [4096..4200, 5000..5124]);
         let store = |offset, value| segment.store(offset, Width::Dword, value).unwrap();
         store(4100, 7);
@@ -241,7 +241,7 @@ mod tests {
         store(4500, 3);
         segment.restore_registers(&ranges, &mut Saved::new(saving.bytes())).unwrap();
         let held = [4100, 4160, 5120, 4500].map(|offset| segment.load(offset, Width::Dword).unwrap());
-        assert_eq!(held, [7, 0, 8, 3], "the last one lies in no range");
+        assert_eq!(held, [7, 0, 8, 3], "the last one is outside all ranges");
         let mut rest = Saved::new(&saving.bytes()[..saving.bytes().len() - 1]);
         assert!(segment.restore_registers(&ranges, &mut rest).is_err());
         assert!(segment.restore_registers(&ranges[1..], &mut Saved::new(saving.bytes())).is_err());

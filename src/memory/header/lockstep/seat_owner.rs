@@ -12,8 +12,8 @@ impl Seat {
         ProcessId { pid, start: self.owner_start.load() }.is_running()
     }
 
-    fn hands(&self) -> Hands<'_, Cell32> {
-        Hands { owner: &self.owner, state: &self.state, event: &self.event }
+    fn hands(&self) -> SeatWords<'_, Cell32> {
+        SeatWords { owner: &self.owner, state: &self.state, event: &self.event }
     }
 
     /// Answers a task that asks for the seat: accepted if `may` allows its event, else refused. Returns the event and
@@ -37,7 +37,7 @@ impl Seat {
 /// `owner`, sets the event and asks. It may leave at any moment after the emulator has stopped waiting for it: it sets
 /// `state` to free and then `owner` to 0. The next task may ask before the emulator reads the seat again, so no step of
 /// the emulator may affect the next task.
-struct Hands<'a, W> {
+struct SeatWords<'a, W> {
     owner: &'a W,
     state: &'a W,
     event: &'a W,
@@ -60,10 +60,10 @@ impl Word for Cell32 {
     }
 }
 
-/// Owner of a seat that is being freed; not the id of a process.
+/// Owner of a seat while it is freed; not the id of a process.
 const NOBODY: u32 = u32::MAX;
 
-impl<W: Word> Hands<'_, W> {
+impl<W: Word> SeatWords<'_, W> {
     fn decide(&self, mut may: impl FnMut(u32) -> bool) -> Option<(u32, bool)> {
         let (asking, deciding) = (SeatState::Asking.code(), SeatState::Deciding.code());
         while self.state.exchange(asking, deciding) {
