@@ -129,7 +129,7 @@ fn its_switches_and_its_led_are_those_of_its_front() {
     assert_eq!((&board()["outputs"], &board()["inputs"]), (&0x8000.into(), &0x8001.into()));
     let locked = emulator.run("board", &["set", "panel:s2=8", "panel:program=stop"]);
     let told = locked.fails(1);
-    assert!(told.contains("PLC 'panel' refuses program=stop: S1 stands at LOCK"), "{told}");
+    assert!(told.contains("PLC 'panel' refuses program=stop: S1 is at LOCK"), "{told}");
     assert!(told.contains("set before that: panel:s2=8"), "{told}");
     emulator.run("board", &["set", "panel:s1=unlock", "panel:program=stop"]).ok();
     emulator.step(&["20ms"]);

@@ -276,7 +276,7 @@ fn who_is_alone_is_passive_until_somebody_hears_it() {
     );
     assert_eq!(one.ask("F"), "F04\r");
     let log = emulator.run("trace", &[]);
-    let told = "16#123 from guest1 is acknowledged by nobody";
+    let told = "16#123 from guest1 is not acknowledged";
     assert!(
         log.ok().matches(told).count() == 1 && log.out.contains("guest1 is error-passive, 128 transmit"),
         "{}",

@@ -10,7 +10,7 @@ const ROOM: usize = 1 << 16;
 
 /// The receivers of frames with one arbitration field, as a range of the list of takers.
 #[derive(Clone, Copy, Default)]
-struct Known {
+struct KnownReceivers {
     field: u32,
     first: u32,
     count: u32,
@@ -20,44 +20,45 @@ struct Known {
 
 /// Results of filters since the filters last changed.
 pub(super) struct Acceptance {
-    known: Vec<Known>,
-    takers: Vec<u16>,
+    known: Vec<KnownReceivers>,
+    receivers: Vec<u16>,
     generation: u64,
 }
 
 impl Acceptance {
     pub(super) fn new() -> Self {
-        Acceptance { known: Vec::new(), takers: Vec::new(), generation: 1 }
+        Acceptance { known: Vec::new(), receivers: Vec::new(), generation: 1 }
     }
 
     /// Forgets everything, since filters have changed or stations were added.
     pub(super) fn forget(&mut self) {
         self.generation += 1;
-        self.takers.clear();
+        self.receivers.clear();
     }
 
     /// Returns the stations that receive this frame, in ascending order; calls `accepting` if they are not known.
-    pub(super) fn takers<I: Iterator<Item = u16>>(
+    pub(super) fn receivers<I: Iterator<Item = u16>>(
         &mut self,
         frame: &Frame,
         accepting: impl FnOnce() -> I,
     ) -> &[u16] {
         if self.known.is_empty() {
-            self.known = vec![Known::default(); KINDS];
+            self.known = vec![KnownReceivers::default(); KINDS];
         }
         let (field, ..) = frame.numbers();
         let place = field.wrapping_mul(0x9E37_79B1) as usize / (1 << 20) % KINDS;
         if self.known[place].generation != self.generation || self.known[place].field != field {
-            if self.takers.len() > ROOM {
+            if self.receivers.len() > ROOM {
                 self.forget();
             }
-            let first = self.takers.len();
-            self.takers.extend(accepting());
-            let count = (self.takers.len() - first) as u32;
-            self.known[place] = Known { field, first: first as u32, count, generation: self.generation };
+            let first = self.receivers.len();
+            self.receivers.extend(accepting());
+            let count = (self.receivers.len() - first) as u32;
+            self.known[place] =
+                KnownReceivers { field, first: first as u32, count, generation: self.generation };
         }
-        let Known { first, count, .. } = self.known[place];
-        &self.takers[first as usize..][..count as usize]
+        let KnownReceivers { first, count, .. } = self.known[place];
+        &self.receivers[first as usize..][..count as usize]
     }
 }
 
@@ -67,28 +68,28 @@ mod tests {
     use crate::can::Payload;
 
     #[test]
-    fn it_asks_once_and_again_when_filters_have_changed() {
+    fn filters_are_evaluated_once_and_again_after_a_change() {
         let mut acceptance = Acceptance::new();
         let mut asked = 0;
-        let mut takers = |acceptance: &mut Acceptance, id: u16| {
-            let found = acceptance.takers(&Frame::standard(id, Payload::EMPTY), || {
+        let mut receivers = |acceptance: &mut Acceptance, id: u16| {
+            let found = acceptance.receivers(&Frame::standard(id, Payload::EMPTY), || {
                 asked += 1;
                 [id, id + 1].into_iter()
             });
             let found = found.to_vec();
             (found, asked)
         };
-        assert_eq!(takers(&mut acceptance, 5), (vec![5, 6], 1));
-        assert_eq!(takers(&mut acceptance, 5), (vec![5, 6], 1));
-        assert_eq!(takers(&mut acceptance, 7), (vec![7, 8], 2));
+        assert_eq!(receivers(&mut acceptance, 5), (vec![5, 6], 1));
+        assert_eq!(receivers(&mut acceptance, 5), (vec![5, 6], 1));
+        assert_eq!(receivers(&mut acceptance, 7), (vec![7, 8], 2));
         acceptance.forget();
-        assert_eq!(takers(&mut acceptance, 5), (vec![5, 6], 3));
+        assert_eq!(receivers(&mut acceptance, 5), (vec![5, 6], 3));
         // As many kinds as there is room for, and more receivers than are remembered.
         for _ in 0..40 {
             for id in 0..0x7FE {
-                assert_eq!(takers(&mut acceptance, id).0, [id, id + 1]);
+                assert_eq!(receivers(&mut acceptance, id).0, [id, id + 1]);
             }
-            acceptance.takers.resize(ROOM + 1, 0);
+            acceptance.receivers.resize(ROOM + 1, 0);
         }
     }
 }

@@ -100,7 +100,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_refused() {
+    fn wrong_settings_are_refused() {
         let refusal = |section: &str| {
             let read = CanBusConfig::read(ValueDeserializer::parse(section).unwrap());
             read.map(|config| config.name().to_owned()).unwrap_err().to_string()

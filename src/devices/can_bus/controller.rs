@@ -6,7 +6,7 @@ use std::collections::VecDeque;
 
 /// A controller's transmit queue is full.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("the controller has {} frames to send already", Controller::ROOM)]
+#[error("the transmit queue is full ({} frames)", Controller::ROOM)]
 pub struct QueueFull;
 
 /// A CAN controller: a transmit queue in order (decision D-355), acceptance filters and error counters.

@@ -106,8 +106,8 @@ impl CanBus {
         let works = is_plugged_in && end.member_since_ns.is_some();
         if works {
             end.controller.errors_mut().bus_off();
-            self.stations.is_in_trouble(who);
-            self.has_news = true;
+            self.stations.note_errors(who);
+            self.has_state_changes = true;
         }
         works
     }

@@ -62,7 +62,7 @@ fn lasts(frame: &Frame) -> (u64, u64) {
 }
 
 #[test]
-fn nobody_receives_a_lost_frame_and_its_sender_does_not_notice() {
+fn a_lost_frame_reaches_no_receiver_and_its_sender_does_not_notice() {
     let frames = [frame(0x100, 1), frame(0x101, 2), frame(0x100, 3)];
     let mut bench = bench(&frames, of_id(&LOSE_FRAME, 0x100, None, Some(1)));
     bench.run(10_000);
@@ -82,7 +82,7 @@ fn nobody_receives_a_lost_frame_and_its_sender_does_not_notice() {
 
 /// D-334.
 #[test]
-fn a_delayed_frame_is_kept_back_once_and_others_go_first() {
+fn a_delayed_frame_is_held_back_once_and_others_go_first() {
     let (slow, fast) = (frame(0x100, 1), frame(0x200, 2));
     let mut bench = bench(&[slow], of_id(&DELAY_FRAME, 0x100, Some(500), None));
     bench.send(1, 20, fast);
@@ -92,7 +92,7 @@ fn a_delayed_frame_is_kept_back_once_and_others_go_first() {
 }
 
 #[test]
-fn a_duplicate_is_sent_once_more_and_that_is_no_news_to_its_sender() {
+fn a_duplicate_is_sent_once_more_and_not_reported_to_its_sender() {
     let it = frame(0x100, 1);
     for (us, gap) in [(None, 0), (Some(70), 70)] {
         let mut bench = bench(&[it, frame(0x101, 2)], of_id(&DUPLICATE_FRAME, 0x100, us, None));
@@ -133,7 +133,7 @@ fn after_32_error_frames_in_a_row_a_sender_is_bus_off() {
 
 /// D-333.
 #[test]
-fn who_loses_the_arbitration_lets_the_next_one_go_first() {
+fn a_frame_that_loses_the_arbitration_waits_for_the_next_one() {
     let (low, high) = (frame(0x100, 1), frame(0x200, 2));
     let mut bench = of_two(&[low], &[high], of_id(kind("lost_arbitration"), 0x100, None, Some(1)));
     bench.run(10_000);
@@ -144,7 +144,7 @@ fn who_loses_the_arbitration_lets_the_next_one_go_first() {
 
 /// D-333.
 #[test]
-fn who_loses_it_to_nobody_leaves_an_error_frame() {
+fn a_lost_arbitration_without_a_winner_leaves_an_error_frame() {
     let it = frame(0x100, 1);
     let mut bench = bench(&[it], of_id(kind("lost_arbitration"), 0x100, None, Some(2)));
     bench.run(10_000);
@@ -155,7 +155,7 @@ fn who_loses_it_to_nobody_leaves_an_error_frame() {
 }
 
 #[test]
-fn an_overrun_is_one_receivers_loss() {
+fn an_overrun_loses_the_frame_at_one_receiver_only() {
     let overrun = Draft { count: Some(1), ..Draft::new(&OVERRUN, Target::Port { device: 1, port: 1 }) };
     let mut bench = bench(&[frame(0x100, 1), frame(0x100, 2)], overrun.check().unwrap());
     bench.run(10_000);
@@ -164,7 +164,7 @@ fn an_overrun_is_one_receivers_loss() {
 }
 
 #[test]
-fn a_controller_that_works_switches_itself_off() {
+fn a_working_controller_can_be_put_into_bus_off() {
     let mut bench = Bench::new(BIT_S, vec![(vec![], vec![(100, frame(0x100, 1))]), (vec![], vec![])]);
     let (off, target) = (Effect::new(can_faults::Effect::BusOff), Target::Port { device: 0, port: 1 });
     assert_eq!(bench.bus.fire(50, target, &off), Some(Hit::Plain));

@@ -1,17 +1,17 @@
 //! Guests at a CAN bus: stations with a controller and without firmware.
 
-use super::end::End;
+use super::station::Station;
 use super::{CanBus, CanPort, Controller};
 use crate::can::{ErrorState, Frame};
 use crate::devices::{Context, GuestRefusal};
 use crate::snapshot_fields;
 
 /// The firmware of a guest, which does nothing: the guest's program gets its frames from its door.
-pub(super) struct Silent;
+pub(super) struct NoFirmware;
 
-snapshot_fields!(Silent {});
+snapshot_fields!(NoFirmware {});
 
-impl CanPort for Silent {
+impl CanPort for NoFirmware {
     fn look(&mut self, _: &mut Context, _: &mut Controller) {}
 
     fn received(&mut self, _: &mut Context, _: &mut Controller, _: &Frame) {}
@@ -29,8 +29,8 @@ impl CanBus {
     }
 
     /// Guest number `guest` joins the bus. Returns `false` if the guest takes part already.
-    pub(super) fn let_in(&mut self, guest: u8, now: u64) -> bool {
-        let place = self.place_of(guest).unwrap_or_else(|| self.stations.add(End::guest(guest)));
+    pub(super) fn join(&mut self, guest: u8, now: u64) -> bool {
+        let place = self.place_of(guest).unwrap_or_else(|| self.stations.add(Station::guest(guest)));
         let end = self.stations.get_mut(place);
         let was_leaving = core::mem::take(&mut end.is_leaving);
         let was_in = end.on_since_ns.replace(end.on_since_ns.unwrap_or(now * 1000)).is_some();
@@ -47,24 +47,24 @@ impl CanBus {
     }
 
     /// Guest number `guest` leaves when its queue is empty.
-    pub(super) fn see_off(&mut self, guest: u8, now: u64) {
+    pub(super) fn begin_leaving(&mut self, guest: u8, now: u64) {
         let Some(place) = self.present(guest) else { return };
         let was_leaving = core::mem::replace(&mut self.stations.get_mut(place).is_leaving, true);
         self.leaving += usize::from(!was_leaving);
         self.plan(now);
     }
 
-    /// As `see_off`, but only if no other station can receive the guest's frames. A guest that has just joined may not
+    /// As `begin_leaving`, but only if no other station can receive the guest's frames. A guest that has just joined may not
     /// be alone yet.
-    pub(super) fn see_off_if_alone(&mut self, guest: u8, now: u64) {
+    pub(super) fn begin_leaving_if_alone(&mut self, guest: u8, now: u64) {
         let is_member = |place: usize| self.stations.all()[place].member_since_ns.is_some();
         if self.present(guest).is_some_and(is_member) && self.stations.members() == 1 {
-            self.see_off(guest, now);
+            self.begin_leaving(guest, now);
         }
     }
 
     /// Removes the leaving guests that have nothing to send or no station to send it to.
-    pub(super) fn let_guests_leave(&mut self, now: u64) {
+    pub(super) fn remove_leaving_guests(&mut self, now: u64) {
         for place in 0..self.stations.all().len() {
             let end = &self.stations.all()[place];
             let is_alone = end.member_since_ns.is_none() || self.stations.members() == 1;
@@ -78,7 +78,7 @@ impl CanBus {
     }
 
     /// Puts a frame into a guest's queue.
-    pub(super) fn take_guests_frame(
+    pub(super) fn queue_guest_frame(
         &mut self,
         guest: u8,
         frame: &Frame,

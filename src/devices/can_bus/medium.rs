@@ -6,8 +6,8 @@
 
 use super::FAMILY;
 use super::config::CanBusConfig;
-use super::end::End;
 use super::port::CanSocket;
+use super::station::Station;
 use super::stations::Stations;
 use crate::can;
 use crate::can::ErrorState;
@@ -34,9 +34,9 @@ pub struct CanBus {
     /// A fault loses the frame on the wire: no station receives it, and its sender does not notice.
     pub(super) is_lost: bool,
     /// An error state may have changed and was not reported yet.
-    pub(super) has_news: bool,
+    pub(super) has_state_changes: bool,
     /// Buffer for the receivers of a frame.
-    pub(super) takers: Vec<u16>,
+    pub(super) receivers: Vec<u16>,
     next: u64,
 }
 
@@ -52,8 +52,8 @@ impl CanBus {
             leaving: 0,
             sender_gone: false,
             is_lost: false,
-            has_news: false,
-            takers: Vec::new(),
+            has_state_changes: false,
+            receivers: Vec::new(),
             next: NEVER,
         }
     }
@@ -67,7 +67,7 @@ impl CanBus {
     /// Plans the next event, after a change at `now`.
     pub(super) fn plan(&mut self, now: u64) {
         if self.leaving > 0 {
-            self.let_guests_leave(now);
+            self.remove_leaving_guests(now);
         }
         let mut next = self.stations.next_time();
         if let Some(wire) = &self.wire {
@@ -78,7 +78,7 @@ impl CanBus {
             let held = self.stations.next_held(now * 1000);
             next = next.min(held.map_or(NEVER, |ns| ns.div_ceil(1000)));
         }
-        if self.has_news {
+        if self.has_state_changes {
             next = now;
         }
         self.next = next.max(now);
@@ -95,14 +95,14 @@ impl SnapshotFields for CanBus {
             leaving,
             sender_gone,
             is_lost,
-            has_news,
+            has_state_changes,
             // The buffer is empty between two events.
-            takers: _,
+            receivers: _,
             next,
         } = self;
         wire.save(to);
         stations.save(to);
-        to.value(&(leaving, sender_gone, is_lost, has_news, next));
+        to.value(&(leaving, sender_gone, is_lost, has_state_changes, next));
     }
 
     fn restore(&mut self, from: &mut Saved<'_>) -> Result<(), Damaged> {
@@ -110,7 +110,7 @@ impl SnapshotFields for CanBus {
         self.stations.restore(from)?;
         let count = self.stations.all().len();
         from.check(self.wire.as_ref().is_none_or(|wire| wire.is_among(count)), "sender")?;
-        (self.leaving, self.sender_gone, self.is_lost, self.has_news, self.next) = from.value()?;
+        (self.leaving, self.sender_gone, self.is_lost, self.has_state_changes, self.next) = from.value()?;
         let leaving = self.stations.all().iter().filter(|end| end.is_leaving).count();
         from.check(self.leaving == leaving, "number of guests that leave")
     }
@@ -127,7 +127,7 @@ impl Medium for CanBus {
 
     fn attach(&mut self, socket: Box<dyn Any + Send>) -> Result<usize, BuildError> {
         let socket = socket.downcast::<CanSocket>().map_err(|_| BuildError::OtherFamily)?;
-        Ok(self.stations.add(End::port(*socket)?))
+        Ok(self.stations.add(Station::port(*socket)?))
     }
 
     fn power_on(&mut self, place: usize, address: u8, now: u64, journal: &mut Journal) -> bool {
@@ -190,15 +190,15 @@ impl Medium for CanBus {
     }
 
     fn guest_joins(&mut self, guest: u8, now: u64) -> bool {
-        self.let_in(guest, now)
+        self.join(guest, now)
     }
 
     fn guest_leaves(&mut self, guest: u8, now: u64) {
-        self.see_off(guest, now);
+        self.begin_leaving(guest, now);
     }
 
     fn guest_has_gone(&mut self, guest: u8, now: u64) {
-        self.see_off_if_alone(guest, now);
+        self.begin_leaving_if_alone(guest, now);
     }
 
     fn guest_errors(&self, guest: u8) -> ErrorState {
@@ -213,7 +213,7 @@ impl Medium for CanBus {
         _: &mut Journal,
     ) -> Result<(), GuestRefusal> {
         let BusMessage::Frame(frame) = said else { return Err(GuestRefusal::NotHere) };
-        self.take_guests_frame(guest, frame, now)
+        self.queue_guest_frame(guest, frame, now)
     }
 
     fn next_time(&self) -> u64 {
@@ -237,8 +237,8 @@ impl Medium for CanBus {
 
     fn event(&mut self, world: &mut World) -> Option<SyncSignal> {
         let now = world.now;
-        if core::mem::take(&mut self.has_news) {
-            self.tell_states(now, world.journal);
+        if core::mem::take(&mut self.has_state_changes) {
+            self.report_states(now, world.journal);
         }
         // Events on the wire come first: they were due before the end of the microsecond.
         if !self.wire_event(world) && !self.recover(now, world.journal) {

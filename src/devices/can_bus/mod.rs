@@ -9,13 +9,13 @@ mod config;
 mod controller;
 mod device;
 mod disturbance;
-mod end;
 #[cfg(test)]
 mod fault_tests;
 mod guest;
 mod medium;
 mod port;
 pub mod records;
+mod station;
 mod stations;
 #[cfg(test)]
 mod tests;

@@ -72,9 +72,9 @@ impl Part for ErrorState {
 fn reason(fate: Fate) -> (&'static str, &'static str) {
     match fate {
         Fate::Arrives => ("arrives", "has arrived"),
-        Fate::NotAcknowledged => ("not_acknowledged", "is acknowledged by nobody"),
+        Fate::NotAcknowledged => ("not_acknowledged", "is not acknowledged"),
         Fate::Disturbed => ("disturbed", "is destroyed by an error frame"),
-        Fate::Withdrawn => ("withdrawn", "is given up behind its start bit"),
+        Fate::Withdrawn => ("withdrawn", "is given up after its start bit"),
         Fate::SenderGone => ("sender_gone", "is cut off, its sender is gone"),
     }
 }
@@ -173,7 +173,7 @@ mod tests {
     use crate::can::{ExtendedId, Payload};
 
     #[test]
-    fn frames_for_people() {
+    fn frames_have_a_readable_text() {
         assert_eq!(text(&Frame::standard(0x23, Payload::new(&[0x12, 3]).unwrap())), "16#023 12 03");
         assert_eq!(text(&Frame::remote(ExtendedId::MAX, 4).unwrap()), "16#1FFFFFFF remote, length 4");
     }
@@ -193,7 +193,7 @@ mod tests {
 
     /// The words of an event as a client might return them.
     #[test]
-    fn a_frame_of_nine_bytes_is_none() {
+    fn an_event_with_nine_bytes_is_not_a_frame() {
         let sender = Origin { plc: 0, node: 1 };
         let mut words = Transmitted { bus: 0, frame: Frame::standard(1, Payload::EMPTY), sender }.words();
         words[1] = 9;

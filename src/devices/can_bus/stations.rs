@@ -2,7 +2,7 @@
 //! errors. A frame costs time only for the stations that it affects.
 
 use super::acceptance::Acceptance;
-use super::end::End;
+use super::station::Station;
 use crate::can::{Arbitration, BitRate, ErrorState, Frame, Participants, Recovery};
 use crate::due_queue::{DueQueue, NEVER};
 use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 
 /// A station with a frame to send.
 #[derive(Serialize, Deserialize)]
-struct Waiting {
+struct WaitingFrame {
     field: Arbitration,
     who: usize,
     /// Time from which the frame takes part in arbitration, in ns.
@@ -20,10 +20,10 @@ struct Waiting {
 /// The ports, followed by the guests. The entry of a guest that has left is kept for the next guest with the same
 /// number.
 pub(super) struct Stations {
-    ends: Vec<End>,
+    ends: Vec<Station>,
     /// Bit rate of the bus; `None` if the ports are not plugged in.
     rate: Option<BitRate>,
-    waiting: Vec<Waiting>,
+    waiting: Vec<WaitingFrame>,
     due: DueQueue,
     acceptance: Acceptance,
     /// Number of stations that take part.
@@ -57,19 +57,19 @@ impl Stations {
         }
     }
 
-    pub(super) fn add(&mut self, end: End) -> usize {
+    pub(super) fn add(&mut self, end: Station) -> usize {
         self.ends.push(end);
         self.due.grow(self.ends.len());
         self.acceptance.forget();
         self.ends.len() - 1
     }
 
-    pub(super) fn all(&self) -> &[End] {
+    pub(super) fn all(&self) -> &[Station] {
         &self.ends
     }
 
     /// Returns a station; the caller calls [`Stations::settle`] afterwards.
-    pub(super) fn get_mut(&mut self, who: usize) -> &mut End {
+    pub(super) fn get_mut(&mut self, who: usize) -> &mut Station {
         &mut self.ends[who]
     }
 
@@ -119,7 +119,7 @@ impl Stations {
         let since_ns = end.member_since_ns.filter(|_| self.rate.is_some());
         let offer = since_ns.and_then(|since_ns| {
             let (there_ns, frame) = end.controller.front()?;
-            Some(Waiting {
+            Some(WaitingFrame {
                 field: frame.arbitration(),
                 who,
                 since_ns: since_ns.max(*there_ns).max(end.held_until_ns),
@@ -164,14 +164,14 @@ impl Stations {
 
     /// Fills in the ports that receive a frame. The sender is excluded by the caller; guests receive all frames from
     /// their door.
-    pub(super) fn takers(&mut self, frame: &Frame, takers: &mut Vec<u16>) {
+    pub(super) fn receivers(&mut self, frame: &Frame, receivers: &mut Vec<u16>) {
         let Stations { ends, acceptance, .. } = self;
-        let known = acceptance.takers(frame, || {
-            let accepts = |end: &End| end.origin.guest().is_none() && end.controller.accepts(frame);
+        let known = acceptance.receivers(frame, || {
+            let accepts = |end: &Station| end.origin.guest().is_none() && end.controller.accepts(frame);
             (0u16..).zip(ends.iter()).filter(move |(_, end)| accepts(end)).map(|(who, _)| who)
         });
-        takers.clear();
-        takers.extend_from_slice(known);
+        receivers.clear();
+        receivers.extend_from_slice(known);
     }
 
     /// A frame has arrived: the sender and all stations that have heard it count one error less.
@@ -179,7 +179,7 @@ impl Stations {
         let Stations { ends, troubled, .. } = self;
         for &who in troubled.iter() {
             let end = &mut ends[who];
-            match end.was_there(begin_ns).then(|| end.controller.errors_mut()) {
+            match end.took_part_since(begin_ns).then(|| end.controller.errors_mut()) {
                 Some(errors) if who == sender => errors.sent(),
                 Some(errors) => errors.received(),
                 None => {}
@@ -188,27 +188,27 @@ impl Stations {
     }
 
     /// A frame has ended in an error: calls `count` for all stations that have heard it.
-    pub(super) fn count_errors(&mut self, begin_ns: u64, mut count: impl FnMut(usize, &mut End)) {
+    pub(super) fn count_errors(&mut self, begin_ns: u64, mut count: impl FnMut(usize, &mut Station)) {
         for who in 0..self.ends.len() {
-            if self.ends[who].was_there(begin_ns) {
+            if self.ends[who].took_part_since(begin_ns) {
                 count(who, &mut self.ends[who]);
-                self.is_in_trouble(who);
+                self.note_errors(who);
             }
         }
     }
 
     /// Notes that the error counters of station `who` may not be 0.
-    pub(super) fn is_in_trouble(&mut self, who: usize) {
+    pub(super) fn note_errors(&mut self, who: usize) {
         if !core::mem::replace(&mut self.ends[who].is_troubled, true) {
             self.troubled.push(who);
         }
     }
 
     /// Returns a station with an error state that was not reported yet, and marks the new state as reported.
-    pub(super) fn take_news(&mut self) -> Option<(usize, ErrorState)> {
+    pub(super) fn take_state_change(&mut self) -> Option<(usize, ErrorState)> {
         let Stations { ends, troubled, .. } = self;
-        let news = |who: &usize| ends[*who].controller.error_state() != ends[*who].told;
-        let Some(who) = troubled.iter().copied().filter(news).min() else {
+        let is_unreported = |who: &usize| ends[*who].controller.error_state() != ends[*who].reported;
+        let Some(who) = troubled.iter().copied().filter(is_unreported).min() else {
             troubled.retain(|&who| {
                 ends[who].is_troubled = ends[who].controller.errors() != Default::default();
                 ends[who].is_troubled
@@ -216,12 +216,12 @@ impl Stations {
             return None;
         };
         let state = ends[who].controller.error_state();
-        ends[who].told = state;
+        ends[who].reported = state;
         Some((who, state))
     }
 
     /// Whether any station has errors.
-    pub(super) fn has_trouble(&self) -> bool {
+    pub(super) fn has_errors(&self) -> bool {
         !self.troubled.is_empty()
     }
 
@@ -274,7 +274,7 @@ impl SnapshotFields for Stations {
         let (mut ends, rate) = (core::mem::take(&mut self.ends), self.rate);
         ends.retain(|end| end.origin.guest().is_none());
         *self = Stations::new(rate);
-        for end in ends.into_iter().chain(guests.into_iter().map(End::guest)) {
+        for end in ends.into_iter().chain(guests.into_iter().map(Station::guest)) {
             self.add(end);
         }
         self.ends.restore(from)?;
@@ -282,7 +282,8 @@ impl SnapshotFields for Stations {
         (*waiting, *members, *last_came_ns, *troubled, *recovering, *has_changed, *has_held) =
             from.value()?;
         let is_there = |who: usize| who < self.ends.len();
-        let has_frame = |it: &Waiting| is_there(it.who) && self.ends[it.who].controller.front().is_some();
+        let has_frame =
+            |it: &WaitingFrame| is_there(it.who) && self.ends[it.who].controller.front().is_some();
         from.check(self.waiting.iter().all(has_frame), "station that waits")?;
         from.check(self.troubled.iter().all(|who| is_there(*who)), "station with errors")?;
         from.check(self.recovering.iter().all(|(who, _)| is_there(*who)), "station that recovers")?;
@@ -307,7 +308,7 @@ impl Participants for Stations {
         if self.last_came_ns <= begin_ns {
             return self.members > usize::from(self.ends[sender].member_since_ns.is_some());
         }
-        self.ends.iter().enumerate().any(|(who, end)| who != sender && end.was_there(begin_ns))
+        self.ends.iter().enumerate().any(|(who, end)| who != sender && end.took_part_since(begin_ns))
     }
 
     fn is_passive(&self, who: usize) -> bool {

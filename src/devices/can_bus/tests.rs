@@ -165,7 +165,7 @@ impl Bench {
 }
 
 #[test]
-fn a_frame_arrives_at_its_end_and_is_noted_before_anybody_answers() {
+fn a_frame_arrives_at_its_end_and_is_recorded_before_answers() {
     let it = frame(0x123, 7);
     let mut bench = Bench::new(125_000, vec![(vec![], vec![(500, it)]), (vec![], vec![])]);
     bench.run(1_000_000);
@@ -193,7 +193,7 @@ fn times_on_the_wire_are_rounded_for_the_journal_only() {
 }
 
 #[test]
-fn the_lower_identifier_goes_first_and_who_comes_too_late_waits() {
+fn the_lower_identifier_goes_first_and_a_late_frame_waits() {
     let (low, high) = (frame(0x100, 1), frame(0x200, 2));
     let scripts = vec![(vec![], vec![(10, high)]), (vec![], vec![(10, low), (11, low)]), (vec![], vec![])];
     let mut bench = Bench::new(1_000_000, scripts);
@@ -210,7 +210,7 @@ fn the_lower_identifier_goes_first_and_who_comes_too_late_waits() {
 /// The wire is free within a microsecond; a frame that is queued at the end of the microsecond does not take part in
 /// the arbitration before it.
 #[test]
-fn a_frame_takes_part_from_the_time_on_at_which_it_is_there() {
+fn a_frame_takes_part_from_the_time_at_which_it_was_queued() {
     let rate = BitRate::new(666_600).unwrap();
     let (first, waiting, late) = (frame(0x300, 1), frame(0x200, 2), frame(0x100, 3));
     let free_ns = 10_000 + wire::airtime(&first, rate).occupation_ns;
@@ -241,7 +241,7 @@ fn filters_keep_frames_from_the_firmware() {
 
 /// D-350.
 #[test]
-fn alone_a_station_becomes_passive_and_goes_on_trying() {
+fn a_station_alone_on_the_bus_becomes_passive_and_repeats_its_frame() {
     let (it, rate) = (frame(0x100, 1), BitRate::new(500_000).unwrap());
     let mut bench = Bench::new(rate.bit_s(), vec![(vec![], vec![(100, it)]), (vec![], vec![])]);
     bench.bus.power_off(1, 50, &mut bench.journal);
@@ -291,7 +291,7 @@ fn with_one_off(others: Vec<(u64, Frame)>) -> Bench {
 }
 
 #[test]
-fn who_is_bus_off_returns_after_128_times_eleven_bits() {
+fn a_bus_off_station_returns_after_128_times_eleven_bits() {
     let mut bench = with_one_off(Vec::new());
     bench.run(100_000);
     // The frame is cut off, which costs the others six bits; the flag and the rest of the frame do not count.
@@ -327,7 +327,7 @@ fn frames_of_others_delay_the_return() {
 }
 
 #[test]
-fn who_is_not_restarted_stays_off() {
+fn a_bus_off_station_without_a_restart_stays_off() {
     let mut bench = Bench::new(1_000_000, vec![(vec![], vec![(100, frame(0x100, 7))]), (vec![], vec![])]);
     bench.switch_off(0, 50);
     bench.run(1_000_000);
@@ -340,7 +340,7 @@ fn who_is_not_restarted_stays_off() {
 }
 
 #[test]
-fn who_comes_during_a_frame_has_missed_it() {
+fn a_station_that_joins_during_a_frame_misses_it() {
     let it = frame(0x100, 1);
     let scripts = vec![(vec![], vec![(100, it)]), (vec![], vec![]), (vec![], vec![])];
     let mut bench = Bench::new(125_000, scripts);
@@ -353,17 +353,17 @@ fn who_comes_during_a_frame_has_missed_it() {
 }
 
 #[test]
-fn the_queue_has_an_end() {
+fn the_transmit_queue_is_limited() {
     let mut controller = Controller::default();
     for _ in 0..Controller::ROOM {
         assert_eq!(controller.send(frame(1, 1)), Ok(()));
     }
     assert_eq!((controller.send(frame(1, 1)), controller.to_send()), (Err(QueueFull), Controller::ROOM));
-    assert_eq!(QueueFull.to_string(), "the controller has 64 frames to send already");
+    assert_eq!(QueueFull.to_string(), "the transmit queue is full (64 frames)");
 }
 
 #[test]
-fn nothing_goes_out_where_no_bus_is_plugged_in() {
+fn unplugged_ports_send_nothing() {
     let scripts = vec![(vec![], vec![]), (vec![], vec![])];
     let mut bench = Bench::of(CanBus::unplugged(), scripts);
     assert!(!bench.bus.processor_cycle(0, 10, &mut bench.journal));
@@ -372,7 +372,7 @@ fn nothing_goes_out_where_no_bus_is_plugged_in() {
 }
 
 #[test]
-fn a_fault_of_a_port_strikes_its_own_firmware() {
+fn a_fault_of_a_port_reaches_its_own_firmware() {
     let mut bench = Bench::new(500_000, vec![(vec![], vec![]), (vec![], vec![])]);
     let port = |device, port| Target::Port { device, port };
     assert_eq!(bench.bus.fire(7, port(1, 1), &Effect::new(9_u8)), Some(Hit::Plain));

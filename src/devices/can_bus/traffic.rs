@@ -23,15 +23,15 @@ impl CanBus {
     pub(super) fn settle(&mut self, who: usize, at_ns: u64) {
         self.stations.settle(who, at_ns);
         if self.stations.take_changed() {
-            self.look_at_frame(at_ns);
+            self.check_frame_on_wire(at_ns);
         }
     }
 
     /// A station has begun or ceased to take part: checks whether the frame on the wire is still sent and heard.
-    fn look_at_frame(&mut self, now_ns: u64) {
+    fn check_frame_on_wire(&mut self, now_ns: u64) {
         let Some(wire) = &mut self.wire else { return };
         let Some(it) = wire.on_wire().copied() else { return };
-        if !self.stations.all()[it.sender].was_there(it.begin_ns) {
+        if !self.stations.all()[it.sender].took_part_since(it.begin_ns) {
             self.sender_gone = true;
             wire.sender_gone(now_ns);
         } else if !self.stations.is_heard(it.sender, it.begin_ns) {
@@ -77,40 +77,40 @@ impl CanBus {
         if !self.is_lost {
             world.journal.push(world.now, Transmitted { bus, frame, sender });
         }
-        if self.stations.has_trouble() {
+        if self.stations.has_errors() {
             self.stations.count_good(it.sender, it.begin_ns);
         }
         // A frame arrives without its sender if its checksum was already sent.
         let is_news = !self.sender_gone && self.stations.get_mut(it.sender).frame_is_through(it.free_ns);
-        self.hand_over(it, is_news, world);
+        self.deliver(it, is_news, world);
         self.settle(it.sender, it.end_ns);
-        self.tell_states(world.now, world.journal);
+        self.report_states(world.now, world.journal);
     }
 
     /// Runs the firmware of all receivers of a frame, and of its sender if this is the frame's first arrival.
-    fn hand_over(&mut self, it: &OnWire, is_news: bool, world: &mut World) {
-        let mut takers = core::mem::take(&mut self.takers);
+    fn deliver(&mut self, it: &OnWire, is_news: bool, world: &mut World) {
+        let mut receivers = core::mem::take(&mut self.receivers);
         if self.is_lost {
-            takers.clear();
+            receivers.clear();
         } else {
-            self.stations.takers(&it.frame, &mut takers);
+            self.stations.receivers(&it.frame, &mut receivers);
         }
-        let behind = takers.partition_point(|who| usize::from(*who) < it.sender);
-        self.receive(&takers[..behind], it, world);
+        let behind = receivers.partition_point(|who| usize::from(*who) < it.sender);
+        self.receive(&receivers[..behind], it, world);
         if is_news {
             let (now, frame) = (world.now, &it.frame);
             self.run(it.sender, now, world.journal, |port, ctx, controller| {
                 port.sent(ctx, controller, frame)
             });
         }
-        self.receive(&takers[behind..], it, world);
-        self.takers = takers;
+        self.receive(&receivers[behind..], it, world);
+        self.receivers = receivers;
     }
 
-    fn receive(&mut self, takers: &[u16], it: &OnWire, world: &mut World) {
+    fn receive(&mut self, receivers: &[u16], it: &OnWire, world: &mut World) {
         let (now, frame) = (world.now, &it.frame);
-        for who in takers.iter().map(|who| usize::from(*who)).filter(|who| *who != it.sender) {
-            if !self.stations.all()[who].was_there(it.begin_ns) {
+        for who in receivers.iter().map(|who| usize::from(*who)).filter(|who| *who != it.sender) {
+            if !self.stations.all()[who].took_part_since(it.begin_ns) {
                 continue;
             }
             let overruns = !world.faults.is_empty() && self.overruns(who, frame, world);
@@ -143,15 +143,15 @@ impl CanBus {
                 _ => errors.transmit_error(),
             }
         });
-        self.tell_states(now, journal);
+        self.report_states(now, journal);
     }
 
     /// Reports the changed error states, to the journal first.
-    pub(super) fn tell_states(&mut self, now: u64, journal: &mut Journal) {
-        if !self.stations.has_trouble() {
+    pub(super) fn report_states(&mut self, now: u64, journal: &mut Journal) {
+        if !self.stations.has_errors() {
             return;
         }
-        while let Some((who, state)) = self.stations.take_news() {
+        while let Some((who, state)) = self.stations.take_state_change() {
             let end = &self.stations.all()[who];
             let (errors, station) = (end.controller.errors(), end.origin);
             let (transmit, receive) = (errors.transmit(), errors.receive());
@@ -170,7 +170,7 @@ impl CanBus {
         if end.controller.error_state() == ErrorState::BusOff {
             *end.controller.errors_mut() = ErrorCounters::default();
             self.settle(who, at_ns);
-            self.tell_states(now, journal);
+            self.report_states(now, journal);
         }
         true
     }

@@ -41,7 +41,7 @@ impl Master<'_> {
         let length = usize::from(mst.mst_reply_len.load());
         let reply: Vec<u8> = mst.mst_reply.iter().take(length).map(Cell8::load).collect();
         match mst.mst_result.load() {
-            mst_result::RECEIPT => self.0.tell("is given a receipt")?,
+            mst_result::RECEIPT => self.0.tell("gets a receipt")?,
             _ => self.0.tell(&format!("is answered{}", hex(&reply)))?,
         }
         Ok(reply)
@@ -57,16 +57,18 @@ fn run(attached: Attached, show: Show<'_>) -> Result<(), DemoError> {
     headline("The slave finds the bit rate and waits for parameters (p. 15, 17-18)")?;
     master.ask("Slave_Diag", SLAVE_DIAG, &[])?;
     master.0.wait("front.led_e", 3, "LED E")?;
-    headline("Parameters with a bit rate that is none: octet 8 is wrong, 6 would be right (p. 20-21, 28)")?;
+    headline("Parameters with an invalid bit rate: octet 8 is wrong, 6 would be right (p. 20-21, 28)")?;
     let mut wrong = PRM;
     wrong[8] = 99;
     master.ask("Set_Prm", SET_PRM, &wrong)?;
     master.ask("Slave_Diag", SLAVE_DIAG, &[])?;
-    headline("Good ones: 125 kbit/s, CANopen master (p. 28-29); then it waits for a configuration")?;
+    headline(
+        "Valid parameters: 125 kbit/s, CANopen master (p. 28-29); then the slave waits for a configuration",
+    )?;
     master.ask("Set_Prm", SET_PRM, &PRM)?;
     master.0.wait("front.led_e", 4, "LED E")?;
     panel.wait("flags.CAN_OPEN", 1, "the start of the program")?;
-    headline("8 bytes each way; it starts the CANopen network behind it (p. 29, 33-36)")?;
+    headline("8 bytes in each direction; the gateway starts the CANopen network (p. 29, 33-36)")?;
     master.ask("Chk_Cfg", CHK_CFG, &CFG)?;
     master.0.wait("front.led_d", 1, "LED D")?;
     panel.wait("flags.COP_PREOPERATIONAL", 0, "the start of the network")?;
@@ -74,7 +76,7 @@ fn run(attached: Attached, show: Show<'_>) -> Result<(), DemoError> {
     let outputs = [0x12, 0x34, 0, 0, 0, 0, 0, 0];
     master.ask("data exchange", DATA_EXCHANGE, &outputs)?;
     panel.wait("rx_pdo.a_RX_PDO[0][0]", 0x1234, "the outputs")?;
-    headline("And back")?;
+    headline("A value goes from the controller to PROFIBUS")?;
     panel.write("tx_pdo.a_TX_PDO[0][0]", 0xABCD)?;
     master.0.wait("inputs.inputs[0]", 0xAB, "the panel's PDO")?;
     master.ask("data exchange", DATA_EXCHANGE, &outputs)?;

@@ -19,7 +19,7 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn examples_of_the_manual_and_what_follows_from_it() {
+    fn swaps_match_the_examples_of_the_manual() {
         let all = [1, 2, 3, 4, 5, 6, 7, 8];
         for (form, length, expected) in [
             (0x8E, 8, vec![2, 1, 3, 4, 8, 7, 6, 5]),
@@ -41,7 +41,7 @@ mod tests {
     #![proptest_config(crate::property_tests())]
 
         #[test]
-        fn twice_is_nothing_and_bit_0_does_not_matter(form: u8, data in prop::collection::vec(any::<u8>(), 0..=9)) {
+        fn swapping_twice_restores_the_data_and_bit_0_has_no_effect(form: u8, data in prop::collection::vec(any::<u8>(), 0..=9)) {
             let (mut once, mut other) = (data.clone(), data.clone());
             swap(form, &mut once);
             swap(form ^ 1, &mut other);

@@ -122,7 +122,7 @@ pub(super) struct Configuration {
 }
 
 /// A module in the octets of Chk_Cfg, before its check.
-struct Written<'a> {
+struct RawModule<'a> {
     is_input: bool,
     length: usize,
     is_consistent: bool,
@@ -152,7 +152,7 @@ fn identifier(comment: &[u8]) -> Result<(Id, u8, &[u8]), CfgError> {
 }
 
 /// Returns the next module, and the octets after it.
-fn take(octets: &[u8], has_pages: bool) -> Result<(Written<'_>, &[u8]), CfgError> {
+fn take(octets: &[u8], has_pages: bool) -> Result<(RawModule<'_>, &[u8]), CfgError> {
     let (&head, rest) = octets.split_first().ok_or(CfgError::Type)?;
     // A single octet, the general format, has no identifier (p. 71). Segments of a page need none (p. 52).
     match head & 0x30 {
@@ -163,7 +163,7 @@ fn take(octets: &[u8], has_pages: bool) -> Result<(Written<'_>, &[u8]), CfgError
         way => {
             let length = usize::from(head & 0x0F) + 1;
             let is_consistent = head & CONSISTENT != 0;
-            return Ok((Written { is_input: way == 0x10, length, is_consistent, comment: &[] }, rest));
+            return Ok((RawModule { is_input: way == 0x10, length, is_consistent, comment: &[] }, rest));
         }
     }
     let is_input = match head >> 6 {
@@ -178,7 +178,7 @@ fn take(octets: &[u8], has_pages: bool) -> Result<(Written<'_>, &[u8]), CfgError
     let said = usize::from(head & 0x0F);
     let (comment, rest) = rest.split_at(said.min(rest.len()));
     let (length, is_consistent) = (usize::from(structure & 0x3F) + 1, structure & CONSISTENT != 0);
-    Ok((Written { is_input, length, is_consistent, comment }, rest))
+    Ok((RawModule { is_input, length, is_consistent, comment }, rest))
 }
 
 impl Configuration {
@@ -200,11 +200,11 @@ impl Configuration {
         Ok(it)
     }
 
-    fn add(&mut self, written: &Written<'_>, parameters: &Parameters) -> Result<(), CfgError> {
+    fn add(&mut self, written: &RawModule<'_>, parameters: &Parameters) -> Result<(), CfgError> {
         if self.modules.len() >= MODULES {
             return Err(CfgError::Type);
         }
-        let Written { is_input, length, is_consistent, comment } = *written;
+        let RawModule { is_input, length, is_consistent, comment } = *written;
         let (kind, form) = if comment.starts_with(&WINDOW_ID) {
             self.window(written, parameters)?
         } else if parameters.has_pages() {
@@ -238,7 +238,7 @@ impl Configuration {
     }
 
     /// Checks a window: one in each direction, and only if the parameters enable it (p. 39).
-    fn window(&mut self, written: &Written<'_>, parameters: &Parameters) -> Result<(Kind, u8), CfgError> {
+    fn window(&mut self, written: &RawModule<'_>, parameters: &Parameters) -> Result<(Kind, u8), CfgError> {
         let (_, behind) = written.comment.split_at(WINDOW_ID.len());
         let (&form, behind) = behind.split_first().ok_or(CfgError::Form)?;
         let kind = if written.is_input { Kind::WindowInput } else { Kind::WindowOutput };

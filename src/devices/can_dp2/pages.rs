@@ -26,7 +26,7 @@ enum Outcome {
 
 /// Progress of a gateway in page mode: register `page_state`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-pub(super) enum Phase {
+pub(super) enum PagePhase {
     /// Waits for page 0.
     #[default]
     Waiting = 1,
@@ -69,7 +69,7 @@ pub(super) struct Pages {
     /// The segments in order, from the first output and the first input on.
     outputs: Vec<Range<usize>>,
     inputs: Vec<Range<usize>>,
-    phase: Phase,
+    phase: PagePhase,
     /// Required number of the next page of a configuration.
     next: u16,
     /// Counter of the last page; 0 before the first page.
@@ -85,7 +85,7 @@ pub(super) struct Pages {
 
 /// Effects of a page on the gateway.
 #[derive(Debug, Default, PartialEq, Eq)]
-pub(super) struct Taken {
+pub(super) struct PageEffect {
     /// The page was new.
     pub is_new: bool,
     /// The page has changed the set of identifiers.
@@ -117,7 +117,7 @@ impl Pages {
         Pages {
             outputs,
             inputs,
-            phase: Phase::default(),
+            phase: PagePhase::default(),
             next: 0,
             counter: 0,
             tx: Vec::new(),
@@ -128,13 +128,13 @@ impl Pages {
         }
     }
 
-    pub(super) fn phase(&self) -> Phase {
+    pub(super) fn phase(&self) -> PagePhase {
         self.phase
     }
 
     /// Returns the received identifiers and their numbers of bytes; none before the configuration is complete.
     pub(super) fn received_ids(&self) -> impl Iterator<Item = (Id, usize)> {
-        let rx = self.rx.iter().filter(|rx| self.phase == Phase::Data && !rx.is_frozen);
+        let rx = self.rx.iter().filter(|rx| self.phase == PagePhase::Data && !rx.is_frozen);
         rx.map(|rx| (rx.id, rx.length))
     }
 
@@ -144,19 +144,19 @@ impl Pages {
     }
 
     /// Handles all outputs that the DP master has written. Frames are sent if `sends`.
-    pub(super) fn written(&mut self, outputs: &[u8], sends: bool) -> Taken {
+    pub(super) fn written(&mut self, outputs: &[u8], sends: bool) -> PageEffect {
         let Some(head) = self.outputs.first().and_then(|first| outputs.get(first.clone())) else {
-            return Taken::default();
+            return PageEffect::default();
         };
-        let Some(&[high, low, ..]) = head.first_chunk::<HEAD>() else { return Taken::default() };
+        let Some(&[high, low, ..]) = head.first_chunk::<HEAD>() else { return PageEffect::default() };
         let (number, counter) = (u16::from_be_bytes([high, low]), head[COUNTER]);
         // Cleared outputs are not a page.
         if counter == 0 || core::mem::replace(&mut self.counter, counter) == counter {
-            return Taken::default();
+            return PageEffect::default();
         }
         let payload: Vec<u8> =
             places(&self.outputs).filter_map(|place| outputs.get(place).copied()).collect();
-        let mut taken = Taken { is_new: true, ..Taken::default() };
+        let mut taken = PageEffect { is_new: true, ..PageEffect::default() };
         let outcome = match number {
             number::START => {
                 self.start();
@@ -166,10 +166,10 @@ impl Pages {
             number::TX..number::DATA if number == self.next => {
                 let before = self.phase;
                 let outcome = self.configure(&payload);
-                taken.has_configured = before != Phase::Data && self.phase == Phase::Data;
+                taken.has_configured = before != PagePhase::Data && self.phase == PagePhase::Data;
                 outcome
             }
-            number::DATA.. if self.phase == Phase::Data => {
+            number::DATA.. if self.phase == PagePhase::Data => {
                 if sends {
                     taken.frames = self.data(number, &payload);
                 }
@@ -183,14 +183,14 @@ impl Pages {
 
     /// Page 0: restarts the configuration.
     fn start(&mut self) {
-        (self.phase, self.next) = (Phase::Tx, number::TX);
+        (self.phase, self.next) = (PagePhase::Tx, number::TX);
         self.tx.clear();
         self.rx.clear();
     }
 
     /// Handles a page with records; returns the first wrong record as an error, counted from 0 on the page.
     fn configure(&mut self, payload: &[u8]) -> Result<(), (Outcome, u8)> {
-        let is_tx = self.phase == Phase::Tx;
+        let is_tx = self.phase == PagePhase::Tx;
         let (mut tx, mut rx) = (self.tx.clone(), self.rx.clone());
         let room = carries(if is_tx { &self.outputs } else { &self.inputs });
         let (mut rest, mut record) = (payload, 0);
@@ -225,9 +225,9 @@ impl Pages {
             // The number of pages of one kind is limited (p. 55).
             (MORE, _) if is_last => return Err((Outcome::Turn, 0)),
             (MORE, _) => self.next += 1,
-            (_, true) => (self.phase, self.next) = (Phase::Rx, number::RX),
+            (_, true) => (self.phase, self.next) = (PagePhase::Rx, number::RX),
             (_, false) => {
-                (self.phase, self.next) = (Phase::Data, 0);
+                (self.phase, self.next) = (PagePhase::Data, 0);
                 self.tx_pages = divide(tx.iter().map(|it| it.length), carries(&self.outputs));
                 self.rx_pages = divide(rx.iter().map(|it| it.length), carries(&self.inputs));
             }
@@ -295,7 +295,7 @@ impl Pages {
 
     /// Handles a frame: counts it, and stores its data for the next time that its page is requested.
     pub(super) fn received(&mut self, frame: &Frame) {
-        if self.phase != Phase::Data {
+        if self.phase != PagePhase::Data {
             return;
         }
         let Some(rx) = self.rx.iter_mut().find(|rx| rx.id == frame.id() && !rx.is_frozen) else { return };

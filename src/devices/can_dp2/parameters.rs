@@ -221,14 +221,14 @@ mod tests {
     }
 
     #[test]
-    fn answers_may_be_wanted_late() {
+    fn the_minimum_time_before_an_answer_is_a_parameter() {
         for bits in [11, 12, 200, 255] {
             assert_eq!(with(3, bits).unwrap().min_tsdr(), u64::from(bits));
         }
     }
 
     #[test]
-    fn times_that_are_stored_are_none() {
+    fn stored_times_are_marked_in_the_parameters() {
         let defaults = Parameters::parse(&DEFAULTS).unwrap();
         assert_eq!((defaults.wakeup_s(), defaults.sync_ms()), (None, 0xFFFF));
         assert_eq!(with(13, 254).unwrap().wakeup_s(), Some(254));
@@ -238,7 +238,7 @@ mod tests {
 
     /// Each octet that can be wrong, with the right value.
     #[test]
-    fn what_is_wrong_is_told_with_its_number() {
+    fn a_wrong_octet_is_reported_with_its_number() {
         for (number, octet, right) in [
             (0, 0xA8, 0x88),
             (0, 0x98, 0x88),
@@ -267,7 +267,7 @@ mod tests {
     /// P. 17, 20: the ident number of another device is reported before any other fault, and Freeze or Sync sets its
     /// bit in addition.
     #[test]
-    fn parameters_of_another_device_name_the_ident_number() {
+    fn parameters_of_another_device_report_the_ident_number() {
         let fault = |octets: &[u8]| {
             Parameters::parse(octets).map_err(|fault| (fault.number, fault.right, fault.is_unsupported))
         };
@@ -293,7 +293,7 @@ mod tests {
     }
 
     #[test]
-    fn too_short_or_too_long_tells_where() {
+    fn wrong_lengths_report_the_position() {
         let fault = |octets: &[u8]| Parameters::parse(octets).map_err(|fault| (fault.number, fault.right));
         assert_eq!(fault(&DEFAULTS[..7]), Err((7, 0)));
         assert_eq!(fault(&DEFAULTS[..8]), Err((8, 6)));

@@ -206,7 +206,7 @@ mod tests {
     }
 
     #[test]
-    fn one_frame_for_each_reading() {
+    fn each_read_order_returns_one_frame() {
         let mut window = Window::default();
         for number in 0..300_u16 {
             assert_eq!(window.received(frame(number, &[])), number < 255);
@@ -222,18 +222,18 @@ mod tests {
 
     /// P. 43: no frame is lost while the PLC reads faster than frames come, with any other orders between.
     #[test]
-    fn a_frame_that_no_exchange_has_fetched_stays() {
+    fn an_unread_frame_is_not_lost() {
         let mut window = Window::default();
         let reads = |counter| order([0; 4], [0; 8], 0, counter, 3);
         window.written(&reads(1));
         assert!(window.received(frame(0x181, &[1])) && window.received(frame(0x181, &[2])));
         assert_eq!((window.shown()[4], window.waiting()), (1, 1));
         window.written(&order([0; 4], [0; 8], 0, 2, 0));
-        assert_eq!((window.shown()[0], window.waiting()), (0xEE, 2), "nobody has read the first one");
+        assert_eq!((window.shown()[0], window.waiting()), (0xEE, 2), "the first frame is unread");
         window.written(&reads(3));
         assert_eq!((window.shown()[4], window.waiting()), (1, 1));
         window.written(&reads(4));
-        assert_eq!((window.shown()[4], window.waiting()), (2, 0), "this one came with an answer");
+        assert_eq!((window.shown()[4], window.waiting()), (2, 0), "this frame came with an answer");
         // A data exchange without a new order reads the frame, too.
         window.written(&reads(5));
         assert!(window.received(frame(0x181, &[3])));

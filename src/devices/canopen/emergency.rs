@@ -13,7 +13,7 @@ pub struct Cause {
 
 /// A present error.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-struct Present {
+struct ActiveError {
     cause: Cause,
     data: [u8; 5],
 }
@@ -21,9 +21,9 @@ struct Present {
 /// Errors of a device, and the emergency messages that it still has to send.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Errors {
-    present: Vec<Present>,
+    present: Vec<ActiveError>,
     /// Errors that were reported, in the order of the reports.
-    told: Vec<Present>,
+    reported: Vec<ActiveError>,
 }
 
 impl Errors {
@@ -32,7 +32,7 @@ impl Errors {
         let known = self.present.iter_mut().find(|known| known.cause == cause);
         match (known, data) {
             (Some(known), Some(data)) => known.data = data,
-            (None, Some(data)) => self.present.push(Present { cause, data }),
+            (None, Some(data)) => self.present.push(ActiveError { cause, data }),
             (Some(_), None) => self.present.retain(|known| known.cause != cause),
             (None, None) => {}
         }
@@ -47,14 +47,14 @@ impl Errors {
     /// Returns the next message to be sent: code, error register, five bytes. An error that has gone is reported with
     /// code 0; the register shows the errors that are left.
     pub fn message(&mut self) -> Option<[u8; 8]> {
-        let is = |list: &[Present], cause| list.iter().any(|known| known.cause == cause);
-        if let Some(gone) = self.told.iter().position(|told| !is(&self.present, told.cause)) {
-            self.told.remove(gone);
+        let is = |list: &[ActiveError], cause| list.iter().any(|known| known.cause == cause);
+        if let Some(gone) = self.reported.iter().position(|reported| !is(&self.present, reported.cause)) {
+            self.reported.remove(gone);
             return Some([0, 0, self.register(), 0, 0, 0, 0, 0]);
         }
-        let new = *self.present.iter().find(|known| !self.told.contains(known))?;
-        self.told.retain(|told| told.cause != new.cause);
-        self.told.push(new);
+        let new = *self.present.iter().find(|known| !self.reported.contains(known))?;
+        self.reported.retain(|reported| reported.cause != new.cause);
+        self.reported.push(new);
         let [low, high] = new.cause.code.to_le_bytes();
         let [a, b, c, d, e] = new.data;
         Some([low, high, self.register(), a, b, c, d, e])
@@ -63,7 +63,7 @@ impl Errors {
     /// Clears all errors and forgets the reports.
     pub fn clear(&mut self) {
         self.present.clear();
-        self.told.clear();
+        self.reported.clear();
     }
 }
 
@@ -75,7 +75,7 @@ mod tests {
     const OTHER: Cause = Cause { code: 0x1000, register: 0x01 };
 
     #[test]
-    fn an_error_is_told_when_it_appears_and_when_it_has_gone() {
+    fn an_error_is_reported_when_it_appears_and_when_it_has_gone() {
         let mut errors = Errors::default();
         errors.set(ONE, Some([1, 2, 3, 4, 5]));
         errors.set(ONE, Some([1, 2, 3, 4, 5]));
@@ -90,7 +90,7 @@ mod tests {
     }
 
     #[test]
-    fn what_has_more_to_say_is_told_again() {
+    fn an_error_with_new_data_is_reported_again() {
         let mut errors = Errors::default();
         errors.set(ONE, Some([1, 0, 0, 0, 0]));
         errors.message();
@@ -101,7 +101,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_never_told_does_not_go() {
+    fn an_unreported_error_is_not_reported_as_gone() {
         let mut errors = Errors::default();
         errors.set(ONE, Some([0; 5]));
         errors.set(ONE, None);

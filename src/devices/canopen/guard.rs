@@ -7,13 +7,13 @@ use serde::{Deserialize, Serialize};
 
 /// The guarded node.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Guarded {
+pub struct NodeGuarding {
     toggle: bool,
     /// Supervision of the master's requests.
     pub life: Supervision,
 }
 
-impl Guarded {
+impl NodeGuarding {
     /// The master has sent a request: returns the answer's only byte. The first answer has toggle bit 0.
     pub fn asked(&mut self, state: State, now: u64) -> u8 {
         let toggle = u8::from(self.toggle) << 7;
@@ -34,10 +34,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn answers_toggle_and_who_is_not_asked_any_more_notices() {
-        let mut it = Guarded::default();
+    fn answers_toggle_and_missing_requests_are_noticed() {
+        let mut it = NodeGuarding::default();
         it.life.set_period(300, 0);
-        assert_eq!(it.life.next_time(), u64::MAX, "nobody has asked yet");
+        assert_eq!(it.life.next_time(), u64::MAX, "before the first request");
         assert_eq!(it.asked(State::PreOperational, 10), 0x7F);
         assert_eq!(it.asked(State::Operational, 20), 0x85);
         assert_eq!(it.asked(State::Stopped, 30), 0x04);

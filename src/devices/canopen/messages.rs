@@ -9,23 +9,23 @@ const ID: u32 = 0x7FF;
 
 /// Description of a message.
 #[derive(Clone, Copy, Debug)]
-pub struct About<'a> {
+pub struct MessageInfo<'a> {
     name: &'a str,
     is_sender: bool,
     text: &'a str,
 }
 
-impl<'a> About<'a> {
+impl<'a> MessageInfo<'a> {
     /// Describes a message that the node sends.
     #[must_use]
     pub const fn sent(name: &'a str, text: &'a str) -> Self {
-        About { name, is_sender: true, text }
+        MessageInfo { name, is_sender: true, text }
     }
 
     /// Describes a message that the node receives.
     #[must_use]
     pub const fn received(name: &'a str, text: &'a str) -> Self {
-        About { name, is_sender: false, text }
+        MessageInfo { name, is_sender: false, text }
     }
 }
 
@@ -40,7 +40,7 @@ impl NodeMessages<'_> {
     /// Returns a message with consecutive signals of the given numbers of bits; `None` if the COB-ID is marked as
     /// unused.
     #[must_use]
-    pub fn message(self, cob_id: u32, about: About<'_>, signals: &[(&str, u8)]) -> Option<Message> {
+    pub fn message(self, cob_id: u32, about: MessageInfo<'_>, signals: &[(&str, u8)]) -> Option<Message> {
         let id = Some(cob_id).filter(|cob_id| cob_id & INVALID == 0);
         let id: Id = StandardId::new((id? & ID) as u16)?.into();
         let mut first_bit = 0;
@@ -68,10 +68,14 @@ impl NodeMessages<'_> {
         let error = [("error_code", 16), ("error_register", 8), ("own", 40)];
         let state = [("state", 7), ("toggle", 1)];
         [
-            self.message(emergency & ID, About::sent("EMCY", "Emergency (1014h)"), &error),
-            self.message(guarding, About::sent("STATE", "Node guarding, boot-up (100Eh)"), &state),
-            self.message(request, About::received("SDO_REQUEST", "Request to the object dictionary"), &sdo),
-            self.message(answer, About::sent("SDO_ANSWER", "Answer of the object dictionary"), &sdo),
+            self.message(emergency & ID, MessageInfo::sent("EMCY", "Emergency (1014h)"), &error),
+            self.message(guarding, MessageInfo::sent("STATE", "Node guarding, boot-up (100Eh)"), &state),
+            self.message(
+                request,
+                MessageInfo::received("SDO_REQUEST", "Request to the object dictionary"),
+                &sdo,
+            ),
+            self.message(answer, MessageInfo::sent("SDO_ANSWER", "Answer of the object dictionary"), &sdo),
         ]
         .into_iter()
     }

@@ -14,7 +14,7 @@ pub enum Order {
 
 /// A node as its master sees it.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
-struct Guarded {
+struct GuardedNode {
     node: u8,
     guard_us: u64,
     /// Permitted number of missing answers in a row.
@@ -31,7 +31,7 @@ struct Guarded {
 
 /// Content of an answer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Answered {
+pub struct GuardAnswer {
     pub state: State,
     /// The node was missing before this answer.
     pub was_missing: bool,
@@ -40,7 +40,7 @@ pub struct Answered {
 /// The nodes of a master.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Network {
-    nodes: Vec<Guarded>,
+    nodes: Vec<GuardedNode>,
     /// The missing node that was shown last.
     shown: Option<u8>,
 }
@@ -53,7 +53,7 @@ impl Network {
     /// in a row may be missing.
     pub fn add(&mut self, node: u8, guard_us: u64, life: u8) {
         self.nodes.retain(|it| it.node != node);
-        self.nodes.push(Guarded {
+        self.nodes.push(GuardedNode {
             node,
             guard_us,
             life: life.max(1),
@@ -134,7 +134,7 @@ impl Network {
 
     /// Handles an answer: `node` has sent its state, or 0 when it has started. An answer with an unchanged toggle bit
     /// is ignored.
-    pub fn answered(&mut self, node: u8, answer: u8) -> Option<Answered> {
+    pub fn answered(&mut self, node: u8, answer: u8) -> Option<GuardAnswer> {
         let it = self.nodes.iter_mut().find(|it| it.node == node)?;
         let (toggle, code) = (answer & TOGGLE, State::from_code(answer & !TOGGLE)?);
         let has_started = code == State::Initialising;
@@ -145,7 +145,7 @@ impl Network {
         let was_missing = core::mem::replace(&mut it.is_missing, false);
         it.toggle = (!has_started).then_some(toggle ^ TOGGLE);
         (it.unanswered, it.state) = (0, Some(state));
-        Some(Answered { state, was_missing })
+        Some(GuardAnswer { state, was_missing })
     }
 
     /// Returns the time of the next request; `u64::MAX` if no node is guarded.
@@ -176,11 +176,11 @@ impl Network {
 mod tests {
     use super::*;
 
-    const PRE_OPERATIONAL: Option<Answered> =
-        Some(Answered { state: State::PreOperational, was_missing: false });
+    const PRE_OPERATIONAL: Option<GuardAnswer> =
+        Some(GuardAnswer { state: State::PreOperational, was_missing: false });
 
     #[test]
-    fn a_node_that_answers_is_asked_again() {
+    fn a_node_that_answers_is_guarded_again() {
         let mut network = Network::default();
         network.add(5, 100, 2);
         assert_eq!((network.next_time(), network.start(6, 10)), (u64::MAX, false));
@@ -190,7 +190,7 @@ mod tests {
         assert_eq!((network.state(5), network.next_time()), (Some(State::PreOperational), 110));
         assert_eq!(network.due(110), [Order::Ask(5)]);
         assert!(network.answered(5, 0x85).is_some_and(|it| it.state == State::Operational));
-        assert_eq!(network.answered(6, 5), None, "nobody has added it");
+        assert_eq!(network.answered(6, 5), None, "it was not added");
         assert!(network.stop(0) && !network.stop(6));
         assert_eq!((network.next_time(), network.due(1000)), (u64::MAX, vec![]));
     }
@@ -215,11 +215,11 @@ mod tests {
         network.due(700);
         assert_eq!(network.missing(), Some(5));
         network.stop(5);
-        assert_eq!(network.missing(), None, "nobody looks any more");
+        assert_eq!(network.missing(), None, "guarding was stopped");
     }
 
     #[test]
-    fn a_node_that_has_started_begins_with_its_toggle_bit_anew() {
+    fn a_started_node_restarts_its_toggle_bit() {
         let mut network = Network::default();
         network.add(5, 100, 2);
         network.answered(5, 5);

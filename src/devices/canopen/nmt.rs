@@ -96,7 +96,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn codes_have_a_way_back() {
+    fn codes_convert_in_both_directions() {
         let states =
             [State::Initialising, State::PreOperational, State::Operational, State::Stopped].map(State::code);
         assert_eq!(states, [0, 127, 5, 4]);

@@ -44,9 +44,9 @@ impl Transmission {
 
 /// Counts SYNC objects for a PDO.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-struct Count(u8);
+struct SyncCounter(u8);
 
-impl Count {
+impl SyncCounter {
     /// A SYNC object has come: returns whether the PDO's turn has come.
     fn is_turn(&mut self, kind: Transmission) -> bool {
         match kind {
@@ -69,7 +69,7 @@ impl Count {
 pub struct Transmit {
     /// The value that the other stations know.
     known: [u8; 8],
-    count: Count,
+    count: SyncCounter,
     /// Earliest time of the next asynchronous PDO, in us.
     free_at: u64,
     /// Whether a new value waits for `free_at`.
@@ -118,7 +118,7 @@ impl Transmit {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Receive {
     waiting: Option<[u8; 8]>,
-    count: Count,
+    count: SyncCounter,
 }
 
 impl Receive {
@@ -153,7 +153,7 @@ mod tests {
     }
 
     #[test]
-    fn types_have_numbers() {
+    fn transmission_types_have_numbers() {
         for code in 0..=u8::MAX {
             let kind = Transmission::from_code(code);
             assert_eq!(kind.is_none(), (241..=253).contains(&code), "{code}");
@@ -163,14 +163,14 @@ mod tests {
 
     /// Vectors T27 and T28.
     #[test]
-    fn an_event_is_a_change_and_waits_for_the_inhibit_time() {
+    fn a_changed_value_is_sent_and_waits_for_the_inhibit_time() {
         let mut pdo = Transmit::default();
         pdo.start(value(0));
         assert!(!pdo.look(EVENT, value(0), 100, 0));
         assert!(pdo.look(EVENT, value(1), 100, 10));
         assert!(!pdo.look(EVENT, value(2), 100, 20));
         assert_eq!(pdo.next_time(), 110);
-        assert!(!pdo.look(EVENT, value(1), 100, 30), "it is as the others know it");
+        assert!(!pdo.look(EVENT, value(1), 100, 30), "the value has not changed");
         assert_eq!(pdo.next_time(), u64::MAX);
         assert!(!pdo.look(EVENT, value(3), 100, 109) && pdo.look(EVENT, value(3), 100, 110));
         assert!(!pdo.sync(EVENT, value(4)));
@@ -178,7 +178,7 @@ mod tests {
 
     /// Vector T26.
     #[test]
-    fn synchronous_ones_go_at_their_turn() {
+    fn synchronous_pdos_are_sent_at_their_turn() {
         let turns = |kind| {
             let mut pdo = Transmit::default();
             pdo.start(value(0));
@@ -190,7 +190,7 @@ mod tests {
     }
 
     #[test]
-    fn what_comes_is_taken_over_at_once_or_with_a_sync() {
+    fn received_values_are_taken_over_at_once_or_at_a_sync() {
         let mut pdo = Receive::default();
         assert_eq!(pdo.received(EVENT, value(1)), Some(value(1)));
         let second = Transmission::Synchronous(2);

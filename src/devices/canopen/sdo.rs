@@ -24,7 +24,7 @@ pub enum Length {
 
 /// Address of an entry: index and sub-index.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct At {
+pub struct EntryAddress {
     pub index: u16,
     pub sub: u8,
 }
@@ -35,36 +35,36 @@ pub trait Dictionary {
     ///
     /// # Errors
     /// The entry does not exist or cannot be written.
-    fn writable(&self, at: At) -> Result<Length, Abort>;
+    fn writable(&self, at: EntryAddress) -> Result<Length, Abort>;
 
     /// Returns the value of an entry.
     ///
     /// # Errors
     /// The entry does not exist or cannot be read.
-    fn read(&self, at: At) -> Result<Vec<u8>, Abort>;
+    fn read(&self, at: EntryAddress) -> Result<Vec<u8>, Abort>;
 
     /// Writes a whole entry. The caller has checked the length.
     ///
     /// # Errors
     /// The entry does not accept the value.
-    fn write(&mut self, at: At, value: &[u8]) -> Result<(), Abort>;
+    fn write(&mut self, at: EntryAddress, value: &[u8]) -> Result<(), Abort>;
 }
 
 /// A transfer in progress.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-enum Transfer {
+enum ServerTransfer {
     #[default]
     None,
     /// `rest`: bytes still to be sent.
-    Upload { at: At, rest: Vec<u8>, toggle: bool },
+    Upload { at: EntryAddress, rest: Vec<u8>, toggle: bool },
     /// `data`: bytes received so far.
-    Download { at: At, length: Length, announced: Option<usize>, data: Vec<u8>, toggle: bool },
+    Download { at: EntryAddress, length: Length, announced: Option<usize>, data: Vec<u8>, toggle: bool },
 }
 
 /// A server, which serves one transfer at a time.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Server {
-    transfer: Transfer,
+    transfer: ServerTransfer,
 }
 
 const TOGGLE: u8 = 1 << 4;
@@ -75,13 +75,13 @@ const SIZED: u8 = 1;
 impl Server {
     /// Forgets the transfer.
     pub fn reset(&mut self) {
-        self.transfer = Transfer::None;
+        self.transfer = ServerTransfer::None;
     }
 
     /// Returns the answer to a request. Only an abort from the client has no answer.
     pub fn request(&mut self, request: Data, dictionary: &mut impl Dictionary) -> Option<Data> {
         let [command, low, high, sub, rest @ ..] = request;
-        let at = At { index: u16::from_le_bytes([low, high]), sub };
+        let at = EntryAddress { index: u16::from_le_bytes([low, high]), sub };
         let answer = match command >> 5 {
             0 => self.download_segment(request, dictionary),
             1 => self.download(command, at, rest, dictionary),
@@ -102,10 +102,10 @@ impl Server {
     fn download(
         &mut self,
         command: u8,
-        at: At,
+        at: EntryAddress,
         data: [u8; 4],
         dictionary: &mut impl Dictionary,
-    ) -> Result<Data, (At, Abort)> {
+    ) -> Result<Data, (EntryAddress, Abort)> {
         // A new transfer ends the previous one.
         self.reset();
         let fail = |abort| (at, abort);
@@ -125,7 +125,8 @@ impl Server {
             if let Some(bytes) = announced {
                 fits(length, bytes).map_err(fail)?;
             }
-            self.transfer = Transfer::Download { at, length, announced, data: Vec::new(), toggle: false };
+            self.transfer =
+                ServerTransfer::Download { at, length, announced, data: Vec::new(), toggle: false };
         }
         Ok(first(0x60, at, [0; 4]))
     }
@@ -134,10 +135,10 @@ impl Server {
         &mut self,
         request: Data,
         dictionary: &mut impl Dictionary,
-    ) -> Result<Data, (At, Abort)> {
+    ) -> Result<Data, (EntryAddress, Abort)> {
         let [command, segment @ ..] = request;
-        let Transfer::Download { at, length, announced, data, toggle } = &mut self.transfer else {
-            return Err((At { index: 0, sub: 0 }, Abort::Command));
+        let ServerTransfer::Download { at, length, announced, data, toggle } = &mut self.transfer else {
+            return Err((EntryAddress { index: 0, sub: 0 }, Abort::Command));
         };
         let at = *at;
         let fail = |abort| (at, abort);
@@ -165,7 +166,11 @@ impl Server {
         Ok([0x20 | command & TOGGLE, 0, 0, 0, 0, 0, 0, 0])
     }
 
-    fn upload(&mut self, at: At, dictionary: &impl Dictionary) -> Result<Data, (At, Abort)> {
+    fn upload(
+        &mut self,
+        at: EntryAddress,
+        dictionary: &impl Dictionary,
+    ) -> Result<Data, (EntryAddress, Abort)> {
         self.reset();
         let value = dictionary.read(at).map_err(|abort| (at, abort))?;
         let mut data = [0; 4];
@@ -175,13 +180,13 @@ impl Server {
             return Ok(first(0x40 | unused << 2 | EXPEDITED | SIZED, at, data));
         }
         let length = u32::try_from(value.len()).map_err(|_| (at, Abort::Memory))?;
-        self.transfer = Transfer::Upload { at, rest: value, toggle: false };
+        self.transfer = ServerTransfer::Upload { at, rest: value, toggle: false };
         Ok(first(0x40 | SIZED, at, length.to_le_bytes()))
     }
 
-    fn upload_segment(&mut self, command: u8) -> Result<Data, (At, Abort)> {
-        let Transfer::Upload { at, rest, toggle } = &mut self.transfer else {
-            return Err((At { index: 0, sub: 0 }, Abort::Command));
+    fn upload_segment(&mut self, command: u8) -> Result<Data, (EntryAddress, Abort)> {
+        let ServerTransfer::Upload { at, rest, toggle } = &mut self.transfer else {
+            return Err((EntryAddress { index: 0, sub: 0 }, Abort::Command));
         };
         if (command & TOGGLE != 0) != *toggle {
             return Err((*at, Abort::Toggle));
@@ -201,7 +206,7 @@ impl Server {
 }
 
 /// Returns a frame with the address of an entry.
-fn first(command: u8, at: At, data: [u8; 4]) -> Data {
+fn first(command: u8, at: EntryAddress, data: [u8; 4]) -> Data {
     let [low, high] = at.index.to_le_bytes();
     let [a, b, c, d] = data;
     [command, low, high, at.sub, a, b, c, d]

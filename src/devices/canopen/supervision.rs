@@ -78,7 +78,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_does_not_come_is_missing_once_until_it_comes() {
+    fn an_event_that_does_not_come_is_missing_once_until_it_comes() {
         let mut it = Supervision::default();
         it.set_period(100, 10);
         assert_eq!(it.next_time(), u64::MAX, "not awaited");

@@ -123,14 +123,14 @@ impl Channels {
 
     /// Whether a pair of a CR2011, counted from 0, reports its current.
     #[must_use]
-    pub fn tells_current(&self, pair: usize) -> bool {
+    pub fn reports_current(&self, pair: usize) -> bool {
         self.model == Model::Cr2011 && self.kinds.get(pair) == Some(&channel::CURRENT_OUTPUT)
     }
 
     /// Whether the module has any analog value to send.
     #[must_use]
     pub fn has_words(&self) -> bool {
-        (0..CHANNELS).any(|it| matches!(self.role(it), Role::AnalogInput(_)) || self.tells_current(it))
+        (0..CHANNELS).any(|it| matches!(self.role(it), Role::AnalogInput(_)) || self.reports_current(it))
     }
 
     /// Returns the value that drives a connector, from a byte of bits and four words.
@@ -155,7 +155,7 @@ mod tests {
 
     /// P. 77, 81.
     #[test]
-    fn each_connector_takes_what_the_manual_lists() {
+    fn each_connector_accepts_the_values_in_the_manual() {
         for (model, index, right) in [
             (Model::Cr2010, 0, &[0, 1][..]),
             (Model::Cr2010, 7, &[0, 2, 3, 4]),

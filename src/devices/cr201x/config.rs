@@ -5,7 +5,7 @@ use super::module::Module;
 use super::registers::DEVICE;
 use crate::can::Message;
 use crate::devices::can_bus::CanSocket;
-use crate::devices::canopen::messages::{About, NodeMessages};
+use crate::devices::canopen::messages::{MessageInfo, NodeMessages};
 use crate::devices::settings::refused_at;
 use crate::devices::{BuildError, Device, DeviceConfig, Plain, Plug, PortConfig};
 use crate::journal::Origin;
@@ -107,10 +107,10 @@ impl DeviceConfig for Cr201xConfig {
         let bits: Vec<_> = bits.iter().map(|name| (name.as_str(), 1)).collect();
         let words = ["word_1", "word_2", "word_3", "word_4"].map(|name| (name, 16));
         let all = [
-            (id(0x180), About::sent("TX_PDO1", "Digital inputs"), &bits[..]),
-            (id(0x280), About::sent("TX_PDO2", "Analog inputs, currents"), &words),
-            (id(0x200), About::received("RX_PDO1", "Digital outputs"), &bits),
-            (id(0x300), About::received("RX_PDO2", "Analog outputs"), &words),
+            (id(0x180), MessageInfo::sent("TX_PDO1", "Digital inputs"), &bits[..]),
+            (id(0x280), MessageInfo::sent("TX_PDO2", "Analog inputs, currents"), &words),
+            (id(0x200), MessageInfo::received("RX_PDO1", "Digital outputs"), &bits),
+            (id(0x300), MessageInfo::received("RX_PDO2", "Analog outputs"), &words),
         ];
         let pdos = all.into_iter().map(|(cob_id, about, signals)| of.message(cob_id, about, signals));
         of.services(id(0x080), id(0x700), id(0x600), id(0x580)).chain(pdos).flatten().collect()

@@ -2,7 +2,7 @@
 
 use super::channels::Channels;
 use super::registers::DEVICE;
-use crate::devices::canopen::sdo::{Abort, At, Dictionary, Length};
+use crate::devices::canopen::sdo::{Abort, Dictionary, EntryAddress, Length};
 use crate::layout::Object;
 use crate::layout::object::{Access, Type};
 use serde::{Deserialize, Serialize};
@@ -16,33 +16,33 @@ pub(super) struct Guarding {
 
 /// Values in PDOs: bits of all connectors, and four words.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub(super) struct Values {
+pub(super) struct PdoValues {
     pub bits: u8,
     pub words: [u16; 4],
 }
 
 /// The entries, for one request.
 pub(super) struct Entries<'a> {
-    pub inputs: Values,
-    pub outputs: Values,
+    pub inputs: PdoValues,
+    pub outputs: PdoValues,
     pub node: u8,
     pub error_register: u8,
     pub guarding: &'a mut Guarding,
     pub channels: &'a mut Channels,
 }
 
-fn object(at: At) -> Result<&'static Object, Abort> {
+fn object(at: EntryAddress) -> Result<&'static Object, Abort> {
     let missing = if DEVICE.has_index(at.index) { Abort::NoSub } else { Abort::NoObject };
     DEVICE.object(at.index, at.sub).ok_or(missing)
 }
 
 /// Converts a sub-index, counted from 1, into an index.
-fn index(at: At) -> usize {
+fn index(at: EntryAddress) -> usize {
     usize::from(at.sub).saturating_sub(1)
 }
 
 impl Dictionary for Entries<'_> {
-    fn writable(&self, at: At) -> Result<Length, Abort> {
+    fn writable(&self, at: EntryAddress) -> Result<Length, Abort> {
         let object = object(at)?;
         if object.access != Access::ReadWrite {
             return Err(Abort::ReadOnly);
@@ -50,7 +50,7 @@ impl Dictionary for Entries<'_> {
         object.ty.and_then(Type::bytes).map(Length::Exactly).ok_or(Abort::ReadOnly)
     }
 
-    fn read(&self, at: At) -> Result<Vec<u8>, Abort> {
+    fn read(&self, at: EntryAddress) -> Result<Vec<u8>, Abort> {
         let object = object(at)?;
         let Some(bytes) = object.ty.and_then(Type::bytes) else {
             return Ok(self.channels.model.name().as_bytes().to_vec());
@@ -70,7 +70,7 @@ impl Dictionary for Entries<'_> {
         Ok(value.to_le_bytes().into_iter().take(bytes).collect())
     }
 
-    fn write(&mut self, at: At, value: &[u8]) -> Result<(), Abort> {
+    fn write(&mut self, at: EntryAddress, value: &[u8]) -> Result<(), Abort> {
         let [low, high] = [0, 1].map(|byte| value.get(byte).copied().unwrap_or(0));
         let is_right = match at.index {
             0x100C => {

@@ -1,7 +1,7 @@
 //! The firmware of a module: a CANopen node with connectors.
 
 use super::channels::{CHANNELS, Channels, Role};
-use super::dictionary::{Entries, Guarding, Values};
+use super::dictionary::{Entries, Guarding, PdoValues};
 use super::registers::{
     CHANNELS as AREA, CR201X_CHANNELS, FRONT_ANALOG_2, FRONT_ANALOG_4, FRONT_ANALOG_6, FRONT_ANALOG_8,
     FRONT_INPUTS, FRONT_OPEN, FRONT_OUTPUTS, FRONT_STATE,
@@ -10,7 +10,7 @@ use crate::can::{Filter, Frame, Payload};
 use crate::devices::Context;
 use crate::devices::can_bus::{CanPort, Controller};
 use crate::devices::canopen::emergency::{Cause, Errors};
-use crate::devices::canopen::guard::Guarded;
+use crate::devices::canopen::guard::NodeGuarding;
 use crate::devices::canopen::nmt::{Command, State};
 use crate::devices::canopen::records::NodeState;
 use crate::devices::canopen::sdo::Server;
@@ -46,21 +46,21 @@ pub(super) struct Module {
     is_on: bool,
     state: State,
     /// State that the journal has last recorded.
-    told_state: State,
+    reported_state: State,
     guarding: Guarding,
-    guarded: Guarded,
+    guarded: NodeGuarding,
     server: Server,
     errors: Errors,
     /// Digital inputs as last sent; `None` since the module became Operational.
-    told: Option<u8>,
+    reported_inputs: Option<u8>,
     /// Outputs that wait for SYNC, and the outputs in force.
-    waiting: Values,
-    outputs: Values,
+    waiting: PdoValues,
+    outputs: PdoValues,
     out: Vec<Frame>,
 }
 
 snapshot_fields!(Module {
-    values: written, channels, is_on, state, told_state, guarding, guarded, server, errors, told, waiting, outputs, out;
+    values: written, channels, is_on, state, reported_state, guarding, guarded, server, errors, reported_inputs, waiting, outputs, out;
     built: node, registers, face
 });
 
@@ -75,14 +75,14 @@ impl Module {
             channels,
             is_on: false,
             state: State::Initialising,
-            told_state: State::Initialising,
+            reported_state: State::Initialising,
             guarding: Guarding::default(),
-            guarded: Guarded::default(),
+            guarded: NodeGuarding::default(),
             server: Server::default(),
             errors: Errors::default(),
-            told: None,
-            waiting: Values::default(),
-            outputs: Values::default(),
+            reported_inputs: None,
+            waiting: PdoValues::default(),
+            outputs: PdoValues::default(),
             out: Vec::new(),
         })
     }
@@ -111,7 +111,8 @@ impl Module {
             self.channels = self.written;
         }
         if before != state {
-            (self.told, self.waiting, self.outputs) = (None, Values::default(), Values::default());
+            (self.reported_inputs, self.waiting, self.outputs) =
+                (None, PdoValues::default(), PdoValues::default());
         }
     }
 
@@ -132,7 +133,7 @@ impl Module {
     fn sdo(&mut self, data: &[u8], now: u64) {
         // A frame of another length is not an SDO.
         let Ok(request) = data.try_into() else { return };
-        let inputs = Values { bits: self.digital_inputs(), words: self.words() };
+        let inputs = PdoValues { bits: self.digital_inputs(), words: self.words() };
         let entries = &mut Entries {
             inputs,
             outputs: self.outputs,
@@ -155,12 +156,13 @@ impl Module {
     }
 
     /// Returns the connectors for which `is` is true, bit n for connector n + 1.
-    fn which(&self, is: impl Fn(usize) -> bool) -> u8 {
+    fn connectors_where(&self, is: impl Fn(usize) -> bool) -> u8 {
         (0..CHANNELS).filter(|it| is(*it)).fold(0, |bits, it| bits | 1 << it)
     }
 
     fn digital_inputs(&self) -> u8 {
-        self.word(FRONT_INPUTS) as u8 & self.which(|it| self.channels.role(it) == Role::DigitalInput)
+        self.word(FRONT_INPUTS) as u8
+            & self.connectors_where(|it| self.channels.role(it) == Role::DigitalInput)
     }
 
     /// Whether the line of an output is open.
@@ -183,7 +185,7 @@ impl Module {
         let analog = [FRONT_ANALOG_2, FRONT_ANALOG_4, FRONT_ANALOG_6, FRONT_ANALOG_8];
         core::array::from_fn(|pair| {
             let [one, other] = [2 * pair, 2 * pair + 1];
-            if self.channels.tells_current(pair) {
+            if self.channels.reports_current(pair) {
                 let current = |it| if self.is_open(it) { 0 } else { self.driven(it) };
                 current(one) + current(other)
             } else if self.channels.role(other) == Role::AnalogInput(pair) {
@@ -220,29 +222,29 @@ impl Module {
         if !self.is_on {
             return;
         }
-        if core::mem::replace(&mut self.told_state, self.state) != self.state {
+        if core::mem::replace(&mut self.reported_state, self.state) != self.state {
             ctx.report(NodeState { plc: ctx.origin.plc, to: self.state.code(), node: self.node });
         }
-        if self.state == State::Operational && self.told != Some(self.digital_inputs()) {
+        if self.state == State::Operational && self.reported_inputs != Some(self.digital_inputs()) {
             let bits = self.digital_inputs();
-            self.told = Some(bits);
+            self.reported_inputs = Some(bits);
             self.send(DIGITAL_INPUTS, &[bits]);
         }
-        let open = self.which(|it| self.is_open(it) && self.driven(it) != 0);
+        let open = self.connectors_where(|it| self.is_open(it) && self.driven(it) != 0);
         self.errors.set(OPEN_LINE, (open != 0).then_some([open, 0, 0, 0, 0]));
         while self.state.has_sdo()
             && let Some(message) = self.errors.message()
         {
             self.send(EMERGENCY, &message);
         }
-        self.tell();
+        self.show_registers();
         for frame in self.out.drain(..) {
             // If the controller's queue is full, the frame is lost.
             let _ = controller.send(frame);
         }
     }
 
-    fn tell(&self) {
+    fn show_registers(&self) {
         let registers = &self.registers;
         registers.a_CHANNEL.iter().zip(self.channels.kinds).for_each(|(cell, kind)| cell.store(kind));
         registers.b_PWM_FRQ.store(self.channels.pwm_hz);
@@ -253,12 +255,12 @@ impl Module {
                 Role::DigitalInput => u16::from(bits >> connector & 1),
                 Role::AnalogInput(_) => words[pair],
                 // The input at which the master reads the current (p. 85).
-                _ if self.channels.tells_current(pair) && !connector.is_multiple_of(2) => words[pair],
+                _ if self.channels.reports_current(pair) && !connector.is_multiple_of(2) => words[pair],
                 _ => 0,
             });
             registers.a_OUTPUT[connector].store(self.driven(connector));
         }
-        self.face.front[FRONT_OUTPUTS].store(self.which(|it| self.driven(it) != 0).into());
+        self.face.front[FRONT_OUTPUTS].store(self.connectors_where(|it| self.driven(it) != 0).into());
         self.face.front[FRONT_STATE].store(self.state.code().into());
     }
 }
@@ -275,7 +277,7 @@ impl CanPort for Module {
     }
 
     fn power_off(&mut self) {
-        (self.is_on, self.state, self.told_state) = (false, State::Initialising, State::Initialising);
+        (self.is_on, self.state, self.reported_state) = (false, State::Initialising, State::Initialising);
         self.out.clear();
         [FRONT_STATE, FRONT_OUTPUTS].into_iter().for_each(|word| self.face.front[word].store(0));
     }

@@ -142,7 +142,7 @@ fn a_cr2010_exchanges_inputs_and_outputs() {
 
 /// P. 82-85.
 #[test]
-fn a_cr2011_tells_the_current_of_its_pairs_and_of_open_lines() {
+fn a_cr2011_reports_the_current_of_its_pairs_and_open_lines() {
     let mut bench = Bench::new("module = 'cr2011', channels = [5, 4, 2, 0]");
     bench.exchange(0, &[1, 0]);
     bench.heard();
@@ -153,7 +153,7 @@ fn a_cr2011_tells_the_current_of_its_pairs_and_of_open_lines() {
     assert_eq!(outputs, [0, 500, 100, 0, 1, 0, 0, 0]);
     assert_eq!(bench.exchange(0x080, &[]), [(0x283, vec![0xF4, 1, 0, 0, 0, 0, 0, 0])]);
     let inputs: Vec<_> = bench.registers.a_INPUT.iter().map(|cell| cell.load()).collect();
-    assert_eq!(inputs, [0, 500, 0, 0, 0, 0, 0, 0], "of a pair, beside its second connector");
+    assert_eq!(inputs, [0, 500, 0, 0, 0, 0, 0, 0], "of a pair, at its second connector");
     bench.front(FRONT_OPEN, 0b0000_0011);
     assert_eq!(bench.heard(), [(0x083, vec![0x00, 0x21, 0x02, 0b10, 0, 0, 0, 0])]);
     assert_eq!(bench.exchange(0x080, &[]), [(0x283, vec![0; 8])]);
@@ -163,7 +163,7 @@ fn a_cr2011_tells_the_current_of_its_pairs_and_of_open_lines() {
 
 /// P. 79, 83: a value written in Operational takes effect after Pre-Operational.
 #[test]
-fn a_configuration_holds_from_pre_operational_on() {
+fn a_configuration_takes_effect_in_pre_operational() {
     let mut bench = Bench::new("module = 'cr2011'");
     bench.heard();
     assert_eq!(bench.write(0x2000, 1, 5), 0);
@@ -192,7 +192,7 @@ fn a_configuration_holds_from_pre_operational_on() {
 }
 
 #[test]
-fn it_answers_guarding_and_misses_it() {
+fn a_module_answers_guarding_and_reports_missing_guarding() {
     let mut bench = Bench::new("module = 'cr2010'");
     bench.heard();
     assert_eq!(bench.exchange(0x603, &[0x2B, 0x0C, 0x10, 0, 100, 0, 0, 0]).len(), 1);
@@ -238,7 +238,7 @@ proptest! {
 
     /// Each request has one answer while there is an SDO server, and no frame stops the module.
     #[test]
-    fn no_frames_bring_it_down(
+    fn random_frames_never_stop_the_node(
         frames in proptest::collection::vec((identifier(), data()), 0..25),
         is_cr2010: bool,
     ) {

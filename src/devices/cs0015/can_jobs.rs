@@ -1,11 +1,11 @@
 //! Functions for plain CAN (p. 30-36).
 
 use super::communication::is_rate;
-use super::jobs::{Answer, Desk, Job, Outcome, Refusal};
+use super::jobs::{Answer, Job, JobContext, Outcome, Refusal};
 use super::registers::values::job;
 use crate::can::StandardId;
 
-pub(super) fn carry_out(desk: Desk, job: &Job) -> Outcome {
+pub(super) fn carry_out(desk: JobContext, job: &Job) -> Outcome {
     match job.function {
         job::CAN_BAUDRATE => can_baudrate(desk, job),
         job::CAN_TRANSMIT => can_transmit(desk, job),
@@ -22,7 +22,7 @@ pub(super) fn carry_out(desk: Desk, job: &Job) -> Outcome {
 
 /// Sets the bit rate, which takes effect at once and is stored (p. 31). A bit rate written by SDO takes effect after a
 /// reset (p. 41, D-437).
-fn can_baudrate(desk: Desk, job: &Job) -> Outcome {
+fn can_baudrate(desk: JobContext, job: &Job) -> Outcome {
     let kbit_s = job.argument(0, 0..=u32::from(u16::MAX))? as u16;
     if !is_rate(kbit_s) {
         return Err(Refusal::Arguments);
@@ -39,7 +39,7 @@ fn identifier(job: &Job, argument: usize) -> Result<StandardId, Refusal> {
 }
 
 /// RESULT is FALSE while the controller has a frame to send (p. 23).
-fn can_transmit(desk: Desk, job: &Job) -> Outcome {
+fn can_transmit(desk: JobContext, job: &Job) -> Outcome {
     let (id, length) = (identifier(job, 0)?, job.argument(2, 0..=8)? as usize);
     let data = job.data.get(..length).ok_or(Refusal::Arguments)?;
     let node = &mut desk.firmware.node;
@@ -53,11 +53,11 @@ fn can_transmit(desk: Desk, job: &Job) -> Outcome {
 }
 
 /// Returns DLC, RTR, AVAILABLE, OVERFLOW and DATA (p. 33-34).
-fn can_receive(desk: Desk, job: &Job) -> Outcome {
+fn can_receive(desk: JobContext, job: &Job) -> Outcome {
     let (id, is_to_clear) = (identifier(job, 2)?, job.argument(1, 0..=1)? != 0);
     let node = &mut desk.firmware.node;
     if job.argument(0, 0..=1)? != 0 {
-        node.make_known(id);
+        node.register_identifier(id);
     }
     let found = node.fetch(id, is_to_clear).ok_or(Refusal::State)?;
     let mut answer = Answer { data: found.data, ..Answer::default() };
@@ -67,7 +67,7 @@ fn can_receive(desk: Desk, job: &Job) -> Outcome {
 }
 
 /// Returns ERRORCOUNT; starts the return of a BUS-off controller (p. 36).
-fn can_errorhandler(desk: Desk, job: &Job) -> Outcome {
+fn can_errorhandler(desk: JobContext, job: &Job) -> Outcome {
     let is_reset = job.argument(0, 0..=1)? != 0;
     let mut answer = Answer::default();
     answer.results[0] = desk.firmware.can_errors.handle(desk.controller, is_reset).into();

@@ -1,7 +1,7 @@
 //! Commands of the programming system (p. 13-17).
 
 use super::port::{Firmware, Program};
-use super::records::{CommandRefused, Refused};
+use super::records::{CommandRefused, RefusalReason};
 use super::registers::FRONT_S1;
 use super::registers::values::{loaded, program, s1, state};
 use crate::devices::Context;
@@ -25,16 +25,18 @@ impl Readiness {
     ///
     /// # Errors
     /// The reason for a refusal.
-    pub(super) fn check(self, command: u32) -> Result<(), Refused> {
+    pub(super) fn check(self, command: u32) -> Result<(), RefusalReason> {
         match (command, self.state) {
-            _ if !self.is_unlocked => Err(Refused::Locked),
-            (program::RUN | program::STOP, _) if !self.has_program => Err(Refused::NoProgram),
+            _ if !self.is_unlocked => Err(RefusalReason::Locked),
+            (program::RUN | program::STOP, _) if !self.has_program => Err(RefusalReason::NoProgram),
             (program::RUN | program::STOP | program::ERASE | program::RESET, state::RUN | state::STOP) => {
                 Ok(())
             }
-            (program::LOAD, state::NO_OPERATING_SYSTEM) if self.has_been_erased => Err(Refused::NeedsReset),
+            (program::LOAD, state::NO_OPERATING_SYSTEM) if self.has_been_erased => {
+                Err(RefusalReason::NeedsReset)
+            }
             (program::LOAD, state::NO_OPERATING_SYSTEM) => Ok(()),
-            _ => Err(Refused::State),
+            _ => Err(RefusalReason::State),
         }
     }
 }

@@ -20,19 +20,19 @@ const ID: u32 = 0x7FF;
 
 /// Direction of a PDO.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Way {
+pub enum PdoDirection {
     /// The device receives it.
     Receive,
     /// The device sends it.
     Transmit,
 }
 
-impl Way {
+impl PdoDirection {
     /// Index of the first PDO's parameters.
     fn first(self) -> u16 {
         match self {
-            Way::Receive => 0x1400,
-            Way::Transmit => 0x1800,
+            PdoDirection::Receive => 0x1400,
+            PdoDirection::Transmit => 0x1800,
         }
     }
 }
@@ -151,11 +151,11 @@ impl Communication {
 
     /// Records the program's request for PDO number `pdo`, counted from 0; it takes effect at the next reset of the
     /// communication.
-    pub(super) fn ask(&mut self, way: Way, pdo: usize, config: PdoConfig) {
+    pub(super) fn ask(&mut self, way: PdoDirection, pdo: usize, config: PdoConfig) {
         let [receive, transmit] = &mut self.asked;
         let asked = match way {
-            Way::Receive => receive,
-            Way::Transmit => transmit,
+            PdoDirection::Receive => receive,
+            PdoDirection::Transmit => transmit,
         };
         if let Some(asked) = asked.get_mut(pdo) {
             *asked = Some(config);
@@ -172,17 +172,17 @@ impl Communication {
         self.node
     }
 
-    pub(super) fn pdo(&self, way: Way, pdo: usize) -> &Pdo {
+    pub(super) fn pdo(&self, way: PdoDirection, pdo: usize) -> &Pdo {
         match way {
-            Way::Receive => &self.receive[pdo],
-            Way::Transmit => &self.transmit[pdo],
+            PdoDirection::Receive => &self.receive[pdo],
+            PdoDirection::Transmit => &self.transmit[pdo],
         }
     }
 
-    pub(super) fn pdo_mut(&mut self, way: Way, pdo: usize) -> &mut Pdo {
+    pub(super) fn pdo_mut(&mut self, way: PdoDirection, pdo: usize) -> &mut Pdo {
         match way {
-            Way::Receive => &mut self.receive[pdo],
-            Way::Transmit => &mut self.transmit[pdo],
+            PdoDirection::Receive => &mut self.receive[pdo],
+            PdoDirection::Transmit => &mut self.transmit[pdo],
         }
     }
 
@@ -214,11 +214,11 @@ impl Communication {
     }
 
     /// Returns the COB-ID of a PDO, counted from 0.
-    pub(super) fn pdo_cob_id(&self, way: Way, pdo: usize) -> u32 {
+    pub(super) fn pdo_cob_id(&self, way: PdoDirection, pdo: usize) -> u32 {
         self.pdo(way, pdo).cob_id.unwrap_or_else(|| self.default(way.first() + pdo as u16, 1))
     }
 
-    pub(super) fn set_pdo_cob_id(&mut self, way: Way, pdo: usize, cob_id: u32) {
+    pub(super) fn set_pdo_cob_id(&mut self, way: PdoDirection, pdo: usize, cob_id: u32) {
         self.pdo_mut(way, pdo).cob_id = Some(cob_id);
     }
 
@@ -255,7 +255,7 @@ impl Communication {
     }
 
     /// Whether the identifier is the default from the Node-ID, or of the factory.
-    pub(super) fn is_predefined(&self, way: Way, pdo: usize, id: u16) -> bool {
+    pub(super) fn is_predefined(&self, way: PdoDirection, pdo: usize, id: u16) -> bool {
         self.default(way.first() + pdo as u16, 1) == u32::from(id)
     }
 
@@ -270,9 +270,11 @@ impl Communication {
             emergency: Some(stored(0x1014)).filter(|cob_id| cob_id & BIT_30 != 0).and_then(identifier),
             sdo_request: valid(self.sdo_cob_id(1)),
             sdo_answer: valid(self.sdo_cob_id(2)),
-            receive: pdos(Way::Receive),
-            transmit: pdos(Way::Transmit),
-            on_request: core::array::from_fn(|pdo| self.pdo_cob_id(Way::Transmit, pdo) & BIT_30 == 0),
+            receive: pdos(PdoDirection::Receive),
+            transmit: pdos(PdoDirection::Transmit),
+            on_request: core::array::from_fn(|pdo| {
+                self.pdo_cob_id(PdoDirection::Transmit, pdo) & BIT_30 == 0
+            }),
         }
     }
 }

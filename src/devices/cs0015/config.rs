@@ -1,6 +1,6 @@
 //! A CS0015 as the plant file describes it.
 
-use super::communication::{Factory, PdoConfig, Way, is_rate};
+use super::communication::{Factory, PdoConfig, PdoDirection, is_rate};
 use super::events::Pulses;
 use super::hardware::{Hardware, Shared};
 use super::master::MasterConfig;
@@ -133,7 +133,9 @@ impl Cs0015Config {
             }
         };
         let mut pdos = Vec::new();
-        for (way, sections) in [(Way::Receive, &section.pdo_rx), (Way::Transmit, &section.pdo_tx)] {
+        for (way, sections) in
+            [(PdoDirection::Receive, &section.pdo_rx), (PdoDirection::Transmit, &section.pdo_tx)]
+        {
             for pdo in sections {
                 pdos.push(read_pdo(name, way, pdo)?);
             }
@@ -150,7 +152,7 @@ impl Cs0015Config {
             Some(("attached", span)) => {
                 section.has_no_master()?;
                 if !pdos.is_empty() || guarding.is_some() {
-                    let text = format!("the program of '{name}' asks for guarding, pdo_rx and pdo_tx itself");
+                    let text = format!("the program of '{name}' sets guarding, pdo_rx and pdo_tx itself");
                     return Err(refused_at(span, text));
                 }
                 Program::Attached { cycle_us }
@@ -202,7 +204,7 @@ impl Section {
                 Some(number) => numbers.push(number),
                 None => {
                     let text = format!(
-                        "nodes of '{name}': {node} must be 1 to 127, another one than its own, and once"
+                        "nodes of '{name}': {node} must be 1 to 127, not its own node_id, and listed once"
                     );
                     return Err(refused_at(nodes.span(), text));
                 }
@@ -217,7 +219,11 @@ impl Section {
     }
 }
 
-fn read_pdo(name: &str, way: Way, section: &Spanned<PdoSection>) -> Result<(Way, usize, PdoConfig), Error> {
+fn read_pdo(
+    name: &str,
+    way: PdoDirection,
+    section: &Spanned<PdoSection>,
+) -> Result<(PdoDirection, usize, PdoConfig), Error> {
     let refuse = |text: String| refused_at(section.span(), format!("a PDO of '{name}': {text}"));
     let PdoSection { pdo, id, trans_type, inhibit_ms } = section.get_ref();
     if !(1..=8).contains(pdo) {
@@ -231,8 +237,10 @@ fn read_pdo(name: &str, way: Way, section: &Spanned<PdoSection>) -> Result<(Way,
     let kind = kind.ok_or_else(|| refuse(format!("trans_type is {code}; it must be 0 to 240, or 255")))?;
     let inhibit_ms = match (inhibit_ms, way) {
         (None, _) => 0,
-        (Some(_), Way::Receive) => return Err(refuse("only what is sent has inhibit_ms".to_owned())),
-        (Some(ms @ 0..=65_535), Way::Transmit) => *ms,
+        (Some(_), PdoDirection::Receive) => {
+            return Err(refuse("only a transmit PDO has inhibit_ms".to_owned()));
+        }
+        (Some(ms @ 0..=65_535), PdoDirection::Transmit) => *ms,
         (Some(ms), _) => return Err(refuse(format!("inhibit_ms is {ms}; it must be 0 to 65535"))),
     };
     let id = id.map(|id| id as u16);
@@ -303,7 +311,7 @@ mod tests {
     }
 
     #[test]
-    fn each_mistake_is_named_where_it_stands() {
+    fn each_mistake_in_the_plant_file_is_reported_with_its_position() {
         for (key, expected) in [
             ("node_id = 0", "node_id of 'panel' is 0; it must be 1 to 127"),
             ("kbit_s = 33", "kbit_s of 'panel' is 33; it must be 10, 20"),
@@ -313,21 +321,24 @@ mod tests {
                 "program = 'other'",
                 "program of 'panel' is 'other'; it is one of none, slave, master, attached",
             ),
-            ("program = 'attached', guarding = {}", "the program of 'panel' asks for guarding, pdo_rx"),
+            ("program = 'attached', guarding = {}", "the program of 'panel' sets guarding, pdo_rx"),
             ("program = 'attached', nodes = [1]", "only program = 'master' has nodes"),
             ("program = 'none', cycle_us = 5000", "without a program 'panel' has no cycle_us"),
             ("pdo_tx = [{ pdo = 9 }]", "a PDO of 'panel': pdo is 9; it must be 1 to 8"),
             ("pdo_tx = [{ pdo = 1, id = 0x200 }]", "id is 0x200; it must be 0x380 to 0x7FF"),
             ("pdo_rx = [{ pdo = 1, trans_type = 254 }]", "trans_type is 254; it must be 0 to 240, or 255"),
-            ("pdo_rx = [{ pdo = 1, inhibit_ms = 5 }]", "only what is sent has inhibit_ms"),
+            ("pdo_rx = [{ pdo = 1, inhibit_ms = 5 }]", "only a transmit PDO has inhibit_ms"),
             ("pdo_tx = [{ pdo = 1, inhibit_ms = 65536 }]", "inhibit_ms is 65536; it must be 0 to 65535"),
             ("guarding = { guard_time_ms = 65536 }", "expected u16"),
             ("guarding = { life = 3 }", "unknown field `life`"),
             ("program = 'none', guarding = {}", "without a program 'panel' has no cycle_us, guarding"),
             ("nodes = [1]", "only program = 'master' has nodes"),
             ("program = 'master'", "the master 'panel' needs its nodes"),
-            ("program = 'master', nodes = [32]", "32 must be 1 to 127, another one than its own, and once"),
-            ("program = 'master', nodes = [1, 1]", "1 must be 1 to 127, another one than its own, and once"),
+            ("program = 'master', nodes = [32]", "32 must be 1 to 127, not its own node_id, and listed once"),
+            (
+                "program = 'master', nodes = [1, 1]",
+                "1 must be 1 to 127, not its own node_id, and listed once",
+            ),
             (
                 "program = 'master', nodes = [1], sync_ms = 0",
                 "sync_ms of 'panel' is 0; it must be 1 to 65535",

@@ -27,7 +27,7 @@ fn run(attached: Attached, show: Show<'_>) -> Result<(), DemoError> {
     for it in [&panel, &master] {
         it.wait("flags.COP_PREOPERATIONAL", 0, "the start of the network")?;
     }
-    headline("PDOs both ways: words that change are sent (p. 42, 154)")?;
+    headline("PDOs in both directions: changed words are sent (p. 42, 154)")?;
     master.write("tx_pdo.a_TX_PDO[2][0]", 0x1234)?;
     panel.wait("rx_pdo.a_RX_PDO[2][0]", 0x1234, "the master's PDO")?;
     panel.write("tx_pdo.a_TX_PDO[2][3]", 0x5678)?;
@@ -35,7 +35,7 @@ fn run(attached: Attached, show: Show<'_>) -> Result<(), DemoError> {
     headline("A guarding failure: node 5 does not answer any more (p. 43, 59, 152)")?;
     panel.switch(Power::Off)?;
     master.wait("flags.COP_GUARDFAIL_NODEID", 5, "the missing node")?;
-    headline("It is back; the master starts it again (p. 28, 59)")?;
+    headline("Node 5 is back; the master starts it again (p. 28, 59)")?;
     panel.switch(Power::On)?;
     master.wait("flags.COP_GUARDFAIL_NODEID", 0, "the node")?;
     panel.wait("flags.COP_PREOPERATIONAL", 0, "the start of the node")

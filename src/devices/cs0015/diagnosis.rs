@@ -61,7 +61,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn nothing_is_known_of_an_output_that_is_off() {
+    fn faults_of_an_output_that_is_off_are_not_found() {
         let defects = Defects { short_circuits: 0x8000, wire_breaks: 0x0001, ..Defects::default() };
         assert_eq!(Diagnosis::of(&defects, 0x7FF6), Diagnosis::default());
         let found = Diagnosis::of(&defects, 0x8001);

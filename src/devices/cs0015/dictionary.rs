@@ -1,10 +1,10 @@
 //! The object dictionary for SDOs: the entries of `layouts/cs0015/objects.toml` with their present values.
 
-use super::communication::{Communication, Way, is_cob_id};
+use super::communication::{Communication, PdoDirection, is_cob_id};
 use super::ram::{RETAIN_BYTES, Registers};
 use super::registers::DEVICE;
 use crate::devices::canopen::pdo::Transmission;
-use crate::devices::canopen::sdo::{Abort, At, Dictionary, Length};
+use crate::devices::canopen::sdo::{Abort, Dictionary, EntryAddress, Length};
 use crate::layout::Object;
 use crate::layout::object::{Access, Default, Type};
 use crate::memory::Cell16;
@@ -17,16 +17,16 @@ pub(super) struct Entries<'a> {
 }
 
 /// Returns direction and number, from 0, of the PDO for a parameter's index.
-fn parameter(index: u16) -> Option<(Way, usize)> {
+fn parameter(index: u16) -> Option<(PdoDirection, usize)> {
     match index {
-        0x1400..=0x1407 => Some((Way::Receive, usize::from(index - 0x1400))),
-        0x1800..=0x1807 => Some((Way::Transmit, usize::from(index - 0x1800))),
+        0x1400..=0x1407 => Some((PdoDirection::Receive, usize::from(index - 0x1400))),
+        0x1800..=0x1807 => Some((PdoDirection::Transmit, usize::from(index - 0x1800))),
         _ => None,
     }
 }
 
 /// Returns the entry, if it exists and is implemented.
-fn object(at: At) -> Result<&'static Object, Abort> {
+fn object(at: EntryAddress) -> Result<&'static Object, Abort> {
     let found = DEVICE.object(at.index, at.sub).filter(|object| object.access != Access::NotImplemented);
     found.ok_or_else(|| {
         let has_index = DEVICE.has_index(at.index);
@@ -38,7 +38,7 @@ fn object(at: At) -> Result<&'static Object, Abort> {
 
 impl Entries<'_> {
     /// Returns the PDO word of an entry (D-411).
-    fn word(&self, at: At) -> Option<&Cell16> {
+    fn word(&self, at: EntryAddress) -> Option<&Cell16> {
         let word = usize::from(at.sub).checked_sub(1)?;
         match at.index {
             0x5800..=0x5870 if at.index & 0xF == 0 => {
@@ -50,7 +50,7 @@ impl Entries<'_> {
     }
 
     /// Returns a number of any width.
-    fn number(&self, at: At, object: &Object) -> u32 {
+    fn number(&self, at: EntryAddress, object: &Object) -> u32 {
         let (communication, registers) = (&*self.communication, self.registers);
         if let Some(word) = self.word(at) {
             return word.load().into();
@@ -71,7 +71,7 @@ impl Entries<'_> {
         }
     }
 
-    fn write_number(&mut self, at: At, value: u32) -> Result<(), Abort> {
+    fn write_number(&mut self, at: EntryAddress, value: u32) -> Result<(), Abort> {
         if let Some(word) = self.word(at) {
             word.store(value as u16);
             return Ok(());
@@ -109,7 +109,7 @@ impl Entries<'_> {
 }
 
 impl Dictionary for Entries<'_> {
-    fn writable(&self, at: At) -> Result<Length, Abort> {
+    fn writable(&self, at: EntryAddress) -> Result<Length, Abort> {
         let object = object(at)?;
         if object.access != Access::ReadWrite {
             return Err(Abort::ReadOnly);
@@ -117,7 +117,7 @@ impl Dictionary for Entries<'_> {
         Ok(object.ty.and_then(Type::bytes).map_or(Length::UpTo(RETAIN_BYTES), Length::Exactly))
     }
 
-    fn read(&self, at: At) -> Result<Vec<u8>, Abort> {
+    fn read(&self, at: EntryAddress) -> Result<Vec<u8>, Abort> {
         let object = object(at)?;
         Ok(match (object.ty.and_then(Type::bytes), object.default) {
             (Some(bytes), _) => self.number(at, object).to_le_bytes().into_iter().take(bytes).collect(),
@@ -126,7 +126,7 @@ impl Dictionary for Entries<'_> {
         })
     }
 
-    fn write(&mut self, at: At, value: &[u8]) -> Result<(), Abort> {
+    fn write(&mut self, at: EntryAddress, value: &[u8]) -> Result<(), Abort> {
         if object(at)?.ty == Some(Type::Domain) {
             self.registers.set_retain(value);
             return Ok(());

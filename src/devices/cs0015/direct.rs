@@ -20,7 +20,7 @@ struct Queue {
 
 /// Result of a call of `CAN_RECEIVE`.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub(super) struct Found {
+pub(super) struct ReceivedMessage {
     /// Number of waiting messages, including this one.
     pub available: u8,
     /// At least one message was lost.
@@ -71,7 +71,7 @@ impl Direct {
 
     /// Takes the oldest message of an identifier, or discards all if `is_to_clear`. Returns `None` if the identifier is
     /// not registered.
-    pub(super) fn take(&mut self, id: StandardId, is_to_clear: bool) -> Option<Found> {
+    pub(super) fn take(&mut self, id: StandardId, is_to_clear: bool) -> Option<ReceivedMessage> {
         let queue = self.queues.iter_mut().find(|queue| queue.id == id)?;
         if is_to_clear {
             queue.messages.clear();
@@ -82,7 +82,7 @@ impl Direct {
         if queue.messages.is_empty() {
             queue.has_overflown = false;
         }
-        Some(Found { available, has_overflown, data })
+        Some(ReceivedMessage { available, has_overflown, data })
     }
 }
 
@@ -99,8 +99,8 @@ mod tests {
         Frame::new(id(0x111), Payload::new(&[number]).unwrap())
     }
 
-    fn found(available: u8, has_overflown: bool, data: &[u8]) -> Option<Found> {
-        Some(Found { available, has_overflown, data: data.to_vec() })
+    fn found(available: u8, has_overflown: bool, data: &[u8]) -> Option<ReceivedMessage> {
+        Some(ReceivedMessage { available, has_overflown, data: data.to_vec() })
     }
 
     /// Vectors T7, T8 and T9.
@@ -110,7 +110,7 @@ mod tests {
         assert_eq!(direct.take(id(0x111), false), None);
         direct.received(&message(99));
         assert!(direct.configure(id(0x111)) && !direct.configure(id(0x111)));
-        assert_eq!(direct.take(id(0x111), false), found(0, false, &[]), "before it was known");
+        assert_eq!(direct.take(id(0x111), false), found(0, false, &[]), "before its registration");
         assert!((0..30).all(|number| direct.received(&message(number))));
         assert_eq!(direct.take(id(0x111), false), found(30, false, &[0]));
         assert_eq!(direct.take(id(0x111), false), found(29, false, &[1]));
@@ -124,7 +124,7 @@ mod tests {
     }
 
     #[test]
-    fn other_frames_are_not_kept_and_all_can_be_thrown_away() {
+    fn other_frames_are_not_kept_and_all_can_be_discarded() {
         let mut direct = Direct::default();
         direct.configure(id(0x111));
         direct.received(&Frame::standard(0x112, Payload::new(&[1]).unwrap()));

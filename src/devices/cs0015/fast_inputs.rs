@@ -87,7 +87,7 @@ struct Encoder {
 
 /// Results of `INC_ENCODER`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Counted {
+pub(super) struct EncoderCount {
     /// COUNTER.
     pub counter: i32,
     /// UP: the counter has counted up since the last call.
@@ -157,18 +157,24 @@ impl FastInputs {
     }
 
     /// Runs `INC_ENCODER` (p. 99): counts positive edges of channel A, up or down.
-    pub(super) fn encoder(&mut self, encoder: u8, is_init: bool, preset: Option<i32>, now: u64) -> Counted {
+    pub(super) fn encoder(
+        &mut self,
+        encoder: u8,
+        is_init: bool,
+        preset: Option<i32>,
+        now: u64,
+    ) -> EncoderCount {
         let is_backwards = self.is_backwards[usize::from(encoder)];
         let edges = self.signals[2 * usize::from(encoder)].edges(now);
         let it = &mut self.encoders[usize::from(encoder)];
         if is_init {
             *it = Encoder { from: Some(edges), counter: 0 };
         }
-        let Some(before) = it.from else { return Counted::default() };
+        let Some(before) = it.from else { return EncoderCount::default() };
         it.from = Some(edges);
         if let Some(preset) = preset {
             it.counter = preset;
-            return Counted { counter: preset, is_up: false, is_down: false };
+            return EncoderCount { counter: preset, is_up: false, is_down: false };
         }
         let steps = edges - before;
         // The counter wraps at both ends.
@@ -176,7 +182,7 @@ impl FastInputs {
         it.counter = it.counter.wrapping_add(if is_backwards { by.wrapping_neg() } else { by });
         let has_moved = steps != 0;
         let (is_up, is_down) = (has_moved && !is_backwards, has_moved && is_backwards);
-        Counted { counter: it.counter, is_up, is_down }
+        EncoderCount { counter: it.counter, is_up, is_down }
     }
 }
 
@@ -205,10 +211,10 @@ mod tests {
 
     /// P. 97.
     #[test]
-    fn a_frequency_is_that_of_the_last_whole_time_base() {
+    fn a_frequency_is_measured_over_the_last_whole_time_base() {
         let mut inputs = with(3, 500_000);
         let mut at = |is_init, ms: u64| inputs.frequency(3, is_init, 100 * MS, ms * MS);
-        assert_eq!(at(false, 0), 0, "it has not been initialised");
+        assert_eq!(at(false, 0), 0, "not initialised");
         assert_eq!((at(true, 10), at(false, 109), at(false, 110)), (0, 0, 500));
         inputs.signals[3].set(0, 110 * MS);
         assert_eq!(inputs.frequency(3, false, 100 * MS, 150 * MS), 500);
@@ -223,14 +229,14 @@ mod tests {
         assert_eq!((at(true, 50), at(false, 199), at(false, 200)), (0, 0, 100));
         let mut slow = with(0, 1);
         slow.cycle(0, true, 0);
-        assert_eq!(slow.cycle(0, false, 2_000_000_000), 65_535, "the longest that there is");
+        assert_eq!(slow.cycle(0, false, 2_000_000_000), 65_535, "the longest time");
     }
 
     /// P. 99.
     #[test]
     fn an_encoder_counts_up_and_down() {
         let mut inputs = with(2, 1_000_000);
-        let counted = |counter, is_up, is_down| Counted { counter, is_up, is_down };
+        let counted = |counter, is_up, is_down| EncoderCount { counter, is_up, is_down };
         assert_eq!(inputs.encoder(1, true, None, 0), counted(0, false, false));
         assert_eq!(inputs.encoder(1, false, None, 10 * MS), counted(10, true, false));
         inputs.is_backwards[1] = true;
@@ -244,7 +250,7 @@ mod tests {
     }
 
     #[test]
-    fn a_signal_goes_on_where_it_is() {
+    fn a_signal_keeps_its_phase_when_the_frequency_changes() {
         let mut signal = Signal::default();
         signal.set(1_000, 0);
         signal.set(2_000, 250 * MS);

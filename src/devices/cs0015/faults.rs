@@ -13,7 +13,7 @@ pub(super) enum Effect {
     /// A broken wire at this output, 0 to 15.
     WireBreak(u8),
     /// A fault of the supply.
-    Supply(Wrong),
+    Supply(SupplyFault),
     /// A temperature above 85 degrees.
     Hot,
     /// An error in the memory.
@@ -28,7 +28,7 @@ pub(super) enum Effect {
 
 /// Fault of the supply.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Wrong {
+pub(super) enum SupplyFault {
     /// The voltage is too low or too high.
     Voltage,
     /// The supply is off.
@@ -70,7 +70,7 @@ static WIRE_BREAK: Kind = Kind::new(
 
 static SUPPLY: Kind =
     Kind::new(42, "supply", Place::Device, "The supply of a CS0015 is too low, too high or gone", |fault| {
-        let wrong = if fault.value("what") == Some(2) { Wrong::Gone } else { Wrong::Voltage };
+        let wrong = if fault.value("what") == Some(2) { SupplyFault::Gone } else { SupplyFault::Voltage };
         fault::Effect::new(Effect::Supply(wrong))
     })
     .with(
@@ -96,7 +96,7 @@ static MEMORY: Kind = Kind::new(44, "memory", Place::Device, "A CS0015 finds an 
 .shown("at=2s");
 
 static FATAL: Kind =
-    Kind::new(45, "fatal", Place::Device, "A CS0015 finds an error that it cannot go on with", |_| {
+    Kind::new(45, "fatal", Place::Device, "A CS0015 finds an error after which it cannot continue", |_| {
         fault::Effect::new(Effect::Fatal)
     })
     .once()

@@ -2,8 +2,8 @@
 
 use super::command::Readiness;
 use super::events::{self, Pulses};
-use super::faults::{Effect, Wrong};
-use super::records::Refused;
+use super::faults::{Effect, SupplyFault};
+use super::records::RefusalReason;
 use super::registers::values::{bool, program, s1, state};
 use super::registers::{CS0015_FLAGS, FLAGS, FRONT_PROGRAM, FRONT_S1, FRONT_STATE};
 use super::retained::{Retained, area};
@@ -119,7 +119,7 @@ impl SnapshotFields for Hardware {
 
 impl Firmware for Hardware {
     fn start(&mut self, _: &mut Context) {
-        // Called before the port reads the parameters.
+        // The parameters are stored before the port reads them.
         self.retained.keep();
         self.shared.change(|defects| (defects.is_fatal, defects.has_been_erased) = (false, false));
     }
@@ -181,8 +181,8 @@ impl Firmware for Hardware {
             match *effect {
                 Effect::ShortCircuit(output) => found.short_circuits |= 1 << output,
                 Effect::WireBreak(output) => found.wire_breaks |= 1 << output,
-                Effect::Supply(Wrong::Voltage) => found.has_wrong_voltage = true,
-                Effect::Supply(Wrong::Gone) => found.has_dropped = true,
+                Effect::Supply(SupplyFault::Voltage) => found.has_wrong_voltage = true,
+                Effect::Supply(SupplyFault::Gone) => found.has_dropped = true,
                 Effect::Hot => found.is_hot = true,
                 Effect::NoCan => found.has_no_can = true,
                 Effect::Hang => found.is_hanging = true,
@@ -202,7 +202,7 @@ impl Firmware for Hardware {
         }
         let asked = self.face.asked();
         if asked.front[FRONT_PROGRAM].load() != program::NOTHING {
-            return Some("the command before it still waits until time passes");
+            return Some("the previous command waits until the clock advances");
         }
         let readiness = Readiness {
             is_unlocked: asked.front[FRONT_S1].load() == s1::UNLOCK,
@@ -210,7 +210,7 @@ impl Firmware for Hardware {
             has_been_erased: self.shared.defects().has_been_erased,
             state: self.state(),
         };
-        readiness.check(value).err().map(Refused::reason)
+        readiness.check(value).err().map(RefusalReason::reason)
     }
 
     fn is_fed(&self) -> bool {

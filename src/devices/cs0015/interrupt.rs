@@ -43,7 +43,7 @@ impl Interrupt {
         *outputs = *outputs & !OWN | registers.outputs.Q0.load() & OWN;
         let inputs = &registers.inputs.I0;
         inputs.store(inputs.load() & !OWN | peripherals.inputs(registers, now) & OWN);
-        registers.tell_event(INTERRUPT, now);
+        registers.fire_event(INTERRUPT, now);
         pulses.add(INTERRUPT);
     }
 }
@@ -53,7 +53,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn it_runs_a_period_after_it_was_set() {
+    fn the_interrupt_program_runs_a_period_after_its_start() {
         let mut interrupt = Interrupt::default();
         assert_eq!(interrupt.next_time(), u64::MAX);
         interrupt.set(true, 5_400);

@@ -1,7 +1,7 @@
 //! Functions for I/O modules (p. 71-85).
 
-use super::io_slaves::{NODES, Sent, Slave, Transfer};
-use super::jobs::{Answer, Desk, Job, OutOfRange, Outcome, Refusal};
+use super::io_slaves::{ModuleOutputs, NODES, Slave, Transfer};
+use super::jobs::{Answer, Job, JobContext, OutOfRange, Outcome, Refusal};
 use super::master_jobs::{has_room, master, result, results};
 use super::nmt::Restart;
 use super::registers::values::{bool, job};
@@ -17,7 +17,7 @@ const NOT_YET: u32 = 2;
 const DIGITAL_OUTPUTS: u16 = 0x200;
 const ANALOG_OUTPUTS: u16 = 0x300;
 
-pub(super) fn carry_out(desk: Desk, job: &Job) -> Outcome {
+pub(super) fn carry_out(desk: JobContext, job: &Job) -> Outcome {
     match job.function {
         job::COP_MSTR_BOOTUP => boot_up(desk, job),
         job::COP_MSTR_MAIN => main(desk, job),
@@ -34,10 +34,10 @@ fn number_of_nodes(job: &Job) -> Result<u8, OutOfRange> {
 }
 
 /// Makes the device the master of nodes 1 to NO_NODE, and finishes 2 s later (p. 73, D-449).
-fn boot_up(desk: Desk, job: &Job) -> Outcome {
+fn boot_up(desk: JobContext, job: &Job) -> Outcome {
     let count = number_of_nodes(job)?;
     let (guard_ms, life) = (job.argument(1, 0..=65_535)?, job.argument(2, 0..=255)? as u8);
-    let Desk { firmware, place, now, .. } = desk;
+    let JobContext { firmware, place, now, .. } = desk;
     if let (Some(nmt), node) = (&mut firmware.nmt, &mut firmware.node)
         && let Some((_, until)) = nmt.io.boot_up.filter(|(of, _)| *of == place)
     {
@@ -63,7 +63,7 @@ fn boot_up(desk: Desk, job: &Job) -> Outcome {
 }
 
 /// Sends SYNC objects, requests the states of the nodes, and notes missing nodes (p. 75-76).
-fn main(mut desk: Desk, job: &Job) -> Outcome {
+fn main(mut desk: JobContext, job: &Job) -> Outcome {
     number_of_nodes(job)?;
     let sync_us = u64::from(job.argument(1, 0..=65_535)?) * 1000;
     let (is_automatic, is_to_forget) = (job.argument(2, 0..=1)? != 0, job.argument(3, 0..=1)? != 0);
@@ -86,7 +86,7 @@ fn main(mut desk: Desk, job: &Job) -> Outcome {
 
 /// Writes and reads the configuration of a module, entry by entry (p. 77-79, 81-83). The order remains until it is
 /// finished.
-fn configure(mut desk: Desk, job: &Job, model: Model) -> Outcome {
+fn configure(mut desk: JobContext, job: &Job, model: Model) -> Outcome {
     let number = job.argument(0, NODES)? as u8;
     let (is_read, is_write) = (job.argument(2, 0..=1)? != 0, job.argument(3, 0..=1)? != 0);
     let pwm_hz = job.argument(1, 0..=255)? as u8;
@@ -128,7 +128,7 @@ fn configure(mut desk: Desk, job: &Job, model: Model) -> Outcome {
 }
 
 /// Exchanges the words of an Operational module (p. 80, 84-85). Unchanged values are not sent again.
-fn work(mut desk: Desk, job: &Job, model: Model) -> Outcome {
+fn work(mut desk: JobContext, job: &Job, model: Model) -> Outcome {
     let (is_init, number) = (job.argument(0, 0..=1)? != 0, job.argument(1, NODES)? as u8);
     let (nmt, node, controller) = master(&mut desk).ok_or(Refusal::State)?;
     let is_operational = nmt.network.state(number) == Some(State::Operational);
@@ -136,7 +136,7 @@ fn work(mut desk: Desk, job: &Job, model: Model) -> Outcome {
     let Some(slave) = nmt.io.slaves.iter_mut().find(of_model) else { return Ok(result(0)) };
     slave.is_known |= is_init;
     if !is_operational || !slave.is_known {
-        slave.sent = Sent::default();
+        slave.sent = ModuleOutputs::default();
         return Ok(result(0));
     }
     let to_send = slave.exchange(&node.registers);

@@ -1,7 +1,7 @@
 //! I/O modules, master side: their configuration, and their words in the flags (p. 71-85).
 
 use super::ram::Registers;
-use crate::devices::canopen::sdo::At;
+use crate::devices::canopen::sdo::EntryAddress;
 use crate::devices::cr201x::{CHANNELS, Channels, Model, Role};
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
@@ -12,11 +12,11 @@ pub(super) const NODES: core::ops::RangeInclusive<u32> = 1..=32;
 const MISSING: usize = 8;
 /// The entries with the configuration in a module's object dictionary (D-451).
 const CONNECTORS: u16 = 0x2000;
-const PWM: At = At { index: 0x2001, sub: 0 };
+const PWM: EntryAddress = EntryAddress { index: 0x2001, sub: 0 };
 
 /// Outputs of a module: a bit for each connector, and four words; `None` for outputs that the module does not have.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub(super) struct Sent {
+pub(super) struct ModuleOutputs {
     pub bits: Option<u8>,
     pub words: Option<[u16; 4]>,
 }
@@ -32,18 +32,18 @@ pub(super) struct Slave {
     pub bits: u8,
     pub words: [u16; 4],
     /// Outputs sent since the module became Operational.
-    pub sent: Sent,
+    pub sent: ModuleOutputs,
 }
 
 impl Slave {
     /// Exchanges the module's words in the flags: writes the inputs there, and returns the outputs.
-    pub(super) fn exchange(&self, registers: &Registers) -> Sent {
+    pub(super) fn exchange(&self, registers: &Registers) -> ModuleOutputs {
         let Some(flags) =
             usize::from(self.node).checked_sub(1).and_then(|it| registers.slaves.a_SLAVE.get(it))
         else {
-            return Sent::default();
+            return ModuleOutputs::default();
         };
-        let mut sent = Sent::default();
+        let mut sent = ModuleOutputs::default();
         for (connector, flag) in flags.iter().enumerate().take(CHANNELS) {
             let pair = connector / 2;
             match self.channels.role(connector) {
@@ -57,7 +57,7 @@ impl Slave {
                     sent.words.get_or_insert([0; 4])[index] = flag.load();
                 }
                 // P. 85: this flag has the current; for a PWM output it is not written.
-                Role::Signed(..) if self.channels.tells_current(pair) => flag.store(self.words[pair]),
+                Role::Signed(..) if self.channels.reports_current(pair) => flag.store(self.words[pair]),
                 Role::Signed(..) => {}
             }
         }
@@ -69,9 +69,9 @@ impl Slave {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) enum Transfer {
     /// Writes a byte.
-    Write(At, u8),
+    Write(EntryAddress, u8),
     /// Reads a byte.
-    Read(At),
+    Read(EntryAddress),
 }
 
 /// A configuration in progress, for a place of the job block.
@@ -85,7 +85,7 @@ pub(super) struct Configuring {
 impl Configuring {
     /// Plans the transfers: writes the configuration `to_write`, if given, then reads it if `is_read`.
     fn new(place: usize, model: Model, to_write: Option<(&[u8], u8)>, is_read: bool) -> Self {
-        let connector = |index: usize| At { index: CONNECTORS, sub: index as u8 + 1 };
+        let connector = |index: usize| EntryAddress { index: CONNECTORS, sub: index as u8 + 1 };
         let mut to_do = VecDeque::new();
         if let Some((kinds, pwm_hz)) = to_write {
             to_do.extend(
@@ -159,23 +159,23 @@ impl IoSlaves {
         let mut channels = Channels::new(model);
         kinds.iter().enumerate().for_each(|(index, kind)| _ = channels.set(index, *kind));
         match self.slaves.iter_mut().find(|it| it.node == node) {
-            Some(known) => (known.channels, known.sent) = (channels, Sent::default()),
+            Some(known) => (known.channels, known.sent) = (channels, ModuleOutputs::default()),
             None => {
-                let (bits, words, sent) = (0, [0; 4], Sent::default());
+                let (bits, words, sent) = (0, [0; 4], ModuleOutputs::default());
                 self.slaves.push(Slave { node, channels, is_known: false, bits, words, sent });
             }
         }
     }
 
     /// Records the digital inputs of a module.
-    pub(super) fn told_bits(&mut self, node: u8, data: &[u8]) {
+    pub(super) fn set_bits(&mut self, node: u8, data: &[u8]) {
         if let (Some(slave), Some(bits)) = (self.slaves.iter_mut().find(|it| it.node == node), data.first()) {
             slave.bits = *bits;
         }
     }
 
     /// Records the measured values of a module.
-    pub(super) fn told_words(&mut self, node: u8, data: &[u8]) {
+    pub(super) fn set_words(&mut self, node: u8, data: &[u8]) {
         if let Some(slave) = self.slaves.iter_mut().find(|it| it.node == node) {
             let words = data.as_chunks::<2>().0;
             slave.words.iter_mut().zip(words).for_each(|(to, two)| *to = u16::from_le_bytes(*two));

@@ -90,7 +90,7 @@ impl Refusal {
 }
 
 /// Context of a function.
-pub(super) struct Desk<'a> {
+pub(super) struct JobContext<'a> {
     pub firmware: &'a mut Firmware,
     pub controller: &'a mut Controller,
     pub place: usize,
@@ -99,9 +99,9 @@ pub(super) struct Desk<'a> {
 
 /// Started orders: their places and numbers.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub(super) struct UnderWay(Vec<(usize, u32)>);
+pub(super) struct StartedOrders(Vec<(usize, u32)>);
 
-impl UnderWay {
+impl StartedOrders {
     pub(super) fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
@@ -173,7 +173,7 @@ pub(super) fn look(firmware: &mut Firmware, ctx: &mut Context, controller: &mut 
         let data = jobs.a_DATA[place].iter().take(length).map(|cell| cell.load()).collect();
         let mut job = Job { function, data, ..Job::default() };
         job.arguments.iter_mut().zip(&jobs.a_ARGUMENT[place]).for_each(|(to, cell)| *to = cell.load());
-        let desk = Desk { firmware: &mut *firmware, controller: &mut *controller, place, now: ctx.now };
+        let desk = JobContext { firmware: &mut *firmware, controller: &mut *controller, place, now: ctx.now };
         // The high byte is the part of the manual.
         let outcome = match function >> 8 {
             1 => can_jobs::carry_out(desk, &job),

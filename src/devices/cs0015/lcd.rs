@@ -92,7 +92,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn segments_that_can_be_read_are() {
+    fn readable_segments_are_shown_as_characters() {
         // 1 is b and c, 8 all segments, 7 a, b and c; bit 5 is not used.
         let lcd = Lcd::segments([0xC0, 0xDF, 0xD0 | 0x20, 0, 0x04], [0, 0x4000, 0]);
         assert_eq!(&lcd.text, b"187 * * ");
@@ -108,7 +108,7 @@ mod tests {
     }
 
     #[test]
-    fn a_text_has_eight_places_and_points_stand_behind_digits() {
+    fn a_text_has_eight_places_and_points_after_digits() {
         let lcd = Lcd::text(b"12345ABCDE").with(0x81, 0x10, 0xFF);
         assert_eq!((&lcd.text, lcd.points, lcd.blink, lcd.states), (b"12345ABC", 0x1F, 0x81, 0x10));
         assert_eq!(&Lcd::text(b"ON").text, b"ON      ");

@@ -1,12 +1,12 @@
 //! Functions of a CANopen master (p. 52-70). Their RESULT is the error code of the manual.
 
-use super::jobs::{Answer, Desk, Job, Outcome, Refusal};
+use super::jobs::{Answer, Job, JobContext, Outcome, Refusal};
 use super::nmt::{Nmt, Restart};
 use super::node::Node;
 use super::registers::values::job;
 use crate::devices::can_bus::Controller;
 use crate::devices::canopen::nmt::{Command, State};
-use crate::devices::canopen::sdo::At;
+use crate::devices::canopen::sdo::EntryAddress;
 
 /// RESULT: done, not sent or not successful, parameters out of their ranges, no master.
 const OK: u32 = 0;
@@ -18,7 +18,7 @@ const FINISHED: u32 = 1;
 /// Bytes of DATA of an SDO: 0 to 255.
 const MOST: u32 = 256;
 
-pub(super) fn carry_out(desk: Desk, job: &Job) -> Outcome {
+pub(super) fn carry_out(desk: JobContext, job: &Job) -> Outcome {
     match job.function {
         job::NMM_SET_NMT_MASTER => set_nmt_master(desk),
         job::NMM_ADD_NODE => Ok(result(add_node(desk, job))),
@@ -58,12 +58,12 @@ fn node_number(job: &Job) -> Option<u8> {
 }
 
 /// Returns the master and related objects, if the device is a master.
-pub(super) fn master<'a>(desk: &'a mut Desk) -> Option<(&'a mut Nmt, &'a mut Node, &'a Controller)> {
+pub(super) fn master<'a>(desk: &'a mut JobContext) -> Option<(&'a mut Nmt, &'a mut Node, &'a Controller)> {
     Some((desk.firmware.nmt.as_mut()?, &mut desk.firmware.node, &*desk.controller))
 }
 
 /// `CAN_OPEN` takes effect at once here: both may be done in the first cycle (p. 52).
-fn set_nmt_master(desk: Desk) -> Outcome {
+fn set_nmt_master(desk: JobContext) -> Outcome {
     desk.firmware.open(desk.now);
     if desk.firmware.node.state() == State::Initialising {
         return Err(Refusal::State);
@@ -72,7 +72,7 @@ fn set_nmt_master(desk: Desk) -> Outcome {
     Ok(Answer::default())
 }
 
-fn add_node(mut desk: Desk, job: &Job) -> u32 {
+fn add_node(mut desk: JobContext, job: &Job) -> u32 {
     let number = job.argument(0, 1..=127).map(|number| number as u8);
     let (guard_ms, life) = (job.argument(1, 0..=65_535), job.argument(2, 0..=255));
     let (Ok(number), Ok(guard_ms), Ok(life)) = (number, guard_ms, life) else { return PARAMETERS };
@@ -84,7 +84,7 @@ fn add_node(mut desk: Desk, job: &Job) -> u32 {
     OK
 }
 
-fn guarding(mut desk: Desk, job: &Job, does: impl FnOnce(&mut Nmt, u8, u64) -> bool) -> u32 {
+fn guarding(mut desk: JobContext, job: &Job, does: impl FnOnce(&mut Nmt, u8, u64) -> bool) -> u32 {
     let (now, number) = (desk.now, node_number(job));
     let (Some((nmt, node, _)), Some(number)) = (master(&mut desk), number) else { return PARAMETERS };
     let is_known = does(nmt, number, now);
@@ -93,7 +93,7 @@ fn guarding(mut desk: Desk, job: &Job, does: impl FnOnce(&mut Nmt, u8, u64) -> b
 }
 
 /// Requests the states that are due; the program calls this repeatedly (D-440).
-fn node_guarding(mut desk: Desk, job: &Job) -> u32 {
+fn node_guarding(mut desk: JobContext, job: &Job) -> u32 {
     let (now, restart) = (desk.now, job.argument(0, 0..=1));
     let (Some((nmt, node, _)), Ok(restart)) = (master(&mut desk), restart) else { return NO_MASTER };
     nmt.restart = if restart == 0 { Restart::Never } else { Restart::Missing };
@@ -106,7 +106,7 @@ pub(super) fn has_room(node: &Node, controller: &Controller) -> bool {
 }
 
 /// Sends a command for a node, for all, or for the master itself (D-439).
-fn command(mut desk: Desk, job: &Job, command: Command) -> u32 {
+fn command(mut desk: JobContext, job: &Job, command: Command) -> u32 {
     let now = desk.now;
     let Some((nmt, node, controller)) = master(&mut desk) else { return NO_MASTER };
     let own = match command {
@@ -134,7 +134,7 @@ fn command(mut desk: Desk, job: &Job, command: Command) -> u32 {
 }
 
 /// Returns STATE and RESULT. For all nodes STATE is their common state.
-fn node_state(mut desk: Desk, job: &Job) -> [u32; 2] {
+fn node_state(mut desk: JobContext, job: &Job) -> [u32; 2] {
     let Some((nmt, node, _)) = master(&mut desk) else { return [0, NO_MASTER] };
     let known = |number: u8| {
         let state = if number == node.number() { Some(node.state()) } else { nmt.network.state(number) };
@@ -151,20 +151,20 @@ fn node_state(mut desk: Desk, job: &Job) -> [u32; 2] {
     }
 }
 
-fn ini_send_sync(mut desk: Desk) -> Outcome {
+fn ini_send_sync(mut desk: JobContext) -> Outcome {
     let (nmt, ..) = master(&mut desk).ok_or(Refusal::State)?;
     nmt.has_sync = true;
     Ok(Answer::default())
 }
 
-fn send_sync(mut desk: Desk) -> bool {
+fn send_sync(mut desk: JobContext) -> bool {
     let now = desk.now;
     let Some((nmt, node, controller)) = master(&mut desk) else { return false };
     let can_send = nmt.has_sync && has_room(node, controller);
     can_send && node.send_sync(now)
 }
 
-fn emergency(mut desk: Desk) -> Outcome {
+fn emergency(mut desk: JobContext) -> Outcome {
     let (nmt, ..) = master(&mut desk).ok_or(Refusal::State)?;
     let Some(emergency) = nmt.emergencies.pop_front() else { return Ok(Answer::default()) };
     let numbers = [1, emergency.node.into(), emergency.code.into(), emergency.register.into()];
@@ -172,7 +172,7 @@ fn emergency(mut desk: Desk) -> Outcome {
 }
 
 /// Returns RESULT and the abort code; DATA of a read. The order remains until it is finished.
-fn sdo(mut desk: Desk, job: &Job) -> Outcome {
+fn sdo(mut desk: JobContext, job: &Job) -> Outcome {
     let (now, place) = (desk.now, desk.place);
     let (nmt, node, _) = master(&mut desk).ok_or(Refusal::State)?;
     if let Some(finished) = nmt.finished(place) {
@@ -183,7 +183,10 @@ fn sdo(mut desk: Desk, job: &Job) -> Outcome {
     }
     if !nmt.sdo.is_of(place) {
         let number = job.argument(0, 1..=127)? as u8;
-        let at = At { index: job.argument(1, 0..=0xFFFF)? as u16, sub: job.argument(2, 0..=0xFF)? as u8 };
+        let at = EntryAddress {
+            index: job.argument(1, 0..=0xFFFF)? as u16,
+            sub: job.argument(2, 0..=0xFF)? as u8,
+        };
         let length = job.argument(3, 0..=MOST)? as usize;
         if !nmt.network.has(number) {
             return Err(Refusal::State);

@@ -1,11 +1,11 @@
 //! Messages that a CS0015 sends and receives as a CANopen node with factory settings: for bus databases.
 
-use super::communication::{Communication, Factory, PDOS, Way};
+use super::communication::{Communication, Factory, PDOS, PdoDirection};
 use super::config::Cs0015Config;
 use super::port::Program;
 use super::registers::DEVICE;
 use crate::can::Message;
-use crate::devices::canopen::messages::{About, NodeMessages};
+use crate::devices::canopen::messages::{MessageInfo, NodeMessages};
 use crate::layout::Width;
 
 /// Returns the messages of a device with these settings and with factory values.
@@ -22,13 +22,13 @@ pub(super) fn of(config: &Cs0015Config) -> Vec<Message> {
     let sdo = |sub| communication.sdo_cob_id(sub);
     let of = NodeMessages { node: &config.name };
     let mut all: Vec<_> = of.services(default(0x1014), default(0x100E), sdo(1), sdo(2)).collect();
-    for (way, area) in [(Way::Receive, "rx_pdo"), (Way::Transmit, "tx_pdo")] {
+    for (way, area) in [(PdoDirection::Receive, "rx_pdo"), (PdoDirection::Transmit, "tx_pdo")] {
         let first = DEVICE.area(area).map_or(0, |area| area.first);
         for pdo in 0..PDOS {
             let name = format!("{}{}", area.to_uppercase(), pdo + 1);
             let about = match way {
-                Way::Receive => About::received(&name, ""),
-                Way::Transmit => About::sent(&name, ""),
+                PdoDirection::Receive => MessageInfo::received(&name, ""),
+                PdoDirection::Transmit => MessageInfo::sent(&name, ""),
             };
             let words = ["word_1", "word_2", "word_3", "word_4"].map(|word| (word, 16));
             let made = of.message(communication.pdo_cob_id(way, pdo), about, &words);
@@ -50,7 +50,7 @@ mod tests {
     use crate::devices::cs0015::node::BootUp;
 
     #[test]
-    fn each_pdo_of_both_ways_has_its_name_and_its_registers() {
+    fn each_pdo_of_both_directions_has_its_name_and_registers() {
         let (name, program) = ("panel".to_owned(), Program::Attached { cycle_us: 1_000 });
         let config =
             Cs0015Config { name, bus: None, node_id: 5, kbit_s: 125, boot_up: BootUp::default(), program };

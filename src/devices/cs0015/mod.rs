@@ -87,7 +87,7 @@ mod tests;
 mod watch;
 
 #[cfg(feature = "emulator")]
-pub use communication::{PdoConfig, Way};
+pub use communication::{PdoConfig, PdoDirection};
 #[cfg(feature = "emulator")]
 pub use config::Cs0015Config;
 #[cfg(feature = "emulator")]

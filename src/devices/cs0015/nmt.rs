@@ -2,7 +2,7 @@
 
 use super::io_slaves::IoSlaves;
 use super::node::Node;
-use super::sdo_client::{Finished, SdoClient};
+use super::sdo_client::{SdoClient, SdoResult};
 use crate::devices::canopen::network::{Network, Order};
 use crate::devices::canopen::nmt::{Command, State};
 use serde::{Deserialize, Serialize};
@@ -74,9 +74,9 @@ impl Nmt {
                 self.emergencies.push_back(Emergency { node: number, code, register, data });
             }
         } else if let Some(number) = of(IO_BITS) {
-            self.io.told_bits(number, data);
+            self.io.set_bits(number, data);
         } else if let Some(number) = of(IO_WORDS) {
-            self.io.told_words(number, data);
+            self.io.set_words(number, data);
         }
     }
 
@@ -131,7 +131,7 @@ impl Nmt {
     }
 
     /// Takes the result of the SDO of a place of the job block.
-    pub(super) fn finished(&mut self, place: usize) -> Option<Finished> {
+    pub(super) fn finished(&mut self, place: usize) -> Option<SdoResult> {
         self.sdo.finished(place)
     }
 }

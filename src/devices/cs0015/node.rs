@@ -2,15 +2,15 @@
 
 mod as_master;
 
-use super::communication::{Communication, Factory, Identifiers, PDOS, Pdo, PdoConfig, Way};
+use super::communication::{Communication, Factory, Identifiers, PDOS, Pdo, PdoConfig, PdoDirection};
 use super::diagnosis::Diagnosis;
 use super::dictionary::Entries;
-use super::direct::{Direct, Found};
+use super::direct::{Direct, ReceivedMessage};
 use super::ram::Registers;
 use super::registers::values::bool;
 use crate::can::{Filter, Frame, Payload};
 use crate::devices::canopen::emergency::{Cause, Errors};
-use crate::devices::canopen::guard::Guarded;
+use crate::devices::canopen::guard::NodeGuarding;
 use crate::devices::canopen::nmt::State;
 use crate::devices::canopen::pdo::{Receive, Transmit};
 use crate::devices::canopen::sdo::Server;
@@ -58,7 +58,7 @@ pub(super) struct Node {
     boot_up: BootUp,
     identifiers: Identifiers,
     state: State,
-    guarded: Guarded,
+    guarded: NodeGuarding,
     sync: Supervision,
     server: Server,
     errors: Errors,
@@ -92,7 +92,7 @@ impl Node {
             boot_up,
             identifiers: Identifiers::default(),
             state: State::Initialising,
-            guarded: Guarded::default(),
+            guarded: NodeGuarding::default(),
             sync: Supervision::default(),
             server: Server::default(),
             errors: Errors::default(),
@@ -133,13 +133,13 @@ impl Node {
     }
 
     /// Registers an identifier for the program, which fetches its messages (p. 33).
-    pub(super) fn make_known(&mut self, id: StandardId) {
+    pub(super) fn register_identifier(&mut self, id: StandardId) {
         self.has_moved |= self.direct.configure(id);
     }
 
     /// Fetches a message with this identifier for the program, or discards all of them; returns `None` if the
     /// identifier is not registered.
-    pub(super) fn fetch(&mut self, id: StandardId, is_to_clear: bool) -> Option<Found> {
+    pub(super) fn fetch(&mut self, id: StandardId, is_to_clear: bool) -> Option<ReceivedMessage> {
         self.direct.take(id, is_to_clear)
     }
 
@@ -156,12 +156,12 @@ impl Node {
     }
 
     /// Records the program's request for a PDO, counted from 0; a [`Node::restart`] follows.
-    pub(super) fn ask_pdo(&mut self, way: Way, pdo: usize, config: PdoConfig) {
+    pub(super) fn ask_pdo(&mut self, way: PdoDirection, pdo: usize, config: PdoConfig) {
         self.communication.ask(way, pdo, config);
     }
 
     /// Whether an identifier is the default of a PDO, counted from 0.
-    pub(super) fn is_predefined(&self, way: Way, pdo: usize, id: u16) -> bool {
+    pub(super) fn is_predefined(&self, way: PdoDirection, pdo: usize, id: u16) -> bool {
         self.communication.is_predefined(way, pdo, id)
     }
 
@@ -231,7 +231,7 @@ impl Node {
             self.sync.stop();
             self.set_sync_error();
         }
-        self.tell();
+        self.send_emergencies();
     }
 
     /// Updates everything that an SDO may have changed.
@@ -270,12 +270,12 @@ impl Node {
         {
             let mut value = self.registers.received(pdo);
             value.iter_mut().zip(frame.data()).for_each(|(to, from)| *to = *from);
-            let kind = self.communication.pdo(Way::Receive, pdo).kind;
+            let kind = self.communication.pdo(PdoDirection::Receive, pdo).kind;
             if let Some(value) = self.receive[pdo].received(kind, value) {
                 self.registers.receive(pdo, value);
             }
         }
-        self.tell();
+        self.send_emergencies();
     }
 
     /// Answers a remote frame: a request for the state from the master, or for a PDO from any station.
@@ -302,12 +302,12 @@ impl Node {
         self.sync.start(now);
         self.set_sync_error();
         for pdo in 0..PDOS {
-            let kind = self.communication.pdo(Way::Receive, pdo).kind;
+            let kind = self.communication.pdo(PdoDirection::Receive, pdo).kind;
             if let Some(value) = self.receive[pdo].sync(kind) {
                 self.registers.receive(pdo, value);
             }
             let (kind, value) =
-                (self.communication.pdo(Way::Transmit, pdo).kind, self.registers.transmit(pdo));
+                (self.communication.pdo(PdoDirection::Transmit, pdo).kind, self.registers.transmit(pdo));
             if self.transmit[pdo].sync(kind, value) {
                 self.send_pdo(pdo, value);
             }
@@ -338,7 +338,7 @@ impl Node {
         }
         for pdo in 0..PDOS {
             let value = self.registers.transmit(pdo);
-            let &Pdo { kind, inhibit_us, .. } = self.communication.pdo(Way::Transmit, pdo);
+            let &Pdo { kind, inhibit_us, .. } = self.communication.pdo(PdoDirection::Transmit, pdo);
             if self.transmit[pdo].look(kind, value, inhibit_us, now) {
                 self.send_pdo(pdo, value);
             }
@@ -361,9 +361,9 @@ impl Node {
             self.errors.set(cause, data);
         }
         // Causes are reported before their consequences.
-        self.tell();
+        self.send_emergencies();
         self.errors.set(GENERAL, is_general.then_some([0; 5]));
-        self.tell();
+        self.send_emergencies();
     }
 
     /// Returns the time of the next event of the node itself; `u64::MAX` if there is none.
@@ -386,11 +386,11 @@ impl Node {
         if self.state.has_pdo() && self.transmit.iter().any(|pdo| pdo.next_time() <= now) {
             self.cycle(now);
         }
-        self.tell();
+        self.send_emergencies();
     }
 
     /// Sends the waiting emergencies, if the state permits it.
-    fn tell(&mut self) {
+    fn send_emergencies(&mut self) {
         while self.state.has_sdo()
             && let Some(message) = self.errors.message()
         {

@@ -1,8 +1,8 @@
 //! Functions of PWM, fast inputs, display, memory, RS 232 and timers (p. 86-119).
 
 use super::eeprom::Access;
-use super::fast_inputs::{Counted, ENCODERS, INPUTS};
-use super::jobs::{Answer, Desk, Job, OutOfRange, Outcome, Refusal};
+use super::fast_inputs::{ENCODERS, EncoderCount, INPUTS};
+use super::jobs::{Answer, Job, JobContext, OutOfRange, Outcome, Refusal};
 use super::lcd::{DIGITS, LETTERS, Lcd, PLACES};
 use super::peripherals::Peripherals;
 use super::port::Firmware;
@@ -16,7 +16,7 @@ use super::serial::Taken;
 const TIMER_MS: u64 = 655_360;
 const STEP_MS: u64 = 10;
 
-pub(super) fn carry_out(desk: Desk, job: &Job) -> Outcome {
+pub(super) fn carry_out(desk: JobContext, job: &Job) -> Outcome {
     match job.function {
         job::PWM => pwm(desk, job),
         job::PWM100 => pwm_100(desk, job),
@@ -75,7 +75,7 @@ fn channel(job: &Job, argument: usize, count: usize) -> Result<u8, OutOfRange> {
 
 /// Common part of `PWM` and `PWM100` after their values were read; `value` takes effect with CHANGE.
 fn put(
-    desk: Desk,
+    desk: JobContext,
     channel: u8,
     start: Option<impl FnOnce(&mut Pwm) -> Misuse>,
     value: Option<impl FnOnce(&mut Pwm)>,
@@ -98,7 +98,7 @@ fn put(
 }
 
 /// Runs `PWM` (p. 92). Dither varies the value slightly (p. 91), which is not visible at the terminals here.
-fn pwm(desk: Desk, job: &Job) -> Outcome {
+fn pwm(desk: JobContext, job: &Job) -> Outcome {
     let (is_init, reload, is_divided) = (flag(job, 0)?, word(job, 1)?, flag(job, 2)?);
     let (channel, value, is_new) = (channel(job, 3, CHANNELS)?, word(job, 4)?, flag(job, 5)?);
     word(job, 6)?;
@@ -109,7 +109,7 @@ fn pwm(desk: Desk, job: &Job) -> Outcome {
 }
 
 /// Runs `PWM100` (p. 94).
-fn pwm_100(desk: Desk, job: &Job) -> Outcome {
+fn pwm_100(desk: JobContext, job: &Job) -> Outcome {
     let (is_init, hz, channel) = (flag(job, 0)?, word(job, 1)?, channel(job, 2, CHANNELS)?);
     let (percent, is_new) = (job.argument(3, 0..=100)? as u8, flag(job, 4)?);
     job.argument(5, 0..=100)?;
@@ -120,30 +120,30 @@ fn pwm_100(desk: Desk, job: &Job) -> Outcome {
 }
 
 /// Runs `FREQUENCY` (p. 97).
-fn frequency(desk: Desk, job: &Job) -> Outcome {
+fn frequency(desk: JobContext, job: &Job) -> Outcome {
     let (is_init, input) = (flag(job, 0)?, channel(job, 1, INPUTS)?);
     let base_us = u64::from(job.argument(2, 1..=u32::MAX)?) * 1000;
     Ok(of([desk.firmware.peripherals.fast_inputs.frequency(input, is_init, base_us, desk.now).into()]))
 }
 
 /// Runs `CYCLE` (p. 98).
-fn cycle(desk: Desk, job: &Job) -> Outcome {
+fn cycle(desk: JobContext, job: &Job) -> Outcome {
     let (is_init, input) = (flag(job, 0)?, channel(job, 1, INPUTS)?);
     Ok(of([desk.firmware.peripherals.fast_inputs.cycle(input, is_init, desk.now).into()]))
 }
 
 /// Runs `INC_ENCODER` (p. 99).
-fn inc_encoder(desk: Desk, job: &Job) -> Outcome {
+fn inc_encoder(desk: JobContext, job: &Job) -> Outcome {
     let (is_init, encoder) = (flag(job, 0)?, channel(job, 1, ENCODERS)?);
     let preset = job.argument(2, 0..=u32::MAX)?.cast_signed();
     let preset = flag(job, 3)?.then_some(preset);
-    let Counted { counter, is_up, is_down } =
+    let EncoderCount { counter, is_up, is_down } =
         desk.firmware.peripherals.fast_inputs.encoder(encoder, is_init, preset, desk.now);
     Ok(of([counter.cast_unsigned(), is_up.into(), is_down.into()]))
 }
 
 /// Shows BLINK, STATES and POINTS, from this argument on.
-fn shown(desk: Desk, job: &Job, is_new: bool, lcd: Lcd) -> Outcome {
+fn shown(desk: JobContext, job: &Job, is_new: bool, lcd: Lcd) -> Outcome {
     let lcd = lcd.with(byte(job, 1)?, byte(job, 2)?, byte(job, 3)?);
     if is_new {
         desk.firmware.peripherals.lcd = lcd;
@@ -152,7 +152,7 @@ fn shown(desk: Desk, job: &Job, is_new: bool, lcd: Lcd) -> Outcome {
 }
 
 /// Runs `LCD_SEGMENTS` (p. 101): DIGITS a byte each, LETTERS a word each, low byte first.
-fn lcd_segments(desk: Desk, job: &Job) -> Outcome {
+fn lcd_segments(desk: JobContext, job: &Job) -> Outcome {
     let Some((digits, letters)) = job.data.split_first_chunk::<DIGITS>() else {
         return Err(Refusal::Arguments);
     };
@@ -162,7 +162,7 @@ fn lcd_segments(desk: Desk, job: &Job) -> Outcome {
 }
 
 /// Runs `LCD_TEXT` (p. 103).
-fn lcd_text(desk: Desk, job: &Job) -> Outcome {
+fn lcd_text(desk: JobContext, job: &Job) -> Outcome {
     if job.data.len() > PLACES {
         return Err(Refusal::Arguments);
     }
@@ -170,14 +170,14 @@ fn lcd_text(desk: Desk, job: &Job) -> Outcome {
 }
 
 /// Runs `E2WRITE` and `E2READ` (p. 109-110).
-fn eeprom(desk: Desk, job: &Job, access: Access) -> Outcome {
+fn eeprom(desk: JobContext, job: &Job, access: Access) -> Outcome {
     let is_enabled = flag(job, 0)?;
     let Firmware { peripherals, node, .. } = desk.firmware;
     Ok(of([peripherals.eeprom.call(access, is_enabled, &node.registers, desk.now)]))
 }
 
 /// Whether RS 232 belongs to the program (p. 112-114); reports a finding if not.
-fn has_serial(desk: &mut Desk) -> bool {
+fn has_serial(desk: &mut JobContext) -> bool {
     let Firmware { peripherals, node, .. } = &mut *desk.firmware;
     let flag = &node.registers.flags.SERIAL_MODE;
     let is_programs = flag.load() != bool::FALSE;
@@ -189,7 +189,7 @@ fn has_serial(desk: &mut Desk) -> bool {
 }
 
 /// Runs `SERIAL_TX` (p. 112).
-fn serial_tx(mut desk: Desk, job: &Job) -> Outcome {
+fn serial_tx(mut desk: JobContext, job: &Job) -> Outcome {
     let byte = byte(job, 0)?;
     if has_serial(&mut desk) {
         desk.firmware.peripherals.serial.send(byte);
@@ -198,7 +198,7 @@ fn serial_tx(mut desk: Desk, job: &Job) -> Outcome {
 }
 
 /// Runs `SERIAL_RX` (p. 113).
-fn serial_rx(mut desk: Desk, job: &Job) -> Outcome {
+fn serial_rx(mut desk: JobContext, job: &Job) -> Outcome {
     let is_clear = flag(job, 0)?;
     has_serial(&mut desk);
     let Taken { byte, available, has_overflowed } = desk.firmware.peripherals.serial.take(is_clear);

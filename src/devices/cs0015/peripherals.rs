@@ -12,7 +12,7 @@ use super::registers::{
 };
 use super::serial::Serial;
 use super::slow_inputs::SlowInputs;
-use super::watch::{Found, Watch};
+use super::watch::{Watch, WatchFinding};
 use crate::snapshot_fields;
 
 const MHZ: [usize; INPUTS] = [FRONT_MHZ_0, FRONT_MHZ_1, FRONT_MHZ_2, FRONT_MHZ_3];
@@ -36,7 +36,7 @@ pub(super) struct Peripherals {
     /// Time at which the supply was switched on, for the timers.
     pub on_since: u64,
     /// Violations of the manual by the program.
-    pub findings: Vec<Found>,
+    pub findings: Vec<WatchFinding>,
     watch: Watch,
     /// State that registers and display show.
     shown: Option<(Pwm, Lcd, bool)>,

@@ -1,12 +1,12 @@
 //! The controller at the CAN interface: its operating states, its program, LED STAT and terminals (p. 13-19).
 
 use super::can_errors::CanErrors;
-use super::communication::{PdoConfig, Way};
+use super::communication::{PdoConfig, PdoDirection};
 use super::diagnosis::Diagnosis;
 use super::events::{self, Pulses};
 use super::hardware::Shared;
 use super::interrupt::Interrupt;
-use super::jobs::UnderWay;
+use super::jobs::StartedOrders;
 use super::master::{Master, MasterConfig};
 use super::nmt::Nmt;
 use super::node::{GuardingConfig, Node};
@@ -41,7 +41,7 @@ pub enum Program {
     /// A built-in one that switches CANopen on.
     BuiltIn {
         /// Requests for PDOs in the second cycle: direction, PDO counted from 0, settings.
-        pdos: Vec<(Way, usize, PdoConfig)>,
+        pdos: Vec<(PdoDirection, usize, PdoConfig)>,
         /// Cycle time in us.
         cycle_us: u64,
         /// Supervision of the master; `None` keeps the stored settings.
@@ -63,7 +63,7 @@ pub(super) struct Firmware {
     /// Operating state, as in `state` of the front.
     pub(super) state: u32,
     /// State of the node that the journal has last recorded.
-    told: State,
+    reported: State,
     /// The programming system has stopped the program.
     pub(super) is_stopped: bool,
     /// End of the reset, or of the program's present cycle; `None` if nothing runs.
@@ -93,7 +93,7 @@ pub(super) struct Firmware {
 }
 
 crate::snapshot_fields!(Firmware {
-    values: state, told, is_stopped, end_at, begun_at, is_overdue, nmt, master, under_way, cycles, outputs, diagnosis, interrupt, can_errors;
+    values: state, reported, is_stopped, end_at, begun_at, is_overdue, nmt, master, under_way, cycles, outputs, diagnosis, interrupt, can_errors;
     parts: node, peripherals;
     // The device saves its own state.
     built: program, shared, pulses
@@ -105,14 +105,14 @@ impl Firmware {
             node,
             program,
             state: state::OFF,
-            told: State::Initialising,
+            reported: State::Initialising,
             is_stopped: false,
             end_at: None,
             begun_at: 0,
             is_overdue: false,
             nmt: None,
             master: None,
-            under_way: UnderWay::default(),
+            under_way: StartedOrders::default(),
             cycles: 0,
             outputs: 0,
             shared,
@@ -247,7 +247,7 @@ impl Firmware {
         self.read_inputs(now);
         (self.begun_at, self.is_overdue) = (now, false);
         self.end_at = self.cycle_us().map(|cycle_us| now + cycle_us);
-        self.node.registers.tell_event(events::CYCLE, now);
+        self.node.registers.fire_event(events::CYCLE, now);
         self.pulses.add(events::CYCLE);
     }
 
@@ -353,7 +353,7 @@ impl Firmware {
             self.node.set_errors(&self.diagnosis, has_can_error, has_error);
         }
         let (state, node) = (self.node.state(), self.node.number());
-        if core::mem::replace(&mut self.told, state) != state {
+        if core::mem::replace(&mut self.reported, state) != state {
             ctx.report(NodeState { plc: ctx.origin.plc, to: state.code(), node });
         }
         let registers = &self.node.registers;
@@ -365,7 +365,7 @@ impl Firmware {
         registers.shown(FRONT_OUTPUTS).store(if is_driven { outputs.into() } else { 0 });
         self.peripherals.show(registers, is_driven);
         registers.shown(FRONT_STATE).store(self.state);
-        registers.tell_program(self.program_state());
+        registers.show_program(self.program_state());
         registers.shown(FRONT_STAT).store(self.stat(has_error));
         if let Some(filters) = self.node.take_filters() {
             controller.set_filters(filters);
@@ -384,8 +384,8 @@ impl CanPort for Firmware {
         self.peripherals.power_on(&self.node.registers, ctx.now);
         self.node.power_on();
         self.end_master();
-        self.under_way = UnderWay::default();
-        (self.told, self.is_stopped, self.cycles, self.outputs) = (State::Initialising, false, 0, 0);
+        self.under_way = StartedOrders::default();
+        (self.reported, self.is_stopped, self.cycles, self.outputs) = (State::Initialising, false, 0, 0);
         self.diagnosis = Diagnosis::default();
         (self.interrupt, self.can_errors) = (Interrupt::default(), CanErrors::default());
         if self.node.registers.parameters.b_OPERATING_SYSTEM.load() == loaded::NO {
@@ -447,7 +447,7 @@ impl CanPort for Firmware {
                 nmt.received(&mut self.node, ctx.now, id.as_raw(), frame.data());
             }
         }
-        self.go_on_with_jobs(ctx, controller);
+        self.continue_jobs(ctx, controller);
         self.show(ctx, controller);
     }
 
@@ -508,7 +508,7 @@ impl CanPort for Firmware {
                 master.due(nmt, &mut self.node, ctx.now);
             }
         }
-        self.go_on_with_jobs(ctx, controller);
+        self.continue_jobs(ctx, controller);
         self.show(ctx, controller);
     }
 }

@@ -57,16 +57,16 @@ impl Group {
 
 /// Counter settings of a channel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-struct Clock {
+struct PwmCounter {
     reload: u16,
     is_divided: bool,
 }
 
-impl Clock {
+impl PwmCounter {
     /// Creates the settings, with the frequency limited.
     fn new(group: Group, reload: u16, is_divided: bool) -> Self {
         let least = group.counts_hz(is_divided).div_ceil(MOST_HZ);
-        Clock { reload: group.reload(group.counts(reload).max(least)), is_divided }
+        PwmCounter { reload: group.reload(group.counts(reload).max(least)), is_divided }
     }
 
     /// Creates the settings for a frequency in Hz, with DIV64 if the counter's range would be too small (p. 88, 90).
@@ -74,7 +74,7 @@ impl Clock {
         let hz = u32::from(hz).clamp(1, MOST_HZ);
         let counts = |is_divided| group.counts_hz(is_divided) / hz;
         let is_divided = counts(false) > 0xFFFF;
-        Clock { reload: group.reload(counts(is_divided)), is_divided }
+        PwmCounter { reload: group.reload(counts(is_divided)), is_divided }
     }
 
     fn hz(self, group: Group) -> u32 {
@@ -127,8 +127,8 @@ pub(super) struct Misuse {
 /// The PWM of a controller. Channels are 0 to 7.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Pwm {
-    down: [Option<Clock>; GROUP],
-    up: Option<(Function, Clock)>,
+    down: [Option<PwmCounter>; GROUP],
+    up: Option<(Function, PwmCounter)>,
     values: [u16; CHANNELS],
 }
 
@@ -136,16 +136,16 @@ impl Pwm {
     /// `PWM` with INIT (p. 92): the channel is at 0 %, and its group has PWM outputs from now on.
     pub(super) fn init(&mut self, channel: u8, reload: u16, is_divided: bool) -> Misuse {
         let channel = usize::from(channel);
-        self.start(channel, Function::Pwm, Clock::new(Group::of(channel), reload, is_divided))
+        self.start(channel, Function::Pwm, PwmCounter::new(Group::of(channel), reload, is_divided))
     }
 
     /// `PWM100` with INIT (p. 94), in Hz.
     pub(super) fn init_hz(&mut self, channel: u8, hz: u16) -> Misuse {
         let channel = usize::from(channel);
-        self.start(channel, Function::Pwm100, Clock::of_hz(Group::of(channel), hz))
+        self.start(channel, Function::Pwm100, PwmCounter::of_hz(Group::of(channel), hz))
     }
 
-    fn start(&mut self, channel: usize, function: Function, clock: Clock) -> Misuse {
+    fn start(&mut self, channel: usize, function: Function, clock: PwmCounter) -> Misuse {
         let group = Group::of(channel);
         let mut misuse = Misuse { is_too_fast: clock.hz(group) > USEFUL_HZ, ..Misuse::default() };
         match (group, self.down.get_mut(channel)) {
@@ -162,7 +162,7 @@ impl Pwm {
         misuse
     }
 
-    fn clock(&self, channel: usize) -> Option<Clock> {
+    fn clock(&self, channel: usize) -> Option<PwmCounter> {
         match Group::of(channel) {
             Group::Down => self.down[channel],
             Group::Up => self.up.map(|(_, clock)| clock),
@@ -179,7 +179,7 @@ impl Pwm {
         self.put(channel.into(), |clock, group| clock.value(group, percent));
     }
 
-    fn put(&mut self, channel: usize, value: impl FnOnce(Clock, Group) -> u16) {
+    fn put(&mut self, channel: usize, value: impl FnOnce(PwmCounter, Group) -> u16) {
         if let Some(clock) = self.clock(channel) {
             self.values[channel] = value(clock, Group::of(channel));
         }
@@ -223,7 +223,7 @@ mod tests {
             assert_eq!(pwm.duty(0), duty, "{value:04X}");
         }
         let others = [pwm.init(1, 1_562, true), pwm.init_hz(2, 200), pwm.init_hz(3, 100)];
-        assert_eq!(others, [Misuse::default(); 3], "each may be as it likes");
+        assert_eq!(others, [Misuse::default(); 3], "each channel has its own frequency");
         assert_eq!([0, 1, 2, 3].map(|channel| pwm.hz(channel)), [200, 100, 200, 100]);
         pwm.set_percent(3, 70);
         assert_eq!((pwm.duty(3), pwm.outputs(), pwm.on()), (6_997, 0x0F, 0x08));
@@ -266,7 +266,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_put_out_before_it_is_initialised() {
+    fn no_output_is_driven_before_its_initialisation() {
         let mut pwm = Pwm::default();
         pwm.set(1, 0);
         pwm.set_percent(4, 100);

@@ -77,7 +77,7 @@ impl Registers {
     }
 
     /// Shows the state of the program on the board, and whether a program is loaded.
-    pub(super) fn tell_program(&self, state: ProgramState) {
+    pub(super) fn show_program(&self, state: ProgramState) {
         self.face.put(|page| &page.program.state, state.code());
         let project = if state == ProgramState::None { Project::None } else { Project::Boot };
         self.face.project.store(project.code());
@@ -107,7 +107,7 @@ impl Registers {
     }
 
     /// Fires an event of the program.
-    pub(super) fn tell_event(&self, event: usize, now: u64) {
+    pub(super) fn fire_event(&self, event: usize, now: u64) {
         if let Some(slot) = self.face.events.get(event) {
             slot.fire(now);
         }

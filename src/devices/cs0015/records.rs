@@ -19,7 +19,7 @@ event_kinds! {
     CommandRefused = 62, "command_refused", Rare, at plc {
         /// Command, as in `program` of the front.
         command: u8,
-        /// Reason, a [`Refused`].
+        /// Reason, a [`RefusalReason`].
         why: u8,
     }
     /// An order of the program to the operating system was not carried out.
@@ -36,7 +36,7 @@ event_kinds! {
 /// Reason for which a command of the programming system is not carried out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, bytemuck::CheckedBitPattern)]
 #[repr(u8)]
-pub enum Refused {
+pub enum RefusalReason {
     /// No program is loaded.
     NoProgram = 0,
     /// S1 is at LOCK.
@@ -47,19 +47,19 @@ pub enum Refused {
     NeedsReset = 3,
 }
 
-impl Refused {
+impl RefusalReason {
     /// Returns the reason as a text.
     pub(super) const fn reason(self) -> &'static str {
         match self {
-            Refused::NoProgram => "there is no program",
-            Refused::Locked => "S1 stands at LOCK",
-            Refused::State => "not in this operating state",
-            Refused::NeedsReset => "the device needs a reset first",
+            RefusalReason::NoProgram => "there is no program",
+            RefusalReason::Locked => "S1 is at LOCK",
+            RefusalReason::State => "not in this operating state",
+            RefusalReason::NeedsReset => "the device needs a reset first",
         }
     }
 
     fn text(code: u8) -> &'static str {
-        bytemuck::checked::try_cast(code).map_or("unknown", Refused::reason)
+        bytemuck::checked::try_cast(code).map_or("unknown", RefusalReason::reason)
     }
 }
 
@@ -81,12 +81,14 @@ impl EventText for ControllerState {
 
 impl EventText for CommandRefused {
     fn text(&self, _: &mut Reader) -> String {
-        let why = Refused::text(self.why);
+        let why = RefusalReason::text(self.why);
         format!("command of the programming system refused ({}): {why}", called("program", self.command))
     }
 
     fn fields(&self, _: &mut Reader) -> Fields {
-        Fields::new().with("command", called("program", self.command)).with("why", Refused::text(self.why))
+        Fields::new()
+            .with("command", called("program", self.command))
+            .with("why", RefusalReason::text(self.why))
     }
 }
 

@@ -14,7 +14,7 @@ fn offset(address: &str) -> u32 {
 
 /// P. 152-154.
 #[test]
-fn addresses_are_the_manuals() {
+fn addresses_match_the_manual() {
     for (name, expected) in [
         ("inputs.I0", "%IW0"),
         ("inputs.S2", "%IB2"),
@@ -48,7 +48,7 @@ fn every_flag_has_an_address() {
 
 /// Vectors T33 and T34: p. 71.
 #[test]
-fn the_words_of_the_slaves_tell_node_and_connector() {
+fn the_numbers_of_slave_words_contain_node_and_connector() {
     for (node, connector, expected) in [(1, 3, "%MW1012"), (2, 8, "%MW1027"), (32, 8, "%MW1327")] {
         let name = format!("slaves.a_SLAVE[{}][{}]", node - 1, connector - 1);
         assert_eq!(address(&name), expected);
@@ -65,7 +65,7 @@ fn there_are_36_system_flags() {
 }
 
 #[test]
-fn the_object_dictionary_is_the_manuals() {
+fn the_object_dictionary_matches_the_manual() {
     // 155 printed rows with index and sub, and the words of the PDOs.
     assert_eq!(DEVICE.objects.len(), 155 + 64);
     let object = |index, sub| DEVICE.object(index, sub).unwrap();

@@ -66,7 +66,7 @@ impl Firmware {
     }
 
     /// Continues started orders.
-    pub(super) fn go_on_with_jobs(&mut self, ctx: &mut Context, controller: &mut Controller) {
+    pub(super) fn continue_jobs(&mut self, ctx: &mut Context, controller: &mut Controller) {
         if !self.under_way.is_empty() {
             self.look_at_jobs(ctx, controller);
         }

@@ -4,16 +4,16 @@ use crate::rules;
 
 rules! {
     SYSTEM_AREA: 70, "system-area", Error, "CS0015 10/1999 p. 154",
-        "A flag of the operating system's area, %MW3968 to %MW4095, that has no name was written. Keep variables elsewhere, for \
-         example from %MW2064 on.";
+        "An unnamed flag of the operating system's area, %MW3968 to %MW4095, was written. Keep variables elsewhere, for example \
+         from %MW2064 on.";
     PWM_OUTPUT: 71, "pwm-output", Error, "CS0015 10/1999 p. 91",
-        "A bit of %QW0 was changed whose output belongs to a group in PWM mode, so it does nothing until the supply is switched \
-         off and on. Switch such an output by PWM with 0 % and 100 %.";
+        "A bit of %QW0 was changed although its output belongs to a group in PWM mode, so the change has no effect until the \
+         supply is switched off and on. Switch such an output by PWM with 0 % and 100 %.";
     PWM_MIXED: 72, "pwm-mixed", Error, "CS0015 10/1999 p. 90-94",
-        "PWM and PWM100 were both used on channels 4 to 7. Take one of them for all four.";
+        "PWM and PWM100 were both used on channels 4 to 7. Use one of them for all four.";
     PWM_FREQUENCY: 73, "pwm-frequency", Error, "CS0015 10/1999 p. 90-94",
-        "Channels 4 to 7 were given different frequencies, and the last one holds for all. Give them the same RELOAD and DIV64, or \
-         the same FREQUENCY.";
+        "Channels 4 to 7 were given different frequencies, and the last one applies to all. Give them the same RELOAD and DIV64, \
+         or the same FREQUENCY.";
     PWM_TOO_FAST: 74, "pwm-too-fast", Warning, "CS0015 10/1999 p. 91",
         "A PWM frequency above 200 Hz, which the output transistors do not follow exactly. Choose 200 Hz at most.";
     SERIAL_MODE: 75, "serial-mode", Error, "CS0015 10/1999 p. 112-114",

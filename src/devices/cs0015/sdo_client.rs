@@ -1,13 +1,13 @@
 //! SDOs of a master: one at a time, each for a place of the job block (p. 69-70).
 
-use crate::devices::canopen::sdo::{Abort, At, Client, Data, Step};
+use crate::devices::canopen::sdo::{Abort, Client, Data, EntryAddress, Step};
 use serde::{Deserialize, Serialize};
 
 /// Time limit for an answer, in us (D-442).
 const PATIENCE_US: u64 = 1_000_000;
 
 /// Result of a transfer: the data read, or the abort code.
-pub(super) type Finished = Result<Vec<u8>, u32>;
+pub(super) type SdoResult = Result<Vec<u8>, u32>;
 
 /// A transfer in progress.
 #[derive(Serialize, Deserialize)]
@@ -23,7 +23,7 @@ struct Transfer {
 pub(super) struct SdoClient {
     transfer: Option<Transfer>,
     /// Result with the place that waits for it.
-    finished: Option<(usize, Finished)>,
+    finished: Option<(usize, SdoResult)>,
 }
 
 impl SdoClient {
@@ -38,12 +38,12 @@ impl SdoClient {
     }
 
     /// Starts to read an entry of at most `most` bytes from a node; returns the frame to send.
-    pub(super) fn read(&mut self, place: usize, node: u8, at: At, most: usize, now: u64) -> Data {
+    pub(super) fn read(&mut self, place: usize, node: u8, at: EntryAddress, most: usize, now: u64) -> Data {
         self.begin(place, node, Client::read(at, most), now)
     }
 
     /// Starts to write an entry of a node; returns the frame to send.
-    pub(super) fn write(&mut self, place: usize, node: u8, at: At, data: &[u8], now: u64) -> Data {
+    pub(super) fn write(&mut self, place: usize, node: u8, at: EntryAddress, data: &[u8], now: u64) -> Data {
         self.begin(place, node, Client::write(at, data), now)
     }
 
@@ -69,12 +69,12 @@ impl SdoClient {
         request
     }
 
-    fn finish(&mut self, finished: Finished) {
+    fn finish(&mut self, finished: SdoResult) {
         self.finished = self.transfer.take().map(|it| (it.place, finished));
     }
 
     /// Takes the result of the transfer for a place.
-    pub(super) fn finished(&mut self, place: usize) -> Option<Finished> {
+    pub(super) fn finished(&mut self, place: usize) -> Option<SdoResult> {
         self.finished.take_if(|(of, _)| *of == place).map(|(_, finished)| finished)
     }
 
@@ -103,16 +103,16 @@ impl SdoClient {
 mod tests {
     use super::*;
 
-    const AT: At = At { index: 0x1008, sub: 0 };
+    const AT: EntryAddress = EntryAddress { index: 0x1008, sub: 0 };
 
     /// A long entry: each answer restarts the time limit, except an answer of another node.
     #[test]
-    fn patience_counts_from_the_last_answer() {
+    fn the_time_limit_counts_from_the_last_answer() {
         let mut client = SdoClient::default();
         client.write(3, 5, AT, &[7; 20], 1_000);
         assert_eq!(client.next_time(), 1_000 + PATIENCE_US);
         let taken = [0x60, 0x08, 0x10, 0, 0, 0, 0, 0];
-        assert!(client.answered(5, taken, 400_000).is_some(), "the first part goes out");
+        assert!(client.answered(5, taken, 400_000).is_some(), "the first part is sent");
         assert_eq!(client.answered(6, taken, 500_000), None);
         let until = 400_000 + PATIENCE_US;
         assert_eq!((client.next_time(), client.due(until - 1)), (until, None));

@@ -11,7 +11,7 @@ const BYTE_US: u64 = 1_042;
 
 /// Results of `SERIAL_RX`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Taken {
+pub(super) struct SerialByte {
     /// RX; 0 without a byte.
     pub byte: u8,
     /// AVAILABLE: number of remaining bytes.
@@ -53,13 +53,13 @@ impl Serial {
     }
 
     /// Runs `SERIAL_RX` (p. 113).
-    pub(super) fn take(&mut self, is_clear: bool) -> Taken {
+    pub(super) fn take(&mut self, is_clear: bool) -> SerialByte {
         if is_clear {
             self.received.clear();
             self.has_overflowed = false;
         }
         let byte = self.received.pop_front().unwrap_or(0);
-        Taken { byte, available: self.pending(), has_overflowed: self.has_overflowed }
+        SerialByte { byte, available: self.pending(), has_overflowed: self.has_overflowed }
     }
 
     /// Runs `SERIAL_PENDING` (p. 114).

@@ -1,17 +1,17 @@
 //! Functions of a CANopen slave (p. 45-51).
 
-use super::communication::{PDOS, PdoConfig, Way};
-use super::jobs::{Answer, Desk, Job, OutOfRange, Outcome, Refusal};
+use super::communication::{PDOS, PdoConfig, PdoDirection};
+use super::jobs::{Answer, Job, JobContext, OutOfRange, Outcome, Refusal};
 use super::node::GuardingConfig;
 use super::registers::values::job;
 use crate::devices::canopen::pdo::Transmission;
 
-pub(super) fn carry_out(desk: Desk, job: &Job) -> Outcome {
+pub(super) fn carry_out(desk: JobContext, job: &Job) -> Outcome {
     match job.function {
         job::NMS_SET_NODEID => nms_set_nodeid(desk, job),
         job::NMS_GUARDING_CONFIG => nms_guarding_config(desk, job),
-        job::PDO_TX_CONFIG => pdo_config(desk, job, Way::Transmit),
-        job::PDO_RX_CONFIG => pdo_config(desk, job, Way::Receive),
+        job::PDO_TX_CONFIG => pdo_config(desk, job, PdoDirection::Transmit),
+        job::PDO_RX_CONFIG => pdo_config(desk, job, PdoDirection::Receive),
         job::PDO_TX_REFRESH => pdo_tx_refresh(desk, job),
         _ => Err(Refusal::Function),
     }
@@ -27,13 +27,13 @@ fn pdo(job: &Job) -> Result<usize, OutOfRange> {
     job.argument(0, 1..=PDOS as u32).map(|pdo| pdo as usize - 1)
 }
 
-fn nms_set_nodeid(desk: Desk, job: &Job) -> Outcome {
+fn nms_set_nodeid(desk: JobContext, job: &Job) -> Outcome {
     let number = job.argument(0, 1..=30)? as u8;
     desk.firmware.node.set_number(number, desk.now);
     Ok(Answer::default())
 }
 
-fn nms_guarding_config(desk: Desk, job: &Job) -> Outcome {
+fn nms_guarding_config(desk: JobContext, job: &Job) -> Outcome {
     let life = job.argument(1, 0..=255)? as u8;
     let config = GuardingConfig { guard_ms: ms(job, 0)?, life, cycle_ms: ms(job, 2)? };
     desk.firmware.node.set_guarding(&config, desk.now);
@@ -41,13 +41,13 @@ fn nms_guarding_config(desk: Desk, job: &Job) -> Outcome {
 }
 
 /// Configures a PDO and resets the communication, which ends the role of master (p. 48).
-fn pdo_config(desk: Desk, job: &Job, way: Way) -> Outcome {
+fn pdo_config(desk: JobContext, job: &Job, way: PdoDirection) -> Outcome {
     let (pdo, id) = (pdo(job)?, job.argument(1, 0..=0x7FF)? as u16);
     let code = job.argument(2, 0..=255)? as u8;
     let kind = Transmission::from_code(code).filter(|_| code != 254).ok_or(OutOfRange)?;
     let inhibit_us = match way {
-        Way::Transmit => u64::from(ms(job, 3)?) * 1000,
-        Way::Receive => 0,
+        PdoDirection::Transmit => u64::from(ms(job, 3)?) * 1000,
+        PdoDirection::Receive => 0,
     };
     let firmware = desk.firmware;
     let id = Some(id).filter(|id| *id != 0 && !firmware.node.is_predefined(way, pdo, *id));
@@ -56,7 +56,7 @@ fn pdo_config(desk: Desk, job: &Job, way: Way) -> Outcome {
     Ok(Answer::default())
 }
 
-fn pdo_tx_refresh(desk: Desk, job: &Job) -> Outcome {
+fn pdo_tx_refresh(desk: JobContext, job: &Job) -> Outcome {
     desk.firmware.node.refresh_pdo(pdo(job)?);
     Ok(Answer::default())
 }

@@ -7,7 +7,7 @@ use crate::journal::Rule;
 use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 
 /// A broken rule: rule, offset, and value.
-pub(super) type Found = (&'static Rule, u32, u32);
+pub(super) type WatchFinding = (&'static Rule, u32, u32);
 
 /// The flags of the operating system without names, at the last check.
 #[derive(Clone, Debug)]
@@ -35,7 +35,7 @@ impl SnapshotFields for Watch {
 
 impl Watch {
     /// Checks these flags; returns a finding for the first changed word.
-    pub(super) fn look(&mut self, registers: &Registers) -> Option<Found> {
+    pub(super) fn look(&mut self, registers: &Registers) -> Option<WatchFinding> {
         let now = registers.unnamed();
         let before = core::mem::replace(&mut self.unnamed, now);
         if before == now {
@@ -49,7 +49,7 @@ impl Watch {
 }
 
 /// Returns a finding if a program has changed one of the outputs that PWM drives.
-pub(super) fn pwm_outputs(before: u16, now: u16, pwm: u16) -> Option<Found> {
+pub(super) fn pwm_outputs(before: u16, now: u16, pwm: u16) -> Option<WatchFinding> {
     let is_changed = (before ^ now) & pwm != 0;
     is_changed.then_some((&rules::PWM_OUTPUT, OUTPUTS as u32, now.into()))
 }

@@ -97,7 +97,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn rates_are_those_of_the_standard() {
+    fn rates_are_the_rates_of_the_standard() {
         for known in BusRate::ALL {
             assert_eq!(rate(f64::from(known.bit_s()) / 1000.0), Some(known));
         }
@@ -107,7 +107,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_refused() {
+    fn wrong_settings_are_refused() {
         let read = |section: &str| {
             let read = ProfibusConfig::read(ValueDeserializer::parse(section).unwrap());
             read.map(|config| config.name().to_owned()).map_err(|error| error.to_string())

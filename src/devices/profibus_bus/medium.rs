@@ -5,10 +5,10 @@
 
 use super::FAMILY;
 use super::config::ProfibusConfig;
+use super::guests;
+use super::guests::{Guests, guest_of};
 use super::port::{Intent, ProfibusPort, ProfibusSocket, Station};
 use super::records::{DpGarbled, DpShort, DpTelegram, short};
-use super::visitors;
-use super::visitors::{Visitors, guest_of};
 use crate::can::ErrorCounters;
 use crate::check::{OwnedWatch, rules};
 use crate::devices::{BuildError, Context, GuestRefusal, Medium, StationState, SyncSignal, World};
@@ -26,7 +26,7 @@ use std::sync::Arc;
 const NEVER: u64 = u64::MAX;
 
 /// A port at the segment.
-struct End {
+struct BusPort {
     origin: Origin,
     base: usize,
     port: Box<dyn ProfibusPort>,
@@ -35,9 +35,9 @@ struct End {
     is_on: bool,
 }
 
-snapshot_fields!(End { values: is_on; parts: port, station, watch; built: origin, base });
+snapshot_fields!(BusPort { values: is_on; parts: port, station, watch; built: origin, base });
 
-impl End {
+impl BusPort {
     /// Runs the firmware at this bit time.
     fn run(
         &mut self,
@@ -54,7 +54,7 @@ impl End {
 
 /// A request with the line reserved for its answer.
 #[derive(Clone, Copy, Serialize, Deserialize)]
-struct Asked {
+struct PendingAnswer {
     sender: usize,
     /// Until this bit time no other station sends a request.
     until: u64,
@@ -62,7 +62,7 @@ struct Asked {
 
 /// The next step on the line.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-enum Step {
+enum LineStep {
     /// The telegram on the line ends.
     End,
     /// The alarm of this port.
@@ -81,9 +81,9 @@ pub struct ProfibusBus {
     /// False for the placeholder of ports that are not plugged in at a segment.
     is_plugged: bool,
     line: Line,
-    ends: Vec<End>,
-    visitors: Visitors,
-    asked: Option<Asked>,
+    ends: Vec<BusPort>,
+    guests: Guests,
+    asked: Option<PendingAnswer>,
     next: u64,
 }
 
@@ -100,7 +100,7 @@ impl ProfibusBus {
             is_plugged: false,
             line: Line::default(),
             ends: Vec::new(),
-            visitors: Visitors::default(),
+            guests: Guests::default(),
             asked: None,
             next: NEVER,
         }
@@ -115,19 +115,19 @@ impl ProfibusBus {
 
     /// Returns the port or guest of a sender on the line.
     fn origin_of(&self, sender: usize) -> Origin {
-        visitors::origin_of(sender).unwrap_or_else(|| self.ends[sender].origin)
+        guests::origin_of(sender).unwrap_or_else(|| self.ends[sender].origin)
     }
 
     /// Returns the next step on the line, and its bit time.
-    fn next_step(&self) -> Option<(u64, Step)> {
+    fn next_step(&self) -> Option<(u64, LineStep)> {
         let on = || self.ends.iter().enumerate().filter(|(_, end)| end.is_on);
-        let ends = self.line.next_end().map(|at| (at, Step::End));
-        let alarms = on().filter_map(|(who, end)| Some((end.station.alarm?, Step::Alarm(who))));
+        let ends = self.line.next_end().map(|at| (at, LineStep::End));
+        let alarms = on().filter_map(|(who, end)| Some((end.station.alarm?, LineStep::Alarm(who))));
         let answers = on().filter_map(|(who, end)| match end.station.intent {
-            Some(Intent::At(at, _)) => Some((at, Step::Begin(who))),
+            Some(Intent::At(at, _)) => Some((at, LineStep::Begin(who))),
             _ => None,
         });
-        let exact = self.visitors.next_exact().map(|(at, who)| (at, Step::Begin(who)));
+        let exact = self.guests.next_exact().map(|(at, who)| (at, LineStep::Begin(who)));
         let step = ends.into_iter().chain(alarms).chain(answers).chain(exact).min();
         // A request waits while a station sends or is about to answer.
         let is_quiet = on().all(|(_, end)| !matches!(end.station.intent, Some(Intent::At(..))));
@@ -136,17 +136,17 @@ impl ProfibusBus {
         let kept = |who| self.asked.filter(|asked| asked.sender != who).map_or(0, |asked| asked.until);
         let requests = on().filter_map(|(who, end)| match end.station.intent {
             Some(Intent::WhenIdle(from, _)) => {
-                Some((from.max(since + SYN_BITS).max(kept(who)), Step::Begin(who)))
+                Some((from.max(since + SYN_BITS).max(kept(who)), LineStep::Begin(who)))
             }
             _ => None,
         });
-        let of_guests = self.visitors.next_idle(since, kept).map(|(at, who)| (at, Step::Begin(who)));
+        let of_guests = self.guests.next_idle(since, kept).map(|(at, who)| (at, LineStep::Begin(who)));
         step.into_iter().chain(requests).chain(of_guests).min()
     }
 
     /// Notifies the port at `place` and all other ports that answer at the same address.
     fn judge_address(&mut self, place: usize, now: u64, journal: &mut Journal) {
-        let address = |end: &End| {
+        let address = |end: &BusPort| {
             let presence = end.port.presence().filter(|presence| end.is_on && presence.answers);
             presence.map(|presence| presence.address)
         };
@@ -180,19 +180,19 @@ impl ProfibusBus {
             return false;
         };
         match step {
-            Step::End => {
+            LineStep::End => {
                 if let Some(sending) = self.line.end(at) {
-                    self.hand_over(now, &sending, journal);
+                    self.deliver(now, &sending, journal);
                 }
             }
-            Step::Alarm(who) => {
+            LineStep::Alarm(who) => {
                 self.ends[who].station.alarm = None;
                 self.ends[who].run(now, at, journal, |port, ctx, station| port.alarm(ctx, station));
             }
-            Step::Begin(who) => {
+            LineStep::Begin(who) => {
                 let octets = match self.ends.get_mut(who) {
                     Some(end) => end.station.intent.take().map(Intent::octets),
-                    None => self.visitors.take(who),
+                    None => self.guests.take(who),
                 };
                 if let Some(octets) = octets {
                     self.judge_pause(who, at, &octets, now, journal);
@@ -221,23 +221,23 @@ impl ProfibusBus {
     }
 
     /// Gives the telegram that has ended to the journal, the guests and the ports.
-    fn hand_over(&mut self, now: u64, sending: &Sending, journal: &mut Journal) {
+    fn deliver(&mut self, now: u64, sending: &Sending, journal: &mut Journal) {
         let Sending { sender, end: at, ref octets, is_garbled, .. } = *sending;
         let (bus, origin) = (self.index, self.origin_of(sender));
         let telegram = Telegram::parse(octets).ok().filter(|_| !is_garbled);
         match &telegram {
             Some(Telegram::Frame(frame)) => {
-                self.visitors.note_address(sender, frame.sa);
+                self.guests.note_address(sender, frame.sa);
                 if FunctionCode::wants_answer(frame.fc) {
-                    self.asked = Some(Asked { sender, until: at + self.slot_bits });
+                    self.asked = Some(PendingAnswer { sender, until: at + self.slot_bits });
                 }
             }
-            Some(Telegram::Token { sa, .. }) => self.visitors.note_address(sender, *sa),
+            Some(Telegram::Token { sa, .. }) => self.guests.note_address(sender, *sa),
             _ => {}
         }
         // Guests do not receive octets from a collision.
         if !is_garbled {
-            self.visitors.tell(sending, now);
+            self.guests.send_to_guests(sending, now);
         }
         match &telegram {
             Some(Telegram::Frame(frame)) => journal.push(now, DpTelegram::new(bus, origin, frame)),
@@ -260,30 +260,20 @@ impl ProfibusBus {
 
 impl SnapshotFields for ProfibusBus {
     fn save(&self, to: &mut Saving) {
-        let Self {
-            index: _,
-            name: _,
-            rate: _,
-            slot_bits: _,
-            is_plugged: _,
-            line,
-            ends,
-            visitors,
-            asked,
-            next,
-        } = self;
+        let Self { index: _, name: _, rate: _, slot_bits: _, is_plugged: _, line, ends, guests, asked, next } =
+            self;
         ends.save(to);
-        visitors.save(to);
+        guests.save(to);
         to.value(&(line, asked, next));
     }
 
     fn restore(&mut self, from: &mut Saved<'_>) -> Result<(), Damaged> {
         self.ends.restore(from)?;
-        self.visitors.restore(from)?;
+        self.guests.restore(from)?;
         (self.line, self.asked, self.next) = from.value()?;
         let is_there = |sender: usize| sender < self.ends.len() || guest_of(sender).is_some();
         from.check(self.line.senders().all(is_there), "sender")?;
-        from.check(self.asked.is_none_or(|asked| is_there(asked.sender)), "who was asked")
+        from.check(self.asked.is_none_or(|asked| is_there(asked.sender)), "sender of the last request")
     }
 }
 
@@ -300,7 +290,7 @@ impl Medium for ProfibusBus {
         let socket = socket.downcast::<ProfibusSocket>().map_err(|_| BuildError::OtherFamily)?;
         let ProfibusSocket { origin, segment, layout, port } = *socket;
         let area = layout.port_numbered(origin.node).ok_or(BuildError::OtherFamily)?.area;
-        self.ends.push(End {
+        self.ends.push(BusPort {
             origin,
             base: area.first as usize,
             port,
@@ -373,10 +363,8 @@ impl Medium for ProfibusBus {
             let presence = end.port.presence()?;
             Some(state(end.origin, Some(presence.address), presence.does))
         });
-        let guests = self
-            .visitors
-            .present()
-            .map(|(number, address)| state(Origin::of_guest(number), address, "guest"));
+        let guests =
+            self.guests.present().map(|(number, address)| state(Origin::of_guest(number), address, "guest"));
         ports.chain(guests).collect()
     }
 
@@ -387,20 +375,20 @@ impl Medium for ProfibusBus {
     }
 
     fn guest_joins(&mut self, guest: u8, _: u64) -> bool {
-        self.visitors.join(guest)
+        self.guests.join(guest)
     }
 
     fn guest_hears(&mut self, guest: u8, ear: Arc<Guest>) {
-        self.visitors.listen(guest, ear);
+        self.guests.listen(guest, ear);
     }
 
     fn guest_leaves(&mut self, guest: u8, now: u64) {
-        self.visitors.leave(guest, self.rate.bits_at(now));
+        self.guests.leave(guest, self.rate.bits_at(now));
         self.plan(now);
     }
 
     fn guest_has_gone(&mut self, guest: u8, now: u64) {
-        self.visitors.give_up_later(guest, self.rate.bits_at(now));
+        self.guests.give_up_later(guest, self.rate.bits_at(now));
         self.plan(now);
     }
 
@@ -411,7 +399,7 @@ impl Medium for ProfibusBus {
         now: u64,
         journal: &mut Journal,
     ) -> Result<(), GuestRefusal> {
-        let taken = self.visitors.say(guest, said, self.rate.bits_at(now), self.rate);
+        let taken = self.guests.say(guest, said, self.rate.bits_at(now), self.rate);
         if let Err(GuestRefusal::TooFarAhead { seconds }) = taken {
             let value = u32::try_from(seconds).unwrap_or(u32::MAX);
             journal.find(now, Finding::at_bus(&rules::GUEST_TIME, self.index, guest, value));

@@ -1,10 +1,10 @@
 //! A PROFIBUS segment of a plant: the line, the stations at it, and its journal events.
 
 mod config;
+mod guests;
 mod medium;
 mod port;
 pub mod records;
-mod visitors;
 
 pub use config::ProfibusConfig;
 pub use medium::ProfibusBus;

@@ -171,7 +171,7 @@ impl EventText for DpShort {
 
 impl EventText for DpGarbled {
     fn text(&self, reader: &mut Reader) -> String {
-        format!("{} octets from {} that nobody understands", self.octets, reader.port(self.sender))
+        format!("{} garbled octets from {}", self.octets, reader.port(self.sender))
     }
 
     fn fields(&self, reader: &mut Reader) -> Fields {
@@ -184,7 +184,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_told_of_a_telegram_is_what_was_sent() {
+    fn an_event_contains_the_telegram_that_was_sent() {
         let frame = Frame { da: 5, sa: 2, fc: 0x6D, dsap: Some(61), ssap: None, data: vec![1, 2, 3, 4, 5] };
         let told = DpTelegram::new(0, Origin { plc: 0, node: 1 }, &frame);
         assert_eq!(

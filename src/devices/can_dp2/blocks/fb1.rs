@@ -34,7 +34,7 @@ const DISABLE: u8 = 5;
 
 /// Step of an initialisation.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-enum Step {
+enum InitialisationStep {
     /// Enables the answers of the device.
     #[default]
     Enable,
@@ -51,7 +51,7 @@ enum Step {
 /// Progress of a list.
 #[derive(Clone, Debug, Default)]
 pub struct List {
-    step: Step,
+    step: InitialisationStep,
     entry: u16,
     transfer: Transfer,
 }
@@ -121,19 +121,21 @@ impl FB1 {
             (self.ret_value, self.internal) = (initialisation::OFF, List::default());
             return;
         }
-        if self.internal.step == Step::Over {
+        if self.internal.step == InitialisationStep::Over {
             return;
         }
         self.ret_value = initialisation::RUNS;
         let next = match self.internal.step {
-            Step::Enable => Some(order(self.rx_id, ENABLE, &[])),
-            Step::Disable(_) | Step::Over => Some(order(self.rx_id, DISABLE, &[])),
-            Step::Answer => Some(order(self.rx_id, RECEIVE, &[])),
-            Step::Request if data_blocks.word(self.init_db, self.place()) == Some(END) => {
-                self.internal.step = Step::Disable(initialisation::DONE);
+            InitialisationStep::Enable => Some(order(self.rx_id, ENABLE, &[])),
+            InitialisationStep::Disable(_) | InitialisationStep::Over => {
+                Some(order(self.rx_id, DISABLE, &[]))
+            }
+            InitialisationStep::Answer => Some(order(self.rx_id, RECEIVE, &[])),
+            InitialisationStep::Request if data_blocks.word(self.init_db, self.place()) == Some(END) => {
+                self.internal.step = InitialisationStep::Disable(initialisation::DONE);
                 return;
             }
-            Step::Request => {
+            InitialisationStep::Request => {
                 let entry = data_blocks.read(self.init_db, self.place());
                 entry.and_then(request).map(|sdo| order(self.tx_id, SEND, &sdo))
             }
@@ -148,16 +150,16 @@ impl FB1 {
     }
 
     fn end(&mut self, result: u16) {
-        (self.ret_value, self.internal.step) = (result, Step::Over);
+        (self.ret_value, self.internal.step) = (result, InitialisationStep::Over);
     }
 
     /// Continues after the window has carried out an order.
     fn done(&mut self, window: [u8; WINDOW], data_blocks: &mut DataBlocks) {
         let id = u16::from_be_bytes([window[0], window[1]]);
         match self.internal.step {
-            Step::Enable => self.internal.step = Step::Request,
-            Step::Request => self.internal.step = Step::Answer,
-            Step::Answer if id == self.rx_id => {
+            InitialisationStep::Enable => self.internal.step = InitialisationStep::Request,
+            InitialisationStep::Request => self.internal.step = InitialisationStep::Answer,
+            InitialisationStep::Answer if id == self.rx_id => {
                 let &[_, _, _, _, command, _, _, _, data @ .., _, _, _, _] = &window;
                 let is_good = match command {
                     0x60 => true,
@@ -166,14 +168,14 @@ impl FB1 {
                 };
                 self.internal.step = if is_good {
                     self.internal.entry += 1;
-                    Step::Request
+                    InitialisationStep::Request
                 } else {
-                    Step::Disable(initialisation::REFUSED | self.internal.entry)
+                    InitialisationStep::Disable(initialisation::REFUSED | self.internal.entry)
                 };
             }
-            Step::Answer => {}
-            Step::Disable(result) => self.end(result),
-            Step::Over => {}
+            InitialisationStep::Answer => {}
+            InitialisationStep::Disable(result) => self.end(result),
+            InitialisationStep::Over => {}
         }
     }
 

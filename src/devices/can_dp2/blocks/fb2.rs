@@ -102,21 +102,21 @@ fn records(data_blocks: &DataBlocks, mut block: u16) -> Option<Vec<[u8; RECORD]>
 }
 
 /// Position of an identifier's data: data block, offset of the length, number of bytes including `force` or `count_in`.
-struct Cell {
+struct DataPosition {
     block: u16,
     offset: usize,
     length: usize,
 }
 
 /// Returns the data positions of all identifiers, from this data block on (p. 66-69).
-fn cells(data_blocks: &DataBlocks, mut block: u16) -> Option<Vec<Cell>> {
+fn cells(data_blocks: &DataBlocks, mut block: u16) -> Option<Vec<DataPosition>> {
     let (mut cells, mut offset) = (Vec::new(), 0);
     loop {
         match data_blocks.read::<1>(block, offset)?[0] {
             END => return Some(cells),
             MORE => (block, offset) = (block.checked_add(1)?, 0),
             length @ 2..=9 => {
-                cells.push(Cell { block, offset, length: length.into() });
+                cells.push(DataPosition { block, offset, length: length.into() });
                 offset += usize::from(length) + 1;
             }
             _ => return None,

@@ -150,14 +150,14 @@ impl FB3 {
         &self,
         data_blocks: &mut DataBlocks,
         list: u16,
-        what: impl Fn(Place<'_>) -> Option<()>,
+        what: impl Fn(MotorPosition<'_>) -> Option<()>,
     ) -> Option<()> {
         let mut of_cell = 0;
         for motor in 0..usize::from(MOTORS) {
             if data_blocks.word(list, motor * IN_LIST)? == 0 {
                 continue;
             }
-            what(Place { data_blocks, data: self.DATEN_DB, of_data: motor * IN_DATA, of_cell })?;
+            what(MotorPosition { data_blocks, data: self.DATEN_DB, of_data: motor * IN_DATA, of_cell })?;
             of_cell += CELL;
         }
         Some(())
@@ -165,7 +165,7 @@ impl FB3 {
 }
 
 /// Positions of a motor's data.
-struct Place<'a> {
+struct MotorPosition<'a> {
     data_blocks: &'a mut DataBlocks,
     data: u16,
     of_data: usize,

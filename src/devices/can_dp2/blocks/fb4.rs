@@ -82,7 +82,7 @@ impl Transfer {
 
 /// Step of an FB4 transfer.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-enum Step {
+enum TransferStep {
     /// Writes the order.
     #[default]
     Write,
@@ -95,7 +95,7 @@ enum Step {
 /// A pulse of FREIGABE.
 #[derive(Clone, Debug, Default)]
 pub struct Pulse {
-    step: Step,
+    step: TransferStep,
     transfer: Transfer,
 }
 
@@ -180,29 +180,29 @@ impl FB4 {
     pub fn call(&mut self, peripherals: &mut Peripherals) {
         if !self.FREIGABE {
             self.TRANSFER_READY = false;
-            self.internal.step = Step::Write;
+            self.internal.step = TransferStep::Write;
             self.internal.transfer.abandon();
             return;
         }
-        if self.internal.step == Step::Write {
+        if self.internal.step == TransferStep::Write {
             self.write(peripherals);
         }
-        if self.internal.step == Step::Read {
+        if self.internal.step == TransferStep::Read {
             self.read(peripherals);
         }
-        self.TRANSFER_READY = self.internal.step == Step::Over;
+        self.TRANSFER_READY = self.internal.step == TransferStep::Over;
     }
 
     /// Writes the order, unless the transfer only reads.
     fn write(&mut self, peripherals: &mut Peripherals) {
         let only_reads = self.READ_ENABLE && (!self.WRITE_ENABLE || self.WRITE_COMMAND == RECEIVE);
         if only_reads {
-            self.internal.step = Step::Read;
+            self.internal.step = TransferStep::Read;
             return;
         }
         let order = if self.WRITE_ENABLE { self.order(self.WRITE_COMMAND) } else { [0; WINDOW] };
         if self.transfer(peripherals, order).is_some() {
-            self.internal.step = if self.READ_ENABLE { Step::Read } else { Step::Over };
+            self.internal.step = if self.READ_ENABLE { TransferStep::Read } else { TransferStep::Over };
         }
     }
 
@@ -214,7 +214,7 @@ impl FB4 {
         (self.READ_DATA0, self.READ_DATA1, self.READ_DATA2, self.READ_DATA3) = (d0, d1, d2, d3);
         (self.READ_DATA4, self.READ_DATA5, self.READ_DATA6, self.READ_DATA7) = (d4, d5, d6, d7);
         (self.READ_LEN, self.READ_FIFO_COUNT, self.READ_COMMAND) = (length, fourteen, fifteen);
-        self.internal.step = Step::Over;
+        self.internal.step = TransferStep::Over;
     }
 
     /// Runs an order for one cycle: returns the answering window once. Without a window at the addresses the transfer
@@ -226,7 +226,7 @@ impl FB4 {
         self.READ_RET_VAL = if has_inputs { 0 } else { NO_WINDOW };
         self.WRITE_RET_VAL = if answer.is_err() && has_inputs { NO_WINDOW } else { 0 };
         if answer.is_err() {
-            self.internal.step = Step::Over;
+            self.internal.step = TransferStep::Over;
         }
         answer.unwrap_or(None)
     }

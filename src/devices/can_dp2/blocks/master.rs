@@ -12,7 +12,7 @@ const DIAG: usize = gsd::MAX_DIAG_DATA_LEN as usize;
 
 /// The next or present request.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-enum Step {
+enum MasterStep {
     /// Finds out whether the slave answers.
     #[default]
     Find,
@@ -28,7 +28,7 @@ enum Step {
 /// Progress of the master.
 #[derive(Clone, Debug, Default)]
 pub struct Master {
-    step: Step,
+    step: MasterStep,
     is_asked: bool,
 }
 
@@ -76,10 +76,12 @@ impl DP_MASTER {
             self.internal.step = self.answered(mst, peripherals);
         }
         let (dsap, octets): (u8, &[u8]) = match self.internal.step {
-            Step::Find | Step::Check | Step::Diagnosis => (mst_dsap::SLAVE_DIAG, &[]),
-            Step::Parameters => (mst_dsap::SET_PRM, &self.PRM),
-            Step::Configuration => (mst_dsap::CHK_CFG, &self.CFG[..usize::from(self.CFG_LEN).min(OCTETS)]),
-            Step::Exchange => {
+            MasterStep::Find | MasterStep::Check | MasterStep::Diagnosis => (mst_dsap::SLAVE_DIAG, &[]),
+            MasterStep::Parameters => (mst_dsap::SET_PRM, &self.PRM),
+            MasterStep::Configuration => {
+                (mst_dsap::CHK_CFG, &self.CFG[..usize::from(self.CFG_LEN).min(OCTETS)])
+            }
+            MasterStep::Exchange => {
                 (mst_dsap::DATA_EXCHANGE, &peripherals.outputs[..usize::from(self.OUTPUT_LEN).min(OCTETS)])
             }
         };
@@ -91,34 +93,41 @@ impl DP_MASTER {
     }
 
     /// Evaluates an ended request; returns the next step.
-    fn answered(&mut self, mst: &Base<CAN_DP2_MST>, peripherals: &mut Peripherals) -> Step {
+    fn answered(&mut self, mst: &Base<CAN_DP2_MST>, peripherals: &mut Peripherals) -> MasterStep {
         let result = mst.mst_result.load();
         let reply = mst.mst_reply.iter().take(mst.mst_reply_len.load().into()).map(|cell| cell.load());
         let step = self.internal.step;
-        let is_diagnosis = matches!(step, Step::Find | Step::Check | Step::Diagnosis);
+        let is_diagnosis = matches!(step, MasterStep::Find | MasterStep::Check | MasterStep::Diagnosis);
         match (step, result) {
             (_, mst_result::DATA | mst_result::DATA_AND_DIAGNOSIS) if is_diagnosis => {
                 self.DIAG = [0; DIAG];
                 self.DIAG.iter_mut().zip(reply).for_each(|(to, from)| *to = from);
                 match step {
-                    Step::Find => Step::Parameters,
-                    Step::Check if self.DIAG[0] & (status_1::CFG_FAULT | status_1::PRM_FAULT) != 0 => {
-                        Step::Find
+                    MasterStep::Find => MasterStep::Parameters,
+                    MasterStep::Check if self.DIAG[0] & (status_1::CFG_FAULT | status_1::PRM_FAULT) != 0 => {
+                        MasterStep::Find
                     }
-                    Step::Check if self.DIAG[0] & status_1::NOT_READY != 0 => Step::Check,
-                    _ => Step::Exchange,
+                    MasterStep::Check if self.DIAG[0] & status_1::NOT_READY != 0 => MasterStep::Check,
+                    _ => MasterStep::Exchange,
                 }
             }
-            (Step::Parameters, mst_result::RECEIPT) => Step::Configuration,
-            (Step::Configuration, mst_result::RECEIPT) => Step::Check,
-            (Step::Exchange, mst_result::DATA | mst_result::DATA_AND_DIAGNOSIS | mst_result::RECEIPT) => {
+            (MasterStep::Parameters, mst_result::RECEIPT) => MasterStep::Configuration,
+            (MasterStep::Configuration, mst_result::RECEIPT) => MasterStep::Check,
+            (
+                MasterStep::Exchange,
+                mst_result::DATA | mst_result::DATA_AND_DIAGNOSIS | mst_result::RECEIPT,
+            ) => {
                 peripherals.inputs.iter_mut().zip(reply).for_each(|(to, from)| *to = from);
                 (self.READY, self.COUNT) = (true, self.COUNT.wrapping_add(1));
-                if result == mst_result::DATA_AND_DIAGNOSIS { Step::Diagnosis } else { Step::Exchange }
+                if result == mst_result::DATA_AND_DIAGNOSIS {
+                    MasterStep::Diagnosis
+                } else {
+                    MasterStep::Exchange
+                }
             }
             _ => {
                 self.READY = false;
-                Step::Find
+                MasterStep::Find
             }
         }
     }

@@ -57,7 +57,7 @@ fn modules_of_the_manual() {
 
 /// Each code of p. 21, with the number of the wrong module.
 #[test]
-fn what_is_wrong_is_told_by_its_code() {
+fn each_fault_has_its_code() {
     let good = [0x83, 5, 2, 3, 0];
     for (octets, code) in [
         (&[0xC3, 5, 2, 3, 0][..], 1),
@@ -84,7 +84,7 @@ fn what_is_wrong_is_told_by_its_code() {
 }
 
 #[test]
-fn windows_are_one_each_way_and_wanted() {
+fn there_is_one_window_in_each_direction_if_enabled() {
     let (input, output) = ([0x43, 0x8F, 0xFF, 0xEF, 0], [0x83, 0x8F, 0xFF, 0xEF, 0]);
     assert!(read(&[input, output].concat()).is_ok());
     assert_eq!(error(&[input, output, input].concat()), (2, 6));
@@ -103,7 +103,7 @@ fn counters_take_an_octet() {
 }
 
 #[test]
-fn a_later_input_has_the_identifier() {
+fn a_later_input_takes_the_identifier_over() {
     let twice = read(&[0x43, 0, 1, 0, 0, 0x43, 0, 1, 0, 0, 0x43, 0, 1, 1, 0]).unwrap();
     let frozen: Vec<bool> = twice
         .modules
@@ -131,7 +131,7 @@ proptest! {
     #![proptest_config(crate::property_tests())]
 
     #[test]
-    fn any_octets_are_good_or_have_a_code(octets in prop::collection::vec(any::<u8>(), 0..=244), window: bool) {
+    fn any_octets_are_valid_or_have_a_code(octets in prop::collection::vec(any::<u8>(), 0..=244), window: bool) {
         match Configuration::parse(&octets, &parameters(if window { 0x80 } else { 0 }, 0)) {
             Ok(it) => prop_assert!(it.inputs + it.outputs <= TOGETHER && it.modules.len() <= MODULES),
             Err(fault) => prop_assert!((1..=6).contains(&(fault.error as u8)) && fault.module <= 48),
@@ -141,7 +141,7 @@ proptest! {
 
 /// Parameters and modules of the device description file are valid.
 #[test]
-fn what_the_description_file_has_is_taken() {
+fn modules_of_the_description_file_are_valid() {
     let mut octets = vec![0x80, 0, 0, 11, 0x04, 0xA4, 0];
     octets.extend(gsd::DEFAULTS);
     octets[9] |= 0x80;

@@ -29,7 +29,7 @@ impl Master {
     }
 
     /// Page `number` with this content: returns its effects and the result.
-    fn page(&mut self, number: u16, carried: &[u8]) -> (Taken, u8) {
+    fn page(&mut self, number: u16, carried: &[u8]) -> (PageEffect, u8) {
         self.counter += 1;
         self.outputs.fill(0);
         for segment in self.pages.outputs.clone() {
@@ -50,7 +50,7 @@ impl Master {
         assert_eq!(master.page(0, &[]).1, 0);
         assert_eq!(master.page(51, &[0, 0, 2, 3, 0, 4, 0, 0, 2, 4, 0, 6, END, END, END, END]).1, 0);
         let (taken, result) = master.page(151, &[0, 0, 3, 1, 0, 6, 0, 0, 3, 2, 0, 4, END, END, END, END]);
-        assert_eq!((taken.has_configured, result, master.pages.phase()), (true, 0, Phase::Data));
+        assert_eq!((taken.has_configured, result, master.pages.phase()), (true, 0, PagePhase::Data));
         master
     }
 
@@ -63,7 +63,7 @@ impl Master {
 /// The sizes of p. 51-53: 82 octets have room for 70, enough for 11 records and a mark; 105 have room for 91, enough
 /// for 13 identifiers with 6 bytes.
 #[test]
-fn what_a_page_carries() {
+fn pages_have_the_sizes_of_the_manual() {
     assert_eq!(carries(&segments(&[32, 32, 18])), 70);
     assert_eq!(((70 - MARK) / RECORD, (70 - MARK) % RECORD), (11, 0));
     assert_eq!(carries(&segments(&[32, 32, 32, 9])), 91);
@@ -75,7 +75,7 @@ fn what_a_page_carries() {
 /// Each segment of a page begins with the page number. The content begins at octet 8 of the first segment and 2 of the
 /// others (p. 55, 59).
 #[test]
-fn page_1_tells_the_sizes() {
+fn page_1_has_the_sizes() {
     let mut master = Master::new(&[32, 18], &[32, 32, 9]);
     assert_eq!(master.page(0, &[]).1, 0);
     let shown = master.pages.shown();
@@ -85,19 +85,22 @@ fn page_1_tells_the_sizes() {
 
 /// Table 6.4.4: the octets of a page with definitions of sent identifiers.
 #[test]
-fn a_page_of_identifiers() {
+fn a_page_with_identifiers_has_the_octets_of_the_manual() {
     let mut master = Master::new(&[32], &[32]);
     master.page(0, &[]);
     let records = [0, 0, 3, 1, 0xB8, 6, 0, 0, 3, 3, 0xB8, 8, END, END, END, END];
     assert_eq!(master.page(51, &records).1, 0);
     assert_eq!(master.outputs[..2], [0, 0x33]);
     assert_eq!(master.outputs[8..20], [0, 0, 3, 1, 0xB8, 6, 0, 0, 3, 3, 0xB8, 8]);
-    assert_eq!((master.pages.tx.len(), master.pages.tx[1].length, master.pages.phase()), (2, 8, Phase::Rx));
+    assert_eq!(
+        (master.pages.tx.len(), master.pages.tx[1].length, master.pages.phase()),
+        (2, 8, PagePhase::Rx)
+    );
 }
 
 /// Tables 6.4.6 and 6.4.7.
 #[test]
-fn outputs_go_out_as_force_says() {
+fn outputs_are_sent_according_to_force() {
     let mut master = Master::configured();
     let first = [2, 0x12, 0x34, 0x56, 0x78, 1, 0xBA, 0x98, 0x76, 0x54, 0x32, 0x10];
     assert_eq!(master.sent(&first), [(0x203, 4), (0x204, 6)]);
@@ -116,13 +119,13 @@ fn outputs_go_out_as_force_says() {
     assert_eq!(once, [true, false, true, false, true]);
     // A page with the same counter is not a new page.
     let again = master.outputs.clone();
-    assert_eq!(master.pages.written(&again, true), Taken::default());
-    assert_eq!(master.pages.written(&[0; 32], true), Taken::default(), "cleared outputs are no page");
+    assert_eq!(master.pages.written(&again, true), PageEffect::default());
+    assert_eq!(master.pages.written(&[0; 32], true), PageEffect::default(), "cleared outputs are not a page");
 }
 
 /// Table 6.4.8: counter and data of each identifier.
 #[test]
-fn frames_stand_on_their_page() {
+fn received_frames_are_on_their_page() {
     let mut master = Master::configured();
     let frame = |id, data: &[u8]| Frame::standard(id, Payload::new(data).unwrap());
     for _ in 0..14 {
@@ -132,13 +135,13 @@ fn frames_stand_on_their_page() {
     master.page(251, &[]);
     let expected = [14, 0x11, 0x22, 0x33, 0x44, 0x55, 0x66, 15, 0x99, 0x88, 0x77, 0x66];
     assert_eq!(master.pages.shown()[8..20], expected);
-    assert_eq!(master.page(252, &[]).1, 0, "a page that has nothing");
+    assert_eq!(master.page(252, &[]).1, 0, "an empty page");
     assert_eq!(master.pages.shown()[8..20], [0; 12]);
 }
 
 /// Pages out of turn and invalid identifiers are reported with the number of the record; such a page has no effect.
 #[test]
-fn wrong_pages_are_told() {
+fn wrong_pages_are_reported() {
     let mut master = Master::new(&[32], &[32]);
     let result = |master: &mut Master, number, carried: &[u8]| {
         let result = master.page(number, carried).1;
@@ -168,7 +171,7 @@ fn wrong_pages_are_told() {
 
 /// If two entries receive the same identifier, the later one is updated (p. 35).
 #[test]
-fn an_identifier_twice() {
+fn a_repeated_identifier_updates_the_later_entry_only() {
     let mut master = Master::new(&[32], &[32]);
     master.page(0, &[]);
     master.page(51, &[END; 4]);
@@ -180,7 +183,7 @@ fn an_identifier_twice() {
 
 /// There are at most 100 pages of each kind of definitions, and 65285 of data (p. 55, 59).
 #[test]
-fn pages_have_an_end() {
+fn the_number_of_pages_is_limited() {
     let mut master = Master::new(&[32], &[32]);
     master.page(0, &[]);
     for number in 51..150 {
@@ -194,7 +197,7 @@ fn pages_have_an_end() {
 
 /// A received identifier must fit on a page of inputs with its format, and no page of inputs follows page 250.
 #[test]
-fn pages_of_what_is_received_have_an_end() {
+fn the_pages_of_received_identifiers_are_limited() {
     let mut master = Master::new(&[32], &[COUNTER + 8]);
     let room = carries(&master.pages.inputs) as u8;
     assert!((2..8).contains(&room), "{room}");

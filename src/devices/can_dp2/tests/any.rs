@@ -37,7 +37,7 @@ fn configuration() -> impl Strategy<Value = Vec<u8>> {
 }
 
 /// Checks for any parameters, configuration and outputs that the slave has a state and a diagnosis with the reason.
-fn a_state_and_a_diagnosis(prm: &[u8], cfg: &[u8], outputs: &[u8]) {
+fn check_state_and_diagnosis(prm: &[u8], cfg: &[u8], outputs: &[u8]) {
     let mut bench = Bench::new(5);
     assert_eq!(bench.ask(61, prm).0, mst_result::RECEIPT);
     let after_prm = bench.diag();
@@ -63,7 +63,7 @@ fn a_state_and_a_diagnosis(prm: &[u8], cfg: &[u8], outputs: &[u8]) {
     let fits = outputs.is_empty() || outputs.len() == usize::from(bench.registers.cfg.output_len.load());
     assert_eq!(result == mst_result::NOT_ACTIVATED, state != dp_state::DATA_EXCHANGE || !fits);
     let after = bench.registers.diag.dp_state.load();
-    assert!((dp_state::WAIT_PRM..=dp_state::DATA_EXCHANGE).contains(&after), "{after} behind outputs");
+    assert!((dp_state::WAIT_PRM..=dp_state::DATA_EXCHANGE).contains(&after), "{after} after outputs");
     let diag = bench.diag();
     assert!([6, 11].contains(&diag.len()), "{diag:02X?}");
     assert_eq!(diag[0] & 0x02 != 0, after != dp_state::DATA_EXCHANGE);
@@ -82,7 +82,7 @@ fn fuzz_dp_slave() {
         };
         let rest = &mut &*rest;
         let (prm, cfg, outputs) = (part(rest, (*prm).into()), part(rest, (*cfg).into()), part(rest, 244));
-        a_state_and_a_diagnosis(&prm, &cfg, &outputs);
+        check_state_and_diagnosis(&prm, &cfg, &outputs);
     });
 }
 
@@ -90,11 +90,11 @@ proptest! {
     #![proptest_config(crate::property_tests())]
 
     #[test]
-    fn any_octets_get_a_state_and_a_diagnosis(
+    fn any_octets_lead_to_a_state_and_a_diagnosis(
         prm in parameters(),
         cfg in configuration(),
         outputs in prop::collection::vec(any::<u8>(), 0..=244),
     ) {
-        a_state_and_a_diagnosis(&prm, &cfg, &outputs);
+        check_state_and_diagnosis(&prm, &cfg, &outputs);
     }
 }

@@ -87,7 +87,7 @@ fn transfer(plc: &mut Plc, block: &mut FB4) {
 /// The orders of p. 77-79: the start frame, an enabled identifier, a received frame. READ_ENABLE reads by itself with
 /// every order, and FREIGABE alone reads without an order.
 #[test]
-fn fb4_gives_orders_by_the_window() {
+fn fb4_sends_orders_over_the_window() {
     for command in [4, 3, 0] {
         let mut plc = Plc::new(0x80, &WINDOWS, 16);
         let mut block =
@@ -125,7 +125,7 @@ fn one_pulse_of_fb4_is_one_transfer() {
 
 /// Frames between two pulses are not lost, at any time.
 #[test]
-fn fb4_loses_nothing_while_it_reads() {
+fn fb4_loses_no_frame_while_it_reads() {
     let mut plc = Plc::new(0x80, &WINDOWS, 16);
     let mut read = FB4 { WRITE_CAN_ID: 0x181, WRITE_COMMAND: 4, ..Default::default() };
     transfer(&mut plc, &mut read);
@@ -292,7 +292,7 @@ fn fb1_initialises_a_device_by_a_list() {
 }
 
 #[test]
-fn fb1_tells_which_entry_was_refused() {
+fn fb1_reports_the_refused_entry() {
     let mut plc = Plc::new(0x80, &WINDOWS, 16);
     plc.refuses = 0x6060;
     plc.blocks.set(99, &list());
@@ -363,7 +363,7 @@ fn fb2_configures_and_exchanges_pages() {
 
 /// Configurations and data continue in the next data block (p. 63-69); the lengths are those of the examples there.
 #[test]
-fn fb2_goes_on_in_the_next_data_block() {
+fn fb2_continues_in_the_next_data_block() {
     let mut plc = Plc::new(0x01, &[0x80, 0x9F, 0x40, 0x9F], 32);
     let records = |first: u8, count: u8, mark: u8| {
         let records = (first..first + count).flat_map(|id| [0, 0, 1, id, 0, 1]);
@@ -395,7 +395,7 @@ fn fb2_goes_on_in_the_next_data_block() {
 }
 
 #[test]
-fn fb2_tells_why_nothing_goes_on() {
+fn fb2_reports_the_reason_of_a_stop() {
     let mut plc = Plc::new(0x01, &[0x80, 0x9F, 0x40, 0x9F], 32);
     data_blocks_of_the_manual(&mut plc.blocks);
     let block = |config| FB2 {

@@ -43,13 +43,13 @@ fn a_master_wakes_up() {
 }
 
 #[test]
-fn in_layer_2_nothing_of_it_counts() {
+fn in_layer_2_canopen_settings_have_no_effect() {
     let mut bench = started(&timed(0x12, 5, 10), 100 * MS);
     assert_eq!(bench.heard(), ["203: 01 01"]);
 }
 
 #[test]
-fn a_slave_waits_to_be_started() {
+fn a_slave_waits_for_its_start_command() {
     let mut bench = started(&timed(0x08, 0, 10), 100 * MS);
     assert_eq!(
         (bench.heard(), bench.registers.can.can_state.load()),
@@ -135,7 +135,7 @@ fn sync_of_the_example() {
 
 /// 255 and 65535 keep the previous value, after power-off too (p. 29-30).
 #[test]
-fn times_are_kept() {
+fn times_are_kept_without_supply() {
     let mut bench = started(&timed(0x04, 1, 30), 10 * MS);
     bench.power(Power::Off);
     bench.power(Power::On);
@@ -290,7 +290,7 @@ fn values_that_mean_the_stored_times_are_put_back() {
 /// frame, the boot-up message and remote frames (p. 28-29; D-675), so no drive receives a control word of 0 during the
 /// parameters.
 #[test]
-fn nothing_is_sent_before_there_are_outputs() {
+fn no_data_are_sent_before_the_first_outputs() {
     // An output with a cycle of 20 ms, one without, an input.
     let cfg = [0x85, 1, 2, 3, 0, 0, 20, 0x83, 0, 2, 4, 0, 0x43, 1, 2, 0x89, 0];
     let asked = "289: remote 2";
@@ -337,7 +337,7 @@ fn nothing_is_sent_before_there_are_outputs() {
 /// P. 30, 39, 44: parameters, octets 4 and 5 of a window's comment and command 20 set the same time. The last one
 /// counts, 0 switches SYNC off, and 16#FFFF keeps the stored time, even if none was stored (D-385).
 #[test]
-fn all_ways_to_a_sync_time_have_the_same_rule() {
+fn all_sources_of_a_sync_time_have_the_same_rule() {
     for stored in [0, 20] {
         for (time, then) in [(0, 0), (10, 10), (0xFFFE, 0xFFFE), (0xFFFF, stored)] {
             let [high, low] = u16::to_be_bytes(time);
@@ -396,6 +396,6 @@ fn sync_objects_do_not_pile_up() {
         let time = u64::from(sync) * MS;
         assert!(gaps.iter().all(|gap| *gap + MS / 2 >= time), "{gaps:?}");
         assert!(gaps.iter().filter(|gap| **gap > 2 * time).count() == 1, "{gaps:?}");
-        assert!(syncs.len() > 60 / usize::from(sync), "it goes on: {syncs:?}");
+        assert!(syncs.len() > 60 / usize::from(sync), "SYNC continues: {syncs:?}");
     }
 }

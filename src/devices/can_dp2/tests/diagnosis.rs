@@ -53,7 +53,7 @@ fn wrong_parameters() {
     bench.ask(61, &others);
     assert_eq!(bench.diag(), [0x5A, 0x05, 0x00, 0xFF, 0x04, 0xA4, 5, 4, 0x3D, 4, 4]);
     bench.ask(61, &prm(0, 0));
-    assert_eq!(bench.diag(), [0x02, 0x04, 0x00, 1, 0x04, 0xA4], "nothing of it is left");
+    assert_eq!(bench.diag(), [0x02, 0x04, 0x00, 1, 0x04, 0xA4], "the fault is gone");
 }
 
 /// Bits 2 and 3, 3E with the number of the module and a code; LED E shows that the slave waits for a configuration
@@ -97,7 +97,7 @@ fn a_wrong_configuration_ends_data_exchange() {
 /// With CAN-Diagnosis the state of the bus follows, and a change of the state or a counter gives an answer of high
 /// priority (p. 20, 29).
 #[test]
-fn frames_that_are_lost_are_told() {
+fn lost_frames_are_reported() {
     let window = [0x43, 0x8F, 0xFF, 0xEF, 0, 0x83, 0x8F, 0xFF, 0xEF, 0];
     let mut bench = Bench::exchanging(0x80, 1, &window);
     assert_eq!(bench.diag(), [0x00, 0x04, 0x00, 1, 0x04, 0xA4, 5, 4, 0x00, 0, 0]);
@@ -126,7 +126,7 @@ fn states_of_the_can_bus() {
     bench.exchange(&[1, 2]);
     bench.run(50 * MS);
     assert_eq!((bench.registers.can.bus_state.load(), bench.front(FRONT_LED_C)), (0x80, 3));
-    assert_eq!(bench.registers.diag.ext_cause.load(), 0x80, "nobody has asked meanwhile");
+    assert_eq!(bench.registers.diag.ext_cause.load(), 0x80, "no request in between");
     assert_eq!(bench.ask(255, &[1, 2]).0, mst_result::DATA_AND_DIAGNOSIS);
     assert_eq!(bench.diag(), [0x08, 0x04, 0x00, 1, 0x04, 0xA4, 5, 4, 0x80, 0, 0]);
     // Another station is present again: the frame arrives, and the counter falls.
@@ -192,7 +192,7 @@ fn the_four_states_of_the_bus() {
 
 /// Without CAN-Diagnosis only LED C shows the state (p. 29).
 #[test]
-fn without_can_diagnosis_the_led_alone_tells() {
+fn without_can_diagnosis_only_the_led_shows_the_state() {
     let mut bench = Bench::exchanging(0, 0, &CFG);
     bench.run(MS);
     bench.fault("error_frame", 14);

@@ -5,7 +5,7 @@ use super::*;
 const WINDOWS: [u8; 10] = [0x83, 0x8F, 0xFF, 0xEF, 0, 0x43, 0x8F, 0xFF, 0xEF, 0];
 
 #[test]
-fn outputs_go_out_when_they_change() {
+fn outputs_are_sent_when_they_change() {
     let mut bench = Bench::exchanging(0, 0, &CFG);
     assert_eq!(bench.exchange(&[0, 0]), [0, 0]);
     bench.run(10 * MS);
@@ -25,7 +25,7 @@ fn outputs_go_out_when_they_change() {
 }
 
 #[test]
-fn freeze_and_sync_are_passed_over() {
+fn freeze_and_sync_are_ignored() {
     let mut bench = Bench::exchanging(0, 0, &CFG);
     assert_eq!(bench.ask(58, &[0x28, 0]).0, mst_result::SENT);
     bench.exchange(&[1, 2]);
@@ -81,7 +81,7 @@ fn identifiers_of_29_bits() {
 }
 
 #[test]
-fn cyclic_outputs_come_again() {
+fn cyclic_outputs_are_repeated() {
     let mut bench = Bench::exchanging(0, 0, &[0x85, 0, 2, 3, 0, 0, 50]);
     bench.exchange(&[1]);
     bench.run(10 * MS);
@@ -112,7 +112,7 @@ fn counters() {
 }
 
 #[test]
-fn of_two_inputs_with_one_identifier_the_later_one_lives() {
+fn the_later_of_two_inputs_with_one_identifier_is_updated() {
     let mut bench = Bench::exchanging(0, 0, &[0x83, 0, 7, 0xF8, 0, 0x43, 0, 1, 0, 0, 0x43, 0, 1, 0, 0]);
     bench.run(MS);
     bench.send(data(0x100, &[9]));
@@ -122,7 +122,7 @@ fn of_two_inputs_with_one_identifier_the_later_one_lives() {
 }
 
 #[test]
-fn without_an_output_nothing_happens_on_can() {
+fn without_an_output_can_is_not_used() {
     let mut bench = Bench::exchanging(0, 0, &[0x43, 0, 1, 0, 0]);
     bench.run(MS);
     bench.send(data(0x100, &[9]));
@@ -132,7 +132,7 @@ fn without_an_output_nothing_happens_on_can() {
 }
 
 #[test]
-fn another_bit_rate_is_heard_by_nobody() {
+fn frames_at_another_bit_rate_are_not_received() {
     let mut bench = Bench::new(5);
     let mut fast = prm(0, 0);
     fast[8] = 0;
@@ -145,7 +145,7 @@ fn another_bit_rate_is_heard_by_nobody() {
 
 /// The examples of p. 46-49.
 #[test]
-fn a_communication_window() {
+fn a_communication_window_follows_the_examples() {
     let mut bench = Bench::exchanging(0x80, 0, &WINDOWS);
     let window = |id: [u8; 2], data: [u8; 8], length: u8, counter: u8, command: u8| {
         let mut window = [0; 16];
@@ -177,7 +177,7 @@ fn a_communication_window() {
 
 /// No station acknowledges: the number of waiting frames is limited, and lost frames are counted (D-390).
 #[test]
-fn what_waits_to_be_sent_has_an_end() {
+fn the_number_of_waiting_frames_is_limited() {
     let mut bench = Bench::exchanging(0, 0, &CFG);
     let &(bus, station) = bench.places.last().unwrap();
     bench.buses[bus].power_off(station, bench.now, &mut bench.journal);

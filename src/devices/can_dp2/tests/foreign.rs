@@ -168,7 +168,7 @@ fn exchanges_at(rate: profirust::Baudrate) {
 }
 
 #[test]
-fn it_exchanges_data_at_slow_rates() {
+fn a_foreign_master_exchanges_data_at_slow_rates() {
     use profirust::Baudrate;
     for rate in [Baudrate::B9600, Baudrate::B19200, Baudrate::B45450, Baudrate::B93750, Baudrate::B187500] {
         exchanges_at(rate);
@@ -176,7 +176,7 @@ fn it_exchanges_data_at_slow_rates() {
 }
 
 #[test]
-fn it_exchanges_data_at_fast_rates() {
+fn a_foreign_master_exchanges_data_at_fast_rates() {
     use profirust::Baudrate;
     for rate in
         [Baudrate::B500000, Baudrate::B1500000, Baudrate::B3000000, Baudrate::B6000000, Baudrate::B12000000]
@@ -186,7 +186,7 @@ fn it_exchanges_data_at_fast_rates() {
 }
 
 #[test]
-fn it_is_told_wrong_parameters() {
+fn a_foreign_master_sees_wrong_parameters() {
     let mut ring = Ring::new(profirust::Baudrate::B500000, &[0, 14, 0, 1, 1, 0, 0, 0, 0], &CFG);
     ring.until("a diagnosis", |ring| !ring.own_diagnosis().is_empty());
     assert_eq!(ring.own_diagnosis(), [5, 4, 0x3D, 8, 6]);
@@ -195,7 +195,7 @@ fn it_is_told_wrong_parameters() {
 }
 
 #[test]
-fn it_is_told_a_wrong_configuration() {
+fn a_foreign_master_sees_a_wrong_configuration() {
     let mut ring =
         Ring::new(profirust::Baudrate::B500000, &USER, &[0x83, 1, 2, 3, 0, 0x43, 0x41, 2, 0x89, 0]);
     ring.until("a diagnosis", |ring| !ring.own_diagnosis().is_empty());
@@ -205,7 +205,7 @@ fn it_is_told_a_wrong_configuration() {
 }
 
 #[test]
-fn it_is_told_of_the_can_bus() {
+fn a_foreign_master_sees_the_state_of_the_can_bus() {
     let mut ring = Ring::new(profirust::Baudrate::B500000, &USER, &CFG);
     ring.until("data exchange", |ring| ring.peripheral().is_running());
     ring.events.clear();
@@ -217,7 +217,7 @@ fn it_is_told_of_the_can_bus() {
 }
 
 #[test]
-fn it_is_missed_by_the_watchdog_and_comes_back() {
+fn the_watchdog_notices_a_missing_foreign_master() {
     let mut ring = Ring::new(profirust::Baudrate::B500000, &USER, &CFG);
     ring.until("data exchange", |ring| ring.peripheral().is_running());
     let end = ring.now + 600_000;
@@ -226,6 +226,8 @@ fn it_is_missed_by_the_watchdog_and_comes_back() {
     }
     assert_eq!(ring.registers.diag.dp_state.load(), dp_state::BAUD_SEARCH);
     ring.events.clear();
-    ring.until("it has noticed", |ring| ring.registers.diag.dp_state.load() == dp_state::DATA_EXCHANGE);
+    ring.until("the watchdog has run out", |ring| {
+        ring.registers.diag.dp_state.load() == dp_state::DATA_EXCHANGE
+    });
     ring.until("data exchange", |ring| ring.events.contains(&PeripheralEvent::DataExchanged));
 }

@@ -86,7 +86,7 @@ impl Foreign {
 }
 
 #[test]
-fn a_foreign_master_has_the_slave() {
+fn a_foreign_master_commands_the_slave() {
     let mut bench = Bench::new(5);
     let mut master = Foreign::come(&mut bench, 2);
     master.commission(&mut bench);
@@ -108,7 +108,7 @@ fn a_second_master_reads_inputs_outputs_and_configuration() {
     assert_eq!(second.data(&mut bench, 56), [0xAB, 0xCD], "RD_Inp");
     assert_eq!(second.data(&mut bench, 57), [0x12, 0x34], "RD_Outp");
     assert_eq!(second.data(&mut bench, 59), CFG, "Get_Cfg");
-    assert_eq!(second.data(&mut bench, 60)[..4], [0x80, 4, 0, 1], "it is locked by master 1");
+    assert_eq!(second.data(&mut bench, 60)[..4], [0x80, 4, 0, 1], "the slave is locked by master 1");
     assert_eq!(bench.exchange(&[0x12, 0x35]), [0xAB, 0xCD]);
     // Outside data exchange inputs cannot be read.
     let mut bench = Bench::new(5);
@@ -122,7 +122,7 @@ fn a_second_master_reads_inputs_outputs_and_configuration() {
 }
 
 #[test]
-fn what_has_a_time_is_on_the_line_at_that_bit() {
+fn a_telegram_with_a_time_begins_at_that_bit() {
     let mut bench = Bench::new(5);
     let mut master = Foreign::come(&mut bench, 2);
     master.commission(&mut bench);
@@ -134,7 +134,7 @@ fn what_has_a_time_is_on_the_line_at_that_bit() {
     assert_eq!(listener.hear(), Some(Burst { begin, octets }));
     let answer = master.hear().unwrap();
     assert_eq!((answer.begin, Some(&answer)), (end + MIN_TSDR_BITS, listener.hear().as_ref()));
-    assert_eq!((master.hear(), listener.hear()), (None, None), "nobody hears himself");
+    assert_eq!((master.hear(), listener.hear()), (None, None), "a guest does not hear its own telegrams");
     // A time in the past means now.
     master.say(&mut bench, 1, &[0xDC, 2, 2]);
     let now = bits(bench.now);
@@ -143,7 +143,7 @@ fn what_has_a_time_is_on_the_line_at_that_bit() {
 }
 
 #[test]
-fn what_has_none_waits_for_an_idle_line() {
+fn a_telegram_without_a_time_waits_for_an_idle_line() {
     let mut bench = Bench::new(5);
     let (one, other, listener) =
         (Foreign::come(&mut bench, 2), Foreign::come(&mut bench, 3), Foreign::come(&mut bench, 4));
@@ -165,7 +165,7 @@ fn what_has_none_waits_for_an_idle_line() {
 }
 
 #[test]
-fn nobody_is_told_what_two_said_at_once() {
+fn collisions_are_not_passed_to_guests() {
     let mut bench = Bench::new(5);
     let (one, other, listener) =
         (Foreign::come(&mut bench, 2), Foreign::come(&mut bench, 3), Foreign::come(&mut bench, 4));
@@ -182,7 +182,7 @@ fn nobody_is_told_what_two_said_at_once() {
 
 /// Between a request and the end of its slot no other station sends a request.
 #[test]
-fn the_line_is_kept_for_an_answer() {
+fn the_line_is_reserved_for_an_answer() {
     for (factor, slot_bits) in [(1, 200), (50, 10_000)] {
         let mut bench = Bench::with_segment(5, &format!("kbit_s = 500, slot_factor = {factor}"));
         let (one, other) = (Foreign::come(&mut bench, 2), Foreign::come(&mut bench, 3));
@@ -225,7 +225,7 @@ fn an_answer_does_not_wait_for_the_end_of_its_slot() {
 /// The line is idle for 33 bits (T_SYN) before a request, and for 11 before an answer: a guest's telegram with an
 /// earlier bit time is reported.
 #[test]
-fn a_telegram_that_begins_too_soon_is_found() {
+fn a_telegram_that_begins_too_soon_is_reported() {
     use crate::check::rules::GUEST_EARLY;
     for (pause, octets, is_early) in [
         (11, &[0x10, 5, 2, 0x49, 0x50, 0x16][..], true),
@@ -266,14 +266,14 @@ fn a_telegram_for_a_distant_time_is_refused() {
     }
     master.say(&mut bench, 0, &[0xDC, 2, 2]);
     bench.run(MS);
-    assert!(listener.hear().is_some(), "what it says afterwards is heard");
+    assert!(listener.hear().is_some(), "later telegrams are sent");
     master.say(&mut bench, most, &[0xDC, 2, 2]);
 }
 
 /// A DP slave has SRD and SDN. It refuses SDA with a code and without data, and ignores a request with a reserved bit
 /// (D-679).
 #[test]
-fn services_that_no_dp_slave_has_get_no_data() {
+fn unsupported_services_get_no_data() {
     let mut bench = Bench::exchanging(0, 0, &CFG);
     let master = Foreign::come(&mut bench, 2);
     for sap in [None, Some(60), Some(56), Some(61)] {
@@ -306,7 +306,7 @@ fn services_that_no_dp_slave_has_get_no_data() {
 
 /// The watchdog of a slave after its master has left.
 #[test]
-fn a_master_that_dies_leaves_its_slaves_to_their_watchdog() {
+fn the_watchdog_stops_a_slave_without_its_master() {
     let mut bench = Bench::new(5);
     let mut master = Foreign::come(&mut bench, 2);
     master.commission(&mut bench);
@@ -319,22 +319,22 @@ fn a_master_that_dies_leaves_its_slaves_to_their_watchdog() {
     let refusal = bench.buses[0].guest_sends(2, &said, now, &mut bench.journal);
     assert_eq!(refusal, Err(GuestRefusal::NotHere));
     bench.run(60 * MS);
-    assert_eq!(bench.registers.outputs(2), [3, 4], "what it has said before counts");
+    assert_eq!(bench.registers.outputs(2), [3, 4], "earlier telegrams are still sent");
     assert_eq!(bench.registers.diag.dp_state.load(), dp_state::DATA_EXCHANGE);
     bench.run(60 * MS);
     assert_eq!(bench.registers.diag.dp_state.load(), dp_state::BAUD_SEARCH);
     assert_eq!(bench.registers.outputs(2), [0, 0]);
-    assert_eq!(master.hear(), None, "its ear is closed");
+    assert_eq!(master.hear(), None, "the guest has left");
 }
 
 /// A master passes the token to itself, or to another one: slaves hear it and ignore it.
 #[test]
-fn tokens_disturb_nobody() {
+fn slaves_ignore_tokens() {
     let mut bench = Bench::new(5);
     let (mut one, mut other) = (Foreign::come(&mut bench, 2), Foreign::come(&mut bench, 3));
     one.say(&mut bench, 0, &[0xDC, 2, 2]);
     bench.run(MS);
-    assert_eq!(bench.registers.diag.dp_state.load(), dp_state::BAUD_CONTROL, "a token tells the rate, too");
+    assert_eq!(bench.registers.diag.dp_state.load(), dp_state::BAUD_CONTROL, "a token gives the rate, too");
     assert!(other.hear().is_some());
     one.commission(&mut bench);
     while other.hear().is_some() {}
@@ -354,7 +354,7 @@ fn tokens_disturb_nobody() {
 }
 
 #[test]
-fn a_guest_says_octets_only_and_has_room_for_so_many() {
+fn a_guest_sends_octets_only_and_its_queue_is_limited() {
     let mut bench = Bench::new(5);
     let guest = Foreign::come(&mut bench, 2);
     let (journal, bus) = (&mut bench.journal, &mut bench.buses[0]);

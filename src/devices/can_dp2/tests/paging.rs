@@ -30,7 +30,7 @@ fn configured(flags: u8) -> Bench {
 }
 
 #[test]
-fn identifiers_come_and_go_by_pages() {
+fn identifiers_are_exchanged_by_pages() {
     let mut bench = configured(0x01);
     bench.exchange(&page(251, 4, &[2, 0x12, 0x34]));
     bench.send(data(0x301, &[0x55, 0x66]));
@@ -53,7 +53,7 @@ fn identifiers_come_and_go_by_pages() {
 /// A CANopen master sends one remote frame for each input of its pages, as for modules (p. 29); outputs wait for their
 /// pages.
 #[test]
-fn a_canopen_master_asks_for_its_pages() {
+fn a_canopen_master_requests_the_inputs_of_its_pages() {
     let mut bench = configured(0x07);
     assert_eq!(bench.heard(), ["0: 01 00", "301: remote 2"]);
     assert_eq!(configured(0x17).heard(), ["0: 01 00"]);
@@ -78,7 +78,7 @@ fn a_window_in_the_last_two_segments() {
 
 /// The rules of p. 54, with the codes of p. 21.
 #[test]
-fn segments_that_cannot_be() {
+fn invalid_segments_are_refused() {
     let mut bench = Bench::new(5);
     bench.ask(61, &prm(0x81, 0));
     for (cfg, module, code) in [

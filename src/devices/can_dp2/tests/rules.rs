@@ -87,7 +87,7 @@ fn a_master_that_asks_nothing_shares_no_address() {
 /// P. 39: one module in each direction, consistent over the whole length, form 00; figure 6.4.2 has it without
 /// identifiers in page mode.
 #[test]
-fn each_way_to_a_wrong_window_is_found() {
+fn each_wrong_window_is_reported() {
     let (input, output) = ([0x43, 0x8F, 0xFF, 0xEF, 0], [0x83, 0x8F, 0xFF, 0xEF, 0]);
     let is_found = |cfg: &[u8], number: usize| {
         let found = [("dp-window", at(&format!("cfg.module[{number}].id")))];

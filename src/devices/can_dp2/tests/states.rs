@@ -15,7 +15,7 @@ fn switches_give_the_address() {
 }
 
 #[test]
-fn switches_count_at_power_on_only() {
+fn switches_are_read_at_power_on_only() {
     let mut bench = Bench::new(5);
     bench.registers.shown(FRONT_SWITCHES).store(7);
     bench.run(MS);
@@ -28,7 +28,7 @@ fn switches_count_at_power_on_only() {
 
 /// LED E has a code for each state (p. 15).
 #[test]
-fn the_way_to_data_exchange() {
+fn states_up_to_data_exchange_follow_the_manual() {
     let mut bench = Bench::new(5);
     let state = |bench: &Bench| (bench.registers.diag.dp_state.load(), bench.front(FRONT_LED_E));
     assert_eq!(state(&bench), (dp_state::BAUD_SEARCH, 1));
@@ -51,7 +51,7 @@ fn the_way_to_data_exchange() {
 }
 
 #[test]
-fn a_telegram_for_somebody_else_tells_the_rate_only() {
+fn a_telegram_for_another_station_gives_the_rate_only() {
     let mut bench = Bench::new(5);
     // Global_Control goes to all stations, and no station answers.
     assert_eq!(bench.ask(58, &[0, 0]).0, mst_result::SENT);
@@ -61,7 +61,7 @@ fn a_telegram_for_somebody_else_tells_the_rate_only() {
 }
 
 #[test]
-fn services_that_are_refused() {
+fn unknown_services_are_refused() {
     let mut bench = Bench::exchanging(0, 0, &CFG);
     assert_eq!(bench.ask(55, &[1, 2, 3, 4]).0, mst_result::NOT_ACTIVATED, "Set_Slave_Add");
     let mut waiting = Bench::new(5);
@@ -71,7 +71,7 @@ fn services_that_are_refused() {
 }
 
 #[test]
-fn a_request_that_is_none_is_answered_at_once() {
+fn an_invalid_request_is_answered_at_once() {
     let mut bench = Bench::new(5);
     for (dsap, address, length) in [(10, 1, 0), (60, 127, 0), (61, 1, 245)] {
         bench.mst.mst_address.store(address);
@@ -85,7 +85,7 @@ fn a_request_that_is_none_is_answered_at_once() {
 }
 
 #[test]
-fn nobody_answers_without_power() {
+fn a_slave_without_power_does_not_answer() {
     let mut bench = Bench::new(5);
     let (bus, place) = bench.places[0];
     bench.buses[bus].power_off(place, bench.now, &mut bench.journal);
@@ -142,14 +142,14 @@ fn no_cyclic_output_outlives_data_exchange() {
 }
 
 #[test]
-fn other_masters_wait_until_it_is_unlocked() {
+fn other_masters_wait_until_the_slave_is_unlocked() {
     let mut bench = Bench::exchanging(0, 0, &CFG);
     bench.mst.mst_address.store(2);
     assert_eq!(bench.ask(61, &prm(0, 0)).0, mst_result::RECEIPT);
-    assert_eq!(bench.diag(), [0x80, 0x04, 0x00, 1, 0x04, 0xA4], "bit 7: somebody else's");
+    assert_eq!(bench.diag(), [0x80, 0x04, 0x00, 1, 0x04, 0xA4], "bit 7: locked by another master");
     assert_eq!(bench.ask(255, &[9, 9]).0, mst_result::NOT_ACTIVATED);
     assert_eq!(bench.ask(62, &[0]).0, mst_result::RECEIPT);
-    assert_eq!(bench.diag()[..2], [0x80, 0x04], "not looked at");
+    assert_eq!(bench.diag()[..2], [0x80, 0x04], "ignored");
     bench.mst.mst_address.store(1);
     let mut unlock = prm(0, 0);
     unlock[0] = 0x40;
@@ -161,7 +161,7 @@ fn other_masters_wait_until_it_is_unlocked() {
 }
 
 #[test]
-fn parameters_in_data_exchange_begin_anew() {
+fn parameters_in_data_exchange_restart_it() {
     let mut bench = Bench::exchanging(0, 0, &CFG);
     bench.exchange(&[1, 2]);
     bench.ask(61, &prm(0, 0));

@@ -1,6 +1,6 @@
 //! SDO client: reads or writes one entry of a server, expedited or in segments.
 
-use super::{Abort, At, Data, EXPEDITED, SIZED, TOGGLE, first};
+use super::{Abort, Data, EXPEDITED, EntryAddress, SIZED, TOGGLE, first};
 use serde::{Deserialize, Serialize};
 
 /// Result of an answer.
@@ -20,7 +20,7 @@ pub enum Step {
 
 /// Phase of a transfer.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-enum Transfer {
+enum ClientPhase {
     /// The client waits for the first answer to a read.
     Read,
     /// Segments of a read.
@@ -34,32 +34,32 @@ enum Transfer {
 /// A transfer as its client sees it.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Client {
-    at: At,
+    at: EntryAddress,
     /// Most bytes that can be read.
     most: usize,
     toggle: bool,
-    transfer: Transfer,
+    transfer: ClientPhase,
 }
 
 impl Client {
     /// Starts to read an entry of at most `most` bytes: returns the transfer and its first frame.
     #[must_use]
-    pub fn read(at: At, most: usize) -> (Self, Data) {
-        (Client { at, most, toggle: false, transfer: Transfer::Read }, first(0x40, at, [0; 4]))
+    pub fn read(at: EntryAddress, most: usize) -> (Self, Data) {
+        (Client { at, most, toggle: false, transfer: ClientPhase::Read }, first(0x40, at, [0; 4]))
     }
 
     /// Starts to write an entry: returns the transfer and its first frame.
     #[must_use]
-    pub fn write(at: At, data: &[u8]) -> (Self, Data) {
+    pub fn write(at: EntryAddress, data: &[u8]) -> (Self, Data) {
         let of = |transfer| Client { at, most: 0, toggle: false, transfer };
         let mut four = [0; 4];
         if let (1..=4, Some(place)) = (data.len(), four.get_mut(..data.len())) {
             place.copy_from_slice(data);
             let unused = (4 - data.len()) as u8;
-            return (of(Transfer::Write), first(0x20 | unused << 2 | EXPEDITED | SIZED, at, four));
+            return (of(ClientPhase::Write), first(0x20 | unused << 2 | EXPEDITED | SIZED, at, four));
         }
         let length = (data.len() as u32).to_le_bytes();
-        let transfer = Transfer::WriteSegments { rest: data.to_vec(), is_first: true };
+        let transfer = ClientPhase::WriteSegments { rest: data.to_vec(), is_first: true };
         (of(transfer), first(0x20 | SIZED, at, length))
     }
 
@@ -76,22 +76,23 @@ impl Client {
     /// Handles an answer of the server.
     pub fn answered(&mut self, answer: Data) -> Step {
         let [command, low, high, sub, rest @ ..] = answer;
-        let is_of_this = At { index: u16::from_le_bytes([low, high]), sub } == self.at;
+        let is_of_this = EntryAddress { index: u16::from_le_bytes([low, high]), sub } == self.at;
         let step = match (command >> 5, &mut self.transfer) {
             (4, _) => return Step::Aborted(u32::from_le_bytes(rest)),
-            (2, Transfer::Read) | (3, Transfer::Write | Transfer::WriteSegments { is_first: true, .. })
+            (2, ClientPhase::Read)
+            | (3, ClientPhase::Write | ClientPhase::WriteSegments { is_first: true, .. })
                 if !is_of_this =>
             {
                 return Step::Ignored;
             }
-            (2, Transfer::Read) => self.begin(command, rest),
-            (0, Transfer::ReadSegments { .. }) => self.segment(answer),
-            (3, Transfer::Write) => Ok(Step::Done(Vec::new())),
-            (3, Transfer::WriteSegments { is_first, .. }) if *is_first => {
+            (2, ClientPhase::Read) => self.begin(command, rest),
+            (0, ClientPhase::ReadSegments { .. }) => self.segment(answer),
+            (3, ClientPhase::Write) => Ok(Step::Done(Vec::new())),
+            (3, ClientPhase::WriteSegments { is_first, .. }) if *is_first => {
                 *is_first = false;
                 Ok(self.next_segment())
             }
-            (1, Transfer::WriteSegments { is_first: false, .. }) => self.segment_taken(command),
+            (1, ClientPhase::WriteSegments { is_first: false, .. }) => self.segment_taken(command),
             _ => Err(Abort::Command),
         };
         step.unwrap_or_else(|abort| Step::Failed(abort, self.abort(abort)))
@@ -109,13 +110,13 @@ impl Client {
         if announced.is_some_and(|bytes| bytes > self.most) {
             return Err(Abort::Memory);
         }
-        self.transfer = Transfer::ReadSegments { data: Vec::new(), announced };
+        self.transfer = ClientPhase::ReadSegments { data: Vec::new(), announced };
         Ok(Step::Send([0x60, 0, 0, 0, 0, 0, 0, 0]))
     }
 
     fn segment(&mut self, answer: Data) -> Result<Step, Abort> {
         let [command, segment @ ..] = answer;
-        let Transfer::ReadSegments { data, announced } = &mut self.transfer else {
+        let ClientPhase::ReadSegments { data, announced } = &mut self.transfer else {
             return Err(Abort::Command);
         };
         if (command & TOGGLE != 0) != self.toggle {
@@ -135,7 +136,7 @@ impl Client {
 
     /// Returns the next segment of a write, with its toggle bit.
     fn next_segment(&mut self) -> Step {
-        let Transfer::WriteSegments { rest, .. } = &mut self.transfer else { return Step::Ignored };
+        let ClientPhase::WriteSegments { rest, .. } = &mut self.transfer else { return Step::Ignored };
         let count = rest.len().min(7);
         let mut request = [0; 8];
         request[1..=count].copy_from_slice(&rest[..count]);
@@ -149,7 +150,7 @@ impl Client {
         if (command & TOGGLE != 0) != self.toggle {
             return Err(Abort::Toggle);
         }
-        let Transfer::WriteSegments { rest, .. } = &self.transfer else { return Err(Abort::Command) };
+        let ClientPhase::WriteSegments { rest, .. } = &self.transfer else { return Err(Abort::Command) };
         if rest.is_empty() {
             return Ok(Step::Done(Vec::new()));
         }

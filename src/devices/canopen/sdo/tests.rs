@@ -3,9 +3,9 @@
 use super::*;
 use proptest::prelude::*;
 
-const BYTE: At = At { index: 0x2000, sub: 1 };
-const BLOCK: At = At { index: 0x2001, sub: 0 };
-const FIXED: At = At { index: 0x2002, sub: 0 };
+const BYTE: EntryAddress = EntryAddress { index: 0x2000, sub: 1 };
+const BLOCK: EntryAddress = EntryAddress { index: 0x2001, sub: 0 };
+const FIXED: EntryAddress = EntryAddress { index: 0x2002, sub: 0 };
 
 /// A byte, a block of at most 20 bytes, and a read-only value.
 #[derive(Clone, Default)]
@@ -15,7 +15,7 @@ struct Entries {
 }
 
 impl Dictionary for Entries {
-    fn writable(&self, at: At) -> Result<Length, Abort> {
+    fn writable(&self, at: EntryAddress) -> Result<Length, Abort> {
         match at {
             BYTE => Ok(Length::Exactly(1)),
             BLOCK => Ok(Length::UpTo(20)),
@@ -24,7 +24,7 @@ impl Dictionary for Entries {
         }
     }
 
-    fn read(&self, at: At) -> Result<Vec<u8>, Abort> {
+    fn read(&self, at: EntryAddress) -> Result<Vec<u8>, Abort> {
         match at {
             BYTE => Ok(vec![self.byte]),
             BLOCK => Ok(self.block.clone()),
@@ -33,7 +33,7 @@ impl Dictionary for Entries {
         }
     }
 
-    fn write(&mut self, at: At, value: &[u8]) -> Result<(), Abort> {
+    fn write(&mut self, at: EntryAddress, value: &[u8]) -> Result<(), Abort> {
         match (at, value) {
             (BYTE, [0xFF]) => return Err(Abort::Value),
             (BYTE, [byte]) => self.byte = *byte,
@@ -43,16 +43,16 @@ impl Dictionary for Entries {
     }
 }
 
-fn frame(command: u8, at: At, data: [u8; 4]) -> Data {
+fn frame(command: u8, at: EntryAddress, data: [u8; 4]) -> Data {
     first(command, at, data)
 }
 
-fn aborted(at: At, abort: Abort) -> Option<Data> {
+fn aborted(at: EntryAddress, abort: Abort) -> Option<Data> {
     Some(first(0x80, at, abort.code().to_le_bytes()))
 }
 
 /// Reads an entry as a client does.
-fn read(server: &mut Server, entries: &mut Entries, at: At) -> Vec<u8> {
+fn read(server: &mut Server, entries: &mut Entries, at: EntryAddress) -> Vec<u8> {
     let answer = server.request(frame(0x40, at, [0; 4]), entries).unwrap();
     if answer[0] & 2 != 0 {
         return answer[4..8 - usize::from(answer[0] >> 2 & 3)].to_vec();
@@ -70,7 +70,13 @@ fn read(server: &mut Server, entries: &mut Entries, at: At) -> Vec<u8> {
 }
 
 /// Writes an entry in segments as a client does; all answers but the last must be right.
-fn write(server: &mut Server, entries: &mut Entries, at: At, value: &[u8], is_sized: bool) -> Option<Data> {
+fn write(
+    server: &mut Server,
+    entries: &mut Entries,
+    at: EntryAddress,
+    value: &[u8],
+    is_sized: bool,
+) -> Option<Data> {
     let length = if is_sized { (value.len() as u32).to_le_bytes() } else { [0; 4] };
     let mut answer = server.request(frame(0x20 | u8::from(is_sized), at, length), entries);
     if answer != Some(frame(0x60, at, [0; 4])) {
@@ -112,10 +118,10 @@ fn long_values_go_in_segments() {
 }
 
 #[test]
-fn what_is_wrong_is_aborted_and_changes_nothing() {
+fn wrong_requests_are_aborted_and_change_nothing() {
     let mut server = Server::default();
     let mut entries = Entries { byte: 5, block: vec![1; 9] };
-    let other = At { index: 0x1002, sub: 0 };
+    let other = EntryAddress { index: 0x1002, sub: 0 };
     let cases = [
         (frame(0x2B, BYTE, [1, 2, 0, 0]), BYTE, Abort::TooLong),
         (frame(0x2F, BYTE, [0xFF, 0, 0, 0]), BYTE, Abort::Value),
@@ -127,8 +133,8 @@ fn what_is_wrong_is_aborted_and_changes_nothing() {
         (frame(0xA0, BLOCK, [0; 4]), BLOCK, Abort::Command),
         (frame(0xC0, BLOCK, [0; 4]), BLOCK, Abort::Command),
         // Segments without a first frame.
-        ([0x60; 8], At { index: 0, sub: 0 }, Abort::Command),
-        ([0; 8], At { index: 0, sub: 0 }, Abort::Command),
+        ([0x60; 8], EntryAddress { index: 0, sub: 0 }, Abort::Command),
+        ([0; 8], EntryAddress { index: 0, sub: 0 }, Abort::Command),
     ];
     for (request, at, abort) in cases {
         assert_eq!(server.request(request, &mut entries), aborted(at, abort), "{request:X?}");
@@ -139,7 +145,7 @@ fn what_is_wrong_is_aborted_and_changes_nothing() {
 }
 
 #[test]
-fn segments_must_toggle_and_keep_their_word() {
+fn segments_must_toggle_and_have_the_announced_length() {
     let (server, entries) = (&mut Server::default(), &mut Entries { byte: 0, block: vec![3; 10] });
     server.request(frame(0x40, BLOCK, [0; 4]), entries);
     assert_eq!(server.request([0x70, 0, 0, 0, 0, 0, 0, 0], entries), aborted(BLOCK, Abort::Toggle));
@@ -157,12 +163,15 @@ fn segments_must_toggle_and_keep_their_word() {
     // The client gives up.
     server.request(frame(0x40, BLOCK, [0; 4]), entries);
     assert_eq!(server.request(frame(0x80, BLOCK, [0; 4]), entries), None);
-    assert_eq!(server.request([0x60; 8], entries), aborted(At { index: 0, sub: 0 }, Abort::Command));
+    assert_eq!(
+        server.request([0x60; 8], entries),
+        aborted(EntryAddress { index: 0, sub: 0 }, Abort::Command)
+    );
     assert_eq!(entries.block, [3; 10]);
 }
 
 fn request() -> impl Strategy<Value = Data> {
-    let at = prop_oneof![Just(BYTE), Just(BLOCK), Just(FIXED), Just(At { index: 0x2003, sub: 9 })];
+    let at = prop_oneof![Just(BYTE), Just(BLOCK), Just(FIXED), Just(EntryAddress { index: 0x2003, sub: 9 })];
     let named = (any::<u8>(), at, any::<[u8; 4]>()).prop_map(|(command, at, data)| frame(command, at, data));
     prop_oneof![
         named,
@@ -201,7 +210,7 @@ fn fuzz_sdo_client() {
         let written = if is_read { 0 } else { usize::from(head & 0x1F).min(rest.len()) };
         let (value, answers) = rest.split_at(written);
         let (client, _) = if is_read { Client::read(BLOCK, 30) } else { Client::write(BLOCK, value) };
-        no_answer_upsets(client, answers.as_chunks().0);
+        check_answers(client, answers.as_chunks().0);
     });
 }
 
@@ -214,7 +223,7 @@ proptest! {
     }
 
     #[test]
-    fn what_is_written_is_read(value in proptest::collection::vec(any::<u8>(), 1..=20), is_sized: bool) {
+    fn written_values_are_read_back(value in proptest::collection::vec(any::<u8>(), 1..=20), is_sized: bool) {
         let (mut server, mut entries) = (Server::default(), Entries::default());
         write(&mut server, &mut entries, BLOCK, &value, is_sized);
         prop_assert_eq!(read(&mut server, &mut entries, BLOCK), value);
@@ -233,7 +242,7 @@ fn carry_out(server: &mut Server, entries: &mut Entries, (mut client, mut reques
 }
 
 #[test]
-fn a_client_is_told_why_a_server_aborts() {
+fn a_client_gets_the_abort_code_of_the_server() {
     let (server, entries) = (&mut Server::default(), &mut Entries::default());
     for (transfer, abort) in [
         (Client::write(FIXED, &[1]), Abort::ReadOnly),
@@ -241,7 +250,7 @@ fn a_client_is_told_why_a_server_aborts() {
         (Client::write(BYTE, &[1, 2]), Abort::TooLong),
         (Client::write(BLOCK, &[0; 21]), Abort::TooLong),
         (Client::write(BYTE, &[]), Abort::TooShort),
-        (Client::read(At { index: 0x3000, sub: 0 }, 4), Abort::NoObject),
+        (Client::read(EntryAddress { index: 0x3000, sub: 0 }, 4), Abort::NoObject),
     ] {
         assert_eq!(carry_out(server, entries, transfer), Step::Aborted(abort.code()));
     }
@@ -252,7 +261,7 @@ fn a_client_is_told_why_a_server_aborts() {
 }
 
 #[test]
-fn a_client_holds_answers_against_what_it_has_asked() {
+fn a_client_compares_answers_with_its_request() {
     let failed = |abort: Abort| Step::Failed(abort, first(0x80, BLOCK, abort.code().to_le_bytes()));
     let (mut client, _) = Client::read(BLOCK, 20);
     assert_eq!(client.answered(first(0x41, BYTE, [8, 0, 0, 0])), Step::Ignored, "of another entry");
@@ -274,15 +283,15 @@ fn a_client_holds_answers_against_what_it_has_asked() {
 struct Anything(Vec<u8>);
 
 impl Dictionary for Anything {
-    fn writable(&self, _: At) -> Result<Length, Abort> {
+    fn writable(&self, _: EntryAddress) -> Result<Length, Abort> {
         Ok(Length::UpTo(600))
     }
 
-    fn read(&self, _: At) -> Result<Vec<u8>, Abort> {
+    fn read(&self, _: EntryAddress) -> Result<Vec<u8>, Abort> {
         Ok(self.0.clone())
     }
 
-    fn write(&mut self, _: At, value: &[u8]) -> Result<(), Abort> {
+    fn write(&mut self, _: EntryAddress, value: &[u8]) -> Result<(), Abort> {
         self.0 = value.to_vec();
         Ok(())
     }
@@ -292,7 +301,7 @@ proptest! {
     #![proptest_config(crate::property_tests())]
 
     #[test]
-    fn what_a_client_writes_it_reads_back(value in proptest::collection::vec(any::<u8>(), 0..600)) {
+    fn a_client_reads_back_written_values(value in proptest::collection::vec(any::<u8>(), 0..600)) {
         let (mut server, mut entry) = (Server::default(), Anything(Vec::new()));
         let mut carry_out = |(mut client, mut request): (Client, Data)| loop {
             match client.answered(server.request(request, &mut entry).unwrap()) {
@@ -305,18 +314,18 @@ proptest! {
     }
 
     #[test]
-    fn no_answer_upsets_a_client(
+    fn any_answers_end_or_continue_a_transfer(
         value in proptest::collection::vec(any::<u8>(), 0..30),
         answers in proptest::collection::vec(any::<[u8; 8]>(), 0..60),
         is_read in any::<bool>(),
     ) {
         let (client, _) = if is_read { Client::read(BLOCK, 30) } else { Client::write(BLOCK, &value) };
-        no_answer_upsets(client, &answers);
+        check_answers(client, &answers);
     }
 }
 
 /// For any answers: a transfer ends after as many answers as its data have segments, or keeps waiting.
-fn no_answer_upsets(mut client: Client, answers: &[Data]) {
+fn check_answers(mut client: Client, answers: &[Data]) {
     for answer in answers {
         match client.answered(*answer) {
             Step::Send(_) | Step::Ignored => {}

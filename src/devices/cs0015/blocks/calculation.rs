@@ -39,18 +39,18 @@ impl NORM {
 
 /// Values with their times; each value is valid until the next one.
 #[derive(Clone, Debug)]
-pub struct Past<T> {
+pub struct ValueHistory<T> {
     /// Begin and value, the oldest first; the first value is valid now and earlier.
     values: VecDeque<(u64, T)>,
 }
 
-impl<T> Default for Past<T> {
+impl<T> Default for ValueHistory<T> {
     fn default() -> Self {
-        Past { values: VecDeque::new() }
+        ValueHistory { values: VecDeque::new() }
     }
 }
 
-impl<T: Copy + PartialEq> Past<T> {
+impl<T: Copy + PartialEq> ValueHistory<T> {
     /// Records `value` from `now` on; returns the value of `us` microseconds ago, `None` before the first value. Older
     /// values are removed.
     pub(super) fn ago(&mut self, value: T, now: u64, us: u64) -> Option<T> {
@@ -83,7 +83,7 @@ function_block! {
             /// Value at that time; 0 before the first value.
             Y: u16;
         }
-        internal: Past<u16>;
+        internal: ValueHistory<u16>;
     }
 }
 
@@ -107,13 +107,13 @@ function_block! {
             /// Filtered value, from 0 on.
             Y: u16;
         }
-        internal: Lag;
+        internal: LowPass;
     }
 }
 
 /// State of a low-pass filter.
 #[derive(Clone, Debug, Default)]
-pub struct Lag {
+pub struct LowPass {
     y: f64,
     called_at: Option<u64>,
 }
@@ -124,7 +124,7 @@ impl PT1 {
         let now = ram.now_us();
         let passed = now.saturating_sub(self.internal.called_at.replace(now).unwrap_or(now));
         let x = f64::from(self.X);
-        let Lag { y, .. } = &mut self.internal;
+        let LowPass { y, .. } = &mut self.internal;
         *y = match us(self.T1) {
             0 => x,
             t1 => x + (*y - x) * (-(passed as f64) / t1 as f64).exp(),
@@ -146,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn a_value_comes_out_after_its_time() {
+    fn a_value_is_delayed_by_its_time() {
         let ram = ram();
         let mut delay = DELAY { T: Duration::from_millis(30), ..Default::default() };
         let mut seen = Vec::new();
@@ -160,7 +160,7 @@ mod tests {
         (delay.X, delay.T) = (9, Duration::ZERO);
         delay.call(&ram);
         assert_eq!(delay.Y, 9);
-        assert_eq!(delay.internal.values.len(), 1, "nothing is kept that is not needed");
+        assert_eq!(delay.internal.values.len(), 1, "old values are removed");
     }
 
     /// A step reaches 63 % after the time constant, for any cycle.

@@ -1,6 +1,6 @@
 //! Controllers (p. 120-131, D-448).
 
-use super::calculation::{Past, us};
+use super::calculation::{ValueHistory, us};
 use crate::plc::{Ram, function_block};
 use core::time::Duration;
 
@@ -26,7 +26,7 @@ pub struct Controller {
     integral: f64,
     called_at: Option<u64>,
     /// Deviations during the last TV.
-    past: Past<i32>,
+    past: ValueHistory<i32>,
 }
 
 impl Controller {
@@ -188,7 +188,7 @@ mod tests {
     }
 
     #[test]
-    fn what_stays_adds_up_within_the_reset_time_and_does_not_run_away() {
+    fn a_lasting_deviation_adds_up_within_the_reset_time_and_is_limited() {
         let ram = ram();
         let mut pid = PID { X: 510, XS: 500, XMAX: 1000, KP: 10, TN: ms(100), ..Default::default() };
         pid.call(&ram);
@@ -218,7 +218,7 @@ mod tests {
 
     /// P. 131.
     #[test]
-    fn of_two_values_the_larger_one_is_driven_less() {
+    fn the_larger_of_two_values_is_driven_less() {
         let ram = ram();
         let mut both = GLR { X1: 510, X2: 500, XS: 250, XMAX: 1000, KP: 10, ..Default::default() };
         both.call(&ram);

@@ -64,13 +64,13 @@ function_block! {
             /// FALSE: the data have changed, or are no memory of the device.
             RESULT: bool;
         }
-        internal: Option<Watched>;
+        internal: Option<ReferenceData>;
     }
 }
 
 /// Reference data and their place.
 #[derive(Clone, Debug)]
-pub struct Watched {
+pub struct ReferenceData {
     place: (i32, u16),
     data: Vec<u8>,
 }
@@ -87,7 +87,7 @@ impl CHECK_DATA {
             (Some(_), None) => true,
             (None, _) => false,
         };
-        self.internal = known.or_else(|| Some(Watched { place, data: data? }));
+        self.internal = known.or_else(|| Some(ReferenceData { place, data: data? }));
     }
 }
 
@@ -118,7 +118,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_memory_of_the_device_is_left_alone() {
+    fn addresses_outside_the_memory_are_ignored() {
         let ram = ram();
         write(ram.segment(), FUNCTION as u32, &[7; 8]);
         let end = FLAGS as u32 + 256;
@@ -138,7 +138,7 @@ mod tests {
     }
 
     #[test]
-    fn data_that_change_are_noticed_until_they_may() {
+    fn changed_data_are_reported_until_accepted() {
         let ram = ram();
         let mut check = CHECK_DATA { STARTADR: FUNCTION as i32, LENGTH: 4, ..Default::default() };
         let result = |check: &mut CHECK_DATA| {
@@ -147,7 +147,7 @@ mod tests {
         };
         assert!(result(&mut check) && result(&mut check));
         write(ram.segment(), FUNCTION as u32 + 4, &[1]);
-        assert!(result(&mut check), "behind them");
+        assert!(result(&mut check), "after them");
         write(ram.segment(), FUNCTION as u32 + 3, &[1]);
         assert!(!result(&mut check) && !result(&mut check));
         check.UPDATE = true;

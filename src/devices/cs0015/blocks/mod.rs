@@ -25,14 +25,14 @@ mod text;
 use crate::plc::{BlockKind, block_kinds};
 
 pub use crate::plc::Ram;
-pub use calculation::{DELAY, Lag, NORM, PT1, Past};
+pub use calculation::{DELAY, LowPass, NORM, PT1, ValueHistory};
 pub use can::*;
 pub use can_errors::*;
 pub use controllers::{Controller, GLR, PID};
 pub use display::*;
 pub use io_slaves::*;
 pub use master::*;
-pub use memory::{CHECK_DATA, MEMCPY, Watched};
+pub use memory::{CHECK_DATA, MEMCPY, ReferenceData};
 pub use order::{Answer, Jobs, Order, Progress};
 pub use sdo::*;
 pub use slave::*;

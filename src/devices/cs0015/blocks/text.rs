@@ -130,7 +130,7 @@ mod tests {
     }
 
     #[test]
-    fn the_variable_lies_in_the_image() {
+    fn the_variable_is_read_from_the_image() {
         let ram = Ram::of(&Segment::of(&DEVICE)).unwrap();
         ram.segment().store(FUNCTION as u32, crate::layout::Width::Word, 0x1234).unwrap();
         let mut block = STR { A: FUNCTION as i32, ..Default::default() };

@@ -32,7 +32,7 @@ fn device_type(bench: &mut Bench) -> Vec<(u16, Vec<u8>)> {
 
 /// Vector T11.
 #[test]
-fn bus_off_is_left_by_can_restart_only() {
+fn only_can_restart_ends_bus_off() {
     let mut bench = attached();
     assert_eq!((flags(&bench), device_type(&mut bench).len()), ((0, 0), 1));
     bus_off(&mut bench);
@@ -41,7 +41,7 @@ fn bus_off_is_left_by_can_restart_only() {
     assert_eq!(bench.job(job::CAN_RESTART, &[]).0, job_error::NONE);
     assert_eq!(flags(&bench), (1, 1), "it takes 128 times 11 bits");
     bench.run(20 * MS);
-    assert_eq!(flags(&bench), (0, 1), "the other one is the program's to reset");
+    assert_eq!(flags(&bench), (0, 1), "the program resets the other flag");
     assert_eq!(bench.heard(), [(0xA0, vec![0, 0x82, 0x10, 1, 0, 0, 0, 0])]);
     bench.registers.flags.CAN_ERROR.store(0);
     bench.run(5 * MS);
@@ -51,7 +51,7 @@ fn bus_off_is_left_by_can_restart_only() {
 
 /// P. 36.
 #[test]
-fn the_error_handler_counts_and_brings_it_back() {
+fn the_error_handler_counts_errors_and_ends_bus_off() {
     let mut bench = attached();
     for count in 1..3 {
         bus_off(&mut bench);
@@ -98,6 +98,6 @@ fn a_controller_that_cannot_be_initialised_is_not_at_its_bus() {
     bench.job(job::CAN_RESTART, &[]);
     bench.run(5 * MS);
     assert_eq!(flags(&bench), [0, 1]);
-    assert_eq!(bench.heard()[0], (0x720, vec![0]), "what it has sent meanwhile");
+    assert_eq!(bench.heard()[0], (0x720, vec![0]), "the frames sent meanwhile");
     assert_eq!(device_type(&mut bench).len(), 1);
 }

@@ -17,7 +17,7 @@ fn receive(bench: &mut Bench, id: u32) -> (u32, u32, Vec<u8>) {
 #[test]
 fn messages_wait_for_the_program() {
     let mut bench = Bench::running(ATTACHED);
-    assert_eq!(bench.job(job::CAN_RECEIVE, &[0, 0, 0x111]).0, job_error::STATE, "nobody has made it known");
+    assert_eq!(bench.job(job::CAN_RECEIVE, &[0, 0, 0x111]).0, job_error::STATE, "it was not registered");
     assert_eq!(bench.job(job::CAN_RECEIVE, &[1, 0, 2048]).0, job_error::ARGUMENTS);
     assert_eq!(bench.result(job::CAN_RECEIVE, &[1, 0, 0x111]), 0);
     for number in 0..31 {
@@ -41,7 +41,7 @@ fn messages_wait_for_the_program() {
 
 /// P. 42: also with CANopen. Section 11.1: a reset by the master removes the registered identifiers.
 #[test]
-fn beside_canopen_messages_wait_until_the_master_resets_the_node() {
+fn with_canopen_messages_wait_until_the_master_resets_the_node() {
     let mut bench = Bench::running("");
     bench.job(job::CAN_RECEIVE, &[1, 0, 0x111]);
     bench.send(0x111, &[1]);
@@ -62,7 +62,7 @@ fn a_message_is_taken_when_the_controller_is_free() {
     }
     bench.run(MS);
     let results = [0, 1].map(|place: usize| bench.registers.jobs.a_RESULT[place][0].load());
-    assert_eq!(results, [1, 0], "the second one has to be given again");
+    assert_eq!(results, [1, 0], "the second order must be repeated");
     bench.run(5 * MS);
     assert_eq!(bench.heard(), [(0x222, vec![1, 2, 3])]);
     bench.order_with(0, job::CAN_TRANSMIT, &[2047, 0, 8], &[9; 8]);

@@ -18,7 +18,7 @@ fn guard(bench: &mut Bench) -> Vec<(u16, Vec<u8>)> {
 
 /// Vectors T13 and T15; p. 42-44.
 #[test]
-fn who_was_guarded_once_misses_its_master() {
+fn a_node_that_was_guarded_once_reports_a_missing_master() {
     let mut bench = guarded();
     bench.run(1000 * MS);
     assert_eq!((bench.heard(), bench.registers.flags.COP_GUARDFAIL_ERROR.load()), (vec![], 0));
@@ -32,7 +32,7 @@ fn who_was_guarded_once_misses_its_master() {
     assert_eq!(bench.heard(), [(0xA0, vec![0x00, 0x81, 0x10, 0, 0, 0, 0, 0])]);
     assert_eq!(bench.exchange(0x620, &[0x40, 0x01, 0x10, 0, 0, 0, 0, 0])[0].1[4], 0x10);
     bench.run(1000 * MS);
-    assert_eq!(bench.heard(), [], "it is told once");
+    assert_eq!(bench.heard(), [], "reported once");
     let heard = guard(&mut bench);
     assert_eq!(heard, [(0x720, vec![0x7F]), (0xA0, vec![0; 8])]);
     assert_eq!(bench.registers.flags.COP_GUARDFAIL_ERROR.load(), 1, "the program resets it (p. 19)");
@@ -40,7 +40,7 @@ fn who_was_guarded_once_misses_its_master() {
 
 /// P. 46: the settings of `NMS_GUARDING_CONFIG` are stored.
 #[test]
-fn a_program_sets_what_it_awaits_of_its_master() {
+fn a_program_sets_the_supervision_of_its_master() {
     let keys = "guarding = { guard_time_ms = 100, life_time = 3, cycle_period_ms = 50 }";
     let mut bench = Bench::running(keys);
     let parameters = &bench.registers.parameters;
@@ -59,7 +59,7 @@ fn a_program_sets_what_it_awaits_of_its_master() {
 
 /// Vector T14.
 #[test]
-fn without_a_guard_time_nothing_is_missed() {
+fn without_a_guard_time_no_master_is_missed() {
     let mut bench = Bench::running("");
     guard(&mut bench);
     bench.run(10_000 * MS);
@@ -67,7 +67,7 @@ fn without_a_guard_time_nothing_is_missed() {
 }
 
 #[test]
-fn a_reset_of_the_communication_begins_with_the_toggle_bit_anew() {
+fn a_reset_of_the_communication_restarts_the_toggle_bit() {
     let mut bench = guarded();
     guard(&mut bench);
     bench.exchange(0, &[130, 0]);
@@ -77,7 +77,7 @@ fn a_reset_of_the_communication_begins_with_the_toggle_bit_anew() {
 
 /// Vector T16; p. 44, 46.
 #[test]
-fn a_missing_sync_is_told() {
+fn a_missing_sync_is_reported() {
     let mut bench = Bench::running("");
     // 200 ms.
     bench.exchange(0x620, &[0x23, 0x06, 0x10, 0, 0x40, 0x0D, 3, 0]);

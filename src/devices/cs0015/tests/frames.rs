@@ -36,7 +36,7 @@ proptest! {
     #![proptest_config(crate::property_tests())]
 
     #[test]
-    fn no_frames_bring_it_down(frames in proptest::collection::vec(frame(), 0..25), is_master: bool) {
+    fn random_frames_never_stop_the_node(frames in proptest::collection::vec(frame(), 0..25), is_master: bool) {
         let mut bench = if is_master {
             Bench::running("program = 'master', nodes = [5, 7], sync_ms = 9")
         } else {

@@ -1,7 +1,7 @@
 //! Faults of the hardware, and the operating states that they lead to.
 
 use super::*;
-use crate::devices::cs0015::records::{CommandRefused, Refused, Watchdog};
+use crate::devices::cs0015::records::{CommandRefused, RefusalReason, Watchdog};
 use crate::devices::cs0015::registers::FRONT_OUTPUTS;
 use crate::journal::Record;
 use crate::memory::Width;
@@ -32,7 +32,7 @@ fn an_output_with_a_short_circuit_switches_itself_off() {
     put(&mut bench, 0x0101);
     let short = bench.fault("short_circuit", &["output=9"]);
     bench.run(20 * MS);
-    assert_eq!((bench.heard(), driven(&bench)), (vec![], 0x0101), "nobody has switched it on");
+    assert_eq!((bench.heard(), driven(&bench)), (vec![], 0x0101), "the output is off");
     put(&mut bench, 0x0301);
     assert_eq!(
         bench.heard(),
@@ -46,7 +46,7 @@ fn an_output_with_a_short_circuit_switches_itself_off() {
     assert_eq!(bench.heard(), [emergency([0, 0, 0x02, 0, 0, 0, 0, 0])], "the general error has gone");
     let other = bench.fault("short_circuit", &["output=0"]);
     bench.run(MS);
-    assert_eq!(bench.heard()[0], emergency([0, 0x23, 0x02, 1, 2, 0, 0, 0]), "a further one is told");
+    assert_eq!(bench.heard()[0], emergency([0, 0x23, 0x02, 1, 2, 0, 0, 0]), "another error is reported");
     bench.registers.flags.ERROR.store(0);
     bench.clear_fault(other);
     bench.run(10 * MS);
@@ -58,7 +58,7 @@ fn an_output_with_a_short_circuit_switches_itself_off() {
 }
 
 #[test]
-fn a_broken_wire_is_told_with_its_output() {
+fn a_broken_wire_is_reported_with_its_output() {
     let mut bench = Bench::operational("");
     put(&mut bench, 0x8000);
     let broken = bench.fault("wire_break", &["output=15"]);
@@ -66,7 +66,7 @@ fn a_broken_wire_is_told_with_its_output() {
     assert_eq!(bench.heard()[0], emergency([0, 0x21, 0x02, 0, 0x80, 0, 0, 0]));
     bench.registers.flags.ERROR.store(0);
     bench.run(MS);
-    assert_eq!(driven(&bench), 0x8000, "it is on, there is nothing that takes current");
+    assert_eq!(driven(&bench), 0x8000, "the output is on without a load");
     bench.heard();
     bench.clear_fault(broken);
     bench.run(MS);
@@ -75,7 +75,7 @@ fn a_broken_wire_is_told_with_its_output() {
 
 /// P. 44: bits 1 to 3 of the error register are in 1001h as well, though p. 156 lists 0, 4 and 7 only (D-414).
 #[test]
-fn supply_and_temperature_have_bits_of_their_own() {
+fn supply_and_temperature_have_separate_bits() {
     let mut bench = Bench::operational("");
     for (what, word) in [("supply", Some("what=under")), ("supply", Some("what=over")), ("temperature", None)]
     {
@@ -89,7 +89,7 @@ fn supply_and_temperature_have_bits_of_their_own() {
         );
         assert_eq!(error_register(&mut bench), bit | 1);
         bench.clear_fault(fault);
-        assert_eq!(bench.heard(), [emergency([0, 0, 1, 0, 0, 0, 0, 0])], "ERROR is the program's to reset");
+        assert_eq!(bench.heard(), [emergency([0, 0, 1, 0, 0, 0, 0, 0])], "the program resets ERROR");
         bench.registers.flags.ERROR.store(0);
         bench.run(MS);
         assert_eq!(bench.heard(), [emergency([0; 8])]);
@@ -116,7 +116,7 @@ fn when_the_supply_drops_retain_flags_are_saved() {
 }
 
 #[test]
-fn who_is_switched_off_stays_off_when_the_supply_is_back() {
+fn a_device_switched_off_stays_off_when_the_supply_is_back() {
     let mut bench = Bench::operational("");
     let drop = bench.fault("supply", &["what=drop"]);
     bench.run(10 * MS);
@@ -128,7 +128,7 @@ fn who_is_switched_off_stays_off_when_the_supply_is_back() {
 
 /// P. 18-19; D-462.
 #[test]
-fn an_error_in_the_memory_has_a_flag_of_its_own() {
+fn an_error_in_the_memory_has_a_separate_flag() {
     let mut bench = Bench::operational("");
     bench.fault("memory", &["count=2"]);
     bench.run(20 * MS);
@@ -143,7 +143,7 @@ fn an_error_in_the_memory_has_a_flag_of_its_own() {
 
 /// P. 13; D-463.
 #[test]
-fn a_fatal_error_is_left_by_a_reset_only() {
+fn only_a_reset_ends_a_fatal_error() {
     let mut bench = Bench::operational("boot_up = '700'");
     put(&mut bench, 0xFFFF);
     bench.fault("fatal", &["count=2"]);
@@ -155,10 +155,10 @@ fn a_fatal_error_is_left_by_a_reset_only() {
     bench.command(1);
     bench.send(0, &[1, 0]);
     bench.ask(0x720);
-    assert_eq!(bench.exchange(0x620, &[0x40, 0, 0x10, 0, 0, 0, 0, 0]), [], "nobody is there");
+    assert_eq!(bench.exchange(0x620, &[0x40, 0, 0x10, 0, 0, 0, 0, 0]), [], "no answer");
     bench.run(500 * MS);
     is_fatal(&bench);
-    assert_eq!(bench.faults.list().count(), 1, "once until it is left");
+    assert_eq!(bench.faults.list().count(), 1, "once per fault");
     bench.power_cycle();
     is_fatal(&bench);
     assert_eq!(bench.faults.list().count(), 0);
@@ -177,7 +177,7 @@ fn without_an_operating_system_only_a_download_helps() {
         );
     };
     bench.set(FRONT_PROGRAM, 3);
-    assert_eq!(bench.state(), "run", "S1 stands at LOCK");
+    assert_eq!(bench.state(), "run", "S1 is at LOCK");
     bench.command(3);
     is_empty(&bench);
     bench.command(4);
@@ -193,13 +193,13 @@ fn without_an_operating_system_only_a_download_helps() {
     assert_eq!((bench.state(), bench.stat()), ("run".to_owned(), "green 0.5 Hz".to_owned()));
     let why = |record: &Record| record.event.get::<CommandRefused>().map(|it| it.why);
     let told: Vec<_> = bench.journal.records().filter_map(why).collect();
-    let expected = [Refused::Locked, Refused::NeedsReset, Refused::State];
+    let expected = [RefusalReason::Locked, RefusalReason::NeedsReset, RefusalReason::State];
     assert_eq!(told, expected.map(|why| why as u8));
 }
 
 /// Guarding that was active when the supply was switched off is not missed afterwards.
 #[test]
-fn nobody_is_missed_during_the_reset() {
+fn no_master_is_missed_during_the_reset() {
     let mut bench = Bench::running("guarding = { guard_time_ms = 100, life_time = 1 }");
     bench.ask(0x720);
     bench.run(5 * MS);
@@ -221,12 +221,12 @@ fn a_program_that_hangs_trips_the_watchdog() {
     assert_eq!((resets(&bench), driven(&bench)), (0, 1), "nothing is done for the program");
     bench.clear_fault(id);
     bench.run(10 * MS);
-    assert_eq!((resets(&bench), driven(&bench)), (0, 2), "it has come to its end in time");
+    assert_eq!((resets(&bench), driven(&bench)), (0, 2), "the cycle has ended in time");
     let id = bench.fault("hang", &[]);
     bench.run(205 * MS);
     assert_eq!((resets(&bench), bench.state(), driven(&bench)), (1, "reset".to_owned(), 0));
     bench.run(420 * MS);
-    assert_eq!(resets(&bench), 2, "as long as it hangs");
+    assert_eq!(resets(&bench), 2, "while the program hangs");
     bench.clear_fault(id);
     bench.run(450 * MS);
     assert_eq!(

@@ -25,7 +25,7 @@ fn booted() -> Bench {
 }
 
 #[test]
-fn the_boot_up_is_over_when_its_two_seconds_are() {
+fn the_boot_up_takes_two_seconds() {
     let mut bench = Bench::running("node_id = 32, program = 'attached'");
     bench.order(0, job::COP_MSTR_BOOTUP, &[3, 500, 9]);
     bench.run(500);
@@ -71,7 +71,7 @@ fn set_word(bench: &Bench, number: u32, value: u32) {
 }
 
 #[test]
-fn without_a_master_no_module_is_reached() {
+fn functions_for_modules_need_a_master() {
     let mut bench = Bench::running("program = 'attached'");
     for (function, arguments) in [
         (job::COP_MSTR_MAIN, &[3, 50, 1, 0][..]),
@@ -102,7 +102,7 @@ fn a_cr2010_is_configured_and_its_words_are_exchanged() {
     let kinds = [1, 2, 0, 3, 0, 4, 0, 2];
     bench.order_with(0, job::SLAVE_CR2010_CONFIG, &[4, 100, 1, 0], &kinds);
     bench.run(MS);
-    assert_eq!(bench.registers.jobs.a_ERROR[0].load(), job_error::STATE, "nobody has added it");
+    assert_eq!(bench.registers.jobs.a_ERROR[0].load(), job_error::STATE, "it was not added");
     bench.order_with(0, job::SLAVE_CR2010_CONFIG, &[3, 150, 1, 1], &kinds);
     let mut values = [0; 8];
     let asked = configure(&mut bench, &mut values);
@@ -138,13 +138,13 @@ fn a_cr2010_is_configured_and_its_words_are_exchanged() {
     assert_eq!(
         bench.heard().into_iter().filter(|(id, _)| *id != 0).collect::<Vec<_>>(),
         sent,
-        "it has started anew"
+        "the module has restarted"
     );
 }
 
 /// P. 81-85; vector T35.
 #[test]
-fn a_cr2011_has_setpoints_with_signs_and_tells_its_current() {
+fn a_cr2011_has_signed_setpoints_and_reports_its_current() {
     let mut bench = booted();
     bench.order_with(0, job::SLAVE_CR2011_CONFIG, &[3, 100, 1, 0], &[0; 4]);
     let asked = configure(&mut bench, &mut [4, 5, 2, 0]);
@@ -169,7 +169,7 @@ fn a_cr2011_has_setpoints_with_signs_and_tells_its_current() {
 
 /// P. 77: no result reports an abort; the configuration is not finished yet.
 #[test]
-fn a_module_that_refuses_is_asked_again_by_the_next_order() {
+fn a_refused_configuration_is_repeated_by_the_next_order() {
     let mut bench = booted();
     bench.order_with(0, job::SLAVE_CR2011_CONFIG, &[3, 100, 0, 1], &[9, 0, 0, 0]);
     bench.run(5 * MS);
@@ -184,7 +184,7 @@ fn a_module_that_refuses_is_asked_again_by_the_next_order() {
     assert_eq!(bench.heard(), [(0x603, vec![0x2F, 0x00, 0x20, 1, 4, 0, 0, 0])]);
     bench.registers.jobs.a_CONTROL[0].store(0);
     bench.run(5 * MS);
-    assert_eq!(bench.heard(), [(0x603, vec![0x80, 0x00, 0x20, 1, 0, 0, 4, 5])], "it was taken back");
+    assert_eq!(bench.heard(), [(0x603, vec![0x80, 0x00, 0x20, 1, 0, 0, 4, 5])], "the order was withdrawn");
     bench.order_with(0, job::SLAVE_CR2011_CONFIG, &[3, 100, 1, 0], &[0; 4]);
     assert_eq!(configure(&mut bench, &mut [2; 4]).len(), 4);
     assert_eq!(bench.answer_data(), [2; 4]);
@@ -193,7 +193,7 @@ fn a_module_that_refuses_is_asked_again_by_the_next_order() {
 
 /// P. 75-76.
 #[test]
-fn the_cyclic_block_sends_sync_and_notes_who_is_missing() {
+fn the_cyclic_block_sends_sync_and_notes_missing_nodes() {
     let mut bench = booted();
     let main = |bench: &mut Bench, automatic: u32, reset: u32| {
         bench.job(job::COP_MSTR_MAIN, &[3, 50, automatic, reset]);
@@ -220,7 +220,7 @@ fn the_cyclic_block_sends_sync_and_notes_who_is_missing() {
     }
     assert_eq!(main(&mut bench, 1, 0)[..2], [3, 0]);
     assert_eq!(main(&mut bench, 1, 1), [0; 8]);
-    assert_eq!(main(&mut bench, 1, 0), [0; 8], "it was known");
+    assert_eq!(main(&mut bench, 1, 0), [0; 8], "it was known before");
     bench.heard();
     bench.send(0x703, &[127]);
     bench.run(5 * MS);

@@ -12,7 +12,7 @@ const ATTACHED: &str = "program = 'attached', cycle_us = 5000";
 /// An attached program that has switched CANopen on.
 fn canopen() -> Bench {
     let mut bench = Bench::running(ATTACHED);
-    assert_eq!(bench.exchange(0, &[1, 32]), [], "nobody has switched CANopen on");
+    assert_eq!(bench.exchange(0, &[1, 32]), [], "CANopen is off");
     bench.registers.flags.CAN_OPEN.store(1);
     bench.run(6 * MS);
     bench
@@ -27,7 +27,7 @@ fn operational() -> Bench {
 }
 
 #[test]
-fn an_attached_program_is_told_of_each_cycle() {
+fn an_attached_program_gets_an_event_for_each_cycle() {
     let mut bench = Bench::new(ATTACHED);
     let counts = |bench: &Bench| {
         let slot = &bench.segment.header().unwrap().events[CYCLE];
@@ -72,7 +72,7 @@ fn a_bit_rate_is_in_force_at_once_and_kept() {
     assert_eq!(bench.job(job::CAN_BAUDRATE, &[501]).0, job_error::ARGUMENTS);
     assert_eq!(bench.job(job::CAN_BAUDRATE, &[500]).0, job_error::NONE);
     assert_eq!(bench.registers.flags.CANBAUDRATE.load(), 500);
-    assert_eq!(bench.exchange(0x620, &[0x40, 0, 0x10, 0, 0, 0, 0, 0]), [], "the bus has another");
+    assert_eq!(bench.exchange(0x620, &[0x40, 0, 0x10, 0, 0, 0, 0, 0]), [], "the bus has another rate");
     bench.power_cycle();
     assert_eq!(bench.registers.flags.CANBAUDRATE.load(), 500);
     assert_eq!(bench.job(job::CAN_BAUDRATE, &[125]).0, job_error::NONE);
@@ -117,7 +117,7 @@ fn pdos_are_configured_and_repeated() {
 
 /// Vector T13, by the program.
 #[test]
-fn the_program_says_what_it_awaits_of_its_master() {
+fn a_running_program_sets_the_supervision_of_its_master() {
     let mut bench = operational();
     assert_eq!(bench.job(job::NMS_GUARDING_CONFIG, &[100, 3, 0]).0, job_error::NONE);
     bench.ask(0x720);
@@ -141,7 +141,7 @@ fn orders_are_carried_out_in_the_order_in_which_they_were_given() {
 }
 
 #[test]
-fn what_is_no_function_is_refused_and_told() {
+fn an_unknown_function_is_refused_and_reported() {
     let mut bench = canopen();
     for (function, text) in [(0_u16, "none"), (0x01FF, "16#01FF"), (0xFF01, "16#FF01")] {
         assert_eq!(bench.job(function, &[]).0, job_error::FUNCTION);
@@ -154,7 +154,7 @@ fn what_is_no_function_is_refused_and_told() {
 
 /// The functions are called only while the program runs.
 #[test]
-fn nothing_is_done_for_a_program_that_stands_still() {
+fn orders_of_a_stopped_program_are_not_carried_out() {
     let mut bench = canopen();
     bench.command(2);
     bench.order(0, job::NMS_SET_NODEID, &[5]);

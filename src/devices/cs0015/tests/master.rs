@@ -5,18 +5,17 @@ use crate::devices::cs0015::registers::values::program;
 
 const KEYS: &str = "node_id = 1, program = 'master', nodes = [5], guard_ms = 100, life = 2, sync_ms = 20";
 
-/// Returns the frames that the master has sent since the last call, without SYNC; remote frames have the data of node
-/// 5.
+/// Returns the frames that the master has sent since the last call, without SYNC; remote frames have no data.
 fn orders(bench: &mut Bench) -> Vec<(u16, Vec<u8>)> {
     bench.heard().into_iter().filter(|(id, _)| *id != 0x80).collect()
 }
 
 /// P. 53-61; vector T23.
 #[test]
-fn it_asks_starts_and_synchronizes_until_the_programming_system_stops_it() {
+fn a_master_guards_starts_and_synchronizes_until_it_is_stopped() {
     let mut bench = Bench::new(KEYS);
     bench.run(260 * MS);
-    assert_eq!(orders(&mut bench), [(0x705, vec![])], "it asks for the state of its node");
+    assert_eq!(orders(&mut bench), [(0x705, vec![])], "the master requests the state of its node");
     bench.send(0x705, &[0x7F]);
     bench.run(20 * MS);
     assert_eq!(orders(&mut bench), [(0, vec![1, 0])], "it starts the network");
@@ -32,7 +31,7 @@ fn it_asks_starts_and_synchronizes_until_the_programming_system_stops_it() {
 
 /// P. 28, 59, 152.
 #[test]
-fn it_resets_a_node_that_is_missing_and_starts_it_again() {
+fn a_master_resets_a_missing_node_and_starts_it_again() {
     let mut bench = Bench::new(KEYS);
     bench.run(260 * MS);
     bench.send(0x705, &[0x05]);
@@ -40,7 +39,7 @@ fn it_resets_a_node_that_is_missing_and_starts_it_again() {
     let missing = |bench: &Bench| bench.registers.flags.COP_GUARDFAIL_NODEID.load();
     assert_eq!(missing(&bench), 5);
     let resets = orders(&mut bench).into_iter().filter(|order| *order == (0, vec![129, 5])).count();
-    assert!(resets > 1, "it goes on");
+    assert!(resets > 1, "the master continues");
     bench.send(0x705, &[0x7F]);
     bench.run(20 * MS);
     assert_eq!((missing(&bench), orders(&mut bench)), (0, vec![(0, vec![1, 5])]));
@@ -48,7 +47,7 @@ fn it_resets_a_node_that_is_missing_and_starts_it_again() {
 
 /// D-432.
 #[test]
-fn it_waits_two_seconds_for_a_node_that_is_not_there() {
+fn a_master_waits_two_seconds_for_a_missing_node() {
     let mut bench = Bench::new(KEYS);
     bench.run(2_200 * MS);
     assert!(!orders(&mut bench).contains(&(0, vec![1, 0])));

@@ -41,7 +41,7 @@ fn without_a_master_nothing_is_sent() {
 
 /// Vectors T20 and T43; p. 60-65.
 #[test]
-fn nodes_are_told_one_by_one_and_all_at_once() {
+fn commands_go_to_one_node_or_to_all() {
     let mut bench = master();
     for wrong in [[0, 100, 3], [128, 100, 3], [1, 100, 3], [6, 65_536, 3], [6, 100, 256]] {
         assert_eq!(bench.result(job::NMM_ADD_NODE, &wrong), WRONG, "{wrong:?}");
@@ -75,11 +75,11 @@ fn nodes_are_told_one_by_one_and_all_at_once() {
 
 /// P. 57-59, 28.
 #[test]
-fn nodes_are_guarded_while_the_program_calls_for_it() {
+fn nodes_are_guarded_while_the_program_calls_the_block() {
     let mut bench = master();
     assert_eq!(bench.result(job::NMM_NODE_GUARDING, &[1]), 0);
     bench.run(5 * MS);
-    assert_eq!(bench.heard(), [], "nobody has started it");
+    assert_eq!(bench.heard(), [], "guarding was not started");
     assert_eq!(bench.result(job::NMM_START_GUARDING, &[6]), WRONG);
     assert_eq!(bench.result(job::NMM_START_GUARDING, &[0]), 0);
     bench.run(5 * MS);
@@ -97,7 +97,7 @@ fn nodes_are_guarded_while_the_program_calls_for_it() {
     }
     bench.run(5 * MS);
     let resets = bench.heard().into_iter().filter(|frame| *frame == (0, vec![129, 5])).count();
-    assert_eq!((resets, bench.registers.flags.COP_GUARDFAIL_NODEID.load()), (2, 5), "again and again");
+    assert_eq!((resets, bench.registers.flags.COP_GUARDFAIL_NODEID.load()), (2, 5), "repeatedly");
     bench.send(0x705, &[127]);
     bench.run(5 * MS);
     assert_eq!(bench.heard(), [(0, vec![1, 5])], "AUTO_RESTART");
@@ -108,7 +108,7 @@ fn nodes_are_guarded_while_the_program_calls_for_it() {
 }
 
 #[test]
-fn without_auto_restart_a_node_that_is_back_is_left_alone() {
+fn without_auto_restart_a_returning_node_is_not_started() {
     let mut bench = master();
     bench.result(job::NMM_START_GUARDING, &[5]);
     for expected in [0, 0, 5] {
@@ -131,7 +131,7 @@ fn a_master_sends_sync_until_its_communication_is_reset() {
     bench.run(5 * MS);
     assert_eq!(bench.heard(), [(0x80, vec![])]);
     bench.job(job::PDO_TX_CONFIG, &[1, 0x390, 1, 0]);
-    assert_eq!(bench.result(job::PDO_SEND_SYNC_OBJ, &[]), 0, "it is no master any more");
+    assert_eq!(bench.result(job::PDO_SEND_SYNC_OBJ, &[]), 0, "not a master any more");
     assert_eq!(bench.result(job::NMM_SET_OPERATIONAL, &[0]), NOBODY);
 }
 
@@ -173,7 +173,7 @@ fn entries_of_a_node_are_read_and_written() {
         assert_eq!(bench.job(job::SDO_READ, &wrong).0, job_error::ARGUMENTS, "{wrong:?}");
     }
     assert_eq!(bench.job(job::SDO_WRITE, &[5, 0, 0, 1]).0, job_error::ARGUMENTS, "there are no data");
-    assert_eq!(bench.job(job::SDO_READ, &[6, 0, 0, 4]).0, job_error::STATE, "nobody has added it");
+    assert_eq!(bench.job(job::SDO_READ, &[6, 0, 0, 4]).0, job_error::STATE, "it was not added");
 }
 
 #[test]
@@ -189,7 +189,7 @@ fn a_node_that_does_not_answer_is_given_up() {
 }
 
 #[test]
-fn a_program_can_take_back_what_it_has_asked_for() {
+fn a_program_can_withdraw_an_order() {
     let mut bench = master();
     bench.order(0, job::SDO_READ, &[5, 0x1000, 0, 4]);
     bench.order(1, job::SDO_READ, &[5, 0x1001, 0, 1]);

@@ -8,7 +8,7 @@ fn word(bench: &Bench, pdo: usize, word: usize) -> u16 {
 
 /// Vectors T25 and T28; p. 42.
 #[test]
-fn pdos_go_when_their_words_change_and_come_at_once() {
+fn pdos_are_sent_on_change_and_received_at_once() {
     let mut bench = Bench::operational("");
     bench.run(100 * MS);
     assert_eq!(bench.heard(), [], "nothing has changed");
@@ -22,11 +22,11 @@ fn pdos_go_when_their_words_change_and_come_at_once() {
     let words = [word(&bench, 0, 0), word(&bench, 0, 1), word(&bench, 0, 3), word(&bench, 7, 0)];
     assert_eq!(words, [0x1234, 0x5678, 2, 9]);
     bench.exchange(0x220, &[1]);
-    assert_eq!(word(&bench, 0, 0), 0x1201, "what a short frame does not carry stays");
+    assert_eq!(word(&bench, 0, 0), 0x1201, "words that a short frame does not contain are unchanged");
 }
 
 #[test]
-fn there_are_none_but_in_operational() {
+fn pdos_are_exchanged_in_operational_only() {
     let mut bench = Bench::running("");
     bench.registers.tx.a_TX_PDO[0][0].store(1);
     bench.exchange(0x220, &[1; 8]);
@@ -34,7 +34,7 @@ fn there_are_none_but_in_operational() {
     assert_eq!((bench.heard(), word(&bench, 0, 0)), (vec![], 0));
     bench.exchange(0, &[1, 0]);
     bench.run(50 * MS);
-    assert_eq!(bench.heard(), [], "what stands there when it begins is not new (D-423)");
+    assert_eq!(bench.heard(), [], "the value at the start is not new (D-423)");
 }
 
 /// Vectors T17 and T26; p. 47-50.
@@ -90,7 +90,7 @@ fn the_inhibit_time_is_kept() {
 
 /// P. 48, 155: a reset of the communication keeps the program's settings, not the settings by SDO.
 #[test]
-fn what_the_program_asks_for_outlives_a_reset() {
+fn settings_of_the_program_outlive_a_reset() {
     let mut bench = Bench::operational("boot_up = '700', pdo_rx = [{ pdo = 3, id = 0x3A0 }]");
     // 1400h sub 1, 3A1h.
     bench.exchange(0x620, &[0x23, 0x00, 0x14, 1, 0xA1, 3, 0, 0]);
@@ -107,7 +107,7 @@ fn what_the_program_asks_for_outlives_a_reset() {
 
 /// The two stages of the start (p. 155): CANopen, then the PDOs, which restart it.
 #[test]
-fn a_program_that_asks_for_pdos_starts_in_two_stages() {
+fn a_program_with_pdo_settings_starts_in_two_stages() {
     let boots = |keys: &str| {
         let mut bench = Bench::new(keys);
         bench.run(300 * MS);
@@ -135,7 +135,7 @@ fn a_pdo_is_sent_on_request() {
 
 /// D-419: bit 31 of a COB-ID.
 #[test]
-fn a_pdo_that_is_not_valid_neither_goes_nor_comes() {
+fn an_invalid_pdo_is_neither_sent_nor_received() {
     let mut bench = Bench::operational("");
     for (index, id) in [(0x14, 0x220_u16), (0x18, 0x1A0)] {
         let [low, high] = id.to_le_bytes();

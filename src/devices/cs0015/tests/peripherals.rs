@@ -40,7 +40,7 @@ fn pwm_takes_a_whole_group_of_outputs() {
     };
     assert_eq!((shown(&bench), bench.registers.shown(FRONT_OUTPUTS).load()), ((5_000, 200, 0), 0x0101));
     assert_eq!(broken(&mut bench), [""; 0], "nothing has been changed since");
-    assert_eq!(outputs(&mut bench, 0x0105), 0x0101, "they are no digital outputs any more");
+    assert_eq!(outputs(&mut bench, 0x0105), 0x0101, "they are PWM outputs");
     assert_eq!(broken(&mut bench), ["pwm-output"]);
     bench.registers.flags.ERROR.store(1);
     bench.run(MS);
@@ -55,7 +55,7 @@ fn pwm_takes_a_whole_group_of_outputs() {
 
 /// P. 90-94.
 #[test]
-fn what_the_manual_forbids_of_pwm_is_found() {
+fn violations_of_the_pwm_rules_are_reported() {
     let mut bench = Bench::operational("");
     for channel in 4..8 {
         ask(&mut bench, job::PWM100, &[1, 200, channel, 50, 1, 0, 0]);
@@ -79,7 +79,7 @@ fn what_the_manual_forbids_of_pwm_is_found() {
 
 /// P. 96-99.
 #[test]
-fn fast_inputs_measure_what_is_at_them() {
+fn fast_inputs_measure_their_signals() {
     let mut bench = Bench::operational("");
     bench.registers.shown(FRONT_INPUTS).store(0x0003);
     bench.set(FRONT_MHZ_0, 100_000);
@@ -128,7 +128,7 @@ fn with_data(bench: &mut Bench, function: u16, arguments: &[u32], data: &[u8]) -
 
 /// P. 100-103.
 #[test]
-fn the_display_shows_what_the_program_wants() {
+fn the_display_shows_text_and_segments_of_the_program() {
     let mut bench = Bench::operational("");
     assert_eq!(display(&bench), "");
     assert_eq!(with_data(&mut bench, job::LCD_TEXT, &[1, 0, 0x10, 0x02], b"12345ON"), job_error::NONE);
@@ -140,7 +140,7 @@ fn the_display_shows_what_the_program_wants() {
     assert_eq!(
         with_data(&mut bench, job::LCD_TEXT, &[1, 0, 0, 0], b"12345678"),
         job_error::NONE,
-        "it is full"
+        "the buffer is full"
     );
     assert_eq!(display(&bench), "12345678");
     assert_eq!(with_data(&mut bench, job::LCD_TEXT, &[1, 0, 0x10, 0x02], b"12345ON"), job_error::NONE);
@@ -192,7 +192,7 @@ fn the_eeprom_keeps_a_block_of_flags() {
 
 /// Vector T45; p. 112-114.
 #[test]
-fn rs_232_is_the_programs_if_it_says_so() {
+fn rs_232_belongs_to_the_program_with_serial_mode() {
     let mut bench = Bench::operational("");
     let give = |bench: &mut Bench, count: u32| {
         let registers = &bench.registers.peripherals;
@@ -231,7 +231,7 @@ fn rs_232_is_the_programs_if_it_says_so() {
 
 /// P. 106, 115-116.
 #[test]
-fn timers_begin_with_the_supply_and_a_soft_reset_is_one() {
+fn timers_begin_with_the_supply_and_after_a_soft_reset() {
     let mut bench = Bench::operational("");
     bench.registers.outputs.Q0.store(0xFF);
     let timers = |bench: &mut Bench| {
@@ -330,7 +330,7 @@ fn a_slave_configures_its_pdos_before_it_is_started() {
 /// The blocks give the same orders, with the manual's inputs and outputs.
 #[cfg(feature = "plc")]
 #[test]
-fn blocks_are_the_functions() {
+fn blocks_give_the_orders_of_the_functions() {
     use crate::devices::cs0015::blocks::*;
     use core::time::Duration;
     let mut bench = Bench::running("program = 'attached'");

@@ -57,7 +57,7 @@ pub(super) fn number(bench: &mut Bench, index: u16, sub: u8) -> u32 {
 
 /// Vectors T1, T46 to T49.
 #[test]
-fn every_entry_begins_with_what_the_manual_prints() {
+fn every_entry_has_the_default_of_the_manual() {
     let mut bench = Bench::running("");
     for object in DEVICE.objects {
         let value = read(&mut bench, object.index, object.sub);
@@ -90,7 +90,7 @@ fn every_entry_begins_with_what_the_manual_prints() {
 
 /// Vectors T2 and T3; p. 41, 45, 155.
 #[test]
-fn a_node_id_is_entered_twice_and_holds_at_once() {
+fn a_node_id_is_entered_twice_and_takes_effect_at_once() {
     let mut bench = Bench::running("");
     assert_eq!((number(&mut bench, 0x20F0, 0), number(&mut bench, 0x20F1, 0)), (32, 32));
     assert_eq!(write(&mut bench, 0x20F0, 0, 5, 1), Ok(()));
@@ -116,7 +116,7 @@ fn a_node_id_is_entered_twice_and_holds_at_once() {
 
 /// Vectors T4, T5, T50; p. 41, 163.
 #[test]
-fn a_bit_rate_is_entered_twice_and_holds_after_a_reset() {
+fn a_bit_rate_is_entered_twice_and_takes_effect_after_a_reset() {
     let mut bench = Bench::running("");
     let rate = |bench: &Bench| bench.registers.flags.CANBAUDRATE.load();
     assert_eq!(write(&mut bench, 0x20F2, 0, 2, 1), Ok(()));
@@ -135,7 +135,7 @@ fn a_bit_rate_is_entered_twice_and_holds_after_a_reset() {
 
 /// D-433.
 #[test]
-fn who_is_set_to_another_rate_than_its_bus_hears_nothing_and_is_not_heard() {
+fn a_device_with_another_bit_rate_neither_receives_nor_sends() {
     let mut bench = Bench::new("kbit_s = 250, boot_up = '700'");
     bench.run(250 * MS);
     bench.exchange(0, &[1, 0]);
@@ -146,7 +146,7 @@ fn who_is_set_to_another_rate_than_its_bus_hears_nothing_and_is_not_heard() {
 
 /// Vector T38; p. 42, 163.
 #[test]
-fn retained_data_go_in_segments() {
+fn retained_data_are_transferred_in_segments() {
     let mut bench = Bench::running("");
     let value: Vec<u8> = (0..=255).collect();
     assert_eq!(transfer(&mut bench, 32, request(0x21, 0x2000, 0, 256))[0], 0x60);
@@ -167,7 +167,7 @@ fn retained_data_go_in_segments() {
 
 /// P. 155: these values are saved, the others are not.
 #[test]
-fn what_is_saved_is_there_after_a_power_cycle() {
+fn saved_entries_survive_a_power_cycle() {
     let mut bench = Bench::running("");
     let saved = [
         (0x1005, 0, 0x90, 4),
@@ -193,7 +193,7 @@ fn what_is_saved_is_there_after_a_power_cycle() {
 }
 
 #[test]
-fn what_cannot_be_is_refused() {
+fn invalid_requests_are_refused() {
     let mut bench = Bench::running("");
     for (index, sub, value, bytes, abort) in [
         (0x1005, 0, 0x2000_0080, 4, Abort::Value),

@@ -29,7 +29,7 @@ const SAVED: [u16; 6] = [0x1005, 0x1006, 0x100C, 0x100D, 0x100E, 0x1014];
 
 /// P. 155-163: every writable row.
 #[test]
-fn each_setting_is_stored_or_not_as_the_list_says() {
+fn each_setting_is_stored_or_not_as_in_the_list() {
     let mut bench = Bench::running("");
     let all: Vec<_> = DEVICE
         .objects
@@ -76,7 +76,7 @@ fn guard(bench: &mut Bench, id: u16) -> Vec<(u16, Vec<u8>)> {
 
 /// P. 155: COB-IDs take effect at once, also in Operational.
 #[test]
-fn identifiers_act_at_once() {
+fn identifiers_take_effect_at_once() {
     let mut bench = Bench::operational("");
     for (index, sub, value) in [
         (0x1005, 0, 0x90),
@@ -116,12 +116,12 @@ fn identifiers_act_at_once() {
 
 /// P. 157: the identifiers of the SDO take effect at once and are not stored.
 #[test]
-fn identifiers_of_the_sdo_act_at_once() {
+fn identifiers_of_the_sdo_take_effect_at_once() {
     let mut bench = Bench::running("");
     assert_eq!(write(&mut bench, 0x1200, 1, 0x650, 4), Ok(()));
     assert_eq!(bench.exchange(0x620, &request(0x40, 0x1000, 0, 0)), []);
     let answer = bench.exchange(0x650, &request(0x23, 0x1200, 2, 0x5F0));
-    assert_eq!(answer[0].0, 0x5A0, "the answer goes where the client awaits it");
+    assert_eq!(answer[0].0, 0x5A0, "the answer has the identifier that the client expects");
     assert_eq!(bench.exchange(0x650, &request(0x40, 0x1000, 0, 0))[0].0, 0x5F0);
     bench.power_cycle();
     assert_eq!(transfer(&mut bench, 32, request(0x40, 0x1000, 0, 0))[0], 0x43);
@@ -129,7 +129,7 @@ fn identifiers_of_the_sdo_act_at_once() {
 
 /// P. 42, 155: a node that was guarded once supervises its master as soon as both times are set.
 #[test]
-fn guarding_times_act_at_once() {
+fn guarding_times_take_effect_at_once() {
     let mut bench = Bench::running("");
     assert_eq!(guard(&mut bench, 0x720).len(), 1);
     assert_eq!(write(&mut bench, 0x100C, 0, 100, 2), Ok(()));
@@ -152,7 +152,7 @@ fn guarding_times_act_at_once() {
 
 /// P. 155-156.
 #[test]
-fn the_communication_cycle_acts_at_once() {
+fn the_communication_cycle_takes_effect_at_once() {
     let mut bench = Bench::operational("");
     assert_eq!(write(&mut bench, 0x1006, 0, 100_000, 4), Ok(()));
     bench.run(90 * MS);
@@ -166,7 +166,7 @@ fn the_communication_cycle_acts_at_once() {
 
 /// P. 155: a transmission type takes effect at the next start of Operational.
 #[test]
-fn transmission_types_act_in_the_next_operational() {
+fn transmission_types_take_effect_in_the_next_operational() {
     let mut bench = Bench::operational("");
     let id = |bench: &mut Bench, index| number(bench, index, 1) as u16;
     for pdo in 0..8_u16 {
@@ -210,7 +210,7 @@ fn transmission_types_act_in_the_next_operational() {
 
 /// P. 7, 21, 41: 10 to 1000 kbit/s. Other invalid values of parameters are not stored either (D-661).
 #[test]
-fn a_value_that_cannot_be_is_put_back() {
+fn an_invalid_value_is_replaced_by_the_stored_one() {
     let mut bench = Bench::running("");
     assert_eq!(write(&mut bench, 0x100E, 0, 0x6F0, 4), Ok(()));
     for index in [0x20F2, 0x20F3] {
@@ -235,5 +235,5 @@ fn a_value_that_cannot_be_is_put_back() {
     assert_eq!((number(&mut bench, 0x100B, 0), number(&mut bench, 0x100E, 0)), (32, 0x6F0));
     bench.registers.parameters.w_KBIT_S.store(250);
     bench.run(MS);
-    assert_eq!(bench.device.novram().0[18..20], 250_u16.to_le_bytes(), "what can be is stored");
+    assert_eq!(bench.device.novram().0[18..20], 250_u16.to_le_bytes(), "valid values are stored");
 }

@@ -11,7 +11,7 @@ use crate::memory::header::{ProgramState, Project, Start};
 
 /// Vectors T18, T19, T20; p. 13-14.
 #[test]
-fn network_management_makes_it_run_and_stop() {
+fn network_management_starts_and_stops_the_controller() {
     let mut bench = Bench::new("");
     bench.run(100 * MS);
     assert_eq!((bench.state(), bench.stat()), ("reset".into(), "green and red".into()));
@@ -26,7 +26,7 @@ fn network_management_makes_it_run_and_stop() {
     bench.exchange(0, &[128, 0]);
     assert_eq!((bench.state(), bench.stat(), flags(&bench)), ("run".into(), "green 0.5 Hz".into(), 1));
     bench.exchange(0, &[1, 33]);
-    assert_eq!(bench.stat(), "green 0.5 Hz", "another node is meant");
+    assert_eq!(bench.stat(), "green 0.5 Hz", "the command is for another node");
     let states: Vec<_> =
         bench.journal.records().filter_map(|record| record.event.get().map(|it: NodeState| it.to)).collect();
     assert_eq!(states, [127, 5, 4, 127]);
@@ -35,7 +35,7 @@ fn network_management_makes_it_run_and_stop() {
 /// P. 13-14, 28: the program starts after the reset, and continues after a stop (D-630). A process that attaches its
 /// program while the controller runs requests a start, as on any device that has a project.
 #[test]
-fn the_program_is_started_and_stopped_as_the_states_go() {
+fn the_program_starts_and_stops_with_the_states() {
     let mut bench = Bench::new("program = 'attached'");
     let header = bench.segment.header().unwrap();
     let ordered = |header: &Header| {
@@ -43,7 +43,7 @@ fn the_program_is_started_and_stopped_as_the_states_go() {
         (header.program.start.rings(), kind)
     };
     bench.run(100 * MS);
-    assert_eq!(ordered(&header), (0, Start::None), "the reset goes on");
+    assert_eq!(ordered(&header), (0, Start::None), "the reset continues");
     bench.registers.flags.CAN_OPEN.store(1);
     bench.run(150 * MS);
     assert_eq!((ordered(&header), header.project.load()), ((1, Start::Warm), Project::Boot.code()));
@@ -72,7 +72,7 @@ fn the_program_is_started_and_stopped_as_the_states_go() {
 
 /// Vector T53; p. 13.
 #[test]
-fn without_a_program_it_stops_and_is_no_node() {
+fn a_controller_without_a_program_stops_and_is_not_a_node() {
     let mut bench = Bench::running("program = 'none'");
     assert_eq!((bench.state(), bench.stat()), ("stop".into(), "green".into()));
     bench.exchange(0, &[1, 0]);
@@ -84,7 +84,7 @@ fn without_a_program_it_stops_and_is_no_node() {
 }
 
 #[test]
-fn a_boot_up_message_is_sent_if_it_is_wanted() {
+fn a_boot_up_message_is_sent_if_configured() {
     let boot_up = |keys: &str| {
         let mut bench = Bench::new(keys);
         bench.run(250 * MS);
@@ -96,7 +96,7 @@ fn a_boot_up_message_is_sent_if_it_is_wanted() {
 
 /// Vector T21; p. 43: only the communication restarts.
 #[test]
-fn a_reset_by_the_master_is_the_programs_affair() {
+fn a_reset_by_the_master_sets_a_flag_for_the_program() {
     for (command, is_node) in [(129, true), (130, false)] {
         let mut bench = Bench::operational("boot_up = '700'");
         bench.registers.tx.a_TX_PDO[0][0].store(7);
@@ -115,10 +115,10 @@ fn a_reset_by_the_master_is_the_programs_affair() {
 
 /// Vectors T22 and T51; p. 17, 28.
 #[test]
-fn who_is_stopped_by_the_programming_system_is_not_started_by_the_master() {
+fn a_controller_stopped_by_the_programming_system_is_not_started_by_the_master() {
     let mut bench = Bench::operational("");
     bench.set(FRONT_PROGRAM, program::STOP);
-    assert_eq!(bench.state(), "run", "S1 stands at LOCK");
+    assert_eq!(bench.state(), "run", "S1 is at LOCK");
     let refused = |record: &crate::journal::Record| record.event.get::<CommandRefused>();
     assert_eq!(bench.journal.records().filter_map(refused).count(), 1);
     assert_eq!(bench.registers.flags.UNLOCK.load(), 0);
@@ -232,7 +232,7 @@ fn outputs_are_driven_while_the_program_runs_without_error() {
 
 /// Vector T40; p. 107, 154.
 #[test]
-fn retained_flags_are_left_when_the_supply_was_gone() {
+fn only_retained_flags_survive_a_power_cycle() {
     let mut bench = Bench::running("");
     let flags = DEVICE.spaces.iter().find(|space| space.name == "flags").unwrap();
     // The system uses the words below %MW512 and the words of PDOs.

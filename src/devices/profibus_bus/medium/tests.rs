@@ -33,10 +33,10 @@ fn the_line_is_busy_for_as_long_as_the_octets_take() {
 
 /// A snapshot that waits for the answer to a sender without a port is damaged.
 #[test]
-fn a_state_that_waits_for_somebody_who_is_not_there_is_refused() {
+fn a_snapshot_that_waits_for_a_missing_sender_is_refused() {
     for sender in [0, 1, 200] {
         let mut bus = bus();
-        bus.asked = Some(Asked { sender, until: 100 });
+        bus.asked = Some(PendingAnswer { sender, until: 100 });
         let mut saved = Saving::default();
         bus.save(&mut saved);
         assert!(bus.restore(&mut Saved::new(saved.bytes())).is_err(), "{sender}");

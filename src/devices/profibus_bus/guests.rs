@@ -35,7 +35,7 @@ pub(super) fn sender_of(number: u8) -> usize {
 
 /// Condition under which a guest's telegram begins.
 #[derive(Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-enum Turn {
+enum BeginCondition {
     /// At its bit time, even if the line is busy.
     Time,
     /// For an answer, for which the line is reserved: the line has been idle for the shortest T_SDR.
@@ -46,64 +46,64 @@ enum Turn {
 
 /// A telegram that a guest has to send.
 #[derive(Serialize, Deserialize)]
-struct Waiting {
+struct WaitingTelegram {
     /// Earliest bit time.
     from: u64,
-    turn: Turn,
+    turn: BeginCondition,
     octets: Vec<u8>,
 }
 
-impl Waiting {
+impl WaitingTelegram {
     /// Returns the begin on a line idle since `since` and reserved for others until `kept`; `None` if the line
     /// does not matter.
     fn begin(&self, since: u64, kept: u64) -> Option<u64> {
         match self.turn {
-            Turn::Time => None,
-            Turn::Answer => Some(self.from.max(since + MIN_TSDR_BITS)),
-            Turn::Request => Some(self.from.max(since + SYN_BITS).max(kept)),
+            BeginCondition::Time => None,
+            BeginCondition::Answer => Some(self.from.max(since + MIN_TSDR_BITS)),
+            BeginCondition::Request => Some(self.from.max(since + SYN_BITS).max(kept)),
         }
     }
 }
 
 /// A guest that takes part.
-struct Visitor {
+struct BusGuest {
     number: u8,
     /// The address that it last sent from.
     address: Option<u8>,
     ear: Option<Arc<Guest>>,
     /// The guest has gone, but its waiting telegrams are still sent.
     is_leaving: bool,
-    to_say: VecDeque<Waiting>,
+    to_say: VecDeque<WaitingTelegram>,
 }
 
 /// The guests of a segment.
 #[derive(Default)]
-pub(super) struct Visitors(Vec<Visitor>);
+pub(super) struct Guests(Vec<BusGuest>);
 
-impl SnapshotFields for Visitors {
+impl SnapshotFields for Guests {
     fn save(&self, to: &mut Saving) {
-        let kept = self.0.iter().map(|Visitor { number, address, ear: _, is_leaving, to_say }| {
+        let kept = self.0.iter().map(|BusGuest { number, address, ear: _, is_leaving, to_say }| {
             (number, address, is_leaving, to_say)
         });
         to.value(&kept.collect::<Vec<_>>());
     }
 
     fn restore(&mut self, from: &mut Saved<'_>) -> Result<(), Damaged> {
-        let visitors: Vec<(u8, Option<u8>, bool, VecDeque<Waiting>)> = from.value()?;
-        let visitor = |(number, address, is_leaving, to_say)| Visitor {
+        let guests: Vec<(u8, Option<u8>, bool, VecDeque<WaitingTelegram>)> = from.value()?;
+        let guest = |(number, address, is_leaving, to_say)| BusGuest {
             number,
             address,
             ear: None,
             is_leaving,
             to_say,
         };
-        self.0 = visitors.into_iter().map(visitor).collect();
+        self.0 = guests.into_iter().map(guest).collect();
         Ok(())
     }
 }
 
-impl Visitors {
-    fn get(&mut self, number: u8) -> Option<&mut Visitor> {
+impl Guests {
+    fn get(&mut self, number: u8) -> Option<&mut BusGuest> {
         self.0.iter_mut().find(|it| it.number == number && !it.is_leaving)
     }
 
@@ -112,31 +112,31 @@ impl Visitors {
         let is_new = self.get(number).is_none();
         if is_new {
             let to_say = VecDeque::new();
-            self.0.push(Visitor { number, address: None, ear: None, is_leaving: false, to_say });
+            self.0.push(BusGuest { number, address: None, ear: None, is_leaving: false, to_say });
         }
         is_new
     }
 
     /// Sets the receiver of the telegrams that the guest hears.
     pub(super) fn listen(&mut self, number: u8, ear: Arc<Guest>) {
-        if let Some(visitor) = self.get(number) {
-            visitor.ear = Some(ear);
+        if let Some(guest) = self.get(number) {
+            guest.ear = Some(ear);
         }
     }
 
     /// Removes a guest, and its telegrams for a time later than bit time `now`.
     pub(super) fn leave(&mut self, number: u8, now: u64) {
         self.give_up_later(number, now);
-        if let Some(visitor) = self.get(number) {
-            (visitor.is_leaving, visitor.ear) = (true, None);
+        if let Some(guest) = self.get(number) {
+            (guest.is_leaving, guest.ear) = (true, None);
         }
         self.0.retain(|it| !it.is_leaving || !it.to_say.is_empty());
     }
 
     /// Removes the guest's telegrams for a time later than bit time `now`.
     pub(super) fn give_up_later(&mut self, number: u8, now: u64) {
-        if let Some(visitor) = self.get(number) {
-            visitor.to_say.retain(|waiting| waiting.from <= now);
+        if let Some(guest) = self.get(number) {
+            guest.to_say.retain(|waiting| waiting.from <= now);
         }
     }
 
@@ -149,23 +149,23 @@ impl Visitors {
         rate: BusRate,
     ) -> Result<(), GuestRefusal> {
         let BusMessage::Burst(Burst { begin, octets }) = said else { return Err(GuestRefusal::NotHere) };
-        let visitor = self.get(number).ok_or(GuestRefusal::NotHere)?;
+        let guest = self.get(number).ok_or(GuestRefusal::NotHere)?;
         let ahead_us = rate.us_at(begin.saturating_sub(now));
         if ahead_us > MOST_AHEAD_US {
             return Err(GuestRefusal::TooFarAhead { seconds: ahead_us / 1_000_000 });
         }
-        if visitor.to_say.len() >= ROOM {
+        if guest.to_say.len() >= ROOM {
             return Err(GuestRefusal::Full);
         }
-        let turn = if *begin == 0 { turn(octets) } else { Turn::Time };
-        visitor.to_say.push_back(Waiting { from: (*begin).max(now), turn, octets: octets.clone() });
+        let turn = if *begin == 0 { begin_condition(octets) } else { BeginCondition::Time };
+        guest.to_say.push_back(WaitingTelegram { from: (*begin).max(now), turn, octets: octets.clone() });
         Ok(())
     }
 
     /// Records the address that a guest's telegram came from.
     pub(super) fn note_address(&mut self, sender: usize, address: u8) {
-        if let Some(visitor) = guest_of(sender).and_then(|number| self.get(number)) {
-            visitor.address = Some(address);
+        if let Some(guest) = guest_of(sender).and_then(|number| self.get(number)) {
+            guest.address = Some(address);
         }
     }
 
@@ -176,8 +176,11 @@ impl Visitors {
 
     /// Returns the next telegram with a given bit time: the bit time and the sender.
     pub(super) fn next_exact(&self) -> Option<(u64, usize)> {
-        let exact = |it: &Visitor| {
-            it.to_say.front().filter(|waiting| waiting.turn == Turn::Time).map(|waiting| waiting.from)
+        let exact = |it: &BusGuest| {
+            it.to_say
+                .front()
+                .filter(|waiting| waiting.turn == BeginCondition::Time)
+                .map(|waiting| waiting.from)
         };
         self.0.iter().filter_map(|it| Some((exact(it)?, sender_of(it.number)))).min()
     }
@@ -185,7 +188,7 @@ impl Visitors {
     /// Returns the next telegram that would begin on a line idle since this bit time: the bit time and the
     /// sender. `kept` returns the bit time until which the line is reserved for others than a sender.
     pub(super) fn next_idle(&self, since: u64, kept: impl Fn(usize) -> u64) -> Option<(u64, usize)> {
-        let of = |it: &Visitor| {
+        let of = |it: &BusGuest| {
             let (waiting, sender) = (it.to_say.front()?, sender_of(it.number));
             Some((waiting.begin(since, kept(sender))?, sender))
         };
@@ -196,14 +199,14 @@ impl Visitors {
     pub(super) fn take(&mut self, sender: usize) -> Option<Vec<u8>> {
         let number = guest_of(sender)?;
         // If two guests have this number, the first one is about to leave.
-        let visitor = self.0.iter_mut().find(|it| it.number == number && !it.to_say.is_empty())?;
-        let said = visitor.to_say.pop_front();
+        let guest = self.0.iter_mut().find(|it| it.number == number && !it.to_say.is_empty())?;
+        let said = guest.to_say.pop_front();
         self.0.retain(|it| !it.is_leaving || !it.to_say.is_empty());
         said.map(|waiting| waiting.octets)
     }
 
     /// Sends the octets to all guests except their sender.
-    pub(super) fn tell(&self, sending: &Sending, time_us: u64) {
+    pub(super) fn send_to_guests(&self, sending: &Sending, time_us: u64) {
         let others = self.0.iter().filter(|it| sender_of(it.number) != sending.sender);
         for ear in others.filter_map(|it| it.ear.as_ref()) {
             let burst = Burst { begin: sending.begin, octets: sending.octets.clone() };
@@ -213,13 +216,13 @@ impl Visitors {
 }
 
 /// Returns the condition under which these octets begin. Octets that are not a telegram wait as long as a request.
-fn turn(octets: &[u8]) -> Turn {
+fn begin_condition(octets: &[u8]) -> BeginCondition {
     let is_answer = match Telegram::parse(octets) {
         Ok(Telegram::ShortAck) => true,
         Ok(Telegram::Frame(frame)) => FunctionCode::is_answer(frame.fc),
         _ => false,
     };
-    if is_answer { Turn::Answer } else { Turn::Request }
+    if is_answer { BeginCondition::Answer } else { BeginCondition::Request }
 }
 
 /// Returns the guest of a sender, for the journal.

@@ -1,7 +1,7 @@
 //! A station of a bus: a port, or a guest.
 
 use super::Controller;
-use super::guest::Silent;
+use super::guest::NoFirmware;
 use super::port::{CanPort, CanSocket};
 use crate::can::ErrorState;
 use crate::check::OwnedWatch;
@@ -10,7 +10,7 @@ use crate::journal::{Journal, Origin};
 use crate::snapshot_fields;
 
 /// A port at the bus, or a guest.
-pub(super) struct End {
+pub(super) struct Station {
     pub(super) origin: Origin,
     base: usize,
     pub(super) port: Box<dyn CanPort>,
@@ -28,7 +28,7 @@ pub(super) struct End {
     /// The station is in the list of stations with errors.
     pub(super) is_troubled: bool,
     /// The error state that was last reported.
-    pub(super) told: ErrorState,
+    pub(super) reported: ErrorState,
     /// The frame is held back until this time, in ns.
     pub(super) held_until_ns: u64,
     /// A fault has delayed this frame already.
@@ -41,16 +41,16 @@ pub(super) struct End {
     pub(super) is_unheard: bool,
 }
 
-snapshot_fields!(End {
-    values: on_since_ns, member_since_ns, is_leaving, is_waiting, is_troubled, told, held_until_ns, is_delayed, copies,
+snapshot_fields!(Station {
+    values: on_since_ns, member_since_ns, is_leaving, is_waiting, is_troubled, reported, held_until_ns, is_delayed, copies,
         is_copy, is_unheard;
     parts: port, controller, watch;
     built: origin, base
 });
 
-impl End {
+impl Station {
     fn new(origin: Origin, base: usize, port: Box<dyn CanPort>, watch: Option<OwnedWatch>) -> Self {
-        End {
+        Station {
             origin,
             base,
             port,
@@ -61,7 +61,7 @@ impl End {
             is_leaving: false,
             is_waiting: false,
             is_troubled: false,
-            told: ErrorState::default(),
+            reported: ErrorState::default(),
             held_until_ns: 0,
             is_delayed: false,
             copies: Vec::new(),
@@ -72,20 +72,20 @@ impl End {
 
     /// A guest that does not take part yet.
     pub(super) fn guest(number: u8) -> Self {
-        End::new(Origin::of_guest(number), 0, Box::new(Silent), None)
+        Station::new(Origin::of_guest(number), 0, Box::new(NoFirmware), None)
     }
 
     pub(super) fn port(socket: CanSocket) -> Result<Self, BuildError> {
         let CanSocket { origin, segment, layout, port } = socket;
         let area = layout.port_numbered(origin.node).ok_or(BuildError::OtherFamily)?.area;
         let watch = OwnedWatch::of_area(origin.plc, &segment, layout, area)?;
-        Ok(End::new(origin, area.first as usize, port, Some(watch)))
+        Ok(Station::new(origin, area.first as usize, port, Some(watch)))
     }
 
     /// Whether the station has taken part since `begin_ns`; it has missed a frame that began before it came (decision
     /// D-356).
     #[inline]
-    pub(super) fn was_there(&self, begin_ns: u64) -> bool {
+    pub(super) fn took_part_since(&self, begin_ns: u64) -> bool {
         self.member_since_ns.is_some_and(|since| since <= begin_ns)
     }
 
@@ -93,7 +93,7 @@ impl End {
     pub(super) fn switch_off(&mut self) {
         self.on_since_ns = None;
         self.is_leaving = false;
-        self.told = ErrorState::default();
+        self.reported = ErrorState::default();
         self.forget_frame();
         self.controller.clear();
     }
