@@ -10,7 +10,7 @@ use super::pwm::{CHANNELS, Misuse, Pwm};
 use super::registers::values::{bool, job};
 use super::registers::{CS0015_FLAGS, FLAGS, OUTPUTS};
 use super::rules;
-use super::serial::Taken;
+use super::serial::SerialByte;
 
 /// Range of the time that `TIMER_READ` returns, in ms, and its steps (p. 115).
 const TIMER_MS: u64 = 655_360;
@@ -201,6 +201,6 @@ fn serial_tx(mut desk: JobContext, job: &Job) -> Outcome {
 fn serial_rx(mut desk: JobContext, job: &Job) -> Outcome {
     let is_clear = flag(job, 0)?;
     has_serial(&mut desk);
-    let Taken { byte, available, has_overflowed } = desk.firmware.peripherals.serial.take(is_clear);
+    let SerialByte { byte, available, has_overflowed } = desk.firmware.peripherals.serial.take(is_clear);
     Ok(of([byte.into(), available.into(), has_overflowed.into()]))
 }

@@ -77,7 +77,7 @@ pub(super) struct Firmware {
     /// The built-in program as master.
     pub(super) master: Option<Master>,
     /// Started orders of the job block.
-    pub(super) under_way: UnderWay,
+    pub(super) under_way: StartedOrders,
     /// Number of cycles since power-on, up to three.
     cycles: u8,
     /// Outputs at the end of the last cycle.
