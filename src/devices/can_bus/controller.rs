@@ -82,6 +82,7 @@ impl Controller {
         self.bit_s = Some(bit_s);
     }
 
+    /// Returns the error counters.
     pub fn errors(&self) -> ErrorCounters {
         self.errors
     }

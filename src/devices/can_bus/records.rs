@@ -11,6 +11,7 @@ event_kinds! {
     /// A frame has arrived. The time is the end of the frame, when its receivers have it, in whole microseconds rounded
     /// up.
     Transmitted = 50, "can_frame", Traffic, at bus {
+        /// Content of the frame.
         frame: Frame,
         /// Sender of the frame.
         sender: Origin,
@@ -29,6 +30,7 @@ event_kinds! {
     StateChange = 53, "can_state", Rare, at bus {
         /// Station of the controller.
         station: Origin,
+        /// Error state from now on.
         state: ErrorState,
         /// Transmit error counter.
         transmit: u16,

@@ -32,6 +32,7 @@ struct GuardedNode {
 /// Content of an answer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct GuardAnswer {
+    /// State of the node.
     pub state: State,
     /// The node was missing before this answer.
     pub was_missing: bool,

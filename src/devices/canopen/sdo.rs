@@ -25,7 +25,9 @@ pub enum Length {
 /// Address of an entry: index and sub-index.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct EntryAddress {
+    /// Index of the object.
     pub index: u16,
+    /// Sub-index of the entry.
     pub sub: u8,
 }
 

@@ -55,6 +55,7 @@ impl Model {
 /// Configuration of the connectors, and PWM frequency.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Channels {
+    /// Type of the module.
     pub model: Model,
     /// Configuration value of each connector, or pair.
     pub kinds: [u8; CHANNELS],

@@ -15,6 +15,7 @@ use toml::de::{Error, ValueDeserializer};
 pub struct ProfibusConfig {
     /// Name, unique among the buses.
     pub name: String,
+    /// Bit rate of the segment.
     pub rate: BusRate,
     /// Factor for the slot time, the time for which the line is reserved for an answer, 1 to 10000 (decision D-358).
     pub slot_factor: u32,

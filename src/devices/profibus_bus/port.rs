@@ -128,6 +128,7 @@ impl Station {
         Station { rate, slot_bits, now: 0, intent: None, alarm: None }
     }
 
+    /// Returns the bit rate of the segment.
     pub fn rate(&self) -> BusRate {
         self.rate
     }
