@@ -11,7 +11,7 @@ pub enum FederationError {
     Exchange(String),
     /// The emulator was not started as one that shares its plant.
     #[error(
-        "the emulator was started without Options::is_federate: set it, so that all hosts handle requests to \
+        "the emulator does not share its plant: set Options::is_federate, so that all hosts handle requests to \
             boards identically"
     )]
     Unprepared,

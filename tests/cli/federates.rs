@@ -323,7 +323,7 @@ fn what_is_no_federate_of_this_plant_is_told_so() {
     let other_version = "0005392e392e3902000000";
     for (says, code, complaint) in [
         (other_version, 2, "federate 1 is commram 9.9.9"),
-        ("nonsense", 1, "federate 1 has sent what no federate sends"),
+        ("nonsense", 1, "federate 1 has sent an unexpected message"),
     ] {
         let broker = Broker::start(&helics, 2);
         let mut python = Command::new(&helics.python);
@@ -387,7 +387,7 @@ fn who_does_not_fit_is_told_why() {
     let plant = written(&directory, "plant.toml", PLANT);
     let other = written(&directory, "other.toml", &PLANT.replace("at_us = 8000", "at_us = 8001"));
     for (other, part, complaint) in
-        [(&other, "1/2", "its state is another one"), (&plant, "1/3", "federates, here there are")]
+        [(&other, "1/2", "its state is another one"), (&plant, "1/3", "federates, this one for")]
     {
         let broker = Broker::start(&helics, 2);
         let start =
