@@ -221,7 +221,7 @@ impl Gateway {
         }
     }
 
-    /// Handles the first outputs. A CANopen start that has waited for them sends them (D-675).
+    /// Handles the first outputs. A CANopen start that has waited for the outputs sends them (D-675).
     fn begin_outputs(&mut self, outputs: &[u8], now: u64) {
         let Some(setup) = &mut self.setup else { return };
         self.has_outputs = true;

@@ -172,7 +172,7 @@ impl ProfibusPort for Master {
     }
 
     fn heard(&mut self, ctx: &mut Context, station: &mut Station, telegram: &Telegram) {
-        // Another master asks under the address of this one (D-721).
+        // Another master uses the address of this one (D-721).
         if let Telegram::Frame(frame) = telegram
             && self.last_address == Some(frame.sa)
             && !FunctionCode::is_answer(frame.fc)

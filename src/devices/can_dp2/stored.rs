@@ -31,7 +31,7 @@ impl Stored {
         Ok(Stored { registers: segment.view(STORED)?, stored: [0; BYTES], generation: 0 })
     }
 
-    /// Puts the stored time back where a register holds the value that means it (p. 29-30), which is none to be stored (D-370).
+    /// Restores the stored time in a register with the value for "stored" (p. 29-30). This value itself is not stored (D-370).
     fn put_back(&self) {
         let CAN_DP2_STORED { stored_wakeup_time, stored_sync_time, .. } = &*self.registers;
         if stored_wakeup_time.load() == wakeup_time::STORED {

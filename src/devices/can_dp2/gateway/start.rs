@@ -16,7 +16,7 @@ impl Gateway {
         }
     }
 
-    /// Sets the SYNC time of a window's comment. A configuration that is already in force sets it too: the last entry counts (p. 30, 44).
+    /// Sets the SYNC time of a window's comment. A configuration already in force sets it, too: the last entry counts (p. 30, 44).
     pub(in crate::devices::can_dp2) fn set_sync_time_of_comment(&mut self, time: u16) {
         if self.registers.stored.stored_sync_time.load() != time {
             self.set_sync_time(time);

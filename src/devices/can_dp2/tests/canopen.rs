@@ -174,8 +174,8 @@ fn inputs_are_asked_for_before_there_are_outputs() {
     }
 }
 
-/// D-386: when data exchange ends, what waits to be sent is dropped, in the CAN controller as well; only a frame that is on the wire
-/// goes out to its end. So no output of a configuration outlives it (p. 30; D-675).
+/// D-386: at the end of data exchange the waiting frames are dropped, in the CAN controller as well; only a frame on the
+/// wire is sent to its end. So no output of a configuration outlives it (p. 30; D-675).
 #[test]
 fn the_end_of_data_exchange_empties_the_can_controller() {
     let cfg: Vec<u8> = (0..30).flat_map(|id| [0x83, 7, 1, id, 0]).collect();
@@ -200,9 +200,10 @@ fn the_end_of_data_exchange_empties_the_can_controller() {
     }
 }
 
-/// P. 28: the bit rate comes with the parameters. Frames for which nobody was there at the rate before are not sent at the new one (D-386).
+/// P. 28: the parameters set the bit rate. Frames that no station acknowledged at the previous rate are not sent at the
+/// new one (D-386).
 #[test]
-fn another_bit_rate_brings_no_frames_of_the_one_before() {
+fn another_bit_rate_drops_frames_of_the_previous_one() {
     let mut bench = Bench::new(5);
     let mut octets = timed(0, 0, 0);
     octets[8] = 2;
@@ -222,7 +223,8 @@ fn another_bit_rate_brings_no_frames_of_the_one_before() {
     assert_eq!(bench.heard(), ["203: 07 07"]);
 }
 
-/// P. 30, 44: the last entry of the SYNC time is valid, also one in the comment of a configuration that is in force already (D-381, D-385).
+/// P. 30, 44: the last entry of the SYNC time is valid, also in the comment of a configuration already in force (D-381,
+/// D-385).
 #[test]
 fn the_same_configuration_again_sets_its_sync_time() {
     let mut bench = Bench::new(5);
@@ -241,9 +243,10 @@ fn the_same_configuration_again_sets_its_sync_time() {
     assert_eq!(bench.heard(), ["80:"; 10]);
 }
 
-/// P. 29, table 5.1.2: in layer 2 wake-up and SYNC time are ignored, whichever way they come, so what is stored stays (D-720).
+/// P. 29, table 5.1.2: in layer 2 wake-up and SYNC times from any source are ignored, so the stored times are unchanged
+/// (D-720).
 #[test]
-fn in_layer_2_the_stored_times_stay() {
+fn in_layer_2_the_stored_times_are_unchanged() {
     let cfg = [0x85, 0x8F, 0xFF, 0xEF, 0, 0, 20, 0x43, 0x8F, 0xFF, 0xEF, 0];
     for (flags, then) in [(0x90, (3, 30)), (0x94, (9, 50)), (0x98, (9, 50))] {
         let mut bench = Bench::new(5);
@@ -260,9 +263,10 @@ fn in_layer_2_the_stored_times_stay() {
     }
 }
 
-/// P. 29-30: 255 and 65535 mean the stored times, so they are no times to be stored; a register that is written so is put back (D-370).
+/// P. 29-30: 255 and 65535 mean the stored times and are not stored; a register with such a value gets the stored time
+/// again (D-370).
 #[test]
-fn values_that_mean_the_stored_times_are_put_back() {
+fn values_for_stored_times_are_replaced_by_the_stored_times() {
     let mut bench = Bench::new(5);
     let times = |bench: &Bench| {
         let stored = &bench.registers.stored;
