@@ -1,4 +1,4 @@
-//! `commram board`: front, supply and program start of a PLC.
+//! `commram board`: front panel, supply and program start of a PLC.
 
 use super::Instance;
 use super::complete;
@@ -12,10 +12,10 @@ use clap::Subcommand;
 use serde::{Serialize, Serializer};
 use serde_json::{Map, Value};
 
-/// Look at the board of a PLC, turn its switches, reset it, switch it off and on.
+/// Show the board of a PLC, set its switches, reset it, switch it off and on.
 ///
-/// The DIP switch counts from the next power-on or reset on. A PLC in RESET or without supply leaves its buses; other
-/// PLCs go on.
+/// A new DIP switch setting takes effect at the next power-on or reset. A PLC in RESET or without supply leaves its
+/// buses; other PLCs continue.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -46,16 +46,17 @@ enum Command {
         #[command(flatten)]
         instance: Instance,
     },
-    /// Turn switches: dip (0 to 31), leds (0 to 15), switch (run, stop, reset), power (on, off), start (cold, warm,
-    /// hot, stop), project (none, boot, sent); of a module: slotH.dip; whatever else a device has at its front
+    /// Set switches: dip (0 to 31), leds (0 to 15), switch (run, stop, reset), power (on, off), start (cold, warm,
+    /// hot, stop), project (none, boot, sent); of a module: slotH.dip; and the other switches that the front of a
+    /// device has
     Set {
-        /// What to set, with the PLC in front if there are several
+        /// Switches and their new values, with the PLC in front if there are several
         #[arg(add = complete::settings(), value_name = "NAME=VALUE", required = true)]
         settings: Vec<String>,
         #[command(flatten)]
         instance: Instance,
     },
-    /// Press RESET and release it; the switch then stands at STOP
+    /// Press RESET and release it; afterwards the switch is at STOP
     Reset {
         /// Name of the PLC
         #[arg(add = complete::plcs())]
@@ -73,7 +74,7 @@ enum Command {
     },
 }
 
-/// The board of one PLC, as far as it has it.
+/// The board of one PLC; parts that the PLC does not have are empty.
 #[derive(Serialize)]
 struct Entry {
     plc: String,
@@ -101,13 +102,13 @@ struct Entry {
     modules: Modules,
 }
 
-/// What only this device has at its front.
+/// Switches and displays that only this type of device has.
 struct Front(Vec<(&'static FrontWord, u32)>);
 
 impl Serialize for Front {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.collect_map(self.words().map(|(word, value)| {
-            // A number stays one.
+            // A value without a name stays a number.
             let called = word.called(*value);
             let value = if called == value.to_string() { Value::from(*value) } else { called.into() };
             (word.name, value)
@@ -116,13 +117,13 @@ impl Serialize for Front {
 }
 
 impl Front {
-    /// What is told by name; a text is what the display shows.
+    /// The words that have named values; the text words are the contents of the display.
     fn words(&self) -> impl Iterator<Item = &(&'static FrontWord, u32)> {
         self.0.iter().filter(|(word, _)| !word.is_text)
     }
 }
 
-/// The fronts in lines, for people.
+/// The fronts as lines of text for the terminal.
 fn front_lines(entries: &[Entry]) -> String {
     let line = |entry: &Entry| {
         let words = entry.front.words().map(|(word, value)| format!("{} {}", word.name, word.called(*value)));
@@ -136,7 +137,7 @@ fn front_lines(entries: &[Entry]) -> String {
     format!("\n{}", table::columns(&lines))
 }
 
-/// The modules of a PLC by slot; nothing if it is not modular.
+/// The modules of a PLC by slot; `None` if the PLC is not modular.
 struct Modules(Option<Vec<(&'static str, ModuleFront)>>);
 
 impl Serialize for Modules {
@@ -172,7 +173,7 @@ fn module_json(front: &ModuleFront) -> Value {
     module.into()
 }
 
-/// The modules in lines, for people.
+/// The modules as lines of text for the terminal.
 fn module_lines(entries: &[Entry]) -> String {
     let mut lines = Vec::new();
     for Entry { plc, modules: Modules(modules), .. } in entries {
@@ -297,7 +298,7 @@ fn get(plc: Option<&str>, format: &FormatArg, instance: &Instance) -> Result<(),
     table::print(format.format, &rows, |rows| table::aligned(rows) + &front_lines(rows) + &module_lines(rows))
 }
 
-/// Does all of it in one message.
+/// Sends all settings in one message.
 fn set(instance: &Instance, words: &[BoardWord<'_>]) -> Result<(), CliError> {
     use super::session::Session;
     use crate::channel::ClientError;
@@ -306,17 +307,17 @@ fn set(instance: &Instance, words: &[BoardWord<'_>]) -> Result<(), CliError> {
     let op = |word: &BoardWord<'_>| {
         let plc = session.plc(word.plc, word.text)?;
         let setting = word.at(session.device(plc))?;
-        // All is checked before anything is set.
+        // Checks all settings before the first one is set.
         has_switch(&session, plc, setting)?;
         Ok(Op::SetBoard { plc, setting })
     };
     let ops = words.iter().map(op).collect::<Result<Vec<_>, CliError>>()?;
-    // A command depends on the switches set before it, so it can be refused once those are set.
+    // A setting can depend on an earlier one, so the emulator may refuse it after earlier settings took effect.
     for (done, reply) in session.replies(&ops)?.into_iter().enumerate() {
         let Reply::Error(refused) = reply else { continue };
         if done > 0 {
             let done: Vec<_> = words.iter().take(done).map(|word| word.text).collect();
-            super::output::note(&format!("set before that: {}", done.join(" ")));
+            super::output::note(&format!("set before the error: {}", done.join(" ")));
         }
         return Err(ClientError::Refused(refused).into());
     }

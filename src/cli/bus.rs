@@ -1,4 +1,4 @@
-//! `commram bus`: the buses of an instance, doors to them for foreign programs, logs of their frames.
+//! `commram bus`: the buses of an instance, doors (interfaces for other programs) to them, logs of their frames.
 
 mod log;
 
@@ -8,10 +8,11 @@ use super::table::FormatArg;
 use crate::door::DoorSpec;
 use clap::{Args as ClapArgs, Subcommand};
 
-/// Show the buses, open doors to them for foreign programs, play and compare logs.
+/// List the buses, open doors (interfaces for other programs), play and compare logs.
 ///
-/// Whoever comes in by a door is a station on the bus: it hears all frames and sends its own. docs/reference/can.md tells what each kind
-/// of door is, and how python-can comes in; docs/devices/can-dp2/overview.md the same of PROFIBUS.
+/// A program that connects to a door is a station on the bus: it receives all frames and sends its own.
+/// docs/reference/can.md describes each kind of door and how python-can connects; docs/devices/can-dp2/overview.md
+/// does the same for PROFIBUS.
 #[derive(ClapArgs)]
 #[command(after_help = "\
 Examples:
@@ -34,12 +35,14 @@ enum Command {
     Compare(log::Compare),
 }
 
-/// List the buses, the doors to them and the guests there.
+/// List the buses, their doors and the guests connected to them.
 ///
-/// `seat`: it has asked for emulated time, which waits for it if the clock is stepped. `dropped` counts the frames that a guest did not take in time, `refused` those of its own that the bus did not take. `sent_away`
-/// counts the guests at the doors of the bus for which there was no place or no file descriptor. `stations`
-/// are those at a PROFIBUS with their addresses and states, and those at CAN that have counted errors, with transmit and receive errors. `other_rates` are those that are set
-/// to another rate, in kbit/s, and hear nothing; while a bus waits for its master, its rate is the one of the plant file.
+/// `seat`: the guest takes part in emulated time; a stepped clock waits for it. `dropped` counts the frames that a
+/// guest did not read in time, `refused` the frames of the guest that the bus did not accept. `sent_away` counts
+/// the guests that were rejected because there was no place or no file descriptor left. `stations` are the stations
+/// on a PROFIBUS with their addresses and states, and the stations on CAN that have counted errors, with transmit
+/// and receive errors. `other_rates` are the stations that are set to another rate, in kbit/s, and receive nothing;
+/// while a bus waits for its master, its rate is the one in the plant file.
 #[derive(ClapArgs)]
 #[command(after_help = "\
 Examples:
@@ -52,11 +55,12 @@ struct List {
     instance: Instance,
 }
 
-/// Open a door to a bus, and print what it is called.
+/// Open a door to a bus and print its name.
 ///
-/// Doors are `slcan-tcp:127.0.0.1:0` (SLCAN over TCP; port 0 asks for any) and `slcan-pty` (SLCAN over a pseudo-terminal), at a
-/// PROFIBUS `profibus-tcp:127.0.0.1:0` (telegrams over TCP). Any user of this machine can connect to a TCP port; other
-/// machines only if the door is called `slcan-tcp-anybody:ADDRESS:PORT` or `profibus-tcp-anybody:ADDRESS:PORT`.
+/// Doors are `slcan-tcp:127.0.0.1:0` (SLCAN over TCP; port 0 selects any free port) and `slcan-pty` (SLCAN over a
+/// pseudo-terminal), on a PROFIBUS `profibus-tcp:127.0.0.1:0` (telegrams over TCP). Any user of this machine can
+/// connect to a TCP port; other machines can connect only to a door named `slcan-tcp-anybody:ADDRESS:PORT` or
+/// `profibus-tcp-anybody:ADDRESS:PORT`.
 #[derive(ClapArgs)]
 #[command(after_help = "\
 Examples:
@@ -73,12 +77,12 @@ struct Open {
     instance: Instance,
 }
 
-/// Close doors to a bus; whoever is there has to leave.
+/// Close doors to a bus and disconnect their guests.
 #[derive(ClapArgs)]
 #[command(after_help = "\
 Examples:
   commram bus close open slcan-tcp:127.0.0.1:40001
-  commram bus close open                              all of them")]
+  commram bus close open                              all doors of the bus")]
 struct Close {
     /// Name of the bus
     #[arg(add = super::complete::buses())]
@@ -123,7 +127,7 @@ mod by_channel {
         other_rates: Vec<Stranger>,
     }
 
-    /// Who is set to another rate.
+    /// A station with another bit rate.
     #[derive(Serialize)]
     struct Stranger {
         name: String,
@@ -140,7 +144,7 @@ mod by_channel {
         }
     }
 
-    /// In kbit/s; a whole number where it is one.
+    /// In kbit/s; serialized as an integer if it is a whole number.
     #[derive(Clone, Copy, Serialize)]
     #[serde(untagged)]
     pub(crate) enum Rate {
@@ -165,7 +169,7 @@ mod by_channel {
         }
     }
 
-    /// Somebody at a door.
+    /// A guest at a door.
     #[derive(Serialize)]
     struct Guest {
         guest: u8,
@@ -219,7 +223,8 @@ mod by_channel {
         }
     }
 
-    /// `gw:dp (5, data_exchange)` if it has an address; `panel:can (bus_off, 256+0)` if it has counted any errors.
+    /// Text of a station that has an address, `gw:dp (5, data_exchange)`, or has counted errors, `panel:can
+    /// (bus_off, 256+0)`.
     fn noteworthy(station: &Station) -> Option<String> {
         let Station { name, address, state, transmit_errors, receive_errors } = station;
         if let Some(address) = address {
@@ -259,7 +264,7 @@ mod by_channel {
         })
     }
 
-    /// The number of the bus that the user means.
+    /// Returns the number of the bus with this name.
     fn number(session: &Session, bus: &str, instance: &Instance) -> Result<u16, CliError> {
         let buses = session.ask(Op::Info)?.info()?.names.buses;
         let found = buses.iter().position(|name| name == bus).and_then(|index| u16::try_from(index).ok());

@@ -1,4 +1,4 @@
-//! Registers that hold something else than before: what `watch` and `diff` show.
+//! Registers that changed their value: shown by `watch` and `diff`.
 
 use super::error::CliError;
 use super::peek::Holding;
@@ -8,25 +8,23 @@ use crate::layout::{DeviceFit, RegisterRef};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// The register of a change that an emulator tells, with the name that it had then; `None` if none of this width begins there.
+/// Returns the register of a reported change, with the name valid at that time; `None` if no register of this width
+/// begins there.
 pub(super) fn register(fitted: &DeviceFit, what: &Changed) -> Option<RegisterRef> {
     let address = fitted.device().at(what.how.width, what.offset);
     let found = fitted.registers_at(address, Some(what.how.live)).ok()?;
     found.into_iter().find(|register| register.address() == address)
 }
 
-/// What is compared of a register; also how a dump in JSON is read back.
+/// Value of a register for comparison; also an entry of a dump in JSON.
 #[derive(Clone, Debug, Deserialize, PartialEq, Eq)]
 pub(crate) struct Held {
-    /// The PLC.
     pub plc: String,
-    /// Name of the register with the PLC if need be, else the address.
+    /// Name of the register, with the PLC if the instance has several; the address if there is no register.
     pub register: String,
-    /// The address.
     pub address: String,
     /// The bit pattern in IEC notation.
     pub hex: String,
-    /// The meaning.
     pub meaning: String,
 }
 
@@ -37,24 +35,22 @@ impl From<Holding> for Held {
     }
 }
 
-/// A register that differs.
+/// A register whose value differs.
 #[derive(Debug, Serialize, PartialEq, Eq)]
 pub(crate) struct Change {
-    /// The PLC.
     pub plc: String,
-    /// Name of the register with the PLC if need be, else the address.
+    /// Name of the register, with the PLC if the instance has several; the address if there is no register.
     pub register: String,
-    /// The address.
     pub address: String,
-    /// What it held, in IEC notation; nothing if it was not there.
+    /// The earlier value in IEC notation; `None` if the register was absent.
     pub before: Option<String>,
-    /// What it holds; nothing if it is no longer there.
+    /// The later value; `None` if the register is absent now.
     pub after: Option<String>,
-    /// What this means.
+    /// The meaning of the later value.
     pub meaning: String,
 }
 
-/// Stands for a value that is not there.
+/// Placeholder for the value of an absent register.
 const ABSENT: &str = "-";
 
 impl Row for Change {
@@ -73,7 +69,7 @@ impl Row for Change {
     }
 }
 
-/// Lines for people: `node2.w_OPTION_STATUS  %MW3.200002  16#0001 -> 16#0002  waiting for ...`.
+/// Formats changes as lines of text: `node2.w_OPTION_STATUS  %MW3.200002  16#0001 -> 16#0002  waiting for ...`.
 pub(crate) fn text(changes: &[Change]) -> String {
     let cells = |change: &Change| {
         vec![change.register.clone(), change.address.clone(), values(change), change.meaning.clone()]
@@ -87,21 +83,21 @@ pub(crate) fn values(change: &Change) -> String {
     format!("{} -> {}", value(&change.before), value(&change.after))
 }
 
-/// Registers by PLC and name.
+/// Register values by PLC and name.
 pub(crate) struct Known(BTreeMap<(String, String), Held>);
 
 impl Known {
-    /// Of registers with one name the last one counts.
+    /// If several entries have the same name, the last one is kept.
     pub(crate) fn new(registers: impl IntoIterator<Item = Held>) -> Self {
         Known(registers.into_iter().map(|held| ((held.plc.clone(), held.register.clone()), held)).collect())
     }
 
-    /// Whether the register is among them.
+    /// True if the values contain this register.
     pub(crate) fn has(&self, held: &Held) -> bool {
         self.0.contains_key(&(held.plc.clone(), held.register.clone()))
     }
 
-    /// Those of `after` that are new or hold something else, in their order.
+    /// Returns the registers of `after` that are new or have another value, in their order.
     pub(crate) fn changed<'a>(&self, after: impl IntoIterator<Item = &'a Held>) -> Vec<Change> {
         let change = |now: &Held| {
             let before = self.0.get(&(now.plc.clone(), now.register.clone()));
@@ -118,7 +114,7 @@ impl Known {
         after.into_iter().filter_map(change).collect()
     }
 
-    /// Those of `before` that are not among them, in their order.
+    /// Returns the registers of `before` that these values do not contain, in their order.
     pub(crate) fn missing(&self, before: &[Held]) -> Vec<Change> {
         let change = |held: &Held| Change {
             plc: held.plc.clone(),
@@ -132,10 +128,10 @@ impl Known {
     }
 }
 
-/// The registers of a dump in JSON.
+/// Parses a dump in JSON.
 ///
 /// # Errors
-/// `text` is none; `name` is what it is called.
+/// `text` is not a dump; `name` identifies it in the message.
 pub(crate) fn parse(name: &str, text: &str) -> Result<Vec<Held>, CliError> {
     serde_json::from_str(text)
         .map_err(|error| CliError::NoDump { name: name.to_owned(), reason: error.to_string() })
@@ -155,7 +151,7 @@ mod tests {
     }
 
     #[test]
-    fn new_and_changed_registers_are_told_in_their_order_and_equal_ones_are_not() {
+    fn new_and_changed_registers_are_reported_in_their_order() {
         let before = Known::new([held("a", "16#01"), held("b", "16#02")]);
         let after = [held("c", "16#03"), held("b", "16#04"), held("a", "16#01")];
         let changes = before.changed(&after);
@@ -164,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn missing_registers_are_told() {
+    fn missing_registers_are_reported() {
         let missing = Known::new([held("b", "16#09")]).missing(&[
             held("c", "16#03"),
             held("b", "16#02"),
@@ -174,13 +170,13 @@ mod tests {
     }
 
     #[test]
-    fn one_name_at_two_plcs_is_two_registers() {
+    fn one_name_at_two_plcs_means_two_registers() {
         let other = Held { plc: "other".to_owned(), ..held("a", "16#02") };
         assert_eq!(Known::new([held("a", "16#01")]).changed([&other]).len(), 1);
     }
 
     #[test]
-    fn what_is_no_dump_is_refused() {
+    fn a_text_that_is_not_a_dump_is_refused() {
         let refused = parse("x.json", "[{}]").unwrap_err().to_string();
         assert!(refused.contains("x.json") && refused.contains("missing field"), "{refused}");
     }

@@ -1,4 +1,4 @@
-//! `commram check`: what the access checker has found.
+//! `commram check`: the findings of the access checker.
 
 use super::error::CliError;
 use super::table::{self, FormatArg, Row};
@@ -9,13 +9,14 @@ use crate::layout::plc_prefix;
 use crate::plural::plural;
 use serde::Serialize;
 
-/// Show what PLC programs have done against the manual.
+/// Show violations of the manual by PLC programs.
 ///
-/// An error is what the manual forbids or what cannot have the effect that was wanted; a warning is allowed or has no
-/// effect, but hardly what was meant. docs/reference/checker.md tells what can be seen and what cannot.
+/// An error is an access that the manual forbids or that cannot have the intended effect. A warning is an access
+/// that is allowed or has no effect, but is probably not intended. docs/reference/checker.md describes the limits
+/// of the checker.
 ///
-/// Exit code 1: there is an error among the findings. Exit code 3: nothing could be checked, because the emulator is
-/// not there.
+/// Exit code 1: there is an error among the findings. Exit code 3: the emulator is not running, so nothing could be
+/// checked.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -24,7 +25,7 @@ Examples:
   commram check --format json
   commram check --rules")]
 pub(crate) struct Args {
-    /// Forget the findings after having shown them
+    /// Delete the findings after they are shown
     #[arg(long)]
     clear: bool,
     /// List the rules instead; needs no emulator
@@ -51,7 +52,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     Ok(())
 }
 
-/// What an instance answers.
+/// The findings of an instance.
 struct Checked {
     instance: String,
     names: Names,
@@ -75,13 +76,13 @@ fn findings(args: &Args) -> Result<Checked, CliError> {
     }
 }
 
-/// A rule at a register.
+/// Findings of one rule at one register.
 #[derive(Serialize)]
 pub(crate) struct FindingRow {
     pub severity: &'static str,
     pub rule: &'static str,
     plc: String,
-    /// `None`: all the registers of the rule for which there was no room.
+    /// `None`: further registers of the rule, counted together because there was no room for more entries.
     pub register: Option<String>,
     address: Option<String>,
     value: u32,
@@ -96,7 +97,7 @@ pub(crate) struct FindingRow {
 }
 
 impl FindingRow {
-    /// What `entry` tells, with these names.
+    /// Converts `entry`, with these names of PLCs and buses.
     pub(crate) fn new(entry: &Entry, names: &Names) -> Self {
         let Entry { last, is_single, count, first_us, last_us, latest_us } = *entry;
         let (plcs, fitted) = (&names.plcs, names.fitted(last.plc));
@@ -160,7 +161,7 @@ fn text(rows: &[FindingRow], checked: &Checked) -> String {
     let counted = |severity: Severity| plural(number(severity.name()) as u64, severity);
     let head = format!("instance '{}' at {}: ", checked.instance, time::seconds(checked.time_us));
     if rows.is_empty() {
-        return head + "nothing against the manual\n";
+        return head + "no violations of the manual\n";
     }
     let mut text = format!("{head}{}, {}\n", counted(Severity::Error), counted(Severity::Warning));
     text += &table::aligned(rows);

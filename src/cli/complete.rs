@@ -1,7 +1,7 @@
-//! What shells complete that only register map and running emulators know: registers, values, instances, PLCs, buses,
-//! faults.
+//! Shell completion of values that come from the register map or from running emulators: registers, values,
+//! instances, PLCs, buses, faults.
 //!
-//! A completer gets the word under the cursor alone; what stands in front of it is in [`mod@line`].
+//! A completer gets only the word under the cursor; [`mod@line`] provides the words before it.
 
 mod known;
 mod line;
@@ -21,17 +21,17 @@ use clap_complete::engine::{ArgValueCompleter, PathCompleter, ValueCompleter};
 use std::collections::BTreeMap;
 use std::ffi::OsStr;
 
-/// What commands complete; each is a value for `#[arg(add = ...)]`.
+/// Makes a completer for `#[arg(add = ...)]` from a function that lists candidates.
 fn of(list: fn(&str) -> Vec<Candidate>) -> ArgValueCompleter {
     ArgValueCompleter::new(move |current: &OsStr| current.to_str().map(list).unwrap_or_default())
 }
 
-/// Registers.
+/// Completes registers.
 pub(crate) fn registers() -> ArgValueCompleter {
     of(|current| registers_with(current, ""))
 }
 
-/// Registers, and blocks of them.
+/// Completes registers and blocks.
 pub(crate) fn blocks() -> ArgValueCompleter {
     of(|current| {
         let mut all = registers_with(current, "");
@@ -40,17 +40,17 @@ pub(crate) fn blocks() -> ArgValueCompleter {
     })
 }
 
-/// `REG=VALUE`.
+/// Completes `REG=VALUE`.
 pub(crate) fn writes() -> ArgValueCompleter {
     of(|current| values_of(current, &["="]).unwrap_or_else(|| registers_with(current, "=")))
 }
 
-/// `REG==VALUE`.
+/// Completes `REG==VALUE` and `REG!=VALUE`.
 pub(crate) fn conditions() -> ArgValueCompleter {
     of(|current| values_of(current, &["==", "!="]).unwrap_or_else(|| registers_with(current, "==")))
 }
 
-/// Running instances, and those that were killed.
+/// Completes running and killed instances.
 pub(crate) fn instances() -> ArgValueCompleter {
     of(|current| {
         let images = crate::memory::list().unwrap_or_default();
@@ -60,22 +60,22 @@ pub(crate) fn instances() -> ArgValueCompleter {
     })
 }
 
-/// PLCs of the instance.
+/// Completes the PLCs of the instance.
 pub(crate) fn plcs() -> ArgValueCompleter {
     of(|current| starting(current, Scene::look().plcs.into_iter().map(|(name, _)| (name, String::new()))))
 }
 
-/// Buses of the instance.
+/// Completes the buses of the instance.
 pub(crate) fn buses() -> ArgValueCompleter {
     of(|current| starting(current, known_buses().into_iter().map(|name| (name, String::new()))))
 }
 
-/// Drives of the instance.
+/// Completes the drives of the instance.
 pub(crate) fn drives() -> ArgValueCompleter {
     of(|current| starting(current, known_drives()))
 }
 
-/// Parameters of the drive that stands in front: `P167=`.
+/// Completes the parameters of the drive that the line names before this word: `P167=`.
 pub(crate) fn parameters() -> ArgValueCompleter {
     of(|current| {
         let words = words();
@@ -85,7 +85,7 @@ pub(crate) fn parameters() -> ArgValueCompleter {
     })
 }
 
-/// Settings of a board: `NAME=`, with the PLC in front if there are several.
+/// Completes the settings of a board: `NAME=`, with the PLC in front if there are several.
 pub(crate) fn settings() -> ArgValueCompleter {
     of(|current| {
         let words = [
@@ -117,7 +117,7 @@ pub(crate) fn settings() -> ArgValueCompleter {
     })
 }
 
-/// Fields of the kind of fault that stands in front, with those of their values that are known.
+/// Completes the fields of the kind of fault that the line names, with their known values.
 pub(crate) fn fault_fields() -> ArgValueCompleter {
     of(|current| {
         let kind = words().into_iter().find_map(|word| {
@@ -148,7 +148,7 @@ pub(crate) fn fault_fields() -> ArgValueCompleter {
     })
 }
 
-/// Numbers of the faults that wait or act.
+/// Completes the numbers of pending and active faults.
 pub(crate) fn fault_numbers() -> ArgValueCompleter {
     of(|current| {
         let words = words();
@@ -157,7 +157,7 @@ pub(crate) fn fault_numbers() -> ArgValueCompleter {
     })
 }
 
-/// Files with one of these endings, and directories.
+/// Completes files with one of these extensions, and directories.
 pub(crate) fn files(endings: &'static [&'static str]) -> ArgValueCompleter {
     let has_ending = move |path: &std::path::Path| {
         path.extension().is_some_and(|found| endings.iter().any(|ending| found == *ending))
@@ -165,7 +165,7 @@ pub(crate) fn files(endings: &'static [&'static str]) -> ArgValueCompleter {
     ArgValueCompleter::new(move |current: &OsStr| PathCompleter::any().filter(has_ending).complete(current))
 }
 
-/// What a field can hold, as far as it is a matter of names.
+/// Returns the values of a field, if they are names.
 fn values_of_field(field: &Field) -> Vec<String> {
     match field.form() {
         Form::Word(words) => words.iter().map(|word| (*word).to_owned()).collect(),
@@ -198,9 +198,9 @@ fn starting(current: &str, all: impl IntoIterator<Item = (String, String)>) -> V
         .collect()
 }
 
-/// What is there to be named.
+/// The PLCs whose registers can be named.
 struct Scene {
-    /// The PLCs of the instance; without one the device that is meant if none is named.
+    /// The PLCs of the instance; if no instance runs, one entry without a name for the default device.
     plcs: Vec<(String, DeviceFit)>,
 }
 
@@ -216,7 +216,7 @@ impl Scene {
         Self { plcs: vec![(String::new(), DeviceFit::unknown(device))] }
     }
 
-    /// What can stand in front of a name: nothing with one PLC, else each of them.
+    /// Prefixes of register names: empty for a single PLC, else one for each PLC.
     fn prefixes(&self, current: &str) -> Vec<String> {
         match self.plcs.as_slice() {
             [(name, _)] => vec![if current.contains(':') { format!("{name}:") } else { String::new() }],
@@ -224,7 +224,7 @@ impl Scene {
         }
     }
 
-    /// The PLCs that `current` may be about, with what stands in front of their names.
+    /// The PLCs that match the start of `current`, each with its prefix.
     fn each(&self, current: &str) -> Vec<(String, DeviceFit)> {
         let named = split_plc(current).0;
         let prefix = named.map(|plc| format!("{plc}:")).unwrap_or_default();
@@ -238,12 +238,13 @@ impl Scene {
     }
 }
 
-/// Areas, and the variables that are declared there if one is begun, with what stands in front and `behind`.
-fn areas(current: &str, behind: &str) -> Vec<(String, String)> {
+/// Areas with their prefix; the declared variables of an area if its name is typed. `suffix` follows a complete
+/// name.
+fn areas(current: &str, suffix: &str) -> Vec<(String, String)> {
     let mut all = Vec::new();
     for (prefix, fitted) in Scene::look().each(current) {
         for area in fitted.device().named_areas().filter(|area| fitted.area(area) != Fit::Empty) {
-            let mut add = |name: &str| all.push((format!("{prefix}{name}{behind}"), area.doc.to_owned()));
+            let mut add = |name: &str| all.push((format!("{prefix}{name}{suffix}"), area.doc.to_owned()));
             add(area.name);
             if split_plc(current).1.starts_with('_') {
                 fitted.placed(area).for_each(|placed| add(placed.variable));
@@ -254,27 +255,28 @@ fn areas(current: &str, behind: &str) -> Vec<(String, String)> {
     all
 }
 
-/// Registers whose names begin so: first the area, then the register, then each index. `behind` follows a whole name.
-fn registers_with(current: &str, behind: &str) -> Vec<Candidate> {
+/// Completes register names step by step: the area, then the register, then each index. `suffix` follows a complete
+/// name.
+fn registers_with(current: &str, suffix: &str) -> Vec<Candidate> {
     let (_, name) = split_plc(current);
     let Some((front, _)) = name.split_once('.') else {
         return areas(current, ".").into_iter().map(|(name, help)| candidate(name, help)).collect();
     };
-    // In the order of the map.
+    // Keeps the order of the map.
     let mut names: Vec<String> = Vec::new();
     let mut known: BTreeMap<String, String> = BTreeMap::new();
     for (prefix, fitted) in Scene::look().each(current) {
         for register in registers_of(&fitted, front) {
             let full = format!("{prefix}{front}.{}", register.path());
             let Some(rest) = full.strip_prefix(current) else { continue };
-            // One more index at a time.
+            // Completes one index at a time.
             let end = rest.find('[').map(|at| at + 1).filter(|_| !current.ends_with('['));
             let end = end.or_else(|| rest.find(']').map(|at| at + 1));
             let name = match end {
                 Some(end) if current.len() + end < full.len() || full.ends_with('[') => {
                     full[..current.len() + end].to_owned()
                 }
-                _ => full + behind,
+                _ => full + suffix,
             };
             if !known.contains_key(&name) {
                 known.insert(name.clone(), register.register.doc.to_owned());
@@ -289,7 +291,7 @@ fn registers_with(current: &str, behind: &str) -> Vec<Candidate> {
         .collect()
 }
 
-/// Names of registers that begin so, as they can be typed on.
+/// Names of registers that begin with `current`; incomplete names can be continued.
 pub(crate) fn register_names(current: &str) -> Vec<String> {
     let name = |candidate: Candidate| candidate.get_value().to_string_lossy().into_owned();
     registers_with(current, "").into_iter().map(name).collect()
@@ -303,7 +305,7 @@ fn registers_of(fitted: &DeviceFit, front: &str) -> Vec<RegisterRef> {
     }
 }
 
-/// What the values of a register are called, if one of these signs stands between it and the cursor.
+/// Completes the values of a register if one of these operators precedes the cursor.
 fn values_of(current: &str, signs: &[&str]) -> Option<Vec<Candidate>> {
     let (register, front) = signs.iter().find_map(|sign| {
         let (register, _) = current.split_once(sign)?;

@@ -1,4 +1,4 @@
-//! `commram completions`: scripts that make shells ask this program what can follow.
+//! `commram completions`: scripts that make shells ask this program for completions.
 
 use super::{Cli, complete, error::CliError, output};
 use clap::{CommandFactory, ValueEnum};
@@ -8,13 +8,13 @@ use std::ffi::OsString;
 use std::io::{self, Write};
 use std::path::Path;
 
-/// Set by the scripts when they ask.
+/// Environment variable that the scripts set when they ask for completions.
 const VARIABLE: &str = "COMMRAM_COMPLETE";
 
 /// Print a script that makes a shell complete commands, options and values.
 ///
-/// The shell asks this program, which knows registers and what their values are called, instances that run, their PLCs and
-/// buses, kinds of faults and their fields, and looks for scenarios and plant files.
+/// The shell asks this program for completions. It knows registers and the names of their values, running instances
+/// with their PLCs and buses, kinds of faults and their fields, and finds scenarios and plant files.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -53,9 +53,9 @@ fn script(shell: Shell) -> Result<String, CliError> {
         .map_err(|reason| CliError::Output { reason })?;
     let script = String::from_utf8_lossy(&script).into_owned();
     Ok(match shell {
-        // No blank behind what goes on: an area, an index.
+        // No blank after a word that can be continued: an area, an index.
         Shell::Bash => script.replacen("[=/:]$", "[=/:.[]$", 1).replacen(
-            // What stands behind the sign, nothing, is the word that bash completes; the sign must not get lost.
+            // The empty text after the separator is the word that bash completes; the separator must be kept.
             "        words[COMP_CWORD]=\"$2\"",
             "        [[ ${words[COMP_CWORD]} == [=:]* ]] || words[COMP_CWORD]=\"$2\"",
             1,
@@ -76,7 +76,7 @@ fn script(shell: Shell) -> Result<String, CliError> {
     })
 }
 
-/// Bash, which breaks words at `=` and `:` and replaces only what stands behind.
+/// The bash completer: bash splits words at `=` and `:` and replaces only the part after the separator.
 struct WholeWords;
 
 impl EnvCompleter for WholeWords {
@@ -119,7 +119,7 @@ impl EnvCompleter for WholeWords {
     }
 }
 
-/// Answers a shell that asks, and ends then.
+/// Answers a shell that asks for completions and exits; returns if no shell asks.
 pub(crate) fn answer() {
     let shells = Shells(&[&WholeWords, &Elvish, &Fish, &Zsh]);
     CompleteEnv::with_factory(Cli::command).var(VARIABLE).shells(shells).complete();
@@ -129,9 +129,9 @@ pub(crate) fn answer() {
 mod tests {
     use super::*;
 
-    /// What is put into the scripts of the library is still where it was looked for.
+    /// The scripts of the library still contain the texts that are replaced.
     #[test]
-    fn scripts_leave_no_blank_behind_what_goes_on() {
+    fn scripts_add_no_blank_after_a_word_that_can_be_continued() {
         let bash = script(Shell::Bash).ok().unwrap();
         assert!(bash.contains("[=/:.[]$") && bash.contains("== [=:]* ]] || words[COMP_CWORD]="), "{bash}");
         let zsh = script(Shell::Zsh).ok().unwrap();

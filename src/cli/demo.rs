@@ -1,7 +1,7 @@
-//! `commram demo`: the whole thing in one command.
+//! `commram demo`: a complete example in one command.
 //!
-//! Three processes: the emulator (`commram run`), a soft-PLC ([`plc`]) that knows nothing but the image file,
-//! and this one, which starts, watches and ends them.
+//! Three processes: the emulator (`commram run`), a soft-PLC ([`plc`]) that uses only the image file, and this
+//! process, which starts, watches and ends them.
 
 pub(crate) mod plc;
 mod processes;
@@ -16,18 +16,18 @@ pub(crate) use processes::{Interrupts, command, end_with};
 use std::io::{self, Write};
 use std::time::{Duration, Instant};
 
-/// Everything together takes a few seconds; something hangs if it takes this long.
+/// A run takes a few seconds; after this time it counts as hanging.
 const WATCHDOG: Duration = Duration::from_secs(120);
-/// How long the soft-PLC may take to notice and to say that the emulator is gone.
+/// Time for the soft-PLC to notice and report that the emulator has gone.
 const GRACE: Duration = Duration::from_secs(2);
 
 /// Watch a soft-PLC initialize three drives and exchange process data with them.
 ///
-/// Starts an emulator with a plant of the device and, as a process of its own, a soft-PLC that attaches to the
-/// shared memory. The soft-PLC brings the master of a bus from restart to active operation, exchanges reference
-/// and actual values for a second, and prints each handshake as it reads it back from the RAM: emulated time,
-/// who wrote, register, address, value, meaning. At the end comes a dump. Takes about three seconds and leaves
-/// nothing behind.
+/// Starts an emulator with a plant of the device and, in a separate process, a soft-PLC that attaches to the shared
+/// memory. The soft-PLC brings the master of a bus from restart to active operation and exchanges reference and
+/// actual values for a second. It prints each handshake as it reads it back from the RAM: emulated time, writer,
+/// register, address, value, meaning. A dump follows at the end. The demonstration takes about three seconds and
+/// removes its files.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -59,13 +59,13 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     emulator.stop()
 }
 
-/// Shows what a soft-PLC tells.
+/// Shows the output of a soft-PLC.
 fn show(text: &str) -> io::Result<()> {
     let mut out = io::stdout().lock();
     out.write_all(text.as_bytes()).and_then(|()| out.flush())
 }
 
-/// Waits until the soft-PLC is done.
+/// Waits until the soft-PLC has finished.
 fn watch(emulator: &mut Emulator, plc: &mut SoftPlc, interrupts: &Interrupts) -> Result<(), CliError> {
     let start = Instant::now();
     let mut emulator_ended = None;
@@ -78,14 +78,14 @@ fn watch(emulator: &mut Emulator, plc: &mut SoftPlc, interrupts: &Interrupts) ->
         }
         if emulator.has_ended()? {
             let since: &mut Instant = emulator_ended.get_or_insert_with(Instant::now);
-            // The soft-PLC notices it as well, and can say what it was doing.
+            // The soft-PLC notices it too and can report what it was doing.
             if since.elapsed() > GRACE {
                 return Err(CliError::Demo("the emulator has ended unexpectedly".to_owned()));
             }
         }
         if start.elapsed() > WATCHDOG {
             let seconds = WATCHDOG.as_secs();
-            return Err(CliError::Demo(format!("the soft-PLC is not done after {seconds} s")));
+            return Err(CliError::Demo(format!("the soft-PLC has not finished after {seconds} s")));
         }
         std::thread::sleep(POLL);
     }

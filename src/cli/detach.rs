@@ -1,7 +1,7 @@
 //! `commram run --detach`: an emulator in the background.
 //!
-//! This program starts itself again, passes on what that says until it is ready, and ends. What it has started leaves
-//! terminal and session, and lets go of the outputs when it is ready, so that nobody waits for their end.
+//! This program starts itself again, passes on the output of the child until it is ready, and ends. The child
+//! leaves terminal and session. When it is ready, it closes its outputs, so that no reader waits for their end.
 
 use super::demo::Interrupts;
 use super::error::CliError;
@@ -15,13 +15,13 @@ use std::process::{Child, Command, Stdio};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
 use std::time::Duration;
 
-/// Pause between two looks whether the user has had enough.
+/// Pause between two checks for an interrupt.
 const LOOK: Duration = Duration::from_millis(20);
 
-/// Starts this command again in the background, and returns when it is ready.
+/// Starts this command again in the background and returns when it is ready.
 ///
 /// # Errors
-/// It does not get ready; it has said why, and its exit code is ours.
+/// The child did not get ready. It has printed the reason, and its exit code is passed on.
 pub(crate) fn start(instance: &str) -> Result<(), CliError> {
     let failed = |reason| CliError::Process { reason };
     let interrupts = Interrupts::catch()?;
@@ -41,7 +41,7 @@ pub(crate) fn start(instance: &str) -> Result<(), CliError> {
     let said = String::from_utf8_lossy(&said);
     let pid = child.id();
     let goes_on =
-        format!("process {pid} goes on in the background; end it with `commram stop -i {instance}`");
+        format!("process {pid} continues in the background; end it with `commram stop -i {instance}`");
     let printed = output::print(&format!("{said}commram: {goes_on}\n"));
     if matches!(printed, Err(CliError::Output { .. })) {
         output::note(&goes_on);
@@ -49,13 +49,13 @@ pub(crate) fn start(instance: &str) -> Result<(), CliError> {
     printed
 }
 
-/// All that comes before the end of the stream.
+/// Reads a stream up to its end in a thread.
 fn collect(stream: Option<impl Read + Send + 'static>) -> Receiver<Vec<u8>> {
     let (send, receive) = mpsc::channel();
     std::thread::spawn(move || {
         let mut text = Vec::new();
         if let Some(mut stream) = stream {
-            // What was read before an error counts.
+            // Bytes that were read before an error are kept.
             let _ = stream.read_to_end(&mut text);
         }
         let _ = send.send(text);
@@ -63,7 +63,7 @@ fn collect(stream: Option<impl Read + Send + 'static>) -> Receiver<Vec<u8>> {
     receive
 }
 
-/// Waits for the end of a stream. If the user has had enough, the process is asked to end, which ends its streams.
+/// Waits for the end of a stream. On an interrupt the process gets SIGTERM, which ends its streams.
 fn until_end(
     stream: &Receiver<Vec<u8>>,
     child: &mut Child,
@@ -74,7 +74,7 @@ fn until_end(
             Ok(text) => return Ok(text),
             Err(RecvTimeoutError::Disconnected) => return Ok(Vec::new()),
             Err(RecvTimeoutError::Timeout) if interrupts.any() => {
-                // Not yet waited for, so the number still is its own.
+                // The child has not been reaped, so the process id is still valid.
                 if let Some(pid) = i32::try_from(child.id()).ok().and_then(Pid::from_raw) {
                     let _ = rustix::process::kill_process(pid, Signal::TERM);
                 }
@@ -86,14 +86,14 @@ fn until_end(
     }
 }
 
-/// This process, in the background.
+/// This process in the background.
 pub(crate) struct Detached {
     nothing: File,
     log: Option<File>,
 }
 
 impl Detached {
-    /// Leaves terminal and session. From [`Detached::let_go`] on messages go to `log`.
+    /// Leaves terminal and session. After [`Detached::let_go`] messages go to `log`.
     ///
     /// # Errors
     /// The log cannot be written, or the system refuses.
@@ -111,7 +111,7 @@ impl Detached {
         Ok(this)
     }
 
-    /// Lets go of both outputs: whoever waits for their end may go on.
+    /// Closes both outputs: a process that waits for their end can continue.
     ///
     /// # Errors
     /// The system refuses.
@@ -121,9 +121,9 @@ impl Detached {
     }
 }
 
-/// Puts a file in the place of an output.
+/// Replaces an output by a file.
 fn put(file: &File, output: i32) -> Result<(), CliError> {
-    // SAFETY: a plain system call on descriptors that are open; nobody in this process owns the replaced one.
+    // SAFETY: a plain system call on open descriptors; no object in this process owns the replaced descriptor.
     match unsafe { libc::dup2(file.as_raw_fd(), output) } {
         -1 => Err(CliError::Process { reason: io::Error::last_os_error() }),
         _ => Ok(()),

@@ -1,4 +1,4 @@
-//! Which device, where no emulator says so.
+//! The device of a command that works without an emulator.
 
 use super::Instance;
 use super::error::CliError;
@@ -8,15 +8,14 @@ use crate::devices;
 use crate::layout::{Device, DeviceFit, Fit, LayoutError, Role};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 
-/// The device whose registers are meant.
 #[derive(clap::Args)]
 pub(crate) struct DeviceArg {
-    /// The device
+    /// Type of the device
     #[arg(long = "device", value_name = "DEVICE", value_parser = known(), default_value = devices::default().layout.name)]
     pub device: &'static Device,
 }
 
-/// Takes the names of the registry, and offers them for completion.
+/// Accepts the names of the registered devices and offers them for completion.
 fn known() -> impl TypedValueParser<Value = &'static Device> {
     let names =
         devices::all().iter().map(|known| PossibleValue::new(known.layout.name).help(known.layout.title));
@@ -24,11 +23,12 @@ fn known() -> impl TypedValueParser<Value = &'static Device> {
         .try_map(|name| devices::find(&name).map(|known| known.layout).ok_or("no device of this name"))
 }
 
-/// Looks a name or an address up without knowing the device, nor how it is fitted: no instance has what this refuses.
+/// Looks up a name or an address without knowing the device or its options. If this fails, no instance has such a
+/// register.
 ///
 /// # Errors
-/// The refusal of the device that comes closest: it has such an area, or such addresses. [`CliError::NoDeviceHas`] if no device
-/// has such addresses.
+/// The error of the closest device: the one that has such an area or such addresses. [`CliError::NoDeviceHas`] if
+/// no device has such addresses.
 pub(crate) fn on_any_device<T>(
     look_up: impl Fn(&DeviceFit) -> Result<T, LayoutError>,
 ) -> Result<T, CliError> {
@@ -52,7 +52,7 @@ pub(crate) fn on_any_device<T>(
 /// Distance of a refusal by a device that has no such area or name.
 const UNKNOWN: u8 = 2;
 
-/// How far a refusal is from what was meant; less is closer.
+/// How far an error is from the intended register; smaller is closer.
 fn distance(refusal: &LayoutError) -> u8 {
     match refusal {
         LayoutError::UnknownArea { .. } | LayoutError::UnknownName { .. } => UNKNOWN,
@@ -61,7 +61,8 @@ fn distance(refusal: &LayoutError) -> u8 {
     }
 }
 
-/// The addresses of each device that begin with the same letter as `text`; all addresses if no device has such.
+/// The addresses of each device that begin with the same letter as `text`; all addresses if no device has such
+/// addresses.
 fn addresses_like(text: &str) -> String {
     let letter =
         text.strip_prefix('%').and_then(|rest| rest.chars().next()).map(|it| it.to_ascii_uppercase());
@@ -77,7 +78,7 @@ fn addresses_like(text: &str) -> String {
     if alike.is_empty() { devices(&|_| true) } else { alike }
 }
 
-/// The same on one device. Where it depends on what a port is, any of it will do.
+/// The same on one device. If the result depends on the type of a port, any type that has the register is accepted.
 fn on_any_fit<T>(
     device: &'static Device,
     look_up: impl Fn(&DeviceFit) -> Result<T, LayoutError>,
@@ -95,7 +96,7 @@ fn on_any_fit<T>(
     fits.into_iter().find_map(|fitted| look_up(&fitted).ok()).ok_or(refusal)
 }
 
-/// The register or address, of whatever device has it; what it is at an instance, [`Session::place`] tells.
+/// Parses a register or address of any device; [`Session::place`] resolves it at an instance.
 ///
 /// # Errors
 /// As [`on_any_device`].
@@ -103,8 +104,8 @@ pub(crate) fn of_any_device(text: &str) -> Result<Place, CliError> {
     on_any_device(|fitted| Place::parse(fitted, text))
 }
 
-/// The same, before `instance` is asked what it is there. A register or address that no device has is refused by the PLC's own
-/// device, if the instance runs.
+/// The same, before `instance` is asked for the register. If no device has the register or address and the instance
+/// runs, the error comes from the device of its PLC.
 pub(crate) fn of_any_device_but_told_by(instance: &Instance) -> impl Fn(&str) -> Result<Place, CliError> {
     |text| {
         of_any_device(text).or_else(|refusal| {
@@ -114,12 +115,12 @@ pub(crate) fn of_any_device_but_told_by(instance: &Instance) -> impl Fn(&str) ->
     }
 }
 
-/// What `ask` gets from the instance, if it runs and `refusal` is about a name or an address: the instance knows which devices
-/// its PLCs are, and how they are fitted. `look_up` is the same on one of them. It decides where the instance has several PLCs and the
-/// user has named none.
+/// Returns the result of `ask` if the instance runs and `refusal` concerns a name or an address: the instance knows
+/// the devices of its PLCs and their options. `look_up` is the same on one device. It decides if the instance has
+/// several PLCs and the user has named none.
 ///
 /// # Errors
-/// What `ask` is refused with, else `refusal`.
+/// The error of `ask`, else `refusal`.
 pub(crate) fn told_by<T>(
     instance: &Instance,
     refusal: CliError,
@@ -133,7 +134,7 @@ pub(crate) fn told_by<T>(
         return Err(refusal);
     };
     ask(&session).map_err(|told| match told {
-        // What is wrong whichever PLC is meant comes before the question which one.
+        // A mistake that is independent of the PLC is reported before the question for the PLC.
         CliError::WhichPlc { .. } => match common_refusal(session.all_fitted(), look_up) {
             Some(common) => common.into(),
             None => told,

@@ -1,4 +1,4 @@
-//! `commram diff`: which registers differ from an earlier dump.
+//! `commram diff`: registers that differ from an earlier dump.
 
 use super::Instance;
 use super::change::{self, Held, Known};
@@ -13,12 +13,13 @@ use crate::layout::{Area, Device, LayoutError};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-/// Compare two dumps, or a dump with what the registers hold now.
+/// Compare two dumps, or a dump with the current values of the registers.
 ///
-/// Dumps are files that `commram dump --format json` has written. A plain dump has only registers that differ from
-/// their reset value; one that is missing in a file is shown as `-`, since the file does not say what it held. With
-/// `dump --all` all of them are there. With one file, the blocks that occur in it are compared with the running
-/// instance (all blocks, if the file is empty); of registers that are no longer live only the number is told.
+/// Dumps are files written by `commram dump --format json`. A plain dump contains only registers that differ from
+/// their reset value. A register that is missing in a file is shown as `-`, since the file does not contain its
+/// value. A dump made with `dump --all` contains all registers. With one file, the blocks that occur in it are
+/// compared with the running instance (all blocks, if the file is empty). Registers that are no longer live are
+/// only counted.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -27,15 +28,15 @@ Examples:
   commram diff before.json after.json --format md
 
 Exit codes:
-  0  nothing differs
-  1  something differs
+  0  no differences
+  1  there are differences
   2  wrong use, or a file cannot be read
-  3  the emulator is not there")]
+  3  the emulator is not running")]
 pub(crate) struct Args {
     /// A dump in JSON
     #[arg(value_name = "BEFORE")]
     before: PathBuf,
-    /// A later one [default: the running instance]
+    /// A later dump [default: the running instance]
     #[arg(value_name = "AFTER")]
     after: Option<PathBuf>,
     #[command(flatten)]
@@ -67,7 +68,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         }
     };
     table::print(args.format.format, &changes, |changes| match changes {
-        [] => "nothing differs\n".to_owned(),
+        [] => "no differences\n".to_owned(),
         changes => change::text(changes),
     })?;
     if changes.is_empty() { Ok(()) } else { Err(CliError::Reported) }
@@ -80,7 +81,8 @@ fn read(path: &Path) -> Result<Vec<Held>, CliError> {
     change::parse(&name, &text)
 }
 
-/// The registers of the blocks in `before`: those that are there, and those that differ from their reset value.
+/// Reads the registers of the blocks in `before`: the ones that `before` contains, and the ones that differ from
+/// their reset value.
 fn now(instance: &Instance, before: &[Held], known: &Known) -> Result<Vec<Held>, CliError> {
     before.iter().try_for_each(|held| on_any_device(|fitted| area(fitted.device(), held).map(drop)))?;
     let session = Session::open_for_reading(instance)?;

@@ -1,4 +1,4 @@
-//! `commram drive`: the drives of an instance, their states and parameters.
+//! `commram drive`: drives of an instance, their states and parameters.
 
 use super::error::CliError;
 use super::table::FormatArg;
@@ -7,7 +7,8 @@ use clap::{Args as ClapArgs, Subcommand};
 
 /// Show the drives with their states and parameters, set parameters.
 ///
-/// Drives are those on buses, by their names in the plant file, and those that PLCs are built into, `line:drive`.
+/// Drives are the drives on buses, by their names in the plant file, and the drives that contain a PLC,
+/// `line:drive`.
 #[derive(ClapArgs)]
 #[command(after_help = "\
 Examples:
@@ -27,9 +28,9 @@ enum Command {
     Set(Set),
 }
 
-/// List the drives and how they stand.
+/// List the drives and their states.
 ///
-/// `reference` and `speed` are in increments of the drive's speed format, `fault` is P308. A drive that is not synchronized
+/// `reference` and `speed` are in increments of the drive's speed format, `fault` is P308. An unsynchronized drive
 /// takes no reference values.
 #[derive(ClapArgs)]
 #[command(after_help = "\
@@ -59,10 +60,10 @@ struct Show {
     instance: Instance,
 }
 
-/// Set parameters of a drive, as somebody does who stands in front of it.
+/// Set parameters of a drive, as from its operating panel.
 ///
-/// All are set in one message, in the given order, up to the first that the drive refuses. ZK parameters cannot be set while
-/// the drive has power; the plant file has them.
+/// All parameters are set in one message, in the given order, up to the first one that the drive refuses. ZK
+/// parameters cannot be set while the drive has power; they are defined in the plant file.
 #[derive(ClapArgs)]
 #[command(after_help = "\
 Examples:
@@ -84,13 +85,12 @@ fn setting(text: &str) -> Result<(u16, i64), String> {
     use crate::layout::{RegType, value};
     let (number, new) = text.split_once('=').ok_or("write NUMBER=VALUE, for example P167=2000")?;
     let number = number.trim().trim_start_matches(['P', 'p']);
-    let number = number.parse().map_err(|_| format!("`{number}` is no number of a parameter, 0 to 4095"))?;
+    let number = number.parse().map_err(|_| format!("`{number}` is not a parameter number, 0 to 4095"))?;
     let signed = |_| value::parse(new, RegType::Dint).map(|bits| i64::from(bits as i32));
     let value = value::parse(new, RegType::Dword).map(i64::from).or_else(signed);
     value.map(|value| (number, value)).map_err(|error| error.to_string())
 }
 
-/// Lists, shows or sets.
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     match &args.command {
         Command::List(args) => by_channel::list(args.format.format, &args.instance),
@@ -187,7 +187,7 @@ mod by_channel {
 
         fn text_cells(&self) -> Vec<String> {
             let mut cells = self.cells();
-            // So that the table fits a terminal; `show` has the rest.
+            // Eight columns fit a terminal; `show` prints the others.
             cells.truncate(8);
             cells
         }
@@ -202,7 +202,7 @@ mod by_channel {
         })
     }
 
-    /// The number of the drive that the user means, and what it is.
+    /// Finds the drive with this name: its number and its entry.
     fn find(session: &Session, name: &str, instance: &Instance) -> Result<(u16, DriveEntry), CliError> {
         let mut drives = session.ask(Op::Drives)?.drives()?;
         match drives.iter().position(|drive| drive.name == name) {
@@ -212,13 +212,14 @@ mod by_channel {
                 let (near, known) = (did_you_mean(name, names()), names().collect::<Vec<_>>().join(", "));
                 let known = if known.is_empty() { "none".to_owned() } else { known };
                 let instance = instance.name();
-                let right = format!("instance '{instance}' has no such drive{near}; its drives are: {known}");
+                let right =
+                    format!("instance '{instance}' has no drive of this name{near}; its drives are: {known}");
                 Err(CliError::Argument { text: name.to_owned(), right })
             }
         }
     }
 
-    /// A drive with all that can be seen of it.
+    /// All details of a drive.
     #[derive(Serialize)]
     struct Shown {
         #[serde(flatten)]
@@ -290,13 +291,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_setting_is_a_number_and_a_value() {
+    fn a_setting_consists_of_a_number_and_a_value() {
         assert_eq!(setting("P167=2000"), Ok((167, 2000)));
         assert_eq!(setting("300=-1000"), Ok((300, -1000)));
         assert_eq!(setting("p120=16#000F"), Ok((120, 15)));
         assert_eq!(setting("P300=4294967295"), Ok((300, 4_294_967_295)));
         assert!(setting("P167").unwrap_err().contains("for example P167=2000"));
-        assert!(setting("ZK0=1").unwrap_err().contains("no number of a parameter"));
+        assert!(setting("ZK0=1").unwrap_err().contains("not a parameter number"));
         assert!(setting("P167=x").unwrap_err().contains("is no number"));
     }
 }

@@ -16,14 +16,14 @@ use crate::layout::{
 };
 use core::ops::Range;
 
-/// Longest block one read may have.
+/// Maximum length of one block read, in bytes.
 const MAX_BLOCK: u32 = 65_536;
 
-/// Show registers and what they mean: those that differ from their reset value.
+/// Show the registers that differ from their reset value, with their meaning.
 ///
-/// A dump is a snapshot: all registers at one moment of emulated time. Reading changes nothing. Of structures
-/// that overlay each other (INIT and cyclic ones of a node) it shows the one that is live, which
-/// follows from w_OPTION_STATUS.
+/// A dump is a snapshot: all registers at one moment of emulated time. Reading changes nothing. Where structures
+/// overlay each other (initialization and cyclic structures of a node), the dump shows the live one, which follows
+/// from w_OPTION_STATUS.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -47,12 +47,12 @@ pub(crate) struct Args {
     instance: Instance,
 }
 
-/// What to dump of an area.
+/// The part of an area in a dump.
 struct Selection {
     area: &'static Area,
-    /// Just these registers; `None`: all.
+    /// Only these registers; `None`: all.
     registers: Option<Vec<RegisterRef>>,
-    /// Of plain RAM just this place; `None`: all.
+    /// In plain RAM only this address; `None`: all.
     place: Option<Address>,
 }
 
@@ -67,10 +67,10 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     print(&args.instance, &args.blocks, args.all, args.format.format)
 }
 
-/// Prints those registers of the blocks that differ from their reset value.
+/// Prints the registers of the blocks that differ from their reset value.
 ///
 /// # Errors
-/// As all commands that read.
+/// The errors of all commands that read.
 pub(crate) fn show(instance: &Instance, blocks: &[String]) -> Result<(), CliError> {
     print(instance, blocks, false, Format::Text)
 }
@@ -94,21 +94,20 @@ pub(crate) struct Blocks(Vec<Part>);
 pub(crate) struct Dump {
     /// Emulated time, in microseconds.
     pub time_us: u64,
-    /// The registers that are live.
+    /// The live registers.
     pub rows: Vec<DumpRow>,
-    /// Whether any of the blocks has live registers.
+    /// True if any of the blocks has live registers.
     is_live: bool,
 }
 
-/// A register in a dump.
 pub(crate) struct DumpRow {
-    /// What it holds.
+    /// The value of the register.
     pub holding: Holding,
-    /// Whether this is not its reset value.
+    /// True if the value is not the reset value.
     pub differs: bool,
 }
 
-/// Checks names as far as this can be done without an instance.
+/// Checks names as far as possible without an instance.
 ///
 /// # Errors
 /// No device has such a block or register.
@@ -131,7 +130,7 @@ impl Blocks {
     /// Finds the blocks of an instance; without names all areas with registers of all PLCs.
     ///
     /// # Errors
-    /// There is no such PLC, block or register.
+    /// No PLC, block or register has this name.
     pub(crate) fn find(session: &Session, names: &[String]) -> Result<Self, CliError> {
         let mut parts = Vec::new();
         let mut add = |plc: u16, name: &str| {
@@ -153,13 +152,13 @@ impl Blocks {
             let plcs = 0..u16::try_from(session.plcs().len()).unwrap_or(u16::MAX);
             plcs.into_iter().try_for_each(|plc| add(plc, ""))?;
         }
-        // One PLC after the other, each in the order of the addresses or of the arguments.
+        // PLC by PLC, each in the order of the addresses or of the arguments.
         parts.sort_by_key(|part| part.plc);
         Ok(Blocks(parts))
     }
 
-    /// Asks the emulator to keep their changes from now on; returns the number of the first of them, and of the history that they
-    /// are of.
+    /// Asks the emulator to record changes from now on. Returns the number of the first change and the number of
+    /// the history that contains it.
     ///
     /// # Errors
     /// The emulator has gone, or too many registers are followed.
@@ -178,7 +177,7 @@ impl Blocks {
         Ok((end, turn.number))
     }
 
-    /// The bytes that are of interest: number of the PLC, first byte in the image, number of bytes.
+    /// The selected bytes: number of the PLC, first byte in the image, number of bytes.
     pub(crate) fn stretches(&self) -> Vec<(u16, u32, u32)> {
         let of_plc = |part: &Part| {
             let plc = part.plc;
@@ -202,19 +201,19 @@ impl Blocks {
         })
     }
 
-    /// What is read for them.
+    /// The read operations for these blocks.
     pub(crate) fn reads(&self) -> Vec<Read> {
         self.0.iter().flat_map(Part::reads).collect()
     }
 
-    /// What the registers hold, whether they are live or not, of which there are `data` in a snapshot.
+    /// The values of the registers, live or not; `data` are their bytes in `snapshot`.
     pub(crate) fn holdings(&self, session: &Session, snapshot: &Snapshot, data: &[Vec<u8>]) -> Vec<Holding> {
         let views = views(session, &self.0, snapshot, data);
         views.iter().flat_map(View::rows_or_dead_ones).map(|row| row.holding).collect()
     }
 }
 
-/// The area and registers of a device that the user names; without a name all areas with registers.
+/// Finds the area and registers of a device by name; an empty name selects all areas with registers.
 fn select(fitted: &DeviceFit, name: &str) -> Result<Vec<Selection>, LayoutError> {
     let device = fitted.device();
     if name.is_empty() {
@@ -248,10 +247,11 @@ fn select(fitted: &DeviceFit, name: &str) -> Result<Vec<Selection>, LayoutError>
     Ok(vec![selection])
 }
 
-/// The bytes that names mean in a plant that is about to run: number of the PLC, first byte in the image, number of bytes.
+/// The bytes that a name selects in a plant before it runs: number of the PLC, first byte in the image, number of
+/// bytes.
 ///
 /// # Errors
-/// There is no such PLC, block or register.
+/// No PLC, block or register has this name.
 pub(crate) fn stretches(instance: &str, names: &Names, text: &str) -> Result<Vec<(u16, u32, u32)>, CliError> {
     let (plc, name) = split_plc(text);
     let plc = number_of_plc(instance, &names.plcs, plc, name)?;
@@ -268,16 +268,15 @@ pub(crate) fn stretches(instance: &str, names: &Names, text: &str) -> Result<Vec
     Ok(found)
 }
 
-/// A selection on one PLC.
 struct Part {
     plc: u16,
     selection: Selection,
-    /// The bytes that are read, in the image.
+    /// The bytes to read, in the image.
     bytes: Range<u32>,
 }
 
 impl Selection {
-    /// The bytes that are of interest: all of plain RAM, else as far as there are registers.
+    /// The bytes to read: the whole area of plain RAM, else the range that has registers.
     fn bytes(&self, session: &Session, plc: u16) -> Result<Range<u32>, CliError> {
         let area = self.area;
         if let Some(place) = self.place {
@@ -294,7 +293,7 @@ impl Selection {
 }
 
 impl Part {
-    /// The bytes that are of interest, as offsets and lengths: single registers, or all.
+    /// The selected bytes as offsets and lengths: single registers, or the whole range.
     fn stretches(&self) -> Vec<(u32, u32)> {
         match &self.selection.registers {
             Some(registers) => registers.iter().map(|it| (it.offset(), it.width())).collect(),
@@ -336,7 +335,7 @@ fn views<'a>(
 /// A selection with the bytes of its area.
 struct View<'a> {
     selection: &'a Selection,
-    /// Where the bytes begin, in the image.
+    /// Offset of the first byte in the image.
     first: u32,
     bytes: Vec<u8>,
     plc: String,
@@ -355,7 +354,7 @@ impl View<'_> {
         self.selection.area
     }
 
-    /// The register or memory of `len` bytes at `offset` of the image.
+    /// The value of the register or memory of `len` bytes at `offset` of the image.
     fn value(&self, offset: u32, len: u32) -> u32 {
         let start = (offset - self.first) as usize;
         number(self.bytes.get(start..start + len as usize).unwrap_or_default())
@@ -386,7 +385,7 @@ impl View<'_> {
         self.registers().iter().map(|register| self.row(register)).collect()
     }
 
-    /// The rows, if none of the selected registers is live those that are not.
+    /// The live rows; if none of the selected registers is live, the rows of the others.
     fn rows_or_dead_ones(&self) -> Vec<DumpRow> {
         match (self.rows(), &self.selection.registers) {
             (rows, Some(registers)) if rows.is_empty() => registers.iter().map(|it| self.row(it)).collect(),
@@ -413,7 +412,7 @@ impl View<'_> {
         }
     }
 
-    /// Plain RAM, as doublewords, or a single place of it.
+    /// Plain RAM as doublewords, or a single address of it.
     fn plain(&self) -> Vec<DumpRow> {
         let width = self.selection.place.map_or(Width::Dword, Address::width);
         let ty = width.bits();
@@ -432,7 +431,7 @@ impl View<'_> {
                 meaning: format!("plain RAM of {}", self.area().name),
                 forced: self.forced(offset, width.bytes()),
             };
-            // A place that was named is shown whatever it holds.
+            // An address that was given explicitly is shown with any value.
             DumpRow { holding, differs: value != 0 || self.selection.place.is_some() }
         };
         offsets.take(self.bytes.len() / width.bytes() as usize).map(row).collect()
@@ -441,7 +440,7 @@ impl View<'_> {
 
 fn text(rows: &[Holding], any_live: bool) -> String {
     match (rows, any_live) {
-        ([], true) => "all registers hold their reset values\n".to_owned(),
+        ([], true) => "all registers have their reset values\n".to_owned(),
         ([], false) => "these registers are not live, see w_OPTION_STATUS\n".to_owned(),
         (rows, _) => {
             let cells = |row: &Holding| {

@@ -1,4 +1,4 @@
-//! What a command can end with instead of success.
+//! Errors that end a command.
 
 use super::time;
 use crate::devices::demo::DemoError;
@@ -15,7 +15,6 @@ use std::io;
 use std::path::PathBuf;
 use thiserror::Error;
 
-/// Why a command did not do what it was asked for.
 #[derive(Debug, Error)]
 pub(crate) enum CliError {
     /// A register or block that does not exist.
@@ -23,182 +22,163 @@ pub(crate) enum CliError {
     Layout(#[from] LayoutError),
     /// An address that no device has.
     #[error(
-        "`{text}` is no address of any device: {known}; W is for words, D for double words, X and .bit for bits"
+        "`{text}` is not an address of any device: {known}; W is for words, D for double words, X and .bit for bits"
     )]
     NoDeviceHas {
-        /// The address as given.
+        /// The address as the user wrote it.
         text: String,
         /// The addresses of the devices.
         known: String,
     },
-    /// No such export.
+    /// An export that does not exist.
     #[error(transparent)]
     Export(#[from] ExportError),
     /// A value that the register cannot hold.
     #[error(transparent)]
     Value(#[from] BadValue),
-    /// An argument in a notation of its own.
+    /// An argument that is wrong for a reason that only its command knows.
     #[error("`{text}`: {right}")]
     Argument {
-        /// As given.
+        /// The argument as the user wrote it.
         text: String,
-        /// What would be right.
+        /// The correct form.
         right: String,
     },
-    /// A file with a snapshot that cannot be read, or is none, or where none can be.
+    /// A snapshot file that cannot be read, is not a snapshot, or cannot be written there.
     #[error("{}: {reason}", .path.display())]
-    Snapshot {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong.
-        reason: String,
-    },
-    /// A text that is no setting of a board.
+    Snapshot { path: PathBuf, reason: String },
+    /// An invalid setting of a board.
     #[error(transparent)]
     Board(#[from] BoardWordError),
-    /// A register without a PLC in front, and several it could be in.
+    /// A register without a PLC in front, although the instance has several PLCs.
     #[error("{text}: instance '{instance}' has several PLCs ({plcs}); write for example {example}:{text}")]
     WhichPlc {
-        /// The register as given.
+        /// The register as the user wrote it.
         text: String,
-        /// The instance.
         instance: String,
-        /// Its PLCs.
+        /// All PLCs of the instance.
         plcs: String,
-        /// One of them.
+        /// One of the PLCs.
         example: String,
     },
     /// A PLC that the instance does not have.
     #[error("instance '{instance}' has no PLC '{plc}'; its PLCs are: {plcs}")]
     UnknownPlc {
-        /// The PLC as given.
+        /// The PLC as the user wrote it.
         plc: String,
-        /// The instance.
         instance: String,
-        /// Its PLCs.
+        /// All PLCs of the instance.
         plcs: String,
     },
     /// A bus that the instance does not have.
     #[error("instance '{instance}' has no bus '{bus}'; its buses are: {buses}")]
     UnknownBus {
-        /// The bus as given.
+        /// The bus as the user wrote it.
         bus: String,
-        /// The instance.
         instance: String,
-        /// Its buses.
+        /// All buses of the instance.
         buses: String,
     },
-    /// Nothing runs under this name.
+    /// No instance of this name is running.
     #[error("instance '{instance}' is not running; start it with `commram run -i {instance}`{running}")]
     NotRunning {
-        /// The instance.
         instance: String,
-        /// What does run.
+        /// Text with the names of the running instances.
         running: String,
     },
-    /// Nothing runs under the name of what is to be ended.
+    /// An instance to be ended is not running.
     #[error("instance '{instance}' is not running, so there is nothing to end{running}")]
     NothingToEnd {
-        /// The instance.
         instance: String,
-        /// What does run.
+        /// Text with the names of the running instances.
         running: String,
     },
-    /// An emulator runs, but somebody has removed its images.
+    /// An emulator runs, but its images were removed.
     #[error(
-        "instance '{instance}' runs{}, but its images were removed: nobody can attach any more; end it with \
+        "instance '{instance}' runs{}, but its images were removed: no program can attach any more; end it with \
          `commram stop -i {instance}`", .pid.map_or_else(String::new, |pid| format!(" (process {pid})"))
     )]
     NoImages {
-        /// The instance.
         instance: String,
         /// The emulator's process, if it can be seen.
         pid: Option<u32>,
     },
-    /// Only the remains of a killed emulator are there.
+    /// Only the files of a killed emulator are left.
     #[error(
         "instance '{instance}' is dead, its emulator (process {pid}) was killed; start it again with \
-         `commram run -i {instance}` or remove what it left with `commram stop --clean -i {instance}`"
+         `commram run -i {instance}` or remove its files with `commram stop --clean -i {instance}`"
     )]
     Dead {
-        /// The instance.
         instance: String,
-        /// The emulator's process.
+        /// The process id of the emulator.
         pid: u32,
     },
-    /// Nothing like this is in the register map.
+    /// The search text does not occur in the register map.
     #[error("nothing in the register map of {device} has `{text}` in its name, meaning or values{hint}")]
     NotFound {
-        /// What was looked for.
+        /// The text to find.
         text: String,
-        /// The device.
         device: &'static str,
-        /// Names that may be meant.
+        /// Similar names.
         hint: String,
     },
-    /// A register did not become what was awaited.
+    /// A register did not reach the expected value.
     #[error("{} did not become {} within {}; at {} it holds {}", .unmet.place, .unmet.wanted, time::short(*.within_us), time::seconds(*.time_us), .unmet.found)]
     NotMet {
-        /// The register.
+        /// The register and its value.
         unmet: super::wait::Unmet,
-        /// How long, in emulated microseconds.
+        /// How long the command waited, in emulated microseconds.
         within_us: u64,
         /// Emulated time at the end.
         time_us: u64,
     },
-    /// Several conditions did not come to hold at one moment, or none of them did.
+    /// Several conditions were not true at the same moment, or none of them became true.
     #[error(
-        "{} within {}; at {}:{}", if *.any { "none of these came to hold" } else { "these did not come to hold together" },
+        "{} within {}; at {}:{}", if *.any { "none of these became true" } else { "these were not true at the same moment" },
         time::short(*.within_us), time::seconds(*.time_us), lines(.conditions)
     )]
     NoneMet {
-        /// The conditions.
         conditions: Vec<super::wait::Unmet>,
-        /// Whether one of them would have been enough.
+        /// True if one of the conditions would have been enough.
         any: bool,
-        /// How long, in emulated microseconds.
+        /// How long the command waited, in emulated microseconds.
         within_us: u64,
         /// Emulated time at the end.
         time_us: u64,
     },
-    /// The emulator lets time pass for another client.
+    /// The emulator advances the clock for another client.
     #[error(
-        "instance '{instance}' did not come to this within {after_ms} ms: it lets time pass for another command and is at {}{}",
-        time::seconds(*.time_us), .waits_for.as_ref().map_or_else(String::new, |who| format!(", where it waits for {who}"))
+        "instance '{instance}' did not handle the request within {after_ms} ms: it advances the clock for another command and is at {}{}",
+        time::seconds(*.time_us), .waits_for.as_ref().map_or_else(String::new, |client| format!(", where it waits for {client}"))
     )]
     Busy {
-        /// The instance.
         instance: String,
-        /// How long it was waited for.
+        /// How long the command waited, in real milliseconds.
         after_ms: u128,
-        /// Emulated time.
+        /// Emulated time in microseconds.
         time_us: u64,
-        /// For whom emulated time waits, if it does.
+        /// The task or guest for which the clock waits, if any.
         waits_for: Option<String>,
     },
-    /// The emulator was asked to end and did not.
+    /// The emulator did not end although it was asked to.
     #[error(
-        "instance '{instance}'{} has not ended within {seconds} s; kill it and remove what it leaves with \
+        "instance '{instance}'{} has not ended within {seconds} s; kill it and remove its files with \
          `commram stop --clean -i {instance}`", .pid.map_or_else(String::new, |pid| format!(" (process {pid})"))
     )]
     StillThere {
-        /// The instance.
         instance: String,
-        /// The emulator's process, if it can be seen.
+        /// The process id of the emulator, if it is visible.
         pid: Option<u32>,
-        /// How long it was waited for.
+        /// How long the command waited, in real seconds.
         seconds: u64,
     },
-    /// An emulator has ended and lost something.
+    /// An emulator has ended and lost data.
     #[error(
-        "instance '{instance}' has stopped, but could not write NOVRAM: the last changes are lost; why stands in what it \
-         printed, or in the file of --log"
+        "instance '{instance}' has stopped, but could not write NOVRAM: the last changes are lost; the reason is in its \
+         output, or in the file of --log"
     )]
-    Unsaved {
-        /// The instance.
-        instance: String,
-    },
-    /// A fault that cannot be, or not here.
+    Unsaved { instance: String },
+    /// A fault with invalid fields, or for another plant.
     #[error(transparent)]
     Fault(#[from] FaultError),
     /// The channel.
@@ -216,121 +196,90 @@ pub(crate) enum CliError {
     /// The emulator.
     #[error(transparent)]
     Runtime(#[from] RuntimeError),
-    /// There is no way to the other federates.
+    /// The other federates cannot be reached.
     #[error(transparent)]
     Helics(#[from] crate::helics::HelicsError),
-    /// There is nothing to demonstrate.
+    /// The device has no demonstration.
     #[error("there is no demonstration of {device}; `commram demo` shows one of another device")]
-    NoDemo {
-        /// The device.
-        device: &'static str,
-    },
-    /// The demonstration fails.
+    NoDemo { device: &'static str },
+    /// The demonstration failed.
     #[error("{0}")]
     Demo(String),
-    /// The user does not want to wait for the end.
+    /// The user has interrupted the command.
     #[error("interrupted")]
     Interrupted,
-    /// What is wrong has been said already.
+    /// The error has been printed already.
     #[error("see above")]
     Reported,
-    /// The end of another process, or a signal, decides how this one ends; there is nothing more to say.
+    /// The result of another process, or a signal, decides the exit code; nothing is printed.
     #[error("see above")]
     Ended {
         /// The exit code.
         code: u8,
     },
-    /// Wrong use has been reported already.
+    /// Wrong use that has been reported already.
     #[error("see above")]
     ReportedWrongUse,
-    /// A fault that cannot be read.
+    /// An invalid text of a fault.
     #[error(transparent)]
     FaultWord(#[from] crate::fault::WordError),
-    /// The emulator answers something else.
+    /// The emulator sent an unexpected reply.
     #[error(transparent)]
     WrongReply(#[from] crate::request::WrongReply),
-    /// A scenario cannot begin.
+    /// A scenario cannot be started.
     #[error(transparent)]
     Scenario(#[from] crate::script::ScenarioError),
-    /// There is no unit for other simulators of a plant.
+    /// The plant cannot be packed into a unit for co-simulation.
     #[error(transparent)]
     Fmu(Box<crate::fmi::ArchiveError>),
     /// A process cannot be started or watched.
     #[error("cannot handle a process: {reason}{}", limits::named(.reason))]
-    Process {
-        /// What the system says.
-        reason: io::Error,
-    },
+    Process { reason: io::Error },
     /// Signals cannot be caught.
     #[error("cannot catch signals: {reason}{}", limits::named(.reason))]
-    Signals {
-        /// What the system says.
-        reason: io::Error,
-    },
+    Signals { reason: io::Error },
     /// There is no terminal to draw on.
     #[error("`{command}` needs a terminal for its input and its output; `commram watch` needs none")]
-    NoTerminal {
-        /// The command.
-        command: &'static str,
-    },
+    NoTerminal { command: &'static str },
     /// The standard output cannot be written.
-    #[error("cannot write the output: {reason}; what else was asked for is done")]
-    Output {
-        /// What the system says.
-        reason: io::Error,
-    },
+    #[error("cannot write the output: {reason}; everything else is done")]
+    Output { reason: io::Error },
     /// A file cannot be written.
     #[error("cannot write {}: {reason}{}", .path.display(), limits::named(.reason))]
-    File {
-        /// The file.
-        path: PathBuf,
-        /// What the system says.
-        reason: io::Error,
-    },
-    /// A file that was handed in cannot be read, or is none of its kind.
+    File { path: PathBuf, reason: io::Error },
+    /// An input file that cannot be read, or does not have the expected format.
     #[error("cannot read {}: {reason}", .path.display())]
-    Unreadable {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong.
-        reason: String,
-    },
-    /// Declarations that cannot be taken over into the layout.
+    Unreadable { path: PathBuf, reason: String },
+    /// Declarations that cannot be imported into the layout.
     #[error(transparent)]
     Import(#[from] ImportError),
-    /// A layout that is wrong.
     #[error(transparent)]
     LayoutFiles(#[from] commram_layoutc::Error),
-    /// The layout files are not those that this program was built from.
+    /// The layout files differ from the layout files that this program was built from.
     #[error(
         "{} has register map 16#{found:016X}, this commram {} was built with {built}; build it again there \
          with `cargo build --release`", .dir.display(), env!("CARGO_PKG_VERSION")
     )]
     OtherLayout {
-        /// The layout.
+        /// Directory of the layout.
         dir: PathBuf,
-        /// Its hash.
+        /// Hash of its register map.
         found: u64,
-        /// Those of our devices.
+        /// Hashes of the built-in register maps.
         built: String,
     },
-    /// A file is no dump, or cannot be read.
-    #[error("{name} is no dump: {reason}; `commram dump --format json` writes one")]
-    NoDump {
-        /// The file.
-        name: String,
-        /// What is wrong.
-        reason: String,
-    },
-    /// Nobody reads the standard output any more.
-    #[error("nobody reads the output")]
+    /// The file is not a dump, or cannot be read.
+    #[error("{name} is not a dump: {reason}; `commram dump --format json` writes one")]
+    NoDump { name: String, reason: String },
+    /// The reader has closed the standard output.
+    #[error("the output has no reader")]
     BrokenPipe,
 }
 
-/// A line for each condition: what its register holds, and what it should.
+/// One line per condition: the value of its register, and the expected value.
 fn lines(conditions: &[super::wait::Unmet]) -> String {
     let line = |it: &super::wait::Unmet| {
-        let state = if it.holds { "as awaited" } else { "awaited:" };
+        let state = if it.holds { "as expected" } else { "expected:" };
         let wanted = if it.holds { String::new() } else { format!(" {}", it.wanted) };
         format!("\n  {} holds {}; {state}{wanted}", it.place, it.found)
     };
@@ -338,7 +287,7 @@ fn lines(conditions: &[super::wait::Unmet]) -> String {
 }
 
 impl CliError {
-    /// Whether there is nothing left to say.
+    /// True if the error needs no further message.
     pub(crate) fn is_told(&self) -> bool {
         matches!(self, Self::Reported | Self::ReportedWrongUse | Self::Ended { .. } | Self::BrokenPipe)
     }

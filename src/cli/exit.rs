@@ -1,4 +1,4 @@
-//! What the program ends with, whatever the command: one list, which help and documentation repeat word for word.
+//! Exit codes of all commands. The help and the documentation repeat this list word for word.
 
 use super::error::CliError;
 use crate::coupling::CouplingError;
@@ -7,49 +7,46 @@ use crate::memory::MemoryError;
 use crate::runtime::RuntimeError;
 use commram_layoutc::import::ImportError;
 
-/// An exit code. `commram with` ends with that of its command instead, once that has run.
+/// An exit code. `commram with` returns the exit code of its command instead, once the command has run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub(crate) enum Exit {
-    /// Everything is as it was asked for.
+    /// Everything was done as requested.
     Done = 0,
-    /// What was expected or asked for did not come about.
+    /// An expectation failed, or an emulator did not start or end as it should.
     Failed = 1,
-    /// What was asked for cannot be.
+    /// The request is not valid.
     WrongUse = 2,
-    /// Nobody is there to do it.
+    /// The emulator is missing, or the system refuses a resource.
     NotThere = 3,
     /// The standard output cannot be written; everything else is done.
     NoOutput = 4,
-    /// The user has had enough.
+    /// The user has interrupted the command.
     Interrupted = 130,
 }
 
 impl Exit {
-    /// All of them.
     pub(crate) const ALL: [Self; 6] =
         [Self::Done, Self::Failed, Self::WrongUse, Self::NotThere, Self::NoOutput, Self::Interrupted];
 
-    /// The number.
     pub(crate) const fn code(self) -> u8 {
         self as u8
     }
 
-    /// What it means.
     pub(crate) const fn meaning(self) -> &'static str {
         match self {
             Self::Done => "done",
             Self::Failed => "an expectation failed, or the emulator could not start or end as it should",
             Self::WrongUse => "wrong use",
-            Self::NotThere => "the emulator is not there or has gone, or the system refuses what is needed",
-            Self::NoOutput => "the output cannot be written; what else was asked for is done",
+            Self::NotThere => "the emulator is not running or has gone, or the system refuses a resource",
+            Self::NoOutput => "the output cannot be written; everything else is done",
             Self::Interrupted => "ended by Ctrl-C",
         }
     }
 }
 
 impl CliError {
-    /// What the process ends with.
+    /// Returns the exit code for this error.
     pub(crate) fn exit_code(&self) -> u8 {
         match self {
             Self::Ended { code } => *code,
@@ -127,7 +124,7 @@ impl CliError {
             Self::Client(error) => of_client(error),
             Self::Server(_) | Self::WrongReply(_) | Self::Busy { .. } => Exit::NotThere,
             Self::Interrupted => Exit::Interrupted,
-            // Whoever reads our output has enough of it, as in `commram map | head`.
+            // The reader of our output has closed it, as in `commram map | head`.
             Self::BrokenPipe => Exit::Done,
         }
     }
@@ -149,9 +146,9 @@ fn of_client(error: &crate::channel::ClientError) -> Exit {
 mod tests {
     use super::*;
 
-    /// Help is made of the list; the documentation repeats it.
+    /// The help is generated from the list; the documentation page repeats it.
     #[test]
-    fn the_documentation_has_the_list_as_it_stands_here() {
+    fn the_documentation_repeats_the_list_of_exit_codes() {
         let page = include_str!("../../docs/reference/command-line.md");
         for exit in Exit::ALL {
             let row = format!("\n| {} | {}", exit.code(), exit.meaning());
@@ -160,7 +157,7 @@ mod tests {
     }
 
     #[test]
-    fn errors_have_the_codes_of_their_kind() {
+    fn errors_have_the_exit_code_of_their_kind() {
         let not_running = CliError::NotRunning { instance: "x".into(), running: String::new() };
         assert_eq!(not_running.exit_code(), 3);
         assert_eq!(CliError::Memory(MemoryError::EmulatorDied { path: "x".into(), pid: 1 }).exit_code(), 3);
@@ -176,7 +173,7 @@ mod tests {
     }
 
     #[test]
-    fn a_refusal_is_wrong_use_or_a_state_or_the_end() {
+    fn a_refused_request_is_wrong_use_a_failure_or_a_missing_emulator() {
         use crate::channel::ClientError;
         use crate::request::{Code, Refused};
         let code = |code| {

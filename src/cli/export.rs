@@ -1,4 +1,5 @@
-//! `commram export`: the register map, and the messages of a plant's CAN bus, for other languages and tools; it needs no emulator.
+//! `commram export`: the register map, and the messages of a plant's CAN bus, for other languages and tools. It
+//! needs no emulator.
 
 mod fmu;
 
@@ -28,42 +29,42 @@ Examples:
   commram export dbc --plant plant.toml --bus open --output open.dbc
   commram export fmu plant.toml --output plant.fmu
 
-docs/reference/export.md tells how each format is used.")]
+docs/reference/export.md describes the use of each format.")]
 pub(crate) struct Args {
-    /// What to export
+    /// Format of the export
     #[arg(value_enum)]
     format: FormatArg,
-    /// With `fmu`: the plant file, or a snapshot to start from; the built-in plant if left out
+    /// With `fmu`: the plant file, or a snapshot to start from; the built-in plant if omitted
     #[arg(value_name = "PLANT")]
     model: Option<PathBuf>,
-    /// File to write; the standard output if left out, but for `fmu`
+    /// File to write; the standard output if omitted, except for `fmu`
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
     /// Only this block, for example `node2`
     #[arg(long, value_name = "NAME")]
     block: Option<String>,
-    /// With `st`: an elementary variable per register instead of structures
+    /// With `st`: one elementary variable per register instead of structures
     #[arg(long)]
     elementary: bool,
-    /// With `st`: a file that matiec compiles, with `program.st` in it and its configuration
+    /// With `st`: a file that matiec compiles, which includes `program.st` and its configuration
     #[arg(long = "matiec")]
     for_matiec: bool,
-    /// With `st`: the file for matiec, and in it the device's function blocks in Structured Text
+    /// With `st`: the file for matiec, including the function blocks of the device in Structured Text
     #[arg(long)]
     blocks: bool,
     /// With `matiec`: the C program around the compiled one instead of the header; with `openplc`: its hardware layer
     #[arg(long)]
     main: bool,
-    /// With `dbc`: the plant whose messages are meant
+    /// With `dbc`: the plant that contains the bus
     #[arg(long, value_name = "FILE")]
     plant: Option<PathBuf>,
-    /// With `dbc`: its bus; may be left out if it has one only
+    /// With `dbc`: the bus; can be omitted if the plant has only one
     #[arg(long, value_name = "NAME")]
     bus: Option<String>,
-    /// With `fmu`: only these registers are variables, by name or pattern; can be given several times
+    /// With `fmu`: only these registers become variables, by name or pattern; can be given several times
     #[arg(long, value_name = "NAME")]
     registers: Vec<String>,
-    /// With `fmu`: the shared object, libcommram_fmi.so, if it does not lie beside the program
+    /// With `fmu`: the shared object libcommram_fmi.so, if it is not in the directory of the program
     #[arg(long, value_name = "FILE")]
     library: Option<PathBuf>,
     #[command(flatten)]
@@ -72,17 +73,17 @@ pub(crate) struct Args {
 
 #[derive(Clone, Copy, PartialEq)]
 enum FormatArg {
-    /// Of a register map.
+    /// An export of the register map.
     Map(Format),
-    /// Of a plant's bus.
+    /// An export of one bus of a plant.
     Dbc,
-    /// Of a whole plant.
+    /// An export of a whole plant.
     Fmu,
 }
 
-/// What `fmu` is, in a few words.
+/// Short description of `fmu`.
 const ABOUT_FMU: &str = "unit for co-simulation by FMI 3.0, for Modelica, Simulink and other simulators";
-/// What `dbc` is, in a few words.
+/// Short description of `dbc`.
 const ABOUT_DBC: &str = "CAN database of the messages on a plant's bus, for analysis tools";
 
 impl ValueEnum for FormatArg {
@@ -109,11 +110,10 @@ impl ValueEnum for FormatArg {
     }
 }
 
-/// Exports.
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let is_fmu = args.format == FormatArg::Fmu;
     if !is_fmu && (args.model.is_some() || !args.registers.is_empty() || args.library.is_some()) {
-        return Err(wrong("PLANT --registers --library", "only `fmu` is about a whole plant"));
+        return Err(wrong("PLANT --registers --library", "only `fmu` exports a whole plant"));
     }
     let text = match args.format {
         FormatArg::Map(format) => of_map(args, format)?,
@@ -132,7 +132,7 @@ fn wrong(text: impl Into<String>, right: impl Into<String>) -> CliError {
 
 fn of_map(args: &Args, format: Format) -> Result<String, CliError> {
     if args.plant.is_some() || args.bus.is_some() {
-        return Err(wrong(format!("{format} --plant --bus"), "only `dbc` is about a plant and its bus"));
+        return Err(wrong(format!("{format} --plant --bus"), "only `dbc` exports a bus of a plant"));
     }
     if args.blocks {
         return with_blocks(args, format);
@@ -150,19 +150,19 @@ fn of_map(args: &Args, format: Format) -> Result<String, CliError> {
         other => other,
     };
     if args.main && !matches!(format, Format::MatiecMain | Format::OpenPlcLayer) {
-        let right = "only `matiec` and `openplc` have something around the compiled program";
+        let right = "only `matiec` and `openplc` have a C program around the compiled one";
         return Err(wrong(format!("{format} --main"), right));
     }
     Ok(export::export(args.device.device, format, args.block.as_deref())?)
 }
 
-/// The blocks reach into structures, and into those of several areas.
+/// Exports the function blocks. They use the structures of several areas.
 fn with_blocks(args: &Args, format: Format) -> Result<String, CliError> {
     if !matches!(format, Format::St(_)) || args.main {
         return Err(wrong(format!("{format} --blocks"), "only `st` has function blocks"));
     }
     if args.elementary || args.block.is_some() {
-        let right = "function blocks work on the structures of all areas; leave --elementary and --block out";
+        let right = "function blocks use the structures of all areas; omit --elementary and --block";
         return Err(wrong("st --blocks", right));
     }
     let device = args.device.device;
@@ -179,7 +179,7 @@ fn with_blocks(args: &Args, format: Format) -> Result<String, CliError> {
 fn of_plant(args: &Args) -> Result<(), CliError> {
     let of_others = args.plant.is_some() || args.bus.is_some() || args.block.is_some();
     if of_others || args.elementary || args.for_matiec || args.blocks || args.main {
-        let right = "give the plant file behind it, --output, --registers and --library";
+        let right = "write the plant file after it; the options are --output, --registers and --library";
         return Err(wrong("fmu --plant --bus --block --elementary --matiec --blocks --main", right));
     }
     let to = args.output.as_deref().ok_or_else(|| wrong("fmu", "give the file, --output plant.fmu"))?;
@@ -206,8 +206,7 @@ fn of_bus(args: &Args) -> Result<String, CliError> {
     };
     let messages = plant.messages(bus);
     if messages.is_empty() {
-        let right =
-            "nobody at this bus knows its messages before it runs; docs/reference/export.md tells who does";
+        let right = "no device on this bus knows its messages before it runs; docs/reference/export.md lists the devices that do";
         return Err(wrong(format!("--bus {bus}"), right));
     }
     Ok(export::dbc(&messages, &head(bus, path)))

@@ -1,4 +1,4 @@
-//! `commram fault`: let things go wrong.
+//! `commram fault`: fault injection.
 
 use super::Instance;
 use super::error::CliError;
@@ -11,10 +11,10 @@ use core::fmt::Write as _;
 use std::ffi::OsStr;
 use std::num::NonZeroU16;
 
-/// Let things go wrong: lost frames, silent slaves, BUS-off ...
+/// Inject faults: lost frames, silent slaves, BUS-off ...
 ///
-/// Faults act on the simulated bus, on slaves and on nodes; they show in the registers as on the device, and
-/// `commram trace --kind fault` tells when each of them hits. docs/reference/faults.md describes every kind.
+/// Faults act on the simulated bus, on slaves and on nodes. The registers show them as on the device. `commram
+/// trace --kind fault` shows when each of them takes effect. docs/reference/faults.md describes every kind.
 #[derive(ClapArgs)]
 #[command(after_help = "\
 Examples:
@@ -35,24 +35,24 @@ enum Command {
 
 /// Add a fault and print its number.
 ///
-/// A fault is its kind and its fields, the same as in a `[[fault]]` of the plant file. Times can also be given
-/// with a unit: duration=5ms for duration_us=5000. Without `at` the fault begins at once; without `count` and
-/// `duration` it lasts until it is cleared, if it does not happen once. The bus or PLC need not be named if there is
-/// only one.
+/// A fault has a kind and fields, the same as in a `[[fault]]` of the plant file. Times can also be given with a
+/// unit: duration=5ms for duration_us=5000. Without `at` the fault begins at once. Without `count` and `duration`
+/// it lasts until it is cleared, unless its kind happens only once. The bus or PLC can be omitted if there is only
+/// one.
 #[derive(ClapArgs)]
 #[command(after_help = kinds())]
 struct Add {
-    /// The kind: lose_frame, slave_busy ...
+    /// The kind of fault: lose_frame, slave_busy ...
     #[arg(value_parser = KindParser, hide_possible_values = true)]
     kind: String,
-    /// Its fields
+    /// Fields of the fault
     #[arg(add = super::complete::fault_fields(), value_name = "FIELD=VALUE")]
     fields: Vec<String>,
     #[command(flatten)]
     instance: Instance,
 }
 
-/// The fields that say when, and an example of each kind.
+/// Help text: the fields that all kinds have, and an example of each kind.
 fn kinds() -> String {
     let mut text = "\
 Fields of all kinds:
@@ -65,13 +65,14 @@ Examples, one of each kind:"
     for kind in devices::fault_kinds() {
         let (about, name, example) = (kind.about(), kind.name(), kind.example());
         let once = if kind.happens_once() { ", once" } else { "" };
-        // Into a text, writing cannot fail.
+        // Writing to a string cannot fail.
         let _ = write!(text, "\n  # {about}{once}\n  commram fault add {name} {example}");
     }
     text
 }
 
-/// Any text; shells complete it with the kinds there are. What is no kind is refused together with its fields.
+/// Accepts any text; shells complete the existing kinds. An unknown kind is refused later, together with its
+/// fields.
 #[derive(Clone)]
 struct KindParser;
 
@@ -93,9 +94,9 @@ impl TypedValueParser for KindParser {
     }
 }
 
-/// List the faults that wait or act.
+/// List the pending and active faults.
 ///
-/// Faults that are over are not listed; `commram trace --kind fault` shows them.
+/// Faults that have ended are not listed; `commram trace --kind fault` shows them.
 #[derive(ClapArgs)]
 #[command(after_help = "\
 Examples:
@@ -110,7 +111,7 @@ struct List {
 
 /// Clear faults by their numbers.
 ///
-/// What they have done stays done: a node that is BUS-off must be reset by its PLC.
+/// Clearing does not undo their effects: a PLC must reset a BUS-off node.
 #[derive(ClapArgs)]
 #[command(after_help = "\
 Examples:
@@ -128,14 +129,13 @@ struct Clear {
     instance: Instance,
 }
 
-/// Adds, lists or clears faults.
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     match &args.command {
         Command::Add(args) => {
             let spec = crate::fault::FaultSpec::from_words(devices::fault_kinds(), &args.kind, &args.fields)?;
             if spec.required {
-                let right =
-                    "only a scenario can require that a fault strikes: fault(\"... required\")".to_owned();
+                let right = "only a scenario can require that a fault takes effect: fault(\"... required\")"
+                    .to_owned();
                 return Err(CliError::Argument { text: "required".to_owned(), right });
             }
             by_channel::add(&spec, &args.instance)
@@ -177,7 +177,6 @@ mod by_channel {
         }
     }
 
-    /// Names of PLCs and buses.
     fn names(session: &Session) -> Result<Names, CliError> {
         Ok(session.ask(Op::Info)?.info()?.names)
     }

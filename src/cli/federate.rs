@@ -1,4 +1,4 @@
-//! `commram run --federate` and `--exchange`: one plant over several hosts, and among other simulators.
+//! `commram run --federate` and `--exchange`: one plant on several hosts, and co-simulation with other simulators.
 
 use super::error::CliError;
 use crate::coupling::{Coupling, CouplingConfig};
@@ -9,26 +9,27 @@ use crate::time;
 use std::path::PathBuf;
 use std::time::Duration;
 
-/// How this emulator shares its plant with others.
+/// How this emulator shares its plant with other processes.
 #[derive(clap::Args)]
 #[command(group(clap::ArgGroup::new("helics").args(["federate", "exchange"]).multiple(true)))]
 pub(crate) struct FederateArgs {
-    /// Share the plant with other emulators by HELICS: this one's number, from 0, and how many there are, such as 0/2
+    /// Share the plant with other emulators by HELICS: number of this emulator, from 0, and number of emulators,
+    /// for example 0/2
     #[arg(long, value_name = "N/COUNT", value_parser = number)]
     federate: Option<(u8, u8)>,
-    /// Exchange values and frames with other simulators by HELICS, as this file says (docs/guide/helics.md)
+    /// Exchange values and frames with other simulators by HELICS, as described in this file (docs/guide/helics.md)
     #[arg(add = super::complete::files(&["toml"]), long, value_name = "FILE.toml")]
     exchange: Option<PathBuf>,
-    /// Let time pass as the other federates and simulators want, and wait for no client of this one
+    /// Follow the time of the other federates and simulators, without waiting for clients of this emulator
     #[arg(long, requires = "helics")]
     follow: bool,
-    /// Where the HELICS broker is
+    /// Address of the HELICS broker
     #[arg(long, value_name = "ADDRESS", requires = "helics", default_value = "tcp://127.0.0.1:23404")]
     broker: String,
-    /// What the federation is called, if the broker has several
+    /// Name of the federation, if the broker has several
     #[arg(long, value_name = "NAME", requires = "helics", default_value = "commram")]
     federation: String,
-    /// How long another federate, a simulator or the broker may not be heard of, in real time
+    /// Longest silence of another federate, a simulator or the broker, in real time
     #[arg(long, value_name = "TIME", requires = "helics", default_value = "30s", value_parser = limit)]
     limit: Duration,
 }
@@ -37,9 +38,7 @@ fn number(text: &str) -> Result<(u8, u8), String> {
     let parts = text.split_once('/').and_then(|(own, count)| Some((own.parse().ok()?, count.parse().ok()?)));
     let right = |&(own, count): &(u8, u8)| own < count && (1..=MOST).contains(&count);
     parts.filter(right).ok_or_else(|| {
-        format!(
-            "it is a number from 0 on, a slash and how many federates there are, up to {MOST}: 0/2 and 1/2"
-        )
+        format!("write a number from 0, a slash and the number of federates, at most {MOST}: 0/2 and 1/2")
     })
 }
 
@@ -49,44 +48,46 @@ fn limit(text: &str) -> Result<Duration, String> {
     if (Duration::from_secs(2)..=Duration::from_secs(86_400)).contains(&limit) {
         Ok(limit)
     } else {
-        Err("it is 2s to 24h".to_owned())
+        Err("write a time from 2s to 24h".to_owned())
     }
 }
 
 impl FederateArgs {
-    /// Refuses what several hosts cannot have.
+    /// Refuses options that are not possible on several hosts.
     ///
     /// # Errors
-    /// What, and what would be right.
+    /// The option, and the correct form.
     pub(crate) fn check(&self, clock: Clock, keeps_novram: bool) -> Result<(), CliError> {
         let refuse = |text: &str, right: &str| {
             Err(CliError::Argument { text: text.to_owned(), right: right.to_owned() })
         };
         match (self.federate, &self.exchange) {
             (None, None) => Ok(()),
-            (Some((_, 1)), None) => refuse("--federate", "there are two at least, or one with --exchange"),
-            (Some((1.., _)), Some(_)) => refuse("--exchange", "the exchange is that of federate 0"),
+            (Some((_, 1)), None) => {
+                refuse("--federate", "there must be at least two federates, or one with --exchange")
+            }
+            (Some((1.., _)), Some(_)) => refuse("--exchange", "only federate 0 can have an exchange"),
             (federate, _) if !clock.is_stepped() => refuse(
                 if federate.is_some() { "--federate" } else { "--exchange" },
-                "federates have one clock, a stepped one; add --clock stepped",
+                "federates share one stepped clock; add --clock stepped",
             ),
             _ if keeps_novram => refuse(
                 "--novram",
-                "federates begin alike: without NOVRAM of their own, or all --from one snapshot",
+                "all federates need the same initial state: no NOVRAM directory, or all --from the same snapshot",
             ),
             _ => Ok(()),
         }
     }
 
-    /// Whether the emulator is to share its plant.
+    /// True if the emulator shares its plant.
     pub(crate) fn is_federate(&self) -> bool {
         self.federate.is_some() || self.exchange.is_some()
     }
 
-    /// Lets the emulator join, if it is to share its plant.
+    /// Joins the federation, if the emulator shares its plant.
     ///
     /// # Errors
-    /// There is no library of HELICS, or the plant has doors.
+    /// The HELICS library is missing, or the plant has doors.
     pub(crate) fn join(&self, emulator: &mut Emulator) -> Result<(), CliError> {
         if !self.is_federate() {
             return Ok(());
@@ -94,7 +95,7 @@ impl FederateArgs {
         if let Some((bus, door)) = emulator.doors().first() {
             return Err(CliError::Argument {
                 text: format!("door {door} to bus {bus}"),
-                right: "a federate has no doors: their guests would be on one host only".to_owned(),
+                right: "a federate cannot have doors: their guests would be on one host only".to_owned(),
             });
         }
         let (own, count) = self.federate.unwrap_or((0, 1));

@@ -1,4 +1,4 @@
-//! `commram find`: registers by what is known about them, which needs no emulator.
+//! `commram find`: search in the register map, without an emulator.
 
 use super::device::DeviceArg;
 use super::error::CliError;
@@ -10,7 +10,8 @@ use crate::layout::{DeviceFit, Fit, did_you_mean};
 
 /// Find registers by name, meaning, values, bits or address.
 ///
-/// Of several words all must occur, each anywhere; case does not count. What is found by its name comes first.
+/// With several words, an entry must contain all of them in any place. Case is ignored. Matches in the name come
+/// first.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -20,9 +21,9 @@ Examples:
   commram find control --format json
   commram find status -i press-1
 
-Exit code 1 if nothing is found.")]
+Exit code 1 if no register is found.")]
 pub(crate) struct Args {
-    /// Words to look for
+    /// Words to find
     #[arg(value_name = "TEXT", required = true)]
     text: Vec<String>,
     /// Also registers that the manual reserves
@@ -30,14 +31,13 @@ pub(crate) struct Args {
     all: bool,
     #[command(flatten)]
     device: DeviceArg,
-    /// In the PLCs of this instance, as they are fitted
+    /// Search the PLCs of this instance with their options
     #[arg(add = super::complete::instances(), short, long, value_name = "NAME", value_parser = instance_name, conflicts_with = "device")]
     instance: Option<String>,
     #[command(flatten)]
     format: FormatArg,
 }
 
-/// Looks and prints.
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let devices = match &args.instance {
         None => vec![DeviceFit::unknown(args.device.device)],
@@ -58,7 +58,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let mut found: Vec<_> = candidates.filter_map(|entry| Some((rank(&entry, &words)?, entry))).collect();
     if found.is_empty() {
         let names: Vec<_> = devices.iter().flat_map(entries).map(|entry| entry.name).collect();
-        // Without the area and the indices, which nobody spells wrong.
+        // Without the area and the indices, which are rarely misspelt.
         let bare = |name: &String| {
             let name = name.split('[').next().unwrap_or_default();
             name.split_once('.').map_or(name, |(_, register)| register).to_owned()
@@ -69,7 +69,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         let device = devices.first().map_or("", |fitted| fitted.device().title);
         return Err(CliError::NotFound { text, device, hint });
     }
-    // In the order of the map where nothing speaks for one of them.
+    // Entries of equal rank keep the order of the map.
     found.sort_by_key(|(rank, _)| *rank);
     let found: Vec<_> = found.into_iter().map(|(_, entry)| entry).collect();
     table::print(args.format.format, &found, |found| text(found, &words))
@@ -81,13 +81,13 @@ fn entries(fitted: &DeviceFit) -> impl Iterator<Item = Entry> + use<> {
     areas.flat_map(move |area| entry::of_area(&fitted, area))
 }
 
-/// Blanks and the signs that stand for them are one.
+/// Replaces hyphens and underscores by blanks and folds case.
 pub(crate) fn folded(text: &str) -> String {
     text.to_lowercase().replace(['-', '_'], " ")
 }
 
-/// Where the words occur, the smaller the better: in the name, in the name and the meaning, with values and bits;
-/// `None` if one of them occurs nowhere.
+/// Rank of the match, smaller is better: words in the name, words in name and meaning, words in values and bits.
+/// `None` if a word is missing.
 pub(crate) fn rank(entry: &Entry, words: &[String]) -> Option<u8> {
     let name = folded(&format!("{} {} {} {}", entry.name, entry.address, entry.structure, entry.variable));
     let meaning = format!("{name} {}", folded(entry.meaning));
@@ -100,7 +100,7 @@ pub(crate) fn rank(entry: &Entry, words: &[String]) -> Option<u8> {
     texts.iter().position(holds_all).map(|rank| rank as u8)
 }
 
-/// Values and bits, with what they mean.
+/// Values and bits with their meanings.
 fn told(entry: &Entry) -> impl Iterator<Item = (String, String)> {
     let values = entry.values.iter().map(|value| (value.hex.clone(), value.meaning.clone()));
     let bits = entry.bits.iter().map(|bit| {
@@ -114,7 +114,7 @@ fn told(entry: &Entry) -> impl Iterator<Item = (String, String)> {
     values.chain(bits)
 }
 
-/// A line per register, and those of its values and bits that were looked for.
+/// One line per register, with the values and bits that match.
 fn text(found: &[Entry], words: &[String]) -> String {
     let cells =
         |entry: &Entry| [&entry.name, &entry.address, &entry.ty, &entry.owner].map(Clone::clone).to_vec();

@@ -1,4 +1,4 @@
-//! `commram force` and `commram unforce`: registers that keep their value.
+//! `commram force` and `commram unforce`: registers with a fixed value.
 
 use super::Instance;
 use super::complete;
@@ -7,11 +7,11 @@ use super::error::CliError;
 use super::place::Place;
 use super::table::FormatArg;
 
-/// Make registers keep a value, or list those that do.
+/// Force registers to a value, or list the forced registers.
 ///
-/// A forced register keeps its value against firmware and PLC until it is unforced; all tables mark it. The
-/// firmware never sees another value. A PLC on the mapped RAM sees what it wrote itself until the next
-/// event of the bus or processor cycle, when the forced value is put back.
+/// A forced register keeps its value, whatever firmware and PLC write, until it is unforced. All tables mark forced
+/// registers. The firmware always reads the forced value. A PLC with mapped RAM reads back its own write until the
+/// next event of the bus or processor cycle, when the forced value is restored.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -20,7 +20,7 @@ Examples:
   commram force                                      list all forced registers
   commram force --format json")]
 pub(crate) struct Args {
-    /// Registers by name or address, and the values they keep; none: list the forced registers
+    /// Registers by name or address, and the values to force; without arguments the forced registers are listed
     #[arg(add = complete::writes(), value_name = "REG=VALUE")]
     writes: Vec<String>,
     #[command(flatten)]
@@ -29,7 +29,7 @@ pub(crate) struct Args {
     instance: Instance,
 }
 
-/// Let forced registers go.
+/// Stop forcing registers.
 ///
 /// A register keeps its value until firmware or PLC writes it.
 #[derive(clap::Args)]
@@ -95,7 +95,7 @@ fn list(args: &Args) -> Result<(), CliError> {
     })
 }
 
-/// Lets registers go.
+/// Unforces registers.
 pub(crate) fn unforce(args: &UnforceArgs) -> Result<(), CliError> {
     use super::session::Session;
     use crate::request::Op;

@@ -1,4 +1,4 @@
-//! Which emulator a command is about, and how long it waits for one that is just starting.
+//! The instance of a command, and the time to wait for a starting emulator.
 
 use super::error::CliError;
 use crate::memory::{InstanceLock, MemoryError, State, names};
@@ -6,17 +6,17 @@ use crate::time;
 use clap::Args;
 use std::time::{Duration, Instant};
 
-/// Pause between two looks for an emulator that is just starting.
+/// Pause between two attempts to reach a starting emulator.
 const LOOK: Duration = Duration::from_millis(5);
-/// How long commands wait for an emulator that is just starting, unless told otherwise.
+/// Default time to wait for a starting emulator.
 const STARTING: &str = "2s";
 
-/// Names the instance that is meant if none is given.
+/// Environment variable with the default instance.
 const VARIABLE: &str = "COMMRAM_INSTANCE";
-/// The one that is meant if nothing names any.
+/// Name of the default instance if the variable is not set.
 const USUAL: &str = "default";
 
-/// The name of an emulator.
+/// The name of an instance.
 #[derive(Args, Clone, Debug)]
 pub(crate) struct InstanceName {
     /// Name of the instance
@@ -34,26 +34,26 @@ pub(crate) struct InstanceName {
 }
 
 impl InstanceName {
-    /// The one that is meant if none is given.
+    /// Returns the default instance.
     pub(crate) fn usual() -> String {
         std::env::var(VARIABLE).unwrap_or_else(|_| USUAL.to_owned())
     }
 }
 
-/// Parses the name of an instance.
+/// Checks the name of an instance.
 ///
 /// # Errors
-/// It is none.
+/// The name is not valid.
 pub(crate) fn instance_name(text: &str) -> Result<String, MemoryError> {
     names::check_instance(text).map(|()| text.to_owned())
 }
 
-/// The emulator that a command talks to.
+/// The instance that a command connects to.
 #[derive(Args, Clone, Debug)]
 pub(crate) struct Instance {
     #[command(flatten)]
     named: InstanceName,
-    /// How long to wait, in real time, for an instance that is just starting; 0s: not at all
+    /// How long to wait, in real time, for a starting instance; 0s: do not wait
     #[arg(
         long,
         value_name = "TIME",
@@ -66,27 +66,26 @@ pub(crate) struct Instance {
 }
 
 impl Instance {
-    /// One that is there, or else is not waited for.
+    /// An instance without a waiting time.
     pub(crate) fn running(name: &str) -> Self {
         Self { named: InstanceName { name: name.to_owned() }, connect_timeout: 0 }
     }
 
-    /// One that may be just starting.
+    /// An instance that may be starting, with the default waiting time.
     pub(crate) fn starting(name: &str) -> Self {
         let connect_timeout = time::parse(STARTING).unwrap_or_default();
         Self { connect_timeout, ..Self::running(name) }
     }
 
-    /// Its name.
     pub(crate) fn name(&self) -> &str {
         &self.named.name
     }
 
-    /// Tries to get there until it works, or fails for another reason than that the emulator is just starting, or the
-    /// patience is over.
+    /// Tries to reach the instance until an attempt succeeds, fails for a reason other than a starting emulator, or
+    /// the waiting time is over.
     ///
     /// # Errors
-    /// Those of the last try.
+    /// The errors of the last attempt.
     pub(crate) fn reach<T>(&self, attempt: impl Fn() -> Result<T, CliError>) -> Result<T, CliError> {
         let patience = Duration::from_micros(self.connect_timeout);
         let start = Instant::now();
@@ -100,14 +99,14 @@ impl Instance {
         }
     }
 
-    /// Whether an emulator that is just starting can be the reason.
+    /// True if a starting emulator can cause this error.
     fn may_be_starting(&self, error: &CliError) -> bool {
         use MemoryError::{NotReady, NotThere};
         match error {
             CliError::NotRunning { .. } | CliError::NoImages { .. } | CliError::Dead { .. } => true,
             CliError::Memory(NotReady { state, .. }) => *state == Some(State::Starting),
             CliError::Memory(NotThere { .. }) => true,
-            // The channel was found before it was complete.
+            // The client found the channel before it was complete.
             CliError::Client(
                 crate::channel::ClientError::Unanswered { .. } | crate::channel::ClientError::Connect { .. },
             ) => true,
@@ -115,7 +114,7 @@ impl Instance {
         }
     }
 
-    /// Whether somebody is about to take over what a killed emulator has left.
+    /// True if another emulator is taking over the files of a killed emulator.
     ///
     /// # Errors
     /// As [`InstanceLock::holder`].
@@ -134,7 +133,7 @@ mod tests {
     }
 
     #[test]
-    fn one_that_is_just_starting_is_waited_for() {
+    fn a_starting_instance_is_waited_for() {
         let left = Cell::new(3);
         let attempt = || match left.replace(left.get() - 1) {
             0 => Ok("there"),
@@ -144,7 +143,7 @@ mod tests {
     }
 
     #[test]
-    fn everything_else_fails_at_once() {
+    fn other_errors_fail_at_once() {
         let tries = Cell::new(0);
         let attempt = |error: fn() -> CliError| move || Err::<(), _>(error());
         let count = |error: fn() -> CliError, instance: Instance| {

@@ -1,4 +1,4 @@
-//! `commram run --check`: judge a plant file, start nothing.
+//! `commram run --check`: check a plant file without starting an emulator.
 
 use super::error::CliError;
 use super::output;
@@ -9,15 +9,15 @@ use crate::plural::{plural, plural_of};
 use serde::Serialize;
 use std::path::Path;
 
-/// What is to be said about a plant file.
+/// Result of the check of a plant file.
 #[derive(Serialize)]
 struct Judged {
     file: String,
     fine: bool,
-    /// Where something is wrong, as far as it stands in a line.
+    /// Line of the error, if it has one.
     line: Option<usize>,
     message: Option<String>,
-    /// What is allowed and can hardly be meant.
+    /// Entries that are allowed but probably not intended.
     warnings: Vec<Warning>,
     devices: Vec<Device>,
     buses: Vec<Bus>,
@@ -87,10 +87,10 @@ impl Row for Judged {
     }
 }
 
-/// Judges the file, or the built-in plant.
+/// Checks the file, or the built-in plant.
 ///
 /// # Errors
-/// It is refused: the error itself, or, where a table has told it, that it was told.
+/// The plant is refused: the error itself, or [`CliError::Reported`] if the table contains it.
 pub(crate) fn run(path: Option<&Path>, format: Format) -> Result<(), CliError> {
     let read = path.map_or_else(PlantConfig::built_in, PlantConfig::load);
     let file = called(path);
@@ -104,7 +104,7 @@ pub(crate) fn run(path: Option<&Path>, format: Format) -> Result<(), CliError> {
     }
 }
 
-/// Warns of what is allowed in a plant and can hardly be meant.
+/// Prints warnings about entries of a plant that are allowed but probably not intended.
 pub(crate) fn warn(path: Option<&Path>, config: &PlantConfig) {
     for warning in Warning::all(config, &written(path)) {
         output::complain(&warning.text(&called(path)));
@@ -115,7 +115,7 @@ fn called(path: Option<&Path>) -> String {
     path.map_or_else(|| "built-in plant".to_owned(), |path| path.display().to_string())
 }
 
-/// The text of the file, for lines in it.
+/// The text of the file, to find line numbers.
 fn written(path: Option<&Path>) -> String {
     path.and_then(|path| input_file::read(path, input_file::LONGEST_PLANT).ok()).unwrap_or_default()
 }

@@ -1,4 +1,4 @@
-//! `commram layout`: work on the layout files of a checkout, which needs no emulator.
+//! `commram layout`: work on the layout files of a checkout, without an emulator.
 
 use super::device::DeviceArg;
 use super::error::CliError;
@@ -12,7 +12,7 @@ use commram_layoutc::import::{Called, Import, ImportError, Row as ImportRow, Ver
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
-/// Judge layout files, and take the true offsets of the registers over into them.
+/// Check layout files, and import the offsets of registers from the vendor's declarations.
 #[derive(clap::Args)]
 #[command(
     arg_required_else_help = true,
@@ -37,7 +37,7 @@ enum Command {
     Schema,
 }
 
-/// Judge layouts, as the build would.
+/// Check layouts in the same way as the build.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -45,13 +45,13 @@ Examples:
   commram layout check layouts/DEVICE --format json
 
 Verdicts:
-  built in  this commram was built from it
-  other     it is a layout, but commram must be built again to have it
-  wrong     a build would stop with this message
+  built in  this commram was built from this layout
+  other     a valid layout, but commram must be rebuilt to use it
+  wrong     a build would stop with the printed message
 
 Exit codes:
-  0  all are layouts
-  2  one is wrong")]
+  0  all layouts are valid
+  2  a layout is wrong")]
 struct CheckArgs {
     /// Directories with a device.toml [default: those in `layouts`]
     #[arg(value_name = "DIR")]
@@ -60,12 +60,12 @@ struct CheckArgs {
     format: FormatArg,
 }
 
-/// Take the offsets over from declarations of IEC 61131-3 that the vendor's library was exported to.
+/// Import offsets from declarations of IEC 61131-3 that were exported from the vendor's library.
 ///
-/// Structures are found by their names, registers by their names and those of the sub-structures they are in;
-/// what the types of sub-structures are called does not matter. A structure of which a register is missing or has
-/// another width or other array bounds stays as it is. Bytes of members that the layout does not know become padding.
-/// Afterwards commram must be built again.
+/// Structures are identified by their names, registers by their names and the names of the sub-structures that
+/// contain them. The type names of sub-structures are ignored. A structure stays unchanged if one of its registers
+/// is missing or has another width or other array bounds. Bytes of members that the layout does not contain become
+/// padding. Afterwards commram must be rebuilt.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -74,21 +74,21 @@ Examples:
   commram layout import BM_TYPES.st --called STRUCTURE.a_RD_BMARRAY=a_RD_VALUE
 
 Verdicts:
-  moved       at another offset; a structure: of another size
-  type        of another elementary type of the same width; the layout keeps its own
+  moved       at another offset; a structure: with another size
+  type        with another elementary type of the same width; the layout keeps its type
   new         only in the declarations
   missing     only in the layout
-  unlike      of another width, with other array bounds, or a structure in one of the two only
-  left        a structure with something missing or unlike, whose file stays as it is
+  unlike      with another width, with other array bounds, or a structure in only one of the two
+  left        a structure with missing or unlike registers; its file stays unchanged
   undeclared  a structure that the file does not declare
 
-An export of commram itself is compared and never taken over: it proves nothing about the device. The sign is its head, or
-a filler that is named after its offset, such as padding_12.
+An export of commram itself is compared but never imported: it proves nothing about the device. An export has the head of
+commram, or a filler that is named after its offset, such as padding_12.
 
 Exit codes:
-  0  all declared structures have been taken over; with --check: nothing is to be changed
-  1  a structure stays as it is, the offsets make no layout, the device has no library of the vendor, or the library of
-     another device has confirmed other offsets; with --check: something is to be changed
+  0  all declared structures were imported; with --check: no change is needed
+  1  a structure stays unchanged, the offsets give no valid layout, the vendor has no library for the device, or the
+     library of another device has confirmed other offsets; with --check: changes are needed
   2  wrong use, or a file does not parse")]
 struct ImportArgs {
     /// The declarations: TYPE ... STRUCT ... END_STRUCT; END_TYPE
@@ -99,16 +99,17 @@ struct ImportArgs {
     layout: Option<PathBuf>,
     #[command(flatten)]
     device: DeviceArg,
-    /// Largest alignment of members that the library's compiler keeps
+    /// Largest alignment of members that the compiler of the library uses
     #[arg(long, value_enum, default_value_t = AlignArg::Natural)]
     align: AlignArg,
-    /// What the declarations call a structure, or a register of a structure, instead of the layout's name
+    /// Name of a structure, or of a register of a structure, in the declarations, if it differs from the layout's
+    /// name
     #[arg(long, value_name = "OURS=THEIRS", value_parser = pair)]
     called: Vec<(String, String)>,
-    /// Change nothing, only compare
+    /// Compare only, change no file
     #[arg(long)]
     check: bool,
-    /// Also list what is the same
+    /// Also list registers without a difference
     #[arg(long)]
     all: bool,
     #[command(flatten)]
@@ -117,7 +118,7 @@ struct ImportArgs {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum AlignArg {
-    /// None: members follow without a gap
+    /// No alignment: members follow without a gap
     #[value(name = "1")]
     One,
     /// Even addresses
@@ -126,7 +127,7 @@ enum AlignArg {
     /// Addresses divisible by 4
     #[value(name = "4")]
     Four,
-    /// That of each type
+    /// The alignment of each type
     Natural,
 }
 
@@ -167,7 +168,7 @@ fn check(args: &CheckArgs) -> Result<(), CliError> {
     if is_wrong { Err(CliError::ReportedWrongUse) } else { Ok(()) }
 }
 
-/// The layouts of devices in a checkout.
+/// Finds the layouts of devices in a checkout.
 fn layouts_here() -> Result<Vec<PathBuf>, CliError> {
     let wrong = |right: String| CliError::Argument { text: "layouts".to_owned(), right };
     let entries = Path::new("layouts").read_dir().map_err(|reason| {
@@ -176,19 +177,15 @@ fn layouts_here() -> Result<Vec<PathBuf>, CliError> {
     let mut all: Vec<_> = entries.filter_map(|entry| Some(entry.ok()?.path())).collect();
     all.retain(|dir| dir.join("device.toml").is_file());
     all.sort();
-    if all.is_empty() {
-        Err(wrong("there is no directory with a device.toml in it".to_owned()))
-    } else {
-        Ok(all)
-    }
+    if all.is_empty() { Err(wrong("no directory contains a device.toml".to_owned())) } else { Ok(all) }
 }
 
-/// What is to be said about a layout.
+/// Result of the check of a layout.
 #[derive(Serialize)]
 struct Judged {
     layout: String,
     verdict: &'static str,
-    /// The hash of its register map.
+    /// Hash of the register map.
     register_map: Option<String>,
     message: Option<String>,
 }
@@ -221,7 +218,7 @@ impl Row for Judged {
 }
 
 fn import(args: &ImportArgs) -> Result<(), CliError> {
-    // A byte more than allowed tells that there are too many.
+    // One byte more than allowed shows that the file is too long.
     let found = input_file::read_bytes(&args.declaration, MAX_BYTES + 1);
     let declarations = Declarations::read(&args.declaration, found).map_err(ImportError::from)?;
     let called = Called::new(args.called.iter().cloned());
@@ -234,7 +231,7 @@ fn import(args: &ImportArgs) -> Result<(), CliError> {
     let rows = import.rows.iter().filter(|row| args.all || row.verdict != Verdict::Same);
     let rows: Vec<_> = rows.cloned().map(Compared).collect();
     table::print(args.format.format, &rows, |rows| match rows {
-        [] => "all registers lie as declared\n".to_owned(),
+        [] => "all registers have the declared offsets\n".to_owned(),
         rows => table::aligned(rows),
     })?;
     tell(args, &import);
@@ -242,7 +239,7 @@ fn import(args: &ImportArgs) -> Result<(), CliError> {
     if is_done { Ok(()) } else { Err(CliError::Reported) }
 }
 
-/// What becomes of the files, and whether this program still fits them.
+/// Reports the changed files, and whether this program still has the same register map.
 fn tell(args: &ImportArgs, import: &Import) {
     if import.is_own_export {
         let file = args.declaration.display();

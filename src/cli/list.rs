@@ -9,7 +9,7 @@ use serde::Serialize;
 /// List the instances.
 ///
 /// Dead instances are listed too: emulators that were killed and could not clean up. `commram run` takes
-/// over what they left, `commram stop --clean` removes it.
+/// over their files, `commram stop --clean` removes them.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -52,7 +52,7 @@ impl Row for Entry {
 
     fn text_cells(&self) -> Vec<String> {
         let mut cells = self.cells();
-        // Reasons stand below the table.
+        // Reasons are printed below the table.
         cells.pop();
         if let (Some(cell), Some(us)) = (cells.get_mut(4), self.time_us) {
             *cell = time::seconds(us);

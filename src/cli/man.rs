@@ -12,7 +12,7 @@ Examples:
   commram man ~/.local/share/man/man1
   commram man target/man && man target/man/commram-wait.1")]
 pub(crate) struct Args {
-    /// The directory; it is made if it is not there
+    /// The directory; it is created if it does not exist
     #[arg(value_name = "DIR")]
     directory: PathBuf,
 }
@@ -40,7 +40,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     Ok(())
 }
 
-/// The command with the synopsis that its help has: the one that is made for pages does not tell what can be repeated.
+/// Sets the usage line of the help as the synopsis: the generated synopsis does not show repeatable arguments.
 fn with_usage(mut command: Command) -> Command {
     let usage = command.render_usage().to_string();
     command.override_usage(usage.strip_prefix("Usage: ").unwrap_or(&usage).to_owned())

@@ -15,7 +15,7 @@ use super::{Instance, instance_name};
 use crate::layout::{Address, Area, DeviceFit, Fit, Named, Placed, Role, Width, split_plc};
 use entry::Entry;
 
-/// Show the register map: types, owners, meanings, and where each fact comes from.
+/// Show the register map: types, owners, meanings, and the source of each fact.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -27,9 +27,9 @@ Examples:
   commram map --all --format csv > map.csv
   commram map maxx:slotG -i press-1
 
-Provenance: facts marked `manual` are stated in the manual, or with a name behind it in the vendor's \
-library of that name. Where both are silent, the decision (D-nn) is named that the fact follows from. \
-Names of blocks (node1, node2, ...) are ours (D-220).")]
+Provenance: `manual` means that the manual states the fact; `manual` with a name means that the vendor's library of \
+that name states it. For all other facts the map names the decision (D-nn) on which the fact is based. \
+Names of blocks (node1, node2, ...) were chosen by this project (D-220).")]
 pub(crate) struct Args {
     /// A register, an array, a pattern ('node2.*STATUS*'), an address or a block [default: everything]
     #[arg(add = complete::blocks(), value_name = "NAME|ADDRESS|BLOCK")]
@@ -39,7 +39,7 @@ pub(crate) struct Args {
     all: bool,
     #[command(flatten)]
     device: DeviceArg,
-    /// The PLC of this instance, as it is fitted: what lies in a slot depends on the module there
+    /// Use a PLC of this instance with its options: the registers of a slot depend on its module
     #[arg(add = super::complete::instances(), short, long, value_name = "NAME", value_parser = instance_name, conflicts_with = "device")]
     instance: Option<String>,
     #[command(flatten)]
@@ -54,7 +54,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
             let session = Session::open_for_reading(&Instance::starting(instance))?;
             session.fitted(session.plc(plc, if what.is_empty() { "the map" } else { what })?)
         }
-        // Nothing but the device is known of a PLC.
+        // Only the type of the device is known, not its options.
         None => DeviceFit::unknown(args.device.device),
     };
     let device = fitted.device();
@@ -71,7 +71,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
             }
             Named::Registers(registers) => {
                 let entries = entry::of_registers(&registers);
-                // Who asks for a reserved register gets it.
+                // A reserved register is shown if it is named explicitly.
                 let single = entries.len() == 1;
                 (entries, single)
             }
@@ -86,13 +86,13 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     table::print(args.format.format, &entries, text)
 }
 
-/// The registers at an address; structures that overlay each other share some of them.
+/// Returns the registers at an address; structures that overlay each other share some of them.
 fn at_address(fitted: &DeviceFit, address: Address) -> Result<Vec<Entry>, CliError> {
     let registers = without_twins(fitted.registers_at(address, None)?);
     Ok(registers.iter().map(entry::of_register).collect())
 }
 
-/// A head line per block, then its registers in columns.
+/// A heading per block, then its registers in columns.
 fn text(entries: &[Entry]) -> String {
     let lines: Vec<_> = entries.iter().map(Entry::text_cells).collect();
     let rows = table::rows(&lines);
@@ -108,7 +108,7 @@ fn text(entries: &[Entry]) -> String {
             text.push('\n');
             last = Some(block);
         }
-        // Plain RAM has no registers, its head says it all.
+        // Plain RAM has no registers: its heading contains everything.
         if !entry.structure.is_empty() {
             text.push_str(line);
             text.push('\n');
@@ -130,7 +130,7 @@ fn head(area: &Area, structure: &str) -> String {
     format!("{name}  {}-{}  {doc}. {content} (p. {page})", area.begin(), area.numbers().end())
 }
 
-/// The role that a structure is for, if for others another one lies there.
+/// The role that uses a structure, if another role uses another structure at the same place.
 fn role(area: &Area, placed: &Placed) -> Option<Role> {
     let has =
         |role| area.structures.iter().any(|it| it.structure.name == placed.structure.name && it.role == role);

@@ -1,4 +1,4 @@
-//! The `commram` command line: one file per subcommand, each nothing but presentation.
+//! The `commram` command line: one file per subcommand. These files only parse arguments and print results.
 
 mod board;
 mod bus;
@@ -61,8 +61,9 @@ use std::process::ExitCode;
 
 /// Emulates the communication RAM of drive and fieldbus controllers, register by register.
 ///
-/// An emulator is an instance with a name. `commram run` starts one; the other commands talk to it. The RAM
-/// of each of its PLCs is the file /dev/shm/commram.INSTANCE.PLC, whose first page tells where its areas lie.
+/// An emulator is an instance with a name. `commram run` starts one; the other commands communicate with it. The
+/// RAM of each of its PLCs is the file /dev/shm/commram.INSTANCE.PLC. The first page of the file contains the
+/// addresses of its areas.
 #[derive(Parser)]
 #[command(name = "commram", version, color = ColorChoice::Never, max_term_width = 100, after_help = after_help())]
 struct Cli {
@@ -73,7 +74,7 @@ struct Cli {
     command: Command,
 }
 
-/// What every command has in common.
+/// The part of the help that all commands share.
 fn after_help() -> String {
     let codes = Exit::ALL.map(|exit| format!("  {:<3}  {}\n", exit.code(), exit.meaning()));
     format!("{REGISTERS}\nExit codes:\n{}\n{EXAMPLES}", codes.concat())
@@ -82,14 +83,14 @@ fn after_help() -> String {
 const REGISTERS: &str = "\
 Registers:
   node2.w_CPU_CONTROL          by name: block, register
-  w_COMMAND_REG                without the block, where only one has such a register
-  VARIABLE.w_CPU_CONTROL       with the variable that the manual declares there
+  w_COMMAND_REG                without the block, if only one block has this register
+  VARIABLE.w_CPU_CONTROL       with the name of the variable in the manual
   'node2.a_RD_BMARRAY[3][0]'   an element of an array; the quotes are for the shell
   node2.w_CPU_CONTROL.7        one bit
   'node2.*STATUS*', 'node2.a_STAT_SL[0..3]'   several, for commands that read
   %MW3.200000                  by address: %MB3, %MW3, %MD3, %MX3 (one bit)
-  line2:node2.w_CPU_CONTROL    with the PLC, where the instance has several
-  maxx:slotG.w_CPU_CONTROL     of a module in a slot of a modular PLC
+  line2:node2.w_CPU_CONTROL    with the PLC, if the instance has several
+  maxx:slotG.w_CPU_CONTROL     register of a module in a slot of a modular PLC
 ";
 
 const EXAMPLES: &str = "\
@@ -144,8 +145,8 @@ enum Command {
     Man(man::Args),
 }
 
-/// Parses the command line, runs the command and returns what the process is to end with. The whole program, for a
-/// `main` that has registered devices of its own before ([`devices::register`](crate::devices::register)).
+/// Parses the command line, runs the command and returns the exit code of the process. A program with own devices
+/// calls [`devices::register`](crate::devices::register) first, then this function.
 pub fn main() -> ExitCode {
     completions::answer();
     style::set(std::env::args_os());
@@ -202,8 +203,8 @@ impl Command {
     }
 }
 
-/// The same mistake as if no variable of the environment stood for an option: usage would show those as if they had to be
-/// given.
+/// Returns the same error without options set by environment variables: the usage text would show such options as
+/// required.
 fn told_without_environment(error: clap::Error) -> clap::Error {
     fn bare(command: clap::Command) -> clap::Command {
         command.mut_args(|arg| arg.env(Resettable::Reset)).mut_subcommands(bare)
@@ -211,11 +212,11 @@ fn told_without_environment(error: clap::Error) -> clap::Error {
     if !error.use_stderr() {
         return error;
     }
-    // A mistake in the environment itself is gone then.
+    // A mistake in the environment itself does not occur here; then the original error is returned.
     bare(Cli::command()).try_get_matches().err().filter(|other| other.kind() == error.kind()).unwrap_or(error)
 }
 
-/// Shows help and version as asked for, and complaints about the command line like all others.
+/// Shows requested help or version, and prints command line errors in the format of all other errors.
 fn refuse(error: &clap::Error) -> ExitCode {
     let shown = |stream_has_colours: bool| {
         let text = error.render();
@@ -233,7 +234,7 @@ fn refuse(error: &clap::Error) -> ExitCode {
     finish(output::print(&shown(style::is_on(&std::io::stdout()))))
 }
 
-/// Reports an error that was not reported yet, and returns the exit code.
+/// Prints an error unless it was printed before, and returns the exit code.
 fn finish(result: Result<(), CliError>) -> ExitCode {
     let Err(error) = result else { return ExitCode::from(Exit::Done.code()) };
     if !error.is_told() {
@@ -251,7 +252,7 @@ mod tests {
         Cli::command().debug_assert();
     }
 
-    /// On a narrow terminal clap breaks long lines; a paragraph that is broken by hand as well falls to pieces.
+    /// On a narrow terminal clap wraps long lines; line breaks inside a paragraph would then give ragged lines.
     #[test]
     fn no_paragraph_below_the_help_is_broken_by_hand() {
         let mut commands = vec![Cli::command()];

@@ -1,4 +1,4 @@
-//! Writing to the terminal, or to whatever stands in for it.
+//! Output to the terminal, or to the file or pipe that replaces it.
 
 use super::{error::CliError, style};
 use std::io::{self, Write};
@@ -6,7 +6,7 @@ use std::io::{self, Write};
 /// Writes `text` to the standard output and flushes it.
 ///
 /// # Errors
-/// [`CliError::BrokenPipe`] if nobody reads it any more, [`CliError::Output`] for all else.
+/// [`CliError::BrokenPipe`] if the reader has closed the output, [`CliError::Output`] for other errors.
 pub(crate) fn print(text: &str) -> Result<(), CliError> {
     write(text.as_bytes())
 }
@@ -28,35 +28,35 @@ const LONGEST_WORD: usize = 160;
 /// Longest message, in characters.
 const LONGEST: usize = 8_000;
 
-/// Writes a complaint to the standard error output; what somebody has handed in stands in it shortened. If even that
-/// fails, nobody is left to be told.
+/// Writes an error message to the standard error output. Very long words, for example from the input, are
+/// shortened. Write errors are ignored.
 pub(crate) fn complain(text: &str) {
     let _ = writeln!(io::stderr().lock(), "{} {}", style::error("commram:"), shortened(text));
 }
 
-/// Passes on what another process has said on its standard error output.
+/// Copies the error output of another process to the standard error output.
 pub(crate) fn relay(text: &[u8]) {
     let _ = io::stderr().lock().write_all(text);
 }
 
-/// Writes something worth knowing, which is no error, to the standard error output.
+/// Writes a note, which is not an error, to the standard error output.
 pub(crate) fn note(text: &str) {
     complain(&format!("note: {text}"));
 }
 
-/// Shows help to somebody who has not asked for it.
+/// Prints help to the standard error output after wrong use.
 pub(crate) fn print_help(text: &str) {
     let _ = write!(io::stderr().lock(), "{text}");
 }
 
-/// The text with words and a whole that somebody wants to read, without signs that tell a terminal what to do.
+/// Limits the length of words and of the whole text, and removes control characters.
 fn shortened(text: &str) -> String {
     let text = &harmless(text);
     let words = text.split_inclusive([' ', '\n']).map(|word| cut(word, LONGEST_WORD));
     cut(&words.collect::<String>(), LONGEST)
 }
 
-/// The text with its control characters spelt out, but for ends of lines and tabulators.
+/// Escapes control characters except line ends and tabs.
 pub(crate) fn harmless(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for sign in text.chars() {
@@ -69,7 +69,7 @@ pub(crate) fn harmless(text: &str) -> String {
     out
 }
 
-/// Begin and end of a text that is longer than this, and how long it was.
+/// If the text is longer than `most`, keeps its beginning and its end and names its length.
 fn cut(text: &str, most: usize) -> String {
     let count = text.chars().count();
     if count <= most {
@@ -85,7 +85,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_was_handed_in_is_cut() {
+    fn long_input_in_a_message_is_cut() {
         let long = format!("`{}`: no such register; did you mean x?", "x".repeat(5_000_000));
         let text = shortened(&long);
         assert!(text.len() < 300, "{text}");

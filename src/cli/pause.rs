@@ -1,4 +1,4 @@
-//! Waiting between two looks at an emulator.
+//! Waiting between two polls of an emulator.
 
 use super::error::CliError;
 use super::output;
@@ -12,21 +12,21 @@ use std::os::unix::net::UnixStream;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-/// Real time between two looks.
+/// Real time between two polls.
 const INTERVAL: Timespec = Timespec { tv_sec: 0, tv_nsec: 50_000_000 };
 
-/// What came of a look.
+/// Result of a poll.
 pub(crate) enum Look<T> {
     /// The emulator has answered.
     Seen(T),
-    /// Not this time: another client lets much time pass, and a stepped emulator answers when it has.
+    /// No answer this time: another client advances the clock, and a stepped emulator answers afterwards.
     Later,
     /// The emulator has ended.
     Ended,
 }
 
 impl<T> Look<T> {
-    /// Tells the user if the emulator, `instance`, has ended.
+    /// Converts a result, and notifies the user if the emulator of `instance` has ended.
     ///
     /// # Errors
     /// Any other error.
@@ -51,24 +51,24 @@ fn has_ended(error: &ClientError) -> bool {
     }
 }
 
-/// Why a pause is over.
+/// The reason why a pause is over.
 pub(crate) enum Wake {
-    /// Its time.
+    /// The interval has elapsed.
     Time,
     /// A signal asks the process to end.
     Signal,
-    /// Nobody reads the standard output any more.
+    /// The reader has closed the standard output.
     NobodyReads,
 }
 
-/// Pauses that end early when there is no more to do.
+/// Pauses that end early on a signal or when the output is closed.
 pub(crate) struct Pause {
-    /// A signal writes a byte to its other end.
+    /// Read end of a socket pair; the signal handler writes a byte to the other end.
     signals: UnixStream,
 }
 
 impl Pause {
-    /// From here on the first signal ends a pause, the second one the process.
+    /// Catches signals: the first signal ends a pause, the second one the process.
     pub(crate) fn new() -> Result<Self, CliError> {
         Self::on_signals().map_err(|reason| CliError::Signals { reason })
     }
@@ -86,10 +86,10 @@ impl Pause {
 
     pub(crate) fn wait(&mut self) -> Result<Wake, CliError> {
         let out = io::stdout();
-        // Nothing is asked of the output: that its reader has gone is always told.
+        // No event is requested for the output: poll always reports that its reader has gone.
         let mut files = [PollFd::new(&self.signals, PollFlags::IN), PollFd::new(&out, PollFlags::empty())];
         match poll(&mut files, Some(&INTERVAL)) {
-            // The signal has written its byte, which the next call finds.
+            // The signal handler has written its byte; the next call reads it.
             Err(Errno::INTR) | Ok(0) => Ok(Wake::Time),
             Err(reason) => Err(CliError::Output { reason: reason.into() }),
             Ok(_) if !files[0].revents().is_empty() => Ok(Wake::Signal),

@@ -1,4 +1,4 @@
-//! `commram peek`: what registers hold.
+//! `commram peek`: values of registers.
 
 use super::complete;
 use super::device::{of_any_device_but_told_by, told_by};
@@ -11,10 +11,10 @@ use super::{Instance, output};
 use crate::layout::{RegisterPhase, is_pattern};
 use serde::Serialize;
 
-/// Read registers and say what they mean.
+/// Read registers and show their meaning.
 ///
-/// All registers are read at one moment of emulated time. Reading changes nothing. Where the parts of a pattern are
-/// registers of structures that overlay each other, those of the live one are shown, if it has any.
+/// All registers are read at one moment of emulated time. Reading changes nothing. If a pattern matches registers
+/// of structures that overlay each other, only the registers of the live structure are shown, if it has any.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -25,10 +25,10 @@ Examples:
   commram peek --raw %MW3.200002
   commram peek line2:node1.w_OPTION_STATUS --format json")]
 pub(crate) struct Args {
-    /// Registers by name or address, or patterns: * for anything, `[0..3]` for a range, `[*]` for all
+    /// Registers by name or address, or patterns: * for any text, `[0..3]` for a range, `[*]` for all
     #[arg(add = complete::registers(), value_name = "REG", required = true)]
     registers: Vec<String>,
-    /// Print nothing but the numbers, one per line
+    /// Print only the numbers, one per line
     #[arg(long, conflicts_with = "format")]
     raw: bool,
     #[command(flatten)]
@@ -37,32 +37,28 @@ pub(crate) struct Args {
     instance: Instance,
 }
 
-/// A register and what it holds.
+/// A register and its value.
 #[derive(Serialize)]
 pub(crate) struct Holding {
     /// Emulated time, in microseconds.
     pub time_us: u64,
-    /// The PLC.
     pub plc: String,
-    /// Name of the register with the PLC if need be, else the address.
+    /// Name of the register, with the PLC if the instance has several; the address if there is no register.
     pub register: String,
-    /// The address.
     pub address: String,
-    /// The data type.
     #[serde(rename = "type")]
     pub ty: &'static str,
-    /// The number it stands for.
+    /// The numeric value.
     pub value: i64,
     /// The bit pattern in IEC notation.
     pub hex: String,
-    /// The meaning.
     pub meaning: String,
-    /// Whether the register is forced.
+    /// True if the register is forced.
     pub forced: bool,
 }
 
 impl Holding {
-    /// The meaning, with a mark if the register is forced.
+    /// Returns the meaning, with a mark if the register is forced.
     pub(crate) fn marked_meaning(&self) -> String {
         let mark = if self.forced { "[forced] " } else { "" };
         format!("{mark}{}", self.meaning)
@@ -112,19 +108,19 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     table::print(args.format.format, &holdings, |holdings| holdings.iter().map(line).collect())
 }
 
-/// What an argument stands for.
+/// What an argument of the command refers to.
 pub(crate) enum Wanted {
     /// A register or an address.
     One(u16, Place),
-    /// What a pattern matches.
+    /// The registers that match a pattern.
     Several(Blocks),
 }
 
 impl Wanted {
-    /// What `text` stands for at an instance.
+    /// Finds the registers of `text` in an instance.
     ///
     /// # Errors
-    /// There is no such PLC, register or address.
+    /// No PLC, register or address has this name.
     fn find(session: &Session, text: &str) -> Result<Self, CliError> {
         if is_pattern(text) {
             return Ok(Self::Several(Blocks::find(session, &[text.to_owned()])?));
@@ -135,7 +131,7 @@ impl Wanted {
 
     fn reads(&self) -> Vec<Read> {
         match self {
-            // Which of two overlaid structures is live follows from a register, read at the same moment.
+            // A status register shows which of two overlaid structures is live; it is read at the same moment.
             Self::One(plc, place) => {
                 let status = place.status().map(|status| Read::register(*plc, &status));
                 [Read::place(*plc, place)].into_iter().chain(status).collect()
@@ -158,7 +154,7 @@ impl Wanted {
     }
 }
 
-/// What registers hold, all at one moment.
+/// Reads registers at one moment.
 ///
 /// # Errors
 /// A PLC is missing, or the emulator has gone.
@@ -175,7 +171,7 @@ pub(crate) fn read(session: &Session, wanted: &[Wanted]) -> Result<Vec<Holding>,
     Ok(holdings)
 }
 
-/// What a place of PLC `plc` holds, in phase `live`, at an emulated time.
+/// Describes the value of `place` in PLC `plc`, in phase `live`, at an emulated time.
 pub(crate) fn holding(
     session: &Session,
     place: &Place,
@@ -199,14 +195,14 @@ pub(crate) fn holding(
     }
 }
 
-/// `node2.w_OPTION_STATUS = 16#0043  synchronous operation of the master is being set up`
+/// Formats a reading: `node2.w_OPTION_STATUS = 16#0043  synchronous operation of the master is being set up`
 pub(crate) fn line(holding: &Holding) -> String {
     let Holding { register, hex, .. } = holding;
     let line = format!("{register} = {hex}  {}", holding.marked_meaning());
     format!("{}\n", line.trim_end())
 }
 
-/// The number in little-endian bytes.
+/// Converts little-endian bytes to a number.
 pub(crate) fn number(bytes: &[u8]) -> u32 {
     bytes.iter().take(4).rev().fold(0, |number, &byte| number << 8 | u32::from(byte))
 }

@@ -1,4 +1,4 @@
-//! `commram plant`: what is needed to write a plant file, which needs no emulator.
+//! `commram plant`: templates and schema for plant files, without an emulator.
 
 use super::error::CliError;
 use super::output;
@@ -9,10 +9,10 @@ use std::fs::OpenOptions;
 use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
-/// The schema's file, beside the plants.
+/// Name of the schema file in the directory of the plants.
 const SCHEMA: &str = "plant.schema.json";
 
-/// Begin a plant file, or print the schema of plant files.
+/// Create a plant file, or print the schema of plant files.
 #[derive(clap::Args)]
 #[command(
     arg_required_else_help = true,
@@ -35,25 +35,25 @@ enum Command {
     Schema,
 }
 
-/// Write a plant to begin with: all keys of a device, with what they mean.
+/// Write a plant template: all keys of a device, with their meaning.
 ///
-/// The first line of the plant names its schema, which is written beside it: editors with a TOML language server complete
-/// keys and underline mistakes then.
+/// The first line of the plant names its schema, which is written to the same directory. Editors with a TOML
+/// language server then complete keys and underline mistakes.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
   commram plant new plant.toml && commram run --check plant.toml
   commram plant new --device DEVICE")]
 struct NewArgs {
-    /// The file, which must not be there yet; without one the plant is printed
+    /// The file, which must not exist; without it the plant is printed
     #[arg(value_name = "PLANT.toml")]
     file: Option<PathBuf>,
-    /// The device
+    /// Type of the device
     #[arg(long, value_name = "DEVICE", value_parser = with_template(), default_value = devices::default().layout.name)]
     device: &'static str,
 }
 
-/// Takes the names of devices that have a template, and gives it.
+/// Accepts the names of devices that have a template, and returns the template.
 fn with_template() -> impl TypedValueParser<Value = &'static str> {
     let names = devices::all().iter().filter(|known| known.template.is_some());
     let names = names.map(|known| PossibleValue::new(known.layout.name).help(known.layout.title));
@@ -83,14 +83,14 @@ fn new(args: &NewArgs) -> Result<(), CliError> {
     output::print(&format!("{}\n{}\n", file.display(), beside.display()))
 }
 
-/// Writes a file that is not there yet.
+/// Writes a new file; fails if it exists.
 fn write_new(path: &Path, text: &str) -> Result<(), CliError> {
     let file = OpenOptions::new().write(true).create_new(true).open(path);
     let written = file.and_then(|mut file| file.write_all(text.as_bytes()));
     written.map_err(|reason| match reason.kind() {
         ErrorKind::AlreadyExists => CliError::Argument {
             text: path.display().to_string(),
-            right: "this file is there already, and nothing is overwritten; name another".to_owned(),
+            right: "this file exists and is not overwritten; choose another name".to_owned(),
         },
         _ => CliError::File { path: path.to_owned(), reason },
     })

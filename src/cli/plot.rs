@@ -1,4 +1,4 @@
-//! `commram plot`: registers over time, as a picture.
+//! `commram plot`: a picture of registers over time.
 
 mod file;
 
@@ -18,14 +18,14 @@ use crate::request::Op;
 use file::RecordedRegisters;
 use std::path::{Path, PathBuf};
 
-/// Most registers in a plot.
+/// Maximum number of registers in a plot.
 const MOST: usize = 64;
 
-/// Draw what registers held as SVG or PNG.
+/// Draw register values over time as SVG or PNG.
 ///
-/// Codes are steps, numbers are lines, handshakes are spans from 16#05 to their answer, over the SYNC edges. The journal
-/// tells what registers held: every change of those that the emulator records (`commram run --watch`), of others only what
-/// was written through the channel and what the firmware has answered.
+/// Codes are drawn as steps, numbers as lines, handshakes as spans from 16#05 to their answer, above the SYNC
+/// edges. The data comes from the journal: every change of the registers that the emulator records (`commram run
+/// --watch`); of other registers only channel writes and firmware answers.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -37,16 +37,16 @@ pub(crate) struct Args {
     /// Registers by name or address, also single bits
     #[arg(add = complete::registers(), value_name = "REG", required = true)]
     registers: Vec<String>,
-    /// Where the plot begins, in emulated time
+    /// Begin of the plot, in emulated time
     #[arg(long, value_name = "TIME", value_parser = time::parse, default_value = "0s", hide_default_value = true)]
     from: u64,
-    /// Where it ends [default: now, or at the end of the journal]
+    /// End of the plot [default: now, or the end of the journal]
     #[arg(long, value_name = "TIME", value_parser = time::parse)]
     to: Option<u64>,
-    /// The file, whose name ends in .svg or .png
+    /// Output file with the extension .svg or .png
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
-    /// Take a journal that `commram trace --format jsonl` has written, instead of that of an instance
+    /// Read a journal written by `commram trace --format jsonl`, instead of the journal of an instance
     #[arg(add = complete::files(&["jsonl"]), long, value_name = "FILE")]
     journal: Option<PathBuf>,
     #[command(flatten)]
@@ -60,13 +60,13 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         right: right.to_string(),
     };
     let picture = Picture::of(&args.output)
-        .map_err(|_| wrong(&args.output, &"the name of the file ends in .svg or .png"))?;
+        .map_err(|_| wrong(&args.output, &"the file name must end in .svg or .png"))?;
     if args.registers.len() > MOST {
         let right = format!("a plot has at most {MOST} registers");
         return Err(CliError::Argument { text: format!("{} registers", args.registers.len()), right });
     }
     if args.to.is_some_and(|to| to <= args.from) {
-        let right = "it must be later than --from".to_owned();
+        let right = "the end must be later than --from".to_owned();
         return Err(CliError::Argument { text: "--to".to_owned(), right });
     }
     let plot = match &args.journal {
@@ -124,11 +124,11 @@ fn of_file(args: &Args, told: &RecordedRegisters) -> Result<Plot, CliError> {
     Ok(Plot::new(args.from, args.to.unwrap_or(told.end_us), told.edges.clone(), rows))
 }
 
-/// A register, or a bit of one.
+/// Accepts a whole register or a single bit; refuses other parts.
 fn whole(place: Place) -> Result<Place, CliError> {
     if place.is_whole() || place.bit_in().is_some() {
         return Ok(place);
     }
-    let right = "that is a part of a register, or several; name one register".to_owned();
+    let right = "this is a part of a register, or covers several; name one register".to_owned();
     Err(CliError::Argument { text: place.text().to_owned(), right })
 }

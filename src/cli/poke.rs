@@ -8,10 +8,11 @@ use super::place::Place;
 
 /// Write registers.
 ///
-/// All writes go to the emulator in one message and are done in the given order, with nothing in between.
-/// Values are decimal (67, for signed types also -5), hexadecimal (16#43, 0x43), octal (8#103), binary
-/// (2#100_0011), or what `commram map REG` calls them (restart, start-synchronous). A register that only the firmware writes can be written too, as in the real RAM, and a
-/// note says so: the firmware does not look at it, and what was written stands there until it writes the register the next time.
+/// All writes go to the emulator in one message and are done in the given order, without interruption. Values are
+/// decimal (67, for signed types also -5), hexadecimal (16#43, 0x43), octal (8#103), binary (2#100_0011), or the
+/// names that `commram map REG` shows (restart, start-synchronous). A register that only the firmware writes can be
+/// written too, as in the real RAM. A note says so: the firmware does not read it, and the value remains until the
+/// firmware next writes the register.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -29,10 +30,10 @@ pub(crate) struct Args {
     instance: Instance,
 }
 
-/// A register, which `place` looks up, and its new value.
+/// Parses a register, which `place` looks up, and its new value.
 ///
 /// # Errors
-/// What is wrong with the notation, the register or the value.
+/// The notation, the register or the value is wrong.
 pub(crate) fn parse(
     text: &str,
     place: impl Fn(&str) -> Result<Place, CliError>,
@@ -41,9 +42,9 @@ pub(crate) fn parse(
     let example = "write REG=VALUE, for example node2.w_CPU_CONTROL=16#0001";
     let (register, value) = text.split_once('=').ok_or_else(|| wrong(example))?;
     if value.starts_with('=') {
-        return Err(wrong("one `=` writes; a comparison is for `commram wait`"));
+        return Err(wrong("write one `=`; `commram wait` uses comparisons"));
     }
-    // As in structured text, with or without its `;`.
+    // Accepts the notation of Structured Text, with or without the final `;`.
     let register = register.trim_end();
     let register = register.strip_suffix(':').unwrap_or(register);
     let value = value.trim_end();
@@ -76,7 +77,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     writes.iter().try_for_each(|(place, _)| note_if_firmwares(&session, place))
 }
 
-/// Says so if only the firmware writes a register.
+/// Prints a note if only the firmware writes a register.
 fn note_if_firmwares(session: &super::session::Session, place: &Place) -> Result<(), CliError> {
     use super::place::live_by;
     use super::session::Read;
@@ -93,20 +94,18 @@ fn note_if_firmwares(session: &super::session::Session, place: &Place) -> Result
     if place.owner(live) == Some(Owner::Firmware) {
         let place = place.label(live);
         super::output::note(&format!(
-            "only the firmware writes {place}: it was written all the same, and keeps the value until the firmware writes it \
-             the next time"
+            "only the firmware writes {place}: the value was written and remains until the firmware writes the register \
+             again"
         ));
     }
     Ok(())
 }
 
-/// Says so if a write was none of one register.
+/// Prints a note if a write does not match one register.
 fn note_if_not_whole(place: &Place) {
     if !place.is_whole() {
         let (address, what) = (place.address(), place.meaning(crate::layout::RegisterPhase::Cyclic, 0));
-        super::output::note(&format!(
-            "{address} is no register of its own: {what}; it was written all the same"
-        ));
+        super::output::note(&format!("{address} is not a whole register: {what}; the value was written"));
     }
 }
 

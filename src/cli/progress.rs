@@ -1,4 +1,4 @@
-//! What goes on while a command waits for a long time, for whoever sits at a terminal.
+//! Progress of a command that waits for a long time, on a terminal.
 
 use crate::devices;
 use crate::memory::AttachMode;
@@ -7,13 +7,13 @@ use std::io::{self, IsTerminal, Write};
 use std::sync::mpsc::{self, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
-/// How long nothing is said, and then the time between two words.
+/// Time before the first progress text, and between two texts.
 const INTERVAL: Duration = Duration::from_secs(1);
-/// Begins the line anew.
+/// Returns to the start of the line and clears it.
 const CLEAR: &str = "\r\x1b[K";
 
-/// Does `work`. If it takes long, real and emulated time are shown on the standard error output meanwhile, if that is a
-/// terminal; `plc` is a PLC of the instance.
+/// Does `work`. If it takes long, shows real and emulated time on the standard error output, if it is a terminal;
+/// `plc` is a PLC of the instance.
 pub(crate) fn shown<R>(instance: &str, plc: &str, work: impl FnOnce() -> R) -> R {
     if !io::stderr().is_terminal() {
         return work();
@@ -40,14 +40,14 @@ pub(crate) fn shown<R>(instance: &str, plc: &str, work: impl FnOnce() -> R) -> R
     })
 }
 
-/// What is said after so much real time, at so much emulated time if it can be told.
+/// Formats the elapsed real time, and the emulated time if it is known.
 fn line(real: Duration, emulated_us: Option<u64>) -> String {
     let emulated =
         emulated_us.map_or_else(String::new, |us| format!(", emulated time {}", time::seconds(us)));
     format!("{} s{emulated}; Ctrl-C ends", real.as_secs())
 }
 
-/// If it cannot be said, nobody is left to be told.
+/// Write errors are ignored.
 fn say(text: &str) {
     let mut out = io::stderr().lock();
     let _ = out.write_all(text.as_bytes()).and_then(|()| out.flush());
@@ -58,7 +58,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn both_times_are_told() {
+    fn real_and_emulated_time_are_shown() {
         let told = line(Duration::from_millis(3_900), Some(72_000_000_000));
         assert_eq!(told, "3 s, emulated time 72000.000000 s; Ctrl-C ends");
         assert_eq!(line(Duration::from_secs(1), None), "1 s; Ctrl-C ends");

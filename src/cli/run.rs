@@ -1,4 +1,4 @@
-//! `commram run`: be the emulator.
+//! `commram run`: the emulator process.
 
 use super::demo::end_with;
 use super::detach::{self, Detached};
@@ -15,11 +15,12 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Run an emulator until it is stopped.
 ///
-/// Stays in the foreground and says in one line when it is ready; with --detach it goes on in the background and this
-/// command ends when it is ready, or has failed to start. Ctrl-C, SIGTERM and `commram stop` end it
-/// and remove its files, however many of them come; only a second Ctrl-C at the terminal ends it at once. If what NOVRAM holds cannot be written at the end either, the
-/// exit code is 1. Without a plant file it runs the built-in plant:
-/// PLC `line`, whose node 2 is the master of three drives with slave numbers 1, 2 and 3.
+/// Stays in the foreground and prints one line when it is ready. With --detach the emulator continues in the
+/// background, and this command ends when the emulator is ready or has failed to start. Ctrl-C, SIGTERM and
+/// `commram stop` end the emulator and remove its files, even if several of them arrive; only a second Ctrl-C at
+/// the terminal ends it at once. If the content of NOVRAM cannot be written at the end either, the exit code is 1.
+/// Without a plant file the command runs the built-in plant: PLC `line`, whose node 2 is the master of three drives
+/// with slave numbers 1, 2 and 3.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -33,28 +34,28 @@ Examples:
   commram run --watch node2.w_CPU_CONTROL,node1   # every change in the journal
   commram run --layout layouts/DEVICE")]
 pub(crate) struct Args {
-    /// The plant: PLCs, buses, drives
+    /// The plant file: PLCs, buses, drives
     #[arg(add = super::complete::files(&["toml"]), value_name = "PLANT.toml")]
     plant: Option<PathBuf>,
-    /// Start with the plant and at the moment that this snapshot has, see `commram snapshot`
+    /// Start with the plant and the state of this snapshot, see `commram snapshot`
     #[arg(add = super::complete::files(&["snap"]), long, value_name = "FILE", conflicts_with_all = ["plant", "check"])]
     from: Option<PathBuf>,
-    /// Judge the plant and start nothing
+    /// Check the plant file and start nothing
     #[arg(long)]
     check: bool,
     /// Output format of --check
     #[arg(long, value_enum, value_name = "FORMAT", requires = "check")]
     format: Option<Format>,
-    /// Return when it is ready; it goes on in the background until `commram stop`
+    /// Return when the emulator is ready; it continues in the background until `commram stop`
     #[arg(long)]
     detach: bool,
-    /// Where it writes its messages once it is in the background [default: nowhere]
+    /// File for the messages of the background process [default: messages are discarded]
     #[arg(long, value_name = "FILE", requires = "detach")]
     log: Option<PathBuf>,
-    /// Be what `--detach` has started
+    /// Internal option: this process was started by `--detach`
     #[arg(long, hide = true)]
     detached: bool,
-    /// End when this process does
+    /// End when the process with this id ends
     #[arg(long, value_name = "PID", hide = true)]
     parent: Option<u32>,
     #[command(flatten)]
@@ -87,7 +88,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let detached = args.detached.then(|| Detached::begin(args.log.as_deref())).transpose()?;
     let clock = args.settings.clock()?;
     args.federate.check(clock, args.settings.keeps_novram())?;
-    // From here on a signal ends the emulator in good order, unless its start hangs.
+    // From here on a signal ends the emulator in an orderly way, unless its start hangs.
     let signals = SignalsTaken::take()?;
     end_at_second_ctrl_c()?;
     if let Some(parent) = args.parent {
@@ -96,7 +97,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let is_federate = args.federate.is_federate();
     let (mut emulator, started) = args.settings.start(args.begin(), name, signals, is_federate)?;
     args.federate.join(&mut emulator)?;
-    // A reader that has gone away, or an output that is full, is no reason to end.
+    // If the reader has gone or the output is full, the emulator continues.
     let printed = output::print(&ready_line(name, &emulator, clock));
     let printed = printed.inspect_err(|error| {
         if !error.is_told() {
@@ -109,7 +110,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let by_ctrl_c = Arc::new(AtomicBool::new(false));
     let (stop, interrupted) = (emulator.stop_handle(), Arc::clone(&by_ctrl_c));
     let mut is_ending = false;
-    // The first signal ends the emulator in good order; further ones find it ending.
+    // The first signal starts an orderly end; further signals have no effect.
     let _ = started.send(Box::new(move |signal| {
         if !core::mem::replace(&mut is_ending, true) {
             interrupted.store(signal == SIGINT, Ordering::Relaxed);
@@ -139,7 +140,7 @@ fn ready_line(instance: &str, emulator: &Emulator, clock: Clock) -> String {
     format!("commram: instance '{instance}' ready: {}, clock {clock}{doors}\n", plcs.join(", "))
 }
 
-/// `real time`, or `real time x 2.5`.
+/// Returns `real time`, or `real time x 2.5`.
 pub(crate) fn real_time_name(speed: f64) -> String {
     if speed == 1.0 { "real time".to_owned() } else { format!("real time x {speed}") }
 }

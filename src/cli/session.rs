@@ -1,4 +1,4 @@
-//! The way to an instance: through the channel while its emulator lives, else to what it left.
+//! Access to an instance: through the channel while its emulator runs, else to the images it left.
 
 mod by_channel;
 
@@ -17,23 +17,22 @@ use crate::memory::{
 };
 use crate::plant::Forced;
 
-/// Registers to be read.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Read {
     /// One register.
     Register {
         /// Number of the PLC.
         plc: u16,
-        /// Byte in the image.
+        /// Offset in the image, in bytes.
         offset: u32,
-        /// Its width.
+        /// Width of the access.
         width: Width,
     },
     /// A block of bytes.
     Block {
         /// Number of the PLC.
         plc: u16,
-        /// Byte in the image.
+        /// Offset in the image, in bytes.
         offset: u32,
         /// Length in bytes.
         len: u32,
@@ -46,25 +45,25 @@ impl Read {
         Self::Register { plc, offset: register.offset(), width: Width::of(register.ty()) }
     }
 
-    /// Reads a place of PLC `plc`.
+    /// Reads `place` in PLC `plc`.
     pub(crate) fn place(plc: u16, place: &Place) -> Self {
         Self::Register { plc, offset: place.offset(), width: place.width() }
     }
 }
 
-/// What was read, all at one moment of emulated time if the emulator lives.
+/// Values read at one moment of emulated time, if the emulator is running.
 #[derive(Debug)]
 pub(crate) struct Snapshot {
-    /// That moment, in microseconds.
+    /// Emulated time of the read, in microseconds.
     pub time_us: u64,
     /// The bytes, one item per read; registers in little-endian order.
     pub data: Vec<Vec<u8>>,
-    /// The registers that were forced; none can be once the emulator is dead.
+    /// The forced registers at that moment; empty if the emulator is dead.
     pub forces: Vec<Forced>,
 }
 
 impl Snapshot {
-    /// Whether one of `len` bytes at `offset` of PLC `plc` was forced.
+    /// True if one of the `len` bytes at `offset` of PLC `plc` was forced.
     pub(crate) fn is_forced(&self, plc: u16, offset: u32, len: u32) -> bool {
         self.forces.iter().any(|forced| {
             forced.plc == plc && forced.offset < offset + len && offset < forced.offset + forced.width.bytes()
@@ -72,11 +71,11 @@ impl Snapshot {
     }
 }
 
-/// An open way to an instance.
+/// Open access to an instance.
 pub(crate) struct Session {
     instance: String,
     plcs: Vec<String>,
-    /// What each of them is, and how it is fitted.
+    /// Device and options of each PLC.
     fitted: Vec<DeviceFit>,
     door: Door,
 }
@@ -88,10 +87,10 @@ enum Door {
 }
 
 impl Session {
-    /// Opens an instance for reading, be its emulator alive or dead.
+    /// Opens an instance for reading, with a running or a dead emulator.
     ///
     /// # Errors
-    /// Nothing of that name is there, or it cannot be used.
+    /// There is no instance of this name, or it cannot be used.
     pub(crate) fn open_for_reading(instance: &Instance) -> Result<Self, CliError> {
         instance.reach(|| Self::try_to_read(instance))
     }
@@ -104,7 +103,7 @@ impl Session {
                 return Err(CliError::Dead { instance: instance.to_owned(), pid });
             }
             output::note(&format!(
-                "instance '{instance}' is dead, its emulator (process {pid}) was killed; this is what it left"
+                "instance '{instance}' is dead, its emulator (process {pid}) was killed; these are its last values"
             ));
             return Self::map(instance, &images);
         }
@@ -114,7 +113,7 @@ impl Session {
     fn open_live_for_reading(instance: &str, images: &[ImageInfo]) -> Result<Self, CliError> {
         use crate::channel::ClientError;
         match Self::connect(instance, images, 0) {
-            // The emulator lives, but it had to do without a channel.
+            // The emulator runs, but could not create a channel.
             Err(CliError::Client(ClientError::NotRunning { .. })) if images_of(instance).is_ok() => {
                 output::note(&format!(
                     "instance '{instance}' has no channel; registers are read one after the other"
@@ -125,7 +124,7 @@ impl Session {
         }
     }
 
-    /// What can be seen of an instance at a glance, whatever its state; nobody is told anything.
+    /// Opens an instance in any state for a quick read, without messages to the user.
     pub(crate) fn glance(instance: &str) -> Option<Self> {
         Self::map(instance, &images_of(instance).ok()?).ok()
     }
@@ -135,43 +134,43 @@ impl Session {
         &self.plcs
     }
 
-    /// Number of the PLC that the user means by `plc` in front of `text`.
+    /// Number of the PLC `plc`, which the user wrote before `text`.
     ///
     /// # Errors
-    /// No such PLC, or none given and several there.
+    /// There is no such PLC, or no PLC is named and the instance has several.
     pub(crate) fn plc(&self, plc: Option<&str>, text: &str) -> Result<u16, CliError> {
         number_of_plc(&self.instance, &self.plcs, plc, text)
     }
 
-    /// What PLC `plc` is.
+    /// Device type of PLC `plc`.
     pub(crate) fn device(&self, plc: u16) -> &'static Device {
         self.fitted(plc).device()
     }
 
-    /// What each of its PLCs is, and how it is fitted.
+    /// Device type and options of all PLCs.
     pub(crate) fn all_fitted(&self) -> &[DeviceFit] {
         &self.fitted
     }
 
-    /// What PLC `plc` is, and how it is fitted.
+    /// Device type and options of PLC `plc`.
     pub(crate) fn fitted(&self, plc: u16) -> DeviceFit {
         let known = self.fitted.get(usize::from(plc)).copied();
         known.unwrap_or_else(|| DeviceFit::unknown(&Device::UNKNOWN))
     }
 
-    /// The register or address that the user means.
+    /// Finds the register or address in `text`.
     ///
     /// # Errors
-    /// As [`Session::plc`], or its device has no such register or address.
+    /// The errors of [`Session::plc`], or the device has no such register or address.
     pub(crate) fn place(&self, text: &str) -> Result<Place, CliError> {
         let (plc, name) = split_plc(text);
         Ok(Place::parse(&self.fitted(self.plc(plc, name)?), text)?)
     }
 
-    /// Number of the PLC and of the port that the user means; without a name the first master.
+    /// Finds the number of the PLC and of the port in `text`; without a name the first master.
     ///
     /// # Errors
-    /// As [`Session::plc`], or its device has no such port.
+    /// The errors of [`Session::plc`], or the device has no such port.
     pub(crate) fn port(&self, text: &str) -> Result<(u16, u8), CliError> {
         let (plc, name) = split_plc(text);
         let first = || self.fitted(0).first_master().map_or("", |port| port.name);
@@ -183,17 +182,17 @@ impl Session {
     /// Number of the PLC of `place`.
     ///
     /// # Errors
-    /// As [`Session::plc`].
+    /// The errors of [`Session::plc`].
     pub(crate) fn plc_of(&self, place: &Place) -> Result<u16, CliError> {
         self.plc(place.plc.as_deref(), place.text())
     }
 
-    /// What stands in front of register names: the PLC, if there are several.
+    /// Prefix of register names: the PLC, if the instance has several.
     pub(crate) fn prefix(&self, plc: u16) -> String {
         plc_prefix(&self.plcs, plc)
     }
 
-    /// How many retain flags PLC `plc` has, in bytes.
+    /// Size of the retain flags of PLC `plc`, in bytes.
     ///
     /// # Errors
     /// The emulator has gone.
@@ -209,7 +208,7 @@ impl Session {
         Ok(devices::modules(&*self.header(plc)?, self.device(plc)))
     }
 
-    /// What stands at the front of PLC `plc`, if it has one of its own.
+    /// Switches and displays that only the device type of PLC `plc` has.
     ///
     /// # Errors
     /// The emulator has gone.
@@ -217,7 +216,7 @@ impl Session {
         Ok(self.header(plc)?.front_words(self.device(plc)).collect())
     }
 
-    /// The header page of PLC `plc` as it stands.
+    /// A copy of the header page of PLC `plc`.
     fn header(&self, plc: u16) -> Result<Box<Header>, CliError> {
         match &self.door {
             Door::Images(images) if let Some(image) = images.get(usize::from(plc)) => {
@@ -230,7 +229,7 @@ impl Session {
         }
     }
 
-    /// Reads everything at once.
+    /// Reads all values in one request.
     ///
     /// # Errors
     /// The emulator has gone or refuses.
@@ -241,7 +240,7 @@ impl Session {
         }
     }
 
-    /// The boards of all PLCs, with the names of these.
+    /// The boards of all PLCs with the names of the PLCs.
     ///
     /// # Errors
     /// The emulator has gone.
@@ -253,9 +252,9 @@ impl Session {
         Ok(self.plcs.iter().cloned().zip(states).collect())
     }
 
-    /// Opens what can be seen of an instance without the channel.
+    /// Opens the images of an instance without the channel.
     fn map(instance: &str, images: &[ImageInfo]) -> Result<Self, CliError> {
-        // After a restart with fewer PLCs, images of the emulator before may be left.
+        // After a restart with fewer PLCs, images of the previous emulator can be left.
         let any_alive = images.iter().any(is_alive);
         let images: Vec<_> = images.iter().filter(|image| !any_alive || is_alive(image)).collect();
         let attach = |image: &ImageInfo| devices::attach(instance, &image.plc, AttachMode::ReadOnly);
@@ -267,10 +266,10 @@ impl Session {
     }
 }
 
-/// Number of the PLC of an instance that the user means by `plc` in front of `text`.
+/// Number of the PLC `plc` of an instance, which the user wrote before `text`.
 ///
 /// # Errors
-/// No such PLC, or none given and several there.
+/// There is no such PLC, or no PLC is named and the instance has several.
 pub(crate) fn number_of_plc(
     instance: &str,
     plcs: &[String],
@@ -297,15 +296,15 @@ pub(crate) fn number_of_plc(
     })
 }
 
-/// The images of an instance; one at least, and all of them usable.
+/// The images of an instance; at least one, and all of them usable.
 ///
 /// # Errors
-/// There is none, or one cannot be used.
+/// There is no image, or one cannot be used.
 pub(crate) fn images_of(instance: &str) -> Result<Vec<ImageInfo>, CliError> {
     let all = crate::memory::list()?;
     let (own, others): (Vec<_>, Vec<_>) = all.into_iter().partition(|image| image.instance == instance);
     if own.is_empty() {
-        // A process that removes what a killed emulator has left holds the same locks, but is none.
+        // A process that removes the files of a killed emulator holds the same locks, but is not an emulator.
         if let Some(running) = RunningInstance::find(instance)? {
             let pid = running.process().map(EmulatorProcess::pid);
             return Err(CliError::NoImages { instance: instance.to_owned(), pid });
@@ -326,12 +325,12 @@ pub(crate) fn images_of(instance: &str) -> Result<Vec<ImageInfo>, CliError> {
         .collect()
 }
 
-/// Whether an emulator serves the image.
+/// True if an emulator serves the image.
 pub(crate) fn is_alive(image: &ImageInfo) -> bool {
     matches!(image.condition, Condition::Alive(_))
 }
 
-/// The process that serves the images.
+/// The process id of the emulator that serves the images.
 pub(crate) fn alive(images: &[ImageInfo]) -> Option<u32> {
     images.iter().find_map(|image| match &image.condition {
         Condition::Alive(ImageSummary { pid, .. }) => Some(*pid),
@@ -339,7 +338,7 @@ pub(crate) fn alive(images: &[ImageInfo]) -> Option<u32> {
     })
 }
 
-/// The process that left the images behind, if none of them is served any more.
+/// The process id of the emulator that left the images, if no emulator serves any of them.
 pub(crate) fn dead(images: &[ImageInfo]) -> Option<u32> {
     let pid = |image: &ImageInfo| match &image.condition {
         Condition::Dead(ImageSummary { pid, .. }) => Some(*pid),
@@ -357,7 +356,7 @@ fn read_images(images: &[Attached], reads: &[Read]) -> Result<Snapshot, CliError
     let mut data = Vec::with_capacity(reads.len());
     for read in reads {
         let (Read::Register { plc, .. } | Read::Block { plc, .. }) = *read;
-        // The session has handed out the number.
+        // The PLC number comes from this session, so the image exists.
         let Some(image) = images.get(usize::from(plc)) else { continue };
         data.push(match *read {
             Read::Register { offset, width, .. } => {

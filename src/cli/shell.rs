@@ -16,15 +16,15 @@ use edit::{Read, Typed};
 use std::io::{self, BufRead, IsTerminal, Read as _};
 use std::path::Path;
 
-/// How long a verb may let the time pass before the shell stops waiting for its reply: an hour of emulated time.
+/// Limit for the emulated time that a verb may take before the shell stops waiting for its reply: one hour.
 const LONGEST_US: u64 = 3_600_000_000;
 
-/// Type commands and verbs of scenarios, one after the other.
+/// Type commands and verbs of scenarios one after the other.
 ///
-/// A line is a command of this program without its name, about the shell's instance, or a piece of a scenario: verbs,
-/// variables, loops. Tab completes commands, verbs, registers and what their values are called; the arrows go through what was
-/// typed before. Lines that do not come from a terminal are done until one fails, whose number is told and whose exit code the
-/// shell ends with.
+/// A line is a command of this program without the word `commram`, which uses the instance of the shell, or a piece
+/// of a scenario: verbs, variables, loops. Tab completes commands, verbs, registers and the names of their values.
+/// The arrow keys show earlier lines. Lines that do not come from a terminal are executed until one fails. The
+/// shell then prints the number of the line and returns its exit code.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -41,32 +41,32 @@ pub(crate) struct Args {
     instance: Instance,
 }
 
-/// What came of a line.
+/// Result of a line.
 enum End {
-    /// Go on.
+    /// The shell continues.
     On,
-    /// Nobody wants to go on: the exit code.
+    /// The user ends the shell with this exit code.
     Enough(u8),
-    /// It failed: the exit code.
+    /// The line failed with this exit code.
     Failed(u8),
 }
 
-/// Reads lines and does what they say.
+/// Reads lines and executes them.
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
-    // Is anybody there?
+    // Checks that the instance is running.
     drop(Session::open(&args.instance, 0)?);
     let mut shell = Shell { instance: args.instance.clone(), lines: None };
     if io::stdin().is_terminal() { shell.read_terminal() } else { shell.read_pipe() }
 }
 
-/// The shell ends with this exit code.
+/// Ends the shell with this exit code.
 fn ended(code: u8) -> Result<(), CliError> {
     if code == Exit::Done.code() { Ok(()) } else { Err(CliError::Ended { code }) }
 }
 
 struct Shell {
     instance: Instance,
-    /// Once a verb was used.
+    /// Created when the first verb is used.
     lines: Option<Lines>,
 }
 
@@ -82,7 +82,9 @@ impl Shell {
             let read =
                 input.by_ref().take(left + 1).read_line(&mut piece).map_err(|reason| reason.to_string());
             let read = read.and_then(|read| match read as u64 > left {
-                true => Err(format!("a command or piece of a scenario has {LONGEST_SCRIPT} bytes at most")),
+                true => {
+                    Err(format!("a command or piece of a scenario can have at most {LONGEST_SCRIPT} bytes"))
+                }
                 false => Ok(read),
             });
             let is_last =
@@ -94,7 +96,7 @@ impl Shell {
                 End::On => {}
                 End::Enough(code) => return ended(code),
                 End::Failed(code) => {
-                    output::complain(&format!("line {begin} failed; what follows was not done"));
+                    output::complain(&format!("line {begin} failed; the lines after it were not executed"));
                     return Err(CliError::Ended { code });
                 }
             }
@@ -119,7 +121,7 @@ impl Shell {
         }
     }
 
-    /// Does a line, and says what went wrong.
+    /// Executes a line and prints its errors.
     fn line(&mut self, line: &str) -> End {
         let line = line.trim();
         if line.is_empty() || line.starts_with("//") || line.starts_with('#') {
@@ -148,7 +150,7 @@ impl Shell {
         let parsed = parsed.and_then(|matches| Cli::from_arg_matches(&matches));
         let outcome = match parsed {
             Ok(Cli { command: Command::Shell(_), .. }) => {
-                output::complain("this is a shell already");
+                output::complain("this already is a shell");
                 return End::Failed(Exit::WrongUse.code());
             }
             Ok(cli) => cli.command.run(),
@@ -170,7 +172,7 @@ impl Shell {
         }
     }
 
-    /// A piece of a scenario.
+    /// Executes a piece of a scenario.
     fn piece(&mut self, text: &str) -> End {
         let outcome = match self.lines() {
             Ok(lines) => lines.run(text),
@@ -197,7 +199,7 @@ impl Shell {
             },
         };
         output::complain(&why);
-        // The emulator may have been replaced; what was declared goes with the connection.
+        // The emulator may have been replaced; variables are lost with the connection.
         if Session::open(&Instance::running(self.instance.name()), 0).is_err() {
             self.lines = None;
         }
@@ -210,7 +212,7 @@ impl Shell {
             None => {
                 let client = Session::open(&self.instance, LONGEST_US)?.into_client()?;
                 Lines::new(Bench::attach(client)?, Path::new("."), |line| {
-                    // If nobody reads it, the next line that is shown tells.
+                    // If the output has no reader, the next print reports it.
                     let _ = output::print(&output::harmless(line));
                 })
             }
@@ -219,7 +221,7 @@ impl Shell {
     }
 }
 
-/// The program's own command line, without its name, about this instance.
+/// The command line of this program, without the program name, for this instance.
 fn command(instance: &str) -> clap::Command {
     fn about(command: clap::Command, instance: &str) -> clap::Command {
         let command = command.mut_args(|arg| {
@@ -228,7 +230,7 @@ fn command(instance: &str) -> clap::Command {
         });
         command.mut_subcommands(|command| about(command, instance))
     }
-    // `--color` was read before the shell began.
+    // The option `--color` was evaluated when the shell started.
     about(Cli::command(), instance).no_binary_name(true).mut_args(|arg| match arg.get_action() {
         ArgAction::Version => arg.hide(true),
         _ => arg,
@@ -240,7 +242,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn commands_are_about_the_instance_of_the_shell() {
+    fn commands_use_the_instance_of_the_shell() {
         let parse = |words: &[&str]| command("press-1").try_get_matches_from(words).unwrap();
         let instance = |words: &[&str]| {
             let matches = parse(words);

@@ -1,4 +1,4 @@
-//! `commram snapshot` and `commram restore`: keep the state of an instance in a file, and go to it.
+//! `commram snapshot` and `commram restore`: save the state of an instance to a file, and return to it.
 
 use super::Instance;
 use super::error::CliError;
@@ -7,28 +7,29 @@ use crate::plant::SnapshotFile;
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// Keep the state of a stepped instance in a file.
+/// Save the state of a stepped instance to a file.
 ///
-/// Everything is in it that the emulated plant consists of: registers, firmware, buses, drives, faults, forces, findings and
-/// the clock; not the records of the journal, and no process outside. `commram restore` goes to it, `commram run --from`
-/// starts there.
+/// The file contains the whole emulated plant: registers, firmware, buses, drives, faults, forces, findings and the
+/// clock. It does not contain the records of the journal or processes outside. `commram restore` returns to this
+/// state, `commram run --from` starts with it.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
   commram snapshot before.snap
   commram snapshot -i test-1 active.snap")]
 pub(crate) struct Args {
-    /// The file; one that is there is replaced
+    /// The file; an existing file is replaced
     #[arg(value_name = "FILE")]
     file: PathBuf,
     #[command(flatten)]
     instance: Instance,
 }
 
-/// Go to the state in a file of `commram snapshot`.
+/// Return to the state in a file written by `commram snapshot`.
 ///
-/// The instance must have the same plant. Its journal begins anew there. Refused while a task in lockstep, a program that has
-/// mapped the registers or a guest at a door takes part, which cannot go back.
+/// The instance must have the same plant. Its journal starts again from there. The command is refused while a task
+/// in lockstep, a program that has mapped the registers or a guest at a door takes part, because these cannot go
+/// back.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -38,7 +39,7 @@ pub(crate) struct RestoreArgs {
     /// The file
     #[arg(add = super::complete::files(&["snap"]), value_name = "FILE")]
     file: PathBuf,
-    /// Go there also if somebody outside takes part
+    /// Return to the state even if programs outside the emulator take part
     #[arg(long)]
     detached: bool,
     #[command(flatten)]
@@ -48,7 +49,7 @@ pub(crate) struct RestoreArgs {
 /// Reads a snapshot.
 ///
 /// # Errors
-/// It cannot be read, or is none.
+/// The file cannot be read, or is not a snapshot.
 pub(crate) fn load(path: &Path) -> Result<SnapshotFile, CliError> {
     let failed = |reason: io::Error| CliError::Snapshot { path: path.to_owned(), reason: reason.to_string() };
     let bytes = input_file::read_bytes(path, SnapshotFile::LONGEST).map_err(failed)?;
@@ -64,7 +65,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     use crate::request::{MAX_RANGE, Op};
 
     if std::fs::metadata(&args.file).is_ok_and(|found| !found.is_file()) {
-        let reason = "it is a directory, a device or a pipe; a snapshot goes into a file".to_owned();
+        let reason = "it is a directory, a device or a pipe; name a regular file".to_owned();
         return Err(CliError::Snapshot { path: args.file.clone(), reason });
     }
     let session = Session::open(&args.instance, 0)?;
@@ -85,7 +86,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     output::print(&format!("{file}: the state at {at}, {} bytes\n", bytes.len()))
 }
 
-/// Goes there.
+/// Restores a snapshot.
 pub(crate) fn restore(args: &RestoreArgs) -> Result<(), CliError> {
     use super::session::Session;
     use super::{output, time};

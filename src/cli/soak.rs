@@ -1,4 +1,4 @@
-//! `commram soak`: scenarios drawn by lot, for as long as one likes.
+//! `commram soak`: random scenarios for a chosen time.
 
 mod judge;
 mod lives;
@@ -20,15 +20,16 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError, mpsc};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
-/// Real time between two lines about how far it is.
+/// Real time between two progress lines.
 const TOLD_EVERY: Duration = Duration::from_secs(10);
 
-/// Run programs drawn by lot on all devices, and see that everything goes as it must.
+/// Run random programs on all devices and check the results.
 ///
-/// Each round is a scenario: a plant, a program that uses its device rightly, and among what it does faults, stores to any register, or
-/// one thing that must not be done. It runs twice, the second time in other slices of time and with ways that are taken back, and both must
-/// leave the same journal. What fails is made as short as possible and written as a scenario that fails alone. Some rounds kill emulators
-/// and look at their NOVRAM. The same seed draws the same rounds.
+/// Each round is a scenario: a plant and a program that uses its device correctly. The program also contains
+/// faults, writes to random registers, or one forbidden action. The scenario runs twice, the second time with other
+/// time slices and with steps that are taken back; both runs must produce the same journal. A failing round is made
+/// as short as possible and written as a scenario that fails alone. Some rounds kill emulators and check their
+/// NOVRAM. The same seed produces the same rounds.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -39,20 +40,20 @@ Examples:
   commram test soak-7.rhai
 
 Exit codes:
-  0  every round went as it must
-  1  one did not; its scenario is written
+  0  every round gave the expected result
+  1  a round failed; its scenario was written
   2  wrong use")]
 pub(crate) struct Args {
-    /// What decides the rounds [default: drawn by lot, and told]
+    /// Seed of the random generator [default: chosen at random and printed]
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
-    /// Real time in hours, such as 8 or 0.5 [default: until Ctrl-C]
+    /// Real time in hours, for example 8 or 0.5 [default: until Ctrl-C]
     #[arg(long, value_name = "H", value_parser = hours)]
     hours: Option<Duration>,
-    /// End after so many rounds
+    /// End after this number of rounds
     #[arg(long, value_name = "N", value_parser = rounds)]
     rounds: Option<u64>,
-    /// How many rounds run at the same time [default: one per processor]
+    /// Number of rounds that run at the same time [default: one per processor]
     #[arg(long, value_name = "N")]
     jobs: Option<NonZero<usize>>,
     /// Only this exercise; can be given several times
@@ -73,18 +74,18 @@ pub(crate) struct Args {
 fn hours(text: &str) -> Result<Duration, String> {
     let hours = text.parse().ok().filter(|hours: &f64| *hours > 0.0);
     let time = hours.and_then(|hours| Duration::try_from_secs_f64(hours * 3600.0).ok());
-    time.ok_or_else(|| "give hours as a number above 0, for example 0.5".to_owned())
+    time.ok_or_else(|| "write hours as a number above 0, for example 0.5".to_owned())
 }
 
 fn rounds(text: &str) -> Result<u64, String> {
     let rounds = text.parse().ok().filter(|rounds| *rounds > 0);
-    rounds.ok_or_else(|| "give a number above 0; without --rounds there is no end".to_owned())
+    rounds.ok_or_else(|| "write a number above 0; without --rounds the rounds have no limit".to_owned())
 }
 
 fn exercise(name: &str) -> Result<&'static Exercise, String> {
     exercises().find(|exercise| exercise.name == name).ok_or_else(|| {
         let known: Vec<_> = exercises().map(|exercise| exercise.name).collect();
-        format!("there are {}", known.join(", "))
+        format!("the exercises are {}", known.join(", "))
     })
 }
 
@@ -94,7 +95,7 @@ fn names() -> clap_complete::engine::ArgValueCandidates {
     })
 }
 
-/// Runs rounds until the end or the first that fails.
+/// Runs rounds until the end or until the first failing round.
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let exercises: Vec<_> = if args.chosen.is_empty() { exercises().collect() } else { args.chosen.clone() };
     if args.list {
@@ -115,7 +116,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         .collect::<Result<_, CliError>>()?;
     rows.push(Row::of(lives::NAME, String::new()));
     let failure = play(args, seed, &judge, &interrupts, &mut rows)?;
-    // Not every exercise has something to keep.
+    // Not every exercise has a row.
     let _ = rows.pop_if(|row| row.is_empty());
     if args.format.format == Format::Text {
         rows.extend(Row::sums(&rows));
@@ -126,7 +127,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
             output::complain(&text);
             Err(CliError::Reported)
         }
-        // Who has asked for no end ends it so.
+        // Without a limit, Ctrl-C is the normal end.
         None if interrupts.any() && (args.hours.is_some() || args.rounds.is_some()) => {
             Err(CliError::Interrupted)
         }
@@ -134,7 +135,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     }
 }
 
-/// Runs rounds; what is to be told of the first that fails.
+/// Runs rounds; returns the report of the first failing round.
 fn play(
     args: &Args,
     seed: u64,
@@ -167,7 +168,7 @@ fn play(
                     if let Some(fails) = &judged.failure {
                         end_with(failure, over, || Ok(judge.keep(fails, &|| interrupts.any())));
                     }
-                    // The receiver lives until all have been received.
+                    // The receiver lives until all results have been received.
                     let _ = send.send(judged);
                 }
             };
@@ -192,7 +193,7 @@ fn play(
     failure.into_inner().unwrap_or_else(PoisonError::into_inner).transpose()
 }
 
-/// Ends it all; what is told is the first that ends it.
+/// Ends all rounds; the first result is reported.
 fn end_with(
     first: &Mutex<Option<Result<String, CliError>>>,
     over: &AtomicBool,
@@ -205,7 +206,7 @@ fn end_with(
     }
 }
 
-/// The kinds of buses that an exercise has.
+/// The kinds of buses of an exercise.
 fn buses(exercise: &'static Exercise) -> Result<String, CliError> {
     let plant = Round::draw(0, &[exercise])?.plant();
     let mut families: Vec<_> =
@@ -219,7 +220,7 @@ fn list(format: Format, exercises: &[&'static Exercise]) -> Result<(), CliError>
     table::print(format, &rows, table::aligned)
 }
 
-/// A seed that is another one each time, and short enough to be typed.
+/// A seed that differs from run to run, and is short enough to type.
 fn any_seed() -> u64 {
     SystemTime::now().duration_since(UNIX_EPOCH).map_or(1, |time| time.as_secs() % 1_000_000)
 }

@@ -1,4 +1,4 @@
-//! Starting an emulator in this process: what `run` and `with` have in common.
+//! Start of an emulator in this process: the common part of `run` and `with`.
 
 use super::error::CliError;
 use super::{dump, judge, output, snapshot};
@@ -14,32 +14,33 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
 use std::time::Duration;
 
-/// How long a signal that comes during the start waits for its end. Then there is no good order to end in.
+/// How long a signal during the start waits for the end of the start. After that the process ends at once.
 const START_PATIENCE: Duration = Duration::from_secs(1);
 
-/// How an emulator is to run.
+/// Options of the emulator.
 #[derive(clap::Args)]
 pub(crate) struct Settings {
-    /// What drives the emulated time
+    /// Source of the emulated time
     #[arg(long, value_enum, default_value_t = ClockArg::Realtime)]
     clock: ClockArg,
     /// Emulated time per real time, 0.001 to 1000 (real-time clock only)
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
     speed: f64,
-    /// Poll the registers instead of sleeping: faster answers, but it takes a whole processor core
+    /// Poll the registers instead of sleeping: faster answers, but it uses a whole processor core
     #[arg(long)]
     busy: bool,
-    /// Keep the NOVRAM of each PLC in this directory, which no other emulator may use; without it, it is forgotten at
-    /// the end
+    /// Keep the NOVRAM of each PLC in this directory, which no other emulator may use; without this option NOVRAM
+    /// is lost at the end
     #[arg(long, value_name = "DIR")]
     novram: Option<PathBuf>,
-    /// How many MiB of states a stepped instance keeps to go back to, see `commram step --back`; 0: none [default: 8]
+    /// Memory in MiB for states to which a stepped instance can go back, see `commram step --back`; 0: none
+    /// [default: 8]
     #[arg(long, value_name = "MIB", value_parser = clap::value_parser!(u32).range(..=4096))]
     keep_states: Option<u32>,
-    /// How many processor cores may work at the plant; it goes the same way, and so far hardly faster
+    /// Number of processor cores for the plant; results are identical, and so far it is hardly faster
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=64))]
     threads: u8,
-    /// Keep every change of these registers and blocks in the journal
+    /// Record every change of these registers and blocks in the journal
     #[arg(long, value_name = "REG", value_delimiter = ',')]
     watch: Vec<String>,
     /// Start only if this program was built from the layout in this directory
@@ -47,7 +48,7 @@ pub(crate) struct Settings {
     layout: Option<PathBuf>,
 }
 
-/// What an emulator begins with.
+/// Initial state of an emulator.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Begin<'a> {
     /// The built-in plant, at power-on.
@@ -62,19 +63,19 @@ pub(crate) enum Begin<'a> {
 enum ClockArg {
     /// The wall clock
     Realtime,
-    /// `commram step`, `commram wait` and other clients of the channel; time stands still in between
+    /// `commram step`, `commram wait` and other clients of the channel; in between the time does not advance
     Stepped,
 }
 
 impl Settings {
-    /// The clock that is meant.
+    /// The clock of these options.
     ///
     /// # Errors
-    /// A speed where there can be none.
+    /// A speed is given with a stepped clock.
     pub(crate) fn clock(&self) -> Result<Clock, CliError> {
         match self.clock {
             ClockArg::Stepped if self.speed != 1.0 => {
-                let right = "in stepped mode time passes on request, there is no speed".to_owned();
+                let right = "in stepped mode clients advance the clock, so there is no speed".to_owned();
                 Err(CliError::Argument { text: format!("--speed {}", self.speed), right })
             }
             ClockArg::Stepped => Ok(Clock::Stepped),
@@ -82,10 +83,11 @@ impl Settings {
         }
     }
 
-    /// Starts an emulator with this plant and says what it had to take over. From here on `signals`
-    /// has the signals that ask for an end.
+    /// Starts an emulator with this plant and prints notes about files it took over. From here on `signals` handles
+    /// the termination signals.
     ///
     /// # Errors
+    /// The emulator does not start.
     /// It does not start.
     pub(crate) fn start(
         &self,
@@ -126,10 +128,10 @@ impl Settings {
             emulator.set_cores(count);
         }
         self.keep_changes(&mut emulator, instance)?;
-        // A name that was mistyped would have flags and parameters begin anew.
+        // With a mistyped name, flags and parameters would start with their defaults.
         if let Some(new) = new.filter(|directory| directory.exists()) {
             super::output::note(&format!(
-                "NOVRAM directory {} was not there; it is new and empty",
+                "NOVRAM directory {} did not exist; it was created empty",
                 new.display()
             ));
         }
@@ -139,12 +141,12 @@ impl Settings {
 }
 
 impl Settings {
-    /// Whether NOVRAM outlasts the emulator.
+    /// True if NOVRAM is kept after the end of the emulator.
     pub(crate) fn keeps_novram(&self) -> bool {
         self.novram.is_some()
     }
 
-    /// Registers whose changes are to be in the journal.
+    /// Records the changes of the --watch registers in the journal.
     fn keep_changes(&self, emulator: &mut Emulator, instance: &str) -> Result<(), CliError> {
         let names = emulator.plant().names();
         for text in &self.watch {
@@ -160,7 +162,7 @@ impl Settings {
 }
 
 impl<'a> Begin<'a> {
-    /// The file that it comes from, if there is one.
+    /// The file of the initial state, if there is one.
     fn path(self) -> Option<&'a Path> {
         match self {
             Begin::BuiltIn => None,
@@ -169,14 +171,14 @@ impl<'a> Begin<'a> {
     }
 }
 
-/// What is done about a signal.
+/// Handler of a signal.
 pub(crate) type OnSignal = Box<dyn FnMut(i32) + Send>;
 
-/// The signals that ask for an end, which do not end this process any more.
+/// The termination signals, which no longer end this process.
 pub(crate) struct SignalsTaken(Signals);
 
 impl SignalsTaken {
-    /// Takes them.
+    /// Catches the termination signals.
     ///
     /// # Errors
     /// The system refuses.
@@ -185,7 +187,8 @@ impl SignalsTaken {
         signals.map(Self).map_err(|reason| CliError::Signals { reason })
     }
 
-    /// Hands them over to what the start comes to; one that comes before waits for its end, unless it hangs.
+    /// Sends signals to the handler that the started emulator provides. A signal that arrives earlier waits for the
+    /// end of the start, unless the start hangs.
     fn pass_on(mut self, starting: &Receiver<OnSignal>) {
         let mut pending = self.0.forever();
         let Some(first) = pending.next() else { return };
@@ -195,26 +198,26 @@ impl SignalsTaken {
                 pending.for_each(act);
             }
             Err(RecvTimeoutError::Timeout) => end_by(first),
-            // The start has failed, the process is about to end.
+            // The start has failed, and the process is about to end.
             Err(RecvTimeoutError::Disconnected) => {}
         }
     }
 }
 
-/// Lets the second Ctrl-C end this process at once. Only the terminal has this privilege: a SIGINT that another process
-/// sends, as several `commram stop` or a parent do, never cuts an orderly end short.
+/// Lets the second Ctrl-C end this process at once. Only the terminal can do this: a SIGINT from another process,
+/// for example from several `commram stop` or a parent, never interrupts an orderly end.
 ///
 /// # Errors
 /// The system refuses.
 pub(crate) fn end_at_second_ctrl_c() -> Result<(), CliError> {
     let was_pressed = AtomicBool::new(false);
     let act = move |signal: &libc::siginfo_t| {
-        // A process cannot send a signal with this code to another one.
+        // Another process cannot send a signal with this code.
         if signal.si_code == libc::SI_KERNEL && was_pressed.swap(true, Ordering::Relaxed) {
             end_by(SIGINT);
         }
     };
-    // SAFETY: the action only touches an atomic and calls a function that is meant for signal handlers.
+    // SAFETY: the action only accesses an atomic and calls a function that is allowed in signal handlers.
     let registered = unsafe { signal_hook_registry::register_sigaction(SIGINT, act) };
     registered.map(drop).map_err(|reason| CliError::Signals { reason })
 }

@@ -1,13 +1,13 @@
-//! `commram status`: the plant as it stands.
+//! `commram status`: the current state of the plant.
 
 use super::Instance;
 use super::error::CliError;
 use super::table::FormatArg;
 
-/// Show the plant as it stands: clock, PLCs, nodes, buses, drives.
+/// Show the current state of the plant: clock, PLCs, nodes, buses, drives.
 ///
-/// `state` of a node is what its firmware says of itself. `load` is how busy the wire of a bus was in the last 100 ms of
-/// emulated time, in percent. Findings are those of `commram check`, faults those of `commram fault list`.
+/// `state` of a node is the state that its firmware reports. `load` is the utilization of the bus in the last 100
+/// ms of emulated time, in percent. The findings are listed by `commram check`, the faults by `commram fault list`.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -20,7 +20,6 @@ pub(crate) struct Args {
     instance: Instance,
 }
 
-/// Shows it.
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     by_channel::show(args.format.format, &args.instance)
 }
@@ -44,17 +43,17 @@ mod by_channel {
         table::print(format, &[status], |status| status.iter().map(Status::text).collect())
     }
 
-    /// The plant as it stands.
+    /// The current state of the plant.
     #[derive(Serialize)]
     struct Status {
         instance: String,
         clock: &'static str,
-        /// Emulated time per real time; none with a stepped clock.
+        /// Emulated time per real time; `None` with a stepped clock.
         speed: Option<f64>,
         time_us: u64,
         pid: u32,
         version: String,
-        /// For whom the time waits.
+        /// The task or guest for which the clock waits.
         waits_for: Option<String>,
         plcs: Vec<Plc>,
         nodes: Vec<Node>,
@@ -89,7 +88,7 @@ mod by_channel {
     struct Node {
         node: String,
         bus: Option<String>,
-        /// What its firmware says of itself, where it has a register for that.
+        /// State that the firmware reports, if it has a register for the state.
         state: Option<u32>,
         text: Option<String>,
         #[serde(skip)]
@@ -139,7 +138,7 @@ mod by_channel {
     }
 
     impl Status {
-        /// Asks the instance, all in one message.
+        /// Reads all data from the instance in one message.
         fn of(instance: &Instance) -> Result<Self, CliError> {
             let session = Session::open(instance, 0)?;
             let ops = [Op::Info, Op::Buses, Op::Drives, Op::FaultList, Op::Forces, Op::Findings];
@@ -185,7 +184,7 @@ mod by_channel {
                 Some(speed) => run::real_time_name(speed),
             };
             let waits =
-                self.waits_for.as_ref().map_or_else(String::new, |who| format!(", it waits for {who}"));
+                self.waits_for.as_ref().map_or_else(String::new, |client| format!(", it waits for {client}"));
             let mut text = format!(
                 "instance '{}' (process {}, commram {}) at {}, clock {clock}{waits}\n",
                 self.instance,
@@ -238,7 +237,7 @@ mod by_channel {
         }
     }
 
-    /// The nodes of all PLCs, with what their firmware says of itself.
+    /// The nodes of all PLCs with the states that their firmware reports.
     fn nodes(session: &Session, buses: &[BusState]) -> Result<Vec<Node>, CliError> {
         let mut ports: Vec<(String, Option<(u16, RegisterRef)>)> = Vec::new();
         for (plc, name) in (0..).zip(session.plcs()) {

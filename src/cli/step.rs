@@ -1,15 +1,16 @@
-//! `commram step`: let the emulated time pass.
+//! `commram step`: advance the clock, or go back.
 
 use super::device::on_any_device;
 use super::error::CliError;
 use super::{Instance, time};
 use crate::layout::split_plc;
 
-/// Let the emulated time pass, or go back (stepped mode only).
+/// Advance the emulated time, or go back (stepped mode only).
 ///
-/// Prints the new emulated time. Going back, the plant is as it was then, and what was done since is gone; a stepped instance
-/// keeps what it needs for that, as long as there is room (`commram run --keep-states`). It is refused while a task in
-/// lockstep, a program that has mapped the registers or a guest at a door takes part, which cannot go back.
+/// Prints the new emulated time. Going back restores the plant as it was then, and later events are lost. A stepped
+/// instance keeps earlier states as long as there is memory for them (`commram run --keep-states`). Going back is
+/// refused while a task in lockstep, a program that has mapped the registers or a guest at a door takes part,
+/// because these cannot go back.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -20,33 +21,34 @@ Examples:
   commram step --back 10ms
   commram step --back-to node2.w_OPTION_STATUS==16#0043")]
 pub(crate) struct Args {
-    /// How long (us, ms, s, min, h)
+    /// Time to advance (us, ms, s, min, h)
     #[arg(value_name = "TIME", value_parser = time::parse, required_unless_present_any = ["to_sync", "back", "back_to"])]
     time: Option<u64>,
-    /// Up to the next SYNC on the bus of a port, with the PLC in front if there are several [default: the device's first master]
+    /// Advance to the next SYNC on the bus of a port, with the PLC in front if there are several [default: the
+    /// device's first master]
     #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = "", conflicts_with = "time")]
     to_sync: Option<String>,
     /// Go back by this time (us, ms, s, min, h)
     #[arg(long, value_name = "TIME", value_parser = time::parse, conflicts_with_all = ["time", "to_sync"])]
     back: Option<u64>,
-    /// Go back to the last moment before now at which this came to hold: REG==VALUE, as `commram wait` has conditions; of several
-    /// all must hold
+    /// Go back to the last moment before now at which this became true: REG==VALUE, as the conditions of `commram
+    /// wait`; with several conditions all must be true
     #[arg(add = super::complete::conditions(), long, value_name = "CONDITION", conflicts_with_all = ["time", "to_sync", "back"])]
     back_to: Vec<String>,
-    /// Go back also if somebody outside takes part
+    /// Go back even if programs outside the emulator take part
     #[arg(long)]
     detached: bool,
     #[command(flatten)]
     instance: Instance,
 }
 
-/// Whether any device has such a port.
+/// Checks that some device has this port.
 fn check(text: &str) -> Result<(), CliError> {
     let (_, name) = split_plc(text);
     if name.is_empty() { Ok(()) } else { on_any_device(|fitted| fitted.device().port_named(name).map(drop)) }
 }
 
-/// Lets the time pass.
+/// Advances the clock or goes back.
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     use super::output;
     use super::session::Session;

@@ -9,7 +9,7 @@ use std::os::unix::fs::MetadataExt;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-/// End an emulator and wait until it has cleaned up.
+/// End an emulator and wait until it has removed its files.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -18,33 +18,33 @@ Examples:
   commram stop --all
   commram stop --clean -i test-3")]
 pub(crate) struct Args {
-    /// If the emulator was killed, remove what it left
+    /// If the emulator was killed, remove its files
     #[arg(long)]
     clean: bool,
-    /// End all emulators of yours
+    /// End all emulators of this user
     #[arg(long)]
     all: bool,
     #[command(flatten)]
     instance: InstanceName,
 }
 
-/// How long an emulator may take to clean up.
+/// Time limit for the end of an emulator.
 const PATIENCE: Duration = Duration::from_secs(10);
-/// How long the system may take to do away with a process that has died.
+/// Time limit for the system to remove a process that has died.
 const DYING: Duration = Duration::from_secs(1);
-/// How long an emulator that has said that it ends may take until it gets a signal as well: what looked like its answer may be
-/// what another program has written into the header page.
+/// How long an emulator that has confirmed its end may take before it also gets a signal: the confirmation in the
+/// header page may have been written by another program.
 const DOUBT: Duration = Duration::from_secs(1);
-/// Pause between two looks whether it has ended.
+/// Pause between two checks for the end.
 const LOOK: Duration = Duration::from_millis(2);
-/// How long the way into the channel, and then the answer, may take before it gets a signal.
+/// Time limit for connecting to the channel, and for the answer, before the emulator gets a signal.
 const ANSWER: Duration = Duration::from_millis(500);
 
 /// Ends the emulator, or all of them.
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let name = &args.instance.name;
     if args.all {
-        // Whether it was given cannot be seen if it is the usual one.
+        // An explicit name cannot be distinguished from the default if both are equal.
         if *name != InstanceName::usual() {
             let right = "ends all instances; leave out either this or --all".to_owned();
             return Err(CliError::Argument { text: format!("--all -i {name}"), right });
@@ -57,12 +57,12 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     })
 }
 
-/// Ends all; one that cannot be ended does not keep the others.
+/// Ends all instances; if one cannot be ended, the others are still ended.
 fn end_all(clean: bool) -> Result<(), CliError> {
     let mut failed = None;
     let mut any = false;
     for name in crate::memory::instances()? {
-        // An instance that is not of this user is none of those that are meant.
+        // Skips instances of other users.
         let is_running = RunningInstance::find(&name).is_ok_and(|running| running.is_some());
         let is_dead = || images_of(&name).is_ok_and(|images| dead(&images).is_some());
         let is_left = || is_dead() || channel_root(&name).is_ok_and(|root| is_own(&root));
@@ -77,7 +77,7 @@ fn end_all(clean: bool) -> Result<(), CliError> {
         }
         any = true;
         match end(&name, clean) {
-            // It has ended by itself meanwhile.
+            // The instance has ended by itself.
             Ok(()) | Err(CliError::NotRunning { .. }) => {}
             Err(CliError::Dead { .. }) => note_killed(&name),
             Err(error) => {
@@ -94,17 +94,17 @@ fn end_all(clean: bool) -> Result<(), CliError> {
 }
 
 fn note_killed(name: &str) {
-    output::note(&format!("instance '{name}' was killed; `commram stop --all --clean` removes what it left"));
+    output::note(&format!("instance '{name}' was killed; `commram stop --all --clean` removes its files"));
 }
 
-/// Whether a directory exists and is of this user.
+/// True if a directory exists and belongs to this user.
 fn is_own(directory: &Path) -> bool {
     let user = rustix::process::geteuid().as_raw();
     directory.symlink_metadata().is_ok_and(|it| it.is_dir() && it.uid() == user)
 }
 
 fn end(name: &str, clean: bool) -> Result<(), CliError> {
-    let removed = || output::print(&format!("instance '{name}' was dead, what it left is removed\n"));
+    let removed = || output::print(&format!("instance '{name}' was dead, its files are removed\n"));
     let Some(running) = RunningInstance::find(name)? else {
         if clean && remove_remains(name)? {
             return removed();
@@ -118,24 +118,25 @@ fn end(name: &str, clean: bool) -> Result<(), CliError> {
     }
 }
 
-/// Why there is nothing to end.
+/// Explains why there is no instance to end.
 fn why_not(name: &str) -> CliError {
     let images = match images_of(name) {
         Ok(images) => images,
         Err(error) => return error,
     };
     let instance = name.to_owned();
-    // A process that has none of its locks any more has just been killed, and the system has not done away with it yet.
+    // A process without its locks was just killed, and the system has not removed it yet.
     match dead(&images).or_else(|| alive(&images)) {
         Some(pid) => CliError::Dead { instance, pid },
         None => CliError::NotRunning { instance, running: String::new() },
     }
 }
 
-/// Removes what a killed emulator has left. Nobody else can start meanwhile. Returns whether there was anything.
+/// Removes the files of a killed emulator. No other emulator can start meanwhile. Returns whether there were any
+/// files.
 ///
 /// # Errors
-/// An emulator lives, something is in the way, or the system refuses.
+/// An emulator is running, its files cannot be removed, or the system refuses.
 pub(crate) fn remove_remains(instance: &str) -> Result<bool, CliError> {
     let directory = channel_root(instance)?.symlink_metadata().is_ok();
     let lock = InstanceLock::take_to_clean(instance)?;
@@ -145,13 +146,13 @@ pub(crate) fn remove_remains(instance: &str) -> Result<bool, CliError> {
     Ok(images? || directory)
 }
 
-/// Asks the emulator through its channel. An emulator that does not answer, because it has no channel or its clock waits
-/// for somebody, gets a signal; one that is stopped, before or meanwhile, is continued.
+/// Asks the emulator through its channel to end. An emulator that does not answer, because it has no channel or its
+/// clock waits for a client, gets a signal. A stopped process is continued, also if it is stopped meanwhile.
 fn stop(name: &str, running: &RunningInstance) -> Result<(), CliError> {
     let process = running.process();
     let mut let_go_on = go_on(name, process);
     let_go_on()?;
-    // What the emulator says at its very end stands in each of its images, also when the files are gone.
+    // Each image contains the final status of the emulator, also after the files are removed.
     let seen = |image: ImageInfo| Image::attach(name, &image.plc, AttachMode::ReadOnly, None).ok();
     let image = images_of(name).into_iter().flatten().filter(is_alive).find_map(seen);
     let pid = process.map(EmulatorProcess::pid).or_else(|| alive(&images_of(name).ok()?));
@@ -166,7 +167,7 @@ fn stop(name: &str, running: &RunningInstance) -> Result<(), CliError> {
     if refused.is_some() {
         terminate()?;
     }
-    // An emulator that cannot be seen gets no signal, but mostly it has just died.
+    // An emulator that is not visible gets no signal; usually it has just died.
     let unseen = refused.filter(|_| process.is_none());
     let patience = if unseen.is_some() { DYING } else { PATIENCE };
     let start = Instant::now();
@@ -180,11 +181,11 @@ fn stop(name: &str, running: &RunningInstance) -> Result<(), CliError> {
         if start.elapsed() > DOUBT {
             terminate()?;
         }
-        // The signal that stops it may have come after the first look, and takes effect only when it runs.
+        // The stop signal may have been sent after the first check, and takes effect only when the process runs.
         let_go_on()?;
         running.wait(LOOK);
     }
-    // An emulator that ends in good order leaves no files.
+    // An emulator that ends in an orderly way leaves no files.
     if running.has_left_files() {
         return Err(CliError::Dead { instance: name.to_owned(), pid: pid.unwrap_or_default() });
     }
@@ -194,7 +195,7 @@ fn stop(name: &str, running: &RunningInstance) -> Result<(), CliError> {
     }
 }
 
-/// Continues the emulator's process whenever it is stopped, and says so once.
+/// Continues the emulator's process whenever it is stopped, and prints a note once.
 fn go_on<'a>(
     name: &'a str,
     process: Option<&'a EmulatorProcess>,
@@ -206,7 +207,7 @@ fn go_on<'a>(
             && !core::mem::replace(&mut is_told, true)
         {
             output::note(&format!(
-                "instance '{name}' was stopped (process {}); it goes on to end",
+                "instance '{name}' was stopped (process {}); it is continued to end",
                 process.pid()
             ));
         }
@@ -214,7 +215,7 @@ fn go_on<'a>(
     }
 }
 
-/// Asks the emulator to end, unless another one of this name has taken its place.
+/// Asks the emulator to end, unless another emulator of this name has replaced it.
 fn ask(name: &str, running: &RunningInstance) -> Result<(), CliError> {
     use crate::channel::client::Patience;
     use crate::channel::{Client, ClientError, HeaderBells};
@@ -230,9 +231,9 @@ fn ask(name: &str, running: &RunningInstance) -> Result<(), CliError> {
     };
     let bells = Box::new(HeaderBells::of_client(attached)?);
     let patience = Patience { enter: ANSWER, reply: ANSWER, ..Patience::default() };
-    // The client is gone at the end of this, so that the emulator can sweep its channel.
+    // The client is dropped at the end of this function, so that the emulator can remove its channel.
     let client = Client::connect(name, &channel_root(name)?, bells, patience)?;
-    // The next emulator opens its channel only when this one has let go of its locks.
+    // The next emulator opens its channel only after this one has released its locks.
     if running.has_ended() {
         return Ok(());
     }

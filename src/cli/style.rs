@@ -1,4 +1,4 @@
-//! Colours on a terminal, and how wide it is.
+//! Colours on a terminal, and its width.
 
 use anstream::stream::RawStream;
 use anstream::{AutoStream, ColorChoice};
@@ -7,19 +7,18 @@ use clap::ValueEnum;
 use std::ffi::OsString;
 use std::io;
 
-/// When there are colours.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum When {
     /// On a terminal, unless NO_COLOR is set
     Auto,
-    /// Whatever the output is
+    /// For all kinds of output
     Always,
     /// Never
     Never,
 }
 
-/// Sets when there are colours, as the arguments say, before anything is parsed: what is wrong with them may have to be
-/// told in colour.
+/// Sets the colour mode from the arguments before they are parsed: errors in the arguments may have to be printed
+/// in colour.
 pub(crate) fn set(arguments: impl Iterator<Item = OsString>) {
     let mut arguments = arguments.take_while(|argument| argument != "--");
     let mut when = None;
@@ -39,17 +38,17 @@ pub(crate) fn set(arguments: impl Iterator<Item = OsString>) {
     }
 }
 
-/// Whether a stream gets colours.
+/// True if a stream gets colours.
 pub(crate) fn is_on(stream: &impl RawStream) -> bool {
     AutoStream::choice(stream) != ColorChoice::Never
 }
 
-/// The begin of a complaint.
+/// The prefix of an error message.
 pub(crate) fn error(text: &str) -> String {
     paint(AnsiColor::Red.on_default().bold(), text, &io::stderr())
 }
 
-/// The head of a table or a block.
+/// The heading of a table or a block.
 pub(crate) fn head(text: &str) -> String {
     paint(Style::new().bold(), text, &io::stdout())
 }
@@ -58,7 +57,7 @@ fn paint(style: Style, text: &str, stream: &impl RawStream) -> String {
     if is_on(stream) && !text.is_empty() { format!("{style}{text}{style:#}") } else { text.to_owned() }
 }
 
-/// How many characters a line of the terminal has; `None` if the output goes elsewhere.
+/// Width of the terminal in characters; `None` if the output is not a terminal.
 pub(crate) fn width() -> Option<usize> {
     let size = rustix::termios::tcgetwinsize(io::stdout()).ok()?;
     Some(usize::from(size.ws_col)).filter(|width| *width > 0)

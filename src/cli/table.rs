@@ -1,11 +1,11 @@
-//! Tables in the formats that people and programs read.
+//! Output of tables in the formats for people and programs.
 
 use super::{error::CliError, output, style};
 use crate::export::{csv_line, md_table};
 use clap::ValueEnum;
 use serde::Serialize;
 
-/// How a table is printed.
+/// Output format of a table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Format {
     /// Columns for people
@@ -18,7 +18,7 @@ pub(crate) enum Format {
     Md,
 }
 
-/// The format option, the same at all commands.
+/// The format option, the same for all commands.
 #[derive(clap::Args)]
 pub(crate) struct FormatArg {
     /// Output format
@@ -26,21 +26,21 @@ pub(crate) struct FormatArg {
     pub format: Format,
 }
 
-/// A row of a table. JSON gets its fields, the other formats get its cells.
+/// A row of a table. JSON uses its fields, the other formats use its cells.
 pub(crate) trait Row: Serialize {
-    /// The columns as CSV and JSON call them; people see them without the unit.
+    /// Column names for CSV and JSON; the text format shows them without the unit.
     const COLUMNS: &'static [&'static str];
 
     /// One text per column.
     fn cells(&self) -> Vec<String>;
 
-    /// The same for people, whose table may leave out the last columns.
+    /// The cells for the text format, which can omit the last columns.
     fn text_cells(&self) -> Vec<String> {
         self.cells()
     }
 }
 
-/// Prints the rows; `text` makes the text format.
+/// Prints the rows; `text` produces the text format.
 ///
 /// # Errors
 /// As [`output::print`].
@@ -57,7 +57,7 @@ pub(crate) fn print<R: Row>(
     })
 }
 
-/// The rows in columns as wide as needed, under a head line.
+/// The rows in aligned columns below a heading.
 pub(crate) fn aligned<R: Row>(rows: &[R]) -> String {
     let lines: Vec<_> = rows.iter().map(Row::text_cells).collect();
     let count = lines.first().map_or(R::COLUMNS.len(), Vec::len);
@@ -66,7 +66,7 @@ pub(crate) fn aligned<R: Row>(rows: &[R]) -> String {
     with_head(head, lines)
 }
 
-/// Lines of cells in columns under a head line.
+/// Lines of cells in columns below a heading.
 pub(crate) fn with_head(head: Vec<String>, lines: Vec<Vec<String>>) -> String {
     let lines: Vec<_> = std::iter::once(head).chain(lines).collect();
     let mut rows = rows(&lines).into_iter();
@@ -74,19 +74,19 @@ pub(crate) fn with_head(head: Vec<String>, lines: Vec<Vec<String>>) -> String {
     head + &rows.map(|row| row + "\n").collect::<String>()
 }
 
-/// Lines of cells in columns as wide as needed, two blanks between them.
+/// Lines of cells in aligned columns, two blanks between them.
 pub(crate) fn columns(lines: &[Vec<String>]) -> String {
     rows(lines).into_iter().map(|row| row + "\n").collect()
 }
 
-/// The same, row by row. On a terminal a row that is too long goes on in further lines.
+/// The same, row by row. On a terminal a long row continues in further lines.
 pub(crate) fn rows(lines: &[Vec<String>]) -> Vec<String> {
     within(lines, style::width())
 }
 
-/// Least width of a last column that is broken where it stands.
+/// Minimum width of the last column if it is wrapped inside the column.
 const NARROW: usize = 24;
-/// How far further lines of a row are moved in.
+/// Indentation of the further lines of a row.
 const INDENT: usize = 4;
 
 fn within(lines: &[Vec<String>], most: Option<usize>) -> Vec<String> {
@@ -118,7 +118,7 @@ fn within(lines: &[Vec<String>], most: Option<usize>) -> Vec<String> {
         };
         return lines.iter().map(row).collect();
     }
-    // As many columns as fit; what is left stands below them.
+    // As many columns as fit; the remaining cells go into the lines below.
     let fitting = (1..=widths.len()).rev().find(|count| end_of(*count) <= most).unwrap_or(1);
     let row = |line: &Vec<String>| {
         let (front, rest) = line.split_at(fitting.min(line.len()));
@@ -130,7 +130,7 @@ fn within(lines: &[Vec<String>], most: Option<usize>) -> Vec<String> {
     lines.iter().map(row).collect()
 }
 
-/// A text in lines that have this many characters at most, or one word.
+/// Wraps a text into lines of at most this many characters, or one word.
 fn wrapped(text: &str, most: usize) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
     for word in text.split_whitespace() {
@@ -186,14 +186,14 @@ mod tests {
     }
 
     #[test]
-    fn on_a_terminal_the_last_column_is_broken_where_it_stands() {
+    fn on_a_terminal_the_last_column_is_wrapped_inside_the_column() {
         let table = lines(&[&["name", "one two three four five six seven"], &["n", ""]]);
         assert_eq!(within(&table, Some(80)).join("\n"), "name  one two three four five six seven\nn");
         assert_eq!(within(&table, Some(30)).join("\n"), "name  one two three four five\n      six seven\nn");
     }
 
     #[test]
-    fn what_does_not_fit_beside_stands_below() {
+    fn cells_that_do_not_fit_continue_in_the_lines_below() {
         let table = lines(&[&["a_long_name", "WORD", "p. 149", "", "one two three four five six"]]);
         assert_eq!(
             within(&table, Some(20)).join("\n"),
@@ -205,7 +205,7 @@ mod tests {
     }
 
     #[test]
-    fn csv_quotes_what_needs_it() {
+    fn csv_quotes_special_characters() {
         let text = csv(&[Pair("a,b", "say \"x\""), Pair("plain", "")]);
         assert_eq!(text, "name,text\n\"a,b\",\"say \"\"x\"\"\"\nplain,\n");
     }

@@ -28,8 +28,8 @@ use watch::Watched;
 
 /// Run scenario scripts.
 ///
-/// A scenario says in Rhai what to do with a plant and what to expect of it; docs/reference/scenarios.md has all verbs. Each
-/// one runs on a plant of its own, in a process of its own, with a stepped clock.
+/// A scenario is a Rhai script that controls a plant and contains expectations; docs/reference/scenarios.md
+/// describes all verbs. Each scenario runs on a separate plant, in a separate process, with a stepped clock.
 #[derive(clap::Args)]
 #[command(
     args_conflicts_with_subcommands = true,
@@ -50,51 +50,51 @@ Examples:
 
 Exit codes:
   0  all scenarios passed
-  1  an expectation was not met or there was none, or a scenario throws, does not end or crashes
+  1  an expectation failed, or a scenario has no expectation, throws, does not end or crashes
   2  wrong use: a script is missing, does not compile or uses a verb wrongly
-  3  the instance to attach to is not there")]
+  3  the instance to attach to is not running")]
 pub(crate) struct Args {
     #[command(subcommand)]
     inner: Option<Inner>,
-    /// Scripts; of a directory and its subdirectories all files that end in .rhai, in the order of their names, but not
-    /// those that others import and that only define functions
+    /// Scripts. A directory means all .rhai files in it and its subdirectories, in the order of their names, except
+    /// files that others import and that only define functions
     #[arg(add = super::complete::files(&["rhai"]), value_name = "FILE", required_unless_present = "definitions")]
     files: Vec<PathBuf>,
-    /// Only scenarios whose path contains this text or, with * and ? in it, whose path or name is of this form; can be
-    /// given several times
+    /// Only scenarios whose path contains this text; with * and ? it is a pattern for the whole path or the name;
+    /// can be given several times
     #[arg(long, value_name = "TEXT")]
     filter: Vec<String>,
-    /// Only every Nth of them, from the Ith on, so that N machines share the work
+    /// Only every Nth scenario, beginning with the Ith, to distribute the work over N machines
     #[arg(long, value_name = "I/N", value_parser = Shard::parse)]
     shard: Option<Shard>,
-    /// As --shard, with I counted from 0, as the index of a Kubernetes job is
+    /// Like --shard, with I counted from 0, as the index of a Kubernetes job
     #[arg(long, value_name = "I/N", value_parser = Shard::parse_index, conflicts_with = "shard")]
     shard_index: Option<Shard>,
-    /// Run nothing, list the scenarios
+    /// Only list the scenarios
     #[arg(long, conflicts_with_all = ["junit", "watch"])]
     list: bool,
-    /// Begin no more scenarios after the first that does not pass
+    /// Start no further scenarios after the first one that does not pass
     #[arg(long)]
     fail_fast: bool,
-    /// Let scenarios pass that expect nothing
+    /// Accept scenarios without expectations
     #[arg(long)]
     allow_empty: bool,
     /// Write a JUnit report for CI servers to this file
     #[arg(long, value_name = "FILE")]
     junit: Option<PathBuf>,
-    /// Write a report for people, a page that needs nothing else: html, into commram-report.html or into this file
+    /// Write a report for people, a self-contained page: html, into commram-report.html or into this file
     #[arg(long, value_name = "html[=FILE]", value_parser = page_file, conflicts_with_all = ["list", "watch"])]
     report: Option<PathBuf>,
-    /// How many scenarios run at the same time [default: one per processor]
+    /// Number of scenarios that run at the same time [default: one per processor]
     #[arg(long, value_name = "N", value_parser = jobs)]
     jobs: Option<NonZero<usize>>,
-    /// Afterwards run again what has changed: scripts, what they import, their plant files. Until Ctrl-C
+    /// Then run scenarios again when their scripts, imports or plant files change, until Ctrl-C
     #[arg(long, conflicts_with = "junit")]
     watch: bool,
-    /// Run on this running instance, one scenario after the other, instead of on plants of their own
+    /// Run on this running instance, one scenario after the other, instead of on separate plants
     #[arg(long, value_name = "NAME", conflicts_with = "jobs", value_parser = super::instance_name)]
     attach: Option<String>,
-    /// Run nothing, write the definitions of the verbs for editors that know Rhai into this directory
+    /// Only write the definitions of the verbs into this directory, for editors that know Rhai
     #[arg(
         long,
         value_name = "DIR",
@@ -115,16 +115,16 @@ impl Args {
     }
 }
 
-/// What there is to do beside running scenarios.
+/// Further commands of `commram test`.
 #[derive(clap::Subcommand)]
 enum Inner {
     Merge(merge::Args),
 }
 
-/// What a scenario may use up.
+/// Limits of a scenario.
 #[derive(clap::Args, Clone, Copy)]
 pub(crate) struct LimitArgs {
-    /// Steps of a script after which it counts as endless
+    /// Number of script steps after which a scenario counts as endless
     #[arg(long, value_name = "N", default_value_t = Limits::default().operations)]
     max_operations: u64,
     /// Emulated time after which a scenario counts as endless
@@ -138,13 +138,12 @@ pub(crate) struct LimitArgs {
     max_memory: u64,
 }
 
-/// How many scenarios run at the same time.
+/// Parses the number of scenarios that run at the same time.
 fn jobs(text: &str) -> Result<NonZero<usize>, String> {
-    let number = text.parse().map_err(|_| "write how many, for example 4".to_owned())?;
+    let number = text.parse().map_err(|_| "write a number, for example 4".to_owned())?;
     NonZero::new(number).ok_or_else(|| "at least 1 scenario must run".to_owned())
 }
 
-/// Runs the scenarios and reports.
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     if let Some(Inner::Merge(args)) = &args.inner {
         return merge::run(args);
@@ -167,7 +166,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
             (reports, Err(error))
         }
     };
-    // Whatever else goes wrong, these reports are written.
+    // These reports are written even after other errors.
     let written = args.junit.as_ref().map_or(Ok(()), |path| write_junit(path, args.shard(), &reports));
     let page = args.report.as_ref().map_or(Ok(()), |path| write(path, &html::page(&reports)));
     shown.and(written).and(page)?;
@@ -187,7 +186,7 @@ fn list(format: Format, files: &[PathBuf]) -> Result<(), CliError> {
     table::print(format, &rows, |_| lines())
 }
 
-/// Runs these scenarios once and shows how they end, as long as anybody looks at it.
+/// Runs these scenarios once and shows their results, until the output has no reader.
 fn play(
     args: &Args,
     files: &[PathBuf],
@@ -205,7 +204,7 @@ fn play(
             shown = output::print(&line::text(&report));
         }
         reports.push(report);
-        // Without a reader and without another report nobody would know.
+        // Without a reader and without another report the results would be lost.
         shown.is_ok() || args.junit.is_some() || args.report.is_some()
     })?;
     let lines = |reports: &[Report]| reports.iter().map(|it| Line::of(it, args.shard())).collect::<Vec<_>>();
@@ -217,7 +216,7 @@ fn play(
     Ok((reports, shown))
 }
 
-/// Runs what has changed, again and again.
+/// Runs changed scenarios again, until Ctrl-C.
 fn watch(args: &Args, mut files: Vec<PathBuf>, interrupts: &Interrupts) -> Result<(), CliError> {
     let mut watched = Watched::default();
     loop {
@@ -235,12 +234,12 @@ fn watch(args: &Args, mut files: Vec<PathBuf>, interrupts: &Interrupts) -> Resul
             return Err(CliError::Interrupted);
         }
         std::thread::sleep(watch::PAUSE);
-        // A directory may be gone for a moment, as its files may be.
+        // A directory, like its files, may be missing for a moment.
         files = found::scenarios(&args.files, &args.filter, args.shard()).unwrap_or(files);
     }
 }
 
-/// Finds out whether the instance to attach to is there, before the first scenario misses it.
+/// Checks that the instance to attach to is running, before the first scenario needs it.
 fn reachable(instance: Option<&str>) -> Result<(), CliError> {
     instance.map_or(Ok(()), |instance| {
         super::session::Session::open(&super::Instance::starting(instance), 0).map(drop)
@@ -261,15 +260,15 @@ fn write(path: &Path, text: &str) -> Result<(), CliError> {
         .map_err(|reason| CliError::File { path: path.to_owned(), reason })
 }
 
-/// The file of a report for people.
+/// Parses the file name of the report for people.
 fn page_file(text: &str) -> Result<PathBuf, String> {
     match text.split_once('=').unwrap_or((text, "commram-report.html")) {
         ("html", file) if !file.is_empty() => Ok(file.into()),
-        _ => Err("write html, or html=FILE; for CI servers there is --junit".to_owned()),
+        _ => Err("write html, or html=FILE; the option --junit writes a report for CI servers".to_owned()),
     }
 }
 
-/// What the exit code says.
+/// Result of the run for the exit code.
 fn verdict(reports: &[Report]) -> Result<(), CliError> {
     let any = |is: fn(&Outcome) -> bool| reports.iter().any(|report| is(&report.outcome));
     if any(|outcome| matches!(outcome, Outcome::Broken(_))) {

@@ -1,4 +1,4 @@
-//! `commram trace`: what has happened.
+//! `commram trace`: the journal of events.
 
 mod follow;
 
@@ -13,9 +13,10 @@ use clap::builder::{PossibleValuesParser, TypedValueParser};
 /// Show the journal: frames, states, handshakes with their latency, missed deadlines.
 ///
 /// All times are emulated time since power-on. The emulator keeps the last 65536 records each of frames, of SYNC
-/// edges and register traffic, of missed deadlines, and of everything else. Events that repeat at equal distances
-/// are one record with their number and distance; frames are all there. Where records are lost the output says
-/// how many; candump, pcapng, vcd and fst have no place for it, there it is said on the standard error output.
+/// edges and register traffic, of missed deadlines, and of all other events. Events that repeat at equal intervals
+/// are one record with their number and interval; frames are always single records. If records are lost, the output
+/// shows their number. The formats candump, pcapng, vcd and fst have no place for it, so it is printed on the
+/// standard error output.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -28,10 +29,10 @@ Examples:
   commram trace --format pcapng | wireshark -k -i -
   commram trace --format fst >run.fst                        # gtkwave run.fst
 
---follow asks the emulator every 50 ms of real time and ends with it, by Ctrl-C, or when nobody reads any more. \
-What happens in the last 50 ms of the emulator may be missing. docs/reference/journal.md describes the formats.")]
+--follow asks the emulator every 50 ms of real time and ends with it, by Ctrl-C, or when its reader closes the output. \
+Events in the last 50 ms of the emulator may be missing. docs/reference/journal.md describes the formats.")]
 pub(crate) struct Args {
-    /// Wait for more and show it as it comes
+    /// Wait for further records and show them as they arrive
     #[arg(short, long)]
     follow: bool,
     /// Output format
@@ -47,19 +48,19 @@ pub(crate) struct Args {
             .try_map(|name| devices::catalogue().kind(&name).ok_or("no such kind"))
     )]
     kind: Vec<&'static Kind>,
-    /// Only what happens on this bus; may be given several times
+    /// Only events on this bus; can be given several times
     #[arg(add = super::complete::buses(), long, value_name = "NAME")]
     bus: Vec<String>,
-    /// Only what happens to this PLC and its nodes; may be given several times, with --bus both are shown
+    /// Only events of this PLC and its nodes; can be given several times, with --bus both are shown
     #[arg(add = super::complete::plcs(), long, value_name = "NAME")]
     plc: Vec<String>,
-    /// Only from this emulated time on
+    /// Only at or after this emulated time
     #[arg(long, value_name = "TIME", value_parser = time::parse, default_value = "0s", hide_default_value = true)]
     since: u64,
-    /// Only from this record on, a number as in the field `seq` of jsonl: to read on where one stopped
+    /// Only from this record on, a number as in the field `seq` of jsonl, to continue an earlier output
     #[arg(long, value_name = "NUMBER", default_value_t = 0, hide_default_value = true)]
     from: u64,
-    /// Only the last N of what there is by now; with --follow also 0, to see only what is new
+    /// Only the last N existing records; with --follow also 0, to see only new records
     #[arg(short = 'n', long, value_name = "N")]
     last: Option<usize>,
     #[command(flatten)]
@@ -73,7 +74,7 @@ enum FormatArg {
     /// One JSON object per line, for programs
     #[value(alias = "json")]
     Jsonl,
-    /// The log format of can-utils (`candump -L`), which Wireshark reads too; only frames
+    /// The log format of can-utils (`candump -L`), which Wireshark can read too; only frames
     Candump,
     /// The log format of Wireshark, with one interface for each bus; only frames
     Pcapng,
@@ -84,24 +85,24 @@ enum FormatArg {
 }
 
 impl FormatArg {
-    /// As the user has it.
+    /// The option as the user writes it.
     fn option(self) -> String {
         let value = self.to_possible_value();
         format!("--format {}", value.as_ref().map_or("", |value| value.get_name()))
     }
 
-    /// Whether it is no text.
+    /// True if the format is not text.
     fn is_binary(self) -> bool {
         matches!(self, FormatArg::Pcapng | FormatArg::Fst)
     }
 
-    /// Whether it begins with a list of all that it has.
+    /// True if the output begins with a list of all its signals.
     fn is_waveform(self) -> bool {
         matches!(self, FormatArg::Vcd | FormatArg::Fst)
     }
 }
 
-/// The wanted kinds that the format has lines for.
+/// The selected kinds of records that the format supports.
 fn kinds(args: &Args) -> Result<Vec<&'static Kind>, CliError> {
     match args.format {
         FormatArg::Text | FormatArg::Jsonl | FormatArg::Vcd | FormatArg::Fst => Ok(args.kind.clone()),
@@ -113,7 +114,7 @@ fn kinds(args: &Args) -> Result<Vec<&'static Kind>, CliError> {
             if !kinds.is_empty() {
                 return Ok(kinds);
             }
-            let right = "there are only frames in this format; take text or jsonl for all else".to_owned();
+            let right = "this format contains only frames; use text or jsonl for other records".to_owned();
             Err(CliError::Argument { text: args.format.option(), right })
         }
     }
@@ -128,10 +129,12 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let kinds = kinds(args)?;
     let refused = |right: &str| CliError::Argument { text: args.format.option(), right: right.to_owned() };
     if args.format.is_binary() && std::io::stdout().is_terminal() {
-        return Err(refused("it is no text; send it into a file or a program, as by `>run.out`"));
+        return Err(refused(
+            "this format is binary; redirect it to a file or a program, for example `>run.out`",
+        ));
     }
     if args.format.is_waveform() && (args.follow || args.last.is_some()) {
-        let right = "waveforms begin with a list of all that they have; leave out --follow and --last";
+        let right = "waveforms begin with a list of all their signals; omit --follow and --last";
         return Err(refused(right));
     }
     let session = Session::open(&args.instance, 0)?;

@@ -1,4 +1,4 @@
-//! `commram view`: the plant to look at, on a terminal.
+//! `commram view`: a view of the plant on a terminal.
 
 mod actions;
 mod draw;
@@ -29,11 +29,12 @@ use crate::layout::{Named, Place, is_pattern, split_plc};
 use model::Model;
 use std::io::{self, IsTerminal};
 
-/// Look at a running plant: registers, frames, boards, drives, findings.
+/// View a running plant: registers, frames, boards, drives, findings.
 ///
-/// Needs a terminal of 80x24 at least; works over ssh. Keys and the mouse move, `?` tells the keys. Looking changes nothing in the plant: it
-/// goes, and its journal reads, as if nobody looked. What writes asks before. If the emulator ends, the view waits for the
-/// next one of its name.
+/// The view needs a terminal of at least 80x24 and works over ssh. Use keys and the mouse to move; `?` lists the
+/// keys. Viewing changes nothing in the plant: its behaviour and its journal are the same as without a view.
+/// Actions that change something ask before. If the emulator ends, the view waits for the next emulator of the same
+/// name.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -41,17 +42,17 @@ Examples:
   commram view node2.w_CPU_CONTROL node2.w_OPTION_STATUS
   commram view 'node2.a_STAT_SL[1..3]' --read-only")]
 pub(crate) struct Args {
-    /// Registers to be pinned from the start, or patterns
+    /// Registers or patterns to pin at the start
     #[arg(add = complete::registers(), value_name = "REG")]
     registers: Vec<String>,
-    /// Refuse whatever would change something in the plant
+    /// Refuse all actions that change something in the plant
     #[arg(long)]
     read_only: bool,
     #[command(flatten)]
     instance: Instance,
 }
 
-/// Looks until the user has seen enough.
+/// Runs the view until the user quits.
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     if !io::stdin().is_terminal() || !io::stdout().is_terminal() {
         return Err(CliError::NoTerminal { command: "view" });
@@ -65,12 +66,12 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
             model.pins.toggle(plc, place);
         }
     }
-    // It would hold a place among the clients as long as the view runs.
+    // The session would keep a client slot in use as long as the view runs.
     drop(session);
     terminal::run(model, args.instance.name())
 }
 
-/// The registers that are meant.
+/// Finds the registers of a name or pattern.
 fn places(session: &Session, text: &str) -> Result<Vec<(u16, Place)>, CliError> {
     if !is_pattern(text) {
         let place = session.place(text)?;
@@ -85,7 +86,7 @@ fn places(session: &Session, text: &str) -> Result<Vec<(u16, Place)>, CliError> 
             registers.iter().map(|register| place(register.name())).collect()
         }
         Named::Area(_) => {
-            let right = "a block has too many registers to be pinned; name some of them".to_owned();
+            let right = "a block has too many registers to pin; name single registers".to_owned();
             Err(CliError::Argument { text: text.to_owned(), right })
         }
     }

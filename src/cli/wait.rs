@@ -10,10 +10,10 @@ use super::time;
 use crate::layout::{Condition, ConditionError};
 use crate::request::Op;
 
-/// Wait until registers hold what they should.
+/// Wait until registers have the given values.
 ///
-/// Of several conditions all must hold at one moment, with --any one of them is enough. In stepped mode the emulated time
-/// passes meanwhile, event by event, and stands still again at the moment of the match.
+/// With several conditions, all must be true at the same moment; with --any one of them is enough. In stepped mode
+/// the command advances the emulated time event by event, and stops at the moment of the match.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -23,9 +23,9 @@ Examples:
   commram wait 'node2.a_RD_VALUE[1][0] < -1000' 'node2.w_OPTION_STATUS != 16#80' --any
   commram wait %MX3.200004.2==1
 
-Exit code 1 if the conditions do not come to hold in time; the message says what the registers held.")]
+Exit code 1 if the conditions do not become true in time; the message shows the values of the registers.")]
 pub(crate) struct Args {
-    /// REG==VALUE, or REG&MASK==VALUE if only some bits count; also !=, <, <=, >, >=
+    /// REG==VALUE, or REG&MASK==VALUE if only some bits matter; also !=, <, <=, >, >=
     #[arg(add = complete::conditions(), value_name = "CONDITION", required = true)]
     conditions: Vec<String>,
     /// One of the conditions is enough
@@ -38,20 +38,20 @@ pub(crate) struct Args {
     instance: Instance,
 }
 
-/// A condition that did not come to hold in time, or not together with the others.
+/// A condition that did not become true in time, or not together with the others.
 #[derive(Debug)]
 pub(crate) struct Unmet {
     /// Name and address of the register.
     pub place: String,
-    /// What was awaited.
+    /// The condition without the register.
     pub wanted: String,
-    /// What the register holds in the end, with its meaning.
+    /// The value of the register at the end, with its meaning.
     pub found: String,
-    /// Whether this one holds.
+    /// True if this condition is true.
     pub holds: bool,
 }
 
-/// The condition, with the register that `place` looks up.
+/// Parses a condition; `place` looks up its register.
 fn parse(text: &str, place: impl Fn(&str) -> Result<Place, CliError>) -> Result<Condition, CliError> {
     Condition::parse(text, place).map_err(|error| match error {
         ConditionError::Register(error) => error,
@@ -60,22 +60,22 @@ fn parse(text: &str, place: impl Fn(&str) -> Result<Place, CliError>) -> Result<
     })
 }
 
-/// Checks the arguments as far as this can be done without an instance.
+/// Checks the arguments as far as possible without an instance.
 fn check(args: &Args) -> Result<(), CliError> {
     let place = of_any_device_but_told_by(&args.instance);
     args.conditions.iter().try_for_each(|text| parse(text, &place).map(drop))
 }
 
-/// The operations that tell an instance of these conditions.
+/// Converts these conditions to operations for an instance.
 ///
 /// # Errors
-/// One is none, or is about a register that the instance does not have.
+/// A text is not a condition, or the instance does not have its register.
 pub(crate) fn conditions_of(session: &Session, texts: &[String]) -> Result<Vec<Op>, CliError> {
     let parsed = texts.iter().map(|text| parse(text, |name| session.place(name)));
     parsed.map(|condition| op_of(session, &condition?)).collect()
 }
 
-/// The operation for one.
+/// Converts one condition to an operation.
 fn op_of(session: &Session, condition: &Condition) -> Result<Op, CliError> {
     let Condition { place, test, .. } = condition;
     let (offset, width) = (place.offset(), place.width());

@@ -1,4 +1,4 @@
-//! `commram with`: an emulator for as long as a command runs.
+//! `commram with`: an emulator that runs as long as a command.
 
 use super::error::CliError;
 use super::instance::instance_name;
@@ -15,18 +15,19 @@ use std::process::{Child, Command, ExitStatus};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// As shells have it: the command is there and cannot be started.
+/// As in shells: the command exists but cannot be started.
 const CANNOT_RUN: u8 = 126;
-/// As shells have it: there is no such command.
+/// As in shells: the command does not exist.
 const NO_SUCH_COMMAND: u8 = 127;
-/// As shells have it: the exit code of a process that was ended by signal 0.
+/// As in shells: added to the number of the signal that ended the process.
 const BY_SIGNAL: i32 = 128;
 
-/// Run a command with an emulator of its own.
+/// Run a command with a separate emulator.
 ///
-/// Starts an emulator, runs the command when it is ready, ends the emulator when the command has ended, and ends with the
-/// exit code of the command. The command and what it starts find the emulator by COMMRAM_INSTANCE, which is set to its
-/// name: without -i one that nobody else has, so that several can run at once. Signals are passed on to the command.
+/// Starts an emulator, runs the command when the emulator is ready, ends the emulator after the command, and
+/// returns the exit code of the command. The variable COMMRAM_INSTANCE contains the name of the emulator for the
+/// command and its child processes. Without -i the name is unique, so that several can run at once. Signals are
+/// passed on to the command.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -34,13 +35,13 @@ Examples:
   commram with plant.toml --clock stepped -- ./run-tests.sh
   commram with -- sh -c './soft_plc /dev/shm/commram.$COMMRAM_INSTANCE.line'
 
-Exit codes: that of COMMAND, 128 + n if signal n has ended it; 126 if it cannot be started, 127 if there is no such \
-command. If the emulator does not start, as all commands; 1 also if it could not end in good order.")]
+Exit codes: the exit code of COMMAND, 128 + n if it was ended by signal n; 126 if it cannot be started, 127 if it does not \
+exist. If the emulator does not start, the usual exit codes apply; 1 also if the emulator ended with an error.")]
 pub(crate) struct Args {
-    /// The plant: PLCs, buses, drives [default: the built-in one]
+    /// The plant file: PLCs, buses, drives [default: the built-in plant]
     #[arg(add = super::complete::files(&["toml"]), value_name = "PLANT.toml")]
     plant: Option<PathBuf>,
-    /// Name of the instance [default: one of its own]
+    /// Name of the instance [default: a unique name]
     #[arg(short, long, value_name = "NAME", value_parser = instance_name)]
     instance: Option<String>,
     #[command(flatten)]
@@ -50,7 +51,6 @@ pub(crate) struct Args {
     command: Vec<OsString>,
 }
 
-/// Runs emulator and command.
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let name = args.instance.clone().unwrap_or_else(|| format!("with-{}", std::process::id()));
     let [program, arguments @ ..] = args.command.as_slice() else { return Ok(()) };
@@ -64,7 +64,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         false,
     )?;
     let stop = emulator.stop_handle();
-    // As long as it is there, a signal waits for its end; what cannot be started ends the emulator at once.
+    // The emulator runs as long as the child; if the child cannot be started, the emulator ends at once.
     let child = command.spawn();
     let passed = child.as_ref().map(pass_on);
     if let Ok(Ok(pass_on)) = passed {
@@ -99,13 +99,13 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     Err(ended)
 }
 
-/// This process ends as another one has ended.
+/// Ends this process in the same way as another process has ended.
 pub(crate) fn ended_like(status: ExitStatus) -> CliError {
     let code = status.code().or_else(|| Some(BY_SIGNAL + status.signal()?));
     CliError::Ended { code: code.and_then(|code| u8::try_from(code).ok()).unwrap_or(u8::MAX) }
 }
 
-/// Passes signals on to a process, whatever becomes of its number. Ctrl-C at the terminal reaches it by itself.
+/// Passes signals on to a process by its pidfd. The terminal sends Ctrl-C to the command directly.
 fn pass_on(child: &Child) -> io::Result<OnSignal> {
     let number = i32::try_from(child.id()).ok().and_then(Pid::from_raw);
     let number = number.ok_or(io::ErrorKind::InvalidInput)?;
@@ -120,11 +120,11 @@ fn pass_on(child: &Child) -> io::Result<OnSignal> {
 }
 
 fn send(process: &OwnedFd, signal: Signal) {
-    // It has just ended, which is what was wanted.
+    // An error means that the process has just ended, as intended.
     let _ = rustix::process::pidfd_send_signal(process, signal);
 }
 
-/// Whether the terminal sends Ctrl-C to this process and its command.
+/// True if the terminal sends Ctrl-C to both this process and its command.
 fn is_ours_in_the_terminal() -> bool {
     let input = io::stdin();
     let foreground = || rustix::termios::tcgetpgrp(&input).ok();
@@ -136,7 +136,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn it_ends_as_its_command_has_ended() {
+    fn the_exit_code_is_the_exit_code_of_the_command() {
         assert_eq!(ended_like(ExitStatus::from_raw(42 << 8)).exit_code(), 42);
         assert_eq!(ended_like(ExitStatus::from_raw(SIGINT)).exit_code(), 130);
     }

@@ -97,8 +97,8 @@ fn all_emulators_can_be_ended_at_once() {
         eprintln!("SKIPPED: no mount namespace: {}", outcome.err);
         return;
     }
-    let expected = "commram: note: instance 'killed' was killed; `commram stop --all --clean` removes what it left\n\
+    let expected = "commram: note: instance 'killed' was killed; `commram stop --all --clean` removes its files\n\
                     instance 'one' has stopped\ninstance 'two' has stopped\n0\n2\n\
-                    instance 'killed' was dead, what it left is removed\nno instance is running\n";
+                    instance 'killed' was dead, its files are removed\nno instance is running\n";
     assert_eq!(outcome.ok(), expected);
 }

@@ -34,7 +34,7 @@ fn two_dumps_and_the_running_instance_differ_in_what_has_changed() {
     let directory = TempDir::new().unwrap();
     let before = save(&emulator, &directory, "before.json", &["--all"]);
     let before = before.to_str().unwrap();
-    assert_eq!(diff(&emulator, &[before], 0), "nothing differs\n");
+    assert_eq!(diff(&emulator, &[before], 0), "no differences\n");
     handshake(&emulator);
     let expected = "\
 node2.w_CPU_CONTROL    %MW3.200000  16#0000 -> 16#0001  handshake
@@ -44,7 +44,7 @@ node2.w_OPTION_STATUS  %MW3.200002  16#0001 -> 16#0002  waiting for \"take over 
     let after = save(&emulator, &directory, "after.json", &["--all"]);
     let after = after.to_str().unwrap();
     assert_eq!(diff(&emulator, &[before, after], 1), expected);
-    assert_eq!(diff(&emulator, &[after, after], 0), "nothing differs\n");
+    assert_eq!(diff(&emulator, &[after, after], 0), "no differences\n");
 
     let json: Value = serde_json::from_str(&diff(&emulator, &[before, "--format", "json"], 1)).unwrap();
     assert_eq!((&json[1]["before"], &json[1]["after"]), (&"16#0001".into(), &"16#0002".into()));

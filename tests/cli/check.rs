@@ -16,7 +16,7 @@ fn a_program_that_does_nothing_wrong_passes() {
     emulator.poke(&["node2.w_CPU_CONTROL=16#0001"]);
     emulator.step(&["1ms"]);
     let text = check(&emulator, &[], 0);
-    assert!(text.ends_with("at 0.001000 s: nothing against the manual\n"), "{text}");
+    assert!(text.ends_with("at 0.001000 s: no violations of the manual\n"), "{text}");
     assert_eq!(check(&emulator, &["--format", "json"], 0), "[]\n");
 }
 

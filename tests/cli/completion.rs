@@ -140,7 +140,7 @@ fn every_command_has_a_page_of_the_manual() {
     run(&["man", path.to_str().unwrap()]).ok();
     let page = std::fs::read_to_string(path.join("commram-wait.1")).unwrap();
     assert!(page.starts_with(".ie") && page.contains(".TH commram-wait 1"), "{page}");
-    assert!(page.contains("\\-\\-within") && page.contains("Wait until registers hold"), "{page}");
+    assert!(page.contains("\\-\\-within") && page.contains("Wait until registers have"), "{page}");
     let page = std::fs::read_to_string(path.join("commram-fault-add.1")).unwrap();
     assert!(page.contains("[OPTIONS] <KIND> [FIELD=VALUE]..."), "{page}");
     for name in ["commram", "commram-fault-add", "commram-man"] {

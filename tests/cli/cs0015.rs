@@ -130,7 +130,7 @@ fn its_switches_and_its_led_are_those_of_its_front() {
     let locked = emulator.run("board", &["set", "panel:s2=8", "panel:program=stop"]);
     let told = locked.fails(1);
     assert!(told.contains("PLC 'panel' refuses program=stop: S1 is at LOCK"), "{told}");
-    assert!(told.contains("set before that: panel:s2=8"), "{told}");
+    assert!(told.contains("set before the error: panel:s2=8"), "{told}");
     emulator.run("board", &["set", "panel:s1=unlock", "panel:program=stop"]).ok();
     emulator.step(&["20ms"]);
     let stopped = board();
@@ -164,7 +164,7 @@ fn addresses_are_those_of_the_device_that_is_asked() {
     assert!(refused.fails(2).contains("%MX10.16: a WORD has bits 0 to 15, not 16"), "{}", refused.err);
     // Where nothing runs, all devices with such addresses are named.
     for (text, expected) in [
-        ("%IW9", "`%IW9` is no address of any device: ecomat 100 CS0015 has %IW0 to %IW3 (inputs)"),
+        ("%IW9", "`%IW9` is not an address of any device: ecomat 100 CS0015 has %IW0 to %IW3 (inputs)"),
         ("%IX1.16", "%IX1.16: a WORD has bits 0 to 15, not 16"),
         ("%MW90000", "ecomat 100 CS0015 has %MW0 to %MW4095 (flags)"),
     ] {

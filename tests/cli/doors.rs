@@ -482,7 +482,7 @@ fn times_that_cannot_be_played_are_reported_with_their_line() {
         let _guest = Guest::open(port(&emulator));
         write(&["1436509052.000000", "1436509052.001000", "2436509052.000000"]);
         let refused = emulator.run("bus", &["play", path]);
-        let gap = "line 4: its frame comes 999999999.999000 s after the one before";
+        let gap = "line 4: its frame comes 999999999.999000 s after the preceding frame";
         assert!(
             refused.fails(2).contains(gap) && refused.err.contains("86400.000000 s at most"),
             "{}",
@@ -492,8 +492,7 @@ fn times_that_cannot_be_played_are_reported_with_their_line() {
         let played = emulator.run("bus", &["play", path]);
         assert_eq!(played.code, Some(0), "{}", played.err);
         assert!(played.out.starts_with("4 frames in 2 ms"), "{}", played.out);
-        let note =
-            "line 4: its time is before that of an earlier frame, and 1 more frames; they are sent at once";
+        let note = "line 4: its time is before the time of an earlier frame, and 1 more frames; they are sent at once";
         assert!(played.err.contains(note), "{}", played.err);
     }
 }

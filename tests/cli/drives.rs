@@ -141,8 +141,7 @@ fn poke_says_that_only_the_firmware_writes_a_register() {
     let emulator = Emulator::stepped();
     let outcome = emulator.run("poke", &["node2.w_OPTION_STATUS=16#0042"]);
     assert_eq!((outcome.code, outcome.out.as_str()), (Some(0), ""));
-    let told =
-        "note: only the firmware writes node2.w_OPTION_STATUS (%MW3.200002): it was written all the same";
+    let told = "note: only the firmware writes node2.w_OPTION_STATUS (%MW3.200002): the value was written";
     assert!(outcome.err.contains(told), "{}", outcome.err);
     assert_eq!(emulator.peek(&["node2.w_OPTION_STATUS"]), "16#0042");
     assert_eq!(emulator.run("poke", &["node2.w_CPU_CONTROL=0"]).err, "");

@@ -208,7 +208,7 @@ fn stop_does_not_wait_for_the_next_emulator_of_that_name() {
     let outcome = promised(Duration::from_secs(2), || outcome(stop));
     assert_eq!(outcome.ok(), format!("instance '{name}' has stopped\n"));
     assert_eq!(first.wait().code(), Some(0));
-    assert!(next.out.contains("goes on in the background"), "{}", next.out);
+    assert!(next.out.contains("continues in the background"), "{}", next.out);
     first.run("status", &[]).ok();
     first.run("stop", &[]).ok();
     assert_eq!(first.files(), NOTHING);
@@ -388,6 +388,6 @@ fn the_last_one_cleans_up_what_has_an_odd_lock() {
     let outcome = finish(commram().args(["stop", "--clean", "-i", &name]));
     let left = files_of(&name);
     remove_remains(&name);
-    assert_eq!(outcome.ok(), format!("instance '{name}' was dead, what it left is removed\n"));
+    assert_eq!(outcome.ok(), format!("instance '{name}' was dead, its files are removed\n"));
     assert_eq!(left, NOTHING);
 }

@@ -159,7 +159,7 @@ fn what_acts_is_done_although_its_output_cannot_be_written() {
         outcome.err
     };
     let told = full(&["run", "--detach", "--clock", "stepped"]);
-    assert!(told.contains("goes on in the background"), "{told}");
+    assert!(told.contains("continues in the background"), "{told}");
     full(&["step", "1ms"]);
     let time = run(&["step", "1ms", "-i", &name]);
     assert_eq!(time.ok(), "0.002000 s\n");

@@ -114,7 +114,7 @@ fn logs_and_dumps_are_accepted_or_refused_in_their_time() {
     };
     files.write("dump", &filled(64 * MIB, "[", register, "{}]"));
     let outcome = files.run(&["diff", "dump", "dump"]);
-    assert!(outcome.fails(2).contains("dump is no dump"), "{}", outcome.err);
+    assert!(outcome.fails(2).contains("dump is not a dump"), "{}", outcome.err);
 }
 
 /// Nobody writes to it, nobody ever will: what is read from it is nothing.

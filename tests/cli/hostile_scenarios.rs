@@ -139,7 +139,7 @@ fn a_scenario_that_hangs_within_a_step_is_killed_and_harms_no_other() {
     let reports: serde_json::Value = serde_json::from_str(&outcome.out).unwrap();
     assert_eq!((&reports[0]["outcome"], &reports[1]["outcome"]), (&"died".into(), &"passed".into()));
     let expected =
-        "1-pipe.rhai: killed, because after 1 s of real time (--max-real-time) it was still at the same step";
+        "1-pipe.rhai: killed: after 1 s of real time (--max-real-time) it was still at the same step";
     assert_eq!((&reports[0]["message"], reports[0].get("emulated_us")), (&expected.into(), None));
 }
 

@@ -53,7 +53,7 @@ fn what_a_killed_emulator_left_can_be_read_but_not_used() {
     emulator.kill();
 
     let note = format!(
-        "commram: note: instance '{name}' is dead, its emulator (process {pid}) was killed; this is what it left\n"
+        "commram: note: instance '{name}' is dead, its emulator (process {pid}) was killed; these are its last values\n"
     );
     let peek = emulator.run("peek", &["node2.w_OPTION_STATUS"]);
     assert_eq!((peek.code, &peek.err), (Some(0), &note));
@@ -136,7 +136,7 @@ fn stop_can_clean_up_after_a_killed_emulator() {
     emulator.kill();
     assert!(!emulator.files().is_empty());
     let outcome = emulator.run("stop", &["--clean"]);
-    assert_eq!(outcome.ok(), format!("instance '{}' was dead, what it left is removed\n", emulator.name));
+    assert_eq!(outcome.ok(), format!("instance '{}' was dead, its files are removed\n", emulator.name));
     assert_eq!(emulator.files(), Vec::<std::path::PathBuf>::new());
 }
 
@@ -155,7 +155,7 @@ fn clean_removes_whatever_is_left_of_an_instance() {
         let outcome = promised(Duration::from_secs(1), || run(&["stop", "--clean", "-i", &name]));
         let left = files_of(&name);
         remove_remains(&name);
-        assert_eq!(outcome.ok(), format!("instance '{name}' was dead, what it left is removed\n"));
+        assert_eq!(outcome.ok(), format!("instance '{name}' was dead, its files are removed\n"));
         assert_eq!(left, Vec::<std::path::PathBuf>::new());
     }
 }
@@ -184,7 +184,7 @@ fn a_stopped_emulator_can_be_ended() {
 }
 
 fn goes_on(name: &str, pid: u32) -> String {
-    format!("commram: note: instance '{name}' was stopped (process {pid}); it goes on to end\n")
+    format!("commram: note: instance '{name}' was stopped (process {pid}); it is continued to end\n")
 }
 
 /// Whatever stops it does not wait until `stop` looks.

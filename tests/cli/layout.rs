@@ -92,7 +92,7 @@ fn an_export_of_commram_is_recognized_for_every_device_and_proves_nothing() {
             let import = checkout.import(&[args, &["--device", device]].concat());
             assert_eq!(
                 (import.code, import.out.as_str()),
-                (Some(0), "all registers lie as declared\n"),
+                (Some(0), "all registers have the declared offsets\n"),
                 "{device}: {}",
                 import.err
             );
@@ -125,7 +125,7 @@ fn a_vendors_declarations_that_confirm_the_layout_change_its_provenance() {
     let check = checkout.import(&["--check"]);
     assert_eq!(
         (check.code, check.out.as_str()),
-        (Some(1), "all registers lie as declared\n"),
+        (Some(1), "all registers have the declared offsets\n"),
         "{}",
         check.err
     );
@@ -136,7 +136,7 @@ fn a_vendors_declarations_that_confirm_the_layout_change_its_provenance() {
     let import = checkout.import(&[]);
     assert_eq!(
         (import.code, import.out.as_str()),
-        (Some(0), "all registers lie as declared\n"),
+        (Some(0), "all registers have the declared offsets\n"),
         "{}",
         import.err
     );
@@ -149,7 +149,7 @@ fn a_vendors_declarations_that_confirm_the_layout_change_its_provenance() {
         );
         assert_eq!(before.lines().count(), after.lines().count());
     }
-    assert_eq!(checkout.import(&["--check"]).ok(), "all registers lie as declared\n");
+    assert_eq!(checkout.import(&["--check"]).ok(), "all registers have the declared offsets\n");
 }
 
 /// 5.02066.01a p. 42, 47, 72: the library of the b maXX PLC has structures of its own, and their names are those of the manual.
@@ -162,7 +162,7 @@ fn the_library_of_the_bmaxx_plc_is_found_by_its_own_names() {
     let import = checkout.import(&device);
     assert_eq!(
         (import.code, import.out.as_str()),
-        (Some(0), "all registers lie as declared\n"),
+        (Some(0), "all registers have the declared offsets\n"),
         "{}",
         import.err
     );
@@ -181,7 +181,10 @@ fn the_library_of_the_bmaxx_plc_is_found_by_its_own_names() {
         let marked: Vec<_> = differs.map(|(after, _)| after).collect();
         assert_eq!(marked, ["offsets = \"manual: BM_TYPES, TYPES.st\""], "{name}");
     }
-    assert_eq!(checkout.import(&["--device", "bm4-plc", "--check"]).ok(), "all registers lie as declared\n");
+    assert_eq!(
+        checkout.import(&["--device", "bm4-plc", "--check"]).ok(),
+        "all registers have the declared offsets\n"
+    );
 }
 
 /// Where the library has its registers elsewhere, the family's structure follows, which the firmware looks at (D-296).

@@ -63,8 +63,8 @@ fn values_are_written_by_name_and_as_in_structured_text() {
         (across.code, across.err.as_str()),
         (
             Some(0),
-            "commram: note: %MD3.200000 is no register of its own: node2.w_CPU_CONTROL, node2.w_OPTION_STATUS; \
-             it was written all the same\n"
+            "commram: note: %MD3.200000 is not a whole register: node2.w_CPU_CONTROL, node2.w_OPTION_STATUS; \
+             the value was written\n"
         )
     );
 }
@@ -86,9 +86,9 @@ fn several_conditions_hold_together_or_any_of_them() {
         emulator.run("wait", &["node2.w_OPTION_STATUS==16#80", "node2.w_CPU_CONTROL==1", "--within", "1ms"]);
     assert_eq!(
         outcome.fails(1),
-        "commram: these did not come to hold together within 1 ms; at 0.001500 s:\n  \
+        "commram: these were not true at the same moment within 1 ms; at 0.001500 s:\n  \
          node2.w_OPTION_STATUS (%MW3.200002) holds 16#0002, waiting for \"take over initialization data\"; \
-         awaited: 16#0080\n  node2.w_CPU_CONTROL (%MW3.200000) holds 16#0001, handshake; as awaited\n"
+         expected: 16#0080\n  node2.w_CPU_CONTROL (%MW3.200000) holds 16#0001, handshake; as expected\n"
     );
     let unlisted = emulator.run("wait", &["node2.w_CPU_CONTROL != 1", "--within", "1ms"]);
     assert!(unlisted.fails(1).contains("did not become other than 16#0001 within 1 ms"), "{}", unlisted.err);

@@ -252,7 +252,7 @@ fn a_dump_changes_nothing() {
 fn a_dump_of_nothing_special_says_so() {
     let emulator = Emulator::stepped();
     let name = &emulator.name;
-    let empty = format!("instance '{name}' at 0.000000 s\nall registers hold their reset values\n");
+    let empty = format!("instance '{name}' at 0.000000 s\nall registers have their reset values\n");
     assert_eq!(emulator.run("dump", &["node2.a_SL_TYP"]).ok(), empty);
     assert_eq!(emulator.run("dump", &["option1"]).ok(), empty);
     assert_eq!(emulator.run("dump", &["node2.a_SL_TYP", "--format", "json"]).ok(), "[]\n");

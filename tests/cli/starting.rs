@@ -41,7 +41,7 @@ fn a_detached_emulator_is_ready_when_the_command_returns() {
     assert!(ready.starts_with(&format!("commram: instance '{name}' ready: ")), "{ready}");
     let told = rest.strip_prefix("commram: process ").unwrap();
     let (pid, told) = told.split_once(' ').unwrap();
-    assert_eq!(told, format!("goes on in the background; end it with `commram stop -i {name}`\n"));
+    assert_eq!(told, format!("continues in the background; end it with `commram stop -i {name}`\n"));
     assert!(PathBuf::from(format!("/proc/{pid}")).exists());
     assert_eq!(instance.run("peek", &["--raw", "node2.w_OPTION_STATUS"]).ok(), "16#0001\n");
     instance.run("stop", &[]).ok();

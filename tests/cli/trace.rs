@@ -367,7 +367,7 @@ fn waveforms_have_registers_frames_and_sync_for_a_reader_that_is_not_ours() {
     let mut command = emulator.command("trace", &["--format", "vcd"]);
     assert!(command.stdout(fs::File::create(&path).unwrap()).status().unwrap().success());
     let refused = emulator.run("trace", &["--format", "vcd", "--follow"]);
-    assert!(refused.fails(2).contains("leave out --follow"));
+    assert!(refused.fails(2).contains("omit --follow"));
     let Some(mut python) = python(&["pywellen"]) else { return };
     let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/python/check_waves.py");
     let (status, text) = ("line.node2.w_OPTION_STATUS", "line.node2.w_OPTION_STATUS_text");

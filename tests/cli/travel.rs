@@ -138,7 +138,7 @@ fn a_snapshot_replaces_files_and_nothing_else() {
     fs::create_dir(&own).unwrap();
     for path in [&fifo, &own, Path::new("/dev/null")] {
         let told = emulator.run("snapshot", &[path.to_str().unwrap()]);
-        assert!(told.fails(2).contains("a snapshot goes into a file"), "{told:?}");
+        assert!(told.fails(2).contains("name a regular file"), "{told:?}");
     }
     assert!(fs::metadata(&fifo).unwrap().file_type().is_fifo() && own.is_dir());
     assert!(fs::metadata("/dev/null").unwrap().file_type().is_char_device());

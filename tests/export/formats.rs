@@ -85,7 +85,7 @@ fn matiec_gets_declarations_of_its_own() {
     assert!(elementary.ok().contains("    node2_b_CTRLREG_WRC1 AT %MB3.200012.0 : BYTE;"));
     for (args, why) in [
         (["c", "--matiec"], "only `st` has a form for matiec"),
-        (["st", "--main"], "only `matiec` and `openplc` have something around the compiled program"),
+        (["st", "--main"], "only `matiec` and `openplc` have a C program around the compiled one"),
     ] {
         assert!(run(&["export", args[0], args[1]]).fails(2).contains(why), "{args:?}");
     }

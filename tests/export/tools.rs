@@ -134,12 +134,12 @@ fn cantools_reads_the_messages_of_a_bus() {
         (&[][..], "give the plant, --plant plant.toml"),
         (&["--plant", &plant], "give one of its buses, --bus: open, shut"),
         (&["--plant", &plant, "--bus", "door"], "its buses are: open, shut"),
-        (&["--plant", &plant, "--bus", "shut"], "nobody at this bus knows its messages"),
+        (&["--plant", &plant, "--bus", "shut"], "no device on this bus knows its messages"),
         (&["--plant", &plant, "--elementary"], "a CAN database has no registers"),
     ] {
         assert!(dbc(args).fails(2).contains(why), "{args:?}");
     }
-    assert!(run(&["export", "c", "--bus", "open"]).fails(2).contains("only `dbc` is about a plant"));
+    assert!(run(&["export", "c", "--bus", "open"]).fails(2).contains("only `dbc` exports a bus"));
     let Some(mut command) = python(&["cantools"]) else { return };
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/python/check_dbc.py");
     let outcome = finish(command.arg(script).arg(&database));
@@ -174,12 +174,12 @@ fn a_unit_wants_its_own_shared_object_and_a_file() {
         (&["--output", &unit, "--library", &other], "it is not the libcommram_fmi.so of this commram"),
         (&["--output", &unit, "--library", &path("none.so")], "No such file"),
         (&["--output", &unit, &path("plant.toml")], "missing field `name`"),
-        (&["--output", &unit, "--block", "node2"], "give the plant file behind it"),
+        (&["--output", &unit, "--block", "node2"], "write the plant file after it"),
     ] {
         let outcome = run(&[&["export", "fmu"], args].concat());
         assert!(outcome.fails(2).contains(why), "{args:?}: {}", outcome.err);
     }
-    assert!(run(&["export", "c", "plant.toml"]).fails(2).contains("only `fmu` is about a whole plant"));
+    assert!(run(&["export", "c", "plant.toml"]).fails(2).contains("only `fmu` exports a whole plant"));
     assert!(!Path::new(&unit).exists());
 }
 

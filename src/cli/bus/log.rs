@@ -8,11 +8,12 @@ use crate::journal::pcapng;
 use crate::request::MAX_ADVANCE_US;
 use std::path::{Path, PathBuf};
 
-/// Send the frames of a log into buses, with the distances in time that they have there.
+/// Send the frames of a log to buses, with the time intervals of the log.
 ///
-/// LOG is what `candump -L` and `commram trace --format candump` or `pcapng` write, or Wireshark. The first frame is sent at once. With the stepped clock
-/// the command lets the time pass from one frame to the next, with the real-time clock it waits for it. What is on a bus
-/// besides takes part in the arbitration. An interface of the log is the bus of its name, or the only bus there is.
+/// LOG is a file written by `candump -L`, by `commram trace --format candump` or `pcapng`, or by Wireshark. The
+/// first frame is sent at once. With the stepped clock the command advances the clock from one frame to the next,
+/// with the real-time clock it waits. Other stations on the bus take part in the arbitration. An interface of the
+/// log means the bus of the same name, or the only bus of the instance.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -22,18 +23,18 @@ Examples:
 pub(super) struct Play {
     /// The log
     log: PathBuf,
-    /// The bus for all of its frames
+    /// Send all frames to this bus
     #[arg(long, value_name = "NAME")]
     bus: Option<String>,
     #[command(flatten)]
     instance: Instance,
 }
 
-/// Compare the frames of the journal with those of a log.
+/// Compare the frames of the journal with the frames of a log.
 ///
-/// For each bus the frames must be the same in the same order, and their times since the first one of the bus the same but
-/// for the tolerance. Every difference is a line: `missing` is only in the log, `extra` only in the journal, `moved` comes at
-/// another time. Exit code 1: there are differences.
+/// On each bus the frames must be the same in the same order. Their times since the first frame of the bus must be
+/// the same within the tolerance. Every difference is a line: `missing` is only in the log, `extra` only in the
+/// journal, `moved` comes at another time. Exit code 1: there are differences.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -42,32 +43,33 @@ Examples:
 pub(super) struct Compare {
     /// The log
     log: PathBuf,
-    /// The bus for all of its frames
+    /// Compare all frames with this bus
     #[arg(long, value_name = "NAME")]
     bus: Option<String>,
-    /// How far the times may differ
+    /// Largest allowed difference of the times
     #[arg(long, value_name = "TIME", value_parser = time::parse, default_value = "1ms")]
     tolerance: u64,
-    /// Only what was on the buses from this emulated time on
+    /// Compare only frames at or after this emulated time
     #[arg(long, value_name = "TIME", value_parser = time::parse, default_value = "0s", hide_default_value = true)]
     since: u64,
     #[command(flatten)]
     instance: Instance,
 }
 
-/// A log that was read.
+/// A log file after reading.
 struct Log {
     frames: Vec<Logged>,
-    /// What [`Logged::at`] counts in it.
+    /// Unit of [`Logged::at`]: line or byte.
     unit: &'static str,
 }
 
-/// Longest time between two frames of a log that is played: what one operation can let pass, 24 h in microseconds.
+/// Longest time between two frames of a played log: the limit of one advance operation, 24 h in
+/// microseconds.
 const LONGEST_GAP_US: u64 = MAX_ADVANCE_US;
 
 impl Log {
-    /// Checks that the times of the frames can be played. A frame whose time is before that of the frame in front of it can: it is
-    /// sent at once, and noted.
+    /// Checks that the times of the frames can be played. A frame with an earlier time than the preceding frame is
+    /// accepted: it is sent at once, with a note on the standard error output.
     fn check_times(&self, path: &Path) -> Result<(), CliError> {
         let unit = self.unit;
         let mut latest = self.frames.first().map_or(0, |first| first.time_us);
@@ -76,7 +78,7 @@ impl Log {
             let gap_us = frame.time_us.saturating_sub(latest);
             if gap_us > LONGEST_GAP_US {
                 let right = format!(
-                    "{unit} {}: its frame comes {} after the one before; a gap in a log that is played can have {} at most",
+                    "{unit} {}: its frame comes {} after the preceding frame; the longest gap in a log is {}",
                     frame.at,
                     time::seconds(gap_us),
                     time::seconds(LONGEST_GAP_US)
@@ -94,7 +96,7 @@ impl Log {
                 count => format!(", and {count} more frames"),
             };
             output::note(&format!(
-                "{}: {unit} {first}: its time is before that of an earlier frame{others}; they are sent at once",
+                "{}: {unit} {first}: its time is before the time of an earlier frame{others}; they are sent at once",
                 path.display()
             ));
         }
@@ -102,7 +104,7 @@ impl Log {
     }
 }
 
-/// The frames of a log.
+/// Reads the frames of a log.
 fn read(path: &Path) -> Result<Log, CliError> {
     let wrong = |right: String| CliError::Argument { text: path.display().to_string(), right };
     let bytes =
@@ -112,19 +114,19 @@ fn read(path: &Path) -> Result<Log, CliError> {
         return Ok(Log { frames, unit: "byte" });
     }
     let text = input_file::text(bytes).map_err(|_| {
-        wrong("it is neither a log of candump nor one in pcapng (Wireshark writes the latter)".to_owned())
+        wrong("it is neither a candump log nor a pcapng file (as Wireshark writes)".to_owned())
     })?;
     let frames = candump::read(&text).map_err(|error| wrong(error.to_string()))?;
     Ok(Log { frames, unit: "line" })
 }
 
-/// A frame at its time.
+/// A frame and its time in microseconds.
 type Timed = (u64, crate::can::Frame);
 
-/// Frames that may be missing or more than they should be before what follows counts as another one.
+/// How many missing or extra frames the comparison skips to find a match again.
 const WINDOW: usize = 64;
 
-/// The differences between what a log has and what was there, one a line.
+/// Returns the differences between the log and the journal, one per line.
 fn differences(bus: &str, wanted: &[Timed], found: &[Timed], tolerance_us: u64) -> Vec<String> {
     let (first_wanted, first_found) = match (wanted.first(), found.first()) {
         (Some(wanted), Some(found)) => (wanted.0, found.0),
@@ -157,7 +159,7 @@ fn differences(bus: &str, wanted: &[Timed], found: &[Timed], tolerance_us: u64) 
                 (wanted, found) = (rest, others);
             }
             ([first, rest @ ..], [other, others @ ..]) => {
-                // Whichever is seen again sooner has only been kept waiting.
+                // The frame that occurs again sooner was only delayed; the other one is missing or extra.
                 let (again, before) = (ahead(first, others), ahead(other, rest));
                 if before.is_some_and(|before| again.is_none_or(|again| before < again)) || again.is_none() {
                     lines.push(show("missing", first));
@@ -192,7 +194,7 @@ mod by_channel {
         frame: Frame,
     }
 
-    /// Finds the bus of each frame.
+    /// Assigns each frame to a bus.
     fn aim(log: Vec<Logged>, only: Option<&str>, info: &InstanceInfo) -> Result<Vec<Aimed>, CliError> {
         let buses = &info.names.buses;
         let number = |name: &str| buses.iter().position(|bus| bus == name);
@@ -234,7 +236,7 @@ mod by_channel {
         output::print(&format!("{frames} in {}{}\n", time::short(length_us), played?))
     }
 
-    /// How a log was played while the clock ran by itself. Times are emulated, in microseconds.
+    /// Timing of a log that was played with the real-time clock. Times are emulated, in microseconds.
     struct Timing {
         took_us: u64,
         latest_us: u64,
@@ -251,7 +253,7 @@ mod by_channel {
         }
     }
 
-    /// Lets the time pass from frame to frame. `sent` counts the frames of complete requests.
+    /// Advances the clock from frame to frame. `sent` counts the frames of completed requests.
     fn stepped(session: &Session, log: &[Aimed], start_us: u64, sent: &mut usize) -> Result<(), CliError> {
         let mut now_us = start_us;
         for part in log.chunks(MAX_OPS / 2) {
@@ -289,7 +291,8 @@ mod by_channel {
                 if left_us == 0 {
                     break now_us;
                 }
-                // Emulated time may pass faster or slower than this: short enough to be asked again.
+                // Emulated time can run faster or slower than real time, so at most 10 ms are slept before the next
+                // query.
                 std::thread::sleep(Duration::from_micros(left_us.min(10_000)));
             };
             session.ask(Op::BusSend { bus: it.bus, frame: Some(it.frame) })?.written()?;
@@ -325,7 +328,7 @@ mod by_channel {
         Err(CliError::Reported)
     }
 
-    /// The frames of the journal with their buses.
+    /// Reads the frames of the journal with their buses.
     fn frames(session: &Session, since_us: u64) -> Result<Vec<(u16, Timed)>, CliError> {
         let frame = |record: &Record| {
             let (carried, source) = (record.event.frame()?, record.event.source());
@@ -350,7 +353,7 @@ mod tests {
     }
 
     #[test]
-    fn only_distances_count() {
+    fn only_intervals_are_compared() {
         let wanted = [at(5_000_000, 1), at(5_001_000, 2), at(5_002_000, 3)];
         let found = [at(10, 1), at(1_010, 2), at(2_020, 3)];
         assert!(kinds(&wanted, &found, 10).is_empty());
@@ -358,7 +361,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_missing_or_more_does_not_move_the_rest() {
+    fn missing_and_extra_frames_do_not_move_the_others() {
         let wanted = [at(0, 1), at(1000, 2), at(2000, 3), at(3000, 4)];
         let found = [at(0, 1), at(2000, 3), at(2500, 9), at(3000, 4), at(4000, 5)];
         assert_eq!(
@@ -374,7 +377,7 @@ mod tests {
     }
 
     #[test]
-    fn another_frame_is_missing_and_extra() {
+    fn a_different_frame_is_reported_as_missing_and_extra() {
         let (wanted, found) = ([at(0, 1), at(1000, 2)], [at(0, 1), at(1000, 7)]);
         let lines = kinds(&wanted, &found, 0);
         assert!(

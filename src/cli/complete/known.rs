@@ -1,4 +1,4 @@
-//! What only a running emulator knows: nothing, if there is none or it does not answer.
+//! Completions from a running emulator: none if it is not running or does not answer.
 
 use super::line::instance;
 use crate::cli::{Instance, error::CliError, session::Session};
@@ -30,7 +30,7 @@ pub(super) fn known_drives() -> Vec<(String, String)> {
     drives.into_iter().map(|drive| (drive.name, drive.state.state)).collect()
 }
 
-/// The parameters of a drive that can be set, with what they are.
+/// The parameters of a drive that can be set, with their descriptions.
 pub(super) fn known_parameters(drive: u16) -> Vec<(String, String)> {
     use crate::request::Op;
     let details = session().and_then(|session| Ok(session.ask(Op::Drive { drive })?.drive()?));

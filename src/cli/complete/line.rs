@@ -1,17 +1,18 @@
-//! The words in front of the one that is completed.
+//! The words of the command line before the completed word.
 //!
-//! They are read from the arguments of this process, which a shell calls as `commram -- WORDS`. Bash breaks words at `:` and
-//! `=`, the others do not: [`whole`] mends them.
+//! They come from the arguments of this process: a shell calls it as `commram -- WORDS`. Bash splits words at `:`
+//! and `=`, other shells do not: [`whole`] joins them again.
 
 use core::cell::RefCell;
 use std::ffi::{OsStr, OsString};
 
-/// Whether bash has broken a word here.
+/// True if bash splits at this word.
 fn is_sign(word: &OsStr) -> bool {
     word.to_str().is_some_and(|word| !word.is_empty() && word.bytes().all(|byte| matches!(byte, b'=' | b':')))
 }
 
-/// The words of a command line as they were typed. Bash breaks them at `=` and `:`, which are words of their own then.
+/// Returns the words of a command line as they were typed. Bash splits words at `=` and `:` and makes the
+/// separators separate words.
 pub(crate) fn whole(words: &[OsString]) -> Vec<OsString> {
     let mut all: Vec<OsString> = Vec::new();
     let mut goes_on = false;
@@ -25,7 +26,7 @@ pub(crate) fn whole(words: &[OsString]) -> Vec<OsString> {
     all
 }
 
-/// What of the last of these words bash leaves as it is: all that stands in front of the part under the cursor.
+/// Returns the part of the last word that bash keeps unchanged: the text before the part under the cursor.
 pub(crate) fn front_of_last(words: &[OsString]) -> OsString {
     let end = match words.split_last() {
         Some((last, rest)) if !is_sign(last) && rest.last().is_some_and(|word| is_sign(word)) => rest,
@@ -36,11 +37,11 @@ pub(crate) fn front_of_last(words: &[OsString]) -> OsString {
 }
 
 thread_local! {
-    /// The words of a line that this program reads itself, the last one being completed.
+    /// The words of a line that this program read itself; the last one is being completed.
     static LINE: RefCell<Option<Vec<String>>> = const { RefCell::new(None) };
 }
 
-/// What `complete` finds for the last of these words of a command line, of which the first one is this program.
+/// Runs `complete` for the last of these words of a command line; the first word is the name of this program.
 pub(crate) fn within<T>(words: &[String], complete: impl FnOnce() -> T) -> T {
     LINE.set(Some(words.to_vec()));
     let found = complete();
@@ -57,7 +58,7 @@ pub(super) fn words() -> Vec<String> {
     whole(&words).into_iter().map(|word| word.to_string_lossy().into_owned()).collect()
 }
 
-/// What the command line gives for an option that is called so, or so.
+/// Returns the value of an option that has one of these names on the command line.
 pub(super) fn option(names: &[&str]) -> Option<String> {
     let words = words();
     let mut words = words.iter().map(String::as_str);
@@ -76,7 +77,7 @@ pub(super) fn option(names: &[&str]) -> Option<String> {
     None
 }
 
-/// The instance that the command line names, else the usual one.
+/// The instance that the command line names, else the default one.
 pub(super) fn instance() -> String {
     option(&["-i", "--instance"]).unwrap_or_else(crate::cli::InstanceName::usual)
 }
@@ -86,7 +87,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn words_that_bash_has_broken_are_whole_again() {
+    fn words_that_bash_has_split_are_joined_again() {
         let of = |words: &[&str]| words.iter().map(OsString::from).collect::<Vec<_>>();
         for (broken, typed, front) in [
             (&["poke", "a.b", "=", "re"][..], &["poke", "a.b=re"][..], "a.b="),

@@ -1,4 +1,4 @@
-//! The soft-PLC of a demonstration: a process that has the image of its PLC and nothing else.
+//! The soft-PLC of a demonstration: a process that only uses the image of its PLC.
 
 use crate::cli::demo::{processes, show};
 use crate::cli::error::CliError;
@@ -21,7 +21,7 @@ pub(crate) struct Args {
     parent: Option<u32>,
 }
 
-/// Attaches and runs the program that the device has for it.
+/// Attaches and runs the soft-PLC program of the device.
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     if let Some(parent) = args.parent {
         processes::end_with(parent)?;

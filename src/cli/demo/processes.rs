@@ -1,4 +1,4 @@
-//! The processes of the demonstration. None of them survives it, whatever happens.
+//! The processes of the demonstration. All of them end with it, also after an error.
 
 use crate::cli::error::CliError;
 use crate::cli::stop;
@@ -12,23 +12,23 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{self, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
-/// Pause between two looks at the processes.
+/// Pause between two polls of the processes.
 pub(crate) const POLL: Duration = Duration::from_millis(5);
-/// How long the emulator may take to get ready, and to end.
+/// Time limit for the start and for the end of the emulator.
 const PATIENCE: Duration = Duration::from_secs(20);
 
-/// Whether the user wants it to end.
+/// Set when the user asks to end.
 pub(crate) struct Interrupts(Arc<AtomicBool>);
 
 impl Interrupts {
-    /// Catches the signals that ask for an end. A second one ends at once.
+    /// Catches the termination signals. A second signal ends the process at once.
     ///
     /// # Errors
     /// The system refuses.
     pub(crate) fn catch() -> Result<Self, CliError> {
         let flag = Arc::new(AtomicBool::new(false));
         for signal in [SIGINT, SIGTERM, SIGHUP] {
-            // The order counts: the second signal finds the flag raised.
+            // The order matters: the second signal must find the flag set.
             signal_hook::flag::register_conditional_default(signal, Arc::clone(&flag))
                 .and_then(|_| signal_hook::flag::register(signal, Arc::clone(&flag)))
                 .map_err(|reason| CliError::Signals { reason })?;
@@ -36,17 +36,17 @@ impl Interrupts {
         Ok(Self(flag))
     }
 
-    /// Whether a signal has come.
+    /// True if a signal has arrived.
     pub(crate) fn any(&self) -> bool {
         self.0.load(Ordering::Relaxed)
     }
 }
 
-/// This program again, with a subcommand. It ends when this process does, and gets no Ctrl-C of its own:
-/// this process ends it in good order.
+/// Builds a command that starts this program with a subcommand. The child ends when this process does. It does not
+/// receive Ctrl-C from the terminal: this process ends it in an orderly way.
 ///
 /// # Errors
-/// Nobody knows where this program is.
+/// The path of this program is unknown.
 pub(crate) fn command(subcommand: &str) -> Result<Command, CliError> {
     let program = std::env::current_exe().map_err(process_error)?;
     let mut command = Command::new(program);
@@ -59,7 +59,7 @@ fn process_error(reason: io::Error) -> CliError {
     CliError::Process { reason }
 }
 
-/// Makes this process end when its parent does, which must be `parent`.
+/// Makes this process end when its parent ends, which must be `parent`.
 ///
 /// # Errors
 /// The system refuses, or the parent has ended already.
@@ -70,17 +70,16 @@ pub(crate) fn end_with(parent: u32) -> Result<(), CliError> {
     if found == Some(parent) { Ok(()) } else { Err(CliError::Interrupted) }
 }
 
-/// The emulator's process.
 pub(crate) struct Emulator {
     child: Child,
     instance: String,
 }
 
 impl Emulator {
-    /// Starts it with this plant file, or the built-in plant, and waits until it is ready.
+    /// Starts the emulator with this plant file, or with the built-in plant, and waits until it is ready.
     ///
     /// # Errors
-    /// It does not get ready, or the user has had enough.
+    /// The emulator does not get ready, or the user interrupts the start.
     pub(crate) fn start(
         instance: &str,
         plant: Option<&'static str>,
@@ -95,7 +94,7 @@ impl Emulator {
         let (input, out) = (child.stdin.take(), child.stdout.take());
         let mut this = Self { child, instance: instance.to_owned() };
         if let (Some(plant), Some(mut input)) = (plant, input) {
-            // A pipe holds more than such a text.
+            // The pipe buffer is larger than the text, so this write does not block.
             input.write_all(plant.as_bytes()).map_err(process_error)?;
         }
         let (send, ready) = mpsc::channel();
@@ -116,7 +115,7 @@ impl Emulator {
                     return Err(CliError::Demo(format!("the emulator is not ready after {PATIENCE:?}")));
                 }
                 Err(RecvTimeoutError::Disconnected) => {
-                    // It has said why.
+                    // The emulator has printed the reason.
                     let _ = this.child.wait();
                     return Err(CliError::Reported);
                 }
@@ -124,48 +123,46 @@ impl Emulator {
         }
     }
 
-    /// Its process id.
     pub(crate) fn pid(&self) -> u32 {
         self.child.id()
     }
 
-    /// Whether it has ended.
+    /// True if the emulator has ended.
     ///
     /// # Errors
-    /// The system refuses to tell.
+    /// The system call fails.
     pub(crate) fn has_ended(&mut self) -> Result<bool, CliError> {
         Ok(self.child.try_wait().map_err(process_error)?.is_some())
     }
 
-    /// Ends it in good order.
+    /// Ends the emulator in an orderly way.
     ///
     /// # Errors
-    /// It does not end, or not in good order.
+    /// The emulator does not end, or ends with an error.
     pub(crate) fn stop(mut self) -> Result<(), CliError> {
         terminate(&mut self.child)?;
         let status = self.child.wait().map_err(process_error)?;
         if status.success() {
             return Ok(());
         }
-        Err(CliError::Demo(format!("the emulator has not ended in good order ({status})")))
+        Err(CliError::Demo(format!("the emulator ended with an error ({status})")))
     }
 }
 
 impl Drop for Emulator {
     fn drop(&mut self) {
-        // All of this is for the case that something went wrong, which has been or will be reported.
+        // Only needed after an error, which is reported elsewhere.
         let _ = terminate(&mut self.child);
         let _ = stop::remove_remains(&self.instance);
     }
 }
 
-/// The soft-PLC's process.
 pub(crate) struct SoftPlc {
     child: Child,
 }
 
 impl SoftPlc {
-    /// Starts it on the image of a PLC.
+    /// Starts the soft-PLC on the image of a PLC.
     ///
     /// # Errors
     /// The system refuses.
@@ -174,10 +171,10 @@ impl SoftPlc {
         Ok(Self { child })
     }
 
-    /// How it has ended; `None` while it runs.
+    /// Returns the result of the soft-PLC; `None` while it runs.
     ///
     /// # Errors
-    /// The system refuses to tell.
+    /// The system call fails.
     pub(crate) fn outcome(&mut self) -> Result<Option<Result<(), CliError>>, CliError> {
         let Some(status) = self.child.try_wait().map_err(process_error)? else { return Ok(None) };
         Ok(Some(match status.code() {
@@ -194,14 +191,14 @@ impl Drop for SoftPlc {
     }
 }
 
-/// Asks a process to end; kills it if it does not.
+/// Sends SIGTERM to a process; kills it if it does not end.
 fn terminate(child: &mut Child) -> Result<(), CliError> {
     let start = Instant::now();
     let mut asked = false;
     while child.try_wait().map_err(process_error)?.is_none() {
         if !asked {
             asked = true;
-            // Not yet waited for, so the number still is its own.
+            // The child has not been reaped, so the process id is still valid.
             let pid = i32::try_from(child.id()).ok().and_then(Pid::from_raw);
             if let Some(pid) = pid {
                 rustix::process::kill_process(pid, Signal::TERM)

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 /// Writes the archive of a plant.
 ///
 /// # Errors
-/// The plant is refused, the shared object is not there or another one, or the file cannot be written.
+/// The plant is refused, the shared object is missing or of another version, or the file cannot be written.
 pub(super) fn run(
     plant: Option<&Path>,
     registers: &[String],
@@ -31,7 +31,7 @@ pub(super) fn run(
     output_file::write(to, &bytes).map_err(|reason| CliError::File { path: to.to_owned(), reason })
 }
 
-/// Where the shared object lies: beside the program, or where packages have it.
+/// Finds the shared object: in the directory of the program, or where packages install it.
 fn found() -> Result<PathBuf, CliError> {
     let name = format!("lib{LIBRARY}.so");
     let program = std::env::current_exe().and_then(fs::canonicalize);

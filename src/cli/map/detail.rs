@@ -1,10 +1,10 @@
-//! All that is known about one register.
+//! Detailed description of one register.
 
 use super::entry::Entry;
 use crate::cli::table;
 use crate::layout::Device;
 
-/// The address, and where the CPU finds it if that is known.
+/// The address, with the CPU address if it is known.
 fn address(entry: &Entry) -> String {
     match entry.cpu_address.as_str() {
         "" => entry.address.clone(),
@@ -12,7 +12,7 @@ fn address(entry: &Entry) -> String {
     }
 }
 
-/// Several lines of text.
+/// Formats the description as several lines of text.
 pub(crate) fn text(device: &Device, entry: &Entry) -> String {
     let line = |name: &str, value: String| vec![format!("  {name}"), value];
     let mut lines = vec![

@@ -8,13 +8,12 @@ use std::collections::BTreeMap;
 /// A register, an array of registers, or an area of plain RAM.
 #[derive(Serialize)]
 pub(crate) struct Entry {
-    /// Name with the block; arrays with the range of their indices.
+    /// Name with the block; the name of an array contains the index range.
     pub name: String,
-    /// The block.
     pub area: &'static str,
-    /// The structure; empty in plain RAM.
+    /// Name of the structure; empty in plain RAM.
     pub structure: &'static str,
-    /// The elements in use; the others are reserved. Empty if all are in use.
+    /// The elements in use; all other elements are reserved. Empty if all elements are in use.
     pub used: String,
     /// Address of the (first) register.
     pub address: String,
@@ -23,40 +22,39 @@ pub(crate) struct Entry {
     /// Data type.
     #[serde(rename = "type")]
     pub ty: String,
-    /// Who writes it.
+    /// The side that writes the register.
     pub owner: String,
     /// Value after power-on.
     pub reset: String,
-    /// Whether the manual reserves it.
+    /// True if the manual reserves the register.
     pub reserved: bool,
     /// Pages of the manual.
     pub page: &'static str,
-    /// Where the facts come from.
+    /// The sources of the facts.
     pub provenance: Sources,
-    /// What it is for.
+    /// Purpose of the register.
     pub meaning: &'static str,
-    /// Pages of the manual for values and bits; empty if it states none of them.
+    /// Pages of the manual for values and bits; empty if the manual states none of them.
     pub meaning_page: &'static str,
     /// Values with a meaning.
     pub values: Vec<Value>,
     /// Bits with a meaning.
     pub bits: Vec<Bit>,
-    /// What the manual calls the variable there; empty in plain RAM.
+    /// The name of the variable in the manual; empty in plain RAM.
     pub variable: &'static str,
-    /// The area itself.
     #[serde(skip)]
     pub area_ref: &'static Area,
 }
 
-/// Where each fact comes from.
+/// The source of each fact.
 #[derive(Serialize)]
 pub(crate) struct Sources {
     #[serde(flatten)]
     facts: BTreeMap<&'static str, String>,
-    /// The same in the order in which they are told.
+    /// All sources in display order.
     #[serde(skip)]
     ordered: Vec<(&'static str, String)>,
-    /// The inferred ones only.
+    /// Only the inferred facts.
     #[serde(skip)]
     short: String,
 }
@@ -70,9 +68,9 @@ pub(crate) struct Value {
     pub last: u32,
     /// In IEC notation.
     pub hex: String,
-    /// The meaning; n stands for the value.
+    /// The meaning; n is a placeholder for the value.
     pub meaning: String,
-    /// Where the meaning comes from.
+    /// The source of the meaning.
     pub provenance: String,
 }
 
@@ -87,7 +85,7 @@ pub(crate) struct Bit {
     pub name: &'static str,
     /// The meaning.
     pub meaning: String,
-    /// Where the meaning comes from.
+    /// The source of the meaning.
     pub provenance: String,
 }
 
@@ -124,7 +122,7 @@ impl Row for Entry {
 }
 
 impl Entry {
-    /// The columns that fit on a screen.
+    /// The columns that fit on a terminal.
     pub(crate) fn text_cells(&self) -> Vec<String> {
         let page = format!("p. {}", self.page);
         let meaning = self.meaning.to_owned();
@@ -143,13 +141,12 @@ impl Sources {
         Self { facts: ordered.iter().cloned().collect(), ordered, short: register.provenance() }
     }
 
-    /// All facts with their sources.
     pub(crate) fn all(&self) -> &[(&'static str, String)] {
         &self.ordered
     }
 }
 
-/// All entries of an area; a register that several of its structures share is given once.
+/// All entries of an area; a register that several structures of the area share is listed once.
 pub(crate) fn of_area(fitted: &DeviceFit, area: &'static Area) -> Vec<Entry> {
     if area.structures.is_empty() {
         return vec![plain(area)];
@@ -157,7 +154,8 @@ pub(crate) fn of_area(fitted: &DeviceFit, area: &'static Area) -> Vec<Entry> {
     firsts(fitted, area).iter().map(of_array).collect()
 }
 
-/// The registers of an area, of each array the first one; a register that several of its structures share is given once.
+/// The registers of an area, only the first element of each array; a register that several structures share is
+/// listed once.
 pub(crate) fn firsts(fitted: &DeviceFit, area: &'static Area) -> Vec<RegisterRef> {
     let mut firsts: Vec<RegisterRef> = Vec::new();
     let role = fitted.area(area).role();
@@ -174,7 +172,7 @@ pub(crate) fn firsts(fitted: &DeviceFit, area: &'static Area) -> Vec<RegisterRef
     firsts
 }
 
-/// The entries of registers; those of a whole array become one.
+/// The entries of registers; the registers of a whole array become one entry.
 pub(crate) fn of_registers(registers: &[RegisterRef]) -> Vec<Entry> {
     let mut entries = Vec::new();
     let mut rest = registers;
@@ -205,7 +203,7 @@ pub(crate) fn of_register(register: &RegisterRef) -> Entry {
     }
 }
 
-/// The entry of a register or a whole array, which `first` is the first of.
+/// The entry of a register, or of the whole array that begins with `first`.
 pub(crate) fn of_array(first: &RegisterRef) -> Entry {
     let RegisterRef { area, register, .. } = *first;
     Entry {
@@ -231,7 +229,7 @@ pub(crate) fn of_array(first: &RegisterRef) -> Entry {
 }
 
 fn plain(area: &'static Area) -> Entry {
-    // Where plain RAM lies is documented, what is in it nowhere.
+    // The address of plain RAM is documented, its content is not.
     let ours = Provenance::Inferred("D-330");
     let facts = [("offset", Provenance::Manual), ("type", ours), ("owner", ours), ("reset", ours)];
     let named: Vec<_> = [("area", area.name_from)].into_iter().chain(facts).collect();

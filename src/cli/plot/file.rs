@@ -1,4 +1,4 @@
-//! A journal that `commram trace --format jsonl` has written.
+//! A journal file written by `commram trace --format jsonl`.
 
 use crate::cli::error::CliError;
 use crate::input_file;
@@ -7,20 +7,20 @@ use serde::Deserialize;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-/// Most events that one line may stand for: a counted record ends after a second at the latest.
+/// Maximum number of events in one line: a counted record ends after at most one second.
 const MOST_TIMES: u64 = 1_000_000;
 
-/// What it tells of registers.
+/// The register values in a journal file.
 pub(super) struct RecordedRegisters {
     /// SYNC edges, ascending.
     pub edges: Vec<u64>,
-    /// The last time in it, in microseconds.
+    /// The last time in the file, in microseconds.
     pub end_us: u64,
-    /// By PLC and address.
+    /// History of each register by PLC and address.
     registers: BTreeMap<(String, String), Past>,
 }
 
-/// The fields of a line that count here; those of other kinds of records are others.
+/// The fields of a line that matter for plots; records of other kinds have further fields.
 #[derive(Deserialize)]
 struct Line {
     v: u64,
@@ -37,7 +37,7 @@ struct Line {
 }
 
 impl Line {
-    /// What the register holds from then on, and whether every change of it is told.
+    /// The new value of the register, and whether every change of this register is recorded.
     fn value(&self) -> Option<(u32, bool)> {
         let (value, is_recorded) = match self.kind.as_str() {
             "changed" => (&self.to, true),
@@ -50,7 +50,7 @@ impl Line {
         Some((u32::try_from(number).ok()?, is_recorded))
     }
 
-    /// Times of all events that it stands for.
+    /// Times of all events that the record counts.
     fn times(&self) -> impl Iterator<Item = u64> + use<> {
         let (count, period) = (self.count.unwrap_or(1).min(MOST_TIMES), self.period_us.unwrap_or(0));
         let last = self.time_us;
@@ -62,7 +62,7 @@ impl RecordedRegisters {
     /// Reads a file.
     ///
     /// # Errors
-    /// It cannot be read, or is no such journal.
+    /// The file cannot be read, or is not a journal.
     pub(super) fn read(path: &Path) -> Result<Self, CliError> {
         let wrong = |reason| CliError::Unreadable { path: path.to_owned(), reason };
         let text = input_file::read(path, input_file::LONGEST).map_err(|error| wrong(error.to_string()))?;
@@ -79,7 +79,7 @@ impl RecordedRegisters {
             };
             let line: Line = serde_json::from_str(line).map_err(|error| wrong(&error))?;
             if line.v != 1 {
-                return Err(wrong(&format!("version {} of the format, here 1 is read", line.v)));
+                return Err(wrong(&format!("version {} of the format, only version 1 can be read", line.v)));
             }
             told.end_us = told.end_us.max(line.time_us);
             if line.kind == "sync" {
@@ -97,7 +97,7 @@ impl RecordedRegisters {
         }
         told.edges.sort_unstable();
         told.edges.dedup();
-        // A counted record comes when its count ends.
+        // A counted record appears in the file at the end of its count.
         reported.sort_by_key(|(_, time, ..)| *time);
         for (register, time, value, is_recorded) in reported {
             if is_recorded == recorded.contains(&register) {
@@ -111,10 +111,10 @@ impl RecordedRegisters {
         Ok(told)
     }
 
-    /// What it tells of a register, nothing at all if it has none.
+    /// Returns the history of a register; it is empty if the file does not mention the register.
     ///
     /// # Errors
-    /// Registers of several PLCs have this address, and none was named.
+    /// Registers of several PLCs have this address, and no PLC was named.
     pub(super) fn register(&self, plc: Option<&str>, address: &str, text: &str) -> Result<Past, CliError> {
         let is_it = |(of, at): &(String, String)| at == address && plc.is_none_or(|plc| plc == of);
         let mut found = self.registers.iter().filter(|(register, _)| is_it(register));
@@ -145,7 +145,7 @@ mod tests {
 "#;
 
     #[test]
-    fn a_journal_is_read_with_what_it_counts() {
+    fn counted_records_of_a_journal_are_expanded() {
         let told = RecordedRegisters::parse(LINES).unwrap();
         assert_eq!((told.edges.as_slice(), told.end_us), (&[2000, 4000][..], 4100));
         let five = told.register(None, "%MB3.5", "a").unwrap();
@@ -158,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_journal_is_refused_by_its_line() {
+    fn a_file_that_is_not_a_journal_is_refused_with_its_line() {
         for (text, told) in [
             ("hello", "line 1: "),
             ("{\"v\":1,\"kind\":\"x\"}\n{}", "line 2: "),

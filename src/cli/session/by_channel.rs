@@ -1,4 +1,4 @@
-//! The way to a living instance.
+//! Access to a running instance.
 
 use super::*;
 use crate::channel::client::Patience;
@@ -12,10 +12,10 @@ use crate::request::{Op, Reply, WrongReply, read_journal};
 use std::time::Duration;
 
 impl Session {
-    /// Opens a living instance. `waits_us` is how much emulated time the request to come may wait.
+    /// Opens a running instance. `waits_us` is the longest emulated time that the next request can wait.
     ///
     /// # Errors
-    /// Nothing of that name lives, or the channel cannot be had.
+    /// No instance of this name is running, or its channel cannot be used.
     pub(crate) fn open(instance: &Instance, waits_us: u64) -> Result<Self, CliError> {
         instance.reach(|| {
             let name = instance.name();
@@ -45,10 +45,10 @@ impl Session {
         Ok(Self { instance: instance.to_owned(), plcs, fitted, door: Door::Channel(client) })
     }
 
-    /// The bare connection.
+    /// Returns the client connection.
     ///
     /// # Errors
-    /// There is none.
+    /// There is no connection.
     pub(crate) fn into_client(self) -> Result<Client, CliError> {
         match self.door {
             Door::Channel(client) => Ok(*client),
@@ -56,7 +56,7 @@ impl Session {
         }
     }
 
-    /// Sends the operations as one request. All of them were done if there is no error.
+    /// Sends the operations as one request. Without an error all operations were done.
     ///
     /// # Errors
     /// The first operation that was refused, or no reply.
@@ -68,10 +68,10 @@ impl Session {
         }
     }
 
-    /// The replies to these operations, in their order: [`Reply::Error`] to the one that is refused, if one is.
+    /// Sends operations and returns their replies in order: [`Reply::Error`] for a refused operation, if any.
     ///
     /// # Errors
-    /// The request as a whole got no replies.
+    /// The whole request got no replies.
     pub(crate) fn replies(&self, ops: &[Op]) -> Result<Vec<Reply>, CliError> {
         let Door::Channel(client) = &self.door else {
             return Err(no_channel(&self.instance));
@@ -81,7 +81,7 @@ impl Session {
         replies.map_err(|error| self.explain(error, client, ops))
     }
 
-    /// Why there is no reply. An emulator that is busy with another client tells with what.
+    /// Explains a missing reply: an emulator that is busy with another client reports what it is doing.
     fn explain(&self, error: ClientError, client: &Client, ops: &[Op]) -> CliError {
         let ClientError::Timeout { after, .. } = error else { return error.into() };
         let is_busy = ops.iter().any(|op| !op.only_looks());
@@ -94,15 +94,15 @@ impl Session {
         }
     }
 
-    /// Sends an operation as a request of its own.
+    /// Sends one operation as a separate request.
     ///
     /// # Errors
-    /// It was refused, or no reply.
+    /// The operation was refused, or there was no reply.
     pub(crate) fn ask(&self, op: Op) -> Result<Reply, CliError> {
         Ok(self.request(&[op])?.pop().ok_or(WrongReply)?)
     }
 
-    /// What there is to know of the instance.
+    /// Information about the instance.
     ///
     /// # Errors
     /// The emulator has gone.
@@ -110,7 +110,8 @@ impl Session {
         Ok(self.ask(Op::Info)?.info()?)
     }
 
-    /// The journal from record number `from` on, what is still being counted last. Says how many records are lost.
+    /// The journal from record number `from` on; records that are still being counted come last. Prints a note
+    /// about lost records.
     ///
     /// # Errors
     /// The emulator has gone.
@@ -123,7 +124,7 @@ impl Session {
         let begin = begin.unwrap_or(from);
         let lost = part.end.saturating_sub(begin).saturating_sub(part.records.len() as u64);
         if lost > 0 {
-            output::note(&format!("{lost} records are lost: more came than are kept"));
+            output::note(&format!("{lost} records are lost: the journal was full"));
         }
         part.records.append(&mut part.pending);
         Ok(part.records)
@@ -155,7 +156,7 @@ impl Session {
     }
 }
 
-/// Says that the records before number `begin` are not in the journal.
+/// Note that the records before number `begin` are not in the journal.
 pub(crate) fn continues(begin: u64) -> String {
     format!("the instance continues from a snapshot; its journal begins with record {begin}")
 }
@@ -168,14 +169,14 @@ fn attach_live(instance: &str, images: &[ImageInfo]) -> Result<Attached, CliErro
     Ok(devices::attach(instance, &image.plc, AttachMode::ReadWrite)?.0)
 }
 
-/// The killed emulator whose images another one is taking over: from when that has their locks until it has written its own name
-/// into them, they look as if the killed one lived.
+/// The killed emulator whose images another emulator is taking over. Between locking the images and writing its own
+/// process id into them, the images look as if the killed emulator were running.
 fn taken_from(instance: &str, images: &[ImageInfo]) -> Option<u32> {
     let owner = images.iter().find_map(|image| match &image.condition {
         Condition::Alive(summary) => Some(summary.pid),
         _ => None,
     })?;
-    // Of one that cannot be seen from here nobody knows whether it is another one.
+    // If the holder of the lock is in another PID namespace, we cannot tell whether it is the same process.
     let holder = InstanceLock::holder(instance).ok()??.map(|process| process.pid());
     holder.is_some_and(|holder| holder != owner).then_some(owner)
 }
@@ -184,7 +185,7 @@ fn no_channel(instance: &str) -> CliError {
     CliError::NotRunning { instance: instance.to_owned(), running: String::new() }
 }
 
-/// Real time per emulated time.
+/// Ratio of real time to emulated time.
 fn slowdown(attached: &Attached) -> f64 {
     match attached.header_snapshot().speed.load() {
         0 => 1.0,

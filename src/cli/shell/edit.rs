@@ -1,4 +1,4 @@
-//! Lines that somebody types at a terminal: edited, completed, kept.
+//! Input lines at a terminal: editing, completion, history.
 
 use super::{history, words};
 use crate::cli::complete;
@@ -16,17 +16,16 @@ use std::ffi::OsString;
 use std::io;
 use std::path::PathBuf;
 
-/// What was typed.
 pub(super) enum Typed {
-    /// A line, or several that belong together.
+    /// A line, or several lines that form one piece.
     Line(String),
-    /// It was given up.
+    /// The user discarded the line.
     Nothing,
-    /// Nothing more will come.
+    /// End of the input.
     End,
 }
 
-/// Reads from the terminal.
+/// Reads lines from the terminal.
 pub(super) struct Read {
     editor: Editor<Helping, FileHistory>,
     prompt: String,
@@ -34,27 +33,27 @@ pub(super) struct Read {
 }
 
 impl Read {
-    /// About an instance; `command` is the command line that is completed.
+    /// Makes a reader for an instance; `command` is the command line used for completion.
     pub(super) fn new(instance: &str, command: clap::Command) -> Result<Self, CliError> {
         let config = Config::builder().completion_type(CompletionType::List).auto_add_history(false).build();
         let mut editor = Editor::with_config(config).map_err(failed)?;
         editor.set_helper(Some(Helping { instance: instance.to_owned(), command }));
         let history = history::file();
         if let Some(file) = &history {
-            // Without it there is nothing to go through.
+            // Without a history file the shell starts with an empty history.
             let _ = editor.load_history(file);
         }
         Ok(Self { editor, prompt: format!("{instance}> "), history })
     }
 
-    /// The next line.
+    /// Reads the next line.
     pub(super) fn next(&mut self) -> Result<Typed, CliError> {
         match self.editor.readline(&self.prompt) {
             Ok(line) => {
                 if self.editor.add_history_entry(&line).unwrap_or(false)
                     && let Some(file) = &self.history
                 {
-                    // What cannot be kept is still there as long as the shell is.
+                    // If the file cannot be written, the line stays in the history until the shell ends.
                     let _ = self.editor.append_history(file);
                 }
                 Ok(Typed::Line(line))
@@ -102,7 +101,7 @@ impl Completer for Helping {
     }
 }
 
-/// What can stand at the end of a line, and where that begins.
+/// Candidates for the end of a line, and the position where the completed word begins.
 fn completed(before: &str, instance: &str, command: &clap::Command) -> (usize, Vec<String>) {
     let about = |mut words: Vec<String>| {
         words.splice(0..0, ["commram", "-i", instance].map(str::to_owned));
@@ -149,7 +148,7 @@ mod tests {
     }
 
     #[test]
-    fn commands_and_verbs_are_completed_where_they_can_stand() {
+    fn commands_and_verbs_are_completed_where_they_are_valid() {
         assert_eq!(complete("pee"), (0, vec!["peek".to_owned(), "peek(".to_owned()]));
         assert_eq!(complete("let x = pee"), (8, vec!["peek(".to_owned()]));
     }

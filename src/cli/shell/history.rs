@@ -1,10 +1,10 @@
-//! Where the lines are kept that were typed before.
+//! The file with the history of input lines.
 
 use std::fs::{DirBuilder, OpenOptions};
 use std::os::unix::fs::{DirBuilderExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 
-/// The file of the history, which only its owner reads and writes; `None` if there is no place for one.
+/// The history file, which only its owner can read and write; `None` if there is no directory for it.
 pub(super) fn file() -> Option<PathBuf> {
     let absolute = |name: &str| std::env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
     let state = absolute("XDG_STATE_HOME").or_else(|| Some(absolute("HOME")?.join(".local/state")))?;
@@ -26,7 +26,7 @@ mod tests {
     use std::os::unix::fs::PermissionsExt;
 
     #[test]
-    fn only_its_owner_reads_it() {
+    fn only_the_owner_can_read_the_history() {
         let directory = tempfile::tempdir().unwrap();
         let file = directory.path().join("state/commram/history");
         make(&file).unwrap();

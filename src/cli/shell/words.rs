@@ -1,20 +1,20 @@
-//! Lines: whether they are commands, their words, whether they go on.
+//! Analysis of input lines: commands, words, incomplete pieces.
 
 use crate::layout::did_you_mean;
 use crate::script;
 
-/// The words of a line if it is a command: its first word is the name of one, and it does not go on like a call or an
-/// assignment. An error if a quote is open, or if the name of this program stands in front of it.
+/// Splits a line into words if it is a command: its first word is the name of a command, and it does not continue
+/// like a call or an assignment. An error if a quote is open, or if the line begins with the name of this program.
 pub(super) fn of_command(line: &str, commands: &clap::Command) -> Option<Result<Vec<String>, &'static str>> {
     if let Some((_, rest)) = behind(line, "commram")
         && is_command(rest, commands)
     {
-        return Some(Err("leave out `commram`: here commands stand without it"));
+        return Some(Err("leave out `commram`: the shell needs only the command"));
     }
     is_command(line, commands).then(|| split(line).ok_or("a quote is open"))
 }
 
-/// Whether the line is a command.
+/// True if the line is a command.
 pub(super) fn is_command(line: &str, commands: &clap::Command) -> bool {
     let line = line.trim_start();
     let end = line.find(|sign: char| !sign.is_alphanumeric() && sign != '-').unwrap_or(line.len());
@@ -26,35 +26,35 @@ pub(super) fn is_command(line: &str, commands: &clap::Command) -> bool {
         && (first == "help" || commands.find_subcommand(first).is_some())
 }
 
-/// Who types one of these has had enough.
+/// Words that end the shell.
 const ENOUGH: [&str; 2] = ["exit", "quit"];
 
-/// What the shell is to end with, if a line says that it is to end.
+/// If the line ends the shell, returns its exit code.
 pub(super) fn of_end(line: &str) -> Option<Result<u8, &'static str>> {
     let (_, rest) = ENOUGH.iter().find_map(|word| behind(line, word))?;
     match rest {
         "" => Some(Ok(0)),
         rest if rest.starts_with(['=', '(']) => None,
-        code => Some(
-            code.parse().map_err(|_| "behind `exit` or `quit` stands an exit code of 0 to 255, or nothing"),
-        ),
+        code => {
+            Some(code.parse().map_err(|_| "write `exit` or `quit`, alone or with an exit code of 0 to 255"))
+        }
     }
 }
 
-/// The first word of a line and what stands behind it, if it is this one.
+/// If `word` is the first word of the line, returns it and the rest of the line.
 fn behind<'a>(line: &'a str, word: &str) -> Option<(&'a str, &'a str)> {
     let (first, rest) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
     (first == word).then(|| (first, rest.trim()))
 }
 
-/// With these words a statement of a scenario can begin.
+/// Words that begin a statement of a scenario.
 const STATEMENTS: [&str; 18] = [
     "break", "const", "continue", "do", "else", "export", "fn", "for", "if", "import", "let", "loop",
     "private", "return", "switch", "throw", "try", "while",
 ];
 
-/// What is wrong with a line that makes no sense as a piece of a scenario, if it looks like a command and is none: two words
-/// stand side by side.
+/// Error for a line which is neither a command nor valid in a scenario, if it looks like a command: two words
+/// without an operator between them.
 pub(super) fn no_command(line: &str, commands: &clap::Command) -> Option<String> {
     let (first, rest) = line.split_once(char::is_whitespace)?;
     let goes_on = |sign: char| sign.is_alphanumeric() || matches!(sign, '_' | '%' | '\'' | '"');
@@ -63,22 +63,20 @@ pub(super) fn no_command(line: &str, commands: &clap::Command) -> Option<String>
         return None;
     }
     if script::verbs().iter().any(|verb| verb.name == first) {
-        return Some(format!(
-            "`{first}` is a verb: what it needs stands in brackets behind it, {first}(...)"
-        ));
+        return Some(format!("`{first}` is a verb: write its arguments in parentheses, {first}(...)"));
     }
     Some(format!("there is no command or verb `{first}`{}", meant(line, commands)))
 }
 
-/// Whether it can be meant as a command.
+/// True if the word can be the name of a command.
 fn is_word(first: &str) -> bool {
     first.starts_with(|sign: char| sign.is_ascii_alphabetic())
         && first.chars().all(|sign| sign.is_ascii_alphanumeric() || matches!(sign, '-' | '_'))
         && !STATEMENTS.contains(&first)
 }
 
-/// Which command may be meant by a line that is none and makes no sense as a piece of a scenario either; nothing if it does not
-/// look like one.
+/// Suggestion of a command for a line that is neither a command nor valid in a scenario; empty if the line does not
+/// look like a command.
 pub(super) fn meant(line: &str, commands: &clap::Command) -> String {
     let (first, rest) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
     if !is_word(first) || rest.trim_start().starts_with(['=', '(']) {
@@ -88,7 +86,7 @@ pub(super) fn meant(line: &str, commands: &clap::Command) -> String {
     did_you_mean(first, names.map(clap::Command::get_name).chain(ENOUGH))
 }
 
-/// Words between blanks; quotes hold words together, as in a shell. `None`: a quote is open.
+/// Splits a line at blanks; quotes hold words together, as in a shell. `None`: a quote is open.
 pub(super) fn split(line: &str) -> Option<Vec<String>> {
     let (mut words, mut word, mut quote) = (Vec::new(), None::<String>, None);
     for sign in line.chars() {
@@ -107,7 +105,7 @@ pub(super) fn split(line: &str) -> Option<Vec<String>> {
     quote.is_none().then_some(words)
 }
 
-/// Whether a piece of a scenario goes on in the next line: a bracket is open.
+/// True if a piece of a scenario continues in the next line: a bracket is open.
 pub(super) fn is_open(text: &str) -> bool {
     let (mut depth, mut quote, mut signs) = (0_i32, None, text.chars().peekable());
     while let Some(sign) = signs.next() {
@@ -116,7 +114,7 @@ pub(super) fn is_open(text: &str) -> bool {
                 signs.next();
             }
             (Some(open), sign) if sign == open => quote = None,
-            // A text between double quotes ends with its line.
+            // A text between double quotes ends at the end of its line.
             (Some('"'), '\n') => quote = None,
             (Some(_), _) => {}
             (None, '"' | '`') => quote = Some(sign),
@@ -131,7 +129,7 @@ pub(super) fn is_open(text: &str) -> bool {
     depth > 0
 }
 
-/// The text that is open at the end of a piece, and where it begins.
+/// Start of the open text at the end of a piece.
 pub(super) fn open_text(piece: &str) -> Option<usize> {
     let mut begin = None;
     for (at, sign) in piece.char_indices().filter(|(_, sign)| *sign == '"') {
@@ -145,7 +143,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn commands_and_pieces_are_told_apart() {
+    fn commands_and_pieces_of_scenarios_are_distinguished() {
         let commands = super::super::command("x");
         for command in ["peek node2.w_CPU_CONTROL", "list", "step 1ms", "help", "help peek", "test a.rhai"] {
             assert!(is_command(command, &commands), "{command}");
@@ -164,7 +162,7 @@ mod tests {
     }
 
     #[test]
-    fn a_command_that_is_mistyped_is_guessed() {
+    fn a_command_is_suggested_for_a_mistyped_one() {
         let commands = super::super::command("x");
         assert!(meant("peak node2.w_CPU_CONTROL", &commands).contains("peek"));
         assert!(meant("quti", &commands).contains("quit"));
@@ -186,7 +184,7 @@ mod tests {
     }
 
     #[test]
-    fn the_name_of_the_program_is_left_out() {
+    fn the_name_of_the_program_is_refused() {
         let commands = super::super::command("x");
         assert!(of_command("commram peek node2.w_CPU_CONTROL", &commands).unwrap().is_err());
         assert_eq!(of_command("commram = 1", &commands), None);
@@ -199,7 +197,7 @@ mod tests {
     }
 
     #[test]
-    fn a_piece_with_an_open_bracket_goes_on() {
+    fn a_piece_with_an_open_bracket_continues() {
         for open in ["if x {", "expect(", "let a = [1,", "f(\"(\", // )\n"] {
             assert!(is_open(open), "{open}");
         }

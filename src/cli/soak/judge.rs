@@ -1,4 +1,4 @@
-//! Runs rounds, and shortens what fails.
+//! Runs rounds, and shortens failing rounds.
 
 use super::lives;
 use crate::cli::error::CliError;
@@ -11,10 +11,10 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
-/// How often a round that fails is run to make it shorter.
+/// Maximum number of runs to shorten a failing round.
 const TRIES: usize = 200;
 
-/// Who runs rounds. Its files go with it.
+/// Runs rounds. Its files are removed when it is dropped.
 pub(super) struct Judge {
     exercises: Vec<&'static Exercise>,
     keep: PathBuf,
@@ -23,23 +23,23 @@ pub(super) struct Judge {
     files: AtomicUsize,
 }
 
-/// What has become of a round.
+/// Result of a round.
 pub(super) struct Judged {
-    /// Its exercise.
+    /// Name of the exercise.
     pub exercise: &'static str,
-    /// Emulated time in microseconds, the second run not counted.
+    /// Emulated time of the first run, in microseconds.
     pub emulated_us: u64,
     /// Real time of both runs.
     pub took: Duration,
-    /// The round and why it is not as it must be.
+    /// The round and the reason of the failure.
     pub failure: Option<(Round, String)>,
 }
 
 impl Judge {
-    /// For rounds of these exercises.
+    /// Prepares rounds of these exercises.
     ///
     /// # Errors
-    /// There cannot be a directory for files.
+    /// The directory for files cannot be created.
     pub(super) fn new(
         exercises: Vec<&'static Exercise>,
         keep: &Path,
@@ -52,15 +52,14 @@ impl Judge {
         Ok(Self { exercises, keep: keep.to_owned(), directory, setting, files: AtomicUsize::new(0) })
     }
 
-    /// Its exercises.
     pub(super) fn exercises(&self) -> &[&'static Exercise] {
         &self.exercises
     }
 
-    /// Runs the round of this seed, unless told to `stop`.
+    /// Runs the round of this seed, unless `stop` returns true.
     ///
     /// # Errors
-    /// It cannot be drawn.
+    /// The round cannot be generated.
     pub(super) fn round(&self, seed: u64, stop: impl Fn() -> bool) -> Result<Judged, CliError> {
         let begun = Instant::now();
         let round = Round::draw(seed, &self.exercises)?;
@@ -74,20 +73,20 @@ impl Judge {
             _ => (round.exercise.name, self.run(&round, &stop)),
         };
         let took = begun.elapsed();
-        // Who is told to stop has not failed.
+        // A stopped round has not failed.
         let failure = why.filter(|_| !stop()).map(|why| (round, why));
         Ok(Judged { exercise, emulated_us, took, failure })
     }
 
-    /// Runs it twice: emulated time, and what is not as it must be.
+    /// Runs the round twice; returns the emulated time and the failure, if any.
     fn run(&self, round: &Round, stop: &impl Fn() -> bool) -> (u64, Option<String>) {
         let [one, other] = [false, true].map(|another_way| self.play(&round.text(another_way), stop));
         let emulated_us = one.emulated_us.unwrap_or_default();
         let why =
-            wrong(&one).or_else(|| wrong(&other).map(|why| format!("another way: {why}"))).or_else(|| {
+            wrong(&one).or_else(|| wrong(&other).map(|why| format!("second run: {why}"))).or_else(|| {
                 let (one, other) = (one.journal_hash, other.journal_hash);
                 (one != other).then(|| {
-                    "a run in other slices of time, with ways that are taken back, leaves another journal"
+                    "a run with other time slices and with steps that are taken back has another journal"
                         .to_owned()
                 })
             });
@@ -100,15 +99,15 @@ impl Judge {
             Ok(()) => process::run(&file, &self.setting, stop),
             Err(reason) => process::died(&file, &reason.to_string()),
         };
-        // It goes with the directory at the latest.
+        // If this fails, the file is removed with the directory.
         let _ = std::fs::remove_file(&file);
         report
     }
 
-    /// Makes a round that fails as short as it gets and writes it, if it is a scenario; what is to be told of it.
+    /// Shortens a failing round and writes it, if it is a scenario; returns the report.
     pub(super) fn keep(&self, (round, why): &(Round, String), stop: &impl Fn() -> bool) -> String {
         if round.kind == Kind::Killed {
-            // What happens depends on the moment.
+            // The result depends on the exact moment, so shortening is not possible.
             return format!(
                 "seed {}, {}: {why}; try `commram soak` with this seed again",
                 round.seed,
@@ -132,18 +131,18 @@ impl Judge {
         };
         let (exercise, kind) = (round.exercise.name, round.kind.name());
         let seed = round.seed;
-        format!("seed {seed}, {exercise}, {kind}: {why}\n{left} of its {of} moves are enough; {then}")
+        format!("seed {seed}, {exercise}, {kind}: {why}\n{left} of its {of} moves are enough to fail; {then}")
     }
 }
 
 impl Drop for Judge {
     fn drop(&mut self) {
-        // In the worst case files stay in the directory for such files.
+        // If this fails, the files stay in the directory for temporary files.
         let _ = std::fs::remove_dir_all(&self.directory);
     }
 }
 
-/// What a scenario that has not passed says.
+/// The failure text of a scenario that has not passed.
 fn wrong(report: &Report) -> Option<String> {
     match &report.outcome {
         Outcome::Passed => None,

@@ -1,4 +1,5 @@
-//! Emulators that end or are killed at any moment, one after the other: what the next one begins with is what was kept last, old or new.
+//! Emulators that end or are killed at any moment, one after the other. Each one must start with the values that
+//! were saved last, old or new.
 
 use crate::cli::demo::command;
 use crate::cli::stop::remove_remains;
@@ -14,23 +15,23 @@ use std::process::{Child, ExitStatus, Stdio};
 use std::sync::mpsc;
 use std::time::{Duration, Instant};
 
-/// How such rounds are called among the exercises.
+/// Name of these rounds among the exercises.
 pub(super) const NAME: &str = "novram";
-/// Emulators of a round.
+/// Number of emulators in a round.
 const LIVES: usize = 6;
-/// How long a start or an end may take; then it hangs.
+/// Time limit for a start or an end; after that the emulator counts as hanging.
 const PATIENCE: Duration = Duration::from_secs(60);
-/// Retain flags are written once a second.
+/// Longest run of a killed emulator. Retain flags are written once a second.
 const LONGEST_LIFE_US: u64 = 1_200_000;
-/// In this time it writes and ends.
+/// Longest time before the kill after the request to end: within it the emulator writes NOVRAM and ends.
 const LONGEST_END_US: u64 = 15_000;
 
-/// Retain flags of a device as words, all of which are mostly the same number.
+/// Retain flags of a device as words; most of them contain the same number.
 struct Flags {
     device: String,
     first: u32,
     words: u32,
-    /// What is kept for sure, and what was stored last.
+    /// The number that is saved for certain, and the number stored last.
     kept: u16,
     stored: u16,
 }
@@ -41,8 +42,8 @@ impl Flags {
         (0..words).map(move |word| first + 2 * word)
     }
 
-    /// What stands there was kept last or stored after that. As they are stored in ascending order, a number is followed by none that was
-    /// stored later.
+    /// Checks that the flags contain the number saved last or numbers stored later. Numbers are stored in ascending
+    /// order, so no number may be followed by one that was stored later.
     fn check(&mut self, segment: &Segment) -> Result<(), String> {
         let load = |offset| segment.load(offset, Width::Word).map_err(|error| error.to_string());
         let found: Vec<u32> = self.all().map(load).collect::<Result<_, _>>()?;
@@ -51,16 +52,16 @@ impl Flags {
         if !found.is_sorted_by(|one, next| one >= next) || least < u32::from(kept) || most > u32::from(stored)
         {
             return Err(format!(
-                "retain flags of {}: from {most} to {least}, in order, and not between {kept}, which was kept, and {stored}",
+                "retain flags of {}: from {most} to {least} in order, but not between {kept}, which was saved, and {stored}",
                 self.device
             ));
         }
-        // Both were read as words.
+        // Both values are words.
         (self.kept, self.stored) = (least as u16, most as u16);
         Ok(())
     }
 
-    /// Stores the next number into so many of a thousand.
+    /// Stores the next number into `of_1000` of every thousand flags.
     fn store(&mut self, segment: &Segment, of_1000: u32) -> Result<(), String> {
         self.stored += 1;
         let words = (u64::from(self.words) * u64::from(of_1000) / 1000) as usize;
@@ -70,7 +71,7 @@ impl Flags {
     }
 }
 
-/// An emulator; killed when this value is dropped.
+/// An emulator process; killed when this value is dropped.
 struct Life(Child);
 
 impl Life {
@@ -88,9 +89,9 @@ impl Life {
             let mut line = String::new();
             let mut out = out.map(BufReader::new);
             let _ended = out.as_mut().map(|out| out.read_line(&mut line));
-            // Who waits no longer has given up.
+            // If nothing receives the line, the start has timed out.
             let _ = send.send(line);
-            // Nothing that it says later may block it.
+            // Reads further output, so that the emulator never blocks on it.
             let _ = out.map(|mut out| std::io::copy(&mut out, &mut std::io::sink()));
         };
         std::thread::Builder::new().spawn(listen).map_err(|error| error.to_string())?;
@@ -103,7 +104,7 @@ impl Life {
     }
 
     fn signal(&self, signal: Signal) -> Result<(), String> {
-        // It is ours, and waited for by nobody else.
+        // The process is our child and has not been reaped, so its id is valid.
         let pid = i32::try_from(self.0.id()).ok().and_then(Pid::from_raw).ok_or("it has no number")?;
         kill_process(pid, signal).map_err(|error| error.to_string())
     }
@@ -116,32 +117,32 @@ impl Life {
             }
             std::thread::sleep(Duration::from_millis(1));
         }
-        Err("an emulator that was told to end does not end".to_owned())
+        Err("an emulator that was asked to end does not end".to_owned())
     }
 }
 
 impl Drop for Life {
     fn drop(&mut self) {
-        // It may have ended.
+        // The process may have ended.
         let _ = self.0.kill();
         let _ = self.0.wait();
     }
 }
 
-/// What is left in the shared memory goes with it.
+/// Name of an instance; its shared memory files are removed when it is dropped.
 struct Instance(String);
 
 impl Drop for Instance {
     fn drop(&mut self) {
-        // Nobody can be told; if it cannot be removed, `commram list` shows it.
+        // An error cannot be reported here; `commram list` shows an instance that was not removed.
         let _ = remove_remains(&self.0);
     }
 }
 
-/// Plays a round, in this directory under this instance name, until told to `stop`.
+/// Plays a round in this directory, under this instance name, until `stop` returns true.
 ///
 /// # Errors
-/// What was not as it must be.
+/// Description of the wrong behaviour.
 pub(super) fn play(
     round: &Round,
     home: &Path,
@@ -184,11 +185,11 @@ fn live(flags: &mut [Flags], rng: &mut Rng, instance: &str, home: &Path) -> Resu
     if asked {
         life.signal(Signal::TERM)?;
     }
-    // Of those that are asked some have all the time that they need.
+    // Some of the emulators that are asked to end get all the time they need.
     if !asked || rng.bool() {
         let longest = if asked { LONGEST_END_US } else { LONGEST_LIFE_US };
         std::thread::sleep(Duration::from_micros(rng.u64(..longest)));
-        // It may have ended.
+        // The process may have ended.
         let _ = life.signal(Signal::KILL);
     }
     let status = life.end()?;

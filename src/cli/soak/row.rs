@@ -5,7 +5,7 @@ use crate::cli::table;
 use crate::devices::Exercise;
 use serde::Serialize;
 
-/// What the rounds of an exercise have come to.
+/// Results of the rounds of an exercise.
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct Row {
     exercise: &'static str,
@@ -17,22 +17,22 @@ pub(super) struct Row {
 }
 
 impl Row {
-    /// None yet, of an exercise at these kinds of buses.
+    /// A row without rounds, for an exercise with these kinds of buses.
     pub(super) fn of(exercise: &'static str, buses: String) -> Self {
         Self { exercise, buses, rounds: 0, failed: 0, emulated_us: 0, real_us: 0 }
     }
 
-    /// Whether it has counted no round.
+    /// True if the row has no rounds.
     pub(super) fn is_empty(&self) -> bool {
         self.rounds == 0
     }
 
-    /// Whether it counts this round.
+    /// True if the round belongs to this row.
     pub(super) fn is_of(&self, judged: &Judged) -> bool {
         self.exercise == judged.exercise
     }
 
-    /// One more.
+    /// Adds a round.
     pub(super) fn add(&mut self, judged: &Judged) {
         self.rounds += 1;
         self.failed += u64::from(judged.failure.is_some());
@@ -40,7 +40,7 @@ impl Row {
         self.real_us += u64::try_from(judged.took.as_micros()).unwrap_or_default();
     }
 
-    /// Those of each kind of buses, if there are several of one, and all of them.
+    /// The sums for each kind of bus, if several rows have the same kind, and the sum of all rows.
     pub(super) fn sums(rows: &[Self]) -> Vec<Self> {
         let mut kinds: Vec<&str> = rows.iter().map(|row| row.buses.as_str()).collect();
         kinds.sort_unstable();
@@ -57,7 +57,7 @@ impl Row {
         sums
     }
 
-    /// Some of them.
+    /// The sum of these rows.
     pub(super) fn sum<'a>(name: &'static str, rows: impl IntoIterator<Item = &'a Self>) -> Self {
         rows.into_iter().fold(Self::of(name, String::new()), |mut all, row| {
             all.rounds += row.rounds;
@@ -68,18 +68,18 @@ impl Row {
         })
     }
 
-    /// How many times real time, both runs of a round counted once.
+    /// Ratio of emulated time to real time; both runs of a round count as one.
     fn speed(&self) -> u64 {
         self.emulated_us / self.real_us.max(1)
     }
 
-    /// Emulated days in an hour of a processor.
+    /// Emulated days per hour of one processor.
     fn days_per_hour(&self) -> f64 {
         let hundredths = 100 * self.emulated_us / 24 / self.real_us.max(1);
         hundredths as f64 / 100.0
     }
 
-    /// `12 rounds, 340 s emulated, 40 times real time on each processor`
+    /// Summary: `12 rounds, 340 s emulated, 40 times real time on each processor`
     pub(super) fn sentence(&self) -> String {
         format!(
             "{} rounds, {} emulated, {} times real time on each processor",
@@ -115,12 +115,12 @@ impl table::Row for Row {
     }
 }
 
-/// `3 s`: more would only be read past.
+/// Formats a time in whole seconds: `3 s`.
 fn whole_seconds(us: u64) -> String {
     format!("{} s", us / 1_000_000)
 }
 
-/// An exercise.
+/// An exercise in the list.
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct Listed {
     exercise: &'static str,
@@ -129,7 +129,6 @@ pub(super) struct Listed {
 }
 
 impl Listed {
-    /// In a row.
     pub(super) fn of(exercise: &Exercise) -> Self {
         let moves = exercise.moves.iter().map(|it| it.name).collect();
         Self { exercise: exercise.name, moves, wrongs: exercise.wrongs.len() }

@@ -1,4 +1,4 @@
-//! Which scenarios are meant: folders, filters, shards.
+//! Selection of scenarios: folders, filters, shards.
 
 use crate::cli::error::CliError;
 use crate::input_file;
@@ -8,13 +8,13 @@ use core::num::NonZero;
 use std::collections::HashSet;
 use std::path::{Component, Path, PathBuf};
 
-/// Scripts nest deeply while they are compiled.
+/// Scripts can nest deeply while they are compiled.
 const STACK: usize = 16 << 20;
 
-/// Every n-th scenario, from the i-th on.
+/// Every n-th scenario, beginning with the i-th.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Shard {
-    /// From 1.
+    /// Counted from 1.
     index: usize,
     count: NonZero<usize>,
 }
@@ -23,41 +23,44 @@ impl Shard {
     /// Parses `2/3`.
     ///
     /// # Errors
-    /// It is not written so, or there is no such shard.
+    /// The notation is wrong, or there is no such shard.
     pub(crate) fn parse(text: &str) -> Result<Self, String> {
         let number = |text: &str| text.parse::<usize>().ok();
         let numbers = text.split_once('/').and_then(|(index, count)| Some((number(index)?, number(count)?)));
         match numbers.map(|(index, count)| (index, NonZero::new(count))) {
             Some((index, Some(count))) if (1..=count.get()).contains(&index) => Ok(Self { index, count }),
-            Some((_, Some(count))) => Err(format!("shards are counted from 1, here up to {count}")),
+            Some((_, Some(count))) => Err(format!("shards are counted from 1 up to {count}")),
             Some((_, None)) => Err("there is at least one shard, 1/1".to_owned()),
-            None => Err("write which one and of how many, for example 1/3".to_owned()),
+            None => Err("write the number of the shard and of all shards, for example 1/3".to_owned()),
         }
     }
 
     /// Parses `0/3`, with the index counted from 0.
     ///
     /// # Errors
-    /// As [`Shard::parse`].
+    /// The errors of [`Shard::parse`].
     pub(crate) fn parse_index(text: &str) -> Result<Self, String> {
-        let wrong = || "write which one, from 0 on, and of how many, for example 0/3".to_owned();
+        let wrong =
+            || "write the index of the shard from 0 and the number of all shards, for example 0/3".to_owned();
         let (index, count) = text.split_once('/').ok_or_else(wrong)?;
         let index = index.parse::<usize>().ok().and_then(|index| index.checked_add(1)).ok_or_else(wrong)?;
         let parsed = Self::parse(&format!("{index}/{count}"));
-        parsed.map_err(|_| format!("{}; there must be one at least, and one of this index", wrong()))
+        parsed.map_err(|_| {
+            format!("{}; there must be at least one shard, and the index must be below their number", wrong())
+        })
     }
 
-    /// Which it is, from 1.
+    /// Number of the shard, from 1.
     pub(crate) const fn index(self) -> usize {
         self.index
     }
 
-    /// Of how many.
+    /// Number of all shards.
     pub(crate) const fn count(self) -> usize {
         self.count.get()
     }
 
-    /// Those of them that are in this shard.
+    /// Returns the scenarios of this shard.
     fn of(self, all: Vec<PathBuf>) -> Vec<PathBuf> {
         all.into_iter().skip(self.index - 1).step_by(self.count.get()).collect()
     }
@@ -69,10 +72,10 @@ impl fmt::Display for Shard {
     }
 }
 
-/// The scenarios that are named, in the order in which they are named; those of a folder in the order of their paths.
+/// Returns the scenarios in the order of the arguments; the scenarios of a folder in the order of their paths.
 ///
 /// # Errors
-/// A folder cannot be read or has no scenarios, or a filter lets none through.
+/// A folder cannot be read or has no scenarios, or no scenario matches a filter.
 pub(crate) fn scenarios(
     named: &[PathBuf],
     filters: &[String],
@@ -99,7 +102,7 @@ pub(crate) fn scenarios(
     })
 }
 
-/// The scenarios of a folder and its subfolders: no parts that others there import.
+/// The scenarios of a folder and its subfolders, without parts that others import.
 fn in_folder(folder: &Path) -> Result<Vec<PathBuf>, CliError> {
     let wrong = |right: &dyn std::fmt::Display| CliError::Argument {
         text: folder.display().to_string(),
@@ -116,7 +119,7 @@ fn in_folder(folder: &Path) -> Result<Vec<PathBuf>, CliError> {
     Ok(files)
 }
 
-/// Takes the scripts of a folder and its subfolders, but not of hidden ones nor of those that a link leads to.
+/// Collects the scripts of a folder and its subfolders. Skips hidden folders and links to folders.
 fn walk(folder: &Path, files: &mut Vec<PathBuf>) -> std::io::Result<()> {
     for entry in folder.read_dir()? {
         let entry = entry?;
@@ -132,12 +135,12 @@ fn walk(folder: &Path, files: &mut Vec<PathBuf>) -> std::io::Result<()> {
     Ok(())
 }
 
-/// The path without `.` in front.
+/// The path without a leading `.`.
 fn shown(path: &Path) -> PathBuf {
     path.components().filter(|part| *part != Component::CurDir).collect()
 }
 
-/// Those that others import and that do nothing by themselves.
+/// The scripts that others import and that do nothing by themselves.
 fn parts(files: &[PathBuf]) -> Result<HashSet<PathBuf>, CliError> {
     let real = |path: &Path| path.canonicalize().unwrap_or_else(|_| path.to_owned());
     let imported: HashSet<_> = files.iter().flat_map(|file| needs(file)).map(|file| real(&file)).collect();
@@ -157,8 +160,8 @@ fn parts(files: &[PathBuf]) -> Result<HashSet<PathBuf>, CliError> {
     })
 }
 
-/// Whether a path contains the text; or, if that has `*` or `?` in it, whether the whole path or the file's name without its
-/// ending is of this form.
+/// True if the path contains the text; if the text has `*` or `?`, true if the whole path or the file name without
+/// its extension matches the pattern.
 fn matches(filter: &str, file: &Path) -> bool {
     let path = file.to_string_lossy();
     if !filter.contains(['*', '?']) {
@@ -168,11 +171,11 @@ fn matches(filter: &str, file: &Path) -> bool {
     is_of_form(filter, &path) || is_of_form(filter, &name)
 }
 
-/// `*` stands for any characters, `?` for one.
+/// Pattern match: `*` matches any characters, `?` matches one.
 fn is_of_form(form: &str, text: &str) -> bool {
     let (form, text): (Vec<char>, Vec<char>) = (form.chars().collect(), text.chars().collect());
     let (mut at, mut in_form) = (0, 0);
-    // Where the last star stands, and the end of what it stands for so far.
+    // Position of the last star, and the end of the text that it matches so far.
     let mut star: Option<(usize, usize)> = None;
     while at < text.len() {
         match form.get(in_form) {
@@ -214,11 +217,11 @@ mod tests {
         for wrong in ["", "1", "0/2", "3/2", "1/0", "-1/2", "a/b", "1/2/3"] {
             assert!(Shard::parse(wrong).is_err(), "{wrong}");
         }
-        assert_eq!(Shard::parse("0/2").unwrap_err(), "shards are counted from 1, here up to 2");
+        assert_eq!(Shard::parse("0/2").unwrap_err(), "shards are counted from 1 up to 2");
     }
 
     #[test]
-    fn a_filter_is_a_part_of_the_path_or_a_form() {
+    fn a_filter_is_a_part_of_the_path_or_a_pattern() {
         let file = Path::new("tests/scenarios/04-deadlines.rhai");
         for filter in ["dead", "scenarios/04", "*lines", "04-*", "tests/*.rhai", "0?-d*l*s", "*"] {
             assert!(matches(filter, file), "{filter}");
@@ -229,7 +232,7 @@ mod tests {
     }
 
     #[test]
-    fn folders_are_searched_for_scenarios_but_not_for_their_parts() {
+    fn folders_are_searched_for_scenarios_without_imported_parts() {
         let directory = tempfile::tempdir().unwrap();
         let at = |name: &str| directory.path().join(name);
         for folder in ["deep/er", "common", ".hidden"] {
@@ -248,7 +251,8 @@ mod tests {
         }
         std::os::unix::fs::symlink(directory.path(), at("deep/round")).unwrap();
         let found = scenarios(&[directory.path().to_owned()], &[], None).unwrap();
-        // Nobody imports `unused`, so it is told that it does nothing; `b` is imported but does something by itself.
+        // No script imports `unused`, so it is listed and reported as empty; `b` is imported but does something by
+        // itself.
         let expected = ["a.rhai", "b.rhai", "common/unused.rhai", "deep/er/c.rhai"].map(at);
         assert_eq!(found, expected);
         let filters = ["er/c".to_owned(), "a".to_owned()];

@@ -1,5 +1,5 @@
-//! The report as one page: it needs no other file and no network, runs no program, and follows the reader's light or dark.
-//! Whatever a scenario is called or prints is text in it, never markup.
+//! The report as one page. It needs no other file and no network, runs no scripts, and follows the reader's light
+//! or dark mode. Names and output of scenarios are always escaped, so they never become markup.
 
 mod sequence;
 
@@ -11,10 +11,10 @@ use std::fmt::{self, Display};
 
 const STYLE: &str = include_str!("html/style.css");
 
-/// What a page shows may come from anybody: nothing is loaded and nothing runs.
+/// The content of a page may come from untrusted scenarios: the page loads nothing and runs nothing.
 const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; img-src data:";
 
-/// The page.
+/// Makes the page.
 pub(crate) fn page(reports: &[Report]) -> String {
     let all_passed = reports.iter().all(|report| report.outcome.is_passed());
     let (sign, word) = if all_passed { ("passed", "passed") } else { ("failed", "not all passed") };
@@ -37,7 +37,7 @@ pub(crate) fn page(reports: &[Report]) -> String {
     )
 }
 
-/// Text, with all that would be markup written so that it is none.
+/// Text with escaped markup.
 struct Text<T>(T);
 
 impl<T: Display> Display for Text<T> {
@@ -49,7 +49,7 @@ impl<T: Display> Display for Text<T> {
                 '>' => f.write_str("&gt;")?,
                 '"' => f.write_str("&quot;")?,
                 '\'' => f.write_str("&#39;")?,
-                // What a page must not have, or what turns the order of letters around.
+                // Characters that are not allowed in a page, or that change the direction of the text.
                 '\u{202A}'..='\u{202E}' | '\u{2066}'..='\u{2069}' => f.write_str("\u{FFFD}")?,
                 control if control.is_control() && control != '\n' && control != '\t' => {
                     f.write_str("\u{FFFD}")?
@@ -73,7 +73,7 @@ fn badge(outcome: &Outcome) -> String {
     format!("<span class=\"badge {}\">{}</span>", class(outcome), outcome.name())
 }
 
-/// The line of a scenario in the table.
+/// The row of a scenario in the table.
 fn row(number: usize, report: &Report) -> String {
     let emulated = report.emulated_us.map(seconds).unwrap_or_default();
     format!(
@@ -86,7 +86,7 @@ fn row(number: usize, report: &Report) -> String {
     )
 }
 
-/// All about a scenario; that of one that has passed is closed.
+/// All details of a scenario; the section of a passed scenario is collapsed.
 fn scenario(number: usize, report: &Report) -> String {
     let is_open = if report.outcome.is_passed() && report.plots.is_empty() { "" } else { " open" };
     let started = DateTime::<Utc>::from(report.started).to_rfc3339_opts(SecondsFormat::Secs, true);
@@ -138,7 +138,7 @@ fn place(place: &Place) -> String {
     format!("<p>{}{line}</p>\n<pre>{}</pre>\n", Text(&place.file), Text(source))
 }
 
-/// The sections; the last one of a scenario that has not passed is where it ended.
+/// The sections of a scenario; if it has not passed, the last section is where it ended.
 fn steps(report: &Report) -> String {
     let last = report.steps.len().saturating_sub(1);
     let step = |(number, step): (usize, &Step)| {
@@ -186,7 +186,7 @@ fn findings(findings: &[FoundLine]) -> String {
     )
 }
 
-/// A plot, as a picture of its own: what is in it stays in it.
+/// A plot as an embedded image: its content cannot affect the page.
 fn plot(plot: &Drawn) -> String {
     format!(
         "<figure><img alt=\"plot {0}\" src=\"data:image/svg+xml,{1}\"><figcaption>{0}</figcaption></figure>\n",
@@ -195,7 +195,7 @@ fn plot(plot: &Drawn) -> String {
     )
 }
 
-/// As it stands in an address.
+/// Percent-encodes a text for a URL.
 fn percent(text: &str) -> String {
     let plain = |byte: u8| byte.is_ascii_alphanumeric() || b"-_.~!*()/:;=,' ".contains(&byte);
     let byte = |byte: u8| match byte {
@@ -263,7 +263,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_that_a_scenario_says_is_markup() {
+    fn texts_of_scenarios_never_become_markup() {
         let mut reports = vec![report()];
         reports.push(Report::bare("b".into(), Outcome::Died(hostile())));
         reports.push(Report::bare("c".into(), Outcome::NotRun(hostile())));
@@ -273,13 +273,13 @@ mod tests {
         }
         assert!(page.contains("&lt;script&gt;alert(&#39;1&#39;)&lt;/script&gt;"), "{page}");
         assert!(page.contains("%3Csvg%3E%3Cscript%3Ealert(%271%27)"), "{page}");
-        // What the page itself has of quotes comes in pairs, and each tag is closed.
+        // The page has quotes in pairs, and every tag is closed.
         assert_eq!(page.matches("<details").count(), page.matches("</details>").count());
         assert_eq!(page.matches("<svg").count(), page.matches("</svg>").count());
     }
 
     #[test]
-    fn each_scenario_is_there_with_its_outcome() {
+    fn each_scenario_is_listed_with_its_outcome() {
         let reports = [report(), Report::bare("tests/start.rhai".into(), Outcome::Passed)];
         let page = page(&reports);
         assert!(page.contains("<title>commram: not all passed</title>"));

@@ -1,4 +1,4 @@
-//! What is printed about scenarios.
+//! Printed results of scenarios.
 
 use super::found::Shard;
 use crate::cli::output;
@@ -11,7 +11,7 @@ use std::fmt::Write;
 use std::path::Path;
 use std::time::Duration;
 
-/// A scenario that was found.
+/// A scenario in the list.
 #[derive(Serialize)]
 pub(crate) struct Listed {
     scenario: String,
@@ -19,7 +19,7 @@ pub(crate) struct Listed {
 }
 
 impl Listed {
-    /// The line of a file.
+    /// The row of a file.
     pub(crate) fn of(file: &Path) -> Self {
         let scenario = file.file_stem().unwrap_or(file.as_os_str()).to_string_lossy().into_owned();
         Self { scenario, file: file.display().to_string() }
@@ -34,13 +34,13 @@ impl Row for Listed {
     }
 }
 
-/// A scenario in a table.
+/// The result of a scenario in a table.
 #[derive(Serialize)]
 pub(crate) struct Line {
     scenario: String,
     file: String,
     outcome: &'static str,
-    /// When it began, in UTC.
+    /// Start of the run, in UTC.
     started: String,
     expectations: u64,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -54,15 +54,15 @@ pub(crate) struct Line {
     failure: Option<Details>,
     #[serde(skip_serializing_if = "String::is_empty")]
     printed: String,
-    /// Which part of all scenarios it was run with.
+    /// The shard that contained the scenario.
     #[serde(skip_serializing_if = "Option::is_none")]
     shard: Option<String>,
 }
 
-/// Where something is wrong.
+/// Location of an error.
 #[derive(Serialize)]
 struct Location {
-    /// The script, which may be one that the scenario imports.
+    /// The script, which can be imported by the scenario.
     script: String,
     line: Option<u32>,
     source: Option<String>,
@@ -75,7 +75,7 @@ impl Location {
     }
 }
 
-/// What is known of a failure.
+/// Details of a failure.
 #[derive(Serialize)]
 struct Details {
     kind: FailureKind,
@@ -90,14 +90,14 @@ struct Details {
     within_us: Option<u64>,
     time_us: u64,
     section: Option<String>,
-    /// How many there are of the access checker.
+    /// Number of findings of the access checker.
     findings: u64,
     first_findings: Vec<String>,
     journal: Vec<JournalLine>,
 }
 
 impl Line {
-    /// The scenario's line.
+    /// The row of a scenario.
     pub(crate) fn of(report: &Report, shard: Option<Shard>) -> Self {
         let (message, location, failure) = match &report.outcome {
             Outcome::Passed => (None, None, None),
@@ -166,7 +166,7 @@ impl Row for Line {
     }
 }
 
-/// One line about a scenario, and below it why it did not pass and what it printed.
+/// One line for a scenario; below it the reason why it did not pass, and its output.
 pub(crate) fn text(report: &Report) -> String {
     let emulated = report.emulated_us.map(|us| format!("{} emulated ", seconds(us))).unwrap_or_default();
     if let Outcome::NotRun(why) = &report.outcome {
@@ -189,11 +189,12 @@ pub(crate) fn text(report: &Report) -> String {
         // Writing to a String cannot fail.
         let _ = writeln!(text, "  {line}");
     }
-    // What a script says is not for the terminal to obey.
+    // Output of a script must not control the terminal.
     output::harmless(&text)
 }
 
-/// `12 passed, 1 failed, 0 broken; 3.250000 s emulated in 41 ms`, and how many died or were not run, if any.
+/// Summary: `12 passed, 1 failed, 0 broken; 3.250000 s emulated in 41 ms`, with the numbers of crashed and skipped
+/// scenarios, if any.
 pub(crate) fn summary(reports: &[Report]) -> String {
     let count = |name| reports.iter().filter(|report| report.outcome.name() == name).count();
     let emulated = reports.iter().filter_map(|report| report.emulated_us).sum();

@@ -1,4 +1,4 @@
-//! `commram test merge`: the reports of shards become the one of a single run.
+//! `commram test merge`: combines the reports of shards into the report of a single run.
 
 use super::found::Shard;
 use crate::cli::error::CliError;
@@ -14,10 +14,10 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// Merge the reports of all shards into that of a single run.
+/// Merge the reports of all shards into the report of a single run.
 ///
-/// The reports are those that `commram test --shard` has written with `--junit`, or all of them those of its `--format json`. The
-/// scenarios come in the order of a single run, and the exit code is what that would have ended with.
+/// The reports are written by `commram test --shard`, either all with `--junit` or all with `--format json`. The
+/// scenarios are in the order of a single run, and the exit code is the exit code of that run.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -27,23 +27,23 @@ Examples:
 Exit codes:
   0  all scenarios passed
   1  a scenario failed, crashed or was not run
-  2  wrong use: a report is none, is there twice or is missing; or a scenario is wrong")]
+  2  wrong use: a file is not a report, a report is duplicate or missing, or a scenario has an error")]
 pub(crate) struct Args {
     /// The reports of all shards, in any order
     #[arg(value_name = "REPORT", required = true)]
     reports: Vec<PathBuf>,
-    /// File to write; the standard output if left out
+    /// File to write; the standard output if omitted
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
 }
 
-/// How a scenario ended, as far as the exit code hangs on it.
+/// Result of a scenario, as far as it determines the exit code.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Ending {
     Passed,
     /// It failed, crashed or was not run.
     NotPassed,
-    /// Its script is wrong.
+    /// The script has an error.
     Broken,
 }
 
@@ -58,12 +58,11 @@ struct Scenario<T> {
 /// The report of a shard.
 struct Part<T> {
     path: PathBuf,
-    /// Not known of a report in JSON without scenarios.
+    /// `None` for a report in JSON without scenarios.
     shard: Option<Shard>,
     scenarios: Vec<Scenario<T>>,
 }
 
-/// Merges.
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let mut texts = Vec::with_capacity(args.reports.len());
     for path in &args.reports {
@@ -75,7 +74,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     if xml != 0
         && let Some((path, _)) = texts.iter().find(|(_, text)| !is_xml(text))
     {
-        return Err(wrong(path, "it is no JUnit report, others are; take those of one kind"));
+        return Err(wrong(path, "it is not a JUnit report, but others are; use reports of one kind"));
     }
     let (text, endings) = if xml > 0 {
         let parts = texts.iter().map(|(path, text)| of_junit(path, text)).collect::<Result<_, _>>()?;
@@ -120,10 +119,7 @@ fn of_junit(path: &Path, text: &str) -> Result<Part<TestSuite>, CliError> {
     let name = report.name.as_ref().map(|name| name.to_string()).unwrap_or_default();
     let shard = shard_of_junit(&name).and_then(|shard| Shard::parse(shard).ok());
     let shard = shard.ok_or_else(|| {
-        wrong(
-            path,
-            "it says of no shard which one it is; `commram test --shard I/N --junit FILE` writes those",
-        )
+        wrong(path, "it does not name its shard; `commram test --shard I/N --junit FILE` writes such reports")
     })?;
     let scenarios = report.test_suites.into_iter().map(|suite| {
         let file = suite.extra.get("file").map_or_else(|| suite.name.to_string(), |file| file.to_string());
@@ -145,7 +141,7 @@ fn of_junit(path: &Path, text: &str) -> Result<Part<TestSuite>, CliError> {
 
 fn of_json(path: &Path, text: &str) -> Result<Part<Value>, CliError> {
     let none =
-        "it is no report; `commram test --shard I/N` writes them with --junit FILE and with --format json";
+        "it is not a report; `commram test --shard I/N` writes them with --junit FILE and with --format json";
     let lines: Vec<Value> = serde_json::from_str(text).map_err(|_| wrong(path, none))?;
     let mut part = Part { path: path.to_owned(), shard: None, scenarios: Vec::with_capacity(lines.len()) };
     for mut line in lines {
@@ -157,7 +153,7 @@ fn of_json(path: &Path, text: &str) -> Result<Part<Value>, CliError> {
         let Some(shard) = shard.filter(|shard| part.shard.is_none_or(|known| known == *shard)) else {
             return Err(wrong(
                 path,
-                "it does not say which shard it is; `commram test --shard I/N` writes those",
+                "it does not name its shard; `commram test --shard I/N` writes such reports",
             ));
         };
         part.shard = Some(shard);
@@ -174,27 +170,30 @@ fn of_json(path: &Path, text: &str) -> Result<Part<Value>, CliError> {
     Ok(part)
 }
 
-/// The scenarios of all shards in the order of a single run: each shard has every N-th of them.
+/// The scenarios of all shards in the order of a single run: each shard has every N-th scenario.
 fn in_order<T>(parts: Vec<Part<T>>) -> Result<Vec<Scenario<T>>, CliError> {
     let (known, empty): (Vec<_>, Vec<_>) = parts.into_iter().partition(|part| part.shard.is_some());
     let Some(count) = known.first().and_then(|part| part.shard).map(Shard::count) else {
-        // Reports in JSON without a single scenario: nobody can tell whether one is missing.
+        // All reports in JSON are empty: a missing report cannot be detected.
         return Ok(Vec::new());
     };
     let mut places: Vec<Option<Part<T>>> = (0..count).map(|_| None).collect();
     for part in known {
         let Some(shard) = part.shard else { continue };
         if shard.count() != count {
-            return Err(wrong(&part.path, format!("it is shard {shard}, others are of {count} shards")));
+            return Err(wrong(
+                &part.path,
+                format!("it is shard {shard}, but others belong to {count} shards"),
+            ));
         }
         let place = &mut places[shard.index() - 1];
         if let Some(other) = place {
             let other = other.path.display();
-            return Err(wrong(&part.path, format!("it is shard {shard}, and so is {other}")));
+            return Err(wrong(&part.path, format!("it is shard {shard}, as is {other}")));
         }
         *place = Some(part);
     }
-    // Those that do not say which they are have no scenarios: they can only be the last ones.
+    // Reports without a shard number have no scenarios: only the last shards can be empty.
     let mut empty = empty.into_iter();
     for place in places.iter_mut().rev().take_while(|place| place.is_none()) {
         *place = empty.next();
@@ -202,13 +201,13 @@ fn in_order<T>(parts: Vec<Part<T>>) -> Result<Vec<Scenario<T>>, CliError> {
     if let Some(more) = empty.next() {
         return Err(wrong(
             &more.path,
-            format!("it has no scenarios, and all of {count} shards are there without it"),
+            format!("it has no scenarios, and all {count} shards are present without it"),
         ));
     }
     let missing = places.iter().enumerate().filter(|(_, place)| place.is_none());
     let missing: Vec<_> = missing.map(|(index, _)| format!("{}/{count}", index + 1)).collect();
     if !missing.is_empty() {
-        let right = "without their reports nobody knows how these ended".to_owned();
+        let right = "the reports of these shards are needed".to_owned();
         return Err(CliError::Argument { text: format!("missing: shard {}", missing.join(", ")), right });
     }
     let parts: Vec<_> = places.into_iter().flatten().collect();
@@ -219,14 +218,14 @@ fn in_order<T>(parts: Vec<Part<T>>) -> Result<Vec<Scenario<T>>, CliError> {
         if part.scenarios.len() != due {
             let has = plural(part.scenarios.len() as u64, "scenario");
             let what = format!(
-                "it has {has} where {due} of all {total} are due; the shards are not of the same files"
+                "it has {has}, expected are {due} of all {total}; the shards do not have the same files"
             );
             return Err(wrong(&part.path, what));
         }
         for scenario in &part.scenarios {
             if let Some(other) = files.insert(scenario.file.clone(), &part.path) {
                 let (file, other) = (&scenario.file, other.display());
-                return Err(wrong(&part.path, format!("{file} is in it, and in {other}")));
+                return Err(wrong(&part.path, format!("{file} is in this report and in {other}")));
             }
         }
     }

@@ -1,4 +1,4 @@
-//! One scenario, one process: whatever it does to itself, the others and the report are none the worse for it.
+//! One process per scenario: a crash of a scenario affects neither other scenarios nor the report.
 
 use super::LimitArgs;
 use super::scenario::Message;
@@ -13,27 +13,27 @@ use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant, SystemTime};
 
-/// How much longer than its real time a process may take: it must start, and it ends itself when its script comes to a
-/// next step.
+/// Extra real time of a process beyond its limit: it must start, and it checks the limit only between two steps of
+/// its script.
 const GRACE: Duration = Duration::from_secs(10);
-/// Pause between two looks whether everything is to end.
+/// Pause between two checks for an interrupt.
 const POLL: Duration = Duration::from_millis(20);
-/// Longest line that a process may send. What it prints is at most 1 MiB, six times that in JSON.
+/// Longest line that a process may send: at most 1 MiB of output, which can be six times longer in JSON.
 const LONGEST_LINE: u64 = 16 << 20;
-/// How much of its complaints is kept.
+/// Number of bytes of the error output that are kept.
 const COMPLAINTS: usize = 4096;
 
-/// How scenarios are run.
+/// Options for running scenarios.
 pub(crate) struct Setting {
     /// The instance to run on.
     pub attach: Option<String>,
-    /// What each may use up.
+    /// Limits of each scenario.
     pub limits: LimitArgs,
-    /// Whether those that expect nothing pass.
+    /// True if scenarios without expectations pass.
     pub allow_empty: bool,
 }
 
-/// Runs a scenario in a process of its own, until told to `stop`.
+/// Runs a scenario in a separate process, until `stop` returns true.
 pub(crate) fn run(file: &Path, setting: &Setting, stop: impl Fn() -> bool) -> Report {
     let mut report = match Scenario::start(file, setting) {
         Ok(scenario) => scenario.watch(file, setting.limits.max_real_time, stop),
@@ -45,12 +45,12 @@ pub(crate) fn run(file: &Path, setting: &Setting, stop: impl Fn() -> bool) -> Re
     report
 }
 
-/// The report about a scenario whose process cannot tell anything.
+/// The report of a scenario whose process sends no result.
 pub(crate) fn died(file: &Path, why: &str) -> Report {
     Report::bare(file.to_owned(), Outcome::Died(format!("{}: {why}", file.display())))
 }
 
-/// A process under way. It is killed when this value is dropped.
+/// A running process. It is killed when this value is dropped.
 struct Scenario {
     child: Child,
     began: SystemTime,
@@ -91,7 +91,7 @@ impl Scenario {
         Ok(this)
     }
 
-    /// Takes what it tells, until it has ended or must end.
+    /// Receives messages until the process has ended or must end.
     fn watch(mut self, file: &Path, max_real_us: u64, stop: impl Fn() -> bool) -> Report {
         let longest = Duration::from_micros(max_real_us).saturating_add(GRACE);
         let (mut printed, mut ended, mut killed) = (String::new(), None, None);
@@ -104,14 +104,14 @@ impl Scenario {
                 Err(RecvTimeoutError::Timeout) if stop() => killed = Some("interrupted".to_owned()),
                 Err(RecvTimeoutError::Timeout) if self.started.elapsed() > longest => {
                     killed = Some(format!(
-                        "killed, because after {} of real time (--max-real-time) it was still at the same step",
+                        "killed: after {} of real time (--max-real-time) it was still at the same step",
                         short(max_real_us)
                     ));
                 }
                 Err(RecvTimeoutError::Timeout) => continue,
             }
             if killed.is_some() {
-                // It may have ended by itself.
+                // The process may have ended by itself.
                 let _ = self.child.kill();
             }
         }
@@ -126,7 +126,7 @@ impl Scenario {
         }
     }
 
-    /// Its end, which is at hand: it has closed its output.
+    /// Waits for the end of the process, which has already closed its output.
     fn end(&mut self) -> io::Result<ExitStatus> {
         let since = Instant::now();
         while since.elapsed() < GRACE {
@@ -139,32 +139,32 @@ impl Scenario {
         self.child.wait()
     }
 
-    /// What it has complained about; it must have ended.
+    /// The error output of the process, which must have ended.
     fn complaints(&mut self) -> String {
-        // That thread does not panic.
+        // The thread does not panic.
         self.complaints.take().and_then(|thread| thread.join().ok()).unwrap_or_default()
     }
 }
 
 impl Drop for Scenario {
     fn drop(&mut self) {
-        // Both fail if it has ended, as it mostly has.
+        // Both calls fail if the process has ended, which is the usual case.
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
 }
 
-/// Why a process has not told how its scenario ended.
+/// Explains why a process sent no result of its scenario.
 fn died_of(status: &io::Result<ExitStatus>, complaints: &str) -> String {
     let status = match status {
         Ok(status) => status.to_string(),
         Err(reason) => reason.to_string(),
     };
     let complaints: String = complaints.lines().map(|line| format!("\n  {line}")).collect();
-    format!("its process has not come to the end of the scenario ({status}){complaints}")
+    format!("its process ended before the scenario was finished ({status}){complaints}")
 }
 
-/// What a process tells, until it ends or says something that cannot be understood.
+/// Messages of a process, until it ends or sends an invalid line.
 fn read_messages(out: impl Read) -> impl Iterator<Item = Message<'static>> {
     let mut out = BufReader::new(out);
     std::iter::from_fn(move || {
@@ -174,7 +174,8 @@ fn read_messages(out: impl Read) -> impl Iterator<Item = Message<'static>> {
     })
 }
 
-/// The beginning of what a process complains about; the rest is read, so that it is not held up, and forgotten.
+/// The beginning of the error output of a process; the rest is read, so that the process does not block, and
+/// discarded.
 fn read_complaints(mut err: impl Read) -> String {
     let mut text = Vec::new();
     let _ = err.by_ref().take(COMPLAINTS as u64).read_to_end(&mut text);

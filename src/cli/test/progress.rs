@@ -1,4 +1,4 @@
-//! How far it is, on a terminal.
+//! Progress of a run, on a terminal.
 
 use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
@@ -7,7 +7,7 @@ use std::sync::Mutex;
 /// Erases the line of the terminal.
 const ERASE: &str = "\r\x1b[2K";
 
-/// A line at the standard error output that tells how far it is, if that is a terminal.
+/// Progress line on the standard error output, if it is a terminal.
 pub(crate) struct Progress {
     state: Option<Mutex<State>>,
 }
@@ -21,7 +21,7 @@ struct State {
 }
 
 impl Progress {
-    /// For so many scenarios.
+    /// Starts the progress line for `count` scenarios.
     pub(crate) fn of(count: usize) -> Self {
         let state = || Mutex::new(State { of: count, ..State::default() });
         Self { state: std::io::stderr().is_terminal().then(state) }
@@ -37,9 +37,9 @@ impl Progress {
         self.change(|state| state.ends(file, passed));
     }
 
-    /// Does something while the line is not there.
+    /// Removes the line, does `act`, and shows the line again.
     pub(crate) fn aside<T>(&self, act: impl FnOnce() -> T) -> T {
-        // Nobody panics while holding the lock.
+        // No thread panics while it holds the lock.
         let Some(state) = self.state.as_ref().and_then(|state| state.lock().ok()) else { return act() };
         show("");
         let done = act();
@@ -65,11 +65,11 @@ impl Drop for Progress {
 
 fn show(line: &str) {
     let width = rustix::termios::tcgetwinsize(std::io::stderr()).map_or(0, |size| usize::from(size.ws_col));
-    // Some terminals do not know how wide they are.
+    // Some terminals do not report their width.
     let width = if width == 0 { 80 } else { width };
     let line: String = line.chars().take(width.saturating_sub(1)).collect();
     let mut err = std::io::stderr().lock();
-    // Nobody is left to be told if this fails.
+    // Write errors are ignored.
     let _ = write!(err, "{ERASE}{line}").and_then(|()| err.flush());
 }
 
@@ -86,7 +86,7 @@ impl State {
         self.not_passed += usize::from(!passed);
     }
 
-    /// `3 of 12 done, 1 not passed; running 04-deadlines, 05-control-word`
+    /// Text of the line: `3 of 12 done, 1 not passed; running 04-deadlines, 05-control-word`
     fn line(&self) -> String {
         if self.done == self.of {
             return String::new();
@@ -108,7 +108,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_line_tells_how_far_it_is() {
+    fn the_line_shows_the_progress() {
         let mut progress = State { of: 3, ..State::default() };
         assert_eq!(progress.line(), "0 of 3 done");
         let files = ["x/a.rhai", "b.rhai", "c.rhai"].map(Path::new);

@@ -1,4 +1,4 @@
-//! Runs scenarios, several at a time.
+//! Runs scenarios, several at the same time.
 
 use super::process::{self, Setting};
 use super::progress::Progress;
@@ -9,22 +9,22 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc;
 
-/// How scenarios are run.
+/// A run of several scenarios.
 pub(crate) struct Round {
-    /// What holds for each.
+    /// Options of each scenario.
     pub setting: Setting,
-    /// How many run at a time; else one per processor.
+    /// Number of scenarios that run at the same time; `None`: one per processor.
     pub jobs: Option<NonZero<usize>>,
-    /// Whether none begins any more after one that has not passed.
+    /// True if no scenario is started after one that has not passed.
     pub fail_fast: bool,
 }
 
 impl Round {
-    /// Runs all files until told to `stop`; hands over the reports in the order of the files, until `take` says that it is
-    /// enough.
+    /// Runs all files until `stop` returns true. Passes the reports to `take` in the order of the files, until
+    /// `take` returns false.
     ///
     /// # Errors
-    /// The system has no thread for it.
+    /// A thread cannot be started.
     pub(crate) fn run(
         &self,
         files: &[PathBuf],
@@ -58,7 +58,7 @@ impl Round {
                         let index = next.fetch_add(1, Ordering::Relaxed);
                         files.get(index).map(|file| (index, file))
                     } {
-                        // The receiver lives until all have been received.
+                        // The receiver lives until all reports have been received.
                         let _ = send.send((index, run(file)));
                     }
                 };

@@ -1,5 +1,5 @@
-//! `commram test-scenario`: the process of one scenario. What it prints and how it ended goes to the standard output as
-//! lines of JSON, for `commram test`.
+//! `commram test-scenario`: the process of one scenario. It writes its output and its result to the standard
+//! output, as lines of JSON for `commram test`.
 
 use super::LimitArgs;
 use crate::cli::demo::end_with;
@@ -12,7 +12,7 @@ use std::borrow::Cow;
 use std::path::PathBuf;
 use std::time::Duration;
 
-/// Scripts may nest calls deeply.
+/// Scripts can nest calls deeply.
 const STACK: usize = 16 << 20;
 
 /// The process of one scenario of `commram test`.
@@ -28,17 +28,17 @@ pub(crate) struct Args {
     attach: Option<String>,
     #[command(flatten)]
     limits: LimitArgs,
-    /// End when this process does
+    /// End when the process with this id ends
     #[arg(long, value_name = "PID", hide = true)]
     parent: Option<u32>,
 }
 
-/// A line to whoever has started this process.
+/// A message to the parent process.
 #[derive(Serialize, Deserialize)]
 pub(crate) enum Message<'a> {
-    /// The script has printed this.
+    /// Output of the script.
     Printed(Cow<'a, str>),
-    /// It has ended.
+    /// Final report of the scenario.
     Ended(Box<Report>),
 }
 
@@ -47,7 +47,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     if let Some(parent) = args.parent {
         end_with(parent)?;
     }
-    // What goes wrong is reported; a dump of the memory helps nobody.
+    // Failures are reported; core dumps are useless here.
     limit(Resource::Core, 0)?;
     limit(Resource::Data, args.limits.max_memory << 20)?;
     std::thread::scope(|scope| {
@@ -65,7 +65,7 @@ fn play(args: &Args) -> Result<(), CliError> {
     };
     let bench = args.attach.as_deref().map(|instance| attach(instance, limits)).transpose()?;
     let report = run_file(&args.file, bench, limits, |line| {
-        // Nobody is left to be told if this fails, and the process ends with its parent.
+        // Errors are ignored: this process ends with its parent.
         let _ = tell(&Message::Printed(line.into()));
     });
     tell(&Message::Ended(Box::new(report)))
@@ -83,7 +83,7 @@ fn attach(instance: &str, limits: Limits) -> Result<Bench, CliError> {
     Bench::attach(client).map_err(CliError::Scenario)
 }
 
-/// Lowers what this process may use of something, unless it is lower already.
+/// Lowers a resource limit of this process, unless it is lower already.
 fn limit(resource: Resource, most: u64) -> Result<(), CliError> {
     let now = rustix::process::getrlimit(resource);
     let lower = |limit: Option<u64>| Some(limit.map_or(most, |limit| limit.min(most)));

@@ -1,25 +1,25 @@
-//! Runs again what has changed.
+//! Runs changed scenarios again.
 
 use crate::script::{Report, needs};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
 
-/// Pause between two looks at the files.
+/// Pause between two checks of the files.
 pub(crate) const PAUSE: Duration = Duration::from_millis(200);
 
-/// What a file looked like: when it was changed and how long it is; nothing if it is not there.
+/// Modification time and length of a file; `None` if the file is missing.
 type Look = Option<(SystemTime, u64)>;
 
-/// What each scenario was made of when it was run.
+/// The files of each scenario at its last run.
 #[derive(Default)]
 pub(crate) struct Watched {
-    /// Of each scenario, what all its files looked like.
+    /// For each scenario, the stamps of all its files.
     scenarios: BTreeMap<PathBuf, BTreeMap<PathBuf, Look>>,
 }
 
 impl Watched {
-    /// Notes what a scenario is made of, before it runs: what changes meanwhile counts as changed.
+    /// Records the files of a scenario before it runs: a change during the run counts as a change.
     pub(crate) fn begins(&mut self, scenario: &Path) {
         let before = self.scenarios.get(scenario).map(|looks| looks.keys().cloned().collect());
         let mut files: BTreeSet<PathBuf> = before.unwrap_or_default();
@@ -29,7 +29,7 @@ impl Watched {
         self.scenarios.insert(scenario.to_owned(), looks.collect());
     }
 
-    /// Takes over what the scenario says that it has read.
+    /// Adds the files that the scenario has read.
     pub(crate) fn ended(&mut self, report: &Report) {
         if let Some(looks) = self.scenarios.get_mut(&report.file) {
             for file in &report.reads {
@@ -38,14 +38,14 @@ impl Watched {
         }
     }
 
-    /// Those of the scenarios that have changed since, or are new.
+    /// The scenarios that have changed since their last run, or are new.
     pub(crate) fn changed(&self, scenarios: &[PathBuf]) -> Vec<PathBuf> {
         let is_same = |looks: &BTreeMap<PathBuf, Look>| looks.iter().all(|(file, old)| look(file) == *old);
         let has_changed = |scenario: &&PathBuf| !self.scenarios.get(*scenario).is_some_and(is_same);
         scenarios.iter().filter(has_changed).cloned().collect()
     }
 
-    /// How many files are looked at.
+    /// Number of watched files.
     pub(crate) fn files(&self) -> usize {
         self.scenarios.values().flat_map(BTreeMap::keys).collect::<BTreeSet<_>>().len()
     }
@@ -82,7 +82,7 @@ mod tests {
         };
         for (changed, expected) in [
             ("plant.toml", &all[..1]),
-            // The import was not there.
+            // The import was missing.
             ("part.rhai", &all[..1]),
             ("without.rhai", &all[1..]),
             ("with.rhai", &all[..1]),

@@ -1,4 +1,4 @@
-//! Reading the journal to its end, and on from there.
+//! Reads the journal up to its end, and new records after it.
 
 use super::{Args, FormatArg};
 use crate::cli::error::CliError;
@@ -18,7 +18,7 @@ use crate::journal::{Format, Names, Printer, Record, Selection, Waves};
 use crate::request::{BusState, MAX_RECORDS, Op, WrongReply};
 use std::collections::VecDeque;
 
-/// Prints what there is, and what comes if asked for.
+/// Prints the existing records, and with --follow new ones.
 pub(crate) fn print(
     args: &Args,
     session: &Session,
@@ -37,7 +37,7 @@ pub(crate) fn print(
     print_as(args, session, selection, text)
 }
 
-/// The buses, and what is on them.
+/// The buses and the kinds of their links.
 fn links(session: &Session) -> Result<Vec<(String, Link)>, CliError> {
     let link = |bus: BusState| {
         let kind = devices::MEDIA.iter().find(|kind| kind.name == bus.kind);
@@ -50,7 +50,7 @@ fn links(session: &Session) -> Result<Vec<(String, Link)>, CliError> {
     Ok(session.ask(Op::Buses)?.buses()?.into_iter().map(link).collect())
 }
 
-/// Prints what there is as waveforms, which begin with a list of all that they have.
+/// Prints the existing records as waveforms, which begin with a list of all their signals.
 fn print_waveforms(
     args: &Args,
     session: &Session,
@@ -72,7 +72,7 @@ fn fst(waves: &Waves) -> Result<Vec<u8>, CliError> {
     crate::journal::fst::write(waves).map_err(failed)
 }
 
-/// Prints in this format: text, or bytes.
+/// Prints in a text or binary format.
 fn print_as<T: Default + AsRef<[u8]>>(
     args: &Args,
     session: &Session,
@@ -113,14 +113,14 @@ struct Trace<'a, T> {
     session: &'a Session,
     printer: Printer<T>,
     out: Out<T>,
-    /// What was still being counted at the last look.
+    /// Records that were still being counted at the last poll.
     counting: Vec<Record>,
-    /// Which history was read last.
+    /// The history that was read last.
     turn: Option<u16>,
 }
 
 impl<T: Default + AsRef<[u8]>> Trace<'_, T> {
-    /// Prints what stands in front of all records.
+    /// Prints the header of the format.
     fn begin(&self) -> Result<(), CliError> {
         let mut head = T::default();
         self.printer.begin(&mut head);
@@ -138,7 +138,7 @@ impl<T: Default + AsRef<[u8]>> Trace<'_, T> {
             if self.turn.replace(turn.number).is_some_and(|known| known != turn.number) {
                 self.out.flush()?;
                 output::note(&format!(
-                    "the instance has gone back; another history goes on behind record {}",
+                    "the instance has gone back; another history continues after record {}",
                     turn.begin
                 ));
                 self.printer.turn_to(turn.begin.min(from));
@@ -157,7 +157,7 @@ impl<T: Default + AsRef<[u8]>> Trace<'_, T> {
                 self.counting = part.pending;
                 return Ok(());
             }
-            // Without progress there would be no end.
+            // Without progress the loop would not end.
             if part.next() <= from {
                 return Err(WrongReply.into());
             }
@@ -173,7 +173,7 @@ impl<T: Default + AsRef<[u8]>> Trace<'_, T> {
         self.out.push(line);
     }
 
-    /// What is still being counted has no line yet.
+    /// Prints the records that were still being counted.
     fn end(mut self) -> Result<(), CliError> {
         for record in std::mem::take(&mut self.counting) {
             self.print(&record);
@@ -182,16 +182,16 @@ impl<T: Default + AsRef<[u8]>> Trace<'_, T> {
     }
 }
 
-/// Lines to be printed.
+/// Buffer of output lines.
 struct Out<T> {
     lines: VecDeque<T>,
-    /// So many of the last ones are wanted.
+    /// Number of last lines to keep; `None`: all lines are printed.
     keep: Option<usize>,
 }
 
 impl<T: AsRef<[u8]>> Out<T> {
     fn push(&mut self, line: T) {
-        // A record that the format has no line for.
+        // The format has no line for this record.
         if line.as_ref().is_empty() {
             return;
         }
@@ -201,7 +201,7 @@ impl<T: AsRef<[u8]>> Out<T> {
         }
     }
 
-    /// Prints what is there; from here on every line is wanted.
+    /// Prints the kept lines; from here on every line is printed.
     fn release(&mut self) -> Result<(), CliError> {
         self.keep = None;
         self.flush()

@@ -1,28 +1,27 @@
-//! What keys do: one table, which the keyboard, the help and the page of the view go by.
+//! Keys and their actions: one table for the keyboard, the help and the documentation page of the view.
 
 use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyModifiers};
 
-/// What fills the screen between the lines at its top and its bottom.
+/// A screen between the lines at the top and the bottom.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Pane {
     /// The plant with its buses.
     Plant,
-    /// Blocks with their registers, and those that are pinned.
+    /// Blocks with their registers, and the pinned registers.
     Registers,
-    /// How the pinned registers changed.
+    /// History of the pinned registers.
     Changes,
-    /// What was on a bus in an interval.
+    /// Frames of a bus in an interval.
     Frames,
     /// The fronts of the PLCs.
     Board,
-    /// The drives.
     Drives,
-    /// What the access checker has found.
+    /// Findings of the access checker.
     Findings,
 }
 
 impl Pane {
-    /// All of them, in the order of their numbers.
+    /// All panes in the order of their numbers.
     pub(super) const ALL: [Self; 7] = [
         Self::Plant,
         Self::Registers,
@@ -33,7 +32,6 @@ impl Pane {
         Self::Findings,
     ];
 
-    /// Its name.
     pub(super) fn name(self) -> &'static str {
         match self {
             Self::Plant => "Plant",
@@ -46,21 +44,21 @@ impl Pane {
         }
     }
 
-    /// What it is good for.
+    /// Description of the pane.
     fn what(self) -> &'static str {
         match self {
             Self::Plant => "the plant: PLCs with their ports, buses with their drives",
-            Self::Registers => "blocks and registers; below them those that are pinned",
-            Self::Changes => "every change of the pinned registers, with time and who it was",
-            Self::Frames => "the frames of an interval on a line of time, with its slots",
+            Self::Registers => "blocks with their registers, and the pinned registers",
+            Self::Changes => "every change of the pinned registers, with time and writer",
+            Self::Frames => "the frames of an interval on a time line, with its slots",
             Self::Board => "the fronts of the PLCs: display, LEDs, switches",
             Self::Drives => "the drives: states, reference and actual value as a running chart",
-            Self::Findings => "what the access checker has found, with the page of the manual",
+            Self::Findings => "the findings of the access checker, with the page of the manual",
         }
     }
 }
 
-/// What the user wants.
+/// An action of the user.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Action {
     Quit,
@@ -93,24 +91,23 @@ pub(super) enum Action {
     Clear,
 }
 
-/// A key and what it does.
+/// Keys and their action.
 pub(super) struct Binding {
-    /// The keys; one of them is enough.
+    /// Any of these keys triggers the action.
     keys: &'static [(KeyCode, KeyModifiers)],
-    /// What it does.
     pub action: Action,
-    /// The same for the user, short enough for a half of a narrow screen.
+    /// Description of the action, short enough for half of a narrow screen.
     pub text: &'static str,
-    /// What the page says besides.
+    /// Further text for the documentation page.
     pub more: &'static str,
-    /// Whether it changes something in the plant.
+    /// True if the action changes something in the plant.
     pub changes: bool,
 }
 
 const NONE: KeyModifiers = KeyModifiers::NONE;
 const CTRL: KeyModifiers = KeyModifiers::CONTROL;
 
-/// A key that only looks.
+/// A key that changes nothing in the plant.
 const fn looks(
     keys: &'static [(KeyCode, KeyModifiers)],
     action: Action,
@@ -130,7 +127,7 @@ const fn changes(
     Binding { keys, action, text, more, changes: true }
 }
 
-/// All keys, in the order in which they are told.
+/// All keys in display order.
 pub(super) static KEYS: &[Binding] = &[
     looks(&[(KeyCode::Tab, NONE)], Action::Next, "the other list, the next bus", ""),
     looks(&[(KeyCode::Up, NONE), (KeyCode::Char('k'), NONE)], Action::Up, "up", ""),
@@ -142,81 +139,81 @@ pub(super) static KEYS: &[Binding] = &[
         &[(KeyCode::End, NONE), (KeyCode::Char('G'), NONE)],
         Action::Last,
         "to the last line",
-        "among the changes it stays at the latest then; among the frames the latest interval is shown again",
+        "in the changes the view then stays at the latest one; in the frames it shows the latest interval again",
     ),
     looks(
         &[(KeyCode::Right, NONE), (KeyCode::Char('l'), NONE)],
         Action::Open,
-        "open; an interval on",
-        "opens a block or an array; among the frames it goes on by an interval",
+        "open; next interval",
+        "opens a block or an array; in the frames it moves to the next interval",
     ),
     looks(
         &[(KeyCode::Left, NONE), (KeyCode::Char('h'), NONE)],
         Action::Close,
-        "close; an interval back",
-        "an interval that was gone back to stays while the clock runs",
+        "close; previous interval",
+        "an earlier interval stays on the screen while the clock runs",
     ),
     looks(
         &[(KeyCode::Enter, NONE)],
         Action::Toggle,
         "open or close; pin; turn",
-        "a register is pinned, or let go; a switch is turned",
+        "pins or unpins a register; turns a switch",
     ),
-    looks(&[(KeyCode::Char(' '), NONE)], Action::Pin, "pin a register, let it go", ""),
+    looks(&[(KeyCode::Char(' '), NONE)], Action::Pin, "pin or unpin a register", ""),
     looks(
         &[(KeyCode::Char('/'), NONE)],
         Action::Find,
         "find registers",
-        "as you type; Enter keeps what is found, Esc ends it",
+        "while you type; Enter keeps the result, Esc ends the search",
     ),
-    changes(&[(KeyCode::Char('p'), NONE)], Action::Poke, "poke a register", "asks before it does"),
+    changes(&[(KeyCode::Char('p'), NONE)], Action::Poke, "poke a register", "asks for confirmation"),
     changes(
         &[(KeyCode::Char('f'), NONE)],
         Action::Force,
         "force a register",
-        "it keeps the value; asks before it does",
+        "the register keeps the value; asks for confirmation",
     ),
-    changes(&[(KeyCode::Char('u'), NONE)], Action::Unforce, "let a forced one go", "asks before it does"),
+    changes(&[(KeyCode::Char('u'), NONE)], Action::Unforce, "unforce a register", "asks for confirmation"),
     changes(
         &[(KeyCode::Char('t'), NONE)],
         Action::Turn,
         "turn a switch of the board",
-        "the one in the chosen line of pane 5; asks before it does",
+        "the switch in the chosen line of pane 5; asks for confirmation",
     ),
-    changes(&[(KeyCode::Char('s'), NONE)], Action::Step, "let some time pass", "stepped clock only"),
-    changes(&[(KeyCode::Char('n'), NONE)], Action::ToSync, "on to the next SYNC", "stepped clock only"),
+    changes(&[(KeyCode::Char('s'), NONE)], Action::Step, "advance the clock", "stepped clock only"),
+    changes(&[(KeyCode::Char('n'), NONE)], Action::ToSync, "go to the next SYNC", "stepped clock only"),
     changes(
         &[(KeyCode::Char('e'), NONE)],
         Action::ToEvent,
-        "on to the next event",
-        "to the next moment at which the emulator has something to do; stepped clock only",
+        "go to the next event",
+        "the next scheduled action of the emulator; stepped clock only",
     ),
     changes(
         &[(KeyCode::Char('w'), NONE)],
         Action::Until,
         "wait for a condition",
-        "a stepped clock runs meanwhile",
+        "meanwhile a stepped clock is advanced",
     ),
     changes(
         &[(KeyCode::Char('b'), NONE)],
         Action::Back,
-        "back by some time",
-        "what was done since is gone; stepped clock only",
+        "go back in time",
+        "later events are lost; stepped clock only",
     ),
     changes(
         &[(KeyCode::Char('B'), NONE)],
         Action::BackUntil,
-        "back until a condition",
-        "to the last moment before now at which it came to hold; stepped clock only",
+        "go back to a condition",
+        "to the last moment before now at which it became true; stepped clock only",
     ),
-    changes(&[(KeyCode::Char('c'), NONE)], Action::Clear, "forget the findings", "asks before it does"),
-    looks(&[(KeyCode::Esc, NONE)], Action::Cancel, "end what is going on", "a question, a search, a wait"),
+    changes(&[(KeyCode::Char('c'), NONE)], Action::Clear, "delete the findings", "asks for confirmation"),
+    looks(&[(KeyCode::Esc, NONE)], Action::Cancel, "cancel", "a question, a search, a wait"),
     looks(&[(KeyCode::Char('?'), NONE), (KeyCode::F(1), NONE)], Action::Help, "this help", ""),
-    looks(&[(KeyCode::Char('q'), NONE)], Action::Quit, "quit", "the emulator goes on"),
+    looks(&[(KeyCode::Char('q'), NONE)], Action::Quit, "quit", "the emulator continues"),
     looks(&[(KeyCode::Char('c'), CTRL)], Action::Interrupt, "quit with exit code 130", ""),
 ];
 
-/// What a key does; numbers show panes.
+/// Returns the action of a key; digits select panes.
 pub(super) fn action_of(key: KeyEvent) -> Option<Action> {
     let pressed = (key.code, key.modifiers - KeyModifiers::SHIFT);
     if let KeyCode::Char(digit) = key.code
@@ -227,12 +224,12 @@ pub(super) fn action_of(key: KeyEvent) -> Option<Action> {
     KEYS.iter().find(|binding| binding.keys.contains(&pressed)).map(|binding| binding.action)
 }
 
-/// Whether the action changes something in the plant.
+/// True if the action changes something in the plant.
 pub(super) fn changes_the_plant(action: Action) -> bool {
     KEYS.iter().any(|binding| binding.action == action && binding.changes)
 }
 
-/// Keys, what they do, and more about that, for people.
+/// All keys with their short and long descriptions.
 pub(super) fn told() -> Vec<(String, &'static str, &'static str)> {
     let panes = (1..).zip(Pane::ALL).map(|(number, pane)| (number.to_string(), pane.name(), pane.what()));
     let keys = KEYS.iter().map(|binding| {
@@ -242,7 +239,7 @@ pub(super) fn told() -> Vec<(String, &'static str, &'static str)> {
     panes.chain(keys).collect()
 }
 
-/// How a key is called.
+/// Name of a key.
 fn name(code: KeyCode, modifiers: KeyModifiers) -> String {
     let name = match code {
         KeyCode::Char(' ') => "Space".to_owned(),
@@ -262,7 +259,7 @@ mod tests {
     use std::collections::HashSet;
 
     #[test]
-    fn no_key_does_two_things() {
+    fn every_key_has_one_action() {
         let mut seen = HashSet::new();
         for binding in KEYS {
             for (code, modifiers) in binding.keys {
@@ -274,14 +271,14 @@ mod tests {
     }
 
     #[test]
-    fn numbers_show_panes() {
+    fn numbers_select_panes() {
         let key = |digit| action_of(KeyEvent::new(KeyCode::Char(digit), NONE));
         assert_eq!((key('1'), key('0'), key('9')), (Some(Action::Show(Pane::Plant)), None, None));
     }
 
-    /// `COMMRAM_UPDATE_SCREENS=1` renews the table.
+    /// `COMMRAM_UPDATE_SCREENS=1` updates the table.
     #[test]
-    fn the_page_tells_the_keys() {
+    fn the_page_lists_the_keys() {
         let row = |(keys, text, more): (String, &str, &str)| {
             let more = if more.is_empty() { String::new() } else { format!(": {more}") };
             format!("| `{}` | {text}{more} |\n", keys.replace(", ", "`, `"))

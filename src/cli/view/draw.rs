@@ -1,4 +1,4 @@
-//! The screen: what stands at its top and its bottom, the pane in between, and what lies over it.
+//! The screen: the lines at the top and the bottom, the pane in between, and boxes over it.
 
 use super::actions::{self, Pane};
 use super::model::{Contact, Hot, Model};
@@ -11,10 +11,10 @@ use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, Clear, Paragraph, Wrap};
 
-/// Columns and rows below which nothing can be told from anything.
+/// Smallest usable number of columns and rows.
 const LEAST: (u16, u16) = (40, 10);
 
-/// Draws everything.
+/// Draws the screen.
 pub(super) fn draw(frame: &mut Frame, model: &mut Model, theme: Theme) {
     model.hot.clear();
     let Rect { width, height, .. } = frame.area();
@@ -48,7 +48,7 @@ pub(super) fn draw(frame: &mut Frame, model: &mut Model, theme: Theme) {
     }
 }
 
-/// Which instance, its clock, how it is.
+/// Instance, clock and connection.
 fn head_line(model: &Model, theme: Theme, width: usize) -> Line<'static> {
     let mut left = format!(" commram view  {}", model.instance);
     if let Some(info) = &model.info {
@@ -58,8 +58,8 @@ fn head_line(model: &Model, theme: Theme, width: usize) -> Line<'static> {
             permille => format!("{}.{:03} times real time", permille / 1000, permille % 1000),
         };
         left += &format!("  {}  {speed}", time::seconds(info.time_us));
-        if let Some(whom) = &info.waits_for {
-            left += &format!("  waits for {whom}");
+        if let Some(awaited) = &info.waits_for {
+            left += &format!("  waits for {awaited}");
         }
     }
     if model.read_only {
@@ -68,7 +68,7 @@ fn head_line(model: &Model, theme: Theme, width: usize) -> Line<'static> {
     let (how, style) = match &model.contact {
         Contact::Connecting => ("connecting ".to_owned(), theme.dim()),
         Contact::RegisterPhase => ("live ".to_owned(), theme.good()),
-        Contact::Busy => ("busy with somebody else's time ".to_owned(), theme.warning()),
+        Contact::Busy => ("busy with another client ".to_owned(), theme.warning()),
         Contact::Absent(_) => ("gone, waiting for it ".to_owned(), theme.bad()),
     };
     let left = padded(&left, width.saturating_sub(how.chars().count()));
@@ -88,7 +88,8 @@ fn draw_tabs(frame: &mut Frame, model: &mut Model, theme: Theme, area: Rect) {
     }
 }
 
-/// A word to the user in as many lines as it needs, up to a quarter of the screen; else the keys that there are.
+/// The current message in as many lines as it needs, up to a quarter of the screen; without a message the most
+/// important keys.
 fn foot_lines(model: &Model, theme: Theme, area: Rect) -> Vec<Line<'static>> {
     let (text, style) = match (&model.contact, &model.message) {
         (Contact::Absent(why), _) => (why, theme.bad()),
@@ -109,13 +110,13 @@ fn ask(frame: &mut Frame, asked: &Asked, theme: Theme, area: Rect) {
     let mut lines = vec![Line::from(vec![text, Span::raw("\u{2588}")])];
     match &asked.wrong {
         Some(wrong) => lines.push(Line::styled(wrong.clone(), theme.bad())),
-        None => lines.push(Line::styled("Enter: go on   Esc: leave it", theme.dim())),
+        None => lines.push(Line::styled("Enter: continue   Esc: cancel", theme.dim())),
     }
     lines.extend(asked.hints().into_iter().take(8).map(|hint| Line::styled(hint, theme.dim())));
     over(frame, &format!(" {} ", asked.head), lines, theme, area);
 }
 
-/// All keys, in as many columns as there is room for.
+/// All keys, in as many columns as fit.
 fn help(frame: &mut Frame, theme: Theme, area: Rect) {
     let told = actions::told();
     let keys = told.iter().map(|(keys, ..)| keys.chars().count()).max().unwrap_or(0);
@@ -137,11 +138,11 @@ fn help(frame: &mut Frame, theme: Theme, area: Rect) {
     frame.render_widget(Paragraph::new(lines.collect::<Vec<_>>()).block(block), area);
 }
 
-/// A box in the middle.
+/// Draws a box in the middle of the screen.
 fn over(frame: &mut Frame, title: &str, lines: Vec<Line<'static>>, theme: Theme, area: Rect) {
     let longest = lines.iter().map(Line::width).chain([title.chars().count()]).max().unwrap_or(0);
     let width = (longest + 4).clamp(24, usize::from(area.width).max(24)) as u16;
-    // Nobody is to confirm what cannot be read to its end.
+    // All lines are wrapped, so that the user can read a question to its end before confirming it.
     let inner = usize::from(width.saturating_sub(2)).max(1);
     let rows: usize = lines.iter().map(|line| line.width().div_ceil(inner).max(1)).sum();
     let height = (rows + 2).min(usize::from(area.height)) as u16;

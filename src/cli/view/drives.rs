@@ -1,31 +1,31 @@
-//! The drives, and what they were told and did lately.
+//! The drives with their recent reference and actual values.
 
 use super::list::List;
 use crate::request::DriveEntry;
 use std::collections::VecDeque;
 
-/// So many points of the running chart are kept for each drive.
+/// Number of chart points that are kept for each drive.
 const KEPT: usize = 1_000;
 
 /// A drive with its chart.
 pub(super) struct Shown {
-    /// Which it is, and how it stands.
+    /// Name and state of the drive.
     pub entry: DriveEntry,
-    /// Emulated time in seconds, reference and actual value, as far as they were looked at.
+    /// Emulated time in seconds, reference and actual value, one point per poll.
     pub points: VecDeque<(f64, f64, f64)>,
 }
 
-/// All of them.
+/// All drives.
 #[derive(Default)]
 pub(super) struct Drives {
-    /// In the order of the buses, then those that PLCs are built into.
+    /// In the order of the buses, followed by the drives that contain a PLC.
     pub all: Vec<Shown>,
-    /// Which one is chosen.
+    /// The chosen drive.
     pub list: List,
 }
 
 impl Drives {
-    /// Takes how they stand at an emulated time.
+    /// Adds the state of the drives at an emulated time.
     pub(super) fn take(&mut self, drives: Vec<DriveEntry>, now_us: u64) {
         let mut known = core::mem::take(&mut self.all);
         for entry in drives {
@@ -33,7 +33,7 @@ impl Drives {
             let place = known.iter().position(same);
             let mut points = place.map(|place| known.swap_remove(place).points).unwrap_or_default();
             let at = now_us as f64 / 1e6;
-            // Where the clock stands still, or was turned back, nothing is drawn over what is there.
+            // If the clock did not advance or went back, the new point replaces the existing ones.
             points.retain(|(time, ..)| *time < at);
             points.push_back((at, entry.state.speed_reference.into(), entry.state.speed_actual.into()));
             let surplus = points.len().saturating_sub(KEPT);

@@ -1,4 +1,4 @@
-//! What was on the buses, interval by interval.
+//! Frames on the buses, interval by interval.
 
 use super::list::List;
 use crate::can::wire;
@@ -8,51 +8,51 @@ use crate::journal::{Format, Names, Record, Ring, Source};
 use crate::request::{BusScene, InstanceInfo};
 use std::collections::VecDeque;
 
-/// So many frames are kept.
+/// Number of frames that are kept.
 const KEPT: usize = 8_192;
-/// So many edges of each bus are kept.
+/// Number of SYNC edges that are kept for each bus.
 const EDGES: usize = 2_048;
-/// While an interval is held, so many times as much: what is looked at does not go.
+/// Factor for both limits while an interval is held: the displayed frames must not be dropped.
 const HELD: usize = 2;
-/// A bus without SYNC is shown in parts of this length, in microseconds.
+/// Length of the time windows of a bus without SYNC, in microseconds.
 const PART_US: u64 = 10_000;
 
-/// A frame, or that there was none.
+/// A frame, or an entry for a missing frame.
 #[derive(Clone, Debug)]
 pub(super) struct Wire {
     /// Number of the bus.
     bus: usize,
-    /// When it began, in microseconds.
+    /// Begin of the frame, in microseconds.
     pub from_us: u64,
-    /// When its receivers had it.
+    /// End of reception, in microseconds.
     pub until_us: u64,
-    /// What it says.
+    /// Description from the journal.
     pub text: String,
-    /// Whether it is none: left out, lost, garbled.
+    /// True if the frame was left out, lost or garbled.
     pub is_bad: bool,
 }
 
 impl Wire {
-    /// The same at another time.
+    /// The same frame at another time.
     fn at(&self, until_us: u64) -> Self {
         let from_us = until_us.saturating_sub(self.until_us - self.from_us);
         Self { from_us, until_us, ..self.clone() }
     }
 
-    /// Whether some of it lies in this part of the time.
+    /// True if a part of the frame is in the window.
     fn is_in(&self, window: Window) -> bool {
         self.until_us > window.begin_us && self.from_us < window.begin_us + window.us
     }
 }
 
-/// A part of the time of a bus.
+/// A time window of a bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Window {
-    /// Its begin: the SYNC edge, if there is SYNC.
+    /// Begin of the window: the SYNC edge, if the bus has SYNC.
     pub begin_us: u64,
-    /// Its length.
+    /// Length of the window.
     pub us: u64,
-    /// Whether it begins with an edge.
+    /// True if the window begins with a SYNC edge.
     pub is_interval: bool,
 }
 
@@ -60,23 +60,23 @@ pub(super) struct Window {
 #[derive(Default)]
 pub(super) struct Frames {
     wires: VecDeque<Wire>,
-    /// What is still being counted, each with its last one.
+    /// Records that are still being counted, each with its last frame.
     counting: Vec<(Record, Wire)>,
-    /// Of each bus, the oldest first.
+    /// SYNC edges of each bus, the oldest first.
     edges: Vec<VecDeque<u64>>,
     text: Option<Text>,
-    /// The bus that is shown.
+    /// The displayed bus.
     pub bus: usize,
-    /// Where the part of the time begins that is held, in microseconds; else the latest is to be seen.
+    /// Begin of the held window, in microseconds; `None`: the latest window is displayed.
     held: Option<u64>,
-    /// What came while there was no more room beside what is held is not there.
+    /// True if new records were dropped because the memory was full while a window was held.
     is_behind: bool,
-    /// Which frame is chosen.
+    /// The chosen frame.
     pub list: List,
 }
 
 impl Frames {
-    /// Takes what has come into the journal, and what is still being counted.
+    /// Adds new records of the journal and the records that are still being counted.
     pub(super) fn take(&mut self, records: &[Record], pending: &[Record], names: &Names, scene: &[BusScene]) {
         self.edges.resize_with(names.buses.len(), VecDeque::new);
         if self.held.is_some() && self.is_full() {
@@ -108,7 +108,7 @@ impl Frames {
         }
     }
 
-    /// Whether there is no more room for what comes.
+    /// True if there is no room for further frames or edges.
     fn is_full(&self) -> bool {
         self.wires.len() >= HELD * KEPT || self.edges.iter().any(|edges| edges.len() >= HELD * EDGES)
     }
@@ -130,7 +130,7 @@ impl Frames {
         edges.extend(new);
     }
 
-    /// The emulated time has gone back: what was later has not happened.
+    /// Removes frames and edges after `now_us`: the emulated time has gone back.
     pub(super) fn go_back(&mut self, now_us: u64) {
         self.wires.retain(|wire| wire.until_us <= now_us);
         self.counting.clear();
@@ -138,12 +138,12 @@ impl Frames {
         self.held = self.held.filter(|held| *held <= now_us);
     }
 
-    /// Whether the part of the time that is to be seen stays while time goes on.
+    /// True if the displayed window stays while the clock advances.
     pub(super) fn is_held(&self) -> bool {
         self.held.is_some()
     }
 
-    /// The part of the time that is to be seen.
+    /// The displayed window.
     pub(super) fn window(&self, info: &InstanceInfo, scene: &[BusScene]) -> Window {
         let place = self.place(info);
         let begin = self.edges.get(self.bus).zip(place);
@@ -152,7 +152,7 @@ impl Frames {
             Some((begin, next)) => {
                 let interval = scene.get(self.bus).and_then(|bus| bus.interval.as_ref());
                 let usual = interval.map_or(PART_US, |interval| u64::from(interval.us));
-                // An edge that was lost does not make the interval longer than it was.
+                // A lost edge must not make the interval longer.
                 let us = next.map_or(usual, |next| next - begin).clamp(1, usual.max(1) * 2);
                 Window { begin_us: *begin, us, is_interval: true }
             }
@@ -163,7 +163,7 @@ impl Frames {
         }
     }
 
-    /// Which edge begins the interval that is to be seen; `None` where there is none.
+    /// Index of the edge that begins the displayed interval; `None` if there is no edge.
     fn place(&self, info: &InstanceInfo) -> Option<usize> {
         let edges = self.edges.get(self.bus)?;
         match self.held {
@@ -172,20 +172,20 @@ impl Frames {
         }
     }
 
-    /// Which edge begins the latest interval that can be seen. With a running clock that is one that was over when the time was
-    /// asked for: the journal is asked for later, and tells of others that are not complete.
+    /// Index of the edge that begins the latest complete interval. With a running clock this is an interval that
+    /// was over when the time was read: the journal is read later and contains newer, incomplete intervals.
     fn latest(&self, info: &InstanceInfo) -> Option<usize> {
         let edges = self.edges.get(self.bus)?;
         let come = edges.partition_point(|edge| *edge <= info.time_us);
         come.checked_sub(1 + usize::from(!info.is_stepped))
     }
 
-    /// What was on the bus then.
+    /// The frames of the displayed bus in the window.
     pub(super) fn within(&self, window: Window) -> Vec<Wire> {
         let of_bus = self.wires.iter().filter(|wire| wire.bus == self.bus);
         let mut found: Vec<_> = of_bus.filter(|wire| wire.is_in(window)).cloned().collect();
         for (record, last) in self.counting.iter().filter(|(_, last)| last.bus == self.bus) {
-            // Their times alone are looked at first: there may be hundreds.
+            // Filters the times first: a counted record can contain hundreds of frames.
             let end_us = window.begin_us + window.us + (last.until_us - last.from_us);
             let times = record.times().filter(|time| (window.begin_us..end_us).contains(time));
             found.extend(times.map(|time| last.at(time)).filter(|wire| wire.is_in(window)));
@@ -194,9 +194,9 @@ impl Frames {
         found
     }
 
-    /// An interval back, or on: that one is held, unless it is the latest there is.
+    /// Moves to the previous or next interval and holds it, unless it is the latest one.
     pub(super) fn turn(&mut self, is_back: bool, info: &InstanceInfo, scene: &[BusScene]) {
-        // Nothing has come yet since the pane is shown.
+        // The pane has not received any records yet.
         if self.text.is_none() {
             return;
         }
@@ -218,7 +218,7 @@ impl Frames {
         }
     }
 
-    /// What is the latest is to be seen from now on.
+    /// Displays the latest window from now on.
     pub(super) fn follow(&mut self) {
         self.held = None;
         if core::mem::take(&mut self.is_behind) {
@@ -228,7 +228,7 @@ impl Frames {
     }
 }
 
-/// The last frame that a record tells of, or that there was none; `None` if it tells of something else.
+/// The last frame of a record, or its missing frame; `None` for records of other kinds.
 fn last_of(record: &Record, text: &mut Text, names: &Names, scene: &[BusScene]) -> Option<Wire> {
     let (event, source) = (record.event, record.event.source());
     let is_bad = event.kind().ring() == Ring::Missed;
@@ -236,7 +236,7 @@ fn last_of(record: &Record, text: &mut Text, names: &Names, scene: &[BusScene]) 
         text.skip(record);
         return None;
     }
-    // Each of those that it counts stands for itself.
+    // A record with a single frame, to format the text of one frame.
     let single = Record { seq: 0, count: 1, period_us: 0, ..*record };
     let mut line = String::new();
     text.record(&single, &mut line);

@@ -1,4 +1,4 @@
-//! What keys and the mouse do to the model.
+//! Effects of keys and mouse on the model.
 
 use super::actions::{self, Action, Pane};
 use super::link::Order;
@@ -12,11 +12,11 @@ use crate::request::Op;
 use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyModifiers, MouseButton, MouseEvent, MouseEventKind};
 use ratatui::layout::Position;
 
-/// How many lines the wheel moves.
+/// Number of lines per step of the mouse wheel.
 const WHEEL: isize = 3;
 
 impl Model {
-    /// A key was pressed.
+    /// Handles a key.
     pub(super) fn press(&mut self, key: KeyEvent) {
         match self.prompt.take() {
             Some(prompt) => self.answer(prompt, key),
@@ -28,7 +28,7 @@ impl Model {
         }
     }
 
-    /// The mouse did something.
+    /// Handles a mouse event.
     pub(super) fn mouse(&mut self, event: MouseEvent) {
         let place = Position::new(event.column, event.row);
         let hit = self.hot.iter().rev().find(|(area, _)| area.contains(place)).copied();
@@ -46,7 +46,7 @@ impl Model {
                 let was_chosen = list.chosen;
                 list.stays = false;
                 list.choose(line, len);
-                // Once more on what is chosen already.
+                // A second click on the chosen line.
                 if line == was_chosen && which == Which::Tree {
                     self.act(Action::Toggle);
                 }
@@ -74,7 +74,7 @@ impl Model {
         }
     }
 
-    /// Does what the user wants.
+    /// Performs an action.
     pub(super) fn act(&mut self, action: Action) {
         if self.help {
             self.help = false;
@@ -83,7 +83,7 @@ impl Model {
             }
         }
         if actions::changes_the_plant(action) && self.read_only {
-            return self.complain("begun with --read-only: nothing in the plant is changed");
+            return self.complain("started with --read-only: the view changes nothing in the plant");
         }
         self.message = None;
         match action {
@@ -132,38 +132,38 @@ impl Model {
             Action::Force => self.ask_value(Aim::Force, "force"),
             Action::Unforce => self.unforce(),
             Action::Turn => self.ask_switch(),
-            Action::Step if self.has_stepped_clock() => self.ask(Aim::Step, "let pass", self.step.clone()),
+            Action::Step if self.has_stepped_clock() => self.ask(Aim::Step, "advance by", self.step.clone()),
             Action::Back if self.has_stepped_clock() => self.ask(Aim::Back, "go back by", self.step.clone()),
             Action::BackUntil if self.has_stepped_clock() => {
                 self.ask(Aim::BackUntil, "go back until (REG==VALUE and ...)", self.until.clone());
             }
             Action::ToEvent if self.has_stepped_clock() => {
                 let work = Work::Ops(vec![Op::AdvanceToEvent { within_us: 1_000_000 }]);
-                self.order(Task { told: "on to the next event".to_owned(), work });
+                self.order(Task { told: "go to the next event".to_owned(), work });
             }
             Action::ToSync if self.has_stepped_clock() => match self.sync_port() {
                 Some((plc, node)) => {
                     let work = Work::Ops(vec![Op::AdvanceToSync { plc, node }]);
-                    self.order(Task { told: "on to the next SYNC".to_owned(), work });
+                    self.order(Task { told: "go to the next SYNC".to_owned(), work });
                 }
                 None => self.complain("no PLC here has a master"),
             },
             Action::Step | Action::ToEvent | Action::ToSync | Action::Back | Action::BackUntil => {
                 self.complain(
-                    "the clock runs by itself; `commram run --clock stepped` has one that does not",
+                    "the clock runs by itself; use `commram run --clock stepped` for a stepped clock",
                 );
             }
             Action::Until => self.ask(Aim::Until, "wait until (REG==VALUE and ...)", self.until.clone()),
             Action::Clear => {
-                let told = "findings forgotten".to_owned();
+                let told = "findings deleted".to_owned();
                 let work = Work::Ops(vec![Op::ClearFindings]);
-                let question = "forget all findings".to_owned();
+                let question = "delete all findings".to_owned();
                 self.prompt = Some(Prompt::Really(question, Task { told, work }));
             }
         }
     }
 
-    /// Gives the emulator something to do.
+    /// Sends a task to the emulator.
     pub(super) fn order(&mut self, task: Task) {
         if task.is_long() {
             self.say(task.going_on());
@@ -186,7 +186,7 @@ impl Model {
             let Some(info) = &self.info else { return };
             self.frames.turn(open != Some(true), info, &self.scene);
             if self.frames.is_held() {
-                self.say("this interval stays; Right goes on, End shows the latest");
+                self.say("this interval stays; Right shows the next, End the latest");
             }
         } else if self.pane == Pane::Registers && !self.on_pins {
             self.tree.open(open);
@@ -210,12 +210,12 @@ impl Model {
         }
     }
 
-    /// Whoever has had enough has not seen what he wanted: that is another end than to quit.
+    /// Ctrl-C ends the view with another exit code than quitting.
     fn interrupt(&mut self) {
         (self.quits, self.is_interrupted) = (true, true);
     }
 
-    /// Asks for a text; what was given last stands there and is replaced by what is typed.
+    /// Opens a prompt for a text. It contains the last input, which typing replaces.
     fn ask(&mut self, aim: Aim, head: &str, last: String) {
         self.prompt = Some(Prompt::Text(Asked::new(aim, head.to_owned(), last)));
     }
@@ -230,7 +230,7 @@ impl Model {
                 let head = format!("set {}{}", Pins::prefix(self.names(), knob.plc), knob.name);
                 self.ask(Aim::Turn(knob), &head, String::new());
             }
-            None => self.complain("nothing in this line can be turned"),
+            None => self.complain("this line has no switch"),
         }
     }
 
@@ -261,7 +261,7 @@ impl Model {
         self.is_stepped()
     }
 
-    /// The port whose SYNC is meant: the chosen register's, else the first master.
+    /// The port whose SYNC is used: the port of the chosen register, else the first master.
     fn sync_port(&self) -> Option<(u16, u8)> {
         let names = self.names();
         let first =
@@ -273,7 +273,7 @@ impl Model {
         of_chosen.or(first)
     }
 
-    /// A key while something is asked.
+    /// Handles a key while a prompt is open.
     fn answer(&mut self, prompt: Prompt, key: KeyEvent) {
         if key.modifiers.contains(KeyModifiers::CONTROL) && key.code == KeyCode::Char('c') {
             return self.interrupt();
@@ -300,7 +300,7 @@ impl Model {
                             asked.text = only.split("  ").next().unwrap_or_default().to_owned();
                         }
                     }
-                    // Whoever moves wants to go on with what stands there.
+                    // Moving the cursor keeps the text for editing.
                     KeyCode::Left | KeyCode::Right | KeyCode::Home | KeyCode::End => {
                         asked.is_selected = false
                     }
@@ -337,7 +337,7 @@ impl Model {
     }
 }
 
-/// Changes a text as a key says; whether it did.
+/// Edits a text with a key; returns true if the key was used.
 fn edit(text: &mut String, key: KeyEvent) -> bool {
     match key.code {
         KeyCode::Char('u') if key.modifiers.contains(KeyModifiers::CONTROL) => text.clear(),

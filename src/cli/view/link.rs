@@ -1,4 +1,4 @@
-//! The thread that talks to the emulator, so that the screen never waits for it.
+//! The thread that communicates with the emulator, so that the screen never waits for it.
 
 use super::look::{Looker, Seen, Wish};
 use super::source::{Source, Trouble};
@@ -6,40 +6,40 @@ use super::work::{Outcome, Task};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender};
 use std::time::Duration;
 
-/// Real time between two looks.
+/// Real time between two polls.
 const INTERVAL: Duration = Duration::from_millis(50);
-/// Real time between two tries to connect.
+/// Real time between two attempts to connect.
 const RETRY: Duration = Duration::from_millis(250);
 
-/// What the thread is told.
+/// A command to the thread.
 #[derive(Debug)]
 pub(super) enum Order {
-    /// What the screen wants to show from now on.
+    /// Sets the data that the screen needs from now on.
     Show(Wish),
-    /// Something to be done.
+    /// Starts a task.
     Do(Task),
-    /// What is being done ends.
+    /// Cancels the current task.
     Cancel,
 }
 
-/// What the thread tells.
+/// A report of the thread.
 #[derive(Clone, Debug)]
 pub(super) enum News {
-    /// What there was to see.
+    /// Result of a poll.
     Seen(Box<Seen>),
-    /// The emulator does not answer this time: another client lets time pass.
+    /// The emulator does not answer this time: another client advances the clock.
     Busy,
-    /// There is no emulator: why.
+    /// The emulator cannot be reached, with the reason.
     Absent(String),
-    /// Work goes on: what.
+    /// Progress of a task.
     GoesOn(String),
-    /// Work is done.
+    /// A task is done.
     Done(String),
-    /// Work was refused, or a look.
+    /// A task or a poll was refused.
     Failed(String),
 }
 
-/// Looks and works until nobody tells it anything any more.
+/// Polls and executes tasks until the other end of a channel is closed.
 pub(super) fn serve<S: Source>(
     mut connect: impl FnMut() -> Result<S, String>,
     orders: &Receiver<Order>,
@@ -71,17 +71,17 @@ pub(super) fn serve<S: Source>(
     }
 }
 
-/// What is to be done.
+/// Current query and pending tasks.
 #[derive(Default)]
 pub(super) struct Desk {
     wish: Wish,
     tasks: Vec<Task>,
-    /// Work that was ended before its end, which is still to be told.
+    /// A cancelled task that has not been reported yet.
     given_up: Option<Task>,
 }
 
 impl Desk {
-    /// Takes what has come, and waits at most for so long for it; `false` if nobody will say anything any more.
+    /// Waits for a command at most for `pause` and takes all commands; returns false if the channel is closed.
     fn wait(&mut self, orders: &Receiver<Order>, pause: Duration) -> bool {
         let pause = if self.tasks.is_empty() { pause } else { Duration::ZERO };
         match orders.recv_timeout(pause) {
@@ -93,7 +93,7 @@ impl Desk {
         true
     }
 
-    /// Takes an order.
+    /// Takes a command.
     pub(super) fn take(&mut self, order: Order) {
         match order {
             Order::Show(wish) => self.wish = wish,
@@ -102,7 +102,7 @@ impl Desk {
         }
     }
 
-    /// Does a part of the work there is, and looks.
+    /// Executes a part of the first task, and polls.
     pub(super) fn turn(&mut self, source: &mut dyn Source, looker: &mut Looker) -> Vec<News> {
         let mut told = Vec::new();
         told.extend(self.given_up.take().map(|task| News::Done(task.given_up())));

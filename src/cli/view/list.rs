@@ -1,43 +1,43 @@
-//! A list on the screen: which line is chosen, and which ones are to be seen.
+//! A list on the screen: the chosen line and the visible lines.
 
-/// Which line is chosen and which one is the topmost.
+/// The chosen line and the topmost visible line.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct List {
     /// The chosen line.
     pub chosen: usize,
     /// The topmost line on the screen.
     pub top: usize,
-    /// How many lines there are room for, since the last drawing.
+    /// Number of visible lines at the last drawing.
     pub height: usize,
-    /// Whether it stays at the last line while lines come in.
+    /// True if the last line stays chosen when lines are added.
     pub stays: bool,
 }
 
 impl List {
-    /// Moves the choice; there are so many lines.
+    /// Moves the choice in a list of `len` lines.
     pub(super) fn go(&mut self, by: isize, len: usize) {
         self.stays = false;
         self.choose(self.chosen.saturating_add_signed(by), len);
     }
 
-    /// A page up (-1) or down (1).
+    /// Moves the choice a page up (-1) or down (1).
     pub(super) fn page(&mut self, pages: isize, len: usize) {
         let lines = self.height.saturating_sub(1).max(1) as isize;
         self.go(pages * lines, len);
     }
 
-    /// Chooses a line, or the last one.
+    /// Chooses a line, or the last line.
     pub(super) fn choose(&mut self, line: usize, len: usize) {
         self.chosen = line.min(len.saturating_sub(1));
     }
 
-    /// To the last line, and stay there.
+    /// Chooses the last line and stays at the end.
     pub(super) fn last(&mut self, len: usize) {
         self.choose(usize::MAX, len);
         self.stays = true;
     }
 
-    /// There is room for so many of so many lines: returns which ones are to be seen.
+    /// Sets the height and returns the range of visible lines.
     pub(super) fn fit(&mut self, height: usize, len: usize) -> core::ops::Range<usize> {
         self.height = height;
         let line = if self.stays { usize::MAX } else { self.chosen };
@@ -50,7 +50,7 @@ impl List {
         self.top..(self.top + height).min(len)
     }
 
-    /// The lines that were to be seen last.
+    /// The range of lines that were visible last.
     pub(super) fn seen(&self, len: usize) -> core::ops::Range<usize> {
         let end = (self.top + self.height).min(len);
         self.top.min(end)..end
@@ -62,7 +62,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_chosen_line_is_to_be_seen() {
+    fn the_chosen_line_is_visible() {
         let mut list = List::default();
         assert_eq!(list.fit(3, 10), 0..3);
         list.go(4, 10);
@@ -79,7 +79,7 @@ mod tests {
     }
 
     #[test]
-    fn it_stays_at_the_end_if_it_is_told_to() {
+    fn the_list_stays_at_its_end_after_choosing_the_last_line() {
         let mut list = List::default();
         list.last(5);
         assert_eq!(list.fit(3, 8), 5..8);

@@ -1,4 +1,4 @@
-//! One look at the emulator: what the screen wants to show, asked by operations that change nothing in the plant.
+//! A poll of the emulator: reads the data for the screen with operations that change nothing in the plant.
 
 use super::source::{Haste, Source, Trouble};
 use crate::devices;
@@ -13,121 +13,119 @@ use crate::request::{
 use std::collections::HashSet;
 use std::time::{Duration, Instant};
 
-/// Most parts of changes, and of the journal, in one look.
+/// Maximum number of parts of changes, and of the journal, in one poll.
 const PARTS: usize = 4;
-/// So much of the journal there is to begin with: a part less than one look reads, since more comes meanwhile.
+/// Number of journal records that are read at the start: one part less than a poll reads, since new records arrive
+/// meanwhile.
 const BACK: u64 = (PARTS as u64 - 1) * MAX_RECORDS as u64;
-/// Most parts of the journal in one look in which changes of recorded registers are searched.
+/// Maximum number of journal parts in one poll that are searched for changes of recorded registers.
 const PAST_PARTS: usize = 16;
-/// An emulator that was not asked for longer may have forgotten what is followed.
+/// After a longer pause the emulator may have dropped the followed registers.
 const FORGOTTEN: Duration = Duration::from_secs(5);
-/// The buses are asked for so seldom, since the emulator looks after its guests for that.
+/// Pause between two reads of the buses: the emulator also serves its guests for this operation.
 const BUSES: Duration = Duration::from_secs(1);
 
-/// A place in the RAM of a PLC.
+/// A memory location in the RAM of a PLC.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub(super) struct Spot {
     /// Number of the PLC.
     pub plc: u16,
-    /// Byte in the image.
+    /// Offset in the image, in bytes.
     pub offset: u32,
     /// Width of the access.
     pub width: Width,
 }
 
 impl Spot {
-    /// Where a register lies.
+    /// Location of a register.
     pub(super) fn register(plc: u16, register: &RegisterRef) -> Self {
         Self { plc, offset: register.offset(), width: Width::of(register.ty()) }
     }
 
-    /// Where a place lies.
+    /// Location of a place.
     pub(super) fn place(plc: u16, place: &Place) -> Self {
         Self { plc, offset: place.offset(), width: place.width() }
     }
 }
 
-/// What is wanted.
+/// The data that the screen needs.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Wish {
-    /// Registers to be read.
+    /// Registers to read.
     pub registers: Vec<Spot>,
-    /// Registers whose changes are wanted.
+    /// Registers whose changes are read.
     pub follow: Vec<Spot>,
-    /// The fronts of the boards.
+    /// Read the fronts of the boards.
     pub fronts: bool,
-    /// What the access checker has found.
+    /// Read the findings of the access checker.
     pub findings: bool,
-    /// What is going on at the buses, and the drives.
+    /// Read the traffic on the buses, and the drives.
     pub scene: bool,
-    /// The doors of the buses, and their stations.
+    /// Read the doors of the buses, and their stations.
     pub buses: bool,
-    /// What comes into the journal.
+    /// Read new records of the journal.
     pub journal: bool,
-    /// The changes of all recorded registers.
+    /// Read the changes of all recorded registers.
     pub recorded: bool,
 }
 
 /// The front of a device.
 #[derive(Clone, Debug)]
 pub(super) struct Face {
-    /// What stands in the header page of every device.
+    /// The fields in the header page of every device.
     pub board: BoardState,
-    /// What only this device has.
+    /// Switches and displays that only this device type has.
     pub front: Vec<(&'static FrontWord, u32)>,
-    /// Its modules by the names of their ports, if it is modular.
+    /// The modules by the names of their ports, if the device is modular.
     pub modules: Vec<(&'static str, ModuleFront)>,
 }
 
-/// What there was to see. What was not wanted is empty, or `None`.
+/// The result of a poll. Data that was not requested is empty, or `None`.
 #[derive(Clone, Debug)]
 pub(super) struct Seen {
-    /// The instance.
     pub info: InstanceInfo,
-    /// The registers that are forced.
     pub forces: Vec<Forced>,
-    /// What registers hold.
+    /// Values of the registers.
     pub values: Vec<(Spot, u32)>,
-    /// Changes since the last look.
+    /// Changes since the last poll.
     pub changes: Vec<Change>,
-    /// How many changes were no longer kept.
+    /// Number of changes that the emulator no longer had.
     pub lost: u64,
-    /// Changes of recorded registers that the journal holds, since the last look.
+    /// Changes of recorded registers from the journal, since the last poll.
     pub recorded: Vec<Change>,
-    /// Records of the journal since the last look.
+    /// Records of the journal since the last poll.
     pub records: Vec<Record>,
-    /// Those that are still being counted.
+    /// Records that are still being counted.
     pub pending: Vec<Record>,
     /// The fronts of the PLCs.
     pub faces: Option<Vec<Face>>,
-    /// What the access checker has found.
+    /// Findings of the access checker.
     pub findings: Option<Vec<Entry>>,
-    /// What is going on at the buses.
+    /// Traffic on the buses.
     pub scene: Option<Vec<BusScene>>,
-    /// The drives.
     pub drives: Option<Vec<DriveEntry>>,
-    /// The buses, if they were looked at.
+    /// The buses, if they were read in this poll.
     pub buses: Option<Vec<BusState>>,
 }
 
-/// Who looks again and again knows how far he has read.
+/// Polls the emulator repeatedly and keeps the read positions.
 #[derive(Debug, Default)]
 pub(super) struct Looker {
     followed: HashSet<Spot>,
-    /// Those that nobody can read.
+    /// Registers that cannot be read.
     refused: HashSet<Spot>,
     asked: Option<Instant>,
     asked_for_buses: Option<Instant>,
     next_change: Option<u64>,
     next_record: Option<Cursor>,
-    /// The journal as far as it was searched for changes of recorded registers.
+    /// Position of the search for changes of recorded registers.
     past: Cursor,
-    /// Number of the record that came next when a register was followed last.
+    /// Number of the next record at the time when a register was last followed.
     followed_from: u64,
     plcs: u16,
 }
 
-/// A place in the journal.
+/// A position in the journal.
 #[derive(Debug, Default)]
 struct Cursor {
     /// The history that was read last.
@@ -141,7 +139,7 @@ impl Cursor {
         Cursor { turn: None, next }
     }
 
-    /// Reads a part; `None` if the plant has gone to another moment: then reading continues where the histories part.
+    /// Reads a part; `None` if the plant has gone back: then reading continues where the histories diverge.
     fn read(&mut self, source: &mut dyn Source) -> Result<Option<JournalPart>, Trouble> {
         let part = part(source, self.next, MAX_RECORDS)?;
         let known = self.turn.replace(part.turn);
@@ -155,10 +153,10 @@ impl Cursor {
 }
 
 impl Looker {
-    /// Looks.
+    /// Polls the emulator.
     ///
     /// # Errors
-    /// There is no answer, or none that fits.
+    /// There is no reply, or an unexpected one.
     pub(super) fn look(&mut self, source: &mut dyn Source, wish: &Wish) -> Result<Seen, Trouble> {
         self.follow(source, &wish.follow)?;
         let boards = if wish.fronts { self.plcs } else { 0 };
@@ -229,13 +227,13 @@ impl Looker {
                 Reply::Error(_) => {
                     self.refused.insert(*spot);
                 }
-                // Behind one that is refused: next time it is left out.
+                // An operation after a refused one; the next poll omits the refused register.
                 _ => {}
             }
         }
     }
 
-    /// Asks for the changes of registers that are new.
+    /// Asks the emulator to record the changes of registers that are not followed yet.
     fn follow(&mut self, source: &mut dyn Source, wanted: &[Spot]) -> Result<(), Trouble> {
         if self.asked.is_some_and(|asked| asked.elapsed() > FORGOTTEN) {
             self.followed.clear();
@@ -267,7 +265,7 @@ impl Looker {
         for _ in 0..PARTS {
             let op = Op::Changes { from: *next, max: MAX_RECORDS };
             let (changes, end) = fits(one(source, op)?.changes())?;
-            // Numbers go on where they were, unless the emulator begins anew with them.
+            // Changes are numbered continuously, unless the emulator was restarted.
             let begin = changes.first().map_or(end, |first| first.seq);
             lost += begin.saturating_sub(*next);
             *next = changes.last().map_or(end, |last| last.seq + 1);
@@ -280,7 +278,7 @@ impl Looker {
         Ok((all, lost))
     }
 
-    /// Records since the last look, and those that are still being counted.
+    /// Records since the last poll, and the records that are still being counted.
     fn journal(&mut self, source: &mut dyn Source) -> Result<(Vec<Record>, Vec<Record>), Trouble> {
         let (mut all, mut pending) = (Vec::new(), Vec::new());
         let mut cursor = match self.next_record.take() {
@@ -298,14 +296,14 @@ impl Looker {
                 break;
             }
         }
-        // A view that cannot keep up continues with what is new.
+        // A view that cannot keep up skips old records.
         cursor.next = cursor.next.max(latest.saturating_sub(BACK));
         self.next_record = Some(cursor);
         Ok((all, pending))
     }
 
-    /// Changes that the journal holds of recorded registers: those from before the registers were followed, and with
-    /// `is_live` those after that, too.
+    /// Changes of recorded registers from the journal: the changes before the registers were followed, and with
+    /// `is_live` also later ones.
     fn recorded(&mut self, source: &mut dyn Source, is_live: bool) -> Result<Vec<Change>, Trouble> {
         let mut all = Vec::new();
         for _ in 0..PAST_PARTS {
@@ -345,7 +343,7 @@ fn face(source: &mut dyn Source, info: &InstanceInfo, plc: u16, board: BoardStat
     Some(Face { board, front, modules: devices::modules(&header, device).unwrap_or_default() })
 }
 
-/// A part of the journal.
+/// Reads a part of the journal.
 fn part(source: &mut dyn Source, from: u64, max: u32) -> Result<JournalPart, Trouble> {
     fits(one(source, Op::Journal { from, max })?.journal_part())
 }
@@ -355,7 +353,7 @@ fn one(source: &mut dyn Source, op: Op) -> Result<Reply, Trouble> {
     next(&mut replies)
 }
 
-/// The next reply, unless it is a refusal.
+/// The next reply; an error if it is a refusal.
 fn next(replies: &mut impl Iterator<Item = Reply>) -> Result<Reply, Trouble> {
     match replies.next() {
         Some(Reply::Error(refused)) => Err(Trouble::Refused(refused.to_string())),

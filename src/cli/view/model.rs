@@ -1,4 +1,4 @@
-//! What the screen shows, and what it needs for that. Nothing here knows a terminal.
+//! The content of the screen, independent of the terminal.
 
 use super::actions::Pane;
 use super::drives::Drives;
@@ -18,29 +18,28 @@ use ratatui::layout::Rect;
 use std::collections::HashMap;
 use std::sync::LazyLock;
 
-/// How the emulator is.
+/// State of the connection to the emulator.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Contact {
-    /// Nothing has come yet.
+    /// No reply has arrived yet.
     Connecting,
-    /// It answers.
+    /// The emulator answers.
     RegisterPhase,
-    /// It lets time pass for somebody else.
+    /// The emulator advances the clock for another client.
     Busy,
-    /// It is not there: why.
+    /// The emulator is not running, with the reason.
     Absent(String),
 }
 
-/// What a click means.
+/// The target of a click.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Hot {
-    /// Show a pane.
+    /// Shows a pane.
     Tab(Pane),
-    /// Choose the line of a list that stands there; the first line of these.
+    /// Chooses a line of this list; the area begins with its first visible line.
     List(Which),
 }
 
-/// The lists that there are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Which {
     Tree,
@@ -53,23 +52,22 @@ pub(super) enum Which {
     Plant,
 }
 
-/// A word to the user.
+/// A message to the user.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Message {
-    /// What is said.
     pub text: String,
-    /// Whether something did not work.
+    /// True for an error.
     pub is_bad: bool,
 }
 
-/// Everything that is to be seen.
+/// All data for the screen.
 pub(super) struct Model {
     pub instance: String,
     pub read_only: bool,
     pub contact: Contact,
     pub info: Option<InstanceInfo>,
     pub pane: Pane,
-    /// Whether the keys go to the list of pins, not to the tree.
+    /// True if the keys control the list of pins instead of the tree.
     pub on_pins: bool,
     pub tree: Tree,
     pub pins: Pins,
@@ -84,25 +82,25 @@ pub(super) struct Model {
     pub buses: Vec<BusState>,
     pub plant: List,
     pub board: List,
-    /// What can be turned in each line of the fronts, since the last drawing.
+    /// The switch in each line of the fronts, since the last drawing.
     pub knobs: Vec<Option<Knob>>,
     pub prompt: Option<Prompt>,
     pub message: Option<Message>,
     pub help: bool,
-    /// Where on the screen what is, since the last drawing.
+    /// Clickable areas of the screen, since the last drawing.
     pub hot: Vec<(Rect, Hot)>,
-    /// What the emulator is to be told.
+    /// Commands for the link thread.
     pub orders: Vec<Order>,
     pub quits: bool,
-    /// By Ctrl-C.
+    /// True if Ctrl-C was pressed.
     pub is_interrupted: bool,
-    /// What was given last where a text is asked for.
+    /// The last input of each prompt.
     pub step: String,
     pub until: String,
 }
 
 impl Model {
-    /// Nothing is known yet of the instance.
+    /// A model without data of the instance.
     pub(super) fn new(instance: &str, read_only: bool) -> Self {
         Self {
             instance: instance.to_owned(),
@@ -137,7 +135,7 @@ impl Model {
         }
     }
 
-    /// Takes what the emulator tells.
+    /// Takes a report of the link thread.
     pub(super) fn take(&mut self, news: News) {
         match news {
             News::Seen(seen) => self.see(*seen),
@@ -148,12 +146,12 @@ impl Model {
         }
     }
 
-    /// Says something.
+    /// Shows a message.
     pub(super) fn say(&mut self, text: impl Into<String>) {
         self.message = Some(Message { text: text.into(), is_bad: false });
     }
 
-    /// Says that something did not work.
+    /// Shows an error message.
     pub(super) fn complain(&mut self, text: impl Into<String>) {
         self.message = Some(Message { text: text.into(), is_bad: true });
     }
@@ -210,7 +208,7 @@ impl Model {
         self.tree.set_lives(lives);
     }
 
-    /// Another emulator has come in place of the one before.
+    /// Resets the data: another emulator has replaced the previous one.
     fn begin_anew(&mut self, info: &InstanceInfo) {
         let old = self.names().clone();
         self.tree = Tree::of(info.names.clone());
@@ -228,10 +226,10 @@ impl Model {
                 self.pins.toggle(number, place);
             }
         }
-        self.say("another emulator has begun under this name");
+        self.say("another emulator of this name has started");
     }
 
-    /// What is to be looked at for this screen.
+    /// The data that the current pane needs.
     pub(super) fn wish(&self) -> Wish {
         let mut registers: Vec<Spot> = self.pins.all.iter().map(|pin| pin.spot()).collect();
         let places = self.pins.all.iter().filter_map(|pin| Some((pin.plc, pin.place.status()?)));
@@ -270,7 +268,7 @@ impl Model {
         }
     }
 
-    /// The registers that tell the states of all ports, with the numbers of their PLCs.
+    /// The status registers of all ports, with the numbers of their PLCs.
     fn ports(&self) -> impl Iterator<Item = (u16, RegisterRef)> {
         let devices = self.info.iter().flat_map(|info| (0..).zip(&info.names.devices));
         devices.flat_map(|(plc, fitted)| {
@@ -278,39 +276,37 @@ impl Model {
         })
     }
 
-    /// What PLCs and buses are called.
+    /// Names of PLCs and buses.
     pub(super) fn names(&self) -> &Names {
         static NOT_YET: LazyLock<Names> = LazyLock::new(Names::default);
         self.info.as_ref().map_or(&NOT_YET, |info| &info.names)
     }
 
-    /// Emulated time, in microseconds.
     pub(super) fn now_us(&self) -> u64 {
         self.info.as_ref().map_or(0, |info| info.time_us)
     }
 
-    /// Whether the clock is a stepped one.
+    /// True with a stepped clock.
     pub(super) fn is_stepped(&self) -> bool {
         self.info.as_ref().is_some_and(|info| info.is_stepped)
     }
 
-    /// What a register holds, if it was read.
+    /// The value of a register, if it was read.
     pub(super) fn value(&self, spot: Spot) -> Option<u32> {
         self.values.get(&spot).copied()
     }
 
-    /// Whether a register is forced.
     pub(super) fn is_forced(&self, spot: Spot) -> bool {
         self.forces.iter().any(|forced| (forced.plc, forced.offset) == (spot.plc, spot.offset))
     }
 
-    /// Which of the structures is live that overlay each other where this register tells it.
+    /// The live one of the structures that overlay each other, from the value of their status register.
     pub(super) fn live(&self, plc: u16, status: Option<RegisterRef>) -> RegisterPhase {
         let value = status.and_then(|status| self.value(Spot::register(plc, &status)));
         value.map_or(RegisterPhase::Cyclic, live_by)
     }
 
-    /// The register that is chosen, and its PLC.
+    /// The chosen register and its PLC.
     pub(super) fn chosen(&self) -> Option<(u16, Place)> {
         match self.pane {
             Pane::Registers if self.on_pins => {
@@ -335,7 +331,7 @@ impl Model {
         }
     }
 
-    /// The list that the keys go to, and how many lines it has.
+    /// The list that the keys control, and its number of lines.
     pub(super) fn list(&mut self) -> (&mut List, usize) {
         let which = match self.pane {
             Pane::Registers if self.on_pins => Which::Pins,
@@ -350,7 +346,7 @@ impl Model {
         self.list_of(which)
     }
 
-    /// A list, and how many lines it has.
+    /// A list and its number of lines.
     pub(super) fn list_of(&mut self, which: Which) -> (&mut List, usize) {
         match which {
             Which::Tree => {
@@ -362,7 +358,7 @@ impl Model {
                 let len = self.pins.shown().len();
                 (&mut self.pins.history, len)
             }
-            // How many there are the drawing knows.
+            // Only the drawing code knows the number of frames.
             Which::Frames => (&mut self.frames.list, usize::MAX),
             Which::Board => (&mut self.board, self.knobs.len()),
             Which::Drives => (&mut self.drives.list, self.drives.all.len()),

@@ -1,4 +1,4 @@
-//! What fills the screen, a file each.
+//! The panes of the view, one file each.
 
 mod board;
 mod changes;
@@ -17,7 +17,7 @@ use ratatui::style::Style;
 use ratatui::text::Line;
 use ratatui::widgets::{Block, Borders, Paragraph};
 
-/// Draws the pane that is to be seen.
+/// Draws the active pane.
 pub(super) fn draw(frame: &mut Frame, model: &mut Model, theme: Theme, area: Rect) {
     match model.pane {
         Pane::Plant => plant::draw(frame, model, theme, area),
@@ -30,7 +30,7 @@ pub(super) fn draw(frame: &mut Frame, model: &mut Model, theme: Theme, area: Rec
     }
 }
 
-/// A line with a title above a part of the screen; returns what is left below it.
+/// Draws a heading above an area; returns the area below it.
 fn titled(frame: &mut Frame, title: String, style: Style, area: Rect) -> Rect {
     let block = Block::new().borders(Borders::TOP).title(title).border_style(style).title_style(style);
     let inner = block.inner(area);
@@ -38,12 +38,12 @@ fn titled(frame: &mut Frame, title: String, style: Style, area: Rect) -> Rect {
     inner
 }
 
-/// Lines, the chosen one of which is marked.
+/// Draws lines.
 fn lines(frame: &mut Frame, lines: Vec<Line<'static>>, area: Rect) {
     frame.render_widget(Paragraph::new(lines), area);
 }
 
-/// A line as it looks if it is the chosen one.
+/// Highlights a line if it is the chosen one.
 fn marked(line: Line<'static>, is_chosen: bool, has_keys: bool, theme: Theme) -> Line<'static> {
     match (is_chosen, has_keys) {
         (false, _) => line,

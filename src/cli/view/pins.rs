@@ -1,4 +1,4 @@
-//! The registers that are pinned: what they hold, how long already, how often they change.
+//! The pinned registers: value, age of the value, rate of change.
 
 use super::list::List;
 use super::look::Spot;
@@ -6,49 +6,49 @@ use crate::journal::{Change, Names};
 use crate::layout::{Place, plc_prefix};
 use std::collections::VecDeque;
 
-/// Rates are those of this emulated time, in microseconds.
+/// Window for the rate of changes, in microseconds of emulated time.
 const WINDOW_US: u64 = 1_000_000;
-/// So many changes are kept for the screen.
+/// Number of changes that are kept for the screen.
 const KEPT: usize = 10_000;
 
-/// A register that is pinned.
+/// A pinned register.
 pub(super) struct Pin {
-    /// Number of its PLC.
+    /// Number of the PLC.
     pub plc: u16,
-    /// Which it is.
+    /// The register or address.
     pub place: Place,
-    /// When it changed last.
+    /// Time of the last change.
     pub last_us: Option<u64>,
-    /// When it changed, as far as that is within the window.
+    /// Times of the changes within the window.
     times: VecDeque<u64>,
 }
 
-/// All of them.
+/// All pinned registers.
 #[derive(Default)]
 pub(super) struct Pins {
-    /// Which line is chosen.
+    /// The chosen line.
     pub list: List,
-    /// In the order in which they were pinned.
+    /// In the order of pinning.
     pub all: Vec<Pin>,
-    /// Their changes since they were pinned, the oldest first.
+    /// Changes since the registers were pinned, the oldest first.
     changes: VecDeque<Change>,
-    /// Changes of recorded registers, pinned or not, that the journal holds, the oldest first.
+    /// Changes of recorded registers from the journal, pinned or not, the oldest first.
     recorded: VecDeque<Change>,
-    /// The changes to be seen, from both lists, the oldest first.
+    /// The displayed changes from both lists, the oldest first.
     shown: Vec<Change>,
-    /// Which change is chosen.
+    /// The chosen change.
     pub history: List,
-    /// How many changes the emulator did not keep for us.
+    /// Number of changes that the emulator did not keep.
     pub lost: u64,
 }
 
 impl Pin {
-    /// Where it lies.
+    /// Memory location of the register.
     pub(super) fn spot(&self) -> Spot {
         Spot::place(self.plc, &self.place)
     }
 
-    /// Whether a change is one of it.
+    /// True if the change concerns this register.
     fn is_of(&self, change: &Change) -> bool {
         let (what, own) = (&change.what, self.spot());
         let end = |offset: u32, bytes: u32| offset.saturating_add(bytes);
@@ -60,14 +60,14 @@ impl Pin {
         (what.from ^ what.to) >> bit.min(31) & 1 != 0
     }
 
-    /// How often it has changed in the last second of emulated time, as far as it was pinned then.
+    /// Number of changes in the last second of emulated time, counted from the time of pinning at the earliest.
     pub(super) fn rate(&self, now_us: u64) -> usize {
         self.times.iter().filter(|time| time.saturating_add(WINDOW_US) > now_us).count()
     }
 }
 
 impl Pins {
-    /// Pins a place, or lets it go if it is pinned. Whether it is pinned now.
+    /// Pins a place, or unpins it. Returns true if it is pinned now.
     pub(super) fn toggle(&mut self, plc: u16, place: Place) -> bool {
         let same = |pin: &Pin| pin.plc == plc && pin.place.address() == place.address();
         let before = self.all.len();
@@ -85,8 +85,8 @@ impl Pins {
         is_new
     }
 
-    /// Takes changes since the last look, and those of recorded registers that the journal holds. Changes of registers that only
-    /// other clients follow are left out.
+    /// Adds changes since the last poll, and changes of recorded registers from the journal. Changes of registers
+    /// that only other clients follow are left out.
     pub(super) fn take(&mut self, changes: &[Change], recorded: &[Change], now_us: u64) {
         let mut is_news = !recorded.is_empty();
         for change in changes {
@@ -113,12 +113,13 @@ impl Pins {
         }
     }
 
-    /// The changes to be seen, the oldest first: of the pinned registers, or of all recorded ones if none is pinned.
+    /// The displayed changes, the oldest first: of the pinned registers, or of all recorded registers if none is
+    /// pinned.
     pub(super) fn shown(&self) -> &[Change] {
         &self.shown
     }
 
-    /// Makes one list of both. A change that both lists hold is shown once.
+    /// Merges both lists. A change in both lists is shown once.
     fn join(&mut self) {
         let is_shown = |change: &&Change| self.all.is_empty() || self.all.iter().any(|pin| pin.is_of(change));
         let mut shown: Vec<Change> = self.recorded.iter().filter(is_shown).copied().collect();
@@ -140,7 +141,7 @@ impl Pins {
         shown.drain(..surplus);
         let growth = shown.len().saturating_sub(self.shown.len());
         let is_older = |first: &Change| self.shown.first().is_some_and(|known| first.time_us < known.time_us);
-        // What comes in front of the chosen line moves it.
+        // Changes inserted before the chosen line move it.
         let moved = if shown.first().is_some_and(is_older) { growth } else { 0 };
         self.history.choose((self.history.chosen + moved).saturating_sub(surplus), shown.len());
         self.shown = shown;
@@ -149,14 +150,14 @@ impl Pins {
         }
     }
 
-    /// Forgets all changes: they are of another emulator.
+    /// Deletes all changes: they belong to another emulator.
     pub(super) fn forget(&mut self) {
         self.changes.clear();
         self.recorded.clear();
         self.join();
     }
 
-    /// The emulated time has gone back to `now_us`: what was later has not happened.
+    /// Removes the changes after `now_us`: the emulated time has gone back.
     pub(super) fn go_back(&mut self, now_us: u64) {
         self.changes.retain(|change| change.time_us <= now_us);
         self.recorded.retain(|change| change.time_us <= now_us);
@@ -167,7 +168,7 @@ impl Pins {
         self.join();
     }
 
-    /// What a pin is called in front of its register's name.
+    /// Prefix of the register name of a pin.
     pub(super) fn prefix(names: &Names, plc: u16) -> String {
         plc_prefix(&names.plcs, plc)
     }

@@ -1,4 +1,4 @@
-//! What is asked of the user: a text, or whether something is really to be done.
+//! Questions to the user: input of a text, or confirmation of a task.
 
 use super::model::Model;
 use super::pins::Pins;
@@ -8,73 +8,72 @@ use crate::memory::header::BoardWord;
 use crate::request::Op;
 use crate::time;
 
-/// How long the wait for a condition lets the time pass at most: 10 s of emulated time.
+/// Longest wait for a condition: 10 s of emulated time.
 const WITHIN_US: u64 = 10_000_000;
 
-/// A question.
 #[derive(Clone, Debug)]
 pub(super) enum Prompt {
-    /// A text, for this.
+    /// Input of a text.
     Text(Asked),
-    /// What to look for in the tree.
+    /// Input of a search text for the tree.
     Find,
-    /// Whether this is to be done.
+    /// Confirmation of a task.
     Really(String, Task),
 }
 
-/// A text that is asked for.
+/// A text input.
 #[derive(Clone, Debug)]
 pub(super) struct Asked {
-    /// What for.
+    /// Use of the text.
     pub aim: Aim,
-    /// What stands in front of it.
+    /// The label before the text.
     pub head: String,
-    /// The text so far.
+    /// The current text.
     pub text: String,
-    /// What is typed takes the place of the text.
+    /// True if typing replaces the text.
     pub is_selected: bool,
-    /// What is wrong with it.
+    /// The error in the text.
     pub wrong: Option<String>,
 }
 
-/// What a text is for.
+/// Use of a text input.
 #[derive(Clone, Debug)]
 pub(super) enum Aim {
-    /// The value that is written to a register of a PLC.
+    /// Value to write to a register of a PLC.
     Poke(u16, Place),
-    /// The value that it is to keep.
+    /// Value to force a register to.
     Force(u16, Place),
-    /// How long time is to pass.
+    /// Time to advance the clock by.
     Step,
-    /// What is waited for.
+    /// Conditions to wait for.
     Until,
-    /// How far to go back.
+    /// Time to go back by.
     Back,
-    /// What is to hold there.
+    /// Conditions to go back to.
     BackUntil,
-    /// How a switch of a front is to stand.
+    /// New position of a switch.
     Turn(Knob),
 }
 
-/// A switch at the front of a PLC, or what else `commram board set` sets there.
+/// A switch at the front of a PLC, or another setting of `commram board set`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Knob {
     /// Number of the PLC.
     pub plc: u16,
-    /// Its name in `commram board set`.
+    /// Name in `commram board set`.
     pub name: String,
-    /// How it can stand, as far as that has names, else what it can be.
+    /// Names of the positions, or a description of the possible values.
     pub choices: Vec<String>,
 }
 
 impl Asked {
-    /// A text for this, which may stand there already.
+    /// A text input, which can contain an initial text.
     pub(super) fn new(aim: Aim, head: String, text: String) -> Self {
         let is_selected = !text.is_empty();
         Self { aim, head, text, is_selected, wrong: None }
     }
 
-    /// What may be meant: what values are called that begin so, and as numbers.
+    /// Suggestions: names of values that begin with the text, with their numbers.
     pub(super) fn hints(&self) -> Vec<String> {
         if let Aim::Turn(knob) = &self.aim {
             let fitting = knob.choices.iter().filter(|choice| choice.starts_with(self.text.trim()));
@@ -94,10 +93,10 @@ impl Asked {
 }
 
 impl Model {
-    /// What is asked next once a text is given: nothing more, a question, or the same again.
+    /// Handles the completed input; returns the confirmation that follows, if any.
     ///
     /// # Errors
-    /// What is wrong with the text.
+    /// The error in the text.
     pub(super) fn given(&mut self, asked: &Asked) -> Result<Option<Prompt>, String> {
         let text = asked.text.trim();
         match &asked.aim {
@@ -152,14 +151,14 @@ impl Model {
         }
     }
 
-    /// Conditions as operations; what was asked for stands there when it is asked for again.
+    /// Parses conditions into operations, and keeps the text for the next prompt.
     fn conditions(&mut self, text: &str) -> Result<Vec<Op>, String> {
         let conditions = text.split(" and ").map(|part| self.condition(part)).collect::<Result<_, _>>()?;
         self.until = text.to_owned();
         Ok(conditions)
     }
 
-    /// A condition as an operation.
+    /// Parses a condition into an operation.
     fn condition(&self, text: &str) -> Result<Op, String> {
         let names = self.names();
         let number = |plc: Option<&str>| match plc {
@@ -168,7 +167,7 @@ impl Model {
         };
         let plc_of = |name: &str| {
             let number = number(split_plc(name).0).and_then(|number| u16::try_from(number).ok());
-            number.ok_or_else(|| format!("name the PLC in front: {}:...", names.plcs.join(", ")))
+            number.ok_or_else(|| format!("write the PLC in front: {}:...", names.plcs.join(", ")))
         };
         let place =
             |name: &str| Place::parse(&names.fitted(plc_of(name)?), name).map_err(|error| error.to_string());

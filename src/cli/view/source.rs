@@ -1,4 +1,4 @@
-//! Where the screen gets what it shows: an emulator behind its channel, in tests a plant in the same process.
+//! Data source of the view: an emulator behind its channel; in tests a plant in the same process.
 
 use crate::channel::{Client, ClientError};
 use crate::cli::error::CliError;
@@ -9,32 +9,32 @@ use crate::memory::{AttachMode, Attached, Header};
 use crate::request::{Code, Op, Reply};
 use std::time::Duration;
 
-/// How long a look waits for its answer: who is busy is looked at again soon.
+/// Time limit for the reply to a poll: a busy emulator is polled again soon.
 const LOOK: Duration = Duration::from_millis(500);
-/// How long work waits that lets time pass: an emulator drops it when its client gives up.
+/// Time limit for a task that advances the clock: the emulator drops the task when its client gives up.
 const WORK: Duration = Duration::from_secs(10);
 
-/// Why there is no answer.
+/// The reason for a missing reply.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Trouble {
-    /// Not this time: another client lets much time pass.
+    /// No reply this time: another client advances the clock.
     Busy,
-    /// There is nobody any more: why.
+    /// The emulator has gone, with the reason.
     Gone(String),
-    /// It was refused: why.
+    /// The request was refused, with the reason.
     Refused(String),
 }
 
-/// How long an answer is waited for.
+/// How long to wait for a reply.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Haste {
-    /// What only looks is asked again soon.
+    /// A poll: it is repeated soon.
     Look,
-    /// What was begun is to come to its end.
+    /// A task: it must be completed.
     Work,
 }
 
-/// Somebody who answers.
+/// A data source of the view.
 pub(super) trait Source {
     /// Sends operations as one request: a reply for each.
     ///
@@ -42,7 +42,7 @@ pub(super) trait Source {
     /// There is no answer.
     fn request(&mut self, ops: &[Op], haste: Haste) -> Result<Vec<Reply>, Trouble>;
 
-    /// The header page of PLC number `plc` as it stands.
+    /// A copy of the header page of PLC number `plc`.
     fn header(&mut self, plc: u16) -> Option<Box<Header>>;
 }
 
@@ -53,10 +53,10 @@ pub(super) struct Running {
 }
 
 impl Running {
-    /// Connects.
+    /// Connects to the instance.
     ///
     /// # Errors
-    /// Nothing of that name lives, or it has no channel.
+    /// No instance of this name is running, or it has no channel.
     pub(super) fn connect(instance: &Instance) -> Result<Self, CliError> {
         let session = Session::open(instance, 0)?;
         let plcs = session.plcs().to_vec();

@@ -1,11 +1,11 @@
-//! Colours, and texts that fit.
+//! Colours, and texts that are fitted to a width.
 
 use ratatui::style::{Color, Modifier, Style};
 
-/// The colours there are; without any, what matters is bold or reversed.
+/// The colours of the view; without colours important text is bold or reversed.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Theme {
-    /// Whether the terminal is to get colours.
+    /// True if the terminal gets colours.
     pub has_colours: bool,
 }
 
@@ -22,7 +22,7 @@ impl Theme {
         Style::new().add_modifier(Modifier::BOLD)
     }
 
-    /// What is there to be looked at only if it is needed.
+    /// Less important text.
     pub(super) fn dim(self) -> Style {
         self.of(Color::DarkGray)
     }
@@ -39,17 +39,15 @@ impl Theme {
         self.of(Color::Red).add_modifier(Modifier::BOLD)
     }
 
-    /// Names of blocks and the like.
     pub(super) fn name(self) -> Style {
         self.of(Color::Cyan)
     }
 
-    /// Values.
     pub(super) fn value(self) -> Style {
         self.of(Color::Yellow)
     }
 
-    /// The chosen line of the list that the keys go to.
+    /// The chosen line of the list that has the keyboard focus.
     pub(super) fn chosen(self) -> Style {
         Style::new().add_modifier(Modifier::REVERSED)
     }
@@ -60,7 +58,7 @@ impl Theme {
     }
 }
 
-/// The text, if need be cut, with a sign for that.
+/// Cuts a text to a width; the last character then marks the cut.
 pub(super) fn cut(text: &str, width: usize) -> String {
     if text.chars().count() <= width {
         return text.to_owned();
@@ -69,19 +67,20 @@ pub(super) fn cut(text: &str, width: usize) -> String {
     if width == 0 { kept } else { kept + "\u{2026}" }
 }
 
-/// The text in exactly so many columns.
+/// The text in exactly `width` columns.
 pub(super) fn padded(text: &str, width: usize) -> String {
     let text = cut(text, width);
     format!("{text:width$}")
 }
 
-/// The same at the right.
+/// The text in exactly `width` columns, right-aligned.
 pub(super) fn at_right(text: &str, width: usize) -> String {
     let text = cut(text, width);
     format!("{text:>width$}")
 }
 
-/// A name that fits: if need be it is cut in its middle, since its index and its field at the end tell registers apart.
+/// Fits a name into a width. A long name is cut in its middle, since the index and the field at its end distinguish
+/// registers.
 pub(super) fn cut_name(name: &str, width: usize) -> String {
     let letters: Vec<char> = name.chars().collect();
     if letters.len() <= width {
@@ -94,7 +93,8 @@ pub(super) fn cut_name(name: &str, width: usize) -> String {
     front.iter().chain(&['\u{2026}']).chain(end).collect()
 }
 
-/// A text in lines of so many columns, broken between words, at most so many lines: if need be it is cut in its middle.
+/// Wraps a text between words into at most `most` lines of `width` columns. A long text is cut in its
+/// middle.
 pub(super) fn wrapped(text: &str, width: usize, most: usize) -> Vec<String> {
     let (width, most) = (width.max(1), most.max(1));
     let (mut text, mut room) = (text.to_owned(), width * most);
@@ -112,7 +112,7 @@ pub(super) fn wrapped(text: &str, width: usize, most: usize) -> Vec<String> {
     }
 }
 
-/// A text in lines of so many columns, broken between words where that can be.
+/// Breaks a text into lines of `width` columns, between words where possible.
 fn broken(text: &str, width: usize) -> Vec<String> {
     let (mut lines, mut line) = (Vec::new(), Vec::<char>::new());
     for word in text.split_whitespace() {
@@ -134,7 +134,7 @@ fn broken(text: &str, width: usize) -> Vec<String> {
     lines.into_iter().map(String::from_iter).collect()
 }
 
-/// The name in exactly so many columns.
+/// The name in exactly `width` columns.
 pub(super) fn padded_name(name: &str, width: usize) -> String {
     let name = cut_name(name, width);
     format!("{name:width$}")
@@ -166,7 +166,7 @@ mod tests {
     }
 
     #[test]
-    fn texts_have_the_width_that_is_asked_for() {
+    fn texts_have_the_requested_width() {
         assert_eq!(
             (padded("ab", 4), padded("abcdef", 4), at_right("ab", 4)),
             ("ab  ".into(), "abc…".into(), "  ab".into())

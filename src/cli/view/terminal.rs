@@ -1,4 +1,4 @@
-//! The terminal: taken over, drawn on, and given back whatever happens.
+//! The terminal: set up, drawn, and always restored.
 
 use super::draw;
 use super::link::{self, News, Order};
@@ -27,12 +27,12 @@ use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender, TryRecvError};
 use std::thread;
 use std::time::Duration;
 
-/// How long nothing has to come from the keyboard before it is looked elsewhere.
+/// Longest wait for a key before other work is done.
 const KEYS: Duration = Duration::from_millis(30);
-/// How long the thread may take to leave the channel.
+/// Time for the thread to disconnect from the channel.
 const FAREWELL: Duration = Duration::from_millis(300);
 
-/// The screen of the terminal, as long as it is ours.
+/// The alternate screen of the terminal; dropping this value restores the terminal.
 struct Screen;
 
 impl Screen {
@@ -40,7 +40,7 @@ impl Screen {
         enable_raw_mode()?;
         let screen = Screen;
         execute!(io::stdout(), EnterAlternateScreen, EnableMouseCapture)?;
-        // What went wrong is to be read on the usual screen.
+        // A panic message must appear on the normal screen.
         let told = panic::take_hook();
         panic::set_hook(Box::new(move |info| {
             give_back();
@@ -56,21 +56,21 @@ impl Drop for Screen {
     }
 }
 
-/// Whoever has closed the terminal does not want it back.
+/// Restores the terminal. Errors are ignored: the terminal may be closed.
 fn give_back() {
     use ratatui::crossterm::cursor::Show;
     let _ = execute!(io::stdout(), DisableMouseCapture, LeaveAlternateScreen, Show);
     let _ = disable_raw_mode();
 }
 
-/// Shows the instance until the user has seen enough, or a signal ends it.
+/// Shows the instance until the user quits or a signal ends the view.
 ///
 /// # Errors
-/// The terminal is gone or cannot be used.
+/// The terminal is closed or cannot be used.
 pub(super) fn run(mut model: Model, instance: &str) -> Result<(), CliError> {
     let ended = Arc::new(AtomicBool::new(false));
     for signal in [SIGINT, SIGTERM, SIGHUP] {
-        // A second one ends the process itself, wherever it hangs.
+        // A second signal ends the process at once, even if the view hangs.
         let code = Exit::Interrupted.code().into();
         signal_hook::flag::register_conditional_shutdown(signal, code, Arc::clone(&ended))
             .and_then(|_| signal_hook::flag::register(signal, Arc::clone(&ended)))
@@ -94,7 +94,7 @@ pub(super) fn run(mut model: Model, instance: &str) -> Result<(), CliError> {
         panic::resume_unwind(panicked);
     }
     match outcome {
-        // The terminal has gone while it was drawn on.
+        // The terminal was closed while it was drawn.
         Err(reason) if reason.raw_os_error() == Some(Errno::IO.raw_os_error()) => {
             ended.store(true, Ordering::Relaxed);
         }
@@ -107,13 +107,14 @@ pub(super) fn run(mut model: Model, instance: &str) -> Result<(), CliError> {
     }
 }
 
-/// Waits for the keyboard so long at most; whether nobody is there any more. At a closed terminal crossterm would read for ever.
+/// Waits at most `longest` for the keyboard; returns true if the terminal is closed. At a closed terminal crossterm
+/// would read without end.
 fn is_closed(longest: Duration) -> io::Result<bool> {
     let stdin = io::stdin();
     let mut keyboard = [PollFd::new(&stdin, PollFlags::IN)];
     let longest = Timespec::try_from(longest).map_err(io::Error::other)?;
     match poll(&mut keyboard, Some(&longest)) {
-        // A signal, such as that of another size.
+        // A signal, for example a change of the terminal size.
         Err(Errno::INTR) => Ok(false),
         Err(errno) => Err(errno.into()),
         Ok(_) => Ok(keyboard[0].revents().intersects(PollFlags::HUP | PollFlags::ERR | PollFlags::NVAL)),
@@ -140,7 +141,7 @@ fn show(
             model.orders.insert(0, Order::Show(wanted));
         }
         for order in model.orders.drain(..) {
-            // If nobody takes it, there is no news either.
+            // If the thread has ended, there are no reports either.
             let _ = orders.send(order);
         }
         if is_closed(KEYS)? {

@@ -1,6 +1,6 @@
-//! The view on a plant in this process, without a terminal: what is typed, what is asked, what is to be seen.
+//! The view of a plant in this process, without a terminal: keys, questions and screens.
 //!
-//! `COMMRAM_UPDATE_SCREENS=1` renews the screens in `tests/view`, the pictures and the table of keys in `docs`.
+//! `COMMRAM_UPDATE_SCREENS=1` updates the screens in `tests/view`, the pictures and the table of keys in `docs`.
 
 mod picture;
 mod screens;
@@ -48,7 +48,7 @@ impl Source for TestHost {
     }
 }
 
-/// Somebody at a screen of 80x24.
+/// A user at a screen of 80x24.
 struct User {
     host: TestHost,
     desk: Desk,
@@ -63,7 +63,7 @@ impl User {
         Self::at(TestHost::of(&config, true), read_only)
     }
 
-    /// In front of the built-in plant, power on and stepped clock.
+    /// A user at the built-in plant, with power on and a stepped clock.
     fn built_in() -> Self {
         Self::at(TestHost::of(&PlantConfig::built_in().unwrap(), true), false)
     }
@@ -76,9 +76,9 @@ impl User {
         user
     }
 
-    /// Draws, looks, and draws what was seen, until all that was ordered is done.
+    /// Draws, polls, and draws the result, until all tasks are done.
     fn look(&mut self) {
-        // What is to be read depends on what there is room for, and that on what was read.
+        // The data to read depends on the available space, and the space on the data that was read.
         for _ in 0..3 {
             self.draw();
             self.desk.take(super::link::Order::Show(self.model.wish()));
@@ -105,7 +105,7 @@ impl User {
         self.look();
     }
 
-    /// Types; `\n` is Enter.
+    /// Types a text; `\n` is Enter.
     fn type_in(&mut self, text: &str) {
         for letter in text.chars() {
             self.press(if letter == '\n' { KeyCode::Enter } else { KeyCode::Char(letter) });
@@ -122,7 +122,7 @@ impl User {
         self.terminal.backend().buffer()
     }
 
-    /// The screen as text, without blanks at the ends of its lines.
+    /// The screen as text, without trailing blanks.
     fn screen(&self) -> String {
         let buffer = self.buffer();
         let width = usize::from(buffer.area.width);
@@ -145,7 +145,7 @@ impl User {
         self.type_in("\n");
     }
 
-    /// Pokes registers as a program does through the channel, and lets time pass.
+    /// Pokes registers as a client of the channel does, and advances the clock.
     fn poke(&mut self, writes: &[(&str, u32)], then_us: u64) {
         let fitted = self.host.plant.names().fitted(0);
         for (name, value) in writes {
@@ -198,7 +198,7 @@ fn renews() -> bool {
     std::env::var_os("COMMRAM_UPDATE_SCREENS").is_some()
 }
 
-/// Holds a file to what it should be, or renews it.
+/// Compares a file with the expected text, or updates it.
 #[track_caller]
 fn held(name: &str, wanted: &str) {
     if renews() {
@@ -207,11 +207,11 @@ fn held(name: &str, wanted: &str) {
     let found = std::fs::read_to_string(path(name)).unwrap_or_default();
     assert!(
         found == wanted,
-        "{name} is not what it should be; COMMRAM_UPDATE_SCREENS=1 renews it:\n{wanted}"
+        "{name} differs from the expected text; COMMRAM_UPDATE_SCREENS=1 updates it:\n{wanted}"
     );
 }
 
-/// Holds the part of a file behind `head`, up to an empty line, to what it should be, or renews it.
+/// Compares the part of a file after `head`, up to an empty line, with the expected text, or updates it.
 #[track_caller]
 pub(super) fn held_part(name: &str, head: &str, wanted: &str) {
     let text = std::fs::read_to_string(path(name)).unwrap_or_default();

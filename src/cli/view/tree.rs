@@ -1,4 +1,4 @@
-//! The blocks of all PLCs with their registers, as lines that open and close, or those that were looked for.
+//! The blocks of all PLCs with their registers, as lines that open and close, or the result of a search.
 
 use super::list::List;
 use crate::cli::find;
@@ -11,46 +11,46 @@ use std::collections::HashSet;
 /// A line.
 #[derive(Clone, Debug)]
 pub(super) enum Row {
-    /// A PLC, if there are several.
+    /// A PLC, if the instance has several.
     Plc(u16),
     /// A block.
     Block(u16, &'static Area),
-    /// An array of registers, whose first one this is.
+    /// An array of registers, given by its first element.
     Array(u16, RegisterRef),
     /// A register.
     Register(u16, RegisterRef),
 }
 
-/// What is open: the PLC, and the first byte of the block, and the name of the array.
+/// Key of an open line: PLC, first byte of the block, name of the array.
 type Branch = (u16, Option<u32>, Option<&'static str>);
 
-/// Which of the structures that overlay each other is live, of the blocks that are open.
+/// The live structures of the open blocks whose structures overlay each other.
 type Lives = Vec<(u16, u32, RegisterPhase)>;
 
-/// The lines and what they are made of.
+/// The lines of the tree.
 #[derive(Default)]
 pub(super) struct Tree {
-    /// Which line is chosen.
+    /// The chosen line.
     pub list: List,
-    /// What is looked for, if anything is.
+    /// The search text, if a search is active.
     pub sought: Option<String>,
     names: Names,
     open: HashSet<Branch>,
     lives: Lives,
     rows: Vec<Row>,
-    /// All registers with their description, each array once; made when something is looked for.
+    /// All registers with their descriptions, each array once; created at the first search.
     index: Vec<(u16, RegisterRef, entry::Entry)>,
 }
 
 impl Row {
-    /// Its PLC.
+    /// The PLC of the line.
     pub(super) fn plc(&self) -> u16 {
         match self {
             Row::Plc(plc) | Row::Block(plc, _) | Row::Array(plc, _) | Row::Register(plc, _) => *plc,
         }
     }
 
-    /// The register, if it is one.
+    /// The register of the line, if it is one.
     pub(super) fn register(&self) -> Option<(u16, &RegisterRef)> {
         match self {
             Row::Register(plc, register) => Some((*plc, register)),
@@ -76,7 +76,7 @@ impl Row {
 }
 
 impl Tree {
-    /// Of this plant.
+    /// The tree of a plant.
     pub(super) fn of(names: Names) -> Self {
         let mut tree = Self { names, ..Self::default() };
         if tree.names.plcs.len() == 1 {
@@ -86,22 +86,20 @@ impl Tree {
         tree
     }
 
-    /// The lines.
     pub(super) fn rows(&self) -> &[Row] {
         &self.rows
     }
 
-    /// The chosen line.
     pub(super) fn chosen(&self) -> Option<&Row> {
         self.rows.get(self.list.chosen)
     }
 
-    /// The lines that are to be seen.
+    /// The visible lines.
     pub(super) fn seen(&self) -> &[Row] {
         self.rows.get(self.list.seen(self.rows.len())).unwrap_or_default()
     }
 
-    /// The blocks that are open: number of the PLC, and the block.
+    /// The open blocks with the numbers of their PLCs.
     pub(super) fn open_blocks(&self) -> impl Iterator<Item = (u16, &'static Area)> {
         self.rows.iter().filter_map(|row| match row {
             Row::Block(plc, area) if self.is_open(row) => Some((*plc, *area)),
@@ -109,12 +107,12 @@ impl Tree {
         })
     }
 
-    /// Whether a line is open.
+    /// True if a line is open.
     pub(super) fn is_open(&self, row: &Row) -> bool {
         row.branch().is_some_and(|branch| self.open.contains(&branch))
     }
 
-    /// How far a line is moved in.
+    /// Indentation of a line.
     pub(super) fn depth(&self, row: &Row) -> usize {
         if self.sought.is_some() {
             return 0;
@@ -128,7 +126,7 @@ impl Tree {
         }
     }
 
-    /// What a line is called where it stands.
+    /// Text of a line in the tree.
     pub(super) fn label(&self, row: &Row) -> String {
         let prefix = |plc| plc_prefix(&self.names.plcs, plc);
         let is_found = self.sought.is_some();
@@ -145,7 +143,7 @@ impl Tree {
         }
     }
 
-    /// Opens or closes the chosen line; `None`: the other way round. Closing what is not open closes what it belongs to.
+    /// Opens or closes the chosen line; `None` toggles it. Closing a line that is not open closes its parent.
     pub(super) fn open(&mut self, open: Option<bool>) {
         let Some(row) = self.chosen().cloned() else { return };
         let branch = match (row.branch(), open) {
@@ -173,7 +171,7 @@ impl Tree {
         above.iter().rposition(|other| self.depth(other) < depth)
     }
 
-    /// Looks for something else.
+    /// Sets the search text.
     pub(super) fn seek(&mut self, text: Option<String>) {
         let was_chosen = self.chosen().cloned();
         let ends = text.is_none();
@@ -187,7 +185,7 @@ impl Tree {
         }
     }
 
-    /// Opens what stands around a line.
+    /// Opens the parents of a line.
     fn reveal(&mut self, row: &Row) {
         let plc = row.plc();
         self.open.insert((plc, None, None));
@@ -199,7 +197,7 @@ impl Tree {
         }
     }
 
-    /// Which structures are live is told anew.
+    /// Sets which structures are live.
     pub(super) fn set_lives(&mut self, lives: Lives) {
         if lives != self.lives {
             self.lives = lives;
@@ -207,7 +205,7 @@ impl Tree {
         }
     }
 
-    /// Makes the lines anew; what was chosen stays so.
+    /// Rebuilds the lines and keeps the choice.
     fn rebuild(&mut self) {
         let chosen = self.chosen().cloned();
         self.rows = match self.sought.clone() {
@@ -261,7 +259,8 @@ impl Tree {
         }
     }
 
-    /// What the text can mean: a name with a pattern, an index or an address, else registers in which its words occur.
+    /// The result of a search: registers matching a name, pattern, index or address, else registers whose
+    /// description contains the words.
     fn found(&mut self, text: &str) -> Vec<Row> {
         let text = text.trim();
         if text.is_empty() {
@@ -310,7 +309,7 @@ impl Tree {
                 let address = fitted.device().address(name);
                 let mut found =
                     address.and_then(|address| fitted.registers_at(address, None)).unwrap_or_default();
-                // Structures that overlay each other have some registers in common.
+                // Structures that overlay each other share some registers.
                 let mut labels = HashSet::new();
                 found.retain(|register| labels.insert(register.to_string()));
                 found
@@ -330,19 +329,19 @@ impl Tree {
     }
 }
 
-/// Whether it is an element of an array.
+/// True if the register is an element of an array.
 fn is_element(register: &RegisterRef) -> bool {
     register.register.dims.iter().map(|dim| usize::from(dim.count)).product::<usize>() > 1
 }
 
-/// Those elements of an array that are in use.
+/// The used elements of an array.
 fn elements(plc: u16, first: &RegisterRef) -> Vec<Row> {
     let all = first.area.registers_of(first.placed).map(|it| RegisterRef { role: first.role, ..it });
     let own = all.filter(|it| core::ptr::eq(it.register, first.register) && !it.is_reserved());
     own.map(|register| Row::Register(plc, register)).collect()
 }
 
-/// The blocks of a device that have registers as it is fitted.
+/// The blocks of a device that have registers with its options.
 fn blocks(fitted: &DeviceFit) -> impl Iterator<Item = &'static Area> + use<> {
     let fitted = *fitted;
     let areas = fitted.device().named_areas();

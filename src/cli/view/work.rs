@@ -1,48 +1,46 @@
-//! What the user has the emulator do.
+//! Tasks of the user for the emulator.
 
 use super::source::{Haste, Source, Trouble};
 use crate::request::{Code, Op, Reply};
 use crate::time;
 
-/// So much emulated time passes between two looks, in microseconds.
+/// Emulated time that a task advances between two polls, in microseconds.
 const SLICE_US: u64 = 100_000;
 
-/// Something to be done.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Task {
-    /// What it is, as it is told once it is done.
+    /// Description of the task in messages.
     pub told: String,
-    /// What is left of it.
+    /// The remaining work.
     pub work: Work,
 }
 
-/// The kinds of work.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Work {
-    /// All at once.
+    /// Operations in one request.
     Ops(Vec<Op>),
-    /// Time passes, in microseconds: so much, of which this is left.
+    /// Advances the clock by `us` microseconds, of which `left_us` are left.
     Advance { us: u64, left_us: u64 },
-    /// Time passes until all conditions hold, in microseconds: so much at most, of which this is left.
+    /// Advances the clock until all conditions are true, at most by `us` microseconds, of which `left_us` are left.
     Until { conditions: Vec<Op>, us: u64, left_us: u64 },
 }
 
-/// What came of a part of it.
+/// Result of a part of a task.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Outcome {
-    /// There is more to do.
+    /// The task is not finished.
     More(Task),
-    /// It is done: what to tell.
+    /// The task is done, with its description.
     Done(String),
-    /// It cannot be done: why.
+    /// The task was refused, with the reason.
     Refused(String),
 }
 
 impl Task {
-    /// Does a part of it.
+    /// Executes a part of the task.
     ///
     /// # Errors
-    /// There is no answer.
+    /// There is no reply.
     pub(super) fn go(self, source: &mut dyn Source) -> Result<Outcome, Trouble> {
         let (ops, slice_us) = match &self.work {
             Work::Ops(ops) => (ops.clone(), 0),
@@ -80,7 +78,7 @@ impl Task {
         })
     }
 
-    /// Whether it takes its time.
+    /// True if the task can take long.
     pub(super) fn is_long(&self) -> bool {
         match &self.work {
             Work::Ops(ops) => ops.iter().any(|op| matches!(op, Op::Back { .. } | Op::BackUntil { .. })),
@@ -88,21 +86,21 @@ impl Task {
         }
     }
 
-    /// That it was ended, and how far it was.
+    /// Message that the task was cancelled, with its progress.
     pub(super) fn given_up(&self) -> String {
         match &self.work {
-            Work::Ops(_) => format!("not done: {}", self.told),
-            Work::Advance { us, left_us } => format!("ended: {} passed", of(*us, *left_us)),
+            Work::Ops(_) => format!("cancelled: {}", self.told),
+            Work::Advance { us, left_us } => format!("cancelled: {} passed", of(*us, *left_us)),
             Work::Until { us, left_us, .. } => {
-                format!("ended: {} passed, not yet {}", of(*us, *left_us), self.told)
+                format!("cancelled: {} passed, not yet {}", of(*us, *left_us), self.told)
             }
         }
     }
 
-    /// What is going on.
+    /// Message about the progress of the task.
     pub(super) fn going_on(&self) -> String {
         match &self.work {
-            Work::Ops(_) => format!("under way: {}", self.told),
+            Work::Ops(_) => format!("running: {}", self.told),
             Work::Advance { us, left_us } => format!("{} passed; Esc ends", of(*us, *left_us)),
             Work::Until { us, left_us, .. } => {
                 format!("waits for {}: {} passed; Esc ends", self.told, of(*us, *left_us))
@@ -111,7 +109,7 @@ impl Task {
     }
 }
 
-/// How much of a time is over: `12.3 s of 60 s`.
+/// Progress of a time: `12.3 s of 60 s`.
 fn of(us: u64, left_us: u64) -> String {
     let done_us = us.saturating_sub(left_us);
     let done = match us {

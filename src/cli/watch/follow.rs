@@ -1,4 +1,4 @@
-//! Asking for changes until the end.
+//! Reads changes until the end.
 
 use super::{Args, FormatArg};
 use crate::cli::change::{self, Change};
@@ -15,14 +15,14 @@ use crate::layout::format_value;
 use crate::request::{MAX_RECORDS, Op};
 use serde::Serialize;
 
-/// A change in words.
+/// A change with its texts.
 #[derive(Serialize)]
 struct ReportedChange {
     /// Emulated time, in microseconds.
     time_us: u64,
     #[serde(flatten)]
     change: Change,
-    /// Who it was.
+    /// The writer.
     by: &'static str,
 }
 
@@ -61,28 +61,26 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     }
 }
 
-/// Others may watch other registers.
+/// True if the change concerns a watched register: other clients may watch other registers.
 fn is_watched(stretches: &[(u16, u32, u32)], what: &journal::Changed) -> bool {
     let has =
         |&(plc, first, len): &(u16, u32, u32)| plc == what.plc && (first..first + len).contains(&what.offset);
     stretches.iter().any(has)
 }
 
-/// All changes from number `from` on, which goes on behind the last of them.
+/// Reads all changes from number `from` on, and moves `from` to the number after the last one.
 fn read(session: &Session, from: &mut u64, turn: &mut u16) -> Result<Vec<journal::Change>, CliError> {
     let mut all = Vec::new();
     loop {
         let reply = session.ask(Op::Changes { from: *from, max: MAX_RECORDS })?;
         let (changes, end, now) = reply.turned_changes()?;
         if core::mem::replace(turn, now.number) != now.number {
-            output::note(
-                "the instance has gone back; what is otherwise now is shown as changed by the channel",
-            );
+            output::note("the instance has gone back; differences are shown as changes by the channel");
         }
         if let Some(lost) =
             changes.first().map(|first| first.seq.saturating_sub(*from)).filter(|lost| *lost > 0)
         {
-            output::note(&format!("{lost} changes are lost: more came than are kept"));
+            output::note(&format!("{lost} changes are lost: the buffer was full"));
         }
         *from = changes.last().map_or(end, |last| last.seq + 1);
         let is_last = changes.is_empty() || *from >= end;
@@ -121,7 +119,7 @@ fn text(told: &[ReportedChange]) -> String {
     told.iter().zip(columns.lines()).map(line).collect()
 }
 
-/// The change in words: the register has the name that it had then.
+/// The texts of a change; the register has the name that was valid at that time.
 fn told(session: &Session, &journal::Change { time_us, what, .. }: &journal::Change) -> ReportedChange {
     let fitted = session.fitted(what.plc);
     let address = fitted.device().at(what.how.width, what.offset);

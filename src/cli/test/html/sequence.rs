@@ -1,19 +1,19 @@
-//! Who said what to whom before a failure: a line for each of program, firmware and bus, time going down.
+//! Sequence diagram of the exchange before a failure: one line each for program, firmware and bus, time downwards.
 
 use super::Text;
 use crate::script::{Exchanged, Way};
 use crate::time::seconds;
 
-/// Where the lines of program, firmware and bus stand.
+/// Horizontal positions of program, firmware and bus.
 const LANES: [(&str, i32); 3] = [("PLC program", 150), ("firmware", 270), ("bus", 390)];
 const WIDTH: i32 = 1060;
 const TEXTS: i32 = 420;
 const TOP: i32 = 34;
 const STEP: i32 = 22;
-/// Longest text that stands in a line, in characters.
+/// Longest text beside an arrow, in characters.
 const LONGEST: usize = 86;
 
-/// The picture, for a page.
+/// Draws the diagram for a page.
 pub(super) fn picture(exchange: &[Exchanged], failed_us: u64) -> String {
     let height = TOP + STEP * (exchange.len() as i32 + 2);
     let heads = LANES.map(|(name, x)| {
@@ -68,7 +68,7 @@ fn arrow(step: &Exchanged, y: i32) -> String {
     )
 }
 
-/// A line of the journal without its time, as much of it as there is room for.
+/// A line of the journal without its time, shortened to the available width.
 fn shortened(line: &str) -> String {
     let rest = line.split_once(" s  ").map_or(line, |(_, rest)| rest);
     let words: Vec<_> = rest.split_whitespace().collect();
@@ -85,7 +85,7 @@ mod tests {
     use crate::script::JournalLine;
 
     #[test]
-    fn arrows_go_from_who_says_it_to_whom() {
+    fn arrows_go_from_sender_to_receiver() {
         let line = |text: &str| JournalLine { time_us: 1500, kind: "x".into(), text: text.to_owned() };
         let step = |way, text| Exchanged { way, line: line(text) };
         let picture = picture(

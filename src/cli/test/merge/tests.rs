@@ -1,4 +1,4 @@
-//! Shards put together.
+//! Merging of shards.
 
 use super::*;
 use proptest::prelude::*;
@@ -26,7 +26,7 @@ fn files(parts: Vec<Part<()>>) -> Vec<String> {
 }
 
 #[test]
-fn shards_are_put_together_in_the_order_of_one_run() {
+fn shards_are_merged_in_the_order_of_one_run() {
     let all = vec![part(Some("2/3"), &["b", "e"]), part(Some("3/3"), &["c"]), part(Some("1/3"), &["a", "d"])];
     assert_eq!(files(all), ["a", "b", "c", "d", "e"]);
     assert_eq!(files(vec![part(None, &[]), part(Some("1/3"), &["a"]), part(None, &[])]), ["a"]);
@@ -34,30 +34,31 @@ fn shards_are_put_together_in_the_order_of_one_run() {
 }
 
 #[test]
-fn what_is_missing_double_or_of_others_is_refused() {
+fn missing_duplicate_and_foreign_reports_are_refused() {
     let one = || part(Some("1/2"), &["a", "c"]);
     let two = || part(Some("2/2"), &["b"]);
-    assert_eq!(
-        refused(vec![two()]),
-        "`missing: shard 1/2`: without their reports nobody knows how these ended"
-    );
-    assert_eq!(refused(vec![one(), two(), two()]), "`2-2.xml`: it is shard 2/2, and so is 2-2.xml");
+    assert_eq!(refused(vec![two()]), "`missing: shard 1/2`: the reports of these shards are needed");
+    assert_eq!(refused(vec![one(), two(), two()]), "`2-2.xml`: it is shard 2/2, as is 2-2.xml");
     assert_eq!(
         refused(vec![one(), part(Some("2/3"), &["b"])]),
-        "`2-3.xml`: it is shard 2/3, others are of 2 shards"
+        "`2-3.xml`: it is shard 2/3, but others belong to 2 shards"
     );
-    assert_eq!(refused(vec![one(), part(Some("2/2"), &["a"])]), "`2-2.xml`: a is in it, and in 1-2.xml");
+    assert_eq!(
+        refused(vec![one(), part(Some("2/2"), &["a"])]),
+        "`2-2.xml`: a is in this report and in 1-2.xml"
+    );
     let uneven = refused(vec![part(Some("1/2"), &["a", "b", "c"]), two()]);
     assert!(
-        uneven.ends_with("it has 3 scenarios where 2 of all 4 are due; the shards are not of the same files")
+        uneven
+            .ends_with("it has 3 scenarios, expected are 2 of all 4; the shards do not have the same files")
     );
     let more = refused(vec![one(), two(), part(None, &[])]);
-    assert!(more.contains("all of 2 shards are there without it"), "{more}");
+    assert!(more.contains("all 2 shards are present without it"), "{more}");
     assert!(refused(vec![part(Some("1/3"), &["a"]), part(None, &[])]).contains("missing: shard 2/3"));
 }
 
 #[test]
-fn the_exit_code_is_that_of_one_run() {
+fn the_exit_code_equals_the_exit_code_of_one_run() {
     let of = |endings: &[Ending]| verdict(&endings.iter().map(|it| (*it, true)).collect::<Vec<_>>());
     assert!(of(&[]).is_ok() && of(&[Ending::Passed]).is_ok());
     assert!(matches!(of(&[Ending::Passed, Ending::NotPassed]), Err(CliError::Reported)));
@@ -70,7 +71,7 @@ proptest! {
     #![proptest_config(crate::property_tests())]
 
     #[test]
-    fn any_number_of_scenarios_comes_back_from_any_number_of_shards(scenarios in 0_usize..40, count in 1_usize..12) {
+    fn splitting_and_merging_keeps_every_scenario(scenarios in 0_usize..40, count in 1_usize..12) {
         let all: Vec<_> = (0..scenarios).map(|it| format!("{it:02}")).collect();
         let parts = (0..count).map(|index| {
             let own: Vec<_> = all.iter().skip(index).step_by(count).map(String::as_str).collect();
@@ -80,7 +81,7 @@ proptest! {
     }
 
     #[test]
-    fn no_text_is_too_much(text in "\\PC{0,60}", xml in prop::bool::ANY) {
+    fn no_input_text_causes_a_panic(text in "\\PC{0,60}", xml in prop::bool::ANY) {
         let text = if xml { format!("<testsuites name=\"commram 1/2\">{text}") } else { text };
         let _ = of_junit(Path::new("x"), &text).map(|part| in_order(vec![part]).is_ok());
         let _ = of_json(Path::new("x"), &text).map(|part| in_order(vec![part]).is_ok());

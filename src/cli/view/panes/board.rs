@@ -13,16 +13,16 @@ use ratatui::layout::Rect;
 use ratatui::style::Style;
 use ratatui::text::{Line, Span};
 
-/// Columns for what a thing at the front is.
+/// Columns for names.
 const NAMES: usize = 12;
-/// How many switches the DIP switch has.
+/// Number of switches of the DIP switch.
 const DIP: u32 = 5;
 
-/// A line, and what can be turned in it: its name in `commram board set`, and how it can stand.
+/// A line, and its switch, if any: the name in `commram board set`, and the possible positions.
 type FrontLine = (Line<'static>, Option<(String, Vec<String>)>);
 
 pub(super) fn draw(frame: &mut Frame, model: &mut Model, theme: Theme, area: Rect) {
-    let title = " fronts of the PLCs; t turns what stands in the chosen line ".to_owned();
+    let title = " fronts of the PLCs; t turns the switch in the chosen line ".to_owned();
     let inner = titled(frame, title, theme.head(), area);
     let (mut all, mut knobs) = (Vec::new(), Vec::new());
     let names = model.names();
@@ -108,7 +108,7 @@ fn front_lines(face: &Face, has: &'static [&'static str], theme: Theme) -> Vec<F
     all
 }
 
-/// The five switches, and the number that they make.
+/// The five switches and their number.
 fn dip_spans(dip: u32, latched: Option<u32>, theme: Theme) -> Vec<Span<'static>> {
     let one = |bit: u32| {
         let on = dip >> bit & 1 != 0;
@@ -116,7 +116,8 @@ fn dip_spans(dip: u32, latched: Option<u32>, theme: Theme) -> Vec<Span<'static>>
     };
     let mut spans: Vec<_> = (0..DIP).map(one).collect();
     let counts = latched.unwrap_or(dip);
-    let note = if counts == dip { String::new() } else { format!(", {counts} counts until the next start") };
+    let note =
+        if counts == dip { String::new() } else { format!(", {counts} is active until the next start") };
     spans.push(Span::raw(format!(" number {dip}{note}")));
     spans
 }
@@ -131,7 +132,7 @@ fn lamp(is_lit: bool, theme: Theme) -> Span<'static> {
     if is_lit { Span::styled("\u{25cf} ", theme.good()) } else { Span::styled("\u{25cb} ", theme.dim()) }
 }
 
-/// A module in one line: what it is, its LEDs, its switches.
+/// A module in one line: its type, LEDs and switches.
 fn module_line(port: &str, module: &ModuleFront, theme: Theme) -> FrontLine {
     let mut spans = vec![Span::styled(padded(module.kind, 14), theme.name())];
     for (name, led) in &module.leds {
@@ -156,7 +157,7 @@ fn module_line(port: &str, module: &ModuleFront, theme: Theme) -> FrontLine {
     (named(port, spans), has_dip.then(|| (format!("{port}.dip"), vec!["0 to 31".to_owned()])))
 }
 
-/// Segments a to g of a seven-segment display, the lowest bit first, for what it can show.
+/// Segments a to g of a seven-segment display, the lowest bit first, for each supported character.
 const SEGMENTS: [(char, u8); 28] = [
     ('0', 0x3F),
     ('1', 0x06),
@@ -188,7 +189,7 @@ const SEGMENTS: [(char, u8); 28] = [
     ('-', 0x40),
 ];
 
-/// The display in three lines; what it cannot show as segments is written.
+/// The display in three lines; characters without segments are printed as text.
 fn segments(shown: &str) -> [String; 3] {
     let mut lines = [String::new(), String::new(), String::new()];
     for character in shown.chars() {

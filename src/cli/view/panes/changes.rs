@@ -1,4 +1,4 @@
-//! Every change of the pinned registers as the emulator has kept it, in their order.
+//! Every change of the pinned registers that the emulator has recorded, in order.
 
 use super::{lines, marked, titled};
 use crate::cli::change;
@@ -15,7 +15,7 @@ use ratatui::text::{Line, Span};
 pub(super) fn draw(frame: &mut Frame, model: &mut Model, theme: Theme, area: Rect) {
     let lost = match model.pins.lost {
         0 => String::new(),
-        count => format!("; {count} are lost, more came than are kept"),
+        count => format!("; {count} are lost, the buffer was full"),
     };
     let which = if model.pins.all.is_empty() { "recorded" } else { "pinned" };
     let title = format!(" changes of the {which} registers, the latest at the end{lost} ");
@@ -32,7 +32,7 @@ pub(super) fn draw(frame: &mut Frame, model: &mut Model, theme: Theme, area: Rec
         return lines(frame, vec![Line::styled(text, theme.dim())], inner);
     }
     let width = usize::from(inner.width);
-    // The times of a plant that has run for long are longer.
+    // Times of a plant that has run for a long time are longer.
     let times = model.pins.shown().last().map_or(0, |last| time::seconds(last.time_us).len()).max(TIMES);
     let head = ["time", "after", "register", "from", "to", "by", "meaning"].map(str::to_owned);
     let head = columns(width, times, head);
@@ -52,12 +52,12 @@ pub(super) fn draw(frame: &mut Frame, model: &mut Model, theme: Theme, area: Rec
     model.hot.push((rows, Hot::List(Which::Changes)));
 }
 
-/// From this width on there is room for what registers held before.
+/// Minimum width for the column with the previous value.
 const WIDE: usize = 110;
-/// Columns for a time, at least.
+/// Minimum number of columns for a time.
 const TIMES: usize = 12;
 
-/// Time, distance, register, what it held and holds, who, meaning.
+/// Time, interval, register, old and new value, writer, meaning.
 fn columns(
     width: usize,
     times: usize,
@@ -94,7 +94,7 @@ fn change_cells(names: &Names, change: &Change, before: Option<&Change>) -> [Str
     [time::seconds(change.time_us), after, name, from, to, what.how.by.name().to_owned(), meaning]
 }
 
-/// A distance in few characters.
+/// Formats an interval in few characters.
 fn distance(us: u64) -> String {
     match us {
         0..100_000 => format!("+{us} us"),
@@ -130,7 +130,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_cut_is_neither_a_unit_nor_an_index() {
+    fn cutting_never_changes_a_unit_or_an_index() {
         let cells = ["86400.002000 s", "+99999 ms", "node2.a_STEUREG_CONTROLWORD[31]", "", "", "", ""];
         let [time, after, name, ..] = columns(80, 14, cells.map(str::to_owned));
         assert_eq!((time.as_str(), after.as_str()), ("86400.002000 s", " +99999 ms"));

@@ -1,4 +1,4 @@
-//! The drives: states, and of the chosen one what it is told and does, as a running chart.
+//! The drives: states, and a running chart of reference and actual value of the chosen drive.
 
 use super::{lines, marked, titled};
 use crate::cli::view::drives::Shown;
@@ -37,7 +37,7 @@ pub(super) fn draw(frame: &mut Frame, model: &mut Model, theme: Theme, area: Rec
     }
 }
 
-/// Name, bus and number, state, whether it runs in step with SYNC, speeds, fault.
+/// Name, bus and number, state, synchronization, speeds, fault.
 fn columns(width: usize, cells: [String; 7]) -> [String; 7] {
     let names = width.saturating_sub(1 + 11 + 22 + 6 + 11 + 11 + 7).clamp(8, 24);
     let [name, at, state, sync, reference, actual, fault] = cells;
@@ -84,13 +84,13 @@ fn drive_line(shown: &Shown, theme: Theme, width: usize) -> Line<'static> {
 }
 
 fn draw_chart(frame: &mut Frame, shown: &Shown, theme: Theme, area: Rect) {
-    let title = format!(" {}: reference (yellow) and actual speed (green) at each look ", shown.entry.name);
+    let title = format!(" {}: reference (yellow) and actual speed (green) at each poll ", shown.entry.name);
     let inner = titled(frame, title, theme.dim(), area);
     let reference: Vec<_> = shown.points.iter().map(|(time, reference, _)| (*time, *reference)).collect();
     let actual: Vec<_> = shown.points.iter().map(|(time, _, actual)| (*time, *actual)).collect();
     let values = || reference.iter().chain(&actual).map(|(_, value)| *value);
     let (low, high) = (values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max));
-    // A line in the middle, if nothing has changed.
+    // A constant value is drawn in the middle.
     let (low, high) = if low < high { (low, high) } else { (low - 1.0, high + 1.0) };
     let begin = reference.first().map_or(0.0, |(time, _)| *time);
     let end = reference.last().map_or(1.0, |(time, _)| *time).max(begin + 1e-6);

@@ -1,4 +1,4 @@
-//! What the access checker has found; of the chosen finding the rule and where the manual states it.
+//! Findings of the access checker; for the chosen finding also the rule and its page in the manual.
 
 use super::{lines, marked, titled};
 use crate::cli::check::FindingRow;
@@ -10,14 +10,14 @@ use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::text::{Line, Span};
 use ratatui::widgets::{Paragraph, Wrap};
 
-/// Lines for the rule.
+/// Number of lines for the rule.
 const RULE: u16 = 5;
 
 pub(super) fn draw(frame: &mut Frame, model: &mut Model, theme: Theme, area: Rect) {
     let [list, rule] = Layout::vertical([Constraint::Min(0), Constraint::Length(RULE)]).areas(area);
-    let inner = titled(frame, " against the manual ".to_owned(), theme.head(), list);
+    let inner = titled(frame, " violations of the manual ".to_owned(), theme.head(), list);
     if model.findings.is_empty() {
-        let text = " nothing against the manual has been found";
+        let text = " no violations of the manual were found";
         return lines(frame, vec![Line::styled(text, theme.dim())], inner);
     }
     let names = model.names();

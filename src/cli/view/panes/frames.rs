@@ -1,4 +1,4 @@
-//! The frames of an interval: as a line of time with its slots, and one by one.
+//! The frames of an interval: as a time line with slots, and as a list.
 
 use super::{lines, marked, titled};
 use crate::cli::view::frames::{Window, Wire};
@@ -10,7 +10,7 @@ use ratatui::Frame;
 use ratatui::layout::Rect;
 use ratatui::text::{Line, Span};
 
-/// Lines above the list: times, slots, frames, now, and a head.
+/// Lines above the list: times, slots, frames, current time, and a heading.
 const ABOVE: u16 = 5;
 
 pub(super) fn draw(frame: &mut Frame, model: &mut Model, theme: Theme, area: Rect) {
@@ -60,13 +60,13 @@ pub(super) fn draw(frame: &mut Frame, model: &mut Model, theme: Theme, area: Rec
     model.hot.push((rows, Hot::List(Which::Frames)));
 }
 
-/// The column of a time.
+/// Column of a time.
 fn column(window: Window, time_us: u64, width: usize) -> usize {
     let us = time_us.saturating_sub(window.begin_us).min(window.us);
     (us as usize * width / window.us as usize).min(width.saturating_sub(1))
 }
 
-/// Quarters of the window.
+/// Ruler with the quarters of the window.
 fn ruler(window: Window, width: usize) -> String {
     let mut text = vec![' '; width + 1];
     for quarter in 0..4 {
@@ -106,7 +106,7 @@ fn wire_line(wires: &[Wire], window: Window, chosen: usize, width: usize, theme:
     )
 }
 
-/// Where the emulated time is, if it is within the window.
+/// Marker of the current emulated time, if it is within the window.
 fn now_line(window: Window, now_us: u64, width: usize) -> String {
     if now_us < window.begin_us || now_us >= window.begin_us + window.us {
         return String::new();

@@ -1,4 +1,4 @@
-//! The plant as it stands: PLCs with their ports, buses with their stations.
+//! The current state of the plant: PLCs with their ports, buses with their stations.
 
 use super::titled;
 use crate::cli::view::drives::Shown;
@@ -28,7 +28,7 @@ pub(super) fn draw(frame: &mut Frame, model: &mut Model, theme: Theme, area: Rec
         let drives: Vec<_> = model.drives.all.iter().filter(own).collect();
         bus_lines(bus, &drives, model.buses.get(number), theme, &mut all);
     }
-    // Nothing is chosen here: the keys move what is to be seen.
+    // This pane has no chosen line: the keys scroll it.
     let most = all.len().saturating_sub(usize::from(inner.height));
     model.plant.chosen = model.plant.chosen.min(most);
     model.plant.height = usize::from(inner.height);
@@ -111,7 +111,7 @@ fn bus_lines(
     let Some(bus) = state else { return };
     for stranger in &bus.strangers {
         let rate = f64::from(stranger.bit_s) / 1000.0;
-        let text = format!("   {} is set to {rate} kbit/s and takes no part", stranger.name);
+        let text = format!("   {} is set to {rate} kbit/s and cannot communicate", stranger.name);
         lines.push(Line::styled(text, theme.bad()));
     }
     for door in &bus.doors {

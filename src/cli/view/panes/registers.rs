@@ -1,4 +1,4 @@
-//! Blocks with their registers, and below or beside them those that are pinned.
+//! Blocks with their registers, and the pinned registers below or beside them.
 
 use super::{lines, marked, titled};
 use crate::cli::view::look::Spot;
@@ -13,9 +13,9 @@ use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::text::{Line, Span};
 
-/// From this width on both lists have room beside each other.
+/// From this width on both lists are side by side.
 const WIDE: u16 = 150;
-/// `16#0000_0000` and a mark.
+/// Columns for `16#0000_0000` and a mark.
 const VALUE: usize = 12;
 
 pub(super) fn draw(frame: &mut Frame, model: &mut Model, theme: Theme, area: Rect) {
@@ -40,7 +40,7 @@ fn draw_tree(frame: &mut Frame, model: &mut Model, theme: Theme, area: Rect) {
     let len = model.tree.rows().len();
     let seen = model.tree.list.fit(usize::from(inner.height), len);
     if len == 0 {
-        let nothing = Line::styled(" nothing is called so and has such a meaning", theme.dim());
+        let nothing = Line::styled(" no register has this text in its name or meaning", theme.dim());
         return lines(frame, vec![nothing], inner);
     }
     let width = usize::from(inner.width);
@@ -190,7 +190,7 @@ fn pin_line(model: &Model, pin: &Pin, theme: Theme, width: usize) -> Line<'stati
     ])
 }
 
-/// An age in few characters: three figures are enough.
+/// Formats an age in few characters: three figures are enough.
 fn age(us: u64) -> String {
     match us {
         0..1_000 => time::short(us),

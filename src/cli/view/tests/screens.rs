@@ -1,4 +1,4 @@
-//! Whole screens, as they were looked over once.
+//! Whole screens, compared with reviewed files.
 
 use super::picture::svg;
 use super::{User, held};
@@ -37,7 +37,7 @@ fn findings_with_their_page() {
     user.type_in("7");
     screen(&user, "findings");
     user.type_in("cy");
-    user.sees("nothing against the manual");
+    user.sees("no violations of the manual");
 }
 
 #[test]
@@ -57,7 +57,7 @@ fn a_running_plant() {
     screen(&user, "drives");
     held(
         "docs/guide/view-drives.svg",
-        &svg(user.buffer(), "The drives of the built-in plant, and what the first one is told and does"),
+        &svg(user.buffer(), "The drives of the built-in plant, with the chart of the first one"),
     );
     user.type_in("4n");
     user.type_in("s\u{8}");
@@ -74,12 +74,12 @@ fn a_running_plant() {
     screen(&user, "registers");
     held(
         "docs/guide/view-registers.svg",
-        &svg(user.buffer(), "Blocks with their registers, and below them those that are pinned"),
+        &svg(user.buffer(), "Blocks with their registers, and the pinned registers below"),
     );
     user.type_in("3");
     screen(&user, "handshakes");
     held(
         "docs/guide/view-changes.svg",
-        &svg(user.buffer(), "Every change of the pinned registers, with time and who it was"),
+        &svg(user.buffer(), "Every change of the pinned registers, with time and writer"),
     );
 }

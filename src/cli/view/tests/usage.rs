@@ -1,4 +1,4 @@
-//! What the user does, and what comes of it.
+//! User actions and their effects.
 
 use super::User;
 use crate::cli::view::link::News;
@@ -11,7 +11,7 @@ use crate::request::testing::TestHost;
 use crate::request::{Op, Reply};
 use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyModifiers};
 
-/// What a register of the first PLC holds.
+/// The value of a register of the first PLC.
 fn holds(user: &User, name: &str) -> u32 {
     let place = Place::parse(&user.host.plant.names().fitted(0), name).unwrap();
     let device = &user.host.plant.devices()[0];
@@ -38,7 +38,7 @@ fn a_poke_asks_before_it_is_done() {
 }
 
 #[test]
-fn a_forced_register_is_marked_and_let_go_again() {
+fn a_forced_register_is_marked_and_can_be_unforced() {
     let mut user = User::built_in();
     user.find("node2.w_OPTION_STATUS");
     user.type_in(" f16#80\ny");
@@ -50,7 +50,7 @@ fn a_forced_register_is_marked_and_let_go_again() {
 }
 
 #[test]
-fn nothing_is_changed_by_who_only_reads() {
+fn a_read_only_view_changes_nothing() {
     let mut user = User::at(TestHost::new(true), true);
     user.find("press:node2.w_CPU_CONTROL");
     for key in ["p", "f", "u", "t", "s", "n", "e", "w", "b", "B", "c"] {
@@ -62,11 +62,11 @@ fn nothing_is_changed_by_who_only_reads() {
 }
 
 #[test]
-fn a_stepped_clock_goes_as_far_as_it_is_told() {
+fn a_stepped_clock_advances_by_the_given_time() {
     let mut user = User::built_in();
     user.type_in("s\n");
     assert_eq!(user.host.plant.now(), 1_000);
-    // What was given last is there, and what is typed takes its place.
+    // The last input is offered again, and typing replaces it.
     user.type_in("s");
     user.sees("1ms");
     user.type_in("2\n");
@@ -87,10 +87,10 @@ fn a_stepped_clock_goes_as_far_as_it_is_told() {
 }
 
 #[test]
-fn what_cannot_be_waited_for_is_explained() {
+fn a_wrong_condition_is_explained() {
     let mut user = User::at(TestHost::new(true), false);
     user.type_in("wnode2.w_CPU_CONTROL==1\n");
-    user.sees("name the PLC in front: press, saw:...");
+    user.sees("write the PLC in front: press, saw:...");
     user.press(KeyCode::Esc);
     user.type_in("wpress:node2.w_CPU_CONTRL==1\n");
     user.sees("w_CPU_CONTROL");
@@ -109,7 +109,7 @@ fn a_running_clock_is_not_stepped() {
 }
 
 #[test]
-fn a_request_that_was_answered_between_two_looks_is_seen() {
+fn a_request_that_was_answered_between_two_polls_is_seen() {
     let mut user = User::built_in();
     user.activate();
     user.find("node2.b_CTRLREG_WRC1");
@@ -139,29 +139,29 @@ fn the_mouse_chooses_panes_and_lines() {
 }
 
 #[test]
-fn an_emulator_that_is_gone_is_waited_for_and_its_successor_has_the_same_pins() {
+fn the_view_waits_for_a_new_emulator_and_keeps_the_pins() {
     let mut user = User::at(TestHost::new(true), false);
     user.find("press:node2.w_CPU_CONTROL");
     user.type_in(" ");
     user.press(KeyCode::Esc);
-    user.model.take(News::Absent("nothing of the name runs".to_owned()));
+    user.model.take(News::Absent("no such instance is running".to_owned()));
     user.draw();
     user.sees("gone, waiting for it");
-    user.sees("nothing of the name runs");
+    user.sees("no such instance is running");
     user.model.take(News::Busy);
     user.draw();
-    user.sees("busy with somebody else's time");
+    user.sees("busy with another client");
     let mut successor = user.model.info.clone().unwrap();
     successor.generation += 1;
     user.model.info = Some(successor);
     user.look();
     assert_eq!(user.model.contact, Contact::RegisterPhase);
     user.sees("press:node2.w_CPU_CONTROL");
-    user.sees("another emulator has begun");
+    user.sees("another emulator of this name");
 }
 
 #[test]
-fn a_long_wait_ends_when_the_user_has_had_enough() {
+fn the_user_can_cancel_a_long_wait() {
     let mut user = User::built_in();
     user.model.press(KeyCode::Char('s').into());
     user.model.press(KeyCode::Enter.into());
@@ -174,7 +174,7 @@ fn a_long_wait_ends_when_the_user_has_had_enough() {
     assert!(matches!(&news[0], News::GoesOn(text) if text == "0.1 s of 60 s passed; Esc ends"), "{news:?}");
     user.press(KeyCode::Esc);
     assert_eq!(user.host.plant.now(), 100_000);
-    user.sees("ended: 0.1 s of 60 s passed");
+    user.sees("cancelled: 0.1 s of 60 s passed");
 }
 
 #[test]
@@ -186,7 +186,7 @@ fn the_tree_opens_and_closes() {
     assert!(open > closed);
     user.press(KeyCode::Down);
     user.press(KeyCode::Left);
-    assert_eq!(user.model.tree.list.chosen, 0, "what is no block leads to its block");
+    assert_eq!(user.model.tree.list.chosen, 0, "closing a register chooses its block");
     user.press(KeyCode::Left);
     assert_eq!(user.model.tree.rows().len(), closed);
 }
@@ -201,11 +201,11 @@ fn addresses_and_patterns_are_found() {
     assert_eq!(user.model.tree.rows().len(), 3);
     user.press(KeyCode::Esc);
     user.type_in("/nothing of the kind");
-    user.sees("nothing is called so");
+    user.sees("no register has this text");
 }
 
 #[test]
-fn a_modular_plc_has_its_modules_at_its_front() {
+fn a_modular_plc_shows_its_modules_at_its_front() {
     let modular = devices::all().iter().find(|known| known.module.is_some()).unwrap();
     let mut user = User::of(modular.template.unwrap(), false);
     user.type_in("5");
@@ -214,7 +214,7 @@ fn a_modular_plc_has_its_modules_at_its_front() {
 }
 
 #[test]
-fn a_stepped_plant_goes_back_and_says_how_far_it_can() {
+fn a_stepped_plant_goes_back_and_reports_its_limit() {
     let mut user = User::built_in();
     user.poke(&[("node2.w_CPU_CONTROL", 1)], 5_000);
     user.type_in("s5ms\n");
@@ -228,7 +228,7 @@ fn a_stepped_plant_goes_back_and_says_how_far_it_can() {
     user.sees("are too far");
     user.type_in("Bnode2.w_OPTION_STATUS==16#0002 and node2.w_CPU_CONTROL==1\n");
     user.sees("back to node2.w_OPTION_STATUS==16#0002 and");
-    // It held all the way: that is as far as one can go back.
+    // The condition was always true, so the plant goes back as far as possible.
     assert_eq!(user.host.plant.now(), 5_000);
 }
 
@@ -238,7 +238,7 @@ fn switches_of_the_board_are_turned_as_on_the_command_line() {
     user.type_in("5");
     user.sees("t turns");
     user.type_in("t");
-    user.sees("nothing in this line can be turned");
+    user.sees("this line has no switch");
     let line =
         |user: &User, what: &str| user.screen().lines().position(|line| line.contains(what)).unwrap() as u16;
     let switch = line(&user, "RUN");
@@ -261,7 +261,7 @@ fn switches_of_the_board_are_turned_as_on_the_command_line() {
 }
 
 #[test]
-fn an_interval_that_is_looked_at_stays_while_the_clock_runs() {
+fn a_selected_interval_stays_while_the_clock_runs() {
     let mut user = User::at(TestHost::of(&PlantConfig::built_in().unwrap(), false), false);
     user.activate();
     user.type_in("4");
@@ -282,11 +282,11 @@ fn an_interval_that_is_looked_at_stays_while_the_clock_runs() {
 }
 
 #[test]
-fn with_a_running_clock_the_last_complete_interval_is_shown_with_what_is_still_counted() {
+fn with_a_running_clock_the_last_complete_interval_is_shown_with_pending_records() {
     let mut user = User::at(TestHost::of(&PlantConfig::built_in().unwrap(), false), false);
     user.activate();
     user.type_in("4");
-    // In the middle of intervals, and long enough that all is counted that repeats itself.
+    // In the middle of intervals, and long enough that all repeated records are being counted.
     for passes in [10_300, 30_700, 1_100, 1_900] {
         user.host.run_to(user.host.plant.now() + passes);
         user.look();
@@ -306,7 +306,7 @@ fn a_register_of_overlaid_structures_is_found_once_by_its_address() {
 }
 
 #[test]
-fn a_long_message_is_there_with_its_end() {
+fn a_long_message_is_shown_with_its_end() {
     let mut user = User::built_in();
     user.model.complain(format!("begin {} and the end", "of a message that is long ".repeat(5)));
     user.draw();
@@ -330,7 +330,7 @@ fn the_rate_is_the_number_of_changes_in_the_last_second() {
 }
 
 #[test]
-fn to_quit_and_to_interrupt_are_two_ends() {
+fn quitting_and_interrupting_have_different_exit_codes() {
     let mut user = User::built_in();
     user.model.press(KeyEvent::new(KeyCode::Char('c'), KeyModifiers::CONTROL));
     assert!(user.model.quits && user.model.is_interrupted);
@@ -344,7 +344,7 @@ fn changes_of(user: &User, name: &str) -> Vec<String> {
     user.screen().lines().filter(|line| line.contains(name)).map(str::to_owned).collect()
 }
 
-/// What happened before the view was opened is shown as far as the journal holds it, and each change once.
+/// Changes before the view was opened are shown as far as the journal contains them, each change once.
 #[test]
 fn changes_that_were_recorded_before_the_view_was_opened_are_shown() {
     let mut before = User::built_in();
@@ -372,7 +372,7 @@ fn changes_that_were_recorded_before_the_view_was_opened_are_shown() {
     assert_eq!(changes_of(&user, "node2.w_OPTION_STATUS").len(), now, "{}", user.screen());
 }
 
-/// A plant at a snapshot has a journal with an end and no records.
+/// A plant that starts from a snapshot has a journal without records whose numbering continues.
 #[test]
 fn a_journal_that_continues_from_a_snapshot_is_shown() {
     let mut user = User::built_in();
