@@ -1,7 +1,7 @@
 //! Registers that changed their value: shown by `watch` and `diff`.
 
 use super::error::CliError;
-use super::peek::Holding;
+use super::peek::RegisterReading;
 use super::table::{self, Row};
 use crate::journal::Changed;
 use crate::layout::{DeviceFit, RegisterRef};
@@ -18,7 +18,7 @@ pub(super) fn register(fitted: &DeviceFit, what: &Changed) -> Option<RegisterRef
 
 /// Value of a register for comparison; also an entry of a dump in JSON.
 #[derive(Clone, Debug, Deserialize, PartialEq, Eq)]
-pub(crate) struct Held {
+pub(crate) struct RegisterValue {
     pub plc: String,
     /// Name of the register, with the PLC if the instance has several; the address if there is no register.
     pub register: String,
@@ -28,10 +28,10 @@ pub(crate) struct Held {
     pub meaning: String,
 }
 
-impl From<Holding> for Held {
-    fn from(holding: Holding) -> Self {
-        let Holding { plc, register, address, hex, meaning, .. } = holding;
-        Held { plc, register, address, hex, meaning }
+impl From<RegisterReading> for RegisterValue {
+    fn from(holding: RegisterReading) -> Self {
+        let RegisterReading { plc, register, address, hex, meaning, .. } = holding;
+        RegisterValue { plc, register, address, hex, meaning }
     }
 }
 
@@ -84,22 +84,24 @@ pub(crate) fn values(change: &Change) -> String {
 }
 
 /// Register values by PLC and name.
-pub(crate) struct Known(BTreeMap<(String, String), Held>);
+pub(crate) struct RegisterValues(BTreeMap<(String, String), RegisterValue>);
 
-impl Known {
+impl RegisterValues {
     /// If several entries have the same name, the last one is kept.
-    pub(crate) fn new(registers: impl IntoIterator<Item = Held>) -> Self {
-        Known(registers.into_iter().map(|held| ((held.plc.clone(), held.register.clone()), held)).collect())
+    pub(crate) fn new(registers: impl IntoIterator<Item = RegisterValue>) -> Self {
+        RegisterValues(
+            registers.into_iter().map(|held| ((held.plc.clone(), held.register.clone()), held)).collect(),
+        )
     }
 
     /// True if the values contain this register.
-    pub(crate) fn has(&self, held: &Held) -> bool {
+    pub(crate) fn has(&self, held: &RegisterValue) -> bool {
         self.0.contains_key(&(held.plc.clone(), held.register.clone()))
     }
 
     /// Returns the registers of `after` that are new or have another value, in their order.
-    pub(crate) fn changed<'a>(&self, after: impl IntoIterator<Item = &'a Held>) -> Vec<Change> {
-        let change = |now: &Held| {
+    pub(crate) fn changed<'a>(&self, after: impl IntoIterator<Item = &'a RegisterValue>) -> Vec<Change> {
+        let change = |now: &RegisterValue| {
             let before = self.0.get(&(now.plc.clone(), now.register.clone()));
             let differs = before.is_none_or(|before| before.hex != now.hex);
             differs.then(|| Change {
@@ -115,8 +117,8 @@ impl Known {
     }
 
     /// Returns the registers of `before` that these values do not contain, in their order.
-    pub(crate) fn missing(&self, before: &[Held]) -> Vec<Change> {
-        let change = |held: &Held| Change {
+    pub(crate) fn missing(&self, before: &[RegisterValue]) -> Vec<Change> {
+        let change = |held: &RegisterValue| Change {
             plc: held.plc.clone(),
             register: held.register.clone(),
             address: held.address.clone(),
@@ -132,7 +134,7 @@ impl Known {
 ///
 /// # Errors
 /// `text` is not a dump; `name` identifies it in the message.
-pub(crate) fn parse(name: &str, text: &str) -> Result<Vec<Held>, CliError> {
+pub(crate) fn parse(name: &str, text: &str) -> Result<Vec<RegisterValue>, CliError> {
     serde_json::from_str(text)
         .map_err(|error| CliError::NoDump { name: name.to_owned(), reason: error.to_string() })
 }
@@ -141,38 +143,38 @@ pub(crate) fn parse(name: &str, text: &str) -> Result<Vec<Held>, CliError> {
 mod tests {
     use super::*;
 
-    fn held(register: &str, hex: &str) -> Held {
+    fn held(register: &str, hex: &str) -> RegisterValue {
         let [plc, address, meaning] = ["line", "%MB3.0", ""].map(str::to_owned);
-        Held { plc, register: register.to_owned(), address, hex: hex.to_owned(), meaning }
+        RegisterValue { plc, register: register.to_owned(), address, hex: hex.to_owned(), meaning }
     }
 
-    fn told(changes: &[Change]) -> Vec<(&str, Option<&str>, Option<&str>)> {
+    fn summary(changes: &[Change]) -> Vec<(&str, Option<&str>, Option<&str>)> {
         changes.iter().map(|it| (&*it.register, it.before.as_deref(), it.after.as_deref())).collect()
     }
 
     #[test]
     fn new_and_changed_registers_are_reported_in_their_order() {
-        let before = Known::new([held("a", "16#01"), held("b", "16#02")]);
+        let before = RegisterValues::new([held("a", "16#01"), held("b", "16#02")]);
         let after = [held("c", "16#03"), held("b", "16#04"), held("a", "16#01")];
         let changes = before.changed(&after);
-        assert_eq!(told(&changes), [("c", None, Some("16#03")), ("b", Some("16#02"), Some("16#04"))]);
+        assert_eq!(summary(&changes), [("c", None, Some("16#03")), ("b", Some("16#02"), Some("16#04"))]);
         assert_eq!(text(&changes), "c  %MB3.0  - -> 16#03\nb  %MB3.0  16#02 -> 16#04\n");
     }
 
     #[test]
     fn missing_registers_are_reported() {
-        let missing = Known::new([held("b", "16#09")]).missing(&[
+        let missing = RegisterValues::new([held("b", "16#09")]).missing(&[
             held("c", "16#03"),
             held("b", "16#02"),
             held("a", "16#01"),
         ]);
-        assert_eq!(told(&missing), [("c", Some("16#03"), None), ("a", Some("16#01"), None)]);
+        assert_eq!(summary(&missing), [("c", Some("16#03"), None), ("a", Some("16#01"), None)]);
     }
 
     #[test]
     fn one_name_at_two_plcs_means_two_registers() {
-        let other = Held { plc: "other".to_owned(), ..held("a", "16#02") };
-        assert_eq!(Known::new([held("a", "16#01")]).changed([&other]).len(), 1);
+        let other = RegisterValue { plc: "other".to_owned(), ..held("a", "16#02") };
+        assert_eq!(RegisterValues::new([held("a", "16#01")]).changed([&other]).len(), 1);
     }
 
     #[test]

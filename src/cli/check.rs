@@ -53,14 +53,14 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
 }
 
 /// The findings of an instance.
-struct Checked {
+struct InstanceFindings {
     instance: String,
     names: Names,
     time_us: u64,
     entries: Vec<Entry>,
 }
 
-fn findings(args: &Args) -> Result<Checked, CliError> {
+fn findings(args: &Args) -> Result<InstanceFindings, CliError> {
     use super::session::Session;
     use crate::request::{Op, Reply, WrongReply};
     let instance = args.instance.name().to_owned();
@@ -70,7 +70,7 @@ fn findings(args: &Args) -> Result<Checked, CliError> {
     let mut replies = session.request(&ops)?.into_iter();
     match (replies.next(), replies.next()) {
         (Some(Reply::Info(info)), Some(Reply::Findings(entries))) => {
-            Ok(Checked { instance, names: info.names, time_us: info.time_us, entries })
+            Ok(InstanceFindings { instance, names: info.names, time_us: info.time_us, entries })
         }
         _ => Err(WrongReply.into()),
     }
@@ -156,7 +156,7 @@ impl Row for FindingRow {
     }
 }
 
-fn text(rows: &[FindingRow], checked: &Checked) -> String {
+fn text(rows: &[FindingRow], checked: &InstanceFindings) -> String {
     let number = |severity: &str| rows.iter().filter(|row| row.severity == severity).count();
     let counted = |severity: Severity| plural(number(severity.name()) as u64, severity);
     let head = format!("instance '{}' at {}: ", checked.instance, time::seconds(checked.time_us));

@@ -3,14 +3,14 @@
 //!
 //! A completer gets only the word under the cursor; [`mod@line`] provides the words before it.
 
-mod known;
 mod line;
+mod running;
 
 pub(crate) use line::within;
 pub(super) use line::{front_of_last, whole};
 
-use known::{known_buses, known_drives, known_faults, known_parameters};
 use line::{instance, option, words};
+use running::{known_buses, known_drives, known_faults, known_parameters};
 
 use super::session::Session;
 use crate::devices;
@@ -62,7 +62,7 @@ pub(crate) fn instances() -> ArgValueCompleter {
 
 /// Completes the PLCs of the instance.
 pub(crate) fn plcs() -> ArgValueCompleter {
-    of(|current| starting(current, Scene::look().plcs.into_iter().map(|(name, _)| (name, String::new()))))
+    of(|current| starting(current, PlcScope::load().plcs.into_iter().map(|(name, _)| (name, String::new()))))
 }
 
 /// Completes the buses of the instance.
@@ -104,7 +104,7 @@ pub(crate) fn settings() -> ArgValueCompleter {
             ("project=boot", "boot project"),
             ("project=sent", "project that was sent"),
         ];
-        let scene = Scene::look();
+        let scene = PlcScope::load();
         let own = scene.plcs.iter().flat_map(|(_, fitted)| fitted.device().front.iter());
         let own = own.map(|word| (format!("{}=", word.name), "switch of the front".to_owned()));
         let all: Vec<_> =
@@ -170,9 +170,9 @@ fn values_of_field(field: &Field) -> Vec<String> {
     match field.form() {
         Form::Word(words) => words.iter().map(|word| (*word).to_owned()).collect(),
         Form::Name if field.name() == "bus" => known_buses(),
-        Form::Name => Scene::look().plcs.into_iter().map(|(name, _)| name).collect(),
+        Form::Name => PlcScope::load().plcs.into_iter().map(|(name, _)| name).collect(),
         Form::Port => {
-            let scene = Scene::look();
+            let scene = PlcScope::load();
             let mut ports: Vec<_> = scene
                 .plcs
                 .iter()
@@ -199,13 +199,13 @@ fn starting(current: &str, all: impl IntoIterator<Item = (String, String)>) -> V
 }
 
 /// The PLCs whose registers can be named.
-struct Scene {
+struct PlcScope {
     /// The PLCs of the instance; if no instance runs, one entry without a name for the default device.
     plcs: Vec<(String, DeviceFit)>,
 }
 
-impl Scene {
-    fn look() -> Self {
+impl PlcScope {
+    fn load() -> Self {
         if let Some(session) = Session::glance(&instance()) {
             let plcs = (0..).zip(session.plcs()).map(|(number, name)| (name.clone(), session.fitted(number)));
             return Self { plcs: plcs.collect() };
@@ -242,7 +242,7 @@ impl Scene {
 /// name.
 fn areas(current: &str, suffix: &str) -> Vec<(String, String)> {
     let mut all = Vec::new();
-    for (prefix, fitted) in Scene::look().each(current) {
+    for (prefix, fitted) in PlcScope::load().each(current) {
         for area in fitted.device().named_areas().filter(|area| fitted.area(area) != Fit::Empty) {
             let mut add = |name: &str| all.push((format!("{prefix}{name}{suffix}"), area.doc.to_owned()));
             add(area.name);
@@ -265,7 +265,7 @@ fn registers_with(current: &str, suffix: &str) -> Vec<Candidate> {
     // Keeps the order of the map.
     let mut names: Vec<String> = Vec::new();
     let mut known: BTreeMap<String, String> = BTreeMap::new();
-    for (prefix, fitted) in Scene::look().each(current) {
+    for (prefix, fitted) in PlcScope::load().each(current) {
         for register in registers_of(&fitted, front) {
             let full = format!("{prefix}{front}.{}", register.path());
             let Some(rest) = full.strip_prefix(current) else { continue };
@@ -312,7 +312,7 @@ fn values_of(current: &str, signs: &[&str]) -> Option<Vec<Candidate>> {
         Some((register, format!("{register}{sign}")))
     })?;
     let (_, name) = split_plc(register);
-    let found = Scene::look().each(register).into_iter();
+    let found = PlcScope::load().each(register).into_iter();
     let found = found.filter_map(|(_, fitted)| fitted.register(name.trim()).ok()).next();
     let names = found.and_then(|found| Some((found.register.meaning?, found)));
     let named = names.into_iter().flat_map(|(meaning, found)| {

@@ -1,7 +1,7 @@
 //! `commram diff`: registers that differ from an earlier dump.
 
 use super::Instance;
-use super::change::{self, Held, Known};
+use super::change::{self, RegisterValue, RegisterValues};
 use super::device::on_any_device;
 use super::dump::Blocks;
 use super::error::CliError;
@@ -48,18 +48,18 @@ pub(crate) struct Args {
 /// Prints what differs.
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let before = read(&args.before)?;
-    let known = Known::new(before.iter().cloned());
+    let known = RegisterValues::new(before.iter().cloned());
     let changes = match &args.after {
         Some(path) => {
             let after = read(path)?;
             let mut changes = known.changed(&after);
-            changes.extend(Known::new(after).missing(&before));
+            changes.extend(RegisterValues::new(after).missing(&before));
             changes
         }
         None => {
             let now = now(&args.instance, &before, &known)?;
             let changes = known.changed(&now);
-            let gone = Known::new(now).missing(&before).len();
+            let gone = RegisterValues::new(now).missing(&before).len();
             if gone > 0 {
                 let (path, s) = (args.before.display(), if gone == 1 { " is" } else { "s are" });
                 output::note(&format!("{gone} register{s} in {path} and not live now, see w_OPTION_STATUS"));
@@ -74,7 +74,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     if changes.is_empty() { Ok(()) } else { Err(CliError::Reported) }
 }
 
-fn read(path: &Path) -> Result<Vec<Held>, CliError> {
+fn read(path: &Path) -> Result<Vec<RegisterValue>, CliError> {
     let name = path.display().to_string();
     let text = input_file::read(path, input_file::LONGEST)
         .map_err(|error| CliError::Argument { text: name.clone(), right: error.to_string() })?;
@@ -83,10 +83,14 @@ fn read(path: &Path) -> Result<Vec<Held>, CliError> {
 
 /// Reads the registers of the blocks in `before`: the ones that `before` contains, and the ones that differ from
 /// their reset value.
-fn now(instance: &Instance, before: &[Held], known: &Known) -> Result<Vec<Held>, CliError> {
+fn now(
+    instance: &Instance,
+    before: &[RegisterValue],
+    known: &RegisterValues,
+) -> Result<Vec<RegisterValue>, CliError> {
     before.iter().try_for_each(|held| on_any_device(|fitted| area(fitted.device(), held).map(drop)))?;
     let session = Session::open_for_reading(instance)?;
-    let first = |held: &Held| {
+    let first = |held: &RegisterValue| {
         let plc = session.plcs().iter().position(|plc| *plc == held.plc).unwrap_or_default();
         Ok::<_, CliError>(area(session.device(plc as u16), held)?.first)
     };
@@ -95,7 +99,7 @@ fn now(instance: &Instance, before: &[Held], known: &Known) -> Result<Vec<Held>,
     let mut registers = Vec::new();
     for row in dump.rows {
         let differs = row.differs;
-        let held = Held::from(row.holding);
+        let held = RegisterValue::from(row.holding);
         let is_meant = meant.is_empty() || meant.contains(&first(&held)?);
         if known.has(&held) || is_meant && differs {
             registers.push(held);
@@ -104,6 +108,6 @@ fn now(instance: &Instance, before: &[Held], known: &Known) -> Result<Vec<Held>,
     Ok(registers)
 }
 
-fn area(device: &'static Device, held: &Held) -> Result<&'static Area, LayoutError> {
+fn area(device: &'static Device, held: &RegisterValue) -> Result<&'static Area, LayoutError> {
     device.area_at(device.address(&held.address)?)
 }

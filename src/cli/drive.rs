@@ -221,14 +221,14 @@ mod by_channel {
 
     /// All details of a drive.
     #[derive(Serialize)]
-    struct Shown {
+    struct DriveOutput {
         #[serde(flatten)]
         line: Line,
         zk: BTreeMap<u8, u16>,
         parameters: Vec<ParameterState>,
     }
 
-    impl Row for Shown {
+    impl Row for DriveOutput {
         const COLUMNS: &'static [&'static str] = Line::COLUMNS;
 
         fn cells(&self) -> Vec<String> {
@@ -259,11 +259,11 @@ mod by_channel {
         let (drive, entry) = find(&session, name, instance)?;
         let DriveDetails { state, parameters, card } = session.ask(Op::Drive { drive })?.drive()?;
         let line = Line::new(entry.name, entry.bus, state);
-        let shown = Shown { line, zk: card.into_iter().collect(), parameters };
+        let shown = DriveOutput { line, zk: card.into_iter().collect(), parameters };
         table::print(format, &[shown], |shown| shown.iter().map(text).collect())
     }
 
-    fn text(shown: &Shown) -> String {
+    fn text(shown: &DriveOutput) -> String {
         let head = Line::COLUMNS.iter().map(|name| name.replace('_', " "));
         let lines: Vec<_> = head.zip(shown.line.cells()).map(|(name, cell)| vec![name, cell]).collect();
         let mut text = table::columns(&lines) + "\n" + &table::aligned(&shown.parameters);

@@ -4,7 +4,7 @@ use super::Instance;
 use super::complete;
 use super::device::on_any_device;
 use super::error::CliError;
-use super::peek::{Holding, number};
+use super::peek::{RegisterReading, number};
 use super::place::{is_live, live_by, meaning_in, status_of, without_twins};
 use super::session::{Read, Session, Snapshot, number_of_plc};
 use super::table::{self, Format, FormatArg};
@@ -102,7 +102,7 @@ pub(crate) struct Dump {
 
 pub(crate) struct DumpRow {
     /// The value of the register.
-    pub holding: Holding,
+    pub holding: RegisterReading,
     /// True if the value is not the reset value.
     pub differs: bool,
 }
@@ -207,7 +207,12 @@ impl Blocks {
     }
 
     /// The values of the registers, live or not; `data` are their bytes in `snapshot`.
-    pub(crate) fn holdings(&self, session: &Session, snapshot: &Snapshot, data: &[Vec<u8>]) -> Vec<Holding> {
+    pub(crate) fn holdings(
+        &self,
+        session: &Session,
+        snapshot: &Snapshot,
+        data: &[Vec<u8>],
+    ) -> Vec<RegisterReading> {
         let views = views(session, &self.0, snapshot, data);
         views.iter().flat_map(View::rows_or_dead_ones).map(|row| row.holding).collect()
     }
@@ -398,8 +403,8 @@ impl View<'_> {
         DumpRow { holding: self.holding(register, value), differs: value != register.reset() }
     }
 
-    fn holding(&self, register: &RegisterRef, value: u32) -> Holding {
-        Holding {
+    fn holding(&self, register: &RegisterRef, value: u32) -> RegisterReading {
+        RegisterReading {
             time_us: self.snapshot.time_us,
             plc: self.plc.clone(),
             register: format!("{}{register}", self.prefix),
@@ -420,7 +425,7 @@ impl View<'_> {
         let row = |offset| {
             let value = self.value(offset, width.bytes());
             let address = self.fitted.device().at(width, offset).to_string();
-            let holding = Holding {
+            let holding = RegisterReading {
                 time_us: self.snapshot.time_us,
                 plc: self.plc.clone(),
                 register: format!("{}{address}", self.prefix),
@@ -438,12 +443,12 @@ impl View<'_> {
     }
 }
 
-fn text(rows: &[Holding], any_live: bool) -> String {
+fn text(rows: &[RegisterReading], any_live: bool) -> String {
     match (rows, any_live) {
         ([], true) => "all registers have their reset values\n".to_owned(),
         ([], false) => "these registers are not live, see w_OPTION_STATUS\n".to_owned(),
         (rows, _) => {
-            let cells = |row: &Holding| {
+            let cells = |row: &RegisterReading| {
                 vec![row.register.clone(), row.address.clone(), row.hex.clone(), row.marked_meaning()]
             };
             table::columns(&rows.iter().map(cells).collect::<Vec<_>>())

@@ -126,7 +126,7 @@ pub(crate) enum CliError {
     #[error("{} did not become {} within {}; at {} it holds {}", .unmet.place, .unmet.wanted, time::short(*.within_us), time::seconds(*.time_us), .unmet.found)]
     NotMet {
         /// The register and its value.
-        unmet: super::wait::Unmet,
+        unmet: super::wait::UnmetCondition,
         /// How long the command waited, in emulated microseconds.
         within_us: u64,
         /// Emulated time at the end.
@@ -138,7 +138,7 @@ pub(crate) enum CliError {
         time::short(*.within_us), time::seconds(*.time_us), lines(.conditions)
     )]
     NoneMet {
-        conditions: Vec<super::wait::Unmet>,
+        conditions: Vec<super::wait::UnmetCondition>,
         /// True if one of the conditions would have been enough.
         any: bool,
         /// How long the command waited, in emulated microseconds.
@@ -277,8 +277,8 @@ pub(crate) enum CliError {
 }
 
 /// One line per condition: the value of its register, and the expected value.
-fn lines(conditions: &[super::wait::Unmet]) -> String {
-    let line = |it: &super::wait::Unmet| {
+fn lines(conditions: &[super::wait::UnmetCondition]) -> String {
+    let line = |it: &super::wait::UnmetCondition| {
         let state = if it.holds { "as expected" } else { "expected:" };
         let wanted = if it.holds { String::new() } else { format!(" {}", it.wanted) };
         format!("\n  {} holds {}; {state}{wanted}", it.place, it.found)
@@ -288,7 +288,7 @@ fn lines(conditions: &[super::wait::Unmet]) -> String {
 
 impl CliError {
     /// True if the error needs no further message.
-    pub(crate) fn is_told(&self) -> bool {
+    pub(crate) fn is_reported(&self) -> bool {
         matches!(self, Self::Reported | Self::ReportedWrongUse | Self::Ended { .. } | Self::BrokenPipe)
     }
 }

@@ -93,7 +93,7 @@ pub(crate) fn rank(entry: &Entry, words: &[String]) -> Option<u8> {
     let meaning = format!("{name} {}", folded(entry.meaning));
     let all = format!(
         "{meaning} {}",
-        folded(&told(entry).map(|(what, text)| what + " " + &text + " ").collect::<String>())
+        folded(&values_and_bits(entry).map(|(what, text)| what + " " + &text + " ").collect::<String>())
     );
     let texts = [name, meaning, all];
     let holds_all = |text: &String| words.iter().all(|word| text.contains(word.as_str()));
@@ -101,7 +101,7 @@ pub(crate) fn rank(entry: &Entry, words: &[String]) -> Option<u8> {
 }
 
 /// Values and bits with their meanings.
-fn told(entry: &Entry) -> impl Iterator<Item = (String, String)> {
+fn values_and_bits(entry: &Entry) -> impl Iterator<Item = (String, String)> {
     let values = entry.values.iter().map(|value| (value.hex.clone(), value.meaning.clone()));
     let bits = entry.bits.iter().map(|bit| {
         let which = if bit.first == bit.last {
@@ -128,7 +128,7 @@ fn text(found: &[Entry], words: &[String]) -> String {
             let both = folded(&format!("{what} {meaning}"));
             words.iter().any(|word| both.contains(word.as_str()))
         };
-        for (what, meaning) in told(entry).filter(hit) {
+        for (what, meaning) in values_and_bits(entry).filter(hit) {
             text.push_str(&format!("    {what}  {meaning}\n"));
         }
     }

@@ -70,7 +70,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
 }
 
 fn list(args: &Args) -> Result<(), CliError> {
-    use super::peek::{Holding, holding};
+    use super::peek::{RegisterReading, holding};
     use super::{session::Session, table};
     use crate::layout::RegisterPhase;
 
@@ -82,12 +82,13 @@ fn list(args: &Args) -> Result<(), CliError> {
         let place = Place::parse(&fitted, &address.to_string())?;
         let row =
             holding(&session, &place, forced.plc, RegisterPhase::Cyclic, forced.value, snapshot.time_us);
-        Ok(Holding { forced: true, ..row })
+        Ok(RegisterReading { forced: true, ..row })
     };
     let rows = snapshot.forces.iter().map(row).collect::<Result<Vec<_>, CliError>>()?;
     table::print(args.format.format, &rows, |rows| {
-        let cells =
-            |row: &Holding| [&row.register, &row.address, &row.hex, &row.meaning].map(Clone::clone).to_vec();
+        let cells = |row: &RegisterReading| {
+            [&row.register, &row.address, &row.hex, &row.meaning].map(Clone::clone).to_vec()
+        };
         match rows {
             [] => "no register is forced\n".to_owned(),
             rows => table::columns(&rows.iter().map(cells).collect::<Vec<_>>()),

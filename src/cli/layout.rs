@@ -82,7 +82,7 @@ Verdicts:
   left        a structure with missing or unlike registers; its file stays unchanged
   undeclared  a structure that the file does not declare
 
-An export of commram itself is compared but never imported: it proves nothing about the device. An export has the head of
+An export of commram itself is compared but never imported: it proves nothing about the device. An export has the head of \
 commram, or a filler that is named after its offset, such as padding_12.
 
 Exit codes:
@@ -162,7 +162,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
 
 fn check(args: &CheckArgs) -> Result<(), CliError> {
     let all = if args.layouts.is_empty() { layouts_here()? } else { args.layouts.clone() };
-    let rows: Vec<_> = all.iter().map(|dir| Judged::of(dir)).collect();
+    let rows: Vec<_> = all.iter().map(|dir| LayoutVerdict::of(dir)).collect();
     table::print(args.format.format, &rows, table::aligned)?;
     let is_wrong = rows.iter().any(|row| row.verdict == "wrong");
     if is_wrong { Err(CliError::ReportedWrongUse) } else { Ok(()) }
@@ -182,7 +182,7 @@ fn layouts_here() -> Result<Vec<PathBuf>, CliError> {
 
 /// Result of the check of a layout.
 #[derive(Serialize)]
-struct Judged {
+struct LayoutVerdict {
     layout: String,
     verdict: &'static str,
     /// Hash of the register map.
@@ -190,7 +190,7 @@ struct Judged {
     message: Option<String>,
 }
 
-impl Judged {
+impl LayoutVerdict {
     fn of(dir: &Path) -> Self {
         let layout = dir.display().to_string();
         match commram_layoutc::compile(dir) {
@@ -207,7 +207,7 @@ impl Judged {
     }
 }
 
-impl Row for Judged {
+impl Row for LayoutVerdict {
     const COLUMNS: &'static [&'static str] = &["layout", "verdict", "register_map", "message"];
 
     fn cells(&self) -> Vec<String> {
@@ -229,7 +229,7 @@ fn import(args: &ImportArgs) -> Result<(), CliError> {
         import.write()?;
     }
     let rows = import.rows.iter().filter(|row| args.all || row.verdict != Verdict::Same);
-    let rows: Vec<_> = rows.cloned().map(Compared).collect();
+    let rows: Vec<_> = rows.cloned().map(ImportTableRow).collect();
     table::print(args.format.format, &rows, |rows| match rows {
         [] => "all registers have the declared offsets\n".to_owned(),
         rows => table::aligned(rows),
@@ -266,13 +266,13 @@ fn tell(args: &ImportArgs, import: &Import) {
 }
 
 #[derive(Serialize)]
-struct Compared(ImportRow);
+struct ImportTableRow(ImportRow);
 
-impl Row for Compared {
+impl Row for ImportTableRow {
     const COLUMNS: &'static [&'static str] = &["structure", "member", "verdict", "before", "after", "remark"];
 
     fn cells(&self) -> Vec<String> {
-        let Compared(row) = self;
+        let ImportTableRow(row) = self;
         let number = |value: Option<u32>| value.map_or("-".to_owned(), |value| value.to_string());
         let (before, after) = (number(row.before), number(row.after));
         vec![

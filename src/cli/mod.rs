@@ -20,7 +20,6 @@ mod federate;
 mod find;
 mod force;
 mod instance;
-mod judge;
 mod layout;
 mod list;
 mod man;
@@ -29,6 +28,7 @@ mod output;
 mod pause;
 mod peek;
 mod plant;
+mod plant_check;
 mod plot;
 mod poke;
 mod progress;
@@ -68,8 +68,8 @@ use std::process::ExitCode;
 #[command(name = "commram", version, color = ColorChoice::Never, max_term_width = 100, after_help = after_help())]
 struct Cli {
     /// Colours: on a terminal (unless NO_COLOR is set), always, never
-    #[arg(long, global = true, value_enum, value_name = "WHEN", default_value_t = style::When::Auto, hide_possible_values = true)]
-    color: style::When,
+    #[arg(long, global = true, value_enum, value_name = "WHEN", default_value_t = style::ColourMode::Auto, hide_possible_values = true)]
+    color: style::ColourMode,
     #[command(subcommand)]
     command: Command,
 }
@@ -152,7 +152,7 @@ pub fn main() -> ExitCode {
     style::set(std::env::args_os());
     let result = match Cli::try_parse() {
         Ok(cli) => cli.command.run(),
-        Err(error) => return refuse(&told_without_environment(error)),
+        Err(error) => return refuse(&without_environment_values(error)),
     };
     finish(result)
 }
@@ -205,7 +205,7 @@ impl Command {
 
 /// Returns the same error without options set by environment variables: the usage text would show such options as
 /// required.
-fn told_without_environment(error: clap::Error) -> clap::Error {
+fn without_environment_values(error: clap::Error) -> clap::Error {
     fn bare(command: clap::Command) -> clap::Command {
         command.mut_args(|arg| arg.env(Resettable::Reset)).mut_subcommands(bare)
     }
@@ -237,7 +237,7 @@ fn refuse(error: &clap::Error) -> ExitCode {
 /// Prints an error unless it was printed before, and returns the exit code.
 fn finish(result: Result<(), CliError>) -> ExitCode {
     let Err(error) = result else { return ExitCode::from(Exit::Done.code()) };
-    if !error.is_told() {
+    if !error.is_reported() {
         output::complain(&error.to_string());
     }
     ExitCode::from(error.exit_code())

@@ -16,27 +16,29 @@ use std::sync::atomic::AtomicBool;
 const INTERVAL: Timespec = Timespec { tv_sec: 0, tv_nsec: 50_000_000 };
 
 /// Result of a poll.
-pub(crate) enum Look<T> {
+pub(crate) enum PollResult<T> {
     /// The emulator has answered.
-    Seen(T),
+    Answered(T),
     /// No answer this time: another client advances the clock, and a stepped emulator answers afterwards.
     Later,
     /// The emulator has ended.
     Ended,
 }
 
-impl<T> Look<T> {
+impl<T> PollResult<T> {
     /// Converts a result, and notifies the user if the emulator of `instance` has ended.
     ///
     /// # Errors
     /// Any other error.
     pub(crate) fn of(result: Result<T, CliError>, instance: &str) -> Result<Self, CliError> {
         match result {
-            Ok(seen) => Ok(Look::Seen(seen)),
-            Err(CliError::Client(ClientError::Timeout { .. }) | CliError::Busy { .. }) => Ok(Look::Later),
+            Ok(seen) => Ok(PollResult::Answered(seen)),
+            Err(CliError::Client(ClientError::Timeout { .. }) | CliError::Busy { .. }) => {
+                Ok(PollResult::Later)
+            }
             Err(CliError::Client(error)) if has_ended(&error) => {
                 output::note(&format!("instance '{instance}' has ended"));
-                Ok(Look::Ended)
+                Ok(PollResult::Ended)
             }
             Err(error) => Err(error),
         }
@@ -52,13 +54,13 @@ fn has_ended(error: &ClientError) -> bool {
 }
 
 /// The reason why a pause is over.
-pub(crate) enum Wake {
+pub(crate) enum PauseEnd {
     /// The interval has elapsed.
     Time,
     /// A signal asks the process to end.
     Signal,
     /// The reader has closed the standard output.
-    NobodyReads,
+    OutputClosed,
 }
 
 /// Pauses that end early on a signal or when the output is closed.
@@ -84,16 +86,16 @@ impl Pause {
         Ok(Self { signals })
     }
 
-    pub(crate) fn wait(&mut self) -> Result<Wake, CliError> {
+    pub(crate) fn wait(&mut self) -> Result<PauseEnd, CliError> {
         let out = io::stdout();
         // No event is requested for the output: poll always reports that its reader has gone.
         let mut files = [PollFd::new(&self.signals, PollFlags::IN), PollFd::new(&out, PollFlags::empty())];
         match poll(&mut files, Some(&INTERVAL)) {
             // The signal handler has written its byte; the next call reads it.
-            Err(Errno::INTR) | Ok(0) => Ok(Wake::Time),
+            Err(Errno::INTR) | Ok(0) => Ok(PauseEnd::Time),
             Err(reason) => Err(CliError::Output { reason: reason.into() }),
-            Ok(_) if !files[0].revents().is_empty() => Ok(Wake::Signal),
-            Ok(_) => Ok(Wake::NobodyReads),
+            Ok(_) if !files[0].revents().is_empty() => Ok(PauseEnd::Signal),
+            Ok(_) => Ok(PauseEnd::OutputClosed),
         }
     }
 }

@@ -39,7 +39,7 @@ pub(crate) struct Args {
 
 /// A register and its value.
 #[derive(Serialize)]
-pub(crate) struct Holding {
+pub(crate) struct RegisterReading {
     /// Emulated time, in microseconds.
     pub time_us: u64,
     pub plc: String,
@@ -57,7 +57,7 @@ pub(crate) struct Holding {
     pub forced: bool,
 }
 
-impl Holding {
+impl RegisterReading {
     /// Returns the meaning, with a mark if the register is forced.
     pub(crate) fn marked_meaning(&self) -> String {
         let mark = if self.forced { "[forced] " } else { "" };
@@ -65,7 +65,7 @@ impl Holding {
     }
 }
 
-impl Row for Holding {
+impl Row for RegisterReading {
     const COLUMNS: &'static [&'static str] =
         &["time_us", "plc", "register", "address", "type", "value", "hex", "meaning", "forced"];
 
@@ -90,7 +90,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     for text in &args.registers {
         if is_pattern(text) {
             dump::check(core::slice::from_ref(text)).or_else(|refusal| {
-                let find = |session: &Session| Wanted::find(session, text).map(drop);
+                let find = |session: &Session| ReadTarget::find(session, text).map(drop);
                 told_by(&args.instance, refusal, find, |fitted| dump::check_on(fitted, text))
             })?;
         } else {
@@ -98,7 +98,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         }
     }
     let session = Session::open_for_reading(&args.instance)?;
-    let wanted = args.registers.iter().map(|text| Wanted::find(&session, text));
+    let wanted = args.registers.iter().map(|text| ReadTarget::find(&session, text));
     let holdings = read(&session, &wanted.collect::<Result<Vec<_>, _>>()?)?;
     if args.raw {
         return output::print(
@@ -109,14 +109,14 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
 }
 
 /// What an argument of the command refers to.
-pub(crate) enum Wanted {
+pub(crate) enum ReadTarget {
     /// A register or an address.
     One(u16, Place),
     /// The registers that match a pattern.
     Several(Blocks),
 }
 
-impl Wanted {
+impl ReadTarget {
     /// Finds the registers of `text` in an instance.
     ///
     /// # Errors
@@ -140,14 +140,17 @@ impl Wanted {
         }
     }
 
-    fn holdings(&self, session: &Session, snapshot: &Snapshot, data: &[Vec<u8>]) -> Vec<Holding> {
+    fn holdings(&self, session: &Session, snapshot: &Snapshot, data: &[Vec<u8>]) -> Vec<RegisterReading> {
         match self {
             Self::One(plc, place) => {
                 let value = |index: usize| data.get(index).map(|bytes| number(bytes));
                 let live = value(1).map_or(RegisterPhase::Cyclic, live_by);
                 let forced = snapshot.is_forced(*plc, place.offset(), place.width().bytes());
                 let value = value(0).unwrap_or_default();
-                vec![Holding { forced, ..holding(session, place, *plc, live, value, snapshot.time_us) }]
+                vec![RegisterReading {
+                    forced,
+                    ..holding(session, place, *plc, live, value, snapshot.time_us)
+                }]
             }
             Self::Several(blocks) => blocks.holdings(session, snapshot, data),
         }
@@ -158,8 +161,8 @@ impl Wanted {
 ///
 /// # Errors
 /// A PLC is missing, or the emulator has gone.
-pub(crate) fn read(session: &Session, wanted: &[Wanted]) -> Result<Vec<Holding>, CliError> {
-    let reads: Vec<_> = wanted.iter().map(Wanted::reads).collect();
+pub(crate) fn read(session: &Session, wanted: &[ReadTarget]) -> Result<Vec<RegisterReading>, CliError> {
+    let reads: Vec<_> = wanted.iter().map(ReadTarget::reads).collect();
     let snapshot = session.read(&reads.concat())?;
     let mut rest = snapshot.data.as_slice();
     let mut holdings = Vec::new();
@@ -179,10 +182,10 @@ pub(crate) fn holding(
     live: RegisterPhase,
     value: u32,
     time_us: u64,
-) -> Holding {
+) -> RegisterReading {
     let ty = place.ty(live);
     let bit = place.bit();
-    Holding {
+    RegisterReading {
         time_us,
         plc: session.plcs().get(usize::from(plc)).cloned().unwrap_or_default(),
         register: session.prefix(plc) + &place.name(live),
@@ -196,8 +199,8 @@ pub(crate) fn holding(
 }
 
 /// Formats a reading: `node2.w_OPTION_STATUS = 16#0043  synchronous operation of the master is being set up`
-pub(crate) fn line(holding: &Holding) -> String {
-    let Holding { register, hex, .. } = holding;
+pub(crate) fn line(holding: &RegisterReading) -> String {
+    let RegisterReading { register, hex, .. } = holding;
     let line = format!("{register} = {hex}  {}", holding.marked_meaning());
     format!("{}\n", line.trim_end())
 }

@@ -4,9 +4,9 @@ use super::demo::end_with;
 use super::detach::{self, Detached};
 use super::error::CliError;
 use super::exit::Exit;
-use super::start::{Begin, Settings, SignalsTaken, end_at_second_ctrl_c};
+use super::start::{InitialState, Settings, TerminationSignals, end_at_second_ctrl_c};
 use super::table::Format;
-use super::{InstanceName, judge, output};
+use super::{InstanceName, output, plant_check};
 use crate::runtime::{Clock, Emulator};
 use signal_hook::consts::SIGINT;
 use std::path::PathBuf;
@@ -67,11 +67,11 @@ pub(crate) struct Args {
 }
 
 impl Args {
-    fn begin(&self) -> Begin<'_> {
+    fn begin(&self) -> InitialState<'_> {
         match (&self.from, &self.plant) {
-            (Some(snapshot), _) => Begin::Snapshot(snapshot),
-            (None, Some(plant)) => Begin::Plant(plant),
-            (None, None) => Begin::BuiltIn,
+            (Some(snapshot), _) => InitialState::Snapshot(snapshot),
+            (None, Some(plant)) => InitialState::Plant(plant),
+            (None, None) => InitialState::BuiltIn,
         }
     }
 }
@@ -79,7 +79,7 @@ impl Args {
 /// Runs the emulator.
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     if args.check {
-        return judge::run(args.plant.as_deref(), args.format.unwrap_or(Format::Text));
+        return plant_check::run(args.plant.as_deref(), args.format.unwrap_or(Format::Text));
     }
     let name = &args.instance.name;
     if args.detach && !args.detached {
@@ -89,7 +89,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let clock = args.settings.clock()?;
     args.federate.check(clock, args.settings.keeps_novram())?;
     // From here on a signal ends the emulator in an orderly way, unless its start hangs.
-    let signals = SignalsTaken::take()?;
+    let signals = TerminationSignals::take()?;
     end_at_second_ctrl_c()?;
     if let Some(parent) = args.parent {
         end_with(parent)?;
@@ -100,7 +100,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     // If the reader has gone or the output is full, the emulator continues.
     let printed = output::print(&ready_line(name, &emulator, clock));
     let printed = printed.inspect_err(|error| {
-        if !error.is_told() {
+        if !error.is_reported() {
             output::note(&format!("instance '{name}' is ready, but its output cannot be written"));
         }
     });

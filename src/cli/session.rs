@@ -77,10 +77,10 @@ pub(crate) struct Session {
     plcs: Vec<String>,
     /// Device and options of each PLC.
     fitted: Vec<DeviceFit>,
-    door: Door,
+    door: Access,
 }
 
-enum Door {
+enum Access {
     Channel(Box<crate::channel::Client>),
     /// In the order of `plcs`.
     Images(Vec<Attached>),
@@ -219,7 +219,7 @@ impl Session {
     /// A copy of the header page of PLC `plc`.
     fn header(&self, plc: u16) -> Result<Box<Header>, CliError> {
         match &self.door {
-            Door::Images(images) if let Some(image) = images.get(usize::from(plc)) => {
+            Access::Images(images) if let Some(image) = images.get(usize::from(plc)) => {
                 Ok(image.header_snapshot())
             }
             _ => {
@@ -235,8 +235,8 @@ impl Session {
     /// The emulator has gone or refuses.
     pub(crate) fn read(&self, reads: &[Read]) -> Result<Snapshot, CliError> {
         match &self.door {
-            Door::Channel(_) => self.read_by_channel(reads),
-            Door::Images(images) => read_images(images, reads),
+            Access::Channel(_) => self.read_by_channel(reads),
+            Access::Images(images) => read_images(images, reads),
         }
     }
 
@@ -246,8 +246,8 @@ impl Session {
     /// The emulator has gone.
     pub(crate) fn boards(&self) -> Result<Vec<(String, BoardState)>, CliError> {
         let states: Vec<BoardState> = match &self.door {
-            Door::Channel(_) => self.boards_by_channel()?,
-            Door::Images(images) => images.iter().map(board_of).collect(),
+            Access::Channel(_) => self.boards_by_channel()?,
+            Access::Images(images) => images.iter().map(board_of).collect(),
         };
         Ok(self.plcs.iter().cloned().zip(states).collect())
     }
@@ -262,7 +262,7 @@ impl Session {
         let fitted = attached.iter().map(|(image, device)| image.header_snapshot().fitted(device)).collect();
         let attached = attached.into_iter().map(|(image, _)| image).collect();
         let plcs = images.iter().map(|image| image.plc.clone()).collect();
-        Ok(Self { instance: instance.to_owned(), plcs, fitted, door: Door::Images(attached) })
+        Ok(Self { instance: instance.to_owned(), plcs, fitted, door: Access::Images(attached) })
     }
 }
 

@@ -12,7 +12,7 @@ use crate::input_file::LONGEST_SCRIPT;
 use crate::script::{Bench, Lines, Outcome};
 use clap::builder::Resettable;
 use clap::{ArgAction, CommandFactory, FromArgMatches};
-use edit::{Read, Typed};
+use edit::{InputLine, LineReader};
 use std::io::{self, BufRead, IsTerminal, Read as _};
 use std::path::Path;
 
@@ -42,7 +42,7 @@ pub(crate) struct Args {
 }
 
 /// Result of a line.
-enum End {
+enum LineResult {
     /// The shell continues.
     On,
     /// The user ends the shell with this exit code.
@@ -93,9 +93,9 @@ impl Shell {
                 continue;
             }
             match self.line(&core::mem::take(&mut piece)) {
-                End::On => {}
-                End::Enough(code) => return ended(code),
-                End::Failed(code) => {
+                LineResult::On => {}
+                LineResult::Enough(code) => return ended(code),
+                LineResult::Failed(code) => {
                     output::complain(&format!("line {begin} failed; the lines after it were not executed"));
                     return Err(CliError::Ended { code });
                 }
@@ -108,30 +108,30 @@ impl Shell {
     }
 
     fn read_terminal(&mut self) -> Result<(), CliError> {
-        let mut read = Read::new(self.instance.name(), command(self.instance.name()))?;
+        let mut read = LineReader::new(self.instance.name(), command(self.instance.name()))?;
         loop {
             match read.next()? {
-                Typed::Line(line) => match self.line(&line) {
-                    End::On | End::Failed(_) => {}
-                    End::Enough(code) => return ended(code),
+                InputLine::Line(line) => match self.line(&line) {
+                    LineResult::On | LineResult::Failed(_) => {}
+                    LineResult::Enough(code) => return ended(code),
                 },
-                Typed::Nothing => {}
-                Typed::End => return Ok(()),
+                InputLine::Nothing => {}
+                InputLine::End => return Ok(()),
             }
         }
     }
 
     /// Executes a line and prints its errors.
-    fn line(&mut self, line: &str) -> End {
+    fn line(&mut self, line: &str) -> LineResult {
         let line = line.trim();
         if line.is_empty() || line.starts_with("//") || line.starts_with('#') {
-            return End::On;
+            return LineResult::On;
         }
         match words::of_end(line) {
-            Some(Ok(code)) => return End::Enough(code),
+            Some(Ok(code)) => return LineResult::Enough(code),
             Some(Err(why)) => {
                 output::complain(why);
-                return End::Failed(Exit::WrongUse.code());
+                return LineResult::Failed(Exit::WrongUse.code());
             }
             None => {}
         }
@@ -139,53 +139,53 @@ impl Shell {
             Some(Ok(words)) => self.command(words),
             Some(Err(why)) => {
                 output::complain(why);
-                End::Failed(Exit::WrongUse.code())
+                LineResult::Failed(Exit::WrongUse.code())
             }
             None => self.piece(line),
         }
     }
 
-    fn command(&mut self, words: Vec<String>) -> End {
+    fn command(&mut self, words: Vec<String>) -> LineResult {
         let parsed = command(self.instance.name()).try_get_matches_from(words);
         let parsed = parsed.and_then(|matches| Cli::from_arg_matches(&matches));
         let outcome = match parsed {
             Ok(Cli { command: Command::Shell(_), .. }) => {
                 output::complain("this already is a shell");
-                return End::Failed(Exit::WrongUse.code());
+                return LineResult::Failed(Exit::WrongUse.code());
             }
             Ok(cli) => cli.command.run(),
             Err(error) if error.use_stderr() => {
                 let text = error.render().to_string();
                 output::complain(text.strip_prefix("error: ").unwrap_or(&text).trim_end());
-                return End::Failed(Exit::WrongUse.code());
+                return LineResult::Failed(Exit::WrongUse.code());
             }
             Err(help) => output::print(&help.render().to_string()),
         };
         match outcome {
-            Ok(()) => End::On,
+            Ok(()) => LineResult::On,
             Err(error) => {
-                if !error.is_told() {
+                if !error.is_reported() {
                     output::complain(&error.to_string());
                 }
-                End::Failed(error.exit_code())
+                LineResult::Failed(error.exit_code())
             }
         }
     }
 
     /// Executes a piece of a scenario.
-    fn piece(&mut self, text: &str) -> End {
+    fn piece(&mut self, text: &str) -> LineResult {
         let outcome = match self.lines() {
             Ok(lines) => lines.run(text),
             Err(error) => {
                 output::complain(&error.to_string());
-                return End::Failed(error.exit_code());
+                return LineResult::Failed(error.exit_code());
             }
         };
         let (why, exit) = match outcome {
-            Ok(None) => return End::On,
+            Ok(None) => return LineResult::On,
             Ok(Some(value)) => match output::print(&(output::harmless(&value) + "\n")) {
-                Ok(()) => return End::On,
-                Err(error) => return End::Failed(error.exit_code()),
+                Ok(()) => return LineResult::On,
+                Err(error) => return LineResult::Failed(error.exit_code()),
             },
             Err(outcome) => match *outcome {
                 Outcome::Failed(failure) => (failure.to_string(), Exit::Failed),
@@ -203,7 +203,7 @@ impl Shell {
         if Session::open(&Instance::running(self.instance.name()), 0).is_err() {
             self.lines = None;
         }
-        End::Failed(exit.code())
+        LineResult::Failed(exit.code())
     }
 
     fn lines(&mut self) -> Result<&mut Lines, CliError> {

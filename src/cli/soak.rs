@@ -1,8 +1,8 @@
 //! `commram soak`: random scenarios for a chosen time.
 
-mod judge;
-mod lives;
+mod kills;
 mod row;
+mod runner;
 
 use super::demo::Interrupts;
 use super::error::CliError;
@@ -12,8 +12,8 @@ use super::test::LimitArgs;
 use crate::devices::Exercise;
 use crate::plant::PlantConfig;
 use crate::script::soak::{Round, exercises};
-use judge::{Judge, Judged};
 use row::Row;
+use runner::{RoundResult, RoundRunner};
 use std::num::NonZero;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -107,14 +107,14 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         output::note(&format!("seed {seed}"));
         seed
     });
-    let judge = Judge::new(exercises, &args.keep, args.limits)?;
+    let judge = RoundRunner::new(exercises, &args.keep, args.limits)?;
     let mut rows: Vec<Row> = judge
         .exercises()
         .iter()
         .copied()
         .map(|exercise| Ok(Row::of(exercise.name, buses(exercise)?)))
         .collect::<Result<_, CliError>>()?;
-    rows.push(Row::of(lives::NAME, String::new()));
+    rows.push(Row::of(kills::NAME, String::new()));
     let failure = play(args, seed, &judge, &interrupts, &mut rows)?;
     // Not every exercise has a row.
     let _ = rows.pop_if(|row| row.is_empty());
@@ -139,7 +139,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
 fn play(
     args: &Args,
     seed: u64,
-    judge: &Judge,
+    judge: &RoundRunner,
     interrupts: &Interrupts,
     rows: &mut [Row],
 ) -> Result<Option<String>, CliError> {
@@ -151,7 +151,7 @@ fn play(
     };
     let failure = Mutex::new(None);
     let jobs = args.jobs.or_else(|| std::thread::available_parallelism().ok()).map_or(1, NonZero::get);
-    let (send, receive) = mpsc::channel::<Judged>();
+    let (send, receive) = mpsc::channel::<RoundResult>();
     std::thread::scope(|scope| {
         for _ in 0..jobs {
             let (send, next, over, is_over, failure) = (send.clone(), &next, &over, &is_over, &failure);
@@ -216,7 +216,7 @@ fn buses(exercise: &'static Exercise) -> Result<String, CliError> {
 }
 
 fn list(format: Format, exercises: &[&'static Exercise]) -> Result<(), CliError> {
-    let rows: Vec<_> = exercises.iter().map(|exercise| row::Listed::of(exercise)).collect();
+    let rows: Vec<_> = exercises.iter().map(|exercise| row::ExerciseRow::of(exercise)).collect();
     table::print(format, &rows, table::aligned)
 }
 

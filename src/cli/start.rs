@@ -1,7 +1,7 @@
 //! Start of an emulator in this process: the common part of `run` and `with`.
 
 use super::error::CliError;
-use super::{dump, judge, output, snapshot};
+use super::{dump, output, plant_check, snapshot};
 use crate::devices;
 use crate::plant::PlantConfig;
 use crate::runtime::{Clock, Emulator, Options};
@@ -50,7 +50,7 @@ pub(crate) struct Settings {
 
 /// Initial state of an emulator.
 #[derive(Clone, Copy, Debug)]
-pub(crate) enum Begin<'a> {
+pub(crate) enum InitialState<'a> {
     /// The built-in plant, at power-on.
     BuiltIn,
     /// A plant file, at power-on.
@@ -91,9 +91,9 @@ impl Settings {
     /// It does not start.
     pub(crate) fn start(
         &self,
-        begin: Begin<'_>,
+        begin: InitialState<'_>,
         instance: &str,
-        signals: SignalsTaken,
+        signals: TerminationSignals,
         is_federate: bool,
     ) -> Result<(Emulator, Sender<OnSignal>), CliError> {
         let options = Options {
@@ -108,14 +108,14 @@ impl Settings {
         }
         log_to_stderr();
         let (config, snapshot) = match begin {
-            Begin::BuiltIn => (PlantConfig::built_in()?, None),
-            Begin::Plant(path) => (PlantConfig::load(path)?, None),
-            Begin::Snapshot(path) => {
+            InitialState::BuiltIn => (PlantConfig::built_in()?, None),
+            InitialState::Plant(path) => (PlantConfig::load(path)?, None),
+            InitialState::Snapshot(path) => {
                 let file = snapshot::load(path)?;
                 (file.config(&path.display().to_string())?, Some(file.snapshot))
             }
         };
-        judge::warn(begin.path(), &config);
+        plant_check::warn(begin.path(), &config);
         let (started, starting) = mpsc::channel();
         std::thread::spawn(move || signals.pass_on(&starting));
         crate::memory::survive_shortened_files().map_err(|reason| CliError::Signals { reason })?;
@@ -161,12 +161,12 @@ impl Settings {
     }
 }
 
-impl<'a> Begin<'a> {
+impl<'a> InitialState<'a> {
     /// The file of the initial state, if there is one.
     fn path(self) -> Option<&'a Path> {
         match self {
-            Begin::BuiltIn => None,
-            Begin::Plant(path) | Begin::Snapshot(path) => Some(path),
+            InitialState::BuiltIn => None,
+            InitialState::Plant(path) | InitialState::Snapshot(path) => Some(path),
         }
     }
 }
@@ -175,9 +175,9 @@ impl<'a> Begin<'a> {
 pub(crate) type OnSignal = Box<dyn FnMut(i32) + Send>;
 
 /// The termination signals, which no longer end this process.
-pub(crate) struct SignalsTaken(Signals);
+pub(crate) struct TerminationSignals(Signals);
 
-impl SignalsTaken {
+impl TerminationSignals {
     /// Catches the termination signals.
     ///
     /// # Errors

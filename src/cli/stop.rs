@@ -200,11 +200,11 @@ fn go_on<'a>(
     name: &'a str,
     process: Option<&'a EmulatorProcess>,
 ) -> impl FnMut() -> Result<(), CliError> + 'a {
-    let mut is_told = false;
+    let mut is_reported = false;
     move || {
         if let Some(process) = process
             && process.resume()?
-            && !core::mem::replace(&mut is_told, true)
+            && !core::mem::replace(&mut is_reported, true)
         {
             output::note(&format!(
                 "instance '{name}' was stopped (process {}); it is continued to end",
@@ -240,9 +240,9 @@ fn ask(name: &str, running: &RunningInstance) -> Result<(), CliError> {
     match client.request(&[Op::Info, Op::Stop]) {
         Ok(replies) => {
             if let Some(Reply::Info(info)) = replies.first()
-                && let Some(who) = &info.waits_for
+                && let Some(client) = &info.waits_for
             {
-                output::note(&format!("instance '{name}' waited for {who}"));
+                output::note(&format!("instance '{name}' waited for {client}"));
             }
             match replies.into_iter().next_back() {
                 Some(Reply::Stopping | Reply::NotExecuted) => Ok(()),

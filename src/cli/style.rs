@@ -8,7 +8,7 @@ use std::ffi::OsString;
 use std::io;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum When {
+pub(crate) enum ColourMode {
     /// On a terminal, unless NO_COLOR is set
     Auto,
     /// For all kinds of output
@@ -29,12 +29,12 @@ pub(crate) fn set(arguments: impl Iterator<Item = OsString>) {
             Some(value) => value.strip_prefix('=').map(str::to_owned),
             None => None,
         };
-        when = value.and_then(|value| When::from_str(&value, false).ok()).or(when);
+        when = value.and_then(|value| ColourMode::from_str(&value, false).ok()).or(when);
     }
     match when {
-        Some(When::Always) => ColorChoice::Always.write_global(),
-        Some(When::Never) => ColorChoice::Never.write_global(),
-        Some(When::Auto) | None => {}
+        Some(ColourMode::Always) => ColorChoice::Always.write_global(),
+        Some(ColourMode::Never) => ColorChoice::Never.write_global(),
+        Some(ColourMode::Auto) | None => {}
     }
 }
 

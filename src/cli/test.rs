@@ -1,6 +1,5 @@
 //! `commram test`: run scenario scripts.
 
-mod found;
 mod html;
 mod line;
 mod merge;
@@ -8,6 +7,7 @@ pub(crate) mod process;
 mod progress;
 mod round;
 pub(crate) mod scenario;
+mod selection;
 mod watch;
 
 use super::demo::Interrupts;
@@ -17,14 +17,14 @@ use super::{output, time};
 use crate::output_file;
 use crate::plural::plural;
 use crate::script::{DEFINITIONS, Limits, Outcome, Report, junit, junit_of_shard};
-use found::Shard;
-use line::{Line, Listed, summary};
-use process::Setting;
+use line::{Line, ScenarioRow, summary};
+use process::RunOptions;
 use round::Round;
+use selection::Shard;
 use std::io;
 use std::num::NonZero;
 use std::path::{Path, PathBuf};
-use watch::Watched;
+use watch::WatchedFiles;
 
 /// Run scenario scripts.
 ///
@@ -55,7 +55,7 @@ Exit codes:
   3  the instance to attach to is not running")]
 pub(crate) struct Args {
     #[command(subcommand)]
-    inner: Option<Inner>,
+    inner: Option<TestCommand>,
     /// Scripts. A directory means all .rhai files in it and its subdirectories, in the order of their names, except
     /// files that others import and that only define functions
     #[arg(add = super::complete::files(&["rhai"]), value_name = "FILE", required_unless_present = "definitions")]
@@ -117,7 +117,7 @@ impl Args {
 
 /// Further commands of `commram test`.
 #[derive(clap::Subcommand)]
-enum Inner {
+enum TestCommand {
     Merge(merge::Args),
 }
 
@@ -145,14 +145,14 @@ fn jobs(text: &str) -> Result<NonZero<usize>, String> {
 }
 
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
-    if let Some(Inner::Merge(args)) = &args.inner {
+    if let Some(TestCommand::Merge(args)) = &args.inner {
         return merge::run(args);
     }
     if let Some(directory) = &args.definitions {
         return define(directory);
     }
     let interrupts = Interrupts::catch()?;
-    let files = found::scenarios(&args.files, &args.filter, args.shard())?;
+    let files = selection::scenarios(&args.files, &args.filter, args.shard())?;
     if args.list {
         return list(args.format.format, &files);
     }
@@ -181,7 +181,7 @@ fn define(directory: &Path) -> Result<(), CliError> {
 }
 
 fn list(format: Format, files: &[PathBuf]) -> Result<(), CliError> {
-    let rows: Vec<_> = files.iter().map(|file| Listed::of(file)).collect();
+    let rows: Vec<_> = files.iter().map(|file| ScenarioRow::of(file)).collect();
     let lines = || files.iter().map(|file| output::harmless(&file.display().to_string()) + "\n").collect();
     table::print(format, &rows, |_| lines())
 }
@@ -193,7 +193,11 @@ fn play(
     interrupts: &Interrupts,
 ) -> Result<(Vec<Report>, Result<(), CliError>), CliError> {
     let round = Round {
-        setting: Setting { attach: args.attach.clone(), limits: args.limits, allow_empty: args.allow_empty },
+        setting: RunOptions {
+            attach: args.attach.clone(),
+            limits: args.limits,
+            allow_empty: args.allow_empty,
+        },
         jobs: if args.attach.is_some() { NonZero::new(1) } else { args.jobs },
         fail_fast: args.fail_fast,
     };
@@ -218,7 +222,7 @@ fn play(
 
 /// Runs changed scenarios again, until Ctrl-C.
 fn watch(args: &Args, mut files: Vec<PathBuf>, interrupts: &Interrupts) -> Result<(), CliError> {
-    let mut watched = Watched::default();
+    let mut watched = WatchedFiles::default();
     loop {
         let changed = watched.changed(&files);
         if !changed.is_empty() {
@@ -235,7 +239,7 @@ fn watch(args: &Args, mut files: Vec<PathBuf>, interrupts: &Interrupts) -> Resul
         }
         std::thread::sleep(watch::PAUSE);
         // A directory, like its files, may be missing for a moment.
-        files = found::scenarios(&args.files, &args.filter, args.shard()).unwrap_or(files);
+        files = selection::scenarios(&args.files, &args.filter, args.shard()).unwrap_or(files);
     }
 }
 

@@ -40,7 +40,7 @@ pub(crate) struct Args {
 
 /// A condition that did not become true in time, or not together with the others.
 #[derive(Debug)]
-pub(crate) struct Unmet {
+pub(crate) struct UnmetCondition {
     /// Name and address of the register.
     pub place: String,
     /// The condition without the register.
@@ -85,7 +85,7 @@ fn op_of(session: &Session, condition: &Condition) -> Result<Op, CliError> {
 /// Waits and prints the registers whose conditions hold.
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     use super::output;
-    use super::peek::{self, Holding, Wanted};
+    use super::peek::{self, ReadTarget, RegisterReading};
     use crate::channel::ClientError;
     use crate::request::{Refused, Waited};
 
@@ -98,7 +98,8 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let within_us = args.within;
     ops.push(Op::WaitFor { any: args.any, within_us });
     let outcome = session.request(&ops);
-    let wanted = conditions.iter().map(|it| Ok(Wanted::One(session.plc_of(&it.place)?, it.place.clone())));
+    let wanted =
+        conditions.iter().map(|it| Ok(ReadTarget::One(session.plc_of(&it.place)?, it.place.clone())));
     let wanted = wanted.collect::<Result<Vec<_>, CliError>>()?;
     let holds = |held: u32, bit: usize| held >> bit & 1 != 0;
     match outcome {
@@ -106,7 +107,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
             let Waited { time_us, value: held } =
                 replies.pop().ok_or(crate::request::WrongReply)?.waited()?;
             let holdings = peek::read(&session, &wanted)?;
-            let line = |(bit, holding): (usize, &Holding)| {
+            let line = |(bit, holding): (usize, &RegisterReading)| {
                 let line = peek::line(holding);
                 holds(held, bit).then(|| format!("{}  at {}\n", line.trim_end(), time::seconds(time_us)))
             };
@@ -119,11 +120,11 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
             let holdings = peek::read(&session, &wanted)?;
             let unmet =
                 conditions.into_iter().zip(holdings).enumerate().map(|(bit, (condition, holding))| {
-                    let Holding { register, address, hex, meaning, .. } = holding;
+                    let RegisterReading { register, address, hex, meaning, .. } = holding;
                     let place =
                         if register == address { register } else { format!("{register} ({address})") };
                     let found = format!("{hex}, {meaning}");
-                    Unmet { place, wanted: condition.wanted, found, holds: holds(held, bit) }
+                    UnmetCondition { place, wanted: condition.wanted, found, holds: holds(held, bit) }
                 });
             let mut unmet: Vec<_> = unmet.collect();
             Err(match unmet.pop() {

@@ -3,7 +3,7 @@
 use super::error::CliError;
 use super::instance::instance_name;
 use super::output;
-use super::start::{Begin, OnSignal, Settings, SignalsTaken};
+use super::start::{InitialState, OnSignal, Settings, TerminationSignals};
 use rustix::process::{Pid, PidfdFlags, Signal};
 use signal_hook::consts::SIGINT;
 use std::ffi::OsString;
@@ -56,9 +56,9 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let [program, arguments @ ..] = args.command.as_slice() else { return Ok(()) };
     let mut command = Command::new(program);
     command.args(arguments).env("COMMRAM_INSTANCE", &name);
-    let signals = SignalsTaken::take()?;
+    let signals = TerminationSignals::take()?;
     let (mut emulator, started) = args.settings.start(
-        args.plant.as_deref().map_or(Begin::BuiltIn, Begin::Plant),
+        args.plant.as_deref().map_or(InitialState::BuiltIn, InitialState::Plant),
         &name,
         signals,
         false,

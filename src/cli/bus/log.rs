@@ -121,21 +121,23 @@ fn read(path: &Path) -> Result<Log, CliError> {
 }
 
 /// A frame and its time in microseconds.
-type Timed = (u64, crate::can::Frame);
+type TimedFrame = (u64, crate::can::Frame);
 
 /// How many missing or extra frames the comparison skips to find a match again.
 const WINDOW: usize = 64;
 
 /// Returns the differences between the log and the journal, one per line.
-fn differences(bus: &str, wanted: &[Timed], found: &[Timed], tolerance_us: u64) -> Vec<String> {
+fn differences(bus: &str, wanted: &[TimedFrame], found: &[TimedFrame], tolerance_us: u64) -> Vec<String> {
     let (first_wanted, first_found) = match (wanted.first(), found.first()) {
         (Some(wanted), Some(found)) => (wanted.0, found.0),
         _ => (0, 0),
     };
-    let show = |what: &str, &(time_us, ref frame): &Timed| {
+    let show = |what: &str, &(time_us, ref frame): &TimedFrame| {
         format!("{what:7}  {}  {bus} {}", time::seconds(time_us), candump::Shown(frame))
     };
-    let ahead = |frame: &Timed, list: &[Timed]| list.iter().take(WINDOW).position(|other| other.1 == frame.1);
+    let ahead = |frame: &TimedFrame, list: &[TimedFrame]| {
+        list.iter().take(WINDOW).position(|other| other.1 == frame.1)
+    };
     let mut lines = Vec::new();
     let (mut wanted, mut found) = (wanted, found);
     loop {
@@ -179,7 +181,7 @@ mod by_channel {
     use super::super::super::demo::Interrupts;
     use super::super::super::session::Session;
     use super::super::super::{error::CliError, output, time};
-    use super::{Compare, Play, Timed, differences, read};
+    use super::{Compare, Play, TimedFrame, differences, read};
     use crate::can::Frame;
     use crate::journal::candump::Logged;
     use crate::journal::{Record, Source};
@@ -188,14 +190,18 @@ mod by_channel {
     use std::time::Duration;
 
     /// A frame of the log, with the number of its bus.
-    struct Aimed {
+    struct AddressedFrame {
         time_us: u64,
         bus: u16,
         frame: Frame,
     }
 
     /// Assigns each frame to a bus.
-    fn aim(log: Vec<Logged>, only: Option<&str>, info: &InstanceInfo) -> Result<Vec<Aimed>, CliError> {
+    fn aim(
+        log: Vec<Logged>,
+        only: Option<&str>,
+        info: &InstanceInfo,
+    ) -> Result<Vec<AddressedFrame>, CliError> {
         let buses = &info.names.buses;
         let number = |name: &str| buses.iter().position(|bus| bus == name);
         let unknown = |bus: &str| CliError::UnknownBus {
@@ -208,7 +214,7 @@ mod by_channel {
             let only_one = (buses.len() == 1).then_some(0);
             let bus = for_all.or_else(|| number(&it.interface)).or(only_one);
             let bus = bus.ok_or_else(|| unknown(&it.interface))? as u16;
-            Ok(Aimed { time_us: it.time_us, bus, frame: it.frame })
+            Ok(AddressedFrame { time_us: it.time_us, bus, frame: it.frame })
         };
         log.into_iter().map(aim).collect()
     }
@@ -254,7 +260,12 @@ mod by_channel {
     }
 
     /// Advances the clock from frame to frame. `sent` counts the frames of completed requests.
-    fn stepped(session: &Session, log: &[Aimed], start_us: u64, sent: &mut usize) -> Result<(), CliError> {
+    fn stepped(
+        session: &Session,
+        log: &[AddressedFrame],
+        start_us: u64,
+        sent: &mut usize,
+    ) -> Result<(), CliError> {
         let mut now_us = start_us;
         for part in log.chunks(MAX_OPS / 2) {
             let mut ops = Vec::with_capacity(2 * part.len());
@@ -273,7 +284,7 @@ mod by_channel {
     /// Waits for the time of each frame. `sent` counts the frames.
     fn in_real_time(
         session: &Session,
-        log: &[Aimed],
+        log: &[AddressedFrame],
         start_us: u64,
         sent: &mut usize,
     ) -> Result<Timing, CliError> {
@@ -314,9 +325,9 @@ mod by_channel {
         buses.dedup();
         let mut lines = Vec::new();
         for bus in buses {
-            let wanted: Vec<Timed> =
+            let wanted: Vec<TimedFrame> =
                 log.iter().filter(|it| it.bus == bus).map(|it| (it.time_us, it.frame)).collect();
-            let found: Vec<Timed> = journal.iter().filter(|it| it.0 == bus).map(|it| it.1).collect();
+            let found: Vec<TimedFrame> = journal.iter().filter(|it| it.0 == bus).map(|it| it.1).collect();
             let name = info.names.buses.get(usize::from(bus)).map_or("", String::as_str);
             lines.extend(differences(name, &wanted, &found, args.tolerance));
         }
@@ -329,7 +340,7 @@ mod by_channel {
     }
 
     /// Reads the frames of the journal with their buses.
-    fn frames(session: &Session, since_us: u64) -> Result<Vec<(u16, Timed)>, CliError> {
+    fn frames(session: &Session, since_us: u64) -> Result<Vec<(u16, TimedFrame)>, CliError> {
         let frame = |record: &Record| {
             let (carried, source) = (record.event.frame()?, record.event.source());
             let Source::Bus(bus) = source else { return None };
@@ -344,11 +355,11 @@ mod tests {
     use super::*;
     use crate::can::{Frame, Payload};
 
-    fn at(time_us: u64, mark: u8) -> Timed {
+    fn at(time_us: u64, mark: u8) -> TimedFrame {
         (time_us, Frame::standard(0x100, Payload::from_padded([mark; 8], 1)))
     }
 
-    fn kinds(wanted: &[Timed], found: &[Timed], tolerance_us: u64) -> Vec<String> {
+    fn kinds(wanted: &[TimedFrame], found: &[TimedFrame], tolerance_us: u64) -> Vec<String> {
         differences("open", wanted, found, tolerance_us)
     }
 

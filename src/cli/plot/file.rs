@@ -122,8 +122,9 @@ impl RecordedRegisters {
             (None, _) => Ok(Past::default()),
             (Some((_, past)), None) => Ok(past.clone()),
             (Some(((one, _), _)), Some(((other, _), _))) => {
-                let right =
-                    format!("the journal has it of several PLCs; write {one}:{text} or {other}:{text}");
+                let right = format!(
+                    "the journal contains this register for several PLCs; write {one}:{text} or {other}:{text}"
+                );
                 Err(CliError::Argument { text: text.to_owned(), right })
             }
         }

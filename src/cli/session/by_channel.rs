@@ -42,7 +42,7 @@ impl Session {
         let bells = Box::new(HeaderBells::of_client(attached)?);
         let client = Box::new(Client::connect(instance, &channel_root(instance)?, bells, patience)?);
         let Names { plcs, devices: fitted, .. } = client.info()?.names;
-        Ok(Self { instance: instance.to_owned(), plcs, fitted, door: Door::Channel(client) })
+        Ok(Self { instance: instance.to_owned(), plcs, fitted, door: Access::Channel(client) })
     }
 
     /// Returns the client connection.
@@ -51,8 +51,8 @@ impl Session {
     /// There is no connection.
     pub(crate) fn into_client(self) -> Result<Client, CliError> {
         match self.door {
-            Door::Channel(client) => Ok(*client),
-            Door::Images(_) => Err(no_channel(&self.instance)),
+            Access::Channel(client) => Ok(*client),
+            Access::Images(_) => Err(no_channel(&self.instance)),
         }
     }
 
@@ -73,7 +73,7 @@ impl Session {
     /// # Errors
     /// The whole request got no replies.
     pub(crate) fn replies(&self, ops: &[Op]) -> Result<Vec<Reply>, CliError> {
-        let Door::Channel(client) = &self.door else {
+        let Access::Channel(client) = &self.door else {
             return Err(no_channel(&self.instance));
         };
         let plc = self.plcs.first().map_or("", String::as_str);

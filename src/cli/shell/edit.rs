@@ -16,7 +16,7 @@ use std::ffi::OsString;
 use std::io;
 use std::path::PathBuf;
 
-pub(super) enum Typed {
+pub(super) enum InputLine {
     /// A line, or several lines that form one piece.
     Line(String),
     /// The user discarded the line.
@@ -26,18 +26,18 @@ pub(super) enum Typed {
 }
 
 /// Reads lines from the terminal.
-pub(super) struct Read {
-    editor: Editor<Helping, FileHistory>,
+pub(super) struct LineReader {
+    editor: Editor<LineHelper, FileHistory>,
     prompt: String,
     history: Option<PathBuf>,
 }
 
-impl Read {
+impl LineReader {
     /// Makes a reader for an instance; `command` is the command line used for completion.
     pub(super) fn new(instance: &str, command: clap::Command) -> Result<Self, CliError> {
         let config = Config::builder().completion_type(CompletionType::List).auto_add_history(false).build();
         let mut editor = Editor::with_config(config).map_err(failed)?;
-        editor.set_helper(Some(Helping { instance: instance.to_owned(), command }));
+        editor.set_helper(Some(LineHelper { instance: instance.to_owned(), command }));
         let history = history::file();
         if let Some(file) = &history {
             // Without a history file the shell starts with an empty history.
@@ -47,7 +47,7 @@ impl Read {
     }
 
     /// Reads the next line.
-    pub(super) fn next(&mut self) -> Result<Typed, CliError> {
+    pub(super) fn next(&mut self) -> Result<InputLine, CliError> {
         match self.editor.readline(&self.prompt) {
             Ok(line) => {
                 if self.editor.add_history_entry(&line).unwrap_or(false)
@@ -56,10 +56,10 @@ impl Read {
                     // If the file cannot be written, the line stays in the history until the shell ends.
                     let _ = self.editor.append_history(file);
                 }
-                Ok(Typed::Line(line))
+                Ok(InputLine::Line(line))
             }
-            Err(ReadlineError::Interrupted) => Ok(Typed::Nothing),
-            Err(ReadlineError::Eof) => Ok(Typed::End),
+            Err(ReadlineError::Interrupted) => Ok(InputLine::Nothing),
+            Err(ReadlineError::Eof) => Ok(InputLine::End),
             Err(error) => Err(failed(error)),
         }
     }
@@ -69,20 +69,20 @@ fn failed(error: ReadlineError) -> CliError {
     CliError::Output { reason: io::Error::other(error) }
 }
 
-struct Helping {
+struct LineHelper {
     instance: String,
     command: clap::Command,
 }
 
-impl Helper for Helping {}
+impl Helper for LineHelper {}
 
-impl Hinter for Helping {
+impl Hinter for LineHelper {
     type Hint = String;
 }
 
-impl Highlighter for Helping {}
+impl Highlighter for LineHelper {}
 
-impl Validator for Helping {
+impl Validator for LineHelper {
     fn validate(&self, context: &mut ValidationContext<'_>) -> rustyline::Result<ValidationResult> {
         let text = context.input();
         let goes_on = !words::is_command(text, &self.command) && words::is_open(text);
@@ -90,7 +90,7 @@ impl Validator for Helping {
     }
 }
 
-impl Completer for Helping {
+impl Completer for LineHelper {
     type Candidate = Pair;
 
     fn complete(&self, line: &str, at: usize, _: &Context<'_>) -> rustyline::Result<(usize, Vec<Pair>)> {

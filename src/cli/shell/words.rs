@@ -58,8 +58,8 @@ const STATEMENTS: [&str; 18] = [
 pub(super) fn no_command(line: &str, commands: &clap::Command) -> Option<String> {
     let (first, rest) = line.split_once(char::is_whitespace)?;
     let goes_on = |sign: char| sign.is_alphanumeric() || matches!(sign, '_' | '%' | '\'' | '"');
-    let is_told = rest.trim_start().starts_with(goes_on) || rest.trim_start().starts_with("--");
-    if !is_told || !is_word(first) {
+    let is_continued = rest.trim_start().starts_with(goes_on) || rest.trim_start().starts_with("--");
+    if !is_continued || !is_word(first) {
         return None;
     }
     if script::verbs().iter().any(|verb| verb.name == first) {

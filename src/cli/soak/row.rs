@@ -1,6 +1,6 @@
 //! Tables of `commram soak`.
 
-use super::judge::Judged;
+use super::runner::RoundResult;
 use crate::cli::table;
 use crate::devices::Exercise;
 use serde::Serialize;
@@ -28,12 +28,12 @@ impl Row {
     }
 
     /// True if the round belongs to this row.
-    pub(super) fn is_of(&self, judged: &Judged) -> bool {
+    pub(super) fn is_of(&self, judged: &RoundResult) -> bool {
         self.exercise == judged.exercise
     }
 
     /// Adds a round.
-    pub(super) fn add(&mut self, judged: &Judged) {
+    pub(super) fn add(&mut self, judged: &RoundResult) {
         self.rounds += 1;
         self.failed += u64::from(judged.failure.is_some());
         self.emulated_us += judged.emulated_us;
@@ -122,20 +122,20 @@ fn whole_seconds(us: u64) -> String {
 
 /// An exercise in the list.
 #[derive(Clone, Debug, Serialize)]
-pub(super) struct Listed {
+pub(super) struct ExerciseRow {
     exercise: &'static str,
     moves: Vec<&'static str>,
     wrongs: usize,
 }
 
-impl Listed {
+impl ExerciseRow {
     pub(super) fn of(exercise: &Exercise) -> Self {
         let moves = exercise.moves.iter().map(|it| it.name).collect();
         Self { exercise: exercise.name, moves, wrongs: exercise.wrongs.len() }
     }
 }
 
-impl table::Row for Listed {
+impl table::Row for ExerciseRow {
     const COLUMNS: &'static [&'static str] = &["exercise", "moves", "wrongs"];
 
     fn cells(&self) -> Vec<String> {

@@ -32,15 +32,15 @@ pub(crate) fn page(reports: &[Report]) -> String {
          <table>\n<thead><tr><th>Scenario</th><th>Outcome</th><th class=\"n\">Expectations</th><th class=\"n\">Emulated</th><th class=\"n\">Real</th>\
          </tr></thead>\n<tbody>\n{rows}</tbody>\n</table>\n{details}\
          <footer>commram {}</footer>\n</body>\n</html>\n",
-        Text(summary(reports).trim()),
+        EscapedText(summary(reports).trim()),
         env!("CARGO_PKG_VERSION"),
     )
 }
 
 /// Text with escaped markup.
-struct Text<T>(T);
+struct EscapedText<T>(T);
 
-impl<T: Display> Display for Text<T> {
+impl<T: Display> Display for EscapedText<T> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         for letter in self.0.to_string().chars() {
             match letter {
@@ -79,7 +79,7 @@ fn row(number: usize, report: &Report) -> String {
     format!(
         "<tr><td><a href=\"#s{number}\">{}</a></td><td>{}</td><td class=\"n\">{}</td><td class=\"n\">{emulated}</td>\
          <td class=\"n\">{} ms</td></tr>\n",
-        Text(report.file.display()),
+        EscapedText(report.file.display()),
         badge(&report.outcome),
         report.expectations,
         report.took.as_millis(),
@@ -93,15 +93,17 @@ fn scenario(number: usize, report: &Report) -> String {
     let why = match &report.outcome {
         Outcome::Passed => String::new(),
         Outcome::Failed(failure) => failed(failure),
-        Outcome::Broken(mistake) => format!("<p>{}</p>\n{}", Text(&mistake.what), place(&mistake.location)),
-        Outcome::Died(why) | Outcome::NotRun(why) => format!("<pre>{}</pre>\n", Text(why)),
+        Outcome::Broken(mistake) => {
+            format!("<p>{}</p>\n{}", EscapedText(&mistake.what), place(&mistake.location))
+        }
+        Outcome::Died(why) | Outcome::NotRun(why) => format!("<pre>{}</pre>\n", EscapedText(why)),
     };
     format!(
         "<details id=\"s{number}\"{is_open}>\n<summary><h2>{} {}</h2></summary>\n\
          <p class=\"faint\">{}, begun {started}</p>\n{why}{}{}{}{}</details>\n",
-        Text(report.name()),
+        EscapedText(report.name()),
         badge(&report.outcome),
-        Text(report.file.display()),
+        EscapedText(report.file.display()),
         steps(report),
         findings(&report.findings),
         report.plots.iter().map(plot).collect::<String>(),
@@ -114,9 +116,9 @@ fn failed(failure: &Failure) -> String {
     let rows = [("expected", expected), ("actual", actual), ("section", section)];
     let rows: String = rows
         .into_iter()
-        .filter_map(|(name, text)| Some(format!("<dt>{name}</dt><dd>{}</dd>\n", Text(text.as_ref()?))))
+        .filter_map(|(name, text)| Some(format!("<dt>{name}</dt><dd>{}</dd>\n", EscapedText(text.as_ref()?))))
         .collect();
-    let journal: String = journal.iter().map(|line| format!("{}\n", Text(&line.text))).collect();
+    let journal: String = journal.iter().map(|line| format!("{}\n", EscapedText(&line.text))).collect();
     let picture = if exchange.is_empty() {
         String::new()
     } else {
@@ -126,7 +128,7 @@ fn failed(failure: &Failure) -> String {
     format!(
         "<p><strong>{}</strong></p>\n<dl>\n{rows}<dt>time</dt><dd>{} emulated</dd>\n</dl>\n{}{picture}\
          <h3>Journal, last entries</h3>\n<pre>{journal}</pre>\n",
-        Text(what),
+        EscapedText(what),
         seconds(*time_us),
         location.as_ref().map(place).unwrap_or_default(),
     )
@@ -135,7 +137,7 @@ fn failed(failure: &Failure) -> String {
 fn place(place: &Place) -> String {
     let line = place.line.map(|line| format!(":{line}")).unwrap_or_default();
     let source = place.source.as_deref().unwrap_or_default();
-    format!("<p>{}{line}</p>\n<pre>{}</pre>\n", Text(&place.file), Text(source))
+    format!("<p>{}{line}</p>\n<pre>{}</pre>\n", EscapedText(&place.file), EscapedText(source))
 }
 
 /// The sections of a scenario; if it has not passed, the last section is where it ended.
@@ -146,7 +148,7 @@ fn steps(report: &Report) -> String {
         let name = step.name.as_deref().unwrap_or("beginning");
         format!(
             "<tr><td>{}</td><td>{}</td><td class=\"n\">{}</td><td class=\"n\">{}</td></tr>\n",
-            Text(name),
+            EscapedText(name),
             badge(outcome),
             seconds(step.from_us),
             step.expectations
@@ -166,13 +168,13 @@ fn findings(findings: &[FoundLine]) -> String {
     let row = |found: &FoundLine| {
         format!(
             "<tr><td>{}</td><td>{}</td><td>{}</td><td class=\"n\">{}</td><td class=\"n\">{}</td><td>{} ({})</td></tr>\n",
-            Text(&found.severity),
-            Text(&found.rule),
-            Text(&found.register),
+            EscapedText(&found.severity),
+            EscapedText(&found.rule),
+            EscapedText(&found.register),
             found.count,
             seconds(found.first_us),
-            Text(&found.text),
-            Text(&found.page)
+            EscapedText(&found.text),
+            EscapedText(&found.page)
         )
     };
     if findings.is_empty() {
@@ -190,7 +192,7 @@ fn findings(findings: &[FoundLine]) -> String {
 fn plot(plot: &Drawn) -> String {
     format!(
         "<figure><img alt=\"plot {0}\" src=\"data:image/svg+xml,{1}\"><figcaption>{0}</figcaption></figure>\n",
-        Text(&plot.name),
+        EscapedText(&plot.name),
         percent(&plot.svg)
     )
 }
@@ -210,7 +212,7 @@ fn printed(printed: &str) -> String {
     if printed.is_empty() {
         return String::new();
     }
-    format!("<h3>Printed</h3>\n<pre>{}</pre>\n", Text(printed))
+    format!("<h3>Printed</h3>\n<pre>{}</pre>\n", EscapedText(printed))
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! Printed results of scenarios.
 
-use super::found::Shard;
+use super::selection::Shard;
 use crate::cli::output;
 use crate::cli::table::Row;
 use crate::script::{Failure, FailureKind, JournalLine, Outcome, Place, Report};
@@ -13,12 +13,12 @@ use std::time::Duration;
 
 /// A scenario in the list.
 #[derive(Serialize)]
-pub(crate) struct Listed {
+pub(crate) struct ScenarioRow {
     scenario: String,
     file: String,
 }
 
-impl Listed {
+impl ScenarioRow {
     /// The row of a file.
     pub(crate) fn of(file: &Path) -> Self {
         let scenario = file.file_stem().unwrap_or(file.as_os_str()).to_string_lossy().into_owned();
@@ -26,7 +26,7 @@ impl Listed {
     }
 }
 
-impl Row for Listed {
+impl Row for ScenarioRow {
     const COLUMNS: &'static [&'static str] = &["scenario", "file"];
 
     fn cells(&self) -> Vec<String> {

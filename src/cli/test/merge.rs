@@ -1,6 +1,6 @@
 //! `commram test merge`: combines the reports of shards into the report of a single run.
 
-use super::found::Shard;
+use super::selection::Shard;
 use crate::cli::error::CliError;
 use crate::cli::output;
 use crate::input_file;
@@ -39,7 +39,7 @@ pub(crate) struct Args {
 
 /// Result of a scenario, as far as it determines the exit code.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Ending {
+enum EndResult {
     Passed,
     /// It failed, crashed or was not run.
     NotPassed,
@@ -50,7 +50,7 @@ enum Ending {
 /// One scenario of a report.
 struct Scenario<T> {
     file: String,
-    ending: Ending,
+    ending: EndResult,
     is_run: bool,
     content: T,
 }
@@ -125,14 +125,14 @@ fn of_junit(path: &Path, text: &str) -> Result<Part<TestSuite>, CliError> {
         let file = suite.extra.get("file").map_or_else(|| suite.name.to_string(), |file| file.to_string());
         let status = suite.test_cases.first().map(|case| &case.status);
         let (ending, is_run) = match status {
-            Some(TestCaseStatus::Success { .. }) => (Ending::Passed, true),
+            Some(TestCaseStatus::Success { .. }) => (EndResult::Passed, true),
             Some(TestCaseStatus::NonSuccess { kind: NonSuccessKind::Error, ty: Some(ty), .. })
                 if ty.as_str() == "script" =>
             {
-                (Ending::Broken, true)
+                (EndResult::Broken, true)
             }
-            Some(TestCaseStatus::Skipped { .. }) => (Ending::NotPassed, false),
-            _ => (Ending::NotPassed, true),
+            Some(TestCaseStatus::Skipped { .. }) => (EndResult::NotPassed, false),
+            _ => (EndResult::NotPassed, true),
         };
         Scenario { file, ending, is_run, content: suite }
     });
@@ -161,9 +161,9 @@ fn of_json(path: &Path, text: &str) -> Result<Part<Value>, CliError> {
             line.remove("shard");
         }
         let ending = match outcome.as_str() {
-            "passed" => Ending::Passed,
-            "broken" => Ending::Broken,
-            _ => Ending::NotPassed,
+            "passed" => EndResult::Passed,
+            "broken" => EndResult::Broken,
+            _ => EndResult::NotPassed,
         };
         part.scenarios.push(Scenario { file, ending, is_run: outcome != "not run", content: line });
     }
@@ -233,21 +233,25 @@ fn in_order<T>(parts: Vec<Part<T>>) -> Result<Vec<Scenario<T>>, CliError> {
     Ok((0..total).filter_map(|place| queues[place % count].next()).collect())
 }
 
-fn summary(endings: &[(Ending, bool)]) -> String {
-    let of = |ending: Ending| endings.iter().filter(|(it, is_run)| *it == ending && *is_run).count();
+fn summary(endings: &[(EndResult, bool)]) -> String {
+    let of = |ending: EndResult| endings.iter().filter(|(it, is_run)| *it == ending && *is_run).count();
     let not_run = match endings.iter().filter(|(_, is_run)| !is_run).count() {
         0 => String::new(),
         count => format!(", {count} not run"),
     };
-    let (passed, failed, broken) = (of(Ending::Passed), of(Ending::NotPassed), of(Ending::Broken));
+    let (passed, failed, broken) = (of(EndResult::Passed), of(EndResult::NotPassed), of(EndResult::Broken));
     format!("{passed} passed, {failed} failed, {broken} broken{not_run}\n")
 }
 
-fn verdict(endings: &[(Ending, bool)]) -> Result<(), CliError> {
-    if endings.iter().any(|(ending, _)| *ending == Ending::Broken) {
+fn verdict(endings: &[(EndResult, bool)]) -> Result<(), CliError> {
+    if endings.iter().any(|(ending, _)| *ending == EndResult::Broken) {
         return Err(CliError::ReportedWrongUse);
     }
-    if endings.iter().any(|(ending, _)| *ending != Ending::Passed) { Err(CliError::Reported) } else { Ok(()) }
+    if endings.iter().any(|(ending, _)| *ending != EndResult::Passed) {
+        Err(CliError::Reported)
+    } else {
+        Ok(())
+    }
 }
 
 #[cfg(test)]

@@ -24,7 +24,7 @@ const LONGEST_LINE: u64 = 16 << 20;
 const COMPLAINTS: usize = 4096;
 
 /// Options for running scenarios.
-pub(crate) struct Setting {
+pub(crate) struct RunOptions {
     /// The instance to run on.
     pub attach: Option<String>,
     /// Limits of each scenario.
@@ -34,7 +34,7 @@ pub(crate) struct Setting {
 }
 
 /// Runs a scenario in a separate process, until `stop` returns true.
-pub(crate) fn run(file: &Path, setting: &Setting, stop: impl Fn() -> bool) -> Report {
+pub(crate) fn run(file: &Path, setting: &RunOptions, stop: impl Fn() -> bool) -> Report {
     let mut report = match Scenario::start(file, setting) {
         Ok(scenario) => scenario.watch(file, setting.limits.max_real_time, stop),
         Err(error) => died(file, &error.to_string()),
@@ -60,7 +60,7 @@ struct Scenario {
 }
 
 impl Scenario {
-    fn start(file: &Path, setting: &Setting) -> Result<Self, CliError> {
+    fn start(file: &Path, setting: &RunOptions) -> Result<Self, CliError> {
         let failed = |reason| CliError::Process { reason };
         let LimitArgs { max_operations, max_time, max_real_time, max_memory } = setting.limits;
         let mut command = command("test-scenario")?;

@@ -1,6 +1,6 @@
 //! Runs scenarios, several at the same time.
 
-use super::process::{self, Setting};
+use super::process::{self, RunOptions};
 use super::progress::Progress;
 use crate::cli::error::CliError;
 use crate::script::{Outcome, Report};
@@ -12,7 +12,7 @@ use std::sync::mpsc;
 /// A run of several scenarios.
 pub(crate) struct Round {
     /// Options of each scenario.
-    pub setting: Setting,
+    pub setting: RunOptions,
     /// Number of scenarios that run at the same time; `None`: one per processor.
     pub jobs: Option<NonZero<usize>>,
     /// True if no scenario is started after one that has not passed.
@@ -41,7 +41,7 @@ impl Round {
                 return not_run(file, "interrupted");
             }
             if self.fail_fast && failed.load(Ordering::Relaxed) {
-                return not_run(file, "another has not passed (--fail-fast)");
+                return not_run(file, "another scenario has not passed (--fail-fast)");
             }
             progress.begins(file);
             let report = process::run(file, &self.setting, must_end);

@@ -9,23 +9,24 @@ use std::time::{Duration, SystemTime};
 pub(crate) const PAUSE: Duration = Duration::from_millis(200);
 
 /// Modification time and length of a file; `None` if the file is missing.
-type Look = Option<(SystemTime, u64)>;
+type FileStamp = Option<(SystemTime, u64)>;
 
 /// The files of each scenario at its last run.
 #[derive(Default)]
-pub(crate) struct Watched {
+pub(crate) struct WatchedFiles {
     /// For each scenario, the stamps of all its files.
-    scenarios: BTreeMap<PathBuf, BTreeMap<PathBuf, Look>>,
+    scenarios: BTreeMap<PathBuf, BTreeMap<PathBuf, FileStamp>>,
 }
 
-impl Watched {
+impl WatchedFiles {
     /// Records the files of a scenario before it runs: a change during the run counts as a change.
     pub(crate) fn begins(&mut self, scenario: &Path) {
         let before = self.scenarios.get(scenario).map(|looks| looks.keys().cloned().collect());
         let mut files: BTreeSet<PathBuf> = before.unwrap_or_default();
         files.insert(scenario.to_owned());
         files.extend(needs(scenario));
-        let looks = files.into_iter().map(|file| (look(&file), file)).map(|(look, file)| (file, look));
+        let looks =
+            files.into_iter().map(|file| (stamp_of(&file), file)).map(|(stamp_of, file)| (file, stamp_of));
         self.scenarios.insert(scenario.to_owned(), looks.collect());
     }
 
@@ -33,14 +34,15 @@ impl Watched {
     pub(crate) fn ended(&mut self, report: &Report) {
         if let Some(looks) = self.scenarios.get_mut(&report.file) {
             for file in &report.reads {
-                looks.entry(file.clone()).or_insert_with(|| look(file));
+                looks.entry(file.clone()).or_insert_with(|| stamp_of(file));
             }
         }
     }
 
     /// The scenarios that have changed since their last run, or are new.
     pub(crate) fn changed(&self, scenarios: &[PathBuf]) -> Vec<PathBuf> {
-        let is_same = |looks: &BTreeMap<PathBuf, Look>| looks.iter().all(|(file, old)| look(file) == *old);
+        let is_same =
+            |looks: &BTreeMap<PathBuf, FileStamp>| looks.iter().all(|(file, old)| stamp_of(file) == *old);
         let has_changed = |scenario: &&PathBuf| !self.scenarios.get(*scenario).is_some_and(is_same);
         scenarios.iter().filter(has_changed).cloned().collect()
     }
@@ -51,7 +53,7 @@ impl Watched {
     }
 }
 
-fn look(file: &Path) -> Look {
+fn stamp_of(file: &Path) -> FileStamp {
     let known = file.metadata().ok()?;
     Some((known.modified().ok()?, known.len()))
 }
@@ -70,9 +72,9 @@ mod tests {
         std::fs::write(&without, "").unwrap();
         std::fs::write(at("plant.toml"), "").unwrap();
         let all = [with.clone(), without.clone()];
-        let mut watched = Watched::default();
+        let mut watched = WatchedFiles::default();
         assert_eq!(watched.changed(&all), all);
-        let run = |watched: &mut Watched| {
+        let run = |watched: &mut WatchedFiles| {
             for scenario in &all {
                 watched.begins(scenario);
                 let reads = if *scenario == with { vec![at("plant.toml")] } else { Vec::new() };

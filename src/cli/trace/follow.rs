@@ -4,7 +4,7 @@ use super::{Args, FormatArg};
 use crate::cli::error::CliError;
 use crate::cli::exit::Exit;
 use crate::cli::output;
-use crate::cli::pause::{Look, Pause, Wake};
+use crate::cli::pause::{Pause, PauseEnd, PollResult};
 use crate::cli::session::{self, Session};
 use crate::cli::time;
 use crate::devices;
@@ -82,7 +82,7 @@ fn print_as<T: Default + AsRef<[u8]>>(
     let mut trace = Trace {
         session,
         printer: Printer::new(format, selection, args.from),
-        out: Out { lines: VecDeque::new(), keep: args.last },
+        out: LineBuffer { lines: VecDeque::new(), keep: args.last },
         counting: Vec::new(),
         turn: None,
     };
@@ -93,18 +93,18 @@ fn print_as<T: Default + AsRef<[u8]>>(
     }
     let mut pause = Pause::new()?;
     loop {
-        match Look::of(trace.read(), args.instance.name())? {
-            Look::Seen(()) => trace.out.release()?,
-            Look::Later => {}
-            Look::Ended => return trace.end(),
+        match PollResult::of(trace.read(), args.instance.name())? {
+            PollResult::Answered(()) => trace.out.release()?,
+            PollResult::Later => {}
+            PollResult::Ended => return trace.end(),
         }
         match pause.wait()? {
-            Wake::Time => {}
-            Wake::Signal => {
+            PauseEnd::Time => {}
+            PauseEnd::Signal => {
                 trace.end()?;
                 return Err(CliError::Ended { code: Exit::Interrupted.code() });
             }
-            Wake::NobodyReads => return Err(CliError::BrokenPipe),
+            PauseEnd::OutputClosed => return Err(CliError::BrokenPipe),
         }
     }
 }
@@ -112,7 +112,7 @@ fn print_as<T: Default + AsRef<[u8]>>(
 struct Trace<'a, T> {
     session: &'a Session,
     printer: Printer<T>,
-    out: Out<T>,
+    out: LineBuffer<T>,
     /// Records that were still being counted at the last poll.
     counting: Vec<Record>,
     /// The history that was read last.
@@ -183,13 +183,13 @@ impl<T: Default + AsRef<[u8]>> Trace<'_, T> {
 }
 
 /// Buffer of output lines.
-struct Out<T> {
+struct LineBuffer<T> {
     lines: VecDeque<T>,
     /// Number of last lines to keep; `None`: all lines are printed.
     keep: Option<usize>,
 }
 
-impl<T: AsRef<[u8]>> Out<T> {
+impl<T: AsRef<[u8]>> LineBuffer<T> {
     fn push(&mut self, line: T) {
         // The format has no line for this record.
         if line.as_ref().is_empty() {

@@ -230,7 +230,7 @@ pub(super) fn changes_the_plant(action: Action) -> bool {
 }
 
 /// All keys with their short and long descriptions.
-pub(super) fn told() -> Vec<(String, &'static str, &'static str)> {
+pub(super) fn key_table() -> Vec<(String, &'static str, &'static str)> {
     let panes = (1..).zip(Pane::ALL).map(|(number, pane)| (number.to_string(), pane.name(), pane.what()));
     let keys = KEYS.iter().map(|binding| {
         let keys: Vec<_> = binding.keys.iter().map(|(code, modifiers)| name(*code, *modifiers)).collect();
@@ -283,7 +283,7 @@ mod tests {
             let more = if more.is_empty() { String::new() } else { format!(": {more}") };
             format!("| `{}` | {text}{more} |\n", keys.replace(", ", "`, `"))
         };
-        let table: String = told().into_iter().map(row).collect();
+        let table: String = key_table().into_iter().map(row).collect();
         crate::cli::view::tests::held_part(
             "docs/guide/view.md",
             "| key | what it does |\n|---|---|\n",

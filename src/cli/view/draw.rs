@@ -1,9 +1,9 @@
 //! The screen: the lines at the top and the bottom, the pane in between, and boxes over it.
 
 use super::actions::{self, Pane};
-use super::model::{Contact, Hot, Model};
+use super::model::{ClickTarget, Connection, Model};
 use super::panes;
-use super::prompt::{Asked, Prompt};
+use super::prompt::{Prompt, TextInput};
 use super::style::{Theme, cut, padded, wrapped};
 use crate::time;
 use ratatui::Frame;
@@ -65,11 +65,11 @@ fn head_line(model: &Model, theme: Theme, width: usize) -> Line<'static> {
     if model.read_only {
         left += "  read only";
     }
-    let (how, style) = match &model.contact {
-        Contact::Connecting => ("connecting ".to_owned(), theme.dim()),
-        Contact::RegisterPhase => ("live ".to_owned(), theme.good()),
-        Contact::Busy => ("busy with another client ".to_owned(), theme.warning()),
-        Contact::Absent(_) => ("gone, waiting for it ".to_owned(), theme.bad()),
+    let (how, style) = match &model.connection {
+        Connection::Connecting => ("connecting ".to_owned(), theme.dim()),
+        Connection::Live => ("live ".to_owned(), theme.good()),
+        Connection::Busy => ("busy with another client ".to_owned(), theme.warning()),
+        Connection::Absent(_) => ("gone, waiting for it ".to_owned(), theme.bad()),
     };
     let left = padded(&left, width.saturating_sub(how.chars().count()));
     Line::from(vec![Span::styled(left, theme.head()), Span::styled(how, style)])
@@ -83,7 +83,7 @@ fn draw_tabs(frame: &mut Frame, model: &mut Model, theme: Theme, area: Rect) {
         let place = Rect { x, width: width.min(area.right().saturating_sub(x)), ..area };
         let style = if pane == model.pane { theme.chosen() } else { theme.dim() };
         frame.render_widget(Paragraph::new(Span::styled(text, style)), place);
-        model.hot.push((place, Hot::Tab(pane)));
+        model.hot.push((place, ClickTarget::Tab(pane)));
         x = x.saturating_add(width);
     }
 }
@@ -91,8 +91,8 @@ fn draw_tabs(frame: &mut Frame, model: &mut Model, theme: Theme, area: Rect) {
 /// The current message in as many lines as it needs, up to a quarter of the screen; without a message the most
 /// important keys.
 fn foot_lines(model: &Model, theme: Theme, area: Rect) -> Vec<Line<'static>> {
-    let (text, style) = match (&model.contact, &model.message) {
-        (Contact::Absent(why), _) => (why, theme.bad()),
+    let (text, style) = match (&model.connection, &model.message) {
+        (Connection::Absent(why), _) => (why, theme.bad()),
         (_, Some(message)) if message.is_bad => (&message.text, theme.bad()),
         (_, Some(message)) => (&message.text, theme.plain()),
         (_, None) => {
@@ -104,7 +104,7 @@ fn foot_lines(model: &Model, theme: Theme, area: Rect) -> Vec<Line<'static>> {
     lines.into_iter().map(|line| Line::styled(format!(" {line}"), style)).collect()
 }
 
-fn ask(frame: &mut Frame, asked: &Asked, theme: Theme, area: Rect) {
+fn ask(frame: &mut Frame, asked: &TextInput, theme: Theme, area: Rect) {
     let text = asked.text.clone();
     let text = if asked.is_selected { Span::styled(text, theme.chosen()) } else { Span::raw(text) };
     let mut lines = vec![Line::from(vec![text, Span::raw("\u{2588}")])];
@@ -118,7 +118,7 @@ fn ask(frame: &mut Frame, asked: &Asked, theme: Theme, area: Rect) {
 
 /// All keys, in as many columns as fit.
 fn help(frame: &mut Frame, theme: Theme, area: Rect) {
-    let told = actions::told();
+    let told = actions::key_table();
     let keys = told.iter().map(|(keys, ..)| keys.chars().count()).max().unwrap_or(0);
     let room = usize::from(area.height.saturating_sub(2)).max(1);
     let columns = told.len().div_ceil(room).max(1);

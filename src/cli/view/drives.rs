@@ -8,7 +8,7 @@ use std::collections::VecDeque;
 const KEPT: usize = 1_000;
 
 /// A drive with its chart.
-pub(super) struct Shown {
+pub(super) struct ChartedDrive {
     /// Name and state of the drive.
     pub entry: DriveEntry,
     /// Emulated time in seconds, reference and actual value, one point per poll.
@@ -19,7 +19,7 @@ pub(super) struct Shown {
 #[derive(Default)]
 pub(super) struct Drives {
     /// In the order of the buses, followed by the drives that contain a PLC.
-    pub all: Vec<Shown>,
+    pub all: Vec<ChartedDrive>,
     /// The chosen drive.
     pub list: List,
 }
@@ -29,7 +29,8 @@ impl Drives {
     pub(super) fn take(&mut self, drives: Vec<DriveEntry>, now_us: u64) {
         let mut known = core::mem::take(&mut self.all);
         for entry in drives {
-            let same = |shown: &Shown| (&shown.entry.bus, &shown.entry.name) == (&entry.bus, &entry.name);
+            let same =
+                |shown: &ChartedDrive| (&shown.entry.bus, &shown.entry.name) == (&entry.bus, &entry.name);
             let place = known.iter().position(same);
             let mut points = place.map(|place| known.swap_remove(place).points).unwrap_or_default();
             let at = now_us as f64 / 1e6;
@@ -38,7 +39,7 @@ impl Drives {
             points.push_back((at, entry.state.speed_reference.into(), entry.state.speed_actual.into()));
             let surplus = points.len().saturating_sub(KEPT);
             points.drain(..surplus);
-            self.all.push(Shown { entry, points });
+            self.all.push(ChartedDrive { entry, points });
         }
     }
 }

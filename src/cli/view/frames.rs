@@ -19,7 +19,7 @@ const PART_US: u64 = 10_000;
 
 /// A frame, or an entry for a missing frame.
 #[derive(Clone, Debug)]
-pub(super) struct Wire {
+pub(super) struct BusFrame {
     /// Number of the bus.
     bus: usize,
     /// Begin of the frame, in microseconds.
@@ -32,7 +32,7 @@ pub(super) struct Wire {
     pub is_bad: bool,
 }
 
-impl Wire {
+impl BusFrame {
     /// The same frame at another time.
     fn at(&self, until_us: u64) -> Self {
         let from_us = until_us.saturating_sub(self.until_us - self.from_us);
@@ -59,9 +59,9 @@ pub(super) struct Window {
 /// Frames and SYNC edges of all buses.
 #[derive(Default)]
 pub(super) struct Frames {
-    wires: VecDeque<Wire>,
+    wires: VecDeque<BusFrame>,
     /// Records that are still being counted, each with its last frame.
-    counting: Vec<(Record, Wire)>,
+    counting: Vec<(Record, BusFrame)>,
     /// SYNC edges of each bus, the oldest first.
     edges: Vec<VecDeque<u64>>,
     text: Option<Text>,
@@ -70,7 +70,7 @@ pub(super) struct Frames {
     /// Begin of the held window, in microseconds; `None`: the latest window is displayed.
     held: Option<u64>,
     /// True if new records were dropped because the memory was full while a window was held.
-    is_behind: bool,
+    has_dropped_records: bool,
     /// The chosen frame.
     pub list: List,
 }
@@ -80,7 +80,7 @@ impl Frames {
     pub(super) fn take(&mut self, records: &[Record], pending: &[Record], names: &Names, scene: &[BusScene]) {
         self.edges.resize_with(names.buses.len(), VecDeque::new);
         if self.held.is_some() && self.is_full() {
-            self.is_behind = true;
+            self.has_dropped_records = true;
             return;
         }
         let mut text = self.text.take().unwrap_or_else(|| Text::new(names.clone(), devices::catalogue()));
@@ -181,7 +181,7 @@ impl Frames {
     }
 
     /// The frames of the displayed bus in the window.
-    pub(super) fn within(&self, window: Window) -> Vec<Wire> {
+    pub(super) fn within(&self, window: Window) -> Vec<BusFrame> {
         let of_bus = self.wires.iter().filter(|wire| wire.bus == self.bus);
         let mut found: Vec<_> = of_bus.filter(|wire| wire.is_in(window)).cloned().collect();
         for (record, last) in self.counting.iter().filter(|(_, last)| last.bus == self.bus) {
@@ -221,7 +221,7 @@ impl Frames {
     /// Displays the latest window from now on.
     pub(super) fn follow(&mut self) {
         self.held = None;
-        if core::mem::take(&mut self.is_behind) {
+        if core::mem::take(&mut self.has_dropped_records) {
             self.wires.clear();
             self.edges.iter_mut().for_each(VecDeque::clear);
         }
@@ -229,7 +229,7 @@ impl Frames {
 }
 
 /// The last frame of a record, or its missing frame; `None` for records of other kinds.
-fn last_of(record: &Record, text: &mut Text, names: &Names, scene: &[BusScene]) -> Option<Wire> {
+fn last_of(record: &Record, text: &mut Text, names: &Names, scene: &[BusScene]) -> Option<BusFrame> {
     let (event, source) = (record.event, record.event.source());
     let is_bad = event.kind().ring() == Ring::Missed;
     if event.kind().ring() != Ring::Traffic && !is_bad {
@@ -252,5 +252,5 @@ fn last_of(record: &Record, text: &mut Text, names: &Names, scene: &[BusScene]) 
     let told = line.split_once(" s  ").map_or(line.as_str(), |(_, told)| told);
     let told = told.strip_prefix(name.as_str()).unwrap_or(told).trim();
     let until_us = record.time_us;
-    Some(Wire { bus, from_us: until_us.saturating_sub(us), until_us, text: told.to_owned(), is_bad })
+    Some(BusFrame { bus, from_us: until_us.saturating_sub(us), until_us, text: told.to_owned(), is_bad })
 }

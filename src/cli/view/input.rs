@@ -1,10 +1,10 @@
 //! Effects of keys and mouse on the model.
 
 use super::actions::{self, Action, Pane};
-use super::link::Order;
-use super::model::{Hot, Model, Which};
+use super::link::LinkCommand;
+use super::model::{ClickTarget, ListId, Model};
 use super::pins::Pins;
-use super::prompt::{Aim, Asked, Prompt};
+use super::prompt::{InputPurpose, Prompt, TextInput};
 use super::tree::Row;
 use super::work::{Task, Work};
 use crate::layout::{Place, RegisterPhase};
@@ -38,8 +38,8 @@ impl Model {
             return;
         };
         match (event.kind, hot) {
-            (MouseEventKind::Down(MouseButton::Left), Hot::Tab(pane)) => self.act(Action::Show(pane)),
-            (MouseEventKind::Down(MouseButton::Left), Hot::List(which)) => {
+            (MouseEventKind::Down(MouseButton::Left), ClickTarget::Tab(pane)) => self.act(Action::Show(pane)),
+            (MouseEventKind::Down(MouseButton::Left), ClickTarget::List(which)) => {
                 self.look_at(which);
                 let (list, len) = self.list_of(which);
                 let line = list.top + usize::from(place.y - area.y);
@@ -47,11 +47,11 @@ impl Model {
                 list.stays = false;
                 list.choose(line, len);
                 // A second click on the chosen line.
-                if line == was_chosen && which == Which::Tree {
+                if line == was_chosen && which == ListId::Tree {
                     self.act(Action::Toggle);
                 }
             }
-            (MouseEventKind::ScrollUp | MouseEventKind::ScrollDown, Hot::List(which)) => {
+            (MouseEventKind::ScrollUp | MouseEventKind::ScrollDown, ClickTarget::List(which)) => {
                 let lines = if event.kind == MouseEventKind::ScrollUp { -WHEEL } else { WHEEL };
                 self.look_at(which);
                 let (list, len) = self.list_of(which);
@@ -61,16 +61,16 @@ impl Model {
         }
     }
 
-    fn look_at(&mut self, which: Which) {
+    fn look_at(&mut self, which: ListId) {
         match which {
-            Which::Tree => self.on_pins = false,
-            Which::Pins => self.on_pins = true,
-            Which::Changes
-            | Which::Frames
-            | Which::Board
-            | Which::Drives
-            | Which::Findings
-            | Which::Plant => {}
+            ListId::Tree => self.on_pins = false,
+            ListId::Pins => self.on_pins = true,
+            ListId::Changes
+            | ListId::Frames
+            | ListId::Board
+            | ListId::Drives
+            | ListId::Findings
+            | ListId::Plant => {}
         }
     }
 
@@ -128,23 +128,27 @@ impl Model {
                 self.prompt = Some(Prompt::Find);
             }
             Action::Cancel => self.cancel(),
-            Action::Poke => self.ask_value(Aim::Poke, "poke"),
-            Action::Force => self.ask_value(Aim::Force, "force"),
+            Action::Poke => self.ask_value(InputPurpose::Poke, "poke"),
+            Action::Force => self.ask_value(InputPurpose::Force, "force"),
             Action::Unforce => self.unforce(),
             Action::Turn => self.ask_switch(),
-            Action::Step if self.has_stepped_clock() => self.ask(Aim::Step, "advance by", self.step.clone()),
-            Action::Back if self.has_stepped_clock() => self.ask(Aim::Back, "go back by", self.step.clone()),
+            Action::Step if self.has_stepped_clock() => {
+                self.ask(InputPurpose::Step, "advance by", self.step.clone())
+            }
+            Action::Back if self.has_stepped_clock() => {
+                self.ask(InputPurpose::Back, "go back by", self.step.clone())
+            }
             Action::BackUntil if self.has_stepped_clock() => {
-                self.ask(Aim::BackUntil, "go back until (REG==VALUE and ...)", self.until.clone());
+                self.ask(InputPurpose::BackUntil, "go back until (REG==VALUE and ...)", self.until.clone());
             }
             Action::ToEvent if self.has_stepped_clock() => {
                 let work = Work::Ops(vec![Op::AdvanceToEvent { within_us: 1_000_000 }]);
-                self.order(Task { told: "go to the next event".to_owned(), work });
+                self.order(Task { description: "go to the next event".to_owned(), work });
             }
             Action::ToSync if self.has_stepped_clock() => match self.sync_port() {
                 Some((plc, node)) => {
                     let work = Work::Ops(vec![Op::AdvanceToSync { plc, node }]);
-                    self.order(Task { told: "go to the next SYNC".to_owned(), work });
+                    self.order(Task { description: "go to the next SYNC".to_owned(), work });
                 }
                 None => self.complain("no PLC here has a master"),
             },
@@ -153,12 +157,14 @@ impl Model {
                     "the clock runs by itself; use `commram run --clock stepped` for a stepped clock",
                 );
             }
-            Action::Until => self.ask(Aim::Until, "wait until (REG==VALUE and ...)", self.until.clone()),
+            Action::Until => {
+                self.ask(InputPurpose::Until, "wait until (REG==VALUE and ...)", self.until.clone())
+            }
             Action::Clear => {
-                let told = "findings deleted".to_owned();
+                let description = "findings deleted".to_owned();
                 let work = Work::Ops(vec![Op::ClearFindings]);
                 let question = "delete all findings".to_owned();
-                self.prompt = Some(Prompt::Really(question, Task { told, work }));
+                self.prompt = Some(Prompt::Really(question, Task { description, work }));
             }
         }
     }
@@ -166,9 +172,9 @@ impl Model {
     /// Sends a task to the emulator.
     pub(super) fn order(&mut self, task: Task) {
         if task.is_long() {
-            self.say(task.going_on());
+            self.say(task.progress());
         }
-        self.orders.push(Order::Do(task));
+        self.orders.push(LinkCommand::Do(task));
     }
 
     fn go(&mut self, lines: isize) {
@@ -204,7 +210,7 @@ impl Model {
     }
 
     fn cancel(&mut self) {
-        self.orders.push(Order::Cancel);
+        self.orders.push(LinkCommand::Cancel);
         if self.tree.sought.is_some() {
             self.tree.seek(None);
         }
@@ -216,8 +222,8 @@ impl Model {
     }
 
     /// Opens a prompt for a text. It contains the last input, which typing replaces.
-    fn ask(&mut self, aim: Aim, head: &str, last: String) {
-        self.prompt = Some(Prompt::Text(Asked::new(aim, head.to_owned(), last)));
+    fn ask(&mut self, purpose: InputPurpose, head: &str, last: String) {
+        self.prompt = Some(Prompt::Text(TextInput::new(purpose, head.to_owned(), last)));
     }
 
     fn ask_switch(&mut self) {
@@ -228,20 +234,20 @@ impl Model {
         match knob {
             Some(knob) => {
                 let head = format!("set {}{}", Pins::prefix(self.names(), knob.plc), knob.name);
-                self.ask(Aim::Turn(knob), &head, String::new());
+                self.ask(InputPurpose::Turn(knob), &head, String::new());
             }
             None => self.complain("this line has no switch"),
         }
     }
 
-    fn ask_value(&mut self, aim: fn(u16, Place) -> Aim, what: &str) {
+    fn ask_value(&mut self, purpose: fn(u16, Place) -> InputPurpose, what: &str) {
         match self.chosen() {
             Some((_, place)) if place.bit().is_some() => {
                 self.complain("a single bit cannot be written, only its whole register");
             }
             Some((plc, place)) => {
                 let name = Pins::prefix(self.names(), plc) + &place.label(RegisterPhase::Cyclic);
-                self.ask(aim(plc, place), &format!("{what} {name}"), String::new());
+                self.ask(purpose(plc, place), &format!("{what} {name}"), String::new());
             }
             None => self.complain("choose a register first"),
         }
@@ -251,10 +257,10 @@ impl Model {
         let Some((plc, place)) = self.chosen() else {
             return self.complain("choose a register first");
         };
-        let told =
+        let description =
             format!("unforce {}{}", Pins::prefix(self.names(), plc), place.label(RegisterPhase::Cyclic));
         let work = Work::Ops(vec![Op::Unforce { plc, offset: place.offset(), width: place.width() }]);
-        self.prompt = Some(Prompt::Really(told.clone(), Task { told, work }));
+        self.prompt = Some(Prompt::Really(description.clone(), Task { description, work }));
     }
 
     fn has_stepped_clock(&self) -> bool {

@@ -1,7 +1,7 @@
 //! The thread that communicates with the emulator, so that the screen never waits for it.
 
-use super::look::{Looker, Seen, Wish};
-use super::source::{Source, Trouble};
+use super::poll::{PollData, Poller, Query};
+use super::source::{RequestError, Source};
 use super::work::{Outcome, Task};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender};
 use std::time::Duration;
@@ -13,9 +13,9 @@ const RETRY: Duration = Duration::from_millis(250);
 
 /// A command to the thread.
 #[derive(Debug)]
-pub(super) enum Order {
+pub(super) enum LinkCommand {
     /// Sets the data that the screen needs from now on.
-    Show(Wish),
+    Show(Query),
     /// Starts a task.
     Do(Task),
     /// Cancels the current task.
@@ -24,15 +24,15 @@ pub(super) enum Order {
 
 /// A report of the thread.
 #[derive(Clone, Debug)]
-pub(super) enum News {
+pub(super) enum LinkReport {
     /// Result of a poll.
-    Seen(Box<Seen>),
+    Data(Box<PollData>),
     /// The emulator does not answer this time: another client advances the clock.
     Busy,
     /// The emulator cannot be reached, with the reason.
     Absent(String),
     /// Progress of a task.
-    GoesOn(String),
+    Progress(String),
     /// A task is done.
     Done(String),
     /// A task or a poll was refused.
@@ -42,27 +42,27 @@ pub(super) enum News {
 /// Polls and executes tasks until the other end of a channel is closed.
 pub(super) fn serve<S: Source>(
     mut connect: impl FnMut() -> Result<S, String>,
-    orders: &Receiver<Order>,
-    news: &Sender<News>,
+    orders: &Receiver<LinkCommand>,
+    news: &Sender<LinkReport>,
 ) {
-    let mut desk = Desk::default();
-    let mut link: Option<(S, Looker)> = None;
+    let mut queue = TaskQueue::default();
+    let mut link: Option<(S, Poller)> = None;
     loop {
         let pause = if link.is_none() { RETRY } else { INTERVAL };
-        if !desk.wait(orders, pause) {
+        if !queue.wait(orders, pause) {
             return;
         }
         let told = match &mut link {
-            Some((source, looker)) => desk.turn(source, looker),
+            Some((source, poller)) => queue.turn(source, poller),
             None => match connect() {
                 Ok(source) => {
-                    link = Some((source, Looker::default()));
+                    link = Some((source, Poller::default()));
                     continue;
                 }
-                Err(why) => vec![News::Absent(why)],
+                Err(why) => vec![LinkReport::Absent(why)],
             },
         };
-        if told.iter().any(|news| matches!(news, News::Absent(_))) {
+        if told.iter().any(|news| matches!(news, LinkReport::Absent(_))) {
             link = None;
         }
         if told.into_iter().any(|told| news.send(told).is_err()) {
@@ -73,16 +73,16 @@ pub(super) fn serve<S: Source>(
 
 /// Current query and pending tasks.
 #[derive(Default)]
-pub(super) struct Desk {
-    wish: Wish,
+pub(super) struct TaskQueue {
+    query: Query,
     tasks: Vec<Task>,
     /// A cancelled task that has not been reported yet.
-    given_up: Option<Task>,
+    cancelled: Option<Task>,
 }
 
-impl Desk {
+impl TaskQueue {
     /// Waits for a command at most for `pause` and takes all commands; returns false if the channel is closed.
-    fn wait(&mut self, orders: &Receiver<Order>, pause: Duration) -> bool {
+    fn wait(&mut self, orders: &Receiver<LinkCommand>, pause: Duration) -> bool {
         let pause = if self.tasks.is_empty() { pause } else { Duration::ZERO };
         match orders.recv_timeout(pause) {
             Ok(order) => self.take(order),
@@ -94,45 +94,45 @@ impl Desk {
     }
 
     /// Takes a command.
-    pub(super) fn take(&mut self, order: Order) {
+    pub(super) fn take(&mut self, order: LinkCommand) {
         match order {
-            Order::Show(wish) => self.wish = wish,
-            Order::Do(task) => self.tasks.push(task),
-            Order::Cancel => self.given_up = self.tasks.drain(..).next(),
+            LinkCommand::Show(query) => self.query = query,
+            LinkCommand::Do(task) => self.tasks.push(task),
+            LinkCommand::Cancel => self.cancelled = self.tasks.drain(..).next(),
         }
     }
 
     /// Executes a part of the first task, and polls.
-    pub(super) fn turn(&mut self, source: &mut dyn Source, looker: &mut Looker) -> Vec<News> {
+    pub(super) fn turn(&mut self, source: &mut dyn Source, poller: &mut Poller) -> Vec<LinkReport> {
         let mut told = Vec::new();
-        told.extend(self.given_up.take().map(|task| News::Done(task.given_up())));
+        told.extend(self.cancelled.take().map(|task| LinkReport::Done(task.cancelled())));
         if !self.tasks.is_empty() {
             let task = self.tasks.remove(0);
             match task.go(source) {
                 Ok(Outcome::More(task)) => {
-                    told.push(News::GoesOn(task.going_on()));
+                    told.push(LinkReport::Progress(task.progress()));
                     self.tasks.insert(0, task);
                 }
-                Ok(Outcome::Done(text)) => told.push(News::Done(text)),
-                Ok(Outcome::Refused(why)) => told.push(News::Failed(why)),
+                Ok(Outcome::Done(text)) => told.push(LinkReport::Done(text)),
+                Ok(Outcome::Refused(why)) => told.push(LinkReport::Failed(why)),
                 Err(trouble) => told.push(self.tell(trouble)),
             }
         }
-        match looker.look(source, &self.wish) {
-            Ok(seen) => told.push(News::Seen(Box::new(seen))),
+        match poller.poll(source, &self.query) {
+            Ok(seen) => told.push(LinkReport::Data(Box::new(seen))),
             Err(trouble) => told.push(self.tell(trouble)),
         }
         told
     }
 
-    fn tell(&mut self, trouble: Trouble) -> News {
+    fn tell(&mut self, trouble: RequestError) -> LinkReport {
         match trouble {
-            Trouble::Busy => News::Busy,
-            Trouble::Gone(why) => {
+            RequestError::Busy => LinkReport::Busy,
+            RequestError::Gone(why) => {
                 self.tasks.clear();
-                News::Absent(why)
+                LinkReport::Absent(why)
             }
-            Trouble::Refused(why) => News::Failed(why),
+            RequestError::Refused(why) => LinkReport::Failed(why),
         }
     }
 }

@@ -3,11 +3,11 @@
 use super::actions::Pane;
 use super::drives::Drives;
 use super::frames::Frames;
-use super::link::{News, Order};
+use super::link::{LinkCommand, LinkReport};
 use super::list::List;
-use super::look::{Face, Seen, Spot, Wish};
 use super::pins::Pins;
-use super::prompt::{Knob, Prompt};
+use super::poll::{DeviceFront, MemoryLocation, PollData, Query};
+use super::prompt::{BoardSwitch, Prompt};
 use super::tree::{Row, Tree};
 use crate::journal::{Entry, Names};
 use crate::layout::place::{live_by, status_of};
@@ -20,11 +20,11 @@ use std::sync::LazyLock;
 
 /// State of the connection to the emulator.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) enum Contact {
+pub(super) enum Connection {
     /// No reply has arrived yet.
     Connecting,
     /// The emulator answers.
-    RegisterPhase,
+    Live,
     /// The emulator advances the clock for another client.
     Busy,
     /// The emulator is not running, with the reason.
@@ -33,15 +33,15 @@ pub(super) enum Contact {
 
 /// The target of a click.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Hot {
+pub(super) enum ClickTarget {
     /// Shows a pane.
     Tab(Pane),
     /// Chooses a line of this list; the area begins with its first visible line.
-    List(Which),
+    List(ListId),
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Which {
+pub(super) enum ListId {
     Tree,
     Pins,
     Changes,
@@ -64,16 +64,16 @@ pub(super) struct Message {
 pub(super) struct Model {
     pub instance: String,
     pub read_only: bool,
-    pub contact: Contact,
+    pub connection: Connection,
     pub info: Option<InstanceInfo>,
     pub pane: Pane,
     /// True if the keys control the list of pins instead of the tree.
     pub on_pins: bool,
     pub tree: Tree,
     pub pins: Pins,
-    values: HashMap<Spot, u32>,
+    values: HashMap<MemoryLocation, u32>,
     forces: Vec<Forced>,
-    pub faces: Vec<Face>,
+    pub faces: Vec<DeviceFront>,
     pub findings: Vec<Entry>,
     pub finding: List,
     pub scene: Vec<BusScene>,
@@ -83,14 +83,14 @@ pub(super) struct Model {
     pub plant: List,
     pub board: List,
     /// The switch in each line of the fronts, since the last drawing.
-    pub knobs: Vec<Option<Knob>>,
+    pub knobs: Vec<Option<BoardSwitch>>,
     pub prompt: Option<Prompt>,
     pub message: Option<Message>,
     pub help: bool,
     /// Clickable areas of the screen, since the last drawing.
-    pub hot: Vec<(Rect, Hot)>,
+    pub hot: Vec<(Rect, ClickTarget)>,
     /// Commands for the link thread.
-    pub orders: Vec<Order>,
+    pub orders: Vec<LinkCommand>,
     pub quits: bool,
     /// True if Ctrl-C was pressed.
     pub is_interrupted: bool,
@@ -105,7 +105,7 @@ impl Model {
         Self {
             instance: instance.to_owned(),
             read_only,
-            contact: Contact::Connecting,
+            connection: Connection::Connecting,
             info: None,
             pane: Pane::Registers,
             on_pins: false,
@@ -136,13 +136,13 @@ impl Model {
     }
 
     /// Takes a report of the link thread.
-    pub(super) fn take(&mut self, news: News) {
+    pub(super) fn take(&mut self, news: LinkReport) {
         match news {
-            News::Seen(seen) => self.see(*seen),
-            News::Busy => self.contact = Contact::Busy,
-            News::Absent(why) => self.contact = Contact::Absent(why),
-            News::GoesOn(text) | News::Done(text) => self.say(text),
-            News::Failed(why) => self.complain(why),
+            LinkReport::Data(seen) => self.see(*seen),
+            LinkReport::Busy => self.connection = Connection::Busy,
+            LinkReport::Absent(why) => self.connection = Connection::Absent(why),
+            LinkReport::Progress(text) | LinkReport::Done(text) => self.say(text),
+            LinkReport::Failed(why) => self.complain(why),
         }
     }
 
@@ -156,8 +156,8 @@ impl Model {
         self.message = Some(Message { text: text.into(), is_bad: true });
     }
 
-    fn see(&mut self, seen: Seen) {
-        let Seen {
+    fn see(&mut self, seen: PollData) {
+        let PollData {
             info,
             forces,
             values,
@@ -189,7 +189,7 @@ impl Model {
             self.drives.take(drives, now_us);
         }
         self.frames.take(&records, &pending, &info.names, &self.scene);
-        self.contact = Contact::RegisterPhase;
+        self.connection = Connection::Live;
         self.info = Some(info);
         self.forces = forces;
         self.values.extend(values);
@@ -200,12 +200,12 @@ impl Model {
         if let Some(buses) = buses {
             self.buses = buses;
         }
-        let lives = self.tree.open_blocks().filter_map(|(plc, area)| {
-            let status = Spot::register(plc, &status_of(area)?);
+        let phases = self.tree.open_blocks().filter_map(|(plc, area)| {
+            let status = MemoryLocation::register(plc, &status_of(area)?);
             Some((plc, area.first, live_by(*self.values.get(&status)?)))
         });
-        let lives = lives.collect();
-        self.tree.set_lives(lives);
+        let phases = phases.collect();
+        self.tree.set_phases(phases);
     }
 
     /// Resets the data: another emulator has replaced the previous one.
@@ -230,10 +230,10 @@ impl Model {
     }
 
     /// The data that the current pane needs.
-    pub(super) fn wish(&self) -> Wish {
-        let mut registers: Vec<Spot> = self.pins.all.iter().map(|pin| pin.spot()).collect();
+    pub(super) fn query(&self) -> Query {
+        let mut registers: Vec<MemoryLocation> = self.pins.all.iter().map(|pin| pin.location()).collect();
         let places = self.pins.all.iter().filter_map(|pin| Some((pin.plc, pin.place.status()?)));
-        registers.extend(places.map(|(plc, status)| Spot::register(plc, &status)));
+        registers.extend(places.map(|(plc, status)| MemoryLocation::register(plc, &status)));
         match self.pane {
             Pane::Registers => {
                 registers.extend(
@@ -241,24 +241,25 @@ impl Model {
                         .seen()
                         .iter()
                         .filter_map(Row::register)
-                        .map(|(plc, register)| Spot::register(plc, register)),
+                        .map(|(plc, register)| MemoryLocation::register(plc, register)),
                 );
                 let found = self.tree.seen().iter().filter_map(Row::register);
                 let found = found.filter_map(|(plc, register)| Some((plc, status_of(register.area)?)));
                 let open = self.tree.open_blocks().filter_map(|(plc, area)| Some((plc, status_of(area)?)));
-                registers.extend(found.chain(open).map(|(plc, status)| Spot::register(plc, &status)));
+                registers
+                    .extend(found.chain(open).map(|(plc, status)| MemoryLocation::register(plc, &status)));
             }
             Pane::Plant => {
-                let states = self.ports().map(|(plc, status)| Spot::register(plc, &status));
+                let states = self.ports().map(|(plc, status)| MemoryLocation::register(plc, &status));
                 registers.extend(states);
             }
             Pane::Changes | Pane::Frames | Pane::Board | Pane::Drives | Pane::Findings => {}
         }
         registers.sort_unstable();
         registers.dedup();
-        Wish {
+        Query {
             registers,
-            follow: self.pins.all.iter().map(|pin| pin.spot()).collect(),
+            follow: self.pins.all.iter().map(|pin| pin.location()).collect(),
             fronts: matches!(self.pane, Pane::Plant | Pane::Board),
             findings: self.pane == Pane::Findings,
             scene: matches!(self.pane, Pane::Plant | Pane::Frames | Pane::Drives),
@@ -292,17 +293,17 @@ impl Model {
     }
 
     /// The value of a register, if it was read.
-    pub(super) fn value(&self, spot: Spot) -> Option<u32> {
-        self.values.get(&spot).copied()
+    pub(super) fn value(&self, location: MemoryLocation) -> Option<u32> {
+        self.values.get(&location).copied()
     }
 
-    pub(super) fn is_forced(&self, spot: Spot) -> bool {
-        self.forces.iter().any(|forced| (forced.plc, forced.offset) == (spot.plc, spot.offset))
+    pub(super) fn is_forced(&self, location: MemoryLocation) -> bool {
+        self.forces.iter().any(|forced| (forced.plc, forced.offset) == (location.plc, location.offset))
     }
 
     /// The live one of the structures that overlay each other, from the value of their status register.
     pub(super) fn live(&self, plc: u16, status: Option<RegisterRef>) -> RegisterPhase {
-        let value = status.and_then(|status| self.value(Spot::register(plc, &status)));
+        let value = status.and_then(|status| self.value(MemoryLocation::register(plc, &status)));
         value.map_or(RegisterPhase::Cyclic, live_by)
     }
 
@@ -334,36 +335,36 @@ impl Model {
     /// The list that the keys control, and its number of lines.
     pub(super) fn list(&mut self) -> (&mut List, usize) {
         let which = match self.pane {
-            Pane::Registers if self.on_pins => Which::Pins,
-            Pane::Registers => Which::Tree,
-            Pane::Changes => Which::Changes,
-            Pane::Frames => Which::Frames,
-            Pane::Board => Which::Board,
-            Pane::Drives => Which::Drives,
-            Pane::Findings => Which::Findings,
-            Pane::Plant => Which::Plant,
+            Pane::Registers if self.on_pins => ListId::Pins,
+            Pane::Registers => ListId::Tree,
+            Pane::Changes => ListId::Changes,
+            Pane::Frames => ListId::Frames,
+            Pane::Board => ListId::Board,
+            Pane::Drives => ListId::Drives,
+            Pane::Findings => ListId::Findings,
+            Pane::Plant => ListId::Plant,
         };
         self.list_of(which)
     }
 
     /// A list and its number of lines.
-    pub(super) fn list_of(&mut self, which: Which) -> (&mut List, usize) {
+    pub(super) fn list_of(&mut self, which: ListId) -> (&mut List, usize) {
         match which {
-            Which::Tree => {
+            ListId::Tree => {
                 let len = self.tree.rows().len();
                 (&mut self.tree.list, len)
             }
-            Which::Pins => (&mut self.pins.list, self.pins.all.len()),
-            Which::Changes => {
+            ListId::Pins => (&mut self.pins.list, self.pins.all.len()),
+            ListId::Changes => {
                 let len = self.pins.shown().len();
                 (&mut self.pins.history, len)
             }
             // Only the drawing code knows the number of frames.
-            Which::Frames => (&mut self.frames.list, usize::MAX),
-            Which::Board => (&mut self.board, self.knobs.len()),
-            Which::Drives => (&mut self.drives.list, self.drives.all.len()),
-            Which::Findings => (&mut self.finding, self.findings.len()),
-            Which::Plant => (&mut self.plant, usize::MAX),
+            ListId::Frames => (&mut self.frames.list, usize::MAX),
+            ListId::Board => (&mut self.board, self.knobs.len()),
+            ListId::Drives => (&mut self.drives.list, self.drives.all.len()),
+            ListId::Findings => (&mut self.finding, self.findings.len()),
+            ListId::Plant => (&mut self.plant, usize::MAX),
         }
     }
 }

@@ -1,7 +1,7 @@
 //! The pinned registers: value, age of the value, rate of change.
 
 use super::list::List;
-use super::look::Spot;
+use super::poll::MemoryLocation;
 use crate::journal::{Change, Names};
 use crate::layout::{Place, plc_prefix};
 use std::collections::VecDeque;
@@ -44,13 +44,13 @@ pub(super) struct Pins {
 
 impl Pin {
     /// Memory location of the register.
-    pub(super) fn spot(&self) -> Spot {
-        Spot::place(self.plc, &self.place)
+    pub(super) fn location(&self) -> MemoryLocation {
+        MemoryLocation::place(self.plc, &self.place)
     }
 
     /// True if the change concerns this register.
     fn is_of(&self, change: &Change) -> bool {
-        let (what, own) = (&change.what, self.spot());
+        let (what, own) = (&change.what, self.location());
         let end = |offset: u32, bytes: u32| offset.saturating_add(bytes);
         let meets = what.plc == own.plc
             && what.offset < end(own.offset, own.width.bytes())

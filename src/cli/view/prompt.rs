@@ -14,7 +14,7 @@ const WITHIN_US: u64 = 10_000_000;
 #[derive(Clone, Debug)]
 pub(super) enum Prompt {
     /// Input of a text.
-    Text(Asked),
+    Text(TextInput),
     /// Input of a search text for the tree.
     Find,
     /// Confirmation of a task.
@@ -23,9 +23,9 @@ pub(super) enum Prompt {
 
 /// A text input.
 #[derive(Clone, Debug)]
-pub(super) struct Asked {
+pub(super) struct TextInput {
     /// Use of the text.
-    pub aim: Aim,
+    pub purpose: InputPurpose,
     /// The label before the text.
     pub head: String,
     /// The current text.
@@ -38,7 +38,7 @@ pub(super) struct Asked {
 
 /// Use of a text input.
 #[derive(Clone, Debug)]
-pub(super) enum Aim {
+pub(super) enum InputPurpose {
     /// Value to write to a register of a PLC.
     Poke(u16, Place),
     /// Value to force a register to.
@@ -52,12 +52,12 @@ pub(super) enum Aim {
     /// Conditions to go back to.
     BackUntil,
     /// New position of a switch.
-    Turn(Knob),
+    Turn(BoardSwitch),
 }
 
 /// A switch at the front of a PLC, or another setting of `commram board set`.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Knob {
+pub(super) struct BoardSwitch {
     /// Number of the PLC.
     pub plc: u16,
     /// Name in `commram board set`.
@@ -66,20 +66,22 @@ pub(super) struct Knob {
     pub choices: Vec<String>,
 }
 
-impl Asked {
+impl TextInput {
     /// A text input, which can contain an initial text.
-    pub(super) fn new(aim: Aim, head: String, text: String) -> Self {
+    pub(super) fn new(purpose: InputPurpose, head: String, text: String) -> Self {
         let is_selected = !text.is_empty();
-        Self { aim, head, text, is_selected, wrong: None }
+        Self { purpose, head, text, is_selected, wrong: None }
     }
 
     /// Suggestions: names of values that begin with the text, with their numbers.
     pub(super) fn hints(&self) -> Vec<String> {
-        if let Aim::Turn(knob) = &self.aim {
+        if let InputPurpose::Turn(knob) = &self.purpose {
             let fitting = knob.choices.iter().filter(|choice| choice.starts_with(self.text.trim()));
             return fitting.cloned().collect();
         }
-        let (Aim::Poke(_, place) | Aim::Force(_, place)) = &self.aim else { return Vec::new() };
+        let (InputPurpose::Poke(_, place) | InputPurpose::Force(_, place)) = &self.purpose else {
+            return Vec::new();
+        };
         let Some(meaning) = place.exact(RegisterPhase::Cyclic).and_then(|register| register.register.meaning)
         else {
             return Vec::new();
@@ -97,56 +99,56 @@ impl Model {
     ///
     /// # Errors
     /// The error in the text.
-    pub(super) fn given(&mut self, asked: &Asked) -> Result<Option<Prompt>, String> {
+    pub(super) fn given(&mut self, asked: &TextInput) -> Result<Option<Prompt>, String> {
         let text = asked.text.trim();
-        match &asked.aim {
-            Aim::Poke(plc, place) | Aim::Force(plc, place) => {
+        match &asked.purpose {
+            InputPurpose::Poke(plc, place) | InputPurpose::Force(plc, place) => {
                 let value = place.parse_value(text).map_err(|error| error.source.to_string())?;
                 let (plc, offset, width) = (*plc, place.offset(), place.width());
-                let (what, op) = match asked.aim {
-                    Aim::Force(..) => ("force", Op::Force { plc, offset, width, value }),
+                let (what, op) = match asked.purpose {
+                    InputPurpose::Force(..) => ("force", Op::Force { plc, offset, width, value }),
                     _ => ("poke", Op::Poke { plc, offset, width, value }),
                 };
                 let name = Pins::prefix(self.names(), plc) + &place.label(RegisterPhase::Cyclic);
                 let (shown, meaning) =
                     (place.format(RegisterPhase::Cyclic, value), place.meaning(RegisterPhase::Cyclic, value));
-                let told = format!("{what} {name} = {shown}");
-                let question = format!("{told}, {meaning}");
-                Ok(Some(Prompt::Really(question, Task { told, work: Work::Ops(vec![op]) })))
+                let description = format!("{what} {name} = {shown}");
+                let question = format!("{description}, {meaning}");
+                Ok(Some(Prompt::Really(question, Task { description, work: Work::Ops(vec![op]) })))
             }
-            Aim::Step => {
+            InputPurpose::Step => {
                 let us = time::parse(text).map_err(|error| error.to_string())?;
                 self.step = text.to_owned();
-                let told = format!("{} passed", time::short(us));
-                self.order(Task { told, work: Work::Advance { us, left_us: us } });
+                let description = format!("{} passed", time::short(us));
+                self.order(Task { description, work: Work::Advance { us, left_us: us } });
                 Ok(None)
             }
-            Aim::Until => {
+            InputPurpose::Until => {
                 let conditions = self.conditions(text)?;
                 let work = Work::Until { conditions, us: WITHIN_US, left_us: WITHIN_US };
-                self.order(Task { told: text.to_owned(), work });
+                self.order(Task { description: text.to_owned(), work });
                 Ok(None)
             }
-            Aim::Back => {
+            InputPurpose::Back => {
                 let us = time::parse(text).map_err(|error| error.to_string())?;
                 self.step = text.to_owned();
                 let work = Work::Ops(vec![Op::Back { us, detached: false }]);
-                self.order(Task { told: format!("{} back", time::short(us)), work });
+                self.order(Task { description: format!("{} back", time::short(us)), work });
                 Ok(None)
             }
-            Aim::BackUntil => {
+            InputPurpose::BackUntil => {
                 let mut ops = self.conditions(text)?;
                 ops.push(Op::BackUntil { any: false, detached: false });
-                self.order(Task { told: format!("back to {text}"), work: Work::Ops(ops) });
+                self.order(Task { description: format!("back to {text}"), work: Work::Ops(ops) });
                 Ok(None)
             }
-            Aim::Turn(Knob { plc, name, .. }) => {
+            InputPurpose::Turn(BoardSwitch { plc, name, .. }) => {
                 let word = format!("{name}={text}");
                 let setting = BoardWord::parse(&word).and_then(|word| word.at(self.names().device(*plc)));
                 let setting = setting.map_err(|error| error.right)?;
-                let told = format!("set {}{word}", Pins::prefix(self.names(), *plc));
+                let description = format!("set {}{word}", Pins::prefix(self.names(), *plc));
                 let work = Work::Ops(vec![Op::SetBoard { plc: *plc, setting }]);
-                Ok(Some(Prompt::Really(told.clone(), Task { told, work })))
+                Ok(Some(Prompt::Really(description.clone(), Task { description, work })))
             }
         }
     }

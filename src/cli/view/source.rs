@@ -16,7 +16,7 @@ const WORK: Duration = Duration::from_secs(10);
 
 /// The reason for a missing reply.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) enum Trouble {
+pub(super) enum RequestError {
     /// No reply this time: another client advances the clock.
     Busy,
     /// The emulator has gone, with the reason.
@@ -27,11 +27,11 @@ pub(super) enum Trouble {
 
 /// How long to wait for a reply.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Haste {
+pub(super) enum RequestKind {
     /// A poll: it is repeated soon.
-    Look,
+    Poll,
     /// A task: it must be completed.
-    Work,
+    Task,
 }
 
 /// A data source of the view.
@@ -40,7 +40,7 @@ pub(super) trait Source {
     ///
     /// # Errors
     /// There is no answer.
-    fn request(&mut self, ops: &[Op], haste: Haste) -> Result<Vec<Reply>, Trouble>;
+    fn request(&mut self, ops: &[Op], kind: RequestKind) -> Result<Vec<Reply>, RequestError>;
 
     /// A copy of the header page of PLC number `plc`.
     fn header(&mut self, plc: u16) -> Option<Box<Header>>;
@@ -68,18 +68,18 @@ impl Running {
 }
 
 impl Source for Running {
-    fn request(&mut self, ops: &[Op], haste: Haste) -> Result<Vec<Reply>, Trouble> {
-        self.client.set_patience(match haste {
-            Haste::Look => LOOK,
-            Haste::Work => WORK,
+    fn request(&mut self, ops: &[Op], kind: RequestKind) -> Result<Vec<Reply>, RequestError> {
+        self.client.set_patience(match kind {
+            RequestKind::Poll => LOOK,
+            RequestKind::Task => WORK,
         });
         let replies = self.client.request(ops).map_err(|error| match error {
-            ClientError::Timeout { .. } => Trouble::Busy,
-            gone => Trouble::Gone(gone.to_string()),
+            ClientError::Timeout { .. } => RequestError::Busy,
+            gone => RequestError::Gone(gone.to_string()),
         })?;
         let ends =
             |reply: &Reply| matches!(reply, Reply::Error(refused) if refused.code == Code::SHUTTING_DOWN);
-        if replies.iter().any(ends) { Err(Trouble::Gone("it ends".to_owned())) } else { Ok(replies) }
+        if replies.iter().any(ends) { Err(RequestError::Gone("it ends".to_owned())) } else { Ok(replies) }
     }
 
     fn header(&mut self, plc: u16) -> Option<Box<Header>> {

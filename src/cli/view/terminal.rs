@@ -1,7 +1,7 @@
 //! The terminal: set up, drawn, and always restored.
 
 use super::draw;
-use super::link::{self, News, Order};
+use super::link::{self, LinkCommand, LinkReport};
 use super::model::Model;
 use super::source::Running;
 use super::style::Theme;
@@ -124,21 +124,21 @@ fn is_closed(longest: Duration) -> io::Result<bool> {
 fn show(
     model: &mut Model,
     theme: Theme,
-    orders: &Sender<Order>,
-    news: &Receiver<News>,
+    orders: &Sender<LinkCommand>,
+    news: &Receiver<LinkReport>,
     ended: &AtomicBool,
 ) -> io::Result<()> {
     let _screen = Screen::take()?;
     let mut terminal = Terminal::new(CrosstermBackend::new(io::stdout()))?;
-    let (mut wish, mut is_new) = (None, true);
+    let (mut query, mut is_new) = (None, true);
     while !model.quits && !ended.load(Ordering::Relaxed) {
         if core::mem::take(&mut is_new) {
             terminal.draw(|frame| draw::draw(frame, model, theme))?;
         }
-        let wanted = model.wish();
-        if wish.as_ref() != Some(&wanted) {
-            wish = Some(wanted.clone());
-            model.orders.insert(0, Order::Show(wanted));
+        let wanted = model.query();
+        if query.as_ref() != Some(&wanted) {
+            query = Some(wanted.clone());
+            model.orders.insert(0, LinkCommand::Show(wanted));
         }
         for order in model.orders.drain(..) {
             // If the thread has ended, there are no reports either.

@@ -7,10 +7,10 @@ mod screens;
 mod usage;
 
 use super::draw;
-use super::link::{Desk, News};
-use super::look::Looker;
+use super::link::{LinkReport, TaskQueue};
 use super::model::Model;
-use super::source::{Haste, Source, Trouble};
+use super::poll::Poller;
+use super::source::{RequestError, RequestKind, Source};
 use super::style::Theme;
 use crate::memory::Header;
 use crate::plant::PlantConfig;
@@ -23,7 +23,7 @@ use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyModifiers, MouseButton, Mo
 use std::path::PathBuf;
 
 impl Source for TestHost {
-    fn request(&mut self, ops: &[Op], _: Haste) -> Result<Vec<Reply>, Trouble> {
+    fn request(&mut self, ops: &[Op], _: RequestKind) -> Result<Vec<Reply>, RequestError> {
         self.begin_request();
         let (mut replies, mut execution) = (Vec::new(), Execution::default());
         for op in ops {
@@ -51,8 +51,8 @@ impl Source for TestHost {
 /// A user at a screen of 80x24.
 struct User {
     host: TestHost,
-    desk: Desk,
-    looker: Looker,
+    queue: TaskQueue,
+    poller: Poller,
     model: Model,
     terminal: Terminal<TestBackend>,
 }
@@ -71,7 +71,7 @@ impl User {
     fn at(host: TestHost, read_only: bool) -> Self {
         let model = Model::new("default", read_only);
         let terminal = Terminal::new(TestBackend::new(80, 24)).unwrap();
-        let mut user = Self { host, desk: Desk::default(), looker: Looker::default(), model, terminal };
+        let mut user = Self { host, queue: TaskQueue::default(), poller: Poller::default(), model, terminal };
         user.look();
         user
     }
@@ -81,11 +81,11 @@ impl User {
         // The data to read depends on the available space, and the space on the data that was read.
         for _ in 0..3 {
             self.draw();
-            self.desk.take(super::link::Order::Show(self.model.wish()));
-            self.model.orders.drain(..).for_each(|order| self.desk.take(order));
+            self.queue.take(super::link::LinkCommand::Show(self.model.query()));
+            self.model.orders.drain(..).for_each(|order| self.queue.take(order));
             loop {
-                let news = self.desk.turn(&mut self.host, &mut self.looker);
-                let goes_on = news.iter().any(|news| matches!(news, News::GoesOn(_)));
+                let news = self.queue.turn(&mut self.host, &mut self.poller);
+                let goes_on = news.iter().any(|news| matches!(news, LinkReport::Progress(_)));
                 news.into_iter().for_each(|news| self.model.take(news));
                 if !goes_on {
                     break;

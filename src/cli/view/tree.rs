@@ -22,10 +22,10 @@ pub(super) enum Row {
 }
 
 /// Key of an open line: PLC, first byte of the block, name of the array.
-type Branch = (u16, Option<u32>, Option<&'static str>);
+type BranchKey = (u16, Option<u32>, Option<&'static str>);
 
 /// The live structures of the open blocks whose structures overlay each other.
-type Lives = Vec<(u16, u32, RegisterPhase)>;
+type RegisterPhases = Vec<(u16, u32, RegisterPhase)>;
 
 /// The lines of the tree.
 #[derive(Default)]
@@ -35,8 +35,8 @@ pub(super) struct Tree {
     /// The search text, if a search is active.
     pub sought: Option<String>,
     names: Names,
-    open: HashSet<Branch>,
-    lives: Lives,
+    open: HashSet<BranchKey>,
+    phases: RegisterPhases,
     rows: Vec<Row>,
     /// All registers with their descriptions, each array once; created at the first search.
     index: Vec<(u16, RegisterRef, entry::Entry)>,
@@ -58,7 +58,7 @@ impl Row {
         }
     }
 
-    fn branch(&self) -> Option<Branch> {
+    fn branch(&self) -> Option<BranchKey> {
         match self {
             Row::Plc(plc) => Some((*plc, None, None)),
             Row::Block(plc, area) => Some((*plc, Some(area.first), None)),
@@ -198,9 +198,9 @@ impl Tree {
     }
 
     /// Sets which structures are live.
-    pub(super) fn set_lives(&mut self, lives: Lives) {
-        if lives != self.lives {
-            self.lives = lives;
+    pub(super) fn set_phases(&mut self, phases: RegisterPhases) {
+        if phases != self.phases {
+            self.phases = phases;
             self.rebuild();
         }
     }
@@ -242,7 +242,7 @@ impl Tree {
     }
 
     fn add_registers(&self, rows: &mut Vec<Row>, plc: u16, fitted: &DeviceFit, area: &'static Area) {
-        let live = self.lives.iter().find(|(of, first, _)| (*of, *first) == (plc, area.first));
+        let live = self.phases.iter().find(|(of, first, _)| (*of, *first) == (plc, area.first));
         let live = live.map_or(RegisterPhase::Cyclic, |(.., live)| *live);
         let firsts = entry::firsts(fitted, area);
         for first in firsts.iter().filter(|first| !first.register.reserved && is_live(first, live)) {

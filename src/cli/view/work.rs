@@ -1,6 +1,6 @@
 //! Tasks of the user for the emulator.
 
-use super::source::{Haste, Source, Trouble};
+use super::source::{RequestError, RequestKind, Source};
 use crate::request::{Code, Op, Reply};
 use crate::time;
 
@@ -10,7 +10,7 @@ const SLICE_US: u64 = 100_000;
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Task {
     /// Description of the task in messages.
-    pub told: String,
+    pub description: String,
     /// The remaining work.
     pub work: Work,
 }
@@ -41,7 +41,7 @@ impl Task {
     ///
     /// # Errors
     /// There is no reply.
-    pub(super) fn go(self, source: &mut dyn Source) -> Result<Outcome, Trouble> {
+    pub(super) fn go(self, source: &mut dyn Source) -> Result<Outcome, RequestError> {
         let (ops, slice_us) = match &self.work {
             Work::Ops(ops) => (ops.clone(), 0),
             Work::Advance { left_us, .. } => {
@@ -54,7 +54,7 @@ impl Task {
                 (conditions.iter().copied().chain([wait]).collect(), within_us)
             }
         };
-        let replies = source.request(&ops, Haste::Work)?;
+        let replies = source.request(&ops, RequestKind::Task)?;
         let refusal = replies.into_iter().find_map(|reply| match reply {
             Reply::Error(refused) => Some(refused),
             _ => None,
@@ -64,13 +64,13 @@ impl Task {
             (Work::Advance { us, left_us }, None) if left(left_us) > 0 => {
                 Outcome::More(Task { work: Work::Advance { us, left_us: left(left_us) }, ..self })
             }
-            (_, None) => Outcome::Done(self.told),
+            (_, None) => Outcome::Done(self.description),
             (Work::Until { conditions, us, left_us }, Some(refused)) if refused.code == Code::NOT_IN_TIME => {
                 match left(left_us) {
-                    0 => Outcome::Refused(format!("not yet: {}", self.told)),
+                    0 => Outcome::Refused(format!("not yet: {}", self.description)),
                     left_us => {
                         let work = Work::Until { conditions, us, left_us };
-                        Outcome::More(Task { work, told: self.told })
+                        Outcome::More(Task { work, description: self.description })
                     }
                 }
             }
@@ -87,23 +87,23 @@ impl Task {
     }
 
     /// Message that the task was cancelled, with its progress.
-    pub(super) fn given_up(&self) -> String {
+    pub(super) fn cancelled(&self) -> String {
         match &self.work {
-            Work::Ops(_) => format!("cancelled: {}", self.told),
+            Work::Ops(_) => format!("cancelled: {}", self.description),
             Work::Advance { us, left_us } => format!("cancelled: {} passed", of(*us, *left_us)),
             Work::Until { us, left_us, .. } => {
-                format!("cancelled: {} passed, not yet {}", of(*us, *left_us), self.told)
+                format!("cancelled: {} passed, not yet {}", of(*us, *left_us), self.description)
             }
         }
     }
 
     /// Message about the progress of the task.
-    pub(super) fn going_on(&self) -> String {
+    pub(super) fn progress(&self) -> String {
         match &self.work {
-            Work::Ops(_) => format!("running: {}", self.told),
+            Work::Ops(_) => format!("running: {}", self.description),
             Work::Advance { us, left_us } => format!("{} passed; Esc ends", of(*us, *left_us)),
             Work::Until { us, left_us, .. } => {
-                format!("waits for {}: {} passed; Esc ends", self.told, of(*us, *left_us))
+                format!("waits for {}: {} passed; Esc ends", self.description, of(*us, *left_us))
             }
         }
     }

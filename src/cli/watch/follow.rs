@@ -6,7 +6,7 @@ use crate::cli::dump::{self, Blocks};
 use crate::cli::error::CliError;
 use crate::cli::exit::Exit;
 use crate::cli::output;
-use crate::cli::pause::{Look, Pause, Wake};
+use crate::cli::pause::{Pause, PauseEnd, PollResult};
 use crate::cli::session::Session;
 use crate::cli::table;
 use crate::cli::time;
@@ -40,14 +40,14 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let mut left = args.count;
     loop {
         match pause.wait()? {
-            Wake::Time => {}
-            Wake::Signal => return Err(CliError::Ended { code: Exit::Interrupted.code() }),
-            Wake::NobodyReads => return Err(CliError::BrokenPipe),
+            PauseEnd::Time => {}
+            PauseEnd::Signal => return Err(CliError::Ended { code: Exit::Interrupted.code() }),
+            PauseEnd::OutputClosed => return Err(CliError::BrokenPipe),
         }
-        let mut changes = match Look::of(read(&session, &mut from, &mut turn), args.instance.name())? {
-            Look::Seen(changes) => changes,
-            Look::Later => continue,
-            Look::Ended => return Ok(()),
+        let mut changes = match PollResult::of(read(&session, &mut from, &mut turn), args.instance.name())? {
+            PollResult::Answered(changes) => changes,
+            PollResult::Later => continue,
+            PollResult::Ended => return Ok(()),
         };
         changes.retain(|change| is_watched(&stretches, &change.what));
         if let Some(left) = &mut left {
@@ -95,7 +95,7 @@ fn print(format: FormatArg, session: &Session, changes: &[journal::Change]) -> R
     if changes.is_empty() {
         return Ok(());
     }
-    let told: Vec<_> = changes.iter().map(|change| told(session, change)).collect();
+    let told: Vec<_> = changes.iter().map(|change| report(session, change)).collect();
     output::print(&match format {
         FormatArg::Text => text(&told),
         FormatArg::Jsonl => {
@@ -120,7 +120,7 @@ fn text(told: &[ReportedChange]) -> String {
 }
 
 /// The texts of a change; the register has the name that was valid at that time.
-fn told(session: &Session, &journal::Change { time_us, what, .. }: &journal::Change) -> ReportedChange {
+fn report(session: &Session, &journal::Change { time_us, what, .. }: &journal::Change) -> ReportedChange {
     let fitted = session.fitted(what.plc);
     let address = fitted.device().at(what.how.width, what.offset);
     let register = change::register(&fitted, &what);

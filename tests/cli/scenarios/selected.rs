@@ -137,13 +137,15 @@ fn after_a_failure_no_more_begin_if_that_is_wanted() {
     let outcome = scripts.run(&[".", "--jobs", "1", "--fail-fast", "--junit", "report.xml"]);
     assert_eq!(outcome.code, Some(1));
     assert!(
-        outcome.out.contains("\nnot run  3.rhai  another has not passed (--fail-fast)\n"),
+        outcome.out.contains("\nnot run  3.rhai  another scenario has not passed (--fail-fast)\n"),
         "{}",
         outcome.out
     );
     assert!(outcome.out.contains("\n1 passed, 1 failed, 0 broken, 1 not run; "), "{}", outcome.out);
     assert!(
-        scripts.read("report.xml").contains("<skipped message=\"another has not passed (--fail-fast)\"/>")
+        scripts
+            .read("report.xml")
+            .contains("<skipped message=\"another scenario has not passed (--fail-fast)\"/>")
     );
 }
 

@@ -1,6 +1,6 @@
 //! Sequence diagram of the exchange before a failure: one line each for program, firmware and bus, time downwards.
 
-use super::Text;
+use super::EscapedText;
 use crate::script::{Exchanged, Way};
 use crate::time::seconds;
 
@@ -63,8 +63,8 @@ fn arrow(step: &Exchanged, y: i32) -> String {
             Way::More => "time",
             Way::Program | Way::Firmware | Way::Bus => "what",
         },
-        Text(&step.line.text),
-        Text(shortened(&step.line.text))
+        EscapedText(&step.line.text),
+        EscapedText(shortened(&step.line.text))
     )
 }
 

@@ -6,7 +6,7 @@ use proptest::prelude::*;
 fn part(shard: Option<&str>, files: &[&str]) -> Part<()> {
     let scenario = |file: &&str| Scenario {
         file: (*file).to_owned(),
-        ending: Ending::Passed,
+        ending: EndResult::Passed,
         is_run: true,
         content: (),
     };
@@ -59,11 +59,11 @@ fn missing_duplicate_and_foreign_reports_are_refused() {
 
 #[test]
 fn the_exit_code_equals_the_exit_code_of_one_run() {
-    let of = |endings: &[Ending]| verdict(&endings.iter().map(|it| (*it, true)).collect::<Vec<_>>());
-    assert!(of(&[]).is_ok() && of(&[Ending::Passed]).is_ok());
-    assert!(matches!(of(&[Ending::Passed, Ending::NotPassed]), Err(CliError::Reported)));
-    assert!(matches!(of(&[Ending::NotPassed, Ending::Broken]), Err(CliError::ReportedWrongUse)));
-    let endings = [(Ending::Passed, true), (Ending::NotPassed, true), (Ending::NotPassed, false)];
+    let of = |endings: &[EndResult]| verdict(&endings.iter().map(|it| (*it, true)).collect::<Vec<_>>());
+    assert!(of(&[]).is_ok() && of(&[EndResult::Passed]).is_ok());
+    assert!(matches!(of(&[EndResult::Passed, EndResult::NotPassed]), Err(CliError::Reported)));
+    assert!(matches!(of(&[EndResult::NotPassed, EndResult::Broken]), Err(CliError::ReportedWrongUse)));
+    let endings = [(EndResult::Passed, true), (EndResult::NotPassed, true), (EndResult::NotPassed, false)];
     assert_eq!(summary(&endings), "1 passed, 1 failed, 0 broken, 1 not run\n");
 }
 

@@ -1,9 +1,9 @@
 //! The fronts of the PLCs as they look: display, LEDs, switches.
 
 use super::{lines, marked, titled};
-use crate::cli::view::look::Face;
-use crate::cli::view::model::{Hot, Model, Which};
-use crate::cli::view::prompt::Knob;
+use crate::cli::view::model::{ClickTarget, ListId, Model};
+use crate::cli::view::poll::DeviceFront;
+use crate::cli::view::prompt::BoardSwitch;
 use crate::cli::view::style::{Theme, padded};
 use crate::devices;
 use crate::devices::{Led, ModuleFront, Switch};
@@ -37,7 +37,7 @@ pub(super) fn draw(frame: &mut Frame, model: &mut Model, theme: Theme, area: Rec
         let own = [(head, None)].into_iter().chain(front).chain(modules).chain([(Line::default(), None)]);
         for (line, knob) in own {
             all.push(line);
-            knobs.push(knob.map(|(name, choices)| Knob { plc, name, choices }));
+            knobs.push(knob.map(|(name, choices)| BoardSwitch { plc, name, choices }));
         }
     }
     let seen = model.board.fit(usize::from(inner.height), all.len());
@@ -46,10 +46,10 @@ pub(super) fn draw(frame: &mut Frame, model: &mut Model, theme: Theme, area: Rec
     let drawn = seen.map(|(number, line)| marked(line, number == chosen, true, theme)).collect();
     lines(frame, drawn, inner);
     model.knobs = knobs;
-    model.hot.push((inner, Hot::List(Which::Board)));
+    model.hot.push((inner, ClickTarget::List(ListId::Board)));
 }
 
-fn front_lines(face: &Face, has: &'static [&'static str], theme: Theme) -> Vec<FrontLine> {
+fn front_lines(face: &DeviceFront, has: &'static [&'static str], theme: Theme) -> Vec<FrontLine> {
     let words = face.board.words(has);
     let is_on = words.power == "on";
     let mut all = Vec::new();

@@ -2,7 +2,7 @@
 
 use super::{lines, marked, titled};
 use crate::cli::change;
-use crate::cli::view::model::{Hot, Model, Which};
+use crate::cli::view::model::{ClickTarget, ListId, Model};
 use crate::cli::view::pins::Pins;
 use crate::cli::view::style::{Theme, at_right, padded, padded_name};
 use crate::journal::{By, Change, Names};
@@ -49,7 +49,7 @@ pub(super) fn draw(frame: &mut Frame, model: &mut Model, theme: Theme, area: Rec
     let mut drawn = vec![Line::styled(head.concat(), theme.dim())];
     drawn.extend(seen.filter_map(line));
     lines(frame, drawn, inner);
-    model.hot.push((rows, Hot::List(Which::Changes)));
+    model.hot.push((rows, ClickTarget::List(ListId::Changes)));
 }
 
 /// Minimum width for the column with the previous value.

@@ -1,8 +1,8 @@
 //! The drives: states, and a running chart of reference and actual value of the chosen drive.
 
 use super::{lines, marked, titled};
-use crate::cli::view::drives::Shown;
-use crate::cli::view::model::{Hot, Model, Which};
+use crate::cli::view::drives::ChartedDrive;
+use crate::cli::view::model::{ClickTarget, ListId, Model};
 use crate::cli::view::style::{Theme, at_right, padded};
 use crate::request::DriveEntry;
 use ratatui::Frame;
@@ -31,7 +31,7 @@ pub(super) fn draw(frame: &mut Frame, model: &mut Model, theme: Theme, area: Rec
     let mut drawn = vec![Line::styled(head.concat(), theme.dim())];
     drawn.extend(seen.filter_map(line));
     lines(frame, drawn, inner);
-    model.hot.push((rows, Hot::List(Which::Drives)));
+    model.hot.push((rows, ClickTarget::List(ListId::Drives)));
     if let Some(shown) = model.drives.all.get(model.drives.list.chosen) {
         draw_chart(frame, shown, theme, chart);
     }
@@ -52,7 +52,7 @@ fn columns(width: usize, cells: [String; 7]) -> [String; 7] {
     ]
 }
 
-fn drive_line(shown: &Shown, theme: Theme, width: usize) -> Line<'static> {
+fn drive_line(shown: &ChartedDrive, theme: Theme, width: usize) -> Line<'static> {
     let DriveEntry { name, bus, state } = &shown.entry;
     let at = match (bus, state.number) {
         (Some(bus), Some(number)) => format!("{bus}/{number}"),
@@ -83,7 +83,7 @@ fn drive_line(shown: &Shown, theme: Theme, width: usize) -> Line<'static> {
     ])
 }
 
-fn draw_chart(frame: &mut Frame, shown: &Shown, theme: Theme, area: Rect) {
+fn draw_chart(frame: &mut Frame, shown: &ChartedDrive, theme: Theme, area: Rect) {
     let title = format!(" {}: reference (yellow) and actual speed (green) at each poll ", shown.entry.name);
     let inner = titled(frame, title, theme.dim(), area);
     let reference: Vec<_> = shown.points.iter().map(|(time, reference, _)| (*time, *reference)).collect();

@@ -2,7 +2,7 @@
 
 use super::{lines, marked, titled};
 use crate::cli::check::FindingRow;
-use crate::cli::view::model::{Hot, Model, Which};
+use crate::cli::view::model::{ClickTarget, ListId, Model};
 use crate::cli::view::style::{Theme, at_right, padded, padded_name};
 use crate::time;
 use ratatui::Frame;
@@ -34,7 +34,7 @@ pub(super) fn draw(frame: &mut Frame, model: &mut Model, theme: Theme, area: Rec
     let mut drawn = vec![Line::styled(head.concat(), theme.dim())];
     drawn.extend(seen.filter_map(line));
     lines(frame, drawn, inner);
-    model.hot.push((rows, Hot::List(Which::Findings)));
+    model.hot.push((rows, ClickTarget::List(ListId::Findings)));
     if let Some(row) = found.get(model.finding.chosen) {
         let inner = titled(frame, format!(" {} ", row.rule), theme.head(), rule);
         let mut text = vec![Line::from(row.text)];

@@ -1,8 +1,8 @@
 //! The frames of an interval: as a time line with slots, and as a list.
 
 use super::{lines, marked, titled};
-use crate::cli::view::frames::{Window, Wire};
-use crate::cli::view::model::{Hot, Model, Which};
+use crate::cli::view::frames::{BusFrame, Window};
+use crate::cli::view::model::{ClickTarget, ListId, Model};
 use crate::cli::view::style::{Theme, at_right, padded};
 use crate::devices::Slot;
 use crate::time;
@@ -57,7 +57,7 @@ pub(super) fn draw(frame: &mut Frame, model: &mut Model, theme: Theme, area: Rec
         Some(marked(line, number == chosen, true, theme))
     }));
     lines(frame, drawn, inner);
-    model.hot.push((rows, Hot::List(Which::Frames)));
+    model.hot.push((rows, ClickTarget::List(ListId::Frames)));
 }
 
 /// Column of a time.
@@ -88,7 +88,7 @@ fn slot_line(slots: &[Slot], window: Window, width: usize) -> String {
     text.into_iter().collect()
 }
 
-fn wire_line(wires: &[Wire], window: Window, chosen: usize, width: usize, theme: Theme) -> Line<'static> {
+fn wire_line(wires: &[BusFrame], window: Window, chosen: usize, width: usize, theme: Theme) -> Line<'static> {
     let mut cells = vec![(' ', theme.plain()); width + 1];
     for (number, wire) in wires.iter().enumerate() {
         let from = column(window, wire.from_us.max(window.begin_us), width);
@@ -118,7 +118,7 @@ fn now_line(window: Window, now_us: u64, width: usize) -> String {
     }
 }
 
-fn frame_line(wire: &Wire, window: Window, slots: &[Slot], width: usize, theme: Theme) -> Line<'static> {
+fn frame_line(wire: &BusFrame, window: Window, slots: &[Slot], width: usize, theme: Theme) -> Line<'static> {
     let at_us = wire.from_us.saturating_sub(window.begin_us);
     let slot = slots.iter().rfind(|slot| u64::from(slot.start_us) <= at_us + 1).map_or("", |slot| &slot.name);
     let slot = if wire.is_bad { "" } else { slot };

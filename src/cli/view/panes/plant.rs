@@ -1,9 +1,9 @@
 //! The current state of the plant: PLCs with their ports, buses with their stations.
 
 use super::titled;
-use crate::cli::view::drives::Shown;
-use crate::cli::view::look::Spot;
-use crate::cli::view::model::{Hot, Model, Which};
+use crate::cli::view::drives::ChartedDrive;
+use crate::cli::view::model::{ClickTarget, ListId, Model};
+use crate::cli::view::poll::MemoryLocation;
 use crate::cli::view::style::{Theme, padded};
 use crate::devices;
 use crate::layout::place::status_of;
@@ -24,7 +24,7 @@ pub(super) fn draw(frame: &mut Frame, model: &mut Model, theme: Theme, area: Rec
         plc_lines(model, plc, name, theme, &mut all);
     }
     for (number, bus) in model.scene.iter().enumerate() {
-        let own = |shown: &&Shown| shown.entry.bus.as_deref() == Some(bus.name.as_str());
+        let own = |shown: &&ChartedDrive| shown.entry.bus.as_deref() == Some(bus.name.as_str());
         let drives: Vec<_> = model.drives.all.iter().filter(own).collect();
         bus_lines(bus, &drives, model.buses.get(number), theme, &mut all);
     }
@@ -34,7 +34,7 @@ pub(super) fn draw(frame: &mut Frame, model: &mut Model, theme: Theme, area: Rec
     model.plant.height = usize::from(inner.height);
     let seen = all.into_iter().skip(model.plant.chosen).collect();
     super::lines(frame, seen, inner);
-    model.hot.push((inner, Hot::List(Which::Plant)));
+    model.hot.push((inner, ClickTarget::List(ListId::Plant)));
 }
 
 fn plc_lines(model: &Model, plc: u16, name: &str, theme: Theme, lines: &mut Vec<Line<'static>>) {
@@ -68,7 +68,7 @@ fn port_line(model: &Model, plc: u16, port: &'static Port, fit: Fit, theme: Them
         Fit::As(role) => role.to_string(),
     };
     let state = status_of(port.area).and_then(|status| {
-        let value = model.value(Spot::register(plc, &status))?;
+        let value = model.value(MemoryLocation::register(plc, &status))?;
         Some((status.format_value(value), status.decode(value)))
     });
     let (value, meaning) = state.unwrap_or_default();
@@ -82,7 +82,7 @@ fn port_line(model: &Model, plc: u16, port: &'static Port, fit: Fit, theme: Them
 
 fn bus_lines(
     bus: &BusScene,
-    drives: &[&Shown],
+    drives: &[&ChartedDrive],
     state: Option<&BusState>,
     theme: Theme,
     lines: &mut Vec<Line<'static>>,

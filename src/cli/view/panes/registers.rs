@@ -1,9 +1,9 @@
 //! Blocks with their registers, and the pinned registers below or beside them.
 
 use super::{lines, marked, titled};
-use crate::cli::view::look::Spot;
-use crate::cli::view::model::{Hot, Model, Which};
+use crate::cli::view::model::{ClickTarget, ListId, Model};
 use crate::cli::view::pins::{Pin, Pins};
+use crate::cli::view::poll::MemoryLocation;
 use crate::cli::view::prompt::Prompt;
 use crate::cli::view::style::{Theme, at_right, padded, padded_name};
 use crate::cli::view::tree::Row;
@@ -55,7 +55,7 @@ fn draw_tree(frame: &mut Frame, model: &mut Model, theme: Theme, area: Rect) {
     };
     let drawn = seen.filter_map(line).collect();
     lines(frame, drawn, inner);
-    model.hot.push((inner, Hot::List(Which::Tree)));
+    model.hot.push((inner, ClickTarget::List(ListId::Tree)));
 }
 
 fn row_line(model: &Model, row: &Row, theme: Theme, width: usize) -> Line<'static> {
@@ -93,9 +93,9 @@ fn row_line(model: &Model, row: &Row, theme: Theme, width: usize) -> Line<'stati
             Line::from(vec![Span::raw(label), Span::styled(padded(text, rest), theme.dim())])
         }
         Row::Register(plc, register) => {
-            let spot = Spot::register(*plc, register);
-            let mark = if model.is_forced(spot) { "!" } else { " " };
-            let (value, meaning) = match model.value(spot) {
+            let location = MemoryLocation::register(*plc, register);
+            let mark = if model.is_forced(location) { "!" } else { " " };
+            let (value, meaning) = match model.value(location) {
                 Some(value) => {
                     let live = model.live(*plc, status_of(register.area));
                     (register.format_value(value), meaning_in(register, live, value))
@@ -147,7 +147,7 @@ fn draw_pins(frame: &mut Frame, model: &mut Model, theme: Theme, area: Rect) {
     };
     drawn.extend(seen.filter_map(line));
     lines(frame, drawn, inner);
-    model.hot.push((rows, Hot::List(Which::Pins)));
+    model.hot.push((rows, ClickTarget::List(ListId::Pins)));
 }
 
 /// Name, value, age, rate, meaning.
@@ -166,11 +166,11 @@ fn columns(width: usize, [name, value, age, rate, meaning]: [String; 5]) -> [Str
 
 fn pin_line(model: &Model, pin: &Pin, theme: Theme, width: usize) -> Line<'static> {
     let live = model.live(pin.plc, pin.place.status());
-    let (value, meaning) = match model.value(pin.spot()) {
+    let (value, meaning) = match model.value(pin.location()) {
         Some(value) => (pin.place.format(live, value), pin.place.meaning(live, value)),
         None => ("?".to_owned(), String::new()),
     };
-    let is_forced = model.is_forced(pin.spot());
+    let is_forced = model.is_forced(pin.location());
     let value = if is_forced { format!("!{value}") } else { value };
     let now_us = model.now_us();
     let age = pin.last_us.map_or_else(|| "-".to_owned(), |last| age(now_us.saturating_sub(last)));

@@ -1,8 +1,8 @@
 //! User actions and their effects.
 
 use super::User;
-use crate::cli::view::link::News;
-use crate::cli::view::model::Contact;
+use crate::cli::view::link::LinkReport;
+use crate::cli::view::model::Connection;
 use crate::devices;
 use crate::journal::{Changed, Keep};
 use crate::layout::Place;
@@ -144,18 +144,18 @@ fn the_view_waits_for_a_new_emulator_and_keeps_the_pins() {
     user.find("press:node2.w_CPU_CONTROL");
     user.type_in(" ");
     user.press(KeyCode::Esc);
-    user.model.take(News::Absent("no such instance is running".to_owned()));
+    user.model.take(LinkReport::Absent("no such instance is running".to_owned()));
     user.draw();
     user.sees("gone, waiting for it");
     user.sees("no such instance is running");
-    user.model.take(News::Busy);
+    user.model.take(LinkReport::Busy);
     user.draw();
     user.sees("busy with another client");
     let mut successor = user.model.info.clone().unwrap();
     successor.generation += 1;
     user.model.info = Some(successor);
     user.look();
-    assert_eq!(user.model.contact, Contact::RegisterPhase);
+    assert_eq!(user.model.connection, Connection::Live);
     user.sees("press:node2.w_CPU_CONTROL");
     user.sees("another emulator of this name");
 }
@@ -169,9 +169,12 @@ fn the_user_can_cancel_a_long_wait() {
     user.type_in("s");
     "60s".chars().for_each(|letter| user.model.press(KeyCode::Char(letter).into()));
     user.model.press(KeyCode::Enter.into());
-    user.model.orders.drain(..).for_each(|order| user.desk.take(order));
-    let news = user.desk.turn(&mut user.host, &mut user.looker);
-    assert!(matches!(&news[0], News::GoesOn(text) if text == "0.1 s of 60 s passed; Esc ends"), "{news:?}");
+    user.model.orders.drain(..).for_each(|order| user.queue.take(order));
+    let news = user.queue.turn(&mut user.host, &mut user.poller);
+    assert!(
+        matches!(&news[0], LinkReport::Progress(text) if text == "0.1 s of 60 s passed; Esc ends"),
+        "{news:?}"
+    );
     user.press(KeyCode::Esc);
     assert_eq!(user.host.plant.now(), 100_000);
     user.sees("cancelled: 0.1 s of 60 s passed");

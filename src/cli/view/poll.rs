@@ -1,6 +1,6 @@
 //! A poll of the emulator: reads the data for the screen with operations that change nothing in the plant.
 
-use super::source::{Haste, Source, Trouble};
+use super::source::{RequestError, RequestKind, Source};
 use crate::devices;
 use crate::devices::ModuleFront;
 use crate::journal::{Change, Changed, Entry, Keep, Record, Turn};
@@ -27,7 +27,7 @@ const BUSES: Duration = Duration::from_secs(1);
 
 /// A memory location in the RAM of a PLC.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub(super) struct Spot {
+pub(super) struct MemoryLocation {
     /// Number of the PLC.
     pub plc: u16,
     /// Offset in the image, in bytes.
@@ -36,7 +36,7 @@ pub(super) struct Spot {
     pub width: Width,
 }
 
-impl Spot {
+impl MemoryLocation {
     /// Location of a register.
     pub(super) fn register(plc: u16, register: &RegisterRef) -> Self {
         Self { plc, offset: register.offset(), width: Width::of(register.ty()) }
@@ -50,11 +50,11 @@ impl Spot {
 
 /// The data that the screen needs.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub(super) struct Wish {
+pub(super) struct Query {
     /// Registers to read.
-    pub registers: Vec<Spot>,
+    pub registers: Vec<MemoryLocation>,
     /// Registers whose changes are read.
-    pub follow: Vec<Spot>,
+    pub follow: Vec<MemoryLocation>,
     /// Read the fronts of the boards.
     pub fronts: bool,
     /// Read the findings of the access checker.
@@ -71,7 +71,7 @@ pub(super) struct Wish {
 
 /// The front of a device.
 #[derive(Clone, Debug)]
-pub(super) struct Face {
+pub(super) struct DeviceFront {
     /// The fields in the header page of every device.
     pub board: BoardState,
     /// Switches and displays that only this device type has.
@@ -82,11 +82,11 @@ pub(super) struct Face {
 
 /// The result of a poll. Data that was not requested is empty, or `None`.
 #[derive(Clone, Debug)]
-pub(super) struct Seen {
+pub(super) struct PollData {
     pub info: InstanceInfo,
     pub forces: Vec<Forced>,
     /// Values of the registers.
-    pub values: Vec<(Spot, u32)>,
+    pub values: Vec<(MemoryLocation, u32)>,
     /// Changes since the last poll.
     pub changes: Vec<Change>,
     /// Number of changes that the emulator no longer had.
@@ -98,7 +98,7 @@ pub(super) struct Seen {
     /// Records that are still being counted.
     pub pending: Vec<Record>,
     /// The fronts of the PLCs.
-    pub faces: Option<Vec<Face>>,
+    pub faces: Option<Vec<DeviceFront>>,
     /// Findings of the access checker.
     pub findings: Option<Vec<Entry>>,
     /// Traffic on the buses.
@@ -110,10 +110,10 @@ pub(super) struct Seen {
 
 /// Polls the emulator repeatedly and keeps the read positions.
 #[derive(Debug, Default)]
-pub(super) struct Looker {
-    followed: HashSet<Spot>,
+pub(super) struct Poller {
+    followed: HashSet<MemoryLocation>,
     /// Registers that cannot be read.
-    refused: HashSet<Spot>,
+    refused: HashSet<MemoryLocation>,
     asked: Option<Instant>,
     asked_for_buses: Option<Instant>,
     next_change: Option<u64>,
@@ -140,7 +140,7 @@ impl Cursor {
     }
 
     /// Reads a part; `None` if the plant has gone back: then reading continues where the histories diverge.
-    fn read(&mut self, source: &mut dyn Source) -> Result<Option<JournalPart>, Trouble> {
+    fn read(&mut self, source: &mut dyn Source) -> Result<Option<JournalPart>, RequestError> {
         let part = part(source, self.next, MAX_RECORDS)?;
         let known = self.turn.replace(part.turn);
         if known.is_some_and(|known| known.number != part.turn.number) && self.next > part.turn.begin {
@@ -152,23 +152,23 @@ impl Cursor {
     }
 }
 
-impl Looker {
+impl Poller {
     /// Polls the emulator.
     ///
     /// # Errors
     /// There is no reply, or an unexpected one.
-    pub(super) fn look(&mut self, source: &mut dyn Source, wish: &Wish) -> Result<Seen, Trouble> {
-        self.follow(source, &wish.follow)?;
-        let boards = if wish.fronts { self.plcs } else { 0 };
+    pub(super) fn poll(&mut self, source: &mut dyn Source, query: &Query) -> Result<PollData, RequestError> {
+        self.follow(source, &query.follow)?;
+        let boards = if query.fronts { self.plcs } else { 0 };
         let mut ops = vec![Op::Info, Op::Forces];
         ops.extend((0..boards).map(|plc| Op::Board { plc }));
-        ops.extend(wish.findings.then_some(Op::Findings));
-        ops.extend(wish.scene.then_some([Op::Scene, Op::Drives]).into_iter().flatten());
+        ops.extend(query.findings.then_some(Op::Findings));
+        ops.extend(query.scene.then_some([Op::Scene, Op::Drives]).into_iter().flatten());
         let readable: Vec<_> =
-            wish.registers.iter().filter(|spot| !self.refused.contains(spot)).copied().collect();
+            query.registers.iter().filter(|location| !self.refused.contains(location)).copied().collect();
         let (first, others) = readable.split_at(readable.len().min(MAX_OPS.saturating_sub(ops.len())));
         ops.extend(first.iter().map(peek));
-        let mut replies = source.request(&ops, Haste::Look)?.into_iter();
+        let mut replies = source.request(&ops, RequestKind::Poll)?.into_iter();
         let info = fits(next(&mut replies)?.info())?;
         let forces = fits(next(&mut replies)?.forces())?;
         let mut faces = Vec::new();
@@ -176,11 +176,11 @@ impl Looker {
             let board = fits(next(&mut replies)?.board())?;
             faces.extend(face(source, &info, plc, board));
         }
-        let findings = match wish.findings {
+        let findings = match query.findings {
             true => Some(fits(next(&mut replies)?.findings())?),
             false => None,
         };
-        let (scene, drives) = match wish.scene {
+        let (scene, drives) = match query.scene {
             true => (Some(fits(next(&mut replies)?.scene())?), Some(fits(next(&mut replies)?.drives())?)),
             false => (None, None),
         };
@@ -188,17 +188,17 @@ impl Looker {
         self.take_values(first, replies, &mut values);
         for part in others.chunks(MAX_OPS) {
             let ops: Vec<_> = part.iter().map(peek).collect();
-            let replies = source.request(&ops, Haste::Look)?.into_iter();
+            let replies = source.request(&ops, RequestKind::Poll)?.into_iter();
             self.take_values(part, replies, &mut values);
         }
         self.plcs = u16::try_from(info.names.plcs.len()).unwrap_or(u16::MAX);
         let (changes, lost) = self.changes(source)?;
-        let (records, pending) = if wish.journal { self.journal(source)? } else { Default::default() };
-        let recorded = self.recorded(source, wish.recorded)?;
-        let buses = if wish.buses { self.buses(source)? } else { None };
+        let (records, pending) = if query.journal { self.journal(source)? } else { Default::default() };
+        let recorded = self.recorded(source, query.recorded)?;
+        let buses = if query.buses { self.buses(source)? } else { None };
         self.asked = Some(Instant::now());
-        let faces = wish.fronts.then_some(faces);
-        Ok(Seen {
+        let faces = query.fronts.then_some(faces);
+        Ok(PollData {
             info,
             forces,
             values,
@@ -217,15 +217,15 @@ impl Looker {
 
     fn take_values(
         &mut self,
-        spots: &[Spot],
+        locations: &[MemoryLocation],
         replies: impl Iterator<Item = Reply>,
-        values: &mut Vec<(Spot, u32)>,
+        values: &mut Vec<(MemoryLocation, u32)>,
     ) {
-        for (spot, reply) in spots.iter().zip(replies) {
+        for (location, reply) in locations.iter().zip(replies) {
             match reply {
-                Reply::Value(value) => values.push((*spot, value)),
+                Reply::Value(value) => values.push((*location, value)),
                 Reply::Error(_) => {
-                    self.refused.insert(*spot);
+                    self.refused.insert(*location);
                 }
                 // An operation after a refused one; the next poll omits the refused register.
                 _ => {}
@@ -234,22 +234,23 @@ impl Looker {
     }
 
     /// Asks the emulator to record the changes of registers that are not followed yet.
-    fn follow(&mut self, source: &mut dyn Source, wanted: &[Spot]) -> Result<(), Trouble> {
+    fn follow(&mut self, source: &mut dyn Source, wanted: &[MemoryLocation]) -> Result<(), RequestError> {
         if self.asked.is_some_and(|asked| asked.elapsed() > FORGOTTEN) {
             self.followed.clear();
         }
-        let new: Vec<_> = wanted.iter().filter(|spot| !self.followed.contains(spot)).copied().collect();
+        let new: Vec<_> =
+            wanted.iter().filter(|location| !self.followed.contains(location)).copied().collect();
         for part in new.chunks(MAX_OPS - 2) {
-            let follow = |spot: &Spot| {
-                let (plc, offset, len) = (spot.plc, spot.offset, spot.width.bytes());
+            let follow = |location: &MemoryLocation| {
+                let (plc, offset, len) = (location.plc, location.offset, location.width.bytes());
                 Op::Follow { plc, offset, len, keep: Keep::ForOnlookers }
             };
             let ends = [Op::Journal { from: u64::MAX, max: 0 }, Op::Changes { from: u64::MAX, max: 0 }];
             let ops: Vec<_> = part.iter().map(follow).chain(ends).collect();
-            let mut replies = source.request(&ops, Haste::Look)?;
+            let mut replies = source.request(&ops, RequestKind::Poll)?;
             if let Some(Reply::Error(refused)) = replies.iter().find(|reply| matches!(reply, Reply::Error(_)))
             {
-                return Err(Trouble::Refused(refused.to_string()));
+                return Err(RequestError::Refused(refused.to_string()));
             }
             let (_, end) = fits(replies.pop().ok_or_else(wrong)?.changes())?;
             self.next_change.get_or_insert(end);
@@ -259,7 +260,7 @@ impl Looker {
         Ok(())
     }
 
-    fn changes(&mut self, source: &mut dyn Source) -> Result<(Vec<Change>, u64), Trouble> {
+    fn changes(&mut self, source: &mut dyn Source) -> Result<(Vec<Change>, u64), RequestError> {
         let (mut all, mut lost) = (Vec::new(), 0);
         let Some(next) = &mut self.next_change else { return Ok((all, lost)) };
         for _ in 0..PARTS {
@@ -279,7 +280,7 @@ impl Looker {
     }
 
     /// Records since the last poll, and the records that are still being counted.
-    fn journal(&mut self, source: &mut dyn Source) -> Result<(Vec<Record>, Vec<Record>), Trouble> {
+    fn journal(&mut self, source: &mut dyn Source) -> Result<(Vec<Record>, Vec<Record>), RequestError> {
         let (mut all, mut pending) = (Vec::new(), Vec::new());
         let mut cursor = match self.next_record.take() {
             Some(cursor) => cursor,
@@ -304,7 +305,7 @@ impl Looker {
 
     /// Changes of recorded registers from the journal: the changes before the registers were followed, and with
     /// `is_live` also later ones.
-    fn recorded(&mut self, source: &mut dyn Source, is_live: bool) -> Result<Vec<Change>, Trouble> {
+    fn recorded(&mut self, source: &mut dyn Source, is_live: bool) -> Result<Vec<Change>, RequestError> {
         let mut all = Vec::new();
         for _ in 0..PAST_PARTS {
             if !is_live && self.past.next >= self.followed_from {
@@ -323,7 +324,7 @@ impl Looker {
         Ok(all)
     }
 
-    fn buses(&mut self, source: &mut dyn Source) -> Result<Option<Vec<BusState>>, Trouble> {
+    fn buses(&mut self, source: &mut dyn Source) -> Result<Option<Vec<BusState>>, RequestError> {
         if self.asked_for_buses.is_some_and(|asked| asked.elapsed() < BUSES) {
             return Ok(None);
         }
@@ -332,40 +333,40 @@ impl Looker {
     }
 }
 
-fn peek(spot: &Spot) -> Op {
-    let Spot { plc, offset, width } = *spot;
+fn peek(location: &MemoryLocation) -> Op {
+    let MemoryLocation { plc, offset, width } = *location;
     Op::Peek { plc, offset, width }
 }
 
-fn face(source: &mut dyn Source, info: &InstanceInfo, plc: u16, board: BoardState) -> Option<Face> {
+fn face(source: &mut dyn Source, info: &InstanceInfo, plc: u16, board: BoardState) -> Option<DeviceFront> {
     let (header, device) = (source.header(plc)?, info.names.device(plc));
     let front = header.front_words(device).collect();
-    Some(Face { board, front, modules: devices::modules(&header, device).unwrap_or_default() })
+    Some(DeviceFront { board, front, modules: devices::modules(&header, device).unwrap_or_default() })
 }
 
 /// Reads a part of the journal.
-fn part(source: &mut dyn Source, from: u64, max: u32) -> Result<JournalPart, Trouble> {
+fn part(source: &mut dyn Source, from: u64, max: u32) -> Result<JournalPart, RequestError> {
     fits(one(source, Op::Journal { from, max })?.journal_part())
 }
 
-fn one(source: &mut dyn Source, op: Op) -> Result<Reply, Trouble> {
-    let mut replies = source.request(&[op], Haste::Look)?.into_iter();
+fn one(source: &mut dyn Source, op: Op) -> Result<Reply, RequestError> {
+    let mut replies = source.request(&[op], RequestKind::Poll)?.into_iter();
     next(&mut replies)
 }
 
 /// The next reply; an error if it is a refusal.
-fn next(replies: &mut impl Iterator<Item = Reply>) -> Result<Reply, Trouble> {
+fn next(replies: &mut impl Iterator<Item = Reply>) -> Result<Reply, RequestError> {
     match replies.next() {
-        Some(Reply::Error(refused)) => Err(Trouble::Refused(refused.to_string())),
+        Some(Reply::Error(refused)) => Err(RequestError::Refused(refused.to_string())),
         Some(reply) => Ok(reply),
         None => Err(wrong()),
     }
 }
 
-fn fits<T>(content: Result<T, WrongReply>) -> Result<T, Trouble> {
-    content.map_err(|error| Trouble::Gone(error.to_string()))
+fn fits<T>(content: Result<T, WrongReply>) -> Result<T, RequestError> {
+    content.map_err(|error| RequestError::Gone(error.to_string()))
 }
 
-fn wrong() -> Trouble {
-    Trouble::Gone(WrongReply.to_string())
+fn wrong() -> RequestError {
+    RequestError::Gone(WrongReply.to_string())
 }

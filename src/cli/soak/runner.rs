@@ -1,9 +1,9 @@
 //! Runs rounds, and shortens failing rounds.
 
-use super::lives;
+use super::kills;
 use crate::cli::error::CliError;
 use crate::cli::test::LimitArgs;
-use crate::cli::test::process::{self, Setting};
+use crate::cli::test::process::{self, RunOptions};
 use crate::devices::Exercise;
 use crate::script::soak::{Kind, Round, shrink};
 use crate::script::{Outcome, Report};
@@ -15,16 +15,16 @@ use std::time::{Duration, Instant};
 const TRIES: usize = 200;
 
 /// Runs rounds. Its files are removed when it is dropped.
-pub(super) struct Judge {
+pub(super) struct RoundRunner {
     exercises: Vec<&'static Exercise>,
     keep: PathBuf,
     directory: PathBuf,
-    setting: Setting,
+    setting: RunOptions,
     files: AtomicUsize,
 }
 
 /// Result of a round.
-pub(super) struct Judged {
+pub(super) struct RoundResult {
     /// Name of the exercise.
     pub exercise: &'static str,
     /// Emulated time of the first run, in microseconds.
@@ -35,7 +35,7 @@ pub(super) struct Judged {
     pub failure: Option<(Round, String)>,
 }
 
-impl Judge {
+impl RoundRunner {
     /// Prepares rounds of these exercises.
     ///
     /// # Errors
@@ -48,7 +48,7 @@ impl Judge {
         let directory = std::env::temp_dir().join(format!("commram-soak-{}", std::process::id()));
         std::fs::create_dir(&directory)
             .map_err(|reason| CliError::File { path: directory.clone(), reason })?;
-        let setting = Setting { attach: None, limits, allow_empty: true };
+        let setting = RunOptions { attach: None, limits, allow_empty: true };
         Ok(Self { exercises, keep: keep.to_owned(), directory, setting, files: AtomicUsize::new(0) })
     }
 
@@ -60,7 +60,7 @@ impl Judge {
     ///
     /// # Errors
     /// The round cannot be generated.
-    pub(super) fn round(&self, seed: u64, stop: impl Fn() -> bool) -> Result<Judged, CliError> {
+    pub(super) fn round(&self, seed: u64, stop: impl Fn() -> bool) -> Result<RoundResult, CliError> {
         let begun = Instant::now();
         let round = Round::draw(seed, &self.exercises)?;
         let (exercise, (emulated_us, why)) = match round.kind {
@@ -68,14 +68,14 @@ impl Judge {
                 let number = self.files.fetch_add(1, Ordering::Relaxed);
                 let home = self.directory.join(format!("{number}"));
                 let instance = format!("soak-{}-{number}", std::process::id());
-                (lives::NAME, (0, lives::play(&round, &home, instance, &stop).err()))
+                (kills::NAME, (0, kills::play(&round, &home, instance, &stop).err()))
             }
             _ => (round.exercise.name, self.run(&round, &stop)),
         };
         let took = begun.elapsed();
         // A stopped round has not failed.
         let failure = why.filter(|_| !stop()).map(|why| (round, why));
-        Ok(Judged { exercise, emulated_us, took, failure })
+        Ok(RoundResult { exercise, emulated_us, took, failure })
     }
 
     /// Runs the round twice; returns the emulated time and the failure, if any.
@@ -111,7 +111,7 @@ impl Judge {
             return format!(
                 "seed {}, {}: {why}; try `commram soak` with this seed again",
                 round.seed,
-                lives::NAME
+                kills::NAME
             );
         }
         let fails = |moves: &[String]| {
@@ -135,7 +135,7 @@ impl Judge {
     }
 }
 
-impl Drop for Judge {
+impl Drop for RoundRunner {
     fn drop(&mut self) {
         // If this fails, the files stay in the directory for temporary files.
         let _ = std::fs::remove_dir_all(&self.directory);

@@ -27,7 +27,7 @@ const LONGEST_LIFE_US: u64 = 1_200_000;
 const LONGEST_END_US: u64 = 15_000;
 
 /// Retain flags of a device as words; most of them contain the same number.
-struct Flags {
+struct RetainFlags {
     device: String,
     first: u32,
     words: u32,
@@ -36,7 +36,7 @@ struct Flags {
     stored: u16,
 }
 
-impl Flags {
+impl RetainFlags {
     fn all(&self) -> impl DoubleEndedIterator<Item = u32> + use<> {
         let (first, words) = (self.first, self.words);
         (0..words).map(move |word| first + 2 * word)
@@ -72,9 +72,9 @@ impl Flags {
 }
 
 /// An emulator process; killed when this value is dropped.
-struct Life(Child);
+struct EmulatorChild(Child);
 
-impl Life {
+impl EmulatorChild {
     fn start(instance: &str, home: &Path, is_stepped: bool) -> Result<Self, String> {
         let mut command = command("run").map_err(|error| error.to_string())?;
         command.arg(home.join("plant.toml")).arg("--novram").arg(home.join("novram")).args(["-i", instance]);
@@ -105,7 +105,7 @@ impl Life {
 
     fn signal(&self, signal: Signal) -> Result<(), String> {
         // The process is our child and has not been reaped, so its id is valid.
-        let pid = i32::try_from(self.0.id()).ok().and_then(Pid::from_raw).ok_or("it has no number")?;
+        let pid = i32::try_from(self.0.id()).ok().and_then(Pid::from_raw).ok_or("it has no process id")?;
         kill_process(pid, signal).map_err(|error| error.to_string())
     }
 
@@ -121,7 +121,7 @@ impl Life {
     }
 }
 
-impl Drop for Life {
+impl Drop for EmulatorChild {
     fn drop(&mut self) {
         // The process may have ended.
         let _ = self.0.kill();
@@ -130,9 +130,9 @@ impl Drop for Life {
 }
 
 /// Name of an instance; its shared memory files are removed when it is dropped.
-struct Instance(String);
+struct InstanceCleanup(String);
 
-impl Drop for Instance {
+impl Drop for InstanceCleanup {
     fn drop(&mut self) {
         // An error cannot be reported here; `commram list` shows an instance that was not removed.
         let _ = remove_remains(&self.0);
@@ -158,10 +158,10 @@ pub(super) fn play(
     let mut flags: Vec<_> = areas
         .map(|(it, area)| {
             let (device, words) = (it.name().to_owned(), it.retain_bytes() / 2);
-            Flags { device, first: area.first, words, kept: 0, stored: 0 }
+            RetainFlags { device, first: area.first, words, kept: 0, stored: 0 }
         })
         .collect();
-    let (mut rng, instance) = (Rng::with_seed(round.seed), Instance(instance));
+    let (mut rng, instance) = (Rng::with_seed(round.seed), InstanceCleanup(instance));
     for number in 1..=LIVES {
         if stop() {
             break;
@@ -172,8 +172,8 @@ pub(super) fn play(
     Ok(())
 }
 
-fn live(flags: &mut [Flags], rng: &mut Rng, instance: &str, home: &Path) -> Result<(), String> {
-    let life = Life::start(instance, home, rng.bool())?;
+fn live(flags: &mut [RetainFlags], rng: &mut Rng, instance: &str, home: &Path) -> Result<(), String> {
+    let life = EmulatorChild::start(instance, home, rng.bool())?;
     let is_half_way = rng.u8(..3) == 0;
     for it in &mut *flags {
         let image = Image::attach(instance, &it.device, AttachMode::ReadWrite, None);

@@ -11,7 +11,7 @@ use std::path::Path;
 
 /// Result of the check of a plant file.
 #[derive(Serialize)]
-struct Judged {
+struct PlantVerdict {
     file: String,
     fine: bool,
     /// Line of the error, if it has one.
@@ -70,7 +70,7 @@ struct Drive {
     number: u8,
 }
 
-impl Row for Judged {
+impl Row for PlantVerdict {
     const COLUMNS: &'static [&'static str] = &["file", "fine", "line", "message", "warnings"];
 
     fn cells(&self) -> Vec<String> {
@@ -95,10 +95,10 @@ pub(crate) fn run(path: Option<&Path>, format: Format) -> Result<(), CliError> {
     let read = path.map_or_else(PlantConfig::built_in, PlantConfig::load);
     let file = called(path);
     match read {
-        Ok(config) => table::print(format, &[Judged::fine(file, &config, &written(path))], text),
+        Ok(config) => table::print(format, &[PlantVerdict::fine(file, &config, &written(path))], text),
         Err(error) if format == Format::Text => Err(error.into()),
         Err(error) => {
-            table::print(format, &[Judged::refused(file, &error)], text)?;
+            table::print(format, &[PlantVerdict::refused(file, &error)], text)?;
             Err(CliError::ReportedWrongUse)
         }
     }
@@ -121,8 +121,8 @@ fn written(path: Option<&Path>) -> String {
 }
 
 /// `plant.toml: fine: 2 devices, 2 buses with 3 drives, 1 fault`
-fn text(rows: &[Judged]) -> String {
-    let line = |judged: &Judged| {
+fn text(rows: &[PlantVerdict]) -> String {
+    let line = |judged: &PlantVerdict| {
         let drives: usize = judged.buses.iter().map(|bus| bus.drives.len()).sum();
         let buses = match judged.buses.len() {
             1 => "1 bus".to_owned(),
@@ -140,7 +140,7 @@ fn text(rows: &[Judged]) -> String {
     rows.iter().map(line).collect()
 }
 
-impl Judged {
+impl PlantVerdict {
     fn fine(file: String, config: &PlantConfig, text: &str) -> Self {
         let device = |device: &dyn crate::devices::DeviceConfig| Device {
             name: device.name().to_owned(),
