@@ -35,7 +35,7 @@ impl From<RegisterReading> for RegisterValue {
     }
 }
 
-/// A register whose value differs.
+/// A register with different values before and after.
 #[derive(Debug, Serialize, PartialEq, Eq)]
 pub(crate) struct Change {
     pub plc: String,

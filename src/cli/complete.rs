@@ -198,7 +198,7 @@ fn starting(current: &str, all: impl IntoIterator<Item = (String, String)>) -> V
         .collect()
 }
 
-/// The PLCs whose registers can be named.
+/// The PLCs that register names can refer to.
 struct PlcScope {
     /// The PLCs of the instance; if no instance runs, one entry without a name for the default device.
     plcs: Vec<(String, DeviceFit)>,

@@ -143,8 +143,8 @@ pub(crate) fn told_by<T>(
     })
 }
 
-/// The refusal that says what is wrong with a name or an address whichever of these devices is meant: all of them refuse it, and those
-/// that have such an area or such addresses do so in the same words.
+/// The common error of these devices for a name or an address: all of them refuse it, and the devices that have such
+/// an area or such addresses return the same message.
 fn common_refusal<T>(
     devices: &[DeviceFit],
     look_up: impl Fn(&DeviceFit) -> Result<T, LayoutError>,

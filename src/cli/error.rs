@@ -36,7 +36,7 @@ pub(crate) enum CliError {
     /// A value that the register cannot hold.
     #[error(transparent)]
     Value(#[from] BadValue),
-    /// An argument that is wrong for a reason that only its command knows.
+    /// A wrong argument with a reason specific to its command.
     #[error("`{text}`: {right}")]
     Argument {
         /// The argument as the user wrote it.

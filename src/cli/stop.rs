@@ -240,9 +240,9 @@ fn ask(name: &str, running: &RunningInstance) -> Result<(), CliError> {
     match client.request(&[Op::Info, Op::Stop]) {
         Ok(replies) => {
             if let Some(Reply::Info(info)) = replies.first()
-                && let Some(client) = &info.waits_for
+                && let Some(awaited) = &info.waits_for
             {
-                output::note(&format!("instance '{name}' waited for {client}"));
+                output::note(&format!("instance '{name}' waited for {awaited}"));
             }
             match replies.into_iter().next_back() {
                 Some(Reply::Stopping | Reply::NotExecuted) => Ok(()),

@@ -169,7 +169,7 @@ fn attach_live(instance: &str, images: &[ImageInfo]) -> Result<Attached, CliErro
     Ok(devices::attach(instance, &image.plc, AttachMode::ReadWrite)?.0)
 }
 
-/// The killed emulator whose images another emulator is taking over. Between locking the images and writing its own
+/// Process id of a killed emulator, if another emulator is taking over its images. Between locking the images and writing its own
 /// process id into them, the images look as if the killed emulator were running.
 fn taken_from(instance: &str, images: &[ImageInfo]) -> Option<u32> {
     let owner = images.iter().find_map(|image| match &image.condition {

@@ -31,7 +31,7 @@ struct RetainFlags {
     device: String,
     first: u32,
     words: u32,
-    /// The number that is saved for certain, and the number stored last.
+    /// The number certainly saved, and the number stored last.
     kept: u16,
     stored: u16,
 }

@@ -45,7 +45,7 @@ pub(crate) fn run(file: &Path, setting: &RunOptions, stop: impl Fn() -> bool) ->
     report
 }
 
-/// The report of a scenario whose process sends no result.
+/// The report of a scenario without a result from its process.
 pub(crate) fn died(file: &Path, why: &str) -> Report {
     Report::bare(file.to_owned(), Outcome::Died(format!("{}: {why}", file.display())))
 }

@@ -267,7 +267,7 @@ impl Model {
         self.is_stepped()
     }
 
-    /// The port whose SYNC is used: the port of the chosen register, else the first master.
+    /// The port for the SYNC: the port of the chosen register, else the first master.
     fn sync_port(&self) -> Option<(u16, u8)> {
         let names = self.names();
         let first =

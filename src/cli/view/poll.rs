@@ -53,7 +53,7 @@ impl MemoryLocation {
 pub(super) struct Query {
     /// Registers to read.
     pub registers: Vec<MemoryLocation>,
-    /// Registers whose changes are read.
+    /// Registers to follow: their changes are read.
     pub follow: Vec<MemoryLocation>,
     /// Read the fronts of the boards.
     pub fronts: bool,

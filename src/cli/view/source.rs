@@ -1,4 +1,4 @@
-//! Data source of the view: an emulator behind its channel; in tests a plant in the same process.
+//! Data source of the view: the channel of an emulator; in tests a plant in the same process.
 
 use crate::channel::{Client, ClientError};
 use crate::cli::error::CliError;

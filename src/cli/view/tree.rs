@@ -24,7 +24,7 @@ pub(super) enum Row {
 /// Key of an open line: PLC, first byte of the block, name of the array.
 type BranchKey = (u16, Option<u32>, Option<&'static str>);
 
-/// The live structures of the open blocks whose structures overlay each other.
+/// The live structures of open blocks with overlaid structures.
 type RegisterPhases = Vec<(u16, u32, RegisterPhase)>;
 
 /// The lines of the tree.

@@ -375,7 +375,7 @@ fn changes_that_were_recorded_before_the_view_was_opened_are_shown() {
     assert_eq!(changes_of(&user, "node2.w_OPTION_STATUS").len(), now, "{}", user.screen());
 }
 
-/// A plant that starts from a snapshot has a journal without records whose numbering continues.
+/// A plant that starts from a snapshot has a journal without records, but its numbering continues.
 #[test]
 fn a_journal_that_continues_from_a_snapshot_is_shown() {
     let mut user = User::built_in();
