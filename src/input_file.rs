@@ -19,7 +19,7 @@ pub const LONGEST_SCRIPT: u64 = 64 << 10;
 /// The text of a file or pipe.
 ///
 /// # Errors
-/// It cannot be read, is neither file nor pipe, is longer than `longest` bytes, or is no UTF-8.
+/// The file cannot be read, is neither file nor pipe, is longer than `longest` bytes, or is not UTF-8.
 pub fn read(path: &Path, longest: u64) -> Result<String> {
     text(read_bytes(path, longest)?)
 }
@@ -27,7 +27,7 @@ pub fn read(path: &Path, longest: u64) -> Result<String> {
 /// These bytes as text.
 ///
 /// # Errors
-/// They are no UTF-8.
+/// The bytes are not UTF-8.
 pub fn text(bytes: Vec<u8>) -> Result<String> {
     String::from_utf8(bytes).map_err(|_| Error::new(ErrorKind::InvalidData, "it is no text in UTF-8"))
 }
@@ -35,7 +35,7 @@ pub fn text(bytes: Vec<u8>) -> Result<String> {
 /// Reads the contents of a file or pipe.
 ///
 /// # Errors
-/// It cannot be read, is neither file nor pipe, or is longer than `longest` bytes.
+/// The file cannot be read, is neither file nor pipe, or is longer than `longest` bytes.
 pub fn read_bytes(path: &Path, longest: u64) -> Result<Vec<u8>> {
     let file = open(path)?;
     let mut bytes = Vec::new();

@@ -53,7 +53,7 @@
 //! # }
 //! ```
 
-// Register maps are generated with paths that hold in this crate and in others alike.
+// Generated register maps use paths that are valid in this crate and in others.
 extern crate self as commram;
 
 #[cfg(feature = "emulator")]
@@ -119,12 +119,12 @@ struct AttachContract;
 #[doc = include_str!("../docs/devices/omega-drive-line-2/function-blocks.md")]
 struct FunctionBlocks;
 
-/// And of those of the CS0015.
+/// The code blocks of the documentation of the CS0015 blocks are tests, too.
 #[cfg(all(doctest, feature = "cli"))]
 #[doc = include_str!("../docs/devices/cs0015/function-blocks.md")]
 struct Cs0015Blocks;
 
-/// And of those of the CAN-DP/2.
+/// The code blocks of the documentation of the CAN-DP/2 blocks are tests, too.
 #[cfg(all(doctest, feature = "cli"))]
 #[doc = include_str!("../docs/devices/can-dp2/function-blocks.md")]
 struct CanDp2Blocks;
@@ -134,7 +134,7 @@ struct CanDp2Blocks;
 #[doc = include_str!("../docs/reference/scenarios.md")]
 struct Scenarios;
 
-/// Settings of the library's property tests: what once failed is kept below `tests/`, instead of beside `src/`.
+/// Settings of the library's property tests: earlier failures are kept below `tests/`, instead of beside `src/`.
 #[cfg(test)]
 fn property_tests() -> proptest::test_runner::Config {
     use proptest::test_runner::{Config, FailurePersistence, FileFailurePersistence};

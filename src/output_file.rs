@@ -39,7 +39,7 @@ pub(crate) fn replace(path: &Path, bytes: &[u8]) -> Result<()> {
     replace_as(path, bytes, None)
 }
 
-/// The same, with the permissions of another one.
+/// Replaces the file, with the permissions of an existing file.
 fn replace_as(path: &Path, bytes: &[u8], like: Option<&Metadata>) -> Result<()> {
     let (mut file, begun) = begin(path)?;
     let permitted = like.map_or(Ok(()), |like| file.set_permissions(like.permissions()));
@@ -50,7 +50,7 @@ fn replace_as(path: &Path, bytes: &[u8], like: Option<&Metadata>) -> Result<()> 
     })
 }
 
-/// A new file beside this one.
+/// Creates a new file beside this one.
 fn begin(path: &Path) -> Result<(File, PathBuf)> {
     let mut tried = 0;
     loop {
@@ -58,7 +58,7 @@ fn begin(path: &Path) -> Result<(File, PathBuf)> {
         name.push(format!(".{}-{tried}.part", std::process::id()));
         let begun = path.with_file_name(name);
         match File::create_new(&begun) {
-            // In a container every process may have the same number.
+            // In a container every process may have the same process id.
             Err(reason) if reason.kind() == ErrorKind::AlreadyExists && tried < TRIES => tried += 1,
             made => return Ok((made?, begun)),
         }

@@ -12,9 +12,9 @@ pub use row::{Row, Style, address_of};
 
 /// Contents of a plot.
 pub struct Plot {
-    /// Where it begins, in emulated microseconds since power-on.
+    /// Begin of the plot, in emulated microseconds since power-on.
     pub from_us: u64,
-    /// Where it ends, later than that.
+    /// End of the plot, later than `from_us`.
     pub to_us: u64,
     /// SYNC edges in it, ascending.
     pub edges: Vec<u64>,
@@ -23,7 +23,7 @@ pub struct Plot {
 }
 
 impl Plot {
-    /// A plot of these rows; of values and edges only those are kept that can be seen.
+    /// Creates a plot of these rows; only visible values and edges are kept.
     pub fn new(from_us: u64, to_us: u64, mut edges: Vec<u64>, mut rows: Vec<Row>) -> Self {
         let to_us = to_us.max(from_us + 1);
         rows.iter_mut().for_each(|row| row.cut(from_us, to_us, &edges));

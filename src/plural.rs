@@ -1,4 +1,4 @@
-//! How many of what, as people write it.
+//! Numbers with nouns in singular or plural.
 
 use core::fmt::Display;
 

@@ -102,7 +102,7 @@ mod tests {
         fn what_is_printed_is_read_as_the_same_time(us in proptest::num::u64::ANY) {
             proptest::prop_assert_eq!(parse(&seconds(us)), Ok(us));
             proptest::prop_assert_eq!(parse(&short(us)), Ok(us));
-            // Whole seconds are printed as such.
+            // Whole seconds are printed without decimals.
             let whole = us - us % 1_000_000;
             proptest::prop_assert_eq!(parse(&short(whole)), Ok(whole));
         }

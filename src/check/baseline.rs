@@ -17,7 +17,7 @@ impl Baseline {
         self.0.get(index / Block::WORDS).map_or(0, |block| block.words()[index % Block::WORDS])
     }
 
-    /// The place of that word.
+    /// Returns the stored word for a change.
     #[inline]
     pub(crate) fn word_mut(&mut self, index: usize) -> Option<&mut u64> {
         Some(&mut self.0.get_mut(index / Block::WORDS)?.words_mut()[index % Block::WORDS])
@@ -33,7 +33,7 @@ impl Baseline {
         self.0.iter_mut().flat_map(|block| block.words_mut())
     }
 
-    /// Notes the first words as they are now, as many as there are cells.
+    /// Stores the first words as they are now, one for each cell.
     #[inline]
     pub(crate) fn copy(&mut self, now: &[Cell64]) {
         let (now, rest) = now.as_chunks();
@@ -44,7 +44,7 @@ impl Baseline {
         }
     }
 
-    /// Collects the words that differ, with what they hold now; of the first ones, as many as there are cells.
+    /// Collects the words that differ, with their present values; compares one word for each cell.
     #[inline]
     pub(crate) fn compare(&self, now: &[Cell64], changed: &mut Vec<(usize, u64)>) {
         let (now, rest) = now.as_chunks();

@@ -9,8 +9,8 @@ use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 use core::mem::offset_of;
 
 const WORD: usize = size_of::<u64>();
-/// Bytes up to the board. From there on clients and emulator write side by side, and in the requests both write the same
-/// fields.
+/// Bytes up to the board. After them clients and emulator write side by side, and both write the same fields of the
+/// requests.
 const BYTES: usize = offset_of!(Header, board);
 /// Blocks that are compared; memory after them is not watched.
 const BLOCKS: usize = BYTES.div_ceil(Block::WORDS * WORD);
@@ -39,7 +39,7 @@ const WATCHED: [u64; WORDS] = {
     words
 };
 
-/// The same as blocks.
+/// Same as blocks.
 static WATCHED_BLOCKS: [Block; BLOCKS] = {
     let mut blocks = [Block::new([0; Block::WORDS]); BLOCKS];
     let mut block = 0;
@@ -101,7 +101,7 @@ impl HeaderWatch {
         self.left.copy(&*self.now);
     }
 
-    /// Notes the emulated time, which goes on also when the firmware has nothing to do.
+    /// Stores the emulated time, which advances even when the firmware has nothing to do.
     #[inline]
     pub(crate) fn show_time(&mut self, now: u64) {
         const TIME: usize = offset_of!(Header, virtual_time_us) / WORD;

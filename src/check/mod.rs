@@ -7,9 +7,9 @@
 //! - A watch compares registers with the contents that the firmware left, before the firmware runs again, and so sees
 //!   writes through the map. Writes through the channel are reported to it. [`DeviceWatch`] serves any device; a family
 //!   with rules about its registers has its own watch.
-//! - The firmware reports what it finds when it takes over a command or initialization data.
+//! - The firmware reports violations when it takes over a command or initialization data.
 //!
-//! Nothing here changes a register, and nothing here knows a device.
+//! Nothing in this module changes a register or depends on a device.
 
 use crate::snapshot_fields;
 
@@ -29,8 +29,7 @@ use crate::layout::Device;
 use crate::memory::{MemoryError, Segment};
 use header::HeaderWatch;
 
-/// The watch over what any device has: the header page, and registers beside those of its ports that only the firmware
-/// writes.
+/// The watch for any device: over the header page, and over registers outside its ports that only the firmware writes.
 pub struct DeviceWatch {
     header: HeaderWatch,
     owned: OwnedWatch,
@@ -57,7 +56,7 @@ impl DeviceWatch {
         self.owned.look(now, journal);
     }
 
-    /// After the firmware has run: notes what it leaves.
+    /// After the firmware has run: stores the baseline.
     #[inline]
     pub fn leave(&mut self) {
         self.header.leave();

@@ -27,7 +27,7 @@ fn mask(register: &RegisterRef) -> u64 {
     word::mask(register.offset(), register.width())
 }
 
-/// A word with such registers in it, now and as the firmware left it.
+/// A word with such registers, and its baseline.
 struct Word {
     offset: u32,
     now: View<Cell64>,
@@ -131,7 +131,7 @@ impl OwnedWatch {
         }
     }
 
-    /// A write of `bytes` bytes came through the channel, which is seen even if it has changed nothing.
+    /// A write of `bytes` bytes came through the channel, which is seen even if it has changed no value.
     pub(crate) fn written(&mut self, offset: u32, bytes: u32, time: u64, journal: &mut Journal) {
         let hit = |register: &&RegisterRef| {
             register.offset() < offset + bytes && offset < register.offset() + register.width()

@@ -30,9 +30,9 @@ pub(super) enum FrameEffect {
     Delay(u32),
     /// The frame arrives once more after this many microseconds, 0 to [`MAX_DELAY_US`].
     Duplicate(u32),
-    /// It ends in an error frame.
+    /// The frame ends in an error frame.
     Disturb,
-    /// It loses an arbitration that it would have won.
+    /// The frame loses an arbitration that it would have won.
     LoseArbitration,
 }
 
@@ -45,7 +45,7 @@ pub(super) struct Frames {
     mask: u32,
     /// Whether the identifier has 29 bits; `None`: either.
     is_extended: Option<bool>,
-    /// The slot, by its place in [`SLOTS`]; `None`: all.
+    /// The slot, by its position in [`SLOTS`]; `None`: all.
     slot: Option<u32>,
 }
 
@@ -177,7 +177,7 @@ pub(super) static DUPLICATE_FRAME: Kind = Kind::new(
 .agreeing(agree)
 .shown("slot=CC delay=50us");
 
-/// Media at which a port has a CAN controller.
+/// Media at which ports have a CAN controller.
 const CONTROLLERS: &[&str] = &["cansync", "can"];
 
 pub(super) static BUS_OFF: Kind =

@@ -50,7 +50,7 @@ pub fn catalogue() -> &'static Catalogue {
             kinds.extend(records);
             rules.extend(more);
         }
-        // Devices may share what their family has.
+        // Devices may share the faults of their family.
         kinds.sort_by_key(|kind| kind.number());
         kinds.dedup_by(|one, other| core::ptr::eq(*one, *other));
         rules.sort_by_key(|rule| rule.number());
@@ -86,7 +86,7 @@ pub fn medium_site(family: &str, participants: u32) -> MediumSite {
     MediumSite { faults, fits, participants }
 }
 
-/// Whether a medium of this family can have such a door; else why not.
+/// Checks that a medium of this family can have such a door; the error contains the reason.
 ///
 /// # Errors
 /// Checks that the family accepts a door of this kind. A text in the error names the door that the family
@@ -145,7 +145,7 @@ mod tests {
         }
     }
 
-    /// Rules are several devices', so a page alone would be another thing in each one's manual.
+    /// A rule may belong to several devices, so a page without the name of its manual is ambiguous.
     #[test]
     fn pages_of_rules_name_their_manual() {
         for rule in catalogue().rules.iter().filter(|rule| rule.source().contains("p. ")) {
@@ -158,7 +158,7 @@ mod tests {
         }
     }
 
-    /// The page for users lists every rule, letter for letter, and no other.
+    /// The page for users lists exactly these rules, letter for letter.
     #[test]
     fn the_documentation_lists_exactly_these_rules() {
         let page = include_str!("../../docs/reference/checker.md");

@@ -26,7 +26,7 @@ pub trait DeviceConfig: fmt::Debug + Send + Sync {
     /// Checks the settings.
     ///
     /// # Errors
-    /// [`BuildError::Setting`] names the key and what would be right, [`BuildError::Own`] the part of the device.
+    /// [`BuildError::Setting`] names the key and a correct value, [`BuildError::Own`] the part of the device.
     fn check(&self) -> Result<(), BuildError> {
         Ok(())
     }
@@ -47,7 +47,7 @@ pub trait DeviceConfig: fmt::Debug + Send + Sync {
         false
     }
 
-    /// The rates that it can run at one of its ports, in kbit/s; empty if it takes any, or the medium has none.
+    /// Rates that the device can run at one of its ports, in kbit/s; empty if it accepts any, or the medium has none.
     fn kbit_s(&self, port: u8) -> Vec<u16> {
         let _ = port;
         Vec::new()
@@ -60,7 +60,7 @@ pub trait DeviceConfig: fmt::Debug + Send + Sync {
         Vec::new()
     }
 
-    /// How many retain flags it has, in bytes.
+    /// Size of the retain flags, in bytes.
     fn retain_bytes(&self) -> u32 {
         0
     }
@@ -70,7 +70,7 @@ pub trait DeviceConfig: fmt::Debug + Send + Sync {
         None
     }
 
-    /// Device number `index` of the plant in this image, and its ports, which are still to be plugged in.
+    /// Builds device number `index` of the plant in this image, and its ports, which are not plugged in yet.
     ///
     /// # Errors
     /// [`BuildError`]: the image is too small or read-only, or the settings are refused.
@@ -84,9 +84,9 @@ pub struct PortConfig<'a> {
     pub number: u8,
     /// Its name in the layout.
     pub name: &'a str,
-    /// The medium that it is plugged in at.
+    /// Medium that the port is plugged in at.
     pub medium: Option<&'a str>,
-    /// Its number on the medium, if others call it by one; a master has none.
+    /// Number of the port on the medium, if stations have numbers; a master has none.
     pub address: Option<u8>,
 }
 
@@ -106,7 +106,8 @@ pub struct MasterConfig {
     pub kbit_s: Vec<u16>,
 }
 
-/// Something in a plant file that can hardly be meant. It is allowed: there are plants with faults on purpose.
+/// A setting of a plant file that is probably a mistake. It is allowed, because there are plants with faults on
+/// purpose.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Doubt {
     /// Name in the section of the plant file; for a module the name of its port, as in `maxx:slotG`.
@@ -125,7 +126,7 @@ pub trait MediumConfig: fmt::Debug + Send + Sync {
     /// Checks the settings.
     ///
     /// # Errors
-    /// [`BuildError::Setting`] names the key and what would be right, [`BuildError::Own`] the participant.
+    /// [`BuildError::Setting`] names the key and a correct value, [`BuildError::Own`] the participant.
     fn check(&self) -> Result<(), BuildError> {
         Ok(())
     }
@@ -136,7 +137,7 @@ pub trait MediumConfig: fmt::Debug + Send + Sync {
         Vec::new()
     }
 
-    /// Its kind, one of [`MEDIA`](super::MEDIA).
+    /// Kind of the medium, one of [`MEDIA`](super::MEDIA).
     fn family(&self) -> &'static str;
 
     /// Participants that are not ports of devices: name and number.
@@ -149,13 +150,13 @@ pub trait MediumConfig: fmt::Debug + Send + Sync {
         &[]
     }
 
-    /// Whether a plant is refused in which two have the same number. Else it is doubted: a device may get another number before it
-    /// is switched on.
+    /// Whether two participants with the same number are an error. If not, they are a doubt: a device may get another
+    /// number before it is switched on.
     fn refuses_equal_numbers(&self) -> bool {
         true
     }
 
-    /// Whether there can be only one port without number, the master.
+    /// Whether only one port may have no number, the master.
     fn has_one_master(&self) -> bool {
         false
     }
@@ -180,7 +181,7 @@ pub struct MediumKind {
     pub rules: &'static [&'static Rule],
     /// Kinds of faults of the medium, of its participants and of its ports.
     pub faults: &'static [&'static fault::Kind],
-    /// Whether it can have a fault of one of these kinds; else why not.
+    /// Checks that the medium can have a fault of one of these kinds; the error contains the reason.
     pub fits: fn(&Fault) -> Result<(), String>,
     /// Reads a `[[bus]]` of this kind.
     pub read: Read<dyn MediumConfig>,
@@ -191,7 +192,7 @@ pub struct MediumKind {
     pub speech: Speech,
     /// Describes the meaning of a frame on this medium, for people; empty if its users define the meaning.
     pub says: fn(&can::Frame) -> String,
-    /// Where ports of this family are that no medium is plugged in at.
+    /// Creates the medium for ports of this family that are not plugged in.
     pub unplugged: fn() -> Box<dyn Medium>,
     /// Whether a port with this [`Plug::socket`] also works unplugged, and therefore needs a separate medium.
     pub runs_alone: fn(&dyn Any) -> bool,

@@ -15,7 +15,7 @@ pub struct Context<'a> {
     pub journal: &'a mut Journal,
     /// The node for which the firmware runs.
     pub origin: Origin,
-    /// First byte of the area that it looks after; the firmware's offsets count from there.
+    /// First byte of the area of this firmware; the firmware's offsets are relative to it.
     pub base: usize,
 }
 
@@ -26,20 +26,20 @@ impl Context<'_> {
         self.journal.push(self.now, told);
     }
 
-    /// Where in the RAM the register at `offset` of the area lies.
+    /// Position in the RAM of the register at `offset` of the area.
     #[inline]
     pub fn at(&self, offset: usize) -> u32 {
         (self.base + offset) as u32 // areas lie in segments of a few megabytes
     }
 
-    /// Reports that a handshake register at `offset` of the area, which held `request`, has been answered.
+    /// Reports the answer to a handshake register at `offset` of the area, which contained `request`.
     pub fn answered(&mut self, offset: usize, request: u16, answer: u16) {
         let (origin, offset) = (self.origin, self.at(offset));
         self.report(Handshake { origin, offset, request, answer, goes_on: false });
     }
 
-    /// Reports that the PLC has broken a rule at the register at `offset` of the area, which belongs to the
-    /// structure of phase `live`.
+    /// Reports that the PLC has broken a rule at the register at `offset` of the area; the register belongs
+    /// to the structure of phase `live`.
     pub fn find(&mut self, rule: &'static Rule, live: RegisterPhase, offset: usize, value: u32) {
         let (plc, offset) = (self.origin.plc, self.at(offset));
         self.journal.find(self.now, Finding { rule, plc, offset, live, value, late_us: 0 });

@@ -14,7 +14,7 @@ pub struct Demo {
     pub plant: Option<&'static str>,
     /// Name of the registers that are shown at the end.
     pub area: &'static str,
-    /// The same for a headline.
+    /// Name of the demonstration for a headline.
     pub title: &'static str,
     /// The soft-PLC, a separate process that accesses only the image of its PLC.
     pub program: DemoProgram,
@@ -29,13 +29,13 @@ pub type Show<'a> = &'a dyn Fn(&str) -> io::Result<()>;
 /// Why a demonstration fails.
 #[derive(Debug, thiserror::Error)]
 pub enum DemoError {
-    /// The emulator has gone, or its memory cannot be used.
+    /// The emulator has ended, or its memory cannot be used.
     #[error(transparent)]
     Memory(#[from] MemoryError),
     /// The name or address is not a register.
     #[error(transparent)]
     Layout(#[from] LayoutError),
-    /// Nothing can be shown.
+    /// The output cannot be written.
     #[error("cannot write: {0}")]
     Output(#[from] io::Error),
     /// The soft-PLC waits without success.
@@ -49,7 +49,7 @@ pub enum DemoError {
         wanted: String,
         /// Value of the register, with its meaning.
         found: String,
-        /// How long, in real time.
+        /// Duration of the wait, in real time.
         seconds: u64,
     },
     /// A reference value did not come back.
@@ -57,7 +57,7 @@ pub enum DemoError {
     NotFollowed(String),
 }
 
-/// How long something may take, in real time. It takes at most some seconds.
+/// Maximum duration of a step, in real time. The real duration is at most some seconds.
 const PATIENCE: Duration = Duration::from_secs(30);
 
 /// A device with registers that a demonstration writes, reads and prints.
@@ -79,7 +79,7 @@ impl<'a> Actor<'a> {
         Actor { name, layout, attached, show }
     }
 
-    /// Another device of the same instance.
+    /// Returns another device of the same instance.
     pub(crate) fn other(&self, name: &'static str) -> Result<Actor<'a>, DemoError> {
         let instance = header::name(&self.attached.header_snapshot().instance);
         let (attached, layout) = attach(&instance, name, AttachMode::ReadWrite)?;
@@ -101,7 +101,7 @@ impl<'a> Actor<'a> {
         Ok(Place::parse(&DeviceFit::unknown(self.layout), name)?)
     }
 
-    /// Writes a register, as a program does.
+    /// Writes a register as a program does.
     pub(crate) fn write(&self, name: &str, value: u32) -> Result<(), DemoError> {
         let place = self.place(name)?;
         self.attached.segment().store(place.offset(), place.width(), value)?;

@@ -25,13 +25,13 @@ pub enum Power {
 /// Result of polling a device's front: the action that the plant must take.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Look {
-    /// Nothing.
+    /// No action.
     Nothing,
-    /// A switch was turned or a request answered; timers may run otherwise than before.
+    /// A switch was turned or a request answered; timers may have changed.
     Answered,
     /// RESET is held: the device stops.
     Held,
-    /// The supply failed, be RESET held or not: the device stops, and what shares its supply.
+    /// The supply failed, with or without RESET: the device stops, and all parts with the same supply.
     Off,
     /// Power-on, or RESET was released: the device restarts.
     Up,
@@ -55,7 +55,8 @@ pub trait Device: Any + Send + SnapshotFields {
         DeviceFit::unknown(self.layout())
     }
 
-    /// Whether `port` is a drive of its medium, of which the device has no registers. Faults name it by its number on the medium.
+    /// Whether `port` is a drive of its medium without registers in the device. Faults name it by its number on the
+    /// medium.
     fn is_drive(&self, port: u8) -> bool {
         let _ = port;
         false
@@ -74,8 +75,8 @@ pub trait Device: Any + Send + SnapshotFields {
         BoardState::of(self.header())
     }
 
-    /// Turns a switch in the header page or puts in a request, as a client does; the next look sees it. `false`: there is
-    /// no such switch.
+    /// Turns a switch in the header page or enters a request, as a client does; the next poll sees it. Returns `false`
+    /// if there is no such switch.
     fn turn(&self, setting: BoardSetting) -> bool;
 
     /// Why the device would not carry out this setting now: a command that its switches or its state do not allow. `None`: it
@@ -100,7 +101,7 @@ pub trait Device: Any + Send + SnapshotFields {
     /// Power-off or reset, before the ports follow.
     fn stop(&mut self, ctx: &mut Context);
 
-    /// The supply is gone, for what goes on while RESET is held.
+    /// The supply has failed; called for the parts that run while RESET is active.
     fn supply_failed(&mut self) {}
 
     /// The number on its medium that `port` has from now on: that of the switches at the last start.
@@ -131,7 +132,7 @@ pub trait Device: Any + Send + SnapshotFields {
         &[]
     }
 
-    /// An edge of the SYNC signal at `port`, when everything else has seen it.
+    /// An edge of the SYNC signal at `port`; called after all other parts have seen it.
     fn sync_edge(&mut self, port: u8, now: u64) {
         let _ = (port, now);
     }
@@ -145,7 +146,7 @@ pub trait Device: Any + Send + SnapshotFields {
     /// Whether a client has turned a switch or put in a request.
     fn front_has_changed(&self) -> bool;
 
-    /// The processor cycle: looks at the registers that are no port's.
+    /// The processor cycle: polls the registers that belong to no port.
     fn processor_cycle(&mut self, ctx: &mut Context) {
         let _ = ctx;
     }
@@ -178,8 +179,9 @@ pub trait Device: Any + Send + SnapshotFields {
         let _ = faults;
     }
 
-    /// A fault acts that the device has itself: does it hit by itself, at its begin or in a processor cycle? What hits when the
-    /// device does something it finds out then ([`World::faults`]).
+    /// Called when a fault of the device itself is active, at its begin or in a processor cycle: returns a hit if the
+    /// fault fires by itself. Faults that fire on an action of the device are found during the action
+    /// ([`World::faults`]).
     fn fire(&mut self, now: u64, target: Target, effect: &Effect) -> Option<Hit> {
         let _ = (now, target, effect);
         None
@@ -216,7 +218,8 @@ pub trait Device: Any + Send + SnapshotFields {
         let _ = (speed, now);
     }
 
-    /// Interrupt level of an event: a task of a higher one interrupts one of a lower one. `None`: there is no such event.
+    /// Interrupt level of an event: a task of a higher level interrupts a task of a lower level. `None`: there is no
+    /// such event.
     fn event_level(&self, event: usize) -> Option<u8> {
         let _ = event;
         None
@@ -227,7 +230,7 @@ pub trait Device: Any + Send + SnapshotFields {
         None
     }
 
-    /// Whether an access in the right area meets something that this device has: it may have fewer retain flags than fit.
+    /// Whether an access in the right area meets existing memory: the device may have fewer retain flags than fit.
     fn has(&self, offset: u32, width: Width) -> bool {
         let Some(retain) = self.layout().retain.filter(|retain| retain.area.contains(offset)) else {
             return true;
@@ -241,8 +244,8 @@ pub trait Device: Any + Send + SnapshotFields {
         let _ = (offset, bytes);
     }
 
-    /// Whether the firmware answers a write at `offset` at once if it came through the channel, where also an unchanged
-    /// value is seen.
+    /// Whether the firmware answers a write at `offset` at once if it came through the channel, even if the value is
+    /// unchanged.
     fn answers_write(&self, offset: u32) -> bool {
         let _ = offset;
         false

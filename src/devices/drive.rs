@@ -5,9 +5,9 @@ use serde::{Deserialize, Serialize};
 /// State of a drive.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct DriveState {
-    /// Its number on its bus, if it is on one.
+    /// Number of the drive on its bus, if it is on a bus.
     pub number: Option<u8>,
-    /// The rate that its interface is set to in kbit/s, if it is on a bus.
+    /// Rate of its interface in kbit/s, if it is on a bus.
     pub kbit_s: Option<u16>,
     /// State of its state machine: `operation_enabled`; `off` without supply.
     pub state: String,
@@ -17,13 +17,13 @@ pub struct DriveState {
     pub is_synchronized: bool,
     /// Reference value of the speed, in increments of the drive's speed format.
     pub speed_reference: i32,
-    /// Its speed, in the same.
+    /// Actual value of its speed, in the same unit.
     pub speed_actual: i32,
     /// Number of its fault; 0: none.
     pub fault: u32,
     /// Reference value frames missed so far.
     pub lost_references: u64,
-    /// Whether it takes no reference values any more, since too many were lost.
+    /// Whether it ignores reference values because too many were lost.
     pub is_stopped: bool,
 }
 
@@ -44,7 +44,7 @@ pub struct ParameterState {
     pub min: i64,
     /// Highest value.
     pub max: i64,
-    /// Only the drive itself writes it.
+    /// Only the drive itself writes the parameter.
     pub read_only: bool,
 }
 
@@ -54,7 +54,7 @@ pub struct ParameterState {
 pub struct Shaft {
     /// The speed that the drive demands of its motor: limited, and along its ramp.
     pub demand: i32,
-    /// Whether the drive feeds its motor: only then it can do anything about the speed.
+    /// Whether the drive feeds its motor: only then can it influence the speed.
     pub is_fed: bool,
     /// The motor's speed.
     pub speed: i32,
@@ -69,7 +69,7 @@ pub struct DriveDetails {
     pub state: DriveState,
     /// Its parameters, in the order of their numbers.
     pub parameters: Vec<ParameterState>,
-    /// The parameters of its interface card, by their numbers: ZK 0, 1, 4 ...; empty without one.
+    /// The parameters of its interface card, by their numbers: ZK 0, 1, 4 ...; empty without a card.
     pub card: Vec<(u8, u16)>,
 }
 
@@ -79,10 +79,10 @@ pub enum ParameterRefusal {
     /// The drive has no parameter of that number.
     #[error("it has no such parameter")]
     NotThere,
-    /// Only the drive itself writes it.
+    /// Only the drive itself writes the parameter.
     #[error("only the drive itself writes it")]
     ReadOnly,
-    /// It is being recalculated.
+    /// The parameter is being recalculated.
     #[error("the drive is recalculating it; try again when some emulated time has passed")]
     NotNow,
     /// The value lies outside of its limits.

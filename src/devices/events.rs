@@ -1,5 +1,5 @@
-//! Interrupt events of a device: which are enabled, and what has become of them. How they are enabled is the same for
-//! every device: function block `INTR_SET`; which there are is not.
+//! Interrupt events of a device: enabled events and their occurrences. All devices enable events in the same way,
+//! with the function block `INTR_SET`, but each device has different events.
 
 use super::Context;
 use super::records::{BoardEvent, OnBoard};
@@ -18,7 +18,7 @@ pub struct Events {
     pub fired: u16,
     /// Events that stop the plant for lockstep.
     pub watched: u16,
-    /// Whether a watched one has occurred.
+    /// Whether a watched event has occurred.
     pub stop: bool,
 }
 
@@ -61,7 +61,7 @@ impl Events {
         self.enabled = 0;
     }
 
-    /// Whether a watched one has occurred since the last call.
+    /// Whether a watched event has occurred since the last call.
     #[inline]
     pub fn take_stop(&mut self) -> bool {
         core::mem::take(&mut self.stop)

@@ -25,8 +25,8 @@ pub struct Exercise {
     pub allowed: &'static [&'static str],
 }
 
-/// Something that a program does, from a state in which anything can be done to such a state again: moves can be made in any
-/// order, repeated and left out.
+/// Actions of a program that start and end in a state in which all moves are possible: moves can be made in any order,
+/// repeated and left out.
 #[derive(Debug)]
 pub struct Move {
     /// The function. Its first parameter is true if nothing is disturbed, so that every step must succeed as the manual
@@ -34,7 +34,7 @@ pub struct Move {
     pub name: &'static str,
     /// Ranges of its other parameters.
     pub parameters: &'static [RangeInclusive<i64>],
-    /// How often it is made, compared with others.
+    /// Frequency of the move, relative to other moves.
     pub weight: u32,
 }
 
@@ -52,7 +52,7 @@ impl Move {
     }
 }
 
-/// Something that a program does wrongly, in active operation.
+/// A wrong action of a program, in active operation.
 #[derive(Debug)]
 pub struct Wrong {
     /// Lines of a scenario.

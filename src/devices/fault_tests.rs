@@ -1,4 +1,4 @@
-//! The kinds of faults of all families: how they are described, checked and documented.
+//! Tests of the kinds of faults of all families: description, checks and documentation.
 
 use super::{bm4_o_can_06, can_dp2, cs0015, fault_kinds, omega_drive_line_2};
 use crate::fault::{Draft, Fault, FaultError, FaultSpec, Form, Given, Kind, Place, Refusal, Target};
@@ -402,7 +402,7 @@ fn rows_of(kind: &'static Kind) -> Vec<String> {
     rows
 }
 
-/// The gateway has three ports, of which one is to CAN; the controller has one (decision D-343).
+/// The gateway has three ports, with one of them to CAN; the controller has one (decision D-343).
 #[test]
 fn the_only_can_controller_of_a_device_needs_no_name() {
     let list = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect();

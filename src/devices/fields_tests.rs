@@ -10,9 +10,9 @@ use std::collections::{BTreeMap, BTreeSet};
 
 const PAGE: &str = include_str!("../../docs/reference/journal.md");
 
-/// In every line.
+/// Fields of every line.
 const ALWAYS: [&str; 4] = ["v", "seq", "time_us", "kind"];
-/// Latency, and words that mean more than numbers: they come with what has happened, not with its kind.
+/// Latency, and words with more meaning than numbers: they depend on the event, not on its kind.
 const NOT_OF_THE_KIND: [&str; 2] = ["latency_us", "text"];
 
 /// Row of the table for one kind.
@@ -54,7 +54,7 @@ fn lines(kind: &'static Kind) -> impl Iterator<Item = Map<String, Value>> {
     records.map(|record| serde_json::from_str(&line(Jsonl::new(names(), catalogue()), record)).unwrap())
 }
 
-/// Names end with the unit, and what has one is a whole number; octets are pairs of digits.
+/// Names end with the unit, and values with a unit are whole numbers; octets are pairs of digits.
 fn check_value(kind: &str, name: &str, value: &Value) {
     let is_whole = value.is_u64() || value.is_i64();
     assert!(!value.is_f64() && !value.is_array() && !value.is_object(), "{kind}: {name} is {value}");

@@ -6,17 +6,17 @@ use crate::journal::{EventCodec, EventText, Fields, Kind, Packer, Part, Reader, 
 /// All kinds.
 pub(super) static KINDS: &[&Kind] = &[GuestNews::KIND];
 
-/// Why a medium does not take a guest's frame or telegram.
+/// Reason for which a medium refuses a frame or telegram of a guest.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum GuestRefusal {
-    /// It has many to send already; later there will be room.
+    /// The guest has too many frames to send; later there will be room.
     #[error("the guest has as many frames to send as its controller holds")]
     Full,
     /// The time is too far ahead: no guest waits for it, so later frames would not be sent either; a later time
     /// would be no better.
     #[error("the time of the guest's telegram lies {seconds} s ahead; it may be 60 s at most")]
     TooFarAhead {
-        /// Emulated seconds from now until then.
+        /// Emulated seconds from now until that time.
         seconds: u64,
     },
     /// The guest does not take part, the medium is not emulated, or the medium has no frames of that kind.
@@ -25,7 +25,7 @@ pub enum GuestRefusal {
 }
 
 event_kinds! {
-    /// A guest takes part in a bus from now on, or does so no longer.
+    /// A guest starts or stops taking part in a bus.
     GuestNews = 52, "guest", Rare, at bus {
         /// Its number on the bus.
         guest: u8,
@@ -37,17 +37,17 @@ event_kinds! {
 /// Whether a guest takes part, and whether emulated time waits for it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Attendance {
-    /// From now on.
+    /// The guest takes part from now on.
     TakesPart,
-    /// From now on; the clock is stepped, so its frames enter at the next step.
+    /// The guest takes part from now on; the clock is stepped, so its frames enter at the next step.
     TakesPartStepped,
-    /// No longer.
+    /// The guest has stopped taking part.
     Left,
-    /// It has a seat in lockstep: emulated time waits for it from now on.
+    /// The guest has a seat in lockstep: emulated time waits for it from now on.
     Seated,
-    /// It has given its seat back, by leaving the bus or the door.
+    /// The guest has given its seat back, by leaving the bus or the door.
     SeatBack,
-    /// Its seat was taken away: in its turn it has neither asked for time nor left for too long.
+    /// The seat was taken away: in its turn the guest has neither asked for time nor left for too long.
     SeatLost,
 }
 

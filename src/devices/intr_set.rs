@@ -61,7 +61,7 @@ impl INTR_SET {
         let inputs = (self.i_EVENT, self.i_PAR1, self.x_EN);
         let slot = usize::try_from(self.i_EVENT).ok().and_then(|event| ram.header().interrupts.get(event));
         let Some(slot) = slot else {
-            // No slot to ask in.
+            // There is no free slot for the request.
             (self.x_ERR, self.internal) = (true, None);
             return;
         };

@@ -27,18 +27,18 @@ pub struct World<'a> {
 /// A SYNC signal, as far as the masters that take it over need it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SyncSignal {
-    /// Time from one edge to the next in us.
+    /// Time between two edges in us.
     pub interval_us: u32,
     /// Rate of the medium of the master that generates it, in kbit/s.
     pub kbit_s: u16,
 }
 
-/// Where the SYNC signal of a medium comes from.
+/// Source of the SYNC signal of a medium.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SyncOrigin {
     /// The medium has no such signal.
     Unknown,
-    /// There is no master that could make one.
+    /// There is no master that could generate the signal.
     NoMaster,
     /// The master has not started.
     Idle {
@@ -47,7 +47,7 @@ pub enum SyncOrigin {
         /// Value of its status register.
         state: u16,
     },
-    /// The master makes the signal itself.
+    /// The master of the medium generates the signal.
     Own(Origin),
     /// The master passes on the signal of another port of its device.
     Forwarded(Origin),
@@ -57,9 +57,9 @@ pub enum SyncOrigin {
 pub struct Plug {
     /// Its number in the device's layout.
     pub number: u8,
-    /// The family of media that it fits, one of [`MEDIA`](super::MEDIA).
+    /// Family of media that the plug fits, one of [`MEDIA`](super::MEDIA).
     pub family: &'static str,
-    /// Name of the medium in the plant; none is plugged in if it is left out.
+    /// Name of the medium in the plant; `None` if the port is not plugged in.
     pub medium: Option<String>,
     /// Data that the family of media needs to run the port's firmware.
     pub socket: Box<dyn Any + Send>,
@@ -70,7 +70,7 @@ pub struct Plug {
 pub struct StationState {
     /// The port, or the guest.
     pub origin: Origin,
-    /// Its address, where stations have one and it is known.
+    /// Address of the station, if it has one and it is known.
     pub address: Option<u8>,
     /// Activity of the station in one word; `None`: the state of its error counters describes it.
     pub does: Option<&'static str>,
@@ -83,7 +83,7 @@ pub struct StationState {
 pub struct Stranger {
     /// Identity of the station.
     pub whose: Whose,
-    /// The rate that it is set to, in bit/s.
+    /// Rate of the station, in bit/s.
     pub bit_s: u32,
 }
 
@@ -102,17 +102,17 @@ pub trait Medium: Any + Send + SnapshotFields {
     /// Its name in the plant.
     fn name(&self) -> &str;
 
-    /// Its kind, one of [`MEDIA`](super::MEDIA).
+    /// Kind of the medium, one of [`MEDIA`](super::MEDIA).
     fn family(&self) -> &'static str;
 
-    /// Attaches a port: the [`Plug::socket`] of a device. Returns the port's place, by which it is named from now on.
+    /// Attaches a port: the [`Plug::socket`] of a device. Returns the port's place, which identifies it from now on.
     ///
     /// # Errors
-    /// If the port belongs to another family, or its registers cannot be had.
+    /// If the port belongs to another family, or its registers are not accessible.
     fn attach(&mut self, socket: Box<dyn Any + Send>) -> Result<usize, BuildError>;
 
-    /// Length of the processor cycle of all devices of the plant in microseconds. Called once, before any other function but
-    /// [`Medium::attach`].
+    /// Length of the processor cycle of all devices of the plant in microseconds. Called once, before any other
+    /// function except [`Medium::attach`].
     fn set_processor_cycle(&mut self, us: u32) {
         let _ = us;
     }
@@ -121,14 +121,14 @@ pub trait Medium: Any + Send + SnapshotFields {
     /// and the port is therefore not connected.
     fn power_on(&mut self, place: usize, address: u8, now: u64, journal: &mut Journal) -> bool;
 
-    /// Its device stops: the port leaves the medium and forgets everything.
+    /// The device of the port stops: the port leaves the medium and loses its state.
     fn power_off(&mut self, place: usize, now: u64, journal: &mut Journal);
 
     /// The port's firmware polls its control registers. Returns whether the port now takes part in the traffic.
     fn processor_cycle(&mut self, place: usize, now: u64, journal: &mut Journal) -> bool;
 
-    /// Whether the firmware of the port rests, as a device does ([`Device::is_quiescent`]): its processor cycles find nothing to do
-    /// before something else happens, be it [`Medium::event`].
+    /// Whether the firmware of the port is quiescent, as a device can be ([`Device::is_quiescent`]): its processor
+    /// cycles change nothing before another event occurs, for example [`Medium::event`].
     fn is_quiescent(&self, place: usize) -> bool {
         let _ = place;
         false
@@ -143,24 +143,24 @@ pub trait Medium: Any + Send + SnapshotFields {
         false
     }
 
-    /// Whether any port's program has written a control register that the firmware has not looked at yet.
+    /// Whether a program has written a control register of any port that the firmware has not polled yet.
     fn control_changed(&self) -> bool {
         false
     }
 
-    /// Before firmware runs: judges what others have written to the registers of a port since [`Medium::leave`]. The medium
-    /// has the watch over them, since its family has the rules and the firmware.
+    /// Before firmware runs: checks the writes of clients to the registers of a port since [`Medium::leave`]. The
+    /// medium owns the watch over them, since its family has the rules and the firmware.
     fn judge_writes(&mut self, place: usize, now: u64, journal: &mut Journal) {
         let _ = (place, now, journal);
     }
 
-    /// After firmware has run: notes what it leaves in the registers of a port.
+    /// After firmware has run: stores the registers of a port as the baseline.
     fn leave(&mut self, place: usize) {
         let _ = place;
     }
 
-    /// Judges a write of `bytes` bytes at byte `offset` of the image, which came through the channel, if it hit registers of
-    /// a port.
+    /// Checks a write of `bytes` bytes at byte `offset` of the image, which came through the channel, if it hit
+    /// registers of a port.
     fn judge_write(&mut self, place: usize, offset: u32, bytes: u32, now: u64, journal: &mut Journal) {
         let _ = (place, offset, bytes, now, journal);
     }
@@ -184,10 +184,10 @@ pub trait Medium: Any + Send + SnapshotFields {
         Vec::new()
     }
 
-    /// The ports that are attached, in the order in which they were.
+    /// The attached ports, in the order of attachment.
     fn ports(&self) -> Vec<Origin>;
 
-    /// The interval that comes again and again, while it does.
+    /// The interval that repeats on the medium, as long as it does.
     fn interval(&self) -> Option<Interval> {
         None
     }
@@ -260,7 +260,7 @@ pub trait Medium: Any + Send + SnapshotFields {
         let _ = (guest, now);
     }
 
-    /// The error state of a guest's controller, where there is such a thing.
+    /// The error state of a guest's controller, on media with error states.
     fn guest_errors(&self, guest: u8) -> ErrorState {
         let _ = guest;
         ErrorState::Active
@@ -301,17 +301,17 @@ pub trait Medium: Any + Send + SnapshotFields {
         false
     }
 
-    /// An edge of such a signal.
+    /// An edge of a forwarded SYNC signal.
     fn forwarded_edge(&mut self, place: usize, now: u64, signal: SyncSignal, journal: &mut Journal) {
         let _ = (place, now, signal, journal);
     }
 
-    /// The next SYNC edge, if the signal is made here.
+    /// Time of the next SYNC edge, if this medium generates the signal.
     fn next_sync(&self) -> Option<u64> {
         None
     }
 
-    /// Where its SYNC signal comes from.
+    /// Source of its SYNC signal.
     fn sync_origin(&self) -> SyncOrigin {
         SyncOrigin::Unknown
     }
@@ -333,8 +333,9 @@ pub trait Medium: Any + Send + SnapshotFields {
         let _ = (now, faults);
     }
 
-    /// A fault acts on the medium, a participant or a port: does it hit by itself, at its begin or in a processor cycle? What
-    /// hits at an event the medium finds out then ([`World::faults`]).
+    /// Called when a fault of the medium, a participant or a port is active, at its begin or in a processor cycle:
+    /// returns a hit if the fault fires by itself. Faults that fire at an event are found during the event
+    /// ([`World::faults`]).
     fn fire(&mut self, now: u64, target: Target, effect: &Effect) -> Option<Hit> {
         let _ = (now, target, effect);
         None

@@ -1,4 +1,5 @@
-//! The devices, a folder each, [`cansync`], what the CANsync devices share, and the registry of them all.
+//! The devices, each in a separate folder; [`cansync`], the common parts of the CANsync devices; and the
+//! registry of all devices.
 
 pub mod bm4_o_can_06;
 #[cfg(feature = "emulator")]

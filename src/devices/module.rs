@@ -1,4 +1,4 @@
-//! The modules of a modular device, as one sees them at their fronts.
+//! The modules of a modular device, as seen at their fronts.
 
 use super::of_hash;
 use crate::layout::{Device as Layout, Fit, Role};
@@ -14,14 +14,14 @@ pub enum Led {
     On,
     /// Flashes this many times, then pauses.
     Flashes(u8),
-    /// Flashes in turn with the other LED of the module that does so.
+    /// Flashes in turn with the other LED of the module in this state.
     InTurn,
 }
 
 /// Position of a switch of a module.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Switch {
-    /// Several switches that make a number.
+    /// Several switches that form a number.
     Number(u8),
     /// A switch that is ON (`true`) or OFF.
     Is(bool),
@@ -43,7 +43,8 @@ pub struct ModuleFront {
 /// there is no module.
 pub type ReadModule = fn(Option<Role>, u32, u32) -> Option<ModuleFront>;
 
-/// The modules of a device by the names of their ports, in the order of these; `None` if it is not modular.
+/// Returns the modules of a device by the names of their ports, in the order of the ports; `None` if it is not
+/// modular.
 pub fn modules(header: &Header, device: &'static Layout) -> Option<Vec<(&'static str, ModuleFront)>> {
     let read = of_hash(device.layout_hash)?.module?;
     let fitted = header.fitted(device);

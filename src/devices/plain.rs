@@ -1,4 +1,4 @@
-//! A device with nothing in front but its supply: what an ordinary device needs around its firmware.
+//! A device with only a supply in its front: the frame that an ordinary device needs around its firmware.
 
 use super::program::Starts;
 use super::supply::Supply;
@@ -22,7 +22,7 @@ pub trait Firmware: SnapshotFields + Send + 'static {
     /// Power-off or reset.
     fn stop(&mut self) {}
 
-    /// The processor cycle: looks at the registers that are no port's.
+    /// The processor cycle: polls the registers that belong to no port.
     fn look(&mut self, ctx: &mut Context) {
         let _ = ctx;
     }
@@ -55,7 +55,8 @@ pub trait Firmware: SnapshotFields + Send + 'static {
     /// Stores the contents of the NOVRAM registers.
     fn keep(&mut self) {}
 
-    /// A fault of the device itself acts, at its begin or in a processor cycle: does it hit?
+    /// Called when a fault of the device itself is active, at its begin or in a processor cycle: returns the hit, if it
+    /// fires.
     fn fire(&mut self, now: u64, effect: &Effect) -> Option<Hit> {
         let _ = (now, effect);
         None
@@ -72,7 +73,7 @@ pub trait Firmware: SnapshotFields + Send + 'static {
         None
     }
 
-    /// Whether a supply comes in when it is switched on. Asked at each look.
+    /// Whether power comes in when the supply is switched on. Called at each poll.
     fn is_fed(&self) -> bool {
         true
     }
@@ -101,9 +102,9 @@ impl Firmware for () {
     }
 }
 
-/// A device with registers, ports and a supply that can be switched off and on. At power-on its registers get their reset
-/// values, and retain flags, of which it has as many as its layout says, are left as they are. A reset does the same. It has no switches and
-/// no events. The program that a client brings runs while the device is up.
+/// A device with registers, ports and a supply that can be switched off and on. At power-on its registers get their
+/// reset values, and its retain flags, as many as its layout says, stay unchanged. A reset does the same. It has no
+/// switches and no events. The program of a client runs while the device is up.
 pub struct Plain<F> {
     index: u16,
     name: String,
@@ -145,7 +146,7 @@ impl<F: Firmware> Plain<F> {
         }
     }
 
-    /// Every register as it is after power-on.
+    /// Sets every register to its value after power-on.
     fn reset_registers(&self) -> Result<(), MemoryError> {
         let fitted = DeviceFit::unknown(self.layout);
         let kept = self.firmware.kept().map(|area| area.name);
@@ -208,7 +209,7 @@ impl<F: Firmware> Device for Plain<F> {
 
     fn start(&mut self, ctx: &mut Context) {
         self.supply.start(ctx, &self.face);
-        // They were there when it was built.
+        // The registers were accessible when the device was built.
         let _ = self.reset_registers();
         self.firmware.start(ctx);
         if !self.firmware.starts_program() && self.starts.start(ctx, &self.face).is_some() {

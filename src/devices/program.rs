@@ -7,11 +7,11 @@ use crate::memory::header::{InitialFlagResult, ProgramState, Project, Start};
 use crate::snapshot_fields;
 use serde::{Deserialize, Serialize};
 
-/// The program that a client has brought, and what it was last ordered.
+/// The program of a client, and the last order for it.
 pub(super) struct Starts {
     seen: Seen,
     is_loaded: bool,
-    /// The next start is a cold one: the program is new.
+    /// The next start is a cold one, because the program is new.
     is_new: bool,
 }
 
@@ -38,13 +38,13 @@ impl Starts {
         Starts { seen: Seen::now(face), is_loaded: false, is_new: true }
     }
 
-    /// Whether a client has put in a request or reported what its program does since the last look.
+    /// Whether a client has entered a request or reported its program state since the last poll.
     #[inline]
     pub(super) fn has_changed(&self, face: &Face) -> bool {
         Seen::now(face) != self.seen
     }
 
-    /// Looks at what clients ask and report. `is_up`: the program may run. Returns the last start or stop ordered.
+    /// Polls the requests and reports of clients. `is_up`: the program may run. Returns the last start or stop ordered.
     pub(super) fn look(&mut self, ctx: &mut Context, face: &Face, is_up: bool) -> Option<Start> {
         let seen = Seen::now(face);
         let is_asked = core::mem::replace(&mut self.seen, seen).requests != seen.requests;
@@ -159,7 +159,7 @@ mod tests {
         }
     }
 
-    /// A program that has been stopped and reports it is no new one.
+    /// A stopped program that reports its state is not a new program.
     #[test]
     fn a_program_starts_when_it_comes_and_when_the_supply_comes() {
         let mut rig = Rig::new();

@@ -27,7 +27,7 @@ fn meanings() -> BTreeMap<&'static str, &'static Meaning> {
     registers().filter_map(|register| register.meaning).map(|meaning| (meaning.name, meaning)).collect()
 }
 
-/// All sources of a meaning with the texts that they are for.
+/// All sources of a meaning with the texts that they cover.
 fn sources(meaning: &Meaning) -> Vec<(&'static str, Provenance)> {
     let values = |of: &'static [ValueMeaning]| of.iter().map(|value| (value.text, value.source));
     let bits = meaning.bits.iter().flat_map(|bit| values(bit.values).chain([(bit.name, bit.source)]));
@@ -142,7 +142,7 @@ fn the_sources_of_registers_are_those_of_the_facts() {
     assert_eq!(source("ethernet_config.d_ROUTER", "offset"), None);
 }
 
-/// Sub-structures are shared; the page is that of the structure which the register is looked up in.
+/// Sub-structures are shared; the page belongs to the structure that the register is looked up in.
 #[test]
 fn registers_of_sub_structures_have_the_page_of_their_use() {
     let page = |name: &str| DEVICE.register(name).unwrap().register.page;

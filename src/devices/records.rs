@@ -40,7 +40,7 @@ impl Part for BoardEvent {
     }
 }
 
-/// Something that happened on a board.
+/// An event on a board.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BoardEvent {
     /// Power-on, or RESET was released: all registers have their start values.
@@ -57,10 +57,10 @@ pub enum BoardEvent {
     },
     /// The PLC program is ordered to start or stop.
     Start {
-        /// How.
+        /// Kind of the start.
         kind: Start,
     },
-    /// A project was loaded, or the one that was loaded is deleted.
+    /// A project was loaded, or the loaded project was deleted.
     Project {
         /// The loaded project.
         project: Project,
@@ -117,7 +117,7 @@ pub enum BoardEvent {
         /// `a_IP_ADDRESS`.
         address: Ipv4Addr,
     },
-    /// With this DIP number the stored address is not allowed; the board has none.
+    /// With this DIP number the stored address is not allowed, so the board has no address.
     NoAddress {
         /// `d_IP_CONFIG`.
         config: u32,
@@ -157,7 +157,8 @@ impl BoardEvent {
         }
     }
 
-    /// The way back; `None` for numbers that nothing has. Some that nothing has are let through.
+    /// Converts the numbers back to an event; `None` for numbers that no event has. Some invalid numbers are
+    /// accepted.
     fn from_words(what: u8, numbers: u64) -> Option<Self> {
         let [first, second, third, fourth, ..] = numbers.to_le_bytes();
         let code = u32::from(first);

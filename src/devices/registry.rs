@@ -37,7 +37,7 @@ pub struct Registered {
     /// JSON schema of the keys of that section, but for `kind`; `#/definitions/name` is the schema of names.
     #[cfg(feature = "emulator")]
     pub schema: Option<&'static str>,
-    /// A plant with such a device to begin with, its first one, in which every key is shown.
+    /// A plant with such a device as a template; the first device shows every key.
     #[cfg(feature = "emulator")]
     pub template: Option<&'static str>,
     /// Kinds of journal records that only its firmware writes.
@@ -206,7 +206,7 @@ pub enum RegisterError {
         /// The device.
         name: &'static str,
     },
-    /// There is such a name, number or hash already.
+    /// The name, number or hash is already taken.
     #[error("device '{name}' has {what} {taken} of '{other}'; each belongs to one device or family")]
     Taken {
         /// The device.
@@ -226,7 +226,7 @@ struct Registry {
     all: OnceLock<Vec<&'static Registered>>,
 }
 
-/// The one of this process.
+/// The registry of this process.
 static REGISTRY: Registry = Registry::new();
 
 impl Registry {
@@ -262,7 +262,7 @@ impl Registry {
     }
 }
 
-/// A name or number that only one can have.
+/// A unique name or number.
 struct Claim {
     owner: &'static str,
     what: &'static str,
@@ -341,7 +341,7 @@ pub fn register(device: &'static Registered) -> Result<(), RegisterError> {
     REGISTRY.register(device)
 }
 
-/// Every device, the default one first. From now on none can be added.
+/// Every device, the default one first. From now on no device can be added.
 #[must_use]
 pub fn all() -> &'static [&'static Registered] {
     REGISTRY.all()
@@ -411,7 +411,7 @@ mod tests {
         assert!(find("omega").is_none() && of_hash(0).is_none());
     }
 
-    /// The retain flags are one more area.
+    /// The retain flags are an additional area.
     #[test]
     fn areas_and_ports_of_every_device_fit_into_the_header_page() {
         for layout in all().iter().map(|known| known.layout) {

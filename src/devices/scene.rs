@@ -2,10 +2,10 @@
 
 use serde::{Deserialize, Serialize};
 
-/// An interval that comes again and again on a medium.
+/// An interval that repeats on a medium.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Interval {
-    /// Time from one SYNC edge to the next, in us.
+    /// Time between two SYNC edges, in us.
     pub us: u32,
     /// Its slots, in the order of their times.
     pub slots: Vec<Slot>,

@@ -28,7 +28,7 @@ pub struct SettingError {
 /// Why a device or medium cannot be built.
 #[derive(Debug, thiserror::Error)]
 pub enum BuildError {
-    /// Its RAM is too small or read-only.
+    /// The RAM of the device is too small or read-only.
     #[error(transparent)]
     Memory(#[from] MemoryError),
     /// A port and its medium are of different families.
@@ -99,7 +99,7 @@ pub fn refused_at(span: Range<usize>, text: String) -> toml::de::Error {
     }
 }
 
-/// Takes no value at all, and says why.
+/// A deserializer that accepts no value, and returns the reason.
 struct Refusal {
     text: String,
 }

@@ -1,5 +1,5 @@
-//! The supply of a device, with what its switch in the header page asks for. A reset does the same as the supply off and
-//! on.
+//! The supply of a device, with the request of its switch in the header page. A reset has the same effect as switching
+//! the supply off and on.
 
 use super::records::{BoardEvent, OnBoard};
 use super::{Context, Look, Power};
@@ -48,7 +48,7 @@ impl Supply {
         self.look(face)
     }
 
-    /// Whether a client has turned the switch since the last look.
+    /// Whether a client has turned the switch since the last poll.
     #[inline]
     pub(super) fn has_changed(&self, face: &Face) -> bool {
         face.asked().program.power.load() != self.seen

@@ -1,4 +1,4 @@
-//! The faults of an installation: which wait, which act, how often they have hit.
+//! The faults of an installation: pending and active faults, and their hits.
 
 use super::{
     Draft, Effect, Fault, FaultNews, FaultStatus, Hit, Kind, Limit, MAX_FAULTS, News, Owner, Refusal, Sites,
@@ -8,7 +8,7 @@ use crate::journal::Journal;
 use crate::snapshot_fields::{Damaged, Saved, Saving};
 use serde::{Deserialize, Serialize};
 
-/// Time at which nothing is ever due.
+/// Time of an event that never occurs.
 const NEVER: u64 = u64::MAX;
 
 /// A fault in the list.
@@ -87,7 +87,7 @@ impl Kept {
     }
 }
 
-/// The list of faults. While it is empty, it costs one look at [`Faults::is_empty`].
+/// The list of faults. While it is empty, it costs only a call of [`Faults::is_empty`].
 #[derive(Default)]
 pub struct Faults {
     entries: Vec<Entry>,
@@ -97,7 +97,7 @@ pub struct Faults {
 }
 
 impl Faults {
-    /// Saves those that wait or act.
+    /// Saves the pending and active faults.
     pub(crate) fn save(&self, to: &mut Saving) {
         // The next time follows from the entries.
         let Faults { entries, last_id, next: _ } = self;
@@ -121,19 +121,19 @@ impl Faults {
         Ok(())
     }
 
-    /// Whether there is none.
+    /// Whether there is no fault.
     #[inline]
     pub fn is_empty(&self) -> bool {
         self.entries.is_empty()
     }
 
-    /// When the next fault begins or ends; `u64::MAX` if none does.
+    /// Time at which the next fault begins or ends; `u64::MAX` if none does.
     #[inline]
     pub fn next_time(&self) -> u64 {
         self.next.unwrap_or(NEVER)
     }
 
-    /// Adds a fault that `owner` lets act; it begins with the next call of [`Faults::advance`]. Returns its number.
+    /// Adds a fault that `owner` applies; it begins with the next call of [`Faults::advance`]. Returns its number.
     ///
     /// # Errors
     /// [`Refusal::TooMany`].
@@ -162,7 +162,7 @@ impl Faults {
         Ok(id)
     }
 
-    /// The number after the last one given; after 65535 those that are free again.
+    /// Returns the number after the last one given; after 65535 free numbers are reused.
     fn free_id(&self) -> u16 {
         let taken = |id: &u16| self.entries.iter().any(|entry| entry.status.id == *id);
         let mut id = self.last_id;
@@ -200,8 +200,8 @@ impl Faults {
         Ok(())
     }
 
-    /// Lets the faults strike that `owner` lets act, in the order in which they were added. `strike` gets where, the effect and
-    /// the number of hits before; it says whether this is a hit, and what to note of it.
+    /// Fires the faults that `owner` applies, in the order in which they were added. `fire` receives the target, the
+    /// effect and the number of earlier hits; it returns the details if this is a hit.
     pub fn fire<E: 'static>(
         &mut self,
         now: u64,
@@ -245,7 +245,7 @@ impl Faults {
         }
     }
 
-    /// The effects that `owner` lets act now, and where.
+    /// The active effects that `owner` applies, with their targets.
     pub fn acting<E: 'static>(&self, owner: Owner) -> impl Iterator<Item = (Target, &E)> {
         let entries = self.entries.iter().filter(move |entry| entry.status.acting && entry.owner == owner);
         entries.filter_map(|entry| Some((entry.status.fault.target(), entry.effect.get()?)))

@@ -28,16 +28,16 @@ pub enum Refusal {
         /// Description of a correct value.
         right: String,
     },
-    /// Values of which each is right, but not together.
+    /// Values that are valid separately, but not together.
     #[error("{0}")]
     Disagree(String),
-    /// It acts somewhere else.
+    /// The kind acts on another place.
     #[error("it acts on {}", acts_on(*.place))]
     OtherPlace {
-        /// Where faults of this kind act.
+        /// Place of faults of this kind.
         place: Place,
     },
-    /// A count for a fault that does not come in hits.
+    /// A count for a fault that has no hits.
     #[error("count has no meaning for {}; give duration_us, or clear the fault", .kind.name())]
     NotCounted {
         /// The kind.
@@ -46,7 +46,7 @@ pub enum Refusal {
     /// Two ways to end.
     #[error("count and duration_us exclude each other; give one of them")]
     TwoLimits,
-    /// No such bus.
+    /// There is no such bus.
     #[error("bus {bus} does not exist; there are {count}, numbered from 0")]
     UnknownBus {
         /// The bus.
@@ -54,7 +54,7 @@ pub enum Refusal {
         /// Number of buses.
         count: u16,
     },
-    /// No such PLC.
+    /// There is no such PLC.
     #[error("PLC {plc} does not exist; there are {count}, numbered from 0")]
     UnknownPlc {
         /// The PLC.
@@ -62,7 +62,7 @@ pub enum Refusal {
         /// Number of PLCs.
         count: u16,
     },
-    /// No such slave.
+    /// There is no such slave.
     #[error("bus {bus} has no slave {slave}; its slaves are: {}", slave_list(*.present))]
     NoSlave {
         /// The bus.
@@ -72,7 +72,7 @@ pub enum Refusal {
         /// The slaves it has, bit n for slave n.
         present: u32,
     },
-    /// No such port.
+    /// There is no such port.
     #[error("PLC {plc} has no port {port}; its ports are: {}", port_list(.layout))]
     NoPort {
         /// The PLC.
@@ -92,7 +92,7 @@ pub enum Refusal {
         /// Its ports that are on a bus.
         plugged: Vec<&'static str>,
     },
-    /// A bus on which there is no such fault.
+    /// The bus cannot have such a fault.
     #[error("bus {bus} cannot have it; its faults are: {}", kind_list(.known))]
     NotOfBus {
         /// The bus.
@@ -100,7 +100,7 @@ pub enum Refusal {
         /// The faults of its kind of buses.
         known: &'static [&'static Kind],
     },
-    /// A PLC that cannot have such a fault.
+    /// The PLC cannot have such a fault.
     #[error("PLC {plc} cannot have it; its faults are: {}", kind_list(.known))]
     NotOfPlc {
         /// The PLC.
@@ -108,10 +108,10 @@ pub enum Refusal {
         /// The faults that it has itself.
         known: &'static [&'static Kind],
     },
-    /// Too many faults at a time.
+    /// There are too many faults.
     #[error("there are {MAX_FAULTS} faults already; clear one first")]
     TooMany,
-    /// No fault of that number.
+    /// There is no fault of that number.
     #[error("there is no fault {id}; it may have ended")]
     UnknownFault {
         /// The number.
@@ -122,14 +122,14 @@ pub enum Refusal {
 /// Error in a [`FaultSpec`](super::FaultSpec).
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum FaultError {
-    /// A kind that does not exist.
+    /// The kind does not exist.
     #[error("kind = \"{kind}\": there is no such fault{hint}; the kinds are: {known}")]
     UnknownKind {
         /// Text of the description.
         kind: String,
         /// Kind that may be meant.
         hint: String,
-        /// The kinds there are.
+        /// The known kinds.
         known: String,
     },
     /// A field that no kind has.
@@ -140,7 +140,7 @@ pub enum FaultError {
         /// Text of the description.
         field: String,
     },
-    /// A field that the kind does not have.
+    /// The kind does not have the field.
     #[error("{}: {field} has no meaning; its fields are: {}", .kind.name(), field_list(.kind))]
     NotForKind {
         /// The kind.
@@ -168,27 +168,27 @@ pub enum FaultError {
         /// Description of a correct value.
         right: String,
     },
-    /// A bus that does not exist.
+    /// The bus does not exist.
     #[error("{}: bus \"{bus}\" does not exist; buses are: {known}", .kind.name())]
     UnknownBus {
         /// The kind.
         kind: &'static Kind,
         /// Text of the description.
         bus: String,
-        /// The buses there are.
+        /// The known buses.
         known: String,
     },
-    /// A PLC that does not exist.
+    /// The PLC does not exist.
     #[error("{}: PLC \"{plc}\" does not exist; PLCs are: {known}", .kind.name())]
     UnknownPlc {
         /// The kind.
         kind: &'static Kind,
         /// Text of the description.
         plc: String,
-        /// The PLCs there are.
+        /// The known PLCs.
         known: String,
     },
-    /// A port that the PLC does not have.
+    /// The PLC does not have the port.
     #[error("{}: PLC \"{plc}\" has no port {port}; its ports are: {known}", .kind.name())]
     NoPort {
         /// The kind.
@@ -200,7 +200,7 @@ pub enum FaultError {
         /// The ports it has.
         known: String,
     },
-    /// A slave that the bus does not have.
+    /// The bus does not have the slave.
     #[error("{}: bus \"{bus}\" has no slave {slave}; its slaves are: {}", .kind.name(), slave_list(*.present))]
     NoSlave {
         /// The kind.
@@ -224,7 +224,7 @@ pub enum FaultError {
         /// Its ports that are on a bus.
         plugged: Vec<&'static str>,
     },
-    /// A bus on which there is no such fault.
+    /// The bus cannot have such a fault.
     #[error("{}: bus \"{bus}\" cannot have it; its faults are: {}", .kind.name(), kind_list(.known))]
     NotOfBus {
         /// The kind.
@@ -234,7 +234,7 @@ pub enum FaultError {
         /// The faults of its kind of buses.
         known: &'static [&'static Kind],
     },
-    /// A PLC that cannot have such a fault.
+    /// The PLC cannot have such a fault.
     #[error("{}: PLC \"{plc}\" cannot have it; its faults are: {}", .kind.name(), kind_list(.known))]
     NotOfPlc {
         /// The kind.
@@ -255,7 +255,7 @@ pub enum FaultError {
 }
 
 impl FaultError {
-    /// The refusal of a fault, with the names of what it concerns.
+    /// The refusal of a fault, with the names of its targets.
     pub fn refused(kind: &'static Kind, refusal: Refusal, names: &Names) -> Self {
         let (bus_name, plc_name) = (|bus| names.bus(bus).into_owned(), |plc| names.plc(plc).into_owned());
         match refusal {

@@ -36,7 +36,7 @@ pub enum Form {
         least: u64,
         /// The largest.
         most: u64,
-        /// How many digits are written at least.
+        /// Minimum number of digits.
         digits: usize,
     },
     /// A time in emulated microseconds.
@@ -54,7 +54,7 @@ enum Need {
     Optional,
     /// Left out it has this value.
     Default(u32),
-    /// It must be given; what would be right.
+    /// The field is required; the text describes a correct value.
     Required(&'static str),
 }
 
@@ -71,13 +71,13 @@ impl Field {
         Field { other_name: Some(other_name), ..self }
     }
 
-    /// The same, not to be left out; `right` says what to give.
+    /// Returns the same field, as a required one; `right` describes a correct value.
     #[must_use]
     pub const fn required(self, right: &'static str) -> Self {
         Field { need: Need::Required(right), ..self }
     }
 
-    /// The same; left out it has this value.
+    /// Returns the same field with a default value.
     #[must_use]
     pub const fn default(self, value: u32) -> Self {
         Field { need: Need::Default(value), ..self }
@@ -115,7 +115,7 @@ impl Field {
         }
     }
 
-    /// Its value if it is left out.
+    /// Default value of the field.
     pub(super) const fn default_value(&self) -> Option<u32> {
         match self.need {
             Need::Default(value) => Some(value),
@@ -135,14 +135,14 @@ impl Field {
         }
     }
 
-    /// How many bits its largest value has.
+    /// Number of bits of its largest value.
     #[must_use]
     pub const fn bits(&self) -> u32 {
         let (_, most) = self.range();
         u64::BITS - most.leading_zeros()
     }
 
-    /// Checks a value: the one place that does so, however it has come.
+    /// Checks a value; the only check, for all sources of values.
     ///
     /// # Errors
     /// [`Refusal::Range`].
@@ -167,7 +167,7 @@ impl Field {
         }
     }
 
-    /// A value in the base in which it is written.
+    /// Formats a value in the base of the field.
     pub(super) fn show(&self, value: u64) -> String {
         match self.form {
             Form::Hex { .. } => format!("16#{value:03X}"),
@@ -175,7 +175,7 @@ impl Field {
         }
     }
 
-    /// Whether this is its name, or the other one.
+    /// Whether the field has this name or alternative name.
     pub(super) fn is_called(&self, name: &str) -> bool {
         self.name == name || self.other_name == Some(name)
     }

@@ -5,18 +5,18 @@ use serde::de::{Error, MapAccess, Visitor};
 use serde::ser::SerializeMap;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-/// The word for a fault that must strike.
+/// The word for a fault that must hit.
 pub(super) const REQUIRED: &str = "required";
 
-/// A `[[fault]]` of a plant file, and the arguments of `commram fault add`: its kind, and its fields under the names that
-/// they were given. `docs/reference/faults.md` describes the fields of each kind.
+/// A `[[fault]]` of a plant file, and the arguments of `commram fault add`: its kind, and its fields with their given
+/// names. `docs/reference/faults.md` describes the fields of each kind.
 #[derive(Clone, Debug, Default)]
 pub struct FaultSpec {
     /// Name of the kind.
     pub kind: String,
-    /// Names of fields and what they hold.
+    /// Names and values of the fields.
     pub fields: Vec<(String, Given)>,
-    /// Whether a scenario has failed in which it never struck. Counts in scenarios only.
+    /// Whether a scenario fails if the fault has never hit. Has an effect in scenarios only.
     pub required: bool,
 }
 

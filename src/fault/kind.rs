@@ -28,7 +28,7 @@ pub struct Kind {
     effect: fn(&Fault) -> Effect,
 }
 
-/// Where a kind of fault acts.
+/// Place on which a kind of fault acts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Place {
     /// A bus as a whole.
@@ -41,7 +41,7 @@ pub enum Place {
     Device,
 }
 
-/// The fields that say where.
+/// The fields for the target.
 static BUS: Field = Field::new("bus", Form::Name, "Name of the bus");
 static PLC: Field = Field::new("plc", Form::Name, "Name of the PLC").or("device");
 /// The port of a PLC.
@@ -69,7 +69,7 @@ pub(super) static DURATION_US: Field = Field::new(
 .or("for_us");
 
 impl Place {
-    /// The fields that say where.
+    /// The fields for the target.
     pub fn fields(self) -> &'static [&'static Field] {
         match self {
             Place::Medium => const { &[&BUS] },
@@ -81,7 +81,7 @@ impl Place {
 }
 
 impl Kind {
-    /// The fields of every kind, which say when.
+    /// The fields of every kind for time and limit.
     pub const COMMON: [&'static Field; 3] = [&AT_US, &COUNT, &DURATION_US];
 
     /// Creates a kind without fields, which lasts until it is cleared. Number and name are unique; `effect` converts
@@ -109,13 +109,14 @@ impl Kind {
         }
     }
 
-    /// The same, at ports to media of these families only: where a device has one such port, `node` may be left out.
+    /// Returns the same kind, limited to ports to media of these families: if a device has one such port, `node` may
+    /// be left out.
     #[must_use]
     pub const fn at_ports_to(self, families: &'static [&'static str]) -> Self {
         Kind { families, ..self }
     }
 
-    /// The same with fields, [`MAX_FIELDS`] at most. Their values are 32 bits wide.
+    /// Returns the same kind with fields, [`MAX_FIELDS`] at most. Their values are 32 bits wide.
     ///
     /// # Panics
     /// If the values do not fit into an operation of the channel; as kinds are constants, at compile time.
@@ -133,7 +134,7 @@ impl Kind {
         Kind { fields, ..self }
     }
 
-    /// The same, shown in help with these fields.
+    /// Returns the same kind with an example for the help.
     #[must_use]
     pub const fn shown(self, example: &'static str) -> Self {
         Kind { example, ..self }
@@ -145,7 +146,7 @@ impl Kind {
         Kind { happens_once: true, ..self }
     }
 
-    /// The same, a condition that does not come in hits: it cannot end by `count`.
+    /// Returns the same kind as a condition without hits: it cannot end by `count`.
     #[must_use]
     pub const fn without_hits(self) -> Self {
         Kind { has_hits: false, ..self }
@@ -174,7 +175,7 @@ impl Kind {
         self.name
     }
 
-    /// Where it acts.
+    /// Place on which the kind acts.
     #[must_use]
     pub const fn place(&self) -> Place {
         self.place
@@ -204,13 +205,13 @@ impl Kind {
         self.happens_once
     }
 
-    /// Whether it comes in hits and can end by `count`.
+    /// Whether the kind has hits and can end by `count`.
     #[must_use]
     pub const fn has_hits(&self) -> bool {
         self.has_hits
     }
 
-    /// All fields: where, its own, when.
+    /// All fields: target, own fields, time and limit.
     pub fn all_fields(&'static self) -> impl Iterator<Item = &'static Field> {
         self.place.fields().iter().copied().chain(self.fields).chain(Self::COMMON)
     }

@@ -1,4 +1,4 @@
-//! Faults to be injected: what goes wrong, where, from when and how often.
+//! Faults to be injected: kind, target, begin and limit.
 //!
 //! This module knows no kind of fault: the families of devices and media define theirs ([`Kind`]) and apply them. A
 //! [`Fault`] refers to buses and PLCs by index, so it is small and can travel anywhere, and its values are always valid
@@ -32,7 +32,7 @@ pub use words::WordError;
 use kind::{AT_US, COUNT, DURATION_US};
 use serde::{Deserialize, Serialize};
 
-/// Longest duration of a fault: one hour of emulated time, in microseconds.
+/// Maximum duration of a fault: one hour of emulated time, in microseconds.
 pub const MAX_DURATION_US: u32 = 3_600_000_000;
 /// Latest begin of a fault: 365 days of emulated time after power-on, in microseconds.
 pub const MAX_AT_US: u64 = 31_536_000_000_000;
@@ -42,7 +42,7 @@ pub const MAX_FAULTS: usize = 256;
 /// Values of a kind's own fields, in their order; none where a field is left out that has no default.
 pub type Values = [Option<u32>; MAX_FIELDS];
 
-/// A fault that its kind allows. Whether an installation can have it is for [`Sites::owner`] to say.
+/// A fault that is valid for its kind. [`Sites::owner`] checks whether an installation can have it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Fault {
     kind: &'static Kind,
@@ -57,15 +57,15 @@ pub struct Fault {
 pub struct Draft {
     /// Its kind.
     pub kind: &'static Kind,
-    /// Where it shall act.
+    /// Target of the fault.
     pub target: Target,
     /// Values of the kind's own fields, in their order; none where a field is left out.
     pub values: [Option<u64>; MAX_FIELDS],
     /// Emulated time of its begin in microseconds since power-on; a time in the past (0, for example) means at once.
     pub at_us: u64,
-    /// How many times it shall hit.
+    /// Number of hits after which the fault ends.
     pub count: Option<u64>,
-    /// How long it shall act, in emulated microseconds.
+    /// Duration of the fault, in emulated microseconds.
     pub duration_us: Option<u64>,
 }
 
@@ -78,7 +78,7 @@ pub struct FaultStatus {
     pub fault: Fault,
     /// Whether it has begun.
     pub acting: bool,
-    /// How often it has hit so far.
+    /// Number of hits so far.
     pub hits: u32,
 }
 
@@ -94,7 +94,7 @@ pub enum Limit {
 }
 
 impl Draft {
-    /// A fault without values, at once, that ends as its kind does.
+    /// Creates a fault without values that begins at once and ends as its kind does.
     #[must_use]
     pub const fn new(kind: &'static Kind, target: Target) -> Self {
         Draft { kind, target, values: [None; MAX_FIELDS], at_us: 0, count: None, duration_us: None }
@@ -103,7 +103,7 @@ impl Draft {
     /// The fault, if its kind allows it.
     ///
     /// # Errors
-    /// [`Refusal`] names the field and what would be right.
+    /// [`Refusal`] names the field and a correct value.
     pub fn check(self) -> Result<Fault, Refusal> {
         let Draft { kind, target, values: given, at_us, count, duration_us } = self;
         if target.place() != kind.place() {
@@ -145,7 +145,7 @@ impl Fault {
         self.kind
     }
 
-    /// Where it acts.
+    /// Target of the fault.
     #[must_use]
     pub const fn target(&self) -> Target {
         self.target
@@ -157,7 +157,7 @@ impl Fault {
         self.values
     }
 
-    /// Value of the kind's own field `name`; none if it is left out.
+    /// Value of the kind's own field `name`; `None` if it is left out.
     #[must_use]
     pub fn value(&self, name: &str) -> Option<u32> {
         let index = self.kind.fields().iter().position(|field| field.name() == name)?;
@@ -171,7 +171,7 @@ impl Fault {
         self.at_us
     }
 
-    /// How long or how often.
+    /// Limit of duration or hits.
     #[must_use]
     pub const fn limit(&self) -> Limit {
         self.limit

@@ -12,7 +12,7 @@ pub static KINDS: &[&Kind] = &[FaultNews::KIND];
 /// News of an injected fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FaultNews {
-    /// Where it acts.
+    /// Target of the fault.
     pub target: Target,
     /// Its number in the plant.
     pub id: u16,
@@ -25,13 +25,13 @@ pub struct FaultNews {
 /// Event of an injected fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum News {
-    /// It was added; it begins at its time.
+    /// The fault was added; it begins at its time.
     Added,
-    /// It has hit.
+    /// The fault has hit.
     Hit(Hit),
     /// Its count or duration is over.
     Over,
-    /// It was cleared.
+    /// The fault was cleared.
     Cleared,
 }
 

@@ -1,4 +1,4 @@
-//! A fault as it is listed: in the words in which it could be given.
+//! Lists a fault in the words of its description.
 
 use super::spec::port_given;
 use super::{Fault, FaultSpec, Field, Form, Given, Kind, Limit, Target};
@@ -23,7 +23,7 @@ impl Fault {
         text
     }
 
-    /// Its fields; those that mean what they mean left out are left out.
+    /// Its fields, without the fields at their default values.
     fn given(&self, names: &Names) -> Vec<(&'static Field, Given)> {
         let bus = |index| Given::Text(names.bus(index).into_owned());
         let plc = |index| Given::Text(names.plc(index).into_owned());

@@ -1,9 +1,9 @@
-//! Where a fault acts, and what an installation has that faults can concern.
+//! Targets of faults, and the targets that an installation has.
 
 use super::{Fault, Kind, Place, Refusal};
 use crate::layout::Device;
 
-/// Where a fault acts. Buses and PLCs are counted as in the plant file, from 0.
+/// Target of a fault. Buses and PLCs are numbered as in the plant file, from 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Target {
     /// A bus.
@@ -47,7 +47,7 @@ impl Target {
         }
     }
 
-    /// Index of the bus or PLC, and number of the participant or port, from which [`Target::of_numbers`] makes it again.
+    /// Index of the bus or PLC, and number of the participant or port; [`Target::of_numbers`] converts them back.
     #[must_use]
     pub const fn numbers(self) -> (u16, u8) {
         match self {
@@ -57,7 +57,7 @@ impl Target {
         }
     }
 
-    /// The way back.
+    /// Converts the result of `numbers` back.
     #[must_use]
     pub const fn of_numbers(place: Place, index: u16, number: u8) -> Self {
         match place {
@@ -83,7 +83,7 @@ pub struct Sites {
 pub struct MediumSite {
     /// The kinds that its family has.
     pub faults: &'static [&'static Kind],
-    /// Whether it can have a fault of one of these kinds; else why not.
+    /// Checks that the device can have a fault of one of these kinds; the error contains the reason.
     pub fits: fn(&Fault) -> Result<(), String>,
     /// Its participants, bit n for number n.
     pub participants: u32,
@@ -134,7 +134,7 @@ impl Sites {
                         known.name
                     )));
                 }
-                // It is the port's firmware that has it, or what the medium does with any port.
+                // The fault belongs to the port's firmware, or to the medium for any port.
                 if !site.faults.contains(&fault.kind()) {
                     self.medium(medium, fault)?;
                 }

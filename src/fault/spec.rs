@@ -1,4 +1,4 @@
-//! From a fault as people write it to one that its kind allows.
+//! Conversion of a fault description to a checked fault.
 
 use super::error::{kind_list, list, port_list};
 use super::kind::{AT_US, COUNT, DURATION_US, NODE, SLAVE};
@@ -9,7 +9,7 @@ use crate::journal::Names;
 use crate::layout::{Device, Port, did_you_mean};
 
 impl FaultSpec {
-    /// The fault this describes in an installation with these names, one of these kinds.
+    /// Returns the described fault in an installation with these names, one of these kinds.
     ///
     /// # Errors
     /// [`FaultError`] names the field and a correct value. Only the installation can check that the slave
@@ -110,7 +110,7 @@ impl<'a> Reader<'a> {
         self.named(Place::Device, &self.names.plcs, unknown)
     }
 
-    /// Index of the bus or PLC; left out, it is the only one there is.
+    /// Index of the bus or PLC; if the name is left out, the only existing one.
     fn named(
         &self,
         place: Place,

@@ -15,7 +15,8 @@ impl Plant {
         widths.load(ram, offset, width)
     }
 
-    /// Writes `width` at `offset` of PLC `plc`, notes it in the journal and lets the checker judge it.
+    /// Writes `width` at `offset` of PLC `plc`, records it in the journal and lets the checker check
+    /// it.
     ///
     /// # Errors
     /// Same as [`Plant::load`].

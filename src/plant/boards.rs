@@ -16,8 +16,8 @@ impl Plant {
         }
         self.look_for_writes();
         let changed = self.look_at_requests();
-        // Without an answer nothing was written here, and what a task stores meanwhile, in its turn, must not pass for
-        // the firmware's own.
+        // Without an answer the firmware wrote nothing here, and stores of a task in its turn must not count as the
+        // firmware's own.
         if changed {
             // A cold start has written the retain flags.
             self.forces.apply(&self.devices);
@@ -46,8 +46,8 @@ impl Plant {
         changed
     }
 
-    /// Switches supply or RESET of a PLC at the present time. Other PLCs and their buses go on; the bus of its node
-    /// 2 stops as when its master is restarted.
+    /// Switches supply or RESET of a PLC at the present time. Other PLCs and their buses continue; the bus of its node
+    /// 2 stops as at a restart of its master.
     pub fn set_power(&mut self, plc: usize, power: Power) {
         self.look_for_writes();
         if let Some(device) = self.devices.get_mut(plc) {
@@ -59,7 +59,7 @@ impl Plant {
         self.leave();
     }
 
-    /// Does something to the board of a PLC at the present time. `false`: it has no such switch.
+    /// Changes a setting of the board of a PLC at the present time. Returns `false` if it has no such switch.
     pub fn set_board(&mut self, plc: usize, setting: BoardSetting) -> bool {
         let steps = match setting {
             BoardSetting::Front { word, value } => {
@@ -79,7 +79,7 @@ impl Plant {
         true
     }
 
-    /// Writes a word of a front as a client does; `false`: it is none that clients write, or cannot be that.
+    /// Writes a word of a front as a client does; `false`: clients do not write this word, or not this value.
     fn set_front(&self, plc: usize, index: usize, value: u32) -> bool {
         let Some(device) = self.devices.get(plc) else { return false };
         let is_it =
@@ -91,7 +91,7 @@ impl Plant {
         index.zip(face).map(|(index, face)| face.put(|page| &page.front[index], value)).is_some()
     }
 
-    /// Notes what became of a task in lockstep.
+    /// Records the new state of a task in lockstep.
     pub fn note_lockstep(&mut self, plc: usize, event: usize, state: SeatState) {
         let (plc, event) = (plc as u16, u8::try_from(event).unwrap_or(u8::MAX));
         self.journal.push(self.now, OnBoard { plc, what: BoardEvent::Lockstep { event, state } });

@@ -1,4 +1,4 @@
-//! The plant file: which PLCs, buses and drives there are.
+//! The plant file: PLCs, buses and drives.
 
 mod checks;
 mod doubts;
@@ -29,7 +29,7 @@ use twox_hash::XxHash3_64;
 /// PLCs, and buses: the journal's records have 16 bits for them.
 const MOST: usize = u16::MAX as usize;
 
-/// The plant that runs when no file is given.
+/// The plant that runs without a file.
 const BUILT_IN: &str = include_str!("built_in.toml");
 
 /// A plant, as described by a plant file (TOML). See `docs/reference/plant.md`.
@@ -38,13 +38,13 @@ pub struct PlantConfig {
     /// Interval at which the firmware polls registers that no doorbell announces, in emulated microseconds (10..=10000,
     /// default 500; decision D-22).
     pub processor_cycle_us: u32,
-    /// The devices, one at least: first each `[[plc]]`, then each `[[device]]`.
+    /// The devices, at least one: first each `[[plc]]`, then each `[[device]]`.
     pub devices: Vec<Arc<dyn DeviceConfig>>,
     /// The media.
     pub media: Vec<Arc<dyn MediumConfig>>,
     /// Faults that are injected from power-on or from a time on; see `docs/reference/faults.md`.
     pub faults: Vec<FaultSpec>,
-    /// The text that all of this was made of.
+    /// The text of the plant file.
     text: Arc<str>,
 }
 
@@ -58,7 +58,7 @@ impl PlantConfig {
     /// Reads and checks a plant file.
     ///
     /// # Errors
-    /// [`PlantError`], naming the thing and what would be right.
+    /// [`PlantError`] with the wrong entry and a correct value.
     pub fn load(path: &Path) -> Result<Self, PlantError> {
         let text = input_file::read(path, input_file::LONGEST_PLANT)
             .map_err(|source| PlantError::Read { path: path.to_owned(), source })?;
@@ -68,7 +68,7 @@ impl PlantConfig {
     /// Parses and checks the text of a plant file; `file` is its name for messages.
     ///
     /// # Errors
-    /// [`PlantError`], naming the thing and what would be right.
+    /// [`PlantError`] with the wrong entry and a correct value.
     pub fn parse(file: &str, text: &str) -> Result<Self, PlantError> {
         let (config, faults) = file::read(file, text)?;
         config.check().map_err(|error| {
@@ -87,7 +87,7 @@ impl PlantConfig {
         &self.text
     }
 
-    /// The text that it was made of.
+    /// The text of the plant file.
     pub(super) fn text(&self) -> &Arc<str> {
         &self.text
     }
@@ -110,7 +110,7 @@ impl PlantConfig {
     /// The faults of the file, checked.
     ///
     /// # Errors
-    /// [`PlantError::Fault`] names the field and what would be right.
+    /// [`PlantError::Fault`] names the field and a correct value.
     pub fn resolved_faults(&self) -> Result<Vec<Fault>, PlantError> {
         let (names, sites) = (self.names(), self.sites());
         let resolve = |spec: &FaultSpec| {
@@ -195,8 +195,8 @@ impl PlantConfig {
 /// A port, with its device's name.
 type PortOf<'a> = (&'a str, PortConfig<'a>);
 
-/// The participants with a number on a medium: `ports` first, then those of the medium itself. A port goes by the name of its
-/// device, or as in `maxx:slotG` where the device has several there.
+/// The participants with a number on a medium: `ports` first, then the participants of the medium itself. A port has
+/// the name of its device, or a name like `maxx:slotG` if the device has several ports there.
 fn numbers_on<'a>(medium: &'a dyn MediumConfig, ports: &'a [PortOf<'a>]) -> Vec<(Cow<'a, str>, u8)> {
     let is_alone = |name: &str| ports.iter().filter(|(other, _)| *other == name).nth(1).is_none();
     let numbered = ports.iter().filter_map(|(name, port)| {

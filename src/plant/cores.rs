@@ -1,4 +1,4 @@
-//! A plant with many media: each goes on by itself as long as it can, on one core or on several.
+//! A plant with many media: each runs independently as long as it can, on a single core or on several.
 //!
 //! Between two moments of interaction (SYNC edges, times of devices), media that allow it run independently
 //! ([`Medium::apart_until`]), each with all its events in a row. The data of a medium then come into the processor's
@@ -23,8 +23,8 @@ const TELLERS: usize = 256;
 /// Media that run independently, with their ports.
 type Share = (usize, Vec<Box<dyn Medium>>, Journal);
 
-/// Until when media go on by themselves, and the processor cycles in between, which are looked at only where one would find
-/// something.
+/// A period in which media run independently, with its processor cycles; a cycle runs only if it would change the
+/// state.
 #[derive(Clone, Copy)]
 struct Stretch {
     until: u64,
@@ -93,12 +93,12 @@ impl Plant {
         true
     }
 
-    /// Whether enough media have something to do before that.
+    /// Whether enough media have events before `until`.
     fn is_worth_while(&self, until: u64) -> bool {
         self.media().iter().filter(|medium| medium.next_time() < until).nth(LEAST - 1).is_some()
     }
 
-    /// All media and drafts, in as many shares as there are drafts.
+    /// Splits all media and drafts into shares, one for each draft.
     fn shares(&mut self) -> Vec<Share> {
         let size = self.media.len().div_ceil(self.drafts.len());
         let mut media = core::mem::take(&mut self.media).into_iter();
@@ -136,7 +136,7 @@ impl Plant {
         is_shared
     }
 
-    /// Calls the functions for the watches of all devices and for those of all ports, where they are plugged in.
+    /// Calls the functions for the watches of all devices and of all ports, at the media where they are plugged in.
     fn each_watch(
         &mut self,
         of_device: impl Fn(usize, &mut DeviceWatch, &mut Journal) + Copy + Send + 'static,
@@ -168,7 +168,8 @@ impl Plant {
 }
 
 impl Stretch {
-    /// Medium number `index` goes on, with the processor cycles of those in `seats` at it. Returns when its last event was.
+    /// Runs medium number `index`, with the processor cycles of the ports in `seats`. Returns the time of its last
+    /// event.
     fn run(self, index: usize, medium: &mut dyn Medium, seats: &[Seat], draft: &mut Journal) -> u64 {
         let (mut faults, mut edges) = (Faults::default(), Vec::new());
         let (mut last, mut cycle) = (0, self.first_cycle);

@@ -3,12 +3,12 @@
 use super::Plant;
 use crate::devices::{DriveDetails, DriveState, ParameterRefusal, Shaft};
 
-/// Where a drive is.
+/// Location of a drive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum At {
     /// On a bus, at this place of [`Medium::drives`](crate::devices::Medium::drives).
     Bus(usize, usize),
-    /// The one that a device is built into.
+    /// The drive that is built into a device.
     Device(usize),
 }
 
@@ -17,15 +17,15 @@ enum At {
 pub struct PlantDrive {
     /// `winder`; of the drive that a PLC is built into `line:drive`.
     pub name: String,
-    /// Its bus, if it is on one.
+    /// Bus of the drive, if it is on a bus.
     pub bus: Option<String>,
     /// State of the drive.
     pub state: DriveState,
 }
 
 impl Plant {
-    /// The drives: those on buses in the order of the plant file, then those of devices. Their places here are their
-    /// numbers.
+    /// The drives: first the drives on buses in the order of the plant file, then the drives of devices. Their
+    /// positions here are their numbers.
     pub fn drives(&self) -> Vec<PlantDrive> {
         let on_bus = self.media().iter().flat_map(|medium| {
             let drive = |(name, state): (&str, _)| PlantDrive {

@@ -1,8 +1,8 @@
 //! Forced registers: they keep their value even if firmware and PLC write them.
 //!
-//! Plain RAM cannot trap accesses, so a forced value is put back whenever the firmware is about to look and
-//! whenever it has written. The firmware therefore never sees another value; a PLC on the mapped RAM sees
-//! what it wrote itself until the next event of the bus or processor cycle (decision D-105).
+//! Plain RAM cannot trap accesses, so a forced value is restored before each poll and after each write of
+//! the firmware. The firmware therefore never sees another value; a PLC on the mapped RAM sees its own value
+//! until the next event of the bus or processor cycle (decision D-105).
 
 use super::Plant;
 use crate::devices::Device;
@@ -37,7 +37,7 @@ pub enum ForceError {
     /// No register area covers the address.
     #[error(transparent)]
     NoArea(#[from] LayoutError),
-    /// Only a part of a register, or several.
+    /// The address is only a part of a register, or several registers.
     #[error("{asked}: only a whole register can be forced, here {right}")]
     NotWhole {
         /// Address that was to be forced.
@@ -112,7 +112,7 @@ impl Forced {
             return Err(ForceError::TooWide { address, value: self.value });
         }
         for byte in self.offset..self.offset + self.width.bytes() {
-            // Plain RAM and padding have no registers, which is no error here.
+            // Plain RAM and padding have no registers; this is not an error here.
             for register in device.registers_at(Address::byte(byte), None).unwrap_or_default() {
                 if (register.offset(), register.width()) != (self.offset, self.width.bytes()) {
                     return Err(ForceError::NotWhole { asked: address, right: register.address() });
@@ -149,7 +149,7 @@ impl Forces {
         &self.list
     }
 
-    /// Whether the register is forced, and where in the list it is or belongs.
+    /// Position of the register in the list if it is forced; otherwise its position for insertion.
     fn find(&self, plc: u16, offset: u32) -> Result<usize, usize> {
         self.list.binary_search_by_key(&(plc, offset), |forced| (forced.plc, forced.offset))
     }

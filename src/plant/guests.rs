@@ -15,8 +15,8 @@ impl Plant {
         self.media[..self.named_media].get_mut(usize::from(bus))
     }
 
-    /// Guest number `guest` takes part in bus number `bus` from now on. `is_stepped`: what it sends enters at the next step
-    /// only, which the journal says.
+    /// Guest number `guest` takes part in bus number `bus` from now on. `is_stepped`: its frames enter at the next step
+    /// only; the journal records this.
     pub fn guest_joins(&mut self, bus: u16, guest: u8, is_stepped: bool) {
         let now = self.now;
         let Some(medium) = self.medium_of(bus) else { return };
@@ -43,7 +43,8 @@ impl Plant {
         self.journal.push(now, GuestNews { bus, guest, news: Attendance::Left });
     }
 
-    /// It has gone for ever, and has more to send than there was room for; what would wait for ever is given up.
+    /// The guest has disconnected, with more frames to send than there was room for. Frames that would wait without a
+    /// limit are dropped.
     pub(crate) fn guest_has_gone(&mut self, bus: u16, guest: u8) {
         let now = self.now;
         if let Some(medium) = self.medium_of(bus) {
@@ -51,7 +52,7 @@ impl Plant {
         }
     }
 
-    /// Notes what has become of a guest's seat in lockstep.
+    /// Records an event of a guest's seat in lockstep.
     pub fn note_guest(&mut self, bus: u16, guest: u8, news: Attendance) {
         self.journal.push(self.now, GuestNews { bus, guest, news });
     }
@@ -89,7 +90,8 @@ impl Plant {
         frame.map_or(Ok(()), |frame| self.guest_sends(bus, 0, &BusMessage::Frame(*frame)))
     }
 
-    /// A guest would take part, but has named another rate than the bus has: the one with this `S` code (decision D-316).
+    /// A guest wants to take part, but has named another rate than the rate of the bus, which has this `S` code
+    /// (decision D-316).
     pub fn guest_is_deaf(&mut self, bus: u16, guest: u8, code: u8) {
         self.journal.find(self.now, Finding::at_bus(&rules::GUEST_BIT_RATE, bus, guest, code.into()));
     }

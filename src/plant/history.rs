@@ -12,7 +12,7 @@ use crate::memory::{Unmapped, Width};
 /// Why registers cannot be followed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum FollowError {
-    /// No register area covers them all.
+    /// The range is not fully covered by register areas.
     #[error("no register area covers byte {}", .0.offset)]
     Unmapped(Unmapped),
     /// Enough are followed.
@@ -27,8 +27,8 @@ impl From<Unmapped> for FollowError {
 }
 
 impl Plant {
-    /// Keeps all changes from now on of the registers that `len` bytes from `offset` on of PLC `plc` meet. The plant goes
-    /// as it would without.
+    /// Records all changes from now on of the registers in the `len` bytes from `offset` on of PLC `plc`. The plant
+    /// runs as it would without it.
     ///
     /// # Errors
     /// [`FollowError`]; the registers before the excess register are followed.
@@ -49,8 +49,8 @@ impl Plant {
         if registers.iter().all(follows) { Ok(()) } else { Err(FollowError::TooMany) }
     }
 
-    /// At most `max` changes of registers that are followed for onlookers, from number `from` on, and the number that
-    /// the next one will have.
+    /// Returns at most `max` changes of registers that are followed for onlookers, from number `from` on, and the
+    /// number of the next change.
     pub fn changes(&mut self, from: u64, max: usize) -> (Vec<Change>, u64) {
         self.journal.changes(from, max)
     }
@@ -72,7 +72,7 @@ impl Plant {
         }
     }
 
-    /// The journal, and beside it what it compares.
+    /// Returns the journal, and the data that it compares.
     #[inline]
     fn compared(&mut self) -> (&mut Journal, Compared<'_>) {
         let Plant { now, devices, forces, journal, .. } = self;

@@ -1,4 +1,4 @@
-//! Faults as the plant's callers see them, and what acts on nodes and slaves as a whole.
+//! Faults as the plant's callers see them, and faults of nodes and slaves as a whole.
 
 use super::Plant;
 use crate::devices;
@@ -8,7 +8,8 @@ impl Plant {
     /// Adds a fault; a fault with a begin that has passed begins at once. Returns its number.
     ///
     /// # Errors
-    /// [`Refusal`]: a bus, slave or port that the plant does not have or that cannot have it, too many faults.
+    /// [`Refusal`]: the plant has no such bus, slave or port, the target cannot have this fault, or there are
+    /// too many faults.
     pub fn add_fault(&mut self, fault: Fault) -> Result<u16, Refusal> {
         let owner = self.sites().owner(&fault)?;
         let id = self.faults.add(self.now, fault, owner, &mut self.journal)?;
@@ -19,21 +20,21 @@ impl Plant {
     /// Clears fault number `id`.
     ///
     /// # Errors
-    /// [`Refusal::UnknownFault`] if there is none of that number, or no longer.
+    /// [`Refusal::UnknownFault`] if there is no fault of that number, or no longer.
     pub fn clear_fault(&mut self, id: u16) -> Result<(), Refusal> {
         self.faults.clear(self.now, id, &mut self.journal)?;
         self.tell_of_faults();
         Ok(())
     }
 
-    /// Clears all faults; returns how many there were.
+    /// Clears all faults; returns their number.
     pub fn clear_faults(&mut self) -> u16 {
         let ids: Vec<u16> = self.faults().map(|fault| fault.id).collect();
         let cleared = ids.into_iter().filter(|id| self.clear_fault(*id).is_ok());
         cleared.count() as u16 // at most MAX_FAULTS
     }
 
-    /// The faults that wait or act, in the order in which they were added.
+    /// The pending and active faults, in the order in which they were added.
     pub fn faults(&self) -> impl Iterator<Item = FaultStatus> {
         self.faults.list()
     }

@@ -1,9 +1,9 @@
-//! How busy the wires of a plant are.
+//! Load of the wires of a plant.
 
 use super::Plant;
 use crate::journal::Source;
 
-/// How late the journal may note what it counts together, in emulated microseconds.
+/// Maximum delay with which the journal records combined counts, in emulated microseconds.
 const LATE_US: u64 = 2_000_000;
 
 impl Plant {

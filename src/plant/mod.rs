@@ -1,7 +1,7 @@
 //! A whole installation: PLCs with their communication RAM, drives, the buses between them, one clock.
 //!
-//! [`Plant::advance_to`] is the only thing that makes anything happen. Same plant and same register
-//! writes at the same emulated times give the same journal, byte for byte.
+//! Only [`Plant::advance_to`] advances the simulation. The same plant and the same register writes at the same emulated
+//! times give the same journal, byte for byte.
 
 mod access;
 mod boards;
@@ -57,17 +57,17 @@ pub struct Plant {
     /// Next time of any device. It may be too early, which does no harm.
     next_device: u64,
     cycle_us: u64,
-    /// Nothing has happened since a processor cycle.
+    /// There was no event since a processor cycle.
     has_looked: bool,
     /// The registers were polled, and no register was written since then.
     is_seen: bool,
     /// Whether a watched event is to stop [`Plant::advance_until`].
     watching: bool,
     devices: Vec<Box<dyn Device>>,
-    /// The media of the plant file, then those for ports that no medium is plugged in at: one for each kind, and one for each
-    /// port that runs alone.
+    /// The media of the plant file, then the media for unconnected ports: one for each kind, and one for each port that
+    /// runs alone.
     media: Vec<Box<dyn Medium>>,
-    /// How many media the plant file has.
+    /// Number of media in the plant file.
     named_media: usize,
     /// Next time of each device and medium. Valid while the clock advances; before that, any client may have changed
     /// something.
@@ -98,7 +98,7 @@ impl Plant {
     /// layout: heap or image.
     ///
     /// # Errors
-    /// If the configuration is refused, or if a segment cannot be had or is too small.
+    /// If the configuration is refused, or if a segment is not accessible or is too small.
     pub fn new<E>(
         config: &PlantConfig,
         mut segment: impl FnMut(&str, &'static Layout) -> Result<Segment, E>,
@@ -157,10 +157,10 @@ impl Plant {
         plant.set_cores(NonZero::<usize>::MIN);
         (0..plant.devices.len()).for_each(|index| plant.start(index));
         plant.find_next_device();
-        // The watches begin with what power-on has left.
+        // The watches begin with the state after power-on.
         plant.leave();
         for fault in config.resolved_faults()? {
-            // Checked a moment ago, and there is room for all of them.
+            // The fault was checked a moment ago, and there is room for all faults.
             let _ = plant.add_fault(fault);
         }
         Ok(plant)
@@ -177,8 +177,8 @@ impl Plant {
         self.media.iter().map(|medium| medium.next_time()).fold(first, u64::min)
     }
 
-    /// Lets emulated time pass until `time`, handling everything that falls due on the way, events at
-    /// `time` itself included. A time in the past changes nothing.
+    /// Advances the clock to `time`, and handles all events on the way, including events at `time` itself. A time in
+    /// the past changes nothing.
     pub fn advance_to(&mut self, time: u64) {
         while self.advance_until(time) {}
     }
@@ -192,8 +192,8 @@ impl Plant {
         let mut stopped = false;
         let mut tries = TRIES;
         while !stopped {
-            // At the same moment faults come first, then the processor cycle, then the devices' own times, then the
-            // media in plant order.
+            // At the same moment the order is: faults, the processor cycle, the devices' own times, the media in plant
+            // order.
             if self.is_rescheduled {
                 self.schedule_media();
             }
@@ -333,8 +333,8 @@ impl Plant {
         self.is_seen = true;
     }
 
-    /// Whether a PLC has written a `w_CPU_CONTROL`, or turned a switch of its board, that the firmware has not
-    /// looked at yet.
+    /// Whether a PLC has written a `w_CPU_CONTROL`, or turned a switch of its board, that the firmware has not polled
+    /// yet.
     pub fn control_changed(&self) -> bool {
         self.media.iter().any(|medium| medium.control_changed())
             || self.devices.iter().any(|device| device.has_changed())
@@ -416,7 +416,7 @@ impl Plant {
         &self.journal
     }
 
-    /// Forgets what the access checker has found.
+    /// Clears the findings of the access checker.
     pub fn clear_findings(&mut self) {
         self.journal.clear_findings();
     }

@@ -25,13 +25,13 @@ fn said(head: u8, bytes: &[u8]) -> Option<BusMessage> {
     }))
 }
 
-/// Acts are a byte that says what, the number of bytes of it, and these.
+/// An action is a byte for its kind, the number of its bytes, and these bytes.
 fn act(plant: &mut Plant, head: u8, bytes: &[u8]) {
     match head & 7 {
         0..=3 => {
             let bus = u16::from(head >> 4) % plant.named_media.max(1) as u16;
             if let Some(said) = said(head, bytes) {
-                // A medium refuses what it cannot carry, and what there is no room for.
+                // A medium refuses frames that it cannot carry or has no room for.
                 let _refused = plant.guest_sends(bus, 1, &said);
             }
             plant.advance_to(plant.now() + 1_000);

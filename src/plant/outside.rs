@@ -26,7 +26,7 @@ pub(crate) struct Stored {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 enum What {
     Registers(StoredBytes),
-    /// To the header page: which of the cells that programs write there, and the value.
+    /// To the header page: the cell that programs write there, and the value.
     Board(u16, u32),
 }
 
@@ -78,7 +78,7 @@ impl Plant {
         told.collect()
     }
 
-    /// Stores what a program has stored into the image of another plant like this one, as a program here would.
+    /// Repeats the store of a program into the image of another plant like this one, as a program here would make it.
     pub(crate) fn store_as_outside(&self, stored: &Stored) {
         let Some(device) = self.devices().get(usize::from(stored.plc)) else { return };
         match stored.what {

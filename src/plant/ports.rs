@@ -13,7 +13,7 @@ pub(super) struct Port {
     pub(super) number: u8,
     /// Index of its medium.
     pub(super) medium: usize,
-    /// Its place there.
+    /// Place of the port at the medium.
     pub(super) place: usize,
     takes_part: bool,
 }
@@ -42,8 +42,8 @@ pub(super) struct Ports {
 }
 
 impl Ports {
-    /// Plugs the ports of the next device in; after the `named` media come those for ports without a medium: one for
-    /// each kind, then one for each port that runs alone.
+    /// Plugs the ports of the next device in; the `named` media are followed by the media for ports without a medium:
+    /// one for each kind, then one for each port that runs alone.
     pub(super) fn plug_in(
         &mut self,
         device: &mut dyn Device,
@@ -161,7 +161,7 @@ impl Plant {
         }
     }
 
-    /// The firmware of all ports of device `index` looks at its control registers.
+    /// The firmware of all ports of device `index` polls its control registers.
     pub(super) fn ports_look(&mut self, index: usize) {
         for port in &mut self.ports.of_device[index] {
             let medium = &mut self.media[port.medium];
@@ -192,7 +192,7 @@ impl Plant {
     /// signal.
     pub fn next_sync(&self, device: usize, port: u8) -> Option<u64> {
         let mut medium = self.ports.find(device, port)?.medium;
-        // Follow a forwarded signal to the master that makes it; the number of media bounds the way.
+        // Follows a forwarded signal to the master that generates it; the number of media limits the number of steps.
         for _ in 0..self.media.len() {
             if let Some(time) = self.media.get(medium)?.next_sync() {
                 return Some(time);
@@ -212,7 +212,8 @@ impl Plant {
         Some(self.ports.of_device[device][from])
     }
 
-    /// Why there is no SYNC signal at port `port` of device `device`, in words, when [`Plant::next_sync`] has none.
+    /// Describes in words why there is no SYNC signal at port `port` of device `device`, when [`Plant::next_sync`]
+    /// returns `None`.
     pub fn why_no_sync(&self, device: usize, port: u8) -> String {
         let names = self.names();
         let Some(mut at) = self.ports.find(device, port).copied() else {

@@ -1,4 +1,4 @@
-//! Looks at registers that find nothing to do, and are left out.
+//! Skipping of polls that change nothing.
 //!
 //! A processor cycle polls registers that no client has to announce. After a processor cycle, if all ports and devices
 //! are quiescent and no register is written, the cycles up to the next event would have the same result, so the plant
@@ -30,7 +30,8 @@ impl Plant {
         self.media.iter().map(|medium| medium.next_time()).fold(first, u64::min)
     }
 
-    /// A processor cycle was the last that happened: leaves those before `until` out if they would find nothing to do.
+    /// Called after a processor cycle without later events: skips the cycles before `until` if they would change
+    /// nothing.
     #[inline]
     pub(super) fn leave_out_cycles(&mut self, until: u64) {
         if self.next_cycle < until && self.is_quiescent() {
@@ -49,7 +50,7 @@ impl Plant {
         if first + cycle_us > time || self.watching || !self.is_unobserved() {
             return false;
         }
-        // Nothing happens in between: what the last one does not find, those before it do not find either.
+        // No event occurs in between: if the last poll changes nothing, the earlier ones change nothing either.
         let more = (due.min(time - cycle_us) - first) / cycle_us;
         let Some(more) =
             [more, 0].into_iter().find(|more| self.poll_changes_nothing(first + more * cycle_us))

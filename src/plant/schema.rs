@@ -1,4 +1,4 @@
-//! The JSON schema of plant files, put together of those of devices and media and of the table of faults.
+//! The JSON schema of plant files, assembled from the schemas of devices and media and the table of faults.
 
 use crate::devices::{self, MEDIA};
 use crate::fault::{Field, Form, Kind};
@@ -8,7 +8,7 @@ use serde_json::{Map, Value, json};
 /// crates.
 ///
 /// # Panics
-/// A schema in this crate is no JSON, which a test rules out.
+/// The schema texts of this crate are valid JSON, as a test checks.
 #[must_use]
 pub fn schema() -> Value {
     let mut definitions = Map::new();
@@ -64,7 +64,7 @@ fn open() -> Value {
     json!({ "type": "object", "required": ["name"], "properties": { "name": name() } })
 }
 
-/// The schema of a section; what it defines comes to the definitions of all.
+/// The schema of a section; its definitions are added to the common definitions.
 fn section(text: &str, definitions: &mut Map<String, Value>) -> Value {
     let mut schema: Value = serde_json::from_str(text).expect("our own schemas are JSON");
     if let Some(Value::Object(own)) = schema.as_object_mut().and_then(|schema| schema.remove("definitions")) {
@@ -122,7 +122,7 @@ mod tests {
     use crate::plant::PlantConfig;
     use std::collections::BTreeSet;
 
-    /// The schema itself, or the one that it refers to.
+    /// The schema itself, or the schema that it refers to.
     fn resolved<'a>(root: &'a Value, schema: &'a Value) -> &'a Value {
         let reference = schema.get("$ref").or_else(|| schema["allOf"][0].get("$ref"));
         match reference.and_then(Value::as_str) {
@@ -131,7 +131,7 @@ mod tests {
         }
     }
 
-    /// The keys that the parser names when it is given one that it does not know, in a plant made by `plant`.
+    /// The keys that the parser lists in its error for an unknown key, in a plant made by `plant`.
     fn keys_of_the_parser(plant: &dyn Fn(&str) -> String) -> BTreeSet<String> {
         let text = plant("{ no_such_key = 1 }");
         let refusal = PlantConfig::parse("plant", &text).unwrap_err().to_string();
@@ -140,7 +140,7 @@ mod tests {
         known.split('`').skip(1).step_by(2).map(str::to_owned).collect()
     }
 
-    /// Holds the keys of a table, and of tables in it, against those of the parser. Returns how many tables there were.
+    /// Compares the keys of a table, and of tables in it, with the keys of the parser. Returns the number of tables.
     fn compare(root: &Value, schema: &Value, plant: &dyn Fn(&str) -> String, added: &[&str]) -> usize {
         let properties = schema["properties"].as_object().unwrap();
         let keys = properties.keys().filter(|key| !added.contains(&key.as_str()));

@@ -1,4 +1,4 @@
-//! Snapshots: the state of a whole plant at a moment, and the way back to it.
+//! Snapshots: the state of a whole plant at a moment, and its restoration.
 //!
 //! A plant that continues from a snapshot writes the same journal as a plant that did not stop. The snapshot does not
 //! contain the records of the journal, nor data of outside processes: waiting clients, lockstep participants, bells and
@@ -19,7 +19,7 @@ use core::borrow::Borrow;
 use core::ops::Range;
 use std::sync::Arc;
 
-/// The state of a plant at a moment, for that plant or one of the same plant file.
+/// The state of a plant at a moment, for that plant or a plant of the same plant file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Snapshot {
     time_us: u64,
@@ -29,13 +29,13 @@ pub struct Snapshot {
     state: Vec<u8>,
 }
 
-/// A search for a moment of the way, while which the journal's records are laid aside.
+/// A search for a moment of the history; the journal's records are set aside meanwhile.
 pub(crate) struct Search(Rings);
 
-/// Why a plant cannot take over a snapshot.
+/// Reason for which a plant cannot restore a snapshot.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum SnapshotError {
-    /// It has other devices or buses.
+    /// The snapshot has other devices or buses.
     #[error("it is of another plant: it has {theirs}, here there are {ours}")]
     OtherPlant {
         /// Its devices and buses.
@@ -68,7 +68,7 @@ pub enum SnapshotError {
         /// Name in this plant.
         ours: &'static str,
     },
-    /// Its devices and buses have other settings.
+    /// The devices and buses of the snapshot have other settings.
     #[error("the plant file that it is of sets {what} otherwise; start its plant by `commram run --from`")]
     OtherSettings {
         /// Settings that differ there.
@@ -85,7 +85,7 @@ pub enum SnapshotError {
 }
 
 impl Snapshot {
-    /// Emulated time at which it was taken, in microseconds since power-on.
+    /// Emulated time of the snapshot, in microseconds since power-on.
     #[must_use]
     pub fn time_us(&self) -> u64 {
         self.time_us
@@ -98,7 +98,7 @@ impl Snapshot {
         size_of::<Self>() + self.state.capacity() + names.map(String::capacity).sum::<usize>()
     }
 
-    /// Its memory, for another one.
+    /// Returns its memory for another snapshot.
     pub(crate) fn into_state(self) -> Vec<u8> {
         self.state
     }
@@ -127,7 +127,7 @@ impl Plant {
         self.snapshot_reusing(Vec::new())
     }
 
-    /// The same as a file, which has the text of the plant file in it.
+    /// Returns the snapshot as a file that contains the text of the plant file.
     #[must_use]
     pub fn snapshot_file(&self) -> SnapshotFile {
         self.file_of(self.snapshot())
@@ -157,7 +157,7 @@ impl Plant {
     /// readers.
     ///
     /// # Errors
-    /// [`SnapshotError`]; the plant is then as it was before.
+    /// [`SnapshotError`]; the plant is then unchanged.
     pub fn restore(&mut self, snapshot: &Snapshot) -> Result<(), SnapshotError> {
         self.take_over(snapshot, false)
     }
@@ -170,12 +170,13 @@ impl Plant {
         self.take_over(snapshot, true)
     }
 
-    /// Does something that goes to moments of the way here and ends at one of them: the journal's records up to there stay.
+    /// Begins a search that visits moments of the history and ends at one of them: the journal's records up to that
+    /// moment stay.
     pub(crate) fn search(&mut self) -> Search {
         Search(self.journal.lay_aside())
     }
 
-    /// The search has come to its end.
+    /// Ends the search.
     pub(crate) fn end_search(&mut self, search: Search) {
         self.journal.put_back(search.0);
         self.arrive();
@@ -275,7 +276,7 @@ impl Plant {
             devices,
             media,
             named_media: _,
-            // They are asked before time passes.
+            // The media are asked before time passes.
             schedule: _,
             is_rescheduled: _,
             ports,
@@ -339,7 +340,7 @@ impl Plant {
     }
 }
 
-/// Where registers lie that can hold something, in ascending order.
+/// Ranges of the registers that can have contents, in ascending order.
 pub(super) fn registers_of(device: &dyn Device) -> Vec<Range<usize>> {
     let layout: &'static Layout = device.layout();
     let areas = layout.areas.iter().map(|area| area.first as usize..area.last() as usize + 1);

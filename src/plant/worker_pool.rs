@@ -12,19 +12,19 @@ use std::time::Instant;
 
 type Work = Box<dyn FnOnce() + Send>;
 
-/// How long a thread looks before it sleeps: about as long as it takes to sleep and to be woken up.
+/// Time for which a thread polls before it sleeps: about the time for sleeping and waking up.
 const LOOKS: Duration = Duration::from_micros(100);
 
 /// The worker threads. If a thread cannot be started, the pool works without it.
 #[derive(Default)]
 pub(super) struct WorkerPool {
     workers: Vec<Worker>,
-    /// How long one looks before it sleeps.
+    /// Time for which a thread polls before it sleeps.
     looks: Duration,
 }
 
 struct Worker {
-    /// Taken when it is to end.
+    /// Taken when the thread is to end.
     work: Option<Sender<Work>>,
     thread: Option<JoinHandle<()>>,
 }

@@ -23,7 +23,7 @@ impl Plant {
         }
     }
 
-    /// The firmware has run: from now on, others write.
+    /// The firmware has run: from now on, writes come from clients.
     #[inline]
     pub(super) fn leave(&mut self) {
         self.keep_changes(By::Firmware);
@@ -39,7 +39,7 @@ impl Plant {
         }
     }
 
-    /// Notes a register write that came through the channel.
+    /// Records a register write that came through the channel.
     pub fn note_channel_write(&mut self, plc: usize, offset: u32, width: u8, value: u32) {
         (self.has_looked, self.is_seen) = (false, false);
         self.forces.apply(&self.devices);

@@ -10,7 +10,7 @@ use crate::journal::Source;
 /// Period over which the load of a bus is measured, in emulated microseconds.
 const LOAD_US: u64 = 100_000;
 
-/// The buses, with the doors there are.
+/// Returns the buses with their doors.
 pub(super) fn buses(host: &dyn Host) -> Reply {
     let doors = |bus| host.doors_seen().map_or_else(Vec::new, |doors| doors.of_bus(bus));
     let names = host.plant().names();

@@ -17,16 +17,16 @@ use crate::plant::Forced;
 use range::{not_followed, ranged, read_range};
 use time::{limit, look_at, no_conditions, no_sync, stepped};
 
-/// An operation under way.
+/// An operation in progress.
 ///
 /// With a stepped clock an operation advances the clock where needed, and has no reply while it pauses
 /// ([`Host::should_pause`]); the caller continues it soon. In real time a wait cannot advance the clock: it has no
 /// reply yet, and the caller tries again after every firmware step.
 #[derive(Debug, Default)]
 pub struct Execution {
-    /// Where the operation under way ends at the latest, in emulated microseconds.
+    /// Time at which the operation in progress ends at the latest, in emulated microseconds.
     end: Option<u64>,
-    /// Where the part of it ends that has begun: all parts are the same, wherever the operation pauses.
+    /// End of its present part: the parts are the same for any pauses of the operation.
     part: Option<u64>,
     /// The operation has advanced the clock.
     has_set_out: bool,
@@ -37,7 +37,7 @@ pub struct Execution {
 }
 
 impl Execution {
-    /// Executes the operation, or goes on with it; `None` while it waits or pauses.
+    /// Executes or continues the operation; `None` while it waits or pauses.
     ///
     /// # Errors
     /// [`Refused`].
@@ -266,7 +266,7 @@ fn plc_name(host: &dyn Host, plc: u16) -> &str {
     host.plant().devices().get(usize::from(plc)).map_or("", |device| device.name())
 }
 
-/// `max` records at most. If they reach the end, those that are still being counted follow.
+/// Returns `max` records at most. If they reach the end, the records that are still being counted follow.
 fn journal(host: &dyn Host, from: u64, max: usize) -> Reply {
     let journal = host.plant().journal();
     let records = journal.read(from);

@@ -13,7 +13,7 @@ pub trait Host {
     /// The plant.
     fn plant(&self) -> &Plant;
 
-    /// The plant, to do something to it.
+    /// The plant, for changes.
     fn plant_mut(&mut self) -> &mut Plant;
 
     /// Whether the time only passes on request.
@@ -28,7 +28,7 @@ pub trait Host {
         Ok(())
     }
 
-    /// Whether operations may be executed now that do more than look; if not, they wait.
+    /// Whether operations may be executed now that change the plant; if not, they wait.
     fn may_act(&self) -> bool {
         true
     }
@@ -38,7 +38,8 @@ pub trait Host {
     /// followed by a channel request always sees the same result.
     fn begin_request(&mut self);
 
-    /// Time of the next event; `u64::MAX` if there is none. Once [`Host::advance_to`] has gone there it is later.
+    /// Time of the next event; `u64::MAX` if there is none. The time is later after [`Host::advance_to`] has reached
+    /// it.
     fn next_event(&self) -> u64;
 
     /// Same as [`Host::next_event`], but without polls that change nothing: until then only outside programs change
@@ -58,7 +59,7 @@ pub trait Host {
         false
     }
 
-    /// The doors to its buses, to do something to them; `None` if there cannot be any.
+    /// The doors to its buses, for changes; `None` if there cannot be any.
     fn doors(&mut self) -> Option<&mut Doors> {
         None
     }
@@ -76,7 +77,7 @@ pub trait Host {
         None
     }
 
-    /// The plant is somewhere else on its way.
+    /// The plant has gone to another moment of its history.
     fn has_travelled(&mut self) {}
 
     /// Description of the instance.
@@ -85,6 +86,6 @@ pub trait Host {
     /// Asks the host to end; [`Host::should_stop`] is true from then on.
     fn request_stop(&mut self);
 
-    /// Whether the host is to end (a signal came in, or a client asked). Asked during long advances.
+    /// Whether the host is to end (a signal came in, or a client asked). Called during long advances.
     fn should_stop(&self) -> bool;
 }

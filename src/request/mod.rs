@@ -1,4 +1,4 @@
-//! Requests: the one way to ask an emulator anything.
+//! Requests: the only interface to an emulator.
 //!
 //! An operation is a value of [`Op`], its answer one of [`Reply`] or a [`Refused`], and [`Execution`] is the one
 //! function between them. The [`Host`] runs a plant. This module does not define how a request comes to the host: a

@@ -1,5 +1,5 @@
-//! [`Names`] on their way between processes: of a device goes the hash of its layout, which the registry finds again, and
-//! what its ports are.
+//! [`Names`] between processes: a device is sent as the hash of its layout, which the registry finds again, and a list
+//! of its ports.
 
 use crate::devices;
 use crate::journal::Names;

@@ -9,15 +9,15 @@ use crate::memory::Width;
 use crate::memory::header::BoardSetting;
 use core::num::NonZeroU16;
 
-/// Most operations one request may carry.
+/// Maximum number of operations in a request.
 pub const MAX_OPS: usize = 256;
 /// Longest [`Op::ReadRange`] in bytes.
 pub const MAX_RANGE: u32 = 65_536;
-/// Most records one [`Op::Journal`] is answered with, and most changes one [`Op::Changes`] is.
+/// Maximum number of records in the answer to an [`Op::Journal`], and of changes in the answer to an [`Op::Changes`].
 pub const MAX_RECORDS: u32 = 1024;
-/// Most [`Op::Condition`]s that one [`Op::WaitFor`] may wait for: as many as its answer has bits.
+/// Maximum number of [`Op::Condition`]s for an [`Op::WaitFor`]: the number of bits of its answer.
 pub const MAX_CONDITIONS: usize = 32;
-/// Longest time one operation may let pass: 24 h of emulated time, in microseconds.
+/// Maximum advance of the clock in an operation: 24 h of emulated time, in microseconds.
 pub const MAX_ADVANCE_US: u64 = 24 * 3_600_000_000;
 
 /// An operation of a request.
@@ -70,8 +70,9 @@ pub enum Op {
         /// Number of bytes, at most [`MAX_RANGE`].
         len: u32,
     },
-    /// Waits until `register AND mask = value`. In stepped mode it lets the time pass, event by event.
-    /// Answered by [`Reply::Waited`](super::Reply::Waited), or refused with [`Code::NOT_IN_TIME`](super::Code::NOT_IN_TIME) and the last value.
+    /// Waits until `register AND mask = value`. In stepped mode it advances the clock, event by event. Answered by
+    /// [`Reply::Waited`](super::Reply::Waited), or refused with [`Code::NOT_IN_TIME`](super::Code::NOT_IN_TIME) and the
+    /// last value.
     Wait {
         /// Number of the PLC.
         plc: u16,
@@ -86,8 +87,8 @@ pub enum Op {
         /// Longest wait in emulated microseconds, at most [`MAX_ADVANCE_US`].
         within_us: u64,
     },
-    /// Adds a condition to those that the next [`Op::WaitFor`] of the request waits for, at most [`MAX_CONDITIONS`].
-    /// Answered by [`Reply::Written`](super::Reply::Written).
+    /// Adds a condition for the next [`Op::WaitFor`] of the request, at most [`MAX_CONDITIONS`]. Answered by
+    /// [`Reply::Written`](super::Reply::Written).
     Condition {
         /// Number of the PLC.
         plc: u16,
@@ -102,17 +103,17 @@ pub enum Op {
     /// the clock, event by event. Answered by [`Reply::Waited`](super::Reply::Waited), with bit n of the value set if
     /// condition n (from 0) holds, or refused with [`Code::NOT_IN_TIME`](super::Code::NOT_IN_TIME) and the same.
     WaitFor {
-        /// Whether one of them is enough.
+        /// Whether a single condition is sufficient.
         any: bool,
         /// Longest wait in emulated microseconds, at most [`MAX_ADVANCE_US`].
         within_us: u64,
     },
-    /// Lets the emulated time pass; stepped mode only. Answered by [`Reply::Time`](super::Reply::Time).
+    /// Advances the clock; stepped mode only. Answered by [`Reply::Time`](super::Reply::Time).
     Advance {
-        /// How long, in microseconds, at most [`MAX_ADVANCE_US`].
+        /// Duration in microseconds, at most [`MAX_ADVANCE_US`].
         us: u64,
     },
-    /// Lets the time pass up to the next SYNC of the medium at a port; stepped mode only. Answered by
+    /// Advances the clock to the next SYNC of the medium at a port; stepped mode only. Answered by
     /// [`Reply::Time`](super::Reply::Time).
     AdvanceToSync {
         /// Number of the PLC.
@@ -134,7 +135,7 @@ pub enum Op {
         /// Most records wanted; more than [`MAX_RECORDS`] are never sent.
         max: u32,
     },
-    /// Keeps all changes from now on of the registers that a range meets. The plant goes as it would without. Answered by
+    /// Records all changes from now on of the registers in a range. The plant runs as it would without it. Answered by
     /// [`Reply::Written`](super::Reply::Written).
     Follow {
         /// Number of the PLC.
@@ -143,11 +144,11 @@ pub enum Op {
         offset: u32,
         /// Number of bytes, at most [`MAX_RANGE`].
         len: u32,
-        /// Where the changes go.
+        /// Destination of the changes.
         keep: Keep,
     },
-    /// Asks whether all changes of a register are kept in the journal. Answered by [`Reply::Value`](super::Reply::Value): 1 if
-    /// they are, else 0.
+    /// Returns whether all changes of a register are recorded in the journal. Answered by
+    /// [`Reply::Value`](super::Reply::Value): 1 if they are, else 0.
     IsRecorded {
         /// Number of the PLC.
         plc: u16,
@@ -174,7 +175,7 @@ pub enum Op {
         /// The value it keeps; must fit the width.
         value: u32,
     },
-    /// Lets a forced register go. Answered by [`Reply::Written`](super::Reply::Written).
+    /// Releases a forced register. Answered by [`Reply::Written`](super::Reply::Written).
     Unforce {
         /// Number of the PLC.
         plc: u16,
@@ -183,7 +184,7 @@ pub enum Op {
         /// Its width.
         width: Width,
     },
-    /// Asks which registers are forced. Answered by [`Reply::Forces`](super::Reply::Forces).
+    /// Returns the forced registers. Answered by [`Reply::Forces`](super::Reply::Forces).
     Forces,
     /// Adds a fault. Answered by [`Reply::FaultAdded`](super::Reply::FaultAdded).
     FaultAdd {
@@ -197,7 +198,7 @@ pub enum Op {
         /// Number of the fault, at least 1; `None`: all.
         id: Option<NonZeroU16>,
     },
-    /// Looks at a PLC's board. Answered by [`Reply::Board`](super::Reply::Board).
+    /// Reads a PLC's board. Answered by [`Reply::Board`](super::Reply::Board).
     Board {
         /// Number of the PLC.
         plc: u16,
@@ -210,9 +211,9 @@ pub enum Op {
         /// The setting.
         setting: BoardSetting,
     },
-    /// Asks what the access checker has found. Answered by [`Reply::Findings`](super::Reply::Findings).
+    /// Returns the findings of the access checker. Answered by [`Reply::Findings`](super::Reply::Findings).
     Findings,
-    /// Forgets what the access checker has found. Answered by [`Reply::Cleared`](super::Reply::Cleared).
+    /// Clears the findings of the access checker. Answered by [`Reply::Cleared`](super::Reply::Cleared).
     ClearFindings,
     /// Asks for the buses, their doors and the guests there. Answered by [`Reply::Buses`](super::Reply::Buses).
     Buses,
@@ -220,13 +221,13 @@ pub enum Op {
     Drives,
     /// Reads all details of a drive. Answered by [`Reply::Drive`](super::Reply::Drive).
     Drive {
-        /// Its place in the answer to [`Op::Drives`].
+        /// Position in the answer to [`Op::Drives`].
         drive: u16,
     },
     /// Sets a parameter of a drive, as a user does at the drive itself. Answered by
     /// [`Reply::Written`](super::Reply::Written).
     SetParameter {
-        /// Its place in the answer to [`Op::Drives`].
+        /// Position in the answer to [`Op::Drives`].
         drive: u16,
         /// Number of the parameter.
         number: u16,
@@ -279,7 +280,7 @@ pub enum Op {
     BringSaved {
         /// The first byte of the part.
         at: u32,
-        /// How many bytes it has, up to 16.
+        /// Number of bytes, up to 16.
         count: u8,
         /// The bytes; bytes after `count` are 0.
         bytes: [u8; 16],
@@ -299,12 +300,12 @@ pub enum Op {
     },
     /// Goes back in time.
     Back {
-        /// By how much, in microseconds.
+        /// Duration in microseconds.
         us: u64,
         /// See [`Op::Restore`].
         detached: bool,
     },
-    /// Goes back to the last moment before now at which the conditions in front of it came to hold. Answered by
+    /// Goes back to the last moment before now at which the preceding conditions became true. Answered by
     /// [`Reply::Waited`](super::Reply::Waited).
     BackUntil {
         /// A single condition is sufficient.
@@ -321,7 +322,7 @@ pub enum Op {
 }
 
 impl Op {
-    /// Whether the operation changes nothing in the plant, so that it makes no difference when it is executed.
+    /// Whether the operation changes nothing in the plant, so that the time of its execution makes no difference.
     pub fn only_looks(&self) -> bool {
         match self {
             Op::Peek { .. }
@@ -370,12 +371,12 @@ impl Op {
         }
     }
 
-    /// Whether it stores a register, and nothing else.
+    /// Whether the operation only stores a register.
     pub(super) fn stores(&self) -> bool {
         matches!(self, Op::Poke { .. } | Op::CompareExchange { .. })
     }
 
-    /// Whether it does something to the plant but letting time pass.
+    /// Whether the operation changes the plant in another way than by advancing the clock.
     pub(crate) fn acts(&self) -> bool {
         matches!(
             self,

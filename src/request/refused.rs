@@ -37,17 +37,17 @@ impl Code {
     pub const TOO_MANY_OPERATIONS: Self = Self(12);
     /// The operation's bytes mean nothing.
     pub const MALFORMED: Self = Self(13);
-    /// The time to let pass is too long.
+    /// The advance of the clock is too long.
     pub const ADVANCE_TOO_LONG: Self = Self(14);
     /// The emulator is ending.
     pub const SHUTTING_DOWN: Self = Self(15);
     /// A fault that the plant cannot have.
     pub const FAULT: Self = Self(20);
-    /// There are as many faults as can be.
+    /// There is no room for another fault.
     pub const TOO_MANY_FAULTS: Self = Self(27);
     /// No fault has that number.
     pub const UNKNOWN_FAULT: Self = Self(28);
-    /// Only a part of a register shall be forced, or several registers.
+    /// Only a part of a register was to be forced, or several registers.
     pub const NOT_WHOLE: Self = Self(30);
     /// Too many registers are forced.
     pub const TOO_MANY_FORCES: Self = Self(31);
@@ -62,11 +62,11 @@ impl Code {
     /// Only the firmware writes there: at the front of a device.
     pub const READ_ONLY: Self = Self(39);
 
-    /// There are no doors here.
+    /// The host has no doors.
     pub const NO_DOORS: Self = Self(35);
     /// The instance has no bus of that number.
     pub const UNKNOWN_BUS: Self = Self(36);
-    /// The door does not open, or there is none to be closed.
+    /// The door cannot be opened, or does not exist.
     pub const DOOR: Self = Self(37);
     /// The bus does not take the frame.
     pub const FRAME: Self = Self(38);
@@ -103,13 +103,13 @@ impl Code {
     }
 }
 
-/// Why an operation was not done: what, where, and what would be right.
+/// Reason of a refusal: the subject, the place, and a correct value.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{text}")]
 pub struct Refused {
     /// Code of the refusal.
     pub code: Code,
-    /// The same for people.
+    /// The reason in words, for people.
     pub text: String,
     /// For a wait that has ended ([`Code::NOT_IN_TIME`]): the time, and the value of the register.
     pub waited: Option<Waited>,
@@ -121,7 +121,7 @@ impl Refused {
         Self { code, text: text.to_string(), waited: None }
     }
 
-    /// A PLC of this name, which is this device, cannot be set so.
+    /// The device `device` of the PLC `plc` has no such switch.
     pub(crate) fn no_such_switch(plc: &str, device: &Device, setting: BoardSetting) -> Self {
         let text = match setting {
             BoardSetting::ModuleDip { port, .. } => {
@@ -133,7 +133,7 @@ impl Refused {
         Self::new(Code::NO_SUCH_SWITCH, text)
     }
 
-    /// A PLC of this name, which is this device, does not carry out the setting now.
+    /// The device `device` of the PLC `plc` does not carry out the setting now.
     pub(crate) fn setting(plc: &str, device: &Device, setting: BoardSetting, why: &str) -> Self {
         let word = match setting {
             BoardSetting::Front { word, value } => {

@@ -1,4 +1,4 @@
-//! The register that an operation names, and what it can be refused for.
+//! The register that an operation names, and the reasons to refuse it.
 
 use super::{Code, Host, Refused, Waited};
 use crate::layout::place::live_by;

@@ -10,7 +10,7 @@ use crate::memory::header::BoardState;
 use crate::plant::Forced;
 use serde::{Deserialize, Serialize};
 
-/// The answer to one operation.
+/// The answer to an operation.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Reply {
     /// The register's value.
@@ -32,7 +32,7 @@ pub enum Reply {
     Time(u64),
     /// A part of the journal.
     Journal {
-        /// Records in the order of their numbers. If they reach the end, those that are still being counted
+        /// Records in the order of their numbers. If they reach the end, the records that are still being counted
         /// follow ([`Record::is_pending`]).
         records: Vec<Record>,
         /// The number that the next record will have.
@@ -42,7 +42,7 @@ pub enum Reply {
     },
     /// Changes of registers that are followed.
     Changes {
-        /// In the order of their numbers.
+        /// Changes in the order of their numbers.
         changes: Vec<Change>,
         /// The number that the next change will have.
         end: u64,
@@ -56,22 +56,23 @@ pub enum Reply {
         /// Its number in the instance.
         id: u16,
     },
-    /// The faults that wait or act, in the order in which they were added.
+    /// The pending and active faults, in the order in which they were added.
     Faults(Vec<FaultStatus>),
     /// Faults were cleared.
     FaultsCleared {
-        /// How many.
+        /// Number of faults.
         count: u16,
     },
     /// A PLC's board.
     Board(BoardState),
     /// Findings of the access checker, in the order of the first findings.
     Findings(Vec<Entry>),
-    /// It is forgotten.
+    /// The findings were cleared.
     Cleared,
     /// The buses, in the order of their numbers.
     Buses(Vec<BusState>),
-    /// The drives: those on buses, in the order of the plant file, then those that devices are built into.
+    /// The drives: first the drives on buses, in the order of the plant file, then the drives that are built into
+    /// devices.
     Drives(Vec<DriveEntry>),
     /// All details of a drive.
     Drive(Box<DriveDetails>),
@@ -81,7 +82,7 @@ pub enum Reply {
     DoorOpened(DoorSpec),
     /// Doors were closed.
     DoorsClosed {
-        /// How many.
+        /// Number of doors.
         count: u16,
     },
     /// Description of the instance.
@@ -99,7 +100,7 @@ pub enum Reply {
 pub struct DriveEntry {
     /// `winder`; of the drive that a PLC is built into `line:drive`.
     pub name: String,
-    /// Its bus, if it is on one.
+    /// Bus of the drive, if it is on a bus.
     pub bus: Option<String>,
     /// State of the drive.
     pub state: DriveState,
@@ -114,7 +115,7 @@ pub struct BusScene {
     pub kind: String,
     /// The rate that it runs at now, in bit/s.
     pub bit_s: u32,
-    /// The interval that comes again and again, while it does.
+    /// The interval that repeats on the bus, as long as it does.
     pub interval: Option<Interval>,
     /// The ports of PLCs that are plugged in: `line:node2`.
     pub ports: Vec<String>,
@@ -129,11 +130,11 @@ pub struct BusState {
     pub kind: String,
     /// The rate that it runs at now, in bit/s.
     pub bit_s: u32,
-    /// How busy its wire was in the last 100 ms of emulated time, in thousandths, as far as the journal still knows.
+    /// Load of its wire in the last 100 ms of emulated time, in thousandths, as far as the journal has records.
     pub load_permille: Option<u16>,
     /// The ports that are plugged in: `line:node2`.
     pub ports: Vec<String>,
-    /// The doors to it, in the order in which they were opened.
+    /// The doors to the bus, in the order in which they were opened.
     pub doors: Vec<DoorState>,
     /// Its stations that have power, at CAN and PROFIBUS.
     pub stations: Vec<Station>,
@@ -146,7 +147,7 @@ pub struct BusState {
 pub struct Stranger {
     /// Device and port, or the drive: `line:node1`, `winder`.
     pub name: String,
-    /// The rate that it is set to, in bit/s.
+    /// Rate of the station, in bit/s.
     pub bit_s: u32,
 }
 
@@ -155,10 +156,11 @@ pub struct Stranger {
 pub struct Station {
     /// Device and port, or the guest: `panel:can`, `guest1`.
     pub name: String,
-    /// Its address at a PROFIBUS; that of a guest is the one that it last sent from.
+    /// Address at a PROFIBUS; for a guest the sender address of its last telegram.
     pub address: Option<u8>,
-    /// At CAN what its controller may do: `error_active`, `error_warning`, `error_passive` or `bus_off`. At a PROFIBUS what the
-    /// station does: `baud_search`, `baud_control`, `wait_prm`, `wait_cfg`, `data_exchange`, `master` or `guest`.
+    /// At CAN the state of its controller: `error_active`, `error_warning`, `error_passive` or `bus_off`. At a PROFIBUS
+    /// the activity of the station: `baud_search`, `baud_control`, `wait_prm`, `wait_cfg`, `data_exchange`, `master` or
+    /// `guest`.
     pub state: String,
     /// The transmit errors that it has counted; 0 at a PROFIBUS.
     pub transmit_errors: u16,
@@ -200,16 +202,16 @@ pub struct InstanceInfo {
     pub names: Names,
 }
 
-/// How a wait ended.
+/// Result of a wait.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Waited {
     /// Emulated time of its end, in microseconds.
     pub time_us: u64,
-    /// The register's whole value then.
+    /// The register's whole value at that time.
     pub value: u32,
 }
 
-/// The reply to another operation than the one that was asked.
+/// The reply belongs to another operation than the requested one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("the reply does not fit the operation; use the same version on both sides")]
 pub struct WrongReply;
@@ -222,7 +224,7 @@ macro_rules! contents {
                 $(#[$doc])*
                 ///
                 /// # Errors
-                /// It is a reply of another kind.
+                /// The reply is of another kind.
                 pub fn $name(self) -> Result<$type, WrongReply> {
                     match self {
                         $pattern => Ok($content),
@@ -247,13 +249,13 @@ contents! {
     waited: Reply::Waited(waited) => waited, Waited;
     /// Emulated time, in microseconds.
     time: Reply::Time(time_us) => time_us, u64;
-    /// Records of the journal, and the number that the next one will have.
+    /// Records of the journal, and the number of the next record.
     journal: Reply::Journal { records, end, .. } => (records, end), (Vec<Record>, u64);
-    /// Changes of registers, and the number that the next one will have.
+    /// Changes of registers, and the number of the next change.
     changes: Reply::Changes { changes, end, .. } => (changes, end), (Vec<Change>, u64);
     /// A part of the journal, with the number at which the next part begins.
     journal_part: Reply::Journal { records, end, turn } => JournalPart::new(records, end, turn), JournalPart;
-    /// Changes of registers, the number of the next one, which history they are of.
+    /// Changes of registers, the number of the next change, and their history.
     turned_changes: Reply::Changes { changes, end, turn } => (changes, end, turn), (Vec<Change>, u64, Turn);
     /// The forced registers.
     forces: Reply::Forces(forces) => forces, Vec<Forced>;
@@ -265,7 +267,7 @@ contents! {
     drives: Reply::Drives(drives) => drives, Vec<DriveEntry>;
     /// All details of a drive.
     drive: Reply::Drive(drive) => *drive, DriveDetails;
-    /// How many faults were cleared.
+    /// Number of cleared faults.
     faults_cleared: Reply::FaultsCleared { count } => count, u16;
     /// A board.
     board: Reply::Board(state) => state, BoardState;
@@ -279,7 +281,7 @@ contents! {
     scene: Reply::Scene(buses) => buses, Vec<BusScene>;
     /// A door that was opened, with its real port or number.
     door_opened: Reply::DoorOpened(door) => door, DoorSpec;
-    /// How many doors were closed.
+    /// Number of closed doors.
     doors_closed: Reply::DoorsClosed { count } => count, u16;
     /// Description of the instance.
     info: Reply::Info(info) => *info, InstanceInfo;

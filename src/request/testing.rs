@@ -1,4 +1,4 @@
-//! A host for tests: a plant with a clock that does what the test says.
+//! A host for tests: a plant with a clock that the test controls.
 
 use super::{Code, Execution, Host, InstanceInfo, Op, Refused, Reply, Travel};
 use crate::memory::{Segment, Width};
@@ -11,7 +11,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// An area of plain RAM: no firmware writes there.
 pub(crate) const RAM: Range<u32> = 1_000_000..1_262_144;
 
-/// Two PLCs, the first of which has a master on a bus with a drive; a processor cycle of 1 ms.
+/// Two PLCs, with a master on a bus with a drive at the first one; a processor cycle of 1 ms.
 const PLANT: &str = r#"
 processor_cycle_us = 1000
 
@@ -42,9 +42,9 @@ pub(crate) struct TestHost {
     pub requests: usize,
     /// Raises `stop` at this time.
     pub stop_at: u64,
-    /// Whether operations pause wherever they can, and then go on for a part.
+    /// Whether operations pause wherever they can, and then continue for a part.
     pub pauses: bool,
-    /// Whether one has paused.
+    /// Whether an operation has paused.
     has_paused: Cell<bool>,
     /// Number of queries until the turn of the participant that the time waits for has ended.
     pub turn_left: usize,
@@ -92,7 +92,7 @@ impl TestHost {
         }
     }
 
-    /// When the script does something next.
+    /// Time of the next action of the script.
     fn next_of_script(&self) -> u64 {
         let ahead = self.script.iter().map(|event| event.0).filter(|time| *time > self.plant.now());
         ahead.fold(u64::MAX, u64::min)
@@ -137,7 +137,7 @@ impl TestHost {
     }
 }
 
-/// Why there is no plant.
+/// Reason why there is no plant.
 #[derive(Debug, thiserror::Error)]
 enum NoPlant {
     #[error(transparent)]

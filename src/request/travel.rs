@@ -25,7 +25,7 @@ use stretch::Stretch;
 const MAX_SAVED: usize = 64;
 /// Emulated time between two snapshots while the clock advances in one go: the maximum time that must be repeated.
 const STRETCH_US: u64 = 10_000_000;
-/// The same between two operations: programs may store through the map, and from a snapshot on one knows what they have stored.
+/// The interval between two operations: programs may store through the map, and a snapshot contains these stores.
 const PAUSE_US: u64 = 100_000;
 
 /// The history for going back.
@@ -34,9 +34,9 @@ pub struct Travel {
     /// Snapshots that clients have asked for, by their numbers.
     saved: BTreeMap<u32, Saved>,
     last: u32,
-    /// A snapshot as a file, which is being read.
+    /// A snapshot as a file that a client is reading.
     leaving: (u32, Vec<u8>),
-    /// A file that comes in.
+    /// A file that a client is sending.
     coming: Vec<u8>,
     /// Stretches of the history, the oldest first.
     history: VecDeque<Stretch>,
@@ -52,9 +52,9 @@ pub struct Travel {
 #[derive(Debug)]
 struct Saved {
     snapshot: Snapshot,
-    /// How many events the journal had then.
+    /// Number of events in the journal at that time.
     written: u64,
-    /// The plant has come here from there.
+    /// The plant has come from that snapshot to its present state.
     is_behind: bool,
 }
 
@@ -84,7 +84,7 @@ impl Travel {
         }
     }
 
-    /// Emulated time of the earliest moment that one can go back to, in microseconds; `None` if there is none.
+    /// Emulated time of the earliest moment that the plant can go back to, in microseconds; `None` if there is none.
     #[must_use]
     pub fn earliest(&self) -> Option<u64> {
         self.history.front().map(|stretch| stretch.begin.time_us())
@@ -95,7 +95,7 @@ impl Travel {
         self.is_touched = true;
     }
 
-    /// An operation has stored something.
+    /// Records a store of an operation.
     pub(super) fn has_stored(&mut self, store: Store) {
         let stretch = self.history.back_mut().filter(|stretch| !self.is_touched && stretch.has_room());
         match stretch {
@@ -158,7 +158,7 @@ impl Travel {
         self.saved.values_mut().for_each(|saved| saved.is_behind = false);
     }
 
-    /// Why there is nothing to go back to.
+    /// Reason why the plant cannot go back.
     fn nothing(&self) -> String {
         let why = match (self.most, self.came_from_elsewhere) {
             (0, _) => "--keep-states is 0",
@@ -170,13 +170,13 @@ impl Travel {
         format!("nothing is kept to go back to: {why}")
     }
 
-    /// The stretch in which this moment lies, if it is kept.
+    /// The stretch that contains this moment, if it is kept.
     fn stretch_of(&self, time_us: u64) -> Option<usize> {
         self.history.partition_point(|it| it.begin.time_us() <= time_us).checked_sub(1)
     }
 }
 
-/// Time is about to pass with a stepped clock; `is_first`: by an operation that has just begun.
+/// Called before the clock advances in stepped mode; `is_first`: by an operation that has just begun.
 pub(super) fn set_out(host: &mut dyn Host, is_first: bool) {
     if host.is_stepped() {
         let (plant, travel) = host.plant_and_travel();
@@ -211,7 +211,7 @@ pub(super) fn save(host: &mut dyn Host) -> Result<u32, Refused> {
     Ok(travel.last)
 }
 
-/// Forgets one.
+/// Deletes a kept snapshot.
 pub(super) fn forget(host: &mut dyn Host, number: u32) -> Result<(), Refused> {
     let (_, travel) = host.plant_and_travel();
     travel.saved.remove(&number).map(drop).ok_or_else(|| unknown(number))

@@ -16,7 +16,7 @@ mod sealed;
 pub use saved::{Damaged, Saved, Saving};
 pub use sealed::{seal, unseal};
 
-/// Something of which a snapshot holds what has happened to it.
+/// A value with changes that are part of a snapshot.
 pub trait SnapshotFields {
     /// Appends its state.
     fn save(&self, to: &mut Saving);
@@ -25,7 +25,7 @@ pub trait SnapshotFields {
     /// must be restored from another snapshot, or dropped.
     ///
     /// # Errors
-    /// [`Damaged`]: the bytes are not the state of one like it.
+    /// [`Damaged`]: the bytes are not the state of such a structure.
     fn restore(&mut self, from: &mut Saved<'_>) -> Result<(), Damaged>;
 }
 
@@ -33,7 +33,7 @@ pub trait SnapshotFields {
 ///
 /// - `values`: the field is written and read as a whole by `serde`.
 /// - `parts`: the field implements [`SnapshotFields`] and is read into the existing value.
-/// - `built`: the field was made of the plant file, or is empty between two events. Nothing is kept.
+/// - `built`: the field was made from the plant file, or is empty between two events. It is not kept.
 ///
 /// ```
 /// # use commram::snapshot_fields;
@@ -79,7 +79,7 @@ macro_rules! snapshot_fields {
     };
 }
 
-/// Nothing has happened to it.
+/// The unit type has no state.
 impl SnapshotFields for () {
     fn save(&self, _: &mut Saving) {}
 

@@ -10,17 +10,17 @@ use serde::de::DeserializeOwned;
 pub struct Damaged {
     /// Expected content.
     pub what: &'static str,
-    /// Where, counted from the beginning of the state.
+    /// Position, counted from the beginning of the state.
     pub at: usize,
 }
 
-/// The state of something while it is being saved.
+/// A state that is being saved.
 #[derive(Debug, Default)]
 pub struct Saving {
     bytes: Vec<u8>,
 }
 
-/// Appends to bytes what postcard writes.
+/// Appends the output of postcard to bytes.
 struct Appended<'a>(&'a mut Vec<u8>);
 
 impl Flavor for Appended<'_> {
@@ -44,7 +44,7 @@ impl Flavor for Appended<'_> {
 }
 
 impl Saving {
-    /// Nothing, with the memory of bytes that are no longer needed.
+    /// Creates an empty state, in the memory of bytes that are no longer needed.
     #[must_use]
     pub fn reusing(mut bytes: Vec<u8>) -> Self {
         bytes.clear();
@@ -63,7 +63,7 @@ impl Saving {
         self.bytes.extend_from_slice(bytes);
     }
 
-    /// Appends words most of which are 0.
+    /// Appends words that are mostly 0.
     pub fn sparse(&mut self, words: impl Iterator<Item = u64>) {
         let words: Vec<(usize, u64)> = words.enumerate().filter(|(_, word)| *word != 0).collect();
         self.value(&words);
@@ -82,7 +82,7 @@ impl Saving {
     }
 }
 
-/// The state of something while it is being restored.
+/// A state that is being restored.
 #[derive(Debug)]
 pub struct Saved<'a> {
     all: &'a [u8],
@@ -99,7 +99,7 @@ impl<'a> Saved<'a> {
     /// The next value.
     ///
     /// # Errors
-    /// [`Damaged`]: there is no such value.
+    /// [`Damaged`]: there is no valid value.
     #[inline]
     pub fn value<T: DeserializeOwned>(&mut self) -> Result<T, Damaged> {
         match postcard::take_from_bytes(self.rest) {
@@ -124,7 +124,7 @@ impl<'a> Saved<'a> {
     /// Words that [`Saving::sparse`] has written.
     ///
     /// # Errors
-    /// [`Damaged`]: there is no such word.
+    /// [`Damaged`]: there are no valid words.
     pub fn sparse<const N: usize>(&mut self) -> Result<Box<[u64; N]>, Damaged> {
         let mut words = Box::new([0; N]);
         for (index, word) in self.value::<Vec<(usize, u64)>>()? {
@@ -133,10 +133,10 @@ impl<'a> Saved<'a> {
         Ok(words)
     }
 
-    /// A value that must be this one.
+    /// Reads a value that must be equal to `right`.
     ///
     /// # Errors
-    /// [`Damaged`]: it is another one.
+    /// [`Damaged`]: the value differs.
     pub fn expect(&mut self, right: usize, what: &'static str) -> Result<(), Damaged> {
         if self.value::<usize>()? == right { Ok(()) } else { Err(self.no(what)) }
     }
@@ -158,7 +158,7 @@ impl<'a> Saved<'a> {
     /// Checks that all bytes were read.
     ///
     /// # Errors
-    /// [`Damaged`]: something is.
+    /// [`Damaged`]: bytes are left.
     pub fn end(&self) -> Result<(), Damaged> {
         self.check(self.rest.is_empty(), "end")
     }

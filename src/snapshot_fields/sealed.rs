@@ -13,7 +13,7 @@ pub fn seal(mut bytes: Vec<u8>) -> Vec<u8> {
     bytes
 }
 
-/// The bytes before the checksum; `None` if it is not theirs.
+/// Returns the bytes before the checksum; `None` if the checksum is wrong.
 #[must_use]
 pub fn unseal(sealed: &[u8]) -> Option<&[u8]> {
     let (bytes, sum) = sealed.split_at_checked(sealed.len().checked_sub(CHECKSUM)?)?;

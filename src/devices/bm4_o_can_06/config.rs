@@ -35,9 +35,9 @@ pub(super) enum Work {
     PlcSlave,
     /// A slave of the controller, at this baud rate in kbit/s; `None`: that of its bus in the plant file.
     ControllerSlave(Option<u16>),
-    /// Nothing: DIP switch 10 is at ON (decision D-648).
+    /// No function: DIP switch 10 is at ON (decision D-648).
     InitError,
-    /// Nothing: DIP switches 1 to 3 name no baud rate (p. 27, 31).
+    /// No function: DIP switches 1 to 3 are at a code without a baud rate (p. 27, 31).
     UnknownBaudRate,
 }
 
@@ -101,7 +101,7 @@ pub struct Bm4Config {
     pub modules: Vec<ModuleConfig>,
 }
 
-/// The section as it is written.
+/// The section as written in the file.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 #[serde(expecting = "a b maXX PLC: a table with its settings")]
@@ -177,7 +177,7 @@ impl Bm4Config {
         self.modules.iter().find(|module| module.port.number == port.number)
     }
 
-    /// A setting of a module with which it cannot do its work.
+    /// Returns a setting of a module that prevents its function.
     fn doubt_of(&self, module: &ModuleConfig) -> Option<Doubt> {
         let name = format!("{}:{}", self.name, module.port.name);
         let doubt = |key, text| Some(Doubt { section: name.clone(), key, text });
@@ -305,7 +305,7 @@ fn slots() -> String {
     DEVICE.ports.iter().map(letter).collect::<Vec<_>>().join(", ")
 }
 
-/// The slot that `key` names, in which there must be a module.
+/// Returns the slot that `key` names; the slot must contain a module.
 fn occupied(modules: &[ModuleConfig], key: &str, slot: &Spanned<String>) -> Result<&'static Port, Error> {
     let module = modules.iter().find(|module| letter(module.port) == slot.get_ref());
     module.map(|module| module.port).ok_or_else(|| {

@@ -3,7 +3,7 @@
 use crate::devices::cansync::exercise;
 use crate::devices::exercise::Exercise;
 
-/// The only one.
+/// The only exercise.
 pub(in crate::devices) static EXERCISES: [&Exercise; 1] = [&Exercise {
     name: "bm4-cansync",
     plant: include_str!("exercise.toml"),

@@ -9,7 +9,7 @@ use crate::memory::Face;
 use crate::memory::header::{Interrupt, InterruptResult, Start};
 use crate::snapshot_fields;
 
-/// The one event there is: SYNC signal 1 of an option module.
+/// The only event: SYNC signal 1 of an option module.
 const SYNC_EVENT: usize = 11;
 
 /// Supply, program and events.
@@ -94,7 +94,7 @@ impl Front {
     }
 }
 
-/// Interrupt level of an event. There is only one, so that there is nothing for it to be higher or lower than.
+/// Interrupt level of an event. There is only one event, so the level has no effect.
 pub(super) fn level(event: usize) -> Option<u8> {
     (event == SYNC_EVENT).then_some(0)
 }

@@ -94,7 +94,7 @@ fn interval(interval_us: Option<u64>) -> Led {
     interval_us.map_or(Led::Off, |us| Led::Flashes(((us + 500) / 1000).clamp(1, 8) as u8)) // at most 8
 }
 
-/// H1: lit while the module waits for the program, then it shows frames, of which a controller in BUS-off has none.
+/// H1: lit while the module waits for the program, then it shows frames; a controller in BUS-off has none.
 fn green(option: &Cell16, can: &Cell16, has_traffic: bool) -> Led {
     if option.load() <= option_status::WAITING_FOR_INIT {
         Led::On
@@ -119,7 +119,7 @@ mod tests {
     use super::*;
     use zerocopy::FromZeros;
 
-    /// P. 28-30: what each module shows that waits, takes part with SYNC and without, and is in BUS-off.
+    /// P. 28-30: the LEDs of each module that waits, takes part with SYNC and without, and is in BUS-off.
     #[test]
     fn leds_show_what_the_module_does() {
         use Led::{Flashes, Off, On};

@@ -16,10 +16,10 @@ use crate::memory::header::BoardSetting;
 use crate::memory::{Header, MemoryError, Segment, View};
 use crate::snapshot_fields;
 
-/// DIP switches 3, 2 and 1 of a slave of the controller at 500 kbit/s, until it is plugged in at its bus.
+/// DIP switches 3, 2 and 1 of a slave of the controller at 500 kbit/s; used until it is plugged in at its bus.
 const UNPLUGGED_BAUD: u8 = 0b101;
 
-/// How long H1 shows a frame (decision D-367).
+/// Time for which H1 shows a frame (decision D-367).
 const TRAFFIC_US: u64 = 100_000;
 
 /// A module, seen from the PLC.
@@ -27,7 +27,7 @@ struct Module {
     /// Number of its port.
     number: u8,
     work: Work,
-    /// Whether DIP switch 9 is at ON, or it is a master.
+    /// Whether DIP switch 9 is at ON, or the module is a master.
     has_registers: bool,
     /// DIP switches 1 to 3, 9 and 10 as the header page has them.
     other_switches: u32,
@@ -35,7 +35,7 @@ struct Module {
     /// Number at the DIP switches, as read at the last power-on.
     dip: u8,
     takes_part: bool,
-    /// The last edge of its SYNC signal, and the time from the one before.
+    /// Time of the last edge of its SYNC signal, and the interval before it.
     edge: Option<(u64, u64)>,
     /// When it last sent or received a frame.
     last_frame: Option<u64>,
@@ -60,7 +60,7 @@ impl Module {
         })
     }
 
-    /// Its DIP switches as the header page has them: those of the other numbers mean nothing to a slave of the PLC.
+    /// Its DIP switches in the form of the header page; a slave of the PLC ignores the switches of the other numbers.
     fn switches(&self) -> u32 {
         let others = if self.has_registers { self.other_switches & DIP_10_ON } else { self.other_switches };
         u32::from(self.dip) | others
@@ -71,8 +71,8 @@ impl Module {
         usize::from(self.number) - 1
     }
 
-    /// How long the interval is, while the SYNC signal is there: two and a half intervals without an edge end it, as
-    /// they end the lock of a slave.
+    /// Interval of the SYNC signal, while there is one: it ends after two and a half intervals without an edge, like
+    /// the lock of a slave.
     fn interval_us(&self, now: u64) -> Option<u64> {
         let (at, interval) = self.edge?;
         (interval != 0 && (now - at) * 2 <= interval * 5).then_some(interval)
@@ -111,7 +111,7 @@ snapshot_fields!(Bm4Plc {
 });
 
 impl Bm4Plc {
-    /// Device number `index` of the plant, and its ports, which are still to be plugged in.
+    /// Creates device number `index` of the plant, and its ports, which are not plugged in yet.
     pub(crate) fn new(
         index: usize,
         config: &Bm4Config,
@@ -276,7 +276,7 @@ impl Device for Bm4Plc {
             module.edge = None;
             module.last_frame = None;
             if module.work == Work::InitError && module.has_registers {
-                // No firmware runs that would do so.
+                // There is no firmware that would do so.
                 module.regs.reset_from(0);
             }
         }
@@ -362,7 +362,7 @@ impl Device for Bm4Plc {
     }
 }
 
-/// Where the registers of the module at `port` lie.
+/// Location of the registers of the module at `port`.
 fn location(port: &Port) -> NodeLocation {
     NodeLocation::of(port, &BAUD_RATES)
 }

@@ -1,4 +1,4 @@
-//! Ethernet configuration: which IP address the board has (manual 5.00005.03a p. 75-82).
+//! Ethernet configuration: the IP address of the board (manual 5.00005.03a p. 75-82).
 //!
 //! The registers of `ETHERNET_CONFIG_BMSTRUCT` lie in NOVRAM. Their contents at power-on apply. Later, a write to
 //! `d_IP_CONFIG` (p. 78) stores address and mask; the firmware sees it when the register changes (decision D-191).
@@ -46,7 +46,7 @@ pub struct Ethernet {
     speed: u16,
     dip: u8,
     stored: Stored,
-    /// Values of `d_IP_CONFIG` and `d_ROUTER` at the last look.
+    /// Values of `d_IP_CONFIG` and `d_ROUTER` at the last poll.
     seen: [u32; 2],
     /// Counts changes of `stored`.
     generation: u32,
@@ -116,7 +116,7 @@ impl Ethernet {
         (&self.stored, self.generation)
     }
 
-    /// Whether a look finds nothing to do.
+    /// Whether a poll would change nothing.
     #[inline]
     pub(super) fn poll_changes_nothing(&self) -> bool {
         self.watched() == self.seen
@@ -130,7 +130,7 @@ impl Ethernet {
         }
     }
 
-    /// `d_IP_CONFIG` or `d_ROUTER` was written: stores everything, or puts address and choice back if the address is
+    /// `d_IP_CONFIG` or `d_ROUTER` was written: stores everything, or restores address and choice if the address is
     /// not allowed.
     #[cold]
     pub fn take(&mut self, ctx: &mut Context) {

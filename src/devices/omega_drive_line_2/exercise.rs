@@ -3,7 +3,7 @@
 use crate::devices::cansync::exercise;
 use crate::devices::exercise::{Exercise, Move, Wrong};
 
-/// All of them.
+/// All exercises of the device.
 pub(in crate::devices) static EXERCISES: [&Exercise; 2] = [&CANSYNC, &BAPS];
 
 static CANSYNC: Exercise = Exercise {

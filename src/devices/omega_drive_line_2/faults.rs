@@ -4,15 +4,15 @@ use super::baps::Pace;
 use crate::fault::{self, Fault, Faults, Field, Form, Hit, Kind, Owner, Place};
 use crate::journal::Journal;
 
-/// Longest time by which a drive is late at the BAPS, in emulated microseconds: longer than the function blocks wait.
+/// Maximum delay of a drive at the BAPS, in emulated microseconds: longer than the function blocks wait.
 pub const MAX_SLOWNESS_US: u32 = 60_000_000;
 
 /// Fault of the drive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Effect {
-    /// It has this fault, 1 to 65535.
+    /// The drive has this fault, 1 to 65535.
     Trip(u16),
-    /// It leaves out what it has to do at the BAPS.
+    /// The drive ignores its tasks at the BAPS.
     Silent,
     /// The drive takes commands late by this many microseconds, 1 to [`MAX_SLOWNESS_US`].
     Slow(u32),
@@ -64,7 +64,7 @@ static SLOW: Kind =
 /// All kinds.
 pub static KINDS: &[&Kind] = &[&DRIVE_FAULT, &SILENT, &SLOW];
 
-/// How the drive takes what it has to do at its BAPS; a silent one does not get to be slow.
+/// Speed of the drive at its BAPS; a silent drive is never slow.
 #[inline]
 pub(super) fn pace(faults: &mut Faults, now: u64, plc: u16, has_waited: bool, journal: &mut Journal) -> Pace {
     if faults.is_empty() {

@@ -26,10 +26,10 @@ use crate::snapshot_fields;
 /// Numbers of the two ports.
 pub(super) const SLAVE: u8 = 1;
 pub(super) const MASTER: u8 = 2;
-/// Number of the BAPS among the ports in records; it is none.
+/// Number of the BAPS among the ports in records; it is not a port.
 const BAPS_NODE: u8 = 0;
 
-/// Where the registers of the node at `port` lie.
+/// Location of the registers of the node at `port`.
 fn location(port: &layout::Port) -> NodeLocation {
     NodeLocation::of(port, &BAUD_RATES)
 }
@@ -50,7 +50,7 @@ pub struct Plc {
 snapshot_fields!(Plc { values: slave_is_on_bus; parts: baps, board, ethernet; built: index, name, segment, face });
 
 impl Plc {
-    /// Device number `index` of the plant, and its ports, which are still to be plugged in.
+    /// Creates device number `index` of the plant, and its ports, which are not plugged in yet.
     pub(crate) fn new(
         index: usize,
         config: &PlcConfig,
@@ -75,7 +75,7 @@ impl Plc {
             }),
         };
         let slave = SocketRole::Slave { number: config.dip, lock };
-        // On one bus node 2 would wait for the signal that it is to make.
+        // On a common bus node 2 would wait for the signal that it must generate itself.
         let has_sync_in = config.node1.is_some() && config.node1 != config.node2;
         let ports = vec![
             plug(&DEVICE.ports[0], &config.node1, slave),
@@ -112,7 +112,7 @@ impl Plc {
         }
     }
 
-    /// A time slice of the drive, which may have process data for an event task.
+    /// Runs a time slice of the drive, which may have process data for an event task.
     fn time_slice(&mut self, world: &mut World) {
         let events = self.baps.process_data_events();
         let (now, plc) = (world.now, self.index);
@@ -308,7 +308,7 @@ impl Device for Plc {
         note_restarts(&self.segment, &self.face, DEVICE.ports.iter().map(location), offset, bytes);
     }
 
-    /// `d_IP_CONFIG` is the one.
+    /// Only `d_IP_CONFIG` is such a register.
     fn answers_write(&self, offset: u32) -> bool {
         offset == ETHERNET_CONFIG as u32
     }

@@ -11,10 +11,10 @@ rules! {
 }
 
 event_kinds! {
-    /// Has the number of a frame.
+    /// A kind with the number of a frame.
     NumberOfFrames = 2, "own", Rare, at plc {}
 
-    /// Has the name of a frame.
+    /// A kind with the name of a frame.
     NameOfFrames = 250, "frame", Rare, at plc {}
 }
 
@@ -38,7 +38,7 @@ impl EventText for NameOfFrames {
     }
 }
 
-/// A device with this name and hash, and what it registers.
+/// Creates a device with this name and hash, and these registrations.
 fn device(
     name: &'static str,
     layout_hash: u64,

@@ -62,7 +62,7 @@ pub(crate) fn bus_with(plugs: Vec<Plug>) -> (Box<dyn Medium>, Arc<Mutex<Wires>>)
     (bus, wires)
 }
 
-/// A processor cycle of both at `now`, and what the bus does until the next one at `until`.
+/// Runs a processor cycle of both at `now`, and the bus until the next one at `until`.
 pub(crate) fn cycle(bus: &mut dyn Medium, now: u64, until: u64, journal: &mut Journal, faults: &mut Faults) {
     for place in 0..2 {
         bus.processor_cycle(place, now, journal);

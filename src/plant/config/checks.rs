@@ -1,4 +1,4 @@
-//! Checks of a plant as a whole: what no device or medium can judge for itself.
+//! Checks of a plant as a whole that no device or medium can make by itself.
 
 use super::{MOST, PlantConfig, PlantError, PortOf, equal_numbers};
 use crate::devices;
@@ -7,10 +7,10 @@ use crate::devices::{BuildError, DeviceConfig, MediumConfig};
 use std::collections::{BTreeSet, HashMap};
 
 impl PlantConfig {
-    /// Checks everything that a plant file can get wrong.
+    /// Checks all parts of a plant file.
     ///
     /// # Errors
-    /// [`PlantError`], naming the thing and what would be right.
+    /// [`PlantError`] with the wrong entry and a correct value.
     pub fn check(&self) -> Result<(), PlantError> {
         if self.devices.is_empty() {
             return Err(PlantError::NoPlc);

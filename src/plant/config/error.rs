@@ -37,7 +37,7 @@ pub enum PlantError {
         /// The error.
         source: Box<PlantError>,
     },
-    /// No PLC in the plant.
+    /// The plant has no PLC.
     #[error("the plant has no PLC; add a [[plc]] section with a name")]
     NoPlc,
     /// More than journal and channel have numbers for.
@@ -45,7 +45,7 @@ pub enum PlantError {
     TooMany {
         /// "PLC" or "bus".
         what: &'static str,
-        /// How many there are.
+        /// Number of entries.
         count: usize,
     },
     /// A name that cannot be used.
@@ -56,7 +56,7 @@ pub enum PlantError {
         /// The name.
         name: String,
     },
-    /// A name given twice.
+    /// A name is given twice.
     #[error("there are two {what}s named '{name}'; names must be unique")]
     Duplicate {
         /// "PLC", "bus" or "drive".
@@ -64,7 +64,7 @@ pub enum PlantError {
         /// The name.
         name: String,
     },
-    /// Something else where sections belong.
+    /// Another entry is at the place of a section.
     #[error("{file}: line {line}: [[{name}]] begins a section; there can be several")]
     NoSection {
         /// The file.
@@ -74,7 +74,7 @@ pub enum PlantError {
         /// The sections' name.
         name: &'static str,
     },
-    /// A section of a kind that there is not.
+    /// A section has an unknown kind.
     #[error("{file}: line {line}: there is no {what} of kind '{kind}'; kinds are: {known}")]
     Kind {
         /// The file.
@@ -85,7 +85,7 @@ pub enum PlantError {
         what: &'static str,
         /// The kind.
         kind: String,
-        /// The kinds there are.
+        /// The known kinds.
         known: String,
     },
     /// A device refers to a bus that does not exist.
@@ -97,10 +97,10 @@ pub enum PlantError {
         port: String,
         /// The bus it names.
         bus: String,
-        /// The buses there are.
+        /// The known buses.
         known: String,
     },
-    /// A device refers to a bus of another kind than its port is made for.
+    /// A device refers to a bus of another kind than its port fits.
     #[error("{port} of PLC '{plc}' is on bus '{bus}' of kind '{kind}'; it needs one of kind '{right}'")]
     OtherKind {
         /// The device.
@@ -125,7 +125,7 @@ pub enum PlantError {
         first: String,
         /// Its port.
         first_port: String,
-        /// Another device, or the same.
+        /// The other device; it may be the same one.
         second: String,
         /// Its port.
         second_port: String,

@@ -67,7 +67,7 @@ pub(super) fn read(file: &str, text: &str) -> Result<(PlantConfig, Vec<usize>), 
     Ok((PlantConfig { processor_cycle_us, devices, media, faults, text: text.into() }, places))
 }
 
-/// The line, from 1, in which an offset lies. It counts from the beginning, so it is for what goes wrong once.
+/// The line, from 1, of an offset. It counts from the beginning of the text, so it is for errors only.
 pub(super) fn line_of(text: &str, offset: usize) -> usize {
     1 + text.as_bytes().iter().take(offset).filter(|byte| **byte == b'\n').count()
 }

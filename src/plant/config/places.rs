@@ -1,6 +1,6 @@
 //! Positions in a plant file of errors that only the whole plant can detect.
 //!
-//! Looked for after the refusal, so that settings need not carry their places about.
+//! The positions are searched after an error, so that settings need not store them.
 
 use super::PlantError;
 use crate::devices::{BuildError, SettingError};
@@ -75,7 +75,7 @@ fn is_port_of(port: &str, slot: &str) -> bool {
     port.strip_prefix("slot") == Some(slot)
 }
 
-/// The number that the later one of two gives itself on a bus; where it leaves it at the default, its bus.
+/// The number of the later one of two devices on a bus; if it uses the default, its bus.
 fn slave_number<'a, 't>(root: &'a DeTable<'t>, bus: &str, number: u8, second: &str) -> Option<&'a Value<'t>> {
     let buses = sections_of(root, "bus").filter(|section| is_named(section, bus));
     let drives = buses.flat_map(|section| below(section.get_ref(), "drive"));
@@ -93,7 +93,8 @@ fn slave_number<'a, 't>(root: &'a DeTable<'t>, bus: &str, number: u8, second: &s
     })
 }
 
-/// Where a device is plugged in at a bus, in the order of the file: the section, and the bus's name in it.
+/// Places where a device is plugged in at a bus, in the order of the file: the section, and the bus's name
+/// in it.
 fn plugged_at<'a, 't>(
     root: &'a DeTable<'t>,
     device: &str,

@@ -142,7 +142,7 @@ fn each_mistake_is_told_with_its_line() {
         (format!("{plc}[plc.drive]\nsync_loss_us = 0\n"), 4),
         (format!("{plc}{bus}{drives}slave_number = 32\n"), 10),
         (format!("{plc}{bus}{drives}slave_number = 4\n"), 10),
-        // A drive of a PLC's name is not taken for the PLC.
+        // A drive with the name of a PLC is not mistaken for the PLC.
         (format!("{plc}{bus}[[bus.drive]]\nname = 'p'\nslave_number = 1\nlock_time_us = 3_600_000_001\n"), 8),
         (format!("{plc}node2 = 'x'\n{bus}"), 3),
         (format!("{bus}{plc}node2 = 'b'\n[[plc]]\nname = 'q'\nnode2 = 'b'\n"), 8),

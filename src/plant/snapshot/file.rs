@@ -9,7 +9,7 @@ const MAGIC: [u8; 8] = *b"cmrmsnap";
 /// Version of the format that follows. Increase it with every change of the contents of a snapshot.
 const FORMAT: u16 = 3;
 
-/// A snapshot with the plant that it is of.
+/// A snapshot with its plant.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SnapshotFile {
     /// The text of the plant file.
@@ -21,24 +21,24 @@ pub struct SnapshotFile {
 /// Why bytes are no snapshot that can be used.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum SnapshotFileError {
-    /// They are something else.
+    /// The bytes are not a snapshot.
     #[error("it is no snapshot of commram; `commram snapshot FILE` writes one")]
     NoSnapshot,
-    /// Another version has made it.
+    /// Another version has written the snapshot.
     #[error(
         "it was made by commram {found} (format {format}), this is commram {ours} (format {FORMAT}); use that version",
         ours = env!("CARGO_PKG_VERSION")
     )]
     OtherVersion {
-        /// The version that has made it.
+        /// Version that has written the snapshot.
         found: String,
         /// The format of the file.
         format: u16,
     },
-    /// Bytes are missing, or others than were written.
+    /// Bytes are missing or damaged.
     #[error("it is damaged: its checksum is wrong, or its end is missing")]
     Checksum,
-    /// Its content makes no sense.
+    /// The content is invalid.
     #[error("it is damaged: {0}")]
     Damaged(#[from] Damaged),
 }
@@ -47,7 +47,7 @@ impl SnapshotFile {
     /// Maximum length of a file, in bytes.
     pub const LONGEST: u64 = 64 << 20;
 
-    /// Whether these bytes begin as such a file does.
+    /// Whether these bytes begin like a snapshot file.
     #[must_use]
     pub fn is_one(bytes: &[u8]) -> bool {
         bytes.starts_with(&MAGIC)
@@ -73,7 +73,8 @@ impl SnapshotFile {
         if !Self::is_one(bytes) {
             return Err(SnapshotFileError::NoSnapshot);
         }
-        // First of all: a damaged header must not be taken for that of another version. All formats have this checksum.
+        // This check comes first: a damaged header must not be mistaken for the header of another version. All formats
+        // have this checksum.
         let written = unseal(bytes).ok_or(SnapshotFileError::Checksum)?;
         let mut from = Saved::new(written);
         let _magic = from.raw(MAGIC.len())?;
@@ -87,7 +88,7 @@ impl SnapshotFile {
         Ok(SnapshotFile { plant, snapshot })
     }
 
-    /// The plant that it is of; `file` is what messages call it.
+    /// Returns the plant of the snapshot; messages call it `file`.
     ///
     /// # Errors
     /// The text is no plant file.

@@ -56,7 +56,7 @@ fn messages_name_no_types() {
     assert_eq!(error, "there is no readable value at byte 0 of the state");
 }
 
-/// Takes over what may be bad; whether it could.
+/// Restores a possibly bad snapshot; returns whether it could.
 fn runs_or_is_refused(plant: &mut Plant, good: &Snapshot, bad: &Snapshot) -> bool {
     let is_taken = plant.restore(bad).is_ok();
     if is_taken {

@@ -5,15 +5,16 @@ use crate::layout::Test;
 use crate::request::register::Register;
 use crate::request::{Code, Host, MAX_ADVANCE_US, MAX_CONDITIONS, Refused, Waited, travel};
 
-/// Longest advance between two looks at [`Host::should_stop`]: 100 ms of emulated time.
+/// Maximum advance between two calls of [`Host::should_stop`]: 100 ms of emulated time.
 const SLICE_US: u64 = 100_000;
-/// The same while nothing changes, which takes no longer: a minute.
+/// Maximum advance while nothing changes, which takes no longer: a minute.
 const REST_US: u64 = 60_000_000;
-/// How many events a wait passes between two looks at [`Host::should_pause`], which may cost as much as an event.
+/// Number of events that a wait handles between two calls of [`Host::should_pause`], which may cost as much as an
+/// event.
 const EVENTS: u32 = 32;
 
 impl Execution {
-    /// Goes on to time `part`, at which the present part ends. `false`: it pauses on the way, or is to stop.
+    /// Advances to time `part`, at which the present part ends. `false`: it pauses on the way, or is to stop.
     pub(super) fn go_to(&mut self, host: &mut dyn Host, part: u64) -> bool {
         if self.part.is_none() {
             travel::set_out(host, !core::mem::replace(&mut self.has_set_out, true));
@@ -26,7 +27,8 @@ impl Execution {
         has_arrived
     }
 
-    /// Goes to time `end` in parts, so that an hour of emulated time does not make the emulator deaf. `false`: it pauses.
+    /// Advances to time `end` in parts, so that the emulator keeps answering during an hour of emulated time. `false`:
+    /// it pauses.
     pub(super) fn advance(&mut self, host: &mut dyn Host, end: u64) -> Result<bool, Refused> {
         self.end = Some(end);
         loop {
@@ -118,7 +120,7 @@ impl Execution {
     }
 }
 
-/// Whether the conditions hold, any or all of them, and which do, bit n for number n.
+/// Checks the conditions, any or all of them; bit n of the value is set if condition n holds.
 pub(super) fn look_at(
     host: &dyn Host,
     any: bool,

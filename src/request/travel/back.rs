@@ -1,4 +1,4 @@
-//! Going back by a time, or to when something came to be.
+//! Going back by a time, or to the moment at which a condition became true.
 
 use super::{alone, go_to};
 use crate::plant::Snapshot;
@@ -74,8 +74,8 @@ fn find_back<T>(
     Err(Refused::new(Code::NOT_SO_FAR, text))
 }
 
-/// When `look` came to find something last in a stretch or at the beginning of the next one, and when this stretch begins and
-/// whether it is found there.
+/// The last moment in a stretch, or at the beginning of the next one, at which `look` became successful; also the begin
+/// of this stretch and whether `look` succeeds there.
 fn last_in<T>(
     host: &mut dyn Host,
     place: usize,

@@ -1,4 +1,4 @@
-//! Snapshots as files: they leave and come in parts.
+//! Snapshots as files, which are read and sent in parts.
 
 use super::{alone, go_to, unknown};
 use crate::plant::SnapshotFile;
@@ -25,7 +25,7 @@ pub(in crate::request) fn read(
     Ok(part)
 }
 
-/// A part of a file comes in, from its byte `at` on.
+/// Takes a part of a file, from its byte `at` on.
 pub(in crate::request) fn take_in(host: &mut dyn Host, at: u32, bytes: &[u8]) -> Result<(), Refused> {
     let (_, travel) = host.plant_and_travel();
     if at == 0 {
@@ -40,7 +40,7 @@ pub(in crate::request) fn take_in(host: &mut dyn Host, at: u32, bytes: &[u8]) ->
     Ok(())
 }
 
-/// Goes to the snapshot in the file that has come in.
+/// Restores the snapshot in the file that was sent.
 pub(in crate::request) fn restore(host: &mut dyn Host, detached: bool) -> Result<(), Refused> {
     alone(host, detached)?;
     let (_, travel) = host.plant_and_travel();

@@ -1,4 +1,4 @@
-//! A stretch of the plant's way: a snapshot, and what operations have stored since.
+//! A stretch of the plant's history: a snapshot, and the stores of operations since then.
 
 use crate::memory::Width;
 use crate::plant::{Plant, Snapshot};
@@ -23,15 +23,15 @@ pub(super) struct Stretch {
     pub(super) begin: Snapshot,
     /// Stores of operations after the snapshot, in order.
     pub(super) stores: Vec<Store>,
-    /// How far it went without a break.
+    /// End of the part without a break.
     end: End,
 }
 
-/// Up to where it is known how a stretch went.
+/// Known end of a stretch.
 #[derive(Clone, Copy, Debug)]
 struct End {
     time_us: u64,
-    /// How many of its stores had been made.
+    /// Number of stores up to the end.
     stores: usize,
     /// The journal's hash.
     hash: u64,
@@ -89,7 +89,7 @@ impl Stretch {
 pub(super) struct Way<'a>(&'a [Store]);
 
 impl Way<'_> {
-    /// When something is stored next, `u64::MAX`: nothing is.
+    /// Time of the next store; `u64::MAX` if there is none.
     pub(super) fn next_store(&self) -> u64 {
         self.0.first().map_or(u64::MAX, |store| store.time_us)
     }
@@ -98,7 +98,7 @@ impl Way<'_> {
     pub(super) fn go_to(&mut self, plant: &mut Plant, time_us: u64) {
         while let Some((store, rest)) = self.0.split_first().filter(|(store, _)| store.time_us <= time_us) {
             plant.advance_to(store.time_us);
-            // It was possible then, and the plant is as it was.
+            // The store was possible then, and the plant has the same state now.
             let _ = plant.store(store.plc, store.offset, store.width, store.value);
             self.0 = rest;
         }

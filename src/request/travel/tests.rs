@@ -15,7 +15,7 @@ fn held(host: &mut TestHost) -> Reply {
     host.request(&[Op::Peek { plc: 0, offset: RAM.start, width: WORD }]).remove(0)
 }
 
-/// 1 from 2 ms on, 2 from 5 ms on; it is 9 ms.
+/// The register is 1 from 2 ms on and 2 from 5 ms on; the time is 9 ms.
 fn host() -> TestHost {
     let mut host = TestHost::new(true);
     host.request(&[
@@ -65,7 +65,7 @@ fn back_to_when_a_condition_came_to_hold() {
     assert_eq!(held(&mut host), Reply::Value(2));
     let replies = host.request(&until(1));
     assert_eq!(replies.last(), Some(&Reply::Waited(Waited { time_us: 2_000, value: 1 })));
-    // It holds since before anything was kept.
+    // The condition has been true since before the begin of the history.
     let replies = host.request(&until(0));
     assert_eq!(replies.last(), Some(&Reply::Waited(Waited { time_us: 0, value: 1 })));
 }
@@ -200,7 +200,7 @@ fn why_nothing_is_kept_is_told() {
     let mut host = self::host();
     let saved = host.request(&[Op::Save]).remove(0).value().unwrap();
     host.request(&[Op::Back { us: 5_000, detached: false }, Op::Advance { us: 1_000 }]);
-    // Not on the way of the plant any more.
+    // The snapshot is no longer part of the plant's history.
     host.request(&[Op::BackTo { number: saved, detached: false }]);
     let text = host.refusal(back(1)).1;
     assert!(text.contains("since another state was restored"), "{text}");
@@ -223,7 +223,7 @@ fn snapshots_have_numbers_and_come_and_go_in_parts() {
     host.request(&[poke(3), Op::Advance { us: 700 }]);
     assert_eq!(host.request(&[Op::BackTo { number, detached: false }]), [Reply::Time(9_000)]);
     assert!(host.plant.snapshot() == saved);
-    // Another instance of the same plant.
+    // Another instance of the same plant cannot restore it by number.
     let mut other = TestHost::new(true);
     for (index, part) in bytes.chunks(16).enumerate() {
         let mut room = [0; 16];

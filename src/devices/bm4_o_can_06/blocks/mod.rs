@@ -29,7 +29,7 @@ pub static BLOCKS: &[BlockKind] = block_kinds! {
     -: CANsync_SL_TYP_INIT INTR_SET;
 };
 
-/// The same in IEC Structured Text, in the order in which a compiler wants them.
+/// The function blocks in IEC Structured Text, in the order that a compiler needs.
 pub static ST: &[StPart] = st!(
     "CANsync_PLC_INIT_BMSTRUCT",
     "CANsync_PLC_MA_BMSTRUCT",

@@ -1,4 +1,4 @@
-//! `w_COMMAND_REG`: which values are exchanged when (manual 5.00005.03a p. 88-91).
+//! `w_COMMAND_REG`: selection and time of the exchanged values (manual 5.00005.03a p. 88-91).
 
 use crate::devices::omega_drive_line_2::registers::values::baps_command_reg::{
     METHOD, NUMBER, SAME_CYCLE, SLICES, TIME_SLICE,
@@ -8,15 +8,16 @@ use serde::{Deserialize, Serialize};
 
 /// Time slice of the drive for the BAPS, in us.
 pub const SLICE_US: u64 = 500;
-/// Reference values in the same cycle.
+/// Number of reference values in the same cycle.
 const SAME_CYCLE_WRITES: usize = 2;
-/// From this drive software on there are four actual values in the same cycle (manual p. 104).
+/// First version of the drive software with four actual values in the same cycle (manual p. 104).
 pub(super) const FOUR_ACTUAL_VALUES: u32 = 309;
 
 /// Selection of reference and actual values, bits 2-1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Method {
-    /// Time-slice method: one of up to eight values in each communication, value x half as often as value x-1.
+    /// Time-slice method: one of up to eight values in each communication, value x with half the frequency of value
+    /// x-1.
     TimeSlice,
     /// Two reference values and two (four) actual values in each communication.
     SameCycle,
@@ -43,8 +44,8 @@ impl Cycle {
             _ => return None,
         };
         let number = (word & NUMBER) >> NUMBER.trailing_zeros();
-        // A counter comes round after as many slices as its number says; time slot v of a binary division comes every
-        // 2^v slices, first as slice 2^(v-1), and the communication follows one slice later (decision D-154).
+        // The period of a counter is its number of slices. Time slot v of a binary division comes every 2^v slices,
+        // first as slice 2^(v-1), and the communication follows one slice later (decision D-154).
         let (period, first) = match (number, word & SLICES != 0) {
             (0, _) => return None,
             (number, false) => (u64::from(number), u64::from(number)),

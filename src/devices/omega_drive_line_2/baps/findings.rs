@@ -44,7 +44,7 @@ pub(super) fn cycle_of(ctx: &mut Context, regs: &BAPS_CTRL_BMSTRUCT) -> Option<C
     cycle
 }
 
-/// A PWM frequency (P103) for which the manual has no masks of P258 is reported at the register through which the PLC
+/// Reports a PWM frequency (P103) for which the manual has no masks of P258, at the register through which the PLC
 /// sets it (decision D-292).
 pub(super) fn find_wrong_pwm(ctx: &mut Context, drive: &BuiltInDrive) {
     let khz = drive.regler().pwm_khz();

@@ -1,8 +1,8 @@
-//! When the drive does what it has to do at the BAPS: at once, unless a fault makes it slow or silent.
+//! Time at which the drive executes a task at the BAPS: at once, unless a fault makes it slow or silent.
 
 use serde::{Deserialize, Serialize};
 
-/// How the drive takes a thing that it has to do.
+/// Time at which the drive takes a task.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pace {
     /// In this time slice.
@@ -20,12 +20,12 @@ pub(super) struct Hold {
 }
 
 impl Hold {
-    /// Whether something waits.
+    /// Whether a task waits.
     pub(crate) fn is_running(&self) -> bool {
         self.until.is_some()
     }
 
-    /// There is nothing to do, or no longer.
+    /// Drops the waiting task, if there is one.
     pub(crate) fn forget(&mut self) {
         self.until = None;
     }

@@ -31,7 +31,7 @@ use service::Service;
 pub struct Baps {
     regs: View<BAPS_CTRL_BMSTRUCT>,
     drive: BuiltInDrive,
-    /// The drive as it is after power-on.
+    /// State of the drive after power-on.
     powered_on: BuiltInDrive,
     process: Process,
     service: Service,
@@ -39,12 +39,12 @@ pub struct Baps {
     process_hold: Hold,
     /// Service data, likewise.
     service_hold: Hold,
-    /// Whether the Omega Drive-Line II's side runs; the drive does without it.
+    /// Whether the Omega Drive-Line II's side runs; the drive runs without it.
     is_up: bool,
     /// The next time slice; [`Baps::NEVER`] while no program uses the BAPS.
     next: u64,
     last: Option<u64>,
-    /// Where slices lie: at this time after multiples of 500 us.
+    /// Phase of the slices: their time modulo 500 us.
     phase: u64,
 }
 
@@ -98,7 +98,7 @@ impl Baps {
         self.service_hold.forget();
     }
 
-    /// Power-off: the drive has the same supply.
+    /// Power-off: the drive has the same supply, so it stops as well.
     pub fn power_off(&mut self) {
         self.reset();
         self.drive = self.powered_on.clone();
@@ -122,7 +122,7 @@ impl Baps {
         self.next
     }
 
-    /// Whether the PLC asks for something while there are no time slices.
+    /// Whether the PLC makes a request while there are no time slices.
     #[inline]
     pub fn is_called(&self) -> bool {
         self.next == Self::NEVER
@@ -141,7 +141,7 @@ impl Baps {
 
     fn wake(&mut self, now: u64) {
         self.next = self.slice_from(now);
-        // Nothing has changed while there were no slices.
+        // The registers have not changed while there were no slices.
         self.last = Some(self.next.saturating_sub(SLICE_US));
     }
 
@@ -164,7 +164,7 @@ impl Baps {
         self.next = if self.is_in_use() { self.slice_from(now + 1) } else { Self::NEVER };
     }
 
-    /// The drive looks at the registers: process data, commands and status first, then service data.
+    /// The drive polls the registers: process data, commands and status first, then service data.
     fn exchange(&mut self, ctx: &mut Context, mut pace: impl FnMut(&mut Journal, bool) -> Pace) {
         self.process.pass(ctx.now);
         let synchronized = if self.drive.is_synchronized() { baps_status_reg::SYNCHRONIZED } else { 0 };
@@ -198,7 +198,7 @@ impl Baps {
             || self.drive.is_synchronized()
     }
 
-    /// A pulse of the trigger controller. The drive's slices lie at the SYNC offset (P168) after it; when the drive gets
+    /// A pulse of the trigger controller. The drive's slices follow it by the SYNC offset (P168); when the drive is
     /// synchronized, the communications begin with such a slice (decision D-155).
     pub fn trigger_edge(&mut self, now: u64) {
         let was_synchronized = self.drive.is_synchronized();
@@ -236,7 +236,7 @@ impl Baps {
         Ok(())
     }
 
-    /// Its motor turns with this speed; `None`: with the one that the drive demands.
+    /// Sets the speed of its motor; `None`: the motor follows the drive.
     pub(crate) fn turn_shaft(&mut self, now: u64, speed: Option<i32>) {
         self.drive.turn_shaft(speed);
         if self.next == Self::NEVER {
@@ -244,7 +244,7 @@ impl Baps {
         }
     }
 
-    /// Brings fault number `fault` upon the drive, as [`Drive::trip`](crate::devices::cansync::drive::Drive::trip) does.
+    /// Sets fault number `fault` in the drive, as [`Drive::trip`](crate::devices::cansync::drive::Drive::trip) does.
     pub fn trip(&mut self, now: u64, fault: u16) -> bool {
         let trips = self.drive.trip(fault);
         if trips && self.next == Self::NEVER {

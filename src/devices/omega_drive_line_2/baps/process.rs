@@ -29,14 +29,14 @@ struct Configured {
     next: u64,
     /// A communication is pending.
     is_due: bool,
-    /// Whether the PLC had given a command for the last one.
+    /// Whether the PLC had given a command for the last communication.
     is_used: bool,
     /// The wrong SYNC slot (P167) that was reported to the PLC, in us.
     wrong_slot: Option<u32>,
     re_init: ReInit,
 }
 
-/// Where a re-initialization is.
+/// State of a re-initialization.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 enum ReInit {
     /// No command, or its result was read.
@@ -47,18 +47,18 @@ enum ReInit {
     Over(u8),
 }
 
-/// The process data of one BAPS.
+/// The process data of a BAPS.
 pub(super) struct Process {
     face: Face,
     configured: Option<Configured>,
-    /// Communications, each of which is an event "BAPS process data".
+    /// Number of communications; each is an event "BAPS process data".
     events: u64,
 }
 
 snapshot_fields!(Process { values: configured, events; built: face });
 
 impl Process {
-    /// Not configured.
+    /// There is no configuration.
     ///
     /// # Errors
     /// If the segment is read-only.
@@ -99,7 +99,7 @@ impl Process {
         }
     }
 
-    /// Whether there is a communication to do or a command to answer.
+    /// Whether there is a communication to make or a command to answer.
     pub(crate) fn has_work(&self, regs: &BAPS_CTRL_BMSTRUCT) -> bool {
         let is_due = self.configured.is_some_and(|configured| configured.is_due);
         match regs.b_COMMAND.load() {
@@ -177,8 +177,8 @@ impl Configured {
         Configured { cycle, numbers, count: 0, next, is_due, is_used, wrong_slot, re_init: ReInit::Idle }
     }
 
-    /// Actual values and status word to the PLC, then reference values and control word from it, if it has
-    /// given the command.
+    /// Copies actual values and status word to the PLC, then reference values and control word from the PLC, if it
+    /// has given the command.
     fn communicate(&mut self, ctx: &mut Context, regs: &BAPS_CTRL_BMSTRUCT, drive: &mut BuiltInDrive) {
         self.is_due = false;
         let software = drive.regler().software();
@@ -300,8 +300,8 @@ impl Configured {
     }
 }
 
-/// Answers a command: the acknowledgement first, then the command register, which the PLC watches. A command that the
-/// PLC has entered meanwhile stays.
+/// Answers a command: writes the acknowledgement first, then the command register, which the PLC watches. A newer
+/// command of the PLC stays.
 fn acknowledge(ctx: &mut Context, regs: &BAPS_CTRL_BMSTRUCT, word: u8, answer: u8) {
     regs.b_SL_QUIT.show(ctx, offset_of!(BAPS_CTRL_BMSTRUCT, b_SL_QUIT), answer);
     if regs.b_COMMAND.compare_exchange(word, baps_command::NONE).is_ok() {

@@ -1,4 +1,4 @@
-//! Service data: one parameter job at a time, guarded by two semaphores (manual 5.00005.03a p. 93-98, 118-120).
+//! Service data: sequential parameter jobs, guarded by two semaphores (manual 5.00005.03a p. 93-98, 118-120).
 //!
 //! | master | slave | |
 //! |---|---|---|
@@ -37,7 +37,7 @@ impl Job {
             number: regs.u_PAR_NR.load(),
             element: regs.us_PAR_ELEMENT.load(),
             count: regs.us_NUMBER.load(),
-            // Anything else is a doubleword, as a BOOL is TRUE.
+            // Any other value is a doubleword, as a BOOL is TRUE.
             format: match regs.b_PAR_FORMAT.load() {
                 baps_format::WORD => ParamFormat::Word,
                 _ => ParamFormat::Doubleword,
@@ -51,13 +51,13 @@ impl Job {
 enum Phase {
     #[default]
     Idle,
-    /// The drive works on the job until then.
+    /// The drive works on the job until this time.
     Working(Job, u64),
     /// The result is in the registers.
     Answered,
 }
 
-/// The service data of one BAPS.
+/// The service data of a BAPS.
 pub(super) struct Service {
     phase: Phase,
     time_us: u64,
@@ -98,7 +98,7 @@ impl Service {
                 self.phase = Phase::Working(Job::of(regs), ctx.now + self.time_us);
                 self.work(ctx, regs, drive);
             }
-            // The PLC has given up: the job is not carried out (decision D-159).
+            // The PLC has given up: the job is not executed (decision D-159).
             Phase::Working(..) if master == baps_semaphore::IDLE => self.phase = Phase::Idle,
             Phase::Working(..) => self.work(ctx, regs, drive),
             Phase::Answered if master == baps_semaphore::IDLE => {

@@ -12,7 +12,7 @@ function_block! {
     /// Sets the LEDs on the board's front (manual p. 51).
     pub struct LED(ram: Ram) {
         in {
-            /// Bit 0: upper red, 1: upper green, 2: lower red, 3: lower green LED; the others mean nothing.
+            /// Bit 0: upper red, 1: upper green, 2: lower red, 3: lower green LED; the other bits have no meaning.
             b_LEDS: u8;
         }
     }

@@ -1,4 +1,4 @@
-//! The function blocks of the Omega Drive-Line II, with what a program needs beside them.
+//! The function blocks of the Omega Drive-Line II, with the other items that a program needs.
 
 #![allow(non_snake_case, non_camel_case_types, reason = "the manual's names, letter for letter")]
 
@@ -33,7 +33,7 @@ pub static BLOCKS: &[BlockKind] = block_kinds! {
     -: LED INTR_SET OPT_INIT TIME_MEASURE_START TIME_MEASURE_END;
 };
 
-/// The same in IEC Structured Text, in the order in which a compiler wants them.
+/// The function blocks in IEC Structured Text, in the order that a compiler needs.
 pub static ST: &[StPart] = st!(
     "CANsync_INIT_BMSTRUCT",
     "CANsync_MA_CTRL_BMSTRUCT",

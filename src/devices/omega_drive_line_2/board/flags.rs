@@ -1,11 +1,11 @@
-//! The flags, and what power-on and starts make of them (manual 5.00005.03a p. 38, 41-42).
+//! The flags, and the effect of power-on and starts on them (manual 5.00005.03a p. 38, 41-42).
 
 use crate::devices::omega_drive_line_2::registers::{DEVICE, RETAIN, RETAIN_BYTES};
 use crate::memory::header::{InitialFlag, InitialFlagResult};
 use crate::memory::{MemoryError, Segment, Width};
 use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 
-/// Where the first flag lies.
+/// Position of the first flag.
 const FIRST: u32 = RETAIN as u32;
 
 /// The flags of a PLC; the retain flags with their initial values.
@@ -33,7 +33,7 @@ impl SnapshotFields for Flags {
 }
 
 impl Flags {
-    /// The flags in `segment`, as many as its header page says.
+    /// Returns the flags in `segment`; its header page has their number.
     ///
     /// # Errors
     /// If the segment is read-only.
@@ -81,7 +81,8 @@ impl Flags {
         self.initial.fill(0);
     }
 
-    /// Power-on, reset, cold and warm start: flags that are not retained are 0. A program gives its own other initial values itself (D-632).
+    /// Power-on, reset, cold and warm start: flags that are not retained become 0. A program sets its own other initial
+    /// values itself (D-632).
     pub(crate) fn clear(&self) {
         for area in DEVICE.areas.iter().filter(|area| area.space.name == "free_flags") {
             for offset in (area.first..area.last()).step_by(4) {
@@ -96,7 +97,7 @@ impl Flags {
     /// Cold start: all flags get their initial values.
     pub(crate) fn initialize(&self) {
         for (offset, bytes) in (FIRST..).step_by(4).zip(self.initial.as_chunks::<4>().0) {
-            // They lie in the segment, which is writable.
+            // The flags lie in the segment, which is writable.
             let _: Result<(), MemoryError> =
                 self.segment.store(offset, Width::Dword, u32::from_le_bytes(*bytes));
         }

@@ -16,7 +16,7 @@ const BLINK_US: u64 = 500_000;
 /// The decimal point of the display.
 const POINT: u32 = 1 << 8;
 
-/// The front as it was last seen.
+/// The front at the last poll.
 #[derive(Debug)]
 pub(super) struct Front {
     seen: Seen,
@@ -26,7 +26,7 @@ pub(super) struct Front {
     up: bool,
     dip: u8,
     projects: Projects,
-    /// It has been started: from then on a power-on is a further one.
+    /// The board was started before: the next power-on is a further one.
     is_used: bool,
     /// The program was ordered to stop while the switch was at RUN.
     halted: bool,
@@ -98,7 +98,7 @@ impl Front {
         self.dip
     }
 
-    /// Whether something was turned since the last look, or the display has to blink.
+    /// Whether a switch was turned since the last poll, or the display must blink.
     #[inline]
     pub(crate) fn has_changed(&self, face: &Face) -> bool {
         Seen::now(face.asked()) != self.seen || self.program == ProgramState::CopyingBootProject
@@ -110,13 +110,13 @@ impl Front {
         self.flags.clear();
         self.dip = (face.asked().board.dip.load() & u32::from(DIP_LAST)) as u8;
         face.program.dip_latched.store(self.dip.into());
-        // Everybody knows that there was a first time.
+        // The first start is not reported.
         if face.program.restarts.increment() > 1 {
             report(ctx, BoardEvent::Up { dip: Some(self.dip) });
         }
-        // The first power-on finds what the plant file says.
+        // At the first power-on the state of the plant file applies.
         if core::mem::replace(&mut self.is_used, true) {
-            // A process may have come or gone meanwhile.
+            // A process may have come or gone in between.
             self.read(face);
             let told = ProgramState::from_code(self.seen.program).unwrap_or(self.program);
             self.note_program(face, told);
@@ -128,7 +128,7 @@ impl Front {
         self.dip
     }
 
-    /// Power-off, or RESET is held: everything dark.
+    /// Power-off, or RESET is active: display and LEDs are dark.
     pub(crate) fn stop(&mut self, face: &Face) {
         self.up = false;
         self.released = false;
@@ -148,7 +148,7 @@ impl Front {
         self.change(had_supply)
     }
 
-    /// Takes over what clients have turned. Numbers that mean nothing leave things as they were.
+    /// Takes over the switches of clients. Invalid numbers change nothing.
     fn read(&mut self, face: &Face) {
         self.seen = Seen::now(face.asked());
         self.switch = RunSwitch::from_code(self.seen.switch).unwrap_or(self.switch);
@@ -231,7 +231,8 @@ impl Front {
         face.project.store(loaded.code());
     }
 
-    /// A project that a client sends or deletes, as the control dialog does (manual p. 37-38).
+    /// Handles the request of a client to send or delete a project, as the control dialog does (manual
+    /// p. 37-38).
     pub(crate) fn look_at_project_request(&mut self, ctx: &mut Context, face: &Face) {
         let Some(code) = face.take(|page| &page.project_request) else { return };
         let Some(project) = Project::from_code(code - 1) else { return };
@@ -251,7 +252,8 @@ impl Front {
         self.switch == RunSwitch::Run && !(self.halted && self.projects.loaded() != Project::None)
     }
 
-    /// A start that a client asks for, as the control dialog does: possible only at RUN (manual p. 38).
+    /// Handles the request of a client for a start, as the control dialog does: possible only at RUN
+    /// (manual p. 38).
     pub(crate) fn look_at_start_request(&mut self, ctx: &mut Context, face: &Face) {
         let Some(code) = face.take(|page| &page.program.start_request) else { return };
         match Start::from_code(code) {

@@ -1,4 +1,4 @@
-//! Interrupt events: which are enabled, and `INTR_SET` (manual 5.00005.03a p. 43, 47-50).
+//! Interrupt events: the enabled events, and `INTR_SET` (manual 5.00005.03a p. 43, 47-50).
 
 use super::timers::{CPU_STEP, Timer, Timers};
 use crate::devices::Context;
@@ -26,7 +26,7 @@ fn excluded_by(event: usize) -> Option<usize> {
     }
 }
 
-/// Answers the requests that have come in.
+/// Answers the pending requests.
 pub(super) fn look(events: &mut Events, ctx: &mut Context, face: &Face, timers: &mut Timers) {
     let now = ctx.now;
     events.answer(ctx, face, |events, event, factor, enable| set(events, event, factor, enable, now, timers));

@@ -1,8 +1,8 @@
 //! The board around the communication RAM: interrupt events, timers, triggers, front and power (manual
 //! 5.00005.03a p. 38-60).
 //!
-//! It lives in the header page of the image: the function blocks `INTR_SET` and `OPT_INIT` are calls into the
-//! device's firmware, not registers, so a soft-PLC puts their inputs there (decision D-180).
+//! The board uses the header page of the image: the function blocks `INTR_SET` and `OPT_INIT` are calls into the
+//! device's firmware, not registers, so a soft-PLC writes their inputs there (decision D-180).
 
 use crate::snapshot_fields;
 
@@ -27,7 +27,7 @@ use front::Front;
 use timers::{Timer, Timers};
 use triggers::{Source, Triggers};
 
-/// The board of one PLC.
+/// The board of a PLC.
 pub struct Board {
     face: Face,
     events: Events,
@@ -94,12 +94,12 @@ impl Board {
         self.front.is_up()
     }
 
-    /// Whether there is supply, be RESET held or not.
+    /// Whether there is supply, with or without RESET.
     pub fn has_supply(&self) -> bool {
         self.front.has_supply()
     }
 
-    /// Switches the supply or holds RESET from outside, as [`Board::look`] does when a client has turned a switch.
+    /// Switches the supply or RESET from outside, as [`Board::look`] does when a client has turned a switch.
     pub fn set_power(&mut self, power: Power) -> Look {
         self.front.set_power(&self.face, power)
     }
@@ -109,7 +109,7 @@ impl Board {
         self.front.dip()
     }
 
-    /// Whether a client has turned a switch or put in a request since the last look. For busy polling.
+    /// Whether a client has turned a switch or entered a request since the last poll. For busy polling.
     #[inline]
     pub fn has_changed(&self) -> bool {
         self.face.asked().board_requests.load() != self.requests || self.front.has_changed(&self.face)
@@ -133,7 +133,7 @@ impl Board {
         let asked = requests != self.requests;
         self.requests = requests;
         if asked && self.is_up() {
-            // Ahead of a start, which needs both.
+            // This precedes a start, which needs both.
             self.front.look_at_flags(&self.face);
             self.front.look_at_project_request(ctx, &self.face);
         }

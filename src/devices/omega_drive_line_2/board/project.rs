@@ -20,7 +20,7 @@ pub(super) struct Projects {
     flash: Flash,
     /// The next start is a cold one, because the loaded project is new.
     cold: bool,
-    /// The same of the boot project.
+    /// Same as `cold` for the boot project.
     boot_cold: bool,
     /// A project that was only sent has been lost.
     lost: bool,

@@ -130,7 +130,7 @@ fn events_exclude_each_other_in_pairs() {
                 .any(|&(a, b)| (first, second) == (a, b) || (second, first) == (a, b));
             let wanted = if excluded { InterruptResult::Excluded } else { InterruptResult::Done };
             assert_eq!(rig.set_event(second, 1, true), wanted, "{first} then {second}");
-            // The one that was there goes on; once it is disabled the other one may come.
+            // The enabled event continues; once it is disabled the other event may be enabled.
             assert_eq!(rig.set_event(first, 1, false), InterruptResult::Done);
             assert_eq!(rig.set_event(second, 1, true), InterruptResult::Done);
         }
@@ -212,7 +212,7 @@ fn bad_timers_are_refused_and_start_nothing() {
         assert_eq!(rig.opt_init([0; 3], [timer, (0, 0, 0)]), OptInitResult::BadTimer, "{timer:?}");
         assert_eq!(rig.opt_init([0; 3], [(2499, 1, 0), timer]), OptInitResult::BadTimer, "{timer:?}");
         assert_eq!(rig.board.next_time(), u64::MAX);
-        // A refused one does not count as run.
+        // A refused call does not count as run.
         assert_eq!(rig.opt_init([0; 3], [(124, 1, 0), (65_535, 1, 0)]), OptInitResult::Done);
     }
 }

@@ -1,4 +1,4 @@
-//! Triggers: which source pulses which unit, and `OPT_INIT` (manual 5.00005.03a p. 56-59).
+//! Triggers: the source of each unit's pulses, and `OPT_INIT` (manual 5.00005.03a p. 56-59).
 
 use super::timers::{Timer, Timers};
 use crate::memory::header::{OptInit, OptInitResult, TRIGGERS, TimerSetup, Trigger};
@@ -19,13 +19,13 @@ pub(super) enum Source {
 /// Shortest period of a board timer, 50 us: no PLC can follow a shorter one (decision D-183).
 const MIN_DIVIDER: u32 = 124;
 
-/// The routes of one PLC.
+/// The routes of a PLC.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Triggers {
     routes: [Option<Source>; TRIGGERS],
     /// `OPT_INIT` has been run.
     routed: bool,
-    /// It must not be run again in this start of the program.
+    /// `OPT_INIT` must not run again in this start of the program.
     closed: bool,
     /// The trigger controller was pulsed.
     pub controller_pulsed: bool,

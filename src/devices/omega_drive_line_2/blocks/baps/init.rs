@@ -26,7 +26,7 @@ macro_rules! block {
             /// [`BAPS_PD_COMM24`](super::BAPS_PD_COMM24), at every call, and has neither.
             pub struct BAPS_INIT(_BASE: Base<BAPS_CTRL_BMSTRUCT>) {
                 in {
-                    /// 0: Omega Drive-Line II; with anything else the block does nothing.
+                    /// 0: Omega Drive-Line II; with any other value the block does nothing.
                     us_HW_TYPE: u8;
                     /// Event "BAPS process data" to enable: 4 or 8; 0 (default): none.
                     i_EVENT: i16;
@@ -52,7 +52,7 @@ macro_rules! block {
                 out {
                     /// Bit 0: the drive is synchronized to the trigger controller.
                     w_STATUS_REG: u16;
-                    /// The initialization is under way; with `us_MODE` 1 only.
+                    /// The initialization is in progress; with `us_MODE` 1 only.
                     x_BUSY: bool;
                     /// Acknowledgement of the drive.
                     b_SL_QUIT: u8;
@@ -180,7 +180,7 @@ impl BAPS_INIT {
         self.x_OK = true;
     }
 
-    /// Goes on to `phase` with this error; the block is neither busy nor done.
+    /// Changes to `phase` with this error; the block is neither busy nor done.
     fn end(&mut self, phase: Phase, error: u8) {
         self.internal.phase = phase;
         (self.x_BUSY, self.x_OK) = (false, false);

@@ -24,7 +24,7 @@ function_block! {
             ud_PAR_VALUE: u32;
             /// Its format: FALSE word, TRUE doubleword.
             x_PAR_FORMAT: bool;
-            /// The job is under way.
+            /// The job is in progress.
             x_BUSY: bool;
             /// Error of the drive, 0 to -8.
             i_ERR_DETAIL: i16;
@@ -76,7 +76,7 @@ function_block! {
             x_RESET: bool;
         }
         out {
-            /// The job is under way.
+            /// The job is in progress.
             x_BUSY: bool;
             /// Error of the drive, 0 to -8.
             i_ERR_DETAIL: i16;

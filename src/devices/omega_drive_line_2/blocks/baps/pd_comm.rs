@@ -1,5 +1,4 @@
-//! `BAPS_PD_COMM2`, `BAPS_PD_COMM8`: process data (p. 99-103, 112-116), and what `BAPS_PD_COMM24` shares with
-//! them.
+//! `BAPS_PD_COMM2`, `BAPS_PD_COMM8`: process data (p. 99-103, 112-116), and the parts shared with `BAPS_PD_COMM24`.
 
 use super::OMEGA_DRIVE_LINE_II;
 use crate::devices::omega_drive_line_2::registers::BAPS_CTRL_BMSTRUCT;
@@ -45,7 +44,7 @@ macro_rules! block {
             /// call shows its acknowledgement.
             pub struct $name(_BASE: Base<BAPS_CTRL_BMSTRUCT>) {
                 in {
-                    /// 0: Omega Drive-Line II; with anything else the block does nothing.
+                    /// 0: Omega Drive-Line II; with any other value the block does nothing.
                     us_HW_TYPE: u8;
                     /// Control word.
                     w_CONTROLWORD: u16;

@@ -13,13 +13,13 @@ const TIMEOUT: u8 = 1 << 1;
 
 function_block! {
     /// Exchanges control word, status word, two reference and four actual values with the drive, and takes over
-    /// new parameter numbers while it does (manual p. 104-111).
+    /// new parameter numbers during the exchange (manual p. 104-111).
     ///
     /// A rising edge of `x_RE_INIT_START` begins the re-initialization, after [`BAPS_INIT`](super::BAPS_INIT) with
     /// `us_MODE` 2 has written the numbers. Its result stays until the next one (decision D-217).
     pub struct BAPS_PD_COMM24(_BASE: Base<BAPS_CTRL_BMSTRUCT>) {
         in {
-            /// 0: Omega Drive-Line II; with anything else the block does nothing.
+            /// 0: Omega Drive-Line II; with any other value the block does nothing.
             us_HW_TYPE: u8;
             /// Control word.
             w_CONTROLWORD: u16;

@@ -10,7 +10,7 @@ pub struct BAPS_BMSTRUCT {
     pub(super) tickets: u32,
 }
 
-/// How far the job is.
+/// Progress of the job.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) enum Stage {
     #[default]
@@ -61,7 +61,7 @@ pub struct Client {
 enum Phase {
     #[default]
     Idle,
-    /// Another block's job is under way.
+    /// The job of another block is in progress.
     Waiting,
     /// The job with this ticket is.
     Running(u32),
@@ -170,7 +170,7 @@ mod tests {
         other.step(&mut shared, RESET, job);
         assert!(matches!(shared.stage, Stage::Entered(Job { ticket: 1, .. })), "{:?}", shared.stage);
         let mut running = one;
-        // The variable was reset and taken by another block meanwhile.
+        // The variable was reset and another block has taken it meanwhile.
         shared.stage = Stage::Free;
         other.step(&mut shared, CALL, job);
         let outcome = one.step(&mut shared, CALL, job);
