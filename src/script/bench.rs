@@ -66,7 +66,7 @@ pub struct Bench {
     /// Whether time passes only in the verbs.
     is_stepped: bool,
     names: Names,
-    /// What a failure says about where it happened.
+    /// Heading that failures report as their location.
     section: Option<String>,
     /// Emulated time at the beginning.
     started_us: u64,
@@ -81,20 +81,20 @@ pub struct Bench {
 /// A fault that must strike.
 struct Required {
     number: u16,
-    /// What it is.
+    /// The text of the line.
     text: String,
     /// The line of a script that wants it.
     place: Option<Place>,
 }
 
 impl Bench {
-    /// Longest emulated time that a scenario may take, unless told otherwise: 1 h, in microseconds (D-233).
+    /// Default limit on the emulated time of a scenario: 1 h, in microseconds (D-233).
     pub const LIMIT_US: u64 = 3_600_000_000;
 
     /// The built-in plant: PLC `line`, whose node 2 is the master of bus `drives` with drives 1, 2, 3.
     ///
     /// # Errors
-    /// None that can be helped.
+    /// None are expected.
     pub fn built_in() -> Result<Self, ScenarioError> {
         Self::new(&PlantConfig::built_in()?)
     }
@@ -133,8 +133,9 @@ impl Bench {
         Ok(bench)
     }
 
-    /// Hash over what the journal has been told since power-on, equal for equal runs ([`Journal::hash`](crate::journal::Journal::hash));
-    /// none of a running instance, whose journal began before.
+    /// Hash over all journal records since power-on, equal for equal runs
+    /// ([`Journal::hash`](crate::journal::Journal::hash)); `None` for a running instance, whose journal began
+    /// earlier.
     pub fn journal_hash(&self) -> Option<u64> {
         self.carrier.journal_hash()
     }
@@ -167,8 +168,8 @@ impl Bench {
         self.limit_us = us;
     }
 
-    /// Lets `interrupt` be asked now and then while a verb lets time pass, after every 100 ms of emulated time at the
-    /// latest; if it returns true, the verb ends with [`ScenarioError::Interrupted`].
+    /// Calls `interrupt` while a verb advances the clock, at least every 100 ms of emulated time; if it returns true,
+    /// the verb ends with [`ScenarioError::Interrupted`].
     pub fn set_interrupt(&mut self, interrupt: impl FnMut() -> bool + Send + 'static) {
         self.interrupt = Some(Box::new(interrupt));
     }
@@ -178,7 +179,7 @@ impl Bench {
         &self.names
     }
 
-    /// Names what comes now; failures tell it.
+    /// Names the section that starts here; failures report the name.
     pub fn section(&mut self, text: &str) {
         self.section = Some(text.to_owned());
     }
@@ -222,7 +223,7 @@ impl Bench {
         Ok(register.number(live, value))
     }
 
-    /// What the register holds, in words: `waiting for "take over initialization data"`.
+    /// The value of the register in words: `waiting for "take over initialization data"`.
     ///
     /// # Errors
     /// There is no such register.
@@ -299,7 +300,7 @@ impl Bench {
 
     /// A block was called: what it has asked of its board is answered.
     pub(super) fn answer_boards(&mut self) -> Result<(), ScenarioError> {
-        // With a stepped clock that is done before any request.
+        // With a stepped clock the wait ends before any request.
         if self.is_stepped {
             self.ask(Op::Time)?;
         }
@@ -334,7 +335,8 @@ impl Bench {
         })
     }
 
-    /// The last records of the journal, at most `count`, oldest first: of those that count several events the last one tells.
+    /// The last records of the journal, at most `count`, oldest first. A record that counts several events has the
+    /// time of the last one.
     ///
     /// # Errors
     /// The instance has gone.
@@ -345,7 +347,7 @@ impl Bench {
         let (before, last) = records.split_at(records.len().saturating_sub(count));
         before.iter().for_each(|record| text.skip(record));
         let mut lines: Vec<_> = last.iter().map(|record| line(record, &mut text)).collect();
-        // What was counted is told when it is over, or last of all.
+        // A record that counts events is reported when its count ends, or after all others.
         lines.sort_by_key(|line| line.time_us);
         Ok(lines)
     }

@@ -18,7 +18,7 @@ pub(super) trait Carrier: Send {
     /// There is no such PLC, or its RAM cannot be mapped.
     fn segment(&mut self, plc: u16) -> Result<Segment, ScenarioError>;
 
-    /// Hash over what the journal has been told since power-on; `None` if it is somebody else's plant.
+    /// Hash over all journal records since power-on; `None` if the plant belongs to another process.
     fn journal_hash(&self) -> Option<u64> {
         None
     }

@@ -4,7 +4,7 @@ use super::ScenarioError;
 use rhai::{Dynamic, Engine, EvalAltResult, INT};
 use std::rc::Rc;
 
-/// What `catch (err)` gets of a verb. Thrown again, it is the error that it was.
+/// The value that `catch (err)` receives from a verb. If the script throws it again, it is the same error.
 #[derive(Clone)]
 pub(super) struct Caught(pub Rc<ScenarioError>);
 
@@ -14,7 +14,7 @@ impl Caught {
         EvalAltResult::ErrorRuntime(Dynamic::from(Self(Rc::new(error))), rhai::Position::NONE).into()
     }
 
-    /// What is wrong, in one line.
+    /// The error in one line.
     fn message(&self) -> String {
         match &*self.0 {
             ScenarioError::Failed(failure) => failure.what.clone(),
@@ -22,7 +22,7 @@ impl Caught {
         }
     }
 
-    /// The kind of the failure; of what is no failure `wrong_use`.
+    /// The kind of the failure; `wrong_use` if it is not a failure.
     fn kind(&self) -> &'static str {
         self.0.failure_kind().map_or("wrong_use", |kind| kind.name())
     }

@@ -1,4 +1,4 @@
-//! What the engine complains about, in words of the scenarios' language.
+//! Error messages of the engine, in words of the scenarios' language.
 
 use super::verb::verbs;
 use crate::layout::did_you_mean;
@@ -13,7 +13,7 @@ pub(super) fn name_types(engine: &mut Engine) {
     engine.register_type_with_name::<INT>("integer").register_type_with_name::<FLOAT>("float");
 }
 
-/// What a script says, without the one name of ours that the engine has no other for.
+/// The message of a script, without our internal name that the engine prints.
 pub(super) fn in_words(said: &str) -> Cow<'_, str> {
     if said.contains(TEXT) { said.replace(TEXT, "string").into() } else { said.into() }
 }
@@ -36,12 +36,12 @@ const TYPES: [(&str, &str); 14] = [
     ("Snapshot", "a snapshot"),
 ];
 
-/// What a type of the engine is called; others as they are.
+/// The name of a type of the engine in messages; other names are unchanged.
 pub(super) fn kind(name: &str) -> &str {
     TYPES.iter().find(|(known, _)| *known == name).map_or(name, |(_, kind)| kind)
 }
 
-/// What is wrong, without its place; `line` is the text of the script's line.
+/// The error without its position; `line` is the text of the script's line.
 pub(super) fn complaint(error: &EvalAltResult, line: &str) -> String {
     match error {
         EvalAltResult::ErrorFunctionNotFound(signature, _) => no_function(signature),
@@ -57,7 +57,7 @@ pub(super) fn complaint(error: &EvalAltResult, line: &str) -> String {
         }
         other => {
             let mut text = other.to_string();
-            // The position is told in our own way.
+            // Our own location replaces the engine's position.
             if let Some(end) = text.rfind(" (line ") {
                 text.truncate(end);
             }
@@ -84,8 +84,8 @@ fn no_function(signature: &str) -> String {
     }
 }
 
-/// What is meant by a line with `expect-that`, which is read as a subtraction, or `wait-until`, in which `until` is a word of
-/// the language; nothing without one.
+/// Suggests the name with underscores for a line with `expect-that`, which is read as a subtraction, or `wait-until`,
+/// in which `until` is a word of the language; otherwise nothing.
 pub(super) fn with_underscores(line: &str) -> String {
     let meant = verbs()
         .into_iter()
@@ -94,7 +94,7 @@ pub(super) fn with_underscores(line: &str) -> String {
     meant.map_or_else(String::new, |name| format!("; the verb is `{name}`, with `_`"))
 }
 
-/// The beginning of a text that may be as long as somebody likes, in characters.
+/// The beginning of a text of any length, in characters.
 pub(super) fn cut(text: String, most: usize) -> String {
     match text.char_indices().nth(most) {
         None => text,

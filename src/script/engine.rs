@@ -163,7 +163,7 @@ impl Verbs {
     }
 }
 
-/// Expectations and what scenarios are told apart by.
+/// Expectations and section names of scenarios.
 impl Verbs {
     fn expectations(&mut self) {
         self.on("section", |stage| move |text: &str| stage.with(|stage| stage.section(text)));

@@ -29,7 +29,7 @@ pub enum ScenarioError {
         /// The limit.
         limit_us: u64,
     },
-    /// Whoever runs the scenario has ended the verb: [`Bench::set_interrupt`](super::Bench::set_interrupt).
+    /// The caller of the scenario has ended the verb: [`Bench::set_interrupt`](super::Bench::set_interrupt).
     #[error("interrupted")]
     Interrupted,
     /// A register or address that does not exist.
@@ -38,20 +38,20 @@ pub enum ScenarioError {
     /// A value that the register cannot hold.
     #[error(transparent)]
     Value(#[from] BadValue),
-    /// A text that is no time.
+    /// A text that does not name a time.
     #[error("`{text}`: {source}")]
     Time {
         /// As given.
         text: String,
-        /// What is wrong with it.
+        /// The error in the text.
         source: TimeError,
     },
-    /// An argument in a notation of its own.
+    /// An argument in its own notation.
     #[error("`{text}`: {right}")]
     Argument {
         /// As given.
         text: String,
-        /// What would be right.
+        /// A correct example.
         right: String,
     },
     /// A register without a PLC in front, and several it could be in.
@@ -71,10 +71,10 @@ pub enum ScenarioError {
         what: &'static str,
         /// As given.
         name: String,
-        /// What there is.
+        /// The known names.
         known: String,
     },
-    /// A text that is no setting of a board.
+    /// A text that does not name a setting of a board.
     #[error(transparent)]
     Board(#[from] BoardWordError),
     /// A fault with a field that cannot be read.
@@ -124,7 +124,7 @@ impl ScenarioError {
         self.failure_kind().is_some()
     }
 
-    /// What kind of failure it is; `None` if the scenario itself is wrong.
+    /// The kind of failure; `None` if the scenario itself is wrong.
     pub(super) fn failure_kind(&self) -> Option<FailureKind> {
         match self {
             Self::Failed(failure) => Some(failure.kind),

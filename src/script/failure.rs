@@ -1,4 +1,4 @@
-//! An expectation that is not met, and where it stands.
+//! A failed expectation and its location.
 
 use crate::journal::{By, Changed, ChannelWrite, Found, Handshake, Record, Register, Ring, State};
 use crate::plural::plural;
@@ -6,13 +6,13 @@ use crate::time::seconds;
 use core::fmt;
 use serde::{Deserialize, Serialize};
 
-/// What kind of failure it is.
+/// The kind of a failure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum FailureKind {
     /// An expectation is not met.
     Expectation,
-    /// The scenario throws something of its own.
+    /// The scenario throws a value.
     Throw,
     /// It does not end within its limits.
     Endless,
@@ -35,20 +35,20 @@ impl FailureKind {
     }
 }
 
-/// An expectation that is not met, with all that is known at that moment.
+/// A failed expectation, with all facts known at that moment.
 #[derive(Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Failure {
-    /// What kind of failure it is.
+    /// The kind of the failure.
     pub kind: FailureKind,
-    /// What is wrong, in one line.
+    /// The failure in one line.
     pub what: String,
     /// Name of the register, if it is about one.
     pub register: Option<String>,
     /// Its address.
     pub address: Option<String>,
-    /// What was expected, decoded.
+    /// The expected value, decoded.
     pub expected: Option<String>,
-    /// What was found, decoded.
+    /// The actual value, decoded.
     pub actual: Option<String>,
     /// The same as numbers, if it is about a register.
     pub numbers: Option<Numbers>,
@@ -64,22 +64,22 @@ pub struct Failure {
     pub first_findings: Vec<String>,
     /// The last records of the journal, oldest first.
     pub journal: Vec<JournalLine>,
-    /// What program, firmware and bus have exchanged, as far as it may have led to the failure, oldest first.
+    /// The exchanges of program, firmware and bus that may have led to the failure, oldest first.
     pub exchange: Vec<Exchanged>,
-    /// Where the expectation stands.
+    /// Location of the expectation.
     pub location: Option<Place>,
 }
 
 /// A step of a handshake, or a frame.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Exchanged {
-    /// From whom to whom.
+    /// Direction: sender and receiver.
     pub way: Way,
     /// The record of the journal.
     pub line: JournalLine,
 }
 
-/// From whom to whom something goes.
+/// Direction of an exchange: sender and receiver.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Way {
     /// The PLC's program writes a register.
@@ -90,12 +90,12 @@ pub enum Way {
     Bus,
     /// Something is wrong.
     Wrong,
-    /// Steps that are not told one by one.
+    /// Steps that are not listed one by one.
     More,
 }
 
 impl Way {
-    /// What a record tells, if it belongs to a handshake.
+    /// The exchange that a record describes, if it belongs to a handshake.
     pub(super) fn of(record: &Record) -> Option<Self> {
         let event = record.event;
         if let Some(Changed { how, .. }) = event.get() {
@@ -117,12 +117,12 @@ impl Way {
     }
 }
 
-/// What a register should have held and did hold, as numbers of its type.
+/// The expected and the actual value of a register, as numbers of its type.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Numbers {
-    /// What was expected.
+    /// The expected value.
     pub expected: i64,
-    /// What was found, all bits of it.
+    /// The actual value, with all its bits.
     pub actual: i64,
     /// The bits that count, if not all do.
     pub mask: Option<u32>,

@@ -1,5 +1,5 @@
-//! The promise of federates: whatever a scenario does to a plant of several hosts leaves the journal that it leaves in one
-//! process. Here the hosts are plants in this process that talk through memory.
+//! The promise of federates: any scenario leaves the same journal with a plant of several hosts as in one process.
+//! Here the hosts are plants in this process that exchange messages through memory.
 
 use super::ScenarioError;
 use super::carrier::Carrier;
@@ -27,10 +27,10 @@ pub(super) fn carrier(config: &PlantConfig) -> Result<Box<dyn Carrier>, Scenario
     }
 }
 
-/// What was sent to each federate and was not received yet.
+/// Messages to each federate that it has not received yet.
 type Letters = Arc<Mutex<Vec<VecDeque<(u8, Vec<u8>)>>>>;
 
-/// What a program of this host does while time passes there, or while somebody else has his turn.
+/// A program of this host that runs while the clock advances there, or while another federate has its turn.
 type Program = Box<dyn FnMut() + Send>;
 
 struct ByMemory {
@@ -221,7 +221,7 @@ mod tests {
     use crate::script::soak::{Kind, Round, exercises};
     use crate::script::{Limits, run_file};
 
-    /// Hash of the journal that a scenario leaves, at one of so many federates.
+    /// Hash of the journal that a scenario leaves; `federates` is the count of federates and the number of this one.
     fn hash(text: &str, federates: (u8, u8)) -> Option<u64> {
         let directory = tempfile::tempdir().unwrap();
         let file = directory.path().join("round.rhai");

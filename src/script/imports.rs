@@ -18,7 +18,7 @@ pub(super) struct Imports {
     files: FileModuleResolver,
     directory: PathBuf,
     scenario: PathBuf,
-    /// Imports whose script is being run, the outermost first.
+    /// Imports whose scripts are being run, the outermost first.
     under_way: RefCell<Vec<Import>>,
     /// All files that were asked for, once each.
     imported: Rc<RefCell<Vec<PathBuf>>>,
@@ -53,7 +53,7 @@ impl Imports {
         }
     }
 
-    /// Notes an import, unless it leads back to a script that is being run.
+    /// Notes an import, unless it leads back to a script that is already running.
     fn begin(&self, import: Import, path: &str) -> Result<(), ScenarioError> {
         let mut under_way = self.under_way.borrow_mut();
         let goes_round = [&self.scenario]
@@ -93,7 +93,7 @@ impl ModuleResolver for Imports {
         drop(imported);
         self.begin(Import { from, line: position.line(), to: to.clone() }, path)
             .map_err(|error| at(error, position))?;
-        // The resolver reads whatever stands there to its end, which some files do not have.
+        // The resolver would read a file to its end, which some special files do not have.
         let module = match input_file::read(&to, input_file::LONGEST_SCRIPT) {
             Err(error) if error.kind() != ErrorKind::NotFound => Err(unreadable(path, &error, position)),
             _ => self.files.resolve(engine, source, path, position),
@@ -113,7 +113,7 @@ fn at(error: ScenarioError, position: Position) -> Box<EvalAltResult> {
     error
 }
 
-/// Whether two paths name the same file, by whatever way.
+/// Whether two paths name the same file, also by different routes.
 fn same_file(a: &Path, b: &Path) -> bool {
     let real = |path: &Path| path.canonicalize().unwrap_or_else(|_| path.to_owned());
     a == b || real(a) == real(b)

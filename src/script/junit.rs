@@ -5,7 +5,7 @@ use quick_junit::{NonSuccessKind, SerializeError, TestCase, TestCaseStatus, Test
 use std::path::{Component, Path};
 use std::time::Duration;
 
-/// What the whole is called.
+/// Name of the test suites as a whole.
 const NAME: &str = "commram";
 
 /// The reports as JUnit XML: one test suite per scenario file, with one test case. Times are real time; the emulated time, the
@@ -28,7 +28,7 @@ pub fn junit_of_shard(reports: &[Report], shard: &str) -> Result<String, Seriali
     named(reports, &format!("{NAME} {shard}"))
 }
 
-/// The shard of a report that is called so, `2/3`.
+/// The shard in the name of a report, `2/3`.
 #[cfg(feature = "cli")]
 pub(crate) fn shard_of_junit(name: &str) -> Option<&str> {
     name.strip_prefix(NAME)?.strip_prefix(' ')
@@ -47,7 +47,7 @@ fn named(reports: &[Report], name: &str) -> Result<String, SerializeError> {
 /// As [`junit`].
 pub(crate) fn junit_text(all: &quick_junit::Report) -> Result<String, SerializeError> {
     let text = all.to_string()?;
-    // The first one stands at the head.
+    // The first attribute is in the head.
     let skipped = text.find(" skipped=\"").map(|start| {
         let end = text[start..].match_indices('"').nth(1).map_or(start, |(quote, _)| start + quote + 1);
         start..end

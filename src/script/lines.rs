@@ -1,4 +1,4 @@
-//! The language of scenarios piece by piece, as somebody types it.
+//! Runs scenario statements one at a time, as a user types them.
 
 use super::Bench;
 use super::complaint::with_underscores;
@@ -24,9 +24,9 @@ pub struct Lines {
 }
 
 impl Lines {
-    /// On this bench; names of files start from `directory`. What is printed is handed on.
+    /// Creates it on this bench; names of files start from `directory`. Printed lines go to `print`.
     pub fn new(bench: Bench, directory: &Path, print: impl FnMut(&str) + 'static) -> Self {
-        // Whoever types has Ctrl-C.
+        // A user at a terminal can press Ctrl-C.
         let limits = Limits { operations: 0, time_us: u64::MAX, real: Duration::MAX };
         let stage = Rc::new(RefCell::new(Stage::new(Some(bench), directory.to_owned(), limits.time_us)));
         let mut engine = engine(&stage);
@@ -37,7 +37,7 @@ impl Lines {
         engine.on_print(move |line| {
             let mut printed = printing.borrow_mut();
             printed.line(line);
-            // Nobody asks for it later.
+            // The printed lines are not needed later.
             printed.take();
         });
         engine.on_debug(move |line, _, _| printed.borrow_mut().line(line));

@@ -7,7 +7,7 @@ use crate::memory::header::ABI_VERSION;
 use crate::plant::{Plant, PlantConfig};
 use crate::request::{Execution, Host, InstanceInfo, Op, Reply, Travel};
 
-/// A plant of its own.
+/// A plant in this process.
 pub(super) struct Local {
     plant: Plant,
     /// Scripts keep what they want to go back to themselves.
@@ -31,7 +31,7 @@ impl Carrier for Local {
         self.begin_request();
         let mut execution = Execution::default();
         loop {
-            // Nobody else is to be heard here: the first try is the last one.
+            // There are no other clients here: the first try is the last one.
             if let Some(reply) = execution.run(self, &op)? {
                 return Ok(reply);
             }

@@ -1,9 +1,9 @@
-//! Scenarios: what to do with a plant and what to expect of it, as Rust tests or as scripts.
+//! Scenarios: actions on a plant and expectations, as Rust tests or as scripts.
 //!
-//! [`Bench`] is a plant with verbs: poke, step, wait, expect, and so on. Tests in Rust use it directly; scripts
-//! in Rhai get the same verbs from [`run_file`] (`commram test`, reference in `docs/reference/scenarios.md`). The plant
-//! is one of its own, on heap memory with a stepped clock, or a running instance behind its channel: the verbs ask
-//! both for the same operations ([`crate::request`]).
+//! [`Bench`] is a plant with verbs: poke, step, wait, expect, and so on. Tests in Rust use it directly; scripts in
+//! Rhai get the same verbs from [`run_file`] (`commram test`, reference in `docs/reference/scenarios.md`). The plant
+//! is either a new one on heap memory with a stepped clock, or a running instance that is reached over its channel.
+//! The verbs request the same operations from both ([`crate::request`]).
 
 mod bench;
 mod carrier;

@@ -1,4 +1,4 @@
-//! Scripts that are parts of others, and what a script needs, as far as can be told without running it.
+//! Scripts that are parts of others, and the files that a script needs, as far as they are known without running it.
 
 use super::imports::module_file;
 use crate::input_file;
@@ -24,7 +24,7 @@ pub fn is_part(text: &str) -> bool {
     engine.on_print(|_| {});
     engine.on_debug(|_, _, _| {});
     let Ok(script) = engine.compile(text) else { return false };
-    // This engine has no verbs, so whatever calls one ends with an error.
+    // This engine has no verbs, so a script that calls one ends with an error.
     script.has_functions() && engine.run_ast_with_scope(&mut Scope::new(), &script).is_ok()
 }
 
@@ -43,7 +43,7 @@ impl ModuleResolver for Nothing {
     }
 }
 
-/// The files that a scenario imports, and those that they import, as far as they are named by texts that stand there.
+/// The files that a scenario imports, and the files that those import, if literal texts name them.
 pub fn needs(scenario: &Path) -> Vec<PathBuf> {
     let directory = scenario.parent().unwrap_or(Path::new(""));
     let (mut found, mut next): (Vec<PathBuf>, _) = (Vec::new(), Some(scenario.to_owned()));
@@ -62,7 +62,7 @@ pub fn needs(scenario: &Path) -> Vec<PathBuf> {
     found
 }
 
-/// What stands between quotes behind the word `import`, be it in a comment.
+/// The quoted texts that follow the word `import`, also in comments.
 fn imports(text: &str) -> impl Iterator<Item = &str> {
     text.split("import").skip(1).filter_map(|rest| {
         let rest = rest.trim_start().strip_prefix(['"', '`'])?;

@@ -1,11 +1,11 @@
-//! What a scenario prints.
+//! The lines that a scenario prints.
 
 use super::complaint::in_words;
 
 /// How many bytes are kept.
 pub(super) const MOST: usize = 1 << 20;
 
-/// The lines that a script has printed, up to [`MOST`] bytes; each is also handed on as it comes.
+/// The lines that a script has printed, up to [`MOST`] bytes; each line is also passed on at once.
 pub(super) struct Printed {
     text: String,
     is_cut: bool,
@@ -18,7 +18,7 @@ impl Printed {
         Self { text: String::new(), is_cut: false, hand_on: Box::new(hand_on) }
     }
 
-    /// Takes a line, or the beginning of the first one that is too much.
+    /// Takes a line, or the beginning of the first line that exceeds the limit.
     pub(crate) fn line(&mut self, line: &str) {
         if self.is_cut {
             return;

@@ -1,4 +1,4 @@
-//! What has become of a scenario.
+//! The result of a scenario.
 
 use super::failure::{Failure, FailureKind, Place};
 use core::fmt;
@@ -15,8 +15,8 @@ pub enum Outcome {
     Failed(Box<Failure>),
     /// The script is wrong: it cannot be read or compiled, or uses a verb wrongly.
     Broken(Box<Mistake>),
-    /// It was not run to its end: its process crashed or was killed. The text says what is known. Only somebody else than
-    /// that process can tell.
+    /// The scenario was not run to its end: its process crashed or was killed. The text gives the known facts. Only
+    /// another process can report this outcome.
     Died(String),
     /// It was not begun; the text says why.
     NotRun(String),
@@ -40,10 +40,10 @@ impl Outcome {
     }
 }
 
-/// What is wrong with a script.
+/// An error in a script.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Mistake {
-    /// What.
+    /// The error.
     pub what: String,
     /// Where.
     pub location: Place,
@@ -80,7 +80,7 @@ pub struct FoundLine {
     pub register: String,
     /// How often it came.
     pub count: u64,
-    /// What is wrong, and what would be right.
+    /// The error, and the right use.
     pub text: String,
     /// Pages of the manuals.
     pub page: String,
@@ -91,34 +91,34 @@ pub struct FoundLine {
 pub struct Drawn {
     /// The name of its file.
     pub name: String,
-    /// The plot as SVG, whatever the file is.
+    /// The plot as SVG, independent of the format of the file.
     pub svg: String,
 }
 
-/// What has become of a scenario.
+/// The result of a scenario.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct Report {
-    /// The script, as named; who gets the report from another process knows it.
+    /// The script, as named; a program that receives the report from another process knows it.
     #[serde(skip)]
     pub file: PathBuf,
     /// How it ended.
     pub outcome: Outcome,
     /// How many expectations it has come to.
     pub expectations: u64,
-    /// Emulated time that it took, in microseconds; nobody knows it of a scenario that died.
+    /// Emulated duration in microseconds; unknown for a scenario that died.
     pub emulated_us: Option<u64>,
-    /// Hash over what the journal has been told, the same in every run; nobody knows it of a running instance.
+    /// Hash over all journal records, the same in every run; unknown for a running instance.
     pub journal_hash: Option<u64>,
     /// When it began.
     pub started: SystemTime,
     /// Real time that it took.
     pub took: Duration,
-    /// What it printed, up to 1 MiB; who gets the report from another process has had it already.
+    /// Printed lines, up to 1 MiB; a program that receives the report from another process already has them.
     #[serde(skip)]
     pub printed: String,
     /// Its sections, with what comes before the first of them.
     pub steps: Vec<Step>,
-    /// What the access checker has found.
+    /// The findings of the access checker.
     pub findings: Vec<FoundLine>,
     /// The plots that it has drawn.
     pub plots: Vec<Drawn>,

@@ -25,10 +25,10 @@ const DEEPEST_EXPRESSION: usize = 64;
 
 /// Longest text of a message, in characters; more of it came from a script.
 const LONGEST_TEXT: usize = 2000;
-/// Longest line of a script that is told.
+/// Longest line of a script that is reported.
 const LONGEST_SOURCE: usize = 200;
 
-/// What a scenario may use up before it counts as endless.
+/// Limits after which a scenario counts as endless.
 #[derive(Clone, Copy, Debug)]
 pub struct Limits {
     /// Steps of the script; waiting and stepping count as one.
@@ -45,8 +45,8 @@ impl Default for Limits {
     }
 }
 
-/// Runs a scenario script: on `bench` if there is one, else on a plant of its own. What it prints is handed to `print`
-/// as it comes, and is in the report.
+/// Runs a scenario script: on `bench` if there is one, else on a new plant. Printed lines go to `print` at once, and
+/// are also in the report.
 pub fn run_file(
     file: &Path,
     bench: Option<Bench>,
@@ -134,7 +134,7 @@ pub(super) fn limit(engine: &mut Engine, limits: Limits, start: Instant) {
     engine.set_max_map_size(1 << 16);
 }
 
-/// What an error of the engine says about the scenario.
+/// The outcome of the scenario after an error of the engine.
 pub(super) fn ended(
     error: &EvalAltResult,
     file: &Path,
@@ -187,7 +187,7 @@ fn failed(kind: FailureKind, what: &str, place: Place, stage: &Rc<RefCell<Stage>
     }
 }
 
-/// A failure in a line of a script, its texts no longer than anybody reads.
+/// A failure in a line of a script, with its texts shortened to a readable length.
 fn failure_at(failure: Failure, place: Place) -> Outcome {
     let what = cut(failure.what, LONGEST_TEXT);
     let section = failure.section.map(|section| cut(section, LONGEST_SOURCE));
@@ -251,7 +251,7 @@ mod tests {
     /// As large as that of the thread in which `commram test` runs a scenario.
     const STACK: usize = 16 << 20;
 
-    /// Whatever a script says, it ends with an outcome, and its file is the only one it reads or leaves.
+    /// Any script ends with an outcome, and reads and leaves no file except its own.
     #[test]
     fn fuzz_scenario() {
         let limits = Limits { operations: 2_000, time_us: 20_000, real: Duration::from_secs(5) };

@@ -1,4 +1,4 @@
-//! The verbs as their definition file has them: one table for editors, for messages and for who reads the reference.
+//! The verbs from their definition file: one table for editors, messages and the reference.
 
 /// The verbs for editors that know Rhai's definition files: names, parameters, types, what they do.
 pub const DEFINITIONS: &str = include_str!("verbs.d.rhai");
@@ -25,7 +25,7 @@ pub fn verbs() -> Vec<Verb> {
     DEFINITIONS.lines().filter_map(verb).collect()
 }
 
-/// Those of this name.
+/// The verbs of this name.
 pub(super) fn called(name: &str) -> Vec<Verb> {
     verbs().into_iter().filter(|verb| verb.name == name).collect()
 }

@@ -1,4 +1,4 @@
-//! What the verbs ask of the plant.
+//! The operations that the verbs request from the plant.
 
 use super::Bench;
 use crate::journal::{Entry, Record};
@@ -131,8 +131,8 @@ impl Bench {
         Ok(self.ask(Op::Journal { from: u64::MAX, max: 0 })?.journal()?.1)
     }
 
-    /// The journal from record number `from` on, and the number of the record to come. What is still being
-    /// counted comes last.
+    /// The journal from record number `from` on, and the number of the next record. Records whose count has not ended
+    /// come last.
     pub(super) fn records(&mut self, from: u64) -> Result<(Vec<Record>, u64), ScenarioError> {
         let mut part = read_journal(from, |op| self.ask(op))?;
         part.records.append(&mut part.pending);

@@ -11,8 +11,8 @@ use crate::script::{ScenarioError, Value};
 const PATIENCE_US: u64 = 100_000;
 
 impl Bench {
-    /// What the board of a PLC shows and how its switches stand, and the same in words, as far as the device has it; `""` is
-    /// the only PLC.
+    /// The displays and switch positions of the board of a PLC, and the same in words as far as the device has a
+    /// board; `""` is the only PLC.
     ///
     /// # Errors
     /// There is no such PLC.
@@ -22,8 +22,8 @@ impl Bench {
         Ok((state, state.words(devices::board_of(self.names.device(plc)))))
     }
 
-    /// What the modules of a modular PLC show and how their switches stand, by the names of their ports; `None`
-    /// if it is not modular. `""` is the only PLC.
+    /// The displays and switch positions of the modules of a modular PLC, by the names of their ports; `None` if it
+    /// is not modular. `""` is the only PLC.
     ///
     /// # Errors
     /// There is no such PLC.
@@ -33,7 +33,7 @@ impl Bench {
         Ok(devices::modules(ram.header(), self.names.device(plc)))
     }
 
-    /// What stands at the front of a PLC, if it has one of its own; `""` is the only PLC.
+    /// The words and values of the front of a PLC, if it has a separate front; `""` is the only PLC.
     ///
     /// # Errors
     /// There is no such PLC.
@@ -64,7 +64,7 @@ impl Bench {
         Ok(())
     }
 
-    /// Presses RESET of a PLC and releases it; the switch then stands at STOP. `""` is the only PLC.
+    /// Presses RESET of a PLC and releases it; the switch is then at STOP. `""` is the only PLC.
     ///
     /// # Errors
     /// There is no such PLC.
@@ -83,10 +83,10 @@ impl Bench {
     }
 
     /// Gives a retain flag the initial value that every cold start writes, as a program's declaration does:
-    /// `%MD10000000`, `line2:%MW10000004`. Without one that is 0.
+    /// `%MD10000000`, `line2:%MW10000004`. The default initial value is 0.
     ///
     /// # Errors
-    /// That is no address of retain flags, the PLC has fewer, or the value does not fit.
+    /// The text is no address of retain flags, the PLC has fewer, or the value does not fit.
     pub fn initial_flag(&mut self, flag: &str, value: impl Into<Value>) -> Result<(), ScenarioError> {
         let register = self.whole_register(flag)?;
         let (address, bits) = (register.place.address(), value.into().bits(&register.place)?);

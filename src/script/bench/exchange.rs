@@ -1,7 +1,7 @@
-//! Who said what to whom before a failure, for a picture: what program, firmware and bus have exchanged, as far as it led there.
+//! The exchanges between program, firmware and bus before a failure, as far as they led to it. The report draws them.
 //!
-//! The last steps alone would show how it goes on after what went wrong. So repetitions become one line, and besides the last
-//! steps the picture has what came before the first finding, and of each handshake its last two repetitions.
+//! The last steps alone would only show what followed the error. So repetitions become one line. The picture also has
+//! the steps before the first finding, and the last two repetitions of each handshake.
 
 use super::{Bench, line};
 use crate::devices;
@@ -15,19 +15,19 @@ use std::collections::{HashMap, HashSet};
 
 /// How far back the journal is read.
 const LOOK_BACK: u64 = 4096;
-/// So many of the last lines are in the picture in any case.
+/// Count of last lines that are always in the picture.
 const LAST: usize = 24;
-/// So many lines it has at most.
+/// Maximum count of lines in the picture.
 const MOST: usize = 72;
-/// So many steps before and behind what is shown besides.
+/// Count of steps that are shown before and after each selected step.
 const BESIDE: usize = 2;
-/// So many steps before the first finding.
+/// Count of steps before the first finding.
 const BEFORE_FINDING: usize = 8;
 /// How many repetitions of each handshake.
 const REPETITIONS: usize = 2;
-/// The longest pattern that is told once if it comes again and again, in steps.
+/// Longest pattern whose repetitions become one line, in steps.
 const LONGEST: usize = 24;
-/// So often it comes at least.
+/// Minimum count of repetitions that become one line.
 const OFTEN: usize = 3;
 
 /// A register: number of the PLC, and offset.
@@ -38,19 +38,19 @@ type Place = (u16, u32);
 enum Piece {
     /// A step.
     Step(usize),
-    /// What stands above comes so many times more; the last step of that.
+    /// The preceding lines are repeated: count of further repetitions, and the last step of those.
     Again(usize, usize),
 }
 
 impl Bench {
-    /// What program, firmware and bus have exchanged up to now, as far as it may have led here, oldest first.
+    /// The exchanges of program, firmware and bus up to now, as far as they may have led here, oldest first.
     pub(super) fn last_exchanges(&mut self) -> Result<Vec<Exchanged>, ScenarioError> {
         let from = self.journal_end()?.saturating_sub(LOOK_BACK);
         let (records, _) = self.records(from)?;
         let mut text = Text::new(self.names.clone(), devices::catalogue());
         let changed = records.iter().filter_map(|record| record.event.get::<Changed>());
         let recorded: HashSet<_> = changed.map(|change| (change.plc, change.offset)).collect();
-        // A register that is recorded tells by its changes what was written and answered.
+        // The recorded changes of a register already show what was written and answered.
         let is_told_twice = |record: &Record| {
             !record.event.is::<Changed>() && register(&record.event).is_some_and(|it| recorded.contains(&it))
         };
@@ -112,14 +112,14 @@ fn said(time_us: u64, what: String) -> Exchanged {
     Exchanged { way: Way::More, line }
 }
 
-/// Patterns that come again and again are told once.
+/// Shows repeated patterns once.
 fn folded<K: PartialEq>(keys: &[K]) -> Vec<Piece> {
     let (mut pieces, mut at) = (Vec::new(), 0);
     while at < keys.len() {
         let rest = &keys[at..];
         let times = |len: &usize| rest.chunks(*len).take_while(|chunk| *chunk == &rest[..*len]).count();
         let patterns = (1..=LONGEST.min(rest.len())).map(|len| (len, times(&len)));
-        // Of those that tell as much the shortest.
+        // Of several patterns that save the same number of lines, the shortest is used.
         let best =
             patterns.filter(|(_, times)| *times >= OFTEN).rev().max_by_key(|(len, times)| len * (times - 1));
         let (len, times) = best.unwrap_or((1, 1));

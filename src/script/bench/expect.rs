@@ -61,10 +61,10 @@ impl Bench {
         Ok(self.now()? - start)
     }
 
-    /// Lets a little time pass on the way to the end of a wait that began at `start_us`, or fails if that is reached.
+    /// Advances the clock a little within a wait that began at `start_us`, or fails if its end is reached.
     ///
     /// # Errors
-    /// It is reached, or the instance has gone.
+    /// The end is reached, or the instance has gone.
     pub fn pass_or_fail(
         &mut self,
         start_us: u64,
@@ -102,10 +102,10 @@ impl Bench {
         self.expect_pattern(&register, mask, value, at)
     }
 
-    /// Expects that the register's bits under `mask` are those of `value`.
+    /// Expects the bits of `value` in the register's bits under `mask`.
     ///
     /// # Errors
-    /// As [`Bench::expect`]; or the value has bits outside the mask.
+    /// The errors of [`Bench::expect`]; or the value has bits outside the mask.
     #[track_caller]
     pub fn expect_bits(
         &mut self,
@@ -234,24 +234,24 @@ impl Bench {
     }
 }
 
-/// What was awaited, as short as possible.
+/// The expected value, as short as possible.
 fn wanted(register: &Register, live: RegisterPhase, mask: u32, value: u32) -> String {
     let (whole, _) = register.pattern(0);
     let text = register.place.format(live, value);
     if mask == whole { text } else { format!("{text} under mask {}", register.place.format(live, mask)) }
 }
 
-/// What was awaited, decoded if all bits count.
+/// The expected value, decoded if all bits count.
 fn expected(register: &Register, live: RegisterPhase, mask: u32, value: u32) -> String {
     let (whole, _) = register.pattern(0);
     if mask == whole { register.describe(live, value, false) } else { wanted(register, live, mask, value) }
 }
 
-/// What was awaited and what was found, as numbers.
+/// The expected and the actual value, as numbers.
 fn numbers(register: &Register, live: RegisterPhase, mask: u32, value: u32, found: u32) -> Numbers {
     let (whole, _) = register.pattern(0);
     let number = |bits| register.place.ty(live).number(bits);
-    // Of a single bit, 0 or 1 counts, wherever it lies.
+    // The expected value of a single bit is 0 or 1, regardless of its position.
     let expected = if register.place.bit().is_some() { i64::from(value != 0) } else { number(value) };
     let mask = (mask != whole).then_some(mask);
     Numbers { expected, actual: register.number(live, found), mask, tolerance: None }

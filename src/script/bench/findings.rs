@@ -1,4 +1,4 @@
-//! What the access checker has found.
+//! The findings of the access checker.
 
 use super::Bench;
 use crate::devices;
@@ -10,7 +10,7 @@ use crate::time::seconds;
 use core::panic::Location;
 
 impl Bench {
-    /// What the access checker has found so far, by rule and register, in the order of the first findings.
+    /// The findings of the access checker up to now, by rule and register, in the order of the first findings.
     ///
     /// # Errors
     /// The instance has gone.

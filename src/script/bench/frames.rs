@@ -19,7 +19,7 @@ pub struct SeenFrame {
     pub time_us: u64,
     /// The frame.
     pub frame: Frame,
-    /// What it says on a bus of this kind; empty if nothing is known of it.
+    /// The meaning of the frame on a bus of this kind; empty if it is not known.
     pub text: String,
 }
 
@@ -121,8 +121,8 @@ fn parse_data(text: &str) -> Result<Option<Vec<Option<u8>>>, ScenarioError> {
 }
 
 impl Bench {
-    /// Waits for a frame with identifier `id` and `data` whose end comes from now on; lets the time pass until
-    /// then. `data` is `44 33 .. 11` in the order of the bytes, `..` for any byte, or `*` for any data.
+    /// Waits for a frame with identifier `id` and `data` that ends from now on; advances the clock until then. `data`
+    /// is `44 33 .. 11` in the order of the bytes, `..` for any byte, or `*` for any data.
     ///
     /// # Errors
     /// No such frame within this time; or there is no such bus, or no such identifier.
@@ -137,10 +137,10 @@ impl Bench {
         self.expect_masked_frame(bus, id, 0x7FF, data, within)
     }
 
-    /// As [`Bench::expect_frame`] for all identifiers whose bits under `mask` are those of `id`.
+    /// Does the same as [`Bench::expect_frame`] for all identifiers that equal `id` in the bits under `mask`.
     ///
     /// # Errors
-    /// As [`Bench::expect_frame`].
+    /// The errors of [`Bench::expect_frame`].
     #[track_caller]
     pub fn expect_masked_frame(
         &mut self,
@@ -194,7 +194,7 @@ impl Bench {
         Err(failure.into())
     }
 
-    /// Expects that no frame with the bits of `id` under `mask` ends within this time, and lets it pass.
+    /// Advances the clock by this time, and expects that no frame with the bits of `id` under `mask` ends within it.
     ///
     /// # Errors
     /// There is such a frame; or wrong use as with [`Bench::expect_frame`].
@@ -223,12 +223,12 @@ impl Bench {
         self.expect_no_match(bus, &Pattern::extended(id, "*")?, within.into(), Location::caller())
     }
 
-    /// Sends a data frame, as a station of the bus of its own, guest 0. `data` is `44 33 11`. Time does not pass: what else
-    /// is on its way to the bus takes part in the arbitration.
+    /// Sends a data frame from guest 0, a separate station of the bus. `data` is `44 33 11`. The clock does not
+    /// advance: other frames that wait for the bus take part in the arbitration.
     ///
     /// # Errors
-    /// There is no such bus or identifier, the data are none, or the bus does not take the frame: 64 wait already, or it
-    /// knows no such frames or is run by nobody.
+    /// There is no such bus or identifier, `data` is invalid, or the bus does not take the frame: 64 frames wait
+    /// already, the bus knows no such frames, or no process runs the bus.
     pub fn send_frame(
         &mut self,
         bus: &str,
@@ -270,8 +270,7 @@ impl Bench {
         Err(failure.into())
     }
 
-    /// The frames on a bus whose end came at time `since` (microseconds) or later, as far as the journal keeps
-    /// them.
+    /// The frames on a bus that ended at time `since` (microseconds) or later, as far as the journal keeps them.
     ///
     /// # Errors
     /// There is no such bus.
@@ -300,7 +299,7 @@ impl Bench {
     ) -> Result<Option<SeenFrame>, ScenarioError> {
         let (bus, us) = (self.bus(bus)?, self.span(within)?);
         let deadline = self.now()? + us;
-        // Whoever waits for frames is there to acknowledge them.
+        // A scenario that waits for frames takes part in the bus, so that it acknowledges them.
         self.ask(Op::BusSend { bus, frame: None })?.written()?;
         let mut next = self.journal_end()?;
         loop {
@@ -319,7 +318,7 @@ impl Bench {
     }
 }
 
-/// The frame that a record tells of, if it was on this bus.
+/// The frame that a record describes, if it was on this bus.
 fn transmitted(record: &Record, on: u16) -> Option<Frame> {
     let carried = record.event.frame()?;
     (record.event.source() == Source::Bus(on)).then_some(carried.frame)

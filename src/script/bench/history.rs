@@ -12,11 +12,11 @@ use core::panic::Location;
 pub struct PastChange {
     /// Emulated time of the change in microseconds.
     pub time_us: u64,
-    /// What it held before, as a number of its type.
+    /// Value before the change, as a number of its type.
     pub from: i64,
-    /// What it held from then on.
+    /// Value after the change.
     pub to: i64,
-    /// Who it was.
+    /// Originator of the change.
     pub by: By,
 }
 
@@ -59,8 +59,8 @@ impl Bench {
         Ok(past)
     }
 
-    /// Expects that since [`Bench::record`] a register has held exactly these values, one after the other, behind the one
-    /// that it held then.
+    /// Expects that since [`Bench::record`] a register has held exactly these values, one after the other, following
+    /// the value at the call of `record`.
     ///
     /// # Errors
     /// It has held others; there is no such register, it is a single bit, or it cannot hold one of the values.

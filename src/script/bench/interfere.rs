@@ -23,7 +23,7 @@ impl Bench {
         Ok(self.ask(Op::Force { plc, offset, width, value })?.written()?)
     }
 
-    /// Lets a forced register go; it keeps its value until somebody writes it.
+    /// Releases a forced register; it keeps its value until the next write.
     ///
     /// # Errors
     /// There is no such register, or it is not forced.
@@ -38,8 +38,8 @@ impl Bench {
         }
     }
 
-    /// Adds a fault, in the words of `commram fault add`: `lose_frame slot=WRC1 count=3`. Returns its number. One that is also
-    /// `required` must strike: [`Bench::expect_required_faults`].
+    /// Adds a fault, in the words of `commram fault add`: `lose_frame slot=WRC1 count=3`. Returns its number. A fault
+    /// that is also `required` must take effect: [`Bench::expect_required_faults`].
     ///
     /// # Errors
     /// The fault does not exist, has a wrong field, or concerns something that the plant does not have.
@@ -76,11 +76,11 @@ impl Bench {
         self.required.len()
     }
 
-    /// Expects that each fault that is `required` has struck: those of this bench, and those of the plant file it was made
-    /// from. Scenario scripts end with it.
+    /// Expects that each `required` fault has taken effect: the faults of this bench and those of its plant file.
+    /// Scenario scripts end with this check.
     ///
     /// # Errors
-    /// One has not.
+    /// A required fault has not taken effect.
     #[track_caller]
     pub fn expect_required_faults(&mut self) -> Result<(), ScenarioError> {
         let at = Location::caller();
@@ -117,7 +117,7 @@ impl Bench {
         Ok(self.ask(Op::FaultList)?.faults()?)
     }
 
-    /// Clears the fault of this number. What it has done stays done.
+    /// Clears the fault of this number. The effects that it had stay.
     ///
     /// # Errors
     /// There is no such fault; it may have ended.
@@ -138,7 +138,7 @@ impl Bench {
 
     pub(super) fn is_forced(&mut self, register: &Register) -> Result<bool, ScenarioError> {
         let Spot { plc, offset, .. } = register.spot;
-        // Only whole registers are forced; a single bit may lie behind the first byte of one.
+        // Only whole registers are forced; a single bit may lie in a later byte of a register.
         let is_there =
             |it: &Forced| it.plc == plc && (it.offset..it.offset + it.width.bytes()).contains(&offset);
         Ok(self.forces()?.iter().any(is_there))

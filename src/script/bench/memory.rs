@@ -11,7 +11,7 @@ use core::panic::Location;
 #[derive(Clone, Debug)]
 pub struct MemoryCopy {
     plc: u16,
-    /// What stands in front of names: the PLC, if there are several.
+    /// Prefix of the names: the PLC, if there are several.
     prefix: String,
     fitted: DeviceFit,
     area: &'static Area,
@@ -25,19 +25,20 @@ pub struct Change {
     pub register: String,
     /// Its address.
     pub address: String,
-    /// What it held.
+    /// Value before.
     pub before: u32,
-    /// What it holds.
+    /// Value after.
     pub after: u32,
     /// Both with their meanings: `16#0001 ... -> 16#0002 ...`.
     pub text: String,
 }
 
 impl MemoryCopy {
-    /// Copies the registers of an area of PLC number `plc`; `read` reads so many bytes from a byte of its image on.
+    /// Copies the registers of an area of PLC number `plc`; `read` reads the given number of bytes from the given
+    /// byte of its image.
     ///
     /// # Errors
-    /// What `read` fails with.
+    /// The errors of `read`.
     pub fn read<E>(
         (plc, prefix): (u16, String),
         fitted: DeviceFit,
@@ -67,8 +68,8 @@ impl MemoryCopy {
         registers.iter().map(|register| (format!("{}{register}", self.prefix), number(register))).collect()
     }
 
-    /// What has changed from this copy to `now`, in the order of the addresses. Of overlaid structures those count that
-    /// are live in `now`. Both must be of the same area.
+    /// The changes from this copy to `now`, in the order of the addresses. Of overlaid structures, only those that
+    /// are live in `now` count. Both copies must be of the same area.
     pub fn changes(&self, now: &Self) -> Vec<Change> {
         let is_other = |register: &RegisterRef| self.value(register) != now.value(register);
         let changed = now.live_registers(now.live(), is_other);

@@ -12,8 +12,8 @@ use crate::script::ScenarioError;
 const MOST: usize = 64;
 
 impl Bench {
-    /// What these registers have held from time `from_us` (microseconds) to now, as far as the journal tells: every change of
-    /// those that are recorded ([`Bench::record`]).
+    /// The values of these registers from time `from_us` (microseconds) to now, as far as the journal has them: every
+    /// change of the registers that are recorded ([`Bench::record`]).
     ///
     /// # Errors
     /// There is no such register, or there are more than 64.

@@ -115,12 +115,12 @@ impl Bench {
         Ok(register)
     }
 
-    /// What stands in front of names of this PLC.
+    /// The prefix of names of this PLC.
     pub(super) fn prefix(&self, plc: u16) -> String {
         plc_prefix(&self.names.plcs, plc)
     }
 
-    /// Number of the PLC that is meant by `plc` in front of `text`.
+    /// Number of the PLC that the prefix `plc` of `text` names.
     pub(super) fn plc(&self, plc: Option<&str>, text: &str) -> Result<u16, ScenarioError> {
         match (plc, self.names.plcs.as_slice()) {
             (Some(name), all) => position("PLC", all, name),

@@ -154,7 +154,7 @@ fn a_required_fault_must_strike() -> Result<(), ScenarioError> {
     assert!(failure(bench.expect_required_faults()).what.starts_with("fault 2 has never struck"));
     bench.step("2s")?;
     bench.expect_required_faults()?;
-    // Nobody asks for the others.
+    // No request asks for the other identifiers.
     bench.fault("lose_frame id=16#7FF")?;
     bench.expect_required_faults()
 }

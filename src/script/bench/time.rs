@@ -34,16 +34,16 @@ impl Bench {
     /// Keeps a snapshot of the whole plant, at most 64 at a time; returns its number, for [`Bench::back_to`].
     ///
     /// # Errors
-    /// So many are kept, or the clock runs by itself.
+    /// The maximum count is reached, or the clock runs by itself.
     pub fn save(&mut self) -> Result<u32, ScenarioError> {
         Ok(self.ask(Op::Save)?.value()?)
     }
 
-    /// Goes back to a snapshot: the plant, its clock and its journal are as they were. Function blocks and whatever else a program
-    /// remembers stay as they are.
+    /// Goes back to a snapshot: the plant, its clock and its journal are restored. Function blocks and other memory
+    /// of a program keep their content.
     ///
     /// # Errors
-    /// There is no such snapshot, or somebody takes part in a running instance who cannot go back.
+    /// There is no such snapshot, or a client of a running instance takes part and cannot go back.
     pub fn back_to(&mut self, saved: u32) -> Result<(), ScenarioError> {
         self.ask(Op::BackTo { number: saved, detached: false })?.time()?;
         Ok(())

@@ -43,7 +43,7 @@ fn unknown(name: &str, device: &Registered) -> ScenarioError {
     ScenarioError::argument(name, &format!("no such function block{near}{end} {title} has {known}"))
 }
 
-/// What stands at the PLC of a place.
+/// The device of the PLC of a place.
 fn device_of(bench: &mut Bench, plc: u16) -> Result<&'static Registered, ScenarioError> {
     let hash = bench.ram_of(plc)?.header().layout_hash.load();
     Ok(devices::of_hash(hash).unwrap_or(devices::default()))
@@ -56,7 +56,7 @@ impl Block {
         name: &str,
         place: &str,
     ) -> Result<Self, ScenarioError> {
-        // Whether it lies in an area is the same at all devices that have it; what the device is, the place tells.
+        // A block has an area at all devices that have it or at none; the place determines the device.
         let of_any = devices::all().iter().find_map(|device| find(device.blocks, name));
         let Some(of_any) = of_any else {
             let plc = bench.area(place).map(|(plc, _)| plc).or_else(|_| bench.only_plc(place))?;
@@ -104,7 +104,7 @@ impl Block {
         self.get(pin)?.as_bool().map_err(not_bool)
     }
 
-    /// One PLC cycle. What it asks of the board is answered at once.
+    /// One PLC cycle. Requests to the board are answered at once.
     fn call(&self, bench: &mut Bench) -> Result<(), ScenarioError> {
         self.instance.borrow_mut().cycle();
         bench.answer_boards()
@@ -155,7 +155,7 @@ impl Block {
     }
 }
 
-/// What stands at a pin, as the script sees it: a time in microseconds.
+/// The value of a pin as the script sees it: a time in microseconds.
 fn shown(value: PinValue) -> Dynamic {
     match value {
         PinValue::Bool(value) => value.into(),
@@ -166,7 +166,7 @@ fn shown(value: PinValue) -> Dynamic {
     }
 }
 
-/// What a script gives to a pin.
+/// The pin value for a value of the script.
 fn given(value: &Dynamic) -> PinValue {
     if let Ok(items) = value.as_array_ref() {
         return PinValue::Array(items.iter().map(given).collect());
@@ -174,7 +174,7 @@ fn given(value: &Dynamic) -> PinValue {
     match (value.as_bool(), value.as_int()) {
         (Ok(value), _) => PinValue::Bool(value),
         (_, Ok(value)) => PinValue::Int(value),
-        // What is no text fits no pin; the pin's error shows it.
+        // Other values become texts that fit no pin; the pin's error shows them.
         _ => PinValue::Text(value.to_string()),
     }
 }
@@ -198,7 +198,7 @@ fn check_area(
 
 impl Verbs {
     pub(super) fn blocks(&mut self) {
-        // Of each PLC, what connects blocks to each other.
+        // The variables that connect blocks to each other, by PLC.
         let variables = RefCell::<BTreeMap<u16, Variables>>::default();
         self.on("block", |stage| {
             move |name: &str, place: &str| {

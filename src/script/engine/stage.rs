@@ -1,4 +1,4 @@
-//! What a script acts on: its plant, and what is noted of its way.
+//! The plant that a script acts on, and the log of its steps.
 
 use crate::journal::Entry;
 use crate::plant::PlantConfig;
@@ -6,7 +6,7 @@ use crate::script::{Bench, Drawn, Failure, FoundLine, Place, ScenarioError, Step
 use core::panic::Location;
 use std::path::PathBuf;
 
-/// What a script acts on.
+/// The plant that a script acts on, and the log of its steps.
 pub(crate) struct Stage {
     /// None until the first verb.
     bench: Option<Bench>,
@@ -48,7 +48,7 @@ impl Stage {
         self.bench.as_mut().and_then(|bench| bench.elapsed().ok()).unwrap_or(0)
     }
 
-    /// Hash over what the journal of a plant of its own has been told.
+    /// Hash over all journal records, for a plant that the script owns.
     pub(crate) fn journal_hash(&self) -> Option<u64> {
         self.bench.as_ref().and_then(Bench::journal_hash)
     }
@@ -79,12 +79,12 @@ impl Stage {
         let ends: Vec<_> =
             steps.iter().skip(1).map(|next| next.expectations).chain([self.expectations]).collect();
         steps.iter_mut().zip(ends).for_each(|(step, end)| step.expectations = end - step.expectations);
-        // Nothing stands before a section that a scenario begins with.
+        // A section at the beginning of a scenario has no steps before it.
         steps.retain(|step| step.name.is_some() || step.expectations > 0);
         steps
     }
 
-    /// What the access checker has found; nothing if nobody can be asked any more.
+    /// The findings of the access checker; empty if the plant no longer answers.
     pub(crate) fn found(&mut self) -> Vec<FoundLine> {
         let Some(bench) = &mut self.bench else { return Vec::new() };
         let found = bench.findings().unwrap_or_default();
@@ -105,7 +105,7 @@ impl Stage {
         core::mem::take(&mut self.plots)
     }
 
-    /// What there is to be expected at the end of a scenario.
+    /// Checks the expectations that are due at the end of a scenario.
     pub(crate) fn end(&mut self) -> Result<(), ScenarioError> {
         let Some(bench) = &mut self.bench else { return Ok(()) };
         self.expectations += bench.required_faults() as u64;

@@ -20,7 +20,7 @@ macro_rules! refuse {
 }
 
 impl Verbs {
-    /// Lets calls of verbs with wrong arguments say what would be right. A verb whose parameters fit goes first.
+    /// Registers verbs for wrong arguments that report the right call. A verb whose parameters fit has priority.
     pub(super) fn refuse_others(&mut self) {
         let names: BTreeSet<_> = self.names.iter().map(|(name, _)| *name).collect();
         for name in names {
@@ -30,18 +30,18 @@ impl Verbs {
     }
 }
 
-/// Whether there is a verb that takes so many arguments of any kind.
+/// Whether there is a verb that takes `count` arguments of any kind.
 fn takes_all(verbs: &[Verb], count: usize) -> bool {
     let any = |verb: &Verb| verb.parameters.iter().all(|(_, ty)| *ty == "?");
     verbs.iter().any(|verb| verb.parameters.len() == count && any(verb))
 }
 
-/// What would be right.
+/// Error with the right call.
 fn wrong_call(name: &str, given: &[Dynamic]) -> ScenarioError {
     let verbs = verb::called(name);
     let signatures = verbs.iter().map(Verb::signature).collect::<Vec<_>>().join(" or ");
     let of_so_many = verbs.iter().filter(|verb| verb.parameters.len() == given.len());
-    // Of several with so many arguments, the one that fits up to the last of them is meant.
+    // Of several verbs with this count of arguments, the message names the one that fits for the most arguments.
     let misfits = of_so_many.filter_map(|verb| {
         let mut pairs = verb.parameters.iter().zip(given).enumerate();
         pairs.find(|(_, ((_, ty), given))| !fits(ty, given))

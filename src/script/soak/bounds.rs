@@ -1,11 +1,11 @@
-//! What registers of the firmware may hold, whatever the device: values to which the layout gives a meaning.
+//! Valid values of registers of the firmware, for any device: values to which the layout gives a meaning.
 
 use crate::layout::{Device, Owner, RegisterRef};
 use crate::plant::PlantConfig;
 use core::fmt::Write;
 
-/// Registers that only the firmware writes, and whose values have meanings: states, error numbers, and counters, whose meaning is the
-/// range in which they count.
+/// Registers that only the firmware writes and whose values have meanings: states, error numbers, and counters. The
+/// meaning of a counter is its range.
 pub(super) fn bounded(device: &Device) -> impl Iterator<Item = RegisterRef> {
     let areas =
         device.areas.iter().flat_map(|area| area.structures.iter().flat_map(|it| area.registers_of(it)));
@@ -18,7 +18,7 @@ pub(super) fn function(plant: &PlantConfig) -> String {
         "// Registers of the firmware hold what their layout gives a meaning.\nfn in_bounds() {\n".to_owned();
     for device in &plant.devices {
         let mut addresses: Vec<_> = bounded(device.layout()).map(|it| it.address().to_string()).collect();
-        // What has several names is there once.
+        // An address with several names occurs once.
         addresses.sort_unstable();
         addresses.dedup();
         for some in addresses.chunks(PER_LINE) {

@@ -1,4 +1,4 @@
-//! What is drawn: moves, faults, stores.
+//! Random choices: moves, faults, stores.
 
 use crate::devices::{self, DeviceConfig, Exercise};
 use crate::fault::Form;

@@ -1,7 +1,7 @@
-//! Scenarios drawn by lot: what `commram soak` runs.
+//! Random scenarios for `commram soak`.
 //!
-//! A round is an [`Exercise`] of a device with moves in an order that its seed decides. Everything about it is in the text of a scenario:
-//! what fails does so again as a file of its own, with `commram test`.
+//! A round is an [`Exercise`] of a device with moves in an order that its seed decides. The text of the scenario
+//! contains everything about the round: a failing round can be saved as a file and fails again with `commram test`.
 
 mod bounds;
 mod lot;
@@ -18,14 +18,14 @@ use fastrand::Rng;
 const COMMON: &str = include_str!("common.rhai");
 /// Most moves of a round.
 const MOST_MOVES: usize = 60;
-/// Moves behind a recovery.
+/// Moves that follow a recovery.
 const AFTERWARDS: usize = 4;
 /// Most ways of a second run that are gone back again, and moves of each.
 const DETOURS: core::ops::RangeInclusive<usize> = 0..=4;
 const DETOUR_MOVES: core::ops::RangeInclusive<usize> = 1..=5;
-/// One of so many rounds is about ends of the emulator, if there is anything to lose: they take real time.
+/// One in this count of rounds is about ends of the emulator, if it has data to lose: these rounds take real time.
 const KILLED_OF: u8 = 24;
-/// Slices in which a second run lets time pass, in microseconds.
+/// Slices in which a second run advances the clock, in microseconds.
 const SLICES: core::ops::RangeInclusive<u64> = 300..=30_000;
 
 /// The exercises of all devices.
@@ -33,7 +33,7 @@ pub fn exercises() -> impl Iterator<Item = &'static Exercise> {
     devices::all().iter().flat_map(|known| known.exercises.iter().copied())
 }
 
-/// What a round is about.
+/// The subject of a round.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     /// A right program: everything goes as the manual says, and the checker finds nothing.
@@ -44,12 +44,13 @@ pub enum Kind {
     Hostile,
     /// A right program that ends with something that must not be done: the checker finds that.
     Wrong,
-    /// Emulators that are ended or killed at any moment, each of which goes on with what is kept of the one before. No scenario.
+    /// Emulators that are ended or killed at any moment; each continues with the stored data of the previous one. No
+    /// scenario.
     Killed,
 }
 
 impl Kind {
-    /// Those that are scenarios.
+    /// The kinds of rounds that are scenarios.
     pub const SCENARIOS: [Kind; 4] = [Kind::Right, Kind::Disturbed, Kind::Hostile, Kind::Wrong];
 
     /// Its name in tables.
@@ -67,11 +68,11 @@ impl Kind {
 /// A round.
 #[derive(Clone, Debug)]
 pub struct Round {
-    /// What decides everything about it.
+    /// The seed that determines the round.
     pub seed: u64,
-    /// What it is drawn from.
+    /// The exercise that the moves are from.
     pub exercise: &'static Exercise,
-    /// What it is about.
+    /// The subject of the round.
     pub kind: Kind,
     /// Lines of the scenario between start and end, each of which can be left out.
     pub moves: Vec<String>,
@@ -79,7 +80,7 @@ pub struct Round {
     wrong: Option<&'static Wrong>,
     /// Moves after the recovery.
     afterwards: Vec<String>,
-    /// What a second run does besides and takes back, each of it lines.
+    /// Additional actions of a second run, which it takes back; each is a list of lines.
     detours: Vec<Vec<String>>,
     slice_us: u64,
     /// The function that looks at bounds.
@@ -144,7 +145,7 @@ impl Round {
         filled(self.exercise.plant, self.setting)
     }
 
-    /// The same with these moves in place of its own.
+    /// The same round with these moves instead.
     #[must_use]
     pub fn with(&self, moves: Vec<String>) -> Self {
         Self { moves, ..self.clone() }
@@ -191,7 +192,7 @@ impl Round {
             }
             (Kind::Disturbed | Kind::Hostile | Kind::Killed, _) => {
                 let moves: String = self.afterwards.iter().map(|line| format!("{line}\n")).collect();
-                // Memory that needs no supply keeps what somebody has stored there.
+                // Non-volatile memory keeps the values that a program has stored there.
                 let bounds = if self.kind == Kind::Hostile { "" } else { "in_bounds();\n" };
                 format!(
                     "\nsection(\"recovery\");\nundisturbed();\nrecover();\n\nsection(\"afterwards\");\n{moves}{bounds}"

@@ -1,6 +1,6 @@
 //! Finds the few of many that something needs.
 
-/// The fewest of these items, in their order, that still fail, as far as so many tries find them; `fails` is asked of some of them.
+/// The fewest of these items, in their order, that still fail, found with at most `tries` calls of `fails`.
 ///
 /// Parts of half, a quarter ... of the items are left out as long as the rest fails (Zeller and Hildebrandt, "Simplifying and Isolating
 /// Failure-Inducing Input", 2002).
@@ -23,7 +23,7 @@ pub fn shrink<T: Clone>(items: &[T], tries: usize, mut fails: impl FnMut(&[T]) -
         if tries == 0 {
             break;
         }
-        // What was needed by something that has gone may go now.
+        // An item that a removed one needed can be removed now.
         part = if part == 1 && kept.len() == before { 0 } else { (part / 2).max(1) };
     }
     kept

@@ -71,8 +71,8 @@ fn every_move_is_right_and_every_wrong_thing_is_found() {
     }
 }
 
-/// Journals of all devices as they were when this list was made, with nothing in them that was drawn by lot. Who changes what a
-/// firmware does, what the journal tells, or an exercise, renews them.
+/// Journals of all devices at the time of this list, without random parts. A change of a firmware, of the texts of
+/// the journal or of an exercise requires new ones.
 const KEPT: &str = include_str!("../../../tests/journal/exercises.txt");
 
 #[test]
@@ -117,9 +117,9 @@ fn a_round_fails_where_a_register_is_out_of_its_bounds() {
         if areas.is_empty() {
             continue;
         }
-        // Of a port in another role, and of a slot with another module, the register is another one.
+        // A port in another role, or a slot with another module, has another register there.
         let is_found = areas.into_values().any(|(place, value)| {
-            // Whatever the firmware does, it stays.
+            // The value stays, independent of the firmware's actions.
             round.moves = vec![format!("force({place:?}, {value});")];
             let outcome = run("wrong", &round.text(false)).outcome;
             matches!(outcome, Outcome::Failed(it) if it.what.contains(&place) && it.what.contains("no meaning"))
@@ -130,7 +130,7 @@ fn a_round_fails_where_a_register_is_out_of_its_bounds() {
     assert!(tried >= 3, "{tried} exercises have such registers");
 }
 
-/// Counters are among what is looked at.
+/// Counters are among the checked registers.
 #[test]
 fn counters_have_bounds() {
     let devices = devices::all().iter().map(|known| known.layout);
@@ -139,7 +139,7 @@ fn counters_have_bounds() {
     assert!(counters.len() >= 3, "{counters:?}");
 }
 
-/// What a wrong program does not do is not found.
+/// An error that the wrong program does not cause is not found.
 #[test]
 fn a_round_fails_where_a_device_is_not_as_it_should_be() {
     let exercise = exercises().find(|exercise| !exercise.wrongs.is_empty()).unwrap();
