@@ -15,8 +15,8 @@ pub struct Candump {
 }
 
 impl Candump {
-    /// A writer with these names. A bus whose name is longer than the 15 characters of an interface name is called
-    /// by its number: `bus0`.
+    /// A writer with these names. A bus name with more than the 15 characters of an interface name is replaced by the
+    /// bus number: `bus0`.
     pub fn new(names: &Names) -> Self {
         let buses = names.buses.iter().enumerate();
         let interface = |(index, name): (usize, &String)| {
@@ -84,13 +84,13 @@ pub struct Logged {
     pub frame: Frame,
 }
 
-/// A line of a log that is none.
+/// A line that is not a valid line of a log.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("line {line}: {right}")]
 pub struct BadLine {
     /// Its number, from 1.
     pub line: usize,
-    /// What would be right.
+    /// The expected text.
     pub right: &'static str,
 }
 
@@ -112,7 +112,7 @@ fn logged(at: usize, line: &str) -> Result<Logged, &'static str> {
     let (Some(time), Some(interface), Some(frame)) = (words.next(), words.next(), words.next()) else {
         return Err(NO_LINE);
     };
-    // Behind it candump may say whether the frame was received or transmitted.
+    // After the frame, candump may say whether it was received or transmitted.
     if !matches!(words.next(), None | Some("R" | "T")) || words.next().is_some() {
         return Err(NO_LINE);
     }
@@ -134,7 +134,7 @@ fn time_of(text: &str) -> Option<u64> {
 /// Reads a frame as [`Shown`] writes it: `583#7900210000000000`, `00000123#R4`.
 ///
 /// # Errors
-/// What would be right.
+/// The expected text.
 pub fn frame(text: &str) -> Result<Frame, &'static str> {
     let (id, data) = text.split_once('#').ok_or(NO_LINE)?;
     if data.starts_with('#') {

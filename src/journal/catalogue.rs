@@ -1,4 +1,4 @@
-//! What there can be in a journal: the sum of what the families of devices register.
+//! All event kinds and rules that the families of devices register.
 
 use super::coded::Words;
 use super::event::Event;

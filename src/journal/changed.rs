@@ -8,11 +8,11 @@ use crate::event_kinds;
 use crate::layout::{RegisterPhase, Width};
 
 event_kinds! {
-    /// A register that is followed holds something else.
+    /// A followed register has a new value.
     Changed = 41, "changed", History, at plc {
         /// Offset of the register.
         offset: u32,
-        /// Its width, who has changed it, and what it was then.
+        /// The width of the register, the originator of the change, and the register phase at that time.
         how: How,
         /// Value before.
         from: u32,
@@ -21,14 +21,14 @@ event_kinds! {
     }
 }
 
-/// Who has changed a register.
+/// The originator of a change of a register.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum By {
     /// The firmware.
     Firmware,
     /// A program that has mapped the RAM.
     Program,
-    /// Somebody through the channel, or a verb of a scenario.
+    /// A client of the channel, or a verb of a scenario.
     Channel,
     /// A force.
     Force,
@@ -49,12 +49,12 @@ impl By {
     }
 }
 
-/// What there is to know of a change beside the values.
+/// Facts about a change besides the values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct How {
     /// The register's width.
     pub width: Width,
-    /// Who it was.
+    /// Originator of the change.
     pub by: By,
     /// Which of the structures that overlay each other was valid: it gives the register its name.
     pub live: RegisterPhase,

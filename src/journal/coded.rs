@@ -16,22 +16,22 @@ const HALVES: usize = 5;
 
 /// Something with a kind, as words and back again.
 pub trait EventCodec: Copy + 'static {
-    /// What kind it is.
+    /// The kind of this event.
     const KIND: &'static Kind;
 
     /// It as words.
     fn words(&self) -> Words;
 
-    /// What the words of this kind say; `None` if they say nothing. Bits that it does not look at do not matter.
+    /// Decodes the words of this kind; `None` if they are invalid. Bits that it does not use are ignored.
     fn read(words: Words) -> Option<Self>;
 
-    /// What it happened to.
+    /// The device or bus of the event.
     fn source(&self) -> Source;
 }
 
-/// A piece of what a kind has to tell.
+/// A field of an event kind.
 pub trait Part: Copy {
-    /// Puts it behind what is there.
+    /// Appends the field.
     fn put(self, packer: &mut Packer);
 
     /// Takes it from there; `None` if the number means nothing.
@@ -46,14 +46,14 @@ pub struct Packer {
 }
 
 impl Packer {
-    /// Words of a kind; `index` and `number` tell where it happened.
+    /// Words of a kind; `index` and `number` are the location of the event.
     #[inline]
     pub fn new(kind: &Kind, index: u16, number: u8) -> Self {
         let first = u64::from(kind.number()) | u64::from(number) << 8 | u64::from(index) << 16;
         Packer { first, halves: [0; HALVES], used: 0 }
     }
 
-    /// Puts a number behind what is there. There is room for five.
+    /// Appends a number. There is room for five.
     #[inline]
     pub fn put(&mut self, number: u32) {
         debug_assert!(self.used < HALVES, "an event has five numbers at most");
@@ -100,7 +100,7 @@ impl Unpacker {
         (self.first >> 8) as u8
     }
 
-    /// The next number; 0 behind the last one.
+    /// The next number; 0 after the last one.
     #[inline]
     pub fn take(&mut self) -> u32 {
         let number = self.halves.get(self.used).copied().unwrap_or(0);
@@ -229,9 +229,9 @@ impl Place for Origin {
     }
 }
 
-/// Declares what the journal can tell: a structure with where it happened (`bus`, `plc` or `origin`) and what there
-/// is to tell, each field a [`Part`]. What it says is the family's to write: [`EventText`](crate::journal::EventText).
-/// A device registers their `KIND`s, and its firmware says `ctx.report(It { .. })`.
+/// Declares an event kind: a structure with the location of the event (`bus`, `plc` or `origin`) and further fields,
+/// each a [`Part`]. The family implements its text: [`EventText`](crate::journal::EventText). A device registers the
+/// `KIND`s, and its firmware reports an event with `ctx.report(It { .. })`.
 ///
 /// ```
 /// use commram::event_kinds;

@@ -1,9 +1,9 @@
-//! A draft of the journal: what somebody tells who does not know yet what others have told before. It is put into the journal
-//! when that is known.
+//! A draft of the journal: events of a reporter that does not yet know the earlier events of other reporters. The
+//! draft is merged into the journal when those are known.
 
 use super::{Event, Finding, Journal, Keeping};
 
-/// Something told to a draft.
+/// An event or finding in a draft.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Drafted {
     time_us: u64,
@@ -17,7 +17,7 @@ enum What {
     Finding(Finding),
 }
 
-/// What has been told, and who tells now.
+/// The entries of the draft, and the current reporter.
 #[derive(Debug, Default)]
 pub(super) struct Draft {
     by: usize,
@@ -41,14 +41,15 @@ impl Journal {
         Journal { draft: Some(Box::default()), ..Journal::new(1) }
     }
 
-    /// What is told from now on is told by this one, of several.
+    /// Sets the reporter, by its number, of all following entries.
     pub(crate) fn told_by(&mut self, by: usize) {
         if let Some(draft) = &mut self.draft {
             draft.by = by;
         }
     }
 
-    /// Puts in what was told to drafts: in the order of time, then of those who told it, and as each of them did.
+    /// Merges the entries of drafts into the journal: sorted by time, then by reporter, then in the order of each
+    /// reporter.
     pub(crate) fn put_in<'a>(&mut self, drafts: impl Iterator<Item = &'a mut Journal>) {
         let drafts = drafts.filter_map(|journal| journal.draft.as_mut());
         let mut told: Vec<_> = drafts.flat_map(|draft| draft.told.drain(..)).collect();

@@ -20,20 +20,20 @@ impl Origin {
     /// In place of a device's index: a guest, a foreign program that takes part in a bus. The port is its number there.
     const GUEST: u16 = u16::MAX;
 
-    /// Guest number `guest` of the bus that is spoken of.
+    /// Guest number `guest` of the event's bus.
     #[must_use]
     pub const fn of_guest(guest: u8) -> Self {
         Origin { plc: Self::GUEST, node: guest }
     }
 
-    /// The guest's number, if it is one.
+    /// The guest's number, if it is a guest.
     #[must_use]
     pub const fn guest(self) -> Option<u8> {
         if self.plc == Self::GUEST { Some(self.node) } else { None }
     }
 }
 
-/// What an event happened to.
+/// The device or bus of an event.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Source {
     /// A bus, by its index in the plant.
@@ -45,7 +45,7 @@ pub enum Source {
 }
 
 impl Source {
-    /// From here on, indices of devices are those of buses: a finding may be one at a bus.
+    /// From here on, indices of devices are indices of buses, for findings at a bus.
     pub(super) const BUSES: u16 = 1 << 15;
 
     /// The device with this index, or the bus.
@@ -59,11 +59,11 @@ impl Source {
 /// How the journal keeps an event.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Keeping {
-    /// In a record of its own.
+    /// In a separate record.
     Noted,
     /// Together with equal ones at equal distances.
     Counted,
-    /// In a record of its own; it is a request whose answers are to tell how long it waited.
+    /// In a separate record; the event is a request, and its answers shall contain their latency.
     Request {
         /// Index of the device.
         plc: u16,
@@ -78,12 +78,12 @@ pub enum Keeping {
         plc: u16,
         /// Offset of the register.
         offset: u32,
-        /// What had been written.
+        /// The value of the request.
         request: u32,
-        /// What stands there now, if more answers to the same request are to come.
+        /// The value of the register now, if more answers to the same request will follow.
         goes_on: Option<u32>,
     },
-    /// In a record of its own, behind everything that was counted up to here; it may answer a command.
+    /// In a separate record, after all events that were counted up to here; the event may answer a command.
     State {
         /// Index of the device.
         plc: u16,
@@ -105,7 +105,7 @@ impl Event {
         Event { kind, words }
     }
 
-    /// What kind of event it is.
+    /// The kind of the event.
     #[inline]
     pub const fn kind(&self) -> &'static Kind {
         self.kind
@@ -123,28 +123,28 @@ impl Event {
         *self.kind == *T::KIND
     }
 
-    /// What there is to tell, if it is a `T`.
+    /// The fields of the event, if it is a `T`.
     #[inline]
     pub fn get<T: EventCodec>(&self) -> Option<T> {
         if self.is::<T>() { T::read(self.words) } else { None }
     }
 
-    /// What it happened to.
+    /// The device or bus of the event.
     pub fn source(&self) -> Source {
         self.kind.source(self.words)
     }
 
-    /// What happened, for people.
+    /// The event as text for people.
     pub(super) fn text(&self, reader: &mut Reader) -> String {
         self.kind.text(self.words, reader)
     }
 
-    /// What happened, for programs.
+    /// The event as fields for programs.
     pub(super) fn fields(&self, reader: &mut Reader) -> Fields {
         self.kind.fields(self.words, reader)
     }
 
-    /// The register that the firmware has written, if that is what it tells.
+    /// The register that the firmware has written, if the event is such a write.
     pub(crate) fn stored(&self) -> Option<Stored> {
         self.kind.stored(self.words)
     }

@@ -10,7 +10,7 @@ use crate::event_kinds;
 use crate::layout::{Address, DeviceFit, RegType, RegisterPhase, RegisterRef, Width, format_value};
 use crate::memory::{HEADER_SIZE, header};
 
-/// At a bus: behind the numbers of guests those of participants.
+/// At a bus, the numbers of participants follow the numbers of guests.
 const PARTICIPANTS: u32 = 0x100;
 
 /// A rule was broken at a register.
@@ -92,22 +92,22 @@ impl EventText for Found {
 }
 
 impl Finding {
-    /// That guest number `guest` of bus number `bus` broke a rule; such a finding has no register.
+    /// Guest number `guest` of bus number `bus` broke a rule; such a finding has no register.
     #[must_use]
     pub const fn at_bus(rule: &'static Rule, bus: u16, guest: u8, value: u32) -> Self {
         let (plc, offset) = (Source::BUSES | bus, guest as u32);
         Finding { rule, plc, offset, live: RegisterPhase::Always, value, late_us: 0 }
     }
 
-    /// That something is wrong with participant `number` of bus number `bus`; such a finding has no register either, and its
-    /// value is read as a number.
+    /// Participant `number` of bus number `bus` has a fault; such a finding has no register either, and its value is
+    /// read as a number.
     #[must_use]
     pub const fn at_participant(rule: &'static Rule, bus: u16, number: u8, value: u32) -> Self {
         let (plc, offset) = (Source::BUSES | bus, PARTICIPANTS | number as u32);
         Finding { rule, plc, offset, live: RegisterPhase::Always, value, late_us: 0 }
     }
 
-    /// What it was found at: a device or a bus.
+    /// The device or bus of the finding.
     #[must_use]
     pub const fn source(&self) -> Source {
         Source::of_index(self.plc)

@@ -7,7 +7,7 @@ pub const MAX_ENTRIES: usize = 256;
 /// Most changes of value of one entry that are worth a record in the journal.
 const MAX_RECORDS: u8 = 8;
 
-/// What is known about a rule at a register.
+/// Counters of a rule at a register.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Entry {
     /// The last finding.
@@ -55,8 +55,8 @@ pub struct Findings {
 }
 
 impl Findings {
-    /// Counts a finding. Tells whether it is worth a record in the journal: a new rule or register, or another
-    /// value than last time, so that a program that goes wrong in every interval does not fill the journal.
+    /// Counts a finding. Returns whether it deserves a record in the journal: a new rule or register, or another
+    /// value than last time. So a program that repeats an error in every interval does not fill the journal.
     pub fn note(&mut self, time_us: u64, finding: Finding) -> bool {
         if let Some(index) = self.entries.iter().position(|entry| entry.is_of(&finding)) {
             let (entry, records) = (&mut self.entries[index], &mut self.records[index]);
@@ -82,7 +82,7 @@ impl Findings {
         }
     }
 
-    /// What it consists of: entries of single registers, how many records each has been worth, further entries.
+    /// The parts of the table: entries of single registers, the count of records of each, further entries.
     pub(super) fn parts(&self) -> (&[Entry], &[u8], &[Entry]) {
         let Findings { entries, records, further } = self;
         (entries, records, further)
@@ -94,7 +94,7 @@ impl Findings {
         fits.then_some(Findings { entries, records, further })
     }
 
-    /// The entries in the order of their first findings, those that stand for several registers last.
+    /// The entries in the order of their first findings; entries that cover several registers come last.
     pub fn iter(&self) -> impl Iterator<Item = &Entry> + Clone {
         self.entries.iter().chain(&self.further)
     }

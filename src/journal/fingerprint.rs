@@ -1,11 +1,11 @@
-//! The running hash over all events: the witness that two runs are the same run.
+//! The running hash over all events: equal hashes prove that two runs are the same run.
 //!
-//! It must tell apart runs that differ in a bit here and a bit there, as one wrong step of an emulator leaves them.
-//! Hashes made for tables are linear enough that two such differences cancel; XXH3 takes blocks of the stream through
-//! multiplications of unlike halves, and the same events give the same value on every machine and in every build.
+//! The hash must distinguish runs that differ in a few single bits, as one wrong step of an emulator leaves them.
+//! Hashes made for tables are linear enough that two such differences cancel. XXH3 multiplies unlike halves of a
+//! block, and the same events give the same value on every machine and in every build.
 //!
-//! The stream is taken in blocks, the value of each being the seed of the next one: so what must be known to go on from the
-//! middle of it, as a snapshot does, is one value and the events of one block.
+//! The stream is hashed in blocks, and the value of each block is the seed of the next one. So a snapshot only needs
+//! one value and the events of one block to continue in the middle of the stream.
 
 use super::Words;
 use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
@@ -18,7 +18,7 @@ const EVENT: usize = 32;
 
 /// Hash over a stream of events with their times.
 pub(super) struct Fingerprint {
-    /// Of all blocks before this one.
+    /// Hash of all blocks before this one.
     before: u64,
     block: [u8; EVENTS * EVENT],
     /// Bytes of the block that there are; there is always room for one more event.
@@ -26,7 +26,7 @@ pub(super) struct Fingerprint {
 }
 
 impl Fingerprint {
-    /// Of no event yet.
+    /// Hash of no events.
     pub(super) fn new() -> Self {
         Fingerprint { before: 0, block: [0; EVENTS * EVENT], len: 0 }
     }

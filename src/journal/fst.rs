@@ -18,7 +18,7 @@ const LONGEST_NAME: usize = 500;
 /// Waveforms as the contents of an FST file.
 ///
 /// # Errors
-/// None that anybody knows of.
+/// No cause of an error is known.
 pub fn write(waves: &Waves) -> Result<Vec<u8>, FstWriteError> {
     let info = FstInfo {
         start_time: 0,
@@ -31,7 +31,7 @@ pub fn write(waves: &Waves) -> Result<Vec<u8>, FstWriteError> {
     let mut header = FstHeaderWriter::write_to_mem(&info)?;
     let signals = define(waves, &lengths, &mut header)?;
     let mut body = header.finish()?;
-    // What happens again is no repetition, and of all else the waveforms have none.
+    // A repeated event is not a duplicate, and other signals have no repetitions.
     body.set_deduplicate(false);
     for Change { time_us, signal, content } in &waves.changes {
         let Some(Some(id)) = signals.get(*signal) else { continue };

@@ -1,14 +1,13 @@
-//! How registers change: what is kept of those that somebody wants to follow.
+//! How registers change: the stored changes of followed registers.
 //!
-//! Plain RAM cannot trap accesses, so registers are compared with what they held: before the firmware looks (then a
-//! program has written them), behind each of its events (then it has), and behind a write through the channel. What the
-//! firmware itself reports of a register is taken as well, so that a request that came and was answered between two
-//! comparisons is not missed. Of registers that a program has written between two looks of the firmware, the order is
-//! not known; they are told in that of their addresses.
+//! Plain RAM cannot trap accesses, so registers are compared with their previous values. A comparison before the
+//! firmware polls finds writes of a program; a comparison after each of its events finds writes of the firmware.
+//! Another one follows each write through the channel. The firmware's own reports of registers count as well, so that
+//! a request that was answered between two comparisons is not missed. The order of several program writes between two
+//! polls of the firmware is not known; they are reported in the order of their addresses.
 //!
-//! A comparison changes nothing in the plant. Those changes that are to be in the journal become records
-//! ([`Changed`]); for the others there is a bounded list with numbers of its own, so that whoever only
-//! looks on leaves the journal as it is.
+//! A comparison changes nothing in the plant. Changes for the journal become records ([`Changed`]). Other changes go
+//! to a bounded list with separate numbers, so that an onlooker leaves the journal as it is.
 
 use super::changed::{By, Changed, How};
 use crate::layout::{RegisterPhase, Width};
@@ -18,11 +17,11 @@ use std::time::{Duration, Instant};
 
 /// Most registers followed at a time.
 pub const MAX_FOLLOWED: usize = 65_536;
-/// How many changes are kept for those who look on.
+/// Maximum count of changes that are kept for onlookers.
 pub const KEPT_CHANGES: usize = 65_536;
-/// Who looks on and asks for no changes for so long, in real time, has gone.
+/// An onlooker that has asked for no changes for this real time counts as gone.
 const GONE: Duration = Duration::from_secs(10);
-/// So many comparisons pass between two looks at the clock.
+/// Count of comparisons between two reads of the host's clock.
 const LOOKS: u32 = 4096;
 
 /// Where changes go.
@@ -30,7 +29,7 @@ const LOOKS: u32 = 4096;
 pub enum Keep {
     /// Into the journal, until the end.
     InJournal,
-    /// Into the list for those who look on, as long as any of them asks for changes.
+    /// Into the list for onlookers, as long as any of them asks for changes.
     ForOnlookers,
 }
 
@@ -41,26 +40,26 @@ pub struct Change {
     pub seq: u64,
     /// Emulated time in microseconds: of the comparison, or of the firmware's report.
     pub time_us: u64,
-    /// What has changed.
+    /// The change.
     pub what: Changed,
 }
 
-/// What the firmware reports of a register that it has written.
+/// The firmware's report of a register that it has written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Stored {
     /// Index of the device.
     pub plc: u16,
     /// Offset of the register.
     pub offset: u32,
-    /// What the firmware has found there, if it looked.
+    /// The value that the firmware has found there, if it has read the register.
     pub found: Option<u32>,
-    /// What it has written.
+    /// The value that the firmware has written.
     pub now: u32,
 }
 
 /// The device's RAM, as comparisons need it.
 pub(crate) trait Rams {
-    /// What a register of device `plc` holds.
+    /// The value of a register of device `plc`.
     fn load(&self, plc: u16, offset: u32, width: Width) -> Option<u32>;
 
     /// Which of the structures that overlay each other is valid there.
@@ -69,7 +68,7 @@ pub(crate) trait Rams {
     /// Whether the register is forced.
     fn is_forced(&self, plc: u16, offset: u32) -> bool;
 
-    /// Whose change it is: the force's, if the register is forced, else that of `by`.
+    /// The originator of a change: the force, if the register is forced, else `by`.
     fn changed_by(&self, plc: u16, offset: u32, by: By) -> By {
         if self.is_forced(plc, offset) { By::Force } else { by }
     }
@@ -81,13 +80,13 @@ pub(super) struct Followed {
     plc: u16,
     offset: u32,
     width: Width,
-    /// What it held when it was looked at last.
+    /// Value at the last comparison.
     held: u32,
     /// Which structure was valid when it changed last.
     live: RegisterPhase,
     in_journal: bool,
     for_onlookers: bool,
-    /// What onlookers know it held, from when the plant has gone to another moment until they are told.
+    /// Value that onlookers know, from the moment that the plant goes to another time until they are notified.
     #[serde(skip)]
     left: Option<u32>,
 }
@@ -102,7 +101,7 @@ pub(super) struct History {
     /// When changes were asked for last.
     asked: Instant,
     looks: u32,
-    /// Somebody looks for a moment that was: what is seen on the way is no news for those who look on.
+    /// A client searches for a past moment: changes on the way are not reported to onlookers.
     pub(super) is_searching: bool,
 }
 
@@ -118,7 +117,7 @@ impl History {
         }
     }
 
-    /// Those whose changes are in the journal.
+    /// The registers with changes in the journal.
     pub(super) fn in_journal(&self) -> impl Iterator<Item = &Followed> {
         self.followed.iter().filter(|register| register.in_journal)
     }
@@ -128,7 +127,7 @@ impl History {
         self.find(plc, offset).is_ok_and(|at| self.followed.get(at).is_some_and(|it| it.in_journal))
     }
 
-    /// These are the ones whose changes are in the journal. Onlookers go on looking at theirs.
+    /// Replaces the registers with changes in the journal. Onlookers keep their registers.
     pub(super) fn restore_in_journal(&mut self, followed: Vec<Followed>) {
         self.followed.retain_mut(|register| {
             register.in_journal = false;
@@ -188,7 +187,7 @@ impl History {
         true
     }
 
-    /// Compares all registers with what they held; those that are to be in the journal are handed to `note`.
+    /// Compares all registers with their previous values; changes for the journal go to `note`.
     pub(super) fn compare(&mut self, time_us: u64, by: By, rams: &impl Rams, mut note: impl FnMut(Changed)) {
         self.forget_those_who_have_gone();
         let History { followed, changes, end, is_searching, .. } = self;
@@ -204,8 +203,8 @@ impl History {
         }
     }
 
-    /// The plant has gone to another moment: those who look on are told what is otherwise. The journal is told nothing: what a
-    /// program had written there, and nobody had looked at yet, is still to be found.
+    /// The plant has gone to another moment: onlookers get the differences. The journal gets none: a comparison must
+    /// still find the program's writes that none has seen yet.
     pub(super) fn arrived(&mut self, time_us: u64, rams: &impl Rams) {
         let History { followed, changes, end, is_searching, .. } = self;
         if *is_searching {
@@ -243,8 +242,8 @@ impl History {
         }
     }
 
-    /// At most `max` changes from number `from` on, and the number that the next one will have. Asking tells that
-    /// somebody still looks on.
+    /// At most `max` changes from number `from` on, and the number of the next change. The request shows that an
+    /// onlooker is still present.
     pub(super) fn read(&mut self, from: u64, max: usize) -> (Vec<Change>, u64) {
         self.asked = Instant::now();
         let first = self.changes.partition_point(|change| change.seq < from);
@@ -256,7 +255,7 @@ impl History {
         self.followed.binary_search_by_key(&(plc, offset), |register| (register.plc, register.offset))
     }
 
-    /// The clock is not the plant's: this only decides how long somebody is looked out for.
+    /// Uses the host's clock, not the plant's: it only decides how long an absent onlooker is kept.
     fn forget_those_who_have_gone(&mut self) {
         self.looks = self.looks.wrapping_add(1);
         if self.looks.is_multiple_of(LOOKS) && self.asked.elapsed() > GONE {
@@ -268,7 +267,7 @@ impl History {
 }
 
 impl Followed {
-    /// It holds `to` from now on: told to those who want to know.
+    /// Sets the value to `to`, and reports the change to the journal and the onlookers that want it.
     fn tell(&mut self, to: u32, by: By, keep: Option<impl FnOnce(Changed)>, note: &mut impl FnMut(Changed)) {
         let &mut Followed { plc, offset, width, held: from, live, .. } = self;
         self.held = to;
@@ -356,7 +355,7 @@ mod tests {
         assert!(told(&mut history).is_empty());
     }
 
-    /// Of a moment before, at which a program had just written.
+    /// The snapshot is of an earlier moment, at which a program had just written.
     #[test]
     fn who_goes_back_has_written_nothing() {
         let (rams, mut history) = (Loose::default(), History::new());

@@ -58,7 +58,7 @@ struct Gap {
     lost: u64,
 }
 
-/// What it happened to.
+/// The device or bus of the event.
 #[derive(Serialize)]
 #[serde(untagged)]
 enum Place {

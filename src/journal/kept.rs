@@ -1,4 +1,4 @@
-//! What a snapshot holds of the journal: where it is, not what it has told.
+//! The part of the journal in a snapshot: its position, not its records.
 
 use super::findings::Findings;
 use super::history::Followed;
@@ -10,9 +10,9 @@ use serde::{Deserialize, Serialize};
 /// A history: numbers and times of records are comparable within one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Turn {
-    /// How often the plant has gone back, or to a snapshot; what is behind 65535 begins anew.
+    /// Count of returns to an earlier moment or to a snapshot; wraps around after 65535.
     pub number: u16,
-    /// The first record behind that. Those in front of it were there before.
+    /// The first record after the last return. Earlier records were already there.
     pub begin: u64,
 }
 
@@ -41,7 +41,7 @@ impl KeptEntry {
 }
 
 impl Journal {
-    /// Saves its position, its hash, what is being counted and what was found. The records themselves are not kept.
+    /// Saves the position, the hash, the running counts and the findings. The records themselves are not kept.
     pub(crate) fn save(&self, to: &mut Saving) {
         let Journal {
             ring,
@@ -68,9 +68,9 @@ impl Journal {
         to.value(&history.in_journal().collect::<Vec<&Followed>>());
     }
 
-    /// Takes over the position of a snapshot. `goes_back`: this journal has been there, so its records up to there stay;
-    /// otherwise they are another plant's, and none stays. Whoever reads it is told by [`Journal::turn`] that it is another
-    /// one from now on.
+    /// Restores the position of a snapshot. With `goes_back`, this journal has been at that position, so its records
+    /// up to there stay. Otherwise the records are from another plant, and all are dropped. [`Journal::turn`] shows a
+    /// reader of the journal that it has changed.
     pub(crate) fn restore(
         &mut self,
         from: &mut Saved<'_>,
@@ -101,13 +101,13 @@ impl Journal {
         self.turn
     }
 
-    /// Takes the records out before somebody looks for a moment on the way here and comes by others that are not to be kept.
+    /// Takes the records out before a search for an earlier moment creates records that are not kept.
     pub(crate) fn lay_aside(&mut self) -> Rings {
         self.history.is_searching = true;
         self.ring.lay_aside()
     }
 
-    /// That has come to its end: those of them up to here are the journal's again.
+    /// Ends the search: the journal gets its records up to the present position back.
     pub(crate) fn put_back(&mut self, mut records: Rings) {
         self.history.is_searching = false;
         records.begin_at(self.ring.end(), true);

@@ -13,7 +13,7 @@ use core::fmt;
 /// Number of rings.
 pub(super) const RINGS: usize = 5;
 
-/// Which ring of the journal keeps an event. Those that come often must not push out those that come rarely.
+/// The ring of the journal that keeps an event. Frequent events must not push out rare ones.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ring {
     /// Frames.
@@ -22,9 +22,9 @@ pub enum Ring {
     Registers,
     /// Missed deadlines and injected faults.
     Missed,
-    /// Everything that is rare in a good run.
+    /// All events that are rare in a good run.
     Rare,
-    /// Changes of registers that somebody follows.
+    /// Changes of followed registers.
     History,
 }
 
@@ -37,14 +37,14 @@ impl Ring {
     #[inline]
     pub(super) fn share(self, capacity: usize) -> usize {
         match self {
-            // Nobody has it unless he asks for it, and then it is on top of all others.
+            // This ring stays empty unless a client asks for it, and then its capacity is additional.
             Ring::History => (capacity / 2).max(1),
             _ => capacity,
         }
     }
 }
 
-/// What the journal can tell. The fields, number and name come from `event_kinds!`.
+/// The text and the fields of an event kind. The structure, number and name come from `event_kinds!`.
 pub trait EventText: EventCodec {
     /// How the journal keeps it.
     #[inline]
@@ -52,16 +52,16 @@ pub trait EventText: EventCodec {
         Keeping::Noted
     }
 
-    /// Whether the numbers in it that stand for something registered do so.
+    /// Whether the catalogue knows all numbers in the event that refer to registered items.
     fn is_known(&self, catalogue: &Catalogue) -> bool {
         let _ = catalogue;
         true
     }
 
-    /// What happened, for people.
+    /// The event as text for people.
     fn text(&self, reader: &mut Reader) -> String;
 
-    /// What happened, for programs: the fields that belong to this kind.
+    /// The event as fields for programs: the fields of this kind.
     fn fields(&self, reader: &mut Reader) -> Fields;
 
     /// The frame, if one has arrived.
@@ -79,7 +79,7 @@ pub trait EventText: EventCodec {
         None
     }
 
-    /// The register that the firmware has written, if that is what it tells.
+    /// The register that the firmware has written, if the event is such a write.
     #[inline]
     fn stored(&self) -> Option<Stored> {
         None
@@ -91,7 +91,7 @@ pub trait EventText: EventCodec {
 pub struct Carried {
     /// The frame.
     pub frame: Frame,
-    /// The guest whose it is, if it is one's.
+    /// The guest of the event, if it belongs to one.
     pub guest: Option<u8>,
 }
 
@@ -104,7 +104,7 @@ pub struct Octets {
     pub length: usize,
 }
 
-/// What kind of event it is. Kinds are equal if their numbers are.
+/// The kind of an event. Kinds are equal if their numbers are.
 pub struct Kind {
     number: u8,
     name: &'static str,

@@ -1,21 +1,22 @@
-//! The journal: what happened, when, in emulated microseconds.
+//! The journal: events with their times in emulated microseconds.
 //!
 //! It has three parts. A running hash over **all** events ever written: two runs are the same run if their
 //! hashes are equal. A table that counts the [`Findings`] of the access checker. And bounded rings of [`Record`]s
 //! for reading, which forget their oldest ones:
 //!
-//! - Frames, register traffic, missed deadlines and states have a ring each, so that bus traffic cannot push out
-//!   what an engineer looks for.
+//! - Frames, register traffic, missed deadlines and states have a ring each, so that bus traffic cannot push out the
+//!   events that an engineer needs.
 //! - Events that repeat at equal distances (SYNC edges, handshakes and missed deadlines of every interval) are
-//!   counted in one record with first time, distance and number; nothing is lost by that. Frames are never
+//!   counted in one record with first time, distance and number. The record loses no information. Frames are never
 //!   counted together.
-//! - Records are numbered without gaps, so a reader can go on where it stopped and sees how many it has missed.
+//! - Records are numbered without gaps, so a reader can continue at the last number and knows how many it has missed.
 //!
-//! An [`Event`] is a [`Kind`] and words. What can happen is told by whom it happens to: here what happens in registers of
-//! any device, in the families of devices what only they know. Each kind is a structure that [`EventText`] reads; the
-//! [`Catalogue`] is the sum of them all.
+//! An [`Event`] is a [`Kind`] and words. This module defines the kinds of events in registers of any device; each
+//! family of devices defines its own kinds. Each kind is a structure with an implementation of [`EventText`]; the
+//! [`Catalogue`] contains all of them.
 //!
-//! [`text`], [`jsonl`], [`candump`], [`pcapng`] write records for people and programs, [`vcd`] and `fst` (feature `studio`) the [`Waves`] that they are as signals; `docs/reference/journal.md` describes the formats.
+//! [`text`], [`jsonl`], [`candump`], [`pcapng`] write records for people and programs. [`vcd`] and `fst` (feature
+//! `studio`) write records as signals: [`Waves`]. `docs/reference/journal.md` describes the formats.
 
 pub mod candump;
 mod catalogue;
@@ -80,7 +81,7 @@ use history::History;
 use requests::Requests;
 use tally::{LONGEST_PERIOD_US, Outcome, Tally};
 
-/// What can happen in any device.
+/// Kinds of events that can happen in any device.
 pub static KINDS: &[&Kind] = &[
     State::KIND,
     Handshake::KIND,
@@ -94,7 +95,7 @@ pub static KINDS: &[&Kind] = &[
 
 /// Writes records one after the other in some format: text, or bytes.
 pub trait Format<Out = String> {
-    /// Appends what stands in front of all records.
+    /// Appends the head of the output.
     fn begin(&self, out: &mut Out) {
         let _ = out;
     }
@@ -102,7 +103,7 @@ pub trait Format<Out = String> {
     /// Appends the lines of a record to `out`, if the format has any for it.
     fn record(&mut self, record: &Record, out: &mut Out);
 
-    /// Takes note of a record without writing it: what it tells about the state counts for those behind it.
+    /// Takes note of a record without writing it: its effect on the state is needed for later records.
     fn skip(&mut self, record: &Record);
 
     /// Appends that `lost` records are missing here, if the format can say so; returns whether it can.
@@ -123,7 +124,7 @@ pub struct Journal {
     turn: Turn,
     /// Emulated time in microseconds from which on it has records: that of the snapshot from which it continues.
     since_us: u64,
-    /// It is a draft: what is told is only laid by.
+    /// Set for a draft: reports are only stored here.
     draft: Option<Box<Draft>>,
 }
 
@@ -217,7 +218,7 @@ impl Journal {
         noted.into_iter().for_each(|change| self.push(time_us, change));
     }
 
-    /// The plant has gone to another moment, which is news for those who look on.
+    /// Notifies onlookers that the plant has gone to another moment.
     #[cold]
     pub(crate) fn arrived(&mut self, time_us: u64, rams: &impl Rams) {
         self.history.arrived(time_us, rams);
@@ -275,7 +276,7 @@ impl Journal {
 
     #[cold]
     fn note_state(&mut self, time_us: u64, event: Event, plc: u16, command: u32) {
-        // What was counted up to here belongs to the state before.
+        // Events that were counted up to here belong to the state before.
         self.tally.all().into_iter().for_each(|record| self.ring.note(record));
         let latency_us = self.requests.commanded(time_us, plc, command);
         self.ring.note(Record { latency_us, ..Record::single(time_us, event) });
@@ -309,19 +310,18 @@ impl Journal {
         }
     }
 
-    /// The records still kept, oldest first. Those that are still being counted come later, see
-    /// [`Journal::pending`].
+    /// The records still kept, oldest first. Records with a running count come later, see [`Journal::pending`].
     pub fn records(&self) -> Records<'_> {
         self.ring.records(0)
     }
 
-    /// The records still kept from number `from` on, oldest first. A jump in their numbers tells how many are no
-    /// longer kept.
+    /// The records still kept from number `from` on, oldest first. A jump in their numbers is the count of records
+    /// that are no longer kept.
     pub fn read(&self, from: u64) -> Records<'_> {
         self.ring.records(from)
     }
 
-    /// What is still being counted, in the order of time. These records have no number yet; each of them appears
+    /// The records with a running count, in the order of time. These records have no number yet; each of them appears
     /// among [`Journal::records`] as soon as it is complete, at the latest after a second.
     pub fn pending(&self) -> Vec<Record> {
         self.tally.pending()
@@ -343,7 +343,7 @@ impl Journal {
         self.ring.end()
     }
 
-    /// What the access checker has found, counted.
+    /// The findings of the access checker, counted.
     pub fn findings(&self) -> &Findings {
         &self.findings
     }

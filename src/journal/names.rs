@@ -11,7 +11,7 @@ pub struct Names {
     pub plcs: Vec<String>,
     /// The buses, in the order of the plant.
     pub buses: Vec<String>,
-    /// What each PLC is and how it is fitted, in the order of the plant.
+    /// The device and the options of each PLC, in the order of the plant.
     pub devices: Vec<DeviceFit>,
 }
 
@@ -26,7 +26,7 @@ impl Names {
         name(&self.buses, index, "bus")
     }
 
-    /// What the PLC's RAM holds: nothing, if that is not known.
+    /// The device of the PLC; one without registers if it is not known.
     pub fn device(&self, plc: u16) -> &'static Device {
         self.fitted(plc).device()
     }
@@ -37,7 +37,7 @@ impl Names {
         known.unwrap_or_else(|| DeviceFit::unknown(&Device::UNKNOWN))
     }
 
-    /// Name of a port; `port3` if it has none. Number 0, the device itself, goes by the name of its own interface.
+    /// Name of a port; `port3` if it has none. Number 0, the device itself, has the name of its separate interface.
     pub(crate) fn port(&self, origin: Origin) -> Cow<'static, str> {
         let device = self.device(origin.plc);
         match (origin.node, device.port_numbered(origin.node)) {

@@ -17,14 +17,14 @@ const PACKET: u32 = 6;
 const OLD_PACKET: u32 = 2;
 const TIMELESS_PACKET: u32 = 3;
 
-/// Tells the order of bytes in a section.
+/// Marks the order of bytes in a section.
 const BYTE_ORDER: u32 = 0x1A2B_3C4D;
 /// LINKTYPE_CAN_SOCKETCAN.
 const SOCKETCAN: u16 = 227;
 /// LINKTYPE_PROFIBUS_DL: from the start delimiter to the end delimiter.
 const PROFIBUS_DL: u16 = 257;
 
-/// What is on a bus.
+/// The type of a bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Link {
     /// Frames of CAN.

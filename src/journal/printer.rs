@@ -1,4 +1,4 @@
-//! Records as they come from the journal, in a format: selects them and tells what is missing.
+//! Prints records from the journal in a format: selects them and reports gaps.
 
 use super::kind::RINGS;
 use super::{Format, Kind, Record, Source};
@@ -33,15 +33,15 @@ impl Selection {
 
 /// Prints records in the order of their numbers.
 ///
-/// Records are missing where their numbers jump. That is told only if wanted ones may be among them: every ring
-/// forgets its oldest records only, so behind a record of a ring none of its kinds is missing in the same part
-/// of the journal.
+/// Records are missing where their numbers jump. The printer reports a gap only if it may contain wanted records.
+/// Every ring forgets only its oldest records. So after a record of a ring, no records of that ring are missing in
+/// the same part of the journal.
 pub struct Printer<Out = String> {
     format: Box<dyn Format<Out>>,
     selection: Selection,
     /// Number of the record to come.
     next: u64,
-    /// Records missing in front of the next one that is printed.
+    /// Count of records missing before the next printed one.
     lost: u64,
     /// Rings that may have forgotten wanted records in front of the next one.
     forgetful: [bool; RINGS],
@@ -53,7 +53,7 @@ impl<Out> Printer<Out> {
         Printer { format, selection, next: from, lost: 0, forgetful: [true; RINGS] }
     }
 
-    /// Appends what stands in front of all records.
+    /// Appends the head of the output.
     pub fn begin(&self, out: &mut Out) {
         self.format.begin(out);
     }
@@ -70,7 +70,7 @@ impl<Out> Printer<Out> {
         self.next
     }
 
-    /// Goes on with record number `from` of another history, of whose state nothing is known.
+    /// Continues with record number `from` of another history; its state is unknown.
     pub fn turn_to(&mut self, from: u64)
     where
         Out: Default,
@@ -79,11 +79,11 @@ impl<Out> Printer<Out> {
         (self.next, self.lost) = (from, 0);
     }
 
-    /// Appends the record to `out` if it is wanted, behind a note on what is missing in front of it. Returns
-    /// how many records are missing there if the format has no place for such a note, else 0.
+    /// Appends the record to `out` if it is wanted, after a note about the records missing before it. Returns the
+    /// count of missing records if the format has no place for such a note, else 0.
     ///
-    /// Records that have no number yet are printed as well. Whoever reads on should not print them, they
-    /// come again with their number.
+    /// Records without a number are printed as well. A caller that continues to read must not print them: they come
+    /// again with their number.
     pub fn print(&mut self, record: &Record, out: &mut Out) -> u64 {
         if !record.is_pending() {
             if self.forgetful.contains(&true) {
@@ -93,7 +93,7 @@ impl<Out> Printer<Out> {
             self.forgetful[record.event.kind().ring() as usize] = false;
         }
         if record.time_us < self.selection.since_us {
-            // What is missing here is older still.
+            // Records missing here are older still.
             self.lost = 0;
         }
         if !self.selection.takes(record) {
@@ -163,7 +163,7 @@ mod tests {
     #[test]
     fn what_is_missing_is_not_told_if_it_was_not_wanted() {
         let kinds = |kind| Selection { kinds: vec![kind], ..Selection::default() };
-        // The ring of states still has its first record, so what is missing later is of another.
+        // The ring of states still has its first record, so the later gap is in another ring.
         let first = [refused(0, 0), sync(9, 0), refused(10, 0)];
         assert_eq!(lost(kinds(Refused::KIND), &[&first]), 0);
         assert_eq!(lost(kinds(Edge::KIND), &[&first]), 8);

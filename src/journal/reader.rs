@@ -1,4 +1,4 @@
-//! What numbers in records mean: names, registers, and which of the structures that overlay each other was valid.
+//! The meaning of numbers in records: names, registers, and the valid one of overlaid structures.
 
 use super::catalogue::Catalogue;
 use super::event::{Origin, Source};
@@ -8,8 +8,8 @@ use super::registers::State;
 use crate::layout::{Address, Area, RegType, RegisterPhase, RegisterRef, Width, format_value};
 use std::collections::HashMap;
 
-/// Names and what the records so far tell about the state of the ports: INIT and cyclic structure overlay
-/// each other, so the name of a register depends on it.
+/// Names, and the state of the ports according to the records so far: INIT and cyclic structure overlay each other,
+/// so the name of a register depends on the state.
 pub struct Reader {
     pub(crate) names: Names,
     pub(crate) catalogue: &'static Catalogue,
@@ -28,9 +28,9 @@ impl Reader {
         Reader { names, catalogue, unheard: None, live: HashMap::new(), registers: HashMap::new() }
     }
 
-    /// Takes note of what a record tells about the state.
+    /// Takes note of the state in a record.
     pub(super) fn observe(&mut self, record: &Record) {
-        // Who has seen all records since power-on knows that the ports began with INIT.
+        // A reader that has seen all records since power-on knows that the ports began with INIT.
         self.unheard.get_or_insert(if record.seq == 0 { RegisterPhase::Init } else { RegisterPhase::Cyclic });
         if let Some(State { origin, live, .. }) = record.event.get() {
             self.live.insert((origin.plc, origin.node), live);
@@ -93,7 +93,7 @@ impl Reader {
         Place { register, address, ty: width.bits() }
     }
 
-    /// The register at `offset`, whatever its width.
+    /// The register at `offset`, of any width.
     pub(crate) fn whole(&mut self, plc: u16, offset: u32) -> Place {
         match self.register(plc, offset) {
             Some(register) => {
@@ -103,7 +103,7 @@ impl Reader {
         }
     }
 
-    /// Name of a port, behind that of its device: `line:node2`.
+    /// Name of a port, with its device as a prefix: `line:node2`.
     #[must_use]
     pub fn port(&self, origin: Origin) -> String {
         self.names.source(Source::Node(origin))
@@ -131,13 +131,13 @@ impl Named {
         self.0.as_ref().map_or_else(|| format!("16#{value:04X}"), |register| register.format_value(value))
     }
 
-    /// What the value means.
+    /// The meaning of the value.
     pub(crate) fn meaning(&self, value: u32) -> String {
         self.0.as_ref().map(|register| register.decode(value)).unwrap_or_default()
     }
 }
 
-/// A register, or a part of the RAM that is none.
+/// A register, or a part of the RAM without one.
 pub(crate) struct Place {
     register: Option<RegisterRef>,
     address: Address,
@@ -173,7 +173,7 @@ impl Place {
         format_value(self.ty, value)
     }
 
-    /// What the value means, if it means more than a number.
+    /// The meaning of the value, if it is more than a number.
     pub(super) fn meaning(&self, value: u32) -> Option<String> {
         self.register
             .filter(|register| register.register.meaning.is_some())

@@ -10,19 +10,19 @@ pub struct Record {
     pub seq: u64,
     /// Emulated time in microseconds since power-on; of several events that of the last one.
     pub time_us: u64,
-    /// What happened.
+    /// The event.
     pub event: Event,
-    /// How many equal events the record stands for, at least 1.
+    /// Count of equal events in the record, at least 1.
     pub count: u32,
     /// Distance between them in microseconds; 0 for a single event.
     pub period_us: u32,
-    /// Of a handshake or a state: microseconds from the request to this answer, if the request came through the
+    /// For a handshake or a state: microseconds from the request to this answer, if the request came through the
     /// channel.
     pub latency_us: Option<u32>,
 }
 
 impl Record {
-    /// Number of a record that is still being counted and has none yet.
+    /// Number of a record with a running count, which has no number yet.
     pub const PENDING: u64 = u64::MAX;
 
     /// Number of a record that has none yet, though nothing of it can come any more.
@@ -50,13 +50,13 @@ impl Record {
         Self { seq, ..self }
     }
 
-    /// Time of the first event it stands for, in microseconds.
+    /// Time of the first event of the record, in microseconds.
     pub fn first_us(&self) -> u64 {
         let distance = u64::from(self.count.saturating_sub(1)) * u64::from(self.period_us);
         self.time_us.saturating_sub(distance)
     }
 
-    /// Times of all events it stands for, in microseconds, ascending.
+    /// Times of all events of the record, in microseconds, ascending.
     pub fn times(&self) -> impl DoubleEndedIterator<Item = u64> + use<> {
         let (first, period) = (self.first_us(), u64::from(self.period_us));
         (0..u64::from(self.count)).map(move |n| first + n * period)

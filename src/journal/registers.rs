@@ -1,4 +1,4 @@
-//! What happens in registers, whatever device they belong to.
+//! Events in registers of any device.
 
 use super::event::Keeping;
 use super::fields::Fields;
@@ -27,15 +27,15 @@ event_kinds! {
     Handshake = 4, "handshake", Registers, at origin {
         /// Offset of the register.
         offset: u32,
-        /// What the PLC had written.
+        /// Value that the PLC had written.
         request: u16,
-        /// What the firmware wrote instead.
+        /// Value that the firmware wrote instead.
         answer: u16,
         /// More answers to the same request are to come.
         goes_on: bool,
     }
 
-    /// The firmware changed a register that is no handshake.
+    /// The firmware changed a register that does not belong to a handshake.
     Register = 11, "register", Registers, at origin {
         /// Offset of the register.
         offset: u32,

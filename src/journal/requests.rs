@@ -56,8 +56,8 @@ impl Requests {
         self.open += u32::from(before.is_none());
     }
 
-    /// A request was answered; returns the time since it was made, if that is known. If it `goes_on`, the answers to come
-    /// belong to the same request, with what stands in the register now.
+    /// Ends a request with its answer; returns the time since the request, if that is known. With `goes_on`, later
+    /// answers belong to the same request, and `goes_on` is the present value of the register.
     #[inline]
     pub(crate) fn answered(
         &mut self,
@@ -77,7 +77,8 @@ impl Requests {
         made.latency(time_us)
     }
 
-    /// A state changed; returns the time since the last command in the register at `offset`, if that is known.
+    /// Ends a command with a change of state; returns the time since the last command in the register at `offset`, if
+    /// that is known.
     pub(crate) fn commanded(&mut self, time_us: u64, plc: u16, offset: u32) -> Option<u32> {
         self.take(plc, offset)?.latency(time_us)
     }

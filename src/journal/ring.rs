@@ -30,7 +30,7 @@ impl Rings {
         lane.push_back(record);
     }
 
-    /// The next record gets the number `end`. Those before it stay if they are of the same run.
+    /// Gives the next record the number `end`. Earlier records stay if they are of the same run.
     pub(crate) fn begin_at(&mut self, end: u64, is_same_run: bool) {
         self.end = end;
         for lane in &mut self.lanes {
@@ -64,7 +64,7 @@ pub struct Records<'a> {
     rest: [Rest<'a>; RINGS],
 }
 
-/// What is left of a ring.
+/// The remaining records of a ring.
 struct Rest<'a> {
     lane: &'a VecDeque<Record>,
     start: usize,

@@ -1,5 +1,5 @@
-//! What a rule of the access checker is: what a PLC program may do wrong, how bad it is, and where that is written.
-//! The rules themselves belong to those who find what breaks them, and are declared with `rules!`.
+//! A rule of the access checker: an error of a PLC program, its severity, and its source. The module that checks a
+//! rule declares it with `rules!`.
 
 use core::fmt;
 
@@ -8,7 +8,7 @@ use core::fmt;
 pub enum Severity {
     /// The manual forbids it, or it cannot have the effect that was wanted.
     Error,
-    /// Allowed or without effect, but hardly what was meant.
+    /// Allowed or without effect, but probably not intended.
     Warning,
 }
 
@@ -50,7 +50,7 @@ impl Rule {
         Rule { number, id, severity, source, text }
     }
 
-    /// Its number, by which it travels through journal and channel and in whose order rules are listed.
+    /// Number of the rule in journal and channel; rules are listed in this order.
     #[must_use]
     pub const fn number(&self) -> u8 {
         self.number
@@ -68,7 +68,7 @@ impl Rule {
         self.severity
     }
 
-    /// What the PLC program did, and what would be right.
+    /// The error of the PLC program, and the right use.
     #[must_use]
     pub const fn text(&self) -> &'static str {
         self.text

@@ -1,8 +1,8 @@
 //! Counting of events that repeat at equal distances.
 //!
-//! An event that has come twice is expected a third time at the same distance. From there on the events are only
-//! counted, until one is missing, comes early, or a second is full. First time, distance and number tell the
-//! time of each of them, so that nothing is lost.
+//! After two equal events, a third one is expected at the same distance. From there on the events are only counted,
+//! until one is missing, comes early, or a second is full. First time, distance and number give the time of each
+//! event, so that no information is lost.
 
 use super::catalogue::Catalogue;
 use super::coded::Words;
@@ -12,7 +12,7 @@ use crate::snapshot_fields::{Damaged, Saved, Saving};
 
 /// Longest distance at which equal events count as repetition: 100 ms of emulated time.
 pub(super) const LONGEST_PERIOD_US: u64 = 100_000;
-/// A count is noted at the latest after this time, so that who follows the journal hears of it.
+/// A count becomes a record at the latest after this time, so that followers of the journal see it.
 const LONGEST_TALLY_US: u64 = 1_000_000;
 
 /// Number of different events that can be watched; a power of two.
@@ -49,7 +49,7 @@ impl Watched {
     }
 }
 
-/// What to note because of an event.
+/// The records that result from an event.
 pub(super) struct Outcome {
     /// A count that has ended.
     pub counted: Option<Record>,
@@ -157,7 +157,7 @@ impl Tally {
         self.places.get_mut(best)
     }
 
-    /// Ends the counts whose next event should have come before `now`. Returns them in the order of time.
+    /// Ends the counts with a missing event before `now`. Returns them in the order of time.
     pub(crate) fn overdue(&mut self, now: u64) -> Vec<Record> {
         if self.is_quiet {
             return Vec::new();

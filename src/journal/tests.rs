@@ -214,7 +214,7 @@ enum Step {
 proptest! {
     #![proptest_config(crate::property_tests())]
 
-    /// Whatever comes in whatever rhythm, the records give back every event with its time.
+    /// For any events in any rhythm, the records contain every event with its time.
     #[test]
     fn counting_loses_nothing(
         steps in proptest::collection::vec(

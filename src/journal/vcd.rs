@@ -1,5 +1,5 @@
 //! Value change dumps (IEEE 1364), which GTKWave, Surfer and other viewers of waveforms read. Times are emulated
-//! microseconds since power-on. What has no value yet is unknown (`x`).
+//! microseconds since power-on. A signal without a value yet is unknown (`x`).
 
 use super::waves::{Change, Content, Shape, Step, Waves};
 use std::io;
@@ -8,7 +8,7 @@ use vcd::{IdCode, SimulationCommand, TimescaleUnit, Value, VarType, Writer};
 /// Writes waveforms as a value change dump.
 ///
 /// # Errors
-/// Of `out`.
+/// The errors of `out`.
 pub fn write(waves: &Waves, out: impl io::Write) -> io::Result<()> {
     let mut writer = Writer::new(out);
     writer.version(concat!("commram ", env!("CARGO_PKG_VERSION")))?;

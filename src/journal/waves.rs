@@ -1,8 +1,8 @@
-//! The journal as signals over time: what every format of waveforms writes, and what plots show.
+//! The journal as signals over time: content of every waveform format and of plots.
 //!
-//! A scope for each bus has its SYNC edges as events and its frames; a scope for each PLC has a scope for each area with its
-//! registers. A register that has a meaning has it as text beside its value. What else happens is text under the name of
-//! its kind. A signal has no value until the journal tells one.
+//! A scope for each bus has its SYNC edges as events and its frames; a scope for each PLC has a scope for each area
+//! with its registers. A register with a meaning has it as text beside its value. Other events are text under the
+//! name of their kind. A signal has no value until the journal contains one.
 
 use super::reader::Place;
 use super::{Catalogue, Changed, ChannelWrite, Names, Reader, Record, Ring, Selection, Source};
@@ -15,7 +15,7 @@ const DATA_BITS: u32 = 64;
 /// Bits of the longest identifier.
 const ID_BITS: u32 = 29;
 
-/// What the records of a journal tell, as signals.
+/// The records of a journal as signals.
 pub struct Waves {
     /// By their paths: scopes, and the name.
     pub(super) paths: BTreeMap<Vec<String>, usize>,
@@ -25,12 +25,12 @@ pub struct Waves {
     recorded: HashSet<(u16, u32)>,
 }
 
-/// What a journal tells of a register.
+/// The values of a register according to the journal.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Past {
     /// Times in microseconds, ascending, and what the register held from then on.
     pub values: Vec<(u64, u32)>,
-    /// Whether that is every change, from the first one that the journal tells on.
+    /// Whether the values are complete from the start of the journal on.
     pub is_recorded: bool,
 }
 
@@ -40,7 +40,7 @@ pub(super) struct Signal {
     of: Of,
 }
 
-/// What a signal is of.
+/// The subject of a signal.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Of {
     /// The value of a register: index of the device, and offset.
@@ -51,10 +51,10 @@ enum Of {
     Other,
 }
 
-/// What a signal can show.
+/// The type of a signal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Shape {
-    /// A number of so many bits.
+    /// A number with this count of bits.
     Bits(u32),
     /// Texts.
     Text,
@@ -62,10 +62,10 @@ pub(super) enum Shape {
     Event,
 }
 
-/// What a signal shows.
+/// The value of a signal.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Content {
-    /// So many bits, their values, and those that are known.
+    /// Width in bits, their values, and a mask of the known bits.
     Bits { width: u32, value: u64, known: u64 },
     /// A text, a single word.
     Text(String),
@@ -99,7 +99,7 @@ impl Content {
     }
 }
 
-/// What comes next where signals are declared.
+/// The next step of the declaration of signals.
 pub(super) enum Step<'a> {
     /// Into a scope.
     Into(&'a str),
@@ -117,7 +117,7 @@ pub(super) struct Change {
 }
 
 impl Waves {
-    /// What those records tell that are wanted; what the others tell about the state counts for them.
+    /// The signals of the wanted records; the other records only update the state.
     pub fn of(records: &[Record], wanted: &Selection, names: Names, catalogue: &'static Catalogue) -> Self {
         let changed = records.iter().filter_map(|record| record.event.get::<Changed>());
         let mut taking = Taking {
@@ -142,7 +142,7 @@ impl Waves {
         waves
     }
 
-    /// What the journal tells of a register.
+    /// The values of a register according to the journal.
     pub fn register(&self, plc: u16, offset: u32) -> Past {
         let number = |change: &Change| match change.content {
             // Registers have 32 bits at most.
@@ -185,7 +185,7 @@ impl Waves {
         self.changes.iter().filter(is_it)
     }
 
-    /// What is the same as before is no change; what happens, happens again.
+    /// Drops a value that equals the one before; events are kept each time.
     fn drop_repetitions(&mut self) {
         let mut shown: HashMap<usize, Content> = HashMap::new();
         self.changes.retain(|Change { signal, content, .. }| {
@@ -283,7 +283,7 @@ impl Taking {
     }
 }
 
-/// As names and texts stand in waveforms: without blanks, and without brackets, which would mean bits.
+/// Names and texts in the form for waveforms: without blanks, and without brackets, which would mean bits.
 fn word(text: &str) -> String {
     let allowed = text.trim().replace("][", "_").replace(']', "").replace('[', "_");
     let allowed = allowed.replace(|c: char| c.is_control() && !c.is_whitespace(), "_");

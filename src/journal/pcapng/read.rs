@@ -13,7 +13,7 @@ use crate::journal::candump::Logged;
 pub struct BadLog {
     /// Where its block begins.
     pub at: usize,
-    /// What would be right.
+    /// The expected content.
     pub right: String,
 }
 
@@ -51,7 +51,7 @@ pub fn read(log: &[u8]) -> Result<Vec<Logged>, BadLog> {
     Ok(frames)
 }
 
-/// What holds until the next section begins.
+/// Facts that are valid until the next section begins.
 struct Section {
     is_big: bool,
     interfaces: Vec<Interface>,
@@ -95,7 +95,7 @@ impl Section {
         is_closed.then(|| (kind, &block[8..length - 4], length))
     }
 
-    /// What a block means: a frame, or something to be noted.
+    /// Decodes a block: a frame, or a fact for later blocks.
     fn take(&mut self, kind: u32, body: &[u8]) -> Result<Option<Logged>, String> {
         match kind {
             INTERFACE if self.interfaces.len() == MOST_INTERFACES => {
@@ -159,7 +159,7 @@ impl Section {
 }
 
 impl Interface {
-    /// A time in microseconds, if it is one.
+    /// A time in microseconds, if the ticks are valid.
     fn time_us(&self, ticks: u64) -> Option<u64> {
         let millions = u128::from(ticks) * 1_000_000;
         let power = u32::from(self.resolution & 0x7F);
@@ -174,7 +174,7 @@ impl Interface {
 
 /// A frame as SocketCAN has it.
 fn frame(packet: &[u8]) -> Result<Frame, &'static str> {
-    /// What the link type calls a frame of CAN FD.
+    /// Flag of a CAN FD frame in this link type.
     const FD: u8 = 4;
     let cut_off = "a frame has eight bytes in front of its data";
     let (head, data) = packet.split_first_chunk::<8>().ok_or(cut_off)?;

@@ -121,7 +121,8 @@ fn frames() -> impl Strategy<Value = Frame> {
     )
 }
 
-/// Logs in either format are read or refused; a frame that was read from a line comes back from the line that tells it.
+/// Logs in either format are read or refused. A frame that was read from a line is equal after it is written and read
+/// again.
 #[test]
 fn fuzz_log() {
     crate::fuzz("log", |bytes| {
@@ -138,7 +139,7 @@ fn fuzz_log() {
 proptest! {
     #![proptest_config(crate::property_tests())]
 
-    /// What is written is read again.
+    /// Written frames are read again.
     #[test]
     fn frames_come_back(frame in frames(), ticks in 0..u64::MAX / 1_000_000) {
         let read = read(&log(false, SOCKETCAN, &[(NAME, b"open")], ticks, &write::packet(&frame))).unwrap();
@@ -147,7 +148,7 @@ proptest! {
         prop_assert_eq!(read, vec![Logged { at, time_us: ticks, interface: "open".into(), frame }]);
     }
 
-    /// Whatever becomes of a log: it is read or refused.
+    /// Any damaged log is read or refused.
     #[test]
     fn damaged_logs_are_read_or_refused(at in 0..200_usize, byte: u8, cut in 0..200_usize) {
         let mut damaged = log(at % 2 == 0, SOCKETCAN, &[(NAME, b"open"), (RESOLUTION, &[9])], 5, &FRAME);

@@ -65,7 +65,7 @@ impl Format<Vec<u8>> for Pcapng {
     fn begin(&self, out: &mut Vec<u8>) {
         let mut section = Vec::new();
         section.extend(BYTE_ORDER.to_le_bytes());
-        // Version 1.0, of a length that is not told.
+        // Version 1.0, with a length that is not specified.
         section.extend(1_u16.to_le_bytes());
         section.extend(0_u16.to_le_bytes());
         section.extend(u64::MAX.to_le_bytes());
