@@ -4,9 +4,9 @@ use embedded_can::{ExtendedId, Id, StandardId};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
-/// What decides who may send, as it goes over the wire behind the start bit, left-aligned in 32 bits: 11 bits of
-/// identifier, then in the standard format RTR and IDE (0), in the extended format SRR (1), IDE (1), the other 18 bits of
-/// the identifier and RTR. A 0 is dominant, so the smaller field wins.
+/// The arbitration field as it is sent after the start bit, left-aligned in 32 bits. It has 11 bits of identifier,
+/// then in the standard format RTR and IDE (0), in the extended format SRR (1), IDE (1), the other 18 bits of the
+/// identifier and RTR. A 0 is dominant, so the smaller field wins.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub struct Arbitration(u32);
 
@@ -17,7 +17,8 @@ const STANDARD_RTR: u32 = 1 << 20;
 const EXTENDED_RTR: u32 = 1;
 
 impl Arbitration {
-    /// That of a frame with this identifier; `is_remote`: it asks for data instead of carrying some.
+    /// The arbitration field of a frame with this identifier; `is_remote`: the frame requests data instead of
+    /// carrying some.
     #[inline]
     pub fn new(id: impl Into<Id>, is_remote: bool) -> Self {
         let field = match id.into() {
@@ -74,7 +75,7 @@ impl Arbitration {
         if self.is_extended() { EXTENDED_RTR } else { STANDARD_RTR }
     }
 
-    /// The bits of the field that tell the formats apart.
+    /// The bits of the field that distinguish the formats.
     pub(super) const fn format() -> u32 {
         IDE
     }

@@ -6,7 +6,7 @@
 use super::BitRate;
 use serde::{Deserialize, Serialize};
 
-/// What a controller may still do on its bus.
+/// The error state of a controller on its bus.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub enum ErrorState {
     /// It takes part, and its error flags are dominant.
@@ -14,8 +14,8 @@ pub enum ErrorState {
     Active,
     /// The same, but a counter has come to 96: the bus is heavily disturbed.
     Warning,
-    /// A counter has gone beyond 127: it takes part, its error flags are recessive, and behind a frame of its own it waits for
-    /// eight bits more.
+    /// A counter is above 127: the controller takes part, its error flags are recessive, and after one of its own
+    /// frames it waits for eight more bits.
     Passive,
     /// The count of transmit errors has gone beyond 255: it takes no part at all.
     BusOff,
@@ -26,7 +26,7 @@ impl ErrorState {
     pub const ALL: [ErrorState; 4] =
         [ErrorState::Active, ErrorState::Warning, ErrorState::Passive, ErrorState::BusOff];
 
-    /// Its name, as programs are told it.
+    /// Name for programs.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -51,7 +51,7 @@ const WARNING: u16 = 96;
 const LAST_ACTIVE: u16 = 127;
 /// Up to here it is at the bus.
 const LAST_ON: u16 = 255;
-/// What its own frame's error costs the transmitter.
+/// Step of the transmit counter for an error in a transmitted frame.
 const TRANSMIT_STEP: u16 = 8;
 
 impl ErrorCounters {
@@ -67,7 +67,7 @@ impl ErrorCounters {
         self.receive
     }
 
-    /// What they make of the controller.
+    /// The error state that follows from the counters.
     #[must_use]
     pub const fn state(self) -> ErrorState {
         let most = if self.transmit > self.receive { self.transmit } else { self.receive };
@@ -82,30 +82,31 @@ impl ErrorCounters {
         }
     }
 
-    /// A frame of its own has arrived.
+    /// A transmitted frame has arrived.
     pub fn sent(&mut self) {
         self.transmit = self.transmit.saturating_sub(1);
     }
 
-    /// It has received a frame of somebody else.
+    /// A frame of another station was received.
     pub fn received(&mut self) {
         self.receive = self.receive.saturating_sub(1);
     }
 
-    /// A frame of its own has ended in an error.
+    /// A transmitted frame has ended in an error.
     pub fn transmit_error(&mut self) {
         self.transmit = (self.transmit + TRANSMIT_STEP).min(LAST_ON + 1);
     }
 
-    /// Nobody has acknowledged its frame. An error-passive station does not count that: alone on a bus it tries for ever.
+    /// No station has acknowledged the frame. An error-passive station does not count that: alone on a bus it repeats
+    /// the frame without a limit.
     pub fn not_acknowledged(&mut self) {
         if self.state() < ErrorState::Passive {
             self.transmit_error();
         }
     }
 
-    /// A frame of somebody else has ended in an error. Beyond 127 it counts no further, so that the first good frame leads back
-    /// to 127, which is what the standard asks for (119 to 127).
+    /// A frame of another station has ended in an error. Above 127 the counter does not increase, so that the first
+    /// good frame returns to 127, as the standard requires (119 to 127).
     pub fn receive_error(&mut self) {
         self.receive = (self.receive + 1).min(LAST_ACTIVE + 1);
     }
@@ -121,8 +122,8 @@ const RUNS: u32 = 128;
 /// Bits of such a run.
 const RUN: u32 = 11;
 
-/// The way back from BUS-off: 128 times eleven recessive bits in a row. An idle bus has them one after the other, one with
-/// frames has one behind each frame at least.
+/// Recovery from BUS-off: 128 times eleven consecutive recessive bits. An idle bus has these sequences one after the
+/// other; a bus with frames has at least one after each frame.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub struct Recovery {
     left: u32,
@@ -207,7 +208,7 @@ mod tests {
         let rate = BitRate::new(125_000).unwrap();
         let mut it = Recovery::new(1_000_000);
         assert_eq!(it.end_ns(0, rate), 1_000_000 + 128 * 11 * 8_000);
-        // 10 bits are no run, 21 are one, and what was quiet before it began does not count.
+        // 10 bits are no sequence, 21 are one, and recessive bits before the start do not count.
         it.frame_begins(1_080_000, 0, rate);
         it.frame_begins(2_000_000, 2_000_000 - 21 * 8_000, rate);
         assert_eq!(it.end_ns(3_000_000, rate), 3_000_000 + 127 * 11 * 8_000);

@@ -17,15 +17,15 @@ impl Filter {
         Filter::masked(id, u32::MAX)
     }
 
-    /// Frames of this identifier's format whose identifiers agree with it in the bits that are 1 in `mask`; bits of the
-    /// mask above the identifier's 11 or 29 count for nothing.
+    /// Frames of this identifier's format with an identifier that agrees with it in the bits that are 1 in `mask`;
+    /// mask bits above the identifier's 11 or 29 bits are ignored.
     pub fn masked(id: impl Into<Id>, mask: u32) -> Self {
         let code = Arbitration::new(id, false);
         let bits = if code.is_extended() { mask & 0x1FFF_FFFF } else { mask & 0x7FF };
         Filter { code, mask: Arbitration::format() | code.place(bits) }
     }
 
-    /// Of these frames those that carry data.
+    /// Only the data frames among these frames.
     #[must_use]
     pub const fn data_only(self) -> Self {
         Filter { mask: self.mask | self.code.rtr(), ..self }

@@ -43,7 +43,7 @@ impl Frame {
         self.arbitration
     }
 
-    /// What its length field says, 0..=8: how many bytes it carries, or asks for.
+    /// The length field, 0..=8: the count of bytes that the frame carries or requests.
     #[inline]
     pub const fn length(&self) -> usize {
         self.payload.len()
@@ -60,8 +60,7 @@ impl Frame {
         (field.number() | extended | remote, self.payload.len() as u8, data)
     }
 
-    /// The way back; `None` for a length above 8. Bits above those of the identifier and bytes behind the length count for
-    /// nothing.
+    /// The inverse; `None` for a length above 8. Bits above the identifier and bytes after the length are ignored.
     #[must_use]
     pub fn of_numbers(id: u32, length: u8, data: u64) -> Option<Self> {
         let is_remote = id & REMOTE != 0;
@@ -76,7 +75,7 @@ impl Frame {
         Some(Frame::new(id, Payload::new(data.to_le_bytes().get(..length.into())?)?))
     }
 
-    /// What it carries: nothing if it is a remote frame.
+    /// The data of the frame; empty for a remote frame.
     #[inline]
     pub const fn payload(&self) -> Payload {
         if self.arbitration.is_remote() { Payload::EMPTY } else { self.payload }

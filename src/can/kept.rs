@@ -11,7 +11,7 @@ pub(crate) trait Kept: Sized {
 
     fn form(&self) -> Self::Form;
 
-    /// None if no such thing has this form.
+    /// None if the form is invalid.
     fn of(form: Self::Form) -> Option<Self>;
 }
 

@@ -1,37 +1,39 @@
 //! A CAN medium: one frame at a time, the one with the dominant identifier first, each acknowledged, or destroyed by error
 //! frames and repeated.
 //!
-//! Where an error lies in a frame decides how long it takes. Those here lie where one bit tells everybody (decision D-331), so
-//! an error frame is a flag of six bits and its delimiter of eight.
+//! The position of an error in a frame decides its duration. Here errors lie where one bit signals them to all
+//! stations (decision D-331), so an error frame is a flag of six bits and its delimiter of eight.
 
 use super::wire::{self, ERROR_DELIMITER, ERROR_FLAG, INTERMISSION, SUSPENSION};
 use super::{BitRate, Frame};
 use crate::snapshot_fields;
 use serde::{Deserialize, Serialize};
 
-/// Whoever sits at a medium, in the order of attachment: the first has number 0.
+/// The stations at a medium, in the order of attachment: the first has number 0.
 pub trait Participants {
-    /// Of those that take part and have had a frame to send at `at_ns`, `but` one: the one that wins the arbitration, and its
-    /// frame. Of several with one arbitration field it is the first (decision D-349).
+    /// The winner of the arbitration, and its frame, among the stations except `but` that take part and have had a
+    /// frame to send at `at_ns`. Of several with one arbitration field it is the first (decision D-349).
     fn first(&self, at_ns: u64, but: Option<usize>) -> Option<(usize, Frame)>;
 
-    /// Whether anybody but `sender` takes part and has done so since `begin_ns`: who hears a frame wholly acknowledges it.
+    /// Whether any station except `sender` takes part and has done so since `begin_ns`: a station that receives the
+    /// complete frame acknowledges it.
     fn is_heard(&self, sender: usize, begin_ns: u64) -> bool;
 
     /// Whether this one is error-passive.
     fn is_passive(&self, who: usize) -> bool;
 }
 
-/// What becomes of a frame.
+/// The result of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum Fate {
     /// It arrives.
     Arrives,
-    /// Nobody acknowledges it.
+    /// No station acknowledges it.
     NotAcknowledged,
     /// It is disturbed, and all see it.
     Disturbed,
-    /// Its sender takes its own start bit for somebody else's and withdraws, and nobody goes on.
+    /// The sender takes its own start bit for the start bit of another station and withdraws, and no station
+    /// continues the frame.
     Withdrawn,
     /// Its sender goes off before it is through.
     SenderGone,
@@ -40,7 +42,7 @@ pub enum Fate {
 /// A frame on the wire.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct OnWire {
-    /// Who sends it.
+    /// The sender.
     pub sender: usize,
     /// The frame; its content is fixed from its start on.
     pub frame: Frame,
@@ -50,11 +52,11 @@ pub struct OnWire {
     pub end_ns: u64,
     /// The end of the intermission: the next frame may begin.
     pub free_ns: u64,
-    /// What becomes of it, as far as that can be told now.
+    /// The result of the frame, as far as it is known now.
     pub fate: Fate,
 }
 
-/// What happened on a medium.
+/// An event on a medium.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Event {
     /// A frame has won the arbitration and begins.
@@ -71,11 +73,12 @@ enum State {
     Idle { suspended: Option<(usize, u64)> },
     /// A frame.
     Busy(OnWire),
-    /// The rest behind a frame: an error frame, the intermission; and who has sent it, if anybody has done so to the end.
+    /// The time after a frame: an error frame, the intermission; and the sender, if a station has sent the frame to
+    /// its end.
     Closing { sender: Option<usize>, free_ns: u64 },
 }
 
-/// A medium, what is on it and when it goes on.
+/// A medium, its present phase and its next event.
 #[derive(Clone, Debug)]
 pub struct Medium {
     rate: BitRate,
@@ -87,7 +90,7 @@ pub struct Medium {
 snapshot_fields!(Medium { values: state, quiet_ns; built: rate });
 
 impl Medium {
-    /// Whether whoever is named in it is one of `count`.
+    /// Whether all station numbers in it are below `count`.
     pub(crate) fn is_among(&self, count: usize) -> bool {
         let who = match self.state {
             State::Idle { suspended } => suspended.map(|(who, _)| who),
@@ -115,7 +118,8 @@ impl Medium {
         }
     }
 
-    /// Since when it is recessive, in ns; behind an error flag that may be still to come. `None`: a frame is on it.
+    /// Time since which the bus is recessive, in ns; after an error flag it may be in the future. `None`: a frame is
+    /// on the bus.
     pub const fn quiet_ns(&self) -> Option<u64> {
         match self.state {
             State::Busy(_) => None,
@@ -133,18 +137,19 @@ impl Medium {
         }
     }
 
-    /// Whether it is idle and somebody could begin a frame at `now_ns`: then [`Medium::advance`] is to be called.
+    /// Whether the bus is idle and a station could begin a frame at `now_ns`: then the caller must call
+    /// [`Medium::advance`].
     pub fn can_begin(&self, now_ns: u64, participants: &impl Participants) -> bool {
         matches!(self.state, State::Idle { .. }) && self.next_sender(now_ns, participants).is_some()
     }
 
-    /// Whose frame [`Medium::advance`] would let begin at `now_ns`, and the frame.
+    /// The sender, and its frame, that [`Medium::advance`] would start at `now_ns`.
     pub fn next_sender(&self, now_ns: u64, participants: &impl Participants) -> Option<(usize, Frame)> {
         let suspended = self.arbitration(now_ns, participants)?;
         participants.first(now_ns, suspended.map(|(who, _)| who))
     }
 
-    /// Whether there is an arbitration at `now_ns`; and who may not take part in it, until when.
+    /// Whether there is an arbitration at `now_ns`; and the station that must not take part, until when.
     fn arbitration(&self, now_ns: u64, participants: &impl Participants) -> Option<Option<(usize, u64)>> {
         match self.state {
             State::Idle { suspended } => Some(suspended.filter(|(_, until_ns)| *until_ns > now_ns)),
@@ -157,8 +162,8 @@ impl Medium {
         }
     }
 
-    /// Does one thing that is due at `now_ns` and tells it; to be called until there is none, at the times of
-    /// [`Medium::next_ns`] and whenever a participant has a frame to send.
+    /// Performs one action that is pending at `now_ns` and returns it. The caller repeats the call until the result
+    /// is `None`, at the times of [`Medium::next_ns`] and whenever a participant has a frame to send.
     pub fn advance(&mut self, now_ns: u64, participants: &impl Participants) -> Option<Event> {
         if let State::Busy(it) = self.state {
             return (it.end_ns <= now_ns).then(|| self.close(it));
@@ -191,8 +196,8 @@ impl Medium {
         OnWire { sender, frame, begin_ns: now_ns, end_ns, free_ns, fate: Fate::Arrives }
     }
 
-    /// In an arbitration that nobody else takes part in `sender` withdraws behind its start bit: six recessive bits later all
-    /// find an error (decision D-333).
+    /// In an arbitration without other stations, `sender` withdraws after its start bit: six recessive bits later all
+    /// stations find an error (decision D-333).
     pub fn withdraw(&mut self, now_ns: u64, sender: usize, frame: Frame) -> Event {
         let mut it = self.begin(now_ns, sender, frame);
         self.destroy(&mut it, 1 + ERROR_FLAG, Fate::Withdrawn);
@@ -200,7 +205,7 @@ impl Medium {
         Event::Begun(it)
     }
 
-    /// The frame ends in an error flag, so many bits behind its beginning.
+    /// Ends the frame in an error flag, `bits` bits after its beginning.
     fn destroy(&self, it: &mut OnWire, bits: u32, fate: Fate) {
         it.fate = fate;
         it.end_ns = it.begin_ns.saturating_add(self.rate.time_ns(bits));
@@ -208,8 +213,8 @@ impl Medium {
         it.free_ns = it.begin_ns.saturating_add(self.rate.time_ns(bits));
     }
 
-    /// A frame that was to arrive ends otherwise; `bits`: where its error flag begins, told the bits of it that are over at
-    /// `now_ns` and those before its acknowledge slot.
+    /// Changes the result of a frame that was going to arrive. `bits` returns the start of its error flag, from the
+    /// count of bits that are over at `now_ns` and the count of bits before its acknowledge slot.
     fn spoil(&mut self, now_ns: u64, fate: Fate, bits: impl FnOnce(u32, u32) -> Option<u32>) {
         let State::Busy(mut it) = self.state else { return };
         let over = self.rate.bits_begun(now_ns.saturating_sub(it.begin_ns));
@@ -221,15 +226,15 @@ impl Medium {
         }
     }
 
-    /// The sender of the frame on the wire has gone off: six recessive bits later all others find an error, at the latest
-    /// behind the acknowledge delimiter, as the checksum is wrong. A frame whose checksum is through arrives.
+    /// The sender of the frame on the wire has left: six recessive bits later all others find an error, at the latest
+    /// after the acknowledge delimiter, as the checksum is wrong. A frame with a complete checksum arrives.
     pub fn sender_gone(&mut self, now_ns: u64) {
         self.spoil(now_ns, Fate::SenderGone, |over, to_acknowledgement| {
             (over < to_acknowledgement).then(|| (over + ERROR_FLAG).min(to_acknowledgement + 2))
         });
     }
 
-    /// Nobody who would acknowledge the frame on the wire is left.
+    /// No station is left that would acknowledge the frame on the wire.
     pub fn nobody_left(&mut self, now_ns: u64) {
         self.spoil(now_ns, Fate::NotAcknowledged, |over, to_acknowledgement| {
             (over <= to_acknowledgement).then_some(to_acknowledgement + 1)

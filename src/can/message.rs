@@ -1,4 +1,4 @@
-//! What frames are for, as far as those who send them know: for people and their tools, nothing here travels.
+//! Descriptions of frames, as far as their senders know them: for people and tools, never sent on the bus.
 
 use super::Arbitration;
 use embedded_can::Id;
@@ -6,32 +6,32 @@ use embedded_can::Id;
 /// All data frames of one identifier.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Message {
-    /// What it is called.
+    /// Name of the message.
     pub name: String,
     /// Its identifier.
     pub id: Id,
     /// How many bytes it has, 0 to 8.
     pub length: u8,
-    /// Who sends it: names of devices, none if it is somebody else.
+    /// Senders: names of devices, empty for other senders.
     pub senders: Vec<String>,
-    /// Who takes it.
+    /// Receivers.
     pub receivers: Vec<String>,
-    /// What stands in it.
+    /// Content.
     pub signals: Vec<Signal>,
-    /// What it is, in a sentence; empty if its name says it.
+    /// Description, in a sentence; empty if the name is sufficient.
     pub about: String,
 }
 
 /// A number in a message, its lowest byte first.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Signal {
-    /// What it is called, once in its message.
+    /// Name of the signal, unique in its message.
     pub name: String,
     /// Its lowest bit, counted from the lowest bit of the first byte.
     pub first_bit: u8,
     /// How many bits it has.
     pub bits: u8,
-    /// What it is; empty if its name says it.
+    /// Description; empty if the name is sufficient.
     pub about: String,
 }
 

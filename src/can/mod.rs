@@ -1,8 +1,8 @@
 //! CAN as ISO 11898-1 has it (Classical CAN): frames, their bits and times on the wire, acceptance filters, a medium,
 //! error counters.
 //!
-//! It knows no device and no protocol; what identifiers and data bytes mean is their users' affair. Everything here is
-//! pure: no I/O, no allocation, no clock of its own.
+//! The module knows no device and no protocol; its users define the meaning of identifiers and data bytes. Everything
+//! here is pure: no I/O, no allocation, no clock.
 
 mod arbitration;
 mod confinement;

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// 0 to 8 data bytes. Bytes behind the length are always 0.
+/// 0 to 8 data bytes. Bytes after the length are always 0.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(from = "(u8, [u8; 8])", into = "(u8, [u8; 8])")]
 pub struct Payload {
@@ -38,7 +38,7 @@ impl Payload {
     #[inline]
     pub const fn from_padded(bytes: [u8; 8], len: usize) -> Self {
         let len = if len > 8 { 8 } else { len };
-        // The invariant "0 behind the length" lets equality and hash look at all eight bytes.
+        // The invariant "0 after the length" lets equality and hash use all eight bytes.
         let keep = if len == 0 { 0 } else { u64::MAX >> (64 - 8 * len) };
         Payload { len: len as u8, bytes: (u64::from_le_bytes(bytes) & keep).to_le_bytes() }
     }
@@ -70,7 +70,7 @@ impl Payload {
         &self.bytes[..self.len().min(8)]
     }
 
-    /// All eight bytes; those behind the length are 0.
+    /// All eight bytes; the bytes after the length are 0.
     #[inline]
     pub const fn padded(&self) -> [u8; 8] {
         self.bytes

@@ -20,13 +20,13 @@ impl BitRate {
         self.0.get()
     }
 
-    /// How long so many bits take, in nanoseconds, rounded up.
+    /// Duration of `bits` bits in nanoseconds, rounded up.
     #[inline]
     pub const fn time_ns(self, bits: u32) -> u64 {
         (bits as u64 * 1_000_000_000).div_ceil(self.0.get() as u64)
     }
 
-    /// How many bits have begun within so many nanoseconds.
+    /// Count of bits that have begun within `ns` nanoseconds.
     pub(super) const fn bits_begun(self, ns: u64) -> u32 {
         let bits = (ns as u128 * self.0.get() as u128).div_ceil(1_000_000_000);
         if bits > u32::MAX as u128 { u32::MAX } else { bits as u32 }

@@ -69,13 +69,14 @@ pub(super) fn stuff_bits(frame: &Frame) -> u32 {
     (with_stuff_bits(frame).len() - stuffed_part(frame).len()) as u32
 }
 
-/// Who wins if all of these begin at once: each drops out where it sends a 1 and sees a 0. The first of those that differ in
-/// no bit of their arbitration fields.
+/// The winner if all of these frames begin at once: each station withdraws where it sends a 1 and sees a 0. Of frames
+/// with equal arbitration fields the first wins.
 pub(super) fn winner(frames: &[Frame]) -> Option<usize> {
     let fields: Vec<_> = frames.iter().map(arbitration_field).collect();
     let mut sending: Vec<_> = (0..frames.len()).collect();
     for place in 0..32 {
-        // Behind its arbitration field, which ends with a dominant IDE, nobody is left who could win against it.
+        // After its arbitration field, which ends with a dominant IDE, no other frame is left that could win against
+        // it.
         let bit = |who: usize| fields[who].get(place).copied().unwrap_or(false);
         let wire = sending.iter().all(|&who| bit(who));
         sending.retain(|&who| bit(who) == wire);

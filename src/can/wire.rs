@@ -1,4 +1,4 @@
-//! How long a frame is under way and how long it occupies the bus, to the bit.
+//! Duration of a frame and its occupation of the bus, to the bit.
 //!
 //! A frame of the standard format is start bit, identifier (11), RTR, IDE, r0, length (4), data and CRC (15); in the
 //! extended format the identifier is followed by SRR, IDE, its other 18 bits, RTR, r1 and r0. In this part a bit of opposite
@@ -15,7 +15,7 @@ const STANDARD_PART: u32 = 34;
 const EXTENDED_PART: u32 = 54;
 /// CRC delimiter, acknowledge slot, acknowledge delimiter, end of frame.
 const FIXED_PART: u32 = 1 + 1 + 1 + 7;
-/// Of these, those that are recessive in a frame that arrives: acknowledge delimiter, end of frame.
+/// The recessive bits among these in a frame that arrives: acknowledge delimiter, end of frame.
 pub const RECESSIVE_END: u32 = 1 + 7;
 /// Intermission.
 pub const INTERMISSION: u32 = 3;
@@ -23,7 +23,7 @@ pub const INTERMISSION: u32 = 3;
 pub const ERROR_FLAG: u32 = 6;
 /// Error delimiter.
 pub const ERROR_DELIMITER: u32 = 8;
-/// What an error-passive station waits behind the intermission of its own frame.
+/// Wait of an error-passive station after the intermission of its own frame.
 pub const SUSPENSION: u32 = 8;
 
 /// Generator of the CRC: x^15 + x^14 + x^10 + x^8 + x^7 + x^4 + x^3 + 1.
@@ -72,7 +72,7 @@ fn crc<const BYTES: usize>(message: u128) -> u16 {
         .fold(0, |crc, (table, byte)| crc ^ table[usize::from(byte)])
 }
 
-/// States of the stuffing: 0..=3 after a run of 1..=4 equal bits, 4 right behind a stuff bit.
+/// States of the stuffing: 0..=3 after a run of 1..=4 equal bits, 4 directly after a stuff bit.
 const STATES: usize = 5;
 const AFTER_STUFF_BIT: usize = 4;
 

@@ -120,8 +120,8 @@ impl fmt::Display for Address {
 }
 
 impl Device {
-    /// The address of an access at byte `offset` of the image, aligned or not. Where the device has no addresses it is
-    /// told as a byte of the image, and so is an access that begins in the middle of what a number counts.
+    /// The address of an access at byte `offset` of the image, aligned or not. Where the device has no addresses, the
+    /// result is a byte of the image. The same applies to an access that begins inside the unit that a number counts.
     #[must_use]
     pub fn at(&self, width: Width, offset: u32) -> Address {
         let space = self.space_at(offset);
@@ -129,7 +129,7 @@ impl Device {
         Address::new(space.filter(has_number), width, offset)
     }
 
-    /// As [`Device::at`], for an access that is to be made.
+    /// Does the same as [`Device::at`], and checks the alignment for an access.
     ///
     /// # Errors
     /// [`LayoutError::Misaligned`] if the offset is not divisible by the width.
@@ -217,7 +217,7 @@ impl Device {
             }
             other => other,
         };
-        // The bit of a word is one of its first or its second byte.
+        // A bit of a word lies in its first or its second byte.
         let offset = offset + bit.map_or(0, |bit| bit / 8);
         let address = Address::new(Some(space), width, offset);
         if !offset.is_multiple_of(width.bytes()) {

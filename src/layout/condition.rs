@@ -51,7 +51,7 @@ impl Compare {
     }
 }
 
-/// What shall hold of a register's content.
+/// A condition on the content of a register.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Test {
     /// The bits that count.
@@ -60,12 +60,12 @@ pub struct Test {
     pub compare: Compare,
     /// Whether they are the two's complement of a number with a sign.
     pub is_signed: bool,
-    /// What with.
+    /// The value to compare with.
     pub value: u32,
 }
 
 impl Test {
-    /// That all bits of a register equal `value`.
+    /// Requires that all bits of a register equal `value`.
     #[must_use]
     pub const fn equal(width: Width, value: u32) -> Self {
         Self { mask: width.max_value(), compare: Compare::Equal, is_signed: false, value }
@@ -103,13 +103,13 @@ impl Test {
 pub struct Condition {
     /// The register.
     pub place: Place,
-    /// What shall hold.
+    /// The condition on the content.
     pub test: Test,
-    /// What is awaited, in words that fit behind "did not become": `less than 16#05`, `16#80 under mask 16#80`.
+    /// The awaited content, in words that can follow "did not become": `less than 16#05`, `16#80 under mask 16#80`.
     pub wanted: String,
 }
 
-/// What is wrong with a condition; `E` is what is wrong with the register in it.
+/// An error in a condition; `E` is an error in its register.
 #[derive(Debug, Error, PartialEq, Eq)]
 pub enum ConditionError<E> {
     /// No such register.
@@ -123,17 +123,17 @@ pub enum ConditionError<E> {
     Notation {
         /// As given.
         text: String,
-        /// What would be right.
+        /// A correct example.
         right: &'static str,
     },
 }
 
 impl Condition {
-    /// Parses `REG==VALUE` or `REG&MASK==VALUE`, where `!=` (or `<>`), `<`, `<=`, `>` and `>=` may stand for `==`; `place`
-    /// looks the register up. Numbers of types with a sign are compared as such, unless there is a mask.
+    /// Parses `REG==VALUE` or `REG&MASK==VALUE`, with `==`, `!=` (or `<>`), `<`, `<=`, `>` or `>=`; `place` looks the
+    /// register up. Numbers of types with a sign are compared as such, unless there is a mask.
     ///
     /// # Errors
-    /// What is wrong with notation, register or value.
+    /// An error in notation, register or value.
     pub fn parse<E>(
         text: &str,
         place: impl FnOnce(&str) -> Result<Place, E>,

@@ -2,7 +2,7 @@
 
 use super::descriptor::{BitField, Meaning, Provenance, RegType, ValueMeaning};
 
-/// What a value means that the manual does not list; it stands behind the value.
+/// The meaning of a value that the manual does not list; it follows the value.
 const NO_MEANING: &str = "no meaning";
 
 /// `value` in IEC notation with all digits of the type: `16#0043` for a WORD.
@@ -11,8 +11,8 @@ pub fn format_value(ty: RegType, value: u32) -> String {
     format!("16#{:0digits$X}", value & ty.mask(), digits = 2 * ty.width() as usize)
 }
 
-/// What `value` means in a register of type `ty`; a plain number is shown as such. Meanings that the manual does
-/// not state have the decision behind them: `SYNC mode (D-06)`.
+/// The meaning of `value` in a register of type `ty`; a plain number is shown as a number. A meaning that the manual
+/// does not state is followed by its decision: `SYNC mode (D-06)`.
 pub(super) fn decode(ty: RegType, meaning: Option<&'static Meaning>, value: u32) -> String {
     let value = value & ty.mask();
     let Some(meaning) = meaning else {
@@ -38,7 +38,7 @@ pub(super) fn decode(ty: RegType, meaning: Option<&'static Meaning>, value: u32)
     text.finish()
 }
 
-/// What bit `bit` alone means; empty if that is not known.
+/// The meaning of bit `bit` alone; empty if it is not known.
 pub(super) fn decode_bit(meaning: Option<&'static Meaning>, bit: u32, is_set: bool) -> String {
     let fields = meaning.map_or(&[][..], |meaning| meaning.bits);
     let single = |field: &&BitField| field.first == field.last && u32::from(field.first) == bit;
@@ -49,7 +49,7 @@ pub(super) fn decode_bit(meaning: Option<&'static Meaning>, bit: u32, is_set: bo
     text.finish()
 }
 
-/// Parts of a text; those in a row that follow from one decision have it behind the last of them.
+/// Parts of a text; adjacent parts that follow from one decision are followed by a single reference to it.
 #[derive(Default)]
 struct Text {
     text: String,

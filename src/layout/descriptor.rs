@@ -24,8 +24,8 @@ pub struct Device {
     pub title: &'static str,
     /// Number of the manual that the pages refer to.
     pub manual: &'static str,
-    /// What the manual does not state, as the end of "it does not state ..."; empty if there is nothing to be said of it
-    /// as a whole.
+    /// Facts that the manual does not state, as the end of "it does not state ..."; empty without a gap that concerns
+    /// the whole.
     pub undocumented: &'static str,
     /// Hash over everything that affects addresses or widths.
     pub layout_hash: u64,
@@ -33,20 +33,21 @@ pub struct Device {
     pub spaces: &'static [Space],
     /// The areas in ascending order.
     pub areas: &'static [Area],
-    /// The area whose size each plant sets, if there is one.
+    /// The area with a size that each plant sets, if there is one.
     pub retain: Option<&'static Retain>,
     /// Its object dictionary, in the order of index and sub-index; empty if it has none.
     pub objects: &'static [Object],
-    /// What masters know of it as a PROFIBUS-DP slave, if it is one.
+    /// The data that masters know of a PROFIBUS-DP slave, if the device is a slave.
     pub gsd: Option<&'static Gsd>,
-    /// What it has at its front, in the header page.
+    /// The words of the device's front, in the header page.
     pub front: &'static [FrontWord],
     /// The same words as registers of an area in the header page, if there are any. It is none of its [`areas`](Device::areas), since no program of
     /// the device can reach them (decision D-281).
     pub front_area: Option<&'static Area>,
     /// The ports in the order of their numbers.
     pub ports: &'static [Port],
-    /// The area of its own interface, by whose name the device itself goes where ports go by theirs.
+    /// The area of the device's separate interface; where ports have names, the device itself has the name of this
+    /// area.
     pub own: Option<&'static Area>,
 }
 
@@ -106,18 +107,18 @@ impl Device {
 pub struct Port {
     /// Its name, for example `node2`.
     pub name: &'static str,
-    /// Its number in journals and on the channel, from 1; 0 stands for the device itself.
+    /// Number of the port in journals and on the channel, from 1; 0 is the device itself.
     pub number: u8,
     /// Kind of medium, as `kind` of `[[bus]]` names it.
     pub medium: &'static str,
-    /// What the port can be there.
+    /// The possible roles of the port.
     pub roles: &'static [Role],
     /// Where its registers lie.
     pub area: &'static Area,
 }
 
 impl Port {
-    /// What the port is at its medium, if it can be one thing only.
+    /// The role of the port at its medium, if only one is possible.
     #[must_use]
     pub const fn role(&self) -> Option<Role> {
         match self.roles {
@@ -127,7 +128,7 @@ impl Port {
     }
 }
 
-/// What a port is at its medium.
+/// The role of a port at its medium.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Role {
     /// It governs the medium.
@@ -162,11 +163,11 @@ pub struct Area {
     pub bytes: u32,
     /// First and last CPU address, if the manual gives them.
     pub cpu: Option<(u32, u32)>,
-    /// What the area is for.
+    /// Purpose of the area.
     pub doc: &'static str,
     /// Page of the manual.
     pub page: &'static str,
-    /// The structures, all starting at the area's first byte. None: plain RAM.
+    /// The structures, all starting at the area's first byte; empty for plain RAM.
     pub structures: &'static [Placed],
 }
 
@@ -227,14 +228,14 @@ pub struct Placed {
     pub structure: &'static Structure,
     /// When the structure is the valid one of those that overlay each other.
     pub live: RegisterPhase,
-    /// What the port of this area must be for the structure to lie there; `None`: anything.
+    /// The role that the port of this area must have for the structure to lie there; `None`: any role.
     pub role: Option<Role>,
     /// Name of the variable that the application declares there, the manual's where it has one.
     pub variable: &'static str,
     /// Where the name of the variable is from.
     pub variable_from: Provenance,
-    /// Registers of the structure that nobody uses in this area: other structures may have registers of
-    /// another width there, and theirs is the one that counts.
+    /// Registers of the structure that are not used in this area: other structures may have registers of another
+    /// width there, and the width of those counts.
     pub unused: &'static [&'static str],
 }
 
@@ -271,7 +272,7 @@ pub struct Structure {
     pub name: &'static str,
     /// Size in bytes.
     pub bytes: u32,
-    /// What the structure is for.
+    /// Purpose of the structure.
     pub doc: &'static str,
     /// Pages of the manual.
     pub page: &'static str,

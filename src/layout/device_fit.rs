@@ -6,7 +6,7 @@ use super::register::RegisterRef;
 /// Most ports that a device can have.
 pub const MOST_PORTS: usize = 15;
 
-/// What is known of a port.
+/// The known facts about a port.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Fit {
     /// Nothing: it can be all that the layout allows.
@@ -14,12 +14,12 @@ pub enum Fit {
     Unknown,
     /// The port is not there, for instance because a slot is empty: its area has no registers.
     Empty,
-    /// What it is at its medium.
+    /// The role at the medium.
     As(Role),
 }
 
 impl Fit {
-    /// What the port is, if that is known.
+    /// The role of the port, if it is known.
     #[must_use]
     pub const fn role(self) -> Option<Role> {
         match self {
@@ -39,7 +39,7 @@ impl Fit {
     }
 }
 
-/// A device, and what is known of its ports. Names and widths follow from both: what lies in the slots of a
+/// A device, and the known facts about its ports. Names and widths follow from both: the content of the slots of a
 /// modular PLC depends on the modules there.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct DeviceFit {
@@ -73,14 +73,14 @@ impl DeviceFit {
         self.device
     }
 
-    /// What is known of port `number`.
+    /// The known facts about port `number`.
     #[must_use]
     pub fn port(&self, number: u8) -> Fit {
         let mut ports = self.device.ports.iter().zip(self.ports);
         ports.find(|(port, _)| port.number == number).map_or(Fit::Unknown, |(_, fit)| fit)
     }
 
-    /// The first port that is a master, or can be one as far as is known: the one meant where none is named.
+    /// The first port that is a master, or may be one: the default port if none is named.
     #[must_use]
     pub fn first_master(&self) -> Option<&'static Port> {
         self.device.ports.iter().zip(self.ports).find_map(|(port, fit)| match fit {
@@ -89,7 +89,7 @@ impl DeviceFit {
         })
     }
 
-    /// What is known of the port whose registers lie in `area`.
+    /// The known facts about the port with its registers in `area`.
     #[must_use]
     pub fn area(&self, area: &Area) -> Fit {
         let mut ports = self.device.ports.iter().zip(self.ports);
@@ -123,8 +123,8 @@ impl DeviceFit {
         placed.flat_map(move |placed| fitted.registers_of(area, placed))
     }
 
-    /// The registers that somebody uses in this area, structure by structure. Those of one role agree on widths
-    /// wherever structures overlay each other.
+    /// The registers that are used in this area, structure by structure. Those of one role agree on widths wherever
+    /// structures overlay each other.
     pub fn used_registers(&self, area: &'static Area) -> impl Iterator<Item = RegisterRef> + use<> {
         let fitted = *self;
         self.placed(area).flat_map(move |placed| {
@@ -174,7 +174,7 @@ mod tests {
         DeviceFit::unknown(&DEVICE).with(1, fit)
     }
 
-    /// What the structures are for that lie in the first slot.
+    /// The roles of the structures in the first slot.
     fn roles(fit: Fit, live: RegisterPhase) -> Vec<Option<Role>> {
         let registers = fitted(fit).registers_in(DEVICE.areas.first().unwrap(), live);
         let mut roles: Vec<_> = registers.map(|found| found.placed.role).collect();

@@ -1,4 +1,4 @@
-//! What can be wrong with an address or a register name.
+//! Errors in addresses and register names.
 
 use super::descriptor::Role;
 
@@ -22,7 +22,7 @@ pub enum LayoutError {
         text: String,
         /// The bit number.
         bit: u32,
-        /// What the bit would be of.
+        /// The object that should have the bit.
         of: &'static str,
         /// Its last bit.
         last: u32,
@@ -40,7 +40,7 @@ pub enum LayoutError {
     Misaligned {
         /// The address.
         address: String,
-        /// What the width needs.
+        /// The alignment that the width requires.
         rule: &'static str,
     },
     /// An address in no area.
@@ -58,7 +58,7 @@ pub enum LayoutError {
         address: String,
         /// The area.
         area: &'static str,
-        /// What lies before and behind.
+        /// The registers before and after the address.
         hint: String,
     },
     /// Not the notation of a name.
@@ -66,7 +66,7 @@ pub enum LayoutError {
     BadName {
         /// As given.
         text: String,
-        /// What is wrong.
+        /// The error.
         reason: &'static str,
     },
     /// The device has no object dictionary.
@@ -117,12 +117,12 @@ pub enum LayoutError {
         /// Which may be meant.
         hint: String,
     },
-    /// What the port is decides where the register lies, and it is not known.
+    /// The place of the register depends on the role of the port, and the role is not known.
     #[error("`{name}` is ambiguous: {names}")]
     Ambiguous {
         /// As given.
         name: String,
-        /// What is not.
+        /// The names to use instead.
         names: String,
     },
     /// A variable of another role than the port has.
@@ -130,11 +130,11 @@ pub enum LayoutError {
     WrongRole {
         /// The variable.
         variable: &'static str,
-        /// Whose it is.
+        /// The role that the variable belongs to.
         of: Role,
         /// Where it would lie.
         area: &'static str,
-        /// What is there.
+        /// The role of the port.
         is: Role,
     },
     /// A register that the area does not have.
@@ -188,7 +188,7 @@ pub enum LayoutError {
     IndexCount {
         /// As given.
         name: String,
-        /// What it needs.
+        /// The required indices.
         needs: String,
     },
     /// An index beyond the array.

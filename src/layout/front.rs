@@ -1,4 +1,4 @@
-//! What a device has at its front, such as switches and displays: words in the header page, one device's not another's.
+//! The front of a device, such as switches and displays: words in the header page, different for each device.
 
 use super::decode;
 use super::descriptor::{Meaning, Owner, Provenance, RegType, ValueMeaning};
@@ -13,9 +13,9 @@ pub struct FrontWord {
     pub ty: RegType,
     /// First byte in the front.
     pub offset: u32,
-    /// Who writes it.
+    /// Writer of the word.
     pub owner: Owner,
-    /// What its values mean; `None` for plain numbers.
+    /// Meanings of its values; `None` for plain numbers.
     pub meaning: Option<&'static Meaning>,
     /// Whether it holds four characters of the text on the device's display, the first in its low byte.
     pub is_text: bool,
@@ -23,7 +23,7 @@ pub struct FrontWord {
     pub source: Provenance,
     /// Pages of the manual.
     pub page: &'static str,
-    /// What it is.
+    /// Description of the word.
     pub doc: &'static str,
 }
 
@@ -34,7 +34,7 @@ impl FrontWord {
         self.offset as usize / 4
     }
 
-    /// What `value` is called, as [`FrontWord::parse`] takes it: its name, or a number in decimal.
+    /// The text of `value` in the form that [`FrontWord::parse`] takes: its name, or a number in decimal.
     #[must_use]
     pub fn called(&self, value: u32) -> String {
         self.named()
@@ -82,14 +82,14 @@ impl FrontWord {
         }
     }
 
-    /// What `value` means; a plain number in decimal.
+    /// The meaning of `value`; a plain number in decimal.
     #[must_use]
     pub fn decode(&self, value: u32) -> String {
         decode::decode(self.ty, self.meaning, value)
     }
 }
 
-/// What the words of a front say that hold a text, without blanks at its end; none if there are no such words.
+/// The text in those words of a front that hold one, without blanks at its end; `None` if there are no such words.
 #[must_use]
 pub fn shown_text(front: &[(&FrontWord, u32)]) -> Option<String> {
     let words: Vec<_> = front.iter().filter(|(word, _)| word.is_text).map(|(_, value)| value).collect();

@@ -2,7 +2,7 @@
 
 use super::descriptor::{Provenance, Register};
 
-/// What masters know of a PROFIBUS-DP slave.
+/// The data that masters know of a PROFIBUS-DP slave.
 #[derive(Debug)]
 pub struct Gsd {
     /// Pages of the manual.
@@ -11,7 +11,7 @@ pub struct Gsd {
     pub keys: &'static [Key],
     /// The user's octets of Set_Prm where no parameter is chosen.
     pub constants: &'static [u8],
-    /// What a user chooses of them.
+    /// The data that a user chooses.
     pub parameters: &'static [Parameter],
     /// The octet of the diagnosis that has texts.
     pub diagnosis: Option<Texts>,
@@ -24,18 +24,18 @@ pub struct Gsd {
 pub struct Key {
     /// Its keyword.
     pub name: &'static str,
-    /// What it is.
+    /// The value of the keyword.
     pub value: Value,
     /// Where it is from.
     pub from: Provenance,
 }
 
-/// What a keyword is set to.
+/// The value of a keyword.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Value {
     /// A number.
     Number(u32),
-    /// A text, which stands in quotation marks.
+    /// A text, written in quotation marks.
     Text(&'static str),
     /// A text that does not.
     Bare(&'static str),
@@ -52,9 +52,9 @@ pub struct Parameter {
     pub octets: u32,
     /// Its name; empty: that of its bit.
     pub name: &'static str,
-    /// The bit that it is, if it is one.
+    /// The bit, if the parameter is a single bit.
     pub bit: Option<Bit>,
-    /// What it is unless chosen otherwise.
+    /// Default value.
     pub default: u32,
     /// The least that it can be.
     pub from: u32,
@@ -71,14 +71,14 @@ pub struct Bit {
     pub inverted: bool,
 }
 
-/// An octet of the diagnosis whose values have texts.
+/// An octet of the diagnosis with texts for its values.
 #[derive(Debug)]
 pub struct Texts {
     /// The register that shows it.
     pub register: &'static Register,
-    /// Its number behind the header of the device's own diagnosis, from 0.
+    /// Number of the octet after the header of the device's own diagnosis, from 0.
     pub octet: u32,
-    /// Where it is from that the file tells of it.
+    /// Source of the entries of the file.
     pub from: Provenance,
 }
 

@@ -9,7 +9,7 @@ use super::register::RegisterRef;
 pub struct Registers {
     area: &'static Area,
     placed: &'static Placed,
-    /// First descriptor of the current run: a sub-structure's registers, or a register of its own.
+    /// First descriptor of the current run: registers of a sub-structure, or a single register.
     run: usize,
     run_end: usize,
     /// Descriptor and indices of the next element.

@@ -8,7 +8,7 @@ use super::name::split_plc;
 use super::register::RegisterRef;
 use super::space::Space;
 
-/// What a text such as `line2:node2.w_CPU_CONTROL` or `%MW3.200000` stands for.
+/// The target of a text such as `line2:node2.w_CPU_CONTROL` or `%MW3.200000`.
 #[derive(Debug, Clone)]
 pub struct Target<'a> {
     /// The PLC in front of the colon.
@@ -107,18 +107,18 @@ impl Device {
         DeviceFit::unknown(self).registers_at(address, live)
     }
 
-    /// What `text` stands for, with nothing known of the ports: [`DeviceFit::target`].
+    /// The target of `text` if nothing is known of the ports: [`DeviceFit::target`].
     ///
     /// # Errors
-    /// As there.
+    /// The same as there.
     pub fn target<'a>(&'static self, text: &'a str) -> Result<Target<'a>, LayoutError> {
         DeviceFit::unknown(self).target(text)
     }
 }
 
 impl DeviceFit {
-    /// The registers that have a byte at `address`. With `live` only those of the structure that is
-    /// valid then, if it has one there.
+    /// The registers that have a byte at `address`. With `live`, only registers of the structure that is valid then,
+    /// if it has one there.
     ///
     /// # Errors
     /// [`LayoutError::NoArea`], and [`LayoutError::NoRegister`] for plain RAM and padding.
@@ -146,11 +146,11 @@ impl DeviceFit {
         if found.is_empty() { Err(self.no_register(area, address)) } else { Ok(found) }
     }
 
-    /// What `text` stands for: an address or a name, each perhaps with a PLC in front. Behind a name may stand the number of
-    /// a bit: `node2.w_CPU_CONTROL.2`, or `.%X2` (IEC 61131-3, 6.5.2.4).
+    /// The target of `text`: an address or a name, each with an optional PLC as a prefix. The number of a bit may
+    /// follow a name: `node2.w_CPU_CONTROL.2`, or `.%X2` (IEC 61131-3, 6.5.2.4).
     ///
     /// # Errors
-    /// What is wrong with it, and what would be right. An address in plain RAM is no error.
+    /// The error and the right notation. An address in plain RAM is no error.
     pub fn target<'a>(&self, text: &'a str) -> Result<Target<'a>, LayoutError> {
         let (plc, rest) = split_plc(text);
         if rest.starts_with('%') {
@@ -195,7 +195,7 @@ fn split_bit(name: &str) -> (&str, Option<u32>) {
     let split = name.rsplit_once('.').and_then(|(name, bit)| {
         let bit = bit.strip_prefix("%X").unwrap_or(bit);
         let is_number = !bit.is_empty() && bit.bytes().all(|digit| digit.is_ascii_digit());
-        // A number too large for any register is one that no register has.
+        // A number too large for any register gives a bit that no register has.
         is_number.then(|| (name, Some(bit.parse().unwrap_or(u32::MAX))))
     });
     split.unwrap_or((name, None))
@@ -224,7 +224,7 @@ mod tests {
         assert_eq!(names("%MB3.200012", None), ["b_CTRLREG_WRC1", "b_MA_SL_MODE"]);
         assert_eq!(names("%MB3.200012", Some(RegisterPhase::of_option_status(2))), ["b_MA_SL_MODE"]);
         assert_eq!(names("%MB3.200012", Some(RegisterPhase::of_option_status(3))), ["b_CTRLREG_WRC1"]);
-        // Behind INIT there is only the cyclic structure, whatever the phase.
+        // After the end of INIT there is only the cyclic structure, in any phase.
         assert_eq!(names("%MD3.200052", Some(RegisterPhase::Init)), ["a_WR_VALUE[0]"]);
     }
 

@@ -1,5 +1,6 @@
-//! Register names: `[plc:]area.register[i][j]` and `[plc:]area.group[i].register`; in front may also stand the variable that
-//! the manual declares there, as in `_CTRL_MA.w_CPU_CONTROL`, or nothing where only one area has such a register.
+//! Register names: `[plc:]area.register[i][j]` and `[plc:]area.group[i].register`. The area may be replaced by the
+//! variable that the manual declares there, as in `_CTRL_MA.w_CPU_CONTROL`, or omitted if only one area has such a
+//! register.
 
 mod unqualified;
 
@@ -23,8 +24,7 @@ pub fn split_plc(text: &str) -> (Option<&str>, &str) {
     }
 }
 
-/// What stands in front of names of PLC number `plc`: its name, if there are several PLCs. The reverse of
-/// [`split_plc`].
+/// The prefix of names of PLC number `plc`: its name, if there are several PLCs. The reverse of [`split_plc`].
 #[must_use]
 pub fn plc_prefix(plcs: &[String], plc: u16) -> String {
     match plcs.get(usize::from(plc)) {
@@ -33,13 +33,13 @@ pub fn plc_prefix(plcs: &[String], plc: u16) -> String {
     }
 }
 
-/// A name with the indices behind it.
+/// A name with its indices.
 struct Part<'a> {
     name: &'a str,
     index: Vec<u32>,
 }
 
-/// What stands behind the area: one or two parts.
+/// The part of a name that follows the area: one or two parts.
 struct Path<'a> {
     text: &'a str,
     group: Option<Part<'a>>,
@@ -122,30 +122,30 @@ impl Device {
         Err(LayoutError::UnknownArea { area: name.to_owned(), known: known.join(", "), hint })
     }
 
-    /// The register called `name`, with nothing known of the ports: [`DeviceFit::register`].
+    /// The register with the name `name` if nothing is known of the ports: [`DeviceFit::register`].
     ///
     /// # Errors
-    /// What is wrong with the name, and what would be right.
+    /// The error in the name, and the right notation.
     pub fn register(&'static self, name: &str) -> Result<RegisterRef, LayoutError> {
         DeviceFit::unknown(self).register(name)
     }
 
-    /// All registers that `name` stands for, with nothing known of the ports: [`DeviceFit::registers`].
+    /// All registers that `name` covers if nothing is known of the ports: [`DeviceFit::registers`].
     ///
     /// # Errors
-    /// As [`Device::register`].
+    /// The errors of [`Device::register`].
     pub fn registers(&'static self, name: &str) -> Result<Vec<RegisterRef>, LayoutError> {
         DeviceFit::unknown(self).registers(name)
     }
 }
 
 impl DeviceFit {
-    /// The register called `name`, without the name of a PLC. A register that INIT and cyclic structure
-    /// share is given as that of the cyclic one.
+    /// The register with the name `name`, without the name of a PLC. A register that INIT and cyclic structure share
+    /// is returned as a register of the cyclic one.
     ///
     /// # Errors
-    /// What is wrong with the name, and what would be right; [`LayoutError::Ambiguous`] if what the port is decides
-    /// where the register lies, and is not known.
+    /// The error in the name, and the right notation; [`LayoutError::Ambiguous`] if the place of the register depends
+    /// on the role of the port, which is not known.
     pub fn register(&self, name: &str) -> Result<RegisterRef, LayoutError> {
         if Pattern::is_one(name) {
             return Err(LayoutError::Several { pattern: name.to_owned() });
@@ -157,13 +157,13 @@ impl DeviceFit {
         found.register()
     }
 
-    /// All registers that `name` stands for, in address order: an area or a variable alone, an array without indices,
-    /// a sub-structure, a single register, or all that match a pattern ([`is_pattern`](super::is_pattern)): `*` stands for
-    /// anything, `[0..3]` for a range of indices. If the place depends on what the port is, and that is not known, those
-    /// of every role.
+    /// All registers that `name` covers, in address order: an area or a variable alone, an array without indices, a
+    /// sub-structure, a single register, or all that match a pattern ([`is_pattern`](super::is_pattern)). In a
+    /// pattern, `*` matches anything and `[0..3]` a range of indices. If the place depends on the role of the port,
+    /// and the role is not known, the result has the registers of every role.
     ///
     /// # Errors
-    /// As [`DeviceFit::register`]; [`LayoutError::NoMatch`] if no register matches the pattern.
+    /// The errors of [`DeviceFit::register`]; [`LayoutError::NoMatch`] if no register matches the pattern.
     pub fn registers(&self, name: &str) -> Result<Vec<RegisterRef>, LayoutError> {
         if Pattern::is_one(name) {
             return self.matching(name);
@@ -188,7 +188,7 @@ impl DeviceFit {
         Block { area, fit: self.area(area), only: None }.by_address(wanted)
     }
 
-    /// All registers of a block that `path` stands for.
+    /// All registers of a block that `path` covers.
     fn all_named(&self, block: &Block, path: &str, name: &str) -> Result<Vec<RegisterRef>, LayoutError> {
         let parsed = Path::parse(path)?;
         let parsed = if path == name { parsed } else { parsed.in_block(block) };
@@ -217,8 +217,8 @@ impl DeviceFit {
         if all.is_empty() { one.map(|one| vec![one]) } else { Ok(all) }
     }
 
-    /// Place and descriptor of the register called `path` in a block, whose indices are not yet checked. `name` is all
-    /// that was given.
+    /// Place and descriptor of the register with the name `path` in a block; its indices are not yet checked. `name`
+    /// is the complete text.
     fn named<'a>(&self, block: &Block, path: &'a str, name: &str) -> Result<Found<'a>, LayoutError> {
         let parsed = Path::parse(path)?;
         // A name alone is that of the only register that has it.
@@ -248,7 +248,8 @@ impl DeviceFit {
         }
     }
 
-    /// What `front` names, which stands before the first dot: an area, or the variable that is declared there.
+    /// The block with the name `front`, the text before the first dot: an area, or the variable that is declared
+    /// there.
     fn block(&self, front: &str) -> Result<Block, LayoutError> {
         let variables = || {
             let areas = self.device().named_areas();
@@ -280,7 +281,7 @@ impl DeviceFit {
     }
 }
 
-/// What stands in front of a register's name.
+/// The prefix of a register's name.
 #[derive(Clone)]
 struct Block {
     area: &'static Area,
@@ -290,8 +291,8 @@ struct Block {
 }
 
 impl Block {
-    /// The structures that may be meant, the preferred ones first: a cyclic one comes last in the layout. Where nothing is
-    /// plugged in, names stand for all that could lie there.
+    /// The structures that may be meant, the preferred ones first: a cyclic one comes last in the layout. For an
+    /// empty slot, names cover all structures that could lie there.
     fn placed(&self) -> impl Iterator<Item = &'static Placed> + use<'_> {
         let named = self
             .area
@@ -310,7 +311,7 @@ impl Block {
         all.sort_by_key(RegisterRef::offset);
         let mut kept: Vec<RegisterRef> = Vec::with_capacity(all.len());
         for register in all {
-            // What structures share lies side by side now.
+            // Registers that the structures share are adjacent now.
             let here = kept.iter().rev().take_while(|other| other.offset() == register.offset());
             let is_twin = |other: &RegisterRef| other.register.name == register.register.name;
             if !here.copied().any(|other| is_twin(&other)) {
@@ -329,7 +330,7 @@ struct Found<'a> {
 }
 
 impl Found<'_> {
-    /// The register, if its indices are those that it needs.
+    /// The register, if it has exactly the indices that it needs.
     fn register(self) -> Result<RegisterRef, LayoutError> {
         let Found { block, placed, register, path } = self;
         let mut given = path.group.iter().flat_map(|group| group.index.iter()).collect::<Vec<_>>();

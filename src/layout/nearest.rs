@@ -5,8 +5,8 @@ const MOST: usize = 3;
 /// Longest text that can be a misspelt name.
 const LONGEST: usize = 120;
 
-/// Up to three of `names` that `wanted` may stand for, the most likely one first: those it is a part of, then those that
-/// differ in no more than a third of its letters. Case does not count, and `-` is as good as `_`.
+/// Up to three of `names` that may be meant by `wanted`, the most likely one first. Names that contain `wanted` come
+/// first, then names that differ in at most a third of its letters. Case is ignored, and `-` equals `_`.
 #[must_use]
 pub fn nearest<'a>(wanted: &str, names: impl IntoIterator<Item = &'a str>) -> Vec<&'a str> {
     if wanted.len() > LONGEST {

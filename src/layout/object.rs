@@ -14,7 +14,7 @@ pub struct Object {
     pub name: &'static str,
     /// Data type; none if it is not implemented.
     pub ty: Option<Type>,
-    /// What an SDO can do with it.
+    /// Access by SDO.
     pub access: Access,
     /// The value that it begins with.
     pub default: Default,
@@ -22,7 +22,7 @@ pub struct Object {
     pub saved: bool,
     /// Page of the manual.
     pub page: &'static str,
-    /// What it is.
+    /// Description of the entry.
     pub doc: &'static str,
     /// Where it is from that there is such an entry, and of this type.
     pub row_from: Provenance,
@@ -70,7 +70,7 @@ impl Type {
     }
 }
 
-/// What an SDO can do with an entry.
+/// Access to an entry by SDO.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Access {
     /// Read it.
@@ -96,7 +96,7 @@ impl Access {
 /// The value that an entry begins with.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Default {
-    /// None of its own.
+    /// No default value.
     Nothing,
     /// This one.
     Number(u32),

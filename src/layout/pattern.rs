@@ -7,9 +7,9 @@ use super::register::RegisterRef;
 /// A piece of a pattern.
 #[derive(Debug, PartialEq, Eq)]
 enum Token {
-    /// A letter as it is, whatever its case.
+    /// A letter, compared without case.
     Letter(u8),
-    /// `*`: whatever is there.
+    /// `*`: any text.
     Any,
     /// `[0..3]`, `[*]`: one index from the first to the last, both included.
     Index(u32, u32),
@@ -64,10 +64,10 @@ impl Pattern {
         Ok(Self(tokens))
     }
 
-    /// Whether the name of a register is one of those meant.
+    /// Whether the name of a register matches.
     fn matches(&self, name: &str) -> bool {
         let (mut token, mut rest) = (0, name);
-        // Where to go on if what stands behind the last `*` does not fit here: one letter later.
+        // The position to continue from if the text after the last `*` does not match here: one letter later.
         let mut retry: Option<(usize, &str)> = None;
         loop {
             let fits = match self.0.get(token) {
@@ -103,7 +103,7 @@ impl Pattern {
     }
 }
 
-/// The length of the index that `text` begins with, if it is one from `first` to `last`.
+/// The length of the index at the start of `text`, if it is between `first` and `last`.
 fn index_at(text: &str, first: u32, last: u32) -> Option<usize> {
     let (number, _) = text.strip_prefix('[')?.split_once(']')?;
     let index: u32 = number.parse().ok()?;
@@ -121,7 +121,7 @@ impl DeviceFit {
     }
 }
 
-/// Whether `text` stands for several registers by a pattern, with or without a PLC in front.
+/// Whether `text` is a pattern for several registers, with or without a PLC as a prefix.
 #[must_use]
 pub fn is_pattern(text: &str) -> bool {
     Pattern::is_one(text)

@@ -13,7 +13,7 @@ use thiserror::Error;
 pub struct BadValue {
     /// Name and address of the register.
     pub place: String,
-    /// What is wrong with the value.
+    /// The error in the value.
     pub source: ValueError,
 }
 
@@ -74,7 +74,7 @@ impl Place {
         self.address
     }
 
-    /// The register that tells which of the overlaid structures is live, if there are such.
+    /// The register that shows which of the overlaid structures is live, if structures overlay each other.
     pub fn status(&self) -> Option<RegisterRef> {
         status_of(self.area)
     }
@@ -97,7 +97,7 @@ impl Place {
         }
     }
 
-    /// What its values mean, if the layout tells: of one register.
+    /// The meanings of its values, if the place is one register and the layout has meanings.
     pub fn meanings(&self, live: RegisterPhase) -> Option<&'static Meaning> {
         self.exact(live).and_then(|register| register.register.meaning)
     }
@@ -153,12 +153,12 @@ impl Place {
         value.map_err(|source| BadValue { place: self.label(RegisterPhase::Cyclic), source })
     }
 
-    /// Whether this is one register, or plain RAM, and not a part of a register or several of them.
+    /// Whether this is exactly one register, or plain RAM, and not a part of a register or several registers.
     pub fn is_whole(&self) -> bool {
         self.registers.is_empty() || self.exact(RegisterPhase::Cyclic).is_some()
     }
 
-    /// Who writes the register that is exactly here in phase `live`.
+    /// Writer of the register that is exactly here in phase `live`.
     pub fn owner(&self, live: RegisterPhase) -> Option<Owner> {
         self.exact(live).map(|register| register.owner())
     }
@@ -171,7 +171,7 @@ impl Place {
         }
     }
 
-    /// What the value means.
+    /// The meaning of the value.
     pub fn meaning(&self, live: RegisterPhase, value: u32) -> String {
         if self.is_empty {
             return "nothing is plugged in".to_owned();
@@ -212,7 +212,7 @@ pub fn live_by(status: u32) -> RegisterPhase {
     RegisterPhase::of_option_status(status as u16)
 }
 
-/// Whether the register is valid in phase `live`: its structure is, or shares the register with one that is.
+/// Whether the register is valid in phase `live`: its structure is valid, or shares the register with a valid one.
 pub fn is_live(register: &RegisterRef, live: RegisterPhase) -> bool {
     let structures = register.area.structures.iter().filter(|placed| placed.live.is_valid_in(live));
     structures.filter(|placed| placed.shares_role(register.placed)).any(|placed| {
@@ -239,7 +239,7 @@ pub fn without_twins(registers: Vec<RegisterRef>) -> Vec<RegisterRef> {
     kept
 }
 
-/// What `value` means in a register; with a mark if its structure is not live.
+/// The meaning of `value` in a register, with a mark if its structure is not live.
 pub fn meaning_in(register: &RegisterRef, live: RegisterPhase, value: u32) -> String {
     let meaning = register.decode(value);
     match live_name(register, live) {

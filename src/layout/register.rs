@@ -17,7 +17,7 @@ pub struct RegisterRef {
     pub register: &'static Register,
     /// Index per dimension of the descriptor; 0 where it has none.
     pub index: [u16; 2],
-    /// What the port of the area is, if that is known.
+    /// The role of the port of the area, if it is known.
     pub role: Option<Role>,
 }
 
@@ -37,14 +37,14 @@ impl RegisterRef {
             && twins.any(|twin| twin.has_name_of(self.register) && !twin.lies_like(self.register))
     }
 
-    /// What stands in front of the register's name: the area; the variable if the register is ambiguous.
+    /// The prefix of the register's name: the area, or the variable if the register is ambiguous.
     #[must_use]
     pub fn front(&self) -> &'static str {
         if self.is_ambiguous() { self.placed.variable } else { self.area.name }
     }
 
-    /// Full name, for example `node2.a_RD_BMARRAY[3][0]`; of a register whose place depends on what the port is, which
-    /// is not known, the variable's in front: `_Master_Slot_G.b_STATREG_RDC1`.
+    /// Full name, for example `node2.a_RD_BMARRAY[3][0]`. If the place of a register depends on the role of the port,
+    /// which is not known, the prefix is the variable: `_Master_Slot_G.b_STATREG_RDC1`.
     #[must_use]
     pub fn name(&self) -> String {
         self.to_string()
@@ -82,8 +82,8 @@ impl RegisterRef {
         (bit < 8 * self.width()).then(|| self.address().of_bit(bit))
     }
 
-    /// What it means that bit `bit` is 0 or 1, with the decision behind it that it follows from; empty if that is not known,
-    /// or the bit has a meaning only together with others.
+    /// The meaning of bit `bit` with value 0 or 1, followed by the decision that it is based on; empty if the meaning
+    /// is not known, or the bit has a meaning only together with others.
     #[must_use]
     pub fn decode_bit(&self, bit: u32, is_set: bool) -> String {
         if self.is_reserved() {
@@ -110,7 +110,7 @@ impl RegisterRef {
         self.register.reset
     }
 
-    /// Who writes the register.
+    /// Writer of the register.
     #[must_use]
     pub const fn owner(&self) -> Owner {
         self.register.owner
@@ -123,8 +123,8 @@ impl RegisterRef {
             || self.register.dims.iter().zip(self.index).any(|(dim, index)| index >= dim.used)
     }
 
-    /// What `value` means, for example "synchronous operation of the master is being set up". Bits above
-    /// the register's width are ignored. A plain number is shown in decimal.
+    /// The meaning of `value`, for example "synchronous operation of the master is being set up". Bits above the
+    /// register's width are ignored. A plain number is shown in decimal.
     #[must_use]
     pub fn decode(&self, value: u32) -> String {
         if self.is_reserved() {

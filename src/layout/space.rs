@@ -11,11 +11,11 @@ use core::ops::RangeInclusive;
 pub struct Space {
     /// Name in the layout files.
     pub name: &'static str,
-    /// What stands behind the `%`: `I`, `Q` or `M`; of the front `F`, which is commram's own.
+    /// The letter that follows the `%`: `I`, `Q` or `M`; `F` for the front, which is specific to commram.
     pub letter: char,
-    /// What stands between width and number: `3.` of `%MB3.80000`, or nothing.
+    /// The text between width and number: `3.` of `%MB3.80000`, or empty.
     pub segment: &'static str,
-    /// What the number counts.
+    /// The unit that the number counts.
     pub unit: Unit,
     /// Number of the first byte or word.
     pub first: u32,
@@ -25,14 +25,14 @@ pub struct Space {
     pub bytes: u32,
     /// Pages of the manual.
     pub page: &'static str,
-    /// What lies there.
+    /// Content of the space.
     pub doc: &'static str,
 }
 
-/// What the number in an address counts.
+/// The unit of the number in an address.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Unit {
-    /// Bytes, whatever the width: `%MD3.200000` begins with `%MB3.200000`, and bit 0 to 7 are those of the byte.
+    /// Bytes, for any width: `%MD3.200000` begins with `%MB3.200000`, and bits 0 to 7 are the bits of the byte.
     Byte,
     /// Accesses of the address's own width: `%MW2000` begins with `%MB4000`, and `%MD1000` with it; bits 0 to 15 are
     /// those of the word (decision D-286).
@@ -59,7 +59,7 @@ impl Unit {
     }
 }
 
-/// The area whose size each plant sets: retain flags.
+/// The area with a size that each plant sets: retain flags.
 #[derive(Debug)]
 pub struct Retain {
     /// Where they lie, as many as there can be. It is plain RAM, and none of the device's [`areas`](Device::areas).
@@ -142,7 +142,7 @@ impl Device {
         if known.is_empty() { "no addresses".to_owned() } else { known.join(", ") }
     }
 
-    /// The areas whose registers have names: the front, if there is one, and then the others.
+    /// The areas with named registers: the front, if there is one, and then the others.
     pub fn named_areas(&'static self) -> impl Iterator<Item = &'static Area> {
         self.front_area.into_iter().chain(self.areas)
     }

@@ -4,7 +4,7 @@ use super::nearest::nearest;
 use super::{Meaning, RegType};
 use thiserror::Error;
 
-/// A text that is no value of a register.
+/// A text that is not a value of a register.
 #[derive(Debug, PartialEq, Eq, Error)]
 pub enum ValueError {
     /// Not a number.
@@ -20,12 +20,12 @@ pub enum ValueError {
     Unknown {
         /// As given.
         text: String,
-        /// What its values are called.
+        /// The names of its values.
         known: String,
         /// Which may be meant.
         hint: String,
     },
-    /// What several values of the register are called.
+    /// A name of several values of the register.
     #[error("`{text}` is more than one value of this register: {values}; write the number")]
     Ambiguous {
         /// As given.
@@ -75,13 +75,13 @@ pub fn parse(text: &str, ty: RegType) -> Result<u32, ValueError> {
     if allowed.contains(&number) { Ok(number as u32 & ty.mask()) } else { Err(range()) }
 }
 
-/// The value that is called `text` in a register with this meaning: by its name in the layout (`restart`,
-/// `START_SYNCHRONOUS`), by its text ("start synchronous operation"), or by the name of a bit that alone shall be set
-/// (`enable`). Case does not count, and blanks, `-` and `_` are one.
+/// The value with the name `text` in a register with this meaning: its name in the layout (`restart`,
+/// `START_SYNCHRONOUS`), its text ("start synchronous operation"), or the name of a single bit to set (`enable`).
+/// Case is ignored, and blanks, `-` and `_` are equal.
 ///
 /// # Errors
-/// `otherwise` if nothing in the register has a name or `text` was meant as a number, [`ValueError::Unknown`] if something
-/// else has, [`ValueError::Ambiguous`].
+/// `otherwise` if the register has no names or `text` was meant as a number, [`ValueError::Unknown`] if the register
+/// has other names, [`ValueError::Ambiguous`] if several values match.
 pub fn named(
     text: &str,
     meaning: Option<&'static Meaning>,
@@ -118,7 +118,7 @@ pub fn named(
     }
 }
 
-/// What values and single bits are called, each with its bit pattern.
+/// The names of values and single bits, each with its bit pattern.
 #[must_use]
 pub fn names(meaning: &'static Meaning) -> Vec<(String, u32)> {
     let singles = meaning.values.iter().filter(|value| value.first == value.last && !value.reserved);

@@ -39,7 +39,7 @@ impl Width {
         }
     }
 
-    /// How it stands in an address: `W` of `%MW3.200000`.
+    /// The letter of the width in an address: `W` of `%MW3.200000`.
     #[must_use]
     pub const fn letter(self) -> char {
         match self {
@@ -49,7 +49,7 @@ impl Width {
         }
     }
 
-    /// The width of so many bytes, if there is one.
+    /// The width with this count of bytes, if there is one.
     pub(crate) const fn of_bytes(bytes: u32) -> Option<Self> {
         match bytes {
             1 => Some(Width::Byte),

@@ -1,8 +1,8 @@
-//! What all function blocks have in common: a name, pins that are told once, and a call for each PLC cycle.
+//! Common parts of all function blocks: a name, declared pins, and a call for each PLC cycle.
 //!
-//! A block is declared with the macro `function_block`, which makes its struct, its presets and
-//! its table of pins from one text. Whoever finds blocks by name (a scenario, a completion, a test of the
-//! documentation) asks the device's list of [`BlockKind`]s.
+//! A block is declared with the macro `function_block`, which makes its struct, its presets and its table of pins
+//! from one text. Code that looks up blocks by name (a scenario, a completion, a test of the documentation) uses the
+//! device's list of [`BlockKind`]s.
 
 use super::{Base, Pin, PinError, PinType, PinValue, Ram};
 use crate::memory::{MemoryError, SharedRegs};
@@ -18,16 +18,16 @@ pub trait FunctionBlock: Default + 'static {
     const NAME: &'static str;
     /// Inputs, outputs, and data that are both, in the order of the documentation.
     const PINS: &'static [Pin];
-    /// What [`cycle`](Self::cycle) works on beside the pins.
+    /// The data that [`cycle`](Self::cycle) uses in addition to the pins.
     type Wires;
 
-    /// Connects a block that is placed there.
+    /// Connects a block at this place.
     ///
     /// # Errors
     /// Its registers do not fit there.
     fn connect(place: &Place<'_>) -> Result<Self::Wires, MemoryError>;
 
-    /// What stands at a pin; `None` if there is no such pin.
+    /// The value of a pin; `None` if there is no such pin.
     fn pin(&self, wires: &Self::Wires, name: &str) -> Option<PinValue>;
 
     /// A pin to be set; `None` if there is no such pin.
@@ -57,14 +57,14 @@ impl Variables {
         let mut variables = self.0.borrow_mut();
         let variable =
             variables.entry(TypeId::of::<T>()).or_insert_with(|| Rc::new(RefCell::new(T::default())));
-        // It stands under its own type.
+        // The variable is stored under its own type.
         Shared(Rc::clone(variable).downcast().unwrap_or_default())
     }
 }
 
 /// Something that a block's call takes.
 pub trait Wire: Sized {
-    /// What the call sees of it.
+    /// The view of the wire that the call gets.
     type Lent;
 
     /// Connects it.
@@ -117,9 +117,9 @@ impl<T: Default + 'static> Wire for Shared<T> {
     }
 }
 
-/// A block in its place, whatever it is.
+/// A connected block of any type.
 pub trait Placed {
-    /// What stands at a pin; `None` if there is no such pin.
+    /// The value of a pin; `None` if there is no such pin.
     fn get(&self, pin: &str) -> Option<PinValue>;
 
     /// Sets a pin; `None` if there is no such pin.
@@ -148,7 +148,7 @@ impl<B: FunctionBlock> Placed for Wired<B> {
     }
 }
 
-/// What the name of a function block stands for at a device.
+/// The function block that a name refers to at a device.
 #[derive(Debug)]
 pub struct BlockKind {
     /// The block's name.
@@ -161,7 +161,7 @@ pub struct BlockKind {
 }
 
 impl BlockKind {
-    /// A block whose area must have a structure of that name.
+    /// A block that requires a structure of that name in its area.
     pub const fn of<B: FunctionBlock>(structure: Option<&'static str>) -> Self {
         BlockKind { name: B::NAME, structure, pins: B::PINS, make: make::<B> }
     }
@@ -195,8 +195,8 @@ macro_rules! block_kinds {
 
 /// Declares a function block: its struct, its presets and its pins, from one text.
 ///
-/// Behind its name stands what `call` takes. Then come inputs with those presets that are not 0 or FALSE, outputs, data
-/// of the program that `call` takes as well, and what the block remembers from call to call.
+/// The block's name is followed by the parameters of `call`. Then come inputs with their presets that are not 0 or
+/// FALSE, outputs, further program data for `call`, and the memory of the block between calls.
 macro_rules! function_block {
     (@) => { Default::default() };
     (@ $preset:expr) => { $preset };

@@ -1,12 +1,14 @@
-//! What a soft-PLC needs whatever its device is: the RAM with what is connected to `_BASE`, and a small runner of tasks.
+//! A soft-PLC for any device: the RAM with the structures connected to `_BASE`, and a small runner of tasks.
 //!
-//! The function blocks are the devices' own: [`devices`](crate::devices). They have the manual's names, inputs, outputs
-//! and presets, and a `call` for each PLC cycle. What the manual connects to `_BASE` is a [`Base`], declared at its
-//! address with [`Ram::at`]. Blocks touch nothing but registers, and of the header page the clock: so they work on the
-//! RAM of a plant in this process and on an attached image alike, and monitoring times are in emulated time.
+//! Each device has its own function blocks: [`devices`](crate::devices). They have the manual's names, inputs,
+//! outputs and presets, and a `call` for each PLC cycle. A structure that the manual connects to `_BASE` is a
+//! [`Base`], declared at its address with [`Ram::at`]. Blocks access only registers and the clock in the header page.
+//! So they work on the RAM of a plant in this process and on an attached image alike, and monitoring times are in
+//! emulated time.
 //!
-//! A call never waits. A block that needs the firmware's answer goes on at a later call, so that the same
-//! program runs in real time and with a stepped clock. The function block page of each device has all inputs and outputs.
+//! A call never waits. A block that needs the firmware's answer continues at a later call, so that the same program
+//! runs in real time and with a stepped clock. `docs/devices/omega-drive-line-2/function-blocks.md` has all inputs
+//! and outputs.
 
 mod block;
 mod pin;

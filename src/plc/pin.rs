@@ -39,7 +39,7 @@ impl Pin {
     }
 }
 
-/// What stands at a pin.
+/// The value of a pin.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum PinValue {
     /// BOOL.
@@ -79,10 +79,10 @@ pub enum PinError {
     Wrong {
         /// The value.
         given: String,
-        /// What would be right.
+        /// A correct value.
         right: String,
     },
-    /// A text that is no time.
+    /// A text that does not name a time.
     #[error("`{text}` is no time: {source}")]
     Time {
         /// The text.
@@ -98,13 +98,13 @@ fn wrong(given: &PinValue, right: impl Into<String>) -> PinError {
 
 /// The type of an input or output.
 pub trait PinType {
-    /// What stands there.
+    /// The value of the pin.
     fn get(&self) -> PinValue;
 
-    /// Takes what is given.
+    /// Sets the pin to a given value.
     ///
     /// # Errors
-    /// It is not of this type or out of its range; the error says what would be right.
+    /// The value has another type or is out of range; the error names a correct value.
     fn set(&mut self, given: &PinValue) -> Result<(), PinError>;
 }
 

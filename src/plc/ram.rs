@@ -1,4 +1,4 @@
-//! What a PLC program sees of the board: the RAM and, in the header page, the clock.
+//! A PLC program's view of the board: the RAM and, in the header page, the clock.
 
 use crate::memory::header::PortEntry;
 use crate::memory::{Header, MemoryError, Segment, SharedRegs, View};
@@ -21,8 +21,8 @@ impl Ram {
         Ok(Ram { segment: segment.clone(), header: segment.header()? })
     }
 
-    /// A structure at byte `offset` of the image: what `_NAME AT %MB3.offset : T` declares in an IEC program. The structures
-    /// are those of the module `registers` of the device, or cells.
+    /// A structure at byte `offset` of the image, as `_NAME AT %MB3.offset : T` declares it in an IEC program. The
+    /// structures are cells, or those of the module `registers` of the device.
     ///
     /// ```
     /// use commram::memory::{Cell16, Segment};
@@ -85,7 +85,7 @@ impl Ram {
     }
 }
 
-/// A structure of registers with the board's clock: what is connected to `_BASE` of a function block.
+/// A structure of registers with the board's clock, for the pin `_BASE` of a function block.
 #[derive(Clone, Debug)]
 pub struct Base<T: SharedRegs> {
     registers: View<T>,
@@ -99,7 +99,7 @@ impl<T: SharedRegs> Base<T> {
         &self.ram
     }
 
-    /// The structure as one that is alike.
+    /// The structure as another type with the same layout.
     pub(crate) fn viewed<V>(&self) -> Viewed<'_, V>
     where
         T: Like<V>,
@@ -121,7 +121,7 @@ pub trait Like<V>: SharedRegs + AsRef<V> {}
 
 impl<V, T: SharedRegs + AsRef<V>> Like<V> for T {}
 
-/// The structure at a `_BASE` as one that is alike, for one call of a block.
+/// The structure at a `_BASE` as another type with the same layout, for one call of a block.
 pub(crate) struct Viewed<'a, V> {
     registers: &'a V,
     offset: usize,
@@ -134,8 +134,8 @@ impl<V> Viewed<'_, V> {
         self.ram
     }
 
-    /// A restart (16#0000) was written to `w_CPU_CONTROL` of the node there. The firmware is told, because in the
-    /// RAM it cannot see it where 16#0000 stood before (decision D-29).
+    /// Notifies the firmware that a restart (16#0000) was written to `w_CPU_CONTROL` of the node there. The firmware
+    /// cannot see the write in the RAM if the register already was 16#0000 (decision D-29).
     pub(crate) fn tell_restart(&self) {
         let is_here = |port: &&PortEntry| port.file_offset.load() as usize == self.offset;
         if let Some(port) = self.ram.header.ports.iter().find(is_here) {

@@ -3,14 +3,14 @@
 /// A part of a device's function blocks in Structured Text.
 #[derive(Clone, Copy, Debug)]
 pub struct StPart {
-    /// The text, in which `@WORD@` stands for what differs between devices or blocks.
+    /// The text; `@WORD@` marks the parts that differ between devices or blocks.
     pub text: &'static str,
-    /// What each word stands for.
+    /// The replacement of each word.
     pub words: &'static [(&'static str, &'static str)],
 }
 
 impl StPart {
-    /// The text with everything that its words stand for.
+    /// The text with all words replaced.
     #[must_use]
     pub fn written_out(&self) -> String {
         let put_in =

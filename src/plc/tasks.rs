@@ -1,12 +1,12 @@
 //! A small runner of a PLC program's tasks: start tasks, cyclic task, event tasks.
 //!
-//! Two steps: [`Tasks::scan`] runs what is due at the present emulated time and returns; a test calls it
-//! between two `advance_to` of a plant in the same process. [`Tasks::run`] does so for an attached image
-//! whenever emulated time has passed.
+//! Two steps: [`Tasks::scan`] runs the tasks that are due at the present emulated time and returns; a test calls it
+//! between two `advance_to` of a plant in the same process. [`Tasks::run`] does so for an attached image whenever the
+//! emulated clock has advanced.
 //!
-//! The board's switch rules: the program starts when the switch stands at RUN, stops at STOP, and starts warm
-//! after a reset, unless its project was only sent and is lost. Tasks do not interrupt each other; event tasks come first, in the order
-//! they were given.
+//! The board's switch rules: the program starts when the switch is at RUN, stops at STOP, and starts warm after a
+//! reset, unless its project was only sent and is lost (`docs/devices/omega-drive-line-2/overview.md`). Tasks do not
+//! interrupt each other; event tasks come first, in the order in which they were given.
 
 use super::Ram;
 use crate::memory::header::{Power, ProgramState, Project, RunSwitch, Start};
@@ -17,7 +17,7 @@ use thiserror::Error;
 
 /// A PLC program.
 pub trait Program {
-    /// What can go wrong in it for good.
+    /// An error that ends the program.
     type Error;
 
     /// A start begins: variables get their initial values, at a cold start the retained ones, too (manual
@@ -65,7 +65,7 @@ pub enum Progress {
 }
 
 impl Progress {
-    /// `Done` if that is so.
+    /// Returns `Done` if `done` is true.
     pub fn done_if(done: bool) -> Self {
         if done { Progress::Done } else { Progress::Again }
     }
@@ -82,7 +82,7 @@ pub enum RunError<E: fmt::Display + fmt::Debug> {
     Program(E),
 }
 
-/// What the program does at the moment.
+/// The present phase of the program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Phase {
     /// No start was ordered yet, or a stop was.
@@ -105,7 +105,7 @@ pub struct Tasks<P: Program> {
     orders: u32,
     /// Power-ons and resets of the board seen so far.
     restarts: u32,
-    /// When the start task or the cyclic task is due.
+    /// Time at which the start task or the cyclic task is due.
     next_us: u64,
 }
 
@@ -117,7 +117,7 @@ impl<P: Program> Tasks<P> {
         let mut orders = header.program.start.rings();
         match ProgramState::from_code(header.program.state.load()) {
             Some(ProgramState::None) if header.project.load() == Project::None.code() => {}
-            // The program of a project that is loaded: a start that was ordered before it came is still to be done.
+            // The program of a loaded project: a start that was ordered before it came is still to be done.
             Some(ProgramState::Stopped) => {
                 let kind = Start::from_code(header.program.start_kind.load());
                 if matches!(kind, Some(Start::Cold | Start::Warm | Start::Hot)) {
@@ -147,13 +147,13 @@ impl<P: Program> Tasks<P> {
         &self.program
     }
 
-    /// When the start task or the cyclic task is due, in microseconds of emulated time; `None` while the program
-    /// stands still.
+    /// Time at which the start task or the cyclic task is due, in microseconds of emulated time; `None` while the
+    /// program is stopped.
     pub fn next_us(&self) -> Option<u64> {
         (self.phase != Phase::Stopped).then_some(self.next_us)
     }
 
-    /// Runs what is due now. [`Progress::Done`]: the program has ended.
+    /// Runs all tasks that are due now. [`Progress::Done`]: the program has ended.
     ///
     /// # Errors
     /// The program gave up.
@@ -307,7 +307,7 @@ impl<P: Program> Drop for Tasks<P> {
     fn drop(&mut self) {
         self.ram.header().program.state.store(ProgramState::None.code());
         self.ram.header().submit_request();
-        // The board has to see it before the next program is loaded, also while the clock stands.
+        // The board must see it before the next program is loaded, also while the clock is stopped.
         self.ram.header().doorbell.ring();
     }
 }

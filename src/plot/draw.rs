@@ -1,4 +1,4 @@
-//! Draws a plot, whatever becomes of it.
+//! Draws a plot to any backend.
 
 use super::render::FONT;
 use super::{Plot, Row, Style};
@@ -21,7 +21,7 @@ const TOP: i32 = 8;
 /// Height of a row: of numbers that move, and of others.
 const LINE: i32 = 120;
 const OTHER: i32 = 56;
-/// Room of a row above and below what is drawn in it.
+/// Space above and below the drawing within a row.
 const GAP: i32 = 14;
 /// The scale of time, with its text.
 const SCALE: i32 = 40;
@@ -32,7 +32,7 @@ const LETTER: i32 = 8;
 const NEAREST_EDGES: i32 = 4;
 /// How near to each other marks of the scale are at most.
 const NEAREST_MARKS: u64 = 110;
-/// Names up to this length stand in one line.
+/// Names up to this length fit in one line.
 const LONGEST_NAME: usize = (NAMES / LETTER) as usize;
 
 const PAPER: RGBColor = RGBColor(255, 255, 255);
@@ -75,7 +75,7 @@ struct Sheet<'a, DB: DrawingBackend> {
 }
 
 impl<DB: DrawingBackend> Sheet<'_, DB> {
-    /// Where a time stands.
+    /// The horizontal position of a time.
     fn x(&self, time_us: u64) -> i32 {
         let Plot { from_us, to_us, .. } = self.plot;
         let part = time_us.saturating_sub(*from_us) as f64 / (to_us - from_us) as f64;
@@ -92,7 +92,7 @@ impl<DB: DrawingBackend> Sheet<'_, DB> {
         self.area.draw(&Text::new(text.to_owned(), at, style))
     }
 
-    /// The SYNC edges, as many as can be told apart.
+    /// The SYNC edges, as many as can be distinguished.
     fn edges(&self, bottom: i32) -> Drawn<DB> {
         let mut last = i32::MIN / 2;
         for edge in &self.plot.edges {
@@ -120,7 +120,7 @@ impl<DB: DrawingBackend> Sheet<'_, DB> {
         }
     }
 
-    /// Values hold up to the next one; each is told where there is room for it.
+    /// Values hold up to the next one; each value is printed if there is space for it.
     fn steps(&self, row: &Row, high: i32, low: i32) -> Drawn<DB> {
         let y = scale_of(row, high, low);
         let mut path = Vec::new();
@@ -135,7 +135,7 @@ impl<DB: DrawingBackend> Sheet<'_, DB> {
         Ok(())
     }
 
-    /// A span for each request; what else the register holds is told beside it.
+    /// A span for each request; other values of the register are printed beside it.
     fn handshake(&self, row: &Row, high: i32, low: i32) -> Drawn<DB> {
         if let (Some((first, _)), end) = (row.points.first(), self.plot.to_us) {
             self.path(&[(self.x(*first), low), (self.x(end), low)], FAINT, 1)?;
@@ -214,7 +214,7 @@ fn distance(us: u64) -> u64 {
     steps.into_iter().find(|step| *step >= us).unwrap_or(us).max(1)
 }
 
-/// Where values stand between `high` and `low`.
+/// Maps values to positions between `high` and `low`.
 fn scale_of(row: &Row, high: i32, low: i32) -> impl Fn(i64) -> i32 {
     let values = row.points.iter().map(|(_, value)| *value);
     let (least, most) = (values.clone().min().unwrap_or(0), values.max().unwrap_or(0));
@@ -227,7 +227,7 @@ fn scale_of(row: &Row, high: i32, low: i32) -> impl Fn(i64) -> i32 {
     }
 }
 
-/// What of a line can be seen: where more than one point stands above another, the first, lowest, highest and last of them.
+/// The visible points of a line: of several points at one horizontal position, the first, lowest, highest and last.
 fn thinned(points: &[(i32, i32)]) -> Vec<(i32, i32)> {
     let mut kept = Vec::new();
     for same in points.chunk_by(|(one, _), (other, _)| one == other) {
@@ -243,7 +243,7 @@ fn thinned(points: &[(i32, i32)]) -> Vec<(i32, i32)> {
     kept
 }
 
-/// A name that goes into the column: its end, which tells it apart.
+/// A name that fits the column: its end, which distinguishes it.
 fn shortened(name: &str) -> &str {
     let too_many = name.len().saturating_sub(LONGEST_NAME);
     &name[name.ceil_char_boundary(too_many)..]

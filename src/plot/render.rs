@@ -8,13 +8,13 @@ use std::path::Path;
 use std::sync::Once;
 use thiserror::Error;
 
-/// The name that the font has for who draws, and that of a font like it for who shows an SVG.
+/// The font's name for the renderer, and the generic name for viewers of an SVG.
 pub(super) const FONT: &str = "monospace";
 
 /// Why there is no plot.
 #[derive(Debug, Error)]
 pub enum PlotError {
-    /// A file that is neither SVG nor PNG.
+    /// A file with a name of neither an SVG nor a PNG.
     #[error("`{0}`: the name of a plot ends in .svg or .png")]
     Name(String),
     /// It could not be drawn.
@@ -35,10 +35,10 @@ pub enum Picture {
 }
 
 impl Picture {
-    /// What a file of this name holds.
+    /// The format for the name of a file.
     ///
     /// # Errors
-    /// Its name ends in something else.
+    /// The name ends in something else.
     pub fn of(file: &Path) -> Result<Self, PlotError> {
         match file.extension().and_then(|ending| ending.to_str()) {
             Some("svg") => Ok(Picture::Svg),
@@ -98,11 +98,11 @@ fn drawing(error: impl std::fmt::Display) -> PlotError {
     PlotError::Drawing(error.to_string())
 }
 
-/// Tells who draws which font there is.
+/// Registers the font with the renderer.
 fn register() {
     static ONCE: Once = Once::new();
     ONCE.call_once(|| {
-        // A font that is part of the program and cannot be read would fail every test of plots.
+        // The font is part of the program; an unreadable font would fail every test of plots.
         let _ = register_font(FONT, FontStyle::Normal, epaint_default_fonts::HACK_REGULAR);
     });
 }

@@ -4,7 +4,7 @@ use crate::journal::Past;
 use crate::layout::place::Place;
 use crate::layout::{Address, Meaning, RegType, RegisterPhase};
 
-/// What a handshake register holds while the firmware has yet to answer, and when it has.
+/// Values of a handshake register before and after the firmware's answer.
 const REQUEST: u32 = 0x05;
 const ANSWER: u32 = 0x04;
 
@@ -32,15 +32,15 @@ pub struct Row {
     pub texts: Vec<String>,
     /// Whether the journal has every change of it.
     pub is_recorded: bool,
-    /// What else there is to say about it.
+    /// An additional note.
     pub note: Option<String>,
 }
 
 impl Row {
-    /// The register at `place`, with all that a journal tells of it: of a single bit its register's past.
+    /// The register at `place`, with all its values in a journal; for a single bit, the values of its register.
     pub fn of(name: String, place: &Place, past: &Past) -> Self {
-        // Types and meanings of registers that overlay each other are told apart by what the firmware does; here those
-        // of the cyclic structure stand for both.
+        // Types and meanings of overlaid registers depend on the state of the firmware; here the cyclic structure is
+        // used for both.
         let live = RegisterPhase::Cyclic;
         let bit = place.bit_in();
         let number = |value: u32| match bit {
@@ -63,8 +63,8 @@ impl Row {
         Self { name, style: style(ty, meaning), points, texts, is_recorded: past.is_recorded, note }
     }
 
-    /// The same of a register that nothing is told of, with what it holds at the end of the plot; `is_recorded`: every change of
-    /// it would be told.
+    /// The same, with the final value as a constant, for a register without values in the journal; `is_recorded`:
+    /// every change of the register would be recorded.
     pub fn or_holds(mut self, text: &str, is_recorded: bool) -> Self {
         self.is_recorded = is_recorded;
         if self.points.is_empty() {
@@ -98,7 +98,7 @@ impl Row {
         let mut texts = Vec::with_capacity(2 * self.points.len());
         for ((time, value), text) in self.points.iter().zip(&self.texts) {
             if let Some((before, value)) = held.last().copied() {
-                // The last edge before the change; without SYNC nobody knows when it began to move.
+                // The last edge before the change; without SYNC, the start of the move is unknown.
                 let at =
                     edges.partition_point(|edge| edge < time).checked_sub(1).map_or(*time, |at| edges[at]);
                 if at > before {
@@ -112,7 +112,7 @@ impl Row {
         (self.points, self.texts) = (held, texts);
     }
 
-    /// Of a handshake: begin and end of each span, and whether it has been answered.
+    /// For a handshake: begin and end of each span, and whether it has been answered.
     pub(super) fn spans(&self, to_us: u64) -> Vec<(u64, u64, bool)> {
         let ends = self.points.iter().skip(1).map(|(time, value)| (*time, *value == i64::from(ANSWER)));
         let ends = ends.chain([(to_us, false)]);
@@ -121,7 +121,7 @@ impl Row {
     }
 }
 
-/// The address whose past a row at `place` shows.
+/// The address with the values that a row at `place` shows.
 pub fn address_of(place: &Place) -> Address {
     place.bit_in().map_or(place.address(), |(register, _)| register.address())
 }

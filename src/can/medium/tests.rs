@@ -125,7 +125,7 @@ fn alone_a_station_repeats_its_frame_for_ever() {
     };
     let expected = [0, 0, 1, 1, 2, 2].map(|nth| (bits(nth * round), bits(nth * round + to_flag)));
     assert_eq!(events.iter().map(begun).collect::<Vec<_>>(), expected);
-    // Now somebody is there.
+    // Now a second station is there.
     stations.off.clear();
     let events = stations.run(&mut medium, u64::MAX);
     assert_eq!(delivered(&events), [(0, standard(1))]);
@@ -139,13 +139,13 @@ fn a_passive_station_waits_behind_its_own_frame() {
     stations.passive = vec![0, 2];
     let events = stations.run(&mut medium, u64::MAX);
     assert_eq!(delivered(&events), [(0, standard(1)), (1, standard(0x300)), (0, standard(2))]);
-    // Nobody else has anything to send.
+    // No other station has a frame to send.
     let mut stations = Stations::new([vec![(0, standard(1)), (0, standard(2))], vec![]]);
     stations.passive = vec![0];
     let events = stations.run(&mut Medium::new(RATE), u64::MAX);
     let [_, Event::Delivered(first), Event::Begun(second), _] = events[..] else { panic!("{events:?}") };
     assert_eq!(second.begin_ns, first.free_ns + bits(8));
-    // Somebody has within the eight bits.
+    // Another station has a frame within the eight bits.
     let late = first.free_ns + bits(5);
     let frames = vec![(0, standard(1)), (0, standard(2))];
     let mut stations = Stations::new([frames, vec![(late, standard(0x300))]]);
@@ -164,7 +164,7 @@ fn who_is_off_sends_nothing() {
     assert_eq!(delivered(&events), [(1, standard(2))]);
 }
 
-/// Six recessive bits behind the cut there is an error flag.
+/// Six recessive bits after the cut there is an error flag.
 #[test]
 fn a_frame_whose_sender_goes_off_is_destroyed() {
     let to_acknowledgement = wire::bits_to_acknowledgement(&standard(1));

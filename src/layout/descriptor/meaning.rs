@@ -1,9 +1,9 @@
-//! What values and bits of a register mean.
+//! Meanings of values and bits of a register.
 
 use super::Provenance;
 use core::fmt;
 
-/// What the values and bits of a register mean.
+/// The meanings of the values and bits of a register.
 #[derive(Debug)]
 pub struct Meaning {
     /// Name in the layout files.
@@ -25,7 +25,7 @@ pub struct ValueMeaning {
     pub first: u32,
     /// Last value; equal to `first` for a single one.
     pub last: u32,
-    /// The meaning; `{}` stands for the value.
+    /// The meaning; `{}` is replaced by the value.
     pub text: &'static str,
     /// Whether the manual reserves it.
     pub reserved: bool,
@@ -34,7 +34,7 @@ pub struct ValueMeaning {
 }
 
 impl Meaning {
-    /// What `value` as a whole means, if that is known.
+    /// The meaning of `value` as a whole, if it is known.
     #[must_use]
     pub fn value(&self, value: u32) -> Option<&'static ValueMeaning> {
         ValueMeaning::find(self.values, value)
@@ -46,7 +46,7 @@ impl ValueMeaning {
         known.iter().find(|known| known.first <= value && value <= known.last)
     }
 
-    /// The meaning with `{}` replaced by `value` and the decision that it follows from behind it.
+    /// The meaning with `{}` replaced by `value`, followed by the decision that it is based on.
     #[must_use]
     pub fn told(&self, value: impl fmt::Display) -> String {
         let text = self.text.replace("{}", &value.to_string());
@@ -68,11 +68,11 @@ pub struct BitField {
     pub last: u8,
     /// Short name.
     pub name: &'static str,
-    /// Meaning of a single bit that is 0; empty: not worth mentioning.
+    /// Meaning of a single bit with value 0; empty: not worth mentioning.
     pub zero: &'static str,
-    /// Meaning of a single bit that is 1.
+    /// Meaning of a single bit with value 1.
     pub one: &'static str,
-    /// Meaning of a field; `{}` stands for its value.
+    /// Meaning of a field; `{}` is replaced by its value.
     pub text: &'static str,
     /// Meanings of single values of a field.
     pub values: &'static [ValueMeaning],

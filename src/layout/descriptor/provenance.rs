@@ -5,7 +5,7 @@ use core::fmt;
 /// Where a fact of the layout comes from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Provenance {
-    /// The manual states it, on the page that stands beside it.
+    /// The manual states it, on the page given beside it.
     Manual,
     /// Another document states it: a manual with its page, or the vendor's type library.
     Documented(&'static str),

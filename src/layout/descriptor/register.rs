@@ -22,23 +22,24 @@ pub struct Register {
     pub offset: u32,
     /// Array bounds of the sub-structure, then those of the register itself; two at most.
     pub dims: &'static [Dim],
-    /// How many of `dims` are those of the sub-structure.
+    /// Count of `dims` that are dimensions of the sub-structure.
     pub group_dims: usize,
     /// The vendor's name of the whole array's type, where it does not follow the pattern of the others; else empty.
     pub array_type: &'static str,
-    /// What the vendor's manual calls the register in another place; else empty. Names lead to it, nothing shows it.
+    /// The register's name in another place of the vendor's manual; else empty. The name is accepted as input but
+    /// never shown.
     pub also: &'static str,
-    /// Who writes the register.
+    /// Writer of the register.
     pub owner: Owner,
     /// Value after power-on, in two's complement of the register's width.
     pub reset: u32,
     /// Whether the manual reserves the register.
     pub reserved: bool,
-    /// What the register is for.
+    /// Purpose of the register.
     pub doc: &'static str,
     /// Pages of the manual; in a sub-structure those where this structure uses it.
     pub page: &'static str,
-    /// What its values mean; `None` for plain numbers.
+    /// Meanings of the values; `None` for plain numbers.
     pub meaning: Option<&'static Meaning>,
     /// Source of the name.
     pub name_from: Provenance,
@@ -83,7 +84,7 @@ pub struct Dim {
     pub stride: u32,
 }
 
-/// Who writes a register. Reading is open to all.
+/// The writer of a register. All participants may read it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Owner {
     /// The application.
@@ -166,7 +167,7 @@ impl RegType {
         u32::MAX >> (32 - 8 * self.width())
     }
 
-    /// `value`, a bit pattern of this type, as the number it stands for.
+    /// The number that `value`, a bit pattern of this type, represents.
     #[must_use]
     pub const fn number(self, value: u32) -> i64 {
         match self {

@@ -4,14 +4,14 @@ use super::super::nearest::did_you_mean;
 use super::{Area, Block, DeviceFit, Fit, LayoutError, RegisterRef};
 use std::collections::BTreeSet;
 
-/// Most names that are told where one is ambiguous.
+/// Maximum count of names in the message about an ambiguous one.
 const MOST_TOLD: usize = 6;
 
 /// A name in its parts.
 pub(super) enum Split<'a> {
-    /// What stands in front of the first dot, and what behind it.
+    /// The block before the first dot, and the text after it.
     Block(Block, &'a str),
-    /// Nothing that we know stands in front: it may be a register's name alone.
+    /// The text before the first dot is unknown: the whole text may be a register's name alone.
     Unqualified,
 }
 
@@ -27,7 +27,7 @@ impl<'a> Split<'a> {
         match fitted.block(front) {
             Ok(block) => Ok(Self::Block(block, path)),
             Err(unknown @ (LayoutError::UnknownArea { .. } | LayoutError::UnknownVariable { .. })) => {
-                // A sub-structure may be what stands in front.
+                // The text before the dot may be a sub-structure.
                 let group = front.split('[').next().unwrap_or_default();
                 let areas = fitted.device().named_areas();
                 let mut registers =
@@ -43,7 +43,7 @@ impl<'a> Split<'a> {
     }
 }
 
-/// What a text stands for that may name a whole area.
+/// The target of a text that may name a whole area.
 #[derive(Debug)]
 pub enum Named {
     /// The area.
@@ -56,7 +56,7 @@ impl DeviceFit {
     /// The area or the registers that `name` stands for.
     ///
     /// # Errors
-    /// As [`DeviceFit::registers`]; [`LayoutError::UnknownArea`] if `name` looks rather like an area's.
+    /// The errors of [`DeviceFit::registers`]; [`LayoutError::UnknownArea`] if `name` looks rather like an area's.
     pub fn area_or_registers(&self, name: &str) -> Result<Named, LayoutError> {
         let area = match self.device().area(name) {
             Ok(area) => return Ok(Named::Area(area)),
@@ -72,14 +72,14 @@ impl DeviceFit {
         })
     }
 
-    /// What `look` finds in the only area in which it finds anything.
+    /// The result of `look` in the only area in which it finds one.
     pub(super) fn only<T>(
         &self,
         name: &str,
         look: impl Fn(&Block) -> Result<T, LayoutError>,
     ) -> Result<T, LayoutError> {
         let mut found = Vec::new();
-        // An index that is out of range tells more than that the other areas have no such register.
+        // An index out of range is a better message than a missing register in the other areas.
         let mut refusal = None;
         for area in self.device().named_areas().filter(|area| self.area(area) != Fit::Empty) {
             match look(&Block { area, fit: self.area(area), only: None }) {
@@ -102,7 +102,7 @@ impl DeviceFit {
         found.pop().map(|(_, one)| one).ok_or_else(nowhere)
     }
 
-    /// That no area has a register of this name.
+    /// The error that no area has a register of this name.
     fn unknown_everywhere(&self, name: &str) -> LayoutError {
         let areas = || self.device().named_areas().filter(|area| self.area(area) != Fit::Empty);
         let placed = areas().flat_map(|area| self.placed(area));
