@@ -1,4 +1,4 @@
-//! The doors of an instance, from the side of whoever runs its plant.
+//! The doors of an instance, as used by the process that runs its plant.
 
 use super::descriptors;
 use super::guest::{Guest, GuestState};
@@ -28,7 +28,7 @@ pub struct DoorError {
 pub struct DoorState {
     /// The door, with its real port or number.
     pub door: DoorSpec,
-    /// Who is there.
+    /// The guests at the door.
     pub guests: Vec<GuestState>,
     /// How many guests were sent away because there was no place or no descriptor for them.
     pub refused: u64,
@@ -66,7 +66,7 @@ impl Running {
 }
 
 impl Doors {
-    /// None yet. `ring` is called, on a thread of the doors, when a guest wants something.
+    /// Creates it without doors. `ring` is called, on a thread of the doors, when a guest has a request.
     pub fn new(ring: impl Fn() + Send + Sync + 'static) -> Self {
         Doors { doors: Vec::new(), guests: Vec::new(), next_key: 0, ring: Arc::new(ring), io: None }
     }
@@ -78,7 +78,7 @@ impl Doors {
         self.doors.is_empty() && self.guests.is_empty()
     }
 
-    /// Opens a door to a bus; returns what it is called, with its real port or number.
+    /// Opens a door to a bus; returns its specification, with its real port or number.
     ///
     /// # Errors
     /// [`DoorError`]: the address is taken or not this machine's, there is no pseudo-terminal, no place for the guest at it, or no

@@ -44,7 +44,7 @@ struct Inner {
     bad_length: Option<u16>,
 }
 
-/// What a guest is told. Times are emulated, in microseconds.
+/// A message to a guest. Times are emulated, in microseconds.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum News {
     /// A frame or a telegram has arrived.
@@ -61,10 +61,10 @@ pub(super) enum News {
     },
 }
 
-/// What a guest wants at the moment.
+/// The present requests of a guest.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Wish {
-    /// To hear what is on the bus.
+    /// To receive the traffic of the bus.
     pub hears: bool,
     /// To take part: to be heard and to acknowledge.
     pub takes_part: bool,
@@ -76,14 +76,14 @@ pub struct Wish {
     pub bad_length: Option<u16>,
 }
 
-/// What there is to know of a guest.
+/// Facts about a guest.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct GuestState {
     /// Its number on the bus.
     pub guest: u8,
     /// Its door.
     pub door: DoorSpec,
-    /// Whether it hears what is on the bus, or would if it had named the right rate.
+    /// Whether the guest receives the traffic of the bus, or would with the right rate.
     pub open: bool,
     /// The rate it has named, in bit/s.
     pub bit_s: Option<u32>,
@@ -105,7 +105,7 @@ impl Guest {
         self.inner.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// What it wants at the moment.
+    /// The present requests of the guest.
     #[must_use]
     pub fn wish(&self) -> Wish {
         let inner = self.inner();
@@ -134,13 +134,13 @@ impl Guest {
         self.inner().to_plant.len()
     }
 
-    /// What it sends next, which stays there until [`Guest::sent`].
+    /// The next message from the guest, which stays there until [`Guest::sent`].
     #[must_use]
     pub fn next_to_send(&self) -> Option<BusMessage> {
         self.inner().to_plant.front().cloned()
     }
 
-    /// That was taken; `false`: refused for good.
+    /// The message was taken; `false`: it is refused for good.
     pub fn sent(&self, was_taken: bool) {
         let mut inner = self.inner();
         inner.to_plant.pop_front();
@@ -159,12 +159,12 @@ impl Guest {
         }
     }
 
-    /// Lets it know, if it asks, how its controller stands with the bus.
+    /// Sends the error state of its controller to the guest, if the guest has asked for it.
     pub fn note_errors(&self, state: ErrorState) {
         self.inner().errors = state;
     }
 
-    /// What there is to know of it.
+    /// Facts about the guest.
     #[must_use]
     pub fn state(&self) -> GuestState {
         let inner = self.inner();
@@ -179,13 +179,13 @@ impl Guest {
         }
     }
 
-    /// How it stands to emulated time.
+    /// The relation of the guest to emulated time.
     #[must_use]
     pub fn seat(&self) -> Seat {
         self.inner().seat
     }
 
-    /// Its bus runs at so many bit/s.
+    /// Sets the rate of the guest's bus in bit/s.
     pub fn is_at(&self, bit_s: u32) {
         self.inner().bus_bit_s = bit_s;
     }
@@ -197,7 +197,7 @@ impl Guest {
         if let Some(bit) = inner.until_bit.take()
             && let Seat::Asks { us, .. } = &mut inner.seat
         {
-            // Time does not stand still for who asks for what is past.
+            // The clock does not stop for a request about the past.
             *us = rate.map_or(0, |rate| rate.us_at(bit)).saturating_sub(now).max(1);
         }
         inner.seat.begin(now);
@@ -208,18 +208,18 @@ impl Guest {
         BusRate::new(self.inner().bus_bit_s).map_or(0, |rate| rate.bits_at(time_us))
     }
 
-    /// Whether something waits that it is to be told.
+    /// Whether a message to the guest waits.
     #[must_use]
     pub fn is_told(&self) -> bool {
         !self.inner().to_guest.is_empty()
     }
 
-    /// It has announced so many octets, and has to leave.
+    /// The guest has announced an invalid number of octets, and must leave.
     pub(super) fn talks_nonsense(&self, length: BadLength) {
         self.inner().bad_length = Some(length.0);
     }
 
-    /// Gives it its turn, at `now`, if it is due. Tells whether it was.
+    /// Grants the guest its turn at `now`, if the turn is pending. Returns whether it was.
     pub fn grant(&self, now: u64) -> bool {
         let mut inner = self.inner();
         let is_due = inner.seat.grant(now);
@@ -230,7 +230,7 @@ impl Guest {
         is_due
     }
 
-    /// Takes its seat away if it has its turn; tells whether it had.
+    /// Takes the guest's seat away if it has its turn; returns whether it had.
     pub fn give_up(&self) -> bool {
         self.inner().seat.give_up()
     }
@@ -242,7 +242,7 @@ impl Guest {
         inner.seat = Seat::Free;
     }
 
-    /// What it is to be told next; `None` if nothing waits.
+    /// The next message to the guest; `None` if none waits.
     pub(super) fn take_news(&self) -> Option<News> {
         self.inner().to_guest.pop_front()
     }
@@ -289,7 +289,7 @@ impl Adapter for &Guest {
     }
 
     fn ask_until(&mut self, bit: u64) -> bool {
-        // How long that is turns out when it begins.
+        // The duration is known when it begins.
         let may = self.ask(u64::MAX);
         if may {
             self.inner().until_bit = Some(bit);
@@ -305,7 +305,7 @@ impl Adapter for &Guest {
 
 #[cfg(test)]
 impl Guest {
-    /// One whose program is the test.
+    /// A guest that the test controls.
     pub(crate) fn of_a_test(bus: u16, number: u8) -> std::sync::Arc<Self> {
         Guest::new(bus, number, "slcan-tcp:127.0.0.1:0".parse().unwrap()).into()
     }
@@ -315,7 +315,7 @@ impl Guest {
         (&mut &*self).open(false);
     }
 
-    /// It sends a frame without data, and is told that it may.
+    /// Sends a frame without data, and receives the permission.
     pub(crate) fn says(&self, id: u16) {
         assert!(
             (&mut &*self)
@@ -323,7 +323,7 @@ impl Guest {
         );
     }
 
-    /// It sends a telegram for a bit time that comes after 50 s at 500 kbit/s, and is told that it may.
+    /// Sends a telegram for a bit time that comes after 50 s at 500 kbit/s, and receives the permission.
     pub(crate) fn says_later(&self) {
         let burst = crate::profibus::Burst { begin: 25_000_000, octets: vec![0xE5] };
         assert!((&mut &*self).send(BusMessage::Burst(burst)));
@@ -334,7 +334,7 @@ impl Guest {
         self.leave();
     }
 
-    /// The next that it is told of, if it is something it hears.
+    /// The next message to the guest, if it is bus traffic.
     pub(crate) fn hears(&self) -> Option<BusMessage> {
         match self.take_news()? {
             News::Heard { said, .. } => Some(said),
@@ -342,7 +342,7 @@ impl Guest {
         }
     }
 
-    /// How many frames it has to be told of.
+    /// Count of frames that wait for the guest.
     pub(crate) fn heard(&self) -> usize {
         self.inner().to_guest.len()
     }

@@ -17,7 +17,7 @@ use std::sync::mpsc::{Receiver, SyncSender};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// What the plant's side wants.
+/// A command from the plant's side.
 pub(super) enum Command {
     /// Let guests in here.
     Open {
@@ -25,7 +25,7 @@ pub(super) enum Command {
         key: usize,
         /// Index of its bus.
         bus: u16,
-        /// What it is called.
+        /// Specification of the door.
         spec: DoorSpec,
         /// Where they come in.
         entrance: Entrance,
@@ -48,7 +48,7 @@ pub(super) enum Entrance {
     Pty(Pty),
 }
 
-/// What both sides know.
+/// Data that both sides share.
 #[derive(Debug, Default)]
 pub(super) struct Shared {
     all: Mutex<Present>,
@@ -58,7 +58,7 @@ pub(super) struct Shared {
 struct Present {
     /// All that the plant's side has not forgotten.
     guests: Vec<Arc<Guest>>,
-    /// How many of them it has not been told of.
+    /// Count of guests that the plant's side does not know yet.
     new: usize,
     /// How many guests were sent away, by the numbers of their doors.
     refused: BTreeMap<usize, u64>,
@@ -82,7 +82,7 @@ impl Shared {
         self.all.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Appends those who have come since the last call.
+    /// Appends the guests that have come since the last call.
     pub(super) fn take_new(&self, to: &mut Vec<Arc<Guest>>) {
         let mut present = self.present();
         let known = present.guests.len() - present.new;
@@ -90,7 +90,7 @@ impl Shared {
         present.new = 0;
     }
 
-    /// Forgets a guest, whether the plant's side was told of it or not.
+    /// Forgets a guest, also if the plant's side does not know it yet.
     pub(super) fn forget(&self, guest: &Arc<Guest>) {
         let mut present = self.present();
         let Some(at) = present.guests.iter().position(|it| Arc::ptr_eq(it, guest)) else { return };
@@ -99,7 +99,7 @@ impl Shared {
         present.guests.remove(at);
     }
 
-    /// Lets a guest in, under the first number that is free on its bus. Guests that have left take no place.
+    /// Admits a guest, under the first number that is free on its bus. Guests that have left take no place.
     fn admit(&self, bus: u16, door: DoorSpec) -> Result<Arc<Guest>, NoPlace> {
         let mut present = self.present();
         if present.guests.iter().filter(|it| !it.has_gone()).count() >= MAX_GUESTS {
@@ -116,7 +116,7 @@ impl Shared {
         Ok(guest)
     }
 
-    /// Counts a guest that is sent away.
+    /// Counts a rejected guest.
     fn refuse(&self, door: usize) {
         *self.present().refused.entry(door).or_default() += 1;
     }
@@ -133,7 +133,7 @@ impl Shared {
 
 /// Bytes read at once.
 const CHUNK: usize = 4096;
-/// Bytes that may wait to be written: who does not read is not listened to.
+/// Maximum count of bytes that wait to be written: a guest that does not read is not served.
 const MOST_UNWRITTEN: usize = 16 * CHUNK;
 
 /// After this time the doors accept again, if the system had no descriptor or memory for a guest: nothing reports when it has.
@@ -141,13 +141,13 @@ const RETRY: Duration = Duration::from_millis(100);
 
 const WAKER: Token = Token(0);
 
-/// What stands behind a descriptor.
+/// The object of a descriptor.
 enum Station {
     Listener { listener: TcpListener, door: usize, bus: u16, spec: DoorSpec },
     Guest(Box<Visit>),
 }
 
-/// A guest that is there.
+/// A present guest.
 struct Visit {
     line: Line,
     door: usize,
@@ -198,7 +198,7 @@ impl Visit {
         matches!(self.line, Line::Tcp(_)) && !self.has_spoken && !self.guest.has_opened()
     }
 
-    /// Reads once. Tells whether the plant may have something to do, and whether the guest is still there.
+    /// Reads once. Returns whether the plant may have work, and whether the guest is still there.
     fn read(&mut self) -> (bool, Presence) {
         let mut room = [0; CHUNK];
         match self.line.read(&mut room) {
@@ -261,7 +261,7 @@ pub(super) struct Io {
     stations: BTreeMap<usize, Station>,
     next_token: usize,
     complaints: Sparing,
-    /// When guests are accepted again although no event tells of one.
+    /// Time at which guests are accepted again although no event reports one.
     retry: Option<Instant>,
 }
 
@@ -317,7 +317,7 @@ impl Io {
         }
     }
 
-    /// Does what the plant's side wants; `false` if that is to end.
+    /// Executes the commands of the plant's side; `false` if the thread must end.
     fn obey(&mut self) -> bool {
         while let Ok(command) = self.commands.try_recv() {
             match command {
@@ -360,7 +360,7 @@ impl Io {
         Ok(())
     }
 
-    /// Lets everybody in who stands at a door.
+    /// Accepts all guests that wait at a door.
     fn accept(&mut self) {
         let mut come = Vec::new();
         self.retry = None;
@@ -378,7 +378,7 @@ impl Io {
                     }
                     Err(error) if is_of_the_guest(&error) => {}
                     Err(error) => {
-                        // No descriptor or memory is left. The guest waits, and no event will tell of it again.
+                        // No descriptor or memory is left. The guest waits, and no further event will report it.
                         if let Some(others) = self.complaints.complains(now) {
                             tracing::warn!("{spec}: no guest can be accepted at the moment: {error}{others}");
                         }
@@ -390,7 +390,8 @@ impl Io {
             self.retry = self.retry.into_iter().chain(retry).min();
         }
         for (door, bus, spec, stream) in come {
-            // Frames are small and cannot wait for others; nor shall the system keep many for somebody who does not read.
+            // Frames are small and cannot wait for others; and the system must not buffer many for a guest that does
+            // not read.
             let _ = stream.set_nodelay(true);
             let _ = rustix::net::sockopt::set_socket_send_buffer_size(&stream, MOST_UNWRITTEN);
             if let Err(error) = self.let_in(door, bus, spec, Line::Tcp(stream)) {
@@ -428,14 +429,14 @@ impl Io {
         Ok(())
     }
 
-    /// Makes a place free: that of the connection that is silent for the longest time. `false` if there is none.
+    /// Frees a place: closes the connection that is silent for the longest time. `false` if there is none.
     fn send_a_silent_one_away(&mut self) -> bool {
         let silent = self.stations.iter_mut().find_map(|(token, station)| {
             let Station::Guest(visit) = station else { return None };
             if !visit.is_silent() {
                 return None;
             }
-            // What it says may have come a moment ago.
+            // Its message may have come a moment ago.
             let (_, presence) = visit.read();
             (presence == Presence::Leaves || visit.is_silent()).then_some((*token, visit.door))
         });
@@ -447,7 +448,7 @@ impl Io {
 
     fn remove(&mut self, token: usize) {
         if let Some(Station::Guest(mut visit)) = self.stations.remove(&token) {
-            // What it said before it left counts.
+            // Messages from before it left count.
             for _ in 0..ROOM_TO_GUEST {
                 if !visit.may_read() || visit.read().1 == Presence::Leaves {
                     break;

@@ -7,8 +7,8 @@ use std::fs::File;
 use std::io;
 use std::os::fd::OwnedFd;
 
-/// An open pseudo-terminal. Its other end is held open, so that programs come and go without anything to be told; it is
-/// this user's alone.
+/// An open pseudo-terminal. The emulator keeps its other end open, so that programs can connect and disconnect
+/// without events. Only this user can access it.
 #[derive(Debug)]
 pub(super) struct Pty {
     pub(super) master: File,

@@ -1,17 +1,17 @@
-//! How a guest stands to emulated time: it is free, or it has a seat in lockstep.
+//! The relation of a guest to emulated time: it is free, or it has a seat in lockstep.
 //!
-//! Who has never asked for a time is free. A request says "I have nothing more to say for so long, or until I hear a frame". From
-//! then on the guest has a seat: with a stepped clock emulated time never passes what it has promised. When the time has
-//! come, or a frame, it has its turn, in which it may send and the clock stands, until it asks again. How all that reads on the
-//! wire is the affair of its door.
+//! A guest that has never asked for a time is free. A request means "I send nothing for this time, or until I receive
+//! a frame". From then on the guest has a seat: with a stepped clock, emulated time never passes the end of this
+//! promise. When the time or a frame has come, the guest has its turn: the clock is stopped and the guest may send,
+//! until it asks again. The door defines the format of the request.
 
-/// How a guest stands to emulated time. Times are in microseconds.
+/// The relation of a guest to emulated time. Times are in microseconds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Seat {
-    /// It has never asked, or has given its seat back: nobody waits for it.
+    /// The guest has never asked, or has given its seat back: the clock does not wait for it.
     #[default]
     Free,
-    /// It has asked for so long, which has not begun yet.
+    /// The guest has asked for a duration that has not begun yet.
     Asks {
         /// How long.
         us: u64,
@@ -20,9 +20,9 @@ pub enum Seat {
     },
     /// It waits for its turn.
     Waits {
-        /// When it is due at the latest.
+        /// Latest time of its turn.
         until: u64,
-        /// Whether it has heard a frame since it asked, and is due therefore.
+        /// Whether the guest has received a frame since it asked, so that its turn has come.
         has_heard: bool,
     },
     /// It has its turn.
@@ -30,7 +30,8 @@ pub enum Seat {
 }
 
 impl Seat {
-    /// It asks for so long; `false` if it has asked already, or for no time at all: time would stand still for ever.
+    /// Asks for a duration; `false` if the guest has asked already, or for a duration of 0, which would stop the
+    /// clock for ever.
     pub(super) fn ask(&mut self, us: u64) -> bool {
         let may = self.may_speak() && us > 0;
         if may {
@@ -39,7 +40,7 @@ impl Seat {
         may
     }
 
-    /// What it has asked for begins.
+    /// Begins the duration that was asked for.
     pub(super) fn begin(&mut self, now: u64) {
         if let Seat::Asks { us, has_heard } = *self {
             *self = Seat::Waits { until: now.saturating_add(us), has_heard };
@@ -53,7 +54,7 @@ impl Seat {
         }
     }
 
-    /// It has its turn if that is due, and whether it was.
+    /// Grants the turn if it has come; returns whether it had.
     pub(super) fn grant(&mut self, now: u64) -> bool {
         let is_due = self.next_turn() <= now;
         if is_due {
@@ -62,7 +63,7 @@ impl Seat {
         is_due
     }
 
-    /// Nobody waits for it any longer if it has its turn; tells whether it had.
+    /// Ends the wait for a guest that has its turn; returns whether it had.
     pub(super) fn give_up(&mut self) -> bool {
         let had_turn = *self == Seat::HasTurn;
         if had_turn {
@@ -71,7 +72,7 @@ impl Seat {
         had_turn
     }
 
-    /// When its turn is due; `u64::MAX` if it does not wait for one, and 0 if it is overdue.
+    /// Time of its turn; `u64::MAX` if it does not wait for one, and 0 if it is overdue.
     #[must_use]
     pub fn next_turn(self) -> u64 {
         match self {

@@ -1,9 +1,9 @@
-//! SLCAN, the ASCII protocol of serial CAN adapters, in the dialect that python-can speaks. Nothing but text here: bytes of a
-//! guest go in, what they mean comes out.
+//! SLCAN, the ASCII protocol of serial CAN adapters, in the dialect that python-can speaks. This module only converts
+//! text: its input is bytes of a guest, its output their meaning.
 //!
 //! Lines end in CR. `tIIILDD..` and `TIIIIIIIILDD..` send data frames of the standard and the extended format, `rIIIL` and
 //! `RIIIIIIIIL` remote ones; the answer is `z` or `Z`. `Sn` names a rate, `O` takes part, `L` only listens, `C` ends both.
-//! Empty lines are passed over. What is understood is answered by CR, everything else by BEL.
+//! Empty lines are ignored. The answer to a valid line is CR, to any other line BEL.
 //!
 //! One line is our own, with a letter that no adapter has: `KN` asks for emulated time, N microseconds in hexadecimal digits.
 
@@ -11,9 +11,9 @@ use super::wire::{Adapter, BusMessage};
 use crate::can::{ErrorState, ExtendedId, Frame, Id, Payload, StandardId};
 use core::fmt::Write;
 
-/// What stands for yes, and ends lines.
+/// The positive answer, and the end of a line.
 const OK: u8 = b'\r';
-/// What stands for no.
+/// The negative answer.
 const BELL: u8 = 7;
 /// The longest line that means anything: an extended frame with eight bytes and a time.
 const LONGEST: usize = 32;
@@ -43,14 +43,15 @@ impl Rate {
         RATES.iter().any(|(known, _)| *known == code).then_some(Rate(code))
     }
 
-    /// Whether who has named it means a bus of so many bit/s. Of a rate without a code nobody can name, any will do.
+    /// Whether the rate can mean a bus with this rate in bit/s. A rate without a code cannot be named, so any code
+    /// fits it.
     #[must_use]
     pub fn fits(self, bit_s: u32) -> bool {
         let mut codes = RATES.iter().filter(|(_, known)| *known == bit_s).map(|(code, _)| *code).peekable();
         codes.peek().is_none() || codes.any(|code| code == self.0)
     }
 
-    /// The number behind `S`.
+    /// The number that follows `S`.
     #[must_use]
     pub const fn code(self) -> u8 {
         self.0
@@ -63,12 +64,12 @@ impl Rate {
     }
 }
 
-/// What `F` asks for.
+/// The data that `F` asks for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Status {
     /// Whether it has missed frames since it last asked.
     pub(super) has_missed: bool,
-    /// How its controller stands with the bus.
+    /// The error state of its controller.
     pub(super) errors: ErrorState,
 }
 
@@ -106,7 +107,7 @@ impl Session {
                     self.line = line;
                     self.line.clear();
                 }
-                // One byte more than fits tells that the line is too long.
+                // One byte beyond the limit marks the line as too long.
                 _ if self.line.len() <= LONGEST => self.line.push(byte),
                 _ => {}
             }
@@ -130,7 +131,7 @@ impl Session {
                 let rate = code.checked_sub(b'0').and_then(Rate::of_code);
                 rate.is_some() && adapter.set_rate(rate)
             }
-            // Bit timing registers of one controller or another: who sets them knows what it does.
+            // Bit timing registers of some controller: the guest is responsible for the value.
             (b's', [_, ..]) if rest.iter().all(u8::is_ascii_hexdigit) => adapter.set_rate(None),
             (b'O', []) => {
                 adapter.open(false);
@@ -176,7 +177,7 @@ impl Session {
         line.push(OK);
     }
 
-    /// Appends the line that tells of a frame, which has arrived at this emulated time.
+    /// Appends the line for a frame that has arrived at this emulated time.
     pub(super) fn tell(&self, time_us: u64, frame: &Frame, line: &mut Vec<u8>) {
         let mut text = String::with_capacity(LONGEST);
         let field = frame.arbitration();
@@ -207,7 +208,7 @@ fn number(digits: &[u8]) -> Option<u64> {
     u64::from_str_radix(text, 16).ok()
 }
 
-/// The frame that a line means: what follows the letter. A time behind it is passed over.
+/// The frame of a line, from the text after the letter. A time after the frame is ignored.
 fn frame(command: u8, rest: &[u8]) -> Option<Frame> {
     let text = core::str::from_utf8(rest).ok().filter(|text| text.bytes().all(|c| c.is_ascii_hexdigit()))?;
     let (id, rest) = text.split_at_checked(if command.is_ascii_lowercase() { 3 } else { 8 })?;
@@ -409,7 +410,7 @@ mod tests {
         assert_eq!(Rate::of_code(10), None);
     }
 
-    /// Whatever comes in: no panic, and one answer for each line that is not empty, at once or when its time comes.
+    /// Any input: no panic, and one answer for each line that is not empty, at once or at its time.
     fn each_line_has_one_answer(bytes: &[u8]) {
         let (mut session, mut noted) = (Session::default(), Noted { open: Some(false), ..Noted::default() });
         let mut answer = Vec::new();
@@ -429,7 +430,7 @@ mod tests {
     proptest! {
         #![proptest_config(crate::property_tests())]
 
-        /// Every frame is told by a line that is this frame.
+        /// Every frame is written as a line that is read as the same frame.
         #[test]
         fn frames_are_what_they_were(id in 0..1_u32 << 29, is_long: bool, is_remote: bool, data in prop::collection::vec(any::<u8>(), 0..=8)) {
             let id: crate::can::Id = if is_long {

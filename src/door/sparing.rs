@@ -1,4 +1,4 @@
-//! Complaints about what strangers do: who comes again and again shall not fill the log of whoever runs the emulator.
+//! Limits log messages about strangers: a client that connects again and again must not fill the emulator's log.
 
 use std::time::{Duration, Instant};
 
@@ -13,7 +13,7 @@ pub(super) struct Sparing {
 }
 
 impl Sparing {
-    /// Whether to complain now, and if so what to add about those before that were not told of.
+    /// Whether to log now, and if so the note about earlier messages that were suppressed.
     pub(super) fn complains(&mut self, now: Instant) -> Option<String> {
         if self.last.is_some_and(|last| now.saturating_duration_since(last) < PAUSE) {
             self.unsaid += 1;

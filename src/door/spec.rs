@@ -1,4 +1,4 @@
-//! What doors are called: `slcan-tcp:127.0.0.1:0`, `slcan-pty`, `profibus-tcp:127.0.0.1:0`.
+//! Specifications of doors: `slcan-tcp:127.0.0.1:0`, `slcan-pty`, `profibus-tcp:127.0.0.1:0`.
 
 use core::fmt;
 use core::str::FromStr;
@@ -16,7 +16,7 @@ pub enum DoorSpec {
     },
     /// SLCAN over a pseudo-terminal.
     SlcanPty {
-        /// Of an open one: its number below `/dev/pts`.
+        /// For an open door: its number below `/dev/pts`.
         number: Option<u32>,
     },
     /// PROFIBUS telegrams over TCP.
@@ -26,7 +26,7 @@ pub enum DoorSpec {
     },
 }
 
-/// What goes through a door.
+/// The protocol of a door.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Speech {
     /// Frames of CAN.
@@ -37,20 +37,20 @@ pub enum Speech {
 
 /// A kind of doors over TCP.
 struct Tcp {
-    /// What one is called that only programs on this machine can reach.
+    /// Name of a door that only programs on this machine can reach.
     name: &'static str,
-    /// The same for anybody in the network.
+    /// Name of the same door for the whole network.
     anybody: &'static str,
     /// The door that listens here.
     door: fn(SocketAddrV4) -> DoorSpec,
 }
 
-/// Those there are.
+/// The TCP doors.
 const TCP: [Tcp; 2] = [
     Tcp { name: "slcan-tcp", anybody: "slcan-tcp-anybody", door: |at| DoorSpec::SlcanTcp { at } },
     Tcp { name: "profibus-tcp", anybody: "profibus-tcp-anybody", door: |at| DoorSpec::ProfibusTcp { at } },
 ];
-/// What a pseudo-terminal is called.
+/// Name of a pseudo-terminal.
 const PTY: &str = "slcan-pty";
 /// Where pseudo-terminals are.
 const PTS: &str = "/dev/pts/";
@@ -83,7 +83,7 @@ pub enum BadDoor {
     NotLoopback {
         /// The text.
         text: String,
-        /// What such a door is called.
+        /// Name of the door for the whole network.
         anybody: &'static str,
     },
 }
@@ -133,7 +133,7 @@ impl From<DoorSpec> for String {
 }
 
 impl DoorSpec {
-    /// What goes through it.
+    /// Protocol of the door.
     #[must_use]
     pub const fn speech(self) -> Speech {
         match self {
@@ -193,7 +193,7 @@ mod tests {
             let door: DoorSpec = text.parse().unwrap();
             assert_eq!(door.to_string(), text);
         }
-        // Whoever may let everybody in may also let few in.
+        // A door for the whole network may also have a local address.
         let few: DoorSpec = "slcan-tcp-anybody:127.0.0.1:5".parse().unwrap();
         assert_eq!(few.to_string(), "slcan-tcp:127.0.0.1:5");
     }

@@ -1,6 +1,6 @@
-//! PROFIBUS telegrams over a stream of bytes. Each is the number of its octets in 16 bits, the bit time of its first bit in
-//! 64, and the octets, the low byte of each number first. Without octets it asks for emulated time until this bit time, or answers
-//! that. Nothing but bytes here; what they mean is the bus's affair.
+//! PROFIBUS telegrams over a stream of bytes. Each is the number of its octets in 16 bits, the bit time of its first
+//! bit in 64, and the octets, the low byte of each number first. Without octets it asks for emulated time until this
+//! bit time, or answers such a request. This module only converts bytes; the bus interprets them.
 
 use super::wire::{Adapter, BadLength, BusMessage};
 use crate::profibus::{Burst, MAX_OCTETS};
@@ -30,7 +30,7 @@ impl Session {
             }
             let Some((octets, behind)) = behind.split_at_checked(usize::from(length)) else { break };
             if octets.is_empty() {
-                // Who asks twice has one answer.
+                // A guest that asks twice gets one answer.
                 adapter.ask_until(begin);
             } else {
                 // Without room it is counted as refused.
@@ -52,7 +52,7 @@ fn head_of(head: [u8; HEAD]) -> (u16, u64) {
 
 /// Appends a telegram.
 pub(super) fn tell(burst: &Burst, to: &mut Vec<u8>) {
-    // None is longer than MAX_OCTETS.
+    // No telegram is longer than MAX_OCTETS.
     to.extend((burst.octets.len() as u16).to_le_bytes());
     to.extend(burst.begin.to_le_bytes());
     to.extend_from_slice(&burst.octets);
@@ -132,7 +132,7 @@ mod tests {
         assert_eq!((noted.0.len(), noted.1), (1, vec![3000]));
     }
 
-    /// Whatever comes in: no panic, nothing that no telegram is, and the same in one piece and in pieces.
+    /// Any input: no panic, no invalid telegram as output, and the same result in one piece and in pieces.
     #[test]
     fn fuzz_door_telegrams() {
         crate::fuzz("door_telegrams", |bytes| {
@@ -151,7 +151,7 @@ mod tests {
     proptest! {
         #![proptest_config(crate::property_tests())]
 
-        /// In pieces of whatever size, telegrams are what they were.
+        /// Telegrams in pieces of any size are read correctly.
         #[test]
         fn telegrams_come_in_pieces(bursts in prop::collection::vec(burst(), 0..8), piece in 1..40usize) {
             let (mut session, mut noted, mut bytes) = (Session::default(), Noted::default(), Vec::new());

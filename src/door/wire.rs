@@ -1,4 +1,4 @@
-//! What guests say in bytes, by the kind of their door.
+//! Messages of guests as bytes, by the kind of their door.
 
 use super::slcan;
 use super::slcan::{Rate, Status};
@@ -7,7 +7,7 @@ use super::telegrams;
 use crate::can::Frame;
 use crate::profibus::Burst;
 
-/// What goes through a door.
+/// A message through a door.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum BusMessage {
     /// A frame of CAN.
@@ -18,13 +18,13 @@ pub enum BusMessage {
 
 #[cfg(test)]
 impl BusMessage {
-    /// What a guest says at PROFIBUS.
+    /// A guest's message on PROFIBUS.
     pub(crate) fn burst(octets: Vec<u8>) -> Self {
         Self::Burst(Burst { begin: 0, octets })
     }
 }
 
-/// What a guest wants of whoever runs its session.
+/// Requests of a guest to the owner of its session.
 pub(super) trait Adapter {
     /// To name a rate, or to take back that it has named one; `false` while it takes part.
     fn set_rate(&mut self, rate: Option<Rate>) -> bool;
@@ -38,18 +38,18 @@ pub(super) trait Adapter {
     /// To send something; `false` if it does not take part or there is no room.
     fn send(&mut self, said: BusMessage) -> bool;
 
-    /// To have a turn after so many microseconds of emulated time, or when it has heard something; until then it says nothing.
-    /// `false` if it does not listen, or waits for one already.
+    /// Asks for a turn after `us` microseconds of emulated time, or when the guest has received something; until then
+    /// it sends nothing. `false` if it does not listen, or waits for a turn already.
     fn ask(&mut self, us: u64) -> bool;
 
     /// The same until this bit time of its bus.
     fn ask_until(&mut self, bit: u64) -> bool;
 
-    /// To know how it stands.
+    /// Asks for the status.
     fn take_status(&mut self) -> Status;
 }
 
-/// A number of octets that no telegram has: who says that does not know what it says.
+/// A number of octets that no telegram has: the guest does not speak the protocol.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct BadLength(pub(super) u16);
 
@@ -61,7 +61,7 @@ pub(super) enum Session {
 }
 
 impl Session {
-    /// Somebody comes in by a door for this. Who speaks in telegrams takes part at once.
+    /// Begins a session for this protocol. A guest that speaks in telegrams takes part at once.
     pub(super) fn begin(speech: Speech, adapter: &mut impl Adapter) -> Self {
         match speech {
             Speech::Frames => Session::Slcan(slcan::Session::default()),
@@ -99,7 +99,7 @@ impl Session {
         }
     }
 
-    /// Appends what tells of something that has arrived at this emulated time.
+    /// Appends the bytes for a message that has arrived at this emulated time.
     pub(super) fn tell(&self, time_us: u64, said: &BusMessage, to: &mut Vec<u8>) {
         match (self, said) {
             (Session::Slcan(session), BusMessage::Frame(frame)) => session.tell(time_us, frame, to),

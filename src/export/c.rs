@@ -218,7 +218,7 @@ pub(crate) fn c_type(ty: RegType) -> &'static str {
     }
 }
 
-/// The name of a field of the header page, with `_` behind it if it is a keyword.
+/// The name of a field of the header page, with `_` appended if it is a keyword.
 fn field_name(name: &str) -> String {
     if KEYWORDS.contains(&name) { format!("{name}_") } else { name.to_owned() }
 }

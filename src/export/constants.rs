@@ -8,9 +8,9 @@ use crate::layout::{BitField, Meaning, ValueMeaning};
 pub(crate) struct Constant {
     /// `OPTION_STATUS_WAITING_FOR_START`.
     pub name: String,
-    /// The value, or the mask of bits, as it stands in the register.
+    /// The value, or the mask of bits, as in the register.
     pub value: u32,
-    /// What it means.
+    /// Its meaning.
     pub text: String,
     /// Whether it is the lowest bit's number of a field instead.
     pub is_shift: bool,
@@ -65,7 +65,7 @@ pub(crate) fn of(meaning: &Meaning) -> Vec<Constant> {
     constants
 }
 
-/// The values that stand for themselves, without ranges and reserved ones, named by their meaning alone.
+/// The single values, without ranges and reserved ones, named by their meaning alone.
 pub(crate) fn singles(known: &[ValueMeaning]) -> Vec<Constant> {
     let alone = known.iter().filter(|value| value.first == value.last);
     let mut constants: Vec<_> = alone.flat_map(|value| values("", core::slice::from_ref(value), 0)).collect();
@@ -76,13 +76,13 @@ pub(crate) fn singles(known: &[ValueMeaning]) -> Vec<Constant> {
     constants
 }
 
-/// A constant's name without `prefix`, as a name of its own.
+/// A constant's name without `prefix`, as a valid name.
 pub(crate) fn own_name(prefix: &str, name: &str) -> String {
     let own = name.strip_prefix(prefix).map_or(name, |rest| rest.trim_start_matches('_'));
     if own.starts_with(|c: char| c.is_ascii_digit()) { format!("VALUE_{own}") } else { own.to_owned() }
 }
 
-/// What a field of bits is about, in a few words, and the decision if it is inferred.
+/// The subject of a field of bits, in a few words, and the decision if it is inferred.
 pub(crate) fn about(field: &BitField) -> String {
     let text = [field.one, field.text, field.name].into_iter().find(|text| !text.is_empty());
     let text = text.unwrap_or_default().replace("{}", "n");

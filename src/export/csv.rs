@@ -48,7 +48,7 @@ pub(crate) fn generate(scope: &Scope) -> String {
     text
 }
 
-/// What of a line is inferred, the name of the variable included.
+/// The inferred facts in a line, including the name of the variable.
 fn provenance(placed: &Placed, register: &Register) -> String {
     let [name, offset, ty, owner, reset] = register.facts();
     Provenance::summary(&[name, offset, ty, owner, reset, ("variable", placed.variable_from)])

@@ -4,7 +4,7 @@ use crate::can::{Id, Message, Signal};
 use std::collections::HashSet;
 use std::fmt::Write;
 
-/// What stands for somebody who is not in the database.
+/// Placeholder for a node outside the database.
 const NOBODY: &str = "Vector__XXX";
 /// Bit 31 of a number says that the identifier has 29 bits.
 const EXTENDED: u32 = 1 << 31;
@@ -62,7 +62,7 @@ fn signal_names(message: &Message) -> Vec<String> {
     unique(message.signals.iter().map(|signal| signal.name.as_str()))
 }
 
-/// Names of nodes, one behind the other.
+/// A list of the names of nodes.
 fn list(names: &[String], between: &str) -> String {
     let names: Vec<_> = names.iter().map(|name| identifier(name)).collect();
     if names.is_empty() { NOBODY.to_owned() } else { names.join(between) }

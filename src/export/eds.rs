@@ -6,12 +6,12 @@ use crate::layout::object::{Access, Default, Type};
 use crate::layout::{Object, Provenance};
 use std::fmt::Write;
 
-/// Bit rates that an electronic data sheet tells of, in kbit/s.
+/// Bit rates in an electronic data sheet, in kbit/s.
 const RATES: [u16; 8] = [10, 20, 50, 125, 250, 500, 800, 1000];
 /// Entries of these indices every device must have.
 const MANDATORY: [u16; 3] = [0x1000, 0x1001, 0x1018];
 
-/// Of a device that has an object dictionary.
+/// Generates the file for a device with an object dictionary.
 pub(crate) fn generate(scope: &Scope) -> String {
     let device = scope.device;
     let objects: Vec<_> =

@@ -6,11 +6,11 @@ use crate::layout::gsd::{Module, Parameter, Texts, Value};
 use crate::layout::{Gsd, Provenance, ValueMeaning};
 use std::fmt::Write;
 
-/// Number of the text list of bits whose 1 is yes, and of those whose 0 is.
+/// Number of the text list of bits with 1 as yes, and of the list of bits with 0 as yes.
 const NO_YES: usize = 1;
 const YES_NO: usize = 2;
 
-/// Of a device that is a PROFIBUS-DP slave.
+/// Generates the file for a device that is a PROFIBUS-DP slave.
 pub(crate) fn generate(scope: &Scope, gsd: &Gsd) -> String {
     let device = scope.device;
     let mut text = String::new();
@@ -51,7 +51,7 @@ pub(crate) fn generate(scope: &Scope, gsd: &Gsd) -> String {
     text + "\n"
 }
 
-/// What stands behind a fact: nothing, or the decision.
+/// Suffix of a fact: empty, or the decision.
 fn remark(from: Provenance) -> String {
     from.decision().map_or_else(String::new, |decision| format!(" ; inferred: {decision}"))
 }
@@ -61,13 +61,13 @@ fn texts<'a>(number: usize, values: impl IntoIterator<Item = (u32, &'a str)>) ->
     format!("PrmText={number}\n{}EndPrmText\n\n", values.collect::<String>())
 }
 
-/// The texts of a register whose every value has its own.
+/// The texts of a register with a separate text for every value.
 fn listed(parameter: &Parameter) -> Option<&'static [ValueMeaning]> {
     let values = parameter.register.meaning?.values;
     (parameter.bit.is_none() && values.iter().all(|value| value.first == value.last)).then_some(values)
 }
 
-/// A parameter that a user chooses, with its list of texts before it if it has one of its own.
+/// A parameter that a user chooses, after its separate list of texts if it has one.
 fn definition(number: usize, parameter: &Parameter) -> String {
     let Parameter { register, octets, name, bit, default, from, to, .. } = parameter;
     let (mut text, mut list) = (String::new(), None);
@@ -95,7 +95,7 @@ fn definition(number: usize, parameter: &Parameter) -> String {
     text + "EndExtUserPrmData\n\n"
 }
 
-/// What the values of an octet of the diagnosis mean.
+/// Meanings of the values of an octet of the diagnosis.
 fn diagnosis(texts: &Texts) -> String {
     let Texts { register, octet, from } = texts;
     let values = register.meaning.map_or(&[][..], |meaning| meaning.values);

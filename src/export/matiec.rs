@@ -14,10 +14,10 @@ const GLUE: &str = include_str!("matiec/glue.h");
 const ACCESS: &str = include_str!("matiec/access.h");
 const NAMES: &str = include_str!("matiec/names.h");
 const REFERENCES: &str = include_str!("matiec/references.h");
-/// What function blocks in Structured Text ask the board.
+/// Functions through which blocks in Structured Text access the board.
 const BLOCKS: &str = include_str!("matiec/blocks.h");
 const MAIN: &str = include_str!("matiec/main.c");
-/// A multiple of every page size: what is mapped over the storage of variables is whole pages.
+/// A multiple of every page size: the mapping over the storage of variables consists of whole pages.
 const ALIGNMENT: usize = 0x10000;
 
 pub(crate) fn generate(scope: &Scope) -> String {
@@ -36,18 +36,18 @@ pub(crate) fn generate(scope: &Scope) -> String {
     out
 }
 
-/// The C header. matiec makes types of the same structures, with their names in capitals; some are nothing but capitals here,
-/// too.
+/// The C header. matiec makes types of the same structures, with their names in capitals; some differ here only in
+/// capitals, too.
 pub(crate) fn header(scope: &Scope, format: &str) -> String {
     c::header(scope, format, "commram_")
 }
 
-/// What maps an image under located variables, behind [`header`] and [`tables`].
+/// Code that maps an image under located variables, after [`header`] and [`tables`].
 pub(crate) fn storage() -> &'static str {
     STORAGE
 }
 
-/// How generated C reaches located variables where nobody lists them, behind [`tables`]; it includes nothing of the system.
+/// Access of generated C to located variables without a list of them, after [`tables`]; it includes no system header.
 pub(crate) fn by_name() -> String {
     format!("{RULES}{ACCESS}{NAMES}")
 }
@@ -116,7 +116,7 @@ pub(crate) fn tables(scope: &Scope) -> String {
     out
 }
 
-/// Flags that are not retained: memory without registers whose addresses are those of the device's program alone.
+/// Flags that are not retained: memory without registers, with addresses that belong only to the device's program.
 fn flags(scope: &Scope) -> Option<&'static Area> {
     scope.areas.iter().copied().find(|area| {
         let is_free = area.structures.is_empty() && !scope.device.is_retain(area.first);
@@ -153,8 +153,8 @@ pub(crate) fn main(scope: &Scope) -> String {
     text::template(scope, "matiec --main", MAIN)
 }
 
-/// Whether an address with the numbers `a` and `b` is meant to be one of this space, in C. Behind the number of a segment
-/// there is nothing else; without one it is the number that tells.
+/// C expression: whether an address with the numbers `a` and `b` belongs to this space. With a segment, the number of
+/// the segment decides; without one, the number itself.
 fn is_meant(space: &Space) -> String {
     let letter = space.letter;
     match space.segment.trim_end_matches('.') {
@@ -166,7 +166,7 @@ fn is_meant(space: &Space) -> String {
     }
 }
 
-/// Whether the number is one of the space's, in C.
+/// C expression: whether the number is in the range of the space.
 fn is_inside(space: &Space) -> String {
     let (number, first) = (number(space), first_byte(space));
     let end = u64::from(first) + u64::from(space.bytes);
@@ -188,9 +188,9 @@ fn first_byte(space: &Space) -> u32 {
     space.first * space.unit.width().bytes()
 }
 
-/// Stretches of bytes that belong to registers of the same widths: first byte, end, the widths added up, which are powers
-/// of two. Structures that overlay each other agree on the width of what is used, unless it is a module that decides which
-/// of them lies there.
+/// Ranges of bytes in registers of the same widths: first byte, end, the sum of the widths, which are powers of two.
+/// Overlaid structures agree on the widths of used registers, except where a module decides which structure lies
+/// there.
 fn widths(scope: &Scope) -> Vec<(u32, u32, u32)> {
     let mut stretches: Vec<(u32, u32, u32)> = Vec::new();
     for area in &scope.areas {

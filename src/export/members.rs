@@ -39,7 +39,7 @@ impl Group {
         self.first.group_type
     }
 
-    /// What is said of the type: whose name it has, and what of its registers is inferred.
+    /// Description of the type: the origin of its name, and the inferred facts about its registers.
     pub(crate) fn about(&self) -> String {
         let name = match self.first.group_type_from.decision() {
             Some(decision) => format!(" Name of the type: inferred, {decision}."),
@@ -102,8 +102,7 @@ pub(crate) fn groups(structures: &[&'static Structure]) -> Vec<Group> {
     found
 }
 
-/// Turns registers that begin at `start` into parts that fill `bytes`; `part` makes one of the register that is
-/// next.
+/// Converts registers that begin at `start` into parts that fill `bytes`; `part` makes a part of the next register.
 fn members(
     registers: &'static [Register],
     start: u32,

@@ -1,7 +1,8 @@
 //! Declarations of the register map and the header page in other languages, and machine-readable forms of it.
 //!
 //! Everything comes from the descriptors of [`crate::layout`] and the header page's own structs
-//! ([`crate::memory::contract`]); no generator knows a register. `docs/reference/export.md` tells how to use the results.
+//! ([`crate::memory::contract`]); no generator knows a register. `docs/reference/export.md` describes the use of the
+//! results.
 
 mod c;
 mod constants;
@@ -36,7 +37,7 @@ pub use md::table as md_table;
 pub use scope::Scope;
 pub use st::StForm;
 
-/// What the register map can be turned into.
+/// Output formats of the register map.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Format {
     /// One C header, also for C++.
@@ -105,7 +106,7 @@ impl Format {
         }
     }
 
-    /// What it is, in a few words.
+    /// Short description of the format.
     #[must_use]
     pub const fn about(self) -> &'static str {
         match self {

@@ -1,6 +1,6 @@
-//! What lets programs of OpenPLC reach an image: a header whose one half its library includes, and whose other half is for the
-//! hardware layer, and that layer. OpenPLC compiles what matiec makes as C++11 and defines every located variable itself, so
-//! they are bound by their names.
+//! Access to an image for programs of OpenPLC: a header in two halves, one for OpenPLC's library and one for the
+//! hardware layer, and that layer. OpenPLC compiles the output of matiec as C++11 and defines every located variable
+//! itself, so they are bound by their names.
 
 use super::matiec;
 use super::scope::Scope;

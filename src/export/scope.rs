@@ -1,4 +1,4 @@
-//! What is exported: the whole device or one area of it.
+//! Scope of an export: the whole device or one area of it.
 
 use crate::layout::{Area, Device, LayoutError, Meaning, Placed, Register, Structure};
 
@@ -30,7 +30,7 @@ impl Scope {
         self
     }
 
-    /// Whether that is the whole device.
+    /// Whether the scope is the whole device.
     pub fn is_whole(&self) -> bool {
         self.block.is_none()
     }

@@ -1,7 +1,7 @@
-//! IEC 61131-3 declarations: the structures as types and the variables at their addresses; or one elementary variable per
-//! register. Each type has a `TYPE` of its own, which the standard allows and some compilers want.
+//! IEC 61131-3 declarations: the structures as types and the variables at their addresses; or one elementary variable
+//! per register. Each type has a separate `TYPE`, which the standard allows and some compilers want.
 //!
-//! matiec, the compiler of Beremiz and OpenPLC, has wants of its own: see [`StForm::matiec`].
+//! matiec, the compiler of Beremiz and OpenPLC, has other requirements: see [`StForm::matiec`].
 
 use super::members::{self, Member};
 use super::rows;
@@ -32,7 +32,7 @@ impl StForm {
     }
 }
 
-/// The declarations, and behind the types these function blocks.
+/// The declarations, with these function blocks after the types.
 pub(crate) fn generate(scope: &Scope, form: StForm, blocks: Option<&str>) -> String {
     let mut out = head(scope, form, blocks.map_or(form.command(), |_| "st --blocks"));
     let variables = if form.elementary {
@@ -46,8 +46,8 @@ pub(crate) fn generate(scope: &Scope, form: StForm, blocks: Option<&str>) -> Str
     if form.matiec { out + &whole(&variables) } else { out + &variables }
 }
 
-/// What matiec compiles: the program between types and variables, since it takes an include only in front of a configuration.
-/// Configuration and resource have the names that OpenPLC builds.
+/// A program that matiec compiles, between types and variables, since matiec takes an include only before a
+/// configuration. Configuration and resource have the names that OpenPLC builds.
 fn whole(variables: &str) -> String {
     format!(
         "{{#include \"program.st\"}}\n\n\
@@ -58,7 +58,7 @@ fn whole(variables: &str) -> String {
     )
 }
 
-/// The types, each behind those that it needs.
+/// The types, each after the types that it needs.
 fn types(scope: &Scope, form: StForm) -> String {
     let structures = scope.structures();
     let mut arrays = Arrays { flat: form.matiec, all: BTreeSet::new() };
@@ -90,7 +90,7 @@ fn structures(scope: &Scope, form: StForm) -> String {
     out
 }
 
-/// Spellings of addresses that more than one variable has: a level of 0 behind it names the same place.
+/// Spellings of addresses for places with more than one variable: an appended level of 0 names the same place.
 #[derive(Default)]
 struct Spellings(BTreeMap<String, usize>);
 
@@ -162,7 +162,7 @@ impl Array {
         format!("{}{counts}_BMARRAY", self.element)
     }
 
-    /// What is left when the first index is given, if that is an array.
+    /// The element type after the first index, if it is an array.
     fn inner(&self) -> Option<Self> {
         let (_, rest) = self.counts.split_first()?;
         (!rest.is_empty()).then(|| Self {
@@ -173,7 +173,7 @@ impl Array {
         })
     }
 
-    /// As an array of arrays, or `flat` as one of so many dimensions.
+    /// Declares it as an array of arrays, or with `flat` as one array with all dimensions.
     fn declaration(&self, flat: bool) -> String {
         let range = |count: &u32| format!("0..{}", count - 1);
         let (ranges, of) = match self.inner().filter(|_| !flat) {

@@ -56,7 +56,7 @@ fn plain(xml: &mut Xml, area: &Area) {
     });
 }
 
-/// A structure. Of those that overlay each other all name the first one as their alternative.
+/// A structure. Each of several overlaid structures names the first one as its alternative.
 fn peripheral(xml: &mut Xml, area: &Area, placed: &Placed) {
     let name = |placed: &Placed| placed.variable.trim_start_matches('_').to_owned();
     let first = area.structures.first().map(name);

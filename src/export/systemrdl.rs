@@ -35,8 +35,8 @@ pub(crate) fn generate(scope: &Scope) -> String {
     out
 }
 
-/// Structures that overlay each other stand in maps of their own: one for each phase, and for each role that ports can
-/// have where the role decides what lies there.
+/// Overlaid structures are in separate maps: one for each phase, and one for each possible role of the ports where
+/// the role decides which structure lies there.
 fn maps(out: &mut String, scope: &Scope) {
     let mut roles = Vec::new();
     for role in scope.placed().filter_map(|(_, placed)| placed.role) {

@@ -4,7 +4,7 @@ use super::scope::Scope;
 use crate::layout::{Device, Dim, Placed, Provenance, Register, Space, Structure};
 use std::collections::BTreeSet;
 
-/// What the comment at the head of every exported file says.
+/// Text of the comment at the head of every exported file.
 pub(crate) fn banner(scope: &Scope, format: &str) -> Vec<String> {
     let device = scope.device;
     let mut banner = vec![
@@ -31,8 +31,8 @@ pub(crate) fn banner(scope: &Scope, format: &str) -> Vec<String> {
     banner
 }
 
-/// A file that says for which device it was made, and is the same for all of them otherwise: C or C++, of whose first comment
-/// `rest` has the rest.
+/// A file that names the device in its head and is otherwise the same for all devices, in C or C++; `rest` is the
+/// rest of its first comment.
 pub(crate) fn template(scope: &Scope, format: &str, rest: &str) -> String {
     let head = banner(scope, format).iter().take(2).map(|line| format!(" * {line}\n")).collect::<String>();
     format!("/*\n{head}{rest}")
@@ -77,7 +77,7 @@ pub(crate) fn used(register: &Register) -> Option<String> {
     Some(register.dims.iter().map(|dim| format!("[0..{}]", dim.used.saturating_sub(1))).collect())
 }
 
-/// A register's description on one line: owner, purpose, what is reserved, pages, and which facts are not in the
+/// A register's description on one line: owner, purpose, reserved values, pages, and the facts that are not in the
 /// manual.
 pub(crate) fn remark(register: &Register) -> String {
     let used = used(register).filter(|_| !register.reserved);
@@ -86,12 +86,12 @@ pub(crate) fn remark(register: &Register) -> String {
     format!("{owner}: {doc}{used} (p. {page}{})", inferred(&register.provenance()))
 }
 
-/// What stands behind a variable: nothing, or the decision that its name follows from.
+/// Suffix of a variable: empty, or the decision that its name follows from.
 pub(crate) fn made_up(placed: &Placed) -> Option<String> {
     placed.variable_from.decision().map(|decision| format!("name inferred, {decision}"))
 }
 
-/// What stands behind a page: nothing, or the decisions.
+/// Suffix of a page: empty, or the decisions.
 fn inferred(provenance: &str) -> String {
     if provenance == Provenance::Manual.to_string() {
         String::new()
@@ -100,7 +100,7 @@ fn inferred(provenance: &str) -> String {
     }
 }
 
-/// Of a structure which facts about its registers follow from which decisions; `None` if all are documented.
+/// The decisions for the facts about the registers of a structure; `None` if all are documented.
 pub(crate) fn sources(registers: &[Register]) -> Option<String> {
     let mut known: Vec<(&str, Vec<&str>)> = Vec::new();
     for (fact, from) in registers.iter().flat_map(Register::facts) {
@@ -116,7 +116,7 @@ pub(crate) fn sources(registers: &[Register]) -> Option<String> {
     (!facts.is_empty()).then(|| format!("Inferred, not in the manual: {}.", facts.join(", ")))
 }
 
-/// What is said of a structure: purpose, pages, and what of it is inferred.
+/// Description of a structure: purpose, pages, and its inferred facts.
 pub(crate) fn about(structure: &Structure) -> String {
     let about = format!("{} (p. {}).", structure.doc, structure.page);
     match sources(structure.registers) {

@@ -44,7 +44,7 @@ pub fn is_library(bytes: &[u8]) -> bool {
 pub fn archive(resources: &Resources, name: &str, library: &[u8]) -> Result<Vec<u8>, ArchiveError> {
     let unit = Unit::new(resources)?;
     let mut zip = ZipWriter::new(Cursor::new(Vec::new()));
-    // Without a time of its own.
+    // Without a time stamp.
     let options = SimpleFileOptions::default().compression_method(CompressionMethod::Deflated);
     let mut file = |name: &str, content: &[u8], mode: u32| -> Result<(), ArchiveError> {
         zip.start_file(name, options.unix_permissions(mode))?;

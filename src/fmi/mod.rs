@@ -1,6 +1,7 @@
-//! A plant as a unit for co-simulation by FMI 3.0: its variables, how it is stepped, and the archive (FMU) that other simulators load.
+//! A plant as a unit for co-simulation by FMI 3.0: its variables, its steps, and the archive (FMU) that other
+//! simulators load.
 //!
-//! What is here knows no C: `tools/fmi` is the shared object in such an archive, and calls a [`Unit`].
+//! This module knows no C: `tools/fmi` is the shared object in such an archive, and calls a [`Unit`].
 
 #[cfg(feature = "studio")]
 mod archive;
@@ -30,5 +31,5 @@ pub use variables::{Causality, Kind, Variable, VariablesError};
 #[cfg(feature = "channel")]
 pub(crate) use variables::{ShaftValue, What};
 
-/// What the shared object has in it, so that a program can tell whether it is its own.
+/// Mark in the shared object, so that a program can check that the object belongs to it.
 pub const MARK: &str = concat!("commram-fmi unit ", env!("CARGO_PKG_VERSION"), ";");

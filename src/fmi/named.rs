@@ -1,13 +1,13 @@
-//! Variables by name, as somebody names them who wants a few.
+//! Selects variables by name.
 
 use super::variables::{Causality, Variable, VariablesError, Wanted, of_registers};
 use crate::plant::Plant;
 
-/// The variables that somebody means by a name or pattern: registers, or a value at the shaft of a drive. Of registers that
-/// both sides write it is the one that can be set.
+/// The variables that a name or pattern covers: registers, or a value at the shaft of a drive. For a register that
+/// both sides write, the result is the variable that can be set.
 ///
 /// # Errors
-/// There are none.
+/// There are no such variables.
 pub(crate) fn named(plant: &Plant, name: &str) -> Result<Vec<Variable>, VariablesError> {
     let mut of_drive: Vec<Variable> = Vec::new();
     for (number, drive) in plant.drives().iter().enumerate() {

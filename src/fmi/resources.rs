@@ -1,4 +1,4 @@
-//! What of an archive tells which plant it is: the files in its `resources`.
+//! The files in the `resources` of an archive, which describe the plant.
 
 use super::variables::VariablesError;
 use crate::input_file;
@@ -37,7 +37,7 @@ pub enum ResourcesError {
     Read {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// The error of the system.
         reason: io::Error,
     },
     /// The plant file is refused.
@@ -48,7 +48,7 @@ pub enum ResourcesError {
     SnapshotFile {
         /// The file.
         path: PathBuf,
-        /// What is wrong.
+        /// The error.
         reason: SnapshotFileError,
     },
     /// The plant cannot start from the snapshot.
@@ -63,8 +63,8 @@ pub enum ResourcesError {
 }
 
 impl Resources {
-    /// Of a plant file, or of a snapshot to start from; `registers` are names and patterns of those that are to be variables, all
-    /// of them if there are none.
+    /// Resources for a plant file, or for a snapshot to start from. `registers` are names and patterns of the
+    /// registers that become variables; all registers if it is empty.
     ///
     /// # Errors
     /// [`ResourcesError`].
@@ -87,19 +87,19 @@ impl Resources {
         Ok(Self { content, config, registers })
     }
 
-    /// Of the plant that runs when no file is given.
+    /// Resources for the default plant.
     ///
     /// # Errors
-    /// As [`Resources::of_file`].
+    /// The errors of [`Resources::of_file`].
     pub fn built_in(registers: Vec<String>) -> Result<Self, ResourcesError> {
         let config = PlantConfig::built_in()?;
         Ok(Self { content: Content::Plant(config.source().to_owned()), config, registers })
     }
 
-    /// Those in the directory `resources` of an archive that somebody has unpacked.
+    /// Reads the resources from the directory `resources` of an unpacked archive.
     ///
     /// # Errors
-    /// As [`Resources::of_file`].
+    /// The errors of [`Resources::of_file`].
     pub fn of_directory(directory: &Path) -> Result<Self, ResourcesError> {
         let list = directory.join(REGISTERS);
         let registers = match input_file::read(&list, input_file::LONGEST_SCRIPT) {

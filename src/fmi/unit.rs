@@ -1,4 +1,4 @@
-//! A plant that somebody else's clock steps.
+//! A plant that is stepped by a foreign clock.
 
 use super::resources::{Resources, ResourcesError};
 use super::values::{Shafts, Value};
@@ -45,7 +45,7 @@ pub enum UnitError {
     /// A number that is none, or infinite.
     #[error("{name} cannot be {value}")]
     NotFinite {
-        /// What.
+        /// Name of the variable.
         name: String,
         /// As given.
         value: f64,
@@ -55,7 +55,7 @@ pub enum UnitError {
     OtherTime {
         /// As given.
         given: f64,
-        /// Where it stands.
+        /// Present time of the unit.
         now: f64,
     },
     /// A step back or of no length in time, or one too far.
@@ -72,7 +72,7 @@ pub enum UnitError {
     State(String),
 }
 
-/// What of a unit is not in its plant.
+/// State of the unit that is not part of its plant.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Own {
     /// Time of the co-simulation at its start, and emulated time then.
@@ -93,7 +93,7 @@ pub struct Unit {
     plant: Plant,
     variables: Vec<Variable>,
     own: Own,
-    /// How many entries of the access checker's table have been told.
+    /// Count of reported entries of the access checker's table.
     told: usize,
 }
 
@@ -126,7 +126,8 @@ impl Unit {
         &self.plant
     }
 
-    /// What tells this unit from others: a description of another plant, another choice of registers or another version of commram
+    /// Token of this unit. A description of another plant, another choice of registers or another version of commram
+    /// has a different token.
     /// does not go with it.
     #[must_use]
     pub fn token(&self) -> String {
@@ -157,16 +158,16 @@ impl Unit {
         self.own.start_s + (self.plant.now() - self.own.start_us) as f64 / MICROS
     }
 
-    /// Goes on by `size` seconds from `point` on. The end is rounded to the next microsecond since the start, so that no errors add up
-    /// (decision D-537). Returns the time at which it stands.
+    /// Advances by `size` seconds from `point`. The end is rounded to the next microsecond since the start, so that
+    /// no errors add up (decision D-537). Returns the time that was reached.
     ///
     /// # Errors
-    /// [`UnitError`]; then no time has passed.
+    /// [`UnitError`]; then the clock has not advanced.
     pub fn step(&mut self, point: f64, size: f64) -> Result<f64, UnitError> {
         let to_us = |time: f64| ((time - self.own.start_s) * MICROS).round();
         let (begin, end) = (to_us(point), to_us(point + size));
         let now = (self.plant.now() - self.own.start_us) as f64;
-        // Whoever adds his steps up may be a microsecond off.
+        // A caller that adds up its steps may be a microsecond off.
         if !begin.is_finite() || (begin - now).abs() > 1.0 {
             return Err(UnitError::OtherTime { given: point, now: self.time_s() });
         }
@@ -203,7 +204,7 @@ impl Unit {
         })
     }
 
-    /// Gives a variable of this type a value: of a register that is a store of the PLC's program.
+    /// Sets a variable of this type: for a register, a store of the PLC's program.
     ///
     /// # Errors
     /// There is no such variable, it is of another type or an output, or the value is not finite.
@@ -240,7 +241,7 @@ impl Unit {
         Ok(())
     }
 
-    /// What the access checker has found at registers at which it had found nothing before, a line each.
+    /// The findings of the access checker at registers without an earlier finding, a line each.
     pub fn take_findings(&mut self) -> Vec<String> {
         let findings = self.plant.journal().findings();
         if findings.len() == self.told {
@@ -287,10 +288,10 @@ impl Unit {
         seal(to.into_bytes())
     }
 
-    /// The state that such bytes are. Whether it is one of this unit shows when it is gone to.
+    /// Decodes a state. A return to the state checks whether it belongs to this unit.
     ///
     /// # Errors
-    /// They are none.
+    /// The bytes are not a state.
     pub fn of_bytes(&self, bytes: &[u8]) -> Result<UnitState, UnitError> {
         let damaged = |error: Damaged| UnitError::State(error.to_string());
         let wrong = || UnitError::State("its checksum is wrong, or its end is missing".to_owned());

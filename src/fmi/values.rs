@@ -1,4 +1,4 @@
-//! What variables stand at, and the motors that a model outside turns.
+//! Values of variables, and the motors that a model outside turns.
 
 use super::variables::{ShaftValue, What};
 use crate::plant::Plant;
@@ -19,7 +19,7 @@ pub enum Value {
     Boolean(bool),
 }
 
-/// Of each drive whether a model turns it, and with which speed in rad/s.
+/// For each drive, whether a model turns it, and its speed in rad/s.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Shafts(Vec<(bool, f64)>);
 
@@ -29,7 +29,7 @@ impl Shafts {
         Shafts(vec![(false, 0.0); plant.drives().len()])
     }
 
-    /// Of how many drives.
+    /// Count of drives.
     pub(super) fn len(&self) -> usize {
         self.0.len()
     }
@@ -62,7 +62,7 @@ impl Shafts {
         })
     }
 
-    /// What a variable stands at that is no time.
+    /// The value of a variable except time.
     pub(crate) fn value(&self, plant: &Plant, what: What) -> Value {
         match what {
             What::Time => Value::Float(plant.now() as f64 * 1e-6),

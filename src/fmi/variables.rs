@@ -9,13 +9,13 @@ use std::collections::BTreeSet;
 pub struct Variable {
     /// Its name, which is that of the register with the PLC in front where there are several.
     pub name: String,
-    /// What it is.
+    /// Description of the variable.
     pub description: String,
     /// Its type.
     pub kind: Kind,
-    /// Who gives it its value.
+    /// Source of the value.
     pub causality: Causality,
-    /// What it has when the unit starts; `None` of those that the unit calculates.
+    /// Value at the start of the unit; `None` for variables that the unit calculates.
     pub start: Option<String>,
     /// Its unit, of those that have one.
     pub unit: &'static str,
@@ -73,14 +73,14 @@ impl From<RegType> for Kind {
     }
 }
 
-/// Who gives a variable its value.
+/// Source of the value of a variable.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Causality {
     /// Time itself.
     Independent,
-    /// Whoever uses the unit, and may change it while time passes.
+    /// The user of the unit, also during the simulation.
     Parameter,
-    /// Whoever uses the unit.
+    /// The user of the unit.
     Input,
     /// The unit.
     Output,
@@ -99,7 +99,7 @@ impl Causality {
     }
 }
 
-/// What a variable stands for.
+/// The quantity of a variable.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum What {
     Time,
@@ -130,7 +130,7 @@ pub enum VariablesError {
     UnknownPlc {
         /// As given.
         plc: String,
-        /// Those there are.
+        /// The known PLCs.
         known: String,
     },
     /// A value that no drive has.
@@ -140,7 +140,7 @@ pub enum VariablesError {
         drive: String,
         /// As given.
         value: String,
-        /// What there is.
+        /// The known names.
         known: String,
     },
     /// Two variables of one name.
@@ -148,7 +148,7 @@ pub enum VariablesError {
     Twice(String),
 }
 
-/// The variables of a plant, as it stands now; the place in the list is a variable's reference.
+/// The variables of a plant in its present form; the place in the list is a variable's reference.
 pub(super) fn variables(plant: &Plant, patterns: &[String]) -> Result<Vec<Variable>, VariablesError> {
     let mut all = vec![Variable {
         name: "time".to_owned(),
@@ -186,7 +186,7 @@ pub(super) fn of_registers(plant: &Plant, wanted: &Wanted) -> Result<Vec<Variabl
     Ok(all)
 }
 
-/// The registers that are wanted; all, if nobody has said which.
+/// The wanted registers; `None` for all.
 pub(super) struct Wanted(Option<BTreeSet<(usize, u32, &'static str)>>);
 
 impl Wanted {
@@ -254,7 +254,7 @@ fn of_register(plant: &Plant, plc: usize, prefix: &str, register: &RegisterRef) 
     match owner {
         Owner::Plc => vec![variable(name, Causality::Input, start())],
         Owner::Firmware => vec![variable(name, Causality::Output, None)],
-        // What stands there comes out by a variable of its own (decision D-535).
+        // The present value has a separate output variable (decision D-535).
         Owner::Both => {
             let out = format!("{name}.out");
             vec![variable(name, Causality::Input, start()), variable(out, Causality::Output, None)]

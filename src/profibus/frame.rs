@@ -9,7 +9,7 @@ pub const MAX_DATA: usize = 246;
 /// Octets of the longest telegram.
 pub const MAX_OCTETS: usize = 255;
 
-/// Octets on the line, one behind the other, whether they are a telegram or not.
+/// Consecutive octets on the line, a valid telegram or not.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Burst {
     /// Bit time of the first bit.
@@ -28,16 +28,16 @@ const SC: u8 = 0xE5;
 /// An address octet says by this bit that a service access point follows.
 const EXTENDED: u8 = 0x80;
 
-/// What somebody says on the line.
+/// A telegram on the line.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Telegram {
     /// A request or an answer.
     Frame(Frame),
     /// The right to ask goes on.
     Token {
-        /// To whom, 0 to 127.
+        /// Destination address, 0 to 127.
         da: u8,
-        /// From whom, 0 to 127.
+        /// Source address, 0 to 127.
         sa: u8,
     },
     /// A receipt of one octet.
@@ -47,9 +47,9 @@ pub enum Telegram {
 /// A request or an answer.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Frame {
-    /// For whom, 0 to 127.
+    /// Destination address, 0 to 127.
     pub da: u8,
-    /// From whom, 0 to 127.
+    /// Source address, 0 to 127.
     pub sa: u8,
     /// Function code: [`FunctionCode`](super::FunctionCode).
     pub fc: u8,
@@ -57,7 +57,7 @@ pub struct Frame {
     pub dsap: Option<u8>,
     /// Service access point here.
     pub ssap: Option<u8>,
-    /// What it carries; with the service access points [`MAX_DATA`] octets at most.
+    /// The data; with the service access points [`MAX_DATA`] octets at most.
     pub data: Vec<u8>,
 }
 
@@ -73,18 +73,18 @@ pub enum TelegramError {
     /// There are more or fewer than the start delimiter, or the length, says.
     #[error("{found} octets where there must be {expected}")]
     Length {
-        /// So many there are.
+        /// Count found.
         found: usize,
-        /// So many there must be.
+        /// Count expected.
         expected: usize,
     },
-    /// The length stands there twice, and not the same, or is none.
+    /// The two copies of the length differ, or the length is invalid.
     #[error("lengths are {0} and {1}; both must be the same, 4 to 249")]
     Lengths(u8, u8),
     /// The sum over the octets is another one.
     #[error("the check sum is 16#{found:02X}; it must be 16#{expected:02X}")]
     Sum {
-        /// The one that stands there.
+        /// The value found.
         found: u8,
         /// The right one.
         expected: u8,
@@ -98,7 +98,7 @@ pub enum TelegramError {
 }
 
 impl Frame {
-    /// The octets behind the function code.
+    /// The octets after the function code.
     fn unit(&self) -> impl Iterator<Item = u8> {
         self.dsap.into_iter().chain(self.ssap).chain(self.data.iter().copied())
     }
@@ -208,7 +208,7 @@ impl Telegram {
         Ok(octets)
     }
 
-    /// How long so many octets take on the line, in bit times.
+    /// Duration of `octets` octets on the line, in bit times.
     #[must_use]
     pub const fn bits(octets: usize) -> u64 {
         octets as u64 * OCTET_BITS

@@ -1,15 +1,15 @@
-//! The function code of a telegram: who asks for what, who answers how.
+//! The function code of a telegram: the request and its frame count bit, or the kind of answer.
 
-/// What a request asks of the station that it is for.
+/// The service that a request asks for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Request {
-    /// Send data, nobody answers.
+    /// Send data without an acknowledgement.
     Sdn,
     /// Send and request data: the answer carries some.
     Srd,
     /// Send data, the answer is a receipt.
     Sda,
-    /// Who is there?
+    /// Request the status of the station.
     FdlStatus,
 }
 
@@ -29,20 +29,20 @@ pub enum Answer {
 /// The octet FC of a telegram.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FunctionCode {
-    /// Of a request.
+    /// A request.
     Request {
-        /// What it asks for.
+        /// The service of the request.
         request: Request,
         /// Frame count bit: changes with each new request, so that a repeated one is known.
         fcb: bool,
         /// Whether the frame count bit counts.
         fcv: bool,
-        /// Of the high priority.
+        /// Whether the priority is high.
         is_high: bool,
     },
-    /// Of an answer of a slave.
+    /// An answer of a slave.
     Answer(Answer),
-    /// Whatever else there is.
+    /// Any other code.
     Other(u8),
 }
 
@@ -53,7 +53,7 @@ const FCV: u8 = 0x10;
 /// A bit that no request and no answer has.
 const RESERVED: u8 = 0x80;
 
-/// The low bits of requests that nobody answers: a time event, SDN of low and of high priority.
+/// The low bits of requests without an answer: a time event, SDN of low and of high priority.
 const UNANSWERED: [u8; 3] = [0x00, 0x04, 0x06];
 
 impl FunctionCode {

@@ -1,20 +1,20 @@
-//! The line that all stations share: what is on it, and since when it is idle.
+//! The line that all stations share: its content, and the time since which it is idle.
 
 use super::Telegram;
 use serde::{Deserialize, Serialize};
 
-/// Somebody is sending.
+/// A transmission in progress.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Sending {
-    /// Who, by the number that the user of the line knows.
+    /// Number of the sender, defined by the user of the line.
     pub sender: usize,
     /// Bit time of the first bit.
     pub begin: u64,
     /// Bit time after the last one.
     pub end: u64,
-    /// What.
+    /// The octets.
     pub octets: Vec<u8>,
-    /// Somebody else was on the line, so that nobody understands it.
+    /// Another station was sending at the same time, so that no station can decode it.
     pub is_garbled: bool,
 }
 
@@ -27,7 +27,7 @@ pub struct Line {
 }
 
 impl Line {
-    /// `sender` begins to send. Who sends while somebody else does spoils both.
+    /// `sender` begins to send. A transmission at the same time as another one garbles both.
     pub fn begin(&mut self, sender: usize, at: u64, octets: Vec<u8>) {
         let end = at.saturating_add(Telegram::bits(octets.len()));
         let mut is_garbled = false;
@@ -53,17 +53,17 @@ impl Line {
         Some(sending)
     }
 
-    /// What `sender` has on the line is cut off: nobody understands it.
+    /// Cuts off the transmission of `sender`: no station can decode it.
     pub fn cut_off(&mut self, sender: usize) {
         self.sendings.iter_mut().filter(|it| it.sender == sender).for_each(|it| it.is_garbled = true);
     }
 
-    /// Who is sending.
+    /// The stations that are sending.
     pub(crate) fn senders(&self) -> impl Iterator<Item = usize> {
         self.sendings.iter().map(|sending| sending.sender)
     }
 
-    /// Since when it is idle, in bit times; none while somebody sends.
+    /// Time since which the line is idle, in bit times; `None` during a transmission.
     #[must_use]
     pub fn idle_since(&self) -> Option<u64> {
         self.sendings.is_empty().then_some(self.idle_since)

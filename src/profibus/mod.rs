@@ -1,7 +1,9 @@
-//! PROFIBUS (IEC 61158 type 3) as its data link layer has it: telegrams, function codes, bit times, one line that everybody hears.
+//! PROFIBUS (IEC 61158 type 3), data link layer: telegrams, function codes, bit times, one line that all stations
+//! hear.
 //!
-//! It knows no device and no application; what octets behind the head of a telegram mean is their users' affair. Everything here is
-//! pure: no I/O, no clock of its own. Times are counted in bits, as the standard does, and become microseconds at the edge of a plant.
+//! The module knows no device and no application; its users define the meaning of octets after the head of a
+//! telegram. Everything here is pure: no I/O, no clock. Times are counted in bits, as in the standard, and converted
+//! to microseconds at the edge of a plant.
 
 mod frame;
 mod function;

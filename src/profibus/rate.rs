@@ -20,7 +20,7 @@ impl BusRate {
         BusRate(12_000_000),
     ];
 
-    /// That of so many bit/s, if PROFIBUS has it.
+    /// The rate with `bit_s` bit/s, if PROFIBUS has it.
     #[must_use]
     pub fn new(bit_s: u32) -> Option<Self> {
         Self::ALL.into_iter().find(|rate| rate.0 == bit_s)
@@ -49,7 +49,7 @@ impl BusRate {
         scale(us, self.0 as u64, 1_000_000, 0)
     }
 
-    /// The first microsecond at which so many bit times have passed.
+    /// The first microsecond at which `bits` bit times have passed.
     #[must_use]
     pub const fn us_at(self, bits: u64) -> u64 {
         scale(bits, 1_000_000, self.0 as u64, self.0 as u64 - 1)
@@ -87,7 +87,7 @@ mod tests {
     proptest! {
     #![proptest_config(crate::property_tests())]
 
-        /// What has passed at the microsecond that is told has passed, and not before.
+        /// The bit times have passed at the returned microsecond, and not before.
         #[test]
         fn a_microsecond_is_the_first_one(rate in 0..BusRate::ALL.len(), bits in 1..1u64 << 40) {
             let rate = BusRate::ALL[rate];

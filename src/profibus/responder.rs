@@ -1,19 +1,20 @@
-//! The data link layer of a station that only answers: whose requests concern it, and which of them it has answered already.
+//! The data link layer of a station that only answers: filters its requests, and recognizes repetitions of answered
+//! ones.
 
 use super::{Answer, BROADCAST, Frame, FunctionCode, Request, Telegram};
 use crate::snapshot_fields;
 use serde::{Deserialize, Serialize};
 
-/// What a request is for the user of the station.
+/// The result of a request for the user of the station.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Reaction {
-    /// It concerns somebody else.
+    /// The request is for another station.
     Nothing,
     /// The answer is this: a status, or what has been answered to the same request before.
     Answered(Telegram),
-    /// A new request for its user, who answers by [`Responder::answer`].
+    /// A new request; the user answers it with [`Responder::answer`].
     Asked(Frame),
-    /// A request that nobody answers.
+    /// A request without an answer.
     Delivered(Frame),
 }
 
@@ -21,7 +22,7 @@ pub enum Reaction {
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Responder {
     address: u8,
-    /// Who has asked last, with which frame count bit, and what the answer was.
+    /// The last requester, its frame count bit, and the answer.
     last: Option<(u8, bool, Telegram)>,
 }
 
@@ -112,7 +113,7 @@ mod tests {
     #[test]
     fn a_repeated_request_gets_the_same_answer() {
         let mut responder = Responder::new(5);
-        // The first one of a master counts whatever its bit.
+        // The first request of a master counts with any bit.
         assert!(asks(&mut responder, 0x6D));
         assert!(asks(&mut responder, 0x5D));
         assert!(!asks(&mut responder, 0x5D));
