@@ -75,7 +75,7 @@ fn ports_are_found_by_name_and_by_number() {
     assert!(DEVICE.port("baps").is_none() && DEVICE.port_numbered(0).is_none());
 }
 
-/// 5.00005.03a p. 153, 181, 182 for 1 Mbit/s; D-09 and D-26 for the other rates.
+/// 5.00005.03a p. 153, 181, 182 for 500 kbit/s; D-09 and D-26 for the other rates.
 #[test]
 fn deadlines_say_where_they_are_from() {
     for rate in &BAUD_RATES {

@@ -223,7 +223,7 @@ fn snapshots_have_numbers_and_come_and_go_in_parts() {
     host.request(&[poke(3), Op::Advance { us: 700 }]);
     assert_eq!(host.request(&[Op::BackTo { number, detached: false }]), [Reply::Time(9_000)]);
     assert!(host.plant.snapshot() == saved);
-    // Another instance of the same plant cannot restore it by number.
+    // Another instance of the same plant.
     let mut other = TestHost::new(true);
     for (index, part) in bytes.chunks(16).enumerate() {
         let mut room = [0; 16];
