@@ -70,7 +70,7 @@ mod tests {
     use std::io::Write;
 
     #[test]
-    fn what_never_ends_is_refused() {
+    fn endless_files_are_refused() {
         let told = read(Path::new("/dev/zero"), LONGEST).unwrap_err().to_string();
         assert_eq!(told, "it is a device or socket; a text file is needed");
         let directory = tempfile::tempdir().unwrap();
@@ -82,7 +82,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pipe_without_a_writer_is_empty_and_one_with_a_writer_is_read_to_its_end() {
+    fn a_pipe_is_read_to_its_end_and_is_empty_without_a_writer() {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("pipe");
         rustix::fs::mknodat(rustix::fs::CWD, &path, rustix::fs::FileType::Fifo, 0o600.into(), 0).unwrap();

@@ -147,7 +147,7 @@ mod tests {
     }
 
     #[test]
-    fn what_others_have_left_under_the_name_is_in_nobodys_way() {
+    fn leftover_files_of_the_same_name_do_not_block_the_write() {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("a.h");
         let left = directory.path().join(format!("a.h.{}-0.part", std::process::id()));

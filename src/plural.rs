@@ -20,7 +20,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn one_is_no_plural() {
+    fn one_item_is_singular() {
         assert_eq!([0_u32, 1, 2].map(|count| plural(count, "hit")), ["0 hits", "1 hit", "2 hits"]);
         assert_eq!(plural_of(&["a"], "device"), "1 device");
     }

@@ -99,7 +99,7 @@ mod tests {
         #![proptest_config(crate::property_tests())]
 
         #[test]
-        fn what_is_printed_is_read_as_the_same_time(us in proptest::num::u64::ANY) {
+        fn printed_times_are_read_back_unchanged(us in proptest::num::u64::ANY) {
             proptest::prop_assert_eq!(parse(&seconds(us)), Ok(us));
             proptest::prop_assert_eq!(parse(&short(us)), Ok(us));
             // Whole seconds are printed without decimals.

@@ -81,7 +81,7 @@ mod tests {
     use zerocopy::FromZeros;
 
     #[test]
-    fn every_word_is_compared_and_copied_whatever_the_length() {
+    fn every_word_is_compared_and_copied_for_any_length() {
         let cells = <[Cell64; 40]>::new_zeroed();
         for len in [0, 7, 16, 31, 32, 40] {
             let mut left = Baseline::new(40);

@@ -150,7 +150,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_clients_write_is_not_watched() {
+    fn cells_that_clients_write_are_not_watched() {
         let watched = |offset: usize| WATCHED[offset / WORD] >> (8 * (offset % WORD)) & 1 != 0;
         for (offset, is_watched) in [
             (0, true),

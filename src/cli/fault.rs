@@ -57,7 +57,7 @@ fn kinds() -> String {
     let mut text = "\
 Fields of all kinds:
   at=2s          begin, emulated time since power-on
-  count=3        ends after so many hits
+  count=3        ends after this number of hits
   duration=5ms   ends after this emulated time
 
 Examples, one of each kind:"

@@ -149,7 +149,7 @@ pub(super) static LOSE_FRAME: Kind = Kind::new(
     1,
     "lose_frame",
     Place::Medium,
-    "Nobody receives a frame; its sender does not notice",
+    "No station receives a frame; its sender does not notice",
     |fault| frame(fault, FrameEffect::Lose),
 )
 .with(const { &[SLOT, ID, MASK, FORMAT] })
@@ -172,7 +172,7 @@ pub(super) static DUPLICATE_FRAME: Kind = Kind::new(
     |fault| frame(fault, FrameEffect::Duplicate(us(fault))),
 )
 .with(
-    const { &[SLOT, ID, MASK, FORMAT, delay(0, "After the end of the first one; 0 if left out").default(0)] },
+    const { &[SLOT, ID, MASK, FORMAT, delay(0, "After the end of the first frame; 0 if left out").default(0)] },
 )
 .agreeing(agree)
 .shown("slot=CC delay=50us");

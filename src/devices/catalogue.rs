@@ -114,7 +114,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_and_names_belong_to_one_each() {
+    fn numbers_and_names_are_unique() {
         let Catalogue { kinds, rules, faults } = catalogue();
         assert!(are_unique(kinds.iter().map(|kind| kind.number())), "{kinds:?}");
         assert!(are_unique(kinds.iter().map(|kind| kind.name())), "{kinds:?}");
@@ -137,7 +137,7 @@ mod tests {
     }
 
     #[test]
-    fn every_rule_says_what_would_be_right_in_full_sentences() {
+    fn every_rule_describes_the_correct_access_in_full_sentences() {
         for rule in &catalogue().rules {
             let text = rule.text();
             assert!(text.ends_with('.') && text.matches(". ").count() >= 1, "{rule}: {text}");

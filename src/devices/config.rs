@@ -222,13 +222,13 @@ mod tests {
         }
 
         fn build(&self, _: usize, _: Segment) -> Result<(Box<dyn Device>, Vec<Plug>), BuildError> {
-            unreachable!("nobody builds it")
+            unreachable!("it is never built")
         }
     }
 
     /// Each default is the value that [`DeviceConfig`] documents.
     #[test]
-    fn a_device_that_says_nothing_has_nothing() {
+    fn device_defaults_are_empty() {
         assert!(Silent.check().is_ok() && Silent.ports().is_empty() && Silent.novram().is_none());
         assert!((0..8).all(|port| Silent.kbit_s(port).is_empty() && Silent.messages(port).is_empty()));
         assert_eq!((Silent.name(), Silent.layout().name, Silent.retain_bytes()), ("silent", STATION.name, 0));

@@ -179,7 +179,7 @@ fn a_port_is_called_by_its_name_or_number() {
 }
 
 #[test]
-fn each_mistake_names_the_field_and_what_would_be_right() {
+fn each_mistake_names_the_field_and_a_correct_value() {
     for (text, expected) in [
         (
             "kind = 'explode'",
@@ -326,7 +326,7 @@ fn each_field() -> impl Iterator<Item = (&'static Kind, usize)> {
 }
 
 #[test]
-fn every_range_ends_where_its_kind_says() {
+fn every_range_ends_at_the_limit_of_its_kind() {
     for (kind, index) in each_field() {
         let field = &kind.fields()[index];
         let (least, most) = field.range();
@@ -352,7 +352,7 @@ fn every_range_ends_where_its_kind_says() {
 }
 
 #[test]
-fn every_kind_can_be_shown_and_says_what_happens() {
+fn every_kind_has_an_example_and_a_description() {
     for kind in fault_kinds() {
         assert!(!kind.about().is_empty() && !kind.about().ends_with('.'), "{kind:?}");
         let words: Vec<_> = kind.example().split(' ').collect();

@@ -19,7 +19,7 @@ pub enum GuestRefusal {
         /// Emulated seconds from now until that time.
         seconds: u64,
     },
-    /// The guest does not take part, the medium is not emulated, or the medium has no frames of that kind.
+    /// The guest does not take part, no master runs the medium, or the medium has no frames of that kind.
     #[error("the guest cannot send this frame here")]
     NotHere,
 }
@@ -89,12 +89,12 @@ impl EventText for GuestNews {
         match self.news {
             Attendance::TakesPart => format!("guest{guest} takes part"),
             Attendance::TakesPartStepped => format!(
-                "guest{guest} takes part; the clock is stepped, what it sends enters at the beginning of the next step"
+                "guest{guest} takes part; the clock is stepped, its frames enter at the beginning of the next step"
             ),
             Attendance::Left => format!("guest{guest} has left"),
             Attendance::Seated => format!("guest{guest} has a seat in lockstep; emulated time waits for it"),
             Attendance::SeatBack => {
-                format!("guest{guest} has given its seat back; nobody waits for it any more")
+                format!("guest{guest} has given its seat back; the emulated time no longer waits for it")
             }
             Attendance::SeatLost => {
                 format!("guest{guest} has lost its seat: in its turn it did nothing for too long")

@@ -9,7 +9,7 @@ fn error(name: &str) -> String {
 }
 
 #[test]
-fn a_variable_of_the_manual_stands_for_its_structure() {
+fn a_variable_of_the_manual_names_its_structure() {
     for (name, address) in [
         ("_CANsync_CTRL_MA.w_CPU_CONTROL", "%MW3.200000"),
         ("_CANsync_CTRL_SL.w_OMEGA_NR", "%MW3.100006"),
@@ -29,7 +29,7 @@ fn a_variable_of_the_manual_stands_for_its_structure() {
 }
 
 #[test]
-fn where_they_differ_the_role_decides() {
+fn the_role_decides_between_different_meanings() {
     let [master, slave] = ["_CANsyncMaster_Ctrl_Slot_G", "_CANsyncSlave_Ctrl_Slot_G"];
     let offset = |fit, name: &str| {
         DeviceFit::unknown(&SLOTS).with(1, fit).register(name).unwrap().offset() - 2_001_792
@@ -61,7 +61,7 @@ fn where_they_differ_the_role_decides() {
 }
 
 #[test]
-fn what_a_device_adds_to_a_manual_names_its_decision() {
+fn additions_to_a_manual_name_their_decision() {
     let decode = |name: &str, value| DEVICE.register(name).unwrap().decode(value);
     assert_eq!(decode("baps.us_PAR_ELEMENT", 7), "value");
     assert_eq!(decode("baps.us_PAR_ELEMENT", 5), "minimum (D-160)");

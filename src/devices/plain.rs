@@ -276,7 +276,7 @@ mod tests {
 
     /// Each default is the value that [`Firmware`] documents.
     #[test]
-    fn firmware_that_says_nothing_has_nothing() {
+    fn firmware_defaults_are_empty() {
         let mut none = ();
         assert!(none.kept().is_none() && none.events().is_none() && none.is_fed() && none.is_quiescent());
         let kept = (none.next_time(), none.novram(), (0..16).find_map(|event| none.event_level(event)));

@@ -91,7 +91,7 @@ fn every_fact_of(device: &'static Device) {
 
 /// Facts that no manual states are marked as such.
 #[test]
-fn inventions_are_marked() {
+fn undocumented_facts_are_marked() {
     let decisions = |meaning: &str| -> Vec<_> {
         sources(meanings()[meaning]).into_iter().map(|(text, source)| (text, source.decision())).collect()
     };

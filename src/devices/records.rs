@@ -248,7 +248,9 @@ impl BoardEvent {
             }
             BoardEvent::NumberTaken { port, number } => {
                 let port = port_name(port);
-                format!("slave number {number} belongs to another station already, nobody can address {port}")
+                format!(
+                    "slave number {number} already belongs to another station, no station can address {port}"
+                )
             }
             BoardEvent::Lockstep { event, state } => {
                 let what = match state {

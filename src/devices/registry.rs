@@ -201,7 +201,7 @@ static BUILT_IN: [Registered; 5] = [
 #[derive(Clone, Debug, thiserror::Error, PartialEq, Eq)]
 pub enum RegisterError {
     /// A device has already been looked up.
-    #[error("device '{name}' comes too late: add devices before anything else uses them")]
+    #[error("device '{name}' comes too late: add devices before their first use")]
     TooLate {
         /// The device.
         name: &'static str,

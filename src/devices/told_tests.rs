@@ -74,7 +74,7 @@ fn lines_of(kind: &'static Kind) -> String {
 }
 
 #[test]
-fn events_read_as_agreed() {
+fn events_have_the_agreed_texts() {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/journal/events.txt");
     let lines: String = catalogue().kinds.iter().map(|kind| lines_of(kind)).collect();
     if std::env::var_os("COMMRAM_UPDATE_EVENTS").is_some() {
@@ -84,6 +84,6 @@ fn events_read_as_agreed() {
     let differs = lines.lines().zip(agreed.lines()).find(|(is, should)| is != should);
     assert!(
         lines == agreed,
-        "events read otherwise than in {path}, first here: {differs:#?}; COMMRAM_UPDATE_EVENTS=1 renews it"
+        "the texts of events differ from {path}, first here: {differs:#?}; COMMRAM_UPDATE_EVENTS=1 renews it"
     );
 }

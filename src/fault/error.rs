@@ -83,7 +83,7 @@ pub enum Refusal {
         layout: &'static Device,
     },
     /// The port is not on a bus.
-    #[error("{port} of PLC {plc} is not on a bus; those that are: {}", list(.plugged))]
+    #[error("{port} of PLC {plc} is not on a bus; ports on a bus: {}", list(.plugged))]
     NotPlugged {
         /// The PLC.
         plc: u16,
@@ -213,7 +213,7 @@ pub enum FaultError {
         present: u32,
     },
     /// The port is not on a bus.
-    #[error("{}: {port} of PLC \"{plc}\" is not on a bus; those that are: {}", .kind.name(), list(.plugged))]
+    #[error("{}: {port} of PLC \"{plc}\" is not on a bus; ports on a bus: {}", .kind.name(), list(.plugged))]
     NotPlugged {
         /// The kind.
         kind: &'static Kind,

@@ -59,7 +59,7 @@ pub(super) static AT_US: Field = Field::new(
 );
 /// Its end by hits.
 pub(super) static COUNT: Field =
-    Field::new("count", Form::Number { least: 1, most: u32::MAX as u64 }, "Ends after so many hits");
+    Field::new("count", Form::Number { least: 1, most: u32::MAX as u64 }, "Ends after this number of hits");
 /// Its end by time.
 pub(super) static DURATION_US: Field = Field::new(
     "duration_us",

@@ -59,7 +59,7 @@ fn left_out_values_are_those_of_the_description() {
 }
 
 #[test]
-fn what_a_kind_does_not_allow_is_refused_wherever_it_comes_from() {
+fn values_that_a_kind_does_not_allow_are_refused_from_any_source() {
     let draft = Draft::new(&HISS, Target::Medium(0));
     let (volume, at_us) = (&HISS.fields()[0], Kind::COMMON[0]);
     assert_eq!(draft.check(), Err(Refusal::Missing { field: volume, right: "give 1 to 9".to_owned() }));
@@ -91,7 +91,7 @@ fn what_a_kind_does_not_allow_is_refused_wherever_it_comes_from() {
 }
 
 #[test]
-fn an_installation_has_what_it_has() {
+fn faults_of_missing_targets_are_refused() {
     let sites = Sites {
         media: vec![
             MediumSite { faults: OF_MEDIUM, fits: |_| Ok(()), participants: 1 << 3 },
@@ -128,7 +128,7 @@ fn an_installation_has_what_it_has() {
 }
 
 #[test]
-fn only_its_owner_lets_a_fault_act_and_as_often_as_it_shall() {
+fn only_the_owner_fires_a_fault_and_only_the_given_number_of_times() {
     let (mut faults, mut journal) = (Faults::default(), Journal::default());
     for (index, count) in [(0, 2), (1, 1)] {
         let text = format!("hiss bus={} volume={} count={count}", names().buses[index], index + 5);
@@ -166,7 +166,7 @@ fn refusals_get_names() {
     );
     assert_eq!(
         named(Refusal::NotPlugged { plc: 1, port: "node1", plugged: vec!["node2"] }),
-        "hum: node1 of PLC \"saw\" is not on a bus; those that are: node2"
+        "hum: node1 of PLC \"saw\" is not on a bus; ports on a bus: node2"
     );
     assert_eq!(
         named(Refusal::NotOfPlc { plc: 1, known: OF_DEVICE }),
@@ -176,7 +176,7 @@ fn refusals_get_names() {
 }
 
 #[test]
-fn the_only_bus_or_plc_need_not_be_named() {
+fn the_only_bus_or_plc_needs_no_name() {
     assert_eq!(fault("fog").unwrap().target(), Target::Device(0));
     let one = Names { buses: vec!["air".into()], ..Names::default() };
     let hiss = words("hiss", &["volume=1"]).unwrap().resolve(&KINDS, &one);

@@ -381,7 +381,7 @@ impl Federation {
 /// Describes a difference between plants, without the remedy for snapshots.
 fn describe_difference(why: SnapshotError) -> String {
     match why {
-        SnapshotError::OtherSettings { what } => format!("its plant file sets {what} otherwise"),
+        SnapshotError::OtherSettings { what } => format!("its plant file has another setting of {what}"),
         SnapshotError::OtherPlant { theirs, ours } => format!("it has {theirs}, here there are {ours}"),
         SnapshotError::OtherDevice { plc, theirs, ours } => {
             format!("PLC '{plc}' is another device in it, {theirs}, here {ours}")

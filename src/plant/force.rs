@@ -32,7 +32,7 @@ pub enum ForceError {
     #[error("there is no such PLC")]
     NoSuchPlc,
     /// Enough are forced.
-    #[error("{most} registers are forced, which is all that can be; unforce one first", most = Forces::MOST)]
+    #[error("{most} registers are forced, which is the maximum; unforce one first", most = Forces::MOST)]
     TooMany,
     /// No register area covers the address.
     #[error(transparent)]

@@ -162,7 +162,7 @@ mod tests {
     }
 
     #[test]
-    fn who_leaves_has_sent_what_it_gave_if_somebody_is_there() {
+    fn frames_of_a_leaving_guest_are_sent_if_another_station_receives_them() {
         let mut plant = plant(OPEN);
         plant.guest_joins(0, 1, false);
         plant.guest_joins(0, 2, false);
@@ -180,7 +180,7 @@ mod tests {
     }
 
     #[test]
-    fn a_controller_has_room_for_so_many_frames() {
+    fn a_controller_has_room_for_a_limited_number_of_frames() {
         let mut plant = plant(OPEN);
         plant.guest_joins(0, 1, false);
         let taken = (0..1000).take_while(|_| plant.guest_sends(0, 1, &frame(1, &[])).is_ok()).count();
@@ -192,7 +192,7 @@ mod tests {
     }
 
     #[test]
-    fn whoever_asks_by_requests_is_a_station_too() {
+    fn requests_make_a_guest_a_station_too() {
         let mut plant = plant(OPEN);
         plant.guest_joins(0, 7, false);
         assert_eq!(plant.guest_sends(0, 7, &frame(0x300, &[])), Ok(()));
@@ -206,11 +206,11 @@ mod tests {
     }
 
     #[test]
-    fn the_deaf_and_the_foreign_are_found() {
+    fn guests_with_a_wrong_rate_or_format_are_reported() {
         let mut plant = plant(&OPEN.replace("kind = 'can'\n", ""));
         plant.guest_is_deaf(0, 3, 6);
         plant.guest_joins(0, 1, false);
-        // The medium is not emulated.
+        // No master runs the medium.
         assert_eq!(plant.guest_sends(0, 1, &frame(1, &[])), Err(GuestRefusal::NotHere));
         let found: Vec<_> = plant.journal().findings().iter().map(|entry| entry.last).collect();
         assert_eq!(found, [Finding::at_bus(&rules::GUEST_BIT_RATE, 0, 3, 6)]);

@@ -16,7 +16,7 @@ pub enum FollowError {
     #[error("no register area covers byte {}", .0.offset)]
     Unmapped(Unmapped),
     /// Enough are followed.
-    #[error("{MAX_FOLLOWED} registers are followed, which is all that can be")]
+    #[error("{MAX_FOLLOWED} registers are followed, which is the maximum")]
     TooMany,
 }
 

@@ -250,7 +250,7 @@ impl Plant {
                         continue;
                     }
                     None => format!(
-                        "{way}{} is to pass a SYNC signal on (b_MA_SL_MODE 16#02), and no other port hands it one",
+                        "{way}{} is to pass a SYNC signal on (b_MA_SL_MODE 16#02), and no other port passes one to it",
                         name(port)
                     ),
                 },

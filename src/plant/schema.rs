@@ -39,7 +39,7 @@ pub fn schema() -> Value {
         "properties": {
             "processor_cycle_us": {
                 "type": "integer", "minimum": 10, "maximum": 10_000, "default": 500,
-                "description": "How often the firmware looks at registers that nobody rang for, in emulated us (D-22)",
+                "description": "Interval at which the firmware polls registers without a doorbell, in emulated us (D-22)",
             },
             "plc": sections("PLCs", first.unwrap_or_else(open)),
             "device": sections("Devices", json!({ "anyOf": devices })),

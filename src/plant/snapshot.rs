@@ -69,15 +69,13 @@ pub enum SnapshotError {
         ours: &'static str,
     },
     /// The devices and buses of the snapshot have other settings.
-    #[error("the plant file that it is of sets {what} otherwise; start its plant by `commram run --from`")]
+    #[error("its plant file has another setting of {what}; start its plant by `commram run --from`")]
     OtherSettings {
         /// Settings that differ there.
         what: String,
     },
     /// All settings agree, but the state differs.
-    #[error(
-        "its state is another one: it has other faults in its plant file, or does not begin at the same moment"
-    )]
+    #[error("its state differs: its plant file has other faults, or it does not begin at the same moment")]
     OtherState,
     /// Its bytes are no state of this plant.
     #[error("it is damaged, or was made by another build of commram: {0}")]
@@ -230,7 +228,7 @@ impl Plant {
         let layouts = snapshot.layouts.iter().zip(&layouts);
         match layouts.into_iter().find(|((_, found), (_, expected))| found != expected) {
             None if snapshot.settings != self.settings => {
-                Err(SnapshotError::OtherSettings { what: self.set_otherwise(&snapshot.settings) })
+                Err(SnapshotError::OtherSettings { what: self.describe_differences(&snapshot.settings) })
             }
             None => Ok(()),
             Some(((plc, found), (_, expected))) => {
@@ -245,9 +243,9 @@ impl Plant {
     }
 
     /// Settings that differ in another plant with the same devices and media.
-    fn set_otherwise(&self, theirs: &[u64]) -> String {
+    fn describe_differences(&self, theirs: &[u64]) -> String {
         let devices = self.devices.iter().map(|device| format!("PLC '{}'", device.name()));
-        let media = self.media.iter().map(|medium| format!("bus '{}' or what is at it", medium.name()));
+        let media = self.media.iter().map(|medium| format!("bus '{}' or its participants", medium.name()));
         let names = ["the processor cycle".to_owned()].into_iter().chain(devices).chain(media);
         let differs =
             names.zip(theirs.iter().zip(self.settings.iter())).filter(|(_, (one, other))| one != other);

@@ -78,7 +78,7 @@ pub(super) fn send(host: &mut dyn Host, bus: u16, frame: Option<Frame>) -> Resul
                 format!("bus '{name}': the time of the telegram lies {seconds} s ahead; it may be 60 s at most")
             }
             GuestRefusal::NotHere => format!(
-                "bus '{name}' does not take this frame: it is a {family} bus, which may know no such frames, or nobody runs it"
+                "bus '{name}' does not take this frame: it is a {family} bus, which may not have such frames, or no master runs it"
             ),
         };
         Refused::new(Code::FRAME, text)

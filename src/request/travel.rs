@@ -162,9 +162,7 @@ impl Travel {
     fn nothing(&self) -> String {
         let why = match (self.most, self.came_from_elsewhere) {
             (0, _) => "--keep-states is 0",
-            (_, true) => {
-                "no time has passed since another state was restored, by which what was kept is dropped"
-            }
+            (_, true) => "no time has passed since another state was restored, which drops the history",
             (_, false) => "no time has passed since the start",
         };
         format!("nothing is kept to go back to: {why}")
@@ -200,7 +198,7 @@ pub(super) fn save(host: &mut dyn Host) -> Result<u32, Refused> {
     stepped(host)?;
     let (plant, travel) = host.plant_and_travel();
     if travel.saved.len() >= MAX_SAVED {
-        let text = format_args!("{MAX_SAVED} snapshots are kept, which is all that can be; forget one first");
+        let text = format_args!("{MAX_SAVED} snapshots are kept, which is the maximum; forget one first");
         return Err(Refused::new(Code::SNAPSHOT, text));
     }
     travel.last = travel.last.wrapping_add(1).max(1);

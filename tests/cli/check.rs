@@ -36,7 +36,7 @@ SEVERITY  RULE   REGISTER               ADDRESS        VALUE    COUNT  FIRST    
 error     owner  node2.w_OPTION_STATUS  %MW3.200002    16#0080  2      0.002000 s  0.003000 s  -
 
 owner (the register's page; D-17)
-  A register that only the firmware writes was written; what was written stands there until the firmware writes it the next time, which may be never, and the firmware does not look at it. Only read it; whoever copies whole structures (VAR_IN_OUT of IEC programs, memcpy) writes such registers back.
+  A register that only the firmware writes was written; the value stays there until the firmware writes the register the next time, which may be never, and the firmware does not read it. Only read such a register; a copy of a whole structure (VAR_IN_OUT of IEC programs, memcpy) writes it back.
 ",
         emulator.name
     );

@@ -226,7 +226,7 @@ fn faults_of_another_device_are_refused_with_what_it_has() {
     let emulator = Emulator::start(&[path.to_str().unwrap(), "--clock", "stepped"]);
     for (args, expected) in [
         (&["baps_silent"][..], "baps_silent: PLC \"maxx\" cannot have it; its faults are: none"),
-        (&["bus_off", "node=slotH"], "slotH of PLC \"maxx\" is not on a bus; those that are: slotG"),
+        (&["bus_off", "node=slotH"], "slotH of PLC \"maxx\" is not on a bus; ports on a bus: slotG"),
         (&["bus_off", "node=node1"], "its ports are: slotG, slotH, slotJ, slotK, slotL, slotM"),
         (&["overrun"], "node is missing; give slotG, slotH, slotJ, slotK, slotL or slotM"),
     ] {

@@ -387,7 +387,7 @@ fn who_does_not_fit_is_told_why() {
     let plant = written(&directory, "plant.toml", PLANT);
     let other = written(&directory, "other.toml", &PLANT.replace("at_us = 8000", "at_us = 8001"));
     for (other, part, complaint) in
-        [(&other, "1/2", "its state is another one"), (&plant, "1/3", "federates, this one for")]
+        [(&other, "1/2", "its state differs"), (&plant, "1/3", "federates, this one for")]
     {
         let broker = Broker::start(&helics, 2);
         let start =

@@ -96,8 +96,8 @@ fn what_is_no_snapshot_or_of_another_plant_is_refused_by_name() {
     let told = emulator.run("restore", &[path]);
     assert!(told.fails(2).contains("its checksum is wrong"), "{told:?}");
     fs::write(&file, "{}").unwrap();
-    assert!(emulator.run("restore", &[path]).fails(2).contains("it is no snapshot of commram"));
-    assert!(run(&["run", "--from", path]).fails(2).contains("it is no snapshot of commram"));
+    assert!(emulator.run("restore", &[path]).fails(2).contains("it is not a snapshot of commram"));
+    assert!(run(&["run", "--from", path]).fails(2).contains("it is not a snapshot of commram"));
     let plant = directory.path().join("plant.toml");
     fs::write(&plant, "[[plc]]\nname = 'press'\n").unwrap();
     let other = Emulator::start(&[plant.to_str().unwrap(), "--clock", "stepped"]);

@@ -326,7 +326,7 @@ fn a_number_that_is_taken_is_told_with_its_slot() {
     let record = bm4.plant.journal().records().find(|record| record.event == taken.into()).unwrap();
     let mut text = String::new();
     Text::new(bm4.plant.names(), commram::devices::catalogue()).record(record, &mut text);
-    assert!(text.contains("nobody can address slotH"), "{text}");
+    assert!(text.contains("no station can address slotH"), "{text}");
     let findings = bm4.plant.journal().findings();
     let [entry] = findings.iter().copied().collect::<Vec<_>>()[..] else { panic!("one finding") };
     let name = entry.last.name(bm4.plant.names().fitted(0));
@@ -488,7 +488,10 @@ fn a_bus_without_a_master_is_doubted_and_found() {
 #[test]
 fn a_master_without_a_signal_to_pass_on_is_found() {
     for (sync_in, why) in [
-        ("", "maxx:slotG is to pass a SYNC signal on (b_MA_SL_MODE 16#02), and no other port hands it one"),
+        (
+            "",
+            "maxx:slotG is to pass a SYNC signal on (b_MA_SL_MODE 16#02), and no other port passes one to it",
+        ),
         (
             "sync_in_from = 'H'\n",
             "maxx:slotG passes on the SYNC signal at maxx:slotH: the master of bus 'upper', top:slotM, has not \

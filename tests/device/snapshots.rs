@@ -125,7 +125,7 @@ fn another_plant_is_refused_by_name_and_the_plant_goes_on_as_it_was() {
     let error = plant.restore(&other.snapshot()).unwrap_err();
     assert_eq!(
         error.to_string(),
-        "the plant file that it is of sets bus 'drives' or what is at it otherwise; start its plant by `commram run --from`"
+        "its plant file has another setting of bus 'drives' or its participants; start its plant by `commram run --from`"
     );
     assert!(plant.snapshot() == before);
     plant.advance_to(10_000);

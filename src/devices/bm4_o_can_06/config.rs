@@ -210,7 +210,7 @@ impl Bm4Config {
             }
             (Work::Master, None, _) => {
                 let text = format!(
-                    "module '{name}' has no bus: its PLC has a SYNC signal, and no slave receives what the module sends"
+                    "module '{name}' has no bus: its PLC has a SYNC signal, and no slave receives the frames of the module"
                 );
                 doubt("slot", text)
             }
@@ -401,7 +401,7 @@ mod tests {
     }
 
     #[test]
-    fn each_mistake_is_named_where_it_stands() {
+    fn each_mistake_is_reported_with_its_place() {
         let cases = [
             ("{ slot = 'I', kind = 'can-06' }", "there is no slot 'I'; slots are: G, H, J, K, L, M"),
             ("{ slot = 'G', kind = 'can-06' },\n{ slot = 'G', kind = 'can-06' }", "two modules in slot 'G'"),

@@ -121,7 +121,7 @@ mod tests {
 
     /// P. 28-30: the LEDs of each module that waits, takes part with SYNC and without, and is in BUS-off.
     #[test]
-    fn leds_show_what_the_module_does() {
+    fn leds_show_the_state_of_the_module() {
         use Led::{Flashes, Off, On};
         let (option, can) = (Cell16::new_zeroed(), Cell16::new_zeroed());
         let seen = |takes_part, interval_us, has_traffic| Seen { takes_part, interval_us, has_traffic };

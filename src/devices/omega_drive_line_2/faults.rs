@@ -22,7 +22,7 @@ static DRIVE_FAULT: Kind = Kind::new(
     14,
     "baps_drive_fault",
     Place::Device,
-    "The drive behind the BAPS brakes and waits for a fault reset",
+    "The drive at the BAPS brakes and waits for a fault reset",
     |fault: &Fault| fault::Effect::new(Effect::Trip(fault.value("error").unwrap_or(0) as u16)),
 )
 .with(

@@ -100,7 +100,7 @@ fn only_three_pairs_of_baud_rate_and_interval_exist() {
 /// The nodes' registers have a watch of their own.
 #[cfg(feature = "emulator")]
 #[test]
-fn the_checker_watches_what_is_the_boards_own() {
+fn the_checker_watches_the_registers_of_the_board() {
     let names: Vec<_> = crate::check::owned(&DEVICE).map(|register| register.name()).collect();
     for name in ["baps.w_STATUSWORD", "baps.a_RD_VALUE[7]", "ethernet.w_DIP_NR"] {
         assert!(names.iter().any(|it| it == name), "{name} in {names:?}");

@@ -63,7 +63,7 @@ fn taken(
 }
 
 #[test]
-fn devices_stand_behind_those_of_commram_in_the_order_of_their_registration() {
+fn added_devices_follow_the_built_in_ones_in_registration_order() {
     let registry = Registry::new();
     let (one, two) = (device("one", 1, vec![], vec![&OWN]), device("two", 2, vec![], vec![&OWN]));
     assert_eq!(
@@ -78,7 +78,7 @@ fn devices_stand_behind_those_of_commram_in_the_order_of_their_registration() {
 }
 
 #[test]
-fn what_somebody_has_nobody_else_can_have() {
+fn a_taken_name_or_number_is_refused() {
     let registry = Registry::new();
     let built_in = BUILT_IN[1].layout;
     let hash = format!("16#{:016X}", built_in.layout_hash);
@@ -138,7 +138,7 @@ fn faults_belong_to_one_family() {
 }
 
 #[test]
-fn whoever_looks_first_ends_it() {
+fn the_first_lookup_ends_the_registration() {
     let registry = Registry::new();
     registry.all();
     assert_eq!(

@@ -12,7 +12,7 @@ use toml::de::{DeArray, DeTable, DeValue, Deserializer, Error, ValueDeserializer
 /// Keys of the plant itself, and the names of all other keys for messages.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-#[serde(expecting = "a plant: tables with what it has")]
+#[serde(expecting = "a plant: tables of its parts")]
 struct Rest {
     #[serde(default = "default_cycle")]
     processor_cycle_us: u32,

@@ -7,14 +7,14 @@ use crate::memory::Segment;
 use crate::plant::Plant;
 
 #[test]
-fn the_built_in_plant_is_a_good_one() {
+fn the_built_in_plant_is_valid() {
     let plant = PlantConfig::built_in().unwrap();
     let numbers: Vec<u8> = plant.media[0].participants().iter().map(|(_, number)| *number).collect();
     assert_eq!((plant.devices.len(), numbers), (1, vec![1, 2, 3]));
 }
 
 #[test]
-fn the_documented_plant_file_is_a_good_one() {
+fn the_documented_plant_file_is_valid() {
     let text = include_str!("../../../docs/reference/plant.md");
     let example = text.split("```toml").nth(1).and_then(|rest| rest.split("```").next()).unwrap();
     let plant = PlantConfig::parse("docs/reference/plant.md", example).unwrap();
@@ -124,7 +124,7 @@ fn each_mistake_is_named() {
 
 /// Errors that only the whole plant can detect are reported with the line of the later entry.
 #[test]
-fn each_mistake_is_told_with_its_line() {
+fn each_mistake_is_reported_with_its_line() {
     let plc = "[[plc]]\nname = 'p'\n";
     let bus = "[[bus]]\nname = 'b'\n";
     let drives = "[[bus.drive]]\nslave_number = 4\nname = 'd'\n[[bus.drive]]\nname = 'e'\n";

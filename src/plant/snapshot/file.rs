@@ -22,7 +22,7 @@ pub struct SnapshotFile {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum SnapshotFileError {
     /// The bytes are not a snapshot.
-    #[error("it is no snapshot of commram; `commram snapshot FILE` writes one")]
+    #[error("it is not a snapshot of commram; `commram snapshot FILE` writes one")]
     NoSnapshot,
     /// Another version has written the snapshot.
     #[error(

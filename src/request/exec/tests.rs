@@ -42,7 +42,7 @@ fn a_wait_for_conditions_ends_when_all_hold_at_once() {
 }
 
 #[test]
-fn conditions_that_do_not_come_to_hold_tell_which_do() {
+fn a_timeout_returns_the_conditions_that_hold() {
     let mut host = TestHost::new(true);
     let ops = [
         poke(REG, Width::Word, 7),
@@ -60,7 +60,7 @@ fn conditions_that_do_not_come_to_hold_tell_which_do() {
 }
 
 #[test]
-fn a_wait_has_one_condition_at_least_and_32_at_most_and_each_can_hold() {
+fn a_wait_has_1_to_32_conditions_and_each_can_hold() {
     let mut host = TestHost::new(true);
     let wait = Op::WaitFor { any: true, within_us: 0 };
     assert_eq!(host.refusal(wait).0, Code::CONDITIONS);
@@ -154,7 +154,7 @@ fn faults_are_added_listed_and_cleared_by_number() {
 }
 
 #[test]
-fn a_fault_that_cannot_be_names_what_it_concerns() {
+fn a_refused_fault_names_its_target() {
     let mut host = TestHost::new(true);
     let fault = slave_busy(&host, 7);
     let (code, text) = host.refusal(Op::FaultAdd { fault });
@@ -175,14 +175,14 @@ fn every_width_reads_back_what_was_written() {
 }
 
 #[test]
-fn plcs_have_memories_of_their_own() {
+fn plcs_have_separate_memories() {
     let other = Op::Peek { plc: 1, offset: REG, width: Width::Word };
     let replies = TestHost::new(true).request(&[poke(REG, Width::Word, 5), other]);
     assert_eq!(replies, [Reply::Written, Reply::Value(0)]);
 }
 
 #[test]
-fn compare_exchange_tells_what_it_found() {
+fn compare_exchange_returns_the_previous_value() {
     let exchange =
         |current, new| Op::CompareExchange { plc: 0, offset: REG, width: Width::Byte, current, new };
     assert_eq!(
@@ -192,7 +192,7 @@ fn compare_exchange_tells_what_it_found() {
 }
 
 #[test]
-fn memory_errors_name_the_address_and_what_would_be_right() {
+fn memory_errors_name_the_address_and_a_correct_one() {
     let mut host = TestHost::new(true);
     let mut refused = |op, code, text: &str| assert_eq!(host.refusal(op), (code, text.to_owned()));
     let nothing = "WORD at byte 998 of the image: no register area of the device covers this WORD";
@@ -378,7 +378,7 @@ fn the_journal_is_read_in_parts() {
 }
 
 #[test]
-fn what_is_still_counted_comes_behind_the_end_of_the_journal() {
+fn pending_records_follow_the_end_of_the_journal() {
     let mut host = with_sync();
     host.request(&[Op::Advance { us: 20_000 }]);
     let pending: Vec<_> =
@@ -392,7 +392,7 @@ fn what_is_still_counted_comes_behind_the_end_of_the_journal() {
 }
 
 #[test]
-fn findings_are_told_and_cleared() {
+fn findings_are_returned_and_cleared() {
     let mut host = TestHost::new(true);
     host.request(&[set("node2.w_OPTION_STATUS", 3), set("node1.w_OPTION_STATUS", 3)]);
     let noted: Vec<_> = host.plant.journal().findings().iter().copied().collect();
@@ -412,7 +412,7 @@ fn a_start_without_a_program_is_refused_by_name() {
 }
 
 #[test]
-fn a_switch_that_is_not_there_is_refused_by_name() {
+fn a_missing_switch_is_refused_by_name() {
     use crate::memory::header::BoardSetting;
     let mut host = TestHost::new(true);
     let setting = BoardSetting::ModuleDip { port: 2, dip: 7 };

@@ -16,7 +16,7 @@ pub(in crate::request) fn back(host: &mut dyn Host, us: u64, detached: bool) -> 
             || host.plant_and_travel().1.nothing(),
             |earliest| {
                 let [earliest, now] = [earliest, now].map(time::seconds);
-                format!("{} are too far: one can go back to {earliest}, it is {now} now", time::short(us))
+                format!("{} are too far: the earliest moment is {earliest}, it is {now} now", time::short(us))
             },
         );
         return Err(Refused::new(Code::NOT_SO_FAR, text));
@@ -57,7 +57,8 @@ fn find_back<T>(
         let is_first = place == 0 && first.1;
         if let Some(target) = found.or(is_first.then_some(first.0)) {
             arrive(host, target, &here, detached)?;
-            let none = || Refused::new(Code::SNAPSHOT, "what was found is not found again");
+            let none =
+                || Refused::new(Code::SNAPSHOT, "the moment was found, but not again on the way there");
             return look(host)?.ok_or_else(none);
         }
         behind = first;
@@ -68,7 +69,7 @@ fn find_back<T>(
         || host.plant_and_travel().1.nothing(),
         |earliest| {
             let earliest = time::seconds(earliest);
-            format!("the conditions did not come to hold since {earliest}, which is how far one can go back")
+            format!("the conditions did not become true since {earliest}, the earliest moment of the history")
         },
     );
     Err(Refused::new(Code::NOT_SO_FAR, text))
@@ -114,8 +115,8 @@ fn arrive(host: &mut dyn Host, target: u64, here: &Snapshot, detached: bool) -> 
             return_to(host, here);
             let from = time::seconds(stretch.begin.time_us());
             let text = format_args!(
-                "between {from} and {} a program has stored what it had mapped, which cannot be repeated; go back to \
-                 {from}, or give --detached to go without what it has stored",
+                "between {from} and {} a program has stored registers through its mapping, which cannot be repeated; go back to \
+                 {from}, or give --detached to go without its stores",
                 time::seconds(end)
             );
             return Err(Refused::new(Code::SNAPSHOT, text));

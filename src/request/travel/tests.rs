@@ -41,7 +41,7 @@ fn until(value: u32) -> [Op; 2] {
 }
 
 #[test]
-fn back_by_a_time_all_is_as_it_was_and_goes_on_anew() {
+fn going_back_by_a_time_restores_the_state_and_continues_from_it() {
     let mut host = host();
     let (hash, end) = (host.plant.journal().hash(), host.plant.journal().end());
     let records: Vec<_> = host.plant.journal().records().copied().collect();
@@ -58,7 +58,7 @@ fn back_by_a_time_all_is_as_it_was_and_goes_on_anew() {
 }
 
 #[test]
-fn back_to_when_a_condition_came_to_hold() {
+fn going_back_until_a_condition_became_true() {
     let mut host = host();
     let replies = host.request(&until(2));
     assert_eq!(replies.last(), Some(&Reply::Waited(Waited { time_us: 5_000, value: 1 })));
@@ -71,7 +71,7 @@ fn back_to_when_a_condition_came_to_hold() {
 }
 
 #[test]
-fn what_never_held_leaves_the_plant_where_it_is() {
+fn a_condition_that_was_never_true_leaves_the_plant_unchanged() {
     let mut host = host();
     let (before, records) = (host.plant.snapshot(), host.plant.journal().records().count());
     let replies = host.request(&until(7));
@@ -80,18 +80,18 @@ fn what_never_held_leaves_the_plant_where_it_is() {
     };
     assert_eq!(
         text,
-        "the conditions did not come to hold since 0.000000 s, which is how far one can go back"
+        "the conditions did not become true since 0.000000 s, the earliest moment of the history"
     );
     assert!(host.plant.snapshot() == before);
     assert_eq!(host.plant.journal().records().count(), records);
 }
 
 #[test]
-fn one_can_go_back_as_far_as_is_kept_and_only_alone_with_a_stepped_clock() {
+fn going_back_needs_a_kept_moment_and_a_stepped_clock_without_outsiders() {
     let mut host = host();
     let (code, text) = host.refusal(back(9_001));
     assert_eq!(code, Code::NOT_SO_FAR);
-    assert_eq!(text, "9001 us are too far: one can go back to 0.000000 s, it is 0.009000 s now");
+    assert_eq!(text, "9001 us are too far: the earliest moment is 0.000000 s, it is 0.009000 s now");
     host.outsiders = Some("soft_plc (process 7), which has mapped the registers,".to_owned());
     let (code, text) = host.refusal(back(1_000));
     assert_eq!(code, Code::NOT_ALONE);
@@ -110,7 +110,7 @@ fn one_can_go_back_as_far_as_is_kept_and_only_alone_with_a_stepped_clock() {
 /// Stores do not need snapshots: the whole history follows the first snapshot, and the plant can go back to each of its
 /// moments.
 #[test]
-fn what_operations_have_stored_is_stored_again() {
+fn stores_of_operations_are_repeated() {
     let mut host = host();
     let travel = host.plant_and_travel().1;
     assert_eq!(travel.history.len(), 1);
@@ -138,7 +138,7 @@ fn what_operations_have_stored_is_stored_again() {
 
 /// A snapshot in the middle of a moment contains only the stores before it.
 #[test]
-fn what_was_stored_behind_a_snapshot_of_the_same_moment_is_not_in_it() {
+fn a_snapshot_does_not_contain_later_stores_of_the_same_moment() {
     let mut host = host();
     host.request(&[poke(3)]);
     let number = host.request(&[Op::Save]).remove(0).value().unwrap();
@@ -154,7 +154,7 @@ fn what_was_stored_behind_a_snapshot_of_the_same_moment_is_not_in_it() {
 
 /// Limits the time for going back and the size of the history.
 #[test]
-fn so_many_stores_are_worth_a_snapshot() {
+fn many_stores_cause_a_snapshot() {
     let mut host = TestHost::new(true);
     host.request(&[Op::Advance { us: 1 }]);
     for value in 0..300 {
@@ -172,7 +172,7 @@ fn so_many_stores_are_worth_a_snapshot() {
 }
 
 #[test]
-fn stores_through_the_map_while_time_passes_cannot_be_repeated_and_that_is_told() {
+fn unrepeatable_stores_through_the_map_are_reported() {
     let mut host = TestHost::new(true);
     // A command to the master: its journal differs by that.
     host.script = vec![(4_500, 200_000, 1)];
@@ -186,7 +186,9 @@ fn stores_through_the_map_while_time_passes_cannot_be_repeated_and_that_is_told(
     let (code, text) = host.refusal(back(5_000));
     assert_eq!(code, Code::SNAPSHOT);
     assert!(
-        text.starts_with("between 0.000000 s and 0.010000 s a program has stored what it had mapped"),
+        text.starts_with(
+            "between 0.000000 s and 0.010000 s a program has stored registers through its mapping"
+        ),
         "{text}"
     );
     assert!(host.plant.snapshot() == before);
@@ -194,7 +196,7 @@ fn stores_through_the_map_while_time_passes_cannot_be_repeated_and_that_is_told(
 }
 
 #[test]
-fn why_nothing_is_kept_is_told() {
+fn the_reason_for_an_empty_history_is_reported() {
     let mut host = TestHost::new(true);
     assert!(host.refusal(back(1)).1.ends_with("no time has passed since the start"));
     let mut host = self::host();
@@ -241,7 +243,7 @@ fn snapshots_have_numbers_and_come_and_go_in_parts() {
 }
 
 #[test]
-fn one_can_go_forth_to_what_was_saved_on_a_way_that_was_left() {
+fn a_snapshot_of_an_abandoned_history_can_be_restored() {
     let mut host = host();
     let Reply::Value(number) = host.request(&[Op::Save]).remove(0) else { panic!("a number") };
     let saved = host.plant.snapshot();
@@ -252,7 +254,7 @@ fn one_can_go_forth_to_what_was_saved_on_a_way_that_was_left() {
 }
 
 #[test]
-fn what_is_kept_is_bounded() {
+fn the_history_is_bounded() {
     let mut host = TestHost::new(true);
     let size = host.plant.snapshot().size();
     *host.plant_and_travel().1 = Travel::new(10 * size);

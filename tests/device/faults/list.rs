@@ -66,7 +66,7 @@ fn what_the_plant_does_not_have_is_refused() {
             (slave(1, 0), "bus 1 does not exist; there are 1"),
             (
                 node(0, rate.kind.slave.port),
-                &rate.kind.named("SLAVE of PLC 0 is not on a bus; those that are: MASTER"),
+                &rate.kind.named("SLAVE of PLC 0 is not on a bus; ports on a bus: MASTER"),
             ),
             (node(0, 9), "PLC 0 has no port 9; its ports are: "),
             (node(2, 1), "PLC 2 does not exist; there are 2"),

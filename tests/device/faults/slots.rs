@@ -90,9 +90,9 @@ fn what_this_plc_does_not_have_is_refused_with_what_it_has() {
         (
             "bus_off",
             &["node=slotH"][..],
-            "bus_off: slotH of PLC \"maxx\" is not on a bus; those that are: slotG",
+            "bus_off: slotH of PLC \"maxx\" is not on a bus; ports on a bus: slotG",
         ),
-        ("overrun", &["node=slotK"], "overrun: slotK of PLC \"maxx\" is not on a bus; those that are: slotG"),
+        ("overrun", &["node=slotK"], "overrun: slotK of PLC \"maxx\" is not on a bus; ports on a bus: slotG"),
         (
             "bus_off",
             &["node=node2"],

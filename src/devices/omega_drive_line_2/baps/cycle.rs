@@ -139,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn every_value_comes_exactly_as_often_as_its_cycle_says() {
+    fn every_value_is_exchanged_exactly_once_per_cycle() {
         let cycle = cycle(0x10);
         let mut last = [None; 8];
         for count in 1..=4096u64 {

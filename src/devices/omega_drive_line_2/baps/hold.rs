@@ -56,7 +56,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_late_is_done_once_and_then_the_next_is_late() {
+    fn a_late_task_runs_once_and_then_the_next_is_late() {
         let mut hold = Hold::default();
         let mut asked = Vec::new();
         let mut turn = |now| {
@@ -71,7 +71,7 @@ mod tests {
     }
 
     #[test]
-    fn what_has_waited_may_still_be_kept_from_happening() {
+    fn a_delayed_task_can_still_be_suppressed() {
         let mut hold = Hold::default();
         assert_eq!(hold.turn(0, |_| Pace::Late(500)), Pace::Late(500));
         assert_eq!(hold.turn(500, |_| Pace::Never), Pace::Never);

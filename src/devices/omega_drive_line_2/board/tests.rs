@@ -163,7 +163,7 @@ fn a_cpu_timer_needs_a_factor() {
 }
 
 #[test]
-fn a_timer_can_be_stopped_and_set_anew() {
+fn a_timer_can_be_stopped_and_restarted() {
     let mut rig = Rig::new();
     rig.set_event(0, 1, true);
     rig.run_to(120);

@@ -183,7 +183,7 @@ mod tests {
     }
 
     #[test]
-    fn an_answer_that_nobody_wants_any_more_makes_room() {
+    fn an_unwanted_answer_makes_room() {
         let (mut shared, mut one, mut other) =
             (BAPS_BMSTRUCT::default(), Client::default(), Client::default());
         one.step(&mut shared, CALL, job);

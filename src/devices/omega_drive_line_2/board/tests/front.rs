@@ -91,7 +91,7 @@ fn reset_is_dark_and_reads_the_dip_switches_at_its_end() {
 }
 
 #[test]
-fn the_supply_takes_it_down_whatever_the_switch_says() {
+fn a_supply_failure_stops_the_board_in_any_switch_position() {
     let mut rig = Rig::new();
     rig.header.program.power.store(1);
     assert_eq!(rig.look(), Look::Off);
@@ -117,7 +117,7 @@ fn the_supply_may_fail_while_reset_is_held() {
 }
 
 #[test]
-fn numbers_that_mean_nothing_change_nothing() {
+fn invalid_numbers_change_nothing() {
     let mut rig = Rig::new();
     rig.program(ProgramState::Cyclic);
     let before = rig.ordered();
@@ -151,7 +151,7 @@ fn a_new_project_starts_cold_and_then_warm() {
 }
 
 #[test]
-fn kept_retain_flags_make_the_first_start_a_warm_one() {
+fn kept_retain_flags_make_the_first_start_warm() {
     for (project, first) in
         [(Project::None, Start::Warm), (Project::Boot, Start::Warm), (Project::Sent, Start::Cold)]
     {
