@@ -79,6 +79,9 @@ pub mod fault;
 pub mod federation;
 #[cfg(feature = "emulator")]
 pub mod fmi;
+#[cfg(all(test, feature = "emulator"))]
+#[path = "../tests/formats/samples.rs"]
+mod format_samples;
 #[cfg(feature = "helics")]
 pub mod helics;
 #[cfg(feature = "emulator")]

@@ -375,7 +375,7 @@ fn enter(instance: &str, root: &Path, domain: Domain) -> Result<ClientParts, Cli
         OpenError::DoesNotExist | OpenError::IsMarkedForDestruction => not_running(instance, root),
         OpenError::ExceedsMaxNumberOfNodes => ClientError::TooManyClients { instance: name() },
         OpenError::IncompatibleRequestOrResponseType | OpenError::VersionMismatch => {
-            ClientError::Incompatible { instance: name(), reason }
+            ClientError::Incompatible { instance: name(), found: guest.domain().format(), reason }
         }
         OpenError::HangsInCreation | OpenError::ServiceInCorruptedState => {
             ClientError::Broken { instance: name() }

@@ -39,6 +39,8 @@ pub const MAX_CLIENTS: usize = 32;
 pub(super) const MAX_NODES: usize = MAX_CLIENTS + 8;
 /// Longest root directory in bytes: the paths of iceoryx2 below it are limited to 255 bytes.
 pub(super) const MAX_ROOT: usize = 120;
+/// Name of the service.
+const SERVICE: &str = "commram.channel";
 /// Exists while a server is ready; contains its process.
 const READY: &str = "ready";
 /// Contains the prefix of the domain's shared memory.
@@ -154,7 +156,7 @@ impl Domain {
     /// Settings of the domain's service. Each client may have one request under way. A client that has given up does
     /// not block the next: its request is overwritten or skipped.
     pub(crate) fn service<S: iceoryx2::service::Service>(node: &Node<S>) -> Option<ServiceBuilder<S>> {
-        let name = ServiceName::new("commram.channel").ok()?;
+        let name = ServiceName::new(SERVICE).ok()?;
         let builder = node
             .service_builder(&name)
             .request_response::<[WireOp], [Block]>()
@@ -169,6 +171,27 @@ impl Domain {
             .enable_safe_overflow_for_responses(true)
             .enable_fire_and_forget_requests(false);
         Some(builder)
+    }
+
+    /// Describes the format of the domain's service: the version in its type names, and the version of iceoryx2.
+    pub(crate) fn format(&self) -> String {
+        let details = || {
+            let name = ServiceName::new(SERVICE).ok()?;
+            <Ipc as iceoryx2::service::Service>::details(
+                &name,
+                &self.config,
+                MessagingPattern::RequestResponse,
+            )
+            .ok()?
+        };
+        let Some(details) = details() else { return "another format".to_owned() };
+        let details = details.static_details;
+        let name = details.request_response().request_message_type_details().payload.type_name().to_string();
+        let format = match name.rsplit_once(".v") {
+            Some((_, version)) => format!("format {version}"),
+            None => format!("requests of type {name}"),
+        };
+        format!("{format} of iceoryx2 {}", details.iceoryx2_version())
     }
 
     /// Creates the owner's node. iceoryx2 makes one file accessible to every user, the counter of the prefix's nodes. A

@@ -4,4 +4,5 @@ mod basic;
 mod hostile;
 mod processes;
 mod rig;
+mod versions;
 mod waiting;

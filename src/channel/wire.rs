@@ -12,6 +12,8 @@ mod door;
 mod fault;
 mod findings;
 mod forces;
+#[cfg(test)]
+mod format_tests;
 mod journal;
 mod reply;
 mod serde_types;
@@ -30,6 +32,9 @@ use core::num::NonZeroU16;
 use iceoryx2::prelude::ZeroCopySend;
 use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
 
+/// Version of the format. A change of an operation, a reply, or a type of the program within a reply counts it up, here and
+/// in the names of [`WireOp`] and [`Block`].
+pub const WIRE_VERSION: u32 = 2;
 /// Longest reply in bytes: four full ranges and some space for other replies.
 pub const MAX_REPLY_BYTES: usize = 4 * MAX_RANGE as usize + 64 * MAX_OPS;
 /// Longest reply in blocks.

@@ -4,7 +4,7 @@
 use super::catalogue;
 use super::told_tests::{drawn, line, names};
 use crate::journal::Kind;
-use crate::journal::jsonl::Jsonl;
+use crate::journal::jsonl::{Jsonl, VERSION};
 use serde_json::{Map, Value};
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -117,4 +117,24 @@ fn each_kind_has_the_fields_of_its_row_and_no_others() {
         }
     }
     assert!(wrong.is_empty(), "docs/reference/journal.md and the lines differ:\n{}", wrong.join("\n"));
+}
+
+/// A field that goes or becomes another type needs a new version of the format; kinds and fields may be added.
+#[test]
+fn fields_of_lines_are_only_added() {
+    let mut fields = BTreeSet::new();
+    for kind in &catalogue().kinds {
+        for (field, value) in lines(kind).flatten() {
+            let ty = match value {
+                Value::Null => continue,
+                Value::Bool(_) => "boolean",
+                Value::Number(_) => "number",
+                Value::String(_) => "text",
+                Value::Array(_) | Value::Object(_) => "structure",
+            };
+            fields.insert(format!("{}.{field}: {ty}\n", kind.name()));
+        }
+    }
+    let text: String = fields.into_iter().collect();
+    crate::format_samples::assert_only_added(&format!("journal-{VERSION}.fields"), "VERSION", &text);
 }

@@ -1,6 +1,9 @@
 //! Units without C.
 
+use super::unit::FORMAT;
 use super::*;
+use crate::format_samples::{sample, samples};
+use crate::snapshot_fields::{Saved, Saving, seal, unseal};
 use core::f64::consts::TAU;
 use proptest::prelude::*;
 
@@ -94,12 +97,14 @@ fn a_model_turns_the_motor_and_a_state_has_it() {
     unit.step(0.01, 0.25).unwrap();
     near(&unit, actual, TAU);
     let state = unit.state();
-    let bytes = unit.to_bytes(&state);
+    let bytes = unit.to_bytes(&state, 2);
     let Ok(Value::Float(here)) = unit.get(angle, Kind::F64) else { panic!() };
     assert!((here - TAU / 4.0).abs() < 0.01, "{here}");
     unit.step(0.26, 0.25).unwrap();
     near(&unit, angle, here + TAU / 4.0);
-    unit.restore(&unit.of_bytes(&bytes).unwrap()).unwrap();
+    let (read, phase) = unit.of_bytes(&bytes).unwrap();
+    assert_eq!(phase, 2);
+    unit.restore(&read).unwrap();
     near(&unit, angle, here);
     unit.step(0.26, 0.25).unwrap();
     near(&unit, angle, here + TAU / 4.0);
@@ -116,6 +121,77 @@ fn a_model_turns_the_motor_and_a_state_has_it() {
             assert!(error.contains("its checksum is wrong"), "bit {bit} of byte {at} flipped: {error}");
         }
     }
+}
+
+/// The same state as `version` of commram would have saved it in `format`.
+fn with_header(bytes: &[u8], format: u16, version: &str) -> Vec<u8> {
+    let written = unseal(bytes).unwrap();
+    let mut from = Saved::new(written);
+    let (magic, _) = (from.raw(8).unwrap(), from.raw(2).unwrap());
+    let found: String = from.value().unwrap();
+    let mut to = Saving::default();
+    to.raw(magic);
+    to.raw(&format.to_le_bytes());
+    to.value(version);
+    to.raw(&written[10 + 1 + found.len()..]);
+    seal(to.into_bytes())
+}
+
+/// A change of what a state holds beside its snapshot needs a new number of the format. The snapshot in it has its own.
+#[test]
+fn a_sample_of_the_state_format_can_be_read() {
+    let bytes = sample(&format!("fmu-state-{FORMAT}"), || {
+        let mut unit = unit(&["node2.w_*"]);
+        let [modelled, speed] =
+            ["is_modelled", "speed_modelled"].map(|it| at(&unit, &format!("drive1.{it}")));
+        unit.begin(1.5).unwrap();
+        unit.set(modelled, Kind::Bool, Value::Boolean(true)).unwrap();
+        unit.set(speed, Kind::F64, Value::Float(2.25)).unwrap();
+        unit.step(1.5, 0.02).unwrap();
+        unit.to_bytes(&unit.state(), 2)
+    });
+    let bytes = with_header(&bytes, FORMAT, env!("CARGO_PKG_VERSION"));
+    let mut unit = unit(&["node2.w_*"]);
+    let read = match unit.of_bytes(&bytes) {
+        Err(UnitError::State(text)) if text.contains("it was made by commram") => {
+            panic!("{text}: a snapshot format with a new number needs a new state format with a sample")
+        }
+        read => read,
+    };
+    let (state, phase) = read.unwrap_or_else(|error| panic!("{error}; count FORMAT up"));
+    unit.restore(&state).unwrap();
+    assert_eq!((phase, unit.time_s()), (2, 1.52));
+    let speed = at(&unit, "drive1.speed_modelled");
+    assert_eq!(unit.get(speed, Kind::F64), Ok(Value::Float(2.25)));
+    assert_eq!(unit.to_bytes(&state, phase), bytes);
+}
+
+#[test]
+fn states_of_other_formats_are_refused_by_number_and_version() {
+    let unit = unit(&["node2.w_*"]);
+    let today = unit.to_bytes(&unit.state(), 0);
+    let ours = format!("this is commram {} (state format {FORMAT})", env!("CARGO_PKG_VERSION"));
+    let refused = |bytes: &[u8], by: &str| {
+        let error = unit.of_bytes(bytes).err().unwrap();
+        assert!(matches!(error, UnitError::OtherVersion { .. }), "{error:?}");
+        let error = error.to_string();
+        assert!(error.starts_with(&format!("the state was saved by {by}, {ours}; use ")), "{error}");
+    };
+    for (format, version) in [(FORMAT + 1, "0.2.0"), (u16::MAX, "99.0.0"), (FORMAT, "0.0.9")] {
+        refused(&with_header(&today, format, version), &format!("commram {version} (state format {format})"));
+    }
+    // Format 1 had the phase first, then a part that was sealed by itself.
+    for phase in 0..=3 {
+        let inner = seal(unseal(&today).unwrap()[20..].to_vec());
+        refused(&seal([vec![phase], inner].concat()), "an older commram (state format 1)");
+    }
+    for (name, bytes) in samples("fmu-state-") {
+        if name != format!("fmu-state-{FORMAT}") {
+            assert!(matches!(unit.of_bytes(&bytes).err(), Some(UnitError::OtherVersion { .. })), "{name}");
+        }
+    }
+    let something_else = unit.of_bytes(&seal(b"something else".to_vec())).err().unwrap().to_string();
+    assert!(something_else.contains("it does not begin as a state does"), "{something_else}");
 }
 
 proptest! {

@@ -10,6 +10,15 @@ use crate::snapshot_fields::{Damaged, Saved, Saving, seal, unseal};
 use serde::{Deserialize, Serialize};
 use twox_hash::XxHash3_64;
 
+/// First bytes of a state.
+const MAGIC: [u8; 8] = *b"cmrmunit";
+/// Number of the format of a state. A change of [`Own`] counts it up; the snapshot within has its own number. Format 1 had
+/// neither the magic nor a number. Every later format begins with the magic, the number and the version of commram, and
+/// ends with the checksum of [`seal`].
+pub(super) const FORMAT: u16 = 2;
+/// Highest number of a phase that format 1 could hold, in its first byte.
+const LAST_PHASE_OF_FORMAT_1: u8 = 3;
+
 /// Microseconds per second.
 const MICROS: f64 = 1e6;
 /// Longest time that a step may take it to: of two neighbouring numbers of 64 bits the distance is below a microsecond there.
@@ -70,6 +79,18 @@ pub enum UnitError {
     /// Bytes that are no state.
     #[error("it is no state of this unit: {0}")]
     State(String),
+    /// A state that another version of commram has saved.
+    #[error(
+        "the state was saved by {found} (state format {format}), this is commram {ours} (state format {FORMAT}); \
+         use the unit that has saved it, or save it again with this one",
+        ours = env!("CARGO_PKG_VERSION")
+    )]
+    OtherVersion {
+        /// The version of commram that has saved the state.
+        found: String,
+        /// The format of the state.
+        format: u16,
+    },
 }
 
 /// State of the unit that is not part of its plant.
@@ -279,23 +300,44 @@ impl Unit {
         Ok(())
     }
 
-    /// A state as bytes.
+    /// A state as bytes, with a number that the caller keeps with it: the phase of its life that the unit was in.
     #[must_use]
-    pub fn to_bytes(&self, state: &UnitState) -> Vec<u8> {
+    pub fn to_bytes(&self, state: &UnitState, phase: u8) -> Vec<u8> {
         let mut to = Saving::default();
+        to.raw(&MAGIC);
+        to.raw(&FORMAT.to_le_bytes());
+        to.value(env!("CARGO_PKG_VERSION"));
+        to.value(&phase);
         to.value(&state.own);
         to.value(&self.plant.file_of(state.snapshot.clone()).to_bytes());
         seal(to.into_bytes())
     }
 
-    /// Decodes a state. A return to the state checks whether it belongs to this unit.
+    /// Decodes a state, and the phase that was kept with it. [`Unit::restore`] checks whether it is a state of
+    /// this unit.
     ///
     /// # Errors
-    /// The bytes are not a state.
-    pub fn of_bytes(&self, bytes: &[u8]) -> Result<UnitState, UnitError> {
+    /// The bytes are damaged, no state, or a state of another version of commram.
+    pub fn of_bytes(&self, bytes: &[u8]) -> Result<(UnitState, u8), UnitError> {
         let damaged = |error: Damaged| UnitError::State(error.to_string());
         let wrong = || UnitError::State("its checksum is wrong, or its end is missing".to_owned());
-        let mut from = Saved::new(unseal(bytes).ok_or_else(wrong)?);
+        // The checksum comes first: a damaged header must not be reported as another version.
+        let written = unseal(bytes).ok_or_else(wrong)?;
+        let mut from = Saved::new(written);
+        if from.raw(MAGIC.len()).is_ok_and(|magic| magic != MAGIC) {
+            return Err(match written {
+                [0..=LAST_PHASE_OF_FORMAT_1, inner @ ..] if unseal(inner).is_some() => {
+                    UnitError::OtherVersion { found: "an older commram".to_owned(), format: 1 }
+                }
+                _ => UnitError::State("it does not begin as a state does".to_owned()),
+            });
+        }
+        let format = from.raw(size_of::<u16>()).map_err(damaged)?.try_into().map_or(0, u16::from_le_bytes);
+        let found: String = from.value().map_err(damaged)?;
+        if (format, found.as_str()) != (FORMAT, env!("CARGO_PKG_VERSION")) {
+            return Err(UnitError::OtherVersion { found: format!("commram {found}"), format });
+        }
+        let phase: u8 = from.value().map_err(damaged)?;
         let own: Own = from.value().map_err(damaged)?;
         let file: Vec<u8> = from.value().map_err(damaged)?;
         from.end().map_err(damaged)?;
@@ -304,6 +346,6 @@ impl Unit {
         if !is_finite || own.start_us > file.snapshot.time_us() {
             return Err(UnitError::State("its times make no sense".to_owned()));
         }
-        Ok(UnitState { own, snapshot: file.snapshot })
+        Ok((UnitState { own, snapshot: file.snapshot }, phase))
     }
 }

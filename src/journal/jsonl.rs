@@ -5,7 +5,7 @@ use super::{Catalogue, Fields, Format, Names, Origin, Reader, Record, Source};
 use serde::Serialize;
 
 /// Version of the format, in every line.
-const VERSION: u8 = 1;
+pub(crate) const VERSION: u8 = 1;
 
 /// Writes records as JSON Lines.
 pub struct Jsonl {

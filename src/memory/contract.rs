@@ -62,6 +62,30 @@ mod tests {
         }
     }
 
+    /// A field or a code that changes needs a new version. A field that takes a place that was reserved does not, nor a new code.
+    #[cfg(feature = "emulator")]
+    #[test]
+    fn the_page_changes_with_the_version_only() {
+        let mut lines = Vec::new();
+        for of in structures() {
+            lines.push(format!("{}: {} bytes\n", of.name, of.bytes));
+            for field in of.fields.iter().filter(|field| !field.is_reserved()) {
+                let kind = match field.kind {
+                    Kind::Integer(bytes) => format!("integer of {bytes} bytes"),
+                    Kind::Struct(of) => of.name.to_owned(),
+                };
+                let count = field.count.map_or(String::new(), |count| format!(" x {count}"));
+                lines.push(format!("{}.{} at {}: {kind}{count}\n", of.name, field.name, field.offset));
+            }
+        }
+        for codes in CODES {
+            lines
+                .extend(codes.codes.iter().map(|(code, name, _)| format!("{} {code}: {name}\n", codes.name)));
+        }
+        let name = format!("header-{ABI_VERSION}");
+        crate::format_samples::assert_only_added(&name, "ABI_VERSION", &lines.concat());
+    }
+
     #[test]
     fn a_field_knows_what_it_is() {
         let field = |name| Header::STRUCT.fields.iter().find(|field| field.name == name).unwrap();

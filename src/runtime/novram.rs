@@ -3,7 +3,7 @@
 //! The plant's description determines which registers and retain flags of a device are in NOVRAM. commram stores them
 //! in `<plc>.novram` in a directory of the user's choice. It writes a new file, syncs it and renames it, so after a
 //! kill at any moment the file has either the old or the new content. A foreign or damaged file is set aside, never
-//! overwritten. Only one emulator at a time can use the directory.
+//! overwritten. An emulator that finds a file of another version does not start. Only one emulator at a time can use the directory.
 //!
 //! Registers are written when the device has stored them. Retain flags are written once a second if they have changed,
 //! and both at the end. A separate thread writes, because syncing takes longer than an interval of a bus. It retries
@@ -60,7 +60,8 @@ impl Novram {
     /// firmware starts.
     ///
     /// # Errors
-    /// [`NovramError`] if the file cannot be read or written. A damaged file is no error, see [`RestoreOutcome`].
+    /// [`NovramError`] if the file cannot be read or written, or has another version. A damaged file is no error, see
+    /// [`RestoreOutcome`].
     pub fn power_on(
         directory: &Directory,
         device: &dyn DeviceConfig,

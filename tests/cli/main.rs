@@ -45,4 +45,5 @@ mod soak;
 mod starting;
 mod trace;
 mod travel;
+mod versions;
 mod viewers;

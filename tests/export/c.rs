@@ -130,8 +130,20 @@ fn what_is_wrong_with_an_image_is_told() {
     refused(&good[..20], "the image is too short");
     refused(&good[..4096], "the image is too short");
     refused(&changed(0), "the file is no image of a communication RAM");
-    refused(&changed(8), "the image has another version of the attach contract");
-    refused(&changed(16), "the image has another register map");
+    refused(
+        &changed(8),
+        "the image has ABI version 252, this program was built for 3: build it with the header that `commram export c` of \
+         that emulator's version writes",
+    );
+    let map = u64::from_le_bytes(good[16..24].try_into().unwrap());
+    refused(
+        &changed(16),
+        &format!(
+            "the image has register map 16#{:016X}, this program was built for 16#{map:016X}: build it with the header \
+             that `commram export c` writes for that device",
+            map ^ 0xFF
+        ),
+    );
     refused(&changed(48), "the emulator is gone");
     // State 1, then 4.
     let mut state = good.clone();

@@ -146,7 +146,7 @@ def test_what_is_wrong_with_an_image_is_told(stepped, tmp_path):
             commram.Ram(path)
 
     refused("no image of a communication RAM", at=0)
-    refused("attach contract", at=8)
+    refused("ABI version 127, this (module|program) knows 3", at=8)
     refused("another register map", at=16)
     refused("too short", length=20)
     refused("too short", length=4096)

@@ -2,7 +2,7 @@
 
 use super::ROOM;
 use crate::channel::domain::{MAX_CLIENTS, RootError};
-use crate::channel::wire::DecodeError;
+use crate::channel::wire::{DecodeError, WIRE_VERSION};
 use crate::request::{MAX_OPS, Refused};
 use iceoryx2::service::builder::request_response::RequestResponseOpenError as OpenError;
 use std::path::PathBuf;
@@ -93,10 +93,16 @@ pub enum ClientError {
         instance: String,
     },
     /// The emulator has a version with another format.
-    #[error("instance {instance} has another version ({reason:?}); use the same version on both sides")]
+    #[error(
+        "instance {instance}: its channel has {found}, the channel of this commram ({}) has format {WIRE_VERSION} \
+         ({reason:?}); use the commram version of the emulator",
+        env!("CARGO_PKG_VERSION")
+    )]
     Incompatible {
         /// Name of the instance.
         instance: String,
+        /// Format of the emulator's channel.
+        found: String,
         /// Error of iceoryx2.
         reason: OpenError,
     },

@@ -3,12 +3,38 @@
 use crate::cli::error::CliError;
 use crate::input_file;
 use crate::journal::Past;
+use crate::journal::jsonl::VERSION;
 use serde::Deserialize;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 /// Maximum number of events in one line: a counted record ends after at most one second.
 const MOST_TIMES: u64 = 1_000_000;
+
+/// Why a text is no journal that can be read.
+#[derive(Debug, PartialEq, Eq, thiserror::Error)]
+enum JournalFileError {
+    /// A line that is no record.
+    #[error("line {line}: {reason}; such a journal is written by `commram trace --format jsonl`")]
+    NoRecord {
+        /// Number of the line, from 1.
+        line: usize,
+        /// The error of the parser.
+        reason: String,
+    },
+    /// A record that another version of commram has written.
+    #[error(
+        "line {line}: the record has format {found}, this commram ({ours}) reads format {VERSION}; use the commram that \
+         has written it, or write the journal again with this one (`commram trace --format jsonl`)",
+        ours = env!("CARGO_PKG_VERSION")
+    )]
+    OtherVersion {
+        /// Number of the line, from 1.
+        line: usize,
+        /// Its format.
+        found: u64,
+    },
+}
 
 /// The register values in a journal file.
 pub(super) struct RecordedRegisters {
@@ -36,7 +62,27 @@ struct Line {
     answer: Option<serde_json::Value>,
 }
 
+/// What lines of all versions have.
+#[derive(Deserialize)]
+struct Versioned {
+    v: u64,
+}
+
 impl Line {
+    /// Reads a line.
+    fn parse(line: usize, text: &str) -> Result<Self, JournalFileError> {
+        let read = serde_json::from_str::<Self>(text);
+        // Lines of another version may have other fields.
+        let found = match &read {
+            Ok(read) => Some(read.v),
+            Err(_) => serde_json::from_str::<Versioned>(text).ok().map(|it| it.v),
+        };
+        match found.filter(|found| *found != u64::from(VERSION)) {
+            Some(found) => Err(JournalFileError::OtherVersion { line, found }),
+            None => read.map_err(|error| JournalFileError::NoRecord { line, reason: error.to_string() }),
+        }
+    }
+
     /// The new value of the register, and whether every change of this register is recorded.
     fn value(&self) -> Option<(u32, bool)> {
         let (value, is_recorded) = match self.kind.as_str() {
@@ -66,21 +112,15 @@ impl RecordedRegisters {
     pub(super) fn read(path: &Path) -> Result<Self, CliError> {
         let wrong = |reason| CliError::Unreadable { path: path.to_owned(), reason };
         let text = input_file::read(path, input_file::LONGEST).map_err(|error| wrong(error.to_string()))?;
-        Self::parse(&text).map_err(wrong)
+        Self::parse(&text).map_err(|error| wrong(error.to_string()))
     }
 
-    fn parse(text: &str) -> Result<Self, String> {
+    fn parse(text: &str) -> Result<Self, JournalFileError> {
         let mut told = RecordedRegisters { edges: Vec::new(), end_us: 0, registers: BTreeMap::new() };
         let mut recorded = BTreeSet::new();
         let mut reported: Vec<((String, String), u64, u32, bool)> = Vec::new();
         for (number, line) in (1..).zip(text.lines()) {
-            let wrong = |right: &dyn std::fmt::Display| {
-                format!("line {number}: {right}; such a journal is written by `commram trace --format jsonl`")
-            };
-            let line: Line = serde_json::from_str(line).map_err(|error| wrong(&error))?;
-            if line.v != 1 {
-                return Err(wrong(&format!("version {} of the format, only version 1 can be read", line.v)));
-            }
+            let line = Line::parse(number, line)?;
             told.end_us = told.end_us.max(line.time_us);
             if line.kind == "sync" {
                 told.edges.extend(line.times());
@@ -145,6 +185,35 @@ mod tests {
 {"v":1,"seq":901,"time_us":4100,"kind":"changed","plc":"other","address":"%MB3.6","from":0,"to":9}
 "#;
 
+    /// A change of what the reader relies on needs a new version, and keeps the sample of the old one.
+    #[test]
+    fn a_sample_of_the_format_can_be_read() {
+        let bytes =
+            crate::format_samples::sample(&format!("journal-{VERSION}.jsonl"), || LINES.as_bytes().to_vec());
+        let told = RecordedRegisters::parse(core::str::from_utf8(&bytes).unwrap()).unwrap();
+        assert_eq!((told.edges.as_slice(), told.end_us), (&[2000, 4000][..], 4100));
+        assert_eq!(told.register(None, "%MB3.5", "a").unwrap().values, [(100, 5), (500, 4)]);
+    }
+
+    #[test]
+    fn other_versions_are_refused_by_their_number() {
+        for (text, line, found) in [
+            ("{\"v\":0,\"kind\":\"x\"}", 1, 0),
+            ("{\"v\":1,\"kind\":\"x\"}\n{\"v\":2,\"kind\":\"x\"}", 2, 2),
+            // A later version may have other fields.
+            ("{\"v\":99,\"kind\":7,\"time\":[]}", 1, 99),
+        ] {
+            let error = RecordedRegisters::parse(text).err().unwrap();
+            assert_eq!(error, JournalFileError::OtherVersion { line, found });
+            let words = format!(
+                "line {line}: the record has format {found}, this commram ({}) reads format 1; use the commram that has \
+                 written it, or write the journal again with this one (`commram trace --format jsonl`)",
+                env!("CARGO_PKG_VERSION")
+            );
+            assert_eq!(error.to_string(), words);
+        }
+    }
+
     #[test]
     fn counted_records_of_a_journal_are_expanded() {
         let told = RecordedRegisters::parse(LINES).unwrap();
@@ -159,13 +228,9 @@ mod tests {
     }
 
     #[test]
-    fn a_file_that_is_not_a_journal_is_refused_with_its_line() {
-        for (text, told) in [
-            ("hello", "line 1: "),
-            ("{\"v\":1,\"kind\":\"x\"}\n{}", "line 2: "),
-            ("{\"v\":2,\"kind\":\"x\"}", "version 2"),
-        ] {
-            let error = RecordedRegisters::parse(text).err().unwrap();
+    fn what_is_no_journal_is_refused_by_its_line() {
+        for (text, told) in [("hello", "line 1: "), ("{\"v\":1,\"kind\":\"x\"}\n{}", "line 2: ")] {
+            let error = RecordedRegisters::parse(text).err().unwrap().to_string();
             assert!(error.contains(told) && error.contains("--format jsonl"), "{error}");
         }
     }

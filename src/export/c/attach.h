@@ -28,9 +28,14 @@ typedef struct commram {
     uint32_t generation;    /* of the emulator that was there when attaching */
 } commram;
 
+/* The versions of an image that was refused for its own: commram_check_file writes it, commram_text returns it. */
+static char commram_versions[200];
+
 /* What a result means, in English. */
 static inline const char *commram_text(commram_result result)
 {
+    if ((result == COMMRAM_WRONG_ABI || result == COMMRAM_WRONG_LAYOUT) && commram_versions[0])
+        return commram_versions;
     switch (result) {
     case COMMRAM_DONE: return "done";
     case COMMRAM_NO_IMAGE: return "there is no image of that name";
@@ -114,10 +119,19 @@ static inline commram_result commram_check_file(int file)
         return COMMRAM_TOO_SHORT;
     if (head.magic != COMMRAM_MAGIC)
         return COMMRAM_WRONG_MAGIC;
-    if (head.abi_version != COMMRAM_ABI_VERSION)
+    if (head.abi_version != COMMRAM_ABI_VERSION) {
+        snprintf(commram_versions, sizeof commram_versions,
+                 "the image has ABI version %u, this program was built for %u: build it with the header that "
+                 "`commram export c` of that emulator's version writes",
+                 (unsigned)head.abi_version, (unsigned)COMMRAM_ABI_VERSION);
         return COMMRAM_WRONG_ABI;
-    if (head.layout_hash != COMMRAM_LAYOUT_HASH)
+    }
+    if (head.layout_hash != COMMRAM_LAYOUT_HASH) {
+        snprintf(commram_versions, sizeof commram_versions,
+                 "the image has register map 16#%016llX, this program was built for 16#%016llX: build it with the header that `commram export c` writes for that device",
+                 (unsigned long long)head.layout_hash, (unsigned long long)COMMRAM_LAYOUT_HASH);
         return COMMRAM_WRONG_LAYOUT;
+    }
     if (head.segment_size != COMMRAM_SEGMENT_SIZE || info.st_size < (off_t)COMMRAM_SEGMENT_SIZE)
         return COMMRAM_TOO_SHORT;
     return COMMRAM_DONE;

@@ -251,9 +251,15 @@ class Ram:
         if magic != MAGIC:
             raise NotAttached(f"{self.path}: the file is no image of a communication RAM")
         if abi != ABI_VERSION:
-            raise NotAttached(f"{self.path}: attach contract {abi}, this module knows {ABI_VERSION}")
+            raise NotAttached(
+                f"{self.path}: the image has ABI version {abi}, this module knows {ABI_VERSION}; "
+                "write it with `commram export python` of that emulator's version"
+            )
         if layout != LAYOUT_HASH:
-            raise NotAttached(f"{self.path}: the image has another register map; export this module again")
+            raise NotAttached(
+                f"{self.path}: the image has another register map, 16#{layout:016X}, this module knows "
+                f"16#{LAYOUT_HASH:016X}; write it with `commram export python` for that device"
+            )
         if segment != SEGMENT_SIZE or info.st_size < SEGMENT_SIZE:
             raise NotAttached(f"{self.path}: the image is too short")
 

@@ -6,8 +6,9 @@ use crate::snapshot_fields::{Damaged, Saved, Saving, seal, unseal};
 
 /// First bytes of such a file.
 const MAGIC: [u8; 8] = *b"cmrmsnap";
-/// Version of the format that follows. Increase it with every change of the contents of a snapshot.
-const FORMAT: u16 = 3;
+/// Number of the format. A change of what a snapshot holds counts it up. Every format begins with the magic, this number
+/// and the version of commram, and ends with the checksum of [`seal`].
+pub(super) const FORMAT: u16 = 3;
 
 /// A snapshot with its plant.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -26,7 +27,8 @@ pub enum SnapshotFileError {
     NoSnapshot,
     /// Another version has written the snapshot.
     #[error(
-        "it was made by commram {found} (format {format}), this is commram {ours} (format {FORMAT}); use that version",
+        "it was made by commram {found} (format {format}), this is commram {ours} (format {FORMAT}); use that version, or take \
+         the snapshot again with this one",
         ours = env!("CARGO_PKG_VERSION")
     )]
     OtherVersion {

@@ -63,6 +63,20 @@ pub enum NovramError {
         /// Type of the file.
         found: &'static str,
     },
+    /// The file has another version.
+    #[error(
+        "NOVRAM {}: the file has version {found}, this commram ({}) reads version {read}; use the commram that has \
+         written it, or move the file away for the delivery state",
+        path.display(), env!("CARGO_PKG_VERSION")
+    )]
+    OtherVersion {
+        /// The file.
+        path: PathBuf,
+        /// Its version.
+        found: u32,
+        /// The version that this program reads.
+        read: u32,
+    },
     /// The last attempt to write has failed, too.
     #[error("the last changes are lost, and there is no further attempt: {source}")]
     Lost {

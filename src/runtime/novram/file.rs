@@ -1,9 +1,13 @@
-//! The NOVRAM file: magic, version, length, content, checksum.
+//! The NOVRAM file: magic, version, length, content, checksum. Every version begins with magic and version, and ends with the
+//! CRC-32 of all that comes before.
 
 use super::{Directory, NovramError, RestoreOutcome};
 
 const MAGIC: [u8; 8] = *b"commramN";
-const VERSION: u32 = 2;
+/// Version of the format. A change of the format counts it up.
+pub(super) const VERSION: u32 = 2;
+/// Longest file of any version in bytes.
+const LONGEST: usize = 1 << 20;
 /// Magic, version, length of the content.
 const HEAD: usize = 16;
 const CHECKSUM: usize = 4;
@@ -60,20 +64,41 @@ impl Content {
     }
 }
 
-/// Reads the file of this name. An unusable file is set aside; a file that cannot be written is an error.
+/// Why the bytes of a file are no content.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Unusable {
+    /// A file that is damaged, or no NOVRAM file.
+    Damaged,
+    /// An undamaged NOVRAM file of another version.
+    OtherVersion {
+        /// Its version.
+        found: u32,
+    },
+}
+
+/// Reads the file of this name. A damaged file is set aside. A file of another version is an error, and so is a file that could
+/// not be written.
 pub(super) fn load(
     directory: &Directory,
     name: &str,
     size: Size,
 ) -> Result<(Content, RestoreOutcome), NovramError> {
-    let (content, found) = match directory.read(name, HEAD + size.registers + size.flags + CHECKSUM)? {
+    let longest = LONGEST.max(HEAD + size.registers + size.flags + CHECKSUM);
+    let (content, found) = match directory.read(name, longest)? {
         None => (Content::empty(size.registers), RestoreOutcome::Nothing),
         Some(bytes) => match decode(&bytes, size) {
-            Some(content) => {
+            Ok(content) => {
                 let retain = content.retain().iter().any(|flag| *flag != 0);
                 (content, RestoreOutcome::Content { retain })
             }
-            None => (Content::empty(size.registers), RestoreOutcome::SetAside(directory.set_aside(name)?)),
+            Err(Unusable::Damaged) => {
+                (Content::empty(size.registers), RestoreOutcome::SetAside(directory.set_aside(name)?))
+            }
+            // Its content is worth something, to the version of commram that has written it.
+            Err(Unusable::OtherVersion { found }) => {
+                let path = directory.path_of(name);
+                return Err(NovramError::OtherVersion { path, found, read: VERSION });
+            }
         },
     };
     directory.probe(name, &encode(&content))?;
@@ -95,10 +120,19 @@ pub(super) fn encode(content: &Content) -> Vec<u8> {
     bytes
 }
 
-pub(super) fn decode(bytes: &[u8], Size { registers, flags }: Size) -> Option<Content> {
-    let (body, checksum) = bytes.split_last_chunk::<CHECKSUM>()?;
+pub(super) fn decode(bytes: &[u8], Size { registers, flags }: Size) -> Result<Content, Unusable> {
+    let (body, checksum) = bytes.split_last_chunk::<CHECKSUM>().ok_or(Unusable::Damaged)?;
+    // The checksum comes first: a damaged version must not be reported as another one.
+    if crc32fast::hash(body) != u32::from_le_bytes(*checksum) {
+        return Err(Unusable::Damaged);
+    }
+    let version = body.strip_prefix(&MAGIC).and_then(|rest| rest.first_chunk());
+    match version.map(|version| u32::from_le_bytes(*version)).ok_or(Unusable::Damaged)? {
+        VERSION => {}
+        found => return Err(Unusable::OtherVersion { found }),
+    }
     let possible = registers..=registers + flags;
-    let content = body.get(HEAD..).filter(|content| possible.contains(&content.len()))?;
-    let content = Content { bytes: content.to_vec(), registers };
-    (crc32fast::hash(body) == u32::from_le_bytes(*checksum) && encode(&content) == bytes).then_some(content)
+    let content = body.get(HEAD..).filter(|content| possible.contains(&content.len()));
+    let content = Content { bytes: content.ok_or(Unusable::Damaged)?.to_vec(), registers };
+    if encode(&content) == bytes { Ok(content) } else { Err(Unusable::Damaged) }
 }

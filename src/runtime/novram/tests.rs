@@ -1,7 +1,8 @@
 mod killed;
 
-use super::file::{decode, encode};
+use super::file::{VERSION, decode, encode};
 use super::*;
+use crate::format_samples::{sample, samples};
 use crate::plant::PlantConfig;
 use std::fs;
 use std::io::ErrorKind;
@@ -62,13 +63,13 @@ fn fuzz_novram() {
         let mut behind_a_right_checksum = bytes.to_vec();
         behind_a_right_checksum.extend(crc32fast::hash(bytes).to_le_bytes());
         for bytes in [bytes, &behind_a_right_checksum] {
-            if let Some(content) = decode(bytes, SIZE) {
+            if let Ok(content) = decode(bytes, SIZE) {
                 assert_eq!(encode(&content), bytes);
             }
         }
         if let Some((registers, retain)) = bytes.split_at_checked(REGISTERS) {
             let content = Content::new(registers, retain);
-            assert_eq!(decode(&encode(&content), SIZE), Some(content));
+            assert_eq!(decode(&encode(&content), SIZE), Ok(content));
         }
     });
 }
@@ -186,7 +187,7 @@ fn a_damaged_or_foreign_file_is_set_aside() {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("line.novram");
     let good = encode(&content(7));
-    assert_eq!(decode(&good, SIZE), Some(content(7)));
+    assert_eq!(decode(&good, SIZE), Ok(content(7)));
     let mut flipped = good.clone();
     flipped[20] ^= 1;
     let mut older = good.clone();
@@ -201,6 +202,53 @@ fn a_damaged_or_foreign_file_is_set_aside() {
         assert_eq!(found, RestoreOutcome::SetAside(aside.clone()));
         assert_eq!(fs::read(aside).unwrap(), bytes, "kept as it was");
         assert_eq!(segment.load(ROUTER, Width::Dword).unwrap(), 0);
+    }
+}
+
+/// A change of the format needs a new version.
+#[test]
+fn a_sample_of_the_format_can_be_read() {
+    let kept = Content::new(&core::array::from_fn::<u8, REGISTERS, _>(|n| n as u8), &[0xA5; 40]);
+    let bytes = sample(&format!("novram-{VERSION}"), || encode(&kept));
+    assert_eq!(decode(&bytes, SIZE), Ok(kept), "count VERSION up");
+}
+
+/// The file stays as it is: the commram that has written it can use it.
+#[test]
+fn a_file_of_another_version_is_refused_and_left_alone() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("line.novram");
+    let good = encode(&content(7));
+    let of_version = |version: u32, length: usize| {
+        let mut bytes = good[..good.len() - 4].to_vec();
+        bytes[8..12].copy_from_slice(&version.to_le_bytes());
+        bytes.resize(length, 7);
+        bytes.extend(crc32fast::hash(&bytes).to_le_bytes());
+        bytes
+    };
+    let mut others = vec![
+        (1, of_version(1, 32)),
+        (1, of_version(1, 40_000)),
+        (VERSION + 1, of_version(VERSION + 1, 500_000)),
+    ];
+    for (name, bytes) in samples("novram-") {
+        let version = name["novram-".len()..].parse().unwrap();
+        if version != VERSION {
+            others.push((version, bytes));
+        }
+    }
+    for (version, bytes) in others {
+        fs::write(&path, &bytes).unwrap();
+        let error = power_on(&directory, &segment()).unwrap_err();
+        assert!(matches!(error, NovramError::OtherVersion { .. }), "{error:?}");
+        let text = format!(
+            "NOVRAM {}: the file has version {version}, this commram ({}) reads version {VERSION}; use the commram that has \
+             written it, or move the file away for the delivery state",
+            path.display(),
+            env!("CARGO_PKG_VERSION")
+        );
+        assert_eq!(error.to_string(), text);
+        assert_eq!((names(&directory), fs::read(&path).unwrap()), (vec!["line.novram".to_owned()], bytes));
     }
 }
 

@@ -3,7 +3,6 @@
 use super::border::{Instance, Refused, Status, exported, read, with, write};
 use super::instance::Mode;
 use commram::fmi::UnitState;
-use commram::snapshot_fields::{seal, unseal};
 use core::ffi::c_void;
 
 /// A state, as those who call hold it.
@@ -90,25 +89,21 @@ exported! {
     ) -> Status {
         with(instance, |it| {
             // SAFETY: who calls hands over so many.
-            let bytes = unseal(unsafe { read(from, size) }?);
-            let (mode, bytes) = match bytes.unwrap_or_default() {
-                [0, bytes @ ..] => (Mode::Instantiated, bytes),
-                [1, bytes @ ..] => (Mode::Initializing, bytes),
-                [2, bytes @ ..] => (Mode::Stepping, bytes),
-                [3, bytes @ ..] => (Mode::Ended, bytes),
-                _ => {
-                    let text = "these bytes are no state of this unit, or are damaged: their checksum is wrong";
-                    return Err(Refused(text.to_owned()));
-                }
+            let (state, phase) = it.unit.of_bytes(unsafe { read(from, size) }?)?;
+            let mode = match phase {
+                0 => Mode::Instantiated,
+                1 => Mode::Initializing,
+                2 => Mode::Stepping,
+                3 => Mode::Ended,
+                _ => return Err(Refused(format!("these bytes are no state of this unit: it has no phase {phase}"))),
             };
-            let state = it.unit.of_bytes(bytes)?;
             leave(place(to)?, Kept { state, mode });
             Ok(())
         })
     }
 }
 
-/// A state as bytes: where the instance was in its life, then what the unit says.
+/// A state as bytes, with the phase of its life that the instance was in.
 fn bytes(it: &super::instance::Inner, kept: &Kept) -> Vec<u8> {
     let mode = match kept.mode {
         Mode::Instantiated => 0,
@@ -116,7 +111,5 @@ fn bytes(it: &super::instance::Inner, kept: &Kept) -> Vec<u8> {
         Mode::Stepping => 2,
         Mode::Ended | Mode::Broken => 3,
     };
-    let mut bytes = vec![mode];
-    bytes.extend(it.unit.to_bytes(&kept.state));
-    seal(bytes)
+    it.unit.to_bytes(&kept.state, mode)
 }

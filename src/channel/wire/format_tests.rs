@@ -1,0 +1,291 @@
+//! The bytes of each operation and each reply, as `tests/formats/channel-<version>` keeps them.
+
+use super::*;
+use crate::devices::{self, DriveDetails, DriveState, Interval, ParameterState, Slot};
+use crate::door::{DoorSpec, DoorState, GuestState};
+use crate::fault::{Draft, Fault, FaultStatus, MAX_FIELDS, Target};
+use crate::format_samples::assert_only_added;
+use crate::journal::{By, Change, Changed, Entry, Finding, How, Names, Record, Turn, Unforce};
+use crate::layout::RegisterPhase;
+use crate::memory::header::BoardSetting;
+use crate::plant::Forced;
+use crate::request::{
+    BusScene, BusState, Code, DriveEntry, InstanceInfo, Refused, Reply, Station, Stranger, Waited,
+};
+use std::fmt::Write;
+
+const TCP: DoorSpec =
+    DoorSpec::SlcanTcp { at: std::net::SocketAddrV4::new(std::net::Ipv4Addr::LOCALHOST, 29_536) };
+
+/// A fault of each kind, under the name of the kind.
+fn faults() -> Vec<(&'static str, Fault)> {
+    let fault = |kind: &'static crate::fault::Kind, is_given: [bool; MAX_FIELDS]| {
+        let mut draft = Draft::new(kind, Target::of_numbers(kind.place(), 1, 2));
+        for ((value, field), is_given) in draft.values.iter_mut().zip(kind.fields()).zip(is_given) {
+            *value = is_given.then(|| field.range().0);
+        }
+        (draft.at_us, draft.duration_us) = (7_000, Some(4_000));
+        draft.check().ok()
+    };
+    let combinations =
+        || (0..1_u32 << MAX_FIELDS).rev().map(|bits| core::array::from_fn(|n| bits >> n & 1 != 0));
+    let of = |kind: &&'static crate::fault::Kind| {
+        (
+            kind.name(),
+            combinations().find_map(|given| fault(kind, given)).unwrap_or_else(|| panic!("{}", kind.name())),
+        )
+    };
+    devices::fault_kinds().iter().map(of).collect()
+}
+
+fn ops() -> Vec<(String, Op)> {
+    let (plc, offset, width) = (3, 200_002, Width::Word);
+    let test = |compare, is_signed| Test { mask: 0xFF, compare, is_signed, value: 5 };
+    let frame = Frame::of_numbers(0x123, 3, 0x33_2211).unwrap();
+    let bytes = core::array::from_fn(|n| if n < 3 { n as u8 + 1 } else { 0 });
+    let mut ops = vec![
+        Op::Peek { plc, offset, width },
+        Op::Poke { plc, offset, width, value: 5 },
+        Op::CompareExchange { plc, offset, width, current: 5, new: 4 },
+        Op::ReadRange { plc, offset, len: 99 },
+        Op::Wait { plc, offset, width, mask: 0xFF, value: 5, within_us: 9_000 },
+        Op::WaitFor { any: true, within_us: 9_000 },
+        Op::Advance { us: 2_000 },
+        Op::AdvanceToSync { plc, node: 2 },
+        Op::AdvanceToEvent { within_us: 9_000 },
+        Op::Time,
+        Op::Journal { from: 77, max: 10 },
+        Op::Follow { plc, offset, len: 4, keep: Keep::InJournal },
+        Op::Follow { plc, offset, len: 4, keep: Keep::ForOnlookers },
+        Op::IsRecorded { plc, offset },
+        Op::Changes { from: 77, max: 10 },
+        Op::Force { plc, offset, width, value: 5 },
+        Op::Unforce { plc, offset, width },
+        Op::Forces,
+        Op::FaultList,
+        Op::FaultClear { id: None },
+        Op::FaultClear { id: NonZeroU16::new(12) },
+        Op::Board { plc },
+        Op::SetBoard { plc, setting: BoardSetting::Front { word: 1, value: 6 } },
+        Op::Findings,
+        Op::ClearFindings,
+        Op::Buses,
+        Op::Scene,
+        Op::Drives,
+        Op::Drive { drive: 1 },
+        Op::SetParameter { drive: 1, number: 47, value: -3 },
+        Op::DoorOpen { bus: 1, door: TCP },
+        Op::DoorOpen { bus: 1, door: DoorSpec::SlcanPty { number: Some(4) } },
+        Op::DoorClose { bus: 1, door: None },
+        Op::BusSend { bus: 1, frame: Some(frame) },
+        Op::BusSend { bus: 1, frame: None },
+        Op::Save,
+        Op::Forget { number: 2 },
+        Op::ReadSaved { number: 2, from: 65_536 },
+        Op::BringSaved { at: 32, count: 3, bytes },
+        Op::Restore { detached: true },
+        Op::BackTo { number: 2, detached: true },
+        Op::Back { us: 5_000, detached: true },
+        Op::BackUntil { any: true, detached: true },
+        Op::Info,
+        Op::Stop,
+    ];
+    ops.extend((1..=9).filter_map(|which| {
+        Some(Op::SetBoard {
+            plc,
+            setting: BoardSetting::from_numbers(which, u32::from(which < 6 || which > 7))?,
+        })
+    }));
+    for (compare, is_signed) in Compare::ALL.iter().flat_map(|compare| [(*compare, false), (*compare, true)])
+    {
+        ops.push(Op::Condition { plc, offset, width, test: test(compare, is_signed) });
+    }
+    // By kind and place: what the program calls them may change.
+    let mut places = std::collections::BTreeMap::<u16, usize>::new();
+    let mut named = |op: Op| {
+        let kind = WireOp::from(&op).kind;
+        let place = places.entry(kind).or_default();
+        *place += 1;
+        (format!("operation {kind}.{place}"), op)
+    };
+    let mut named: Vec<_> = ops.into_iter().map(&mut named).collect();
+    named.extend(faults().into_iter().map(|(name, fault)| (format!("fault {name}"), Op::FaultAdd { fault })));
+    named
+}
+
+fn buses() -> Vec<BusState> {
+    let guest = GuestState {
+        guest: 1,
+        door: TCP,
+        open: true,
+        bit_s: Some(500_000),
+        seat: true,
+        dropped: 2,
+        refused: 3,
+    };
+    let station = Station {
+        name: "drive1".into(),
+        address: Some(3),
+        state: "active".into(),
+        transmit_errors: 4,
+        receive_errors: 5,
+    };
+    vec![BusState {
+        name: "can1".into(),
+        kind: "CAN".into(),
+        bit_s: 500_000,
+        load_permille: Some(120),
+        ports: vec!["line 1".into()],
+        doors: vec![DoorState { door: TCP, guests: vec![guest], refused: 6 }],
+        stations: vec![station],
+        strangers: vec![Stranger { name: "x".into(), bit_s: 250_000 }],
+    }]
+}
+
+fn drive() -> DriveState {
+    DriveState {
+        number: Some(3),
+        kbit_s: Some(500),
+        state: "ready".into(),
+        status_word: 0x37,
+        is_synchronized: true,
+        speed_reference: -5,
+        speed_actual: 6,
+        fault: 7,
+        lost_references: 8,
+        is_stopped: true,
+    }
+}
+
+fn replies() -> Vec<(&'static str, Reply)> {
+    let turn = Turn { number: 2, begin: 5 };
+    let event = Unforce { plc: 1, offset: 200_002 }.into();
+    let record = Record { seq: 9, time_us: 1_000, event, count: 2, period_us: 3, latency_us: Some(4) };
+    let how = How { width: Width::Word, by: By::Channel, live: RegisterPhase::Cyclic };
+    let changed = Changed { plc: 1, offset: 200_002, how, from: 3, to: 4 };
+    let finding = Finding {
+        rule: devices::catalogue().rules[0],
+        plc: 1,
+        offset: 200_002,
+        live: RegisterPhase::Always,
+        value: 6,
+        late_us: 0,
+    };
+    let entry = Entry { last: finding, is_single: true, count: 2, first_us: 10, last_us: 20, latest_us: 0 };
+    let parameter = ParameterState {
+        number: 47,
+        name: "Speed".into(),
+        unit: "rpm".into(),
+        bytes: 2,
+        value: -3,
+        min: -9,
+        max: 9,
+        read_only: false,
+    };
+    // Without devices, which go by the hash of their registers.
+    let names = Names { plcs: vec!["line".into()], buses: vec!["can1".into()], devices: Vec::new() };
+    let info = InstanceInfo {
+        name: "default".into(),
+        is_stepped: true,
+        speed: 1_000,
+        time_us: 9,
+        generation: 2,
+        pid: 42,
+        abi_version: 3,
+        version: "0.1.0".into(),
+        waits_for: Some("a task".into()),
+        names,
+    };
+    let slot = Slot { name: "SYNC".into(), start_us: 10 };
+    let scene = BusScene {
+        name: "can1".into(),
+        kind: "CAN".into(),
+        bit_s: 500_000,
+        interval: Some(Interval { us: 2_000, slots: vec![slot] }),
+        ports: vec!["line 1".into()],
+    };
+    let waited = Waited { time_us: 9_000, value: 5 };
+    let error = |code, waited| Reply::Error(Refused { code, text: "no".into(), waited });
+    let (_, fault) = faults().remove(0);
+    vec![
+        ("Value", Reply::Value(5)),
+        ("Written", Reply::Written),
+        ("Exchanged", Reply::Exchanged { ok: true, found: 5 }),
+        ("Bytes", Reply::Bytes(vec![1, 2, 3])),
+        ("Waited", Reply::Waited(waited)),
+        ("Time", Reply::Time(9_000)),
+        ("Journal", Reply::Journal { records: vec![record], end: 10, turn }),
+        (
+            "Changes",
+            Reply::Changes { changes: vec![Change { seq: 9, time_us: 1_000, what: changed }], end: 10, turn },
+        ),
+        ("Forces", Reply::Forces(vec![Forced { plc: 1, offset: 200_002, width: Width::Word, value: 5 }])),
+        ("FaultAdded", Reply::FaultAdded { id: 12 }),
+        ("Faults", Reply::Faults(vec![FaultStatus { id: 12, fault, acting: true, hits: 3 }])),
+        ("FaultsCleared", Reply::FaultsCleared { count: 2 }),
+        ("Board", Reply::Board(zerocopy::transmute!([1_u32, 2, 3, 4, 5, 6, 7, 8, 9, 10]))),
+        ("Findings", Reply::Findings(vec![entry])),
+        ("Cleared", Reply::Cleared),
+        ("Buses", Reply::Buses(buses())),
+        (
+            "Drives",
+            Reply::Drives(vec![DriveEntry {
+                name: "drive1".into(),
+                bus: Some("can1".into()),
+                state: drive(),
+            }]),
+        ),
+        (
+            "Drive",
+            Reply::Drive(Box::new(DriveDetails {
+                state: drive(),
+                parameters: vec![parameter],
+                card: vec![(1, 2)],
+            })),
+        ),
+        ("Scene", Reply::Scene(vec![scene])),
+        ("DoorOpened", Reply::DoorOpened(TCP)),
+        ("DoorsClosed", Reply::DoorsClosed { count: 2 }),
+        ("Info", Reply::Info(Box::new(info))),
+        ("Stopping", Reply::Stopping),
+        ("Error", error(Code::UNMAPPED, None)),
+        ("Error in time", error(Code::NOT_IN_TIME, Some(waited))),
+    ]
+}
+
+fn hex(bytes: &[u8]) -> String {
+    bytes.iter().fold(String::new(), |text, byte| text + &format!("{byte:02X}"))
+}
+
+/// A change of any of them needs a new version in the names of the types. New operations and replies do not: an emulator that
+/// does not know an operation refuses it by code 13.
+#[test]
+fn the_bytes_of_operations_and_replies_change_with_the_version_only() {
+    let mut lines = String::new();
+    for (name, op) in ops() {
+        writeln!(lines, "{name}: {}", hex(WireOp::from(&op).as_bytes())).unwrap();
+    }
+    for (name, reply) in replies() {
+        let mut buffer = ReplyBuffer::default();
+        buffer.push(&reply).unwrap();
+        let mut read = Vec::new();
+        decode(buffer.blocks(), &mut read).unwrap();
+        assert_eq!(read, [reply], "{name}");
+        writeln!(lines, "{name}: {}", hex(buffer.blocks().as_bytes())).unwrap();
+    }
+    for kind in &devices::catalogue().kinds {
+        writeln!(lines, "event {}: {}", kind.name(), kind.number()).unwrap();
+    }
+    for rule in &devices::catalogue().rules {
+        writeln!(lines, "rule {}: {}", rule.id(), rule.number()).unwrap();
+    }
+    assert_only_added(&format!("channel-{WIRE_VERSION}"), "WIRE_VERSION", &lines);
+}
+
+/// The names are what iceoryx2 compares.
+#[test]
+fn the_type_names_carry_the_version() {
+    // SAFETY: both return a constant.
+    let names = unsafe { [WireOp::type_name(), Block::type_name()] };
+    assert_eq!(names, ["WireOp", "Block"].map(|name| format!("commram.channel.{name}.v{WIRE_VERSION}")));
+}

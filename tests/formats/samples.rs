@@ -1,0 +1,64 @@
+//! Samples of the formats that commram reads back, in `tests/formats`: a file for each format number.
+//!
+//! A test reads today's sample. If it cannot, the format has changed: the change counts the number of the format up and adds
+//! a sample of the new number. The samples of older numbers stay, and tests hold that they are refused with a clear message.
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::PathBuf;
+
+/// Set in the environment: a sample that is missing is written.
+const RENEW: &str = "COMMRAM_NEW_SAMPLES";
+
+fn path(name: &str) -> PathBuf {
+    [env!("CARGO_MANIFEST_DIR"), "tests", "formats", name].iter().collect()
+}
+
+/// The sample of this name. `today` makes one, which is written only if there is none and [`RENEW`] is set.
+pub(crate) fn sample(name: &str, today: impl FnOnce() -> Vec<u8>) -> Vec<u8> {
+    let path = path(name);
+    if !path.exists() && std::env::var_os(RENEW).is_some() {
+        fs::write(&path, today()).unwrap();
+    }
+    fs::read(&path).unwrap_or_else(|error| {
+        panic!(
+            "{}: {error}; a new format number needs a sample: run this test with {RENEW}=1",
+            path.display()
+        )
+    })
+}
+
+/// Compares the lines that describe a format with its sample, from which none may be missing. Lines may be added: they are
+/// written if [`RENEW`] is set. `number` names the constant that a change counts up.
+pub(crate) fn assert_only_added(name: &str, number: &str, today: &str) {
+    let kept = String::from_utf8(sample(name, || today.as_bytes().to_vec())).unwrap();
+    let missing_in = |there: &str, of: &str| -> Vec<String> {
+        let there: BTreeSet<&str> = there.lines().collect();
+        of.lines().filter(|line| !there.contains(line)).map(str::to_owned).collect()
+    };
+    let changed = missing_in(today, &kept);
+    assert!(
+        changed.is_empty(),
+        "the format differs from tests/formats/{name}: count {number} up and run this test with {RENEW}=1\n{}",
+        changed.join("\n")
+    );
+    let added = missing_in(&kept, today);
+    if !added.is_empty() && std::env::var_os(RENEW).is_some() {
+        return fs::write(path(name), today).unwrap();
+    }
+    assert!(
+        added.is_empty(),
+        "tests/formats/{name} lacks (run this test with {RENEW}=1):\n{}",
+        added.join("\n")
+    );
+}
+
+/// All samples whose names begin like this, with their names.
+pub(crate) fn samples(begin: &str) -> Vec<(String, Vec<u8>)> {
+    let entries = fs::read_dir(path("")).unwrap().map(|entry| entry.unwrap());
+    let named = entries.map(|entry| (entry.file_name().into_string().unwrap(), entry.path()));
+    named
+        .filter(|(name, _)| name.starts_with(begin))
+        .map(|(name, path)| (name, fs::read(path).unwrap()))
+        .collect()
+}
