@@ -71,8 +71,8 @@ mod tests {
             lines.push(format!("{}: {} bytes\n", of.name, of.bytes));
             for field in of.fields.iter().filter(|field| !field.is_reserved()) {
                 let kind = match field.kind {
-                    Kind::Integer(bytes) => format!("integer of {bytes} bytes"),
-                    Kind::Struct(of) => of.name.to_owned(),
+                    FieldKind::Integer(bytes) => format!("integer of {bytes} bytes"),
+                    FieldKind::Struct(of) => of.name.to_owned(),
                 };
                 let count = field.count.map_or(String::new(), |count| format!(" x {count}"));
                 lines.push(format!("{}.{} at {}: {kind}{count}\n", of.name, field.name, field.offset));

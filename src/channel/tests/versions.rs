@@ -1,6 +1,6 @@
 //! Clients and emulators whose wire format has another version: both directions end with a clear message.
 
-use super::rig::{Emulator, Place};
+use super::rig::{Emulator, InstanceFiles};
 use crate::channel::ClientError;
 use crate::channel::client::Patience;
 use crate::channel::domain::{Domain, Ipc, Threads};
@@ -57,7 +57,7 @@ fn a_client_names_the_version_of_an_emulator_that_has_another() {
     fn refused<Op: ZeroCopySend + core::fmt::Debug + Copy, Reply: ZeroCopySend + core::fmt::Debug + Copy>(
         version: u32,
     ) {
-        let place = Place::new();
+        let place = InstanceFiles::new();
         place.bells().set_pid(std::process::id());
         let domain = place.domain();
         let node = domain.node::<Ipc>().unwrap();
@@ -83,7 +83,7 @@ fn a_client_names_the_version_of_an_emulator_that_has_another() {
 /// A client of another version at today's emulator, which goes on to answer its own.
 #[test]
 fn an_emulator_lets_no_client_of_another_version_in() {
-    let place = Arc::new(Place::new());
+    let place = Arc::new(InstanceFiles::new());
     let _emulator = Emulator::start(&place, true);
     let ours = place.client();
     let domain = Domain::find(&place.instance, &place.root()).unwrap().unwrap();
