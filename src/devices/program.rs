@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 /// The program of a client, and the last order for it.
 pub(super) struct Starts {
-    seen: Seen,
+    seen: ProgramCells,
     is_loaded: bool,
     /// The next start is a cold one, because the program is new.
     is_new: bool,
@@ -19,34 +19,34 @@ snapshot_fields!(Starts { values: seen, is_loaded, is_new });
 
 /// Cells that clients write, as last seen.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-struct Seen {
+struct ProgramCells {
     requests: u32,
     program: u32,
 }
 
-impl Seen {
+impl ProgramCells {
     #[inline]
     fn now(face: &Face) -> Self {
         let asked = face.asked();
-        Seen { requests: asked.board_requests.load(), program: asked.program.state.load() }
+        ProgramCells { requests: asked.board_requests.load(), program: asked.program.state.load() }
     }
 }
 
 impl Starts {
     /// No program is loaded.
     pub(super) fn new(face: &Face) -> Self {
-        Starts { seen: Seen::now(face), is_loaded: false, is_new: true }
+        Starts { seen: ProgramCells::now(face), is_loaded: false, is_new: true }
     }
 
     /// Whether a client has entered a request or reported its program state since the last poll.
     #[inline]
     pub(super) fn has_changed(&self, face: &Face) -> bool {
-        Seen::now(face) != self.seen
+        ProgramCells::now(face) != self.seen
     }
 
     /// Polls the requests and reports of clients. `is_up`: the program may run. Returns the last start or stop ordered.
     pub(super) fn look(&mut self, ctx: &mut Context, face: &Face, is_up: bool) -> Option<Start> {
-        let seen = Seen::now(face);
+        let seen = ProgramCells::now(face);
         let is_asked = core::mem::replace(&mut self.seen, seen).requests != seen.requests;
         let mut ordered = self.note_program(ctx, face, is_up);
         if is_asked {

@@ -35,7 +35,7 @@ impl Entry {
 
 /// A fault in a snapshot: the number of its kind, and only the values that do not follow from the kind.
 #[derive(Serialize, Deserialize)]
-struct Kept {
+struct SavedFault {
     id: u16,
     kind: u8,
     index: u16,
@@ -49,13 +49,13 @@ struct Kept {
     ends: u64,
 }
 
-impl Kept {
+impl SavedFault {
     fn of(entry: &Entry) -> Self {
         // The effect and the owner follow from the fault; no fault is over between two events.
         let Entry { status, owner: _, effect: _, begins, ends, done: _ } = entry;
         let FaultStatus { id, fault, acting, hits } = *status;
         let (index, number) = fault.target().numbers();
-        Kept {
+        SavedFault {
             id,
             kind: fault.kind().number(),
             index,
@@ -82,7 +82,7 @@ impl Kept {
         let fault = Draft { kind, target, values, at_us: self.at_us, count, duration_us }.check().ok()?;
         let owner = sites.owner(&fault).ok()?;
         let status = FaultStatus { id: self.id, fault, acting: self.acting, hits: self.hits };
-        let Kept { begins, ends, .. } = *self;
+        let SavedFault { begins, ends, .. } = *self;
         Some(Entry { status, owner, effect: fault.effect(), begins, ends, done: false })
     }
 }
@@ -101,7 +101,7 @@ impl Faults {
     pub(crate) fn save(&self, to: &mut Saving) {
         // The next time follows from the entries.
         let Faults { entries, last_id, next: _ } = self;
-        to.value(&(entries.iter().map(Kept::of).collect::<Vec<_>>(), last_id));
+        to.value(&(entries.iter().map(SavedFault::of).collect::<Vec<_>>(), last_id));
     }
 
     /// Restores the faults of a snapshot, which must be valid for an installation with these `sites`. The effects on
@@ -112,7 +112,7 @@ impl Faults {
         kinds: &'static [&'static Kind],
         sites: &Sites,
     ) -> Result<(), Damaged> {
-        let (kept, last_id): (Vec<Kept>, u16) = from.value()?;
+        let (kept, last_id): (Vec<SavedFault>, u16) = from.value()?;
         from.check(kept.len() <= MAX_FAULTS, "list of faults")?;
         let entries = kept.iter().map(|kept| kept.entry(kinds, sites)).collect::<Option<_>>();
         self.entries = entries.ok_or_else(|| from.no("fault that the plant can have"))?;

@@ -6,7 +6,7 @@
 //! The events of this period are put into the journal in the order of a sequential run: by time, then in plant order.
 
 use super::Plant;
-use super::ports::Seat;
+use super::ports::PluggedPort;
 use super::worker_pool::WorkerPool;
 use crate::check::DeviceWatch;
 use crate::devices::{Medium, World};
@@ -26,7 +26,7 @@ type Share = (usize, Vec<Box<dyn Medium>>, Journal);
 /// A period in which media run independently, with its processor cycles; a cycle runs only if it would change the
 /// state.
 #[derive(Clone, Copy)]
-struct Stretch {
+struct IndependentPeriod {
     until: u64,
     first_cycle: u64,
     cycle_us: u64,
@@ -66,7 +66,8 @@ impl Plant {
             return false;
         }
         let (first_cycle, cycle_us) = (self.next_cycle, self.cycle_us);
-        let stretch = Stretch { until, first_cycle, cycle_us, lookers: self.devices.len() * TELLERS };
+        let stretch =
+            IndependentPeriod { until, first_cycle, cycle_us, lookers: self.devices.len() * TELLERS };
         let seats = self.ports.seats();
         let run = move |(first, mut media, mut draft): Share| {
             let mut last = 0;
@@ -140,7 +141,7 @@ impl Plant {
     fn each_watch(
         &mut self,
         of_device: impl Fn(usize, &mut DeviceWatch, &mut Journal) + Copy + Send + 'static,
-        of_port: impl Fn(&mut dyn Medium, usize, Seat, &mut Journal) + Copy + Send + 'static,
+        of_port: impl Fn(&mut dyn Medium, usize, PluggedPort, &mut Journal) + Copy + Send + 'static,
     ) {
         let size = self.watches.len().div_ceil(self.drafts.len());
         let mut watches = core::mem::take(&mut self.watches).into_iter();
@@ -167,10 +168,10 @@ impl Plant {
     }
 }
 
-impl Stretch {
+impl IndependentPeriod {
     /// Runs medium number `index`, with the processor cycles of the ports in `seats`. Returns the time of its last
     /// event.
-    fn run(self, index: usize, medium: &mut dyn Medium, seats: &[Seat], draft: &mut Journal) -> u64 {
+    fn run(self, index: usize, medium: &mut dyn Medium, seats: &[PluggedPort], draft: &mut Journal) -> u64 {
         let (mut faults, mut edges) = (Faults::default(), Vec::new());
         let (mut last, mut cycle) = (0, self.first_cycle);
         loop {

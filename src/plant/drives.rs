@@ -5,7 +5,7 @@ use crate::devices::{DriveDetails, DriveState, ParameterRefusal, Shaft};
 
 /// Location of a drive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum At {
+enum DriveLocation {
     /// On a bus, at this place of [`Medium::drives`](crate::devices::Medium::drives).
     Bus(usize, usize),
     /// The drive that is built into a device.
@@ -42,20 +42,23 @@ impl Plant {
         on_bus.chain(own).collect()
     }
 
-    fn drive_at(&self, number: usize) -> Option<At> {
+    fn drive_at(&self, number: usize) -> Option<DriveLocation> {
         let media = self.media().iter().enumerate();
-        let on_bus =
-            media.flat_map(|(bus, medium)| (0..medium.drives().len()).map(move |drive| At::Bus(bus, drive)));
+        let on_bus = media.flat_map(|(bus, medium)| {
+            (0..medium.drives().len()).map(move |drive| DriveLocation::Bus(bus, drive))
+        });
         let devices = self.devices.iter().enumerate();
-        let own = devices.filter(|(_, device)| device.drive().is_some()).map(|(index, _)| At::Device(index));
+        let own = devices
+            .filter(|(_, device)| device.drive().is_some())
+            .map(|(index, _)| DriveLocation::Device(index));
         on_bus.chain(own).nth(number)
     }
 
     /// All details of drive `number`; `None` if there is no such drive.
     pub fn drive(&self, number: usize) -> Option<DriveDetails> {
         match self.drive_at(number)? {
-            At::Bus(bus, drive) => self.media().get(bus)?.drive(drive),
-            At::Device(index) => self.devices.get(index)?.drive(),
+            DriveLocation::Bus(bus, drive) => self.media().get(bus)?.drive(drive),
+            DriveLocation::Device(index) => self.devices.get(index)?.drive(),
         }
     }
 
@@ -72,8 +75,12 @@ impl Plant {
         let at = self.drive_at(number)?;
         let Plant { now, media, devices, journal, .. } = self;
         let done = match at {
-            At::Bus(bus, drive) => media.get_mut(bus)?.set_parameter(drive, parameter, value, *now, journal),
-            At::Device(index) => devices.get_mut(index)?.set_parameter(parameter, value, *now, journal),
+            DriveLocation::Bus(bus, drive) => {
+                media.get_mut(bus)?.set_parameter(drive, parameter, value, *now, journal)
+            }
+            DriveLocation::Device(index) => {
+                devices.get_mut(index)?.set_parameter(parameter, value, *now, journal)
+            }
         };
         self.find_next_device();
         Some(done)
@@ -82,8 +89,8 @@ impl Plant {
     /// Demanded and actual motion of the motor of drive `number`; `None` if there is no such drive.
     pub fn shaft(&self, number: usize) -> Option<Shaft> {
         match self.drive_at(number)? {
-            At::Bus(bus, drive) => self.media().get(bus)?.shaft(drive),
-            At::Device(index) => self.devices.get(index)?.shaft(),
+            DriveLocation::Bus(bus, drive) => self.media().get(bus)?.shaft(drive),
+            DriveLocation::Device(index) => self.devices.get(index)?.shaft(),
         }
     }
 
@@ -94,8 +101,8 @@ impl Plant {
         let Some(at) = self.drive_at(number) else { return false };
         let Plant { now, media, devices, .. } = self;
         match at {
-            At::Bus(bus, drive) => media[bus].turn_shaft(drive, speed, *now),
-            At::Device(index) => devices[index].turn_shaft(speed, *now),
+            DriveLocation::Bus(bus, drive) => media[bus].turn_shaft(drive, speed, *now),
+            DriveLocation::Device(index) => devices[index].turn_shaft(speed, *now),
         }
         self.find_next_device();
         true

@@ -146,7 +146,7 @@ mod tests {
         plant.guest_joins(0, 1, false);
         assert_eq!(plant.guest_sends(0, 1, &frame(0x200, &[])), Ok(()));
         plant.advance_to(10_000);
-        assert!(arrived(&plant).is_empty(), "nobody acknowledges");
+        assert!(arrived(&plant).is_empty(), "no station acknowledges");
         plant.guest_joins(0, 2, true);
         assert_eq!(plant.guest_sends(0, 2, &frame(0x123, &[])), Ok(()));
         plant.advance_to(20_000);

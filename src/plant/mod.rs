@@ -197,7 +197,7 @@ impl Plant {
             if self.is_rescheduled {
                 self.schedule_media();
             }
-            let (mut due, mut which) = (self.next_device, Due::Device);
+            let (mut due, mut which) = (self.next_device, NextEvent::Device);
             if tries > 0 && self.schedule.first() > self.now && !self.drafts.is_empty() {
                 if self.go_apart(time) {
                     (tries, has_run, self.has_looked) = (TRIES, true, false);
@@ -208,7 +208,7 @@ impl Plant {
             if self.schedule.first() < due
                 && let Some(index) = self.schedule.due(0, self.schedule.first())
             {
-                (due, which) = (self.schedule.first(), Due::Medium(index));
+                (due, which) = (self.schedule.first(), NextEvent::Medium(index));
             }
             if self.has_looked {
                 self.leave_out_cycles(due.min(self.faults.next_time()).min(time.saturating_add(1)));
@@ -217,7 +217,7 @@ impl Plant {
                 if self.leaves_cycles_out(due, time) {
                     continue;
                 }
-                (due, which) = (self.next_cycle, Due::Cycle);
+                (due, which) = (self.next_cycle, NextEvent::Cycle);
             }
             if self.faults.next_time() <= due.min(time) {
                 self.now = self.now.max(self.faults.next_time());
@@ -234,18 +234,18 @@ impl Plant {
             has_run = true;
             self.has_looked = false;
             match which {
-                Due::Cycle => {
+                NextEvent::Cycle => {
                     self.next_cycle += self.cycle_us;
                     self.run_cycle();
                     self.journal.tick(due);
                     self.has_looked = true;
                 }
-                Due::Device => {
+                NextEvent::Device => {
                     self.forces.apply(&self.devices);
                     self.devices_due();
                     self.forces.apply(&self.devices);
                 }
-                Due::Medium(index) => {
+                NextEvent::Medium(index) => {
                     self.forces.apply(&self.devices);
                     self.medium_events(index, time);
                     self.forces.apply(&self.devices);
@@ -435,7 +435,7 @@ fn refused<E: From<MemoryError> + From<PlantError>>(error: BuildError) -> E {
 }
 
 /// Next event.
-enum Due {
+enum NextEvent {
     Cycle,
     Device,
     Medium(usize),

@@ -9,9 +9,9 @@ use serde::{Deserialize, Serialize};
 
 /// Contents of the registers of all devices at the last poll. Requests to the boards need no copy: their firmware reads
 /// them in separate pages.
-pub(crate) struct Outside(Vec<Seen>);
+pub(crate) struct Outside(Vec<DeviceRegisters>);
 
-struct Seen {
+struct DeviceRegisters {
     ranges: Vec<Range<usize>>,
     registers: RegisterCopy,
 }
@@ -20,28 +20,28 @@ struct Seen {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Stored {
     plc: u16,
-    what: What,
+    what: StoreTarget,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-enum What {
+enum StoreTarget {
     Registers(StoredBytes),
     /// To the header page: the cell that programs write there, and the value.
     Board(u16, u32),
 }
 
-impl Seen {
+impl DeviceRegisters {
     fn of(device: &dyn Device) -> Self {
         let ranges = registers_of(device);
         let registers = device.segment().copy_registers(&ranges);
-        Seen { ranges, registers }
+        DeviceRegisters { ranges, registers }
     }
 }
 
 impl Outside {
     /// Copies the present contents.
     pub(crate) fn of(plant: &Plant) -> Self {
-        Outside(plant.devices().iter().map(|device| Seen::of(&**device)).collect())
+        Outside(plant.devices().iter().map(|device| DeviceRegisters::of(&**device)).collect())
     }
 
     /// Registers that differ from the last poll.
@@ -49,7 +49,7 @@ impl Outside {
         let devices = (0..).zip(plant.devices().iter().zip(&mut self.0));
         let stored = devices.flat_map(|(plc, (device, seen))| {
             let stored = device.segment().stored_since(&seen.ranges, &mut seen.registers);
-            stored.into_iter().map(move |bytes| Stored { plc, what: What::Registers(bytes) })
+            stored.into_iter().map(move |bytes| Stored { plc, what: StoreTarget::Registers(bytes) })
         });
         stored.collect()
     }
@@ -73,7 +73,7 @@ impl Plant {
     pub(crate) fn tell_boards(&self) -> Vec<Stored> {
         let told = (0..).zip(self.devices().iter()).flat_map(|(plc, device)| {
             let told = device.segment().deliver_requests(device.layout().front);
-            told.into_iter().map(move |(index, value)| Stored { plc, what: What::Board(index, value) })
+            told.into_iter().map(move |(index, value)| Stored { plc, what: StoreTarget::Board(index, value) })
         });
         told.collect()
     }
@@ -82,8 +82,10 @@ impl Plant {
     pub(crate) fn store_as_outside(&self, stored: &Stored) {
         let Some(device) = self.devices().get(usize::from(stored.plc)) else { return };
         match stored.what {
-            What::Registers(bytes) => device.segment().store_bytes(&bytes),
-            What::Board(index, value) => device.segment().store_request(device.layout().front, index, value),
+            StoreTarget::Registers(bytes) => device.segment().store_bytes(&bytes),
+            StoreTarget::Board(index, value) => {
+                device.segment().store_request(device.layout().front, index, value)
+            }
         }
     }
 }

@@ -20,7 +20,7 @@ pub(super) struct Port {
 
 /// Device and port that are plugged in at a place of a medium.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Seat {
+pub(super) struct PluggedPort {
     /// Index of the device.
     pub(super) device: usize,
     /// Index of the port there.
@@ -38,7 +38,7 @@ pub(super) struct Ports {
     /// at this medium.
     ways: Vec<Vec<(usize, usize, usize)>>,
     /// For each medium the ports at its places.
-    seats: Arc<Vec<Vec<Seat>>>,
+    seats: Arc<Vec<Vec<PluggedPort>>>,
 }
 
 impl Ports {
@@ -68,7 +68,7 @@ impl Ports {
             seats.resize(media.len(), Vec::new());
             let place = media[medium].attach(socket)?;
             device.plugged_in(number, media[medium].bit_s());
-            seats[medium].push(Seat { device: self.of_device.len(), port: ports.len() });
+            seats[medium].push(PluggedPort { device: self.of_device.len(), port: ports.len() });
             ports.push(Port { number, medium, place, takes_part: false });
         }
         self.ways.resize(media.len(), Vec::new());
@@ -92,7 +92,7 @@ impl Ports {
     }
 
     /// Ports at the places of each medium; each port that is plugged in gets the next place.
-    pub(super) fn seats(&self) -> Arc<Vec<Vec<Seat>>> {
+    pub(super) fn seats(&self) -> Arc<Vec<Vec<PluggedPort>>> {
         Arc::clone(&self.seats)
     }
 

@@ -32,7 +32,7 @@ const PAUSE_US: u64 = 100_000;
 #[derive(Debug)]
 pub struct Travel {
     /// Snapshots that clients have asked for, by their numbers.
-    saved: BTreeMap<u32, Saved>,
+    saved: BTreeMap<u32, KeptSnapshot>,
     last: u32,
     /// A snapshot as a file that a client is reading.
     leaving: (u32, Vec<u8>),
@@ -50,7 +50,7 @@ pub struct Travel {
 }
 
 #[derive(Debug)]
-struct Saved {
+struct KeptSnapshot {
     snapshot: Snapshot,
     /// Number of events in the journal at that time.
     written: u64,
@@ -205,7 +205,7 @@ pub(super) fn save(host: &mut dyn Host) -> Result<u32, Refused> {
     // Stores from here on do not belong to this moment, even if no time passes.
     travel.touch();
     let (snapshot, written) = (plant.snapshot(), plant.journal().written());
-    travel.saved.insert(travel.last, Saved { snapshot, written, is_behind: true });
+    travel.saved.insert(travel.last, KeptSnapshot { snapshot, written, is_behind: true });
     Ok(travel.last)
 }
 

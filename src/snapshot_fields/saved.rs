@@ -21,9 +21,9 @@ pub struct Saving {
 }
 
 /// Appends the output of postcard to bytes.
-struct Appended<'a>(&'a mut Vec<u8>);
+struct ByteAppender<'a>(&'a mut Vec<u8>);
 
-impl Flavor for Appended<'_> {
+impl Flavor for ByteAppender<'_> {
     type Output = ();
 
     #[inline]
@@ -54,7 +54,7 @@ impl Saving {
     /// Appends a value. Values without a length known beforehand (iterators that serde cannot count) do not occur.
     #[inline]
     pub fn value<T: Serialize + ?Sized>(&mut self, value: &T) {
-        let written = postcard::serialize_with_flavor(value, Appended(&mut self.bytes));
+        let written = postcard::serialize_with_flavor(value, ByteAppender(&mut self.bytes));
         debug_assert!(written.is_ok(), "{written:?}");
     }
 

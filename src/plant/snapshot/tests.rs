@@ -131,7 +131,7 @@ fn runs_or_is_refused(plant: &mut Plant, good: &Snapshot, bad: &Snapshot) -> boo
     if is_taken {
         plant.advance_to(plant.now().saturating_add(3_000));
     } else {
-        assert!(plant.snapshot() == *good, "what is refused changes nothing");
+        assert!(plant.snapshot() == *good, "a refused snapshot changes nothing");
     }
     assert!(plant.restore(good).is_ok());
     is_taken

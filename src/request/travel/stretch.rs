@@ -24,12 +24,12 @@ pub(super) struct Stretch {
     /// Stores of operations after the snapshot, in order.
     pub(super) stores: Vec<Store>,
     /// End of the part without a break.
-    end: End,
+    end: StretchEnd,
 }
 
 /// Known end of a stretch.
 #[derive(Clone, Copy, Debug)]
-struct End {
+struct StretchEnd {
     time_us: u64,
     /// Number of stores up to the end.
     stores: usize,
@@ -40,7 +40,7 @@ struct End {
 impl Stretch {
     /// Creates a stretch that begins at the present moment; the snapshot may reuse the memory of an earlier one.
     pub(super) fn from_here(plant: &Plant, room: Vec<u8>) -> Self {
-        let end = End { time_us: plant.now(), stores: 0, hash: plant.journal().hash() };
+        let end = StretchEnd { time_us: plant.now(), stores: 0, hash: plant.journal().hash() };
         Stretch { begin: plant.snapshot_reusing(room), stores: Vec::new(), end }
     }
 
@@ -55,7 +55,8 @@ impl Stretch {
 
     /// Time has passed.
     pub(super) fn goes_on_to(&mut self, plant: &Plant) {
-        self.end = End { time_us: plant.now(), stores: self.stores.len(), hash: plant.journal().hash() };
+        self.end =
+            StretchEnd { time_us: plant.now(), stores: self.stores.len(), hash: plant.journal().hash() };
     }
 
     /// The plant is at a moment of this stretch: later parts are no longer part of the history.
@@ -74,21 +75,21 @@ impl Stretch {
     /// Starts at the beginning of the stretch, where the plant is: goes to the end, and returns whether all results
     /// were the same as the first time.
     pub(super) fn is_repeated(&self, plant: &mut Plant) -> bool {
-        let End { time_us, stores, hash } = self.end;
-        Way(&self.stores[..stores]).go_to(plant, time_us);
+        let StretchEnd { time_us, stores, hash } = self.end;
+        RemainingStores(&self.stores[..stores]).go_to(plant, time_us);
         plant.journal().hash() == hash
     }
 
     /// Returns the way from the beginning on, with the stores up to a moment.
-    pub(super) fn way(&self, until_us: u64) -> Way<'_> {
-        Way(&self.stores[..self.stores.partition_point(|store| store.time_us <= until_us)])
+    pub(super) fn way(&self, until_us: u64) -> RemainingStores<'_> {
+        RemainingStores(&self.stores[..self.stores.partition_point(|store| store.time_us <= until_us)])
     }
 }
 
 /// Remaining stores of the way.
-pub(super) struct Way<'a>(&'a [Store]);
+pub(super) struct RemainingStores<'a>(&'a [Store]);
 
-impl Way<'_> {
+impl RemainingStores<'_> {
     /// Time of the next store; `u64::MAX` if there is none.
     pub(super) fn next_store(&self) -> u64 {
         self.0.first().map_or(u64::MAX, |store| store.time_us)

@@ -168,7 +168,7 @@ fn many_stores_cause_a_snapshot() {
     let travel = host.plant_and_travel().1;
     assert_eq!(travel.size, travel.history[0].size());
     host.request(&[Op::Advance { us: 200_000 }, Op::Advance { us: 1 }]);
-    assert_eq!(host.plant_and_travel().1.history.len(), 2, "so much time is worth one, too");
+    assert_eq!(host.plant_and_travel().1.history.len(), 2, "this much time causes a snapshot, too");
 }
 
 #[test]

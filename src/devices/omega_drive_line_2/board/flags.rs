@@ -144,7 +144,7 @@ mod tests {
         flags.initialize();
         let held = [0, 1, 2, 3, 6, 7, 8, 23].map(|flag| load(&flags, flag));
         assert_eq!(held, [1, 2, 3, 4, 0xEF, 0xBE, 0, 0x7F]);
-        assert_eq!(flags.segment.load(behind, Width::Dword).unwrap(), 9, "behind the last flag");
+        assert_eq!(flags.segment.load(behind, Width::Dword).unwrap(), 9, "after the last flag");
         flags.forget();
         flags.initialize();
         assert_eq!(load(&flags, 23), 0);

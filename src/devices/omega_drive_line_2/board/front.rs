@@ -19,7 +19,7 @@ const POINT: u32 = 1 << 8;
 /// The front at the last poll.
 #[derive(Debug)]
 pub(super) struct Front {
-    seen: Seen,
+    seen: PolledFront,
     switch: RunSwitch,
     powered: bool,
     program: ProgramState,
@@ -41,16 +41,16 @@ pub(super) struct Front {
 
 /// Cells that clients turn, as they stood.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-struct Seen {
+struct PolledFront {
     switch: u32,
     power: u32,
     program: u32,
 }
 
-impl Seen {
+impl PolledFront {
     #[inline]
     fn now(asked: &Header) -> Self {
-        Seen {
+        PolledFront {
             switch: asked.board.switch.load(),
             power: asked.program.power.load(),
             program: asked.program.state.load(),
@@ -72,7 +72,7 @@ impl Front {
         Front {
             flags,
             projects,
-            seen: Seen::now(face.asked()),
+            seen: PolledFront::now(face.asked()),
             switch: RunSwitch::Run,
             powered: true,
             program: ProgramState::None,
@@ -101,7 +101,7 @@ impl Front {
     /// Whether a switch was turned since the last poll, or the display must blink.
     #[inline]
     pub(crate) fn has_changed(&self, face: &Face) -> bool {
-        Seen::now(face.asked()) != self.seen || self.program == ProgramState::CopyingBootProject
+        PolledFront::now(face.asked()) != self.seen || self.program == ProgramState::CopyingBootProject
     }
 
     /// Power-on or end of reset: reads the DIP switches and returns their number.
@@ -150,7 +150,7 @@ impl Front {
 
     /// Takes over the switches of clients. Invalid numbers change nothing.
     fn read(&mut self, face: &Face) {
-        self.seen = Seen::now(face.asked());
+        self.seen = PolledFront::now(face.asked());
         self.switch = RunSwitch::from_code(self.seen.switch).unwrap_or(self.switch);
         if let Some(power) = header::Power::from_code(self.seen.power) {
             self.powered = power == header::Power::On;

@@ -122,7 +122,7 @@ mod tests {
         projects.load(Project::Sent);
         assert_eq!((projects.loaded(), projects.starts_cold()), (Project::Sent, true));
         projects.restart();
-        assert_eq!((projects.loaded(), projects.starts_cold()), (Project::Boot, false), "it is no new one");
+        assert_eq!((projects.loaded(), projects.starts_cold()), (Project::Boot, false), "the project is not new");
         projects.load(Project::None);
         assert_eq!(projects.loaded(), Project::None);
         projects.restart();
@@ -143,7 +143,7 @@ mod tests {
         projects.restart();
         assert_eq!((projects.loaded(), projects.starts_cold()), (Project::Boot, true));
         projects.erased();
-        assert_eq!(projects.loaded(), Project::Sent, "what is loaded stays");
+        assert_eq!(projects.loaded(), Project::Sent, "the loaded project stays");
         projects.restart();
         assert_eq!(projects.loaded(), Project::None);
     }

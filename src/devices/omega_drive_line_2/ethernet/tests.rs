@@ -127,7 +127,7 @@ fn a_refused_address_leaves_the_old_configuration() {
     for (config, last) in [(ip_config::PLUS_DIP, 224), (ip_config::PLUS_DIP, 255)] {
         rig.store(config, Ip::new(10, 1, 2, last), OTHER_MASK);
         assert_eq!(rig.ethernet.stored().0, &before);
-        assert_eq!(rig.ethernet.registers(), before, "the registers show the old one again");
+        assert_eq!(rig.ethernet.registers(), before, "the registers show the old address again");
         assert_eq!(rig.address(), (EXAMPLE, MASK));
         assert_eq!(rig.status() & ethernet_status::REFUSED, ethernet_status::REFUSED);
         let refused = BoardEvent::AddressRefused { config, address: Ip::new(10, 1, 2, last) };

@@ -174,7 +174,7 @@ mod tests {
         shared.stage = Stage::Free;
         other.step(&mut shared, CALL, job);
         let outcome = one.step(&mut shared, CALL, job);
-        assert!(matches!(outcome, Outcome::Answered(Answer { communication: -1, .. })), "nobody will answer");
+        assert!(matches!(outcome, Outcome::Answered(Answer { communication: -1, .. })), "no answer will come");
         assert!(matches!(other.step(&mut shared, CALL, job), Outcome::Busy));
         running.step(&mut shared, RESET, job);
         assert!(matches!(shared.stage, Stage::Entered(Job { ticket: 2, .. })), "{:?}", shared.stage);
@@ -189,7 +189,7 @@ mod tests {
         one.step(&mut shared, CALL, job);
         shared.stage = Stage::Answered(job(2), Answer::default());
         one.step(&mut shared, RESET, job);
-        assert!(matches!(shared.stage, Stage::Answered(..)), "it is another one's");
+        assert!(matches!(shared.stage, Stage::Answered(..)), "the answer belongs to another job");
         other.step(&mut shared, RESET, job);
         shared.stage = Stage::Free;
         one.step(&mut shared, CALL, job);

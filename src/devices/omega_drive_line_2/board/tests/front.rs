@@ -108,7 +108,7 @@ fn the_supply_may_fail_while_reset_is_held() {
     assert_eq!(rig.turn(RunSwitch::Reset), Look::Held);
     rig.board.stop();
     rig.header.program.power.store(1);
-    assert!(rig.board.has_supply(), "before anybody looks");
+    assert!(rig.board.has_supply(), "before the first poll");
     assert_eq!(rig.look(), Look::Off);
     assert_eq!((rig.look(), rig.board.has_supply()), (Look::Nothing, false));
     assert_eq!(rig.turn(RunSwitch::Stop), Look::Nothing, "no supply");
@@ -270,7 +270,7 @@ fn no_event_occurs_at_stop() {
     rig.program(ProgramState::Stopped);
     assert_eq!(events(&mut rig), 3);
     rig.ask_for(Start::Stop);
-    assert_eq!(events(&mut rig), 3, "the program stands");
+    assert_eq!(events(&mut rig), 3, "the program is stopped");
     rig.ask_for(Start::Hot);
     assert_eq!(events(&mut rig), 4);
 }
