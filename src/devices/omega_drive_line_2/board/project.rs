@@ -122,7 +122,11 @@ mod tests {
         projects.load(Project::Sent);
         assert_eq!((projects.loaded(), projects.starts_cold()), (Project::Sent, true));
         projects.restart();
-        assert_eq!((projects.loaded(), projects.starts_cold()), (Project::Boot, false), "the project is not new");
+        assert_eq!(
+            (projects.loaded(), projects.starts_cold()),
+            (Project::Boot, false),
+            "the project is not new"
+        );
         projects.load(Project::None);
         assert_eq!(projects.loaded(), Project::None);
         projects.restart();

@@ -174,7 +174,10 @@ mod tests {
         shared.stage = Stage::Free;
         other.step(&mut shared, CALL, job);
         let outcome = one.step(&mut shared, CALL, job);
-        assert!(matches!(outcome, Outcome::Answered(Answer { communication: -1, .. })), "no answer will come");
+        assert!(
+            matches!(outcome, Outcome::Answered(Answer { communication: -1, .. })),
+            "no answer will come"
+        );
         assert!(matches!(other.step(&mut shared, CALL, job), Outcome::Busy));
         running.step(&mut shared, RESET, job);
         assert!(matches!(shared.stage, Stage::Entered(Job { ticket: 2, .. })), "{:?}", shared.stage);
