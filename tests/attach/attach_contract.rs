@@ -1,5 +1,5 @@
-//! The C client printed in `docs/reference/attach.md` is compiled and meets an emulator's memory, so what the
-//! contract says is what a program that knows nothing else needs.
+//! Compiles the C client printed in `docs/reference/attach.md` and runs it on an emulator's memory. So the contract
+//! contains everything that a program needs.
 
 use commram::devices::omega_drive_line_2::registers::DEVICE;
 use commram::memory::{ClockMode, Image, ImageSpec, Width};
@@ -30,7 +30,7 @@ fn printed(directory: &Path, number: usize) -> PathBuf {
     program
 }
 
-/// The one without the header.
+/// Compiles the client without the header.
 fn client(directory: &Path) -> PathBuf {
     printed(directory, 1)
 }
@@ -57,7 +57,8 @@ fn refusal(output: &Output) -> (Option<i32>, String) {
     (output.status.code(), String::from_utf8_lossy(&output.stderr).trim().to_owned())
 }
 
-/// What a client gets whose 16#05 is answered with 16#04, and what it has sent.
+/// Runs a client against a firmware that answers 16#05 with 16#04. Returns the output and the values that the client
+/// sent.
 fn meets(image: &Image, client: impl FnOnce() -> Output + Send) -> (Output, u32) {
     image.set_ready();
     thread::scope(|scope| {

@@ -1,5 +1,5 @@
-//! Soft-PLCs of b maXX PLCs, each a process of its own: this device's function blocks, event 11, deadlines at 1 Mbit/s, a
-//! SYNC signal that goes from slot to slot, programs that are killed and started anew.
+//! Soft-PLCs of b maXX PLCs, each in a separate process: function blocks of this device, event 11, deadlines at 1
+//! Mbit/s, a SYNC signal between slots, and programs that are killed and restarted.
 #![allow(non_snake_case, reason = "the manual's names, letter for letter")]
 
 use crate::common::Emulator;
@@ -19,10 +19,10 @@ use std::time::Duration;
 const LONG: Duration = Duration::from_secs(60);
 /// "SYNC signal 1 option module" (p. 25).
 const SYNC: usize = 11;
-/// `<PLC>:<instance>:<us>:<us>`: after so many microseconds of run time the first frames are released, then the second;
-/// with 0 and 0 in real time, at once.
+/// `<PLC>:<instance>:<us>:<us>`: run times in microseconds after which the first and the second frames are released.
+/// 0 and 0 mean real time without delay.
 const ROLE: &str = "COMMRAM_TEST_BM4";
-/// What a program says when its task takes part.
+/// Text that a program prints when its task takes part.
 const READY: &str = "ready";
 
 /// `maxx` is slave 6 of `top` in slot H and master of a drive in slot G, with the SYNC signal of slot H.
@@ -38,7 +38,7 @@ const PLANT: &str = "[[device]]\nkind = 'bm4-plc'\nname = 'maxx'\nsync_source = 
 /// One value as a doubleword in words 0 and 1.
 const VALUES: [i8; 4] = [0, 0, -1, -1];
 const HIGH: [bool; 4] = [false, true, false, false];
-/// The same in frame 2.
+/// The same mapping in frame 2.
 const VALUES_2: [i8; 4] = [4, 4, -1, -1];
 
 /// The modules of a program with their blocks.
@@ -48,7 +48,7 @@ struct Modules<'a> {
     master: Base<CANsync_PLC_MA_BMSTRUCT>,
     master_init: Base<CANsync_PLC_INIT_BMSTRUCT>,
     slave: Option<(Base<CANsync_PLC_SL_BMSTRUCT>, Base<CANsync_PLC_INIT_BMSTRUCT>)>,
-    /// The slave of the master.
+    /// Number of the master's slave.
     below: u8,
 }
 
@@ -69,7 +69,7 @@ impl<'a> Modules<'a> {
         }
     }
 
-    /// A cycle of the program whenever emulated time has passed, until `done`.
+    /// Runs a cycle of the program after each advance of the emulated time, until `done`.
     fn until(&self, mut done: impl FnMut() -> bool) {
         while !done() {
             let seen = self.ram.now_us();
@@ -124,7 +124,7 @@ impl<'a> Modules<'a> {
             event.call(&self.ram);
             assert!(!event.x_ERR);
             if let Some((regs, _)) = &self.slave {
-                // Kept: without it the slave would leave active operation again.
+                // Kept set: without it the slave would leave active operation again.
                 mode_sl.x_CANsync_RUN |= mode_sl.x_PREPARE_ACTIV;
                 mode_sl.call(regs);
             }
@@ -135,13 +135,13 @@ impl<'a> Modules<'a> {
         });
     }
 
-    /// The event task in lockstep, until the emulator ends.
+    /// Runs the event task in lockstep until the emulator ends.
     fn run(&self, task: &mut LockstepTask, [first, second]: [u32; 2]) -> Result<(), MemoryError> {
         let mut exchange = Exchange::of(self);
         let us = |us: u32| NonZeroU32::new(us).unwrap();
         loop {
             task.next_event(LONG)?;
-            // What came too late for the last interval is not to count in this one.
+            // A release that was too late for the last interval must not count in this one.
             self.master.b_CTRLREG_WRC1.store(0);
             if let Some((regs, _)) = &self.slave {
                 regs.b_CTRLREG_RD_RDC1.store(0);
@@ -156,7 +156,7 @@ impl<'a> Modules<'a> {
         }
     }
 
-    /// The event task in real time: whenever it learns of an event, until the emulator ends.
+    /// Runs the event task in real time, once per event, until the emulator ends.
     fn follow(&self) -> Result<(), MemoryError> {
         let mut exchange = Exchange::of(self);
         let mut seen = self.ram.header().events[SYNC].bell.rings();
@@ -168,7 +168,7 @@ impl<'a> Modules<'a> {
     }
 }
 
-/// What the program does in an interval: a number that counts goes down from `top`, through `maxx` and up again.
+/// Work of the program in an interval: a counter value travels from `top` through `maxx` to the slave and back.
 struct Exchange<'a> {
     modules: &'a Modules<'a>,
     master: CANsync_PD_COMM_MA,
@@ -189,7 +189,7 @@ impl<'a> Exchange<'a> {
         Exchange { modules, master, slave: CANsync_PD_COMM_SL::default(), a_RD_ARRAY: [[0; 16]; 32] }
     }
 
-    /// The master's frames, and the slave's first one.
+    /// Releases the master's frames, and the slave's first frame.
     fn first(&mut self) {
         let Exchange { modules, master, slave, a_RD_ARRAY } = self;
         match &modules.slave {
@@ -204,7 +204,7 @@ impl<'a> Exchange<'a> {
         master.call(&modules.master, a_RD_ARRAY);
     }
 
-    /// The slave's second one.
+    /// Releases the slave's second frame.
     fn second(&mut self) {
         let Exchange { modules, slave, a_RD_ARRAY, .. } = self;
         if let Some((regs, _)) = &modules.slave {
@@ -214,7 +214,7 @@ impl<'a> Exchange<'a> {
     }
 }
 
-/// Not a test: the program of a PLC, in a process of its own.
+/// Not a test: the program of a PLC, in a separate process.
 #[test]
 fn child() {
     let Ok(role) = std::env::var(ROLE) else { return };
@@ -234,7 +234,7 @@ fn child() {
     println!("\n{}", end.unwrap_err());
 }
 
-/// A PLC's process.
+/// The process of a PLC.
 struct Plc {
     child: Child,
     lines: mpsc::Receiver<String>,
@@ -254,7 +254,7 @@ impl Plc {
         Plc { child, lines }
     }
 
-    /// Whether its task takes part, which it says once.
+    /// Returns whether the task takes part. The program reports it once.
     fn is_ready(&self) -> bool {
         self.lines.try_iter().any(|line| line == READY)
     }
@@ -272,7 +272,7 @@ impl Drop for Plc {
     }
 }
 
-/// Lets time pass until all of them are ready.
+/// Advances the clock until all programs are ready.
 fn bring_up(emulator: &Emulator, mut plcs: Vec<&Plc>) {
     assert!(crate::common::eventually(|| {
         emulator.step(&["5ms"]);
@@ -282,7 +282,7 @@ fn bring_up(emulator: &Emulator, mut plcs: Vec<&Plc>) {
     emulator.step(&["20ms"]);
 }
 
-/// Frames left out in 10 intervals of 1 ms, with their port and number.
+/// Returns the frames that were missed in 10 intervals of 1 ms, with their port and number.
 fn missed_in_ten(emulator: &Emulator) -> BTreeMap<(String, String), usize> {
     let start = attach(emulator, "top").header_snapshot().virtual_time_us.load();
     emulator.step(&["10ms"]);
@@ -305,13 +305,13 @@ fn attach(emulator: &Emulator, plc: &str) -> Attached {
     Image::attach(&emulator.name, plc, AttachMode::ReadWrite, Some(LAYOUT_HASH)).unwrap()
 }
 
-/// What comes back to `top`.
+/// Returns the value that comes back to `top`.
 fn returned(emulator: &Emulator) -> u32 {
     let master = Ram::of(attach(emulator, "top").segment()).unwrap();
     master.at::<CANsync_PLC_MA_BMSTRUCT>(SLOTM).unwrap().a_RD_BMARRAY[6][0].load()
 }
 
-/// Edges of the SYNC signal at slots G and H of `maxx`.
+/// Returns the edges of the SYNC signal at slots G and H of `maxx`.
 fn edges(emulator: &Emulator) -> [u32; 2] {
     let header = attach(emulator, "maxx").header_snapshot();
     [0, 1].map(|slot| header.sync_counter[slot].load())
@@ -328,7 +328,7 @@ fn start(args: &[&str]) -> (Emulator, tempfile::TempDir) {
 /// for its second ones, to the microsecond.
 #[test]
 fn programs_in_lockstep_keep_the_deadlines_of_this_device_or_not() {
-    // Port 1 is slot G, port 2 slot H. Who never was in time is no finding.
+    // Port 1 is slot G, port 2 slot H. A frame that was never in time is no finding.
     let late = [("maxx:1", "WRC1", 10), ("maxx:2", "RDC1", 10), ("maxx:2", "RDC2", 10)];
     for (us, is_late) in [([199, 449], false), ([200, 450], true)] {
         let (emulator, _plant) = start(&["--clock", "stepped"]);
@@ -369,8 +369,8 @@ fn a_program_that_was_killed_comes_back_with_both_its_modules() {
     assert_eq!(edges(&emulator), before.map(|edges| edges + 10), "from slot H on to slot G");
 }
 
-/// In real time nothing waits for a program: what is released too late for an interval goes out in the next one. The numbers
-/// go down and up all the same, in order, and the programs learn of the end.
+/// In real time the bus does not wait for a program: a frame that is released too late for an interval goes out in
+/// the next one. The values still travel in order in both directions, and the programs notice the end.
 #[test]
 fn programs_in_real_time_exchange_values_through_both_modules() {
     let (mut emulator, _plant) = start(&[]);

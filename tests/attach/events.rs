@@ -1,4 +1,4 @@
-//! The three ways to wait for an event, each from a process of its own: futex, polling, iceoryx2.
+//! The three ways to wait for an event, each from a separate process: futex, polling, iceoryx2.
 
 use crate::active;
 use crate::common::Emulator;
@@ -25,7 +25,7 @@ fn listen(instance: &str) -> EventListener {
     EventListener::connect(instance, &channel_root(instance).unwrap(), "line", bells).unwrap()
 }
 
-/// Not a test: a PLC process that waits until the emulator ends, and prints each count that it sees.
+/// Not a test: a PLC process that waits until the emulator ends, and prints each event count that it sees.
 #[test]
 fn child() {
     let Ok(role) = std::env::var(ROLE) else { return };
@@ -84,7 +84,7 @@ impl Waiter {
         waiter
     }
 
-    /// The numbers of the next line that begins so.
+    /// Returns the numbers of the next line with this prefix.
     fn next(&mut self, what: &str) -> Vec<u64> {
         loop {
             let line = self.lines.next().expect("the waiter goes on").unwrap();
@@ -111,7 +111,7 @@ fn enable_sync(image: &Attached) {
     image.wait_until("INTR_SET", LONG, |_| header.interrupts[SYNC].outcome(request)).unwrap();
 }
 
-/// Stepped: each of them sees the last count and time of each step, and after 10 steps has seen all events.
+/// In stepped mode each process sees the last count and time of each step. After 10 steps it has seen all events.
 #[test]
 fn stepped_events_reach_processes_in_three_ways_without_loss() {
     let emulator = Emulator::stepped();
@@ -123,20 +123,20 @@ fn stepped_events_reach_processes_in_three_ways_without_loss() {
     let slot = &image.header().unwrap().events[SYNC];
     let first = slot.bell.rings();
     for step in 1..=10 {
-        // One event, then 49, to see whether a crowd is merged or lost.
+        // One event, then 49, to check whether many events are merged or lost.
         emulator.step(&[if step % 2 == 1 { "2ms" } else { "98ms" }]);
         let (count, time) = (u64::from(slot.bell.rings()), slot.time_us.load());
         assert_eq!(count - u64::from(first), (step / 2) * 50 + step % 2);
         for waiter in &mut waiters {
             let way = waiter.way;
-            // A crowd may be seen in several parts; the last part ends it.
+            // Many events may arrive in several parts; the last part completes them.
             let seen = std::iter::repeat_with(|| waiter.next("event")).find(|seen| seen[0] >= count).unwrap();
             assert_eq!(seen, [count, time], "{way}, step {step}");
         }
     }
 }
 
-/// Real time: they follow, and learn of the end.
+/// In real time the processes follow the events and notice the end.
 #[test]
 fn real_time_events_reach_processes_in_three_ways() {
     let mut emulator = Emulator::start(&[]);
@@ -153,7 +153,7 @@ fn real_time_events_reach_processes_in_three_ways() {
         let mut last = first.clone();
         while last[0] < first[0] + 20 {
             let next = waiter.next("event");
-            // The time is read after the count, and may be that of an event more.
+            // The time is read after the count, so it may already belong to the next event.
             assert!(next[0] > last[0] && next[1] >= last[1], "{way}: {last:?} {next:?}");
             last = next;
         }
@@ -166,7 +166,7 @@ fn real_time_events_reach_processes_in_three_ways() {
     }
 }
 
-/// A listener that is killed is no trouble for the others.
+/// A killed listener does not affect the others.
 #[test]
 fn a_killed_listener_does_not_disturb() {
     let emulator = Emulator::stepped();

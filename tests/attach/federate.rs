@@ -1,4 +1,4 @@
-//! Emulators in this process that share their plant.
+//! Emulators in this process that share a plant.
 
 use crate::common::unique_name;
 use commram::federation::{FederateConfig, NoExchange};
@@ -6,7 +6,7 @@ use commram::plant::PlantConfig;
 use commram::runtime::{Clock, Emulator, Options};
 use std::time::Duration;
 
-/// Its firmware would see what a program asks before the others are told.
+/// The firmware would see a program's request before the other emulators receive it.
 #[test]
 fn an_emulator_with_a_plant_of_its_own_joins_nobody() {
     let join = |is_federate| {

@@ -1,5 +1,5 @@
-//! Tasks that the emulated time waits for: their claimed run time decides what they miss, and none of them can hang
-//! the emulator.
+//! Tasks in lockstep, for which the emulated time waits. Their claimed run time decides which deadlines they miss,
+//! and none of them can hang the emulator.
 
 use crate::active;
 use crate::common::{Emulator, promised};
@@ -13,7 +13,7 @@ use std::sync::mpsc;
 use std::time::Duration;
 
 const LONG: Duration = Duration::from_secs(60);
-/// How long a task that is not needed any more may take to notice.
+/// Time that a task which is no longer needed may take to notice it.
 const SHORT: Duration = Duration::from_millis(5);
 const SYNC: usize = 12;
 const WRC1: u32 = NODE2 as u32 + 12;
@@ -23,7 +23,7 @@ fn attach(instance: &str) -> Attached {
     Image::attach(instance, "line", AttachMode::ReadWrite, Some(LAYOUT_HASH)).unwrap()
 }
 
-/// `INTR_SET`, within a turn or outside.
+/// Calls `INTR_SET`, within a turn or outside.
 fn set_event(image: &Attached, event: usize, factor: i16, enable: bool) {
     let header = image.header().unwrap();
     let request = header.interrupts[event].ask(factor, enable);
@@ -32,7 +32,7 @@ fn set_event(image: &Attached, event: usize, factor: i16, enable: bool) {
     assert_eq!(result, 0);
 }
 
-/// A master in active operation at a SYNC edge, its process data released anew in each interval by nobody.
+/// Starts a master in active operation at a SYNC edge, without a program that releases process data.
 fn active() -> Emulator {
     let emulator = Emulator::stepped();
     let image = attach(&emulator.name);
@@ -41,8 +41,8 @@ fn active() -> Emulator {
     emulator
 }
 
-/// Runs `task` beside `steps`, after it has joined with event `event`, and until the steps are over. A run that they
-/// have left unfinished is finished after them.
+/// Joins with event `event`, runs `task` in parallel to `steps`, and ends when the steps are over. A run that is
+/// unfinished then is completed.
 fn beside<R: Send>(
     emulator: &Emulator,
     event: usize,
@@ -76,7 +76,7 @@ fn beside<R: Send>(
     })
 }
 
-/// A task that takes `us` from the event to the release of WRC1.
+/// Returns a task that takes `us` from the event to the release of WRC1.
 fn releases_after(us: u32) -> impl FnMut(&mut LockstepTask, &Attached) -> Result<u64, MemoryError> {
     move |task, image| {
         let start = task.next_event(SHORT)?;
@@ -86,7 +86,7 @@ fn releases_after(us: u32) -> impl FnMut(&mut LockstepTask, &Attached) -> Result
     }
 }
 
-/// Lets ten whole intervals pass from a SYNC edge on; returns the time at their end.
+/// Advances the clock by ten whole intervals from a SYNC edge. Returns the time at their end.
 fn ten_intervals(emulator: &Emulator) -> u64 {
     emulator.step(&["21ms"]);
     attach(&emulator.name).header().unwrap().virtual_time_us.load()
@@ -104,9 +104,9 @@ fn missed(emulator: &Emulator) -> usize {
 /// p. 153: 490 us after the start of the event task, to the microsecond (D-09).
 #[test]
 fn the_claimed_run_time_decides_whether_the_deadline_is_met() {
-    // The interval under way has no release, so it is missed in any case. A release that comes late is there in time
-    // for the next interval, so at 700 us one more is missed; at 490 us every second one, because 16#05 is written
-    // while the frame of the release before is being built, and goes under with its 16#04.
+    // The current interval has no release, so it is missed in any case. A late release is in time for the next
+    // interval, so at 700 us one more is missed. At 490 us every second one is missed: 16#05 is written while the
+    // frame of the previous release is being built, and its 16#04 overwrites it.
     for (us, misses) in [(80, 1), (489, 1), (490, 1 + 5), (700, 1 + 1)] {
         let emulator = active();
         if us == 490 {
@@ -124,7 +124,7 @@ fn the_claimed_run_time_decides_whether_the_deadline_is_met() {
     }
 }
 
-/// A task that takes back what was released shows each missed deadline.
+/// A task that withdraws its release shows each missed deadline.
 #[test]
 fn every_interval_counts_by_itself() {
     let emulator = active();
@@ -161,7 +161,7 @@ fn a_task_that_runs_too_long_gets_its_next_turn_at_once() {
     assert!(turns.len() >= 3);
 }
 
-/// p. 43-44, 73: level 14 interrupts level 13, whose run time gets longer by that.
+/// p. 43-44, 73: level 14 interrupts level 13, whose run time gets longer by the interruption.
 #[test]
 fn the_higher_level_takes_the_processor() {
     let emulator = active();
@@ -177,7 +177,7 @@ fn the_higher_level_takes_the_processor() {
         high = beside(&emulator, SYNC, 0, run(100), || drop(emulator.step(&["12ms"])));
     });
     assert!(high.iter().all(|(start, end)| end - start == 100), "{high:?}");
-    // What ran on after the other task had left does not count.
+    // Turns after the other task has left do not count.
     let last = high.last().unwrap().1;
     let low: Vec<_> = low.into_iter().filter(|(_, end)| *end <= last).collect();
     for (start, end) in &low {
@@ -188,7 +188,7 @@ fn the_higher_level_takes_the_processor() {
     assert!(low.len() >= 3);
 }
 
-/// Not a test: a task in a process of its own that never ends its turn.
+/// Not a test: a task in a separate process that never ends its turn.
 #[test]
 fn child() {
     let Ok(instance) = std::env::var(CHILD_OF) else { return };
@@ -243,7 +243,7 @@ fn a_task_without_end_is_given_up_and_told_so() {
     let error = task.next_event(LONG).unwrap_err();
     assert!(matches!(error, MemoryError::LockstepLost { event: SYNC }), "{error}");
     drop(task);
-    // It may come again.
+    // The task may join again.
     drop(image.join_lockstep(SYNC, LONG, LONG).unwrap());
     emulator.step(&["10ms"]);
 }
@@ -277,7 +277,8 @@ fn the_emulator_ends_during_a_turn() {
     emulator.wait();
 }
 
-/// The clock waits for a task that lives and does nothing; others are heard meanwhile, and told for whom.
+/// The clock waits for a task that is alive but idle. Other clients are served meanwhile, and learn which task blocks
+/// the clock.
 #[test]
 fn stop_ends_the_emulator_during_a_turn() {
     let mut emulator = active();

@@ -1,4 +1,4 @@
-//! NOVRAM of emulators that may not write it, and signals that come while an emulator starts.
+//! NOVRAM files that an emulator cannot write, and signals during the start of an emulator.
 
 use crate::common::{Emulator, commram, eventually, finish, remove_remains, unique_name, wait_for};
 use commram::devices::omega_drive_line_2::registers::{LAYOUT_HASH, RETAIN};
@@ -14,7 +14,7 @@ fn set_flag(emulator: &Emulator, value: u32) {
     image.segment().store(RETAIN as u32, Width::Byte, value).unwrap();
 }
 
-/// A directory in the way of the new file: it cannot be written, whoever runs this test.
+/// Creates a directory at the path of the new file, so that even root cannot write it.
 fn block(directory: &Path) -> PathBuf {
     let new = directory.join("line.novram.new");
     fs::create_dir(&new).unwrap();
@@ -51,7 +51,7 @@ fn another_instance_on_the_same_directory_is_refused() {
     drop(Emulator::start(&arguments));
 }
 
-/// A directory with a pipe where NOVRAM should be let nobody get to the end of the start.
+/// A directory with a pipe as NOVRAM file must not block the start.
 #[test]
 fn a_pipe_instead_of_a_file_is_refused_at_once() {
     let directory = tempfile::tempdir().unwrap();
@@ -62,7 +62,7 @@ fn a_pipe_instead_of_a_file_is_refused_at_once() {
     assert!(outcome.fails(1).contains("this is a pipe"), "{}", outcome.err);
 }
 
-/// Nobody reads what the emulator has to say, so that it never gets beyond its start.
+/// The output of the emulator is not read, so the emulator blocks during its start.
 #[test]
 fn a_signal_ends_an_emulator_that_hangs_in_its_start() {
     let (_reader, writer) = std::io::pipe().unwrap();

@@ -1,5 +1,5 @@
-//! Emulators that are killed at random moments while a PLC stores IP addresses: the next one finds the NOVRAM as it was
-//! before or after the last store, on the same image.
+//! Emulators are killed at random moments while a PLC stores IP addresses. The next emulator on the same image finds
+//! the NOVRAM as it was before or after the last store.
 
 use crate::common::{Emulator, unique_name};
 use commram::devices::omega_drive_line_2::registers::{
@@ -9,11 +9,11 @@ use commram::memory::{AttachMode, Attached, Image, MemoryError, Width};
 use std::time::{Duration, Instant};
 
 const KILLS: u64 = 100;
-/// The PLC stores for this long before the emulator is killed, at most.
+/// The PLC stores for at most this long before the emulator is killed.
 const LONGEST_US: u64 = 30_000;
-/// How soon the PLC notices that nobody answers any more.
+/// Time after which the PLC notices that no emulator answers.
 const SHORT: Duration = Duration::from_millis(5);
-/// Retain flags that go with the address, each a word.
+/// Retain flags that are stored together with the address, each a word.
 const FLAGS: u32 = 64;
 /// The two ways to choose an own address; with DIP number 0 they mean the same.
 const CHOICES: [u32; 2] = [0x1234_5678, 0x1234_5600];
@@ -26,13 +26,13 @@ fn flag(n: u32) -> u32 {
     RETAIN as u32 + 2 * n
 }
 
-/// Address, mask and choice that belong to number `n`.
+/// Returns the address, mask and choice for number `n`.
 fn content(n: u16) -> ([u8; 4], [u8; 4], u32) {
     let [low, high] = n.to_le_bytes();
     ([10, high, low, low % 250 + 1], [255, 255, high, low], CHOICES[usize::from(n % 2)])
 }
 
-/// Stores one address after the other, until the emulator is gone.
+/// Stores one address after the other until the emulator has ended.
 fn store_on(image: &Attached, first: u16) -> MemoryError {
     let config = image.segment().view::<ETHERNET_CONFIG_BMSTRUCT>(ETHERNET_CONFIG).unwrap();
     let shown = image.segment().view::<ETHERNET_DIAGNOSE_BMSTRUCT>(ETHERNET).unwrap();
@@ -57,7 +57,7 @@ fn store_on(image: &Attached, first: u16) -> MemoryError {
     unreachable!("the emulator is killed before 65536 addresses are stored")
 }
 
-/// The number whose content stands in NOVRAM; 0: delivery state.
+/// Returns the number whose content is stored in NOVRAM; 0: delivery state.
 fn restored(image: &Attached) -> u16 {
     let config = image.segment().view::<ETHERNET_CONFIG_BMSTRUCT>(ETHERNET_CONFIG).unwrap();
     let address = config.a_IP_ADDRESS.each_ref().map(|cell| cell.load());
@@ -67,7 +67,7 @@ fn restored(image: &Attached) -> u16 {
     if (address, mask, choice) != ([0; 4], [0; 4], 0) {
         assert_eq!((address, mask, choice), content(n), "a mixture");
     }
-    // The PLC may have written the flags of the next one already when the file was made.
+    // The PLC may have written the flags of the next number already when the file was written.
     for at in 0..FLAGS {
         let flag = image.segment().load(flag(at), Width::Word).unwrap();
         assert!(flag == u32::from(n) || flag == u32::from(n) + 1, "flag {at} is {flag}, address {n}");
@@ -80,7 +80,7 @@ fn the_next_emulator_finds_the_old_or_the_new_content() {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().to_str().unwrap();
     let name = unique_name();
-    // The same in every run.
+    // The numbers are the same in every run.
     let mut numbers = fastrand::Rng::with_seed(815);
     let mut last = 0;
     let mut contents = std::collections::BTreeSet::new();

@@ -1,8 +1,8 @@
-//! The BAPS by name on the command line, as `docs/devices/omega-drive-line-2/baps.md` shows it.
+//! The BAPS by name on the command line, as in `docs/devices/omega-drive-line-2/baps.md`.
 
 use crate::common::{Emulator, run};
 
-/// Gives a command and waits for the answer.
+/// Writes the command and waits for the answer.
 fn command(emulator: &Emulator, pokes: &[&str]) -> String {
     emulator.poke(pokes);
     emulator.run("wait", &["baps.b_COMMAND==16#00", "--within", "2ms"]).ok();

@@ -1,9 +1,9 @@
-//! The b maXX PLC on the command line: its modules are met as the nodes of an Omega Drive-Line II are.
+//! The b maXX PLC on the command line: a module is addressed like a node of an Omega Drive-Line II.
 
 use crate::common::{Emulator, commram, finish, run, unique_name};
 use std::path::Path;
 
-/// A master in slot G of `maxx` with a drive, and a slave in slot H at the bus of `top`.
+/// A plant in which `maxx` has a master with a drive in slot G and a slave at the bus of `top` in slot H.
 const PLANT: &str = "\
 [[device]]
 kind = 'bm4-plc'
@@ -56,7 +56,7 @@ fn start() -> Emulator {
     Emulator::start(&[&plant_file(directory.path(), PLANT), "--clock", "stepped"])
 }
 
-/// One b maXX PLC with a master, whose name may be left out.
+/// Starts one b maXX PLC with a master. The command line may omit the names of both.
 fn start_alone() -> Emulator {
     let directory = tempfile::tempdir().unwrap();
     let module = "[[device.module]]\nslot = 'G'\nkind = 'can-06'\nbus = 'b'\n";
@@ -64,7 +64,8 @@ fn start_alone() -> Emulator {
     Emulator::start(&[&plant_file(directory.path(), &text), "--clock", "stepped"])
 }
 
-/// A module from restart to set-up mode at 1 Mbit/s (manual 5.02066.01a p. 49-51, 126-127), and 16#0043 or 16#0013.
+/// Brings a module from restart to set-up mode at 1 Mbit/s (manual 5.02066.01a p. 49-51, 126-127), and 16#0043 or
+/// 16#0013.
 fn set_up(emulator: &Emulator, module: &str, mode: u8, status: &str) {
     let write = |name: &str, value: &str| format!("{module}.{name}={value}");
     let command = |value: &str, status: &str| {
@@ -111,7 +112,7 @@ fn a_board_shows_its_modules_and_their_dip_switches_are_set() {
     let table = emulator.run("board", &["get"]);
     let line = |begin: &str| table.ok().lines().find(|line| line.starts_with(begin)).unwrap_or_default();
     assert_eq!(line("MODULE"), "MODULE      KIND    DIP SWITCHES    LEDS");
-    // What this device does not have is not invented (decision D-366).
+    // The output has no values for parts that this device does not have (decision D-366).
     let cells: Vec<_> = line("maxx ").split_whitespace().collect();
     assert_eq!(cells, ["maxx", "-", "-", "-", "on", "-", "-", "none", "none", "1", "-"]);
     assert_eq!(line("maxx:slotG"), "maxx:slotG  can-06                  H1 on, H2 off");
@@ -132,7 +133,7 @@ fn a_board_shows_its_modules_and_their_dip_switches_are_set() {
         let outcome = emulator.run("board", &["set", setting]);
         assert!(outcome.fails(2).contains(text), "{setting}: {}", outcome.err);
     }
-    // What a killed emulator has left can be seen as well.
+    // The state that a killed emulator left can be read as well.
     emulator.kill();
     let outcome = emulator.run("board", &["get", "maxx", "--format", "json"]);
     let rows: serde_json::Value = serde_json::from_str(&outcome.out).unwrap();
@@ -150,7 +151,7 @@ fn an_omega_has_no_modules() {
     assert!(outcome.fails(2).contains("there is no module with DIP switches in node1"), "{}", outcome.err);
 }
 
-/// Names as the plant has them and as the manuals have them (5.02066.01a p. 43-45, 5.00005.03a p. 130).
+/// Accepts the names of the plant file and those of the manuals (5.02066.01a p. 43-45, 5.00005.03a p. 130).
 #[test]
 fn a_register_has_many_names() {
     let emulator = start();
@@ -165,14 +166,14 @@ fn a_register_has_many_names() {
         assert_eq!(emulator.peek(&[name]), "16#0002", "{name}");
         emulator.run("wait", &[&format!("{name}==2"), "--within", "0us"]).ok();
     }
-    // What depends on the module is known, as there is one.
+    // The module is running, so registers that depend on it are known.
     assert_eq!(emulator.peek(&["maxx:slotG.b_STATREG_RDC1", "maxx:slotH.b_STATREG_RDC1"]), "16#00 16#00");
     let outcome = emulator.run("peek", &["maxx:slotG.b_STATREG_RDC1", "--format", "json"]);
     assert!(outcome.ok().contains("%MB3.2001977"), "{}", outcome.out);
     let outcome = emulator.run("peek", &["maxx:_CANsyncSlave_Ctrl_Slot_G.w_OPTION_STATUS"]);
     let text = "slotG";
     assert!(outcome.fails(2).contains(text) && outcome.err.contains("master"), "{}", outcome.err);
-    // What does not exist is told by the PLC that was named, not by any device.
+    // The error names the PLC that the user addressed and no other device.
     for (command, name) in [("peek", "maxx:slotI.w_CPU_CONTROL"), ("poke", "maxx:slotI.w_CPU_CONTROL=1")] {
         let outcome = emulator.run(command, &[name]);
         let text = "unknown area `slotI`; the areas are slotG, slotH, slotJ, slotK, slotL, slotM";
@@ -198,7 +199,7 @@ fn every_command_knows_the_modules() {
     emulator.step(&["1us"]);
     let second = at(emulator.step(&["--to-sync", "maxx:slotG"]));
     assert_eq!(((second - first) * 1e6).round(), 1_000.0, "an interval of 1 ms");
-    // A dump has each register once, of the module that is there.
+    // A dump of the module contains each register once.
     let dump = emulator.run("dump", &["maxx:slotG", "--all", "--format", "csv"]);
     let mut names: Vec<_> = dump.ok().lines().skip(1).map(|line| line.split(',').nth(2).unwrap()).collect();
     let count = names.len();
@@ -210,14 +211,14 @@ fn every_command_knows_the_modules() {
     assert!(dump.ok().contains("maxx:slotH.w_SLAVE_NUMBER"), "{}", dump.out);
     let empty = emulator.run("dump", &["maxx:slotJ"]);
     assert!(empty.fails(2).contains("nothing is plugged in"), "{}", empty.err);
-    // Forced and let go.
+    // Force and unforce.
     emulator.run("force", &["maxx:slotG.b_MAX_SL_NR=5"]).ok();
     assert!(emulator.run("force", &[]).ok().contains("maxx:slotG.b_MAX_SL_NR"));
     emulator.run("unforce", &["maxx:slotG.b_MAX_SL_NR"]).ok();
     let trace = emulator.run("trace", &[]);
     assert!(trace.ok().contains("maxx:slotG"), "{}", trace.out);
     assert!(emulator.run("check", &[]).code == Some(0));
-    // Two dumps and what changed in between.
+    // Two dumps and the changes between them.
     let directory = tempfile::tempdir().unwrap();
     let before = directory.path().join("before.json");
     std::fs::write(&before, emulator.run("dump", &["maxx:slotG", "--all", "--format", "json"]).ok()).unwrap();
@@ -229,7 +230,7 @@ fn every_command_knows_the_modules() {
     assert!(status.is_some_and(|line| line.contains("16#0043 -> 16#0080")), "{}", diff.out);
 }
 
-/// What lies in a slot depends on the module there.
+/// The registers of a slot depend on the module in it.
 #[test]
 fn the_map_of_an_instance_shows_what_is_fitted() {
     let emulator = start();
@@ -248,7 +249,7 @@ fn the_map_of_an_instance_shows_what_is_fitted() {
     assert!(without.out.contains("slot G. CANsync_PLC_INIT_BMSTRUCT"), "{}", without.out);
 }
 
-/// What a plant file can get wrong with this device: named, and nothing is started.
+/// Each mistake that a plant file can make with this device is named, and no emulator starts.
 #[test]
 fn plant_files_are_refused_where_they_are_wrong() {
     let directory = tempfile::tempdir().unwrap();
@@ -274,7 +275,7 @@ fn plant_files_are_refused_where_they_are_wrong() {
         assert!(told.contains(expected) && told.contains(&format!("line {line}")), "{modules}: {told}");
         assert!(told.contains("plant.toml"), "{told}");
     }
-    // What only the whole plant can tell names who is at fault, and the line of the later one.
+    // An error that concerns the whole plant names the device at fault and the line of the later entry.
     let drive = "[[bus.drive]]\nname = 'winder'\nslave_number = 6\n";
     let (g, m) = (module("G", master), module("M", master));
     for (text, line, expected) in [

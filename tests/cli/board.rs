@@ -1,4 +1,4 @@
-//! `commram board`, and the same through the channel.
+//! `commram board`, and the same operations through the channel.
 
 use crate::common::{Emulator, run, unique_name};
 
@@ -101,7 +101,7 @@ fn a_start_needs_a_program() {
     assert_eq!(board(&emulator, "line")["start"], "none");
 }
 
-/// The address that follows from the DIP switch, by way of the registers.
+/// The address that the DIP switch selects, checked through the registers.
 #[test]
 fn the_ip_address_follows_the_dip_switch_at_the_reset() {
     let emulator = Emulator::stepped();
@@ -112,7 +112,7 @@ fn the_ip_address_follows_the_dip_switch_at_the_reset() {
     assert_eq!(last(), "16#01");
     emulator.run("board", &["reset"]).ok();
     assert_eq!(last(), "16#1F", "192.168.1.31");
-    // An address that is not allowed goes back, also if d_IP_CONFIG was the same before.
+    // An address that is not allowed is reverted, also if d_IP_CONFIG had the same value before.
     emulator.poke(&["ethernet_config.a_IP_ADDRESS[3]=7", "ethernet_config.d_IP_CONFIG=16#12345678"]);
     assert_eq!(last(), "16#07");
     emulator.poke(&["ethernet_config.a_IP_ADDRESS[3]=255", "ethernet_config.d_IP_CONFIG=16#12345678"]);
@@ -138,7 +138,7 @@ fn mistakes_are_named() {
     assert!(run(&["board", "get", "-i", &name]).fails(3).contains(&name));
 }
 
-/// Manual p. 37: a project that was only sent is lost.
+/// Manual p. 37: a project that was sent but not stored is lost.
 #[test]
 fn a_project_can_be_sent_and_is_lost_by_a_reset() {
     let emulator = Emulator::stepped();

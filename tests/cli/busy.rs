@@ -1,10 +1,10 @@
-//! A stepped emulator that lets much time pass answers all the same.
+//! A stepped emulator still answers while it advances a long emulated time.
 
 use crate::common::{Emulator, eventually, finish, promised, run, wait_for};
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
-/// A command under way that lets a day pass. It is killed when this value is dropped.
+/// A running command that advances the clock by a day. Dropping this value kills it.
 struct Busy(Child);
 
 impl Busy {
@@ -23,7 +23,7 @@ impl Drop for Busy {
     }
 }
 
-/// Emulated time as the emulator answers it.
+/// Returns the emulated time that the emulator reports.
 fn time(emulator: &Emulator) -> u64 {
     let outcome = emulator.run("dump", &["node2", "--format", "text"]);
     let seconds = outcome.ok().split(" at ").nth(1).unwrap().split(" s").next().unwrap();
@@ -51,7 +51,7 @@ fn the_operation_of_a_killed_client_ends() {
     let mut busy = Busy::start(&emulator, "step", &["24h"]);
     busy.0.kill().unwrap();
     busy.0.wait().unwrap();
-    // What changes the plant waits for the end of what is under way; it would be a day.
+    // A write waits for the end of the current operation, which would take a day.
     emulator.poke(&["%MB3.1000000=1"]);
     let ended = time(&emulator);
     assert!(ended < 24 * 3_600 * 1_000_000, "{ended}");
@@ -59,7 +59,7 @@ fn the_operation_of_a_killed_client_ends() {
     assert_eq!(time(&emulator), ended + 1);
 }
 
-/// They are answered only when the emulator has noticed that the first one is dead.
+/// The other clients get an answer only after the emulator has noticed that the first client is dead.
 #[test]
 fn those_behind_a_killed_client_come_to_their_turn() {
     let emulator = Emulator::stepped();
@@ -81,7 +81,7 @@ fn those_behind_a_killed_client_come_to_their_turn() {
     }
 }
 
-/// In a `/dev/shm` of its own, since it ends all there are.
+/// Runs in a separate `/dev/shm`, because the command stops all emulators that it finds.
 #[test]
 fn all_emulators_can_be_ended_at_once() {
     let script = "mount -t tmpfs tmpfs /dev/shm || exit 77

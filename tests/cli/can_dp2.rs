@@ -1,4 +1,4 @@
-//! The CAN-DP/2 by the built program: its plant, its demonstration.
+//! The CAN-DP/2 through the built program: its plant and its demonstration.
 
 use crate::common::{Emulator, finish, is_there, run};
 
@@ -41,13 +41,13 @@ fn wireshark_has_an_interface_for_each_bus_with_what_is_on_it() {
     assert_eq!(told.code, Some(0), "{}", told.err);
     let lines: Vec<Vec<_>> = told.out.lines().map(|line| line.split('\t').collect()).collect();
     let on = |bus| lines.iter().filter(move |line| line[0] == bus);
-    // The request without data, and its answer of six octets, of which the journal has four.
+    // The request without data, and its answer of six octets. The journal has four of them.
     let telegrams: Vec<_> = on("dp").map(|line| (line[1], line[2], line[3])).collect();
     assert_eq!(telegrams.last(), Some(&("17", "13", "")), "{}", told.out);
     assert_eq!(telegrams[0], ("11", "11", ""), "{}", told.out);
     assert!(on("open").count() > 0 && on("open").all(|line| !line[3].is_empty()), "{}", told.out);
     assert_eq!(on("dp").count() + on("open").count(), lines.len());
-    // What is no frame does not keep the frames from being read.
+    // Telegrams that are no CAN frames do not prevent reading the frames.
     let compared = emulator.run("bus", &["compare", file.path().to_str().unwrap()]);
     assert!(compared.ok().contains("no difference"), "{}", compared.out);
 }

@@ -14,7 +14,7 @@ fn save(emulator: &Emulator, directory: &TempDir, name: &str, args: &[&str]) -> 
     path
 }
 
-/// Runs `diff` on the instance of the emulator; what it prints with exit code `code`.
+/// Runs `diff` on the instance of the emulator, checks the exit code `code` and returns the output.
 #[track_caller]
 fn diff(emulator: &Emulator, args: &[&str], code: i32) -> String {
     let outcome = emulator.run("diff", args);
@@ -52,7 +52,7 @@ node2.w_OPTION_STATUS  %MW3.200002  16#0001 -> 16#0002  waiting for \"take over 
     assert!(csv.starts_with("plc,register,address,before,after,meaning\n"), "{csv}");
 }
 
-/// A file without a register does not say what it held.
+/// A file that lacks a register has no old value for it.
 #[test]
 fn what_a_file_does_not_tell_is_not_made_up() {
     let emulator = Emulator::stepped();
@@ -68,7 +68,7 @@ fn what_a_file_does_not_tell_is_not_made_up() {
     assert!(told.contains("node2.w_OPTION_STATUS  %MW3.200002  16#0002 -> -\n"), "{told}");
 }
 
-/// The structure of the initialization data gives way to the cyclic one, whose registers the file does not know.
+/// The cyclic structure replaces the structure of the initialization data; the file does not contain its registers.
 #[test]
 fn of_registers_that_are_no_longer_live_only_the_number_is_told() {
     let emulator = Emulator::stepped();
@@ -134,7 +134,7 @@ fn watching_ends_after_as_many_changes_as_wanted() {
     assert!(run(&["watch", "node2.no_such_register"]).fails(2).contains("no_such_register"));
 }
 
-/// A request and its answer within one request of a client: nobody who looks now and then would see it.
+/// A request and its answer occur within one request of a client, so polling would miss both.
 #[test]
 fn a_handshake_is_two_changes_however_quickly_the_answer_comes() {
     let emulator = Emulator::stepped();

@@ -1,8 +1,8 @@
-//! `commram check`: findings of a running emulator, and what its exit codes say.
+//! `commram check`: findings of a running emulator, and the meaning of its exit codes.
 
 use crate::common::{Emulator, run, unique_name};
 
-/// What `check` says; there is nothing on stderr, whatever it has found.
+/// Returns the output of `check`. Its stderr is empty, with or without findings.
 #[track_caller]
 fn check(emulator: &Emulator, args: &[&str], code: i32) -> String {
     let outcome = emulator.run("check", args);
@@ -51,7 +51,7 @@ owner (the register's page; D-17)
     assert_eq!(finding["late_us"], serde_json::Value::Null);
     assert!(check(&emulator, &["--format", "csv"], 1).contains("\nerror,owner,node2.w_OPTION_STATUS,"));
 
-    // It is in the journal too, once for each value.
+    // The finding is in the journal too, once for each value.
     let trace = emulator.run("trace", &["--kind", "finding"]);
     assert_eq!(
         trace.ok().lines().filter(|line| line.contains("error owner: node2.w_OPTION_STATUS")).count(),
@@ -78,7 +78,7 @@ fn cleared_findings_are_shown_once_more() {
     check(&emulator, &[], 0);
 }
 
-/// A mapped client rings nobody and asks nobody; with several PLCs the name says which one it was.
+/// A client that maps the image sends no request. With several PLCs the finding names the PLC.
 #[test]
 fn writes_through_the_map_are_seen() {
     use commram::devices::omega_drive_line_2::registers::{CANsync_INIT_BMSTRUCT, LAYOUT_HASH, NODE1};
@@ -107,7 +107,7 @@ fn all_rules_are_listed_without_an_emulator() {
     assert_eq!(rows.as_array().map(Vec::len), Some(commram::devices::catalogue().rules.len()));
 }
 
-/// Exit code 1 means findings, so an emulator that cannot be asked gives another one.
+/// Exit code 1 means findings, so an unreachable emulator gives another exit code.
 #[test]
 fn what_cannot_be_checked_is_no_finding() {
     let name = unique_name();

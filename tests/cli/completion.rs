@@ -1,10 +1,10 @@
-//! What shells complete, asked as they ask, and in the shells themselves.
+//! Completions as shells request them, and in the shells themselves.
 
 use crate::common::{Emulator, commram, finish, run, skipped};
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-/// The candidates for the last of these words.
+/// Returns the candidates for the last of these words.
 fn completed(words: &[&str]) -> Vec<String> {
     let mut command = commram();
     let index = words.len().to_string();
@@ -73,7 +73,7 @@ fn scenarios_and_plants_are_looked_for() {
     assert!(completed(&["run", "tools/plants/cs"]).contains(&"tools/plants/cs0015.toml".to_owned()));
 }
 
-/// The output of a shell that has the program in its path.
+/// Returns the output of a shell that has the program in its path.
 fn in_shell(shell: &str, script: &str) -> Option<String> {
     let program = commram();
     let directory = Path::new(program.get_program()).parent().unwrap();
@@ -115,7 +115,7 @@ fn fish_completes() {
     }
 }
 
-/// Without a terminal zsh has no line to be completed, but it can be asked what it would offer.
+/// Without a terminal, zsh has no line to complete, but it can list its candidates.
 #[test]
 fn zsh_completes() {
     let script = "autoload -Uz compinit; compinit -u -D

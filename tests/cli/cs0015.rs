@@ -1,4 +1,4 @@
-//! A CS0015 at an open bus: canopen as its master, its board, its NOVRAM.
+//! A CS0015 at an open bus: canopen as its master, its board and its NOVRAM.
 
 use crate::common::{Emulator, finish, python, run};
 use serde_json::Value;
@@ -6,10 +6,10 @@ use std::fs;
 use std::path::Path;
 use std::thread;
 
-/// The plant that users are shown.
+/// The plant that the documentation shows.
 const PLANT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tools/plants/cs0015.toml");
 
-/// A master whose program attaches, and a door for its node.
+/// A master with an attached program, and a door for its node.
 const TWO_WORLDS: &str = "
 [[device]]
 kind = 'cs0015'
@@ -41,14 +41,14 @@ kbit_s = 125
 doors = ['slcan-tcp:127.0.0.1:0']
 ";
 
-/// The port of the first door.
+/// Returns the port of the first door.
 fn port(emulator: &Emulator) -> String {
     let buses: Value = serde_json::from_str(emulator.run("bus", &["list", "--format", "json"]).ok()).unwrap();
     let door = buses[0]["doors"][0].as_str().unwrap();
     door.strip_prefix("slcan-tcp:127.0.0.1:").unwrap().to_owned()
 }
 
-/// Runs a script of canopen with the door of a plant and a device's data sheet; none if there is no canopen.
+/// Runs a canopen script with the door of a plant and a device's data sheet. Returns `None` if canopen is missing.
 fn canopen(script: &str, device: &str, plant: &str) -> Option<Emulator> {
     let mut command = python(&["can", "canopen", "serial"])?;
     let directory = tempfile::tempdir().unwrap();
@@ -62,7 +62,7 @@ fn canopen(script: &str, device: &str, plant: &str) -> Option<Emulator> {
     Some(emulator)
 }
 
-/// Nothing changes by it, so only the channel can tell that it was written.
+/// The write changes no value, so only the channel can report it.
 #[test]
 fn a_write_of_what_is_there_already_is_judged() {
     let emulator = Emulator::start(&[PLANT, "--clock", "stepped"]);
@@ -89,7 +89,8 @@ fn canopen_is_the_master_of_an_io_module() {
     assert_eq!(emulator.peek(&["valves:channels.a_OUTPUT[1]"]), "16#01F4");
 }
 
-/// The program of a CS0015 runs in a process of its own, in step with the emulated time; it is the master of a node of canopen.
+/// The program of a CS0015 runs in a separate process, in step with the emulated time. It is the master of a canopen
+/// node.
 #[test]
 fn a_program_by_mmap_is_the_master_of_a_node_of_canopen() {
     let Some(mut command) = python(&["can", "canopen", "serial"]) else { return };
@@ -102,7 +103,7 @@ fn a_program_by_mmap_is_the_master_of_a_node_of_canopen() {
     command.arg(Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/python/check_cs0015_master.py"));
     command.arg(&emulator.name).arg(port(&emulator)).arg("125000");
     let program = thread::spawn(move || finish(&mut command));
-    // Time goes on in small steps, so that the node can answer.
+    // Advances the clock in small steps, so that the node can answer.
     while !program.is_finished() {
         emulator.step(&["20ms"]);
     }
@@ -142,7 +143,8 @@ fn its_switches_and_its_led_are_those_of_its_front() {
     assert!(refused.fails(2).contains("s2 can be 0 to 15"), "{}", refused.err);
 }
 
-/// P. 107, 154: each flag has an address, and what is no address is refused with those of the device that was asked.
+/// P. 107, 154: each flag has an address. The error for an invalid address lists the addresses of the addressed
+/// device.
 #[test]
 fn addresses_are_those_of_the_device_that_is_asked() {
     let emulator = Emulator::start(&[PLANT, "--clock", "stepped"]);
@@ -162,7 +164,7 @@ fn addresses_are_those_of_the_device_that_is_asked() {
     }
     let refused = emulator.run("peek", &["%MX10.16"]);
     assert!(refused.fails(2).contains("%MX10.16: a WORD has bits 0 to 15, not 16"), "{}", refused.err);
-    // Where nothing runs, all devices with such addresses are named.
+    // Without a running instance, the error names all devices with such addresses.
     for (text, expected) in [
         ("%IW9", "`%IW9` is not an address of any device: ecomat 100 CS0015 has %IW0 to %IW3 (inputs)"),
         ("%IX1.16", "%IX1.16: a WORD has bits 0 to 15, not 16"),

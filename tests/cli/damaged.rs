@@ -1,10 +1,11 @@
-//! Channels that a program of the same user damages: nobody hangs, nobody ends without a word, and `stop` ends the emulator.
+//! A program of the same user damages a channel: no process hangs, each one ends with a message, and `stop` ends the
+//! emulator.
 
 use crate::common::{Emulator, Follower, Outcome, eventually, finish, promised, remove_remains};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// The shared memory objects of the channel whose names end like this.
+/// Returns the shared memory objects of the channel with this suffix.
 fn objects(emulator: &Emulator, ending: &str) -> Vec<PathBuf> {
     let prefix = std::fs::read_to_string(format!("/dev/shm/commram.{}.iox.d/prefix", emulator.name)).unwrap();
     let named = |path: &PathBuf| {
@@ -22,7 +23,7 @@ fn shorten(objects: &[PathBuf], length: impl Fn(u64) -> u64) {
     }
 }
 
-/// The files in the channel's directory whose names end like this.
+/// Returns the files in the channel's directory with this suffix.
 fn files(emulator: &Emulator, ending: &str) -> Vec<PathBuf> {
     fn below(directory: &Path, found: &mut Vec<PathBuf>) {
         for entry in std::fs::read_dir(directory).unwrap().flatten() {
@@ -36,7 +37,7 @@ fn files(emulator: &Emulator, ending: &str) -> Vec<PathBuf> {
     found
 }
 
-/// Whoever opens a pipe that nobody writes to waits for ever.
+/// Replaces the files by pipes. A process that opens a pipe without a writer blocks without a timeout.
 fn put_pipes_in_place_of(files: &[PathBuf]) {
     assert!(!files.is_empty());
     for path in files {
@@ -52,7 +53,7 @@ fn an_empty_part_hangs_nobody_and_the_emulator_can_be_ended() {
         let parts = objects(&emulator, ending);
         shorten(&parts, |_| 0);
         let outcome = emulator.run("peek", &["node2.w_OPTION_STATUS"]);
-        // Found by the client, or before it by the emulator, which then has given the channel up.
+        // Found by the client, or earlier by the emulator, which has then closed the channel.
         assert!(said_damaged(&outcome) || outcome.err.contains("has no channel"), "{ending}: {outcome:?}");
         assert!(emulator.run("stop", &[]).ok().contains("has stopped"));
         assert_eq!(emulator.wait().code(), Some(0));
@@ -80,7 +81,7 @@ fn a_part_that_iceoryx2_waits_for_without_a_limit_hangs_nobody() {
     }
 }
 
-/// While nobody is connected. With a client iceoryx2 may touch the missing part first, and does not always survive it.
+/// No client is connected. With a client, iceoryx2 may access the missing part first, and may crash.
 #[test]
 fn an_emulator_goes_on_without_a_channel_that_was_shortened() {
     use commram::memory::{AttachMode, Image, Width};
@@ -89,7 +90,7 @@ fn an_emulator_goes_on_without_a_channel_that_was_shortened() {
         let parts = objects(&emulator, ending);
         let attached = Image::attach(&emulator.name, "line", AttachMode::ReadWrite, None).unwrap();
         shorten(&parts, |length| length.checked_div(part).unwrap_or(0));
-        // It removes them when it gives the channel up.
+        // The emulator removes the parts when it closes the channel.
         assert!(eventually(|| parts.iter().all(|part| !part.exists())), "{ending} {part}");
         let outcome = emulator.run("peek", &["node2.w_OPTION_STATUS"]);
         assert!(outcome.code == Some(0) && outcome.err.contains("has no channel"), "{outcome:?}");
@@ -105,7 +106,7 @@ fn an_emulator_goes_on_without_a_channel_that_was_shortened() {
     }
 }
 
-/// It does not know yet: it is told to end and finds the damage then.
+/// The emulator has not noticed the damage yet. It receives the request to end and finds the damage then.
 #[test]
 fn an_emulator_that_ends_with_a_shortened_channel_ends_in_good_order() {
     let mut emulator = Emulator::stepped();
@@ -122,8 +123,7 @@ fn an_emulator_that_ends_with_a_shortened_channel_ends_in_good_order() {
     assert!(emulator.files().is_empty());
 }
 
-/// Nothing is missing, but nothing makes sense: iceoryx2 does not survive it. Whoever says `stop` must not believe that
-/// all is well.
+/// All parts are present, but their content is invalid, and iceoryx2 crashes. `stop` must not report success.
 #[test]
 fn an_emulator_that_is_killed_while_it_ends_has_not_stopped() {
     let mut emulator = Emulator::stepped();
@@ -138,13 +138,13 @@ fn an_emulator_that_is_killed_while_it_ends_has_not_stopped() {
     assert!(emulator.files().is_empty());
 }
 
-/// A client that is in the middle of it is told; a bare crash tells nothing.
+/// A client in the middle of an operation prints a message; a bare crash would explain nothing.
 #[test]
 fn a_client_whose_memory_is_shortened_says_so() {
     let emulator = Emulator::stepped();
     let before = objects(&emulator, ".data");
     let mut client = Follower::start(&emulator, "watch", &["node2.w_OPTION_STATUS"]);
-    // It has entered and asked by then.
+    // The client has connected and sent its first request by then.
     assert!(client.note().contains("watching"));
     let mut own = objects(&emulator, ".data");
     own.retain(|path| !before.contains(path));

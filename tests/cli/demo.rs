@@ -1,4 +1,4 @@
-//! `commram demo`: the whole way of a newcomer, and that it leaves nothing behind whatever happens.
+//! `commram demo`: the first session of a new user. It leaves no files or processes, even if it fails.
 
 use crate::common::{Emulator, commram, eventually, files_of, finish, wait_for};
 use std::io::{BufRead, BufReader, Read};
@@ -7,7 +7,7 @@ use std::process::{Child, Command, Stdio};
 use std::sync::mpsc::{self, Receiver};
 use std::time::Duration;
 
-/// A demonstration under way.
+/// A running demonstration.
 struct Demo {
     child: Child,
     lines: Receiver<String>,
@@ -17,7 +17,7 @@ struct Demo {
 }
 
 impl Demo {
-    /// Starts it and reads on until a line that begins with `text`.
+    /// Starts it and reads its output up to a line that begins with `text`.
     fn start_until(text: &str) -> Self {
         let mut child = commram().arg("demo").stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
         let out = BufReader::new(child.stdout.take().unwrap());
@@ -44,7 +44,7 @@ impl Demo {
         }
     }
 
-    /// Waits for the end; gives its exit code and what it has said on stderr.
+    /// Waits for the end. Returns the exit code and the text on stderr.
     fn end(&mut self) -> (Option<i32>, String) {
         let status = wait_for(&mut self.child, "the demonstration");
         let mut text = String::new();
@@ -74,7 +74,7 @@ fn number(line: &str) -> u32 {
     digits.collect::<String>().parse().unwrap()
 }
 
-/// Whether the process exists and is no zombie that waits for init to collect it.
+/// Returns whether the process exists and is no zombie.
 fn runs(pid: u32) -> bool {
     let stat = std::fs::read_to_string(Path::new("/proc").join(pid.to_string()).join("stat"));
     stat.is_ok_and(|stat| !stat.rsplit(") ").next().unwrap_or("").starts_with('Z'))
@@ -84,7 +84,7 @@ fn signal(pid: u32, signal: &str) {
     assert!(Command::new("kill").args([signal, &pid.to_string()]).status().unwrap().success());
 }
 
-/// What a demonstration shows of the registers in `area`, from the first command to the dump.
+/// Returns the demonstration's output about the registers in `area`, from the first command to the dump.
 #[track_caller]
 fn shows_every_handshake(arguments: &[&str], area: &str) -> String {
     let mut demo = commram();
@@ -220,8 +220,8 @@ fn a_reader_that_has_enough_is_no_error() {
     assert!(files_of(&format!("demo-{}", child.id())).is_empty());
 }
 
-/// Its soft-PLC is the first program that newcomers see: nothing against the manual, not even a warning. How soon it gets
-/// the processor is not its business.
+/// The demonstration's soft-PLC is the first program that new users see. It must not violate the manual, and must not
+/// cause a warning. Findings about its response time do not count.
 #[track_caller]
 fn checker_finds_nothing(emulator: &Emulator, plc: &str) {
     finish(commram().args(["demo-plc", &emulator.name, plc])).ok();
@@ -240,7 +240,7 @@ fn the_access_checker_finds_nothing() {
     checker_finds_nothing(&Emulator::start(&[plant]), "maxx");
 }
 
-/// In stepped mode nobody lets the time pass, so the firmware does not answer.
+/// In stepped mode no client advances the clock, so the firmware does not answer.
 #[test]
 fn a_handshake_that_is_not_answered_ends_with_a_message() {
     let emulator = Emulator::stepped();

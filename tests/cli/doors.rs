@@ -10,10 +10,10 @@ use std::net::TcpStream;
 use std::path::Path;
 use std::time::Duration;
 
-/// No answer takes longer than this, however slow the machine.
+/// Every answer arrives within this time, even on a slow machine.
 const WATCHDOG: Duration = Duration::from_secs(60);
 
-/// A PLC that has no part in it, and a CAN bus.
+/// A CAN bus, and a PLC that is not connected to it.
 const OPEN: &str = r#"
 [[plc]]
 name = "line"
@@ -53,14 +53,14 @@ fn buses(emulator: &Emulator) -> Value {
     serde_json::from_str(emulator.run("bus", &["list", "--format", "json"]).ok()).unwrap()
 }
 
-/// The port of the first door.
+/// Returns the port of the first door.
 fn port(emulator: &Emulator) -> u16 {
     let buses = buses(emulator);
     let door = buses[0]["doors"][0].as_str().unwrap();
     door.strip_prefix("slcan-tcp:127.0.0.1:").unwrap().parse().unwrap()
 }
 
-/// A program that speaks SLCAN.
+/// A client program that speaks SLCAN.
 struct Guest<S>(S);
 
 impl Guest<TcpStream> {
@@ -70,7 +70,7 @@ impl Guest<TcpStream> {
         Guest(stream)
     }
 
-    /// One that takes part.
+    /// A guest that takes part in the bus traffic.
     fn open(port: u16) -> Self {
         let mut guest = Self::come(port);
         assert_eq!(guest.ask("O"), "\r");
@@ -83,7 +83,7 @@ impl<S: Read + Write> Guest<S> {
         self.0.write_all(text.as_bytes()).unwrap();
     }
 
-    /// What it hears next: a line with its CR, or a BEL.
+    /// Reads the next answer: a line with its CR, or a BEL.
     fn hear(&mut self) -> String {
         let mut line = String::new();
         loop {
@@ -113,7 +113,7 @@ fn guests_hear_each_other_but_not_themselves() {
         assert_eq!(one.ask(line), yes);
         assert_eq!(other.hear(), format!("{line}\r"));
     }
-    // Had it heard itself, that would come first.
+    // An echo of its own frame would arrive first.
     assert_eq!(other.ask("t5551FF"), "z\r");
     assert_eq!(one.hear(), "t5551FF\r");
     let log = emulator.run("trace", &["--format", "candump"]);
@@ -169,7 +169,7 @@ fn who_names_another_rate_is_deaf_and_that_is_found() {
     assert!(eventually(|| buses(&emulator)[0]["guests"][0]["refused"] == 1));
     assert_eq!(right.ask("t1230"), "z\r");
     assert_eq!(other.hear(), "t1230\r", "and nothing before it");
-    // It hears as soon as it names the right one, and has missed what was before.
+    // The guest receives frames as soon as it sets the right bit rate. Earlier frames are lost for it.
     assert_eq!((deaf.ask("C"), deaf.ask("S4"), deaf.ask("O")), ("\r".into(), "\r".into(), "\r".into()));
     assert_eq!(right.ask("t1240"), "z\r");
     assert_eq!(deaf.hear(), "t1240\r");
@@ -197,7 +197,7 @@ fn with_the_stepped_clock_frames_enter_at_the_next_step() {
     emulator.step(&["10ms"]);
     assert_eq!(other.hear(), "t1230\r");
     let log = emulator.run("trace", &["--format", "candump"]);
-    // 44 bits and a stuff bit at 125 kbit/s from the beginning of the step on.
+    // 44 bits and a stuff bit at 125 kbit/s from the beginning of the step.
     assert_eq!(log.ok(), "(0000000000.001360) open 123#\n");
 }
 
@@ -247,7 +247,7 @@ fn a_guest_that_does_not_read_delays_nobody_and_its_losses_are_counted() {
         "nothing was dropped"
     );
     assert!(emulator.run("bus", &["list"]).ok().contains(" dropped)"));
-    // It can still be heard, and is told.
+    // The emulator still reads from the slow guest and answers it.
     slow.say("F\r");
     assert!(eventually(|| slow.hear() == "F08\r"));
 }
@@ -317,7 +317,7 @@ fn doors_open_and_close_while_the_plant_runs() {
     assert_eq!(buses(&emulator)[0]["doors"].as_array().unwrap().len(), 0);
 }
 
-/// Whoever can reach a door can come as often as he likes: that fills no log.
+/// A client can connect to a door any number of times; the log does not grow with each attempt.
 #[test]
 fn who_is_sent_away_again_and_again_is_told_of_once() {
     let mut emulator = start(OPEN, &[]);
@@ -428,13 +428,13 @@ fn a_log_is_played_and_compared() {
             emulator.step(&["5ms"]);
         }
         assert_eq!([guest.hear(), guest.hear(), guest.hear()], ["t1231AA\r", "R1FFF00018\r", "t1240\r"]);
-        // In real time it is the machine's business when a frame is sent.
+        // In real time the machine's load decides when a frame is sent.
         let tolerance = if clock.is_empty() { "1h" } else { "1ms" };
         let compare =
             |tolerance| emulator.run("bus", &["compare", path, "--tolerance", tolerance, "--bus", "open"]);
         assert_eq!(compare(tolerance).ok(), "3 frames, no difference\n");
         if !clock.is_empty() {
-            // The second frame has 30 more bits, with stuff bits, than the first one.
+            // The second frame has 30 more bits than the first one, including stuff bits.
             let exact = compare("0s");
             assert_eq!((exact.code, exact.out.lines().count()), (Some(1), 2), "{}", exact.out);
             assert!(
@@ -497,7 +497,7 @@ fn times_that_cannot_be_played_are_reported_with_their_line() {
     }
 }
 
-/// A terminal that has no place for its guest does not exist, at the start or later.
+/// If the terminal's path is not available, the terminal is not created, at the start or later.
 #[test]
 fn a_door_without_a_place_for_its_guest_does_not_open() {
     let emulator = start(OPEN, &["--clock", "stepped"]);
@@ -517,20 +517,20 @@ fn a_door_without_a_place_for_its_guest_does_not_open() {
     assert!(started.fails(1).contains("64 guests are there already"), "{}", started.err);
 }
 
-/// Whether a guest that comes is answered.
+/// Returns whether a new guest gets an answer.
 fn is_answered(port: u16, line: &str) -> bool {
     let mut guest = Guest::come(port);
     let _ = guest.0.write_all(line.as_bytes());
     guest.0.read(&mut [0]).is_ok_and(|count| count > 0)
 }
 
-/// With a stepped clock, and no step in between.
+/// With a stepped clock, and no step between the connections.
 #[test]
 fn guests_that_have_left_or_say_nothing_take_no_place() {
     let emulator = start(OPEN, &["--clock", "stepped"]);
     let port = port(&emulator);
     let guests = || buses(&emulator)[0]["guests"].as_array().unwrap().len();
-    // Connections that say nothing: the oldest makes room.
+    // Connections that send no data: the oldest one is closed for the newest one.
     let mut silent: Vec<_> = (0..100).map(|_| Guest::come(port)).collect();
     let mut speaker = Guest::open(port);
     assert_eq!(silent[0].0.read(&mut [0]).unwrap(), 0, "the oldest was sent away");
@@ -538,7 +538,7 @@ fn guests_that_have_left_or_say_nothing_take_no_place() {
     let mut hearer = silent.pop().unwrap();
     assert_eq!(hearer.ask("O"), "\r", "a younger one is there");
     drop(silent);
-    // More guests that take part and leave than an instance knows at once.
+    // More guests take part and leave than an instance can have at the same time.
     for _ in 0..250 {
         assert!(eventually(|| is_answered(port, "O\r")));
     }
@@ -548,19 +548,19 @@ fn guests_that_have_left_or_say_nothing_take_no_place() {
     assert_eq!(hearer.hear(), "t1230\r");
 }
 
-/// The numbers of the descriptors that an emulator has.
+/// Returns the numbers of the emulator's open file descriptors.
 fn used_descriptors(emulator: &Emulator) -> Vec<u64> {
     let numbers = || -> Vec<u64> {
         let all = std::fs::read_dir(format!("/proc/{}/fd", emulator.pid())).unwrap();
         all.map(|entry| entry.unwrap().file_name().to_str().unwrap().parse().unwrap()).collect()
     };
-    // Those of a client that has just left are closed a little later.
+    // The descriptors of a client that has just left are closed a little later.
     let mut used = Vec::new();
     assert!(eventually(|| std::mem::replace(&mut used, numbers()) == numbers()));
     used
 }
 
-/// Limits the numbers that descriptors of an emulator may have. Whether that could be done.
+/// Limits the numbers of an emulator's file descriptors. Returns whether that succeeded.
 fn limit_descriptors(emulator: &Emulator, limit: u64) -> bool {
     let limits = rustix::process::Rlimit { current: Some(limit), maximum: Some(limit) };
     let pid = rustix::process::Pid::from_raw(emulator.pid() as i32);
@@ -585,7 +585,8 @@ fn guests_leave_descriptors_to_the_channel_and_come_in_when_there_are_some() {
     for _ in 0..5 {
         emulator.peek(&["node2.w_CPU_CONTROL"]);
     }
-    // No descriptor is left, or hardly any, not even for a guest that is sent away: it is answered when there is one.
+    // The process has almost no free descriptor, not even for a guest that it rejects. The guest gets its answer when
+    // one is free.
     let highest = used_descriptors(&emulator).into_iter().filter(|number| *number < limit).max().unwrap();
     assert!(limit_descriptors(&emulator, highest + 1));
     let mut waiting = Guest::come(port);
@@ -593,7 +594,7 @@ fn guests_leave_descriptors_to_the_channel_and_come_in_when_there_are_some() {
     drop(guests);
     let answer = waiting.0.read(&mut [0]).map_err(|error| error.kind());
     assert!(matches!(answer, Ok(_) | Err(ErrorKind::ConnectionReset)), "an answer, or the end: {answer:?}");
-    // Only root may give a process more than it had.
+    // Only root may raise the limit of a process again.
     if limit_descriptors(&emulator, 1024) {
         assert!(eventually(|| is_answered(port, "V\r")));
     }

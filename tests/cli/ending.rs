@@ -1,4 +1,5 @@
-//! Many clients that end one emulator at once, emulators of the same name, and instance directories that are damaged.
+//! Many clients that stop one emulator at the same time, emulators with the same name, and damaged instance
+//! directories.
 
 use crate::common::{
     Emulator, Outcome, commram, eventually, files_of, finish, promised, remove_remains, unique_name, wait_for,
@@ -15,9 +16,9 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
-/// How many clients end one emulator.
+/// Number of clients that stop one emulator.
 const CLIENTS: usize = 6;
-/// All combinations instead of a selection, which takes minutes.
+/// Set to run all combinations instead of a selection. That takes minutes.
 const ALL: &str = "COMMRAM_ATTACK_ALL";
 
 const NOTHING: Vec<PathBuf> = Vec::new();
@@ -32,7 +33,7 @@ fn outcome(child: Child) -> Outcome {
     Outcome { code: output.status.code(), out: text(output.stdout), err: text(output.stderr) }
 }
 
-/// A client that comes when everything is over finds nothing; all others have ended the emulator in good order.
+/// A client that arrives after the end finds no instance. All other clients report an orderly end.
 #[track_caller]
 fn assert_has_stopped(outcome: &Outcome) {
     let is_late = outcome.code == Some(3) && outcome.err.contains("is not running");
@@ -64,14 +65,14 @@ fn signals_of_other_processes_never_cut_the_end_short() {
             kill(signal).unwrap();
         }
         stops.into_iter().map(outcome).for_each(|it| assert_has_stopped(&it));
-        // Which of them was the first to arrive is the machine's business.
+        // The machine's load decides which signal arrives first.
         let status = emulator.wait();
         assert!(status.code() == Some(code) || [Some(0), Some(130)].contains(&status.code()), "{status}");
         assert!(eventually(|| emulator.files().is_empty()), "{:?}", emulator.files());
     }
 }
 
-/// What clients do that find no channel, but again and again until the emulator has ended.
+/// Clients that find no channel signal again and again until the emulator has ended.
 #[test]
 fn signals_without_end_are_one_orderly_end() {
     let mut emulator = Emulator::stepped();
@@ -90,7 +91,7 @@ fn signals_without_end_are_one_orderly_end() {
     assert_eq!(emulator.files(), NOTHING);
 }
 
-/// An emulator whose end takes as long as the test likes: it wants to say something, and nobody reads that.
+/// An emulator whose end takes as long as the test wants: it writes a message to a full pipe.
 #[test]
 fn only_a_second_ctrl_c_at_the_terminal_cuts_the_end_short() {
     for is_pressed_again in [false, true] {
@@ -130,7 +131,7 @@ fn only_a_second_ctrl_c_at_the_terminal_cuts_the_end_short() {
     }
 }
 
-/// A terminal, and who sits at it.
+/// A pseudo-terminal and its user.
 struct Terminal(OwnedFd);
 
 impl Terminal {
@@ -161,7 +162,8 @@ fn fill(writer: &PipeWriter) {
     rustix::fs::fcntl_setfl(writer, flags).unwrap();
 }
 
-/// The first one ends everything while the others still look; in a `/dev/shm` of its own, since it ends all there are.
+/// The first client stops all emulators while the others still search. Runs in a separate `/dev/shm`, because it
+/// stops all emulators that it finds.
 #[test]
 fn stops_of_all_kinds_and_a_dying_parent_end_it_together() {
     let script = "mount -t tmpfs tmpfs /dev/shm || exit 77
@@ -214,14 +216,14 @@ fn stop_does_not_wait_for_the_next_emulator_of_that_name() {
     assert_eq!(first.files(), NOTHING);
 }
 
-/// What becomes of a file.
+/// Damage to a file.
 #[derive(Clone, Copy, Debug)]
 enum Damage {
     Emptied,
     Shortened,
     /// Another file of the same name, with other content.
     Replaced,
-    /// A directory, a pipe and a link of this name.
+    /// A directory, a pipe or a link of this name.
     Odd,
     Removed,
 }
@@ -230,7 +232,7 @@ const DAMAGES: [Damage; 5] =
     [Damage::Emptied, Damage::Shortened, Damage::Replaced, Damage::Odd, Damage::Removed];
 
 impl Damage {
-    /// Does it to what has this path, or to everything that lies below.
+    /// Damages the file at this path, or all files below it.
     fn hit(self, path: &Path) {
         if let (Self::Odd, true) = (self, path.is_dir()) {
             fs::remove_dir_all(path).unwrap();
@@ -264,7 +266,7 @@ impl Damage {
     }
 }
 
-/// What the process does meanwhile.
+/// State of the emulator's process during the damage.
 #[derive(Clone, Copy, Debug)]
 enum Life {
     Running,
@@ -272,7 +274,7 @@ enum Life {
     Dying,
 }
 
-/// Everything in the directory by itself, but for what belongs to iceoryx2: that is two things.
+/// Returns the entries of the directory. The files of iceoryx2 are in two of them.
 fn parts(directory: &Path) -> Vec<PathBuf> {
     let mut parts: Vec<_> = fs::read_dir(directory).unwrap().map(|entry| entry.unwrap().path()).collect();
     parts.sort();
@@ -289,7 +291,7 @@ fn whatever_has_become_of_the_directorys_files_stop_and_clean_reach_the_emulator
         for life in [Life::Running, Life::Stopped, Life::Dying] {
             for damage in DAMAGES {
                 case += 1;
-                // Each subset with each life, and the damages one after the other; the lock alone with all of them.
+                // Each subset with each process state, and the damages in turn; the lock alone with all of them.
                 if all || case % 15 == (subset % 5) * 3 {
                     reach(subset, damage, life);
                 }
@@ -312,7 +314,7 @@ fn reach(subset: u32, damage: Damage, life: Life) {
     }
     hit.iter().for_each(|path| damage.hit(path));
     if let Life::Dying = life {
-        // Nobody waits for it, so it stays in the table of processes.
+        // The parent process does not wait for it, so it remains a zombie.
         emulator.signal("-KILL");
     }
     let stop = promised(Duration::from_secs(2), || emulator.run("stop", &[]));
@@ -326,7 +328,7 @@ fn reach(subset: u32, damage: Damage, life: Life) {
         }
         Life::Running | Life::Stopped => {
             assert_eq!(stop.code, Some(0), "{what}: {stop:?}");
-            // Parts of the channel may be such that the emulator leaves them alone.
+            // The emulator may refuse to remove some damaged parts of the channel.
             clean();
             assert_eq!(emulator.wait().code(), Some(0), "{what}");
         }
@@ -334,7 +336,7 @@ fn reach(subset: u32, damage: Damage, life: Life) {
     assert_eq!(emulator.files(), NOTHING, "{what}");
 }
 
-/// A lock file may name any process; the kernel knows the right one.
+/// A lock file may contain any process ID; the kernel knows the holder of the lock.
 #[test]
 fn a_process_that_a_damaged_file_names_is_not_signalled() {
     let mut bystander = Command::new("sleep").arg("600").spawn().unwrap();
@@ -365,7 +367,7 @@ fn a_process_that_a_damaged_file_names_is_not_signalled() {
     let _ = bystander.wait();
 }
 
-/// Of what is left of a killed emulator, several clients get rid together.
+/// Several clients remove the files of a killed emulator together.
 #[test]
 fn many_that_clean_at_once_do_not_end_each_other() {
     for _ in 0..3 {
@@ -373,7 +375,7 @@ fn many_that_clean_at_once_do_not_end_each_other() {
         emulator.kill();
         let clients = (0..CLIENTS).map(|n| spawn(emulator.command("stop", &["--clean"][n % 2..])));
         for outcome in clients.collect::<Vec<_>>().into_iter().map(outcome) {
-            // One of them removes it; the others find it dead or gone.
+            // One of them removes the files; the others find the emulator dead or gone.
             assert!(matches!(outcome.code, Some(0 | 3)), "{outcome:?}");
         }
         assert_eq!(files_of(&emulator.name), NOTHING);

@@ -4,7 +4,7 @@ use crate::common::{Emulator, commram, finish, finish_on_a_full_disk, run, uniqu
 use std::io::{BufRead, BufReader};
 use std::process::{Command, Stdio};
 
-/// Commands that need an instance, each with arguments that are right. DUMP is a file with an empty dump.
+/// Commands that need an instance, each with valid arguments. DUMP is a file with an empty dump.
 const AT_AN_INSTANCE: &[&[&str]] = &[
     &["stop"],
     &["stop", "--clean"],
@@ -42,7 +42,7 @@ const AT_AN_INSTANCE: &[&[&str]] = &[
     &["shell"],
 ];
 
-/// The commands that `commram help` lists.
+/// Returns the commands that `commram help` lists.
 fn commands() -> Vec<String> {
     let help = run(&["help"]);
     let list = help.ok().split("Commands:\n").nth(1).unwrap().split("\n\n").next().unwrap();
@@ -65,7 +65,7 @@ fn an_instance_that_is_not_there_or_has_gone_is_3_of_every_command() {
     for command in commands() {
         let needs = run(&[&command, "--help"]).ok().contains("--connect-timeout");
         let known = AT_AN_INSTANCE.iter().any(|args| args[0] == command);
-        // A view has nothing to show without a terminal: tests/cli/viewers.rs.
+        // A view cannot run without a terminal: tests/cli/viewers.rs.
         assert!(known || !needs || command == "view", "the list lacks {command}");
     }
     let outcome = run(&["diff", "no-such-file.json"]);
@@ -127,7 +127,7 @@ fn ctrl_c_is_130_of_all_that_go_on_until_then() {
             command.args(["-i", &own]);
         }
         let mut child = command.spawn().unwrap();
-        // What it says first tells that it has taken the signal over; `watch` says so beside its output.
+        // The first output shows that the signal handler is installed; `watch` prints this on stderr.
         let (out, err) = (child.stdout.take().unwrap(), child.stderr.take().unwrap());
         let (mut out, mut err) = (BufReader::new(out), BufReader::new(err));
         let mut line = String::new();
@@ -139,7 +139,7 @@ fn ctrl_c_is_130_of_all_that_go_on_until_then() {
     }
 }
 
-/// What was judged before the output was closed is not said, but that nobody reads is no failure.
+/// Results from before the output was closed are not printed. A closed reader is no failure.
 #[test]
 fn a_reader_that_goes_is_no_error() {
     let script = format!("'{}' map --all | head -1", env!("CARGO_BIN_EXE_commram"));
@@ -147,7 +147,7 @@ fn a_reader_that_goes_is_no_error() {
     assert_eq!((outcome.code, outcome.err.as_str()), (Some(0), ""));
 }
 
-/// The exit code tells that the output failed, and the act was done.
+/// The exit code reports that the output failed; the operation itself was done.
 #[test]
 fn what_acts_is_done_although_its_output_cannot_be_written() {
     let name = unique_name();

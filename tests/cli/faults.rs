@@ -8,7 +8,7 @@ fn set_up(emulator: &Emulator) {
     emulator.run("wait", &["node2.a_STAT_SL[3]==1", "--within", "100ms"]).ok();
 }
 
-/// As [`set_up`], then active operation.
+/// Does the same as [`set_up`], then enters active operation.
 fn activate(emulator: &Emulator) {
     set_up(emulator);
     emulator.poke(&["node2.w_CPU_CONTROL=16#0040"]);
@@ -118,7 +118,7 @@ fn every_kind_of_fault_is_taken_and_told_in_the_journal() {
     assert_eq!(journal.matches("\"news\":\"cleared\"").count(), count);
 }
 
-/// What the two kinds of buses share each has with what it knows.
+/// Faults that both kinds of buses share accept different conditions on each.
 #[test]
 fn a_bus_refuses_what_its_frames_do_not_have() {
     let plant = "[[plc]]\nname = 'line'\n[[bus]]\nname = 'open'\nkind = 'can'\nkbit_s = 125\n[[bus]]\nname = 'drives'\n";

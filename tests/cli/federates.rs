@@ -1,4 +1,4 @@
-//! One plant in several processes, which find each other by HELICS.
+//! One plant in several processes that are connected through HELICS.
 
 use crate::common::{Emulator, Outcome, commram, eventually, finish, python_for, unique_name};
 use commram::devices::omega_drive_line_2::registers::{CANsync_INIT_BMSTRUCT, LAYOUT_HASH, NODE2};
@@ -12,14 +12,14 @@ use std::time::Duration;
 use tempfile::TempDir;
 
 const LONG: Duration = Duration::from_secs(60);
-/// How long a task that is not needed any more may take to notice.
+/// Time that a task which is no longer needed may take to notice it.
 const SHORT: Duration = Duration::from_millis(5);
-/// The event of a SYNC edge.
+/// Number of the event of a SYNC edge.
 const SYNC: usize = 12;
 /// `b_CTRLREG_WRC1` of node 2.
 const WRC1: u32 = NODE2 as u32 + 12;
 
-/// Two PLCs that are alike, each with a bus of its own, and faults.
+/// Two identical PLCs, each with a separate bus, and faults.
 const PLANT: &str = "\
 [[plc]]
 name = 'line'
@@ -51,7 +51,7 @@ at_us = 8000
 duration_us = 9000
 ";
 
-/// What brings these PLCs into active operation, all at the same emulated times, and disturbs them.
+/// Returns the commands that bring these PLCs into active operation at the same emulated times and disturb them.
 fn program(plcs: &str) -> String {
     format!(
         "let plcs = {plcs};
@@ -82,7 +82,7 @@ fn program(plcs: &str) -> String {
     )
 }
 
-/// HELICS as Python has it: Python itself, the directory of the library, and the broker.
+/// HELICS as installed with Python: the interpreter, the directory of the library, and the broker.
 #[derive(Clone)]
 pub(crate) struct Helics {
     pub(crate) python: PathBuf,
@@ -103,22 +103,22 @@ pub(crate) fn helics() -> Option<Helics> {
     })
 }
 
-/// A program that ends with this process, also when that is killed, which cannot tell it then.
+/// Returns a command whose process dies with this one, even if this process is killed.
 pub(crate) fn mortal(program: &Path) -> Command {
     let mut command = Command::new("setpriv");
     command.args(["--pdeathsig", "KILL"]).arg(program);
     command
 }
 
-/// A broker for so many federates.
+/// A broker for a fixed number of federates.
 pub(crate) struct Broker {
     _process: Ends,
     pub(crate) address: String,
     library: PathBuf,
 }
 
-/// The first of the ports that a broker and its federates take one after the other. They lie below those that the system gives
-/// to other sockets, so that nothing takes them between this look and the broker's start.
+/// Returns the first of the consecutive ports that a broker and its federates use. The ports lie below those that the
+/// system assigns to other sockets, so they stay free until the broker starts.
 fn free_ports() -> u16 {
     const BLOCK: u16 = 64;
     const BLOCKS: u32 = 340;
@@ -146,13 +146,13 @@ impl Broker {
         }
     }
 
-    /// The arguments of `commram run` for federate `part`.
+    /// Returns the arguments of `commram run` for federate `part`.
     fn arguments<'a>(&'a self, plant: &'a str, part: &'a str) -> Vec<&'a str> {
         let federate = ["--federate", part, "--broker", &self.address];
         [&[plant, "--clock", "stepped"][..], &federate].concat()
     }
 
-    /// `commram run` with the stepped clock at this broker; `plant` is what it runs.
+    /// Returns `commram run` with the stepped clock at this broker; `plant` is the argument for the plant.
     pub(crate) fn command(&self, plant: &[&str], more: &[&str]) -> Command {
         let mut command = commram();
         command.arg("run").args(plant).args(["--clock", "stepped", "--broker", &self.address]);
@@ -160,7 +160,7 @@ impl Broker {
         command
     }
 
-    /// The same, running.
+    /// Starts the same command.
     pub(crate) fn emulator(&self, plant: &[&str], more: &[&str]) -> Emulator {
         let clock = ["--clock", "stepped", "--broker", &self.address];
         let environment = [("COMMRAM_HELICS", self.library.as_os_str())];
@@ -174,7 +174,7 @@ impl Broker {
     }
 }
 
-/// A process that does not outlast this value.
+/// A process that is killed when this value is dropped.
 struct Ends(Child);
 
 impl Drop for Ends {
@@ -190,7 +190,7 @@ pub(crate) fn written(directory: &TempDir, name: &str, text: &str) -> PathBuf {
     path
 }
 
-/// A program that runs at a running instance.
+/// Starts a program at a running instance.
 pub(crate) fn at(emulator: &Emulator, program: &Path) -> Child {
     let mut command = commram();
     command.args(["test", "--attach", &emulator.name]).arg(program);
@@ -206,12 +206,12 @@ pub(crate) fn passes(program: Child) {
 
 pub(crate) fn journal(emulator: &Emulator) -> String {
     let outcome = emulator.run("trace", &[]);
-    // A journal that continues from a snapshot has a note about where it begins.
+    // A journal that continues from a snapshot has a note about its beginning.
     assert_eq!(outcome.code, Some(0), "{}", outcome.err);
     outcome.out
 }
 
-/// A federate that is not to get far, at its end.
+/// Runs a federate that is expected to fail early, up to its end.
 fn ends(arguments: &[&str], library: &Path) -> Outcome {
     let mut command = commram();
     command.arg("run").args(arguments).args(["-i", &unique_name()]).env("COMMRAM_HELICS", library);
@@ -230,7 +230,7 @@ fn processes_leave_the_journal_of_one() {
     for count in [2, 3] {
         let broker = Broker::start(&helics, count);
         let follows = |number| broker.federate(&plant, &format!("{number}/{count}"), &["--follow"]);
-        // Whoever leads, the others have the same.
+        // The journals are the same for each leader.
         let leader = count - 2;
         let mut federates: Vec<_> = (0..count).filter(|number| *number != leader).map(follows).collect();
         federates.push(broker.federate(&plant, &format!("{leader}/{count}"), &[]));
@@ -243,7 +243,7 @@ fn processes_leave_the_journal_of_one() {
     assert!(expected.contains("lose_frame") && expected.contains("jitter_sync"), "{expected}");
 }
 
-/// A task in lockstep and a program that stores into an image, on two hosts, of which the other one leads.
+/// A task in lockstep and a program that writes to an image, on two hosts. The other host leads.
 #[test]
 fn programs_on_several_hosts_have_one_plant() {
     let Some(helics) = helics() else { return };
@@ -261,7 +261,7 @@ fn programs_on_several_hosts_have_one_plant() {
         let task = scope.spawn(|| {
             let image = attach(&follows, "line");
             let mut task = image.join_lockstep(SYNC, LONG, LONG).unwrap();
-            // The board is asked by the header page.
+            // The program reads the board through the header page.
             let header = image.header().unwrap();
             let request = header.interrupts[SYNC].ask(0, true);
             header.submit_request();
@@ -282,7 +282,7 @@ fn programs_on_several_hosts_have_one_plant() {
             }
             turns
         });
-        // It gets its seat and its answers in turns of its own host.
+        // The task gets its seat and its answers in turns of its host.
         assert!(eventually(|| {
             leads.step(&["100us"]);
             joined.load(Ordering::Acquire)
@@ -302,7 +302,7 @@ fn programs_on_several_hosts_have_one_plant() {
     assert_eq!(journal(&leads), journal(&follows));
 }
 
-/// What another program does that has the name of a federate of this plant.
+/// The script of another program that has the name of a federate of this plant.
 const IMPOSTOR: &str = "\
 import sys, helics as h
 info = h.helicsCreateFederateInfo()
@@ -319,7 +319,7 @@ h.helicsFederateDisconnect(federate)
 #[test]
 fn what_is_no_federate_of_this_plant_is_told_so() {
     let Some(helics) = helics() else { return };
-    // A greeting by another version; something that is none.
+    // A greeting by another version, and an invalid greeting.
     let other_version = "0005392e392e3902000000";
     for (says, code, complaint) in [
         (other_version, 2, "federate 1 is commram 9.9.9"),
@@ -348,7 +348,7 @@ fn who_dies_is_missed_and_who_ends_takes_the_others_along() {
     let back = leads.run("step", &["--back", "1ms"]);
     assert!(back.fails(1).contains("the other federates cannot go back"), "{}", back.err);
     follows.kill();
-    // It is missed when time is to pass. Without the broker it would not be heard either.
+    // Its absence is noticed when the clock advances. Without the broker it could not connect either.
     drop(broker);
     leads.run("step", &["1ms"]);
     assert_eq!(leads.wait().code(), Some(3));
@@ -378,7 +378,7 @@ fn who_does_not_fit_is_told_why() {
     let library = helics.library.clone();
     let outcome = ends(&nowhere, &library.join("libzmq.so.5"));
     assert!(outcome.fails(3).contains("undefined symbol: helics"), "{}", outcome.err);
-    // Nobody listens there.
+    // No broker listens at this address.
     let away = ["--broker", "tcp://127.0.0.1:9", "--limit", "2s"];
     let outcome = ends(&[&nowhere[..], &away].concat(), &library);
     assert_eq!(outcome.code, Some(3), "{}", outcome.err);

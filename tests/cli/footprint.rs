@@ -1,16 +1,16 @@
-//! How much memory an emulator needs, and that it does not grow.
+//! Memory use of an emulator, and a check that it does not grow.
 
 use crate::common::{Emulator, run};
 use commram::request::Travel;
 use std::fmt::Write;
 
-/// A start of the master with drives and mapped process data.
+/// A scenario that starts the master with drives and mapped process data.
 const START: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenarios/03-process-data-of-a-drive.rhai");
 
-/// What a snapshot of the built-in plant takes at most.
+/// Upper limit for a snapshot of the built-in plant.
 const SNAPSHOT_KB: u64 = 8;
 
-/// Memory of a process in KB: what is not shared, that with its images, and all that it has mapped and touched.
+/// Memory of a process in KB: private memory, the same with its images, and all resident memory.
 struct Resident {
     alone: u64,
     own: u64,
@@ -32,30 +32,31 @@ impl Resident {
     }
 }
 
-/// `COMMRAM_FOOTPRINT_S` are the seconds of emulated time in which it must not grow.
+/// `COMMRAM_FOOTPRINT_S` is the emulated time in seconds during which the memory must not grow.
 #[test]
 fn an_emulator_stays_small_and_does_not_grow() {
     let emulator = Emulator::stepped();
     run(&["test", START, "--attach", &emulator.name]).ok();
-    // Two frames in every interval from now on: the reference values of a master whose program never forgets them, and
-    // the answer of a drive.
+    // From now on two frames in each interval: the reference values of a master whose program always releases them,
+    // and the answer of a drive.
     emulator.run("force", &["node2.b_CTRLREG_WRC1=16#05"]).ok();
     emulator.step(&["70s"]);
     let kept = emulator.run("trace", &["--kind", "frame", "--format", "jsonl"]);
     assert!(kept.ok().lines().count() >= 65_536, "the ring is not full");
-    // Whoever asks for so much is served from memory that is not given back to the system at once.
+    // The allocator does not return the memory of this large answer to the system at once.
     let before = Resident::of(&emulator);
     assert!(before.own < 32_000, "{} KB", before.own);
     if !cfg!(debug_assertions) {
         assert!(before.all < 32_000, "{} KB", before.all);
     }
     let more: u64 = std::env::var("COMMRAM_FOOTPRINT_S").map_or(120, |seconds| seconds.parse().unwrap());
-    // Hour by hour, each below the watchdog of a command.
+    // One hour per command, each below the watchdog of a command.
     for begin in (0..more).step_by(3600) {
         emulator.step(&[&format!("{}s", (more - begin).min(3600))]);
     }
     let after = Resident::of(&emulator);
-    // The other rings fill: a record of them in a second. So do the snapshots of the way: one in ten seconds at most.
+    // Each of the other rings grows by one record per second, and the snapshots for stepping back grow by at most one
+    // in ten seconds.
     let records = more.min(65_536) * 4 * 64 / 1000;
     let way = (more / 10 * SNAPSHOT_KB).min(Travel::DEFAULT_BYTES as u64 / 1000);
     let most = before.own + records + way + 256;
@@ -63,7 +64,8 @@ fn an_emulator_stays_small_and_does_not_grow() {
     assert!(after.own < 32_000, "{} KB", after.own);
 }
 
-/// PLCs with full buses beside one without anything: what docs/internals/promises.md allows each of them and each drive beside its image.
+/// Compares PLCs with full buses to an empty PLC. docs/internals/promises.md has the limits for a PLC and for a
+/// drive, without the image.
 #[test]
 fn a_plc_and_a_drive_more_take_little() {
     const PLCS: u64 = 8;

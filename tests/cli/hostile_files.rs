@@ -1,4 +1,5 @@
-//! Files as long as they are read at all, made to be slow: each is refused, or accepted, in the time that docs/internals/promises.md names.
+//! Files of the maximum length, made to be slow to read. Each is refused or accepted within the time that
+//! docs/internals/promises.md promises.
 
 use crate::common::{Outcome, commram, finish, promised, unique_name};
 use std::fmt::Write;
@@ -7,7 +8,7 @@ use std::time::Duration;
 use tempfile::TempDir;
 
 const MIB: usize = 1 << 20;
-/// In which a file is accepted or refused.
+/// Time in which a file is accepted or refused.
 const FIGURE: Duration = Duration::from_secs(10);
 
 struct Files(TempDir);
@@ -28,7 +29,7 @@ impl Files {
     }
 }
 
-/// `head`, then items as long as they and `tail` fit into so many bytes.
+/// Returns `head`, then as many items as fit into `bytes` bytes with `tail`.
 fn filled(bytes: usize, head: &str, item: impl Fn(usize) -> String, tail: &str) -> String {
     let mut text = head.to_owned();
     for item in (0..).map(item) {
@@ -40,7 +41,7 @@ fn filled(bytes: usize, head: &str, item: impl Fn(usize) -> String, tail: &str) 
     text + tail
 }
 
-/// What is wrong stands at the end, so that all the rest is looked at before.
+/// The mistake is at the end, so that all other parts are read before it.
 #[test]
 fn plants_are_refused_in_their_time() {
     let files = Files::new();
@@ -75,7 +76,7 @@ fn plants_are_refused_in_their_time() {
     }
 }
 
-/// Before a script runs, all of it is compiled.
+/// A script is compiled completely before it runs.
 #[test]
 fn scripts_are_compiled_or_refused_in_their_time() {
     let files = Files::new();
@@ -117,7 +118,7 @@ fn logs_and_dumps_are_accepted_or_refused_in_their_time() {
     assert!(outcome.fails(2).contains("dump is not a dump"), "{}", outcome.err);
 }
 
-/// Nobody writes to it, nobody ever will: what is read from it is nothing.
+/// The pipe never has a writer, so it is read as an empty file.
 #[test]
 fn pipes_without_a_writer_are_no_reason_to_wait() {
     let (files, name) = (Files::new(), unique_name());
@@ -164,7 +165,7 @@ fn declarations_are_refused_in_their_time() {
     }
 }
 
-/// A pipe to which nobody writes, a device that never ends, one file that is as long as one may be, and one that is longer.
+/// A pipe without a writer, a device without an end, a file of the maximum length and a file that is longer.
 #[test]
 fn layouts_are_accepted_or_refused_in_their_time() {
     let files = Files::new();
@@ -197,7 +198,7 @@ fn layouts_are_accepted_or_refused_in_their_time() {
     assert!(outcome.fails(2).contains("none of"), "nothing is declared there: {}", outcome.err);
 }
 
-/// Behind the head of a right one, and up to the length that is read at all.
+/// The content follows a valid head and has the maximum length that is read.
 #[test]
 fn snapshots_are_refused_in_their_time() {
     let files = Files::new();

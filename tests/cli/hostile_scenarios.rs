@@ -1,5 +1,5 @@
-//! `commram test` with scenarios that loop, crash, hang or import each other: each harms itself alone, and a report is
-//! written in any case.
+//! `commram test` with scenarios that loop, crash, hang or import each other. Each affects only itself, and a report
+//! is always written.
 
 use crate::common::{commram, eventually, wait_for};
 use crate::scenarios::Scripts;
@@ -25,7 +25,7 @@ fn what_prints_for_ever_is_cut_and_ends() {
     );
 }
 
-/// A terminal is not to obey what a script prints, expects, or is called.
+/// Text that a script prints, expects or is named must not control the terminal.
 #[test]
 fn control_characters_of_scripts_are_spelled_out() {
     let clears = "\u{1b}[2J";
@@ -48,7 +48,7 @@ fn control_characters_of_scripts_are_spelled_out() {
     }
 }
 
-/// Two imports that go round in a circle, directly and by way of the scenario itself, and one that is merely used twice.
+/// Two circular imports, one direct and one through the scenario itself, and one module that is imported twice.
 #[test]
 fn imports_in_a_circle_are_named_with_their_lines() {
     let scripts = Scripts::new(&[
@@ -122,7 +122,7 @@ fn a_scenario_that_crashes_harms_no_other() {
     assert!(report.contains("tests=\"2\""), "{report}");
 }
 
-/// A script whose writer never comes to its end, and so nor does who reads it: held open here, with one blank in it.
+/// Creates a script as a pipe whose writer stays open after one blank, so that reading it never ends.
 fn endless_script(path: &Path) -> OwnedFd {
     assert!(Command::new("mkfifo").arg(path).status().unwrap().success());
     let pipe = rustix::fs::open(path, OFlags::RDWR | OFlags::CLOEXEC, Mode::empty()).unwrap();
@@ -170,7 +170,7 @@ fn a_report_is_written_although_the_user_has_had_enough() {
     );
 }
 
-/// As behind `| head -1`.
+/// Like a pipe to `| head -1`.
 #[test]
 fn a_report_is_written_although_nobody_reads_the_output() {
     let scripts = Scripts::new(&[("a.rhai", "step(1)"), ("b.rhai", "step(1)")]);
@@ -182,7 +182,7 @@ fn a_report_is_written_although_nobody_reads_the_output() {
     assert!(scripts.read("report.xml").contains("tests=\"2\""));
 }
 
-/// Neither a device that never ends nor a pipe that nobody writes to keeps anybody waiting, wherever a file is named.
+/// A device without an end or a pipe without a writer must not block a command, wherever a file is named.
 #[test]
 fn what_is_no_text_file_is_refused_as_plant_scenario_import_and_dump() {
     let scripts = Scripts::new(&[("import.rhai", "import \"endless\" as e;\n")]);

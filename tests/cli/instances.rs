@@ -1,4 +1,4 @@
-//! `run`, `list`, `stop`: instances that come and go, side by side.
+//! `run`, `list`, `stop`: several instances that start and end at the same time.
 
 use crate::common::{Emulator, commram, files_of, finish, remove_remains, run, unique_name};
 use std::io::Write;
@@ -123,7 +123,7 @@ fn a_name_that_is_taken_is_refused() {
     assert_eq!(emulator.peek(&["node2.w_OPTION_STATUS"]), "16#0001");
 }
 
-/// Their images do not meet, but everything else of an instance is there once.
+/// Their images have different names, but other resources of an instance exist only once.
 #[test]
 fn a_name_that_is_taken_is_refused_whatever_the_plcs_are_called() {
     let emulator = Emulator::stepped();
@@ -195,8 +195,8 @@ fn list_shows_what_runs() {
     assert!(csv.out.contains(&format!("{name},press saw,{pid},stepped,3000,ready,\n")), "{}", csv.out);
 }
 
-/// CS0015 p. 107, CAN-DP/2 (D-368), 5.00005.03a p. 41: what is wrong with an address is told in the words of a device that the instance
-/// has. If its devices refuse the address in different words, the command asks for the PLC.
+/// CS0015 p. 107, CAN-DP/2 (D-368), 5.00005.03a p. 41: the error about an address uses the words of a device of the
+/// instance. If the devices refuse the address in different words, the command asks for the PLC.
 #[test]
 fn an_address_is_refused_in_the_words_of_the_devices_that_are_there() {
     let emulator = start_with_plant(
@@ -216,7 +216,7 @@ fn an_address_is_refused_in_the_words_of_the_devices_that_are_there() {
     assert!(refused.fails(2).contains("%MB0 to %MB3071"), "{}", refused.err);
     let refused = emulator.run("peek", &["panel:%MW9999"]);
     assert!(refused.fails(2).contains("%MW0 to %MW4095 (flags)"), "{}", refused.err);
-    // Two of a kind agree.
+    // Two devices of the same kind use the same words.
     let emulator = start_with_plant(TWO_PLCS);
     for (text, expected) in [
         ("%MB3.5", "lies in no area; the first one, `baps`, starts at %MB3.80000"),

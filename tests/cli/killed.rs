@@ -1,4 +1,4 @@
-//! Emulators and clients that are killed, stopped or damaged, and what they leave behind.
+//! Emulators and clients that are killed, stopped or damaged, and the files that they leave.
 
 use crate::common::{
     Emulator, Outcome, eventually, files_of, finish, promised, remove_remains, run, stat, unique_name,
@@ -6,7 +6,7 @@ use crate::common::{
 use std::process::{ExitStatus, Stdio};
 use std::time::Duration;
 
-/// Ends an emulator in the time that is promised.
+/// Stops an emulator within the promised time.
 fn stop(emulator: &mut Emulator) -> (Outcome, ExitStatus) {
     promised(Duration::from_secs(2), || (emulator.run("stop", &[]), emulator.wait()))
 }
@@ -75,7 +75,7 @@ fn what_a_killed_emulator_left_can_be_read_but_not_used() {
     }
     let list = run(&["list"]);
     let line = list.ok().lines().find(|line| line.starts_with(&name)).unwrap();
-    // How wide the columns are depends on what else runs.
+    // The column widths depend on the other running instances.
     let cells: Vec<_> = line.split("  ").map(str::trim).filter(|cell| !cell.is_empty()).collect();
     assert_eq!(cells, [name.as_str(), "line", &pid.to_string(), "stepped", "0.001000 s", "dead"]);
 }
@@ -99,7 +99,7 @@ fn a_killed_emulator_is_restarted_on_the_same_image() {
     assert_eq!(again.files(), Vec::<std::path::PathBuf>::new());
 }
 
-/// Emulator and clients at one moment, while it works for them.
+/// Kills the emulator and its clients at one moment, during an operation.
 #[test]
 fn what_killed_processes_leave_is_gone_with_the_next_start() {
     let novram = tempfile::tempdir().unwrap();
@@ -140,7 +140,7 @@ fn stop_can_clean_up_after_a_killed_emulator() {
     assert_eq!(emulator.files(), Vec::<std::path::PathBuf>::new());
 }
 
-/// Each alone, and files without content, of which nothing can be told.
+/// Each file alone, and files without content, which identify no process.
 #[test]
 fn clean_removes_whatever_is_left_of_an_instance() {
     let name = unique_name();
@@ -176,7 +176,7 @@ fn a_stopped_emulator_can_be_ended() {
         let (outcome, status) = stop(&mut emulator);
         let (name, pid) = (&emulator.name, emulator.pid());
         assert_eq!((outcome.code, outcome.out), (Some(0), format!("instance '{name}' has stopped\n")));
-        // The signal that stops it may be done only after it has ended.
+        // The signal that stops the process may take effect only after its end.
         assert!(outcome.err == goes_on(name, pid) || outcome.err.is_empty(), "{}", outcome.err);
         assert_eq!(status.code(), Some(0));
         assert_eq!(emulator.files(), Vec::<std::path::PathBuf>::new());
@@ -187,7 +187,7 @@ fn goes_on(name: &str, pid: u32) -> String {
     format!("commram: note: instance '{name}' was stopped (process {pid}); it is continued to end\n")
 }
 
-/// Whatever stops it does not wait until `stop` looks.
+/// The other process may stop the emulator at any moment, not only while `stop` checks it.
 #[test]
 fn one_that_is_stopped_again_and_again_is_ended() {
     let mut emulator = Emulator::stepped();
@@ -204,14 +204,14 @@ fn one_that_is_stopped_again_and_again_is_ended() {
         }
         stop.join().unwrap()
     });
-    // `stop` does not wait for what its process does when nobody is served any more.
+    // `stop` does not wait for the process once it serves no clients.
     emulator.signal("-CONT");
     assert_eq!((outcome.code, outcome.err), (Some(0), goes_on(&emulator.name, pid)));
     assert_eq!(emulator.wait().code(), Some(0));
     assert_eq!(emulator.files(), Vec::<std::path::PathBuf>::new());
 }
 
-/// The lock went with the directory; the images still tell whose they are.
+/// The lock was removed with the directory; the images still identify the process.
 #[test]
 fn one_whose_directory_or_lock_was_removed_is_stopped_all_the_same() {
     for (clock, lock_only) in [("stepped", false), ("realtime", false), ("stepped", true)] {

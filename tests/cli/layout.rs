@@ -1,4 +1,4 @@
-//! `commram layout import` on the project's own layout, and programs that do not fit a layout any more.
+//! `commram layout import` on the project's layout, and programs that no longer match a layout.
 
 use crate::common::{Emulator, Outcome, commram, finish, run};
 use commram::devices::omega_drive_line_2::registers::LAYOUT_HASH;
@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 const LAYOUT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/layouts/omega-drive-line-2");
 
-/// As a vendor's library could declare it: other types, another order, fillers, comments, initial values.
+/// Declarations as in a vendor's library: other types, another order, fillers, comments, initial values.
 const VENDOR: &str = "\
 (* BM_TYPES *)
 TYPE
@@ -23,7 +23,7 @@ TYPE
 END_TYPE
 ";
 
-/// A checkout with nothing but a layout and a file with declarations.
+/// A checkout with only a layout and a file with declarations.
 struct Checkout(tempfile::TempDir);
 
 impl Checkout {
@@ -44,7 +44,7 @@ impl Checkout {
         Self(dir)
     }
 
-    /// Every layout file, by its directory and name.
+    /// Returns every layout file with its directory and name.
     fn all_files(&self) -> Vec<(String, String)> {
         let of = |directory: String| {
             let path = self.0.path().join("layouts").join(&directory);
@@ -63,7 +63,7 @@ impl Checkout {
     }
 }
 
-/// The directories of all layouts.
+/// Returns the directories of all layouts.
 fn every_layout() -> Vec<String> {
     let entries = fs::read_dir(Path::new(LAYOUT).parent().unwrap()).unwrap();
     let mut names: Vec<_> = entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
@@ -81,7 +81,7 @@ fn files(dir: &Path) -> Vec<(String, String)> {
     files
 }
 
-/// Promise 26: our own export is what the layout says, and confirms nothing.
+/// Promise 26: an export of commram matches the layout by construction, so it confirms nothing.
 #[test]
 fn an_export_of_commram_is_recognized_for_every_device_and_proves_nothing() {
     for device in commram::devices::all().iter().map(|device| device.layout.name) {
@@ -100,7 +100,7 @@ fn an_export_of_commram_is_recognized_for_every_device_and_proves_nothing() {
             assert_eq!(checkout.all_files(), before, "{device}");
         }
     }
-    // Nor without its head, which a tool of the vendor may drop: our fillers have their offsets as names.
+    // The same without its head, which a vendor's tool may drop: our fillers have their offsets as names.
     for device in ["omega-drive-line-2", "bm4-plc"] {
         let export = run(&["export", "st", "--device", device]).ok().to_owned();
         let lines: Vec<_> = export.lines().filter(|line| !line.starts_with("(*")).collect();
@@ -110,7 +110,7 @@ fn an_export_of_commram_is_recognized_for_every_device_and_proves_nothing() {
         assert!(import.err.contains("TYPES.st is an export of commram"), "{device}: {}", import.err);
         assert_eq!((import.code, checkout.all_files()), (Some(0), before), "{device}");
     }
-    // One that says something else is no evidence either.
+    // An export with a different declaration is no evidence either.
     let export = run(&["export", "st"]).ok().replacen("w_STATUS : WORD", "w_STATUS : DWORD", 1);
     let checkout = Checkout::new(&export.replace("END_STRUCT", "w_MORE : WORD; END_STRUCT"));
     let before = files(&checkout.layout());
@@ -152,7 +152,7 @@ fn a_vendors_declarations_that_confirm_the_layout_change_its_provenance() {
     assert_eq!(checkout.import(&["--check"]).ok(), "all registers have the declared offsets\n");
 }
 
-/// 5.02066.01a p. 42, 47, 72: the library of the b maXX PLC has structures of its own, and their names are those of the manual.
+/// 5.02066.01a p. 42, 47, 72: the library of the b maXX PLC has separate structures with the names of the manual.
 #[test]
 fn the_library_of_the_bmaxx_plc_is_found_by_its_own_names() {
     let device = ["--device", "bm4-plc"];
@@ -187,7 +187,7 @@ fn the_library_of_the_bmaxx_plc_is_found_by_its_own_names() {
     );
 }
 
-/// Where the library has its registers elsewhere, the family's structure follows, which the firmware looks at (D-296).
+/// Where the library has its registers elsewhere, the family's structure, which the firmware reads, follows (D-296).
 #[test]
 fn true_offsets_of_the_bmaxx_plc_move_the_structure_of_the_family() {
     let checkout = Checkout::with(&with_more_in_the_master(), &every_layout());
@@ -214,14 +214,14 @@ fn true_offsets_of_the_bmaxx_plc_move_the_structure_of_the_family() {
     assert!(!judged.out.contains("\"wrong\""), "{}", judged.out);
 }
 
-/// The same declarations as a vendor's tool would write them: without what our export says of itself, and with other names of
+/// The same declarations as a vendor's tool would write them: without the head of our export, and with other names of
 /// fillers.
 fn vendors(export: &str) -> String {
     let lines = export.lines().filter(|line| !line.starts_with("(* Made by commram "));
     lines.collect::<Vec<_>>().join("\n").replace(" padding_", " padding_0")
 }
 
-/// The declarations of a b maXX PLC with eight bytes more in front of the reference values of the master.
+/// The declarations of a b maXX PLC with eight more bytes before the reference values of the master.
 fn with_more_in_the_master() -> String {
     let declared = vendors(run(&["export", "st", "--device", "bm4-plc"]).ok());
     let (head, tail) = declared.split_once("CANsync_PLC_MA_BMSTRUCT : (*").unwrap();
@@ -230,8 +230,8 @@ fn with_more_in_the_master() -> String {
     format!("{head}CANsync_PLC_MA_BMSTRUCT : (*{moved}")
 }
 
-/// Promise 26: offsets that one library has confirmed are not moved by another one's. Both devices would keep the mark of a file
-/// that says otherwise.
+/// Promise 26: an import of one library does not move offsets that another library has confirmed. Both devices would
+/// keep the provenance of a file that contradicts them.
 #[test]
 fn confirmed_offsets_of_a_shared_structure_stay_where_they_are() {
     let omega = vendors(run(&["export", "st"]).ok());
@@ -254,7 +254,8 @@ fn confirmed_offsets_of_a_shared_structure_stay_where_they_are() {
     assert_eq!(checkout.all_files(), before);
     let confirms = import(&checkout, &vendors(run(&["export", "st", "--device", "bm4-plc"]).ok()), &bm4);
     assert_eq!(confirms.code, Some(0), "{}", confirms.err);
-    // The other one first: while nothing has confirmed the Omega's registers they move, too, which is said.
+    // The other library first: the Omega's registers are not confirmed yet, so they move too, and the command reports
+    // it.
     let checkout = Checkout::with(&with_more_in_the_master(), &every_layout());
     let moves = checkout.import(&bm4);
     assert_eq!(moves.code, Some(0), "{}", moves.err);
@@ -271,8 +272,8 @@ fn confirmed_offsets_of_a_shared_structure_stay_where_they_are() {
     assert_eq!(checkout.all_files(), before);
 }
 
-/// 5.02066.01a p. 47-71, 76-97: the tables have no block 0 and no single-frame area. A library without room for them is taken
-/// over all the same: what only the family has follows the end of the structure (D-741).
+/// 5.02066.01a p. 47-71, 76-97: the tables have no block 0 and no single-frame area. A library without room for them
+/// is imported as well: parts that only the family has follow the end of the structure (D-741).
 #[test]
 fn a_library_laid_out_as_the_tables_of_the_bmaxx_plc_is_taken_over() {
     let declared = vendors(run(&["export", "st", "--device", "bm4-plc"]).ok());
@@ -305,7 +306,8 @@ fn a_library_laid_out_as_the_tables_of_the_bmaxx_plc_is_taken_over() {
         finish(commram().args(["layout", "check", "--format", "json"]).current_dir(checkout.0.path()));
     assert!(!judged.out.contains("\"wrong\""), "{}", judged.out);
 
-    // Without the room for the number the general registers would differ, which the firmware cannot follow.
+    // Without the room for the number, the addresses of the general registers would differ, and the firmware does not
+    // support that.
     let without: Vec<_> = declared.lines().filter(|line| !line.contains(" padding_0")).collect();
     let checkout = Checkout::with(&without.join("\n"), &every_layout());
     let refused = checkout.import(&["--device", "bm4-plc"]);
@@ -404,7 +406,7 @@ fn what_cannot_be_taken_over_is_told_and_the_exit_code_says_so() {
     assert!(nowhere.fails(2).starts_with("commram: nowhere/device.toml:1:1: cannot read"), "{}", nowhere.err);
 }
 
-/// Whoever still maps the image counts on the registers of the old build.
+/// A client that still maps the image uses the registers of the old build.
 #[test]
 fn what_another_build_has_left_is_not_taken_over() {
     let mut emulator = Emulator::stepped();

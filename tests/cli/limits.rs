@@ -1,4 +1,4 @@
-//! Limits of processes (`ulimit`), and what other programs' writes may cost.
+//! Process limits (`ulimit`), and the cost of writes by other programs.
 
 use crate::common::{Emulator, Outcome, commram, finish, promised, unique_name};
 use std::fs::File;
@@ -16,7 +16,7 @@ fn limited(limit: &str, args: &[&str]) -> Outcome {
     finish(&mut shell)
 }
 
-/// The number behind these words.
+/// Returns the number after these words.
 #[track_caller]
 fn number_after(text: &str, words: &str) -> u64 {
     let (_, rest) = text.split_once(words).unwrap_or_else(|| panic!("no `{words}` in: {text}"));
@@ -44,7 +44,7 @@ fn a_client_names_the_limit_that_keeps_it_out_and_what_it_needs() {
     assert!(stop.fails(3).contains("`ulimit -n`"), "{}", stop.err);
 }
 
-/// With exactly as many files as the message says, the emulator starts with all it has, and answers clients.
+/// With exactly the number of files in the message, the emulator starts completely and answers clients.
 #[test]
 fn a_start_needs_as_many_open_files_as_it_says() {
     let plc = |n| format!("[[plc]]\nname = \"p{n}\"\n");
@@ -65,7 +65,7 @@ fn a_start_needs_as_many_open_files_as_it_says() {
         assert!(limited(&format!("-n {}", needed - 1), &run).err.contains("ulimit -Hn"));
         let started = limited(&format!("-n {needed}"), &run);
         assert_eq!((started.code, started.err.as_str()), (Some(0), ""), "{plant}");
-        // Clients are there at the same time.
+        // The clients run at the same time.
         let status = || finish(commram().args(["status", "-i", &name]));
         let outcomes: Vec<_> = std::thread::scope(|scope| {
             let clients: Vec<_> = (0..4).map(|_| scope.spawn(status)).collect();
@@ -80,7 +80,8 @@ fn a_start_needs_as_many_open_files_as_it_says() {
     }
 }
 
-/// All registers are full of noise, and requests of the header page come all the time. What identifies the image stays.
+/// All registers contain noise, and requests of the header page arrive all the time. The identification of the image
+/// stays.
 #[test]
 fn a_program_that_writes_at_random_keeps_nobody_waiting() {
     let emulator = Emulator::stepped();

@@ -1,4 +1,4 @@
-//! The built program on the command line, against emulators as processes of their own.
+//! The built program on the command line, with emulators as separate processes.
 
 #[path = "../common/mod.rs"]
 mod common;

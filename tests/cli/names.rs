@@ -1,4 +1,4 @@
-//! How registers, values and conditions are written, and how they are found.
+//! Notation of registers, values and conditions, and search for registers.
 
 use crate::common::{Emulator, run};
 

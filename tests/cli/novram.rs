@@ -1,4 +1,4 @@
-//! What survives power-off: the NOVRAM and the retain flags.
+//! Data that survives power-off: the NOVRAM and the retain flags.
 
 use crate::common::{Emulator, files_of, run, unique_name};
 use std::time::Duration;
@@ -54,7 +54,7 @@ fn retain_flags_survive_if_they_have_a_directory() {
     assert_eq!(loaded(&image), Start::Warm);
 }
 
-/// Whoever can exchange the files there can give the PLC any flags, or have them read what a link points to.
+/// A user who can replace the files there could set any flags of the PLC, or make it read the target of a link.
 #[test]
 fn a_novram_directory_that_others_can_write_to_is_refused() {
     use std::os::unix::fs::{MetadataExt, PermissionsExt};
@@ -88,7 +88,7 @@ fn a_novram_directory_that_cannot_be_used_is_an_error() {
     assert!(files_of(&name).is_empty());
 }
 
-/// Of a plant with several devices each keeps what it has: a b maXX PLC has nothing, and no file.
+/// In a plant with several devices, each device stores its own data. A b maXX PLC has none, so it gets no file.
 #[test]
 fn devices_without_novram_get_no_file() {
     let directory = tempfile::tempdir().unwrap();

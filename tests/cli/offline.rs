@@ -1,4 +1,4 @@
-//! What needs no emulator: `map`, `completions`, help, and how errors are told.
+//! Commands that need no emulator: `map`, `completions` and help, and the format of errors.
 
 use crate::common::{commram, finish, finish_on_a_full_disk, run};
 use std::process::{Command, Stdio};
@@ -131,7 +131,7 @@ fn completions_for_all_shells() {
     assert!(run(&["completions", "tcsh"]).fails(2).contains("possible values: bash"));
 }
 
-/// What bash offers for the last of these words, in this order.
+/// Returns the candidates of bash for the last of these words, in order.
 fn offered(words: &[&str]) -> Vec<String> {
     let [.., previous, current] = words else { panic!("a command and a word") };
     let script = format!(
@@ -206,7 +206,7 @@ fn the_command_line_is_refused_like_everything_else() {
     assert!(run(&["peek", "--raw", "--format", "json", "node2.w_CPU_CONTROL"]).fails(2).contains("--raw"));
 }
 
-/// `commram map | head -1`: the reader has enough, which is no error and no panic.
+/// `commram map | head -1`: the reader closes the pipe early, which is no error and no panic.
 #[test]
 fn a_closed_pipe_is_no_error() {
     for args in [&["map", "--all"][..], &["completions", "bash"], &["--help"]] {
@@ -232,7 +232,7 @@ fn an_output_that_cannot_be_written_has_its_exit_code() {
     }
 }
 
-/// A file that may not become longer than a kilobyte stands for the disk.
+/// A file size limit of one kilobyte simulates a full disk.
 #[test]
 fn a_full_disk_takes_nothing_away() {
     let directory = tempfile::tempdir().unwrap();

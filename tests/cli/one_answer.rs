@@ -1,12 +1,12 @@
-//! A C program, a Python program, a Rust soft-PLC and a scenario each bring up the master of the built-in plant with a
-//! reference value of 5000, and all see the same answer of the same drive.
+//! A C program, a Python program, a Rust soft-PLC and a scenario each start the master of the built-in plant with a
+//! reference value of 5000. All read the same answer from the same drive.
 
 use crate::common::{Emulator, Outcome, finish, python, run};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// What drive 1 has answered: status of the master, state of the slave, reference value, actual value, and the drive's
-/// last frame on the bus.
+/// Returns the answer of drive 1: status of the master, state of the slave, reference value, actual value, and the
+/// drive's last frame on the bus.
 fn answer(emulator: &Emulator) -> String {
     let registers =
         ["node2.w_OPTION_STATUS", "node2.a_STAT_SL[1]", "node2.a_WR_VALUE[0]", "node2.a_RD_BMARRAY[1][0]"];
@@ -16,11 +16,11 @@ fn answer(emulator: &Emulator) -> String {
     format!("{} {last}", emulator.peek(&registers))
 }
 
-/// Active operation; responds and is synchronized; 5000 there and back; on the bus low byte first, then the drive's
-/// status word 16#8037: operation enabled, synchronized.
+/// Active operation; the drive responds and is synchronized; 5000 in both directions; on the bus low byte first, then
+/// the drive's status word 16#8037: operation enabled, synchronized.
 const ANSWER: &str = "16#0080 16#03 16#00001388 16#00001388 301#8813000037800000";
 
-/// Runs a program at an emulator of its own; it must end well, and the drive must have answered.
+/// Runs a program with a separate emulator. The program must succeed, and the drive must have answered.
 #[track_caller]
 fn sees_the_answer(program: impl FnOnce(&Emulator) -> Outcome, says: &str) {
     let emulator = Emulator::start(&[]);

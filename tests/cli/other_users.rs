@@ -1,15 +1,15 @@
-//! What another user of the machine can do to an emulator: nothing. The tests need root, who can be two users; without
-//! it they say so and are over.
+//! Other users of the machine have no access to an emulator. The tests run two users and therefore need root; without
+//! root they print a note and pass.
 
 use crate::common::{Emulator, Outcome, files_of, finish, remove_remains, run, unique_name};
 use std::os::unix::fs::{MetadataExt, symlink};
 use std::os::unix::process::CommandExt;
 use std::process::Command;
 
-/// The attacker.
+/// User ID of the attacker.
 const NOBODY: u32 = 65_534;
 
-/// Whether there can be an attacker; says aloud if not.
+/// Returns whether the test can switch to the attacker's user ID; prints a note if not.
 fn can_be_another_user() -> bool {
     let root = rustix::process::geteuid().is_root();
     if !root {
@@ -23,7 +23,7 @@ fn attack(script: &str) -> Outcome {
     finish(Command::new("sh").args(["-c", script]).current_dir("/").uid(NOBODY).gid(NOBODY))
 }
 
-/// A file that the attacker wants to be overwritten.
+/// Creates a file that the attacker wants to be overwritten.
 fn victim() -> tempfile::NamedTempFile {
     let file = tempfile::NamedTempFile::new().unwrap();
     std::fs::write(&file, "precious").unwrap();
@@ -66,7 +66,7 @@ fn a_link_in_the_directorys_place_is_refused() {
     std::fs::remove_file(&directory).unwrap();
     assert!(outcome.fails(1).contains("is a symbolic link"), "{}", outcome.err);
     assert_eq!(std::fs::read_dir(own.path()).unwrap().count(), 0);
-    // Nor is the owner's own link followed.
+    // The owner's own link is not followed either.
     symlink(own.path(), &directory).unwrap();
     let outcome = run(&["run", "-i", &name]);
     std::fs::remove_file(&directory).unwrap();
@@ -89,7 +89,7 @@ fn a_novram_directory_of_somebody_else_is_refused() {
     assert!(files_of(&name).is_empty());
 }
 
-/// A true copy of one that an emulator has made, for everybody to read and write.
+/// The image is an exact copy of an emulator's image, with read and write permission for all users.
 #[test]
 fn an_image_of_somebody_else_is_neither_taken_over_nor_used() {
     if !can_be_another_user() {
@@ -119,7 +119,7 @@ fn an_image_of_somebody_else_is_neither_taken_over_nor_used() {
     assert!(before.unwrap() == after.unwrap(), "it was written to");
 }
 
-/// With a client connected and another that listens to events, so that all kinds of objects are there.
+/// One client is connected and another listens to events, so that all kinds of objects exist.
 #[test]
 fn nothing_of_a_running_instance_can_be_read_written_or_removed_by_others() {
     if !can_be_another_user() {
@@ -158,7 +158,7 @@ fn nothing_of_a_running_instance_can_be_read_written_or_removed_by_others() {
     remove_remains(&emulator.name);
 }
 
-/// The prefix of the channel's objects is no secret.
+/// The prefix of the channel's objects is public.
 #[test]
 fn objects_of_others_that_look_like_the_channels_keep_nobody_away() {
     if !can_be_another_user() {

@@ -1,4 +1,4 @@
-//! Plots and pages: what `commram plot`, the verb `plot` and `commram test --report html` draw.
+//! Plots and pages: the output of `commram plot`, the verb `plot` and `commram test --report html`.
 
 use crate::common::Emulator;
 use crate::common::{finish, is_there, python};
@@ -6,7 +6,7 @@ use crate::scenarios::Scripts;
 use serde_json::{Value, json};
 use std::process::Command;
 
-/// A master in set-up mode whose registers are recorded, and the times of its first two handshakes.
+/// Starts a master in set-up mode with recorded registers and the times of its first two handshakes.
 fn recorded() -> Emulator {
     let emulator = Emulator::start(&["--clock", "stepped", "--watch", "node2"]);
     emulator.poke(&["node2.w_CPU_CONTROL=16#0001"]);
@@ -30,7 +30,7 @@ fn an_instance_and_its_journal_give_the_same_plot() {
     // The file needs no instance.
     let mut of_file = crate::common::commram();
     of_file.arg("plot").args(registers).args(["--to", "2ms", "--journal", &path("run.jsonl"), "-o", &past]);
-    // Nor any font of the machine.
+    // The plot needs no font of the machine either.
     of_file
         .env("FONTCONFIG_FILE", "/dev/null")
         .env("HOME", "/nonexistent")
@@ -43,7 +43,7 @@ fn an_instance_and_its_journal_give_the_same_plot() {
     }
     plot(&["-o", &png]).ok();
     assert!(std::fs::read(&png).unwrap().starts_with(b"\x89PNG\r\n"));
-    // Of what nothing is known, nothing is drawn, and that is said.
+    // A register without recorded values has no curve, and the plot contains a note.
     let unknown = emulator.run("plot", &["node1.w_CPU_CONTROL", "-o", &live]);
     let said = "node1.w_CPU_CONTROL: no change told, holds 16#0000";
     assert!(unknown.code == Some(0) && unknown.err.contains(said), "{}", unknown.err);
@@ -127,7 +127,7 @@ fn a_plot_stands_beside_its_scenario_and_nowhere_else() {
             outcome.out
         );
     }
-    // A link there is replaced, not followed.
+    // A link at this path is replaced, not followed.
     let scripts =
         Scripts::new(&[("one.rhai", "plot(\"x.svg\", [\"node2.w_CPU_CONTROL\"]);"), ("mine", "mine")]);
     std::os::unix::fs::symlink(scripts.0.path().join("mine"), scripts.0.path().join("x.svg")).unwrap();
@@ -136,7 +136,7 @@ fn a_plot_stands_beside_its_scenario_and_nowhere_else() {
     assert!(scripts.read("x.svg").starts_with("<svg"));
 }
 
-/// What docs/guide/debugging.md finds in the program, and what mends it.
+/// The mistake that docs/guide/debugging.md finds in the program, and its correction.
 #[test]
 fn the_drive_of_the_wrong_order_stands_still_and_that_of_the_right_order_turns() {
     let wrong = include_str!("../../tools/examples/wrong-order.rhai");

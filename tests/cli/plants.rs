@@ -1,4 +1,4 @@
-//! Plant files before they run: `run --check` and `plant new`.
+//! Checks of plant files before they run: `run --check` and `plant new`.
 
 use crate::common::{Outcome, commram, finish};
 use std::path::Path;

@@ -1,4 +1,4 @@
-//! The door to a PROFIBUS of the built program: foreign masters over TCP.
+//! The door to a PROFIBUS of the built program: external masters over TCP.
 
 use crate::common::{Emulator, eventually, python};
 use serde_json::Value;
@@ -8,7 +8,7 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
-/// No answer takes longer than this, however slow the machine.
+/// Every answer arrives within this time, even on a slow machine.
 const WATCHDOG: Duration = Duration::from_secs(60);
 
 const PLANT: &str = r#"
@@ -24,12 +24,12 @@ kbit_s = 500
 doors = ["profibus-tcp:127.0.0.1:0"]
 "#;
 
-/// A diagnosis of the gateway is asked for: by station 2, and repeated.
+/// A request of station 2 for a diagnosis of the gateway, marked as repeated.
 const SLAVE_DIAG: [u8; 11] = [0x68, 5, 5, 0x68, 0x85, 0x82, 0x6D, 0x3C, 0x3E, 0xEE, 0x16];
 
 struct Guest(TcpStream);
 
-/// The port of the first door.
+/// Returns the port of the first door.
 fn port(emulator: &Emulator) -> u16 {
     let buses = buses(emulator);
     let door = buses[0]["doors"][0].as_str().unwrap();
@@ -54,7 +54,7 @@ impl Guest {
         self.0.write_all(&bytes).unwrap();
     }
 
-    /// Bit time and octets of the next telegram.
+    /// Reads the bit time and the octets of the next telegram.
     fn hear(&mut self) -> (u64, Vec<u8>) {
         let (mut length, mut begin) = ([0; 2], [0; 8]);
         self.0.read_exact(&mut length).unwrap();
@@ -79,7 +79,7 @@ fn start_with(plant: &str, args: &[&str]) -> Emulator {
     Emulator::start(&[&[file.path().to_str().unwrap()], args].concat())
 }
 
-/// Starts a program that is to have a seat, and waits until it has asked for it.
+/// Starts a program that asks for a seat, and waits until it has asked.
 fn seat(emulator: &Emulator, program: &mut Command) -> Child {
     let child = program.arg(port(emulator).to_string()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn();
     let child = child.unwrap();
@@ -87,7 +87,7 @@ fn seat(emulator: &Emulator, program: &mut Command) -> Child {
     child
 }
 
-/// The program on the page for users, word for word.
+/// The program from the user's page, word for word.
 #[test]
 fn the_program_of_the_documentation_runs_as_printed() {
     let Some(mut python) = python(&[]) else { return };
@@ -106,13 +106,14 @@ fn the_program_of_the_documentation_runs_as_printed() {
     assert_eq!(String::from_utf8_lossy(&outcome.stdout).trim_end(), printed, "{error}");
 }
 
-/// Two worlds: pyprofibus, the gateway, and behind it a controller on CANopen, whose registers have what the master says.
+/// pyprofibus, the gateway, and a CANopen controller on the gateway's other bus. The controller's registers have the
+/// master's values.
 #[test]
 fn pyprofibus_reaches_a_controller_behind_the_gateway() {
     let Some(mut python) = python(&["pyprofibus"]) else { return };
     let plant = include_str!("../../tools/plants/can-dp2-door.toml");
     let emulator = start_with(plant, &["--clock", "stepped"]);
-    // The controller is to hear the start frame.
+    // Time for the controller to receive the start frame.
     emulator.step(&["1s"]);
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/python/check_profibus.py");
     let mut child = seat(&emulator, python.arg(script));
@@ -140,7 +141,7 @@ fn foreign_masters_ask_a_slave_and_hear_each_other() {
     assert!(emulator.ready.contains(", door profibus-tcp:127.0.0.1:"), "{}", emulator.ready);
     let (mut master, mut other) = (Guest::come(&emulator), Guest::come(&emulator));
     assert!(eventually(|| buses(&emulator)[0]["guests"].as_array().unwrap().len() == 2));
-    // The first telegram tells the slave the bit rate.
+    // From the first telegram the slave detects the bit rate.
     master.say(&[0xDC, 2, 2]);
     let (token_at, token) = other.hear();
     assert_eq!(token, [0xDC, 2, 2]);
@@ -165,13 +166,13 @@ fn a_length_that_no_telegram_has_closes_the_door_for_this_guest() {
     assert_eq!(confused.0.read(&mut [0; 1]).unwrap(), 0, "it was sent away");
     let findings = || emulator.run("check", &[]).out;
     assert!(eventually(|| findings().contains("guest-telegram")), "{}", findings());
-    // Others stay.
+    // Other guests stay connected.
     other.say(&[0xDC, 2, 2]);
     other.say(&SLAVE_DIAG);
     assert_eq!(other.hear().1.len(), 17);
 }
 
-/// Otherwise the guest would wait for ever and nobody would know why.
+/// Without the refusal the guest would wait without a timeout and without a reason.
 #[test]
 fn a_distant_bit_time_is_refused_aloud() {
     let emulator = start();
@@ -199,7 +200,7 @@ fn a_request_without_a_pause_is_found() {
     }));
 }
 
-/// Addresses and states of all who are there, in the table and for programs.
+/// Addresses and states of all stations, as a table and as JSON.
 #[test]
 fn the_list_of_buses_has_the_stations_of_a_segment() {
     let emulator = start();
@@ -218,7 +219,8 @@ fn the_list_of_buses_has_the_stations_of_a_segment() {
     assert!(stations.as_array().unwrap().contains(&slave), "{stations}");
 }
 
-/// 3 is the address of each gateway as it is delivered (CAN-DP/2 p. 9): the check of the plant warns, and the emulator finds it.
+/// Each gateway has address 3 as delivered (CAN-DP/2 p. 9). The check of the plant warns about it, and the emulator
+/// reports it.
 #[test]
 fn two_gateways_with_one_address_are_named() {
     let twice =
@@ -234,7 +236,7 @@ fn two_gateways_with_one_address_are_named() {
     assert!(eventually(|| findings().matches("dp-address").count() >= 2), "{}", findings());
 }
 
-/// By the bits of its bus that is after 50 s.
+/// At the bit rate of its bus this is after 50 s.
 #[test]
 fn who_leaves_with_much_to_say_later_leaves_its_place() {
     let emulator = start();
@@ -243,7 +245,7 @@ fn who_leaves_with_much_to_say_later_leaves_its_place() {
     later.push(0xE5);
     let address = ("127.0.0.1", port(&emulator));
     for _ in 0..200 {
-        // Who comes while there is no room is sent away while it speaks.
+        // While the door is full, it rejects a guest that sends data.
         let _ = TcpStream::connect(address).unwrap().write_all(&later.repeat(100));
     }
     assert!(eventually(|| {

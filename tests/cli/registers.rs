@@ -2,7 +2,7 @@
 
 use crate::common::{Emulator, run};
 
-/// Set-up mode with two values mapped in each direction of drive 1.
+/// Enters set-up mode with two values mapped in each direction of drive 1.
 fn set_up(emulator: &Emulator) {
     emulator.set_up(&[
         "node2._CFG_WRC_WORD.b_CFG_WRC1_WORD0=16#01",
@@ -14,7 +14,7 @@ fn set_up(emulator: &Emulator) {
     ]);
 }
 
-/// The walk through the manual's start sequence up to the first exchanged process data.
+/// The manual's start sequence up to the first exchanged process data.
 #[test]
 fn a_reference_value_comes_back_as_actual_value_of_a_drive() {
     let emulator = Emulator::stepped();
@@ -44,7 +44,7 @@ fn the_same_walk_takes_the_same_emulated_time_each_time() {
     assert_eq!(time(), time());
 }
 
-/// Manual p. 42: they have addresses of their own, and as many as the plant file says.
+/// Manual p. 42: the flags have separate addresses, and the plant file sets their number.
 #[test]
 fn retain_flags_are_read_and_written_by_their_addresses() {
     let directory = tempfile::tempdir().unwrap();
@@ -87,7 +87,7 @@ fn retain_flags_are_read_and_written_by_their_addresses() {
     assert_eq!(emulator.peek(&["%MD10000000", "%MD10000004"]), "16#00000000 16#00000005", "cold, but forced");
 }
 
-/// D-29: in the RAM nobody could see it.
+/// D-29: a client could not see this in the RAM.
 #[test]
 fn a_restart_written_over_what_bit_7_has_left_restarts() {
     let emulator = Emulator::stepped();
@@ -278,7 +278,7 @@ fn a_dump_with_all_registers_has_the_reserved_ones_too() {
     assert_eq!(lines(&["%MW3.200002"]), 1);
 }
 
-/// The structure that is not live is RAM with another meaning; its registers are not shown.
+/// The structure that is not live is RAM with another meaning, so its registers are not shown.
 #[test]
 fn a_dump_of_a_structure_that_is_not_live_is_empty() {
     let emulator = Emulator::stepped();

@@ -1,4 +1,4 @@
-//! `commram test`: the scenarios of the tutorial, and everything that can go wrong with a scenario.
+//! `commram test`: the scenarios of the tutorial, and all failures of a scenario.
 
 use crate::common::{Outcome, commram, finish, python, run, skipped};
 use std::process::Command;
@@ -8,7 +8,7 @@ mod attached;
 mod selected;
 mod tutorial;
 
-/// Scripts in a directory of their own, which is where the command runs.
+/// Scripts in a separate directory, in which the command runs.
 pub(crate) struct Scripts(pub TempDir);
 
 impl Scripts {
@@ -35,7 +35,7 @@ impl Scripts {
     }
 }
 
-/// Runs one script; its report without the real times.
+/// Runs one script and returns its report without the real times.
 fn run_one(script: &str, code: i32) -> String {
     let scripts = Scripts::new(&[("one.rhai", script)]);
     let outcome = scripts.run(&["one.rhai"]);

@@ -1,5 +1,5 @@
-//! The schemas of plants and layouts, which a validator that is not ours holds against those of the repository and against broken
-//! ones.
+//! The schemas of plants and layouts. An external validator checks them against the files of the repository and
+//! against invalid ones.
 
 use crate::common::{finish, python, run};
 use std::path::{Path, PathBuf};
@@ -15,7 +15,7 @@ fn in_directory(directory: &str) -> Vec<PathBuf> {
     entries.filter(|path| path.extension().is_some_and(|it| it == "toml")).collect()
 }
 
-/// Fails unless the schema takes all files and none of the `broken` texts.
+/// Fails unless the schema accepts all files and none of the `broken` texts.
 fn assert_told_apart(schema: &[&str], files: &[PathBuf], broken: &[&str]) {
     let Some(mut validator) = python(&["check_jsonschema"]) else { return };
     let directory = TempDir::new().unwrap();

@@ -1,4 +1,4 @@
-//! Image files that others change while they are in use, and a `/dev/shm` that is too small.
+//! Image files that other programs change during use, and a `/dev/shm` that is too small.
 
 use crate::common::{Emulator, commram, eventually, finish, unique_name};
 use std::fs::File;
@@ -8,7 +8,7 @@ fn image(emulator: &Emulator) -> String {
     format!("/dev/shm/commram.{}.line", emulator.name)
 }
 
-/// Touching what is not there any more would kill the emulator without a word.
+/// An access to the removed part would kill the emulator without a message.
 #[test]
 fn a_shortened_image_ends_the_emulator_with_a_message() {
     for (clock, size) in [("stepped", 0), ("stepped", 200_000), ("realtime", 0), ("realtime", 200_000)] {
@@ -22,7 +22,7 @@ fn a_shortened_image_ends_the_emulator_with_a_message() {
     }
 }
 
-/// Nobody has touched the missing part by then, nor has the watch looked.
+/// The missing part has not been accessed yet, and the watchdog has not checked the image.
 #[test]
 fn a_stop_right_behind_it_hides_nothing() {
     let directory = tempfile::tempdir().unwrap();
@@ -35,7 +35,7 @@ fn a_stop_right_behind_it_hides_nothing() {
     assert_eq!(emulator.files(), Vec::<std::path::PathBuf>::new());
 }
 
-/// What NOVRAM kept before is better than the zeros in the place of what was lost.
+/// The previous content of NOVRAM is better than the zeros of the lost part.
 #[test]
 fn nothing_of_a_shortened_image_gets_into_novram() {
     use commram::devices::omega_drive_line_2::registers::RETAIN;
@@ -93,7 +93,8 @@ fn a_removed_image_is_told_and_who_is_attached_goes_on() {
     assert_eq!(emulator.files(), Vec::<std::path::PathBuf>::new());
 }
 
-/// Runs a shell script with a `/dev/shm` of its own, of `size`. `None`, and says so aloud, if that cannot be had.
+/// Runs a shell script with a separate `/dev/shm` of `size`. Prints a note and returns `None` if the machine cannot
+/// provide one.
 fn with_small_shm(size: &str, script: &str) -> Option<crate::common::Outcome> {
     let shell = format!("mount -t tmpfs -o size={size},mode=1777 tmpfs /dev/shm || exit 77\n{script}");
     let program = commram();
@@ -133,7 +134,7 @@ fn an_image_that_does_not_fit_is_refused_with_what_is_missing() {
     );
 }
 
-/// Nothing is taken for the first of them, since it would be in vain and others want it as well.
+/// No memory is allocated even for the first image: it would be useless, and other programs need the memory.
 #[test]
 fn images_that_do_not_fit_together_are_refused_before_the_first_is_made() {
     let plant = "for plc in a b c d; do printf '[[plc]]\\nname = \"%s\"\\ndip = 0\\n' $plc; done >/tmp/$COMMRAM_INSTANCE";

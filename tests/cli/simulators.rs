@@ -1,4 +1,4 @@
-//! Models in Python that take part in a plant by HELICS.
+//! Python models that take part in a plant through HELICS.
 
 use crate::common::{Emulator, commram, finish, unique_name};
 use crate::federates::{Broker, Helics, at, helics, journal, mortal, passes, written};
@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Stdio};
 use tempfile::TempDir;
 
-/// A model. It does not outlast this value, nor a test that is killed.
+/// A model process. It is killed when this value is dropped, or when the test is killed.
 struct Model(Child);
 
 impl Model {
@@ -19,7 +19,7 @@ impl Model {
         Model(command.spawn().unwrap())
     }
 
-    /// What it has said by its end, which must be a good one.
+    /// Waits for a successful end and returns its output.
     fn end(mut self) -> String {
         let mut said = String::new();
         self.0.stdout.take().unwrap().read_to_string(&mut said).unwrap();
@@ -35,14 +35,14 @@ impl Drop for Model {
     }
 }
 
-/// The code blocks in a language of the page about simulators.
+/// Returns the code blocks in one language of the page about simulators.
 fn blocks(language: &str) -> Vec<String> {
     let page = include_str!("../../docs/guide/helics.md");
     let begin = format!("```{language}\n");
     page.split(&begin).skip(1).filter_map(|rest| Some(rest.split_once("```")?.0.to_owned())).collect()
 }
 
-/// What brings the first drive of the built-in plant to where it takes values, with a snapshot of that.
+/// Brings the first drive of the built-in plant to a state that accepts values, and saves a snapshot.
 fn snapshot(directory: &TempDir) -> PathBuf {
     let program = "\
         poke(\"node2.w_CPU_CONTROL\", 1);
@@ -69,12 +69,13 @@ fn snapshot(directory: &TempDir) -> PathBuf {
     path
 }
 
-/// How many milliseconds the loop is closed.
+/// Duration of the closed loop in milliseconds.
 const STEPS: u32 = 60;
 /// 100 rad/s.
 const SPEED: i64 = 68_356_554;
 
-/// The loop in this process, with the model that the page has in Python: what the master reads after each millisecond.
+/// Runs the loop in this process with the page's Python model. Returns the values that the master reads after each
+/// millisecond.
 fn expected(snapshot: &Path) -> Vec<i64> {
     let mut unit = Unit::new(&Resources::of_file(snapshot, Vec::new()).unwrap()).unwrap();
     let of = |name: &str| unit.variables().iter().position(|it| it.name == name).unwrap() as u32;
@@ -121,7 +122,7 @@ fn a_motor_in_python_closes_the_loop_of_a_drive() {
     let begin = snapshot(&directory);
     let expected = expected(&begin);
     assert!(expected.is_sorted() && expected.last() > Some(&(SPEED * 8 / 10)), "{expected:?}");
-    // What stands on the page.
+    // The exchange file from the page.
     let exchange = written(&directory, "motor.toml", &blocks("toml")[0]);
     let model = written(&directory, "motor.py", &blocks("python")[0]);
     let mut program = format!("poke(\"node2.a_WR_VALUE[0]\", {SPEED});\n");
@@ -181,7 +182,7 @@ fn a_sensor_in_python_is_on_a_can_bus() {
         let mut emulator = broker.emulator(&[plant.to_str().unwrap()], &more);
         let said = sensor.end();
         assert!(said.contains("open 720#00") && said.contains("said 50 heard 1"), "{said}");
-        // It ends when the others have.
+        // The process ends after the others have ended.
         assert_eq!(emulator.wait().code(), Some(0));
         let complaints = emulator.complaints();
         assert!(complaints.contains("the other simulators have ended"), "{complaints}");
@@ -211,7 +212,7 @@ fn simulators_that_are_missing_or_wrong_are_told() {
     assert_eq!(emulator.wait().code(), Some(3));
     let complaints = emulator.complaints();
     assert!(complaints.contains("drive1.speed_modelled from motor/sped is required"), "{complaints}");
-    // One that is killed is missed.
+    // The emulator notices a killed model.
     let model = text.replace("    speed += ", "    if now > 0.004: import os; os._exit(0)\n    speed += ");
     let broker = Broker::start(&helics, 2);
     let model = Model::start(&helics, &written(&directory, "dies.py", &model), &broker, &[]);

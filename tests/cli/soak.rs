@@ -29,7 +29,7 @@ fn the_same_seed_draws_the_same_rounds() {
     assert!(one > 0);
 }
 
-/// With less time than anything takes every round fails, whatever its moves are.
+/// The time limit is too short for any operation, so every round fails.
 #[test]
 fn what_fails_is_written_as_short_as_it_gets_and_fails_alone() {
     let directory = tempfile::tempdir().unwrap();
@@ -83,7 +83,7 @@ fn exercises_are_listed() {
     }
 }
 
-/// Drives have a supply of their own: one that has failed does so still when its PLC was switched off and on.
+/// Drives have a separate supply: a drive stays failed when its PLC is switched off and on.
 #[test]
 fn a_drive_that_has_failed_runs_again_behind_a_recovery() {
     let outcome = run(&["soak", "--seed", "20261582", "--rounds", "1", "--jobs", "1", "--format", "json"]);

@@ -1,4 +1,4 @@
-//! Ways to start an emulator: `run --detach`, `with`, and clients that come while it is just starting.
+//! Ways to start an emulator: `run --detach`, `with`, and clients that connect during the start.
 
 use crate::common::{
     Outcome, commram, eventually, files_of, finish, remove_remains, run, stat, unique_name, wait_for,
@@ -7,8 +7,7 @@ use std::io::{BufRead, BufReader};
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
 
-/// An instance that a test starts in the background. It is ended, and what it leaves is removed, when this value is
-/// dropped.
+/// An instance that a test starts in the background. Dropping this value ends it and removes its files.
 struct Background(String);
 
 impl Background {
@@ -48,7 +47,7 @@ fn a_detached_emulator_is_ready_when_the_command_returns() {
     assert_eq!(files_of(name), Vec::<PathBuf>::new());
 }
 
-/// Whoever started it may close terminal and outputs.
+/// The starting user may close the terminal and the outputs.
 #[test]
 fn a_detached_emulator_has_left_its_terminal_and_outputs() {
     let instance = Background::new();
@@ -105,18 +104,18 @@ fn clients_wait_for_an_emulator_that_is_just_starting() {
     }
 }
 
-/// The line that newcomers type.
+/// The line that new users type.
 #[test]
 fn behind_an_ampersand_the_next_command_just_works() {
     let instance = Background::new();
     let script = format!("'{0}' run >/dev/null 2>&1 & '{0}' peek --raw node2.w_OPTION_STATUS", program());
     let mut shell = Command::new("sh");
-    // The default, but for machines that are busy with tests.
+    // The default, except for machines that are busy with tests.
     shell.args(["-c", &script]).env("COMMRAM_INSTANCE", &instance.0).env("COMMRAM_CONNECT_TIMEOUT", "1min");
     assert_eq!(finish(&mut shell).ok(), "16#0001\n");
 }
 
-/// What a killed one has left is not mistaken for the one that is about to take its place.
+/// The files of a killed emulator are not mistaken for those of its successor.
 #[test]
 fn clients_wait_for_the_successor_of_a_killed_one() {
     let instance = Background::new();
@@ -124,7 +123,8 @@ fn clients_wait_for_the_successor_of_a_killed_one() {
     let pid = started.ok().split("process ").nth(1).unwrap().split(' ').next().unwrap().to_owned();
     assert!(Command::new("kill").args(["-KILL", &pid]).status().unwrap().success());
     assert!(eventually(|| instance.run("step", &["1ms"]).code == Some(3)));
-    // It begins with the locks; until its name stands in the image as well, that of the killed one does.
+    // The successor takes the locks first. Until it has written its name into the image, the image has the name of
+    // the killed emulator.
     let lock = commram::memory::InstanceLock::take(&instance.0).unwrap();
     let image = std::fs::File::open(format!("/dev/shm/commram.{}.line", instance.0)).unwrap();
     image.lock().unwrap();
@@ -171,7 +171,7 @@ fn with_takes_plant_and_name_and_hands_the_name_on() {
     assert_eq!(outcome.ok(), format!("{name}\n/dev/shm/commram.{name}.cell\n"));
 }
 
-/// Neither a name in the environment nor another one of its kind is in the way.
+/// A name in the environment or an enclosing `with` does not interfere.
 #[test]
 fn with_within_with_has_a_name_of_its_own() {
     let outcome = with(&[], "echo $COMMRAM_INSTANCE; $COMMRAM with -- sh -c 'echo $COMMRAM_INSTANCE'");
@@ -216,7 +216,8 @@ fn with_waits_for_its_command_although_the_emulator_was_ended() {
     assert!(outcome.err.contains("has ended before the command"), "{}", outcome.err);
 }
 
-/// Each PLC takes some: as many as are allowed are asked for, and whoever may not have enough is told.
+/// Each PLC uses several files. The emulator requests the maximum that is allowed, and reports an error if that is
+/// not enough.
 #[test]
 fn more_plcs_than_there_may_be_open_files_are_refused_by_number() {
     let instance = Background::new();

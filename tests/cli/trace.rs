@@ -1,11 +1,11 @@
-//! `commram trace` on a running emulator, and its candump format in the hands of the tools it is made for.
+//! `commram trace` on a running emulator, and its candump format in the tools that read it.
 
 use crate::common::{Emulator, Follower, eventually, finish, is_there, python, run, wait_for};
 use serde_json::Value;
 use std::fs;
 use std::process::Command;
 
-/// An emulator whose node 2 has been in set-up mode for `time`, so that frames run.
+/// Starts an emulator whose node 2 has been in set-up mode for `time`, so that frames run.
 fn with_frames(time: &str) -> Emulator {
     let emulator = Emulator::stepped();
     for (writes, time) in [
@@ -30,7 +30,7 @@ fn with_frames(time: &str) -> Emulator {
     emulator
 }
 
-/// The same in active operation, with one reference value sent.
+/// Does the same in active operation, with one reference value sent.
 fn in_operation() -> Emulator {
     let emulator = with_frames("1.1s");
     emulator.poke(&["node2._CFG_WRC_WORD.b_CFG_WRC1_WORD0=16#01", "node2.w_CPU_CONTROL=16#0040"]);
@@ -144,7 +144,7 @@ fn parts_of_the_journal() {
 
 #[test]
 fn lost_records_are_told() {
-    // More frames than the ring holds; states and registers are all there.
+    // More frames than the ring holds; states and registers are complete.
     let emulator = with_frames("90s");
     let lines = jsonl(&emulator, &[]);
     let (gaps, records): (Vec<_>, Vec<_>) = lines.iter().partition(|line| line["kind"] == "gap");
@@ -164,7 +164,7 @@ fn lost_records_are_told() {
     assert!(!emulator.run("trace", &["--kind", "state"]).ok().contains("lost"), "no state is lost");
 }
 
-/// `commram trace --follow` under way.
+/// Starts `commram trace --follow`.
 fn follow(emulator: &Emulator, args: &[&str]) -> Follower {
     Follower::start(emulator, "trace", &[&["--follow"], args].concat())
 }
@@ -222,7 +222,7 @@ fn following_ends_when_nobody_reads_though_nothing_happens() {
     assert_eq!(wait_for(&mut follower.child, "commram trace").code(), Some(0));
 }
 
-/// A file with the frames in candump's format, and the same frames by jsonl: identifier and data.
+/// Returns a file with the frames in candump's format, and the same frames from jsonl: identifier and data.
 fn candump_file(emulator: &Emulator) -> (tempfile::NamedTempFile, Vec<(u64, String)>) {
     let file = tempfile::NamedTempFile::new().unwrap();
     fs::write(&file, emulator.run("trace", &["--format", "candump"]).ok()).unwrap();
@@ -231,7 +231,7 @@ fn candump_file(emulator: &Emulator) -> (tempfile::NamedTempFile, Vec<(u64, Stri
     (file, frames.iter().map(frame).collect())
 }
 
-/// The output of a tool that must succeed.
+/// Returns the output of a tool that must succeed.
 fn output_of(command: &mut Command) -> String {
     let outcome = finish(command);
     assert_eq!(outcome.code, Some(0), "{command:?}: {}", outcome.err);
@@ -335,7 +335,7 @@ fn wireshark_reads_the_pcapng_format_and_writes_it_back() {
 fn following_frames_can_be_piped_into_the_tools() {
     let emulator = with_frames("10ms");
     let follower = follow(&emulator, &["--format", "candump", "--last", "0"]);
-    // Its first look may come later than the step: then there is nothing new, so step until it has seen a frame.
+    // The first poll may come after the step and then returns no frame, so step until a frame appears.
     let Follower { child, mut lines, .. } = follower;
     let (send, receive) = std::sync::mpsc::channel();
     let reader = std::thread::spawn(move || {
@@ -388,7 +388,7 @@ fn waveforms_have_registers_frames_and_sync_for_a_reader_that_is_not_ours() {
     assert!(lines[2].contains(" 500:2 "), "{}", lines[2]);
     assert!(lines[3].contains(" 500:waiting_for_"), "{}", lines[3]);
     assert!(lines[4].ends_with(":4"), "16#05 is answered by 16#04: {}", lines[4]);
-    // Every edge and every frame, those that were counted in one record too.
+    // Every edge and every frame, including those that were counted in one record.
     let edges = |line: &str| line.split_whitespace().skip(2).map(str::to_owned).collect::<Vec<_>>();
     let syncs = edges(lines[5]);
     assert!(syncs.len() > 500, "{}", syncs.len());

@@ -27,7 +27,7 @@ fn a_file_brings_the_instance_back_and_starts_another_one() {
     assert_eq!(emulator.run("restore", &[file]).ok(), "0.005000 s\n");
     let waiting = emulator.peek(&[STATUS]);
     assert!(waiting != later && waiting.contains("16#0002"), "{waiting}");
-    // Started from the file, everything comes as it does here.
+    // An instance that starts from the file continues exactly as this one.
     let other = Emulator::start(&["--clock", "stepped", "--from", file]);
     assert_eq!(other.peek(&[STATUS]), waiting);
     for emulator in [&emulator, &other] {
@@ -38,8 +38,8 @@ fn a_file_brings_the_instance_back_and_starts_another_one() {
     assert_eq!((one.code, &one.out, &one.err), (Some(0), &two.out, &two.err));
 }
 
-/// Every reader of the journal, on one that has an end but no records, and on the same one with some: of an instance that was
-/// restored, and of one that was started from the snapshot.
+/// All readers of the journal, on a restored instance and on one started from the snapshot. The journal has an end
+/// without records first, and then some records.
 #[test]
 fn readers_take_a_journal_that_continues_from_a_snapshot() {
     let emulator = Emulator::stepped();
@@ -120,7 +120,7 @@ fn back_by_a_time_and_to_a_condition() {
     assert!(follower.note().contains("the instance has gone back"));
     emulator.step(&["10ms"]);
     assert_eq!(emulator.step(&["--back-to", "node2.w_OPTION_STATUS==16#0002"]), "0.000500 s");
-    // What did not come about is no wrong use.
+    // A condition that was not met is not wrong use.
     let told = emulator.run("step", &["--back", "1s"]);
     assert!(told.fails(1).contains("one can go back to 0.000000 s, it is 0.0"), "{told:?}");
     let told = emulator.run("step", &["--back-to", "node2.w_OPTION_STATUS==16#0043"]);
@@ -161,7 +161,7 @@ fn a_program_that_has_mapped_the_registers_is_named() {
     assert!(emulator.run("restore", &[file]).fails(1).contains(&me));
     assert_eq!(emulator.run("restore", &[file, "--detached"]).ok(), "0.004000 s\n");
     emulator.step(&["2ms"]);
-    // A task in lockstep is named by its event.
+    // The error names a task in lockstep by its event.
     let task = attached.0.join_lockstep(12, Duration::ZERO, Duration::from_secs(60)).unwrap();
     for told in [emulator.run("step", &["--back", "1ms"]), emulator.run("restore", &[file])] {
         let me =
@@ -171,7 +171,7 @@ fn a_program_that_has_mapped_the_registers_is_named() {
     assert_eq!(emulator.step(&["--back", "1ms", "--detached"]), "0.005000 s");
     drop(task);
     drop(attached);
-    // Who only looks is no obstacle.
+    // A read-only client is no obstacle.
     let attached = devices::attach(&emulator.name, "line", AttachMode::ReadOnly).unwrap();
     assert_eq!(emulator.step(&["--back", "500us"]), "0.004500 s");
     drop(attached);
@@ -194,7 +194,7 @@ fn a_guest_at_a_door_is_named() {
     guest.write_all(b"O\r").unwrap();
     let mut answer = [0];
     guest.read_exact(&mut answer).unwrap();
-    // When time passes, it comes in.
+    // The guest takes part after the clock advances.
     emulator.step(&["5ms"]);
     for told in [emulator.run("step", &["--back", "1ms"]), emulator.run("restore", &[file])] {
         let named = "at door slcan-tcp:127.0.0.1:";
@@ -206,7 +206,7 @@ fn a_guest_at_a_door_is_named() {
     assert_eq!(emulator.step(&["--back", "1ms", "--detached"]), "0.004000 s");
     assert_eq!(emulator.run("restore", &[file, "--detached"]).ok(), "0.000000 s\n");
     drop(guest);
-    // When time passes, it has left.
+    // The guest has left after the clock advances.
     emulator.step(&["1ms"]);
     assert!(eventually(|| emulator.run("restore", &[file]).code == Some(0)), "who has gone is no obstacle");
 }

@@ -12,7 +12,7 @@ fn a_view_needs_a_terminal() {
     assert!(outcome.fails(2).contains("needs a terminal"), "{}", outcome.err);
 }
 
-/// `commram view` at a terminal of its own: the terminal, and the program once it shows something.
+/// Starts `commram view` at a separate terminal. Returns the terminal, and the program after its first output.
 fn view(emulator: &Emulator) -> (File, Child) {
     use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
     let terminal = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC).unwrap();
@@ -47,7 +47,7 @@ fn a_view_ends_with_its_terminal_and_as_it_is_told() {
     assert_eq!(wait_for(&mut left, "a view without terminal").code(), Some(130));
 }
 
-/// What the shell says to these lines from a file.
+/// Runs these lines in the shell and returns the outcome.
 fn shell(emulator: &Emulator, lines: &str) -> Outcome {
     let mut file = tempfile::tempfile().unwrap();
     file.write_all(lines.as_bytes()).unwrap();

@@ -1,4 +1,4 @@
-//! Emulators and commands as processes of their own, for tests that drive the built program.
+//! Emulators and commands as separate processes, for tests that drive the built program.
 #![allow(dead_code, reason = "each test binary uses a part of it")]
 
 mod tools;
@@ -14,37 +14,37 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Mutex, Once, mpsc};
 use std::time::{Duration, Instant, SystemTime};
 
-/// No step of a test takes longer than this, however slow the machine.
+/// Every step of a test takes less time than this, even on a slow machine.
 const WATCHDOG: Duration = Duration::from_secs(60);
 
-/// With a clock that runs by itself it is the machine's business whether a process is in time.
+/// With a real-time clock, the machine's load decides whether a process is in time.
 const TOO_LATE: [&str; 2] = ["late-reference", "late-actual"];
 
-/// The program; in the tests of a crate that has a device of its own, that crate's.
+/// Path of the program. In the tests of a crate with a separate device it is that crate's program.
 const PROGRAM: &str =
     match (option_env!("CARGO_BIN_EXE_commram"), option_env!("CARGO_BIN_EXE_commram-invented")) {
         (Some(program), _) | (None, Some(program)) => program,
         (None, None) => panic!("these tests drive a program"),
     };
 
-/// A name that no other test and no other test run uses.
+/// Returns a name that no other test and no other test run uses.
 pub(crate) fn unique_name() -> String {
     static COUNTER: AtomicU32 = AtomicU32::new(0);
     format!("t{}-{}", std::process::id(), COUNTER.fetch_add(1, Ordering::Relaxed))
 }
 
-/// The program, without the settings of whoever runs the tests.
+/// Returns the program without the settings of the user who runs the tests.
 pub(crate) fn commram() -> Command {
     let mut command = Command::new(PROGRAM);
     command.env_remove("COMMRAM_INSTANCE").env("COLUMNS", "100").stdin(Stdio::null());
-    // What is not there in a test will not come; tests of the wait for it ask for it.
+    // An instance that is missing in a test will not appear; tests of the connect timeout set it explicitly.
     command.env("COMMRAM_CONNECT_TIMEOUT", "0s");
     command
 }
 
-/// The path of an example program. `cargo test` builds examples only if it is not told which test to run; so they are built
-/// here unless those that lie there are of these sources. Not in any case: a build of the workspace has them with other features of
-/// dependencies, and cargo would compile everything again.
+/// Returns the path of an example program. `cargo test` builds the examples only if it runs all tests, so this
+/// function builds them unless they are newer than the sources. It does not build them in any case: a build of the
+/// workspace uses other features of dependencies, and cargo would compile everything again.
 pub(crate) fn example(name: &str) -> PathBuf {
     static BUILT: Once = Once::new();
     let example = PathBuf::from(PROGRAM).with_file_name("examples").join(name);
@@ -62,12 +62,12 @@ pub(crate) fn example(name: &str) -> PathBuf {
     example
 }
 
-/// When a file was changed last, if it is there.
+/// Returns the modification time of a file, or `None` if the file does not exist.
 fn changed(file: &Path) -> Option<SystemTime> {
     file.metadata().and_then(|data| data.modified()).ok()
 }
 
-/// When the last change was of what an example is built from.
+/// Returns the time of the last change of the sources of an example.
 fn newest_source() -> SystemTime {
     let sources =
         ["Cargo.lock", "Cargo.toml", "build.rs", "layouts", "src", "tools/examples", "tools/layoutc"];
@@ -82,7 +82,7 @@ fn newest_source() -> SystemTime {
     newest
 }
 
-/// What a command has said and how it ended.
+/// Output of a command and its exit code.
 #[derive(Debug)]
 pub(crate) struct Outcome {
     pub code: Option<i32>,
@@ -105,7 +105,7 @@ pub(crate) fn finish(command: &mut Command) -> Outcome {
     Outcome { code: status.code(), out: text(out), err: text(err) }
 }
 
-/// Runs a command to its end whose standard output has no room.
+/// Runs a command to its end with `/dev/full` as standard output.
 pub(crate) fn finish_on_a_full_disk(command: &mut Command) -> Outcome {
     let full = std::fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
     let mut child = command.stdout(full).stderr(Stdio::piped()).spawn().unwrap();
@@ -139,13 +139,14 @@ pub(crate) fn wait_for(child: &mut Child, what: &str) -> ExitStatus {
     status.unwrap()
 }
 
-/// What the system tells of a process behind its name: its state, parent, group, session and more.
+/// Returns the fields of `/proc/<pid>/stat` after the process name: state, parent, group, session and more.
 pub(crate) fn stat(pid: &str) -> Vec<String> {
     let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).unwrap();
     stat.rsplit(')').next().unwrap().split_ascii_whitespace().map(str::to_owned).collect()
 }
 
-/// What docs/internals/promises.md promises within `figure`. The watchdog barks after ten times that, because a test machine may be slow.
+/// Fails unless `act` keeps the promise of docs/internals/promises.md. The limit is ten times `figure`, because a
+/// test machine may be slow.
 pub(crate) fn promised<T>(figure: Duration, act: impl FnOnce() -> T) -> T {
     let start = Instant::now();
     let done = act();
@@ -154,7 +155,7 @@ pub(crate) fn promised<T>(figure: Duration, act: impl FnOnce() -> T) -> T {
     done
 }
 
-/// Whether the condition becomes true before the watchdog barks.
+/// Returns whether the condition becomes true within the watchdog time.
 pub(crate) fn eventually(mut condition: impl FnMut() -> bool) -> bool {
     let start = Instant::now();
     loop {
@@ -164,20 +165,20 @@ pub(crate) fn eventually(mut condition: impl FnMut() -> bool) -> bool {
         if start.elapsed() > WATCHDOG {
             return false;
         }
-        // A pause between two looks, not a guess how long something takes.
+        // A pause between two polls, not an estimate of the duration.
         std::thread::sleep(Duration::from_millis(2));
     }
 }
 
 impl Outcome {
-    /// The output of a command that must succeed without a word on stderr.
+    /// Returns the output of a command that must succeed without text on stderr.
     #[track_caller]
     pub(crate) fn ok(&self) -> &str {
         assert_eq!((self.code, self.err.as_str()), (Some(0), ""), "stdout: {}", self.out);
         &self.out
     }
 
-    /// The complaint of a command that must fail with this exit code.
+    /// Returns the error message of a command that must fail with this exit code.
     #[track_caller]
     pub(crate) fn fails(&self, code: i32) -> &str {
         assert_eq!(self.code, Some(code), "stdout: {}\nstderr: {}", self.out, self.err);
@@ -187,7 +188,7 @@ impl Outcome {
     }
 }
 
-/// A command under way that shows what happens at an emulator.
+/// A running command that shows events of an emulator.
 pub(crate) struct Follower {
     pub child: Child,
     pub lines: Lines<BufReader<ChildStdout>>,
@@ -203,17 +204,17 @@ impl Follower {
         Self { child, lines, notes }
     }
 
-    /// What it shows next.
+    /// Returns its next line on stdout.
     pub(crate) fn line(&mut self) -> String {
         self.lines.next().expect("a line").unwrap()
     }
 
-    /// What it says next beside that.
+    /// Returns its next line on stderr.
     pub(crate) fn note(&mut self) -> String {
         self.notes.next().expect("a note").unwrap()
     }
 
-    /// Exit code and the rest of its words.
+    /// Returns the exit code and the rest of both outputs.
     pub(crate) fn end(mut self) -> (Option<i32>, Vec<String>, String) {
         let rest = self.lines.map(Result::unwrap).collect();
         let status = wait_for(&mut self.child, "a command that follows");
@@ -225,12 +226,12 @@ impl Follower {
 /// A running emulator. It is killed, and its files are removed, when this value is dropped.
 pub(crate) struct Emulator {
     pub name: String,
-    /// What it said when it was ready.
+    /// Line that the emulator printed when it was ready.
     pub ready: String,
     child: Child,
-    /// Behind a lock only so that threads can share an emulator.
+    /// The lock only allows threads to share an emulator.
     err: Mutex<Option<mpsc::Receiver<String>>>,
-    /// Errors that the access checker is to find in this test; any other one, or a missing one, fails it.
+    /// Errors that the access checker must find in this test. Any other error, or a missing one, fails the test.
     expected: Mutex<Vec<&'static str>>,
     /// Errors that do not count.
     tolerated: &'static [&'static str],
@@ -242,7 +243,7 @@ impl Emulator {
         Self::start_as(&unique_name(), args)
     }
 
-    /// As [`Emulator::start`] with the built-in plant and the stepped clock.
+    /// Starts an emulator with the built-in plant and the stepped clock.
     pub(crate) fn stepped() -> Self {
         Self::start(&["--clock", "stepped"])
     }
@@ -252,7 +253,7 @@ impl Emulator {
         Self::start_with(name, args, &[])
     }
 
-    /// As [`Emulator::start_as`], with these variables in its environment.
+    /// Does the same as [`Emulator::start_as`], with these variables in its environment.
     pub(crate) fn start_with(name: &str, args: &[&str], environment: &[(&str, &OsStr)]) -> Self {
         let mut command = commram();
         command.envs(environment.iter().copied());
@@ -274,7 +275,7 @@ impl Emulator {
             let mut line = String::new();
             let _ = out.read_line(&mut line);
             let _ = send.send(line);
-            // Whatever it might say later must not block it.
+            // Later output of the emulator must not block it.
             let _ = std::io::copy(&mut out, &mut std::io::sink());
         });
         this.ready = receive.recv_timeout(WATCHDOG).unwrap_or_default();
@@ -289,7 +290,7 @@ impl Emulator {
         self.child.id()
     }
 
-    /// A subcommand on this instance.
+    /// Returns a subcommand on this instance.
     pub(crate) fn command(&self, subcommand: &str, args: &[&str]) -> Command {
         let mut command = commram();
         command.arg(subcommand).args(args).args(["-i", &self.name]);
@@ -301,14 +302,14 @@ impl Emulator {
         finish(&mut self.command(subcommand, args))
     }
 
-    /// The bare numbers of registers, as one line.
+    /// Returns the bare numbers of registers in one line.
     #[track_caller]
     pub(crate) fn peek(&self, registers: &[&str]) -> String {
         let outcome = self.run("peek", &[&["--raw"], registers].concat());
         outcome.ok().lines().collect::<Vec<_>>().join(" ")
     }
 
-    /// Registers of the firmware among them are noted.
+    /// Writes registers. A register of the firmware causes a note on stderr.
     #[track_caller]
     pub(crate) fn poke(&self, writes: &[&str]) {
         let outcome = self.run("poke", writes);
@@ -321,8 +322,8 @@ impl Emulator {
         self.run("step", args).ok().trim_end().to_owned()
     }
 
-    /// Puts node 2 of the built-in plant into set-up mode, its drives 1 to 3 expected, as the manual orders (p. 132 and
-    /// 150); `writes` are the PLC's first in the cyclic structure. In stepped mode.
+    /// Puts node 2 of the built-in plant into set-up mode with the expected drives 1 to 3, in the order of the manual
+    /// (p. 132 and 150). `writes` are the PLC's first writes in the cyclic structure. In stepped mode.
     #[track_caller]
     pub(crate) fn set_up(&self, writes: &[&str]) {
         let init = [
@@ -342,7 +343,7 @@ impl Emulator {
             (&[][..], "16#0000", "16#0001"),
             (&[], "16#0001", "16#0002"),
             (&init, "16#0002", "16#0003"),
-            // Taking over the initialization data has cleared the cyclic structure.
+            // The firmware has cleared the cyclic structure when it took over the initialization data.
             (writes, "16#0020", "16#0043"),
         ] {
             let command = format!("node2.w_CPU_CONTROL={command}");
@@ -357,7 +358,7 @@ impl Emulator {
         assert!(Command::new("kill").args([signal, &pid]).status().unwrap().success());
     }
 
-    /// Kills it as `kill -9` does.
+    /// Kills the emulator like `kill -9`.
     pub(crate) fn kill(&mut self) {
         self.child.kill().unwrap();
         self.child.wait().unwrap();
@@ -367,17 +368,17 @@ impl Emulator {
         wait_for(&mut self.child, "the emulator")
     }
 
-    /// Everything it has said on stderr; it must have ended.
+    /// Returns everything that the emulator has printed on stderr. The emulator must have ended.
     pub(crate) fn complaints(&mut self) -> String {
         self.err.get_mut().unwrap().take().and_then(|err| err.recv_timeout(WATCHDOG).ok()).unwrap_or_default()
     }
 
-    /// Names the rules, errors all of them, that this test breaks on purpose. Warnings are never looked at.
+    /// Names the rules that this test violates on purpose. All of them are errors; warnings are never checked.
     pub(crate) fn breaks(&self, rules: &[&'static str]) {
         *self.expected.lock().unwrap() = rules.to_vec();
     }
 
-    /// Every test ends with a look at what the access checker has found, unless there is nobody left to ask.
+    /// Checks the findings of the access checker at the end of every test, if the emulator still answers.
     fn assert_no_other_errors(&mut self) {
         let outcome = self.run("check", &["--format", "json"]);
         if outcome.code == Some(3) {
@@ -397,13 +398,13 @@ impl Emulator {
         assert_eq!(found, expected, "errors that the access checker has found: {}", outcome.out);
     }
 
-    /// Its files in /dev/shm that bear its name.
+    /// Returns the files in /dev/shm whose names contain the instance's name.
     pub(crate) fn files(&self) -> Vec<PathBuf> {
         files_of(&self.name)
     }
 }
 
-/// The files in /dev/shm that bear the name of an instance.
+/// Returns the files in /dev/shm whose names contain the name of an instance.
 pub(crate) fn files_of(instance: &str) -> Vec<PathBuf> {
     let prefix = format!("commram.{instance}.");
     let entries = std::fs::read_dir("/dev/shm").unwrap().flatten();
@@ -413,7 +414,7 @@ pub(crate) fn files_of(instance: &str) -> Vec<PathBuf> {
 
 impl Drop for Emulator {
     fn drop(&mut self) {
-        /// Ends the process and removes its files, also when the look at the findings fails the test.
+        /// Ends the process and removes its files, also if the check of the findings fails the test.
         struct End<'a>(&'a mut Emulator);
         impl Drop for End<'_> {
             fn drop(&mut self) {
@@ -442,7 +443,7 @@ impl Emulator {
     }
 }
 
-/// Removes what a killed emulator has left, the anonymous parts of its channel included.
+/// Removes the files of a killed emulator, including the unnamed parts of its channel.
 pub(crate) fn remove_remains(instance: &str) {
     if !files_of(instance).is_empty() {
         let _ = commram().args(["stop", "--clean", "-i", instance]).output();

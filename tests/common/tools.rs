@@ -1,11 +1,11 @@
-//! Foreign programs that some tests need: `.ci/tools` lists them.
+//! External programs that some tests need: `.ci/tools` lists them.
 
 use std::io::Write;
 use std::process::Command;
 
 const TOOLS: &str = include_str!("../../.ci/tools");
 
-/// Says that the test is skipped since `tool` is missing. Fails if CI was to install it.
+/// Reports that the test is skipped because `tool` is missing. Fails if CI should have installed it.
 pub(crate) fn skipped(tool: &str, reason: &str) {
     let mut listed = TOOLS.lines().map(|line| line.split_whitespace().take(2).collect::<Vec<_>>());
     let entry = listed.find(|entry| entry.first() == Some(&tool));
@@ -13,16 +13,16 @@ pub(crate) fn skipped(tool: &str, reason: &str) {
     let required = is_installed && std::env::var_os("COMMRAM_REQUIRE_TOOLS").is_some();
     assert!(!required, "{tool} was to be installed: {reason}");
     let thread = std::thread::current();
-    // Not by a macro: what those print is swallowed if a test passes.
+    // Not with a print macro: the test harness captures its output if a test passes.
     let _ = writeln!(std::io::stderr(), "skipped: {}: {tool}: {reason}", thread.name().unwrap_or("a test"));
 }
 
-/// Python with the packages; without them the test is skipped.
+/// Returns Python with the packages. Without them the test is skipped.
 pub(crate) fn python(packages: &[&str]) -> Option<Command> {
     python_for("python", packages)
 }
 
-/// As [`python`], with packages that are a tool of their own.
+/// Does the same as [`python`], with packages that are listed as a separate tool.
 pub(crate) fn python_for(tool: &str, packages: &[&str]) -> Option<Command> {
     let imports = packages.iter().map(|package| format!("import {package}\n")).collect::<String>();
     let program = std::env::var("COMMRAM_PYTHON").unwrap_or_else(|_| "python3".to_owned());
@@ -35,7 +35,7 @@ pub(crate) fn python_for(tool: &str, packages: &[&str]) -> Option<Command> {
     None
 }
 
-/// Whether a program is there; else the test is skipped.
+/// Returns whether a program is installed. If not, the test is skipped.
 pub(crate) fn is_there(tool: &str) -> bool {
     let there = Command::new("sh").args(["-c", &format!("command -v {tool}")]).output();
     let there = there.is_ok_and(|output| output.status.success());

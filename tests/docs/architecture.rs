@@ -4,12 +4,12 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Modules in the order of the layers, each with its row, and what its row may use.
+/// Modules in the order of the layers, each with its row and the modules that its row may use.
 struct Layers {
     rows: Vec<(Vec<String>, BTreeSet<String>)>,
 }
 
-/// What stands between backquotes.
+/// Returns the text between backquotes.
 fn names(cell: &str) -> Vec<String> {
     cell.split('`').skip(1).step_by(2).map(str::to_owned).collect()
 }
@@ -47,11 +47,11 @@ fn sources(directory: &Path, found: &mut Vec<PathBuf>) {
     }
 }
 
-/// The modules that a source names behind `crate::`, or `commram::`, which is the same; its comments left out.
+/// Returns the modules that a source names after `crate::` or the equivalent `commram::`, without comments.
 fn used(source: &str) -> BTreeSet<String> {
     let code: String =
         source.lines().flat_map(|line| [line.split("//").next().unwrap_or(""), "\n"]).collect();
-    // Tables to test with know nothing but `layout` and the cells of `memory`.
+    // Test tables use only `layout` and the cells of `memory`.
     let code = code.replace("crate::devices::samples::tables", "crate::layout");
     let is_part = |c: char| c.is_alphanumeric() || c == '_';
     let mut used = BTreeSet::new();
@@ -65,7 +65,7 @@ fn used(source: &str) -> BTreeSet<String> {
     used
 }
 
-/// Every module of `src`, with the modules that it uses and a file that does.
+/// Returns every module of `src` with the modules that it uses, and a file that uses each.
 fn imports() -> BTreeMap<String, BTreeMap<String, PathBuf>> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
     let mut files = Vec::new();
@@ -121,8 +121,8 @@ fn rows_name_modules_below_them_that_are_used() {
     }
 }
 
-/// What is generic does not even name a device: not in comments, not in tests, not in generated tables. The text of the
-/// package as a whole, in `lib.rs`, tells which there are.
+/// Generic modules never name a device: not in comments, tests or generated tables. Only the text of the package in
+/// `lib.rs` lists the devices.
 #[test]
 fn generic_modules_name_no_device() {
     let src = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
@@ -132,7 +132,7 @@ fn generic_modules_name_no_device() {
         let name = path.file_name().unwrap().to_str().unwrap().to_owned();
         name.split('_').next().unwrap().to_owned()
     };
-    // A word that a generic module has for its name is no device's.
+    // A word that is also the name of a generic module is not a device name.
     let devices = folders.map(first_word).filter(|word| !src.join(word).exists());
     let devices: BTreeSet<_> = devices.collect();
     assert!(devices.contains("omega"), "{devices:?}");
@@ -147,7 +147,7 @@ fn generic_modules_name_no_device() {
     }
 }
 
-/// proptest would make a directory of its own beside `src`.
+/// proptest would create a separate directory beside `src`.
 #[test]
 fn property_tests_of_the_library_keep_what_failed_below_tests() {
     let mut files = Vec::new();

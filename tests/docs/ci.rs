@@ -7,8 +7,8 @@ use std::process::Command;
 use tempfile::TempDir;
 
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
-/// What the servers have and is not to be tried here: `cargo install` would build commram once more. It must be told
-/// where commram's sources are, and puts there what has been built.
+/// Programs of the servers that are not tested here: `cargo install` would build commram again. The stand-in checks
+/// the path of commram's sources and installs the existing build.
 const SERVER: [(&str, &str); 3] = [
     ("rustup", "exit 0"),
     ("git", "[ \"$*\" = '-C commram rev-parse HEAD' ] && echo 0123456789"),
@@ -19,7 +19,7 @@ const SERVER: [(&str, &str); 3] = [
     ),
 ];
 
-/// The files of the page: what stands in the block behind a line that is nothing but a path.
+/// Returns the files of the page: each block after a line that contains only a path.
 fn files() -> Vec<(String, String)> {
     let page = std::fs::read_to_string(Path::new(ROOT).join("docs/guide/ci.md")).unwrap();
     let file = |(at, mark): (usize, &str)| {
@@ -35,7 +35,7 @@ fn text<'a>(files: &'a [(String, String)], name: &str) -> &'a str {
     &files.iter().find(|(known, _)| known == name).unwrap().1
 }
 
-/// A repository as the page describes it, on a server.
+/// Creates a repository as the page describes it, on a server.
 fn repository() -> TempDir {
     let directory = TempDir::new().unwrap();
     for (name, text) in files() {
@@ -53,7 +53,7 @@ fn repository() -> TempDir {
     directory
 }
 
-/// Runs the lines one after the other, as servers do; the report that they leave.
+/// Runs the lines one after the other, like a server. Returns the report.
 fn follow(directory: &Path, lines: &[String], environment: &[(&str, &str)]) -> String {
     let path = format!("{}:{}", directory.join("server").display(), std::env::var("PATH").unwrap());
     let _ = std::fs::remove_file(directory.join("report.xml"));
@@ -67,7 +67,7 @@ fn follow(directory: &Path, lines: &[String], environment: &[(&str, &str)]) -> S
     std::fs::read_to_string(directory.join("report.xml")).unwrap()
 }
 
-/// The scenario is in the first of two shards, and the second, in which there is none, passes.
+/// The scenario is in the first of two shards. The second shard has no scenario and passes.
 fn assert_shared([first, second]: [String; 2]) {
     assert!(first.contains("tests=\"1\" failures=\"0\" errors=\"0\""), "{first}");
     assert!(first.contains("file=\"scenarios/start.rhai\""), "{first}");

@@ -1,10 +1,10 @@
-//! Every command that a page shows is run as it stands there: at the built-in plant, or at one that has what it names.
+//! Runs every command that a page shows, at the built-in plant or at a plant with the names that the command uses.
 
 use crate::shell::Shell;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// What commands name that the built-in plant does not have, and what the plant has instead of the built-in one.
+/// The plant for commands that name devices which the built-in plant does not have.
 const OTHERS: &str = "\
 [[plc]]
 name = 'line'
@@ -39,10 +39,10 @@ kind = 'can'
 kbit_s = 125
 ";
 
-/// A command with one of these in it is meant for that plant.
+/// A command that contains one of these texts runs at that plant.
 const OF_OTHERS: &[&str] = &["line:", "line2", "maxx", "panel", "open"];
 
-/// Commands that begin so, or have this in them, are not run here, and why.
+/// Commands that contain one of these texts are not run here, with the reason.
 const ELSEWHERE: &[(&str, &str)] = &[
     ("--follow", "it ends with the emulator; tests/cli/trace.rs follows"),
     (" | ", "other programs read along; .ci/tools says which of them CI has"),
@@ -58,7 +58,7 @@ const ELSEWHERE: &[(&str, &str)] = &[
     ("commram run", "an emulator runs already; tests/cli/instances.rs starts them"),
 ];
 
-/// Pages whose sessions are typed in as a whole by a test of their own, and which.
+/// Pages whose sessions a separate test runs as a whole, with that test.
 const SESSIONS: &[(&str, &str)] = &[
     ("README.md", "pages.rs"),
     ("reference/command-line.md", "pages.rs"),
@@ -73,7 +73,7 @@ const SESSIONS: &[(&str, &str)] = &[
     ("internals/architecture.md", "it shows no commands, but how one goes its way"),
 ];
 
-/// The commands of the blocks for a shell; those of a console stand behind a `$`.
+/// Returns the commands of the shell blocks. In console blocks they follow a `$`.
 fn commands(page: &str) -> Vec<String> {
     let mut commands = Vec::new();
     for (language, is_console) in [("```console\n", true), ("```sh\n", false)] {
@@ -104,9 +104,9 @@ fn every_command_of_the_pages_works() {
             "cat > plant.toml <<'END'\n{OTHERS}END\ncommram run plant.toml --clock stepped --detach"
         ))
         .ok();
-    // A CS0015 takes commands of the programming system once its reset is over.
+    // A CS0015 accepts commands of the programming system after its reset.
     others.run("commram step 300ms").ok();
-    // Logs to be played and compared, as a page before has them written.
+    // Logs for the commands that play and compare them, as an earlier page writes them.
     others.run("commram trace --bus open --format candump > open.log && commram trace --format pcapng > open.pcapng").ok();
     let (mut run, mut failed) = (0, Vec::new());
     for (page, commands) in &pages {

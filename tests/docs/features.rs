@@ -1,9 +1,9 @@
-//! What a soft-PLC author pays for who takes the function blocks alone.
+//! Dependencies of a soft-PLC that uses only the function blocks.
 
 use crate::common::finish;
 use std::process::Command;
 
-/// Crates of a build with the feature `plc` alone, and commram itself.
+/// Limits the crates of a build with only the feature `plc` and commram itself.
 #[test]
 fn function_blocks_alone_need_few_crates() {
     let mut cargo = Command::new(env!("CARGO"));

@@ -1,4 +1,4 @@
-//! What the heads of programs, plants and scenarios tell people to type is typed here.
+//! Runs the commands in the head comments of programs, plants and scenarios.
 
 use crate::common::{example, python};
 use crate::shell::Shell;
@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 const FOLDERS: [&str; 5] = ["tools/examples", "tools/c", "tools/python", "tools/plants", "tests/scenarios"];
 
-/// The files there, in the order of their names.
+/// Returns the files in the order of their names.
 fn files() -> Vec<PathBuf> {
     let folder = |name| Path::new(env!("CARGO_MANIFEST_DIR")).join(name).read_dir().unwrap();
     let mut files: Vec<_> = FOLDERS.into_iter().flat_map(folder).map(|entry| entry.unwrap().path()).collect();
@@ -15,7 +15,7 @@ fn files() -> Vec<PathBuf> {
     files
 }
 
-/// The scripts in a file's first comment: lines that are indented by four and stand together.
+/// Returns the scripts in a file's first comment: consecutive lines that are indented by four spaces.
 fn scripts(text: &str) -> Vec<String> {
     let mut scripts = vec![String::new()];
     for line in text.lines().skip_while(|line| line.starts_with("#!")) {
@@ -56,7 +56,7 @@ fn what_the_heads_of_files_say_works() {
     }
 }
 
-/// Behind `&` an emulator is not ready when the next command comes, and in the foreground no next command comes.
+/// After `&` an emulator may not be ready for the next command, and in the foreground it blocks the next command.
 #[test]
 fn nobody_is_told_to_start_an_emulator_in_another_way() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
@@ -76,7 +76,7 @@ fn nobody_is_told_to_start_an_emulator_in_another_way() {
     assert!(starts > 6, "{starts}");
 }
 
-/// The blocks of commands on a page.
+/// Returns the blocks of commands on a page.
 fn blocks(text: &str) -> Vec<String> {
     let of = |language: &str| {
         let fence = format!("```{language}\n");

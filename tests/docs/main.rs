@@ -1,4 +1,4 @@
-//! What documentation and examples promise, word by word.
+//! Tests of the documentation's text, commands and examples.
 
 #[path = "../common/mod.rs"]
 mod common;
@@ -17,7 +17,7 @@ mod troubleshooting;
 
 use std::path::{Path, PathBuf};
 
-/// All pages below `docs`, except the fragments of the changelog, in the order of their paths.
+/// Returns all pages below `docs` except the fragments of the changelog, in the order of their paths.
 fn pages() -> Vec<PathBuf> {
     let mut folders = vec![Path::new(env!("CARGO_MANIFEST_DIR")).join("docs")];
     let mut pages = Vec::new();

@@ -1,4 +1,4 @@
-//! The documentation: links lead somewhere, the book has every page, what is printed as a session works.
+//! The documentation: all links have a target, the book has every page, and all printed sessions work.
 
 use crate::shell::Shell;
 use pulldown_cmark::{Event, Options, Parser, Tag, TagEnd};
@@ -9,7 +9,7 @@ fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
 
-/// README, CHANGELOG, CONTRIBUTING, SECURITY and all pages in `docs`.
+/// Returns README, CHANGELOG, CONTRIBUTING, SECURITY and all pages in `docs`.
 fn pages() -> Vec<PathBuf> {
     let mut pages = crate::pages();
     pages.extend(
@@ -22,7 +22,7 @@ fn parse(text: &str) -> impl Iterator<Item = Event<'_>> {
     Parser::new_ext(text, Options::ENABLE_TABLES)
 }
 
-/// The anchors of a page's headings, as GitHub and mdBook make them.
+/// Returns the anchors of a page's headings, as GitHub and mdBook make them.
 fn anchors(text: &str) -> BTreeSet<String> {
     let (mut anchors, mut heading) = (BTreeSet::new(), None::<String>);
     for event in parse(text) {
@@ -73,7 +73,7 @@ fn every_link_leads_somewhere() {
     assert!(checked > 20, "{checked}");
 }
 
-/// The book contains only the pages: they name other files of the repository, they do not link to them.
+/// The book contains only the pages. Pages name other files of the repository, but do not link to them.
 #[test]
 fn no_link_leaves_the_book() {
     let docs = root().join("docs");
@@ -91,7 +91,7 @@ fn no_link_leaves_the_book() {
     }
 }
 
-/// Each decision is a heading that a link can name; a reader sees its text at one glance.
+/// Each decision has a heading as a link target, and a text that is short enough to read at once.
 #[test]
 fn every_decision_has_one_heading_and_a_short_text() {
     let mut numbers = BTreeSet::new();
@@ -125,8 +125,8 @@ fn the_book_has_every_page_once() {
     assert_eq!(in_book, pages);
 }
 
-/// The commands of the console sessions in `text`, each with the output printed below it (empty where none
-/// is shown).
+/// Returns the commands of the console sessions in `text`, each with the output printed below it (empty if none is
+/// shown).
 fn session(text: &str) -> Vec<(String, String)> {
     let blocks = text.split("```console\n").skip(1).filter_map(|rest| rest.split("```").next());
     let mut steps: Vec<(String, String)> = Vec::new();
@@ -143,7 +143,7 @@ fn session(text: &str) -> Vec<(String, String)> {
     steps
 }
 
-/// Types the steps into a shell. They start the emulator and end it.
+/// Types the steps into a shell. The steps start the emulator and end it.
 fn type_in(steps: &[(String, String)]) {
     let shell = Shell::new(&[]);
     assert!(steps.iter().any(|(step, _)| step.starts_with("commram run ")), "the session starts an emulator");
@@ -161,7 +161,7 @@ fn type_in(steps: &[(String, String)]) {
     }
 }
 
-/// What a newcomer types must work, and print what is printed.
+/// The commands for new users work and print the documented output.
 #[test]
 fn the_session_of_the_readme_works_as_printed() {
     let readme = include_str!("../../README.md");
@@ -182,7 +182,7 @@ fn the_session_of_getting_started_works_as_printed() {
     let (_, shown) =
         steps.iter().find(|(command, _)| command.contains(last_peek)).expect("a value comes back");
     assert!(shown.contains("16#11223344"), "the reference value came back: {shown}");
-    // Other tests run these.
+    // Other tests run these commands.
     let elsewhere = ["cargo install", "commram demo"];
     steps.retain(|(command, _)| !elsewhere.iter().any(|other| command.starts_with(other)));
     type_in(&steps);

@@ -1,4 +1,4 @@
-//! The example programs of `tools/examples`, each as a process of its own at a live emulator.
+//! The example programs of `tools/examples`, each as a separate process at a live emulator.
 
 use crate::common::{Emulator, eventually, python};
 use std::process::{Child, Command, Stdio};
@@ -19,7 +19,7 @@ impl Example {
         Example { name, child: child.unwrap() }
     }
 
-    /// What it has printed, once it has ended well.
+    /// Returns its output after a successful end.
     fn output(mut self) -> String {
         let name = self.name;
         let ended = eventually(|| self.child.try_wait().unwrap().is_some());
@@ -98,7 +98,7 @@ fn the_sync_signal_drives_bus_and_baps_in_one_task() {
     assert!(out.contains("slaves [1, 2, 3] have reached reference value 5000"), "{out}");
 }
 
-/// One command starts each example with an emulator of its own, and leaves nothing behind.
+/// One command starts each example with a private emulator, and leaves no files or processes.
 #[test]
 fn each_example_is_one_command() {
     let built = crate::common::example("master");
@@ -127,7 +127,7 @@ fn each_example_is_one_command() {
     }
 }
 
-/// In stepped mode the emulated time waits for the event tasks: one long step, and no event is missed.
+/// In stepped mode the emulated time waits for the event tasks: one long step misses no event.
 #[test]
 fn a_standing_clock_waits_for_event_tasks() {
     use commram::memory::header::ProgramState;
@@ -144,7 +144,7 @@ fn a_standing_clock_waits_for_event_tasks() {
         let running = Example::start(program, &emulator, &[]);
         let image = attach();
         let state = &image.header().unwrap().program.state;
-        // It does not wait for the start task.
+        // The emulated time does not wait for the start task.
         assert!(eventually(|| {
             emulator.step(&[step]);
             state.load() == ProgramState::Cyclic.code()

@@ -1,8 +1,8 @@
-//! Every promise of `docs/internals/promises.md` names the tests that hold it, and these exist.
+//! Every promise of `docs/internals/promises.md` names the tests that check it, and these tests exist.
 
 use std::path::Path;
 
-/// The promises with their tests: numbered items, tests in backticks as `path::name`.
+/// Returns the promises with their tests: numbered items, tests in backticks as `path::name`.
 fn promises(page: &str) -> Vec<(String, Vec<(String, String)>)> {
     let is_number = |text: &str| !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
     let mut promises: Vec<(String, Vec<_>)> = Vec::new();
@@ -20,12 +20,12 @@ fn promises(page: &str) -> Vec<(String, Vec<(String, String)>)> {
     promises
 }
 
-/// Whether the file has a test of this name, also one of `proptest!`.
+/// Returns whether the file has a test of this name, including tests of `proptest!`.
 fn has_test(source: &str, name: &str) -> bool {
     let lines: Vec<_> = source.lines().map(str::trim).collect();
     let head = format!("fn {name}(");
     let is_test = |at: usize| {
-        // Attributes and comments may stand in between.
+        // Attributes and comments may come between them.
         let mut above =
             lines[..at].iter().rev().take_while(|line| line.starts_with("#[") || line.starts_with("//"));
         above.any(|line| *line == "#[test]")

@@ -1,4 +1,4 @@
-//! A shell as its user has it who types what the documentation says.
+//! A shell for the commands in the documentation.
 
 use crate::common::{Outcome, finish, remove_remains, unique_name};
 use std::os::unix::fs::PermissionsExt;
@@ -6,19 +6,19 @@ use std::path::Path;
 use std::process::Command;
 use tempfile::TempDir;
 
-/// Stands for cargo, which would look at the whole project each time.
+/// Replaces cargo, which would check the whole project each time.
 const CARGO: &str = "#!/bin/sh\n[ \"$1 $2\" = 'run --example' ] || exit 2\nexample=$3\nshift 3\n[ $# = 0 ] || shift\n\
     exec \"$EXAMPLES/$example\" \"$@\"\n";
 
-/// A shell in a directory of its own, in which what is named of the project lies, with the built programs in its path and an
-/// instance of its own, which is gone when this value is dropped.
+/// A shell in a separate directory with the needed files of the project, with the built programs in its path and a
+/// private instance. The instance ends when this value is dropped.
 pub(crate) struct Shell {
     name: String,
     directory: TempDir,
 }
 
 impl Shell {
-    /// With these directories of the project in its own one.
+    /// Creates a shell with these directories of the project in its directory.
     pub(crate) fn new(of_project: &[&str]) -> Self {
         let directory = tempfile::tempdir().unwrap();
         for name in of_project {
@@ -32,7 +32,7 @@ impl Shell {
         Self { name: unique_name(), directory }
     }
 
-    /// Output of a command as a page prints it, with the default name of the instance.
+    /// Returns the output of a command as a page prints it, with the default name of the instance.
     pub(crate) fn as_printed(&self, output: &str) -> String {
         output.replace(&self.name, "default")
     }
@@ -46,7 +46,7 @@ impl Shell {
         shell.args(["-e", "-c", script]).current_dir(self.directory.path());
         shell.env("PATH", format!("{}:{}:{path}", own.display(), programs.display()));
         shell.env("EXAMPLES", programs.join("examples")).env("COMMRAM_INSTANCE", &self.name);
-        // A machine that tests much is slow.
+        // A machine that runs many tests is slow.
         finish(shell.env("COMMRAM_CONNECT_TIMEOUT", "1min").env_remove("COMMRAM_EXAMPLE"))
     }
 }
@@ -54,7 +54,7 @@ impl Shell {
 impl Drop for Shell {
     fn drop(&mut self) {
         let mut stop = crate::common::commram();
-        // It has stopped already, unless the test fails.
+        // The instance has stopped already, unless the test fails.
         let _ = stop.args(["stop", "-i", &self.name]).output();
         remove_remains(&self.name);
     }

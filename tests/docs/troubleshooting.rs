@@ -19,7 +19,7 @@ fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
     }
 }
 
-/// The text without the line breaks inside string literals, and without escapes.
+/// Returns the text without the line breaks inside string literals, and without escapes.
 fn joined(source: &str) -> String {
     let mut lines = source.split("\\\n");
     let mut text = lines.next().unwrap_or_default().to_owned();
@@ -29,7 +29,7 @@ fn joined(source: &str) -> String {
     text.replace("\\\"", "\"")
 }
 
-/// The fixed parts of a message, without placeholders such as `<NAME>`.
+/// Returns the fixed parts of a message, without placeholders such as `<NAME>`.
 fn fixed_parts(message: &str) -> Vec<String> {
     let mut parts = Vec::new();
     let message = INSERTED.iter().fold(message.to_owned(), |text, inserted| text.replace(inserted, "<>"));
@@ -41,7 +41,7 @@ fn fixed_parts(message: &str) -> Vec<String> {
     parts
 }
 
-/// All of `src` that has messages.
+/// Returns all sources below `src` that contain messages.
 fn source() -> String {
     let mut files = Vec::new();
     sources(&Path::new(env!("CARGO_MANIFEST_DIR")).join("src"), &mut files);

@@ -1,4 +1,4 @@
-//! The exported C header and the soft-PLC of `tools/c`, compiled by the machine's compilers, against a live emulator.
+//! The exported C header and the soft-PLC of `tools/c`, compiled by the installed compilers, with a live emulator.
 
 use crate::common::{Emulator, Outcome, finish, is_there, run};
 use std::fs;
@@ -58,7 +58,7 @@ fn a_cpp_program_does_the_same() {
     assert!(start(&program, &image(&emulator)).ok().ends_with("a_RD_BMARRAY[1][0] = 4711\n"));
 }
 
-/// In every mode of the languages, behind headers that were included without what declares all of them.
+/// In every language mode, after system headers that were included without the macros for their full content.
 #[test]
 fn the_header_may_come_behind_any_other() {
     let directory = tempfile::tempdir().unwrap();
@@ -109,7 +109,7 @@ fn the_header_of_another_device_compiles_and_asserts_where_registers_lie() {
     .ok();
 }
 
-/// Attaching to images that are not what they should be.
+/// Attaches to images with mistakes.
 #[test]
 fn what_is_wrong_with_an_image_is_told() {
     let directory = tempfile::tempdir().unwrap();
@@ -158,7 +158,7 @@ fn what_is_wrong_with_an_image_is_told() {
     );
 }
 
-/// At this speed the drive takes minutes to lock; the program waits for it until the emulator dies.
+/// At this speed the drive takes minutes to lock; the program waits for it until the emulator is killed.
 #[test]
 fn a_c_program_notices_that_the_emulator_was_killed() {
     let directory = tempfile::tempdir().unwrap();

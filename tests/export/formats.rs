@@ -1,9 +1,9 @@
-//! `commram export`: what is the same for all formats, and the formats that are data and documents.
+//! `commram export`: common properties of all formats, and the formats for data and documents.
 
 use crate::common::run;
 use serde_json::Value;
 
-/// The devices that commram has.
+/// All devices of commram.
 const DEVICES: [&str; 5] = ["omega-drive-line-2", "bm4-plc", "cs0015", "cr201x", "can-dp2"];
 const FORMATS: [&str; 10] =
     ["c", "matiec", "openplc", "st", "python", "svd", "systemrdl", "json", "csv", "md"];
@@ -23,13 +23,13 @@ fn the_register_references_are_up_to_date() {
     }
 }
 
-/// Whatever is exported says for which device, by which command, and where its names come from.
+/// Every export names its device, its command and the source of its names.
 #[test]
 fn every_device_is_exported_in_every_format() {
     for device in DEVICES {
         for format in FORMATS {
             let export = run(&["export", format, "--device", device]);
-            // What one of them has and the others have not.
+            // Names that only this device has.
             let names = match format {
                 "svd" => [
                     "CANsync_INIT_MA",
@@ -48,7 +48,7 @@ fn every_device_is_exported_in_every_format() {
             };
             let told = names.map(|name| export.ok().contains(name));
             assert_eq!(told, DEVICES.map(|it| it == device), "{device} as {format}");
-            // A comment of XML cannot have two hyphens in a row.
+            // An XML comment cannot contain two consecutive hyphens.
             if !["json", "csv", "svd"].contains(&format) {
                 let command = format!("commram export {format} --device {device}");
                 assert!(export.out.contains(&command), "{device} as {format}");
@@ -57,7 +57,7 @@ fn every_device_is_exported_in_every_format() {
     }
 }
 
-/// What the Omega Drive-Line II's manual is silent about is not said of another device.
+/// The notes about gaps in the Omega Drive-Line II's manual do not appear for another device.
 #[test]
 fn the_head_of_an_export_speaks_of_its_own_device() {
     for format in ["c", "matiec", "openplc", "st", "python", "svd", "systemrdl"] {
@@ -68,8 +68,7 @@ fn the_head_of_an_export_speaks_of_its_own_device() {
     }
 }
 
-/// 5.00005.03a p. 77, 213, 249.
-/// matiec takes each spelling of an address once, and arrays of arrays not at all.
+/// 5.00005.03a p. 77, 213, 249. matiec accepts each spelling of an address once, and no arrays of arrays.
 #[test]
 fn matiec_gets_declarations_of_its_own() {
     let whole = run(&["export", "st", "--matiec"]);
@@ -161,8 +160,8 @@ fn the_json_keeps_its_schema() {
     assert_eq!(find(&page["fields"], "answer")["offset"], 192);
 }
 
-/// Addresses, names and meanings in an export look alike; what no manual states must say so, at the head of the
-/// file, at its structure and at itself.
+/// Documented and inferred addresses, names and meanings look alike in an export. Inferred ones must be marked in the
+/// head of the file, at their structure and at themselves.
 #[test]
 fn exports_tell_what_is_inferred() {
     for format in ["c", "matiec", "openplc", "st", "python", "svd", "systemrdl"] {
@@ -182,7 +181,7 @@ fn exports_tell_what_is_inferred() {
         ] {
             assert!(text.contains(structure), "{format}: {structure}");
         }
-        // Registers: a scalar, an array, one of a sub-structure, a reserved one, one that is only ours.
+        // Registers: a scalar, an array, one of a sub-structure, a reserved one, one that no manual has.
         for register in [
             "offset D-02, owner D-321, reset D-320",
             "offset D-02, type D-90, reset D-320",
@@ -195,7 +194,7 @@ fn exports_tell_what_is_inferred() {
             assert!(text.contains("SYNC mode (D-06)"), "{format}");
         }
         if format == "python" {
-            // Its decoder has them as well.
+            // The decoder has the decisions as well.
             assert!(text.contains("\"SYNC mode\", \"D-06\""));
         }
         if format != "python" {
@@ -246,7 +245,7 @@ fn wrong_use_is_explained() {
     assert!(run(&["export"]).fails(2).contains("<FORMAT>"));
 }
 
-/// Who reads it is tried in `tests/cli/cs0015.rs`.
+/// `tests/cli/cs0015.rs` tests the programs that read the data sheet.
 #[test]
 fn a_data_sheet_has_the_object_dictionary_of_a_device_that_has_one() {
     let export = run(&["export", "eds", "--device", "cs0015"]);
@@ -268,7 +267,7 @@ fn a_data_sheet_has_the_object_dictionary_of_a_device_that_has_one() {
     );
 }
 
-/// Who reads it is tried in `tools.rs`.
+/// `tools.rs` tests the programs that read the description file.
 #[test]
 fn a_device_description_file_is_of_a_slave() {
     let export = run(&["export", "gsd", "--device", "can-dp2"]);

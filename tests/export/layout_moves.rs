@@ -1,7 +1,7 @@
-//! The layout files decide: import declarations with another offset, build, and the register has moved everywhere.
+//! The layout files are the only source: an import with another offset and a build move the register everywhere.
 //!
-//! The project is copied into cargo's directory for test files and built there. Both stay, so that
-//! later runs only have to compile what has changed.
+//! The project is copied into cargo's directory for test files and built there. Both stay, so that later runs only
+//! compile the changes.
 
 use commram::devices::omega_drive_line_2::registers::{CANsync_MA_CTRL_BMSTRUCT, DEVICE, LAYOUT_HASH};
 use commram_layoutc::declaration::{Alignment, Declarations};
@@ -10,7 +10,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// A program that tells where the copy's register lies, in every way the library can tell it.
+/// A program that prints the location of the copy's register in every way that the library offers.
 const PROBE: &str = r#"//! Tells where `b_CTRL_REG_BC1` lies.
 use commram::devices::omega_drive_line_2::registers::{CANsync_MA_CTRL_BMSTRUCT as Master, DEVICE, LAYOUT_HASH};
 use zerocopy::FromZeros;
@@ -37,7 +37,7 @@ fn main() {
 }
 "#;
 
-/// Copies what differs; equal files keep their time stamps, so cargo need not look at them again.
+/// Copies files that differ. Equal files keep their time stamps, so that cargo does not rebuild them.
 fn write_if_changed(path: &Path, content: &[u8]) {
     if fs::read(path).ok().as_deref() != Some(content) {
         fs::create_dir_all(path.parent().unwrap()).unwrap();
@@ -45,7 +45,7 @@ fn write_if_changed(path: &Path, content: &[u8]) {
     }
 }
 
-/// Removes what the project no longer has; only the probe's directory stays.
+/// Removes files that the project no longer has; only the probe's directory stays.
 fn remove_stale(from: &Path, to: &Path) {
     for old in fs::read_dir(to).into_iter().flatten().map(Result::unwrap) {
         if from.join(old.file_name()).exists() || old.file_name() == "bin" {
@@ -69,7 +69,7 @@ fn copy(from: &Path, to: &Path) {
     }
 }
 
-/// The declarations with `b_CTRL_REG_BC1` behind its padding instead of in front of it.
+/// Returns the declarations with `b_CTRL_REG_BC1` after its padding instead of before it.
 fn moved() -> String {
     let declarations = commram::export::export(
         &DEVICE,
@@ -77,7 +77,7 @@ fn moved() -> String {
         None,
     )
     .unwrap();
-    // As a vendor's library: an export of commram proves nothing and is not taken over.
+    // Like a vendor's library: an export of commram proves nothing and is not imported.
     let is_own_mark = |line: &&str| line.starts_with("(* Made by commram ");
     let mut lines: Vec<&str> = declarations.lines().filter(|line| !is_own_mark(line)).collect();
     let at = lines.iter().position(|line| line.trim_start().starts_with("b_CTRL_REG_BC1 ")).unwrap();
@@ -86,7 +86,7 @@ fn moved() -> String {
     lines.join("\n")
 }
 
-/// A copy of all layouts, with these declarations.
+/// Creates a copy of all layouts with these declarations.
 fn imported() -> tempfile::TempDir {
     let dir = tempfile::tempdir().unwrap();
     copy(&Path::new(env!("CARGO_MANIFEST_DIR")).join("layouts"), dir.path());
@@ -98,7 +98,7 @@ fn imported() -> tempfile::TempDir {
     dir
 }
 
-/// A copy of the project with the changed layout and the probe.
+/// Creates a copy of the project with the changed layout and the probe.
 fn project() -> PathBuf {
     let source = Path::new(env!("CARGO_MANIFEST_DIR"));
     let copied = Path::new(env!("CARGO_TARGET_TMPDIR")).join("layout-moves/project");
@@ -153,7 +153,7 @@ fn an_import_moves_the_register_everywhere() {
     let hash: u64 = lines[9].strip_prefix("hash ").unwrap().parse().unwrap();
     assert_ne!(hash, LAYOUT_HASH);
 
-    // This build, with the layout as it is, says otherwise.
+    // This build, with the unchanged layout, has the original offset.
     assert_eq!(core::mem::offset_of!(CANsync_MA_CTRL_BMSTRUCT, b_CTRL_REG_BC1), 2892);
     assert_eq!(DEVICE.register("node2.b_CTRL_REG_BC1").unwrap().address().to_string(), "%MB3.202892");
     assert_eq!(DEVICE.layout_hash, LAYOUT_HASH);

@@ -1,4 +1,4 @@
-//! Declarations for other languages and tools, and what reads them.
+//! Declarations for other languages and tools, and the programs that read them.
 
 #[path = "../common/mod.rs"]
 mod common;

@@ -1,8 +1,8 @@
 //! The exported matiec glue and the program around it, with a program in the form that matiec generates.
 //!
-//! matiec itself is in no package registry. `tests/matiec` therefore has what it makes of a program, and stand-ins for the
-//! two files of its runtime library that such a program includes. Where `COMMRAM_MATIEC` names a directory with `iec2c` and
-//! `lib`, matiec compiles `program.st`, too.
+//! matiec itself is in no package registry. `tests/matiec` therefore has its output for one program, and stand-ins
+//! for the two files of its runtime library that such a program includes. If `COMMRAM_MATIEC` names a directory with
+//! `iec2c` and `lib`, matiec compiles `program.st`, too.
 
 use crate::common::{Emulator, Outcome, eventually, finish, run, skipped, wait_for};
 use std::fs;
@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 
 pub(crate) const SOURCES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/matiec");
-/// How docs/reference/export.md makes a header of what matiec writes down.
+/// The command of docs/reference/export.md that makes a header of matiec's list of located variables.
 const FILTER: &str = "grep -o '__LOCATED_VAR([^)]*)' LOCATED_VARIABLES.h | sort -u > commram_located.h";
 const ACCESS: [&str; 3] = ["-DCOMMRAM_MATIEC_ACCESS", "-include", "commram_matiec.h"];
 
@@ -21,7 +21,7 @@ pub(crate) fn exported(directory: &Path) {
     run(&["export", "matiec", "--main", "--output", &path("main.c")]).ok();
 }
 
-/// Exports, and puts the stand-ins beside it.
+/// Exports the glue and copies the stand-ins beside it.
 fn prepare(directory: &Path) {
     exported(directory);
     for name in ["accessor.h", "iec_std_lib.h", "iec_types.h", "POUS.h", "config.c", "LOCATED_VARIABLES.h"] {
@@ -39,7 +39,7 @@ fn compile(directory: &Path, flags: &[&str], sources: &[&str]) -> Outcome {
     finish(&mut command)
 }
 
-/// The stand-in as a program.
+/// Builds the stand-in as a program.
 fn built(directory: &Path) -> PathBuf {
     prepare(directory);
     filter(directory);
@@ -55,7 +55,7 @@ fn image_of(emulator: &Emulator, plc: &str) -> String {
     format!("/dev/shm/commram.{}.{plc}", emulator.name)
 }
 
-/// A PLC program that runs until it is told to end.
+/// A PLC program that runs until it is stopped.
 pub(crate) struct Plc(Child);
 
 impl Plc {
@@ -102,7 +102,7 @@ fn located_variables_are_the_registers() {
     let plc = Plc::start(&program, &emulator, &[]);
     // 16#0001 has become 16#0002 by two commands in one scan.
     assert!(eventually(|| emulator.peek(&["node2.w_OPTION_STATUS"]) == "16#0002"));
-    // What the first scan has seen: registers, no initial values.
+    // Values that the first scan has read: registers, no initial values.
     assert_eq!(emulator.peek(&["%MB10000001", "%MD10000004"]), "16#00 16#0000002A");
     assert_eq!(emulator.peek(&["%MW10000008"]), emulator.peek(&["ethernet.w_SPEED"]));
     let board = emulator.run("board", &["get"]);
@@ -116,7 +116,7 @@ fn located_variables_are_the_registers() {
     assert_eq!(finish(&mut Command::new(&program)).code, Some(2));
 }
 
-/// Emulated time waits for each scan: the same program leaves the same journal, however fast it is.
+/// The emulated time waits for each scan, so the same program leaves the same journal at any speed.
 #[test]
 fn in_stepped_mode_time_waits_for_each_scan() {
     let directory = tempfile::tempdir().unwrap();
@@ -133,7 +133,7 @@ fn in_stepped_mode_time_waits_for_each_scan() {
         trace.ok().to_owned()
     };
     let once = journal(false);
-    // CPU timer 1 comes every 2 ms, and the node answers at once.
+    // CPU timer 1 fires every 2 ms, and the node answers at once.
     assert!(once.contains("event 0 enabled every 2000 us") && once.contains("16#0001 -> 16#0002"), "{once}");
     assert_eq!(once, journal(true));
 }
@@ -176,8 +176,9 @@ fn addresses_that_are_no_registers_are_refused_by_the_compiler() {
     }
 }
 
-/// A device without flags has no memory but its registers: variables of the program at `%MW100`, `%MB100` and `%MX100.2` would
-/// silently not overlay each other (D-740). Segments that a device does not have are refused like this, too.
+/// A device without flags has only its registers as memory: variables of the program at `%MW100`, `%MB100` and
+/// `%MX100.2` would silently not overlay each other (D-740). Segments that a device does not have are refused in the
+/// same way.
 #[test]
 fn flags_that_a_device_does_not_have_are_refused_by_the_compiler() {
     let directory = tempfile::tempdir().unwrap();
@@ -207,20 +208,20 @@ fn iec2c(matiec: &Path, directory: &Path, options: &[&str]) {
     finish(&mut command).ok();
 }
 
-/// Compiles what matiec has made.
+/// Compiles the output of matiec.
 fn compile_made(matiec: &Path, directory: &Path, level: &str) {
     filter(directory);
     let library = format!("-I{}", matiec.join("lib/C").display());
     compile(directory, &[level, &library], &["main.c", "Config0.c", "Res0.c"]).ok();
 }
 
-/// Compiles a program that has function blocks in it.
+/// Compiles a program that contains function blocks.
 pub(crate) fn compile_program(matiec: &Path, directory: &Path, level: &str) {
     iec2c(matiec, directory, &["-r"]);
     compile_made(matiec, directory, level);
 }
 
-/// matiec itself, and what it makes of everything that is exported for it.
+/// matiec itself, and its output for every export.
 #[test]
 fn matiec_compiles_what_is_exported_for_it() {
     let Some(matiec) = std::env::var_os("COMMRAM_MATIEC").map(PathBuf::from) else {
@@ -240,7 +241,7 @@ fn matiec_compiles_what_is_exported_for_it() {
             iec2c(directory.path());
         }
     }
-    // The blocks of every device that has them in Structured Text, which refer to their registers (-r).
+    // The blocks of every device that has them in Structured Text. They refer to their registers (-r).
     for device in ["omega-drive-line-2", "bm4-plc"] {
         let directory = tempfile::tempdir().unwrap();
         let file = directory.path().join("commram.st");

@@ -1,8 +1,8 @@
-//! What is exported for OpenPLC and for Beremiz, in programs of their form: both bind located variables by their names.
+//! The exports for OpenPLC and for Beremiz, in programs of their form: both bind located variables by their names.
 //!
-//! `tests/openplc` has what matiec and OpenPLC's glue generator make of a program, and a main program with OpenPLC's order of
-//! calls. Where `COMMRAM_OPENPLC` and `COMMRAM_BEREMIZ` name their directories, `docs/guide/plc-programs.md` is
-//! followed word by word.
+//! `tests/openplc` has the output of matiec and of OpenPLC's glue generator for one program, and a main program with
+//! OpenPLC's order of calls. If `COMMRAM_OPENPLC` and `COMMRAM_BEREMIZ` name their directories, the tests follow
+//! `docs/guide/plc-programs.md` word by word.
 
 use crate::common::{
     Emulator, Outcome, commram, eventually, finish, is_there, python, run, skipped, wait_for,
@@ -15,7 +15,8 @@ use std::process::{Child, Command, Stdio};
 
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 
-/// Puts the stand-ins and the exports where OpenPLC has its files, and makes the header known as `docs/guide/plc-programs.md` describes.
+/// Copies the stand-ins and the exports to the paths of OpenPLC's files, and registers the header as
+/// `docs/guide/plc-programs.md` describes.
 fn prepare(core: &Path) {
     let library = core.join("lib");
     fs::create_dir_all(&library).unwrap();
@@ -36,7 +37,7 @@ fn prepare(core: &Path) {
     fs::write(header, with_ours).unwrap();
 }
 
-/// `g++` as OpenPLC's script calls it.
+/// Runs `g++` like OpenPLC's script.
 fn compile(core: &Path, args: &str) -> Outcome {
     let line = format!("c++ -std=gnu++11 -I ./lib {args} -w");
     finish(Command::new("sh").current_dir(core).args(["-c", &line]))
@@ -46,17 +47,17 @@ fn image(instance: &str) -> String {
     format!("/dev/shm/commram.{instance}.line")
 }
 
-/// A runtime that runs until it is told to end.
+/// A runtime that runs until it is stopped.
 struct Runtime(Child);
 
 impl Runtime {
     fn start(command: &mut Command, instance: &str) -> Self {
         command.env("COMMRAM_IMAGE", image(instance)).stdin(Stdio::null()).stdout(Stdio::piped());
-        // Beremiz' starts a process of its own: the group ends as a whole.
+        // Beremiz starts a child process, so the whole process group is killed.
         Runtime(command.process_group(0).spawn().unwrap())
     }
 
-    /// What it has said.
+    /// Stops the runtime and returns its output.
     fn end(mut self) -> String {
         let pid = self.0.id().to_string();
         assert!(Command::new("kill").args(["-TERM", &pid]).status().unwrap().success());
@@ -97,15 +98,15 @@ fn located_variables_of_openplc_are_the_registers() {
             emulator.peek(&["node2.w_OPTION_STATUS"]) == "16#0002"
         });
         assert!(ready);
-        // Emulated time stands still but for steps.
+        // The emulated time advances only by steps.
         assert!(eventually(|| emulator.peek(&["%MB10000002"]) == format!("16#{:02X}", ms % 256)), "{ms}");
-        // What the first scan has seen: registers, no initial values.
+        // Value that the first scan has read: registers, no initial values.
         assert_eq!(emulator.peek(&["%MB10000001"]), "16#01");
         let speed = emulator.peek(&["ethernet.w_SPEED"]);
         assert_eq!(emulator.peek(&["%MB10000003"])[3..], speed[5..]);
     };
     goes(&emulator);
-    // A controller that comes back has a program that starts.
+    // After a restart of the controller the program starts again.
     emulator.kill();
     drop(emulator);
     let emulator = Emulator::start_as(&name, &["--clock", "stepped"]);
@@ -147,7 +148,7 @@ fn addresses_that_are_no_registers_are_refused_in_cpp() {
     }
 }
 
-/// The fenced block of `page` behind the paragraph with `marker`.
+/// Returns the fenced block of `page` after the paragraph with `marker`.
 fn block(page: &str, marker: &str) -> String {
     let text = fs::read_to_string(Path::new(ROOT).join("docs").join(page)).unwrap();
     let behind = text.split_once(marker).unwrap_or_else(|| panic!("{page}: {marker}")).1;
@@ -155,7 +156,7 @@ fn block(page: &str, marker: &str) -> String {
     fenced.split_once("\n```").unwrap().0.to_owned() + "\n"
 }
 
-/// The C extension of `docs/guide/plc-programs.md` as Beremiz writes it into a file.
+/// Returns the C extension of `docs/guide/plc-programs.md` as Beremiz writes it into a file.
 fn extension() -> String {
     let text = block("guide/plc-programs.md", "`commram@c_ext/cfile.xml`");
     let section = |name: &str| {
@@ -176,7 +177,7 @@ fn extension() -> String {
     )
 }
 
-/// Beremiz' order of calls.
+/// A main program with Beremiz's order of calls.
 const BEREMIZ: &str = r#"
 #include <signal.h>
 #include "iec_std_lib.h"
@@ -211,7 +212,7 @@ int main(int argc, char **argv)
 }
 "#;
 
-/// The program and the extension of the page, with the page's two flags.
+/// Compiles the program and the extension of the page, with the page's two flags.
 fn beremiz(directory: &Path) {
     for name in [
         "matiec/accessor.h",
@@ -269,7 +270,7 @@ fn beremiz_is_told_what_is_refused() {
     }
 }
 
-/// Types in what a page shows, without the prompts, with this crate's `commram`.
+/// Runs the commands of a page, without the prompts, with this crate's `commram`.
 fn type_in(lines: &str, directory: &Path) {
     let path = commram().get_program().to_owned();
     let bin = Path::new(&path).parent().unwrap();

@@ -1,4 +1,4 @@
-//! Starts of a program around which the exported runner is: on every device, and in all kinds.
+//! Starts of a program with the exported runner: on every device, and of all kinds.
 
 use crate::common::{Emulator, eventually, finish, run};
 use crate::matiec::{Plc, SOURCES};
@@ -9,7 +9,7 @@ use std::process::Command;
 /// Declarations of a program in matiec's form.
 const POUS: &str = "#include \"iec_std_lib.h\"\n";
 
-/// A program without a register: it leaves the number of its scans since the start in a file.
+/// A program without a register: it writes the number of its scans since the start to a file.
 const SCANS: &str = r#"
 #include "POUS.h"
 unsigned long long common_ticktime__ = 2000000ULL;
@@ -23,7 +23,7 @@ void config_run__(unsigned long tick) {
 }
 "#;
 
-/// Variables of all kinds, each one more after each scan. What is in none of them is copied where it can be seen.
+/// Variables of all kinds, each incremented in each scan. Variables outside the flags are copied to flags.
 const KINDS: &str = r#"
 #include "POUS.h"
 unsigned long long common_ticktime__ = 2000000ULL;
@@ -56,14 +56,14 @@ void config_run__(unsigned long tick) {
 "#;
 const LOCATED: &str = "__LOCATED_VAR(BYTE,__MB10000008,M,B,10000008)\n__LOCATED_VAR(BYTE,__MB10000009,M,B,10000009)\n\
                        __LOCATED_VAR(BYTE,__MB10000012,M,B,10000012)\n__LOCATED_VAR(BYTE,__MB10000013,M,B,10000013)\n";
-/// What `KINDS` leaves to be seen: KEPT, LOST, FLAG, BARE.
+/// Registers that show the variables of `KINDS`: KEPT, LOST, FLAG, BARE.
 const SEEN: [&str; 4] = ["%MB10000012", "%MB10000013", "%MB10000008", "%MB10000009"];
 
 /// A plant with a CS0015.
 const PANEL: &str = "[[device]]\nkind = 'cs0015'\nname = 'panel'\nbus = 'open'\nprogram = 'attached'\n\
                      [[bus]]\nname = 'open'\nkind = 'can'\nkbit_s = 125\n";
 
-/// Such a program with the runner for the device.
+/// Compiles such a program with the runner for the device.
 fn built(directory: &Path, device: &str, program: &str, located: &str) -> PathBuf {
     for (args, name) in [(&[][..], "commram_matiec.h"), (&["--main"], "main.c")] {
         let path = directory.join(name);
@@ -83,15 +83,15 @@ fn built(directory: &Path, device: &str, program: &str, located: &str) -> PathBu
     directory.join("plc")
 }
 
-/// What `SCANS` has left: scans since the start, and the variable that is declared RETAIN.
+/// Returns the values from the file of `SCANS`: scans since the start, and the variable that is declared RETAIN.
 fn scans(directory: &Path) -> Option<(i32, i32)> {
     let text = fs::read_to_string(directory.join("scans")).ok()?;
     let (scans, kept) = text.split_once(' ')?;
     Some((scans.parse().ok()?, kept.parse().ok()?))
 }
 
-/// Every device lets a program run while it has power, and orders a new start when the supply is back: variables that are declared
-/// RETAIN keep their values then (5.00005.03a p. 38; D-630).
+/// Every device runs a program while it has power, and orders a restart when the supply returns. Variables that are
+/// declared RETAIN keep their values then (5.00005.03a p. 38; D-630).
 #[test]
 fn a_program_runs_on_every_device_while_there_is_power() {
     for (device, plc, section) in [
@@ -132,7 +132,8 @@ fn a_program_runs_on_every_device_while_there_is_power() {
     }
 }
 
-/// 5.00005.03a p. 38: what a start makes of variables and flags. The first scan after it finds the new values, whatever has run before.
+/// 5.00005.03a p. 38: the values of variables and flags after each kind of start. The first scan after the start
+/// finds the new values, whether or not the program ran before.
 #[test]
 fn each_kind_of_start_gives_the_values_of_its_kind() {
     let directory = tempfile::tempdir().unwrap();
@@ -170,7 +171,7 @@ fn each_kind_of_start_gives_the_values_of_its_kind() {
     }
 }
 
-/// A word, its byte and a bit of it are one place, and get their initial values together.
+/// A word, its byte and one of its bits share memory, and get their initial values together.
 const OVERLAID: &str = r#"
 #include "POUS.h"
 unsigned long long common_ticktime__ = 2000000ULL;
@@ -202,7 +203,8 @@ const OVERLAID_PLACES: &str = "__LOCATED_VAR(WORD,__MW100,M,W,100)\n__LOCATED_VA
                                __LOCATED_VAR(BOOL,__MX100_2,M,X,100,2)\n__LOCATED_VAR(BOOL,__MX10000000_7,M,X,10000000,7)\n\
                                __LOCATED_VAR(BYTE,__MB101,M,B,101)\n";
 
-/// 5.00005.03a p. 41-42: flags are memory of the device, whatever width they are named with. P. 38: which start leaves them (D-632).
+/// 5.00005.03a p. 41-42: flags are memory of the device and can be addressed with any width. P. 38: the kinds of
+/// start that keep them (D-632).
 #[test]
 fn located_flags_overlay_each_other() {
     let directory = tempfile::tempdir().unwrap();

@@ -1,4 +1,4 @@
-//! Exports checked with the tools of their worlds.
+//! Exports checked with external tools.
 
 use crate::common::{Outcome, finish, python, run};
 use std::path::Path;
@@ -30,7 +30,7 @@ fn svd_is_valid_and_says_where_the_cpu_finds_a_register() {
     assert_eq!(find("a_RD_BMARRAY_1_0").address_offset, 832 + 64);
     assert_eq!(find("a_CONTROLWORD_SL3").address_offset, 2948 + 6);
     assert_eq!(peripheral(&device, "CANsync_INIT_MA").registers().count(), 15 + 31);
-    // Of the other device no CPU address is known: it stands where the image has it.
+    // The CPU address of the other device is unknown, so the SVD has the offset in the image.
     let device = expanded("bm4-plc");
     assert_eq!(peripheral(&device, "CANsyncSlave_Ctrl_Slot_M").base_address, 7_001_792);
 }
@@ -61,7 +61,7 @@ fn systemrdl_compiles_and_elaborates() {
     let (omega, bm4) = ("omega-drive-line-2", "bm4-plc");
     for (device, maps, register, address) in [
         (omega, &["init", "cyclic"][..], "_CANsync_CTRL_MA.a_RD_BMARRAY[1][0]", 200_896),
-        // Where modules are fitted, each role has maps of its own: instances must not lie over each other.
+        // For devices with modules, each role has separate maps: instances must not overlap.
         (
             bm4,
             &["init_master", "init_slave", "cyclic_slave", "cyclic_master"],
@@ -92,8 +92,7 @@ fn declarations_are_structured_text() {
     }
 }
 
-/// The suite in `tests/python`, each test with an emulator of its own.
-/// A master of the PDOs of two panels, one of which takes what the other sends.
+/// A master of the PDOs of two panels. One panel takes the PDO that the other one sends.
 const PANELS: &str = "
 [[device]]
 kind = 'cs0015'
@@ -149,7 +148,7 @@ fn cantools_reads_the_messages_of_a_bus() {
         "nodes door_1 panel".to_owned(),
         "0A0 panel_EMCY 8 panel> error_code@0:16 error_register@16:8 own@24:40".to_owned(),
         format!("1A0 panel_TX_PDO1 8 panel> {words}"),
-        // P. 160: from the third on the identifiers do not hang on the Node-ID, so both send it.
+        // P. 160: from the third PDO on the identifiers do not depend on the Node-ID, so both send it.
         format!("38A panel_TX_PDO3 8 panel,door_1> {words}"),
         format!("3A5 panel_TX_PDO2 8 panel>door_1 {words}"),
         "585 door_1_SDO_ANSWER 8 door_1> command@0:8 index@8:16 sub_index@24:8 data@32:32".to_owned(),
@@ -161,7 +160,7 @@ fn cantools_reads_the_messages_of_a_bus() {
     }
 }
 
-/// What packs and runs units is tools/fmi/tests.
+/// tools/fmi/tests packs and runs units.
 #[test]
 fn a_unit_wants_its_own_shared_object_and_a_file() {
     let directory = tempfile::tempdir().unwrap();
@@ -183,6 +182,7 @@ fn a_unit_wants_its_own_shared_object_and_a_file() {
     assert!(!Path::new(&unit).exists());
 }
 
+/// The suite in `tests/python`; each of its tests has a separate emulator.
 #[test]
 fn the_python_suite_passes() {
     let directory = tempfile::tempdir().unwrap();
@@ -196,7 +196,7 @@ fn the_python_suite_passes() {
     assert_eq!(outcome.code, Some(0), "{}{}", outcome.out, outcome.err);
 }
 
-/// A parser that is not ours makes of the device description file what the slave takes for good.
+/// An external parser reads the values from the device description file that the slave accepts.
 #[test]
 fn gsd_parser_reads_the_description_of_a_slave() {
     let directory = tempfile::tempdir().unwrap();

@@ -1,4 +1,4 @@
-/* In the form that matiec gives to types and to the declarations of a program. */
+/* Types and the declarations of a program in matiec's form. */
 #ifndef __POUS_H
 #define __POUS_H
 #include "accessor.h"

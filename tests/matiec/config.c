@@ -1,4 +1,4 @@
-/* In the form that matiec gives to a program, its configuration and its resource. */
+/* A program, its configuration and its resource in matiec's form. */
 #include "iec_std_lib.h"
 #include "accessor.h"
 #include "POUS.h"
@@ -46,7 +46,7 @@ void START_UP_init__(START_UP *data__, BOOL retain) {
 }
 
 /*
- * What its first scan finds in the registers goes into retain flags: none of the initial values of config_init__. Then it
+ * The first scan copies the registers into retain flags: none has an initial value of config_init__. Then the program
  * starts the node, with two writes to a register in one scan.
  */
 void START_UP_body__(START_UP *data__) {
@@ -66,7 +66,7 @@ void START_UP_body__(START_UP *data__) {
 }
 
 #ifdef COMMRAM_MATIEC_ACCESS
-/* Both writes to COMMAND are made. */
+/* Both writes to COMMAND reach the register. */
 _Static_assert(_Generic(&((START_UP *)0)->COMMAND.value, volatile WORD **: 1, default: 0), "not volatile");
 _Static_assert(_Generic(&((START_UP *)0)->_ETHERNET.value, volatile ETHERNET_DIAGNOSE_BMSTRUCT **: 1, default: 0),
                "not volatile");

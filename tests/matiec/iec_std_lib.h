@@ -1,6 +1,6 @@
 /*
- * Stand-in for the file of this name in matiec's runtime library: what this test's program uses of it. Its macros name
- * what the library names.
+ * Stand-in for the file of this name in matiec's runtime library: the parts that this test's program uses. Its macros
+ * have the names of the library.
  */
 #ifndef IEC_STD_LIB_H
 #define IEC_STD_LIB_H

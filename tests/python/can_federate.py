@@ -1,6 +1,6 @@
-"""A sensor on a CAN bus, as a federate of HELICS: says every 5 ms how many frames of others it has heard, the last one with its time.
+"""A sensor on a CAN bus, as a federate of HELICS. Every 5 ms it sends the number of received frames, and the last one with its time.
 
-can_federate.py BROKER COUNT: ends after COUNT frames of its own.
+can_federate.py BROKER COUNT: ends after it has sent COUNT frames.
 """
 
 import sys

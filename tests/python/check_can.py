@@ -1,4 +1,4 @@
-"""Two foreign stacks at a door of a CAN bus: python-can, and canopen as master and as slave (docs/reference/can.md).
+"""Two external stacks at a door of a CAN bus: python-can, and canopen as master and as slave (docs/reference/can.md).
 
 Usage: check_can.py PORT BITRATE
 """
@@ -19,7 +19,7 @@ def open_bus(port, bitrate):
 
 
 def raw_frames(port, bitrate):
-    """Frames of all four kinds arrive at the other, as they were sent."""
+    """Frames of all four kinds arrive unchanged at the other side."""
     with open_bus(port, bitrate) as one, open_bus(port, bitrate) as other:
         sent = [
             can.Message(arbitration_id=0x123, is_extended_id=False, data=bytes(range(8))),

@@ -25,7 +25,7 @@ def entries(dictionary):
 
 
 def read_everything(node):
-    """All of the object dictionary by SDO: what the data sheet says."""
+    """Reads the whole object dictionary by SDO and compares it with the data sheet."""
     count = 0
     for index, sub, variable in entries(node.object_dictionary):
         data = node.sdo.upload(index, sub)
@@ -38,7 +38,7 @@ def read_everything(node):
 
 
 def heard(network, identifier):
-    """A list that fills with what comes under this identifier, and an event for each."""
+    """Returns a list that collects the messages with this identifier, and an event for each message."""
     data, event = [], threading.Event()
 
     def note(_, payload, __):
@@ -50,7 +50,7 @@ def heard(network, identifier):
 
 
 def boot_up(node):
-    """A reset of the communication; canopen waits for a message behind the call, which may come before it."""
+    """Resets the communication. canopen waits for a message after the call, but the message may arrive before the wait."""
     for _ in range(PATIENCE):
         node.nmt.send_command(0x82)
         try:
@@ -68,7 +68,7 @@ def exchange(network, node):
     network.send_message(0x220, struct.pack("<4H", 0x1234, 0x5678, 1, 2))
     words = [struct.unpack("<H", node.sdo.upload(0x5800, word))[0] for word in range(1, 5)]
     assert words == [0x1234, 0x5678, 1, 2], words
-    # With every SYNC, from the next Operational on.
+    # With every SYNC, starting with the next Operational.
     node.sdo.download(0x1801, 2, b"\x01")
     node.nmt.state = "PRE-OPERATIONAL"
     node.nmt.state = "OPERATIONAL"
@@ -80,7 +80,7 @@ def exchange(network, node):
 
 
 def emergency(node, code):
-    """The last emergency once it has this code; canopen's own `wait` misses what comes before it waits."""
+    """Waits for the last emergency to have this code. canopen's `wait` misses messages that arrive before the call."""
     end = time.monotonic() + PATIENCE
     while not (node.emcy.log and node.emcy.log[-1].code == code):
         assert time.monotonic() < end, (hex(code), node.emcy.log)
@@ -136,7 +136,7 @@ def main(port, bitrate, eds):
         block = bytes(range(256))
         node.sdo.download(0x2000, 0, block)
         assert node.sdo.upload(0x2000, 0) == block
-        # Another Node-ID, entered twice, holds at once.
+        # Another Node-ID, entered twice, takes effect at once.
         node.sdo.download(0x20F0, 0, b"\x05")
         node.sdo.download(0x20F1, 0, b"\x05")
         moved = network.add_node(5, eds)

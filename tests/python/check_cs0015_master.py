@@ -1,7 +1,7 @@
-"""Two worlds: a CS0015 whose program is this one, by mmap and in lockstep, and a node of canopen at a door of its bus.
+"""This program runs a CS0015 by mmap and in lockstep. A node of canopen is connected to a door of its bus.
 
-The program is the CANopen master. Whatever canopen's node does not do by itself (answers to node guarding, PDOs with SYNC,
-the end of a reset) the small `Node` here does.
+The program is the CANopen master. The class `Node` adds the functions that canopen's node lacks: answers to
+node guarding, PDOs with SYNC, the end of a reset.
 
 Usage: check_cs0015_master.py INSTANCE PORT BITRATE, with the module of `commram export python --device cs0015` beside it
 """
@@ -39,7 +39,7 @@ def dictionary():
 
 
 class Node(can.Listener):
-    """Answers to remote frames with its state and a bit that toggles, and to SYNC with a number that counts."""
+    """Answers remote frames with its state and a toggle bit, and SYNC with a counter."""
 
     STATES = {"PRE-OPERATIONAL": 127, "OPERATIONAL": 5, "STOPPED": 4}
 
@@ -60,7 +60,7 @@ class Node(can.Listener):
             self.count += 1
             self.network.send_message(0x180 + NUMBER, struct.pack("<4H", self.count, 0, 0, 0))
         if message.arbitration_id == 0 and bytes(message.data) == bytes([129, NUMBER]):
-            # canopen's node stays where a reset leads to.
+            # canopen's node stays in the state after the reset.
             self.node.nmt.state = "PRE-OPERATIONAL"
             self.resets += 1
             self.toggle = 0
@@ -91,7 +91,7 @@ class Task:
             time.sleep(0.0005)
 
     def run(self, program):
-        """A step of the program in each cycle, until it ends."""
+        """Runs a step of the program in each cycle, until the program ends."""
         word = "lockstep[0].turn.word"
         for _ in program:
             self.ram.write_header("lockstep[0].run_us", 0)
@@ -104,7 +104,7 @@ class Task:
 
 
 def order(ram, function, *arguments, data=b""):
-    """Asks the operating system for something: results and data of the answer, some cycles later."""
+    """Sends a request to the operating system. Returns results and data of the answer, some cycles later."""
     ram["jobs.a_FUNCTION[0]"] = function
     for number, argument in enumerate(arguments):
         ram[f"jobs.a_ARGUMENT[0][{number}]"] = argument
@@ -123,7 +123,7 @@ def order(ram, function, *arguments, data=b""):
 
 
 def guarded(ram, is_so, what):
-    """Guards the nodes until something is so."""
+    """Guards the nodes until a condition is true."""
     for _ in range(2000):
         results, _ = yield from order(ram, commram.JOB.NMM_NODE_GUARDING, 1)
         if is_so(results[0]):
@@ -138,7 +138,7 @@ def state(ram):
 
 def start(ram):
     ram["flags.CAN_OPEN"] = 1
-    # Its first receive PDO is what the node sends; the master comes after that (p. 48).
+    # The first receive PDO is the node's PDO; the master's configuration follows (p. 48).
     yield from order(ram, commram.JOB.PDO_RX_CONFIG, 1, 0x180 + NUMBER, 255)
     yield from order(ram, commram.JOB.NMM_SET_NMT_MASTER)
     results, _ = yield from order(ram, commram.JOB.NMM_ADD_NODE, NUMBER, 200, 4)

@@ -1,4 +1,4 @@
-"""Reads a CAN database with cantools and prints what it makes of it."""
+"""Reads a CAN database with cantools and prints the parsed content."""
 
 import sys
 

@@ -1,4 +1,4 @@
-"""Validates a unit with FMPy and runs it: as a list of writes says, with a mechanical model, from states, several at a time.
+"""Validates a unit with FMPy and runs it: with a list of writes, with a mechanical model, from saved states, several at once.
 
 check_fmu.py UNIT WRITES: WRITES has lines `TIME_US NAME VALUE`; without a value the variable is printed.
 """
@@ -53,7 +53,7 @@ class Machine:
             self.us += size
 
     def does(self, path):
-        """Yields what is printed, in the order of the list."""
+        """Yields the printed values, in the order of the list."""
         for line in open(path):
             us, name, *value = line.split()
             self.to(int(us))
@@ -67,13 +67,13 @@ class Machine:
         self.unit.freeInstance()
 
 
-# The same from another time on, and of two at a time.
+# The same with another start time, and with two units at once.
 one, two = Machine("one"), Machine("two", start=100.0)
 for line, other in zip(one.does(sys.argv[2]), two.does(sys.argv[2])):
     assert line == other, (line, other)
     print(line)
 
-# A motor that follows what the drive demands with a time constant, against friction; the master reads what it does.
+# A motor that follows the drive's demand with a time constant, against friction. The master reads its values.
 TIME_CONSTANT, SPEED = 0.02, 100.0  # seconds, rad/s
 INCREMENTS = 2**32 / (2 * math.pi) / 1000
 one["drive1.is_modelled"] = True
@@ -91,7 +91,7 @@ assert 5 < seen[8] < 60 and abs(seen[-1] - 98) < 0.5, seen
 assert seen[5:] == sorted(seen[5:]), seen
 print("loop closed", round(seen[-1]))
 
-# What follows a state follows it again, here and, as bytes, elsewhere.
+# A restored state continues identically, in this unit and, through bytes, in another one.
 state = one.unit.getFMUState()
 saved, at = one.unit.serializeFMUState(state), one.us
 
@@ -131,7 +131,7 @@ refused(lambda: two.unit.setUInt16([variables["node2.w_OPTION_STATUS"].valueRefe
 refused(lambda: two.unit.deserializeFMUState(saved[:-9]), "no state")
 print("refused")
 
-# FMPy's own loop, and how long a minute of machine time takes.
+# FMPy's loop, and the real time for a minute of machine time.
 started = time.monotonic()
 two["drive2.is_modelled"] = True
 for _ in range(int(sys.argv[3]) if len(sys.argv) > 3 else 1000):

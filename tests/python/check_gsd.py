@@ -1,4 +1,4 @@
-"""Reads a device description file with pyprofibus and prints what a master makes of it.
+"""Reads a device description file with pyprofibus and prints the values that a master reads from it.
 
 Usage: check_gsd.py GSD
 """

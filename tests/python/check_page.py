@@ -1,5 +1,5 @@
-"""Opens a page in a headless Chromium, light and dark, over its DevTools port. Prints what the page shows and fails if it
-complains about anything, runs or loads something."""
+"""Opens a page in a headless Chromium, light and dark, over its DevTools port. Prints the text of the page. Fails if the
+page reports an error, runs a script or loads a resource."""
 
 import json
 import os
@@ -16,7 +16,7 @@ PATIENCE = 60
 
 class Browser:
     def __init__(self, program, profile):
-        # No sandbox: it needs what containers do not give, and the page is our own.
+        # No sandbox: containers lack the needed privileges, and the page is trusted.
         options = ["--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--no-first-run"]
         options += ["--disable-background-networking", "--disable-component-update", "--disable-extensions"]
         options += ["--remote-debugging-port=0", "--remote-allow-origins=*", f"--user-data-dir={profile}"]

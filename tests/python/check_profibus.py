@@ -1,4 +1,4 @@
-"""pyprofibus as DP master of the gateway, by a seat in lockstep at the door of its PROFIBUS (docs/devices/can-dp2/overview.md).
+"""pyprofibus as DP master of the gateway, with a seat in lockstep at the door of its PROFIBUS (docs/devices/can-dp2/overview.md).
 
 Usage: check_profibus.py PORT
 It exchanges data until its outputs have come back as inputs.
@@ -16,13 +16,13 @@ from pyprofibus.phy import CpPhy
 from pyprofibus import dp_master, phy as phy_module, util
 
 SLAVE, MASTER = 5, 2
-# Of a poll at 500 kbit/s: five milliseconds.
+# Duration of a poll at 500 kbit/s: five milliseconds.
 BITS = 2500
 OUTPUTS, ANSWER = b"\x12\x34" + bytes(6), b"\xab\xcd"
 
 
 class Door(CpPhy):
-    """The line, by telegrams with bit times."""
+    """The bus line: telegrams with bit times."""
 
     def __init__(self, port):
         super().__init__()
@@ -54,7 +54,7 @@ def slave():
     description = DpSlaveDesc()
     description.slaveAddr = SLAVE
     description.name = "gw"
-    # Seen from the slave: what it is given, and what it gives.
+    # From the view of the slave: outputs that it receives, inputs that it sends.
     description.inputSize = description.outputSize = 8
     description.setPrmTelegram = DpTelegram_SetPrm_Req(da=SLAVE, sa=None)
     description.setPrmTelegram.identNumber = 0x04A4
@@ -70,7 +70,7 @@ def slave():
 
 def main():
     phy = Door(int(sys.argv[1]))
-    # Its timeouts run in the time of the bus: between steps of the plant's clock nothing happens, however long that is.
+    # Its timeouts use the time of the bus, which does not advance between steps of the plant's clock.
     for module in (dp_master, phy_module, util):
         module.monotonic_time = lambda: phy.now / 500000
     phy.setConfig(baudrate=500000)

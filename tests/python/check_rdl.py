@@ -1,4 +1,4 @@
-"""Compiles an exported SystemRDL file, elaborates the maps given, and prints where the last one has a register: MAP... REGISTER."""
+"""Compiles an exported SystemRDL file, elaborates the given maps, and prints the address of a register in the last one: MAP... REGISTER."""
 
 import sys
 

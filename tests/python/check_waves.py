@@ -1,5 +1,5 @@
-"""Reads waveforms with pywellen and prints the changes of those signals that are named behind the file; with --same and
-another file, holds all signals of both against each other."""
+"""Reads waveforms with pywellen and prints the changes of the signals named after the file. With --same and
+another file, compares all signals of both files."""
 
 import sys
 
@@ -16,7 +16,7 @@ def is_unknown(value):
 
 
 def text(value):
-    """A text in FST is the bits of its characters."""
+    """Decodes a text, which FST stores as the bits of its characters."""
     if isinstance(value, str):
         return value
     return value.to_bytes((value.bit_length() + 7) // 8, "big").decode()

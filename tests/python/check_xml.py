@@ -1,4 +1,4 @@
-"""Validates an XML file against schemas: those of CMSIS-SVD 1.3, which the package cmsis-svd has, or one that is named."""
+"""Validates an XML file against schemas: those of CMSIS-SVD 1.3 from the package cmsis-svd, or a given one."""
 
 import importlib.util
 import pathlib

@@ -1,4 +1,4 @@
-"""Emulators for tests: the program that the variable COMMRAM names, one instance per test."""
+"""Emulators for tests: the program in the variable COMMRAM, one instance per test."""
 
 import os
 import subprocess
@@ -27,7 +27,7 @@ class Emulator:
         assert "ready" in ready, ready
 
     def command(self, name, *arguments):
-        """What a subcommand prints about this instance."""
+        """Returns the output of a subcommand on this instance."""
         command = [PROGRAM, name, *arguments, "-i", self.name]
         return subprocess.run(command, check=True, capture_output=True, text=True, timeout=60).stdout
 

@@ -1,4 +1,4 @@
-"""The iceoryx2 channel is open to other languages: here through the iceoryx2 package for Python."""
+"""The iceoryx2 channel supports other languages: here through the iceoryx2 package for Python."""
 
 import pytest
 
@@ -28,7 +28,7 @@ def test_registers_and_time(stepped):
 def test_events_wake_a_listener(stepped):
     with stepped.attach() as ram, Channel(stepped.name) as channel:
         listener = channel.listener("line")
-        # INTR_SET: CPU timer 1 every 20 x 50 us, as docs/reference/attach.md has it.
+        # INTR_SET: CPU timer 1 every 20 x 50 us, as in docs/reference/attach.md.
         ram.write_header("interrupts[0].request", 20 << 16 | 1 << 1 | 1)
         ram.write_header("board_requests", ram.header("board_requests") + 1)
         channel.request(WireOp(kind=ADVANCE, time_us=10_000))

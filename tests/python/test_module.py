@@ -1,4 +1,4 @@
-"""What the exported module knows and how it behaves when something is wrong; the package of the same name does the same."""
+"""Names in the exported module, and its errors. The package of the same name behaves in the same way."""
 
 import csv
 import io
@@ -47,7 +47,7 @@ def test_reads_and_writes_are_those_of_the_registers(stepped):
     with stepped.attach() as ram:
         ram["node2.a_WR_VALUE[0]"] = -2
         assert ram["node2.a_WR_VALUE[0]"] == -2
-        # An address is a number of the register there to the package, bits to the module.
+        # In the package an address is a number of the register, in the module bits.
         assert ram["%MD3.200052"] & 0xFFFFFFFF == 0xFFFFFFFE
         assert stepped.command("peek", "--raw", "node2.a_WR_VALUE[0]") == "16#FFFFFFFE\n"
         ram["%MW3.200000"] = 0x0001
@@ -87,7 +87,7 @@ def test_values_read_as_the_program_explains_them(stepped):
             for value in values:
                 ram[name] = value
                 shown = stepped.command("peek", name).rstrip("\n").split("  ", 1)[1]
-                # Of two structures that overlay each other the program says which one is not valid now.
+                # Two structures overlay each other: the error names the one that is not valid now.
                 shown = re.sub(r" \(\w+, not live\)$", "", shown)
                 assert re.sub(r" \(\w+, not live\)$", "", ram.text(name)) == shown, name
 

@@ -1,4 +1,4 @@
-//! Guests that ask for emulated time: it waits for them.
+//! Guests that ask for emulated time: the emulated time waits for them.
 
 use super::{Guest, OPEN, buses, port, start};
 use crate::common::{Emulator, eventually, promised};
@@ -8,12 +8,12 @@ use std::net::TcpStream;
 use std::process::Stdio;
 use std::time::Duration;
 
-/// A line of ours, at the moment at which the guest may go on.
+/// Parses a grant from a line, and returns the moment at which the guest may continue.
 fn granted(line: &str) -> Option<u64> {
     line.strip_prefix('K').map(|digits| u64::from_str_radix(digits.trim_end(), 16).unwrap())
 }
 
-/// The frames that a guest hears until its turn, and when that is.
+/// Returns the frames that a guest receives before its turn, and the time of the turn.
 fn turn(guest: &mut Guest<TcpStream>, us: u64) -> (Vec<String>, u64) {
     guest.say(&format!("K{us:X}\r"));
     let mut heard = Vec::new();
@@ -26,7 +26,7 @@ fn turn(guest: &mut Guest<TcpStream>, us: u64) -> (Vec<String>, u64) {
     }
 }
 
-/// Waits until the instance knows of so many guests that have asked for time.
+/// Waits until the instance reports `count` guests that have asked for time.
 fn seated(emulator: &Emulator, count: usize) {
     let has_seat = |guest: &&Value| guest["seat"] == true;
     assert!(eventually(|| {
@@ -34,7 +34,7 @@ fn seated(emulator: &Emulator, count: usize) {
     }));
 }
 
-/// One guest sends a question each 1500 us, the other one answers 300 us after it has heard it. Returns the journal.
+/// One guest sends a question every 1500 us; the other one answers 300 us after it received it. Returns the journal.
 fn questions_and_answers(steps: &[&str]) -> String {
     let emulator = start(OPEN, &["--clock", "stepped"]);
     let port = port(&emulator);
@@ -132,7 +132,7 @@ fn who_hangs_or_dies_in_its_turn_loses_its_seat_and_stop_ends_it_all() {
     assert!(!step.wait().unwrap().success());
 }
 
-/// A step that never ends: its guest has one turn after the other.
+/// A step without an end: its guest has one turn after the other.
 #[test]
 fn others_look_while_guests_have_their_turns() {
     let mut emulator = start(OPEN, &["--clock", "stepped"]);
@@ -150,7 +150,7 @@ fn others_look_while_guests_have_their_turns() {
         assert_eq!(buses(&emulator)[0]["guests"].as_array().unwrap().len(), 1);
     }
     assert!(step.try_wait().unwrap().is_none(), "it is under way");
-    // It may note for whom the time waited.
+    // The emulator may log which guest the time waited for.
     assert_eq!(promised(Duration::from_secs(2), || emulator.run("stop", &[])).code, Some(0));
     assert_eq!(emulator.wait().code(), Some(0));
     turns.join().unwrap();

@@ -16,7 +16,7 @@ fn a_scenario_runs_alike_on_a_running_instance() {
     assert_eq!(emulator.peek(&["node2.w_OPTION_STATUS"]), "16#0080");
 }
 
-/// The plant file of a scenario: one it names, or one it has in itself.
+/// Returns the plant file of a scenario: the file that it names, or its embedded plant.
 fn plant_of(script: &Path, directory: &TempDir) -> Option<PathBuf> {
     let text = std::fs::read_to_string(script).unwrap();
     let (_, plant) = text.split_once("\nplant(")?;
@@ -29,12 +29,12 @@ fn plant_of(script: &Path, directory: &TempDir) -> Option<PathBuf> {
     Some(path)
 }
 
-/// What scenarios do against the manual, to show what happens then; all others do nothing.
+/// Violations of the manual that some scenarios show on purpose; all other scenarios have none.
 const ON_PURPOSE: [(&str, &str); 3] =
     [("04-deadlines", "late-reference"), ("12-forced-registers", "owner"), ("21-ip-address", "ip-address")];
 
-/// All verbs behave at a live instance as they do on a plant of one's own, to the microsecond: blocks, forces, faults,
-/// findings, boards.
+/// All verbs behave on a live instance as on a private plant, to the microsecond: blocks, forces, faults, findings,
+/// boards.
 #[test]
 fn every_scenario_of_the_tutorial_passes_alike_on_a_running_instance() {
     let directory = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/scenarios");
@@ -59,12 +59,12 @@ fn every_scenario_of_the_tutorial_passes_alike_on_a_running_instance() {
             assert_eq!(without_real_times(&there.out), without_real_times(&own.out));
         }
     };
-    // More at a time than there are processors would only make each of them slower.
+    // More workers than processors would only slow down each of them.
     let workers = std::thread::available_parallelism().map_or(1, usize::from).min(4);
     std::thread::scope(|scope| (0..workers).for_each(|_| drop(scope.spawn(work))));
 }
 
-/// When something is seen, and what is answered in no time, to the microsecond.
+/// A script that prints, to the microsecond, when a change is seen and which requests take no time.
 const MOMENTS: &str = r#"
     print(`start ${now()}`);
     poke("node2.w_CPU_CONTROL", 1);
@@ -82,7 +82,7 @@ const MOMENTS: &str = r#"
     wait_until(|| peek("node2.a_STAT_SL[1]") == 3, "2s");
     print(`synchronized at ${now()}`);
 
-    // Between two events, and at the very moment of one.
+    // Between two events, and exactly at the moment of one.
     step(37);
     fault("bus_off plc=line node=2");
     print(`off after ${wait_until(|| peek("node2.w_CANsync_STATUS") == 0xC0, "10ms")}`);

@@ -1,4 +1,4 @@
-//! Which scenarios run, and in what circumstances they pass.
+//! Selection of the scenarios to run, and the conditions under which they pass.
 
 use super::*;
 use crate::common::{eventually, wait_for};
@@ -75,7 +75,7 @@ fn reports_of_shards_become_the_one_of_a_single_run() {
     let names =
         |text: &str| text.split("<testcase name=\"").skip(1).map(|it| it[..1].to_owned()).collect::<String>();
     assert_eq!(names(&text("all.xml")), "abcde");
-    // Times are those of the runs.
+    // Times differ between runs.
     let head = |text: &str| {
         let line = text.lines().find(|line| line.starts_with("<testsuites")).unwrap();
         line.split(" time=").next().unwrap().to_owned()

@@ -1,22 +1,22 @@
-//! The scenarios of the tutorial, and what failures tell beside the expectation that is not met.
+//! The scenarios of the tutorial, and the details that failures report besides the expectation.
 
 use super::Scripts;
 use crate::common::run;
 use std::path::Path;
 
-/// What scenarios of the tutorial do against the manual on purpose.
+/// Violations of the manual that scenarios of the tutorial show on purpose.
 const ABOUT_FINDINGS: [(&str, &[&str]); 4] = [
     ("04-deadlines.rhai", &["late-reference"]),
     ("11-restart-of-the-master.rhai", &["left-behind"]),
-    // Of a register of the firmware that was forced.
+    // A forced register of the firmware.
     ("12-forced-registers.rhai", &["owner"]),
     ("21-ip-address.rhai", &["ip-address"]),
 ];
 
-/// And as a tutorial shows what is right, the access checker has found nothing at their ends.
-/// So many commands run the tutorial.
+/// Number of commands that run the tutorial.
 const PARTS: usize = 6;
 
+/// A tutorial shows correct use, so the access checker must find no other violation.
 #[test]
 fn every_scenario_of_the_tutorial_passes_without_findings() {
     let from = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/scenarios");
@@ -36,7 +36,7 @@ fn every_scenario_of_the_tutorial_passes_without_findings() {
         std::fs::write(directory.path().join(name), text).unwrap();
         scripts += 1;
     }
-    // In parts: all of them at once take longer on a busy machine than a command is waited for.
+    // In parts: on a busy machine, all of them together take longer than the watchdog of a command.
     let mut all = 0;
     for part in 1..=PARTS {
         let shard = format!("{part}/{PARTS}");

@@ -1,7 +1,7 @@
-//! The library's public interface, kept as text: who changes it sees so in `tests/docs/public-api.txt`.
-//!
-//! It is read from the sources, because rustdoc's JSON needs an unstable compiler. Tables generated from `layouts/` are not in
-//! it - the layout hash guards those - nor what macros make: there stands what they make it from.
+//! The library's public interface as text in `tests/docs/public-api.txt`. A change of the interface changes this
+//! file. The text is read from the sources, because rustdoc's JSON needs an unstable compiler. It does not contain
+//! the tables generated from `layouts/`, which the layout hash covers. For items that macros generate, it contains
+//! the macro's input.
 
 mod skeleton;
 mod tree;
@@ -11,17 +11,17 @@ use std::path::Path;
 use syn::{Item, Type};
 use tree::{Found, Module};
 
-/// Set to any value, it makes the text anew.
+/// If this variable has any value, the test writes the text again.
 const UPDATE: &str = "COMMRAM_UPDATE_PUBLIC_API";
 
-/// How long a chain of re-exports may be.
+/// Maximum length of a chain of re-exports.
 const DEPTH: u8 = 12;
 
 /// Items by the path of the public module that shows them.
 #[derive(Default)]
 struct Shown<'a> {
     modules: BTreeMap<String, Vec<Item>>,
-    /// Where an item is shown first: defining module and name, and the module that shows it.
+    /// Module that shows an item first, by defining module and name.
     places: BTreeMap<(&'a [String], String), String>,
 }
 
@@ -30,7 +30,7 @@ fn path_text(path: &[String]) -> String {
 }
 
 impl<'a> Shown<'a> {
-    /// Everything that users see in the module, which they know as `path`.
+    /// Collects everything that users see in the module, which they know as `path`.
     fn module(&mut self, root: &'a Module, module: &'a Module, path: &[String]) {
         self.modules.entry(path_text(path)).or_default();
         for item in &module.items {
@@ -62,7 +62,7 @@ impl<'a> Shown<'a> {
         }
     }
 
-    /// What a `pub use` shows.
+    /// Collects the items that a `pub use` shows.
     fn export(&mut self, root: &'a Module, found: Found<'a>, name: Option<String>, path: &[String]) {
         match (found, name) {
             (Found::Module(module), None) => self.module(root, module, path),
@@ -82,7 +82,7 @@ impl<'a> Shown<'a> {
         self.modules.entry(path_text(path)).or_default().push(item);
     }
 
-    /// Implementations stand with the type, or with the trait if that is the library's and the type is not.
+    /// Lists each implementation with its type, or with the trait if only the trait belongs to the library.
     fn implementations(&mut self, root: &'a Module) {
         for module in root.all() {
             for item in &module.items {
@@ -123,7 +123,7 @@ fn public_interface() -> String {
     let mut text = String::new();
     for (path, items) in shown.modules {
         let mut items: Vec<_> = items.into_iter().map(|item| skeleton::print(vec![item])).collect();
-        // In the order of the text: moving an item within its module changes nothing for anybody.
+        // Sorted by text: moving an item within its module changes nothing for users.
         items.sort();
         items.dedup();
         text += &format!("// {path}\n\n{}\n", items.concat());

@@ -1,16 +1,16 @@
-//! Items without what their users do not see: bodies, private fields, comments.
+//! Items without the parts that users do not see: bodies, private fields, comments.
 
 use syn::parse::Parser;
 use syn::{
     Attribute, Block, Expr, Field, Fields, File, ImplItem, Item, ItemImpl, Lit, TraitItem, Visibility,
 };
 
-/// The text of items.
+/// Returns the text of items.
 pub(crate) fn print(items: Vec<Item>) -> String {
     prettyplease::unparse(&File { shebang: None, attrs: Vec::new(), items })
 }
 
-/// A public item as its users see it.
+/// Returns a public item as its users see it.
 pub(crate) fn of(item: &Item) -> Item {
     let mut item = item.clone();
     match &mut item {
@@ -63,7 +63,8 @@ pub(crate) fn of(item: &Item) -> Item {
     item
 }
 
-/// What an implementation adds for users: public functions and constants, or the trait. `None`: nothing.
+/// Returns the part of an implementation that users see: public functions and constants, or the trait. `None` if
+/// there is no such part.
 pub(crate) fn implementation(of: &ItemImpl) -> Option<Item> {
     let mut it = of.clone();
     keep_told(&mut it.attrs);
@@ -101,7 +102,7 @@ fn strip_trait_item(part: &mut TraitItem) {
     }
 }
 
-/// Removes private fields, and tells whether there were any.
+/// Removes private fields and returns whether there were any.
 fn strip_fields(fields: &mut Fields, all_are_public: bool) -> bool {
     let strip = |field: &Field| {
         let mut field = field.clone();
@@ -117,7 +118,7 @@ fn strip_fields(fields: &mut Fields, all_are_public: bool) -> bool {
     fields.len() < before
 }
 
-/// Of attributes those that users feel.
+/// Keeps the attributes that affect users.
 fn keep_told(attributes: &mut Vec<Attribute>) {
     let told = ["cfg", "derive", "must_use", "non_exhaustive", "repr", "deprecated"];
     attributes.retain(|attribute| told.iter().any(|name| attribute.path().is_ident(name)));

@@ -1,4 +1,4 @@
-//! The library's modules as they stand in the sources, and what a name means in each of them.
+//! The library's modules as in the sources, and the meaning of a name in each of them.
 
 use std::fs;
 use std::path::Path;
@@ -6,27 +6,27 @@ use syn::{Attribute, Item, UseTree, Visibility};
 
 /// A module, with its submodules.
 pub(crate) struct Module {
-    /// Its path from the library's root, which has an empty one.
+    /// Its path from the library's root; the root has an empty path.
     pub path: Vec<String>,
     pub items: Vec<Item>,
     pub children: Vec<Module>,
 }
 
-/// What a name stands for: a module, or an item of one.
+/// Target of a name: a module, or an item of a module.
 #[derive(Clone, Copy)]
 pub(crate) enum Found<'a> {
     Module(&'a Module),
     Item(&'a Module, &'a Item),
 }
 
-/// What one branch of a `use` brings into scope: a name for a path, or all of a module.
+/// Result of one branch of a `use`: a name for a path, or all names of a module.
 pub(crate) struct Import {
     pub name: Option<String>,
     pub path: Vec<String>,
 }
 
 impl Module {
-    /// The module in `file`; its submodules lie in `directory`.
+    /// Reads the module in `file`; its submodules are in `directory`.
     pub(crate) fn read(file: &Path, directory: &Path, path: Vec<String>) -> Module {
         let text = fs::read_to_string(file).unwrap();
         let parsed = syn::parse_file(&text).unwrap_or_else(|error| panic!("{}: {error}", file.display()));
@@ -53,7 +53,7 @@ impl Module {
         self.children.iter().find(|child| child.path.last().is_some_and(|last| last == name))
     }
 
-    /// This module and all below it.
+    /// Returns this module and all modules below it.
     pub(crate) fn all(&self) -> Vec<&Module> {
         [self].into_iter().chain(self.children.iter().flat_map(Module::all)).collect()
     }
@@ -62,7 +62,7 @@ impl Module {
         path.iter().fold(self, |module, name| module.child(name).expect("a module that was read"))
     }
 
-    /// What `path` means in `scope`; `self` is the root. `None` if it leads out of the library.
+    /// Resolves `path` in `scope`; `self` is the root. Returns `None` if the path leads out of the library.
     pub(crate) fn resolve<'a>(&'a self, scope: &'a Module, path: &[String], depth: u8) -> Option<Found<'a>> {
         let mut found = Found::Module(scope);
         for (index, name) in path.iter().enumerate() {
@@ -77,7 +77,7 @@ impl Module {
         Some(found)
     }
 
-    /// What has the name in a module.
+    /// Finds the item with this name in a module.
     fn look_up<'a>(&'a self, module: &'a Module, name: &str, is_first: bool, depth: u8) -> Option<Found<'a>> {
         if let Some(child) = module.child(name) {
             return Some(Found::Module(child));
@@ -91,7 +91,7 @@ impl Module {
             _ => None,
         });
         imports.flatten().find_map(|import| match &import.name {
-            // `use name::...` in the module that looks up `name` itself.
+            // `use name::...` in the module that resolves `name` itself.
             Some(own) if own == name && !(is_first && import.path.first() == Some(own)) => {
                 self.resolve(module, &import.path, depth)
             }
@@ -104,7 +104,7 @@ impl Module {
     }
 }
 
-/// The branches of a `use`.
+/// Returns the branches of a `use`.
 pub(crate) fn branches(tree: &UseTree) -> Vec<Import> {
     fn walk(tree: &UseTree, path: &[String], found: &mut Vec<Import>) {
         let with = |name: String| [path, &[name]].concat();
@@ -129,7 +129,7 @@ pub(crate) fn branches(tree: &UseTree) -> Vec<Import> {
     found
 }
 
-/// The name that an item defines.
+/// Returns the name that an item defines.
 pub(crate) fn name_of(item: &Item) -> Option<String> {
     Some(match item {
         Item::Const(it) => it.ident.to_string(),
@@ -144,7 +144,7 @@ pub(crate) fn name_of(item: &Item) -> Option<String> {
     })
 }
 
-/// Whether everybody who sees its module sees the item.
+/// Returns whether the item is visible wherever its module is visible.
 pub(crate) fn is_public(item: &Item) -> bool {
     let visibility = match item {
         Item::Const(it) => &it.vis,
@@ -180,7 +180,7 @@ pub(crate) fn attributes(item: &Item) -> &[Attribute] {
     }
 }
 
-/// Whether it is for tests only, or not meant for users.
+/// Returns whether the item is only for tests, or hidden from users.
 fn is_hidden(attributes: &[Attribute]) -> bool {
     attributes.iter().any(|attribute| {
         let syn::Meta::List(list) = &attribute.meta else { return false };

@@ -1,5 +1,5 @@
-//! Function blocks in Structured Text: pins as documented, registers that there are; and, where matiec is there, the same
-//! doings as the Rust blocks.
+//! Function blocks in Structured Text: the documented pins, and only existing registers. With matiec, also the same
+//! behaviour as the Rust blocks.
 
 mod pins;
 mod program;
@@ -42,22 +42,22 @@ min = 0
 max = 500
 ";
 const PLCS: [&str; 2] = ["line", "station"];
-/// No answer takes longer, however slow the machine.
+/// Every answer arrives within this time, even on a slow machine.
 const PATIENCE: Duration = Duration::from_secs(60);
 
 fn emulator(directory: &Path) -> Emulator {
     let plant = directory.join("plant.toml");
     fs::write(&plant, PLANT).unwrap();
     let emulator = Emulator::start(&["--clock", "stepped", plant.to_str().unwrap()]);
-    // The first try to initialize the master has a bit timing that there is not; the drive's SYNC slot is left as it is.
+    // The first attempt to initialize the master has an invalid bit timing. The drive's SYNC slot keeps its value.
     emulator.breaks(&["baps-sync-slot", "init-baud-rate"]);
     emulator
 }
 
-/// Runs what two programs do together: sums of what the blocks have shown, journal.
+/// Runs the two programs. Returns the sums over the blocks' outputs, and the journal.
 fn played(emulator: &Emulator) -> (Vec<String>, String) {
     emulator.poke(&["station:%MB10000036=1"]);
-    // In portions, none of which takes so long that a slow machine's client gives up.
+    // In short steps, so that the client does not time out on a slow machine.
     for _ in 0..30 {
         emulator.step(&["100ms"]);
     }
@@ -66,14 +66,14 @@ fn played(emulator: &Emulator) -> (Vec<String>, String) {
         emulator.peek(&flags.collect::<Vec<_>>().iter().map(String::as_str).collect::<Vec<_>>())
     });
     let trace = emulator.run("trace", &[]);
-    // When programs come is the business of who starts them, and which of two that have their turns at the same time rings
-    // first, that of the computer: the board looks at requests as soon as somebody rings.
+    // The start times of the programs depend on the machine. So does the order of two requests in simultaneous turns,
+    // because the board processes a request at once.
     let asked = |line: &&str| line.contains("  event ") || line.contains("OPT_INIT");
     let lines = trace.ok().lines().filter(|line| !line.contains("0.000000 s") && !asked(line));
     (sums.to_vec(), lines.collect::<Vec<_>>().join("\n"))
 }
 
-/// The Rust blocks in lockstep with event 0, until the emulator goes; returned is what the program has come to.
+/// Runs the Rust blocks in lockstep with event 0 until the emulator ends. Returns the final state of the program.
 fn rust_program(instance: &str, plc: &str, ready: &mpsc::Sender<()>) -> Result<Main, MemoryError> {
     let attached = Image::attach(instance, plc, AttachMode::ReadWrite, Some(LAYOUT_HASH))?;
     let ram = Ram::of(attached.segment())?;
@@ -106,7 +106,7 @@ fn blocks_in_structured_text_do_what_the_rust_blocks_do() {
     let programs = PLCS.map(|plc| {
         let (instance, ready) = (rust.name.clone(), ready.clone());
         let program = thread::spawn(move || rust_program(&instance, plc, &ready));
-        // One after the other, so that it is told in this order.
+        // One after the other, so that the journal has this order.
         is_ready.recv_timeout(PATIENCE).unwrap();
         program
     });
@@ -114,15 +114,15 @@ fn blocks_in_structured_text_do_what_the_rust_blocks_do() {
     rust.run("stop", &[]).ok();
     rust.wait();
     let [master, slave] = programs.map(|program| program.join().unwrap().unwrap());
-    // The scenario has got everywhere that it is meant to.
+    // The scenario has reached all of its intended states.
     assert_eq!((slave.down_sl[79], master.up_ma[0]), (79 * 7, -1), "{:?}", master.own.load_ma);
     assert_eq!((master.own.par_read.ud_PAR_VALUE, master.own.par_read.i_ERR), (70_000, -5));
     assert_eq!(
         (master.own.par_write.b_ERR, master.own.par_write.i_ERR, master.own.par_lost.b_ERR),
         (1, -3, 2)
     );
-    // P. 189-190, 227: the job behind an answer that nobody fetched is done, and a dropped one is shown as such. P. 263, 266: the
-    // drive answers behind the cancel of a transfer whose slave has no turn.
+    // P. 189-190, 227: the job after an answer that was never fetched is done, and a dropped job is shown as such. P.
+    // 263, 266: the drive answers after the cancel of a transfer whose slave has no turn.
     assert_eq!((master.own.par_gone.ud_PAR_VALUE, slave.own.job_was_reset), (70_000, true));
     assert_eq!(master.own.load_lost.w_ERR_SL, 0x0104, "{:?}", master.own.load_lost);
     assert!(master.own.b_four.x_RE_INIT_OK && master.own.b_four.b_ERR == 0, "{:?}", master.own.b_four);

@@ -1,5 +1,6 @@
-//! What the exported blocks look like: their names and pins as docs/devices/omega-drive-line-2/function-blocks.md has them, which is held against the
-//! Rust blocks; and the registers that they use.
+//! The interface of the exported blocks: their names and pins as in
+//! docs/devices/omega-drive-line-2/function-blocks.md, which is also compared with the Rust blocks, and the registers
+//! that they use.
 
 use crate::common::{Outcome, finish, python, run};
 use commram::devices::{self, Registered};
@@ -14,14 +15,14 @@ fn exported(device: &str) -> Outcome {
     run(&["export", "st", "--blocks", "--device", device])
 }
 
-/// A pin: which way it goes, name, type, preset.
+/// A pin: direction, name, type, preset.
 type Pin = (Direction, String, String, String);
 
 fn with_blocks() -> impl Iterator<Item = &'static &'static Registered> {
     devices::all().iter().filter(|device| !device.st.is_empty())
 }
 
-/// The text of each block by its name, without comments.
+/// Returns the text of each block by its name, without comments.
 fn blocks(text: &str) -> BTreeMap<String, String> {
     let mut plain = String::new();
     for (index, part) in text.split("(*").enumerate() {
@@ -35,7 +36,7 @@ fn blocks(text: &str) -> BTreeMap<String, String> {
     parts.collect()
 }
 
-/// The pins of a block as its text declares them, `_BASE` left out.
+/// Returns the pins of a block as its text declares them, without `_BASE`.
 fn pins(body: &str) -> Vec<Pin> {
     let mut pins = Vec::new();
     for (keyword, direction) in
@@ -59,7 +60,7 @@ fn quoted(text: &str) -> &str {
     text.split('`').nth(1).unwrap_or_default()
 }
 
-/// The pins of a block as the page has them.
+/// Returns the pins of a block as on the page.
 fn documented(block: &str) -> Vec<Pin> {
     let mut sections = DOCS.split("\n### ").skip(1);
     let is_its = |title: &str| title.split(", ").any(|name| name == block);
@@ -89,7 +90,7 @@ fn documented(block: &str) -> Vec<Pin> {
     pins
 }
 
-/// A preset of the page as Structured Text has it; what is 0 there has none here.
+/// Returns a preset of the page in Structured Text; a preset of 0 is left out.
 fn preset(documented: &str) -> String {
     match documented {
         "0" | "FALSE" | "all 0" | "all FALSE" => String::new(),
@@ -111,7 +112,7 @@ fn every_block_is_there_with_the_pins_of_the_documentation() {
                 .into_iter()
                 .map(|(direction, name, ty, shown)| (direction, name, ty, preset(&shown)))
                 .collect();
-            // Presets of outputs are the manual's to leave out.
+            // The manual may leave out presets of outputs.
             let ours = pins(body).into_iter().map(|(direction, name, ty, preset)| {
                 let preset = if direction == Direction::Out { String::new() } else { preset };
                 (direction, name, ty, preset)
@@ -123,7 +124,7 @@ fn every_block_is_there_with_the_pins_of_the_documentation() {
             if !kind.name.starts_with("BAPS_PAR_") && kind.name != "BAPS_SD_CONTROL" {
                 assert_eq!(names, same, "{}", kind.name);
             }
-            // What `_BASE` is a reference to.
+            // The structure that `_BASE` refers to.
             let base = body.split("_BASE : REF_TO ").nth(1).map(|rest| rest.split(';').next().unwrap());
             assert!(base.is_none() || base == kind.structure, "{}: {base:?}", kind.name);
         }
@@ -132,7 +133,7 @@ fn every_block_is_there_with_the_pins_of_the_documentation() {
     }
 }
 
-/// The name at the beginning, without indices.
+/// Returns the name at the beginning, without indices.
 fn path(text: &str) -> String {
     let mut depth = 0;
     let of_name = text.chars().take_while(|c| {
@@ -143,7 +144,7 @@ fn path(text: &str) -> String {
     name.split('[').map(|part| part.split_once(']').map_or(part, |(_, behind)| behind)).collect()
 }
 
-/// A compiler sees to that, too; but not every machine has one.
+/// A compiler checks this as well, but not every machine has one.
 #[test]
 fn every_register_of_a_block_is_in_its_structure() {
     let mut seen = 0;
@@ -178,7 +179,7 @@ fn the_blocks_are_structured_text() {
     let path = directory.path().join("blocks.st");
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/python/check_st.py");
     let export = exported("omega-drive-line-2");
-    // The types are parsed by another test. The parser takes long: in halves it shows that it goes on.
+    // Another test parses the types. The parser is slow, so the text is parsed in two halves.
     let (_, blocks) = export.ok().split_once("(* A monitoring time").unwrap();
     let (one, two) = blocks.split_once("(* CANsync_PD_CFG_MA").unwrap();
     for half in [format!("(* {one}"), format!("(* {two}")] {

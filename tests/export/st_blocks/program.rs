@@ -11,7 +11,7 @@ use commram::devices::omega_drive_line_2::registers::{
 use commram::memory::{Cell8, Cell32, MemoryError};
 use std::time::Duration;
 
-/// Byte of the image that is the first retain flag.
+/// Byte offset of the first retain flag in the image.
 const FLAGS: usize = 8192;
 
 /// Mapping of reference values: 0 and 1 as doublewords in frame 1, low words of 7 to 4 in frame 2.
@@ -19,7 +19,7 @@ const HALVES: [i8; 4] = [0, 0, 1, 1];
 const HIGH: [bool; 4] = [false, true, false, true];
 const REVERSED: [i8; 4] = [7, 6, 5, 4];
 
-/// A sum over what outputs have shown.
+/// A sum over the values of outputs.
 #[derive(Default)]
 struct Sum(u32);
 
@@ -94,7 +94,7 @@ pub(crate) struct Own {
     par_sl: CANsync_PAR_SL,
     pub(crate) par_lost: CANsync_PAR_READ_MA,
     pub(crate) par_gone: CANsync_PAR_READ_MA,
-    /// The slave's block has shown that a job was taken back.
+    /// The slave's block has shown that a job was withdrawn.
     pub(crate) job_was_reset: bool,
     pub(crate) load_lost: CANsync_UPDOWNLOAD_MA,
     pub(crate) load_ma: CANsync_UPDOWNLOAD_MA,
