@@ -124,7 +124,7 @@ mod tests {
     }
 
     #[test]
-    fn it_prints_what_it_is() {
+    fn a_field_prints_its_bits() {
         let shown = |field: Arbitration| format!("{field:?}");
         assert_eq!(shown(Arbitration::new(StandardId::new(0x10).unwrap(), false)), "16#010");
         assert_eq!(shown(Arbitration::new(ExtendedId::MAX, true)), "16#1FFFFFFF remote");
@@ -134,7 +134,7 @@ mod tests {
         #![proptest_config(crate::property_tests())]
 
         #[test]
-        fn it_keeps_what_it_was_made_of(field in reference::arbitration()) {
+        fn a_field_keeps_identifier_and_kind(field in reference::arbitration()) {
             let (id, is_remote) = field;
             let made = Arbitration::new(id, is_remote);
             prop_assert_eq!((made.id(), made.is_remote()), (id, is_remote));

@@ -144,7 +144,7 @@ mod tests {
     }
 
     #[test]
-    fn the_traits_of_embedded_can_read_what_they_made() {
+    fn frames_made_by_the_traits_of_embedded_can_are_read_by_them() {
         use embedded_can::Frame as Common;
         for id in [Id::Standard(StandardId::MAX), Id::Extended(ExtendedId::ZERO)] {
             let data = <Frame as Common>::new(id, &[1, 2, 3]).unwrap();

@@ -11,7 +11,7 @@ pub(crate) trait Kept: Sized {
 
     fn form(&self) -> Self::Form;
 
-    /// None if the form is invalid.
+    /// `None` if the form is invalid.
     fn of(form: Self::Form) -> Option<Self>;
 }
 

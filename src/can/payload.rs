@@ -98,7 +98,7 @@ mod tests {
     }
 
     #[test]
-    fn bytes_behind_the_length_are_cleared() {
+    fn bytes_after_the_length_are_cleared() {
         for len in 0..=8 {
             let payload = Payload::from_padded([0xAA; 8], len);
             assert_eq!(Some(payload), Payload::new(&[0xAA; 8][..len]));

@@ -3,7 +3,7 @@
 //! A frame of the standard format is start bit, identifier (11), RTR, IDE, r0, length (4), data and CRC (15); in the
 //! extended format the identifier is followed by SRR, IDE, its other 18 bits, RTR, r1 and r0. In this part a bit of opposite
 //! value is stuffed in after each five equal bits. Then follow, unstuffed, the CRC delimiter, the acknowledge slot and its
-//! delimiter and the end of frame (7); after it the bus rests for the intermission (3) before anybody may start the next
+//! delimiter and the end of frame (7); after it the bus rests for the intermission (3) before a station may start the next
 //! frame (ISO 11898-1).
 //!
 //! Every simulated frame passes through here, so both the CRC and the stuff bits come from tables.

@@ -23,7 +23,7 @@ pub struct DoorError {
     pub reason: io::Error,
 }
 
-/// A door that is open.
+/// An open door.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct DoorState {
     /// The door, with its real port or number.

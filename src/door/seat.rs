@@ -96,7 +96,7 @@ mod tests {
     #[test]
     fn a_turn_comes_when_the_time_has_come() {
         let mut seat = Seat::default();
-        assert!(seat.may_speak() && !seat.grant(u64::MAX - 1), "who never asks has none");
+        assert!(seat.may_speak() && !seat.grant(u64::MAX - 1), "a guest that never asks has no turn");
         assert!(seat.ask(100) && !seat.may_speak());
         assert!(!seat.ask(100), "one at a time");
         seat.begin(1_000);

@@ -363,7 +363,7 @@ mod tests {
     }
 
     #[test]
-    fn what_python_can_asks() {
+    fn requests_of_python_can_are_answered() {
         let (mut session, mut noted) = (Session::default(), Noted::default());
         noted.status.has_missed = true;
         assert_eq!(hear(&mut session, &mut noted, "V\rN\r"), "V0101\rNCRAM\r");
@@ -380,7 +380,7 @@ mod tests {
     }
 
     #[test]
-    fn with_times_a_frame_tells_its_millisecond() {
+    fn a_frame_with_a_time_has_its_millisecond() {
         let (mut session, mut noted) = (Session::default(), Noted::default());
         assert_eq!(hear(&mut session, &mut noted, "Z1\r"), "\r");
         let mut told = Vec::new();
@@ -432,7 +432,7 @@ mod tests {
 
         /// Every frame is written as a line that is read as the same frame.
         #[test]
-        fn frames_are_what_they_were(id in 0..1_u32 << 29, is_long: bool, is_remote: bool, data in prop::collection::vec(any::<u8>(), 0..=8)) {
+        fn frames_are_unchanged_after_a_round_trip(id in 0..1_u32 << 29, is_long: bool, is_remote: bool, data in prop::collection::vec(any::<u8>(), 0..=8)) {
             let id: crate::can::Id = if is_long {
                 ExtendedId::new(id).unwrap().into()
             } else {

@@ -199,7 +199,7 @@ mod tests {
     }
 
     #[test]
-    fn nobody_else_gets_in_unless_that_is_said() {
+    fn only_this_machine_gets_in_by_default() {
         for at in ["0.0.0.0:0", "192.168.0.7:4000", "8.8.8.8:1"] {
             for kind in ["slcan-tcp", "profibus-tcp"] {
                 let refusal = format!("{kind}:{at}").parse::<DoorSpec>().unwrap_err();
@@ -210,7 +210,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_door_is_refused() {
+    fn invalid_doors_are_refused() {
         for text in
             ["", "slcan", "slcan-udp:1.2.3.4:5", "slcan-pty:7", "slcan-pty:/dev/pts/x", "profibus-pty"]
         {

@@ -174,7 +174,7 @@ mod tests {
     }
 
     #[test]
-    fn names_stand_without_their_prefix() {
+    fn names_have_no_prefix() {
         assert_eq!(own_name("SEND", "SEND_IDLE"), "IDLE");
         assert_eq!(own_name("TIME_PATTERN", "TIME_PATTERN_8_MS"), "VALUE_8_MS");
     }

@@ -1,4 +1,4 @@
-//! A JSON document with everything that is known about registers and header page. `docs/reference/export.md` describes
+//! A JSON document with all known facts about registers and header page. `docs/reference/export.md` describes
 //! it; its shape changes only with [`VERSION`].
 
 use super::rows;

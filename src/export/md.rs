@@ -180,7 +180,7 @@ mod tests {
     }
 
     #[test]
-    fn a_register_stands_with_address_owner_and_meaning() {
+    fn a_register_is_listed_with_address_owner_and_meaning() {
         let text = generate(&Scope::new(&DEVICE, Some("node2")).unwrap());
         let doc = DEVICE.register("node2.w_OPTION_STATUS").unwrap().register.doc;
         assert!(text.contains(&format!(

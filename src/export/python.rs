@@ -208,7 +208,7 @@ mod tests {
     use crate::devices::samples::tables::NODES as DEVICE;
 
     #[test]
-    fn every_register_stands_in_the_tables() {
+    fn every_register_is_in_the_tables() {
         let module = generate(&Scope::new(&DEVICE, None).unwrap());
         assert!(module.contains(
             "(\"\", \"a_RD_BMARRAY\", \"i\", 832, ((32, 32, 64), (16, 8, 4),), 0, \"firmware\", 0x0, False, None, "

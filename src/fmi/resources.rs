@@ -43,7 +43,7 @@ pub enum ResourcesError {
     /// The plant file is refused.
     #[error(transparent)]
     Plant(#[from] PlantError),
-    /// A file that is no snapshot.
+    /// An invalid snapshot file.
     #[error("{}: {reason}", .path.display())]
     SnapshotFile {
         /// The file.

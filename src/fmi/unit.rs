@@ -45,13 +45,13 @@ pub enum UnitError {
         /// The type asked for.
         asked: &'static str,
     },
-    /// A variable that is not set from outside.
+    /// A variable that cannot be set from outside.
     #[error("{name} is an output; inputs and parameters can be set")]
     Output {
         /// The variable.
         name: String,
     },
-    /// A number that is none, or infinite.
+    /// A number that is NaN or infinite.
     #[error("{name} cannot be {value}")]
     NotFinite {
         /// Name of the variable.
@@ -60,7 +60,7 @@ pub enum UnitError {
         value: f64,
     },
     /// A step that does not begin where the last one has ended.
-    #[error("a step begins at {given} s, but the unit stands at {now} s")]
+    #[error("a step begins at {given} s, but the unit is at {now} s")]
     OtherTime {
         /// As given.
         given: f64,
@@ -214,7 +214,7 @@ impl Unit {
         Err(UnitError::OtherKind { name, right, asked })
     }
 
-    /// The value of a variable that is of this type.
+    /// The value of a variable of this type.
     ///
     /// # Errors
     /// There is no such variable, or it is of another type.

@@ -125,7 +125,7 @@ pub enum VariablesError {
     /// A name that no register has.
     #[error(transparent)]
     Layout(#[from] LayoutError),
-    /// A PLC that is not in the plant.
+    /// A PLC outside the plant.
     #[error("there is no PLC '{plc}' in the plant; its PLCs are: {known}")]
     UnknownPlc {
         /// As given.

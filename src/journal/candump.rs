@@ -84,7 +84,7 @@ pub struct Logged {
     pub frame: Frame,
 }
 
-/// A line that is not a valid line of a log.
+/// An invalid line of a log.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("line {line}: {right}")]
 pub struct BadLine {
@@ -183,7 +183,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_written_is_read_again() {
+    fn written_frames_are_read_again() {
         let log = "(0000000002.001234) drives 583#7900210000000000\n\n(1436509052.249713) can0 00000123#R4 T\n\
                    (0000000003.000000) a 7FF#\n";
         let frames = read(log).unwrap();
@@ -209,7 +209,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_log_is_refused_with_its_line() {
+    fn an_invalid_log_is_refused_with_its_line() {
         for (line, text) in [
             ("hello", "candump log"),
             ("(1.0) can0 123#", "candump log"),

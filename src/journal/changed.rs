@@ -1,4 +1,4 @@
-//! A register that is followed has changed.
+//! Event kind: a followed register has changed.
 
 use super::coded::{Packer, Part, Unpacker, live_number, live_of};
 use super::fields::Fields;

@@ -287,7 +287,7 @@ macro_rules! event_kinds {
             #[inline]
             fn words(&self) -> $crate::journal::Words {
                 let (index, number) = $crate::journal::Place::numbers(self.$place);
-                #[allow(unused_mut, reason = "a kind may have nothing to tell beyond its place")]
+                #[allow(unused_mut, reason = "a kind may have no fields except its place")]
                 let mut packer = $crate::journal::Packer::new(Self::KIND, index, number);
                 $($crate::journal::Part::put(self.$field, &mut packer);)*
                 packer.words()
@@ -295,7 +295,7 @@ macro_rules! event_kinds {
 
             #[inline]
             fn read(words: $crate::journal::Words) -> Option<Self> {
-                #[allow(unused_mut, reason = "a kind may have nothing to tell beyond its place")]
+                #[allow(unused_mut, reason = "a kind may have no fields except its place")]
                 let mut unpacker = $crate::journal::Unpacker::new(words);
                 Some($name {
                     $place: $crate::journal::Place::of_numbers(unpacker.index(), unpacker.number()),

@@ -69,7 +69,7 @@ mod tests {
     use crate::journal::testing::{Edge, Packet};
 
     #[test]
-    fn drafts_are_put_in_as_if_told_at_once() {
+    fn drafts_are_merged_as_if_reported_at_once() {
         let (mut at_once, mut later) = (Journal::default(), Journal::default());
         let mut drafts = [Journal::draft(), Journal::draft()];
         for time in 0..6 {

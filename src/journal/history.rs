@@ -74,7 +74,7 @@ pub(crate) trait Rams {
     }
 }
 
-/// A register that is followed.
+/// A followed register.
 #[derive(Serialize, Deserialize)]
 pub(super) struct Followed {
     plc: u16,
@@ -91,7 +91,7 @@ pub(super) struct Followed {
     left: Option<u32>,
 }
 
-/// The registers that are followed, and what became of them.
+/// The registers that are followed, and their changes.
 pub(super) struct History {
     /// In the order of PLCs and addresses.
     followed: Vec<Followed>,
@@ -328,7 +328,7 @@ mod tests {
     }
 
     #[test]
-    fn what_differs_is_told_once_with_who_it_was() {
+    fn a_change_is_reported_once_with_its_originator() {
         let (rams, mut history) = (Loose::default(), History::new());
         rams.store(4, 9);
         assert!(history.follow(0, 4, Width::Word, Keep::ForOnlookers, &rams));
@@ -336,13 +336,13 @@ mod tests {
         rams.store(4, 5);
         rams.store(2, 1);
         rams.store(8, 1);
-        history.compare(1, By::Program, &rams, |_| panic!("nobody wants it in the journal"));
+        history.compare(1, By::Program, &rams, |_| panic!("not wanted in the journal"));
         history.compare(2, By::Firmware, &rams, |_| panic!("nothing has changed"));
         assert_eq!(told(&mut history), [(2, 0, 1, By::Program), (4, 9, 5, By::Program)]);
     }
 
     #[test]
-    fn a_request_that_was_answered_between_two_comparisons_is_told_with_its_answer() {
+    fn a_request_answered_between_two_comparisons_is_reported_with_its_answer() {
         let (rams, mut history) = (Loose::default(), History::new());
         history.follow(0, 12, Width::Byte, Keep::InJournal, &rams);
         rams.store(12, 4);
@@ -350,14 +350,14 @@ mod tests {
         let mut noted = Vec::new();
         let stored = Stored { plc: 0, offset: 12, found: Some(5), now: 4 };
         history.stored(7, stored, |change| noted.push((change.from, change.to, change.how.by)));
-        history.compare(7, By::Firmware, &rams, |_| panic!("told by then"));
+        history.compare(7, By::Firmware, &rams, |_| panic!("already reported"));
         assert_eq!(noted, [(4, 5, By::Program), (5, 4, By::Firmware)]);
         assert!(told(&mut history).is_empty());
     }
 
     /// The snapshot is of an earlier moment, at which a program had just written.
     #[test]
-    fn who_goes_back_has_written_nothing() {
+    fn a_return_to_a_snapshot_is_not_a_write() {
         let (rams, mut history) = (Loose::default(), History::new());
         for (offset, keep) in
             [(2, Keep::InJournal), (4, Keep::InJournal), (4, Keep::ForOnlookers), (6, Keep::ForOnlookers)]
@@ -395,7 +395,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_longer_kept_shows_by_its_number() {
+    fn numbers_show_which_changes_are_no_longer_kept() {
         let (rams, mut history) = (Loose::default(), History::new());
         history.follow(0, 2, Width::Dword, Keep::ForOnlookers, &rams);
         let many = KEPT_CHANGES as u32 + 3;
@@ -410,7 +410,7 @@ mod tests {
     }
 
     #[test]
-    fn nobody_is_looked_out_for_for_ever() {
+    fn absent_onlookers_are_forgotten() {
         let (rams, mut history) = (Loose::default(), History::new());
         history.follow(0, 2, Width::Dword, Keep::ForOnlookers, &rams);
         history.follow(0, 6, Width::Dword, Keep::InJournal, &rams);

@@ -161,7 +161,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_missing_is_not_told_if_it_was_not_wanted() {
+    fn a_gap_without_wanted_records_is_not_reported() {
         let kinds = |kind| Selection { kinds: vec![kind], ..Selection::default() };
         // The ring of states still has its first record, so the later gap is in another ring.
         let first = [refused(0, 0), sync(9, 0), refused(10, 0)];
@@ -176,7 +176,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_missing_is_told_in_front_of_the_next_wanted_record() {
+    fn a_gap_is_reported_before_the_next_wanted_record() {
         let selection = Selection { kinds: vec![Edge::KIND], ..Selection::default() };
         let mut printer = Printer::new(Box::new(Text::new(names(), catalogue())), selection, 3);
         let mut out = String::new();

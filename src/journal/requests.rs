@@ -56,7 +56,7 @@ impl Requests {
         self.open += u32::from(before.is_none());
     }
 
-    /// Ends a request with its answer; returns the time since the request, if that is known. With `goes_on`, later
+    /// Ends a request with its answer; returns the time since the request, if it is known. With `goes_on`, later
     /// answers belong to the same request, and `goes_on` is the present value of the register.
     #[inline]
     pub(crate) fn answered(

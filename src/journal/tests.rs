@@ -71,7 +71,7 @@ fn bus_traffic_does_not_push_out_states() {
     assert_eq!(journal.records().next().map(|r| r.event), Some(state(2)));
     assert_eq!(journal.records().count(), 101);
     let numbers: Vec<_> = journal.records().map(|r| r.seq).take(3).collect();
-    assert_eq!(numbers, [0, 901, 902], "the jump tells that 900 are lost");
+    assert_eq!(numbers, [0, 901, 902], "the jump shows that 900 are lost");
 }
 
 #[test]
@@ -151,7 +151,7 @@ fn irregular_and_rare_events_are_all_noted() {
 }
 
 #[test]
-fn what_somebody_wrote_is_never_counted_together() {
+fn writes_are_never_counted_together() {
     let events: Vec<_> = (0..10).map(|n| (n * 2_000, write(200_012, 5))).collect();
     assert_eq!(journal(&events).records().count(), 10);
 }

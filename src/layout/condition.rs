@@ -240,7 +240,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_awaited_reads_well_behind_did_not_become() {
+    fn the_awaited_text_can_follow_did_not_become() {
         let wanted = |text| parse(text).unwrap().wanted;
         assert_eq!(wanted("node2.w_OPTION_STATUS==16#43"), "16#0043");
         assert_eq!(wanted("node2.w_OPTION_STATUS!=16#43"), "other than 16#0043");

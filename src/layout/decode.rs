@@ -115,7 +115,7 @@ mod tests {
     }
 
     #[test]
-    fn states_and_commands_are_told_apart() {
+    fn states_and_commands_are_distinguished() {
         let status = "node2.w_OPTION_STATUS";
         assert_eq!(decode(status, 0x0043), "synchronous operation of the master is being set up");
         assert_eq!(decode(status, 0x0020), "synchronous operation of the slave is active");
@@ -204,7 +204,7 @@ mod tests {
     }
 
     #[test]
-    fn what_the_manual_does_not_state_names_its_decision() {
+    fn facts_outside_the_manual_name_their_decision() {
         assert_eq!(decode("node1.b_SYNC_MODUS", 1), "on (D-06)");
         assert_eq!(decode("node2.b_CMD_BC0", 1), "control word");
         assert_eq!(decode("node2.b_CMD_BC0", 2), "SYNC mode (D-06)");

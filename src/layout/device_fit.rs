@@ -80,7 +80,7 @@ impl DeviceFit {
         ports.find(|(port, _)| port.number == number).map_or(Fit::Unknown, |(_, fit)| fit)
     }
 
-    /// The first port that is a master, or may be one: the default port if none is named.
+    /// The first port with the role of a master, known or possible: the default port if none is named.
     #[must_use]
     pub fn first_master(&self) -> Option<&'static Port> {
         self.device.ports.iter().zip(self.ports).find_map(|(port, fit)| match fit {

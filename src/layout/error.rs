@@ -15,7 +15,7 @@ pub enum LayoutError {
         /// The spaces of the device.
         known: String,
     },
-    /// A bit number that is too high.
+    /// A bit number above the limit.
     #[error("{text}: a {of} has bits 0 to {last}, not {bit}")]
     BadBit {
         /// As given.
@@ -35,7 +35,7 @@ pub enum LayoutError {
         /// The spaces of the device.
         known: String,
     },
-    /// An address that is not divisible by the access width.
+    /// An address not divisible by the access width.
     #[error("{address}: {rule}")]
     Misaligned {
         /// The address.

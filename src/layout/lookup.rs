@@ -23,7 +23,7 @@ pub struct Target<'a> {
 }
 
 impl Target<'_> {
-    /// The register that is valid in phase `live`, else any.
+    /// The valid register in phase `live`, else any.
     #[must_use]
     pub fn register(&self, live: RegisterPhase) -> Option<&RegisterRef> {
         self.registers.iter().find(|found| is_valid(found, live)).or(self.registers.first())
@@ -220,7 +220,7 @@ mod tests {
     }
 
     #[test]
-    fn overlaid_registers_are_told_apart_by_the_phase() {
+    fn overlaid_registers_are_distinguished_by_the_phase() {
         assert_eq!(names("%MB3.200012", None), ["b_CTRLREG_WRC1", "b_MA_SL_MODE"]);
         assert_eq!(names("%MB3.200012", Some(RegisterPhase::of_option_status(2))), ["b_MA_SL_MODE"]);
         assert_eq!(names("%MB3.200012", Some(RegisterPhase::of_option_status(3))), ["b_CTRLREG_WRC1"]);
@@ -259,7 +259,7 @@ mod tests {
     }
 
     #[test]
-    fn a_bit_stands_behind_the_name_of_its_register() {
+    fn a_bit_follows_the_name_of_its_register() {
         let address = |text: &str| DEVICE.target(text).map(|target| target.address.to_string());
         assert_eq!(address("node2.w_CPU_CONTROL.2"), address("%MX3.200000.2"));
         assert_eq!(address("line2:node2.w_CPU_CONTROL.%X9"), address("%MX3.200001.1"));

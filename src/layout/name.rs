@@ -54,7 +54,7 @@ impl<'a> Path<'a> {
             let (name, mut rest) = piece.split_at(piece.find('[').unwrap_or(piece.len()));
             let mut index = Vec::new();
             while !rest.is_empty() {
-                let inner = rest.strip_prefix('[').ok_or(wrong("something behind a `]`"))?;
+                let inner = rest.strip_prefix('[').ok_or(wrong("something after a `]`"))?;
                 let (number, behind) = inner.split_once(']').ok_or(wrong("a `[` without `]`"))?;
                 index.push(number.trim().parse().map_err(|_| wrong("an index that is no number"))?);
                 rest = behind;

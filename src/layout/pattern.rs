@@ -141,11 +141,11 @@ mod tests {
     }
 
     #[test]
-    fn a_star_stands_for_whatever_is_there() {
+    fn a_star_matches_any_text() {
         assert!(matches("node2.*STATUS*", "node2.w_OPTION_STATUS"));
         assert!(matches("*status", "node2.w_OPTION_STATUS"));
         assert!(!matches("*status", "node2.w_OPTION_STATUS_OLD"));
-        assert!(matches("a*b*c", "a1b2b3c"), "the last b is the one behind which a c comes");
+        assert!(matches("a*b*c", "a1b2b3c"), "the last b is followed by a c");
         assert!(!matches("a*b*c", "a1c2b3"));
         assert!(!matches(&"a*".repeat(60), &"a".repeat(59)), "this ends in a moment");
     }
@@ -179,7 +179,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_pattern_or_matches_nothing_is_refused() {
+    fn invalid_patterns_and_patterns_without_matches_are_refused() {
         let message = |text| DEVICE.registers(text).unwrap_err().to_string();
         for text in ["node2.a[0..]", "node2.a[3..1]", "node2.a[x..1]", "node2..x*", "node2.*]", "node2.*["] {
             assert!(message(text).contains("a range is written [0..3]"), "{text}");

@@ -4,7 +4,7 @@ use super::nearest::nearest;
 use super::{Meaning, RegType};
 use thiserror::Error;
 
-/// A text that is not a value of a register.
+/// A text without a value of the register.
 #[derive(Debug, PartialEq, Eq, Error)]
 pub enum ValueError {
     /// Not a number.
@@ -196,7 +196,7 @@ mod tests {
 
         /// As a number of its type and as a bit pattern.
         #[test]
-        fn what_is_shown_is_read_as_the_same_value(value in proptest::num::u32::ANY) {
+        fn a_shown_value_is_read_as_the_same_value(value in proptest::num::u32::ANY) {
             use RegType::{Byte, Dint, Dword, Int, Sint, Udint, Uint, Usint, Word};
             for ty in [Byte, Word, Dword, Sint, Int, Dint, Usint, Uint, Udint] {
                 let value = value & ty.mask();
@@ -207,7 +207,7 @@ mod tests {
     }
 
     #[test]
-    fn what_does_not_fit_is_refused_with_the_range() {
+    fn a_value_out_of_range_is_refused_with_the_range() {
         let message = |text, ty| parse(text, ty).unwrap_err().to_string();
         assert_eq!(
             message("256", RegType::Byte),
@@ -238,7 +238,7 @@ mod tests {
     }
 
     #[test]
-    fn unknown_names_are_told_which_there_are() {
+    fn unknown_names_are_refused_with_the_known_ones() {
         let message = of_register("node2.w_CPU_CONTROL", "restrt").unwrap_err();
         assert!(
             message.starts_with(
@@ -253,7 +253,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_number_is_refused_with_the_notation() {
+    fn an_invalid_number_is_refused_with_the_notation() {
         for text in ["", "16#", "0x", "abc", "4 3", "1.5", "16#G", "--1", "16#-1", "_1", "1_", "1__2", "+1"] {
             assert!(matches!(parse(text, RegType::Dint), Err(ValueError::Notation { .. })), "{text}");
         }

@@ -74,7 +74,7 @@ impl fmt::Display for PinValue {
 /// A value that a pin does not take.
 #[derive(Debug, PartialEq, Eq, Error)]
 pub enum PinError {
-    /// Of another type, or out of its range.
+    /// A value of another type, or out of range.
     #[error("`{given}` is not {right}")]
     Wrong {
         /// The value.
@@ -187,7 +187,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_pin_shows_what_it_has_taken() {
+    fn a_pin_shows_the_value_that_was_set() {
         let mut array = [0_i8; 2];
         let given = PinValue::Array(vec![PinValue::Int(-128), PinValue::Int(127)]);
         array.set(&given).unwrap();

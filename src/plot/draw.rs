@@ -207,7 +207,7 @@ impl<DB: DrawingBackend> Sheet<'_, DB> {
     }
 }
 
-/// The next one of 1, 2, 5, 10, 20 ... microseconds that is not shorter.
+/// Rounds up to 1, 2, 5, 10, 20 ... microseconds.
 fn distance(us: u64) -> u64 {
     let steps =
         (0..19).map(|power| 10_u64.pow(power)).flat_map(|power| [1, 2, 5].map(|it| power.saturating_mul(it)));
@@ -297,7 +297,7 @@ mod tests {
     }
 
     #[test]
-    fn marks_stand_at_round_times() {
+    fn marks_are_at_round_times() {
         assert_eq!([1, 3, 150, 2000, 2001].map(distance), [1, 5, 200, 2000, 5000]);
         let many: Vec<_> = (0..9).map(|n| (7, (n * 5) % 9)).chain([(8, 1)]).collect();
         assert_eq!(thinned(&many), [(7, 0), (7, 0), (7, 8), (7, 4), (8, 1)]);

@@ -149,7 +149,7 @@ mod tests {
     }
 
     #[test]
-    fn what_held_at_the_beginning_is_kept_and_what_cannot_be_seen_is_not() {
+    fn the_initial_value_is_kept_and_invisible_changes_are_not() {
         let mut cut = row(Style::Steps, &[(0, 1), (10, 2), (20, 3), (30, 4)]);
         cut.cut(15, 25, &[]);
         assert_eq!((cut.points, cut.texts), (vec![(15, 2), (20, 3)], vec!["2".to_owned(), "3".to_owned()]));
@@ -172,7 +172,7 @@ mod tests {
     }
 
     #[test]
-    fn spans_go_from_the_request_to_what_comes_next() {
+    fn spans_go_from_the_request_to_the_next_value() {
         let spans = row(Style::Handshake, &[(0, 0), (5, 5), (9, 4), (12, 5), (13, 1), (20, 5)]).spans(30);
         assert_eq!(spans, [(5, 9, true), (12, 13, false), (20, 30, false)]);
     }

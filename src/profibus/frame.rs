@@ -240,7 +240,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_none_is_named() {
+    fn the_error_of_an_invalid_telegram_is_named() {
         let right = Telegram::Frame(diagnosis()).octets().unwrap();
         let with = |place: usize, octet: u8| {
             let mut octets = right.clone();
@@ -277,7 +277,7 @@ mod tests {
     #![proptest_config(crate::property_tests())]
 
         #[test]
-        fn a_frame_is_what_it_was(
+        fn a_frame_is_unchanged_after_a_round_trip(
             da in 0..128u8,
             sa in 0..128u8,
             fc: u8,

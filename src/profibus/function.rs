@@ -147,7 +147,7 @@ mod tests {
 
     /// Requests for a status of the network layer (4E, 4F) and answers of masters (20, 30) are known by their bits alone.
     #[test]
-    fn requests_and_answers_are_told_apart_by_their_bits() {
+    fn requests_and_answers_are_distinguished_by_their_bits() {
         for octet in [0x49, 0x4E, 0x4F, 0x6D, 0x7C, 0x43, 0x45] {
             assert!(FunctionCode::wants_answer(octet) && !FunctionCode::is_answer(octet), "16#{octet:02X}");
         }
@@ -160,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn every_octet_is_what_it_was() {
+    fn every_octet_is_unchanged_after_a_round_trip() {
         for octet in 0..=u8::MAX {
             let back = FunctionCode::parse(octet).octet();
             assert!(back == octet, "16#{octet:02X} became 16#{back:02X}");

@@ -123,7 +123,7 @@ mod tests {
     }
 
     #[test]
-    fn what_concerns_others_is_passed_over() {
+    fn requests_for_other_stations_are_ignored() {
         let mut responder = Responder::new(5);
         assert_eq!(responder.heard(request(6, 0x6D)), Reaction::Nothing);
         assert_eq!(responder.heard(request(5, 0x08)), Reaction::Nothing);

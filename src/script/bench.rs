@@ -91,7 +91,7 @@ impl Bench {
     /// Default limit on the emulated time of a scenario: 1 h, in microseconds (D-233).
     pub const LIMIT_US: u64 = 3_600_000_000;
 
-    /// The built-in plant: PLC `line`, whose node 2 is the master of bus `drives` with drives 1, 2, 3.
+    /// The built-in plant: PLC `line` with node 2 as the master of bus `drives`, which has drives 1, 2, 3.
     ///
     /// # Errors
     /// None are expected.

@@ -24,7 +24,7 @@ pub(super) use stage::Stage;
 
 type Fallible<T> = Result<T, Box<EvalAltResult>>;
 
-/// An engine whose verbs act on the stage.
+/// An engine with verbs that act on the stage.
 pub(super) fn engine(stage: &Rc<RefCell<Stage>>) -> Engine {
     let mut verbs = Verbs { engine: Engine::new(), stage: Shared(Rc::clone(stage)), names: Vec::new() };
     verbs.all();

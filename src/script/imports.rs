@@ -18,7 +18,7 @@ pub(super) struct Imports {
     files: FileModuleResolver,
     directory: PathBuf,
     scenario: PathBuf,
-    /// Imports whose scripts are being run, the outermost first.
+    /// Imports with scripts that are being run, the outermost first.
     under_way: RefCell<Vec<Import>>,
     /// All files that were asked for, once each.
     imported: Rc<RefCell<Vec<PathBuf>>>,

@@ -129,7 +129,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_was_not_run_is_skipped_and_the_head_does_not_say_so() {
+    fn a_scenario_that_was_not_run_is_skipped_and_the_head_does_not_say_so() {
         let reports = [
             Report::bare("tests/v1.2/a.rhai".into(), Outcome::Passed),
             Report::bare("b.rhai".into(), Outcome::NotRun("interrupted".to_owned())),

@@ -80,7 +80,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_piece_declares_the_next_ones_know() {
+    fn declarations_are_known_to_later_pieces() {
         let (mut lines, printed) = lines();
         assert!(matches!(
             lines.run("let status = \"node2.w_OPTION_STATUS\"; fn twice(x) { 2 * x }"),
@@ -93,7 +93,7 @@ mod tests {
     }
 
     #[test]
-    fn what_goes_wrong_is_told_and_the_next_piece_runs() {
+    fn an_error_is_reported_and_the_next_piece_runs() {
         let (mut lines, _) = lines();
         let failed = *lines.run("expect(\"node2.w_CPU_CONTROL\", 9)").unwrap_err();
         assert!(matches!(failed, Outcome::Failed(_)), "{failed:?}");

@@ -54,7 +54,7 @@ mod tests {
     }
 
     #[test]
-    fn every_definition_says_what_it_does() {
+    fn every_definition_has_a_description() {
         let lines: Vec<_> = DEFINITIONS.lines().collect();
         for pair in lines.windows(2).filter(|pair| pair[1].starts_with("fn ")) {
             assert!(pair[0].starts_with("/// ") && pair[0].ends_with(['.', '`']), "{pair:?}");

@@ -132,7 +132,7 @@ fn alone_a_station_repeats_its_frame_for_ever() {
 }
 
 #[test]
-fn a_passive_station_waits_behind_its_own_frame() {
+fn a_passive_station_waits_after_its_own_frame() {
     let mut medium = Medium::new(RATE);
     let urgent = vec![(0, standard(1)), (0, standard(2))];
     let mut stations = Stations::new([urgent, vec![(0, standard(0x300))], vec![]]);
@@ -156,7 +156,7 @@ fn a_passive_station_waits_behind_its_own_frame() {
 }
 
 #[test]
-fn who_is_off_sends_nothing() {
+fn a_station_that_is_off_sends_nothing() {
     let mut medium = Medium::new(RATE);
     let mut stations = Stations::new([vec![(0, standard(1))], vec![(0, standard(2))], vec![]]);
     stations.off = vec![0];
@@ -166,7 +166,7 @@ fn who_is_off_sends_nothing() {
 
 /// Six recessive bits after the cut there is an error flag.
 #[test]
-fn a_frame_whose_sender_goes_off_is_destroyed() {
+fn a_frame_is_destroyed_if_its_sender_goes_off() {
     let to_acknowledgement = wire::bits_to_acknowledgement(&standard(1));
     for (over, to_flag) in [
         (10, Some(16)),
@@ -191,7 +191,7 @@ fn a_frame_whose_sender_goes_off_is_destroyed() {
 }
 
 #[test]
-fn nobody_left_means_no_acknowledgement() {
+fn a_frame_without_receivers_is_not_acknowledged() {
     let to_acknowledgement = wire::bits_to_acknowledgement(&standard(1));
     for (over, fate) in [(to_acknowledgement, Fate::NotAcknowledged), (to_acknowledgement + 1, Fate::Arrives)]
     {
@@ -218,7 +218,7 @@ fn a_disturbed_frame_is_repeated_at_once() {
 }
 
 #[test]
-fn who_withdraws_alone_leaves_an_error() {
+fn a_lone_sender_that_withdraws_causes_an_error() {
     let mut medium = Medium::new(RATE);
     let mut stations = Stations::new([vec![(0, standard(1))], vec![]]);
     stations.passive = vec![0];
@@ -233,7 +233,7 @@ fn who_withdraws_alone_leaves_an_error() {
 }
 
 #[test]
-fn the_wire_is_quiet_behind_each_frame() {
+fn the_wire_is_quiet_after_each_frame() {
     let mut medium = Medium::new(RATE);
     let mut stations = Stations::new([vec![(0, standard(1)), (0, standard(2))], vec![]]);
     stations.run(&mut medium, 0);

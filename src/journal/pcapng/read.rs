@@ -7,7 +7,7 @@ use super::{
 use crate::can::{ExtendedId, Frame, Id, Payload, StandardId};
 use crate::journal::candump::Logged;
 
-/// A part of a log that is wrong.
+/// An error in a part of a log.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("byte {at}: {right}")]
 pub struct BadLog {
@@ -108,7 +108,7 @@ impl Section {
             }
             PACKET => self.packet(body),
             OLD_PACKET | TIMELESS_PACKET => {
-                Err("a packet of an old kind; Wireshark and its `editcap` write the log anew".to_owned())
+                Err("a packet of an old kind; Wireshark and its `editcap` can convert the log".to_owned())
             }
             _ => Ok(None),
         }

@@ -62,7 +62,7 @@ fn times_of_all_resolutions_and_orders() {
 }
 
 #[test]
-fn what_is_no_frame_of_ours_is_refused() {
+fn foreign_frames_are_refused() {
     let refused = |link, options: Options, packet: &[u8]| {
         read(&log(false, link, options, 0, packet)).unwrap_err().to_string()
     };

@@ -18,7 +18,7 @@ fn waves(records: &[Record]) -> Waves {
 }
 
 #[test]
-fn what_is_counted_stands_at_all_its_times_and_what_repeats_is_no_change() {
+fn counted_events_appear_at_all_their_times_and_repetitions_are_no_changes() {
     let edges = Record { count: 3, period_us: 10, ..record(0, 120, Edge { bus: 0 }) };
     let packets = [105, 115, 125].map(|time| record(time, time, Packet { bus: 0, data: 7 }));
     let waves = waves(&[packets[0], packets[1], edges, packets[2]]);
@@ -36,7 +36,7 @@ fn what_is_counted_stands_at_all_its_times_and_what_repeats_is_no_change() {
 }
 
 #[test]
-fn data_stand_on_top_and_bytes_that_are_not_there_are_not_known() {
+fn data_are_left_aligned_and_missing_bytes_are_unknown() {
     let frame = crate::can::Frame::standard(1, crate::can::Payload::new(&[0xAB, 0xCD]).unwrap());
     let (value, known) = (0xABCD_0000_0000_0000, 0xFFFF_0000_0000_0000);
     assert_eq!(Content::data(&frame), Content::Bits { width: 64, value, known });

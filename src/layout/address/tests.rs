@@ -7,7 +7,7 @@ fn parse(text: &str) -> Result<Address, LayoutError> {
 }
 
 #[test]
-fn prints_what_it_parses() {
+fn a_parsed_address_prints_the_same_text() {
     for text in ["%MB3.200001", "%MW3.200000", "%MD3.300000", "%MX3.100003.7"] {
         assert_eq!(parse(text).unwrap().to_string(), text);
         assert_eq!(parse(&text.to_lowercase()).unwrap().to_string(), text);
@@ -23,7 +23,7 @@ fn addresses_print_as_the_programmer_writes_them() {
 }
 
 #[test]
-fn what_no_device_names_is_a_byte_of_the_image() {
+fn an_address_without_a_name_is_a_byte_of_the_image() {
     assert_eq!(Width::Byte.at(12).to_string(), "byte 12 of the image");
     assert_eq!(Width::Word.at(200_000).to_string(), "WORD at byte 200000 of the image");
     assert_eq!(DEVICE.at(Width::Dword, 128).to_string(), "DWORD at byte 128 of the image", "the header page");

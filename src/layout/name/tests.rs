@@ -127,7 +127,7 @@ fn malformed_names_are_refused_with_the_reason() {
         ("node2.", "an empty part"),
         ("node2..x", "an empty part"),
         ("node2.a[", "a `[` without `]`"),
-        ("node2.a[1]x", "something behind a `]`"),
+        ("node2.a[1]x", "something after a `]`"),
         ("node2.a[x]", "an index that is no number"),
         ("node2.a[-1]", "an index that is no number"),
         ("node2.a.b.c", "too many parts"),
@@ -141,7 +141,7 @@ fn malformed_names_are_refused_with_the_reason() {
 }
 
 #[test]
-fn a_name_may_stand_for_many_registers() {
+fn a_name_may_cover_many_registers() {
     let names = |name: &str| -> Vec<String> {
         DEVICE.registers(name).unwrap().iter().map(|register| register.path()).collect()
     };
@@ -194,7 +194,7 @@ fn where_master_and_slave_agree_no_role_is_needed() {
 }
 
 #[test]
-fn every_name_leads_back_to_its_register_whatever_is_plugged_in() {
+fn every_name_resolves_to_its_register_with_any_modules() {
     for fit in [Fit::Unknown, Fit::As(Role::Master), Fit::As(Role::Slave)] {
         let fitted = slot_g(fit);
         for found in fitted.registers("slotG").unwrap() {

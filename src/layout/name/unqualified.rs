@@ -53,7 +53,7 @@ pub enum Named {
 }
 
 impl DeviceFit {
-    /// The area or the registers that `name` stands for.
+    /// The area or the registers that `name` covers.
     ///
     /// # Errors
     /// The errors of [`DeviceFit::registers`]; [`LayoutError::UnknownArea`] if `name` looks rather like an area's.

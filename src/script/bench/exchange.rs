@@ -183,7 +183,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_repeats_is_told_once() {
+    fn repetitions_are_shown_once() {
         use Piece::{Again, Step};
         assert_eq!(folded(&[1, 2, 1, 2, 1, 2, 3]), [Step(0), Step(1), Again(2, 5), Step(6)]);
         assert_eq!(folded(&[1, 1, 2, 2]), [Step(0), Step(1), Step(2), Step(3)]);
@@ -200,7 +200,7 @@ mod tests {
     }
 
     #[test]
-    fn the_last_repetitions_of_a_handshake_are_shown_however_much_came_behind_them() {
+    fn the_last_repetitions_of_a_handshake_are_shown_despite_later_steps() {
         let mut told = Vec::new();
         for _ in 0..4 {
             told.extend([Some((Way::Bus, None)); 5]);
@@ -214,7 +214,7 @@ mod tests {
     }
 
     #[test]
-    fn a_finding_is_shown_with_what_came_before_and_the_last_handshake_that_went_well() {
+    fn a_finding_is_shown_with_preceding_steps_and_the_last_good_handshake() {
         let mut told = vec![program(1), firmware(1)];
         told.extend([Some((Way::Bus, None)); 30]);
         told.extend([program(1), Some((Way::Wrong, Some((0, 1)))), firmware(1)]);

@@ -121,7 +121,7 @@ impl Bench {
     /// Expects a number of the register's type that is at most `tolerance` away from `value`.
     ///
     /// # Errors
-    /// As [`Bench::expect`].
+    /// The errors of [`Bench::expect`].
     #[track_caller]
     pub fn expect_near(
         &mut self,

@@ -7,7 +7,7 @@ use crate::request::Op;
 use crate::script::{ScenarioError, Value};
 use core::panic::Location;
 
-/// A change of a register that is recorded.
+/// A change of a recorded register.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PastChange {
     /// Emulated time of the change in microseconds.

@@ -15,7 +15,7 @@ fn failure<T>(outcome: Result<T, ScenarioError>) -> Failure {
     }
 }
 
-/// A bench whose master is in set-up mode.
+/// A bench with a master in set-up mode.
 fn set_up() -> Result<Bench, ScenarioError> {
     let mut bench = Bench::built_in()?;
     for (command, status) in [(1, 2), (2, 3), (0x20, 0x43)] {
@@ -63,7 +63,7 @@ fn waits_end_at_the_moment_of_the_match() -> Result<(), ScenarioError> {
 }
 
 #[test]
-fn compare_exchange_writes_only_what_was_expected() -> Result<(), ScenarioError> {
+fn compare_exchange_writes_only_over_the_expected_value() -> Result<(), ScenarioError> {
     let mut bench = Bench::built_in()?;
     assert!(!bench.compare_exchange("node2.b_BT_1", 5, 6)?);
     assert!(bench.compare_exchange("node2.b_BT_1", 0, 6)?);
@@ -172,7 +172,7 @@ fn a_fault_of_the_plant_file_can_be_required() -> Result<(), ScenarioError> {
 }
 
 #[test]
-fn what_a_recorded_register_has_held_in_between_is_known() -> Result<(), ScenarioError> {
+fn intermediate_values_of_a_recorded_register_are_known() -> Result<(), ScenarioError> {
     let mut bench = Bench::built_in()?;
     bench.record("node2")?;
     bench.record("node2.w_OPTION_STATUS")?;
@@ -193,7 +193,7 @@ fn what_a_recorded_register_has_held_in_between_is_known() -> Result<(), Scenari
 }
 
 #[test]
-fn back_to_what_was_saved_as_often_as_one_likes() {
+fn a_snapshot_can_be_restored_repeatedly() {
     let mut bench = Bench::built_in().unwrap();
     bench.poke("node2.w_CPU_CONTROL", 0x0001).unwrap();
     bench.wait("node2.w_OPTION_STATUS", 0x0002, "1ms").unwrap();

@@ -34,7 +34,7 @@ impl Stage {
         let wrong = |error: &dyn core::fmt::Display| ScenarioError::argument(file, &error.to_string());
         let parts: Vec<_> = Path::new(file).components().collect();
         if !matches!(parts.as_slice(), [Component::Normal(_)]) {
-            return Err(wrong(&"a plot stands beside the scenario, so its name has no directories"));
+            return Err(wrong(&"a plot is written beside the scenario, so its name has no directories"));
         }
         let picture =
             Picture::of(file.as_ref()).map_err(|_| wrong(&"the name of a plot ends in .svg or .png"))?;

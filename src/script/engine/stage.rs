@@ -8,7 +8,7 @@ use std::path::PathBuf;
 
 /// The plant that a script acts on, and the log of its steps.
 pub(crate) struct Stage {
-    /// None until the first verb.
+    /// `None` until the first verb.
     bench: Option<Bench>,
     /// Whether the bench is a running instance's.
     attached: bool,

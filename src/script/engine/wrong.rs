@@ -94,7 +94,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_would_be_right_is_told() {
+    fn the_error_names_the_right_call() {
         let told = |name, given: &[Dynamic]| wrong_call(name, given).to_string();
         assert_eq!(
             told("wait", &["node2.b_BT_0".into(), 2_i64.into()]),

@@ -37,7 +37,7 @@ mod tests {
     proptest! {
         #![proptest_config(crate::property_tests())]
         #[test]
-        fn what_is_needed_is_kept_and_nothing_else(many in 1..60usize, first in 0..60usize, second in 0..60usize) {
+        fn only_needed_items_are_kept(many in 1..60usize, first in 0..60usize, second in 0..60usize) {
             let (first, second) = (first % many, second % many);
             let items: Vec<usize> = (0..many).collect();
             let kept = shrink(&items, usize::MAX, |some| some.contains(&first) && some.contains(&second));
@@ -58,7 +58,7 @@ mod tests {
     }
 
     #[test]
-    fn what_fails_without_anything_is_empty() {
+    fn a_failure_without_items_shrinks_to_nothing() {
         assert_eq!(shrink(&[1, 2, 3], 100, |_| true), [0; 0]);
     }
 }
