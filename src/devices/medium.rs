@@ -82,14 +82,14 @@ pub struct StationState {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Stranger {
     /// Identity of the station.
-    pub whose: Whose,
+    pub participant: ParticipantId,
     /// Rate of the station, in bit/s.
     pub bit_s: u32,
 }
 
 /// Participant of a medium.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Whose {
+pub enum ParticipantId {
     /// A port of a device.
     Port(Origin),
     /// A participant of the medium's own, by its name.

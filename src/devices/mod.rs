@@ -84,7 +84,7 @@ pub use exercise::{Exercise, Move, Wrong};
 #[cfg(feature = "emulator")]
 pub use guest::{Attendance, GuestNews, GuestRefusal};
 #[cfg(feature = "emulator")]
-pub use medium::{Medium, Plug, StationState, Stranger, SyncOrigin, SyncSignal, Whose, World};
+pub use medium::{Medium, ParticipantId, Plug, StationState, Stranger, SyncOrigin, SyncSignal, World};
 #[cfg(feature = "emulator")]
 pub use module::{Led, ModuleFront, ReadModule, Switch, modules};
 #[cfg(feature = "emulator")]

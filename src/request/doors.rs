@@ -3,7 +3,7 @@
 use super::{BusState, Code, Host, Refused, Reply, Station, Stranger};
 use crate::can::Frame;
 use crate::devices;
-use crate::devices::{GuestRefusal, Medium, StationState, Whose};
+use crate::devices::{GuestRefusal, Medium, ParticipantId, StationState};
 use crate::door::{DoorSpec, Doors};
 use crate::journal::Source;
 
@@ -22,9 +22,9 @@ pub(super) fn buses(host: &dyn Host) -> Reply {
         receive_errors: it.errors.receive(),
     };
     let stranger = |it: devices::Stranger| {
-        let name = match it.whose {
-            Whose::Port(origin) => names.source(Source::Node(origin)),
-            Whose::Own(name) => name,
+        let name = match it.participant {
+            ParticipantId::Port(origin) => names.source(Source::Node(origin)),
+            ParticipantId::Own(name) => name,
         };
         Stranger { name, bit_s: it.bit_s }
     };

@@ -11,7 +11,7 @@ rules! {
         "The BAPS was configured in a start task or in one of the first five cycles of the PLC program. Enable BAPS_INIT \
          in the cyclic task, not before its sixth cycle.";
     BAPS_RUNNING: 27, "baps-running", Error, "5.00005.03a p. 90; D-312",
-        "The BAPS was configured anew while process data were being exchanged. Stop calling BAPS_PD_COMMxx and let one \
+        "The BAPS was configured again while process data were being exchanged. Stop calling BAPS_PD_COMMxx and let one \
          communication pass without it first, or change the parameter numbers with us_MODE 2.";
     BAPS_CYCLE: 28, "baps-cycle", Warning, "5.00005.03a p. 88, 100; D-311",
         "w_COMMAND_REG of an exchange is another one than before, so method or cycle time change while process data \

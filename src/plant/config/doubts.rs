@@ -30,8 +30,8 @@ impl PlantConfig {
                 section: second.split(':').next().unwrap_or_default().to_owned(),
                 key: "switches",
                 text: format!(
-                    "'{first}' and '{second}' have the same address {number} on bus '{}', so no request to it has an answer \
-                     that anybody understands; give each its own",
+                    "'{first}' and '{second}' have the same address {number} on bus '{}', so every request to it has two \
+                     colliding answers; give each a separate address",
                     medium.name()
                 ),
             }));

@@ -5,7 +5,7 @@ use crate::devices::cansync::firmware::Slave;
 use crate::devices::cansync::records::{BaudRateMismatch, DriveBaudRateMismatch};
 use crate::devices::cansync::registers::CANsync_INIT_BMSTRUCT;
 use crate::devices::cansync::rules;
-use crate::devices::{Context, Stranger, Whose};
+use crate::devices::{Context, ParticipantId, Stranger};
 use crate::journal::{Finding, Journal};
 use crate::layout::RegisterPhase;
 use core::mem::offset_of;
@@ -36,13 +36,14 @@ impl SimBus {
     /// Returns the drives and slave nodes that are set to another rate.
     pub(super) fn of_other_rates(&self) -> Vec<Stranger> {
         let present = self.present_kbit_s();
-        let stranger = |whose, kbit_s: u16| Stranger { whose, bit_s: u32::from(kbit_s) * 1000 };
+        let stranger = |participant, kbit_s: u16| Stranger { participant, bit_s: u32::from(kbit_s) * 1000 };
         let drives = self.drives.look().iter().filter(|drive| drive.kbit_s() != present);
-        let drives = drives.map(|drive| stranger(Whose::Own(drive.name().to_owned()), drive.kbit_s()));
+        let drives =
+            drives.map(|drive| stranger(ParticipantId::Own(drive.name().to_owned()), drive.kbit_s()));
         let nodes = self.slaves.iter().filter(|end| self.is_wired && end.firmware.is_on_bus());
         let nodes = nodes.filter_map(|end| Some((end.origin, end.firmware.timing()?.kbit_per_s)));
         let nodes = nodes.filter(|(_, kbit_s)| *kbit_s != present);
-        drives.chain(nodes.map(|(origin, kbit_s)| stranger(Whose::Port(origin), kbit_s))).collect()
+        drives.chain(nodes.map(|(origin, kbit_s)| stranger(ParticipantId::Port(origin), kbit_s))).collect()
     }
 }
 
