@@ -1,7 +1,7 @@
 //! Tests of the kinds of faults of all families: description, checks and documentation.
 
 use super::{bm4_o_can_06, can_dp2, cs0015, fault_kinds, omega_drive_line_2};
-use crate::fault::{Draft, Fault, FaultError, FaultSpec, Form, Given, Kind, Place, Refusal, Target};
+use crate::fault::{Draft, Fault, FaultError, FaultSpec, FieldValue, Form, Kind, Place, Refusal, Target};
 use crate::journal::Names;
 use crate::layout::DeviceFit;
 use proptest::prelude::*;
@@ -365,7 +365,7 @@ fn every_kind_has_an_example_and_a_description() {
 #[test]
 fn fields_that_can_hold_anything_are_those_that_say_where() {
     let spec = FaultSpec::from_words(fault_kinds(), "bus_off", &["plc=2", "node=2"]).unwrap();
-    let expected = [("plc", Given::Text("2".into())), ("node", Given::Number(2))];
+    let expected = [("plc", FieldValue::Text("2".into())), ("node", FieldValue::Number(2))];
     assert_eq!(spec.fields, expected.map(|(name, given)| (name.to_owned(), given)));
 }
 

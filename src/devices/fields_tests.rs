@@ -2,7 +2,7 @@
 //! place.
 
 use super::catalogue;
-use super::told_tests::{drawn, line, names};
+use super::event_text_tests::{drawn, line, names};
 use crate::journal::Kind;
 use crate::journal::jsonl::{Jsonl, VERSION};
 use serde_json::{Map, Value};

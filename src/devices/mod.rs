@@ -24,6 +24,8 @@ pub mod demo;
 mod device;
 #[cfg(feature = "emulator")]
 mod drive;
+#[cfg(all(test, feature = "channel"))]
+mod event_text_tests;
 #[cfg(feature = "emulator")]
 mod events;
 #[cfg(feature = "emulator")]
@@ -52,6 +54,8 @@ mod program;
 #[cfg(test)]
 mod provenance_tests;
 #[cfg(feature = "emulator")]
+mod recorded_register;
+#[cfg(feature = "emulator")]
 pub mod records;
 mod registry;
 #[cfg(test)]
@@ -61,11 +65,7 @@ mod scene;
 #[cfg(feature = "emulator")]
 pub mod settings;
 #[cfg(feature = "emulator")]
-mod shown;
-#[cfg(feature = "emulator")]
 mod supply;
-#[cfg(all(test, feature = "channel"))]
-mod told_tests;
 
 #[cfg(feature = "emulator")]
 pub use catalogue::{catalogue, door_fits, fault_kinds, faults_of_device, medium_site};

@@ -9,21 +9,21 @@ mod acting;
 mod effect;
 mod error;
 mod field;
-mod given;
+mod field_value;
 mod kind;
 mod record;
-mod shown;
 mod sites;
 mod spec;
 #[cfg(test)]
 mod tests;
+mod text;
 mod words;
 
 pub use acting::Faults;
 pub use effect::Effect;
 pub use error::{FaultError, Refusal, slave_list};
 pub use field::{Field, Form};
-pub use given::{FaultSpec, Given};
+pub use field_value::{FaultSpec, FieldValue};
 pub use kind::{Kind, MAX_BITS, MAX_FIELDS, MAX_PARTICIPANT, Place};
 pub use record::{FaultNews, Hit, KINDS, News};
 pub use sites::{DeviceSite, MediumSite, Owner, Sites, Target};

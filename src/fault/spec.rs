@@ -3,7 +3,7 @@
 use super::error::{kind_list, list, port_list};
 use super::kind::{AT_US, COUNT, DURATION_US, NODE, SLAVE};
 use super::{
-    Draft, Fault, FaultError, FaultSpec, Field, Form, Given, Kind, MAX_FIELDS, Place, Refusal, Target,
+    Draft, Fault, FaultError, FaultSpec, Field, FieldValue, Form, Kind, MAX_FIELDS, Place, Refusal, Target,
 };
 use crate::journal::Names;
 use crate::layout::{Device, Port, did_you_mean};
@@ -31,7 +31,7 @@ pub(super) fn named(name: &str, kinds: &[&'static Kind]) -> Option<&'static Kind
 
 /// A description while it is read.
 struct Reader<'a> {
-    given: Vec<(&'static Field, &'a Given)>,
+    given: Vec<(&'static Field, &'a FieldValue)>,
     kind: &'static Kind,
     names: &'a Names,
 }
@@ -43,7 +43,7 @@ impl<'a> Reader<'a> {
         kinds: &[&'static Kind],
         names: &'a Names,
     ) -> Result<Self, FaultError> {
-        let mut given: Vec<(&'static Field, &Given)> = Vec::with_capacity(spec.fields.len());
+        let mut given: Vec<(&'static Field, &FieldValue)> = Vec::with_capacity(spec.fields.len());
         for (name, value) in &spec.fields {
             let Some(field) = kind.all_fields().find(|field| field.is_called(name)) else {
                 let mut others = kinds.iter().flat_map(|kind| kind.all_fields());
@@ -119,13 +119,15 @@ impl<'a> Reader<'a> {
     ) -> Result<u16, FaultError> {
         let field = place.fields()[0];
         let index = match self.given(field) {
-            Some(Given::Text(name)) => known.iter().position(|known| known == name),
-            Some(number @ Given::Number(_)) => return Err(self.form(field, number, "its name".to_owned())),
+            Some(FieldValue::Text(name)) => known.iter().position(|known| known == name),
+            Some(number @ FieldValue::Number(_)) => {
+                return Err(self.form(field, number, "its name".to_owned()));
+            }
             None if known.len() == 1 => Some(0),
             None => return Err(self.missing(field, format!("give one of: {}", list(known)))),
         };
         let name = || match self.given(field) {
-            Some(Given::Text(name)) => name.clone(),
+            Some(FieldValue::Text(name)) => name.clone(),
             _ => String::new(),
         };
         index.and_then(|index| u16::try_from(index).ok()).ok_or_else(|| unknown(name(), list(known)))
@@ -134,8 +136,10 @@ impl<'a> Reader<'a> {
     fn port(&self, plc: u16) -> Result<&'static Port, FaultError> {
         let device = self.names.device(plc);
         let found = match self.given(&NODE) {
-            Some(Given::Text(name)) => device.port(name),
-            Some(Given::Number(number)) => device.ports.iter().find(|port| u64::from(port.number) == *number),
+            Some(FieldValue::Text(name)) => device.port(name),
+            Some(FieldValue::Number(number)) => {
+                device.ports.iter().find(|port| u64::from(port.number) == *number)
+            }
             None => {
                 let its = |port: &&Port| self.kind.families().contains(&port.medium);
                 let mut ports = device.ports.iter().filter(its);
@@ -146,7 +150,7 @@ impl<'a> Reader<'a> {
             }
         };
         found.ok_or_else(|| match self.given(&NODE) {
-            Some(Given::Number(value)) if are_numbered(device) => {
+            Some(FieldValue::Number(value)) if are_numbered(device) => {
                 let numbers = || device.ports.iter().map(|port| u64::from(port.number));
                 let (least, most) = (numbers().min().unwrap_or(0), numbers().max().unwrap_or(0));
                 self.refused(Refusal::Range { field: &NODE, value: *value, least, most })
@@ -154,20 +158,20 @@ impl<'a> Reader<'a> {
             given => FaultError::NoPort {
                 kind: self.kind,
                 plc: self.names.plc(plc).into_owned(),
-                port: given.map(Given::to_string).unwrap_or_default(),
+                port: given.map(FieldValue::to_string).unwrap_or_default(),
                 known: port_list(device),
             },
         })
     }
 
-    fn given(&self, field: &Field) -> Option<&'a Given> {
+    fn given(&self, field: &Field) -> Option<&'a FieldValue> {
         self.given.iter().find(|(given, _)| *given == field).map(|(_, value)| *value)
     }
 
     fn number(&self, field: &'static Field) -> Result<Option<u64>, FaultError> {
         match self.given(field) {
             None => Ok(None),
-            Some(Given::Number(number)) => Ok(Some(*number)),
+            Some(FieldValue::Number(number)) => Ok(Some(*number)),
             Some(text) => Err(self.form(field, text, format!("a number, {}", field.range_text()))),
         }
     }
@@ -175,8 +179,8 @@ impl<'a> Reader<'a> {
     fn word(&self, field: &'static Field, words: &[&str]) -> Result<Option<u64>, FaultError> {
         let Some(given) = self.given(field) else { return Ok(None) };
         let index = match given {
-            Given::Text(word) => words.iter().position(|known| known.eq_ignore_ascii_case(word)),
-            Given::Number(_) => None,
+            FieldValue::Text(word) => words.iter().position(|known| known.eq_ignore_ascii_case(word)),
+            FieldValue::Number(_) => None,
         };
         match index {
             Some(index) => Ok(Some(index as u64)),
@@ -184,7 +188,7 @@ impl<'a> Reader<'a> {
         }
     }
 
-    fn form(&self, field: &'static Field, given: &Given, right: String) -> FaultError {
+    fn form(&self, field: &'static Field, given: &FieldValue, right: String) -> FaultError {
         FaultError::Form { kind: self.kind, field, given: given.to_string(), right }
     }
 
@@ -198,25 +202,26 @@ impl<'a> Reader<'a> {
 }
 
 /// Returns the name of a port in a fault: its number if its name contains no more.
-pub(super) fn port_given(port: &Port) -> Given {
+pub(super) fn port_given(port: &Port) -> FieldValue {
     if port.name.strip_prefix(NODE.name()) == Some(&port.number.to_string()) {
-        Given::Number(port.number.into())
+        FieldValue::Number(port.number.into())
     } else {
-        Given::Text(port.name.to_owned())
+        FieldValue::Text(port.name.to_owned())
     }
 }
 
 /// Whether the names of all ports are numbers.
 fn are_numbered(device: &Device) -> bool {
-    !device.ports.is_empty() && device.ports.iter().all(|port| matches!(port_given(port), Given::Number(_)))
+    !device.ports.is_empty()
+        && device.ports.iter().all(|port| matches!(port_given(port), FieldValue::Number(_)))
 }
 
 /// The ports to choose from: `1 (slave) or 2 (master)`.
 fn choice(device: &Device) -> String {
     let port = |port: &Port| {
         let name = match port_given(port) {
-            Given::Number(number) => number.to_string(),
-            Given::Text(name) => name,
+            FieldValue::Number(number) => number.to_string(),
+            FieldValue::Text(name) => name,
         };
         port.role().map_or_else(|| name.clone(), |role| format!("{name} ({role})"))
     };

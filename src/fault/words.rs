@@ -2,7 +2,7 @@
 
 use super::given::REQUIRED;
 use super::spec::named;
-use super::{FaultSpec, Field, Form, Given, Kind};
+use super::{FaultSpec, Field, FieldValue, Form, Kind};
 use crate::layout::{RegType, did_you_mean, value};
 use crate::time;
 use thiserror::Error;
@@ -47,14 +47,18 @@ impl FaultSpec {
                 return Err(wrong(format!("{field} is given twice")));
             }
             let given = match field.form() {
-                Form::Name | Form::Word(_) => Given::Text(given.to_owned()),
-                Form::Port => number(given).map_or_else(|_| Given::Text(given.to_owned()), Given::Number),
+                Form::Name | Form::Word(_) => FieldValue::Text(given.to_owned()),
+                Form::Port => {
+                    number(given).map_or_else(|_| FieldValue::Text(given.to_owned()), FieldValue::Number)
+                }
                 Form::Time { .. } if with_unit => {
-                    Given::Number(time::parse(given).map_err(|error| wrong(error.to_string()))?)
+                    FieldValue::Number(time::parse(given).map_err(|error| wrong(error.to_string()))?)
                 }
                 // Times in microseconds may be longer than register values.
-                Form::Time { .. } => Given::Number(given.parse().or_else(|_| number(given)).map_err(wrong)?),
-                Form::Number { .. } | Form::Hex { .. } => Given::Number(number(given).map_err(wrong)?),
+                Form::Time { .. } => {
+                    FieldValue::Number(given.parse().or_else(|_| number(given)).map_err(wrong)?)
+                }
+                Form::Number { .. } | Form::Hex { .. } => FieldValue::Number(number(given).map_err(wrong)?),
             };
             spec.fields.push((field.name().to_owned(), given));
         }
@@ -154,7 +158,7 @@ mod tests {
         assert_eq!(with.unwrap(), without.unwrap());
         assert_eq!(
             parsed("x", &["at_us=31536000000000"]).unwrap().fields[0].1,
-            Given::Number(31_536_000_000_000)
+            FieldValue::Number(31_536_000_000_000)
         );
     }
 

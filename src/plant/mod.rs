@@ -16,10 +16,10 @@ mod load;
 #[cfg(test)]
 mod node_frames_tests;
 #[cfg(feature = "channel")]
-mod outside;
+mod outside_stores;
 mod ports;
-mod rest;
 mod schema;
+mod skipped_cycles;
 mod snapshot;
 mod worker_pool;
 mod writes;
@@ -30,7 +30,7 @@ pub use drives::PlantDrive;
 pub use force::{ForceError, Forced};
 pub use history::FollowError;
 #[cfg(feature = "channel")]
-pub(crate) use outside::{Outside, Stored};
+pub(crate) use outside_stores::{Outside, Stored};
 pub use schema::schema;
 pub use snapshot::{Snapshot, SnapshotError, SnapshotFile, SnapshotFileError};
 

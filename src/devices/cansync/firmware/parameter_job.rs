@@ -12,7 +12,7 @@ use crate::devices::cansync::bus::codec::parameter::{
 };
 use crate::devices::cansync::registers::values::{par_error, par_job_master};
 use crate::devices::cansync::registers::{CANsync_MA_CTRL_BMSTRUCT, CTRLREG_PAR_CMD_SL, DATA_PARAMETER};
-use crate::devices::shown::Shown;
+use crate::devices::recorded_register::RecordedRegister;
 use core::mem::offset_of;
 
 /// The registers of the job for one slave.

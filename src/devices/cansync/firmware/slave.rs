@@ -24,7 +24,7 @@ use crate::devices::cansync::records::{Missed, OmittedFrame};
 use crate::devices::cansync::registers::CANsync_SL_CTRL_BMSTRUCT;
 use crate::devices::cansync::registers::values::{drive_status, receive, send};
 use crate::devices::cansync::watch::Facts;
-use crate::devices::shown::Shown;
+use crate::devices::recorded_register::RecordedRegister;
 use crate::memory::{MemoryError, Segment, View};
 use crate::snapshot_fields;
 use core::mem::offset_of;

@@ -14,7 +14,7 @@ use crate::devices::cansync::bus::codec::updown::{
 };
 use crate::devices::cansync::registers::CANsync_MA_CTRL_BMSTRUCT;
 use crate::devices::cansync::registers::values::{base_adr, updown_error, updown_master};
-use crate::devices::shown::Shown;
+use crate::devices::recorded_register::RecordedRegister;
 use core::mem::offset_of;
 use serde::{Deserialize, Serialize};
 

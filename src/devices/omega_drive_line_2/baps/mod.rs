@@ -17,7 +17,7 @@ pub use hold::Pace;
 use crate::devices::cansync::drive::{BuiltInDrive, BuiltInDriveConfig};
 use crate::devices::omega_drive_line_2::registers::values::{baps_command, baps_semaphore, baps_status_reg};
 use crate::devices::omega_drive_line_2::registers::{BAPS, BAPS_CTRL_BMSTRUCT};
-use crate::devices::shown::Shown;
+use crate::devices::recorded_register::RecordedRegister;
 use crate::devices::{Context, ParameterRefusal};
 use crate::journal::Journal;
 use crate::memory::{MemoryError, Segment, View};

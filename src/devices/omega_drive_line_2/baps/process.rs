@@ -9,7 +9,7 @@ use crate::devices::cansync::drive::BuiltInDrive;
 use crate::devices::omega_drive_line_2::registers::BAPS_CTRL_BMSTRUCT;
 use crate::devices::omega_drive_line_2::registers::values::{baps_command, baps_quit};
 use crate::devices::omega_drive_line_2::rules;
-use crate::devices::shown::Shown;
+use crate::devices::recorded_register::RecordedRegister;
 use crate::memory::{Face, MemoryError, Segment};
 use crate::snapshot_fields;
 use core::mem::offset_of;

@@ -14,7 +14,7 @@ use crate::devices::omega_drive_line_2::registers::BAPS_CTRL_BMSTRUCT;
 use crate::devices::omega_drive_line_2::registers::values::{
     baps_format, baps_job, baps_result, baps_semaphore,
 };
-use crate::devices::shown::Shown;
+use crate::devices::recorded_register::RecordedRegister;
 use crate::snapshot_fields;
 use core::mem::offset_of;
 use serde::{Deserialize, Serialize};

@@ -12,7 +12,7 @@ use crate::devices::cansync::registers::values::{
     par_error,
     par_job_slave::{ACTIVE, BUSY, CHANGED, DOUBLEWORD, ERROR, READ, RESET, WRITE},
 };
-use crate::devices::shown::Shown;
+use crate::devices::recorded_register::RecordedRegister;
 use core::mem::offset_of;
 use serde::{Deserialize, Serialize};
 

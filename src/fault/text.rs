@@ -1,7 +1,7 @@
 //! Lists a fault in the words of its description.
 
 use super::spec::port_given;
-use super::{Fault, FaultSpec, Field, Form, Given, Kind, Limit, Target};
+use super::{Fault, FaultSpec, Field, FieldValue, Form, Kind, Limit, Target};
 use crate::journal::Names;
 use core::fmt::Write as _;
 
@@ -13,21 +13,21 @@ impl Fault {
         for (field, given) in self.given(names) {
             // Into a text, writing cannot fail.
             let _ = match (given, field.form()) {
-                (Given::Text(word), _) => write!(text, " {field}={word}"),
-                (Given::Number(value), Form::Hex { digits, .. }) => {
+                (FieldValue::Text(word), _) => write!(text, " {field}={word}"),
+                (FieldValue::Number(value), Form::Hex { digits, .. }) => {
                     write!(text, " {field}=16#{value:0digits$X}")
                 }
-                (Given::Number(value), _) => write!(text, " {field}={value}"),
+                (FieldValue::Number(value), _) => write!(text, " {field}={value}"),
             };
         }
         text
     }
 
     /// Its fields, without the fields at their default values.
-    fn given(&self, names: &Names) -> Vec<(&'static Field, Given)> {
-        let bus = |index| Given::Text(names.bus(index).into_owned());
-        let plc = |index| Given::Text(names.plc(index).into_owned());
-        let number = |number: u8| Given::Number(number.into());
+    fn given(&self, names: &Names) -> Vec<(&'static Field, FieldValue)> {
+        let bus = |index| FieldValue::Text(names.bus(index).into_owned());
+        let plc = |index| FieldValue::Text(names.plc(index).into_owned());
+        let number = |number: u8| FieldValue::Number(number.into());
         let place = match self.target() {
             Target::Medium(index) => vec![bus(index)],
             Target::Participant { medium, number: slave } => vec![bus(medium), number(slave)],
@@ -42,17 +42,17 @@ impl Fault {
             Some((
                 field,
                 match field.form() {
-                    Form::Word(words) => Given::Text((*words.get(value as usize)?).to_owned()),
-                    _ => Given::Number(value.into()),
+                    Form::Word(words) => FieldValue::Text((*words.get(value as usize)?).to_owned()),
+                    _ => FieldValue::Number(value.into()),
                 },
             ))
         });
         let [at_us, count, duration_us] = Kind::COMMON;
-        let begin = (self.at_us() > 0).then(|| (at_us, Given::Number(self.at_us())));
+        let begin = (self.at_us() > 0).then(|| (at_us, FieldValue::Number(self.at_us())));
         let end = match self.limit() {
             Limit::UntilCleared => None,
-            Limit::Count(hits) => Some((count, Given::Number(hits.into()))),
-            Limit::Duration(us) => Some((duration_us, Given::Number(us.into()))),
+            Limit::Count(hits) => Some((count, FieldValue::Number(hits.into()))),
+            Limit::Duration(us) => Some((duration_us, FieldValue::Number(us.into()))),
         };
         self.kind().place().fields().iter().copied().zip(place).chain(own).chain(begin).chain(end).collect()
     }

@@ -5,7 +5,7 @@ use crate::journal::Register;
 use crate::memory::{Cell8, Cell16, Cell32};
 
 /// A register with changes that are recorded. Process data are not: the frames contain them.
-pub(crate) trait Shown {
+pub(crate) trait RecordedRegister {
     /// Value of the register.
     type Value;
 
@@ -15,7 +15,7 @@ pub(crate) trait Shown {
 
 macro_rules! shown {
     ($($cell:ty => $value:ty),*) => {$(
-        impl Shown for $cell {
+        impl RecordedRegister for $cell {
             type Value = $value;
 
             fn show(&self, ctx: &mut Context, offset: usize, value: $value) {

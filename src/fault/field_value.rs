@@ -15,14 +15,14 @@ pub struct FaultSpec {
     /// Name of the kind.
     pub kind: String,
     /// Names and values of the fields.
-    pub fields: Vec<(String, Given)>,
+    pub fields: Vec<(String, FieldValue)>,
     /// Whether a scenario fails if the fault has never hit. Has an effect in scenarios only.
     pub required: bool,
 }
 
 /// Value of a field.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Given {
+pub enum FieldValue {
     /// A number.
     Number(u64),
     /// A text.
@@ -41,11 +41,11 @@ impl PartialEq for FaultSpec {
 
 impl Eq for FaultSpec {}
 
-impl fmt::Display for Given {
+impl fmt::Display for FieldValue {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Given::Number(number) => write!(f, "{number}"),
-            Given::Text(text) => write!(f, "\"{text}\""),
+            FieldValue::Number(number) => write!(f, "{number}"),
+            FieldValue::Text(text) => write!(f, "\"{text}\""),
         }
     }
 }
@@ -56,8 +56,8 @@ impl Serialize for FaultSpec {
         map.serialize_entry("kind", &self.kind)?;
         for (name, given) in &self.fields {
             match given {
-                Given::Number(number) => map.serialize_entry(name, number)?,
-                Given::Text(text) => map.serialize_entry(name, text)?,
+                FieldValue::Number(number) => map.serialize_entry(name, number)?,
+                FieldValue::Text(text) => map.serialize_entry(name, text)?,
             }
         }
         if self.required {
@@ -98,28 +98,28 @@ impl<'de> Deserialize<'de> for FaultSpec {
     }
 }
 
-impl<'de> Deserialize<'de> for Given {
+impl<'de> Deserialize<'de> for FieldValue {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         struct Value;
 
         impl Visitor<'_> for Value {
-            type Value = Given;
+            type Value = FieldValue;
 
             fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
                 f.write_str("a text, or a whole number that is not negative")
             }
 
-            fn visit_u64<E: Error>(self, number: u64) -> Result<Given, E> {
-                Ok(Given::Number(number))
+            fn visit_u64<E: Error>(self, number: u64) -> Result<FieldValue, E> {
+                Ok(FieldValue::Number(number))
             }
 
-            fn visit_i64<E: Error>(self, number: i64) -> Result<Given, E> {
-                let unsigned = u64::try_from(number).map(Given::Number);
+            fn visit_i64<E: Error>(self, number: i64) -> Result<FieldValue, E> {
+                let unsigned = u64::try_from(number).map(FieldValue::Number);
                 unsigned.map_err(|_| E::invalid_value(serde::de::Unexpected::Signed(number), &self))
             }
 
-            fn visit_str<E: Error>(self, text: &str) -> Result<Given, E> {
-                Ok(Given::Text(text.to_owned()))
+            fn visit_str<E: Error>(self, text: &str) -> Result<FieldValue, E> {
+                Ok(FieldValue::Text(text.to_owned()))
             }
         }
 
