@@ -1,6 +1,6 @@
 //! A fault in words, as on the command line: `kind field=value ...`.
 
-use super::given::REQUIRED;
+use super::field_value::REQUIRED;
 use super::spec::named;
 use super::{FaultSpec, Field, FieldValue, Form, Kind};
 use crate::layout::{RegType, did_you_mean, value};
