@@ -69,7 +69,7 @@ impl Arbitration {
         self.0
     }
 
-    /// The bit that says whether the frame asks for data.
+    /// The bit that marks a remote frame.
     #[inline]
     pub(super) const fn rtr(self) -> u32 {
         if self.is_extended() { EXTENDED_RTR } else { STANDARD_RTR }
@@ -80,7 +80,7 @@ impl Arbitration {
         IDE
     }
 
-    /// Where in the field the bits of an identifier of this format lie.
+    /// Position of the bits of an identifier of this format in the field.
     pub(super) const fn place(self, id_bits: u32) -> u32 {
         if self.is_extended() { spread(id_bits) } else { id_bits << BASE }
     }

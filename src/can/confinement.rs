@@ -1,7 +1,7 @@
-//! Fault confinement: what errors do to a station (ISO 11898-1).
+//! Fault confinement: the effect of errors on a station (ISO 11898-1).
 //!
-//! Every controller counts the errors of what it sends and of what it receives. One that has counted too many first no longer
-//! disturbs the others by its error flags, and in the end leaves the bus.
+//! Every controller counts the errors in transmitted and in received frames. A controller with too many errors first
+//! stops disturbing the others by its error flags, and in the end leaves the bus.
 
 use super::BitRate;
 use serde::{Deserialize, Serialize};
@@ -12,12 +12,12 @@ pub enum ErrorState {
     /// It takes part, and its error flags are dominant.
     #[default]
     Active,
-    /// The same, but a counter has come to 96: the bus is heavily disturbed.
+    /// The same, but a counter has reached 96: the bus is heavily disturbed.
     Warning,
     /// A counter is above 127: the controller takes part, its error flags are recessive, and after one of its own
     /// frames it waits for eight more bits.
     Passive,
-    /// The count of transmit errors has gone beyond 255: it takes no part at all.
+    /// The count of transmit errors is above 255: the controller does not take part.
     BusOff,
 }
 
@@ -117,7 +117,7 @@ impl ErrorCounters {
     }
 }
 
-/// How often a station that was BUS-off has to see eleven recessive bits before it takes part again.
+/// Count of sequences of eleven recessive bits before a station that was BUS-off takes part again.
 const RUNS: u32 = 128;
 /// Bits of such a run.
 const RUN: u32 = 11;
@@ -139,7 +139,7 @@ impl Recovery {
 
     /// A frame begins at `begin_ns`, before which the wire has been recessive since `quiet_ns`.
     pub fn frame_begins(&mut self, begin_ns: u64, quiet_ns: u64, rate: BitRate) {
-        // Times on the wire are rounded up, each by less than a nanosecond, which must not cost a whole run.
+        // Times on the wire are rounded up, each by less than a nanosecond, which must not cost a whole sequence.
         let elapsed = u128::from((begin_ns + 1).saturating_sub(quiet_ns.max(self.from_ns)));
         let runs = elapsed * u128::from(rate.bit_s()) / (1_000_000_000 * u128::from(RUN));
         self.left = self.left.saturating_sub(u32::try_from(runs).unwrap_or(u32::MAX));

@@ -5,7 +5,7 @@ use embedded_can::{ExtendedId, Id, StandardId};
 use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-/// Something with identifiers, and the form in which it is kept.
+/// A type with identifiers, and its form in snapshots.
 pub(crate) trait Kept: Sized {
     type Form: Serialize + for<'de> Deserialize<'de>;
 

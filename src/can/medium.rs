@@ -35,7 +35,7 @@ pub enum Fate {
     /// The sender takes its own start bit for the start bit of another station and withdraws, and no station
     /// continues the frame.
     Withdrawn,
-    /// Its sender goes off before it is through.
+    /// The sender leaves before the frame is complete.
     SenderGone,
 }
 
@@ -127,7 +127,7 @@ impl Medium {
         }
     }
 
-    /// When the medium has something to do by itself, in ns. `None`: it is idle until a participant has a frame to send.
+    /// Time of the next event of the medium itself, in ns. `None`: it is idle until a participant has a frame to send.
     pub const fn next_ns(&self) -> Option<u64> {
         match &self.state {
             State::Idle { suspended: None } => None,
@@ -172,7 +172,7 @@ impl Medium {
         self.arbitrate(now_ns, suspended, participants)
     }
 
-    /// Everybody with a frame begins, and the dominant one goes on.
+    /// Each station with a frame begins, and the dominant frame continues.
     fn arbitrate(
         &mut self,
         now_ns: u64,

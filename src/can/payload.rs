@@ -66,7 +66,7 @@ impl Payload {
     /// The data bytes.
     #[inline]
     pub fn data(&self) -> &[u8] {
-        // The length never exceeds 8; `min` lets the compiler see it.
+        // The length never exceeds 8; `min` makes this visible to the compiler.
         &self.bytes[..self.len().min(8)]
     }
 

@@ -7,7 +7,7 @@ use std::num::NonZeroU32;
 pub struct BitRate(NonZeroU32);
 
 impl BitRate {
-    /// `bit_s` bits per second, of which CAN has up to 1 000 000; `None` for 0, at which nothing would ever arrive.
+    /// `bit_s` bits per second; the maximum of CAN is 1 000 000. `None` for 0, at which no bit would ever arrive.
     pub const fn new(bit_s: u32) -> Option<Self> {
         match NonZeroU32::new(bit_s) {
             Some(bit_s) => Some(BitRate(bit_s)),

@@ -1,4 +1,4 @@
-//! Frames bit by bit, as the standard describes them, and frames by chance: what the tests compare with.
+//! Reference for tests: frames bit by bit, as the standard describes them, and random frames.
 
 use super::{Frame, Payload};
 use embedded_can::{ExtendedId, Frame as _, Id, StandardId};
@@ -9,7 +9,7 @@ fn push(bits: &mut Vec<bool>, value: u32, count: u32) {
     bits.extend((0..count).rev().map(|i| value >> i & 1 != 0));
 }
 
-/// Identifier and what decides with it, without the start bit.
+/// The arbitration field, without the start bit.
 fn arbitration_field(frame: &Frame) -> Vec<bool> {
     let mut bits = Vec::new();
     match frame.id() {

@@ -35,8 +35,8 @@ const CRC_BITS: u32 = 15;
 const STANDARD_BYTES: usize = 11;
 const EXTENDED_BYTES: usize = 13;
 
-/// `CRC[k][b]` is the CRC of byte `b` followed by `k` zero bytes. The CRC is linear and starts at 0, so
-/// that of a message is the XOR over its bytes, and the look-ups do not wait for each other.
+/// `CRC[k][b]` is the CRC of byte `b` followed by `k` zero bytes. The CRC is linear and starts at 0. So the CRC of a
+/// message is the XOR over its bytes, and the look-ups do not wait for each other.
 static CRC: [[u16; 256]; EXTENDED_BYTES] = crc_tables();
 
 const fn crc_tables() -> [[u16; 256]; EXTENDED_BYTES] {
@@ -76,10 +76,10 @@ fn crc<const BYTES: usize>(message: u128) -> u16 {
 const STATES: usize = 5;
 const AFTER_STUFF_BIT: usize = 4;
 
-/// `STUFF[changes]` says for each state what eight more bits do; `changes` has a 1 for each bit that
-/// differs from its predecessor, first bit on top. State s has byte s of the entry: in its lower six bits
-/// eight times the next state, above them the number of stuff bits, at most 2. So the next state is one
-/// shift away from the present one, and the look-up itself does not wait for the state.
+/// `STUFF[changes]` gives the effect of eight more bits for each state; `changes` has a 1 for each bit that differs
+/// from its predecessor, first bit on top. Byte s of the entry belongs to state s: its lower six bits are eight times
+/// the next state, the bits above them the number of stuff bits, at most 2. So the next state is one shift away from
+/// the present one, and the look-up itself does not wait for the state.
 static STUFF: [u64; 256] = stuff_table();
 
 const fn stuff_table() -> [u64; 256] {
@@ -164,7 +164,7 @@ fn stuff_bits<const BYTES: usize>(changes: &[u8; BYTES]) -> u32 {
     stuffed as u32
 }
 
-/// Bits from the start bit to the end of the intermission: what the frame occupies of the bus.
+/// Bits from the start bit to the end of the intermission: the occupation of the bus by the frame.
 #[inline]
 pub fn bits(frame: &Frame) -> u32 {
     bits_to_end_of_frame(frame) + INTERMISSION
@@ -182,7 +182,7 @@ pub fn bits_to_acknowledgement(frame: &Frame) -> u32 {
     stuffed_bits(frame) + 1
 }
 
-/// How long a frame takes from the start bit on, in nanoseconds, rounded up.
+/// Duration of a frame from the start bit on, in nanoseconds, rounded up.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Airtime {
     /// To the end of the end-of-frame field: its receivers have it.
@@ -191,7 +191,7 @@ pub struct Airtime {
     pub occupation_ns: u64,
 }
 
-/// How long the frame takes at this rate.
+/// Duration of the frame at this rate.
 #[inline]
 pub fn airtime(frame: &Frame, rate: BitRate) -> Airtime {
     let bits = bits_to_end_of_frame(frame);

@@ -30,8 +30,8 @@ pub(super) fn check_room() -> io::Result<()> {
     Err(io::Error::other(text))
 }
 
-/// How many descriptors with a number below `limit` this process has; the system gives none with a higher number. The one by which
-/// they are read is not counted.
+/// Count of descriptors with a number below `limit` in this process; the system gives none with a higher number. The
+/// descriptor for this count itself is not included.
 fn used_below(limit: u64) -> io::Result<u64> {
     let mut used = 0;
     for entry in std::fs::read_dir("/proc/self/fd")? {

@@ -49,7 +49,7 @@ pub struct Doors {
     io: Option<Running>,
 }
 
-/// The thread that does what could block.
+/// The thread for all work that could block.
 struct Running {
     commands: Sender<Command>,
     shared: Arc<Shared>,
@@ -59,7 +59,7 @@ struct Running {
 
 impl Running {
     fn tell(&self, command: Command) {
-        // If the thread is gone, so is what it had.
+        // If the thread is gone, its guests are gone, too.
         let _ = self.commands.send(command);
         let _ = self.waker.wake();
     }
@@ -110,7 +110,7 @@ impl Doors {
         self.next_key += 1;
         let (result, opened) = mpsc::sync_channel(1);
         self.io()?.tell(Command::Open { key, bus, spec, entrance, result });
-        // The thread never waits for anything, so it answers at once.
+        // The thread never blocks, so it answers at once.
         opened.recv().map_err(|_| io::Error::other("the thread of the doors has ended; see the log"))??;
         self.doors.push(Door { bus, spec, key });
         Ok(spec)
@@ -169,7 +169,7 @@ impl Doors {
         }
     }
 
-    /// There is something new for guests to hear.
+    /// Wakes the thread up: there is new traffic for guests.
     pub fn announce(&self) {
         if let Some(io) = &self.io {
             let _ = io.waker.wake();

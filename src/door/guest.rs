@@ -1,4 +1,4 @@
-//! A guest: what it wants of the plant and what it is to hear, between the two threads that deal with it.
+//! A guest: its requests to the plant and the traffic for it, between the two threads that serve it.
 
 use super::seat::Seat;
 use super::slcan::{Rate, Status};
@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// A foreign program at a door. The lock is held for moments only, and never while anything waits.
+/// A foreign program at a door. The lock is held only for moments, and never during a wait.
 #[derive(Debug)]
 pub struct Guest {
     /// Index of its bus in the plant.
@@ -35,7 +35,7 @@ struct Inner {
     seat: Seat,
     /// The bit time until which it asks for time, if it counts bits.
     until_bit: Option<u64>,
-    /// The rate of its bus, as far as it is known.
+    /// The rate of its bus, if it is known.
     bus_bit_s: u32,
     dropped: u64,
     refused: u64,
@@ -54,7 +54,7 @@ pub(super) enum News {
         /// Which.
         said: BusMessage,
     },
-    /// It has its turn: what it asked for by [`Adapter::ask`].
+    /// The guest has its turn, as requested by [`Adapter::ask`].
     Granted {
         /// When.
         time_us: u64,
@@ -70,7 +70,7 @@ pub struct Wish {
     pub takes_part: bool,
     /// The rate it has named.
     pub rate: Option<Rate>,
-    /// It has left for ever.
+    /// The guest has left for good.
     pub has_gone: bool,
     /// A number of octets that it has announced and no telegram has.
     pub bad_length: Option<u16>,
@@ -147,7 +147,7 @@ impl Guest {
         inner.refused += u64::from(!was_taken);
     }
 
-    /// Lets it hear what has arrived at this emulated time, if there is room.
+    /// Queues a message that has arrived at this emulated time for the guest, if there is room.
     pub fn hear(&self, time_us: u64, said: BusMessage) {
         let mut inner = self.inner();
         inner.seat.hear();

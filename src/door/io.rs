@@ -1,4 +1,4 @@
-//! The thread that deals with sockets and terminals: none of its descriptors ever makes it wait.
+//! The thread for sockets and terminals: none of its descriptors ever blocks it.
 
 use super::descriptors;
 use super::guest::{Guest, News};
@@ -19,7 +19,7 @@ use std::time::{Duration, Instant};
 
 /// A command from the plant's side.
 pub(super) enum Command {
-    /// Let guests in here.
+    /// Accept guests here.
     Open {
         /// The door's number.
         key: usize,
@@ -27,7 +27,7 @@ pub(super) enum Command {
         bus: u16,
         /// Specification of the door.
         spec: DoorSpec,
-        /// Where they come in.
+        /// The entrance for guests.
         entrance: Entrance,
         /// Takes the result: the door is open only if it is `Ok`.
         result: SyncSender<io::Result<()>>,
@@ -41,7 +41,7 @@ pub(super) enum Command {
     End,
 }
 
-/// Where guests come in.
+/// An entrance for guests.
 pub(super) enum Entrance {
     Tcp(TcpListener),
     /// Here is always one.
@@ -64,7 +64,7 @@ struct Present {
     refused: BTreeMap<usize, u64>,
 }
 
-/// Why no further guest is let in.
+/// Reason for the rejection of further guests.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 enum NoPlace {
     #[error(
@@ -153,7 +153,7 @@ struct Visit {
     door: usize,
     guest: Arc<Guest>,
     session: Session,
-    /// Whether there may be something to be read.
+    /// Whether more input may wait.
     has_more: bool,
     /// Whether the guest has sent any byte.
     has_spoken: bool,
@@ -219,7 +219,7 @@ impl Visit {
         }
     }
 
-    /// Writes what there is as far as the guest takes it.
+    /// Writes the pending output as far as the guest takes it.
     fn write(&mut self) -> Presence {
         loop {
             while self.unwritten.len() < CHUNK
@@ -247,7 +247,7 @@ impl Visit {
     }
 }
 
-/// Whether the guest has gone while it was accepted: it concerns no others.
+/// Whether the guest has gone while it was accepted: other guests are not affected.
 fn is_of_the_guest(error: &io::Error) -> bool {
     matches!(error.kind(), ErrorKind::Interrupted | ErrorKind::ConnectionAborted | ErrorKind::ConnectionReset)
 }
@@ -266,7 +266,7 @@ pub(super) struct Io {
 }
 
 impl Io {
-    /// The thread's part, and what wakes it up.
+    /// Creates the thread's part, and the waker for it.
     ///
     /// # Errors
     /// The system has no room for another descriptor.

@@ -26,7 +26,7 @@ pub use slcan::Rate;
 pub use spec::{BadDoor, DoorSpec, Speech};
 pub use wire::BusMessage;
 
-/// Most guests that an instance has at once.
+/// Maximum count of guests of an instance at once.
 pub const MAX_GUESTS: usize = 64;
 /// Maximum count of guests that an instance knows. The count includes guests that have left but have frames that will
 /// still enter the plant, which with a stepped clock happens at the next step.

@@ -17,10 +17,10 @@ pub(super) struct Pty {
 }
 
 impl Pty {
-    /// Opens one that passes bytes on as they are.
+    /// Opens a pseudo-terminal that passes bytes on unchanged.
     ///
     /// # Errors
-    /// There is none to be had.
+    /// The system has none left.
     pub(super) fn open() -> io::Result<Self> {
         let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC)?;
         grantpt(&master)?;

@@ -13,7 +13,7 @@ pub enum Seat {
     Free,
     /// The guest has asked for a duration that has not begun yet.
     Asks {
-        /// How long.
+        /// Duration in microseconds.
         us: u64,
         /// Whether it has heard a frame since.
         has_heard: bool,

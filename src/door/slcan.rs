@@ -15,7 +15,7 @@ use core::fmt::Write;
 const OK: u8 = b'\r';
 /// The negative answer.
 const BELL: u8 = 7;
-/// The longest line that means anything: an extended frame with eight bytes and a time.
+/// The longest valid line: an extended frame with eight bytes and a time.
 const LONGEST: usize = 32;
 
 /// A rate as `S` names it.

@@ -5,7 +5,7 @@ use core::str::FromStr;
 use serde::{Deserialize, Serialize};
 use std::net::SocketAddrV4;
 
-/// A door, as it is asked for or as it is open.
+/// A door, as requested or as open.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Deserialize, Serialize)]
 #[serde(try_from = "String", into = "String")]
 pub enum DoorSpec {

@@ -11,7 +11,7 @@ const HEAD: usize = 10;
 /// A guest's end of the protocol.
 #[derive(Debug, Default)]
 pub(super) struct Session {
-    /// A telegram that has not come whole yet.
+    /// An incomplete telegram.
     begun: Vec<u8>,
 }
 

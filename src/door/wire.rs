@@ -35,7 +35,7 @@ pub(super) trait Adapter {
     /// To do so no longer.
     fn close(&mut self);
 
-    /// To send something; `false` if it does not take part or there is no room.
+    /// Sends a message; `false` if the guest does not take part or there is no room.
     fn send(&mut self, said: BusMessage) -> bool;
 
     /// Asks for a turn after `us` microseconds of emulated time, or when the guest has received something; until then
@@ -75,7 +75,7 @@ impl Session {
     /// Takes bytes of the guest and appends the answers to `answer`.
     ///
     /// # Errors
-    /// [`BadLength`]: nothing of what follows can be understood.
+    /// [`BadLength`]: the rest of the stream cannot be decoded.
     pub(super) fn hear(
         &mut self,
         bytes: &[u8],
@@ -91,7 +91,7 @@ impl Session {
         }
     }
 
-    /// Appends what answers a request for time, at this emulated one and this bit time.
+    /// Appends the answer to a request for time, at this emulated time and this bit time.
     pub(super) fn grant(&self, time_us: u64, bit: u64, to: &mut Vec<u8>) {
         match self {
             Session::Slcan(_) => slcan::Session::grant(time_us, to),
@@ -104,7 +104,7 @@ impl Session {
         match (self, said) {
             (Session::Slcan(session), BusMessage::Frame(frame)) => session.tell(time_us, frame, to),
             (Session::Telegrams(_), BusMessage::Burst(burst)) => telegrams::tell(burst, to),
-            // A bus that says something else has no such door.
+            // A bus with other messages has no such door.
             (Session::Slcan(_), BusMessage::Burst(_)) | (Session::Telegrams(_), BusMessage::Frame(_)) => {}
         }
     }

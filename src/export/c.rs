@@ -17,7 +17,7 @@ const ATTACH: &str = include_str!("c/attach.h");
 const TASKS: &str = include_str!("c/tasks.h");
 const EPILOGUE: &str = include_str!("c/epilogue.h");
 
-/// Words of C and C++ that a field of the header page could be called.
+/// Keywords of C and C++ that could be names of fields of the header page.
 const KEYWORDS: [&str; 12] = [
     "switch", "case", "default", "register", "class", "new", "delete", "this", "union", "signed", "short",
     "long",
@@ -128,7 +128,7 @@ fn hex(ty: RegType, value: u32) -> String {
     format!("{}u", format_value(ty, value).replace("16#", "0x"))
 }
 
-/// `start` is what the offsets of the registers count from.
+/// `start` is the base of the offsets of the registers.
 fn structure(
     out: &mut String,
     prefix: &str,
@@ -182,7 +182,7 @@ fn assert_size(out: &mut String, name: &str, bytes: u32) {
     let _ = writeln!(out, "COMMRAM_ASSERT(sizeof({name}) == {bytes}, \"{name} has not {bytes} bytes\");");
 }
 
-/// Where the structures lie, and functions that find them in an image.
+/// The places of the structures, and functions that return them in an image.
 fn places(out: &mut String, prefix: &str, scope: &Scope) {
     out.push_str("\n/* The areas, their first bytes in an image, and the structures. */\n\n");
     for area in &scope.areas {

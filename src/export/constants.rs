@@ -1,4 +1,4 @@
-//! Names for the values and bits of registers, made from what they mean (decision D-221).
+//! Names for the values and bits of registers, derived from their meanings (decision D-221).
 
 use super::Scope;
 use crate::layout::{BitField, Meaning, ValueMeaning};
@@ -29,7 +29,7 @@ pub struct Enumeration {
     pub name: String,
     /// Whether there are bits, so that its members can be added up.
     pub is_flags: bool,
-    /// Names without that of the enumeration, values, and what they mean.
+    /// Names without the prefix of the enumeration, values, and meanings.
     pub members: Vec<(String, u32, String)>,
     /// Full names of the lowest bits' numbers of fields, which are no members.
     pub shifts: Vec<(String, u32)>,

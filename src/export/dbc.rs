@@ -6,10 +6,10 @@ use std::fmt::Write;
 
 /// Placeholder for a node outside the database.
 const NOBODY: &str = "Vector__XXX";
-/// Bit 31 of a number says that the identifier has 29 bits.
+/// Bit 31 of a number marks an identifier with 29 bits.
 const EXTENDED: u32 = 1 << 31;
 
-/// The text of a database of these messages, which have an identifier each; `about` is what it is.
+/// The text of a database of these messages, which have an identifier each; `about` describes it.
 #[must_use]
 pub fn dbc(messages: &[Message], about: &str) -> String {
     let mut nodes: Vec<String> = Vec::new();
@@ -68,7 +68,7 @@ fn list(names: &[String], between: &str) -> String {
     if names.is_empty() { NOBODY.to_owned() } else { names.join(between) }
 }
 
-/// The name as an identifier of C, which is what the format allows.
+/// The name as an identifier of C, as the format requires.
 fn identifier(name: &str) -> String {
     let mut text: String =
         name.chars().map(|c| if c.is_ascii_alphanumeric() || c == '_' { c } else { '_' }).collect();

@@ -174,7 +174,7 @@ fn is_inside(space: &Space) -> String {
     format!("({is_behind}{number} < UINT64_C({end}))")
 }
 
-/// Where the numbered thing begins, in bytes from number 0 on, in C. Bits count within what the number counts.
+/// C expression: start of the addressed unit, in bytes from number 0 on. Bits count within the unit.
 fn number(space: &Space) -> String {
     let number = if space.segment.is_empty() { "(a)" } else { "(b)" };
     match space.unit {

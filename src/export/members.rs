@@ -12,7 +12,7 @@ pub(crate) enum Member {
     Group(Group),
     /// Bytes without a register.
     Padding {
-        /// Where they begin, in bytes from the start of what they are a part of.
+        /// Offset in bytes from the start of the enclosing structure.
         offset: u32,
         /// How many there are.
         bytes: u32,

@@ -46,7 +46,7 @@ pub enum Format {
     Matiec,
     /// The C program that runs a program compiled by matiec.
     MatiecMain,
-    /// The header by which programs of OpenPLC reach an image.
+    /// The header for access to an image by programs of OpenPLC.
     OpenPlc,
     /// OpenPLC's hardware layer.
     OpenPlcLayer,
@@ -161,8 +161,8 @@ pub enum ExportError {
 /// The register map of `device` in `format`; with `block` only that area.
 ///
 /// # Errors
-/// [`ExportError`] if there is no area of that name, if the format has no addresses for it, or if the device is not what it is about:
-/// without an object dictionary, no PROFIBUS-DP slave.
+/// [`ExportError`] if there is no area of that name, if the format has no addresses for it, or if the format does not
+/// fit the device, which has no object dictionary or is no PROFIBUS-DP slave.
 pub fn export(device: &'static Device, format: Format, block: Option<&str>) -> Result<String, ExportError> {
     let mut scope = Scope::new(device, block)?;
     if matches!(format, Format::Matiec | Format::OpenPlc | Format::St(_) | Format::Svd) {
@@ -195,7 +195,7 @@ pub fn export(device: &'static Device, format: Format, block: Option<&str>) -> R
     })
 }
 
-/// A whole file for matiec, as [`StForm::matiec`], that has these function blocks in Structured Text between types and
+/// A whole file for matiec, as [`StForm::matiec`], with these function blocks in Structured Text between types and
 /// program.
 #[must_use]
 pub fn st_with_blocks(device: &'static Device, blocks: &str) -> String {

@@ -1,4 +1,4 @@
-//! One Python module without dependencies: the tables here, what works with them in `python/attach.py`.
+//! One Python module without dependencies: the tables are generated here, and `python/attach.py` has the functions.
 
 use super::constants::{self, Enumeration};
 use super::rows;

@@ -14,7 +14,7 @@ pub struct Scope {
 }
 
 impl Scope {
-    /// The whole device, or only the area called `block`.
+    /// The whole device, or only the area with the name `block`.
     ///
     /// # Errors
     /// [`LayoutError`] if there is none.

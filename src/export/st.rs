@@ -16,8 +16,9 @@ use std::fmt::Write;
 pub struct StForm {
     /// An elementary variable per register instead of structures.
     pub elementary: bool,
-    /// A whole file for matiec, which includes the program and has its configuration. matiec takes each spelling of an
-    /// address once, and makes no C that compiles of an array of arrays: those are arrays of two dimensions here.
+    /// A whole file for matiec, which includes the program and has its configuration. matiec takes each spelling of
+    /// an address only once. Its C code for an array of arrays does not compile: such arrays have two dimensions
+    /// here.
     pub matiec: bool,
 }
 
@@ -102,7 +103,7 @@ impl Spellings {
     }
 }
 
-/// A variable per register that the node where it lies uses.
+/// A variable for each register that the node in this area uses.
 fn elementary(scope: &Scope) -> String {
     let mut out = String::new();
     let mut spellings = Spellings::default();
@@ -140,9 +141,9 @@ fn variable(register: &RegisterRef) -> String {
     words.collect::<Vec<_>>().join("_")
 }
 
-/// A named array type. Compilers of the vendor's kind want one, and the manual names those of one dimension by a
-/// pattern: `USINT_4_BMARRAY` (5.00005.03a p. 77), `BYTE_32_BMARRAY` (p. 213), `DINT_16_BMARRAY` (p. 249). Of arrays of
-/// arrays the inner one sorts first.
+/// A named array type. The vendor's compilers require one. The manual names types with one dimension by a pattern:
+/// `USINT_4_BMARRAY` (5.00005.03a p. 77), `BYTE_32_BMARRAY` (p. 213), `DINT_16_BMARRAY` (p. 249). For arrays of
+/// arrays the inner type sorts first.
 #[derive(Clone, PartialEq, Eq, PartialOrd, Ord)]
 struct Array {
     of_records: bool,
@@ -184,7 +185,7 @@ impl Array {
     }
 }
 
-/// The array types that something needs.
+/// The required array types.
 struct Arrays {
     /// Whether arrays of several dimensions are one type each.
     flat: bool,

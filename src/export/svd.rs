@@ -123,7 +123,7 @@ fn dimensions(xml: &mut Xml, name: &str, dims: &[Dim]) {
     xml.leaf("name", format!("{name}_%s"));
 }
 
-/// `start` is what the offset counts from.
+/// `start` is the base of the offset.
 fn register(xml: &mut Xml, of: &'static Register, start: u32) {
     xml.node("register", "", |xml| {
         dimensions(xml, of.name, members::own_dims(of));

@@ -99,7 +99,7 @@ fn group(out: &mut String, group: &Group) {
     out.push_str("};\n");
 }
 
-/// `start` is what the offset counts from.
+/// `start` is the base of the offset.
 fn register(out: &mut String, of: &'static Register, start: u32) {
     let Register { name, ty, offset, meaning, reset, .. } = of;
     let bits = 8 * ty.width();

@@ -50,7 +50,7 @@ pub(crate) fn names_from(device: &Device) -> Option<String> {
     (!decisions.is_empty()).then(|| decisions.into_iter().collect::<Vec<_>>().join(", "))
 }
 
-/// The addresses of the device and where in the image they lie.
+/// The addresses of the device and their places in the image.
 pub(crate) fn spaces(device: &Device) -> String {
     let told = |space: &Space| {
         let (first, last) = (space.begin(), space.end());

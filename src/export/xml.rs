@@ -20,7 +20,7 @@ impl Xml {
         self.line(&format!("<{name}>{text}</{name}>"));
     }
 
-    /// An element with what `inside` writes. `attributes` are written as they are.
+    /// An element with the content that `inside` writes. `attributes` are written unchanged.
     pub(crate) fn node(&mut self, name: &str, attributes: &str, inside: impl FnOnce(&mut Self)) {
         let blank = if attributes.is_empty() { "" } else { " " };
         self.line(&format!("<{name}{blank}{attributes}>"));

@@ -36,8 +36,8 @@ pub fn is_library(bytes: &[u8]) -> bool {
     bytes.starts_with(b"\x7FELF") && bytes.windows(mark.len()).any(|here| here == mark)
 }
 
-/// The archive; `name` is what tools call the model, `library` the shared object. The same plant, choice of registers and shared object
-/// give the same bytes.
+/// The archive; `name` is the name of the model in tools, `library` the shared object. The same plant, choice of
+/// registers and shared object give the same bytes.
 ///
 /// # Errors
 /// [`ArchiveError`].

@@ -14,7 +14,7 @@ const UNITS: &str = "\
   </UnitDefinitions>
 ";
 
-/// The model description; `name` is what tools call the model.
+/// The model description; `name` is the name of the model in tools.
 #[must_use]
 pub fn description(unit: &Unit, name: &str) -> String {
     let mut xml = String::from("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n");

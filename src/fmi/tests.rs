@@ -112,7 +112,7 @@ fn a_model_turns_the_motor_and_a_state_has_it() {
     for length in [0, 1, 8, bytes.len() / 2, bytes.len() - 1] {
         assert!(unit.of_bytes(&bytes[..length]).is_err(), "{length}");
     }
-    // Each bit of what comes before the snapshot, and some after it.
+    // Each bit before the snapshot, and some bits after it.
     for at in (0..128).chain((128..bytes.len()).step_by(97)) {
         for bit in (0..8).filter(|bit| at < 128 || *bit == at % 8) {
             let mut bytes = bytes.clone();

@@ -24,7 +24,7 @@ const MICROS: f64 = 1e6;
 /// Longest time that a step may take it to: of two neighbouring numbers of 64 bits the distance is below a microsecond there.
 const LONGEST_US: f64 = 9e15;
 
-/// Why a unit does not do something.
+/// Reason for the failure of a call.
 #[derive(Debug, PartialEq, thiserror::Error)]
 pub enum UnitError {
     /// A reference that no variable has.
@@ -198,7 +198,7 @@ impl Unit {
         for (drive, speed) in self.own.shafts.turned() {
             self.plant.turn_shaft(drive, Some(speed));
         }
-        // Neither negative nor above what fits.
+        // Neither negative nor above the maximum of the type.
         self.plant.advance_to(self.own.start_us + end.max(now) as u64);
         Ok(self.time_s())
     }
@@ -256,7 +256,7 @@ impl Unit {
             (What::Shaft { drive, .. }, Value::Float(speed)) => {
                 self.own.shafts.set_speed(drive, speed);
             }
-            // Its type says what value it has.
+            // The type of the variable determines its value.
             _ => {}
         }
         Ok(())
@@ -286,10 +286,10 @@ impl Unit {
         UnitState { own: self.own.clone(), snapshot: self.plant.snapshot() }
     }
 
-    /// Goes to a state of this unit, or of another one of the same archive.
+    /// Restores a state of this unit, or of another unit of the same archive.
     ///
     /// # Errors
-    /// It is of another one.
+    /// The state is of another archive.
     pub fn restore(&mut self, state: &UnitState) -> Result<(), UnitError> {
         if state.own.shafts.len() != self.own.shafts.len() {
             return Err(UnitError::State("it has other drives".to_owned()));

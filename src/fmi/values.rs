@@ -24,7 +24,7 @@ pub enum Value {
 pub(crate) struct Shafts(Vec<(bool, f64)>);
 
 impl Shafts {
-    /// No model turns anything.
+    /// No model turns a motor.
     pub(crate) fn of(plant: &Plant) -> Self {
         Shafts(vec![(false, 0.0); plant.drives().len()])
     }

@@ -1,4 +1,4 @@
-//! The variables of a unit: which there are, what they are called, and what they are.
+//! The variables of a unit: list, names and descriptions.
 
 use crate::layout::{Fit, LayoutError, Owner, RegType, RegisterRef, Width, plc_prefix, split_plc};
 use crate::plant::Plant;

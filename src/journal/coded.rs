@@ -14,7 +14,7 @@ pub type Words = [u64; 3];
 /// Halves of words that belong to the kind.
 const HALVES: usize = 5;
 
-/// Something with a kind, as words and back again.
+/// An event kind that can be encoded as words and decoded.
 pub trait EventCodec: Copy + 'static {
     /// The kind of this event.
     const KIND: &'static Kind;
@@ -196,7 +196,7 @@ pub(super) const fn live_of(number: u32) -> Option<RegisterPhase> {
     }
 }
 
-/// Where something happened, as the first word has it.
+/// The location of an event, as encoded in the first word.
 pub trait Place: Copy {
     /// Index of device or bus, and number of the port.
     fn numbers(self) -> (u16, u8);

@@ -87,7 +87,7 @@ pub enum Keeping {
     State {
         /// Index of the device.
         plc: u16,
-        /// Offset of the register that commands come in.
+        /// Offset of the command register.
         command: u32,
     },
 }

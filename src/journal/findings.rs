@@ -15,7 +15,7 @@ pub struct Entry {
     /// False: counts findings of the rule at all the registers for which there was no room; place and value are
     /// those of the last one.
     pub is_single: bool,
-    /// How often.
+    /// Count of occurrences.
     pub count: u64,
     /// Emulated time of the first finding, in microseconds.
     pub first_us: u64,
@@ -104,7 +104,7 @@ impl Findings {
         self.entries.len() + self.further.len()
     }
 
-    /// Whether nothing was found.
+    /// Whether there are no findings.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }

@@ -57,7 +57,7 @@ fn lengths(waves: &Waves) -> Vec<usize> {
     lengths
 }
 
-/// Declares the signals, scope by scope; what they are called in the file is in the order of their numbers.
+/// Declares the signals, scope by scope; their handles in the file are in the order of their numbers.
 fn define(
     waves: &Waves,
     lengths: &[usize],

@@ -225,7 +225,7 @@ impl History {
         }
     }
 
-    /// Takes what the firmware reports of a register.
+    /// Takes the firmware's report of a register.
     pub(super) fn stored(&mut self, time_us: u64, stored: Stored, mut note: impl FnMut(Changed)) {
         let Ok(at) = self.find(stored.plc, stored.offset) else { return };
         let History { followed, changes, end, is_searching, .. } = self;

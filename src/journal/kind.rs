@@ -18,7 +18,7 @@ pub(super) const RINGS: usize = 5;
 pub enum Ring {
     /// Frames.
     Traffic,
-    /// SYNC edges and what happens in registers.
+    /// SYNC edges and events in registers.
     Registers,
     /// Missed deadlines and injected faults.
     Missed,
@@ -95,7 +95,7 @@ pub struct Carried {
     pub guest: Option<u8>,
 }
 
-/// A telegram as far as the journal has it.
+/// The part of a telegram that the journal keeps.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Octets {
     /// Its octets from the first one on.
@@ -112,7 +112,7 @@ pub struct Kind {
     reads: Reads,
 }
 
-/// How the words of a kind read. Words that say nothing never get here: [`Catalogue::event`] refuses them.
+/// Decoders of the words of a kind. Invalid words never get here: [`Catalogue::event`] refuses them.
 struct Reads {
     normal: fn(Words, &Catalogue) -> Option<Words>,
     source: fn(Words) -> Option<Source>,
@@ -164,7 +164,7 @@ impl Kind {
         self.ring
     }
 
-    /// The words without what this kind does not look at; `None` if they say nothing.
+    /// The words without the bits that this kind ignores; `None` if they are invalid.
     pub(crate) fn normal(&self, words: Words, catalogue: &Catalogue) -> Option<Words> {
         (self.reads.normal)(words, catalogue)
     }

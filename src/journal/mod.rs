@@ -116,7 +116,7 @@ pub struct Journal {
     tally: Tally,
     requests: Requests,
     findings: Findings,
-    /// When to look for counts that are over.
+    /// Time of the next search for ended counts.
     next_look: u64,
     written: u64,
     fingerprint: Fingerprint,
@@ -193,7 +193,7 @@ impl Journal {
         !self.history.is_empty()
     }
 
-    /// Follows a register from now on, from what it holds; `false` if too many are.
+    /// Follows a register from now on, starting with its present value; `false` if too many are followed.
     pub(crate) fn follow(
         &mut self,
         plc: u16,
@@ -210,7 +210,7 @@ impl Journal {
         self.history.is_recorded(plc, offset)
     }
 
-    /// Compares the registers that are followed with what they held.
+    /// Compares the followed registers with their previous values.
     #[cold]
     pub(crate) fn compare(&mut self, time_us: u64, by: By, rams: &impl Rams) {
         let mut noted = Vec::new();
@@ -237,7 +237,7 @@ impl Journal {
         self.history.read(from, max)
     }
 
-    /// Writes that the access checker has found something.
+    /// Records a finding of the access checker.
     #[cold]
     pub fn find(&mut self, time_us: u64, finding: Finding) {
         if let Some(draft) = &mut self.draft {
@@ -282,8 +282,8 @@ impl Journal {
         self.ring.note(Record { latency_us, ..Record::single(time_us, event) });
     }
 
-    /// Lets the journal know the time, so that it notes the counts that are over also when nothing happens. Call it
-    /// at regular emulated times.
+    /// Passes the time to the journal, so that it writes ended counts also when there are no events. Call it at
+    /// regular emulated times.
     #[inline]
     pub fn tick(&mut self, now_us: u64) {
         if now_us >= self.next_look {
@@ -292,7 +292,7 @@ impl Journal {
         }
     }
 
-    /// The first time at which [`Journal::tick`] does something.
+    /// The first time at which [`Journal::tick`] has work to do.
     pub(crate) fn next_look(&self) -> u64 {
         self.next_look
     }
@@ -348,7 +348,7 @@ impl Journal {
         &self.findings
     }
 
-    /// Forgets what the access checker has found. The records stay.
+    /// Forgets the findings of the access checker. The records stay.
     pub fn clear_findings(&mut self) {
         self.findings.clear();
     }

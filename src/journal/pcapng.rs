@@ -33,7 +33,7 @@ pub enum Link {
     Profibus,
 }
 
-/// Options of an interface: its name, the unit of its times, and what to add to them in seconds.
+/// Options of an interface: its name, the unit of its times, and an offset of the times in seconds.
 const NAME: u16 = 2;
 const RESOLUTION: u16 = 9;
 const OFFSET: u16 = 14;

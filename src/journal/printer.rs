@@ -3,7 +3,7 @@
 use super::kind::RINGS;
 use super::{Format, Kind, Record, Source};
 
-/// Which records are wanted. Nothing said means all.
+/// Selects records. An empty selection means all.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Selection {
     /// These kinds.

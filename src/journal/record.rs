@@ -38,12 +38,12 @@ impl Record {
         self.seq >= Self::COUNTED
     }
 
-    /// Whether more may come of what it counts.
+    /// Whether the count of the record may continue.
     pub fn goes_on(&self) -> bool {
         self.seq == Self::PENDING
     }
 
-    /// The same at emulated time `now_us`: what should have come again before that does not go on.
+    /// The same record at emulated time `now_us`: a count with a missing event has ended.
     pub(crate) fn judged_at(self, now_us: u64) -> Self {
         let is_over = self.period_us == 0 || self.time_us.saturating_add(self.period_us.into()) < now_us;
         let seq = if self.is_pending() && is_over { Self::COUNTED } else { self.seq };

@@ -13,7 +13,7 @@ event_kinds! {
     State = 3, "state", Rare, at origin {
         /// Offset of the register.
         offset: u32,
-        /// Offset of the register that commands come in.
+        /// Offset of the command register.
         command: u32,
         /// Value before.
         from: u16,

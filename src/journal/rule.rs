@@ -102,8 +102,8 @@ impl fmt::Display for Rule {
     }
 }
 
-/// Declares rules, and `ALL` of them as a list: number, name, severity, source, text. A device registers them, and its
-/// firmware says `ctx.find(&IT, ..)`.
+/// Declares rules, and `ALL` of them as a list: number, name, severity, source, text. A device registers them, and
+/// its firmware reports a violation with `ctx.find(&IT, ..)`.
 ///
 /// ```
 /// commram::rules! {

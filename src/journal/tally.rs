@@ -22,7 +22,7 @@ const _: () = assert!(PLACES <= u8::MAX as usize);
 /// Places where one event may be.
 const WAYS: usize = 4;
 
-/// An event that was seen and may come again.
+/// An event that may repeat.
 #[derive(Clone, Copy)]
 struct Watched {
     event: Event,
@@ -69,7 +69,7 @@ impl Tally {
         Tally { places: vec![None; PLACES], is_quiet: true }
     }
 
-    /// Saves what has been seen and counted.
+    /// Saves the observed events and the counts.
     pub(crate) fn save(&self, to: &mut Saving) {
         let Tally { places, is_quiet } = self;
         to.value(is_quiet);
@@ -81,7 +81,7 @@ impl Tally {
         }
     }
 
-    /// Takes over what [`Tally::save`] has saved.
+    /// Restores the data that [`Tally::save`] has saved.
     pub(crate) fn restore(
         &mut self,
         from: &mut Saved<'_>,

@@ -3,7 +3,7 @@
 use super::{Catalogue, Format, Names, Reader, Record};
 use std::fmt::Write;
 
-/// Writes records as lines of text: time, source, what happened.
+/// Writes records as lines of text: time, source, event.
 pub struct Text {
     reader: Reader,
     /// Width of the column of sources.

@@ -28,7 +28,7 @@ pub struct Waves {
 /// The values of a register according to the journal.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Past {
-    /// Times in microseconds, ascending, and what the register held from then on.
+    /// Times in microseconds, ascending, each with the value from then on.
     pub values: Vec<(u64, u32)>,
     /// Whether the values are complete from the start of the journal on.
     pub is_recorded: bool,
@@ -45,9 +45,9 @@ pub(super) struct Signal {
 enum Of {
     /// The value of a register: index of the device, and offset.
     Register(u16, u32),
-    /// The SYNC signal of a bus, or the like.
+    /// The SYNC signal of a bus, or a similar signal.
     Edge,
-    /// Something else.
+    /// Any other signal.
     Other,
 }
 
@@ -109,7 +109,7 @@ pub(super) enum Step<'a> {
     Out,
 }
 
-/// A signal shows something from a time on.
+/// The value of a signal from a time on.
 pub(super) struct Change {
     pub time_us: u64,
     pub signal: usize,

@@ -51,7 +51,7 @@ impl Address {
         self.bit
     }
 
-    /// Bit `bit` of what lies here.
+    /// Bit `bit` of the object at this address.
     pub(super) const fn of_bit(self, bit: u32) -> Self {
         let Self { offset, space, .. } = self;
         Self { offset: offset + bit / 8, width: Width::Byte, bit: Some((bit % 8) as u8), space }
@@ -109,7 +109,7 @@ impl fmt::Display for Address {
         let Space { letter, segment, unit, .. } = space;
         f.pad(&match bit {
             Some(bit) => {
-                // A bit is counted within what the number counts.
+                // A bit is counted within the unit of the number.
                 let (number, first) = (space.number(offset, unit.width()), space.offset);
                 let inside = (offset - first) % unit.width().bytes();
                 format!("%{letter}X{segment}{number}.{}", u32::from(bit) + 8 * inside)
@@ -147,10 +147,10 @@ impl Device {
         Address { bit: address.bit, ..self.at(address.width, address.offset) }
     }
 
-    /// The address that `text` is; letters may be lower case.
+    /// The address in `text`; letters may be lower case.
     ///
     /// # Errors
-    /// It is none, or none of this device; what would be right.
+    /// The text is no address, or no address of this device; the error names the right notation.
     pub fn address(&'static self, text: &str) -> Result<Address, LayoutError> {
         let wrong = || LayoutError::BadAddress { text: text.to_owned(), known: self.known_spaces() };
         let nowhere = || LayoutError::NoSpace { text: text.to_owned(), known: self.known_spaces() };

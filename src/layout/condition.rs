@@ -4,7 +4,7 @@ use super::place::{BadValue, Place};
 use super::{RegisterPhase, Width};
 use thiserror::Error;
 
-/// How what a register holds is compared with a value.
+/// The comparison of a register's content with a value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Compare {
     /// `==`
@@ -26,7 +26,7 @@ impl Compare {
     pub const ALL: [Self; 6] =
         [Self::Equal, Self::NotEqual, Self::Less, Self::LessOrEqual, Self::Greater, Self::GreaterOrEqual];
 
-    /// As it is written; the longer ones first.
+    /// Notations; the longer ones first.
     const WRITTEN: [(&'static str, Self); 7] = [
         ("==", Self::Equal),
         ("!=", Self::NotEqual),
@@ -98,7 +98,7 @@ impl Test {
     }
 }
 
-/// A register and what shall hold of it.
+/// A register and a condition on its content.
 #[derive(Clone, Debug)]
 pub struct Condition {
     /// The register.
@@ -118,7 +118,7 @@ pub enum ConditionError<E> {
     /// The register cannot hold the value.
     #[error(transparent)]
     Value(#[from] BadValue),
-    /// Not the notation of a condition, or one that says nothing.
+    /// The text is not a condition, or has no effect.
     #[error("`{text}`: {right}")]
     Notation {
         /// As given.

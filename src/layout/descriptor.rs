@@ -1,4 +1,4 @@
-//! Descriptors: what the layout files say about areas, structures and registers, as static data.
+//! Descriptors: areas, structures and registers of the layout files, as static data.
 
 mod meaning;
 mod provenance;
@@ -16,7 +16,7 @@ use super::space::{Retain, Space};
 use core::fmt;
 use core::ops::RangeInclusive;
 
-/// A device: its areas and what lies in them.
+/// A device: its areas and their content.
 pub struct Device {
     /// Name of the layout, as `--device` and plant files take it.
     pub name: &'static str,
@@ -41,8 +41,8 @@ pub struct Device {
     pub gsd: Option<&'static Gsd>,
     /// The words of the device's front, in the header page.
     pub front: &'static [FrontWord],
-    /// The same words as registers of an area in the header page, if there are any. It is none of its [`areas`](Device::areas), since no program of
-    /// the device can reach them (decision D-281).
+    /// The same words as registers of an area in the header page, if there are any. The area is not among the
+    /// device's [`areas`](Device::areas), since no program of the device can reach it (decision D-281).
     pub front_area: Option<&'static Area>,
     /// The ports in the order of their numbers.
     pub ports: &'static [Port],
@@ -61,7 +61,7 @@ impl PartialEq for Device {
 impl Eq for Device {}
 
 impl Device {
-    /// A device that nothing is known about: without areas, so that none of its registers has a name.
+    /// A device without known facts: it has no areas, so that none of its registers has a name.
     pub const UNKNOWN: Device = Device {
         name: "unknown",
         title: "unknown device",
@@ -113,7 +113,7 @@ pub struct Port {
     pub medium: &'static str,
     /// The possible roles of the port.
     pub roles: &'static [Role],
-    /// Where its registers lie.
+    /// The area of its registers.
     pub area: &'static Area,
 }
 
@@ -239,7 +239,8 @@ pub struct Placed {
     pub unused: &'static [&'static str],
 }
 
-/// When a structure is valid: what initializes a node may overlay what it works with afterwards.
+/// The phase in which a structure is valid: the structure for the initialization of a node may overlay the cyclic
+/// one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "emulator", derive(serde::Serialize, serde::Deserialize))]
 pub enum RegisterPhase {

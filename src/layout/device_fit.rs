@@ -1,4 +1,4 @@
-//! A device as it is fitted: which of the structures that its areas can have lie there.
+//! A device and its options: the structures that actually lie in its areas.
 
 use super::descriptor::{Area, Device, Dim, Placed, Port, Register, RegisterPhase, Role};
 use super::register::RegisterRef;
@@ -28,7 +28,7 @@ impl Fit {
         }
     }
 
-    /// Whether a structure for this role, or for any, lies in the area of such a port.
+    /// Whether the area of such a port contains a structure for this role, or for any role.
     #[must_use]
     pub fn has(self, role: Option<Role>) -> bool {
         match (self, role) {
@@ -49,7 +49,7 @@ pub struct DeviceFit {
 }
 
 impl DeviceFit {
-    /// The device with nothing known but what its layout leaves no choice in.
+    /// The device without any facts beyond its layout.
     #[must_use]
     pub fn unknown(device: &'static Device) -> Self {
         let mut fitted = Self { device, ports: [Fit::Unknown; MOST_PORTS] };
@@ -59,7 +59,7 @@ impl DeviceFit {
         fitted
     }
 
-    /// The same, with port `number` as `fit` says. A number that no port has changes nothing.
+    /// The same, with port `number` set to `fit`. An unknown number changes nothing.
     #[must_use]
     pub fn with(mut self, number: u8, fit: Fit) -> Self {
         let ports = self.ports.iter_mut().zip(self.device.ports);
@@ -96,7 +96,7 @@ impl DeviceFit {
         ports.find(|(port, _)| port.area.first == area.first).map_or(Fit::Unknown, |(_, fit)| fit)
     }
 
-    /// The structures that lie in `area`, as far as is known.
+    /// The structures in `area`, as far as they are known.
     pub fn placed(&self, area: &'static Area) -> impl DoubleEndedIterator<Item = &'static Placed> + use<> {
         let fit = self.area(area);
         area.structures.iter().filter(move |placed| fit.has(placed.role))
@@ -135,7 +135,7 @@ impl DeviceFit {
 }
 
 impl Placed {
-    /// Whether the area can have both structures at once.
+    /// Whether the area can contain both structures at once.
     pub(super) fn shares_role(&self, other: &Self) -> bool {
         self.role.is_none() || other.role.is_none() || self.role == other.role
     }
@@ -147,7 +147,7 @@ impl Register {
         self.name == other.name && self.group == other.group
     }
 
-    /// Whether both lie at the same place of their structures, at the same widths and with the same bounds.
+    /// Whether both have the same place in their structures, the same widths and the same bounds.
     pub(super) fn lies_like(&self, other: &Self) -> bool {
         let bounds = |of: &'static [Dim]| of.iter().map(|dim| (dim.count, dim.stride));
         self.offset == other.offset

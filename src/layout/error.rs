@@ -132,7 +132,7 @@ pub enum LayoutError {
         variable: &'static str,
         /// The role that the variable belongs to.
         of: Role,
-        /// Where it would lie.
+        /// The area of its registers.
         area: &'static str,
         /// The role of the port.
         is: Role,

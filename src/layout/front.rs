@@ -58,7 +58,7 @@ impl FrontWord {
         self.takes(number).then_some(number)
     }
 
-    /// Whether the word can have this value: any, if nothing is said of its values.
+    /// Whether the word can have this value: any value, if the layout names none.
     #[must_use]
     pub fn takes(&self, value: u32) -> bool {
         let known = |meaning: &Meaning| {

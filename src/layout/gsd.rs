@@ -1,4 +1,4 @@
-//! Device description files (GSD): what masters know of a PROFIBUS-DP slave.
+//! Device description files (GSD) of PROFIBUS-DP slaves, for masters.
 
 use super::descriptor::{Provenance, Register};
 
@@ -82,7 +82,7 @@ pub struct Texts {
     pub from: Provenance,
 }
 
-/// A module that a user can take as it is.
+/// A module with a fixed configuration.
 #[derive(Debug)]
 pub struct Module {
     /// Its name.

@@ -15,7 +15,7 @@ pub struct Target<'a> {
     pub plc: Option<&'a str>,
     /// The place and width of the access.
     pub address: Address,
-    /// The area it lies in.
+    /// The area of the target.
     pub area: &'static Area,
     /// The registers there: two where structures overlay each other, none in plain RAM and padding.
     /// A name gives just the one register.
@@ -48,14 +48,14 @@ impl Device {
         }
     }
 
-    /// Bytes of the device's segment: of its image file, and of its RAM on the heap. Whole 64-bit words, as which the access
-    /// checker compares structures up to their end.
+    /// Bytes of the device's segment, which is its image file or its RAM on the heap. The size is a multiple of
+    /// 64-bit words, in which the access checker compares structures up to their end.
     #[must_use]
     pub const fn segment_size(&self) -> usize {
         (self.end() as usize).next_multiple_of(8)
     }
 
-    /// The area that `address` lies in.
+    /// The area that contains `address`.
     ///
     /// # Errors
     /// [`LayoutError::NoArea`] with the areas around.
@@ -83,7 +83,7 @@ impl Device {
         }
     }
 
-    /// Why nothing lies at `address`, for people.
+    /// Message for people: the reason why nothing is at `address`.
     #[must_use]
     pub fn not_covered(&self, address: Address) -> String {
         let width = address.width();

@@ -74,8 +74,7 @@ impl<'a> Path<'a> {
         }
     }
 
-    /// The path with the register's own name, where it has what the manual calls the register in another place
-    /// ([`Register::also`]).
+    /// The path with the register's own name in place of the manual's other name for it ([`Register::also`]).
     fn in_block(mut self, block: &Block) -> Self {
         let registers = || block.placed().flat_map(|placed| placed.structure.registers);
         let is_also = |register: &&Register| {

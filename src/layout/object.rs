@@ -1,4 +1,4 @@
-//! Object dictionaries: what a service data object (SDO) reaches.
+//! Object dictionaries: the objects that service data objects (SDO) access.
 
 use super::descriptor::{Device, Provenance};
 use core::fmt;

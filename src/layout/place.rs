@@ -135,7 +135,7 @@ impl Place {
         }
     }
 
-    /// Parses a value for this place: a number, or what the register's values or bits are called ([`value::named`]).
+    /// Parses a value for this place: a number, or a name of the register's values or bits ([`value::named`]).
     ///
     /// # Errors
     /// [`BadValue`] with the register.

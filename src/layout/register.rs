@@ -22,13 +22,13 @@ pub struct RegisterRef {
 }
 
 impl RegisterRef {
-    /// The structure that lies in the area.
+    /// The structure in the area.
     #[must_use]
     pub const fn structure(&self) -> &'static Structure {
         self.placed.structure
     }
 
-    /// Whether `area.register` can be another register, because what the port of the area is decides and is not known.
+    /// Whether `area.register` can be another register, because it depends on the unknown role of the port.
     #[must_use]
     pub fn is_ambiguous(&self) -> bool {
         let others = self.area.structures.iter().filter(|placed| !placed.shares_role(self.placed));

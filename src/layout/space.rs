@@ -1,12 +1,12 @@
-//! Spaces of addresses: how a device writes them, and where in the image they lie.
+//! Spaces of addresses: their notation on a device, and their place in the image.
 
 use super::descriptor::{Area, Device};
 use super::width::Width;
 use core::fmt;
 use core::ops::RangeInclusive;
 
-/// Addresses that are written in one way and lie in the image in a row. No two of a device have a byte of the image in
-/// common, so that every byte is named in one way only.
+/// A range of addresses with one notation, contiguous in the image. Two spaces of a device share no byte of the
+/// image, so that every byte has exactly one name.
 #[derive(Debug)]
 pub struct Space {
     /// Name in the layout files.
@@ -62,7 +62,7 @@ impl Unit {
 /// The area with a size that each plant sets: retain flags.
 #[derive(Debug)]
 pub struct Retain {
-    /// Where they lie, as many as there can be. It is plain RAM, and none of the device's [`areas`](Device::areas).
+    /// The largest possible range of the flags. It is plain RAM, and not among the device's [`areas`](Device::areas).
     pub area: Area,
     /// How many bytes there are in a plant that does not say otherwise.
     pub default_bytes: u32,
@@ -91,7 +91,7 @@ impl Space {
         self.contains(offset).then_some(offset)
     }
 
-    /// The numbers of the bytes or words that lie in bytes `first` to `last` of the image.
+    /// The numbers of the bytes or words in bytes `first` to `last` of the image.
     #[must_use]
     pub const fn numbers(&self, first: u32, last: u32) -> RangeInclusive<u32> {
         let width = self.unit.width();
@@ -110,7 +110,7 @@ impl Space {
         self.named(self.offset)
     }
 
-    /// The last address of what a number counts.
+    /// The last address of the space, in its unit.
     #[must_use]
     pub fn end(&self) -> String {
         self.named(self.offset + (self.bytes - 1))

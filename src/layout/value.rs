@@ -15,7 +15,7 @@ pub enum ValueError {
         /// As given.
         text: String,
     },
-    /// Neither a number nor what a value of the register is called.
+    /// Neither a number nor the name of a value of the register.
     #[error("`{text}` is no number and no value of this register; its values are {known}{hint}")]
     Unknown {
         /// As given.

@@ -62,7 +62,7 @@ impl Variables {
     }
 }
 
-/// Something that a block's call takes.
+/// A parameter of a block's call.
 pub trait Wire: Sized {
     /// The view of the wire that the call gets.
     type Lent;

@@ -5,7 +5,7 @@ use core::fmt;
 use core::time::Duration;
 use thiserror::Error;
 
-/// Which way a value goes.
+/// Direction of a value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Direction {
     /// From the program to the block.
@@ -21,7 +21,7 @@ pub enum Direction {
 pub struct Pin {
     /// Its name, letter for letter as in the manual.
     pub name: &'static str,
-    /// Which way it goes.
+    /// Direction of the value.
     pub direction: Direction,
 }
 

@@ -59,7 +59,7 @@ impl Ram {
         &self.header
     }
 
-    /// Emulated time in microseconds, as it was when the firmware last did anything.
+    /// Emulated time in microseconds, at the last action of the firmware.
     pub fn now_us(&self) -> u64 {
         self.header.virtual_time_us.load()
     }
@@ -70,8 +70,8 @@ impl Ram {
         Watch { ends_us: self.now_us().saturating_add(time_us) }
     }
 
-    /// Emulated time in microseconds at this very moment: in real time it goes on between two things the
-    /// firmware does.
+    /// Emulated time in microseconds at this very moment: in real time the clock also advances between two actions of
+    /// the firmware.
     pub(crate) fn exact_us(&self) -> u64 {
         let epoch_ns = self.header.real_epoch_ns.load();
         if epoch_ns == 0 {
@@ -94,7 +94,7 @@ pub struct Base<T: SharedRegs> {
 }
 
 impl<T: SharedRegs> Base<T> {
-    /// The RAM that the structure lies in.
+    /// The RAM that contains the structure.
     pub(crate) fn ram(&self) -> &Ram {
         &self.ram
     }
@@ -116,7 +116,7 @@ impl<T: SharedRegs> Deref for Base<T> {
     }
 }
 
-/// A structure of registers that lie as those of `V` do: `V` itself, and what devices call otherwise.
+/// A structure of registers with the same layout as `V`: `V` itself, and types with other names in devices.
 pub trait Like<V>: SharedRegs + AsRef<V> {}
 
 impl<V, T: SharedRegs + AsRef<V>> Like<V> for T {}
@@ -129,7 +129,7 @@ pub(crate) struct Viewed<'a, V> {
 }
 
 impl<V> Viewed<'_, V> {
-    /// The RAM that the structure lies in.
+    /// The RAM that contains the structure.
     pub(crate) fn ram(&self) -> &Ram {
         self.ram
     }

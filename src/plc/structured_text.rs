@@ -1,4 +1,4 @@
-//! Function blocks in IEC Structured Text: texts that several devices share, with words for what differs.
+//! Function blocks in IEC Structured Text: texts that several devices share, with words for the differences.
 
 /// A part of a device's function blocks in Structured Text.
 #[derive(Clone, Copy, Debug)]

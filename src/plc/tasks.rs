@@ -30,8 +30,7 @@ pub trait Program {
     /// The program gives up.
     fn cold_start(&mut self) -> Result<Progress, Self::Error>;
 
-    /// Start task after a warm start, likewise: retained variables keep their values. As the cold start unless
-    /// the program says otherwise.
+    /// Start task after a warm start: retained variables keep their values. By default the same as the cold start.
     ///
     /// # Errors
     /// The program gives up.
@@ -74,7 +73,7 @@ impl Progress {
 /// Why a program has ended.
 #[derive(Debug, Error)]
 pub enum RunError<E: fmt::Display + fmt::Debug> {
-    /// The emulator is gone, or nothing fell due for too long.
+    /// The emulator is gone, or no task became due for too long.
     #[error(transparent)]
     Memory(#[from] MemoryError),
     /// The program gave up.
@@ -96,10 +95,10 @@ pub struct Tasks<P: Program> {
     ram: Ram,
     program: P,
     period_us: u64,
-    /// Event numbers and how often each event had come at the last look.
+    /// Event numbers, each with the count of events at the last poll.
     events: Vec<(usize, u32)>,
     phase: Phase,
-    /// Its variables have had their initial values once.
+    /// Whether its variables have been initialized.
     is_initialized: bool,
     /// Orders of the board seen so far.
     orders: u32,
@@ -186,7 +185,7 @@ impl<P: Program> Tasks<P> {
         Ok(Progress::Again)
     }
 
-    /// Runs the program until it ends. `patience` is how long, in real time, nothing may fall due.
+    /// Runs the program until it ends. `patience` is the longest real time without a due task.
     ///
     /// In stepped mode the emulated time waits for the event tasks (lockstep): each event gets its call, at its own
     /// emulated time. Event tasks take no emulated time. An order of the board is obeyed at the emulated time at which it is given. The time
@@ -229,10 +228,10 @@ impl<P: Program> Tasks<P> {
                 && self.events.iter().any(|&(event, seen)| count(&self.ram, event) != seen)
     }
 
-    /// Does what the board orders.
+    /// Obeys the orders of the board.
     fn obey(&mut self) {
         let header = self.ram.header();
-        // A reset may be over before it is looked for.
+        // A reset may be over before the poll.
         let restarts = header.program.restarts.load();
         if core::mem::replace(&mut self.restarts, restarts) != restarts && self.phase != Phase::Stopped {
             self.enter(Phase::Stopped, ProgramState::Stopped);
@@ -269,7 +268,7 @@ impl<P: Program> Tasks<P> {
 
     fn enter(&mut self, phase: Phase, state: ProgramState) {
         self.phase = phase;
-        // 0 says that the project is gone; it stays so until one is loaded.
+        // 0 means that the project is gone; it stays 0 until a project is loaded.
         self.ram
             .header()
             .program
@@ -297,7 +296,7 @@ impl<P: Program> Tasks<P> {
     }
 }
 
-/// How often an event has come.
+/// Count of events.
 fn count(ram: &Ram, event: usize) -> u32 {
     ram.header().events.get(event).map_or(0, |slot| slot.bell.rings())
 }

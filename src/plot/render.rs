@@ -1,4 +1,4 @@
-//! Plots as files. The font is part of the program: neither the machine that draws nor the test that looks has to have any.
+//! Plots as files. The font is part of the program: neither the drawing machine nor a test needs an installed font.
 
 use super::{Plot, draw};
 use plotters::backend::{BitMapBackend, SVGBackend};

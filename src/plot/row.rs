@@ -26,7 +26,7 @@ pub struct Row {
     pub name: String,
     /// How it is drawn.
     pub style: Style,
-    /// Times in microseconds, ascending, and what the register held from then on: as a number of its type.
+    /// Times in microseconds, ascending, each with the value from then on, as a number of its type.
     pub points: Vec<(u64, i64)>,
     /// The values as text, of the same length.
     pub texts: Vec<String>,
@@ -76,7 +76,7 @@ impl Row {
         self
     }
 
-    /// Keeps what can be seen from `from_us` to `to_us`, with the value that holds at the beginning.
+    /// Keeps the visible part from `from_us` to `to_us`, with the value that is valid at the beginning.
     pub(super) fn cut(&mut self, from_us: u64, to_us: u64, edges: &[u64]) {
         let first = self.points.partition_point(|(time, _)| *time <= from_us).saturating_sub(1);
         let end = self.points.partition_point(|(time, _)| *time <= to_us);

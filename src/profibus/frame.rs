@@ -25,7 +25,7 @@ const SD4: u8 = 0xDC;
 const ED: u8 = 0x16;
 const SC: u8 = 0xE5;
 
-/// An address octet says by this bit that a service access point follows.
+/// Bit of an address octet that announces a service access point.
 const EXTENDED: u8 = 0x80;
 
 /// A telegram on the line.
@@ -33,7 +33,7 @@ const EXTENDED: u8 = 0x80;
 pub enum Telegram {
     /// A request or an answer.
     Frame(Frame),
-    /// The right to ask goes on.
+    /// The token is passed on.
     Token {
         /// Destination address, 0 to 127.
         da: u8,
@@ -64,13 +64,13 @@ pub struct Frame {
 /// Why octets are no telegram, or a telegram no octets.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum TelegramError {
-    /// No telegram begins like this.
+    /// No telegram begins with this octet.
     #[error("no telegram begins with 16#{0:02X}; it is 10, 68, A2, DC or E5")]
     Start(u8),
     /// There are none.
     #[error("there are no octets")]
     Empty,
-    /// There are more or fewer than the start delimiter, or the length, says.
+    /// The count of octets does not match the start delimiter or the length.
     #[error("{found} octets where there must be {expected}")]
     Length {
         /// Count found.
@@ -147,10 +147,10 @@ fn checked(octets: &[u8], head: usize, expected: usize) -> Result<&[u8], Telegra
 }
 
 impl Telegram {
-    /// The telegram of these octets, which are one as a whole.
+    /// Parses octets that are exactly one telegram.
     ///
     /// # Errors
-    /// [`TelegramError`] says what of it is wrong; a station says nothing to that.
+    /// [`TelegramError`] describes the error; a station does not answer such octets.
     pub fn parse(octets: &[u8]) -> Result<Self, TelegramError> {
         let (start, found) = (*octets.first().ok_or(TelegramError::Empty)?, octets.len());
         let frame = |inner: &[u8]| {
@@ -261,7 +261,7 @@ mod tests {
         assert_eq!(Telegram::parse(&none), Err(TelegramError::Length { found: 3, expected: 4 }));
     }
 
-    /// A telegram, which is the same once more, or refused.
+    /// The octets are refused, or are a telegram that is equal after it is written and parsed again.
     fn telegram_or_refused(octets: &[u8]) {
         if let Ok(telegram) = Telegram::parse(octets) {
             assert_eq!(Telegram::parse(&telegram.octets().unwrap()), Ok(telegram));

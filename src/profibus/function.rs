@@ -20,7 +20,7 @@ pub enum Answer {
     Ok,
     /// Data.
     Low,
-    /// Data, and there is something of high priority: a diagnosis.
+    /// Data, and data of high priority are pending: a diagnosis.
     High,
     /// There is no such service here, or not now.
     NotActivated,
@@ -58,7 +58,7 @@ const UNANSWERED: [u8; 3] = [0x00, 0x04, 0x06];
 
 impl FunctionCode {
     /// Returns true if a telegram with this octet is an answer. A master in a token ring answers with codes that are
-    /// [`FunctionCode::Other`], since bits 4 and 5 of its answers say what kind of station it is.
+    /// [`FunctionCode::Other`], since bits 4 and 5 of its answers give the type of station.
     #[must_use]
     pub const fn is_answer(octet: u8) -> bool {
         octet & (RESERVED | IS_REQUEST) == 0

@@ -32,7 +32,8 @@ impl BusRate {
         self.0
     }
 
-    /// How long a master waits for an answer to begin, in bit times: more than the largest T_SDR that a slave of the rate may have.
+    /// Longest wait of a master for the start of an answer, in bit times: more than the largest T_SDR of a slave at
+    /// this rate.
     #[must_use]
     pub const fn slot_bits(self) -> u64 {
         match self.0 {

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 pub enum Reaction {
     /// The request is for another station.
     Nothing,
-    /// The answer is this: a status, or what has been answered to the same request before.
+    /// The answer: a status, or the earlier answer to the same request.
     Answered(Telegram),
     /// A new request; the user answers it with [`Responder::answer`].
     Asked(Frame),

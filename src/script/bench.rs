@@ -47,9 +47,9 @@ const LOOK_BACK: u64 = 512;
 
 /// A plant and the verbs that act on it.
 ///
-/// Registers are named as everywhere: `node2.w_CPU_CONTROL`, `line2:node2.a_STAT_SL[1]`, `%MW3.200000`. Values
-/// are numbers or texts such as `16#0040`; times are texts with a unit such as `2ms`, durations, or numbers of
-/// microseconds. Time only passes in the verbs that say so.
+/// Registers are named as everywhere: `node2.w_CPU_CONTROL`, `line2:node2.a_STAT_SL[1]`, `%MW3.200000`. Values are
+/// numbers or texts such as `16#0040`; times are texts with a unit such as `2ms`, durations, or numbers of
+/// microseconds. Only the verbs that say so advance the clock.
 ///
 /// ```
 /// use commram::script::{Bench, ScenarioError};
@@ -63,7 +63,7 @@ const LOOK_BACK: u64 = 512;
 /// ```
 pub struct Bench {
     carrier: Box<dyn Carrier>,
-    /// Whether time passes only in the verbs.
+    /// Whether only the verbs advance the clock.
     is_stepped: bool,
     names: Names,
     /// Heading that failures report as their location.
@@ -72,18 +72,18 @@ pub struct Bench {
     started_us: u64,
     /// Longest time from there.
     limit_us: u64,
-    /// Faults that must strike: their numbers, and what they are.
+    /// Faults that must take effect.
     required: Vec<Required>,
-    /// Asked now and then while time passes: whether to end the verb.
+    /// Called regularly while the clock advances: returns true to end the verb.
     interrupt: Option<Box<dyn FnMut() -> bool + Send>>,
 }
 
-/// A fault that must strike.
+/// A fault that must take effect.
 struct Required {
     number: u16,
     /// The text of the line.
     text: String,
-    /// The line of a script that wants it.
+    /// The line of a script that requires it.
     place: Option<Place>,
 }
 
@@ -213,7 +213,7 @@ impl Bench {
         self.peek_at(&self.find(register)?)
     }
 
-    /// As [`Bench::peek`] for a register that was found before.
+    /// Does the same as [`Bench::peek`] for a register from [`Bench::find`].
     ///
     /// # Errors
     /// The instance has gone.
@@ -234,7 +234,7 @@ impl Bench {
         Ok(register.place.meaning(live, value))
     }
 
-    /// The register with its value and what it means: `node2.w_OPTION_STATUS = 16#0043  synchronous ...`.
+    /// The register with its value and meaning: `node2.w_OPTION_STATUS = 16#0043  synchronous ...`.
     ///
     /// # Errors
     /// There is no such register.
@@ -254,7 +254,7 @@ impl Bench {
         self.poke_at(&self.find(register)?, value)
     }
 
-    /// As [`Bench::poke`] for a register that was found before.
+    /// Does the same as [`Bench::poke`] for a register from [`Bench::find`].
     ///
     /// # Errors
     /// It cannot hold the value, or it is a single bit.
@@ -298,7 +298,7 @@ impl Bench {
         self.carrier.segment(plc)
     }
 
-    /// A block was called: what it has asked of its board is answered.
+    /// Waits after the call of a block until the board has answered its requests.
     pub(super) fn answer_boards(&mut self) -> Result<(), ScenarioError> {
         // With a stepped clock the wait ends before any request.
         if self.is_stepped {

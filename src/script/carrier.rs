@@ -1,15 +1,15 @@
-//! How the verbs' operations come to a plant and its replies back.
+//! Transport of the verbs' operations to a plant and of its replies.
 
 use super::ScenarioError;
 use crate::memory::Segment;
 use crate::request::{Op, Reply};
 
-/// A way to a plant that scenarios run on. It goes with its bench from thread to thread.
+/// The connection to the plant of a scenario. It moves with its bench from thread to thread.
 pub(super) trait Carrier: Send {
-    /// Brings an operation there and its reply back.
+    /// Executes an operation and returns its reply.
     ///
     /// # Errors
-    /// It was refused, or the plant has gone.
+    /// The operation was refused, or the plant has gone.
     fn ask(&mut self, op: Op) -> Result<Reply, ScenarioError>;
 
     /// The RAM of a PLC, as a program on that PLC has it.

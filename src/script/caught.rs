@@ -36,7 +36,7 @@ impl Caught {
     }
 }
 
-/// Lets scripts look at errors.
+/// Gives scripts access to the fields of errors.
 pub(super) fn register(engine: &mut Engine) {
     engine
         .register_type_with_name::<Caught>("Error")

@@ -18,7 +18,7 @@ pub(super) fn in_words(said: &str) -> Cow<'_, str> {
     if said.contains(TEXT) { said.replace(TEXT, "string").into() } else { said.into() }
 }
 
-/// Types as the engine names them, and what they are.
+/// Types as the engine names them, and their names in messages.
 const TYPES: [(&str, &str); 14] = [
     (TEXT, "a text"),
     ("string", "a text"),

@@ -1,4 +1,4 @@
-//! The verbs of scenario scripts: what a Rhai script may call.
+//! The verbs of scenario scripts: the functions that a Rhai script may call.
 
 mod arguments;
 mod block;
@@ -48,7 +48,7 @@ impl Shared {
         self.with(|stage| stage.bench().and_then(act))
     }
 
-    /// As [`Shared::act`], where the scenario fails unless something is as it expects.
+    /// Does the same as [`Shared::act`] for an expectation.
     fn expect<T>(&self, act: impl FnOnce(&mut Bench) -> Result<T, ScenarioError>) -> Fallible<T> {
         self.with(|stage| {
             stage.expectations += 1;

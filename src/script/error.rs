@@ -89,10 +89,10 @@ pub enum ScenarioError {
     /// The RAM cannot be used.
     #[error(transparent)]
     Memory(#[from] MemoryError),
-    /// The plant did not do what it was asked for.
+    /// The plant refused the operation.
     #[error(transparent)]
     Refused(#[from] Refused),
-    /// The plant answers something else.
+    /// The plant sent a reply to another operation.
     #[error(transparent)]
     WrongReply(#[from] WrongReply),
     /// The instance at the other end of the channel.
@@ -114,12 +114,12 @@ impl From<Failure> for ScenarioError {
 }
 
 impl ScenarioError {
-    /// Something is not as it must be written.
+    /// Error about an argument with wrong notation.
     pub(super) fn argument(text: &str, right: &str) -> Self {
         Self::Argument { text: text.to_owned(), right: right.to_owned() }
     }
 
-    /// Whether the plant did not behave as the scenario says; otherwise the scenario itself is wrong.
+    /// Whether the plant behaved differently from the scenario; otherwise the scenario itself is wrong.
     pub fn is_failure(&self) -> bool {
         self.failure_kind().is_some()
     }

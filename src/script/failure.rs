@@ -16,7 +16,7 @@ pub enum FailureKind {
     Throw,
     /// It does not end within its limits.
     Endless,
-    /// The plant refuses what it is asked for, or has gone.
+    /// The plant refuses an operation, or has gone.
     Refused,
     /// It expects nothing.
     Empty,
@@ -52,7 +52,7 @@ pub struct Failure {
     pub actual: Option<String>,
     /// The same as numbers, if it is about a register.
     pub numbers: Option<Numbers>,
-    /// How long was waited for it, in emulated microseconds, if it was waited for.
+    /// Duration of the wait in emulated microseconds, if the expectation is a wait.
     pub within_us: Option<u64>,
     /// Emulated time in microseconds.
     pub time_us: u64,
@@ -86,9 +86,9 @@ pub enum Way {
     Program,
     /// The firmware writes one.
     Firmware,
-    /// Something is on a bus.
+    /// Traffic on a bus.
     Bus,
-    /// Something is wrong.
+    /// An error.
     Wrong,
     /// Steps that are not listed one by one.
     More,

@@ -69,7 +69,7 @@ impl Federate {
         vec![0; self.plant.devices().len()]
     }
 
-    /// Takes in what there is; if it is its turn then, whether it follows or not.
+    /// Receives the pending messages; returns whether this federate has its turn afterwards.
     fn look(&mut self) -> bool {
         let mut federation = self.federation.take().unwrap();
         federation.look(self).unwrap();
@@ -232,8 +232,8 @@ mod tests {
         report.journal_hash
     }
 
-    /// A program at federate `number` that asks the board of PLC 0 for an event again and again, whenever it has an answer, and is
-    /// never in its turn; it counts the answers, and notes what became of them.
+    /// A program at federate `number` that asks the board of PLC 0 for another event after each answer, and never in
+    /// its turn. It counts the answers by their result.
     fn asks(number: u8, plant: &Plant, answers: &Arc<Mutex<Vec<u32>>>) -> Program {
         let image = plant.devices()[0].segment().clone();
         let event = [5, 12][usize::from(number)];

@@ -20,7 +20,7 @@ pub(super) struct Imports {
     scenario: PathBuf,
     /// Imports with scripts that are being run, the outermost first.
     under_way: RefCell<Vec<Import>>,
-    /// All files that were asked for, once each.
+    /// All requested files, once each.
     imported: Rc<RefCell<Vec<PathBuf>>>,
 }
 
@@ -42,7 +42,7 @@ impl core::fmt::Display for Import {
 }
 
 impl Imports {
-    /// For the scenario in file `scenario`; what it asks for is noted in `imported`.
+    /// For the scenario in file `scenario`; requested files are noted in `imported`.
     pub(crate) fn new(scenario: &Path, directory: &Path, imported: Rc<RefCell<Vec<PathBuf>>>) -> Self {
         Self {
             files: FileModuleResolver::new_with_path(directory),

@@ -20,10 +20,10 @@ pub fn junit(reports: &[Report]) -> Result<String, SerializeError> {
     named(reports, NAME)
 }
 
-/// As [`junit`], of the scenarios of shard `shard`, `2/3`: the name of the whole says so.
+/// Does the same as [`junit`] for the scenarios of shard `shard`, `2/3`, which is part of the name.
 ///
 /// # Errors
-/// As [`junit`].
+/// The errors of [`junit`].
 pub fn junit_of_shard(reports: &[Report], shard: &str) -> Result<String, SerializeError> {
     named(reports, &format!("{NAME} {shard}"))
 }

@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use std::time::{Duration, Instant};
 
-/// Pieces of a script that follow each other on one bench: what one declares the next ones know.
+/// Pieces of a script that follow each other on one bench: later pieces know the declarations of earlier ones.
 pub struct Lines {
     engine: Engine,
     stage: Rc<RefCell<Stage>>,
@@ -46,7 +46,7 @@ impl Lines {
         Self { engine, stage, scope, functions: AST::empty(), limits, directory: directory.to_owned() }
     }
 
-    /// Runs a piece; returns what it comes to, if to anything.
+    /// Runs a piece; returns its value, if it has one.
     ///
     /// # Errors
     /// An expectation failed, or the piece is wrong: [`Outcome::Failed`], [`Outcome::Broken`].

@@ -10,7 +10,7 @@ use crate::request::{Execution, Host, InstanceInfo, Op, Reply, Travel};
 /// A plant in this process.
 pub(super) struct Local {
     plant: Plant,
-    /// Scripts keep what they want to go back to themselves.
+    /// Snapshots are kept by the scripts themselves.
     travel: Travel,
     is_stopping: bool,
 }

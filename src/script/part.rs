@@ -11,7 +11,7 @@ const OPERATIONS: u64 = 1_000;
 /// Longest texts, arrays and maps that those steps make.
 const SIZE: usize = 1 << 12;
 
-/// Whether a script only defines functions and constants, for others that import it: by itself it calls no verb.
+/// Whether a script only defines functions and constants for other scripts, and calls no verb itself.
 pub fn is_part(text: &str) -> bool {
     let mut engine = Engine::new();
     engine.set_max_operations(OPERATIONS);

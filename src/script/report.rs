@@ -18,7 +18,7 @@ pub enum Outcome {
     /// The scenario was not run to its end: its process crashed or was killed. The text gives the known facts. Only
     /// another process can report this outcome.
     Died(String),
-    /// It was not begun; the text says why.
+    /// The scenario was not started; the text has the reason.
     NotRun(String),
 }
 
@@ -63,11 +63,11 @@ pub struct Step {
     pub name: Option<String>,
     /// Emulated time at its beginning, in microseconds.
     pub from_us: u64,
-    /// How many expectations it has come to.
+    /// Count of expectations that were reached.
     pub expectations: u64,
 }
 
-/// Something that the access checker has found.
+/// A finding of the access checker.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct FoundLine {
     /// Emulated time when it came first, in microseconds.
@@ -78,7 +78,7 @@ pub struct FoundLine {
     pub rule: String,
     /// The register.
     pub register: String,
-    /// How often it came.
+    /// Count of occurrences.
     pub count: u64,
     /// The error, and the right use.
     pub text: String,
@@ -103,7 +103,7 @@ pub struct Report {
     pub file: PathBuf,
     /// How it ended.
     pub outcome: Outcome,
-    /// How many expectations it has come to.
+    /// Count of expectations that were reached.
     pub expectations: u64,
     /// Emulated duration in microseconds; unknown for a scenario that died.
     pub emulated_us: Option<u64>,
@@ -116,7 +116,7 @@ pub struct Report {
     /// Printed lines, up to 1 MiB; a program that receives the report from another process already has them.
     #[serde(skip)]
     pub printed: String,
-    /// Its sections, with what comes before the first of them.
+    /// The sections, including the part before the first one.
     pub steps: Vec<Step>,
     /// The findings of the access checker.
     pub findings: Vec<FoundLine>,
@@ -127,7 +127,7 @@ pub struct Report {
 }
 
 impl Report {
-    /// The report about a scenario of which nothing is known but how it ended.
+    /// The report about a scenario with no known facts except its outcome.
     pub fn bare(file: PathBuf, outcome: Outcome) -> Self {
         Self {
             file,
@@ -150,7 +150,7 @@ impl Report {
         self.file.file_stem().unwrap_or(self.file.as_os_str()).to_string_lossy().into_owned()
     }
 
-    /// Makes a failure of a scenario that passed without expecting anything.
+    /// Turns a passed scenario without expectations into a failure.
     pub fn refuse_empty(&mut self) {
         if !self.outcome.is_passed() || self.expectations > 0 {
             return;

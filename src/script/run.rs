@@ -16,7 +16,7 @@ use std::path::Path;
 use std::rc::Rc;
 use std::time::{Duration, Instant, SystemTime};
 
-/// Steps of a script between two looks at the real time.
+/// Steps of a script between two checks of the real time.
 const OPERATIONS_PER_LOOK: u64 = 8;
 /// Deepest nesting of function calls in a script.
 const MOST_CALLS: usize = 64;
@@ -35,7 +35,7 @@ pub struct Limits {
     pub operations: u64,
     /// Emulated time in microseconds.
     pub time_us: u64,
-    /// Real time. Looked at between the steps of the script, so that a single long one may take more.
+    /// Limit in real time. Checked between the steps of the script, so that a single long step may take more.
     pub real: Duration,
 }
 
@@ -213,7 +213,7 @@ pub(super) fn place(file: &Path, line: Option<usize>) -> Place {
     }
 }
 
-/// The line of a script that wants what has not come about at its end.
+/// The line of a script with a requirement that is not met at its end.
 fn wanted_at(error: &ScenarioError, file: &Path, directory: &Path) -> Place {
     let at = match error {
         // A line in Rust has a column.

@@ -1,9 +1,9 @@
 //! The verbs from their definition file: one table for editors, messages and the reference.
 
-/// The verbs for editors that know Rhai's definition files: names, parameters, types, what they do.
+/// The verbs for editors that know Rhai's definition files: names, parameters, types, descriptions.
 pub const DEFINITIONS: &str = include_str!("verbs.d.rhai");
 
-/// A verb of scenarios. One of several numbers of arguments is there once for each.
+/// A verb of scenarios. A verb with several counts of arguments has one entry for each count.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Verb {
     /// Its name.

@@ -17,7 +17,7 @@ pub struct BadLog {
     pub right: String,
 }
 
-/// Interfaces that a section may have: more than programs open at once.
+/// Maximum count of interfaces in a section: more than programs open at once.
 const MOST_INTERFACES: usize = 1024;
 
 /// Whether these are the first bytes of such a log.

@@ -30,7 +30,7 @@ fn block(kind: u32, body: &[u8], out: &mut Vec<u8>) {
     out.extend(length.to_le_bytes());
 }
 
-/// Appends an option, with what fills it up to a multiple of four bytes.
+/// Appends an option, padded to a multiple of four bytes.
 fn option(code: u16, value: &[u8], out: &mut Vec<u8>) {
     // Names in a plant are short.
     let value = &value[..value.len().min(u16::MAX.into())];

@@ -8,9 +8,9 @@ use core::fmt;
 pub struct Meaning {
     /// Name in the layout files.
     pub name: &'static str,
-    /// Pages of the manual; empty if it states none of it.
+    /// Pages of the manual; empty if it states no meaning.
     pub page: &'static str,
-    /// Values with a meaning as a whole; they go before the bits.
+    /// Values with a meaning as a whole; they have priority over the bits.
     pub values: &'static [ValueMeaning],
     /// Fields of bits, described in ascending order.
     pub bits: &'static [BitField],

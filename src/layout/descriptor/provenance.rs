@@ -9,7 +9,7 @@ pub enum Provenance {
     Manual,
     /// Another document states it: a manual with its page, or the vendor's type library.
     Documented(&'static str),
-    /// The manual is silent; the named decision of the project says how it was chosen.
+    /// The manual does not state it; the named decision of the project gives the reason.
     Inferred(&'static str),
 }
 

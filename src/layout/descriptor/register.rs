@@ -24,7 +24,7 @@ pub struct Register {
     pub dims: &'static [Dim],
     /// Count of `dims` that are dimensions of the sub-structure.
     pub group_dims: usize,
-    /// The vendor's name of the whole array's type, where it does not follow the pattern of the others; else empty.
+    /// The vendor's name of the whole array's type, if it does not follow the pattern of the others; else empty.
     pub array_type: &'static str,
     /// The register's name in another place of the vendor's manual; else empty. The name is accepted as input but
     /// never shown.

@@ -1,4 +1,4 @@
-//! Names with nothing in front that says where the register lies.
+//! Names without an area or a variable as a prefix.
 
 use super::super::nearest::did_you_mean;
 use super::{Area, Block, DeviceFit, Fit, LayoutError, RegisterRef};

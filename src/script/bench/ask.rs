@@ -9,9 +9,9 @@ use crate::request::{MAX_ADVANCE_US, Op, Refused, Reply, Waited, read_journal};
 use crate::script::ScenarioError;
 use std::time::Duration;
 
-/// Emulated time after which a verb that can be interrupted looks whether it is, in microseconds.
+/// Emulated time between two checks for an interrupt of the verb, in microseconds.
 const SLICE_US: u64 = 100_000;
-/// Pause between two looks at a clock that runs by itself.
+/// Pause between two reads of a clock that runs by itself.
 const PAUSE: Duration = Duration::from_micros(500);
 
 /// A register access: which PLC, where, how wide.
@@ -46,7 +46,7 @@ impl Bench {
         Ok(self.ask(Op::Poke { plc, offset, width, value })?.written()?)
     }
 
-    /// Lets the time pass.
+    /// Advances the clock.
     pub(super) fn advance(&mut self, mut us: u64) -> Result<(), ScenarioError> {
         let most = self.slice_us();
         while us > most {
@@ -58,18 +58,19 @@ impl Bench {
         Ok(())
     }
 
-    /// The longest time that passes in one operation.
+    /// The longest advance of the clock in one operation.
     fn slice_us(&self) -> u64 {
         if self.interrupt.is_some() { SLICE_US } else { MAX_ADVANCE_US }
     }
 
-    /// Whether the verb may go on.
+    /// Returns an error if the verb must end.
     pub(super) fn go_on(&mut self) -> Result<(), ScenarioError> {
         let ends = self.interrupt.as_mut().is_some_and(|interrupt| interrupt());
         if ends { Err(ScenarioError::Interrupted) } else { Ok(()) }
     }
 
-    /// Lets the time pass up to the next event, at most for `within_us`. On a clock that runs by itself a moment passes.
+    /// Advances the clock to the next event, by `within_us` at most. With a clock that runs by itself, waits for a
+    /// moment.
     pub(super) fn advance_to_event(&mut self, within_us: u64) -> Result<(), ScenarioError> {
         self.go_on()?;
         if self.is_stepped {
@@ -80,7 +81,7 @@ impl Bench {
         Ok(())
     }
 
-    /// Waits until `register AND mask = value`; if it does not come to that in time, the error is the register's last
+    /// Waits until `register AND mask = value`; if that does not happen in time, the error is the register's last
     /// value.
     pub(super) fn wait_op(
         &mut self,

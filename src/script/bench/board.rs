@@ -1,4 +1,4 @@
-//! The boards of the PLCs: switches, supply, what they show, their events.
+//! The boards of the PLCs: switches, supply, displays, events.
 
 use super::Bench;
 use crate::devices;
@@ -7,7 +7,7 @@ use crate::layout::FrontWord;
 use crate::memory::header::{BoardSetting, BoardState, BoardWord, BoardWords, InitialFlagResult};
 use crate::script::{ScenarioError, Value};
 
-/// How long a board may take to answer a request, in microseconds of emulated time.
+/// Maximum time for the answer of a board to a request, in microseconds of emulated time.
 const PATIENCE_US: u64 = 100_000;
 
 impl Bench {
@@ -47,7 +47,7 @@ impl Bench {
     /// `maxx:slotH.dip=7`. All at the present emulated time, one after the other.
     ///
     /// # Errors
-    /// There is no such PLC or setting, or it cannot be that; then none is made.
+    /// There is no such PLC or setting, or the value is invalid; then no setting is changed.
     pub fn set_board(&mut self, words: &str) -> Result<(), ScenarioError> {
         let setting = |word| {
             let word = BoardWord::parse(word)?;
@@ -99,7 +99,7 @@ impl Bench {
         let request = slot.ask(address.offset() - retain.area.first, address.width().bytes(), bits);
         ram.header().submit_request();
         self.answer_boards()?;
-        // A clock that runs by itself has to come to it.
+        // A clock that runs by itself needs time to reach the request.
         let deadline = self.now()?.saturating_add(PATIENCE_US);
         while slot.outcome(request).is_none() && self.pass(deadline)? {}
         match slot.outcome(request) {

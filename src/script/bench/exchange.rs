@@ -159,7 +159,7 @@ fn chosen(told: &[Option<(Way, Option<Place>)>], finding: Option<usize>) -> Vec<
     shown
 }
 
-/// Handshakes by their registers: from what the program has written there to what the firmware has.
+/// The handshakes by register: ranges from the program's request to the firmware's answer.
 fn handshakes(told: &[Option<(Way, Option<Place>)>]) -> HashMap<Place, Vec<Range<usize>>> {
     let (mut asked, mut all) = (HashMap::new(), HashMap::<_, Vec<_>>::new());
     for (number, told) in told.iter().enumerate() {

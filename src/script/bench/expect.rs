@@ -42,11 +42,11 @@ impl Bench {
         self.wait_for(&register, mask, value, within.into(), at)
     }
 
-    /// Waits until `condition` holds; it is looked at whenever something may have happened. Returns the time
-    /// waited, in microseconds.
+    /// Waits until `condition` holds; it is evaluated after each possible event. Returns the time waited, in
+    /// microseconds.
     ///
     /// # Errors
-    /// It does not hold within this time; or what `condition` returns.
+    /// The condition does not hold within this time; or an error of `condition`.
     #[track_caller]
     pub fn wait_until(
         &mut self,
@@ -81,7 +81,7 @@ impl Bench {
         Err(failure.into())
     }
 
-    /// Lets a little time pass on the way to `deadline`; `false` if it is over.
+    /// Advances the clock a little on the way to `deadline`; `false` if the deadline is over.
     pub(super) fn pass(&mut self, deadline: u64) -> Result<bool, ScenarioError> {
         let left_us = deadline.saturating_sub(self.now()?);
         if left_us > 0 {
@@ -147,7 +147,7 @@ impl Bench {
         Err(failure.into())
     }
 
-    /// Expects that something holds that the scenario has found out by itself; `text` says what.
+    /// Expects a condition that the scenario has evaluated itself; `text` describes it.
     ///
     /// # Errors
     /// It does not hold.

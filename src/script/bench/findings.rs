@@ -18,7 +18,7 @@ impl Bench {
         self.entries()
     }
 
-    /// Forgets what the access checker has found.
+    /// Forgets the findings of the access checker.
     ///
     /// # Errors
     /// The instance has gone.
@@ -26,10 +26,10 @@ impl Bench {
         Ok(self.ask(Op::ClearFindings)?.cleared()?)
     }
 
-    /// Expects that the access checker has found nothing, neither errors nor warnings, but for these rules.
+    /// Expects that the access checker has no findings, neither errors nor warnings, except of these rules.
     ///
     /// # Errors
-    /// It has found something; or there is no such rule.
+    /// There are other findings; or there is no such rule.
     #[track_caller]
     pub fn expect_no_findings(&mut self, allowed: &[&str]) -> Result<(), ScenarioError> {
         let at = Location::caller();
@@ -73,7 +73,7 @@ impl Bench {
         format!("{}: {}", self.finding_line(entry), entry.last.rule.text())
     }
 
-    /// The same without what would be right.
+    /// The line of a finding, without advice.
     pub(super) fn finding_line(&self, entry: &Entry) -> String {
         let Entry { last, count, first_us, .. } = entry;
         let fitted = self.names.fitted(last.plc);

@@ -23,7 +23,7 @@ pub struct SeenFrame {
     pub text: String,
 }
 
-/// Identifier and data of the frames that are looked for.
+/// Identifier and data of the awaited frames.
 struct Pattern {
     id: u32,
     mask: u32,
@@ -280,7 +280,7 @@ impl Bench {
         Ok(records.iter().filter_map(|record| frame_of(record, bus)).collect())
     }
 
-    /// The records of the journal that reach to time `since` (microseconds) or later, as far as they are kept.
+    /// The records of the journal that end at time `since` (microseconds) or later, as far as they are kept.
     ///
     /// # Errors
     /// The instance has gone.

@@ -21,8 +21,8 @@ pub struct PastChange {
 }
 
 impl Bench {
-    /// Keeps every change from now on of a register, or of all registers of an area, in the journal. The plant goes as it
-    /// would without.
+    /// Keeps every change from now on of a register, or of all registers of an area, in the journal. This does not
+    /// influence the plant.
     ///
     /// # Errors
     /// There is no such register or area, it is a single bit, or too many are recorded.

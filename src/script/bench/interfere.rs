@@ -66,12 +66,12 @@ impl Bench {
         Ok(number)
     }
 
-    /// The faults of the plant that must strike are wanted by this line of a script.
+    /// Attributes the required faults of the plant to this line of a script.
     pub(in crate::script) fn plant_is_of(&mut self, place: &Place) {
         self.required.iter_mut().for_each(|it| it.place = Some(place.clone()));
     }
 
-    /// How many faults there are that must strike.
+    /// Count of faults that must take effect.
     pub(in crate::script) fn required_faults(&self) -> usize {
         self.required.len()
     }
@@ -90,7 +90,7 @@ impl Bench {
         let there = self.faults()?;
         let (records, _) = self.records(0)?;
         let over: Vec<FaultNews> = records.iter().filter_map(|record| record.event.get()).collect();
-        // One that does not come in hits has struck once it has acted.
+        // A fault without hits has taken effect once it has acted.
         let has_acted = |it: &FaultStatus| it.hits > 0 || it.acting && !it.fault.kind().has_hits();
         let has_hits = |kind| devices::fault_kinds().iter().any(|it| it.number() == kind && it.has_hits());
         let tells =

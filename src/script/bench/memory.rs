@@ -1,4 +1,4 @@
-//! Copies of register areas, and what has changed since.
+//! Copies of register areas, and their changes.
 
 use super::Bench;
 use crate::layout::place::{live_by, status_of, without_twins};
@@ -18,7 +18,7 @@ pub struct MemoryCopy {
     bytes: Vec<u8>,
 }
 
-/// A register that holds something else than before.
+/// A register with a changed value.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Change {
     /// Its name.
@@ -60,8 +60,8 @@ impl MemoryCopy {
             && core::ptr::eq(self.area, other.area)
     }
 
-    /// The registers with the numbers that they held, in the order of their addresses; of overlaid structures those that
-    /// were live.
+    /// The registers with their values in the copy, in the order of their addresses; of overlaid structures only the
+    /// live ones.
     pub fn registers(&self) -> Vec<(String, i64)> {
         let number = |register: &RegisterRef| register.ty().number(self.value(register));
         let registers = self.live_registers(self.live(), |_| true);

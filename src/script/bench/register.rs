@@ -6,7 +6,7 @@ use crate::layout::place::live_by;
 use crate::layout::{Area, Place, RegisterPhase, plc_prefix, split_plc};
 use crate::script::ScenarioError;
 
-/// A register of a plant, found once and used often: [`Bench::find`].
+/// A register of a plant, looked up once and used often: [`Bench::find`].
 #[derive(Clone, Debug)]
 pub struct Register {
     pub(super) place: Place,
@@ -69,7 +69,7 @@ impl Register {
         init == cyclic
     }
 
-    /// The bits that count, and what `value` makes of them.
+    /// The mask of the register's bits, and `value` shifted to them.
     pub(super) fn pattern(&self, value: u32) -> (u32, u32) {
         match self.place.bit() {
             Some(bit) => (1 << bit, value << bit),
@@ -137,7 +137,7 @@ impl Bench {
         position("bus", &self.names.buses, name)
     }
 
-    /// Which of overlaid structures is live where the register lies.
+    /// The live one of overlaid structures at the place of the register.
     pub(super) fn live(&mut self, register: &Register) -> Result<RegisterPhase, ScenarioError> {
         let Some(status) = register.place.status() else { return Ok(RegisterPhase::Cyclic) };
         Ok(live_by(self.load(Spot::new(register.spot.plc, status.address()))?))

@@ -149,7 +149,7 @@ fn a_required_fault_must_strike() -> Result<(), ScenarioError> {
     assert_eq!(missed.what, "fault 1 has never struck: lose_sync count=1 required");
     bench.step("4ms")?;
     bench.expect_required_faults()?;
-    // One that does not come in hits has struck when it has begun, also when it is over.
+    // A fault without hits has taken effect once it has begun, also when it is over.
     bench.fault("slave_off slave=1 at=1s duration=1ms required")?;
     assert!(failure(bench.expect_required_faults()).what.starts_with("fault 2 has never struck"));
     bench.step("2s")?;

@@ -1,4 +1,4 @@
-//! The verbs in which time passes.
+//! The verbs that advance the clock.
 
 use super::Bench;
 use crate::layout::split_plc;
@@ -6,17 +6,17 @@ use crate::request::Op;
 use crate::script::{ScenarioError, Span};
 
 impl Bench {
-    /// Lets the time pass.
+    /// Advances the clock.
     ///
     /// # Errors
-    /// No time, or more than the scenario may take.
+    /// The time is invalid, or longer than the limit of the scenario.
     pub fn step(&mut self, time: impl Into<Span>) -> Result<(), ScenarioError> {
         let us = self.span(time)?;
         self.advance(us)
     }
 
-    /// Lets the time pass up to the next SYNC on the bus of a port, for example `node2`, with the PLC in front where
-    /// there are several; without a name of the device's first master.
+    /// Advances the clock to the next SYNC on the bus of a port, for example `node2`, with the PLC as a prefix if
+    /// there are several. An empty name means the device's first master.
     ///
     /// # Errors
     /// There is no such port, or there is no SYNC signal.

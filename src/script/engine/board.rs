@@ -41,8 +41,8 @@ impl Verbs {
     }
 }
 
-/// `#{display, leds, run_switch, power, dip, dip_latched, program, start, restarts, project}` as far as the device has it, what
-/// only this device has at its front, and `modules` if the PLC is modular.
+/// `#{display, leds, run_switch, power, dip, dip_latched, program, start, restarts, project}` as far as the device
+/// has it, further words of this device's front, and `modules` if the PLC is modular.
 fn board_map(bench: &mut Bench, plc: &str) -> Result<Map, ScenarioError> {
     let (BoardState { leds: lit, .. }, words) = bench.board(plc)?;
     let BoardWords { display, leds, switch, power, dip, dip_latched, program, start, restarts, project } =

@@ -57,7 +57,7 @@ impl Stage {
 
 #[cfg(not(feature = "studio"))]
 impl Stage {
-    /// Says that there are no plots.
+    /// Reports that there are no plots.
     fn plot(&mut self, file: &str, registers: &Array, _: Option<u64>) -> Result<(), ScenarioError> {
         names(registers, "register")?;
         Err(ScenarioError::argument(file, "this commram was built without plots (feature `studio`)"))

@@ -20,7 +20,8 @@ pub(crate) struct Stage {
     pub(super) expectations: u64,
     /// The file of the plant, if it comes from one.
     plant_file: Option<PathBuf>,
-    /// The sections so far, with what comes before the first, and how many expectations there were at their beginnings.
+    /// The sections so far, including the part before the first section, and the count of expectations at their
+    /// beginnings.
     steps: Vec<Step>,
     pub(super) plots: Vec<Drawn>,
 }

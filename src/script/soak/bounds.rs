@@ -12,7 +12,7 @@ pub(super) fn bounded(device: &Device) -> impl Iterator<Item = RegisterRef> {
     areas.filter(|it| it.owner() == Owner::Firmware && it.register.meaning.is_some() && !it.is_reserved())
 }
 
-/// A function of a scenario that fails where one of them holds something else.
+/// A function of a scenario that fails if a register has another value.
 pub(super) fn function(plant: &PlantConfig) -> String {
     let mut text =
         "// Registers of the firmware hold what their layout gives a meaning.\nfn in_bounds() {\n".to_owned();

@@ -6,11 +6,11 @@ use crate::plant::PlantConfig;
 use fastrand::Rng;
 use std::sync::Arc;
 
-/// Numbers that mean something to many registers.
+/// Numbers with a meaning in many registers.
 const TELLING: [u32; 12] = [0, 1, 2, 3, 5, 0x15, 0x20, 0x40, 0x80, 0xC0, 0xFF, 0xFFFF];
 /// Longest time of a fault or a forced register, in microseconds.
 const LONGEST_US: u64 = 300_000;
-/// Largest of the numbers that faults mostly have: most of a range is far from what happens.
+/// Largest number for most faults: most values of a full range are far from the actual events.
 const MOSTLY: u64 = 32;
 
 /// A call of a move.

@@ -20,7 +20,7 @@ const COMMON: &str = include_str!("common.rhai");
 const MOST_MOVES: usize = 60;
 /// Moves that follow a recovery.
 const AFTERWARDS: usize = 4;
-/// Most ways of a second run that are gone back again, and moves of each.
+/// Count of detours of a second run, and of the moves of each.
 const DETOURS: core::ops::RangeInclusive<usize> = 0..=4;
 const DETOUR_MOVES: core::ops::RangeInclusive<usize> = 1..=5;
 /// One in this count of rounds is about ends of the emulator, if it has data to lose: these rounds take real time.
@@ -36,13 +36,13 @@ pub fn exercises() -> impl Iterator<Item = &'static Exercise> {
 /// The subject of a round.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// A right program: everything goes as the manual says, and the checker finds nothing.
+    /// A right program: it behaves as the manual says, and the checker has no findings.
     Right,
-    /// A right program among faults: afterwards it starts over, and everything goes as the manual says.
+    /// A right program with faults: afterwards it starts over, and behaves as the manual says.
     Disturbed,
     /// The same among stores to any register as well.
     Hostile,
-    /// A right program that ends with something that must not be done: the checker finds that.
+    /// A right program that ends with a forbidden action: the checker finds the action.
     Wrong,
     /// Emulators that are ended or killed at any moment; each continues with the stored data of the previous one. No
     /// scenario.
@@ -74,7 +74,7 @@ pub struct Round {
     pub exercise: &'static Exercise,
     /// The subject of the round.
     pub kind: Kind,
-    /// Lines of the scenario between start and end, each of which can be left out.
+    /// Lines of the scenario between start and end; each may be left out.
     pub moves: Vec<String>,
     setting: &'static [(&'static str, &'static str)],
     wrong: Option<&'static Wrong>,
@@ -83,7 +83,7 @@ pub struct Round {
     /// Additional actions of a second run, which it takes back; each is a list of lines.
     detours: Vec<Vec<String>>,
     slice_us: u64,
-    /// The function that looks at bounds.
+    /// The function that checks bounds.
     bounds: String,
 }
 
@@ -151,8 +151,8 @@ impl Round {
         Self { moves, ..self.clone() }
     }
 
-    /// The scenario. Another way, time passes in smaller steps, and now and then something is done and taken back: nothing may depend
-    /// on that.
+    /// The scenario. With `another_way` the clock advances in smaller steps, and some actions are done and taken
+    /// back: the result must not depend on this.
     pub fn text(&self, another_way: bool) -> String {
         let mut text =
             format!("// Drawn by lot: {}, {}, seed {}.\n\n", self.exercise.name, self.kind.name(), self.seed);
@@ -202,13 +202,13 @@ impl Round {
     }
 }
 
-/// Lines after which everything is as it was before.
+/// Lines that restore the earlier state after `lines`.
 fn taken_back(lines: &[String]) -> String {
     let lines: String = lines.iter().map(|line| format!("    {line}\n")).collect();
     format!("let before = save();\ntry {{\n{lines}}} catch {{}}\nback_to(before);\n")
 }
 
-/// The text with what the setting has in place of `${NAME}`.
+/// The text with each `${NAME}` replaced by its value in the setting.
 fn filled(text: &str, setting: &[(&str, &str)]) -> String {
     setting.iter().fold(text.to_owned(), |text, (name, value)| text.replace(&format!("${{{name}}}"), value))
 }

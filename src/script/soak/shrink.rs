@@ -1,4 +1,4 @@
-//! Finds the few of many that something needs.
+//! Reduces a list of items to the few that a failure needs.
 
 /// The fewest of these items, in their order, that still fail, found with at most `tries` calls of `fails`.
 ///

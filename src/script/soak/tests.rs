@@ -91,7 +91,7 @@ fn journals_of_all_devices_are_those_that_are_kept() {
     );
 }
 
-/// A register of each exercise that has one holds what means nothing.
+/// A register of each exercise that has one is set to a value without a meaning.
 #[test]
 fn a_round_fails_where_a_register_is_out_of_its_bounds() {
     let mut tried = 0;
