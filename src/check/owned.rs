@@ -16,7 +16,7 @@ pub(crate) fn owned(layout: &'static Device) -> impl Iterator<Item = RegisterRef
     areas.flat_map(move |area| owned_in(layout, area))
 }
 
-/// Such registers of a single area.
+/// Returns the registers of this kind in a single area.
 fn owned_in(layout: &'static Device, area: &'static Area) -> impl Iterator<Item = RegisterRef> {
     let registers = DeviceFit::unknown(layout).registers_in(area, RegisterPhase::Always);
     registers.filter(|register| register.owner() == Owner::Firmware)

@@ -8,7 +8,7 @@ use crate::devices::{DriveDetails, DriveState, ParameterRefusal, Shaft};
 enum DriveLocation {
     /// On a bus, at this place of [`Medium::drives`](crate::devices::Medium::drives).
     Bus(usize, usize),
-    /// The drive that is built into a device.
+    /// The drive in a device.
     Device(usize),
 }
 

@@ -104,7 +104,7 @@ impl TestHost {
         self.plant.devices()[0].segment().store(offset, Width::Word, value.into()).unwrap();
     }
 
-    /// Executes operations up to the first refusal. None of them may wait.
+    /// Executes operations up to the first refusal. No operation may wait.
     pub(crate) fn request(&mut self, ops: &[Op]) -> Vec<Reply> {
         self.begin_request();
         let (mut replies, mut execution) = (Vec::new(), Execution::default());

@@ -8,7 +8,7 @@
 //! kept. A new field without a declaration is a compiler error instead of a snapshot with a missing field.
 //!
 //! Bytes may come from a file of an unknown author. For all bytes, reading ends with a value or with [`Damaged`], in
-//! memory that is bounded by the length of the bytes.
+//! memory bounded by the length of the bytes.
 
 mod saved;
 mod sealed;

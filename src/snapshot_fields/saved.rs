@@ -14,7 +14,7 @@ pub struct Damaged {
     pub at: usize,
 }
 
-/// A state that is being saved.
+/// Writer of a state for a snapshot.
 #[derive(Debug, Default)]
 pub struct Saving {
     bytes: Vec<u8>,
@@ -82,7 +82,7 @@ impl Saving {
     }
 }
 
-/// A state that is being restored.
+/// Reader of a state from a snapshot.
 #[derive(Debug)]
 pub struct Saved<'a> {
     all: &'a [u8],
@@ -141,7 +141,7 @@ impl<'a> Saved<'a> {
         if self.value::<usize>()? == right { Ok(()) } else { Err(self.no(what)) }
     }
 
-    /// Error for a value that is invalid.
+    /// Error for an invalid value.
     ///
     /// # Errors
     /// [`Damaged`] unless `holds`.

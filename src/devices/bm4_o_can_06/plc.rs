@@ -71,8 +71,8 @@ impl Module {
         usize::from(self.number) - 1
     }
 
-    /// Interval of the SYNC signal, while there is one: it ends after two and a half intervals without an edge, like
-    /// the lock of a slave.
+    /// Interval of the SYNC signal, if there is a signal. The signal ends after two and a half intervals without an
+    /// edge, like the lock of a slave.
     fn interval_us(&self, now: u64) -> Option<u64> {
         let (at, interval) = self.edge?;
         (interval != 0 && (now - at) * 2 <= interval * 5).then_some(interval)
@@ -211,8 +211,8 @@ impl Device for Bm4Plc {
         module.is_some_and(|module| matches!(module.work, Work::ControllerSlave(_)))
     }
 
-    /// DIP switches 1 to 3 of a slave of the controller stand at the rate of its bus, unless the plant file sets them (p. 27; decision
-    /// D-649).
+    /// Sets DIP switches 1 to 3 of a slave of the controller to the rate of its bus, unless the plant file sets them
+    /// (p. 27; decision D-649).
     fn plugged_in(&mut self, port: u8, bit_s: u32) {
         let Some(module) = self.module(port) else { return };
         let of_bus = CONTROLLER_RATES.iter().find(|(_, kbit_s)| u32::from(*kbit_s) * 1000 == bit_s);

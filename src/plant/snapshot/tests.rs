@@ -72,7 +72,7 @@ fn a_sample_of_the_format_can_be_read() {
         let mut plant = plant(&file.plant);
         let name = known.layout.name;
         match plant.restore(&file.snapshot) {
-            // Other registers make snapshots of other plants, whatever their format.
+            // With other registers the snapshots belong to other plants, in any format.
             Err(SnapshotError::OtherLayout { .. }) => {
                 panic!("{name}: the registers have moved: write a new sample")
             }
@@ -99,7 +99,7 @@ fn other_formats_are_refused_by_number_and_version() {
     {
         refused(&with_header(today, format, version), &format!("{version} (format {format})"));
     }
-    // A newer format may hold anything behind the version.
+    // A newer format may have any contents after the version.
     let mut newer = Saving::default();
     newer.raw(&today[..8]);
     newer.raw(&(FORMAT + 1).to_le_bytes());
