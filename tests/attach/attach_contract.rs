@@ -93,7 +93,7 @@ fn the_printed_clients_meet_the_firmware() {
 }
 
 #[test]
-fn the_printed_client_refuses_what_it_should() {
+fn the_printed_client_refuses_an_unsuitable_image() {
     let directory = tempfile::tempdir().unwrap();
     let program = client(directory.path());
     let image = image("refuses");

@@ -327,7 +327,7 @@ fn start(args: &[&str]) -> (Emulator, tempfile::TempDir) {
 /// P. 54, 86-87: 200 us after the start of the event task for reference values and a slave's first actual values, 450 us
 /// for its second ones, to the microsecond.
 #[test]
-fn programs_in_lockstep_keep_the_deadlines_of_this_device_or_not() {
+fn programs_in_lockstep_meet_or_miss_the_deadlines_of_this_device() {
     // Port 1 is slot G, port 2 slot H. A frame that was never in time is no finding.
     let late = [("maxx:1", "WRC1", 10), ("maxx:2", "RDC1", 10), ("maxx:2", "RDC2", 10)];
     for (us, is_late) in [([199, 449], false), ([200, 450], true)] {

@@ -8,7 +8,7 @@ use std::time::Duration;
 
 /// The firmware would see a program's request before the other emulators receive it.
 #[test]
-fn an_emulator_with_a_plant_of_its_own_joins_nobody() {
+fn an_emulator_with_a_private_plant_joins_no_federation() {
     let join = |is_federate| {
         let options = Options {
             instance: unique_name(),

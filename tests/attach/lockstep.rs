@@ -230,7 +230,7 @@ fn a_killed_task_does_not_hang_the_emulator() {
 }
 
 #[test]
-fn a_task_without_end_is_given_up_and_told_so() {
+fn a_task_without_end_is_removed_and_notified() {
     let emulator = active();
     let image = attach(&emulator.name);
     let mut task = image.join_lockstep(SYNC, Duration::from_millis(50), LONG).unwrap();
@@ -301,7 +301,7 @@ fn stop_ends_the_emulator_during_a_turn() {
 }
 
 #[test]
-fn real_time_waits_for_nobody() {
+fn real_time_waits_for_no_task() {
     let emulator = Emulator::start(&[]);
     let image = attach(&emulator.name);
     let error = image.join_lockstep(SYNC, LONG, LONG).unwrap_err();

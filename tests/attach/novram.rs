@@ -22,7 +22,7 @@ fn block(directory: &Path) -> PathBuf {
 }
 
 #[test]
-fn the_exit_code_says_that_a_flag_is_lost() {
+fn the_exit_code_reports_a_lost_flag() {
     let directory = tempfile::tempdir().unwrap();
     let mut emulator = Emulator::start(&["--novram", directory.path().to_str().unwrap()]);
     let _in_the_way = block(directory.path());

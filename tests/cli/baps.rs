@@ -37,7 +37,7 @@ fn the_drive_is_configured_enabled_and_moved() {
 }
 
 #[test]
-fn a_parameter_is_read_and_the_slave_semaphore_tells_when() {
+fn a_parameter_is_read_by_the_semaphore_handshake() {
     let emulator = Emulator::stepped();
     emulator.poke(&["baps.b_JOB=1", "baps.u_PAR_NR=167", "baps.us_PAR_ELEMENT=7", "baps.b_MA_SEMAPHORE=1"]);
     emulator.run("wait", &["baps.b_SL_SEMAPHORE==16#01", "--within", "3ms"]).ok();
@@ -55,7 +55,7 @@ fn the_map_says_that_names_and_offsets_are_inferred() {
 }
 
 #[test]
-fn control_and_status_word_are_told_in_words() {
+fn control_and_status_word_are_printed_as_text() {
     let map = run(&["map", "baps.w_COMMAND_REG"]).ok().to_owned();
     assert!(map.contains("4-7   number      n") && !map.contains("{}"), "{map}");
     let emulator = Emulator::stepped();

@@ -232,7 +232,7 @@ fn every_command_knows_the_modules() {
 
 /// The registers of a slot depend on the module in it.
 #[test]
-fn the_map_of_an_instance_shows_what_is_fitted() {
+fn the_map_of_an_instance_shows_the_fitted_modules() {
     let emulator = start();
     let map = emulator.run("map", &["maxx:slotG"]);
     assert!(map.ok().contains("slotG.b_STATREG_RDC1") && !map.out.contains("_Slot_G"), "{}", map.out);

@@ -31,7 +31,7 @@ fn time(emulator: &Emulator) -> u64 {
 }
 
 #[test]
-fn others_look_and_stop_while_a_day_passes() {
+fn other_clients_are_served_during_a_step_of_a_day() {
     for (command, args) in
         [("step", &["24h"][..]), ("wait", &["node2.w_OPTION_STATUS==7", "--within", "20h"])]
     {
@@ -61,7 +61,7 @@ fn the_operation_of_a_killed_client_ends() {
 
 /// The other clients get an answer only after the emulator has noticed that the first client is dead.
 #[test]
-fn those_behind_a_killed_client_come_to_their_turn() {
+fn clients_queued_after_a_killed_client_are_served() {
     let emulator = Emulator::stepped();
     let nodes = format!("/dev/shm/commram.{}.iox.d/nodes", emulator.name);
     let count = || std::fs::read_dir(&nodes).map_or(0, |entries| entries.count());

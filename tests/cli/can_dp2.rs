@@ -19,7 +19,7 @@ fn a_shell_plays_the_dp_master() {
 }
 
 #[test]
-fn wireshark_has_an_interface_for_each_bus_with_what_is_on_it() {
+fn wireshark_shows_an_interface_with_its_frames_for_each_bus() {
     if !is_there("tshark") {
         return;
     }

@@ -29,7 +29,7 @@ fn handshake(emulator: &Emulator) {
 }
 
 #[test]
-fn two_dumps_and_the_running_instance_differ_in_what_has_changed() {
+fn diff_compares_two_dumps_or_a_dump_with_the_instance() {
     let emulator = Emulator::stepped();
     let directory = TempDir::new().unwrap();
     let before = save(&emulator, &directory, "before.json", &["--all"]);
@@ -54,7 +54,7 @@ node2.w_OPTION_STATUS  %MW3.200002  16#0001 -> 16#0002  waiting for \"take over 
 
 /// A file that lacks a register has no old value for it.
 #[test]
-fn what_a_file_does_not_tell_is_not_made_up() {
+fn diff_invents_no_old_value_for_a_missing_register() {
     let emulator = Emulator::stepped();
     let directory = TempDir::new().unwrap();
     handshake(&emulator);
@@ -70,7 +70,7 @@ fn what_a_file_does_not_tell_is_not_made_up() {
 
 /// The cyclic structure replaces the structure of the initialization data; the file does not contain its registers.
 #[test]
-fn of_registers_that_are_no_longer_live_only_the_number_is_told() {
+fn diff_prints_only_the_count_of_registers_that_are_no_longer_live() {
     let emulator = Emulator::stepped();
     let directory = TempDir::new().unwrap();
     let before = save(&emulator, &directory, "before.json", &["node2", "--all"]);
@@ -90,7 +90,7 @@ fn of_registers_that_are_no_longer_live_only_the_number_is_told() {
 }
 
 #[test]
-fn what_is_no_dump_is_wrong_use() {
+fn diff_refuses_a_file_that_is_no_dump() {
     let directory = TempDir::new().unwrap();
     let path = directory.path().join("x.json");
     let path = path.to_str().unwrap();
@@ -182,7 +182,7 @@ fn watching_leaves_the_journal_as_it_is() {
 }
 
 #[test]
-fn changes_of_watched_registers_stand_in_the_journal() {
+fn the_journal_contains_changes_of_watched_registers() {
     let emulator = Emulator::start(&["--clock", "stepped", "--watch", "node2.w_CPU_CONTROL,node1"]);
     handshake(&emulator);
     let told = emulator.run("trace", &["--kind", "changed"]);

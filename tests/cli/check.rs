@@ -109,7 +109,7 @@ fn all_rules_are_listed_without_an_emulator() {
 
 /// Exit code 1 means findings, so an unreachable emulator gives another exit code.
 #[test]
-fn what_cannot_be_checked_is_no_finding() {
+fn an_unreachable_emulator_is_no_finding() {
     let name = unique_name();
     assert!(run(&["check", "-i", &name]).fails(3).contains("is not running"));
     run(&["check", "--rules", "--clear"]).fails(2);

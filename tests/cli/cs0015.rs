@@ -64,7 +64,7 @@ fn canopen(script: &str, device: &str, plant: &str) -> Option<Emulator> {
 
 /// The write changes no value, so only the channel can report it.
 #[test]
-fn a_write_of_what_is_there_already_is_judged() {
+fn the_checker_judges_a_write_of_the_current_value() {
     let emulator = Emulator::start(&[PLANT, "--clock", "stepped"]);
     emulator.breaks(&["owner"]);
     emulator.poke(&["panel:inputs.I0=0"]);
@@ -113,7 +113,7 @@ fn a_program_by_mmap_is_the_master_of_a_node_of_canopen() {
 
 /// P. 13-17.
 #[test]
-fn its_switches_and_its_led_are_those_of_its_front() {
+fn the_board_has_the_switches_and_the_led_of_the_front_panel() {
     let emulator = Emulator::start(&[PLANT, "--clock", "stepped"]);
     let board = || -> Value {
         let told = emulator.run("board", &["get", "panel", "--format", "json"]);
@@ -146,7 +146,7 @@ fn its_switches_and_its_led_are_those_of_its_front() {
 /// P. 107, 154: each flag has an address. The error for an invalid address lists the addresses of the addressed
 /// device.
 #[test]
-fn addresses_are_those_of_the_device_that_is_asked() {
+fn addresses_are_those_of_the_addressed_device() {
     let emulator = Emulator::start(&[PLANT, "--clock", "stepped"]);
     assert_eq!(emulator.peek(&["panel:%MW4032", "panel:%MW4095", "panel:%MX4095.15"]), "16#0000 16#0000 0");
     for text in ["%IW9", "%MW20000", "%MZ4", "panel:%IW9", "%MB3.80000"] {
@@ -177,7 +177,7 @@ fn addresses_are_those_of_the_device_that_is_asked() {
 
 /// P. 107, 155.
 #[test]
-fn what_it_keeps_without_supply_is_in_a_file() {
+fn retained_data_is_stored_in_a_file() {
     let directory = tempfile::tempdir().unwrap();
     let arguments = [PLANT, "--clock", "stepped", "--novram", directory.path().to_str().unwrap()];
     let emulator = Emulator::start(&arguments);

@@ -47,7 +47,7 @@ fn put_pipes_in_place_of(files: &[PathBuf]) {
 }
 
 #[test]
-fn an_empty_part_hangs_nobody_and_the_emulator_can_be_ended() {
+fn a_truncated_channel_blocks_no_process_and_the_emulator_stops() {
     for ending in ["global_mgmt", "data", "dynamic"] {
         let mut emulator = Emulator::start(&[]);
         let parts = objects(&emulator, ending);
@@ -69,7 +69,7 @@ fn said_damaged(outcome: &Outcome) -> bool {
 }
 
 #[test]
-fn a_part_that_iceoryx2_waits_for_without_a_limit_hangs_nobody() {
+fn a_part_that_iceoryx2_waits_for_without_a_limit_blocks_no_process() {
     for ending in ["details", "node_monitor_context"] {
         let mut emulator = Emulator::stepped();
         put_pipes_in_place_of(&files(&emulator, ending));
@@ -83,7 +83,7 @@ fn a_part_that_iceoryx2_waits_for_without_a_limit_hangs_nobody() {
 
 /// No client is connected. With a client, iceoryx2 may access the missing part first, and may crash.
 #[test]
-fn an_emulator_goes_on_without_a_channel_that_was_shortened() {
+fn an_emulator_continues_without_a_channel_that_was_shortened() {
     use commram::memory::{AttachMode, Image, Width};
     for (ending, part) in [("data", 0), ("data", 2), ("dynamic", 0), ("dynamic", 2)] {
         let mut emulator = Emulator::start(&[]);
@@ -140,7 +140,7 @@ fn an_emulator_that_is_killed_while_it_ends_has_not_stopped() {
 
 /// A client in the middle of an operation prints a message; a bare crash would explain nothing.
 #[test]
-fn a_client_whose_memory_is_shortened_says_so() {
+fn a_client_whose_memory_is_shortened_reports_it() {
     let emulator = Emulator::stepped();
     let before = objects(&emulator, ".data");
     let mut client = Follower::start(&emulator, "watch", &["node2.w_OPTION_STATUS"]);

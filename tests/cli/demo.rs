@@ -180,7 +180,7 @@ fn an_emulator_that_dies_is_noticed() {
 }
 
 #[test]
-fn an_emulator_that_is_stopped_by_somebody_else_is_noticed() {
+fn the_demonstration_notices_that_another_process_stopped_its_emulator() {
     let mut demo = Demo::start_until("Set-up mode");
     signal(demo.emulator, "-TERM");
     let (code, message) = demo.end();
@@ -200,7 +200,7 @@ fn a_soft_plc_that_dies_is_noticed() {
 }
 
 #[test]
-fn even_if_it_is_killed_itself_nothing_is_left() {
+fn a_killed_demonstration_leaves_no_files() {
     let mut demo = Demo::start_until("Set-up mode");
     demo.child.kill().unwrap();
     demo.child.wait().unwrap();

@@ -113,7 +113,7 @@ fn guests_hear_each_other_but_not_themselves() {
         assert_eq!(one.ask(line), yes);
         assert_eq!(other.hear(), format!("{line}\r"));
     }
-    // An echo of its own frame would arrive first.
+    // An echo of the frame would arrive first.
     assert_eq!(other.ask("t5551FF"), "z\r");
     assert_eq!(one.hear(), "t5551FF\r");
     let log = emulator.run("trace", &["--format", "candump"]);
@@ -127,7 +127,7 @@ fn guests_hear_each_other_but_not_themselves() {
 }
 
 #[test]
-fn who_leaves_at_once_has_still_sent() {
+fn frames_of_a_guest_that_leaves_at_once_are_sent() {
     let emulator = start(OPEN, &[]);
     let port = port(&emulator);
     let mut listener = Guest::open(port);
@@ -155,7 +155,7 @@ fn bad_lines_are_answered_by_the_bell_and_the_next_one_counts() {
 }
 
 #[test]
-fn who_names_another_rate_is_deaf_and_that_is_found() {
+fn a_guest_with_another_bit_rate_receives_nothing_and_is_reported() {
     let emulator = start(OPEN, &[]);
     emulator.breaks(&["guest-bit-rate"]);
     let port = port(&emulator);
@@ -176,7 +176,7 @@ fn who_names_another_rate_is_deaf_and_that_is_found() {
 }
 
 #[test]
-fn a_rate_that_no_code_names_takes_any() {
+fn a_bit_rate_without_a_code_accepts_any_code() {
     let emulator = start(&OPEN.replace("125", "33.3"), &[]);
     let port = port(&emulator);
     let (mut one, mut other) = (Guest::come(port), Guest::open(port));
@@ -202,7 +202,7 @@ fn with_the_stepped_clock_frames_enter_at_the_next_step() {
 }
 
 #[test]
-fn guests_see_the_frames_of_a_cansync_bus_and_are_noted_when_they_send() {
+fn guests_receive_frames_of_a_cansync_bus_and_their_frames_are_reported() {
     let emulator = start(DRIVES, &["--clock", "stepped"]);
     let port = port(&emulator);
     let (mut one, mut other) = (Guest::open(port), Guest::open(port));
@@ -230,7 +230,7 @@ fn guests_see_the_frames_of_a_cansync_bus_and_are_noted_when_they_send() {
 }
 
 #[test]
-fn a_guest_that_does_not_read_delays_nobody_and_its_losses_are_counted() {
+fn a_guest_that_does_not_read_delays_no_other_and_its_losses_are_counted() {
     let emulator = start(DRIVES, &["--clock", "stepped"]);
     let mut slow = Guest::open(port(&emulator));
     emulator.set_up(&[]);
@@ -254,7 +254,7 @@ fn a_guest_that_does_not_read_delays_nobody_and_its_losses_are_counted() {
 
 /// D-350.
 #[test]
-fn who_is_alone_is_passive_until_somebody_hears_it() {
+fn a_guest_alone_on_its_bus_is_error_passive_until_another_joins() {
     let emulator = start(OPEN, &["--clock", "stepped"]);
     let port = port(&emulator);
     let mut one = Guest::open(port);
@@ -319,7 +319,7 @@ fn doors_open_and_close_while_the_plant_runs() {
 
 /// A client can connect to a door any number of times; the log does not grow with each attempt.
 #[test]
-fn who_is_sent_away_again_and_again_is_told_of_once() {
+fn repeated_rejections_of_guests_are_logged_once() {
     let mut emulator = start(OPEN, &[]);
     let port = port(&emulator);
     let _guests: Vec<_> = (0..commram::door::MAX_GUESTS).map(|_| Guest::open(port)).collect();
@@ -337,7 +337,7 @@ fn who_is_sent_away_again_and_again_is_told_of_once() {
 }
 
 #[test]
-fn a_plant_file_that_lets_everybody_in_is_refused_unless_it_says_so() {
+fn a_plant_file_with_a_public_door_needs_explicit_permission() {
     let file = tempfile::NamedTempFile::new().unwrap();
     std::fs::write(file.path(), OPEN.replace("127.0.0.1", "0.0.0.0")).unwrap();
     let refused = crate::common::run(&["run", file.path().to_str().unwrap()]);
@@ -526,7 +526,7 @@ fn is_answered(port: u16, line: &str) -> bool {
 
 /// With a stepped clock, and no step between the connections.
 #[test]
-fn guests_that_have_left_or_say_nothing_take_no_place() {
+fn departed_or_silent_guests_take_no_place() {
     let emulator = start(OPEN, &["--clock", "stepped"]);
     let port = port(&emulator);
     let guests = || buses(&emulator)[0]["guests"].as_array().unwrap().len();
@@ -568,7 +568,7 @@ fn limit_descriptors(emulator: &Emulator, limit: u64) -> bool {
 }
 
 #[test]
-fn guests_leave_descriptors_to_the_channel_and_come_in_when_there_are_some() {
+fn guests_leave_descriptors_to_the_channel_and_enter_when_some_are_free() {
     let emulator = start(OPEN, &[]);
     let port = port(&emulator);
     let used = used_descriptors(&emulator);

@@ -40,7 +40,7 @@ fn drives_are_listed_shown_and_set() {
 }
 
 #[test]
-fn what_a_drive_does_not_take_is_refused() {
+fn settings_that_a_drive_does_not_accept_are_refused() {
     let emulator = Emulator::stepped();
     for (args, told) in [
         (&["show", "drive9"][..], "no such drive; did you mean drive"),
@@ -60,7 +60,7 @@ fn what_a_drive_does_not_take_is_refused() {
 }
 
 #[test]
-fn status_shows_the_plant_as_it_stands() {
+fn status_shows_the_current_state_of_the_plant() {
     let emulator = Emulator::stepped();
     emulator.run("poke", &["node2.w_CPU_CONTROL=1"]).ok();
     emulator.step(&["2ms"]);
@@ -89,7 +89,7 @@ fn status_shows_the_plant_as_it_stands() {
 
 /// D-540, D-541.
 #[test]
-fn a_drive_of_another_rate_is_told_everywhere() {
+fn every_command_reports_a_drive_with_another_bit_rate() {
     let directory = tempfile::tempdir().unwrap();
     let plant = directory.path().join("plant.toml");
     let text = "[[plc]]\nname = 'line'\nnode2 = 'b'\n[[bus]]\nname = 'b'\n\

@@ -91,7 +91,7 @@ fn signals_without_end_are_one_orderly_end() {
     assert_eq!(emulator.files(), NOTHING);
 }
 
-/// An emulator whose end takes as long as the test wants: it writes a message to a full pipe.
+/// The emulator cannot end while it writes a message to a full pipe, so the test controls the duration.
 #[test]
 fn only_a_second_ctrl_c_at_the_terminal_cuts_the_end_short() {
     for is_pressed_again in [false, true] {
@@ -165,7 +165,7 @@ fn fill(writer: &PipeWriter) {
 /// The first client stops all emulators while the others still search. Runs in a separate `/dev/shm`, because it
 /// stops all emulators that it finds.
 #[test]
-fn stops_of_all_kinds_and_a_dying_parent_end_it_together() {
+fn all_kinds_of_stop_and_a_dying_parent_are_one_orderly_end() {
     let script = "mount -t tmpfs tmpfs /dev/shm || exit 77
         directory=$(mktemp -d); trap 'rm -r $directory' EXIT
         for round in 1 2 3; do
@@ -282,7 +282,7 @@ fn parts(directory: &Path) -> Vec<PathBuf> {
 }
 
 #[test]
-fn whatever_has_become_of_the_directorys_files_stop_and_clean_reach_the_emulator() {
+fn stop_and_clean_reach_the_emulator_despite_damaged_instance_files() {
     let all = std::env::var_os(ALL).is_some();
     let count = parts(&directory(&Emulator::stepped())).len();
     assert!(count >= 4, "lock, prefix, ready and what iceoryx2 has made");
@@ -383,7 +383,7 @@ fn many_that_clean_at_once_do_not_end_each_other() {
 }
 
 #[test]
-fn the_last_one_cleans_up_what_has_an_odd_lock() {
+fn the_last_client_removes_files_with_a_damaged_lock() {
     let name = unique_name();
     let directory = PathBuf::from(format!("/dev/shm/commram.{name}.iox.d"));
     fs::create_dir_all(directory.join("lock/deep")).unwrap();

@@ -53,7 +53,7 @@ fn commands() -> Vec<String> {
 }
 
 #[test]
-fn wrong_use_is_2_of_every_command() {
+fn every_command_exits_with_2_on_wrong_use() {
     for command in commands() {
         let outcome = run(&[&command, "--no-such-option"]);
         assert!(outcome.fails(2).contains("--no-such-option"), "{command}: {}", outcome.err);
@@ -61,7 +61,7 @@ fn wrong_use_is_2_of_every_command() {
 }
 
 #[test]
-fn an_instance_that_is_not_there_or_has_gone_is_3_of_every_command() {
+fn every_command_exits_with_3_without_its_instance() {
     for command in commands() {
         let needs = run(&[&command, "--help"]).ok().contains("--connect-timeout");
         let known = AT_AN_INSTANCE.iter().any(|args| args[0] == command);
@@ -92,7 +92,7 @@ fn an_instance_that_is_not_there_or_has_gone_is_3_of_every_command() {
 }
 
 #[test]
-fn an_expectation_that_fails_is_1() {
+fn a_failing_expectation_exits_with_1() {
     let emulator = Emulator::stepped();
     let fails = |command: &str, args: &[&str]| emulator.run(command, args).code;
     assert_eq!(fails("wait", &["node2.w_OPTION_STATUS==7", "--within", "1ms"]), Some(1));
@@ -111,7 +111,7 @@ fn an_expectation_that_fails_is_1() {
 }
 
 #[test]
-fn ctrl_c_is_130_of_all_that_go_on_until_then() {
+fn continuous_commands_exit_with_130_on_ctrl_c() {
     let emulator = Emulator::stepped();
     emulator.poke(&["node2.w_CPU_CONTROL=1"]);
     emulator.step(&["1ms"]);
@@ -141,7 +141,7 @@ fn ctrl_c_is_130_of_all_that_go_on_until_then() {
 
 /// Results from before the output was closed are not printed. A closed reader is no failure.
 #[test]
-fn a_reader_that_goes_is_no_error() {
+fn a_closed_reader_is_no_error() {
     let script = format!("'{}' map --all | head -1", env!("CARGO_BIN_EXE_commram"));
     let outcome = finish(Command::new("bash").args(["-c", &format!("set -o pipefail; {script}")]));
     assert_eq!((outcome.code, outcome.err.as_str()), (Some(0), ""));
@@ -149,7 +149,7 @@ fn a_reader_that_goes_is_no_error() {
 
 /// The exit code reports that the output failed; the operation itself was done.
 #[test]
-fn what_acts_is_done_although_its_output_cannot_be_written() {
+fn operations_are_done_although_their_output_cannot_be_written() {
     let name = unique_name();
     let full = |args: &[&str]| {
         let outcome = finish_on_a_full_disk(commram().args(args).args(["-i", &name]));

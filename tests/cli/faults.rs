@@ -59,7 +59,7 @@ fn bus_off_shows_in_the_status_and_is_reset_by_bit_7() {
 }
 
 #[test]
-fn every_kind_of_fault_is_taken_and_told_in_the_journal() {
+fn every_kind_of_fault_is_accepted_and_recorded_in_the_journal() {
     let emulator = Emulator::stepped();
     activate(&emulator);
     let kinds: [&[&str]; 16] = [
@@ -120,7 +120,7 @@ fn every_kind_of_fault_is_taken_and_told_in_the_journal() {
 
 /// Faults that both kinds of buses share accept different conditions on each.
 #[test]
-fn a_bus_refuses_what_its_frames_do_not_have() {
+fn a_bus_refuses_conditions_that_its_frames_do_not_have() {
     let plant = "[[plc]]\nname = 'line'\n[[bus]]\nname = 'open'\nkind = 'can'\nkbit_s = 125\n[[bus]]\nname = 'drives'\n";
     let file = tempfile::NamedTempFile::new().unwrap();
     std::fs::write(file.path(), plant).unwrap();
@@ -217,7 +217,7 @@ fn faults_of_the_plant_file_are_there_from_the_start() {
 }
 
 #[test]
-fn faults_of_another_device_are_refused_with_what_it_has() {
+fn faults_of_another_device_are_refused_with_a_list_of_valid_ones() {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("plant.toml");
     let plant = "[[device]]\nkind = 'bm4-plc'\nname = 'maxx'\n\
@@ -244,7 +244,7 @@ fn faults_of_another_device_are_refused_with_what_it_has() {
 }
 
 #[test]
-fn help_tells_of_every_kind() {
+fn help_describes_every_kind_of_fault() {
     let help = crate::common::run(&["fault", "add", "--help"]);
     for kind in commram::devices::fault_kinds() {
         let command = format!("\n  commram fault add {} {}", kind.name(), kind.example());

@@ -219,7 +219,7 @@ fn ends(arguments: &[&str], library: &Path) -> Outcome {
 }
 
 #[test]
-fn processes_leave_the_journal_of_one() {
+fn federates_produce_the_same_journal_as_one_process() {
     let Some(helics) = helics() else { return };
     let directory = TempDir::new().unwrap();
     let plant = written(&directory, "plant.toml", PLANT);
@@ -317,7 +317,7 @@ h.helicsFederateDisconnect(federate)
 ";
 
 #[test]
-fn what_is_no_federate_of_this_plant_is_told_so() {
+fn a_process_that_is_no_federate_of_this_plant_is_refused() {
     let Some(helics) = helics() else { return };
     // A greeting by another version, and an invalid greeting.
     let other_version = "0005392e392e3902000000";
@@ -337,7 +337,7 @@ fn what_is_no_federate_of_this_plant_is_told_so() {
 }
 
 #[test]
-fn who_dies_is_missed_and_who_ends_takes_the_others_along() {
+fn a_dead_federate_is_noticed_and_an_orderly_end_ends_all() {
     let Some(helics) = helics() else { return };
     let directory = TempDir::new().unwrap();
     let plant = written(&directory, "plant.toml", PLANT);
@@ -366,7 +366,7 @@ fn who_dies_is_missed_and_who_ends_takes_the_others_along() {
 }
 
 #[test]
-fn who_does_not_fit_is_told_why() {
+fn a_mismatched_federate_is_refused_with_a_reason() {
     let outcome = finish(commram().args(["run", "--federate", "0/2"]));
     assert!(outcome.fails(2).contains("add --clock stepped"), "{}", outcome.err);
     let outcome = finish(commram().args(["run", "--clock", "stepped", "--federate", "2/2"]));

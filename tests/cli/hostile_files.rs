@@ -198,7 +198,7 @@ fn layouts_are_accepted_or_refused_in_their_time() {
     assert!(outcome.fails(2).contains("none of"), "nothing is declared there: {}", outcome.err);
 }
 
-/// The content follows a valid head and has the maximum length that is read.
+/// The content follows a valid head and has the maximum readable length.
 #[test]
 fn snapshots_are_refused_in_their_time() {
     let files = Files::new();

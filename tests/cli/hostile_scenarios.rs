@@ -10,7 +10,7 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 
 #[test]
-fn what_prints_for_ever_is_cut_and_ends() {
+fn endless_output_of_a_scenario_is_cut_and_ended() {
     let scripts =
         Scripts::new(&[("print.rhai", "let text = \"ü\"; text.pad(10000, \"ü\"); loop { print(text) }")]);
     let outcome = scripts.run(&["print.rhai", "--max-operations", "10000", "--format", "json"]);
@@ -76,7 +76,7 @@ fn imports_in_a_circle_are_named_with_their_lines() {
 }
 
 #[test]
-fn imports_that_only_lead_on_and_on_are_ended() {
+fn deeply_nested_imports_are_refused() {
     let scripts = Scripts::new(&[]);
     for n in 0..100 {
         let text = format!("import \"s{}\" as next;\n", n + 1);
@@ -144,7 +144,7 @@ fn a_scenario_that_hangs_within_a_step_is_killed_and_harms_no_other() {
 }
 
 #[test]
-fn a_report_is_written_although_the_user_has_had_enough() {
+fn a_report_is_written_although_the_user_interrupts_the_run() {
     let scripts = Scripts::new(&[("1-good.rhai", "expect_no_findings()"), ("3-good.rhai", "")]);
     let pipe = endless_script(&scripts.0.path().join("2-pipe.rhai"));
     let files = ["1-good.rhai", "2-pipe.rhai", "3-good.rhai"];
@@ -172,7 +172,7 @@ fn a_report_is_written_although_the_user_has_had_enough() {
 
 /// Like a pipe to `| head -1`.
 #[test]
-fn a_report_is_written_although_nobody_reads_the_output() {
+fn a_report_is_written_although_the_output_is_not_read() {
     let scripts = Scripts::new(&[("a.rhai", "step(1)"), ("b.rhai", "step(1)")]);
     let mut command = scripts.command(&["a.rhai", "b.rhai", "--junit", "report.xml"]);
     let (reader, writer) = std::io::pipe().unwrap();
@@ -184,7 +184,7 @@ fn a_report_is_written_although_nobody_reads_the_output() {
 
 /// A device without an end or a pipe without a writer must not block a command, wherever a file is named.
 #[test]
-fn what_is_no_text_file_is_refused_as_plant_scenario_import_and_dump() {
+fn devices_and_pipes_are_refused_as_plant_scenario_import_and_dump() {
     let scripts = Scripts::new(&[("import.rhai", "import \"endless\" as e;\n")]);
     std::os::unix::fs::symlink("/dev/zero", scripts.0.path().join("endless.rhai")).unwrap();
     let why = "it is a device or socket; a text file is needed";

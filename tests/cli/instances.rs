@@ -125,7 +125,7 @@ fn a_name_that_is_taken_is_refused() {
 
 /// Their images have different names, but other resources of an instance exist only once.
 #[test]
-fn a_name_that_is_taken_is_refused_whatever_the_plcs_are_called() {
+fn a_used_instance_name_is_refused_for_any_plc_names() {
     let emulator = Emulator::stepped();
     emulator.poke(&["%MB3.1000000=1"]);
     let other = plant(TWO_PLCS);
@@ -137,7 +137,7 @@ fn a_name_that_is_taken_is_refused_whatever_the_plcs_are_called() {
 }
 
 #[test]
-fn an_instance_that_is_not_there_is_named_with_those_that_are() {
+fn the_error_for_a_missing_instance_lists_the_running_ones() {
     let emulator = Emulator::stepped();
     let name = unique_name();
     for args in [
@@ -176,7 +176,7 @@ fn names_that_cannot_be_are_wrong_use() {
 }
 
 #[test]
-fn list_shows_what_runs() {
+fn list_shows_running_instances() {
     let emulator = start_with_plant(TWO_PLCS);
     emulator.step(&["3ms"]);
     let (name, pid) = (&emulator.name, emulator.pid());
@@ -198,7 +198,7 @@ fn list_shows_what_runs() {
 /// CS0015 p. 107, CAN-DP/2 (D-368), 5.00005.03a p. 41: the error about an address uses the words of a device of the
 /// instance. If the devices refuse the address in different words, the command asks for the PLC.
 #[test]
-fn an_address_is_refused_in_the_words_of_the_devices_that_are_there() {
+fn an_address_error_uses_the_words_of_the_devices_of_the_instance() {
     let emulator = start_with_plant(
         "[[device]]\nkind = 'can-dp2'\nname = 'gw'\n[[device]]\nkind = 'cs0015'\nname = 'panel'\n",
     );
@@ -301,7 +301,7 @@ fn speeds_that_cannot_be_are_wrong_use() {
 }
 
 #[test]
-fn something_else_under_the_images_name_is_left_alone() {
+fn a_foreign_file_with_the_name_of_the_image_is_kept() {
     let name = unique_name();
     let path = format!("/dev/shm/commram.{name}.line");
     std::fs::write(&path, "not an image").unwrap();

@@ -45,7 +45,7 @@ fn a_client_that_waits_learns_that_the_emulator_was_killed() {
 }
 
 #[test]
-fn what_a_killed_emulator_left_can_be_read_but_not_used() {
+fn the_image_of_a_killed_emulator_can_be_read_but_not_used() {
     let mut emulator = Emulator::stepped();
     emulator.poke(&["node2.w_CPU_CONTROL=1"]);
     emulator.step(&["1ms"]);
@@ -101,7 +101,7 @@ fn a_killed_emulator_is_restarted_on_the_same_image() {
 
 /// Kills the emulator and its clients at one moment, during an operation.
 #[test]
-fn what_killed_processes_leave_is_gone_with_the_next_start() {
+fn the_next_start_removes_files_of_killed_processes() {
     let novram = tempfile::tempdir().unwrap();
     let args = ["--novram", novram.path().to_str().unwrap()];
     let mut emulator = Emulator::start(&args);
@@ -142,7 +142,7 @@ fn stop_can_clean_up_after_a_killed_emulator() {
 
 /// Each file alone, and files without content, which identify no process.
 #[test]
-fn clean_removes_whatever_is_left_of_an_instance() {
+fn clean_removes_all_remaining_files_of_an_instance() {
     let name = unique_name();
     let image = |plc: &str| format!("/dev/shm/commram.{name}.{plc}");
     for plcs in [&[][..], &["line"], &["saw", "line"]] {
@@ -189,7 +189,7 @@ fn goes_on(name: &str, pid: u32) -> String {
 
 /// The other process may stop the emulator at any moment, not only while `stop` checks it.
 #[test]
-fn one_that_is_stopped_again_and_again_is_ended() {
+fn stop_ends_an_emulator_that_is_suspended_repeatedly() {
     let mut emulator = Emulator::stepped();
     let pid = emulator.pid();
     let is_stopped = || stat(&pid.to_string())[0] == "T";
@@ -213,7 +213,7 @@ fn one_that_is_stopped_again_and_again_is_ended() {
 
 /// The lock was removed with the directory; the images still identify the process.
 #[test]
-fn one_whose_directory_or_lock_was_removed_is_stopped_all_the_same() {
+fn stop_ends_an_emulator_whose_directory_or_lock_was_removed() {
     for (clock, lock_only) in [("stepped", false), ("realtime", false), ("stepped", true)] {
         let mut emulator = Emulator::start(&["--clock", clock]);
         let directory = format!("/dev/shm/commram.{}.iox.d", emulator.name);

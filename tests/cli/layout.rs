@@ -372,7 +372,7 @@ fn a_vendors_declarations_move_registers_and_the_program_no_longer_fits() {
 }
 
 #[test]
-fn what_cannot_be_taken_over_is_told_and_the_exit_code_says_so() {
+fn members_that_cannot_be_imported_are_reported_with_an_exit_code() {
     let checkout = Checkout::new(&VENDOR.replace("w_SPEED, ", ""));
     let before = files(&checkout.layout());
     let left = checkout.import(&[]);
@@ -408,7 +408,7 @@ fn what_cannot_be_taken_over_is_told_and_the_exit_code_says_so() {
 
 /// A client that still maps the image uses the registers of the old build.
 #[test]
-fn what_another_build_has_left_is_not_taken_over() {
+fn files_of_another_build_are_not_taken_over() {
     let mut emulator = Emulator::stepped();
     emulator.kill();
     let image =

@@ -83,7 +83,7 @@ fn a_start_needs_as_many_open_files_as_it_says() {
 /// All registers contain noise, and requests of the header page arrive all the time. The identification of the image
 /// stays.
 #[test]
-fn a_program_that_writes_at_random_keeps_nobody_waiting() {
+fn a_program_that_writes_at_random_delays_no_client() {
     let emulator = Emulator::stepped();
     let image = File::options().write(true).open(format!("/dev/shm/commram.{}.line", emulator.name)).unwrap();
     let size = image.metadata().unwrap().len();

@@ -3,7 +3,7 @@
 use crate::common::{Emulator, run};
 
 #[test]
-fn registers_are_found_by_what_is_known_about_them() {
+fn registers_are_found_by_name_address_and_description() {
     let found = run(&["find", "bus-off"]);
     assert!(found.ok().starts_with("node1.w_CANsync_STATUS  %MW3.100004  WORD  firmware  "), "{}", found.out);
     assert!(found.out.contains("    bit 7 BUS-off  1: node deactivated (BUS-off)\n"), "{}", found.out);

@@ -54,7 +54,7 @@ fn retain_flags_survive_if_they_have_a_directory() {
     assert_eq!(loaded(&image), Start::Warm);
 }
 
-/// A user who can replace the files there could set any flags of the PLC, or make it read the target of a link.
+/// A user with write permission for the directory could set any flags of the PLC, or make it read the target of a link.
 #[test]
 fn a_novram_directory_that_others_can_write_to_is_refused() {
     use std::os::unix::fs::{MetadataExt, PermissionsExt};

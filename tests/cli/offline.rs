@@ -4,7 +4,7 @@ use crate::common::{commram, finish, finish_on_a_full_disk, run};
 use std::process::{Command, Stdio};
 
 #[test]
-fn the_map_tells_all_about_a_register() {
+fn the_map_shows_all_details_of_a_register() {
     assert_eq!(
         run(&["map", "node2.w_CANsync_STATUS"]).ok(),
         "\
@@ -150,7 +150,7 @@ fn offered(words: &[&str]) -> Vec<String> {
 }
 
 #[test]
-fn bash_completes_commands_of_commands_and_the_values_that_there_are() {
+fn bash_completes_subcommands_and_existing_values() {
     for (words, expected) in [
         (&["commram", "tr"][..], &["trace"][..]),
         (&["commram", "fault", "c"], &["clear"]),

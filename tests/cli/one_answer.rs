@@ -34,7 +34,7 @@ fn root(path: &str) -> PathBuf {
 }
 
 #[test]
-fn of_a_drive_to_a_c_program() {
+fn a_c_program_reads_the_answer_of_a_drive() {
     let directory = tempfile::tempdir().unwrap();
     run(&["export", "c", "--output", directory.path().join("commram.h").to_str().unwrap()]).ok();
     let program = directory.path().join("soft_plc");
@@ -51,7 +51,7 @@ fn of_a_drive_to_a_c_program() {
 }
 
 #[test]
-fn of_a_drive_to_a_python_program() {
+fn a_python_program_reads_the_answer_of_a_drive() {
     let Some(python) = python(&[]) else { return };
     let directory = tempfile::tempdir().unwrap();
     run(&["export", "python", "--output", directory.path().join("commram.py").to_str().unwrap()]).ok();
@@ -67,7 +67,7 @@ fn of_a_drive_to_a_python_program() {
 }
 
 #[test]
-fn of_a_drive_to_a_rust_program() {
+fn a_rust_program_reads_the_answer_of_a_drive() {
     let example = crate::common::example("master");
     sees_the_answer(
         |emulator| finish(Command::new(&example).args(["-i", &emulator.name])),
@@ -76,7 +76,7 @@ fn of_a_drive_to_a_rust_program() {
 }
 
 #[test]
-fn of_a_drive_to_a_scenario() {
+fn a_scenario_reads_the_answer_of_a_drive() {
     sees_the_answer(
         |emulator| {
             let script = root("tests/scenarios/28-one-answer.rhai");

@@ -31,7 +31,7 @@ fn victim() -> tempfile::NamedTempFile {
 }
 
 #[test]
-fn a_directory_that_somebody_else_has_made_is_refused_and_no_link_in_it_followed() {
+fn a_directory_of_another_user_is_refused_and_its_links_are_not_followed() {
     if !can_be_another_user() {
         return;
     }
@@ -74,7 +74,7 @@ fn a_link_in_the_directorys_place_is_refused() {
 }
 
 #[test]
-fn a_novram_directory_of_somebody_else_is_refused() {
+fn a_novram_directory_of_another_user_is_refused() {
     if !can_be_another_user() {
         return;
     }
@@ -91,7 +91,7 @@ fn a_novram_directory_of_somebody_else_is_refused() {
 
 /// The image is an exact copy of an emulator's image, with read and write permission for all users.
 #[test]
-fn an_image_of_somebody_else_is_neither_taken_over_nor_used() {
+fn an_image_of_another_user_is_neither_taken_over_nor_used() {
     if !can_be_another_user() {
         return;
     }
@@ -160,7 +160,7 @@ fn nothing_of_a_running_instance_can_be_read_written_or_removed_by_others() {
 
 /// The prefix of the channel's objects is public.
 #[test]
-fn objects_of_others_that_look_like_the_channels_keep_nobody_away() {
+fn objects_of_other_users_with_the_channels_prefix_block_no_client() {
     if !can_be_another_user() {
         return;
     }

@@ -115,7 +115,7 @@ fn a_report_opens_in_a_browser_without_a_complaint() {
 }
 
 #[test]
-fn a_plot_stands_beside_its_scenario_and_nowhere_else() {
+fn a_plot_is_written_only_beside_its_scenario() {
     for name in ["../x.svg", "/tmp/x.svg", "a/b.svg", "x.txt", ".svg", ""] {
         let script = format!("plot(\"{name}\", [\"node2.w_CPU_CONTROL\"]);");
         let scripts = Scripts::new(&[("one.rhai", &script)]);

@@ -109,7 +109,7 @@ fn the_program_of_the_documentation_runs_as_printed() {
 /// pyprofibus, the gateway, and a CANopen controller on the gateway's other bus. The controller's registers have the
 /// master's values.
 #[test]
-fn pyprofibus_reaches_a_controller_behind_the_gateway() {
+fn pyprofibus_reaches_a_controller_through_the_gateway() {
     let Some(mut python) = python(&["pyprofibus"]) else { return };
     let plant = include_str!("../../tools/plants/can-dp2-door.toml");
     let emulator = start_with(plant, &["--clock", "stepped"]);
@@ -174,7 +174,7 @@ fn a_length_that_no_telegram_has_closes_the_door_for_this_guest() {
 
 /// Without the refusal the guest would wait without a timeout and without a reason.
 #[test]
-fn a_distant_bit_time_is_refused_aloud() {
+fn a_distant_bit_time_is_refused_with_a_message() {
     let emulator = start();
     emulator.breaks(&["guest-time"]);
     let (mut other, mut guest) = (Guest::come(&emulator), Guest::come(&emulator));
@@ -238,7 +238,7 @@ fn two_gateways_with_one_address_are_named() {
 
 /// At the bit rate of its bus this is after 50 s.
 #[test]
-fn who_leaves_with_much_to_say_later_leaves_its_place() {
+fn a_guest_that_leaves_with_scheduled_telegrams_frees_its_place() {
     let emulator = start();
     let mut later = 1u16.to_le_bytes().to_vec();
     later.extend(25_000_000_u64.to_le_bytes());
@@ -255,7 +255,7 @@ fn who_leaves_with_much_to_say_later_leaves_its_place() {
 }
 
 #[test]
-fn a_bus_has_doors_of_its_own_kind() {
+fn a_bus_accepts_only_doors_of_its_kind() {
     let emulator = start();
     let refused = emulator.run("bus", &["open", "dp", "slcan-tcp:127.0.0.1:0"]).err;
     assert!(

@@ -89,7 +89,7 @@ fn retain_flags_are_read_and_written_by_their_addresses() {
 
 /// D-29: a client could not see this in the RAM.
 #[test]
-fn a_restart_written_over_what_bit_7_has_left_restarts() {
+fn a_restart_written_over_the_value_of_bit_7_restarts() {
     let emulator = Emulator::stepped();
     set_up(&emulator);
     emulator.poke(&["node2.w_CPU_CONTROL=16#0080"]);
@@ -157,7 +157,7 @@ fn pokes_are_done_in_order() {
 }
 
 #[test]
-fn one_bad_poke_and_none_is_done() {
+fn one_invalid_poke_prevents_all_pokes() {
     let emulator = Emulator::stepped();
     let outcome = emulator.run("poke", &["%MB3.1000000=7", "node2.w_CPU_CONTROL=65536"]);
     assert!(outcome.fails(2).contains("node2.w_CPU_CONTROL (%MW3.200000): `65536` is out of range"));
@@ -217,7 +217,7 @@ fn a_wait_that_is_met_stops_the_time_at_the_match() {
 }
 
 #[test]
-fn a_dump_shows_what_differs_and_follows_the_live_structure() {
+fn a_dump_shows_changed_registers_of_the_live_structure() {
     let emulator = Emulator::stepped();
     emulator.poke(&["node2.w_CPU_CONTROL=1"]);
     emulator.step(&["1ms"]);
@@ -249,7 +249,7 @@ fn a_dump_changes_nothing() {
 }
 
 #[test]
-fn a_dump_of_nothing_special_says_so() {
+fn a_dump_without_changed_registers_prints_a_note() {
     let emulator = Emulator::stepped();
     let name = &emulator.name;
     let empty = format!("instance '{name}' at 0.000000 s\nall registers have their reset values\n");
@@ -259,7 +259,7 @@ fn a_dump_of_nothing_special_says_so() {
 }
 
 #[test]
-fn a_dump_of_plain_ram_shows_what_is_not_zero() {
+fn a_dump_of_plain_ram_shows_nonzero_registers() {
     let emulator = Emulator::stepped();
     emulator.poke(&["%MD3.1262140=16#DEADBEEF"]);
     let dump = emulator.run("dump", &["option1", "--format", "csv"]);
@@ -278,7 +278,7 @@ fn a_dump_with_all_registers_has_the_reserved_ones_too() {
     assert_eq!(lines(&["%MW3.200002"]), 1);
 }
 
-/// The structure that is not live is RAM with another meaning, so its registers are not shown.
+/// A structure that is currently not live is RAM with another meaning, so its registers are not shown.
 #[test]
 fn a_dump_of_a_structure_that_is_not_live_is_empty() {
     let emulator = Emulator::stepped();
@@ -306,7 +306,7 @@ fn a_wait_in_real_time_is_met_by_the_running_clock() {
 }
 
 #[test]
-fn what_does_not_exist_is_wrong_use_before_any_emulator_is_asked() {
+fn an_unknown_register_is_refused_without_an_emulator() {
     let fails = |args: &[&str]| run(args).fails(2).to_owned();
     assert!(fails(&["peek", "node2.w_CPU_CONTRL"]).contains("did you mean w_CPU_CONTROL?"));
     assert!(fails(&["peek", "node3.w_CPU_CONTROL"]).contains("node1, ethernet_config, node2"));

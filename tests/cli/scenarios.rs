@@ -63,7 +63,7 @@ fn the_emulated_time_of_a_scenario_is_the_same_in_every_run() {
 }
 
 #[test]
-fn a_failing_expectation_tells_all_that_is_known() {
+fn a_failing_expectation_reports_all_details() {
     let script = "\
 // a comment
 section(\"initialization\");
@@ -155,7 +155,7 @@ fn every_kind_of_expectation_can_fail() {
 }
 
 #[test]
-fn a_script_that_does_not_compile_is_told_with_its_line() {
+fn a_compile_error_of_a_script_names_its_line() {
     let report = run_one("let x = 1;\npoke(\"node2.w_CPU_CONTROL\", ;\n", 2);
     assert!(report.starts_with("broken  one.rhai  0.000000 s emulated in R\n  one.rhai:2: "), "{report}");
     assert!(report.contains("\n    line      poke(\"node2.w_CPU_CONTROL\", ;\n"), "{report}");
@@ -256,7 +256,7 @@ fn wrong_use_of_a_verb_says_what_would_be_right() {
 }
 
 #[test]
-fn what_is_caught_tells_what_went_wrong_and_can_be_thrown_again() {
+fn a_caught_error_has_a_message_and_can_be_thrown_again() {
     let script = r#"
         try { expect("node2.w_OPTION_STATUS", 2); } catch (error) {
             print(`${error}: ${error.kind} ${error.register} ${error.expected} ${error.actual} ${error.time}`);
@@ -344,7 +344,7 @@ fn a_failure_in_an_imported_script_is_found_there() {
 }
 
 #[test]
-fn what_is_missing_is_wrong_use_and_the_others_run() {
+fn a_missing_scenario_is_wrong_use_and_the_others_run() {
     let scripts = Scripts::new(&[("good.rhai", "step(\"1ms\"); expect_no_findings();")]);
     let outcome = scripts.run(&["missing.rhai", "good.rhai"]);
     assert_eq!(outcome.code, Some(2));
@@ -440,7 +440,7 @@ fn the_junit_report_is_xml_that_parsers_read() {
 }
 
 #[test]
-fn the_junit_report_is_what_jenkins_takes() {
+fn jenkins_accepts_the_junit_report() {
     let Some(schema) = std::env::var_os("COMMRAM_JUNIT_XSD") else {
         return skipped("junit-10", "COMMRAM_JUNIT_XSD names no file");
     };
@@ -453,7 +453,7 @@ fn the_junit_report_is_what_jenkins_takes() {
 }
 
 #[test]
-fn a_scenario_in_which_a_required_fault_never_struck_has_failed() {
+fn a_scenario_fails_if_a_required_fault_never_fired() {
     let report = run_one("fault(\"lose_frame slot=WRC1 required\");\nstep(\"10ms\");\n", 1);
     assert!(report.contains("fault 1 has never struck: lose_frame slot=WRC1 required"), "{report}");
     let refused = run(&["fault", "add", "lose_frame", "required"]);

@@ -1,4 +1,4 @@
-//! Image files that other programs change during use, and a `/dev/shm` that is too small.
+//! Image files that other programs change during use, and a full `/dev/shm`.
 
 use crate::common::{Emulator, commram, eventually, finish, unique_name};
 use std::fs::File;
@@ -24,7 +24,7 @@ fn a_shortened_image_ends_the_emulator_with_a_message() {
 
 /// The missing part has not been accessed yet, and the watchdog has not checked the image.
 #[test]
-fn a_stop_right_behind_it_hides_nothing() {
+fn a_stop_right_after_the_damage_still_reports_it() {
     let directory = tempfile::tempdir().unwrap();
     let mut emulator =
         Emulator::start(&["--clock", "stepped", "--novram", directory.path().to_str().unwrap()]);
@@ -57,7 +57,7 @@ fn nothing_of_a_shortened_image_gets_into_novram() {
 }
 
 #[test]
-fn a_longer_image_is_told_and_goes_on() {
+fn a_longer_image_is_reported_and_the_emulator_continues() {
     let mut emulator = Emulator::stepped();
     File::options().write(true).open(image(&emulator)).unwrap().set_len(4_000_000).unwrap();
     assert_eq!(emulator.step(&["5ms"]), "0.005000 s");
@@ -69,7 +69,7 @@ fn a_longer_image_is_told_and_goes_on() {
 }
 
 #[test]
-fn a_removed_image_is_told_and_who_is_attached_goes_on() {
+fn a_removed_image_is_reported_and_attached_programs_continue() {
     use commram::memory::{AttachMode, Image, Width};
     let mut emulator = Emulator::start(&[]);
     let attached = Image::attach(&emulator.name, "line", AttachMode::ReadWrite, None).unwrap();
@@ -123,7 +123,7 @@ fn while_running(then: &str) -> String {
 }
 
 #[test]
-fn an_image_that_does_not_fit_is_refused_with_what_is_missing() {
+fn an_image_without_enough_memory_is_refused_with_the_needed_size() {
     let Some(outcome) = with_small_shm("2m", "$COMMRAM run; code=$?; ls /dev/shm; exit $code") else {
         return;
     };
@@ -147,7 +147,7 @@ fn images_that_do_not_fit_together_are_refused_before_the_first_is_made() {
 }
 
 #[test]
-fn without_room_for_the_channel_the_emulator_does_without() {
+fn without_memory_for_the_channel_the_emulator_runs_without_it() {
     let script = while_running("$COMMRAM peek --raw node2.w_OPTION_STATUS");
     let Some(outcome) = with_small_shm("4m", &script) else { return };
     assert_eq!(outcome.out.lines().next(), Some("16#0001"), "{outcome:?}");
@@ -160,7 +160,7 @@ fn without_room_for_the_channel_the_emulator_does_without() {
 }
 
 #[test]
-fn who_fills_the_memory_later_hangs_and_kills_nobody() {
+fn memory_that_runs_out_later_blocks_and_kills_no_process() {
     let script = while_running(
         "$COMMRAM peek --raw node2.w_OPTION_STATUS
         cat /dev/zero >/dev/shm/filler 2>/dev/null

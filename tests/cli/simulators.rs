@@ -192,7 +192,7 @@ fn a_sensor_in_python_is_on_a_can_bus() {
 }
 
 #[test]
-fn simulators_that_are_missing_or_wrong_are_told() {
+fn missing_or_wrong_simulators_are_reported() {
     let Some(helics) = helics() else { return };
     let directory = TempDir::new().unwrap();
     let toml = blocks("toml").remove(0);

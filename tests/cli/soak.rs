@@ -31,7 +31,7 @@ fn the_same_seed_draws_the_same_rounds() {
 
 /// The time limit is too short for any operation, so every round fails.
 #[test]
-fn what_fails_is_written_as_short_as_it_gets_and_fails_alone() {
+fn a_failing_round_is_minimized_and_fails_alone() {
     let directory = tempfile::tempdir().unwrap();
     let keep = directory.path().to_str().unwrap();
     let args = [
@@ -85,7 +85,7 @@ fn exercises_are_listed() {
 
 /// Drives have a separate supply: a drive stays failed when its PLC is switched off and on.
 #[test]
-fn a_drive_that_has_failed_runs_again_behind_a_recovery() {
+fn a_failed_drive_runs_again_after_a_recovery() {
     let outcome = run(&["soak", "--seed", "20261582", "--rounds", "1", "--jobs", "1", "--format", "json"]);
     let rows: Vec<Value> = serde_json::from_str(outcome.ok()).unwrap();
     let row = rows.iter().find(|row| row["rounds"] == 1).unwrap();

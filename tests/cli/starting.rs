@@ -61,7 +61,7 @@ fn a_detached_emulator_has_left_its_terminal_and_outputs() {
 }
 
 #[test]
-fn what_a_detached_emulator_says_later_goes_to_its_log() {
+fn later_messages_of_a_detached_emulator_go_to_its_log() {
     let instance = Background::new();
     let folder = tempfile::tempdir().unwrap();
     let log = folder.path().join("log");
@@ -75,7 +75,7 @@ fn what_a_detached_emulator_says_later_goes_to_its_log() {
 }
 
 #[test]
-fn a_start_that_fails_says_why_in_the_foreground_as_in_the_background() {
+fn a_failed_start_prints_its_reason_in_foreground_and_background() {
     let instance = Background::new();
     instance.run("run", &["--detach"]).ok();
     for args in [&[][..], &["no-such-plant.toml"], &["--speed", "0"], &["--clock", "stepped", "--speed", "2"]]
@@ -106,7 +106,7 @@ fn clients_wait_for_an_emulator_that_is_just_starting() {
 
 /// The line that new users type.
 #[test]
-fn behind_an_ampersand_the_next_command_just_works() {
+fn a_command_right_after_a_background_start_works() {
     let instance = Background::new();
     let script = format!("'{0}' run >/dev/null 2>&1 & '{0}' peek --raw node2.w_OPTION_STATUS", program());
     let mut shell = Command::new("sh");
@@ -163,7 +163,7 @@ fn with_gives_a_command_an_emulator_and_ends_with_its_exit_code() {
 }
 
 #[test]
-fn with_takes_plant_and_name_and_hands_the_name_on() {
+fn with_takes_plant_and_name_and_exports_the_name() {
     let name = unique_name();
     let plant = concat!(env!("CARGO_MANIFEST_DIR"), "/tools/examples/plant.toml");
     let outcome =
@@ -173,7 +173,7 @@ fn with_takes_plant_and_name_and_hands_the_name_on() {
 
 /// A name in the environment or an enclosing `with` does not interfere.
 #[test]
-fn with_within_with_has_a_name_of_its_own() {
+fn a_nested_with_has_a_separate_name() {
     let outcome = with(&[], "echo $COMMRAM_INSTANCE; $COMMRAM with -- sh -c 'echo $COMMRAM_INSTANCE'");
     let names: Vec<_> = outcome.ok().lines().collect();
     assert_eq!(names.len(), 2);
@@ -181,7 +181,7 @@ fn with_within_with_has_a_name_of_its_own() {
 }
 
 #[test]
-fn with_says_what_is_wrong() {
+fn with_reports_wrong_use() {
     let nowhere = finish(commram().args(["with", "--", "./no-such-program"]));
     assert!(nowhere.fails(127).contains("cannot run ./no-such-program"), "{}", nowhere.err);
     let folder = finish(commram().args(["with", "--", "/"]));

@@ -5,7 +5,7 @@ use serde_json::Value;
 use std::fs;
 use std::process::Command;
 
-/// Starts an emulator whose node 2 has been in set-up mode for `time`, so that frames run.
+/// Starts an emulator and runs node 2 in set-up mode for `time`, so that it exchanges frames.
 fn with_frames(time: &str) -> Emulator {
     let emulator = Emulator::stepped();
     for (writes, time) in [
@@ -51,7 +51,7 @@ fn number(line: &Value, field: &str) -> u64 {
 }
 
 #[test]
-fn text_tells_what_has_happened() {
+fn the_text_format_describes_each_event() {
     let emulator = in_operation();
     let outcome = emulator.run("trace", &[]);
     let text = outcome.ok();
@@ -117,7 +117,7 @@ fn jsonl_has_the_documented_fields() {
 }
 
 #[test]
-fn parts_of_the_journal() {
+fn options_select_parts_of_the_journal() {
     let emulator = in_operation();
     let all = jsonl(&emulator, &[]);
     let seqs =
@@ -143,7 +143,7 @@ fn parts_of_the_journal() {
 }
 
 #[test]
-fn lost_records_are_told() {
+fn lost_records_are_reported() {
     // More frames than the ring holds; states and registers are complete.
     let emulator = with_frames("90s");
     let lines = jsonl(&emulator, &[]);
@@ -170,7 +170,7 @@ fn follow(emulator: &Emulator, args: &[&str]) -> Follower {
 }
 
 #[test]
-fn following_shows_what_comes_and_ends_with_the_emulator() {
+fn following_prints_new_records_and_ends_with_the_emulator() {
     let emulator = Emulator::stepped();
     emulator.poke(&["node2.w_CPU_CONTROL=16#0001"]);
     let mut follower = follow(&emulator, &[]);
@@ -196,7 +196,7 @@ fn following_a_killed_emulator_ends_as_well() {
 }
 
 #[test]
-fn following_ends_on_a_signal_with_what_is_being_counted() {
+fn following_prints_the_pending_count_when_a_signal_ends_it() {
     for signal in ["-INT", "-TERM"] {
         let emulator = with_frames("100ms");
         let mut follower = follow(&emulator, &["--kind", "sync"]);
@@ -214,7 +214,7 @@ fn following_ends_on_a_signal_with_what_is_being_counted() {
 }
 
 #[test]
-fn following_ends_when_nobody_reads_though_nothing_happens() {
+fn following_ends_when_its_reader_closes_without_new_records() {
     let emulator = with_frames("10ms");
     let mut follower = follow(&emulator, &[]);
     follower.line();

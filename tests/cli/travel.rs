@@ -83,7 +83,7 @@ fn readers_take_a_journal_that_continues_from_a_snapshot() {
 }
 
 #[test]
-fn what_is_no_snapshot_or_of_another_plant_is_refused_by_name() {
+fn an_invalid_snapshot_or_one_of_another_plant_is_refused_by_name() {
     let emulator = Emulator::stepped();
     let directory = TempDir::new().unwrap();
     let file = directory.path().join("a.snap");

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::Duration;
 
-/// Places of the header page.
+/// Offsets in the header page.
 const VERSION: u64 = 8;
 const LAYOUT_HASH: u64 = 16;
 
@@ -109,7 +109,7 @@ fn c_client(directory: &Path, define: &str, value: &str) -> PathBuf {
 }
 
 #[test]
-fn a_c_program_of_another_version_is_told_both() {
+fn a_c_program_of_another_version_learns_both_versions() {
     let directory = tempfile::tempdir().unwrap();
     let emulator = Emulator::stepped();
     let refused = |program: &Path, words: &str| {
@@ -150,7 +150,7 @@ fn python_client(interpreter: &Path, emulator: &Emulator, constant: &str, value:
 }
 
 #[test]
-fn a_python_program_of_another_version_is_told_both() {
+fn a_python_program_of_another_version_learns_both_versions() {
     let Some(interpreter) = python(&[]) else { return };
     let interpreter = Path::new(interpreter.get_program());
     let emulator = Emulator::stepped();
@@ -171,7 +171,7 @@ fn a_python_program_of_another_version_is_told_both() {
     );
 }
 
-/// `run --from` with snapshots of other formats: they are sealed right, so that the format is all that is wrong.
+/// `run --from` with snapshots of other formats. Their checksums are valid, so only the format is wrong.
 #[test]
 fn a_snapshot_of_another_format_is_refused_by_its_versions() {
     let directory = tempfile::tempdir().unwrap();
@@ -200,7 +200,7 @@ fn a_snapshot_of_another_format_is_refused_by_its_versions() {
     }
 }
 
-/// The file stays for the version that has written it, and no emulator starts in delivery state instead.
+/// The file is kept for the version that wrote it. The emulator does not start in delivery state instead.
 #[test]
 fn an_emulator_does_not_start_on_a_novram_file_of_another_version() {
     let directory = tempfile::tempdir().unwrap();

@@ -34,7 +34,7 @@ fn view(emulator: &Emulator) -> (File, Child) {
 }
 
 #[test]
-fn a_view_ends_with_its_terminal_and_as_it_is_told() {
+fn a_view_ends_with_its_terminal_or_on_request() {
     let emulator = Emulator::stepped();
     let (mut terminal, mut quits) = view(&emulator);
     terminal.write_all(b"q").unwrap();
@@ -56,7 +56,7 @@ fn shell(emulator: &Emulator, lines: &str) -> Outcome {
 }
 
 #[test]
-fn a_shell_does_lines_from_a_pipe_until_one_fails() {
+fn a_shell_runs_lines_from_a_pipe_until_one_fails() {
     let emulator = Emulator::stepped();
     let lines = "# bring-up\npoke node2.w_CPU_CONTROL=handshake\nlet at = wait(\"node2.w_OPTION_STATUS\", 2, \"10ms\");\n\
                  if at > 0 {\n  print(`at ${at}`);\n}\npeek --raw node2.w_OPTION_STATUS\n";

@@ -33,11 +33,11 @@ pub(crate) fn unique_name() -> String {
     format!("t{}-{}", std::process::id(), COUNTER.fetch_add(1, Ordering::Relaxed))
 }
 
-/// Returns the program without the settings of the user who runs the tests.
+/// Returns the program without the user's settings.
 pub(crate) fn commram() -> Command {
     let mut command = Command::new(PROGRAM);
     command.env_remove("COMMRAM_INSTANCE").env("COLUMNS", "100").stdin(Stdio::null());
-    // An instance that is missing in a test will not appear; tests of the connect timeout set it explicitly.
+    // A missing instance will not appear during a test; tests of the connect timeout set it explicitly.
     command.env("COMMRAM_CONNECT_TIMEOUT", "0s");
     command
 }
@@ -398,13 +398,13 @@ impl Emulator {
         assert_eq!(found, expected, "errors that the access checker has found: {}", outcome.out);
     }
 
-    /// Returns the files in /dev/shm whose names contain the instance's name.
+    /// Returns the files of this instance in /dev/shm.
     pub(crate) fn files(&self) -> Vec<PathBuf> {
         files_of(&self.name)
     }
 }
 
-/// Returns the files in /dev/shm whose names contain the name of an instance.
+/// Returns the files in /dev/shm with the name of an instance in their names.
 pub(crate) fn files_of(instance: &str) -> Vec<PathBuf> {
     let prefix = format!("commram.{instance}.");
     let entries = std::fs::read_dir("/dev/shm").unwrap().flatten();

@@ -92,7 +92,7 @@ fn imports() -> BTreeMap<String, BTreeMap<String, PathBuf>> {
 }
 
 #[test]
-fn every_module_has_a_row_and_uses_only_what_stands_there() {
+fn every_module_has_a_row_and_uses_only_the_listed_modules() {
     let (layers, imports) = (Layers::documented(), imports());
     let mut wrong = Vec::new();
     for (module, uses) in &imports {
@@ -149,7 +149,7 @@ fn generic_modules_name_no_device() {
 
 /// proptest would create a separate directory beside `src`.
 #[test]
-fn property_tests_of_the_library_keep_what_failed_below_tests() {
+fn property_tests_of_the_library_store_failures_below_tests() {
     let mut files = Vec::new();
     sources(&Path::new(env!("CARGO_MANIFEST_DIR")).join("src"), &mut files);
     for file in files {

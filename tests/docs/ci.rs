@@ -134,7 +134,7 @@ fn the_farm_makes_one_report_of_its_shards() {
 }
 
 #[test]
-fn the_job_is_one_of_kubernetes_and_its_shards_are_as_many_as_its_pods() {
+fn the_kubernetes_job_has_as_many_shards_as_pods() {
     let manifest = Path::new(ROOT).join("tools/farm/job.yaml");
     let text = std::fs::read_to_string(&manifest).unwrap();
     let value =

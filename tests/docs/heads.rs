@@ -34,7 +34,7 @@ fn scripts(text: &str) -> Vec<String> {
 }
 
 #[test]
-fn what_the_heads_of_files_say_works() {
+fn the_commands_in_file_heads_work() {
     example("master");
     let mut ran = Vec::new();
     for file in files() {
@@ -58,7 +58,7 @@ fn what_the_heads_of_files_say_works() {
 
 /// After `&` an emulator may not be ready for the next command, and in the foreground it blocks the next command.
 #[test]
-fn nobody_is_told_to_start_an_emulator_in_another_way() {
+fn pages_and_file_heads_start_emulators_only_with_detach() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut starts = 0;
     for page in crate::pages().into_iter().chain([root.join("README.md")]).chain(files()) {

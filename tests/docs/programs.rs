@@ -68,7 +68,7 @@ fn master_slave_and_cluster_work_together() {
 
 /// Configuration example A of the manual (p. 62-63).
 #[test]
-fn the_drive_behind_the_baps_runs() {
+fn the_drive_at_the_baps_runs() {
     let emulator = Emulator::start(&[]);
     let out = Example::start("baps", &emulator, &[]).output();
     assert!(out.contains("the drive runs at 5000"), "{out}");
@@ -129,7 +129,7 @@ fn each_example_is_one_command() {
 
 /// In stepped mode the emulated time waits for the event tasks: one long step misses no event.
 #[test]
-fn a_standing_clock_waits_for_event_tasks() {
+fn a_stepped_clock_waits_for_event_tasks() {
     use commram::memory::header::ProgramState;
     use commram::memory::{AttachMode, Image};
 

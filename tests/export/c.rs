@@ -60,7 +60,7 @@ fn a_cpp_program_does_the_same() {
 
 /// In every language mode, after system headers that were included without the macros for their full content.
 #[test]
-fn the_header_may_come_behind_any_other() {
+fn the_header_compiles_after_any_other() {
     let directory = tempfile::tempdir().unwrap();
     let header = directory.path().join("commram.h");
     run(&["export", "c", "--output", header.to_str().unwrap()]).ok();
@@ -111,7 +111,7 @@ fn the_header_of_another_device_compiles_and_asserts_where_registers_lie() {
 
 /// Attaches to images with mistakes.
 #[test]
-fn what_is_wrong_with_an_image_is_told() {
+fn an_invalid_image_is_refused_with_its_mistake() {
     let directory = tempfile::tempdir().unwrap();
     let program = compile("cc", &["-std=c11"], directory.path());
     let emulator = Emulator::stepped();

@@ -59,7 +59,7 @@ fn every_device_is_exported_in_every_format() {
 
 /// The notes about gaps in the Omega Drive-Line II's manual do not appear for another device.
 #[test]
-fn the_head_of_an_export_speaks_of_its_own_device() {
+fn the_head_of_an_export_describes_only_its_device() {
     for format in ["c", "matiec", "openplc", "st", "python", "svd", "systemrdl"] {
         let export = run(&["export", format, "--device", "bm4-plc"]);
         assert!(export.ok().contains("nor how long a slot's area is"), "{format}");
@@ -70,7 +70,7 @@ fn the_head_of_an_export_speaks_of_its_own_device() {
 
 /// 5.00005.03a p. 77, 213, 249. matiec accepts each spelling of an address once, and no arrays of arrays.
 #[test]
-fn matiec_gets_declarations_of_its_own() {
+fn matiec_has_separate_declarations() {
     let whole = run(&["export", "st", "--matiec"]);
     for line in [
         "    CANsync_RD_BMARRAY : ARRAY[0..31, 0..15] OF DINT;\n",
@@ -163,7 +163,7 @@ fn the_json_keeps_its_schema() {
 /// Documented and inferred addresses, names and meanings look alike in an export. Inferred ones must be marked in the
 /// head of the file, at their structure and at themselves.
 #[test]
-fn exports_tell_what_is_inferred() {
+fn exports_mark_inferred_names_and_offsets() {
     for format in ["c", "matiec", "openplc", "st", "python", "svd", "systemrdl"] {
         let export = run(&["export", format]);
         let text = export.ok();
@@ -226,7 +226,7 @@ fn a_block_limits_the_export() {
 }
 
 #[test]
-fn the_output_goes_where_it_is_told_to() {
+fn the_output_goes_to_the_given_file() {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("registers.md");
     let path = path.to_str().unwrap();

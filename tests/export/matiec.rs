@@ -139,7 +139,7 @@ fn in_stepped_mode_time_waits_for_each_scan() {
 }
 
 #[test]
-fn the_program_says_that_the_emulator_is_gone() {
+fn the_program_reports_that_the_emulator_has_ended() {
     let directory = tempfile::tempdir().unwrap();
     let program = built(directory.path());
     let mut emulator = Emulator::start(&[]);
@@ -223,7 +223,7 @@ pub(crate) fn compile_program(matiec: &Path, directory: &Path, level: &str) {
 
 /// matiec itself, and its output for every export.
 #[test]
-fn matiec_compiles_what_is_exported_for_it() {
+fn matiec_compiles_its_exports() {
     let Some(matiec) = std::env::var_os("COMMRAM_MATIEC").map(PathBuf::from) else {
         skipped("matiec", "COMMRAM_MATIEC names no directory with iec2c and lib");
         return;

@@ -248,7 +248,7 @@ fn the_extension_for_beremiz_attaches() {
 }
 
 #[test]
-fn beremiz_is_told_what_is_refused() {
+fn beremiz_receives_the_reason_of_a_refusal() {
     let directory = tempfile::tempdir().unwrap();
     let directory = directory.path();
     beremiz(directory);

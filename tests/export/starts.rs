@@ -230,9 +230,9 @@ fn located_flags_overlay_each_other() {
     assert_eq!(running.end(), Some(0));
 }
 
-/// A program that is not started says why.
+/// A program that is not started prints the reason.
 #[test]
-fn a_stopped_program_says_why() {
+fn a_stopped_program_prints_its_reason() {
     let directory = tempfile::tempdir().unwrap();
     let directory = directory.path();
     let program = built(directory, "cs0015", SCANS, "");

@@ -162,7 +162,7 @@ fn cantools_reads_the_messages_of_a_bus() {
 
 /// tools/fmi/tests packs and runs units.
 #[test]
-fn a_unit_wants_its_own_shared_object_and_a_file() {
+fn a_unit_needs_its_shared_object_and_an_output_file() {
     let directory = tempfile::tempdir().unwrap();
     let path = |name: &str| directory.path().join(name).to_str().unwrap().to_owned();
     std::fs::write(path("other.so"), b"\x7FELF of somebody else").unwrap();

@@ -68,7 +68,7 @@ fn questions_and_answers(steps: &[&str]) -> String {
 }
 
 #[test]
-fn emulated_time_waits_for_who_has_asked_for_some_and_the_journal_is_always_the_same() {
+fn emulated_time_waits_for_guests_and_the_journal_is_reproducible() {
     let journal = questions_and_answers(&["40ms"]);
     assert_eq!(journal, questions_and_answers(&["40ms"]));
     assert_eq!(journal, questions_and_answers(&["999us", "1us", "1ms", "7ms", "300us", "30700us"]));
@@ -90,7 +90,7 @@ fn emulated_time_waits_for_who_has_asked_for_some_and_the_journal_is_always_the_
 }
 
 #[test]
-fn who_has_promised_to_be_silent_is_held_to_it() {
+fn a_guest_that_waits_for_its_turn_cannot_send() {
     let emulator = start(OPEN, &["--clock", "stepped"]);
     let mut guest = Guest::come(port(&emulator));
     assert_eq!(guest.ask("K64"), "\x07", "it does not listen");
@@ -107,7 +107,7 @@ fn who_has_promised_to_be_silent_is_held_to_it() {
 }
 
 #[test]
-fn who_hangs_or_dies_in_its_turn_loses_its_seat_and_stop_ends_it_all() {
+fn a_guest_that_hangs_or_dies_in_its_turn_loses_its_seat() {
     let emulator = start(OPEN, &["--clock", "stepped"]);
     let port = port(&emulator);
     let (mut hangs, mut dies) = (Guest::open(port), Guest::open(port));
@@ -134,7 +134,7 @@ fn who_hangs_or_dies_in_its_turn_loses_its_seat_and_stop_ends_it_all() {
 
 /// A step without an end: its guest has one turn after the other.
 #[test]
-fn others_look_while_guests_have_their_turns() {
+fn other_clients_are_served_during_turns_of_guests() {
     let mut emulator = start(OPEN, &["--clock", "stepped"]);
     let mut guest = Guest::open(port(&emulator));
     guest.say("K1\r");
@@ -158,7 +158,7 @@ fn others_look_while_guests_have_their_turns() {
 }
 
 #[test]
-fn in_real_time_a_request_is_answered_when_its_time_has_come() {
+fn in_real_time_a_request_is_answered_at_its_time() {
     let emulator = start(OPEN, &[]);
     let port = port(&emulator);
     let (mut one, mut other) = (Guest::open(port), Guest::open(port));

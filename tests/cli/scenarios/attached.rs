@@ -116,7 +116,7 @@ fn a_script_sees_the_same_moments_on_a_running_instance() {
 }
 
 #[test]
-fn what_an_instance_cannot_do_is_told() {
+fn a_scenario_reports_verbs_that_an_instance_does_not_support() {
     let emulator = Emulator::stepped();
     let scripts = Scripts::new(&[
         ("plant.rhai", "plant(`[[plc]]\nname = \"other\"`);"),

@@ -51,7 +51,7 @@ fn subfolders_filters_and_shards_say_which_scenarios_run() {
 }
 
 #[test]
-fn reports_of_shards_become_the_one_of_a_single_run() {
+fn reports_of_shards_merge_to_the_report_of_a_single_run() {
     let good = "poke(\"node2.w_CPU_CONTROL\", 1); wait(\"node2.w_OPTION_STATUS\", 2, \"1ms\");";
     let scripts = Scripts::new(&[
         ("a.rhai", good),
@@ -132,7 +132,7 @@ fn a_scenario_that_expects_nothing_has_failed_unless_that_is_allowed() {
 }
 
 #[test]
-fn after_a_failure_no_more_begin_if_that_is_wanted() {
+fn fail_fast_starts_no_scenario_after_a_failure() {
     let scripts = Scripts::new(&[("1.rhai", GOOD), ("2.rhai", BAD), ("3.rhai", GOOD)]);
     let outcome = scripts.run(&[".", "--jobs", "1", "--fail-fast", "--junit", "report.xml"]);
     assert_eq!(outcome.code, Some(1));
@@ -150,7 +150,7 @@ fn after_a_failure_no_more_begin_if_that_is_wanted() {
 }
 
 #[test]
-fn what_has_changed_runs_again() {
+fn watch_mode_runs_changed_scenarios_again() {
     let scripts = tree();
     let child = scripts.command(&[".", "--watch"]).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn();
     let mut child = child.unwrap();

@@ -1,4 +1,4 @@
-//! The scenarios of the tutorial, and the details that failures report besides the expectation.
+//! The scenarios of the tutorial, and the details that failures report in addition to the expectation.
 
 use super::Scripts;
 use crate::common::run;
@@ -50,7 +50,7 @@ fn every_scenario_of_the_tutorial_passes_without_findings() {
 }
 
 #[test]
-fn failures_tell_findings_the_line_of_a_required_fault_and_blocks_that_are_near() {
+fn failures_report_findings_required_faults_and_similar_block_names() {
     let scripts = Scripts::new(&[
         ("fault.rhai", "step(\"1ms\");\nfault(\"lose_frame slot=WRC1 required\");\nstep(\"1ms\");\n"),
         (

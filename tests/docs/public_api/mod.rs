@@ -132,7 +132,7 @@ fn public_interface() -> String {
 }
 
 #[test]
-fn the_public_interface_is_the_one_that_was_agreed_upon() {
+fn the_public_interface_is_the_recorded_one() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/docs/public-api.txt");
     let now = public_interface();
     if std::env::var_os(UPDATE).is_some() {

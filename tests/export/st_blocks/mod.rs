@@ -94,7 +94,7 @@ fn rust_program(instance: &str, plc: &str, ready: &mpsc::Sender<()>) -> Result<M
 }
 
 #[test]
-fn blocks_in_structured_text_do_what_the_rust_blocks_do() {
+fn blocks_in_structured_text_behave_like_the_rust_blocks() {
     let Some(matiec) = std::env::var_os("COMMRAM_MATIEC").map(PathBuf::from) else {
         skipped("matiec", "COMMRAM_MATIEC names no directory with iec2c and lib");
         return;

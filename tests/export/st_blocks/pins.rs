@@ -101,7 +101,7 @@ fn preset(documented: &str) -> String {
 }
 
 #[test]
-fn every_block_is_there_with_the_pins_of_the_documentation() {
+fn every_block_is_exported_with_its_documented_pins() {
     for device in with_blocks() {
         let export = exported(device.layout.name);
         let blocks = blocks(export.ok());
@@ -191,7 +191,7 @@ fn the_blocks_are_structured_text() {
 }
 
 #[test]
-fn what_has_no_blocks_is_refused_with_what_has_them() {
+fn the_error_for_a_device_without_blocks_lists_devices_with_blocks() {
     let refused = run(&["export", "st", "--blocks", "--device", "cs0015"]);
     assert!(refused.fails(2).contains("omega-drive-line-2, bm4-plc"), "{}", refused.err);
     for args in
