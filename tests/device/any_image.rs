@@ -1,5 +1,5 @@
-//! Whatever another program writes into the images, at any time and into the header page as well: nothing panics or hangs, and
-//! once the devices are switched off and on, a handshake is answered as ever.
+//! Another program writes random data into the images at any time, including the header page: nothing panics or hangs.
+//! After the devices are switched off and on, a handshake is answered as usual.
 
 use crate::rig::{Memory, RigError, segment};
 use crate::snapshots::bring_up;
@@ -25,7 +25,7 @@ const HEADER: u64 = 4096;
 
 #[derive(Clone, Debug)]
 enum Act {
-    /// A register, by how far it stands among all of the device.
+    /// A register, by its relative position in the list of all registers of the device.
     Register {
         device: usize,
         place: prop::sample::Index,
@@ -127,7 +127,7 @@ fn run(acts: &[Act]) {
     answers_after_power_on(&mut rig);
 }
 
-/// Somebody sets the switches right.
+/// A user sets the switches to valid positions.
 fn answers_after_power_on(rig: &mut Rig) {
     let Rig { plant, files, layouts, .. } = rig;
     for plc in 0..DEVICES {
@@ -165,8 +165,8 @@ fn registers_by_name(device: &'static Device) -> Vec<(u64, usize)> {
     places.into_values().flatten().collect()
 }
 
-/// Lots hardly ever draw the one word that somebody looks at, so each has its turn here: it holds for a processor cycle what
-/// means nothing, while everything is under way.
+/// A random generator rarely hits the one word that the firmware reads. Therefore each word in turn holds an undefined value
+/// for one processor cycle while all activities are in progress.
 #[test]
 fn each_word_may_hold_anything() {
     let mut rig = rig();

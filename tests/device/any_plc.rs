@@ -29,7 +29,7 @@ const FAULTS: [&str; 13] = [
     "kind = 'overrun'\nplc = 'a'\nnode = 'MASTER'\ncount = 3",
 ];
 
-/// What the two PLCs do, and what happens to them.
+/// Actions of the two PLCs, and events that affect them.
 #[derive(Clone, Debug)]
 enum Act {
     /// `w_CPU_CONTROL` of the master or the slave.
@@ -40,7 +40,7 @@ enum Act {
     InitData {
         slave: bool,
     },
-    /// A byte register behind the general registers.
+    /// A byte register that follows the general registers.
     Byte {
         slave: bool,
         offset: usize,
@@ -130,7 +130,7 @@ fn enter_block(rig: &Rig, control: u8, length: u16) {
     rig.master.b_STEUREG_UPDOWNBLK1.store(control);
 }
 
-/// The slave's application allows, takes and confirms whatever is there.
+/// The slave's application allows, takes and confirms every job that is pending.
 fn serve(rig: &Rig) {
     let regs = &rig.slave;
     for (control, status, changed) in [
@@ -208,8 +208,8 @@ proptest! {
     }
 }
 
-/// What lots would hardly ever draw: all that the lower half of `w_CPU_CONTROL` can say, and each bit of the upper one, which
-/// means nothing, in every state of both nodes.
+/// Values that a random generator would rarely draw: all values of the lower half of `w_CPU_CONTROL`, and each bit of the upper
+/// half, which has no meaning, in every state of both nodes.
 #[test]
 fn no_command_is_too_strange_in_any_state() {
     let mut rig = Rig::of(Memory::Heap, FASTEST[0], DRIVES);

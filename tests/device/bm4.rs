@@ -259,7 +259,7 @@ fn a_master_passes_the_sync_signal_of_another_slot_on() {
     assert_eq!(header.sync_counter[0].load() - before, 5);
 }
 
-/// D-29: where 16#0000 stood before, the RAM does not show a restart; the block tells of it, for its own slot.
+/// D-29: if the register held 16#0000 before, the RAM does not show a restart; the block reports it, for its own slot.
 #[test]
 fn the_blocks_restart_the_module_of_their_slot_after_a_controller_reset() {
     let mut bm4 = Bm4::new(&plant_text(1000));
@@ -313,7 +313,7 @@ fn slave_modules_alone_have_switches_that_can_be_set() {
     }
 }
 
-/// P. 27: a slave number that somebody else has.
+/// P. 27: a slave number that another station already has.
 #[test]
 fn a_number_that_is_taken_is_told_with_its_slot() {
     let text =
@@ -483,7 +483,7 @@ fn a_bus_without_a_master_is_doubted_and_found() {
     assert_eq!((found.last.rule, name.as_deref()), (&rules::NO_MASTER, Some("slotH.b_MA_SL_MODE")));
 }
 
-/// P. 49-51: a master that is to pass a SYNC signal on and is handed none waits; a finding and the refusal of a step to the next
+/// P. 49-51: a master that must pass on a SYNC signal and receives none waits; a finding and the refusal of a step to the next
 /// edge name the reason.
 #[test]
 fn a_master_without_a_signal_to_pass_on_is_found() {
@@ -519,7 +519,7 @@ fn a_master_without_a_signal_to_pass_on_is_found() {
     );
 }
 
-/// P. 29-30: H1 shows frames that are sent and received, whatever the SYNC signal does.
+/// P. 29-30: H1 shows frames that are sent and received, independently of the SYNC signal.
 #[test]
 fn the_first_led_shows_frames_and_not_the_sync_signal() {
     let mut bm4 = Bm4::new(&plant_text(500));
@@ -534,7 +534,7 @@ fn the_first_led_shows_frames_and_not_the_sync_signal() {
     let h3 = Leds::of_code(bm4.segment(0).header().unwrap().ports[1].leds.load()).h[2];
     assert_eq!((led(&bm4, 0, 1), h3), (Led::Off, Led::Flashes(2)), "SYNC comes, frames do not");
     assert_eq!(led(&bm4, 1, 5), Led::Flashes(1), "the master asks for status words");
-    // In active operation a master that is given nothing sends nothing.
+    // In active operation a master without input data sends nothing.
     bm4.bring_up(&[&master], Stage::Active..);
     bm4.step(1_000_000);
     assert_eq!(led(&bm4, 1, 5), Led::Off);
@@ -613,7 +613,7 @@ fn a_slave_of_the_controller_is_a_drive_of_its_bus() {
         master.b_CTRLREG_WRC1.store(0x05);
     }
     assert_eq!((master.b_STATREG_RDC1.load(), master.a_RD_BMARRAY[4][0].load()), (4, 4711), "its speed");
-    // Both are in one unit, and the supply is one.
+    // Both are in one unit and share its supply.
     bm4.plant.set_power(0, Power::Off);
     master.b_STATREG_RDC1.store(0x7F);
     for _ in 0..3 {
@@ -632,8 +632,8 @@ fn a_slave_of_the_controller_is_a_drive_of_its_bus() {
     assert!(findings.errors().is_empty(), "{:?}", findings.errors());
 }
 
-/// P. 27: without `dip_baud` DIP switches 1 to 3 stand at the rate of the bus (D-649). The number of a slave of the controller is the plant
-/// file's, and the refusal says so.
+/// P. 27: without `dip_baud` DIP switches 1 to 3 are set to the rate of the bus (D-649). The plant file defines the number of a slave of
+/// the controller, and the refusal says so.
 #[test]
 fn the_switches_of_a_slave_of_the_controller_stand_at_the_rate_of_its_bus() {
     for (kbit_s, baud) in [(125, 0b011), (250, 0b100), (500, 0b101), (1000, 0b110)] {

@@ -248,7 +248,7 @@ fn a_number_is_free_when_its_station_has_moved_or_is_off() {
     let answering =
         |rig: &Rig| (0..4).filter(|n| rig.master.a_STAT_SL[*n].load() & 1 != 0).collect::<Vec<_>>();
     assert_eq!(answering(&rig), [3]);
-    // One that is off has no number; when it comes on, it is the newcomer.
+    // A node that is off has no number; when it is switched on, it counts as the newcomer.
     rig.plant.set_power(B, Power::Off);
     turn(&mut rig, C, 3);
     assert_eq!(taken(&rig), 1);

@@ -1,4 +1,4 @@
-//! Process data between a master, a slave node and drives: who hears what, when, and who does not.
+//! Process data between a master, a slave node and drives: which station receives which frame, and when.
 
 use crate::rig::bring_up::{Mode, Node, Stage, bring_up_in};
 use crate::rig::{BOTH, FASTEST, Memory, RATES, Rig, plant_of};
@@ -140,14 +140,14 @@ fn the_second_actual_value_frame_has_a_later_deadline() {
     }
 }
 
-/// D-26: the time of that is the end of WRC1 and 15 us for each word that the slave takes of it, within the limits of the rate;
-/// without WRC1 it is the latest.
+/// D-26: the deadline is the end of WRC1 plus 15 us for each word that the slave takes from it, within the limits of the rate;
+/// without WRC1 the latest time applies.
 #[test]
 fn the_second_deadline_follows_reference_value_frame_1() {
     for rate in FASTEST {
         let [earliest, latest] =
             [rate.timing.deadline_RDC2.earliest, rate.timing.deadline_RDC2.latest].map(u64::from);
-        // Whether frame 2, released so many microseconds after the edge, is acknowledged, and when WRC1 ended.
+        // Whether frame 2, released `after` microseconds after the edge, is acknowledged, and when WRC1 ended.
         let released = |words: usize, has_wrc1: bool, after: u64| {
             let mut rig = with_drives(Memory::Heap, rate);
             let taken = &rig.slave._CFG_WRC_WORD;
@@ -186,7 +186,7 @@ fn the_second_deadline_follows_reference_value_frame_1() {
     }
 }
 
-/// D-25: a number that no slave has asks nobody, whatever its lower bits are; the reference values go out all the same.
+/// D-25: a number that no slave has requests no answer, whichever lower bits are set; the reference values are still sent.
 #[test]
 fn a_number_that_no_slave_has_asks_nobody() {
     for rate in FASTEST {
@@ -227,7 +227,7 @@ fn automatic_requests_end_at_slave_31() {
     }
 }
 
-/// A node or a drive at another baud rate than the bus hears nothing and disturbs nobody.
+/// A node or a drive at another baud rate than the bus receives nothing and disturbs no other station.
 #[test]
 fn another_baud_rate_is_deaf() {
     for rate in FASTEST {
@@ -285,7 +285,7 @@ fn a_cluster_forwards_the_sync_signal() {
     }
 }
 
-/// Of each frame counts the time that its bits take, with what must follow it.
+/// Each frame counts with the time of its bits and of the bits that must follow it.
 #[test]
 fn the_load_of_a_bus_is_what_its_frames_take() {
     for rate in FASTEST {

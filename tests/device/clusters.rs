@@ -87,7 +87,7 @@ fn a_cluster_stands_still_while_its_top_restarts() {
     }
 }
 
-/// 1 + 32 + 32 x 32 participants: nobody is left out, no value is lost or invented.
+/// 1 + 32 + 32 x 32 participants: no participant is left out, no value is lost or invented.
 #[test]
 fn the_largest_two_level_cluster_runs() {
     for rate in FASTEST {
@@ -160,7 +160,7 @@ fn set_up(plant: &mut Plant, nodes: &[(usize, Mode, Rate)]) {
     }
 }
 
-/// D-282: edges in the wrong interval synchronize nobody, at whatever level the rate changes, and that is told.
+/// D-282: edges in the wrong interval synchronize no station, at any level where the rate changes, and the journal reports it.
 #[test]
 fn a_cluster_of_unlike_rates_says_so() {
     let pairs = RATES.iter().flat_map(|upper| RATES.map(|lower| (*upper, lower)));

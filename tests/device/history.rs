@@ -1,4 +1,4 @@
-//! The history of registers: every change with who it was, and a plant that goes as it would without.
+//! The history of registers: every change with its writer. Recording does not change the run of the plant.
 
 use crate::rig::{FASTEST, Memory, Rate, Rig};
 use commram::devices::cansync::registers::CANsync_MA_CTRL_BMSTRUCT;
@@ -15,7 +15,7 @@ fn follow(rig: &mut Rig, rate: Rate, keep: Keep) {
     rig.plant.follow_registers(0, place(rate, 0), len, keep).unwrap();
 }
 
-/// What became of a register: values and who it was.
+/// Returns the changes of a register: old value, new value and writer.
 fn of_register(changes: &[Changed], offset: u32) -> Vec<(u32, u32, By)> {
     let own = changes.iter().filter(|change| change.offset == offset);
     own.map(|change| (change.from, change.to, change.how.by)).collect()

@@ -1,4 +1,4 @@
-//! What the journal tells of the handshakes of both nodes: every request, every answer, results, latencies.
+//! Journal records of the handshakes of both nodes: every request, every answer, results, latencies.
 
 use crate::rig::{FASTEST, Memory, Rate, Rig};
 use commram::devices::cansync;
@@ -18,8 +18,8 @@ fn connected(rate: Rate) -> Rig {
     rig
 }
 
-/// `register from -> to` for everything the journal tells about registers of both nodes from record `from` on, as if
-/// `master` and `slave` were the names of their ports.
+/// Returns `register from -> to` for every journal record about registers of both nodes from record `from` on, with
+/// `master` and `slave` as the names of their ports.
 fn told(rig: &Rig, from: u64) -> Vec<String> {
     let journal = rig.plant.journal();
     journal.read(from).filter_map(|record| told_by(rig, record)).collect()
@@ -134,7 +134,7 @@ fn a_transfer_is_told_from_init_to_end_at_both_ends() {
                 rig.master.d_BASE_ADR_UPDOWNBLK1.store(0x1000);
                 rig.master.b_STEUREG_UPDOWNBLK1.store(direction | 0x05);
                 for _ in 0..40 {
-                    // The application takes whatever comes.
+                    // The application takes every transfer.
                     let control = match block_1 {
                         1 => &rig.slave.b_STEUREG_UPDOWNBLK1,
                         _ => &rig.slave.b_STEUREG_UPDOWN_SINGLE,

@@ -71,7 +71,7 @@ fn an_address_is_shared_while_both_are_on() {
     assert_eq!(shared(&plant), [(0, 5), (1, 5)]);
 }
 
-/// What `commram bus list` shows: slaves with address and state, their masters, nobody without supply.
+/// What `commram bus list` shows: slaves with address and state, their masters, no station without supply.
 #[test]
 fn stations_have_addresses_and_states() {
     let mut plant = plant_of(&text(&[Some(5), Some(6)]));

@@ -177,7 +177,7 @@ fn a_changed_job_waits_until_the_application_confirms() {
     }
 }
 
-/// D-61: a change stands until it is confirmed, even if the master returns to the old job or if the
+/// D-61: a change stays pending until it is confirmed, even if the master returns to the old job or if the
 /// application, writing whole bytes, wiped bit 3.
 #[test]
 fn a_change_is_shown_until_it_is_confirmed() {
@@ -227,7 +227,7 @@ fn jobs_that_no_register_can_show_never_reach_the_application() {
     }
 }
 
-/// D-06, D-36: in set-up mode the firmware answers; the status word tells whether the node is locked.
+/// D-06, D-36: in set-up mode the firmware answers; the status word shows whether the node is locked.
 #[test]
 fn in_set_up_mode_the_firmware_answers_the_status_word() {
     for rate in FASTEST {
@@ -290,7 +290,7 @@ fn a_job_outlives_the_sync_signal() {
     }
 }
 
-/// A frame that no grammar covers is not answered; the master's t_RSPTO tells it.
+/// A frame that no grammar covers is not answered; the master detects it by t_RSPTO.
 #[test]
 fn a_frame_of_wrong_length_is_not_answered() {
     for rate in FASTEST {

@@ -1,5 +1,5 @@
 //! A slave node's jobs and actual values over the simulated bus, with the master's firmware at the other
-//! end: what both PLCs see, and what is left of it when the SYNC signal fails.
+//! end: the registers that both PLCs see, and their values after the SYNC signal fails.
 
 use crate::rig::{BOTH, FASTEST, Memory, RATES, Rate, Rig};
 use commram::devices::cansync::records::Missed;
@@ -38,7 +38,7 @@ fn write_slave_par(rig: &Rig, value: u8) {
     rig.slave.b_STEUREG_PAR_CMD.store(value);
 }
 
-/// The slave's application of block 1: allows and takes whatever comes, once an interval.
+/// The slave's application of block 1: allows and takes every transfer, once per interval.
 fn serve_block(rig: &Rig) {
     let control = rig.slave.b_STEUREG_UPDOWNBLK1.load();
     if control & 0x01 != 0 {

@@ -1,4 +1,4 @@
-//! Frames in their slots: how long they are, when their receivers have them, and who waits for whom (D-10, D-23,
+//! Frames in their slots: their length, the time of their reception, and the order in which stations wait (D-10, D-23,
 //! D-280).
 
 use crate::faults::add;
@@ -7,15 +7,15 @@ use commram::can::wire;
 use commram::devices::cansync::bus::{Channel, Frame, FrameKind};
 use proptest::prelude::*;
 
-/// Behind `[[bus]]`: two drives with the standard mapping.
+/// Text after `[[bus]]`: two drives with the standard mapping.
 const DRIVES: &str = "[[bus.drive]]\nname = 'd1'\nslave_number = 1\nlock_time_us = 30000\n\
                       [[bus.drive]]\nname = 'd2'\nslave_number = 2\nlock_time_us = 30000\n";
 /// Configuration bytes of four words in use: values 0 and 1 as doublewords.
 const ALL_WORDS: [u8; 4] = [0x01, 0x03, 0x05, 0x07];
-/// Behind the length 1000, a stuff bit after each four bits.
+/// Data that, after the length 1000, needs a stuff bit after each four bits.
 const STUFFED: u32 = 0x3C3C_3C3C;
 
-/// Both nodes active, at a SYNC edge; `bus` is text behind `[[bus]]`.
+/// Both nodes active, at a SYNC edge; `bus` is the text after `[[bus]]`.
 fn running(rate: Rate, bus: &str) -> Rig {
     let mut rig = Rig::of(Memory::Heap, rate, bus);
     rig.activate();
@@ -68,7 +68,7 @@ fn of_kind(frames: &[(u64, Frame)], wanted: impl Fn(FrameKind) -> bool) -> (u64,
     *frames.iter().find(|(_, frame)| frame.kind().is_some_and(&wanted)).expect("the frame is on the bus")
 }
 
-/// 5.00005.03a p. 125: reference and actual value frames have eight bytes, whatever of them is in use.
+/// 5.00005.03a p. 125: reference and actual value frames always have eight bytes, even if fewer are in use.
 #[test]
 fn process_data_frames_have_eight_bytes() {
     for rate in FASTEST {
@@ -143,7 +143,8 @@ fn a_frame_is_there_before_the_intermission() {
     }
 }
 
-/// Two doublewords with so many stuff bits that the frame of this identifier takes more than 130 bit times, and that frame.
+/// Returns two doublewords with enough stuff bits that the frame of this identifier takes more than 130 bit times, and the
+/// frame itself.
 fn longer_than_its_slot(id: u16) -> ([u32; 2], Frame) {
     let words = |low: u32| [STUFFED, STUFFED & !0xFFFF | low];
     let frame = |low: u32| {
@@ -154,7 +155,7 @@ fn longer_than_its_slot(id: u16) -> ([u32; 2], Frame) {
     (words(low), frame(low))
 }
 
-/// D-127: one that a fault delays takes nobody's time, however little it is delayed.
+/// D-127: a frame that a fault delays takes no time from other stations, even if the delay is short.
 #[test]
 fn a_delayed_frame_keeps_nobody_waiting() {
     for rate in RATES {
@@ -171,8 +172,8 @@ fn a_delayed_frame_keeps_nobody_waiting() {
     }
 }
 
-/// The gaps RDC1-WRC2 and RDC2-CC are 130 bit times; eight bytes with more than 19 stuff bits take longer. Who comes
-/// next begins right behind the intermission.
+/// The gaps RDC1-WRC2 and RDC2-CC are 130 bit times; eight bytes with more than 19 stuff bits take longer. The
+/// next frame begins directly after the intermission.
 #[test]
 fn a_frame_longer_than_its_slot_keeps_the_next_one_waiting() {
     for rate in RATES {
@@ -192,7 +193,7 @@ fn a_frame_longer_than_its_slot_keeps_the_next_one_waiting() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(48))]
 
-    /// Whatever is in them: a frame begins when the one before is off the wire, and at its slot time at the earliest.
+    /// With any contents: a frame begins after the previous frame has left the wire, and at its slot time at the earliest.
     #[test]
     fn no_two_frames_are_on_the_wire_at_once(
         rate in prop::sample::select(&RATES[..]),

@@ -1,4 +1,5 @@
-//! Whoever goes on from a snapshot goes on as whoever did not stop, whatever the plant is and whatever happens to it.
+//! A plant restored from a snapshot continues exactly like a plant that did not stop, for every plant and every sequence of
+//! events.
 
 mod acts;
 
@@ -14,7 +15,7 @@ use commram::plant::{Plant, PlantConfig};
 use proptest::prelude::*;
 use std::collections::BTreeSet;
 
-/// What comes up is at work: reference values go out.
+/// The master that starts is active: reference values are sent.
 #[test]
 fn masters_that_have_come_up_send_reference_values() {
     for text in [OMEGA, BM4] {
@@ -79,7 +80,7 @@ proptest! {
     }
 }
 
-/// Initialization data that mean nothing are told once, on this side of a snapshot or on that.
+/// Meaningless initialization data are reported once, either before or after a snapshot.
 #[test]
 fn what_was_told_is_not_told_again_behind_a_snapshot() {
     for text in [OMEGA, BM4] {
@@ -160,7 +161,7 @@ fn bells_and_counters_of_events_never_go_back() {
     assert_eq!(plant.devices()[0].header().virtual_time_us.load(), 0);
 }
 
-/// Lets time pass from event to event: whoever asks for each processor cycle gets each.
+/// Advances the clock from event to event; a client that requests each processor cycle gets each.
 fn pass_each(plant: &mut Plant, us: u64) {
     let end = plant.now() + us;
     while plant.next_event() <= end {

@@ -15,7 +15,7 @@ enum Role {
     Slave,
 }
 
-/// What `w_OPTION_STATUS` shows in each state.
+/// Returns the value of `w_OPTION_STATUS` in each state.
 fn status(role: Role) -> [u16; 5] {
     let mode = if role == Role::Master { Mode::Master } else { Mode::Slave };
     Stage::ALL.map(|stage| stage.status(mode))
@@ -68,7 +68,7 @@ fn every_command_in_every_state() {
                         if state == 1 {
                             node(&rig, role).write_init_data();
                         }
-                        // A command that already stands in the register is no new one.
+                        // A command that the register already holds is no new command.
                         let again = regs.w_CPU_CONTROL.load() == command;
                         let is_refused = !again
                             && next(state, command).is_none()
@@ -132,7 +132,7 @@ fn the_mode_cannot_be_set_with_bad_data() {
     }
 }
 
-/// Who polls asks for that before anything else.
+/// A program that polls reads this register before anything else.
 #[test]
 fn whether_something_was_ordered_is_known_without_a_look() {
     for rate in FASTEST {
@@ -148,7 +148,7 @@ fn whether_something_was_ordered_is_known_without_a_look() {
     }
 }
 
-/// 16#0000 over 16#0000 is a restart if somebody has stored it, and only then (D-29).
+/// 16#0000 over 16#0000 is a restart if a program has stored it, and only then (D-29).
 #[test]
 fn restarts_are_counted_where_they_are_stored() {
     for rate in FASTEST {
@@ -246,14 +246,14 @@ fn what_is_written_too_early_is_found_with_bit_7_too() {
     }
 }
 
-/// Somebody writes `w_CPU_CONTROL` by its name, as the channel does.
+/// Writes `w_CPU_CONTROL` by its name, as the channel does.
 fn write_by_name(rig: &mut Rig, role: Role, value: u16) {
     regs(rig, role).w_CPU_CONTROL.store(value);
     let at = if role == Role::Master { rig.master_at } else { rig.slave_at };
     rig.plant.note_channel_write(at.plc, at.base as u32, 2, value.into());
 }
 
-/// D-29: what the firmware's clearing leaves is no command, however often somebody rings.
+/// D-29: the value that the firmware leaves after clearing is no command, even if a program rings the doorbell repeatedly.
 #[test]
 fn bit_7_alone_restarts_nothing_until_a_0_is_written() {
     for rate in FASTEST {
@@ -304,7 +304,7 @@ fn a_restart_written_before_bit_7_does_not_act_after_it() {
     }
 }
 
-/// D-29: a restart that is written over what bit 7 has left cannot be seen in the RAM, and that is said.
+/// D-29: a restart written over the value that bit 7 has left cannot be seen in the RAM, and a finding says so.
 #[test]
 fn what_bit_7_leaves_is_noted() {
     for rate in FASTEST {

@@ -43,7 +43,7 @@ fn every_vector_holds_on_both_memories_at_every_baud_rate() {
     }
 }
 
-/// Reference values whose halves can be told apart.
+/// Reference values with halves that differ.
 fn fill_reference_values(rig: &Rig) {
     for (number, cell) in rig.master.a_WR_VALUE.iter().enumerate().take(8) {
         cell.store(0xAA00_BB00 | (number as u32) << 16 | number as u32);

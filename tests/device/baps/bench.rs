@@ -1,4 +1,4 @@
-//! A plant of one PLC, nothing but its BAPS in use.
+//! A plant of one PLC that uses only its BAPS.
 
 use crate::rig::bring_up::{Mode, Node, Stage, bring_up_in};
 use crate::rig::{BOTH, Memory, Rate, segment};
@@ -136,7 +136,7 @@ impl Bench {
         self.regs.b_SL_QUIT.load()
     }
 
-    /// What `BAPS_INIT` does.
+    /// Performs the register accesses of `BAPS_INIT`.
     #[track_caller]
     pub(crate) fn configure(&mut self, command_reg: u16, writes: &[u16], reads: &[u16]) -> u8 {
         self.regs.w_COMMAND_REG.store(command_reg);
@@ -175,7 +175,7 @@ impl Bench {
         self.run_job()
     }
 
-    /// The job that stands in the registers.
+    /// Returns the job that the registers hold.
     #[track_caller]
     pub(crate) fn run_job(&mut self) -> i16 {
         self.regs.b_MA_SEMAPHORE.store(1);

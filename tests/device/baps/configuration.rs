@@ -151,7 +151,7 @@ fn re_initialization_goes_on_while_the_plc_only_exchanges() {
     });
 }
 
-/// Another cycle in the middle of it does not let it begin anew.
+/// Another cycle in the middle of the configuration does not restart it.
 #[test]
 fn re_initialization_outlasts_a_change_of_the_cycle() {
     Bench::on_both("", |mut bench| {

@@ -119,7 +119,7 @@ fn each_step_of_a_job_is_late() {
     assert_eq!((bench.regs.b_SL_SEMAPHORE.load(), hits(&bench)), (0, Some(3)));
 }
 
-/// What the PLC takes back while the drive is late is not done, and the next thing is late anew.
+/// A request that the PLC withdraws while the drive is late is not executed, and the next request is late again.
 #[test]
 fn what_is_taken_back_is_forgotten() {
     let mut bench = Bench::new(Memory::Heap, "");
@@ -170,7 +170,7 @@ fn reset_forgets_what_was_late() {
     assert_eq!((bench.regs.b_SL_QUIT.load(), hits(&bench)), (0x00, Some(1)));
 }
 
-/// Nobody uses the BAPS, so there are no slices; a fault of the drive runs its course all the same.
+/// Without a program that uses the BAPS there are no slices; a fault of the drive still begins and ends.
 #[test]
 fn a_drive_that_nobody_uses_can_have_a_fault() {
     let mut bench = Bench::new(Memory::Heap, "");

@@ -1,4 +1,4 @@
-//! What the journal tells of the BAPS.
+//! Journal records of the BAPS.
 
 use super::bench::*;
 use crate::rig::Memory;

@@ -1,4 +1,4 @@
-//! Communication monitoring of the drive behind the BAPS (5.01010.01 p. 22; D-293 to D-295).
+//! Communication monitoring of the drive that is connected to the BAPS (5.01010.01 p. 22; D-293 to D-295).
 
 use super::bench::*;
 use crate::rig::{Memory, OMEGA_RATES};

@@ -60,7 +60,7 @@ fn the_result_comes_after_the_service_time_and_stays_until_it_is_read() {
         bench.regs.us_PAR_ELEMENT.store(7);
         bench.regs.b_MA_SEMAPHORE.store(1);
         bench.step(500);
-        // What the PLC writes now belongs to the next job.
+        // Values that the PLC writes now belong to the next job.
         bench.regs.u_PAR_NR.store(999);
         bench.step(9500);
         assert_eq!(bench.regs.b_SL_SEMAPHORE.load(), 0);

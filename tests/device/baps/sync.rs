@@ -7,7 +7,7 @@ use commram::plant::Power;
 
 const LOCK_US: u64 = 10_000;
 
-/// A PLC whose node 2 is the master of an empty bus, SYNC running; ends at an edge.
+/// A PLC with node 2 as the master of an empty bus, SYNC running; ends at an edge.
 fn with_sync(rate: Rate, drive: &str) -> Bench {
     let mut bench = Bench::of_plant(
         Memory::Heap,

@@ -1,5 +1,5 @@
 //! Worked examples of manual 5.02066.01a at 1 Mbit/s, this device's own rate, that only its function blocks and front show.
-//! Those of registers and frames run on it as on the other device: `vectors`, `slave_jobs` and `jobs` beside this module.
+//! Examples of registers and frames run on both devices: modules `vectors`, `slave_jobs` and `jobs` in `tests/device`.
 //! docs/devices/bm4-plc/overview.md lists them all.
 
 #![allow(non_snake_case, reason = "the manual's names, letter for letter")]
@@ -71,7 +71,7 @@ fn master(rig: &Rig) -> Base<CANsync_PLC_MA_BMSTRUCT> {
     ram(rig).at(rig.master_at.base).unwrap()
 }
 
-/// The frames of the command channel in so many intervals, the last of which ends in the interval after them.
+/// Returns the frames of the command channel in `intervals` intervals; the last frame may end in the interval after them.
 fn commands(rig: &mut Rig, intervals: usize) -> Vec<Frame> {
     let before = rig.frames().len();
     (0..=intervals).for_each(|_| rig.run_to_sync());
@@ -211,7 +211,7 @@ fn t24() {
         CANsync_UPDOWNLOAD_MA { u_LENGTH: 2048, x_UPDOWN: true, x_EN: true, ..Default::default() };
     let mut lengths = Vec::new();
     finish(&mut rig, &mut block, |rig| {
-        // The application of slave 0 allows and takes whatever comes.
+        // The application of slave 0 allows and takes every transfer.
         let control = rig.slave.b_STEUREG_UPDOWNBLK1.load();
         if control == 0x55 {
             lengths.push(rig.slave.w_LENGTH_UPDOWNBLK1.load());
@@ -312,7 +312,7 @@ fn t36() {
 fn t37() {
     let mut rig = active();
     let mut block = CANsync_PD_COMM_MA { si_WRC1_SEND: 5, si_RD_SL_NR1_RECEIVE: 9, ..Default::default() };
-    // The first call re-arms the registers, in which 0 stands since the start: the number of slave 0.
+    // The first call re-arms the registers, which hold 0 since the start: the number of slave 0.
     block.call(&master(&rig), &mut [[0; 16]; 32]);
     for _ in 0..3 {
         rig.run_to_sync();

@@ -1,4 +1,4 @@
-//! The access checker: for each rule something that breaks it, and next to it something much alike that is right.
+//! The access checker: for each rule one case that breaks it, and a similar case that is correct.
 
 mod cases;
 
@@ -50,7 +50,7 @@ fn each_rule_is_broken_by_its_case_alone_and_not_by_the_neighbour() {
     }
 }
 
-/// What only a program at a door can break: `tests/cli/doors.rs`, `tests/cli/profibus_door.rs`.
+/// Rules that only a program at a gateway port can break: `tests/cli/doors.rs`, `tests/cli/profibus_door.rs`.
 const AT_A_DOOR: [&Rule; 5] = [
     &rules::GUEST_BIT_RATE,
     &rules::GUEST_TELEGRAM,
@@ -59,12 +59,12 @@ const AT_A_DOOR: [&Rule; 5] = [
     &cansync::rules::FOREIGN_FRAME,
 ];
 
-/// What takes another plant than that of a rig: `tests/device/bm4.rs`, `tests/device/board.rs`.
+/// Rules that need another plant than the plant of a rig: `tests/device/bm4.rs`, `tests/device/board.rs`.
 const IN_OTHER_PLANTS: [&Rule; 2] = [&cansync::rules::NUMBER_TAKEN, &cansync::rules::NO_MASTER];
 
 #[test]
 fn every_rule_has_a_case() {
-    // Those of a device that is not here are tested beside its firmware.
+    // Rules of a device that is not in this list are tested next to its firmware.
     let elsewhere =
         ["cs0015", "can-dp2"].map(|name| commram::devices::find(name).map_or(&[][..], |device| device.rules));
     let elsewhere = elsewhere.concat();
@@ -82,7 +82,8 @@ fn every_rule_has_a_case() {
     assert_eq!(without, Vec::<&Rule>::new());
 }
 
-/// Whoever stores through the channel has named the register: what is the firmware's is found even if its value stays.
+/// A client that stores through the channel names the register: a write to a firmware register is reported even if its value
+/// does not change.
 #[test]
 fn what_the_channel_stores_is_judged_at_ports_of_every_medium() {
     const PLANT: &str = "[[device]]\nkind = 'cs0015'\nname = 'panel'\nbus = 'open'\nnode_id = 5\n\
@@ -117,7 +118,7 @@ fn what_the_channel_stores_is_judged_at_ports_of_every_medium() {
     }
 }
 
-/// The end of the initialization data shares a word with what lies behind: what stands there is seen once, not in every look.
+/// The end of the initialization data shares a word with the next register: a value there is reported once, not in every poll.
 #[test]
 fn what_is_wrong_at_the_end_of_the_initialization_data_is_found_once() {
     for rate in FASTEST {
@@ -131,8 +132,8 @@ fn what_is_wrong_at_the_end_of_the_initialization_data_is_found_once() {
     }
 }
 
-/// What becomes of a program that has a structure as VAR_IN_OUT of a function block, which is copied in and out: what the
-/// firmware has written meanwhile is overwritten.
+/// A program passes a structure as VAR_IN_OUT of a function block, which is copied in and out: the copy overwrites values that
+/// the firmware has written meanwhile.
 #[test]
 fn a_structure_that_is_written_back_as_a_whole_is_found() {
     for rate in FASTEST {
@@ -173,7 +174,7 @@ fn how_late_it_was_is_told() {
     }
 }
 
-/// D-142: who releases one interval ahead, or now and then, is not late.
+/// D-142: a program that releases one interval ahead, or occasionally, is not late.
 #[test]
 fn working_ahead_and_pausing_are_not_late() {
     for rate in FASTEST {

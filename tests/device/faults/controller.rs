@@ -73,7 +73,7 @@ fn a_slave_in_bus_off_is_not_there_until_it_is_reset() {
     }
 }
 
-/// D-29 and D-121: 16#0080 alone leaves 16#0000 behind, which is no restart.
+/// D-29 and D-121: 16#0080 alone leaves 16#0000 in the register, which is no restart.
 #[test]
 fn the_reset_command_alone_does_not_restart_the_node() {
     for rate in FASTEST {
@@ -128,7 +128,7 @@ fn a_frame_under_way_is_lost() {
     }
 }
 
-/// A node that is not on the bus yet cannot go BUS-off; the fault waits for it.
+/// A node that is not yet on the bus cannot go BUS-off; the fault waits for it.
 #[test]
 fn bus_off_waits_for_a_working_controller() {
     for rate in FASTEST {

@@ -83,7 +83,7 @@ fn traffic(rig: &mut Rig, interval: u64) {
     if !rig.rate.kind.is_omega() {
         return;
     }
-    // The drive is not configured; that is an answer, too.
+    // The drive is not configured; its refusal is an answer, too.
     rig.plant.devices()[0].segment().view::<BAPS_CTRL_BMSTRUCT>(BAPS).unwrap().b_COMMAND.store(0x01);
 }
 
@@ -102,7 +102,7 @@ fn every_kind_comes_through_every_door_and_ends_by_count_and_by_time() {
             let rig = run(rate, &spec, &text, Door::Running);
             assert_eq!(rig.plant.faults().count(), 0, "{what} is over");
             let mut news = news(&rig);
-            // Hits that are still being counted come behind those that are not.
+            // Hits that are still being counted are sorted after completed ones.
             news.sort_by_key(|(time, _, news)| (*time, *news == News::Over));
             let [(0, 1, News::Added), ref hit @ .., (over, 1, News::Over)] = news[..] else {
                 panic!("{what}: {news:?}")

@@ -131,7 +131,7 @@ fn a_slave_whose_status_answer_is_lost_does_not_respond() {
 fn a_delayed_reference_frame_and_its_answer_come_late() {
     for rate in FASTEST {
         let mut rig = running(Memory::Heap, rate);
-        // Behind the slot of the answer; a frame has 50 to 130 bits.
+        // After the slot of the answer; a frame has 50 to 130 bits.
         let (slot, delay) = (u64::from(rate.timing.t_WRC1), rate.interval_us * 3 / 10);
         let bits = |bits: u64| bits * 1000 / u64::from(rate.kbit_s);
         let edge = rig.plant.now();

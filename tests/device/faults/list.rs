@@ -1,4 +1,4 @@
-//! The list of faults: when they begin and end, what is refused, and that runs with faults are repeatable.
+//! The list of faults: when they begin and end, which entries are refused, and proof that runs with faults are repeatable.
 
 use super::*;
 use crate::rig::{BOTH, FASTEST, Memory};

@@ -52,7 +52,7 @@ fn news(rig: &Rig) -> Vec<(u64, u16, News)> {
     all
 }
 
-/// What the hits concerned.
+/// Returns the numbers that the hits concerned.
 fn hits(rig: &Rig) -> Vec<i32> {
     let hit = |(_, _, news)| match news {
         News::Hit(Hit::Plain) => Some(0),
@@ -86,7 +86,7 @@ fn start(rig: &mut Rig) {
     rig.run_to_sync();
 }
 
-/// Enters a parameter job at the master for one slave, whose turn it is from then on.
+/// Enters a parameter job at the master for one slave, which is the current slave from then on.
 fn enter_parameter(rig: &Rig, slave: usize, control: u8, number: u16, value: u32) {
     rig.master.b_SL_NR_PARAMETER.store(slave as u8);
     rig.master.a_DATA_PARAMETER[slave].w_PAR_NR.store(number);
@@ -117,7 +117,7 @@ fn block(rig: &Rig) -> (u8, u16, u16) {
     (regs.b_STEUREG_UPDOWNBLK1.load(), regs.w_ERR_NR_UPDOWNBLK1.load(), regs.w_COUNTER_UPDOWNBLK1.load())
 }
 
-/// The application of slave node 0 allows and takes whatever comes in block 1, once an interval.
+/// The application of slave node 0 allows and takes every transfer in block 1, once per interval.
 fn serve_block(rig: &mut Rig, intervals: usize) {
     for _ in 0..intervals {
         let control = rig.slave.b_STEUREG_UPDOWNBLK1.load();

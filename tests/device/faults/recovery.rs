@@ -1,4 +1,4 @@
-//! What is left of a fault when it is over: nothing. And nobody but the faulty station ever loses a frame by it.
+//! A fault leaves no trace after its end. Only the faulty station loses frames.
 
 use super::*;
 use crate::rig::{FASTEST, Memory};
@@ -40,7 +40,7 @@ fn a_slave_that_goes_off_takes_no_frame_of_another_one_with_it() {
     for rate in FASTEST {
         for fault in ["kind = 'slave_off'\nslave = 1", "kind = 'bus_off'\nplc = 'b'\nnode = 'SLAVE'"] {
             let mut rig = running(Memory::Heap, rate);
-            // The last answers are those of the slaves that go off.
+            // The last answers come from the slaves that are switched off.
             let last = if fault.contains("slave_off") { 1 } else { 0 };
             rig.slave.b_CTRLREG_RD_RDC1.store(0x05);
             rig.master.b_CTRLREG_RD_ORDER_RDC1.store(last);
@@ -78,7 +78,7 @@ fn a_delayed_frame_that_is_destroyed_takes_no_other_one_with_it() {
     }
 }
 
-/// A frame that is being built, which takes 15 us for each word.
+/// A frame under construction, which takes 15 us for each word.
 #[test]
 fn a_controller_that_is_off_gets_no_frame_any_more() {
     for rate in FASTEST {
@@ -92,7 +92,7 @@ fn a_controller_that_is_off_gets_no_frame_any_more() {
     }
 }
 
-/// An answer that a drive has ready is gone with its power, even if the power is back before it is due.
+/// An answer that a drive has ready is gone with its power, even if the power returns before the answer's slot.
 #[test]
 fn an_answer_does_not_survive_the_power_of_its_slave() {
     for rate in FASTEST {
@@ -125,7 +125,7 @@ fn a_slave_that_is_off_twice_is_off() {
     }
 }
 
-/// What the PLC asks for in one interval.
+/// Requests of the PLC in one interval.
 #[derive(Clone, Copy, Debug)]
 struct Wishes {
     wrc1: Option<u8>,
@@ -140,7 +140,7 @@ fn wishes() -> impl Strategy<Value = Wishes> {
         .prop_map(|(wrc1, wrc2, control_word, parameter)| Wishes { wrc1, wrc2, control_word, parameter })
 }
 
-/// Who is faulty: `None` is the master, otherwise the slave with this number.
+/// The faulty station: `None` is the master, otherwise the slave with this number.
 fn any_fault() -> impl Strategy<Value = (Option<u8>, &'static str)> {
     prop_oneof![
         Just((None, "kind = 'bus_off'\nplc = 'a'\nnode = 'MASTER'")),
@@ -184,7 +184,7 @@ fn interval(rig: &mut Rig, wishes: Wishes) {
 
 type IsFrame = fn(&Frame) -> bool;
 
-/// What the master has acknowledged, with the kind of frame that must follow.
+/// Returns the requests that the master has acknowledged, with the kind of frame that must follow.
 fn acknowledged(rig: &Rig) -> Vec<(u64, IsFrame)> {
     const PARAMETER: usize = offset_of!(CANsync_MA_CTRL_BMSTRUCT, a_CTRLREG_PAR_CMD_SL);
     const CONTROL_WORD: usize = offset_of!(CANsync_MA_CTRL_BMSTRUCT, a_STEUREG_CONTROLWORD);
@@ -228,7 +228,7 @@ proptest! {
         after in prop::collection::vec(wishes(), 8),
     ) {
         let mut rig = running(Memory::Heap, rate);
-        // Wishes come in faster than slaves answer, and nobody looks at the results.
+        // Requests arrive faster than slaves answer, and no program reads the results.
         rig.tolerate_errors(&commram::devices::catalogue().rules);
         let begin = rig.plant.now();
         add(&mut rig, &format!("{text}\nat_us = {}", begin + rate.scaled(at)));

@@ -249,7 +249,7 @@ fn edges_return_to_their_regular_times() {
     }
 }
 
-/// P. 135; D-293, D-294: the axis of a drive whose master has gone does not turn for ever.
+/// P. 135; D-293, D-294: the axis of a drive that has lost its master stops turning.
 #[test]
 fn a_drive_without_sync_reacts_as_it_is_set() {
     for rate in FASTEST {

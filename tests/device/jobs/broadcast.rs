@@ -1,4 +1,4 @@
-//! Broadcast and control word commands, and who waits for whom.
+//! Broadcast and control word commands, and their order of priority.
 
 use super::bench::Bench;
 use crate::rig::{BOTH, FASTEST, RATES, Rig};
@@ -64,7 +64,7 @@ fn a_broadcast_command_goes_out_at_once_and_reaches_the_slave() {
     }
 }
 
-/// 5.00005.03a p. 162: whoever enters broadcast command 0 in every interval, at the start of its event task,
+/// 5.00005.03a p. 162: a PLC that enters broadcast command 0 in every interval, at the start of its event task,
 /// keeps all other commands waiting.
 #[test]
 fn broadcast_command_0_in_every_interval_blocks_everything_else() {
@@ -187,7 +187,7 @@ fn slave_numbers_without_a_register_are_nobodys_turn() {
     }
 }
 
-/// T36, 5.00005.03a p. 160-162, with an up-/download behind.
+/// T36, 5.00005.03a p. 160-162, followed by an up-/download.
 #[test]
 fn jobs_pending_at_once_go_out_in_the_order_of_their_areas() {
     for rate in FASTEST {

@@ -12,7 +12,7 @@ use proptest::prelude::*;
 const SLAVES: u8 = 4;
 const ADDRESS: u32 = 0x4000;
 
-/// What the PLC does at the start of an interval. A job goes only into registers that are free.
+/// Actions of the PLC at the start of an interval. The PLC enters a job only into free registers.
 #[derive(Clone, Copy, Debug)]
 enum Act {
     Nothing,
@@ -24,7 +24,7 @@ enum Act {
     Cancel,
 }
 
-/// What the slave that was asked does.
+/// Reaction of the slave that was asked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Reply {
     Good,
@@ -76,13 +76,13 @@ struct Block {
     control: u8,
     slave: u8,
     length: u16,
-    /// Offset of the next block; `None` while the init frame is due.
+    /// Offset of the next block; `None` until the init frame is sent.
     next: Option<u16>,
     counter: u16,
     error: u16,
 }
 
-/// What the registers must hold, and which frame must come next.
+/// Expected values of the registers, and the frame that must come next.
 #[derive(Default)]
 struct Model {
     /// Automatic slave numbers: control word, parameter, up-/download.
@@ -198,7 +198,7 @@ impl Model {
         Next::Nothing
     }
 
-    /// An interval: what goes out, what is answered, what the registers hold then.
+    /// Runs one interval and checks the frames sent, the answers, and the values of the registers afterwards.
     fn interval(&mut self, bench: &mut Bench, reply: Reply) {
         let next = self.next();
         let frame = bench.interval();
@@ -361,7 +361,7 @@ proptest! {
                 model.act(&bench, *act);
                 model.interval(&mut bench, *reply);
             }
-            // With every slave in its turn and good answers all that is left comes to its end.
+            // With every slave in turn and good answers, all remaining jobs end.
             model.configure(&bench, [0x80; 3], SLAVES - 1);
             for _ in 0..150 {
                 model.interval(&mut bench, Reply::Good);

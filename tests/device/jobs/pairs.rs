@@ -1,4 +1,4 @@
-//! Whatever a PLC throws into control and status register of a job, in whatever state the job is: the
+//! A PLC writes arbitrary values into the control and status register of a job, in every state of the job. The
 //! result is defined, the control register decides, and both registers agree as soon as the firmware has
 //! answered (5.00005.03a p. 165).
 
@@ -12,7 +12,7 @@ use commram::devices::cansync::bus::codec::{
 #[derive(Clone, Copy, Debug)]
 enum State {
     Idle,
-    /// Sent, the answer is due.
+    /// Sent, waiting for the answer.
     Sent,
     /// Answered BUSY, and sent again.
     Busy,
@@ -42,9 +42,9 @@ fn bring_to(bench: &mut Bench, state: State) {
     }
 }
 
-/// What is right by the bit table of p. 164 and decisions D-41, D-42, D-48: the control register after the
-/// answer that is due, and after a further interval with an answer. `None`: the firmware has no say, both
-/// registers stay as they are.
+/// Expected values by the bit table of p. 164 and decisions D-41, D-42, D-48: the control register after the
+/// pending answer, and after a further interval with an answer. `None`: the firmware does not act, both
+/// registers keep their values.
 fn right(state: State, control: u8) -> (Option<u8>, Option<u8>) {
     let (active, sent) = (control & 0x01 != 0, control & 0x08 != 0);
     let (read, write) = (control & 0x02 != 0, control & 0x04 != 0);

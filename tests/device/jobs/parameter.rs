@@ -6,7 +6,7 @@ use commram::devices::cansync::bus::Frame;
 use commram::devices::cansync::bus::codec::{Access, ParameterJob, ParameterResult};
 use commram::devices::cansync::registers::values::par_error;
 
-/// A kind of job: what the PLC enters, what travels, what is left.
+/// A kind of job: the PLC's entry, the frames, the result in the registers.
 struct Kind {
     id: &'static str,
     entered: u8,
@@ -168,7 +168,7 @@ fn jobs_that_cannot_be_sent_are_refused_without_a_frame() {
     }
 }
 
-/// D-11: nothing but the PLC ends a job that nobody answers.
+/// D-11: only the PLC ends a job that no slave answers.
 #[test]
 fn an_unanswered_job_is_repeated_on_each_turn_of_its_slave_until_the_plc_withdraws_it() {
     for rate in FASTEST {
@@ -251,7 +251,7 @@ fn answers_that_do_not_fit_are_as_good_as_none() {
             other.answer(ParameterResult::Busy).frame(0),
             read.answer(ParameterResult::Done).frame(0),
             read.with_sub_slave(1).answer(ParameterResult::Word(1)).frame(0),
-            // Of another slave.
+            // An answer of another slave.
             read.answer(ParameterResult::Word(1)).frame(1),
             // An answer to an up-/download, and no grammar at all.
             Frame::new(0x580, &[0x80, 0]).unwrap(),
@@ -279,7 +279,7 @@ fn answers_that_do_not_fit_are_as_good_as_none() {
         bench.regs.b_SL_NR_PARAMETER.store(0);
         assert_eq!(bench.parameter_job(), Some((0, read)));
         bench.answer(0, &read, ParameterResult::Word(4));
-        // Nobody was asked.
+        // No slave was asked.
         bench.answer(0, &read, ParameterResult::Word(1));
         assert_eq!((bench.parameter(0), bench.value(0)), (0x02, 4));
     }
@@ -312,8 +312,8 @@ fn two_jobs_for_different_slaves_run_side_by_side() {
     }
 }
 
-/// Return to set-up mode: the job waits in its registers, what was under way is forgotten, and the job is
-/// sent afresh in the next active operation (D-46). After a restart nothing is left of it.
+/// Return to set-up mode: the job waits in its registers, the exchange in progress is forgotten, and the job is
+/// sent again in the next active operation (D-46). After a restart the job is gone.
 #[test]
 fn leaving_active_operation_ends_what_is_under_way() {
     for rate in FASTEST {
@@ -393,7 +393,7 @@ fn over_the_bus(memory: Memory, rate: Rate) {
     rig.slave.b_STEUREG_PAR_CMD.store(0x64);
     intervals(&mut rig, 4);
     assert_eq!((control(&rig, 0), value(&rig, 0)), (0x24, 0xFFFE));
-    // Nobody is slave 2: the job stays.
+    // The bus has no slave 2: the job stays.
     rig.master.b_MAX_SL_NR.store(2);
     enter(&rig, 2, 0x03, 1, 1);
     intervals(&mut rig, 9);

@@ -10,7 +10,7 @@ use commram::devices::cansync::registers::values::updown_error;
 use core::array;
 
 const ADDRESS: u32 = 0x0001_2300;
-/// What the PLC enters.
+/// Control byte that the PLC enters.
 const DOWNLOAD: u8 = 0x15;
 const UPLOAD: u8 = 0x05;
 
@@ -206,7 +206,7 @@ fn bit_7_cancels_in_every_phase_and_without_a_job() {
     }
 }
 
-/// D-48: whatever the PLC changes, the transfer of what is entered now begins anew.
+/// D-48: after any change by the PLC, the transfer of the current entry restarts.
 #[test]
 fn a_changed_or_withdrawn_job_begins_anew_or_ends() {
     for rate in FASTEST {
@@ -247,7 +247,7 @@ fn a_changed_or_withdrawn_job_begins_anew_or_ends() {
     }
 }
 
-/// Whatever the registers hold after an end, a withdrawal or a cancellation: a job begins with its init frame.
+/// After an end, a withdrawal or a cancellation, a job begins with its init frame, whichever values the registers hold.
 #[test]
 fn no_transfer_is_taken_up_again() {
     for rate in FASTEST {

@@ -36,7 +36,7 @@ pub(crate) fn bytes(offset: u16) -> [u8; 6] {
     core::array::from_fn(|n| (offset + n as u16 + 1) as u8)
 }
 
-/// Frames behind the init frame of a block of `length` bytes.
+/// Frames that follow the init frame of a block of `length` bytes.
 pub(crate) fn blocks(length: u16) -> impl Iterator<Item = (u16, bool)> {
     (0..length).step_by(6).map(move |offset| (offset, offset + 6 >= length))
 }
@@ -73,7 +73,7 @@ pub(crate) const SINGLE: Area = Area {
     enable: 0,
 };
 
-/// Those that the device has (D-296).
+/// Areas that the device has (D-296).
 pub(crate) fn areas(rate: Rate) -> &'static [Area] {
     if rate.kind.is_omega() { &[BLOCK_1, SINGLE] } else { &[BLOCK_1] }
 }
@@ -107,7 +107,7 @@ impl Area {
         (self.counter)(&bench.regs).load()
     }
 
-    /// A transfer that the application has allowed and whose init frame is answered.
+    /// A transfer that the application has allowed, with its init frame answered.
     pub(crate) fn started(&self, rate: Rate, direction: Direction, length: u16) -> Bench {
         let mut bench = self.bench(Memory::Heap, rate);
         let init = init(direction, length);

@@ -1,4 +1,4 @@
-//! What application and firmware refuse, with the error numbers of p. 192.
+//! Refusals by application and firmware, with the error numbers of p. 192.
 
 use super::area::{BASE, BLOCK_1, SINGLE, areas, block, data, down, init, init_at, up};
 use crate::rig::bench::{Bench, NUMBER};
@@ -179,7 +179,7 @@ fn what_block_1_does_not_take_is_refused_without_a_single_frame_area() {
                 assert_eq!(bench.updown(&block(direction, 0, false)).result(), UpDownResult::Error(0x0108));
                 assert_eq!(ram(&bench), before, "nothing is shown, least of all where no register is");
             }
-            // What is under way stays, and is gone when the application has confirmed its end.
+            // The transfer in progress stays, and disappears when the application has confirmed its end.
             let mut bench = BLOCK_1.bench(Memory::Heap, rate);
             bench.updown(&init(direction, 20));
             let shown = BLOCK_1.job(&bench);
@@ -193,7 +193,7 @@ fn what_block_1_does_not_take_is_refused_without_a_single_frame_area() {
     }
 }
 
-/// The slave's jobs, and what lies behind its last register.
+/// The slave's jobs, and the words after its last register.
 fn ram(bench: &Bench) -> [u32; 6] {
     let regs = &bench.regs;
     [

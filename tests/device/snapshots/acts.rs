@@ -32,7 +32,7 @@ pub(super) const BM4: &str = "[[device]]\nkind = 'bm4-plc'\nname = 'a'\n\
                    [bus.drive.zk]\nzk_0 = 0x12C\nzk_4 = 0x41\nzk_16 = 0x12D\nzk_20 = 0x41\nzk_24 = 2\n\
                    [[bus]]\nname = 'upper'\nkbit_s = 500\n[[bus]]\nname = 'lower'\nkbit_s = 500\n";
 
-/// A master with a slave and modules that it finds and guards, and a controller whose orders come from the job block.
+/// A master with a slave and modules that it finds and guards, and a controller that gets its orders from the job block.
 const CANOPEN: &str = "[[device]]\nkind = 'cs0015'\nname = 'master'\nbus = 'open'\nnode_id = 1\nprogram = 'master'\n\
                        nodes = [5]\nguard_ms = 20\nlife = 3\nsync_ms = 10\n\
                        pdo_tx = [{ pdo = 3, id = 0x3A0 }]\npdo_rx = [{ pdo = 3, id = 0x3B0 }]\n\
@@ -174,12 +174,12 @@ pub(super) fn nodes(plant: &Plant) -> Vec<(usize, u32)> {
     nodes.collect()
 }
 
-/// What a port is: by its place, or by the module that is there.
+/// Returns the role of a port: by its place, or by its module.
 fn role(device: &dyn Device, port: &Port) -> Option<Role> {
     port.role().or(device.fitted().port(port.number).role())
 }
 
-/// A node of CANsync that is a master.
+/// A CANsync master node.
 pub(super) struct Master<'a> {
     device: &'a dyn Device,
     node: &'static str,
@@ -326,7 +326,7 @@ pub(crate) fn bring_up(plant: &mut Plant) {
     ];
     let telegrams = [0, 0, 1, 4, 2].map(Act::Telegram);
     for act in up.iter().chain(&telegrams) {
-        // What the time slots hold counts from the start of the network on.
+        // The contents of the time slots count from the start of the network on.
         for master in masters(plant) {
             master.store("_CFG_WRC_WORD.b_CFG_WRC1_WORD0", 0x01);
             master.store("_CFG_WRC_WORD.b_CFG_WRC1_WORD1", 0x03);

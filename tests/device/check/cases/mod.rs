@@ -1,4 +1,4 @@
-//! For each rule something that breaks it, and next to it something much alike that is right.
+//! For each rule one case that breaks it, and a similar case that is correct.
 
 mod jobs;
 mod mapping;

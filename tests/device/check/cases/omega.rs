@@ -49,7 +49,7 @@ pub(crate) const CASES: &[Case] = &[
         register: "baps.b_COMMAND",
         value: |_| 2,
         wrong: |rig| configure_in_program(rig, ProgramState::Initializing, 0),
-        // Whoever does not count cycles is believed.
+        // A program that does not count cycles is not checked.
         right: |rig| configure_in_program(rig, ProgramState::Cyclic, 0),
     },
     Case {
@@ -95,20 +95,20 @@ pub(crate) const CASES: &[Case] = &[
     },
 ];
 
-/// BAPS registers of PLC `a`, at whose drive the clock has been running.
+/// BAPS registers of PLC `a`, after the clock of its drive has been running.
 pub(crate) fn baps(rig: &mut Rig) -> View<BAPS_CTRL_BMSTRUCT> {
     rig.step(5000);
     rig.plant.devices()[0].segment().view(BAPS).unwrap()
 }
 
-/// What `BAPS_INIT` does.
+/// Performs the register accesses of `BAPS_INIT`.
 fn configure(regs: &View<BAPS_CTRL_BMSTRUCT>, rig: &mut Rig, command_reg: u16) {
     regs.w_COMMAND_REG.store(command_reg);
     regs.b_COMMAND.store(2);
     rig.step(500);
 }
 
-/// What `BAPS_PD_COMM2` does.
+/// Performs the register accesses of `BAPS_PD_COMM2`.
 fn exchange(regs: &View<BAPS_CTRL_BMSTRUCT>, rig: &mut Rig, command_reg: u16) {
     regs.w_COMMAND_REG.store(command_reg);
     regs.b_COMMAND.store(1);
@@ -123,7 +123,7 @@ fn configure_in_program(rig: &mut Rig, state: ProgramState, cycles: u32) {
     configure(&baps(rig), rig, 0x0014);
 }
 
-/// Exchanges process data with a drive in mode "synchronous reference position", whose SYNC slot is 2 ms.
+/// Exchanges process data with a drive in mode "synchronous reference position" with a SYNC slot of 2 ms.
 fn follow_positions(rig: &mut Rig, command_reg: u16) {
     let regs = baps(rig);
     regs.b_JOB.store(2);

@@ -1,4 +1,4 @@
-//! Cases of registers and the header page, whoever writes them.
+//! Cases of registers and the header page, for every writer.
 
 use super::Case;
 use crate::rig::Rig;

@@ -178,7 +178,7 @@ fn cluster(rig: &mut Rig, rate: Rate) {
     rig.step(10_000);
 }
 
-/// The same plant with a drive whose card is set to this rate, its master in set-up mode.
+/// The same plant with a drive card set to `kbit_s`, its master in set-up mode.
 fn drive_at(rig: &mut Rig, expected: &[&'static Rule], kbit_s: u16) {
     let drive = format!("[[bus.drive]]\nname = 'd'\nslave_number = 1\nkbit_s = {kbit_s}\n");
     replace(rig, expected, &rig.rate.plant(&drive));
@@ -208,7 +208,7 @@ fn replace(rig: &mut Rig, expected: &[&'static Rule], plant: &str) {
     rig.expect_errors(expected);
 }
 
-/// A SYNC slot, in us, that is not this rate's.
+/// A SYNC slot, in us, of another baud rate than `rate`.
 fn other_slot(rate: Rate) -> u16 {
     rate.slower().interval_us as u16
 }

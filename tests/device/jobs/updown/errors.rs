@@ -1,4 +1,4 @@
-//! What goes wrong: orders that cannot be right, errors of the slave, answers that do not come or do not fit.
+//! Error cases: invalid orders, errors of the slave, answers that are missing or do not match.
 
 use super::*;
 use crate::rig::{FASTEST, RATES, Rig};
@@ -109,7 +109,7 @@ fn a_wrong_block_number_ends_the_job_with_0001() {
     }
 }
 
-/// p. 142-143: the master repeats a frame whose answer did not come; BUSY likewise.
+/// p. 142-143: the master repeats a frame that got no answer; BUSY likewise.
 #[test]
 fn frames_without_an_answer_and_with_busy_are_repeated() {
     for rate in FASTEST {
