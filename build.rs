@@ -6,7 +6,7 @@ use std::process::ExitCode;
 /// The devices: directories below `layouts/`. Each becomes a file of its name, `-` replaced by `_`.
 const DEVICES: [&str; 5] = ["omega-drive-line-2", "bm4-plc", "cs0015", "cr201x", "can-dp2"];
 
-/// What devices share: directories below `layouts/`, each a file of its name, too.
+/// Families, with the parts that devices share: directories below `layouts/`, each of which becomes a file of the same name.
 const FAMILIES: [&str; 1] = ["cansync"];
 
 fn main() -> ExitCode {

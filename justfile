@@ -21,7 +21,7 @@ group NAME *FILTER:
 scenarios:
     cargo run --quiet -- test tests/scenarios
 
-# What a user can read of the register map, made anew.
+# Renews the register pages.
 registers:
     cargo run --quiet -- export md --output docs/devices/omega-drive-line-2/registers.md
     cargo run --quiet -- export md --device bm4-plc --output docs/devices/bm4-plc/registers.md
@@ -29,7 +29,7 @@ registers:
     cargo run --quiet -- export md --device can-dp2 --output docs/devices/can-dp2/registers.md
     cargo run --quiet -- export md --device cr201x --output docs/devices/cs0015/registers-cr201x.md
 
-# All benchmarks; docs/internals/performance.md tells what they measure.
+# All benchmarks; docs/internals/performance.md describes them.
 bench:
     cargo bench --bench intervals --bench clusters --bench can_bus --bench latency --bench sync_edge --bench cycles
 
@@ -37,6 +37,6 @@ bench:
 instructions:
     tools/benches/instructions
 
-# What takes too long for every change: oldest compiler and dependencies, licences, release builds. Steps can be named.
+# Checks that take too long for every change: oldest compiler and dependencies, licences, release builds. Steps can be named.
 nightly *STEPS:
     tools/nightly {{STEPS}}

@@ -1,6 +1,6 @@
 //! The blocks for CANsync on the b maXX PLC with BM4-O-CAN-06 and BM4-O-CAN-05 (manual 5.02066.01a chapter 4).
 
-/// What is this device's.
+/// Parts that differ on this device.
 mod device {
     pub(crate) use commram::devices::bm4_o_can_06::blocks::*;
     pub(crate) use commram::devices::bm4_o_can_06::registers::{
@@ -24,7 +24,7 @@ mod device {
     ];
     /// `b_ERR` of `CANsync_PAR_READ_MA` where a doubleword is answered to a word, and the other way round (p. 139).
     pub(crate) const FORMAT_ERRORS: [u8; 2] = [1 << 2, 1 << 3];
-    /// What shows that frame 1 or 2 was received (p. 176-184).
+    /// Values that show that frame 1 or 2 was received (p. 176-184).
     pub(crate) const RECEIVED: [i8; 2] = [1, 2];
     /// `b_ERR` of `CANsync_UPDOWNLOAD_MA`: the slave's error, wrong length, timeout (p. 192).
     pub(crate) const TRANSFER_ERRORS: [u8; 3] = [1 << 0, 1 << 1, 1 << 2];

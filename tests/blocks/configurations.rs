@@ -29,7 +29,7 @@ const SCAN_US: u64 = 50;
 /// No program takes longer, in emulated time.
 const LONGEST_US: u64 = 20_000_000;
 
-/// A program whose event tasks are noted: when each event came.
+/// A program that records the time of each event of its event tasks.
 struct Noted<P> {
     program: P,
     ram: Ram,
@@ -109,7 +109,7 @@ impl Stage {
         self.plant.devices()[0].as_a::<Plc>().unwrap().baps().drive().parameter(number).unwrap()
     }
 
-    /// The drive is in operation, synchronized to its trigger, and stands where P258 wants it.
+    /// The drive is in operation, synchronized to its trigger, and at the position that P258 demands.
     fn has_followed(&self, mask: u32) {
         assert_eq!(self.parameter(121) & 0x806F, 0x8027, "enabled and synchronized");
         let reference = self.parameter(258);
@@ -118,7 +118,7 @@ impl Stage {
         assert!(self.parameter(303).abs_diff(reference) <= 32, "{} {reference}", self.parameter(303));
     }
 
-    /// When the frame 1 with reference values was released too late; nobody uses frame 2.
+    /// Times at which frame 1 with reference values was released too late; frame 2 is unused.
     fn missed_deadlines(&self) -> Vec<u64> {
         let frame_1 =
             |event: &Event| event.get().is_some_and(|it: Missed| it.what == OmittedFrame::ReferenceValue(1));
@@ -213,7 +213,7 @@ fn d_a_timer_drives_a_task() {
     }
 }
 
-/// D-260: `OPT_INIT` stands in the start tasks (p. 59), and each start runs them.
+/// D-260: `OPT_INIT` is called in the start tasks (p. 59), and each start runs them.
 #[test]
 fn a_program_with_opt_init_starts_again() {
     let mut stage = Stage::new(Memory::Heap);

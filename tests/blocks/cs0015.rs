@@ -33,7 +33,7 @@ const MS: u64 = 1000;
 
 struct Bench {
     plant: Plant,
-    /// Of the master, and of the slave.
+    /// Jobs of the master, and of the slave.
     jobs: [Jobs; 2],
 }
 
@@ -50,7 +50,7 @@ impl Bench {
         Ok(bench)
     }
 
-    /// With the slave as a node that is guarded.
+    /// Makes a bench with the slave as a guarded node.
     fn master() -> Result<Self, Box<dyn Error>> {
         let mut bench = Bench::new()?;
         once(&mut bench, 0, NMM_SET_NMT_MASTER::default());
@@ -69,7 +69,7 @@ impl Bench {
         self.plant.advance_to(self.plant.now() + 5 * MS);
     }
 
-    /// Guards the nodes for so many cycles; what the last call has told.
+    /// Guards the nodes for `cycles` cycles; returns the result of the last call.
     fn guard(&mut self, cycles: u32) -> u8 {
         let mut guarding = NMM_NODE_GUARDING { ENABLE: true, AUTO_RESTART: true, ..Default::default() };
         for _ in 0..cycles {
@@ -271,7 +271,7 @@ fn a_slave_says_how_it_communicates() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// Answers that nobody fetches are in nobody's way, and an order under way can be taken back.
+/// Answers that the program does not fetch block nothing, and an order in progress can be withdrawn.
 #[test]
 fn places_of_the_job_block_are_used_again() -> Result<(), Box<dyn Error>> {
     let mut bench = Bench::master()?;
@@ -280,7 +280,7 @@ fn places_of_the_job_block_are_used_again() -> Result<(), Box<dyn Error>> {
         bench.step();
         assert_eq!(bench.flags(1)?.NODEID.load(), NODEID);
     }
-    // Nobody is node 5 any more.
+    // The bus has no node 5 any more.
     let mut read = SDO_READ { ENABLE: true, NODE: 5, IDX: 0x1000, LENGTH: 4, ..Default::default() };
     for _ in 0..3 {
         read.call(&bench.jobs[0]);
@@ -301,7 +301,7 @@ fn places_of_the_job_block_are_used_again() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// The layout tells of each function what its block has: inputs without ENABLE, outputs without what is ours.
+/// The layout lists for each function the pins of its block: inputs without ENABLE, outputs without the emulator's additions.
 #[test]
 fn the_table_of_functions_and_the_blocks_agree() {
     let device = commram::devices::find("cs0015").unwrap();

@@ -1,6 +1,6 @@
 //! The blocks for CANsync on the Omega Drive-Line II (manual 5.00005.03a chapter 7.3).
 
-/// What is this device's.
+/// Parts that differ on this device.
 pub(crate) mod device {
     pub(crate) use commram::devices::omega_drive_line_2::blocks::*;
     pub(crate) use commram::devices::omega_drive_line_2::registers::{
@@ -23,7 +23,7 @@ pub(crate) mod device {
     ];
     /// `b_ERR` of `CANsync_PAR_READ_MA` where a doubleword is answered to a word, and the other way round (p. 224).
     pub(crate) const FORMAT_ERRORS: [u8; 2] = [0, 0];
-    /// What shows that frame 1 or 2 was received (p. 253-259).
+    /// Values that show that frame 1 or 2 was received (p. 253-259).
     pub(crate) const RECEIVED: [i8; 2] = [2, 2];
     /// `b_ERR` of `CANsync_UPDOWNLOAD_MA`: the slave's error, wrong length, timeout (p. 267, D-20).
     pub(crate) const TRANSFER_ERRORS: [u8; 3] = [0, 1 << 1, 1 << 0];

@@ -29,7 +29,7 @@ pub(crate) struct Bench {
 }
 
 impl Bench {
-    /// A node in set-up mode with the first SYNC edge behind it.
+    /// A node in set-up mode after the first SYNC edge.
     pub(crate) fn in_set_up(memory: Memory, rate: Rate) -> Bench {
         let (kind, base) = (rate.kind, rate.kind.slave.base);
         let mut images = Vec::new();
@@ -76,7 +76,7 @@ impl Bench {
         self.edge();
     }
 
-    /// A node in active operation with a SYNC edge behind it, its PLC ready for jobs in block 1.
+    /// A node in active operation after a SYNC edge, its PLC ready for jobs in block 1.
     pub(crate) fn active(memory: Memory, rate: Rate) -> Bench {
         let mut bench = Self::in_set_up(memory, rate);
         bench.enable();
@@ -90,7 +90,7 @@ impl Bench {
         self.pass(CYCLE_US);
     }
 
-    /// Lets time pass without SYNC, with a processor cycle every 500 us.
+    /// Advances the clock without SYNC, with a processor cycle every 500 us.
     pub(crate) fn pass(&mut self, us: u64) {
         for _ in 0..us / CYCLE_US {
             self.now += CYCLE_US;

@@ -32,7 +32,7 @@ impl Stage {
     pub(crate) const ALL: [Stage; 5] =
         [Stage::StartUp, Stage::WaitingForInit, Stage::WaitingForStart, Stage::SetUp, Stage::Active];
 
-    /// What `w_CPU_CONTROL` orders it by.
+    /// Returns the value of `w_CPU_CONTROL` that requests this stage.
     pub(crate) fn command(self) -> u16 {
         match self {
             Stage::StartUp => 0x0000,
@@ -43,7 +43,7 @@ impl Stage {
         }
     }
 
-    /// What `w_OPTION_STATUS` shows there.
+    /// Returns the value of `w_OPTION_STATUS` in this stage.
     pub(crate) fn status(self, mode: Mode) -> u16 {
         match (self, mode) {
             (Stage::StartUp, _) => 0x0001,
@@ -68,7 +68,7 @@ pub(crate) struct Node {
 }
 
 impl Node {
-    /// The node whose registers begin at `base`; a master expects slaves 0 to 3.
+    /// Returns the node with registers that begin at `base`; a master expects slaves 0 to 3.
     pub(crate) fn at(segment: &Segment, base: usize, timing: &'static BaudRate, mode: Mode) -> Node {
         let slaves = if mode == Mode::Slave { 0..0 } else { 0..4 };
         Node { init: segment.view(base).expect("the node is there"), timing, mode, slaves }

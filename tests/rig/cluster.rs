@@ -1,4 +1,4 @@
-//! A cluster: a tree of PLCs, each slave on the bus above it and master of a bus of its own, drives on the
+//! A cluster: a tree of PLCs, each slave on the bus above it and master of its own bus, drives on the
 //! lowest buses. Each PLC runs the same task in every interval: reference values go down, sums of actual
 //! values come up.
 
@@ -30,7 +30,7 @@ pub(crate) struct Cluster {
 pub(crate) struct ClusterPlc {
     /// On the bus above; none at the top.
     slave: Option<(View<CANsync_SL_CTRL_BMSTRUCT>, Node)>,
-    /// On a bus of its own.
+    /// Registers of the master of the PLC's own bus.
     pub master: View<CANsync_MA_CTRL_BMSTRUCT>,
     node: Node,
     /// Participants on that bus; they have the numbers from 0 on.
@@ -51,7 +51,7 @@ impl Cluster {
         Self::of(rate, plant_text(rate, widths), Memory::Heap)
     }
 
-    /// Levels filled in order, up to so many participants: no bus has room before all have that stand before it.
+    /// A cluster with `participants` participants, filled level by level: a bus gets stations when all buses before it are full.
     pub(crate) fn filled(rate: Rate, participants: usize, memory: Memory) -> Cluster {
         Self::of(rate, filled_text(rate, participants), memory)
     }
@@ -88,7 +88,7 @@ impl Cluster {
         self.plant.advance_to(edge);
     }
 
-    /// When the next SYNC edge of a PLC's own bus is due.
+    /// Returns the time of the next SYNC edge of a PLC's own bus.
     pub(crate) fn next_sync(&self, plc: usize) -> Option<u64> {
         self.plant.next_sync(plc, self.rate.kind.master.port)
     }
@@ -98,7 +98,7 @@ impl Cluster {
         self.interval_by(self.rate.interval_us);
     }
 
-    /// The same in steps of so many microseconds.
+    /// Runs an interval in steps of `step_us` microseconds.
     pub(crate) fn interval_by(&mut self, step_us: u64) {
         self.plcs.iter().for_each(ClusterPlc::task);
         let end = self.plant.now() + self.rate.interval_us;
@@ -144,7 +144,7 @@ impl ClusterPlc {
         self.master.b_CTRLREG_WRC1.store(RELEASED);
     }
 
-    /// What all participants below this PLC report.
+    /// Returns the sum of the values that all participants below this PLC report.
     pub(crate) fn sum(&self) -> u32 {
         let values = &self.master.a_RD_BMARRAY[..self.children];
         values.iter().fold(0, |sum: u32, values| sum.wrapping_add(values[0].load()))

@@ -14,7 +14,7 @@ pub(crate) struct Kind {
     pub slave: At,
     /// See [`Kind::plc`].
     plc: fn(&str, u8, [Option<&str>; 2]) -> String,
-    /// What `w_OMEGA_NR` of the master holds, or what it calls the register: a number that is not that of its slave.
+    /// Value of the master's `w_OMEGA_NR`, or of the device's register for it: a number that differs from its slave's.
     pub master_number: u16,
 }
 
@@ -73,7 +73,7 @@ impl Kind {
         core::ptr::eq(self, &OMEGA)
     }
 
-    /// A text in which `MASTER` and `SLAVE` stand for the names of their ports.
+    /// Replaces `MASTER` and `SLAVE` in a text by the names of their ports.
     pub(crate) fn named(&self, text: &str) -> String {
         text.replace("MASTER", self.port(self.master)).replace("SLAVE", self.port(self.slave))
     }
@@ -93,7 +93,7 @@ impl Kind {
         self.layout.port_numbered(at.port).expect("a port of the device").name
     }
 
-    /// A PLC of a plant file that is slave number `dip` on the bus above it and master of the one below it.
+    /// Plant file text of a PLC: slave number `dip` on the bus above it and master of the one below it.
     pub(crate) fn plc(&self, name: &str, dip: u8, above: Option<&str>, below: Option<&str>) -> String {
         (self.plc)(name, dip, [above, below])
     }
@@ -121,12 +121,12 @@ impl Rate {
         *RATES.iter().filter(lower).max_by_key(|it| it.kbit_s).expect("the device has a lower one")
     }
 
-    /// What is `us` microseconds at 500 kbit/s, in proportion to this rate's interval.
+    /// Scales `us` microseconds at 500 kbit/s to this rate's interval.
     pub(crate) fn scaled(self, us: u64) -> u64 {
         us * self.interval_us / 2_000
     }
 
-    /// A plant file with PLC `a` as master of PLC `b`; `drives` is put behind the bus.
+    /// A plant file with PLC `a` as master of PLC `b`; `drives` is put after the bus.
     pub(crate) fn plant(&self, drives: &str) -> String {
         let Rate { kind, .. } = self;
         let (a, b) = (

@@ -98,7 +98,7 @@ impl Rig {
         Self::of(memory, rate, "")
     }
 
-    /// `drives` is TOML text put behind the bus.
+    /// `drives` is TOML text that is put after the bus.
     pub(crate) fn of(memory: Memory, rate: Rate, drives: &str) -> Rig {
         Self::of_plant(memory, rate, &rate.plant(drives))
     }
@@ -136,7 +136,7 @@ impl Rig {
         self.plant.advance_to(edge);
     }
 
-    /// When the master's next SYNC edge is due.
+    /// Returns the time of the master's next SYNC edge.
     pub(crate) fn next_sync(&self) -> Option<u64> {
         self.plant.next_sync(self.master_at.plc, self.master_at.port)
     }
@@ -209,7 +209,7 @@ impl Rig {
             .collect()
     }
 
-    /// The last frame whose identifier is in `ids`.
+    /// Returns the last frame with an identifier in `ids`.
     pub(crate) fn last_frame(&self, ids: core::ops::RangeInclusive<u16>) -> Option<Frame> {
         self.frames().into_iter().rev().map(|(_, frame)| frame).find(|frame| ids.contains(&frame.id()))
     }
@@ -221,7 +221,7 @@ pub(crate) fn plant_of(text: &str) -> Plant {
     Plant::new(&config, |_plc, device| Ok::<_, RigError>(Segment::of(device))).unwrap()
 }
 
-/// RAM for a PLC; an image is kept alive in `images` and removes its file when that is dropped.
+/// RAM for a PLC; an image is kept alive in `images` and removes its file when `images` is dropped.
 pub(crate) fn segment(
     memory: Memory,
     plc: &str,
@@ -244,7 +244,7 @@ pub(crate) fn segment(
     }
 }
 
-/// What building a rig can fail with.
+/// Errors of building a rig.
 #[derive(Debug)]
 pub(crate) struct RigError(#[expect(dead_code, reason = "shown by Debug")] String);
 

@@ -1,4 +1,4 @@
-//! A rig whose PLCs are driven by function blocks alone: PLC `a` is master, PLC `b` slave 0, a drive slave 1.
+//! A rig with PLCs that are driven by function blocks alone: PLC `a` is master, PLC `b` slave 0, a drive slave 1.
 
 use super::device::*;
 use crate::rig::{At, Memory, Rig};
@@ -84,7 +84,7 @@ impl Bench {
         }
     }
 
-    /// That many PLC cycles.
+    /// Runs `count` PLC cycles.
     pub(crate) fn cycles(&mut self, count: u32, mut cycle: impl FnMut(&mut Bench)) {
         for _ in 0..count {
             cycle(self);
@@ -100,7 +100,7 @@ pub(crate) fn init() -> CANsync_INIT {
     CANsync_INIT { us_BAUDRATE, us_SYNC_INTERVAL, ..Default::default() }
 }
 
-/// RAM behind which no firmware runs, with a clock that the test sets.
+/// RAM without firmware, with a clock that the test sets.
 pub(crate) struct Dead {
     pub ram: Ram,
     header: View<commram::memory::Header>,

@@ -166,7 +166,7 @@ fn a_control_word_is_broadcast_command_1_too() {
 }
 
 /// 5.02066.01a p. 92 gives 16#02 as reception indicator of the control word. A block that shows the word leaves another value for the other
-/// block, which the page of the function blocks tells a program that polls the register itself (D-603).
+/// block. The page of the function blocks describes this for a program that polls the register itself (D-603).
 #[test]
 fn what_a_block_leaves_of_the_reception_indicator_is_on_its_page() {
     let page = include_str!("../../../docs/devices/omega-drive-line-2/function-blocks.md");

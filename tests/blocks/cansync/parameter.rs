@@ -263,8 +263,8 @@ fn a_job_the_master_changes_is_reset() {
     assert_eq!(application.parameters[&21], (5, false));
 }
 
-/// Manual p. 189-190, 227; 5.02066.01a p. 94-95, 142: an answer that nobody fetches does not stop the slave's block, whichever way
-/// that begins anew.
+/// Manual p. 189-190, 227; 5.02066.01a p. 94-95, 142: an answer that the master does not fetch does not stop the slave's block, in
+/// either way of restarting.
 #[test]
 fn a_slaves_block_begins_anew_behind_an_answer_that_nobody_fetches() {
     let resets: [fn(&mut Application, &Bench); 3] = [

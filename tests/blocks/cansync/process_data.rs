@@ -120,7 +120,7 @@ fn master_slave_and_drive_exchange_process_data() {
         assert_eq!(at_master[1][0], 5000, "the drive follows its reference value");
         assert_eq!(at_slave[1][0], 5000, "the slave overhears the drive");
         assert_eq!(at_slave[0], [0; 16], "never its own values (p. 258)");
-        // Slaves 0 and 1 in turn, nobody before the first interval is over.
+        // Slaves 0 and 1 in turn, no slave before the end of the first interval.
         assert!(heard1.ends_with(&[0, 1, 0, 1]) || heard1.ends_with(&[1, 0, 1, 0]), "{heard1:?}");
         assert_eq!(heard1, heard2);
         assert_eq!(heard1[0], -128);

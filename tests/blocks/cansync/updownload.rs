@@ -210,7 +210,7 @@ fn one_transfer_after_another() {
     }
 }
 
-/// What was asked for at the start counts until the end.
+/// The inputs at the start count until the end.
 #[test]
 fn inputs_that_change_meanwhile_change_nothing() {
     let mut both = Both::new(Memory::Heap);
@@ -226,7 +226,7 @@ fn inputs_that_change_meanwhile_change_nothing() {
 /// Manual p. 267: each bit of `b_ERR` and errors of the slave.
 #[test]
 fn every_error_of_the_masters_block() {
-    // Nobody there: a timeout after all tries.
+    // No slave answers: a timeout after all tries.
     let mut both = Both::new(Memory::Heap);
     both.bench.rig.expect_errors(&[&cansync::rules::NEVER_POLLED]);
     (both.ma.si_SL_NR, both.ma.u_LENGTH, both.ma.us_MAX_NR_OF_COMM) = (5, 1, 3);
@@ -273,7 +273,7 @@ fn a_master_that_stops_half_way_is_a_timeout_at_the_slave() {
         assert!(both.bench.rig.plant.now() - start < 1_000_000);
     }
     assert_eq!((both.sl.w_ERR, both.sl.x_BUSY, both.sl.x_OK), (1 << 0, false, false));
-    // The master hears of it when it goes on, and both can begin anew after a reset.
+    // The master learns of it when it continues, and both can start again after a reset.
     both.until(|both| !both.ma.x_BUSY);
     assert_eq!(both.ma.w_ERR_SL, 0x0103);
     (both.ma.x_RESET, both.sl.x_RESET) = (true, true);

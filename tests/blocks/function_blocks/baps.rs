@@ -18,7 +18,7 @@ pub(crate) const SPEED_ACTUAL: u16 = 301;
 const ADDITIONAL: u16 = 302;
 const UNKNOWN: u16 = 4000;
 
-/// A plant of one PLC with a drive behind its BAPS.
+/// A plant of one PLC with a drive at its BAPS.
 pub(crate) struct Stage {
     pub plant: Plant,
     pub ram: Ram,

@@ -1,4 +1,4 @@
-//! The error paths of the BAPS blocks, with a drive that is silent or slow.
+//! The error paths of the BAPS blocks, with a silent or slow drive.
 
 use super::baps::{SAME_CYCLE, SPEED, SPEED_ACTUAL, Stage, exchange, init};
 use crate::rig::Memory;
@@ -76,7 +76,7 @@ fn a_re_initialization_that_is_not_answered_is_a_timeout() {
     assert_eq!((comm.b_ERR, comm.x_RE_INIT_ERR), (0, false));
 }
 
-/// Manual p. 117: no process data, so no event, no call of the block, and `BAPS_PD_CONTROL` tells another task.
+/// Manual p. 117: no process data, so no event, no call of the block, and `BAPS_PD_CONTROL` reports it to another task.
 #[test]
 fn a_silent_drive_stops_the_event_task() {
     let mut stage = Stage::new(Memory::Heap, "");
@@ -121,8 +121,8 @@ fn a_silent_drive_gives_each_timeout_of_the_service_data() {
     let mut read = BAPS_PAR_READ { u_PAR_NR: 167, ..Default::default() };
     let mut control = BAPS_SD_CONTROL::default();
     for (bit, is_silent_from) in [
-        // It does not take the job; it has given its result and does not see that this was read; its semaphore still
-        // stands from before.
+        // It does not take the job; it has given its result and does not see that this was read; its semaphore is still
+        // set from the previous job.
         (3, Some(0)),
         (4, Some(1)),
         (2, None),

@@ -4,7 +4,7 @@ use super::baps::{SAME_CYCLE, SPEED, SPEED_ACTUAL, Stage, init};
 use crate::rig::Memory;
 use commram::devices::omega_drive_line_2::blocks::*;
 
-/// Manual p. 100, 105, 113: method and cycle time are selected at these blocks, too. An input that is not connected is
+/// Manual p. 100, 105, 113: method and cycle time are selected at these blocks, too. An unconnected input is
 /// 0, which is no cycle time.
 #[test]
 fn the_command_register_of_an_exchange_counts() {

@@ -24,7 +24,7 @@ fn shown(preset: &PinValue) -> String {
     }
 }
 
-/// The type that the manual's prefix of a pin stands for; without one, what its value can be.
+/// Returns the type that the manual's prefix of a pin denotes; without a prefix, the types that its value can have.
 fn type_of(block: &str, pin: &str, preset: &PinValue) -> &'static str {
     // FB1 has small letters and no prefixes.
     if block == "FB1" || pin.starts_with(|first: char| first.is_ascii_uppercase()) {
@@ -62,7 +62,7 @@ fn section(block: &str) -> &'static str {
         .unwrap_or_else(|| panic!("{block} is not documented"))
 }
 
-/// What stands at each pin of a new block.
+/// Returns the value of each pin of a new block.
 fn presets(device: &Registered, kind: &BlockKind) -> Vec<PinValue> {
     let has = |area: &&commram::layout::Area| {
         area.structures.iter().any(|placed| Some(placed.structure.name) == kind.structure)
@@ -76,7 +76,7 @@ fn presets(device: &Registered, kind: &BlockKind) -> Vec<PinValue> {
     kind.pins.iter().map(|pin| block.get(pin.name).unwrap()).collect()
 }
 
-/// What stands between backquotes, at its beginning.
+/// Returns the text between the backquotes at the beginning of `text`.
 fn quoted(text: &str) -> &str {
     text.split('`').nth(1).unwrap_or_default()
 }

@@ -1,4 +1,4 @@
-//! The function blocks that only the Omega Drive-Line II has, against the live firmware, and what is documented of all.
+//! The function blocks that only the Omega Drive-Line II has, against the live firmware, and the documentation of all blocks.
 
 mod baps;
 mod baps_faults;

@@ -141,7 +141,7 @@ fn semaphores_that_do_not_move_are_timeouts() {
         let read = &blocks.read;
         assert_eq!((read.i_ERR_COMM, read.i_ERR_DETAIL, read.x_ERR, read.x_BUSY), (-1, 0, true, false));
         assert_eq!(base.b_MA_SEMAPHORE.load(), 0);
-        // Whatever comes next fails, too, until all are reset.
+        // Every following job fails, too, until all are reset.
         blocks.write.x_EN = true;
         for _ in 0..3 {
             blocks.call(&base);
@@ -197,7 +197,7 @@ fn a_dropped_job_needs_a_reset_of_both_blocks() {
     }
 }
 
-/// Manual p. 225-229, figure 7-6: a CANsync master reads a parameter of the drive behind a slave.
+/// Manual p. 225-229, figure 7-6: a CANsync master reads a parameter of the drive that is connected to a slave.
 #[test]
 fn the_pins_of_par_sl_fit_those_of_the_baps_blocks() {
     let mut bench = crate::omega::cansync::bench::Bench::active(Memory::Heap);

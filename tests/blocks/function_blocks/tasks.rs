@@ -10,7 +10,7 @@ use std::convert::Infallible;
 use std::rc::Rc;
 use std::time::Duration;
 
-/// A program that notes what is called when.
+/// A program that records its calls with their times.
 struct Notes {
     ram: Ram,
     sync: INTR_SET,
@@ -81,7 +81,7 @@ impl Stage {
         Stage { bench, tasks, log }
     }
 
-    /// Scans every 100 us for `ms`, and returns what was called.
+    /// Scans every 100 us for `ms`, and returns the calls.
     fn pass(&mut self, ms: u64) -> Vec<(u64, &'static str)> {
         self.log.borrow_mut().clear();
         for _ in 0..ms * 10 {
@@ -177,7 +177,7 @@ fn starts_can_be_ordered() {
     assert_eq!(stage.pass(10), []);
 }
 
-/// Events that a slow program does not see are told, periods that it sleeps through are left out.
+/// Events that a slow program misses are reported, periods that it sleeps through are skipped.
 #[test]
 fn missed_events_are_told() {
     let mut stage = Stage::new(Memory::Heap);
@@ -205,7 +205,7 @@ fn the_next_program_starts_cold() {
     let mut stage = Stage { bench, tasks, log };
     assert_eq!(stage.pass(10)[0].1, "cold");
 
-    // One that has died has left its state behind.
+    // A program that has died leaves its state in the registers.
     let Stage { bench, tasks, log } = stage;
     std::mem::forget(tasks);
     let notes = Notes { ram: ram.clone(), sync: enabled(), cycles: 0, log: Rc::clone(&log) };

@@ -21,7 +21,7 @@ fn start() -> Emulator {
     Emulator::start(&[PLANT, "--clock", "stepped"])
 }
 
-/// That is what the whole is about.
+/// A device needs little code: the purpose of this crate.
 #[test]
 fn a_device_takes_at_most_150_lines() {
     fn lines(directory: &Path) -> usize {
@@ -46,7 +46,7 @@ fn it_is_registered_once_and_before_anything_else() {
     let catalogue = devices::catalogue();
     assert!(catalogue.kind("passed").is_some() && catalogue.rule_called("gate-nothing").is_some());
 
-    // Whoever has registered it attaches to it as to any other, and finds what it has at its front.
+    // A program that has registered the device attaches to it as to any other, and finds the words of its front.
     let emulator = start();
     emulator.poke(&["left:out.w_VALUE=1", "left:out.w_SEND=16#05"]);
     emulator.step(&["10ms"]);
@@ -57,7 +57,7 @@ fn it_is_registered_once_and_before_anything_else() {
     assert_eq!((value, image.header_snapshot().front[0].load()), (1, 1));
 }
 
-/// What a device has at its front is read by name like a register, and only the firmware writes it.
+/// The words of a device's front are read by name like a register, and only the firmware writes them.
 #[test]
 fn its_front_is_read_by_name() {
     let map = run(&["map", "front", "--device", "gate"]);
