@@ -1,6 +1,6 @@
-//! A CAN bus of 1 Mbit/s with 127 stations behind acceptance filters, frames of eight bytes at 80 % load, and for comparison
-//! the same frames among 8 stations. What is measured is the bus as a plant runs it, with journal, filters, controllers and error
-//! counters; the firmware of its stations only counts what it is handed.
+//! A CAN bus of 1 Mbit/s with 127 stations with acceptance filters, frames of eight bytes at 80 % load, and for comparison
+//! the same frames among 8 stations. The benchmark measures the bus as a plant runs it, with journal, filters, controllers and error
+//! counters; the firmware of its stations only counts the frames that it receives.
 
 use commram::can::{BitRate, Filter, Frame, Payload, StandardId};
 use commram::devices::can_bus::{CanBus, CanBusConfig, CanPort, CanSocket, Controller};
@@ -14,12 +14,12 @@ use std::hint::black_box;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Frames a second, whoever sends them.
+/// Frames per second of all stations together.
 const FRAMES: u64 = 6_400;
 /// Emulated time of a measured piece, in us.
 const PIECE_US: u64 = 100_000;
 
-/// What each sends, and what it takes of others.
+/// Frames that a station sends, and frames that it receives from others.
 struct Station {
     frame_id: u16,
     takes: Vec<u16>,
@@ -65,7 +65,7 @@ struct Bench {
 }
 
 impl Bench {
-    /// A bus with so many stations, each of which takes what its neighbour sends, and what a CANopen node takes besides.
+    /// A bus with `count` stations; each receives its neighbour's frames, and the frames that every CANopen node receives.
     fn new(count: u16) -> Self {
         let rate = BitRate::new(1_000_000).expect("not 0");
         let mut bus = CanBus::new(0, &CanBusConfig { name: "open".to_owned(), rate, doors: Vec::new() });
@@ -90,7 +90,7 @@ impl Bench {
         Bench { bus, journal, faults: Faults::default(), now: 0, received }
     }
 
-    /// Everything that is due in a piece of time, as a plant lets it happen.
+    /// Executes all events of a piece of time, as a plant does.
     fn piece(&mut self) {
         self.now += PIECE_US;
         let edges = &mut Vec::new();

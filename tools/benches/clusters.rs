@@ -2,7 +2,7 @@
 //! so on; WRC1 and RDC1 busy on all buses in every interval, the tasks of all PLCs included.
 //!
 //! `COMMRAM_BENCH_PARTICIPANTS` names other sizes, one after the other: `1057,65535`, `COMMRAM_BENCH_CORES` how many cores may work
-//! at the plant, `COMMRAM_BENCH_IMAGES=1` puts the registers into image files. What it takes of memory is told beside.
+//! at the plant, `COMMRAM_BENCH_IMAGES=1` puts the registers into image files. The memory use is reported as well.
 
 #[path = "../../tests/rig/mod.rs"]
 mod rig;
@@ -23,7 +23,7 @@ const SIZES: [usize; 6] = [2, 33, 1_057, 10_570, 32_001, 65_535];
 /// Bytes in use, but for those of images, which take pages only where they are touched.
 static USED: AtomicUsize = AtomicUsize::new(0);
 
-/// Counts what is in use.
+/// Counts the memory in use.
 struct Counting;
 
 /// Images are longer than this, and little else is.
@@ -96,7 +96,7 @@ fn clusters(criterion: &mut Criterion) {
             used / 1024
         );
         let mut value = 0;
-        // Minutes of one size would tell no more.
+        // A longer measurement of one size would give no more information.
         group.warm_up_time(Duration::from_millis(500)).measurement_time(Duration::from_secs(2));
         group.sampling_mode(if plcs > 100 { SamplingMode::Flat } else { SamplingMode::Auto });
         group.bench_function(BenchmarkId::from_parameter(participants), |bencher| {

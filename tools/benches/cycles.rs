@@ -1,4 +1,4 @@
-//! What a poke, a step and a peek of a scenario cost: what `tools/python/cycles.py` is held against.
+//! Cost of a poke, a step and a peek of a scenario: the reference for `tools/python/cycles.py`.
 //!
 //! Not by criterion: the same loop with the same counts as there.
 

@@ -1,5 +1,5 @@
-//! Processor time of an emulator in real time to which nobody says anything, beside that of a bare `clock_nanosleep` loop of 500 us:
-//! after power-on and with a master in active operation, while a process has the image mapped and while nobody has.
+//! Processor time of an emulator in real time without requests, compared with a bare `clock_nanosleep` loop of 500 us:
+//! after power-on and with a master in active operation, while a process has the image mapped and while no process has.
 //!
 //! Target: at most 1.3 times the loop.
 
@@ -35,7 +35,7 @@ fn main() {
     let seconds = std::env::args().find_map(|arg| arg.parse().ok()).unwrap_or(SECONDS);
     let [_, there] = cpu::pair();
     let share = |child: &Child| {
-        // What went before is over: the emulator looks five times a second whether somebody has an image open.
+        // Wait for the end of earlier activity: the emulator checks five times a second whether a process has an image open.
         std::thread::sleep(Duration::from_secs(1));
         let (start, before) = (Instant::now(), child.cpu_ns());
         std::thread::sleep(Duration::from_secs(seconds));

@@ -1,6 +1,6 @@
 //! Emulated CANsync intervals per second in stepped mode: drives at 500 kbit/s, both reference value and
-//! both actual value channels busy in every interval. Beside it what it costs to let time pass in parts, a day in which nobody
-//! does anything, and a snapshot.
+//! both actual value channels busy in every interval. Also the cost of advancing the clock in parts, of a day without
+//! activity, and of a snapshot.
 
 #[path = "support/active.rs"]
 mod active;
@@ -67,7 +67,7 @@ fn parts(criterion: &mut Criterion) {
     group.finish();
 }
 
-/// The built-in plant after power-on, nobody storing, in parts of a minute, as a request lets it pass.
+/// The built-in plant after power-on, without writes, in parts of a minute, as a request advances the clock.
 fn rest(criterion: &mut Criterion) {
     const MINUTE_US: u64 = 60_000_000;
     let mut group = criterion.benchmark_group("rest");

@@ -1,7 +1,7 @@
 //! How late a PLC process learns of a SYNC edge in real time, beside how late a bare `clock_nanosleep` loop wakes up.
 //!
-//! Both run at 2 ms, in turns of half a second, so that what the machine does besides meets both alike. Lateness is the
-//! real time of waking up minus that of the edge (or of the deadline); the emulator tells the real time of its emulated
+//! Both run at 2 ms, in turns of half a second, so that other load of the machine affects both equally. Lateness is the
+//! real time of waking up minus that of the edge (or of the deadline); the emulator reports the real time of its emulated
 //! time 0. Target: the 99 % quantile at most 1.5 times that of the bare loop.
 
 #[path = "support/mod.rs"]

@@ -80,7 +80,7 @@ impl Program for Drive {
         Ok(Progress::Done)
     }
 
-    /// The drive has handed over its values.
+    /// The drive has transferred its values.
     fn event(&mut self, _number: usize, _missed: u32) -> Result<(), String> {
         self.comm.w_CONTROLWORD = control_word(self.comm.w_STATUSWORD);
         self.comm.call(&self._BAPS);

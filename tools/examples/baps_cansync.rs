@@ -117,7 +117,7 @@ impl Program for Master {
         Ok(Progress::done_if(self.mode.x_CANsync_ACTIV && self.event.is_answered()))
     }
 
-    /// The bus first, whose frames have a deadline; with SYNC offset 0 the drive takes over at the next edge (p. 70).
+    /// The bus comes first, because its frames have a deadline; with SYNC offset 0 the drive takes over at the next edge (p. 70).
     fn event(&mut self, _number: usize, _missed: u32) -> Result<(), String> {
         self.comm.call(&self._CANsync_CTRL_MA, &mut self.a_RD_ARRAY);
         self.drive.exchange()

@@ -1,4 +1,4 @@
-//! A CANsync cluster: slave on the upper bus, master of the lower one, whose SYNC signal is the upper one's. It
+//! A CANsync cluster: slave on the upper bus, master of the lower one, both with the same SYNC signal. It
 //! passes the reference value on to its drive and the drive's actual value back.
 //!
 //!     commram run tools/examples/plant.toml --detach

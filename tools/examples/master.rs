@@ -1,5 +1,5 @@
 //! A CANsync master: brings its slaves into operation, sends a reference value, waits until all of them have
-//! reached it, reads a parameter of the first one, and tells them that this was all.
+//! reached it, reads a parameter of the first one, and signals the end to them.
 //!
 //! At the built-in plant, three drives:
 //!

@@ -1,4 +1,4 @@
-//! A CANsync slave: reports every reference value as its own actual value, until the master tells it to end.
+//! A CANsync slave: reports every reference value as its own actual value, until the master signals the end.
 //!
 //!     commram run tools/examples/plant.toml --detach
 //!     cargo run --example slave &

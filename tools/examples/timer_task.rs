@@ -22,7 +22,7 @@ const BOARD_TIMERS: [usize; 2] = [5, 6];
 const FACTOR: i16 = 20;
 /// (2499 + 1) x 2 / 5 MHz = 1 ms.
 const DIVIDER: u16 = 2499;
-/// The program ends after so many events.
+/// Number of events after which the program ends.
 const EVENTS: u32 = 1000;
 
 /// The program.
@@ -65,7 +65,7 @@ impl Timer {
         }
     }
 
-    /// What the task is for: here stands the block of the serial protocol.
+    /// The work of the task: a real program calls the block of the serial protocol here.
     fn telegram(&mut self) {
         self.led.b_LEDS = (self.events / 100 % 2) as u8;
         self.led.call(&self.ram);

@@ -1,7 +1,7 @@
 //! A bare iceoryx2 request-response: what the channel is held against.
 //!
 //! Requests and replies are as large as a single operation and its answer in the channel. One client, one
-//! server, which answers each request with the number behind the one it got. Waiting works as between
+//! server, which answers each request with the next higher number. Waiting works as between
 //! client and emulator: both poll, or both sleep on a futex word in a shared page.
 
 use crate::support::PATIENCE;
@@ -45,7 +45,7 @@ pub(crate) struct Pair {
 }
 
 impl Pair {
-    /// Starts the server, on processor `cpu` if that is named. `waiting`: busy or sleeping.
+    /// Starts the server, on processor `cpu` if given. `waiting`: busy or sleeping.
     pub(crate) fn start(waiting: &str, cpu: Option<usize>) -> Self {
         let files = Files::new();
         let page = Page::create();
@@ -138,7 +138,7 @@ fn service(node: &Node<ipc::Service>) -> Factory {
     builder.open_or_create().expect("the service can be had")
 }
 
-/// The directory of a domain and the shared memory that iceoryx2 leaves behind.
+/// The directory of a domain and the shared memory that iceoryx2 does not remove.
 struct Files {
     root: TempDir,
     prefix: String,

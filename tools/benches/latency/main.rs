@@ -4,7 +4,7 @@
 //! same run. At the end the medians are printed beside their targets; see `docs/internals/performance.md`.
 //!
 //! Processes are pinned: the client to the first processor, the other one to the second, unless it says
-//! otherwise. Nothing here changes a register of a running instance or leaves a file or process behind.
+//! otherwise. The benchmark changes no register of a running instance and leaves no file or process.
 
 mod bare;
 mod channel;
@@ -36,7 +36,7 @@ fn main() {
     outcomes.iter().for_each(Outcome::print);
 }
 
-/// What a child process does.
+/// Runs the role of a child process.
 fn play(role: &[String]) {
     match role.split_first() {
         Some((role, args)) if role == emulator::ROLE => emulator::play(args),

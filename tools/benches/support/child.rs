@@ -1,7 +1,7 @@
 //! Child processes that cannot outlive the benchmark.
 //!
-//! A child is this executable once more, told by its first argument to play a role instead of measuring.
-//! Its standard input is a pipe that nobody writes to: when the benchmark ends, in whatever way, the pipe
+//! A child is another process of this executable; its first argument selects a role instead of measuring.
+//! Its standard input is a pipe without data: when the benchmark ends, for any reason, the pipe
 //! breaks and the child ends in good order.
 
 use super::PATIENCE;

@@ -112,7 +112,7 @@ pub(crate) fn attach(instance: &str) -> Result<Attached, MemoryError> {
     Image::attach(instance, PLC, AttachMode::ReadWrite, Some(LAYOUT_HASH))
 }
 
-/// Connects to the channel of an emulator that is ready.
+/// Connects to the channel of a ready emulator.
 pub(crate) fn connect(instance: &str, spin: Duration) -> Client {
     let bells = HeaderBells::of_client(attach(instance).expect("the emulator is ready"));
     let patience = Patience { connect: PATIENCE, spin, ..Patience::default() };

@@ -1,4 +1,4 @@
-//! What the benchmarks between processes share.
+//! Common parts of the benchmarks between processes.
 
 pub(crate) mod active;
 pub(crate) mod child;

@@ -10,8 +10,8 @@ use std::path::Path;
 use std::sync::atomic::AtomicU32;
 use zerocopy::{FromBytes, IntoBytes, KnownLayout};
 
-/// What lies in the page: the two registers side by side and the two futex words in cache lines of their
-/// own, as in an image.
+/// Contents of the page: the two registers side by side and the two futex words in separate cache
+/// lines, as in an image.
 #[derive(FromBytes, IntoBytes, KnownLayout, Debug)]
 #[repr(C)]
 pub(crate) struct Registers {
@@ -73,7 +73,7 @@ impl Page {
     }
 }
 
-/// Counts the word up and wakes who sleeps on it, in as few steps as there can be.
+/// Increments the word and wakes the threads that sleep on it, in as few steps as possible.
 pub(crate) fn ring(word: &Cell32) {
     word.increment();
     futex::wake(futex_word(word), futex::Flags::empty(), 1).expect("a futex can be woken");

@@ -12,12 +12,12 @@ pub(crate) struct Samples {
     nanoseconds: Vec<u64>,
     /// Place of the next sample once all places are taken.
     next: usize,
-    /// What reading the clock adds to a measured duration.
+    /// Time that reading the clock adds to a measured duration.
     clock: Duration,
 }
 
 impl Samples {
-    /// None yet.
+    /// Makes an empty set of samples.
     pub(crate) fn new() -> Self {
         let mut empty = Samples { nanoseconds: Vec::with_capacity(KEPT), next: 0, clock: Duration::ZERO };
         for _ in 0..CLOCK_READS {
@@ -63,7 +63,7 @@ impl Samples {
     }
 }
 
-/// What a median is held against.
+/// Reference value for a median.
 pub(crate) enum Target {
     /// At most that many times the median of the other samples, which are named.
     Times(f64, &'static str, Samples),
@@ -73,11 +73,11 @@ pub(crate) enum Target {
 
 /// A measurement and its target.
 pub(crate) struct Outcome {
-    /// What was measured.
+    /// Name of the measured quantity.
     pub what: &'static str,
     /// The latencies.
     pub samples: Samples,
-    /// What they shall be.
+    /// Target of the measurement.
     pub target: Target,
 }
 

@@ -1,4 +1,4 @@
-//! The drive behind the BAPS in mode "synchronous reference position": what configurations B and C have in common.
+//! The drive at the BAPS in mode "synchronous reference position": the common part of configurations B and C.
 
 use super::check;
 use commram::devices::omega_drive_line_2::blocks::*;
@@ -12,12 +12,12 @@ const ANGLE_REFERENCE: u16 = 258;
 const ANGLE_ACTUAL: u16 = 303;
 const OPERATING_MODE: u16 = 304;
 const SYNCHRONOUS_POSITION: u16 = 1;
-/// The way of the drive: so many reference values, so far from one to the next, in 2^-32 revolutions.
+/// The way of the drive: the number of reference values, and the distance between them in 2^-32 revolutions.
 const REFERENCES: u32 = 400;
 const STEP: u32 = 100_003;
 /// The position loop of the drive does not see less than this.
 const NEAR: u32 = 32;
-/// `BAPS_INIT` is enabled after so many cycles of the cyclic task (manual p. 63).
+/// `BAPS_INIT` is enabled after this number of cycles of the cyclic task (manual p. 63).
 pub(crate) const CYCLES_BEFORE_INIT: u32 = 5;
 
 /// The control word that brings a drive with this status word nearer to operation.
@@ -70,7 +70,7 @@ pub(crate) struct SynchronousDrive {
 }
 
 impl SynchronousDrive {
-    /// A drive whose SYNC slot is `slot_us`, with this `w_COMMAND_REG` and this mask over P258 (manual p. 74).
+    /// A drive with a SYNC slot of `slot_us`, with this `w_COMMAND_REG` and this mask over P258 (manual p. 74).
     pub(crate) fn new(ram: &Ram, slot_us: u16, w_COMMAND_REG: u16, mask: u32) -> Result<Self, MemoryError> {
         let left = vec![(OPERATING_MODE, SYNCHRONOUS_POSITION), (SYNC_OFFSET, 0), (SYNC_SLOT, slot_us)];
         Ok(SynchronousDrive {
@@ -109,7 +109,7 @@ impl SynchronousDrive {
         check(self.comm.x_ERR, "BAPS_PD_COMM2", self.comm.b_SL_QUIT.into())?;
         let enabled = self.comm.w_STATUSWORD & 0x006F == 0x0027;
         if !enabled || self.comm.w_STATUS_REG & 1 == 0 {
-            // The way begins where the drive stands.
+            // The way begins at the position of the drive.
             self.angle = self.comm.ud_RD_VALUE0;
         } else if self.left > 0 {
             self.left -= 1;

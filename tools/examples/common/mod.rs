@@ -1,4 +1,4 @@
-//! What all example programs do: attach to a PLC of a running emulator, and run their tasks.
+//! Common part of all example programs: attach to a PLC of a running emulator, and run their tasks.
 
 #![allow(dead_code, reason = "each example uses a part of it")]
 
@@ -28,7 +28,7 @@ const PATIENCE: Duration = Duration::from_secs(60);
 pub(crate) struct Arguments {
     instance: String,
     plc: String,
-    /// What comes after the PLC.
+    /// Numbers that follow the PLC on the command line.
     pub numbers: Vec<u8>,
 }
 
@@ -87,7 +87,7 @@ pub(crate) fn map_slave(_BASE: &Base<CANsync_SL_CTRL_BMSTRUCT>) {
 /// Error number "no such parameter".
 const NOT_PRESENT: i16 = -5;
 
-/// What a slave answers to parameter jobs: it has no parameters. (Its status word the firmware answers, D-06.)
+/// Answers of a slave to parameter jobs: it has no parameters. (The firmware answers for its status word, D-06.)
 pub(crate) struct Application {
     jobs: CANsync_PAR_SL,
 }
