@@ -1,4 +1,4 @@
-//! What can be wrong with a layout, and where.
+//! Errors in a layout, with their places.
 
 use std::fmt;
 use std::path::PathBuf;
@@ -9,7 +9,7 @@ use std::path::PathBuf;
 pub struct Error {
     /// Where the layout is wrong.
     pub at: Location,
-    /// What is wrong and what would be right.
+    /// The error, and the correct form.
     pub reason: Box<Reason>,
 }
 

@@ -30,7 +30,7 @@ pub(crate) struct RawKey {
     from: Option<Provenance>,
 }
 
-/// What a keyword is set to.
+/// The value of a keyword.
 #[derive(Deserialize, Clone)]
 #[serde(untagged)]
 pub(crate) enum Value {
@@ -115,7 +115,7 @@ pub(crate) struct Parameter {
 /// The octet of the diagnosis that has texts.
 pub(crate) struct Diagnosis {
     pub register: (usize, String),
-    /// Octets behind the header.
+    /// Octets after the header.
     pub octet: u32,
     pub from: Provenance,
 }
@@ -207,7 +207,7 @@ pub(crate) fn read(sources: &mut Sources, path: &str, place: At, layout: &Layout
     Ok(Gsd { page: raw.page, keys, parameters, constants, defaults, diagnosis, modules: modules.collect() })
 }
 
-/// How many octets `offset` lies behind `first`.
+/// Returns the distance from `first` to `offset` in octets.
 fn behind(sources: &Sources, place: At, offset: u32, first: u32, name: &str) -> Result<u32, Error> {
     let reason = || Reason::RegisterBefore(name.to_owned());
     offset.checked_sub(first).ok_or_else(|| sources.error(place, reason()))
@@ -248,7 +248,7 @@ impl Parameter {
         if self.to > u8::MAX.into() { 2 } else { 1 }
     }
 
-    /// Puts its default where it lies, high byte first; `None` if it lies behind them.
+    /// Writes the default at its place in `octets`, high byte first; `None` if its place is past the end.
     fn put(&self, octets: &mut [u8]) -> Option<()> {
         let first = self.octet as usize;
         let own = octets.get_mut(first..first + self.octets())?;

@@ -24,7 +24,7 @@ pub use schema::SCHEMA;
 
 use std::path::{Path, PathBuf};
 
-/// What [`compile`] makes of one device.
+/// Result of [`compile`] for one device.
 #[derive(Debug)]
 pub struct Compiled {
     /// Rust source of the device's module.
@@ -38,7 +38,7 @@ pub struct Compiled {
 /// Compiles what the devices of a family share, in `dir`, starting at its `family.toml`.
 ///
 /// # Errors
-/// The first thing that is wrong, with its place.
+/// Returns the first error, with its place.
 pub fn compile_family(dir: &Path) -> Result<String, Error> {
     let family = check::load_family(&mut source::Sources::new(dir))?;
     Ok(emit::family(&family))
@@ -47,7 +47,7 @@ pub fn compile_family(dir: &Path) -> Result<String, Error> {
 /// Compiles the layout in `dir`, starting at its `device.toml`.
 ///
 /// # Errors
-/// The first thing that is wrong, with its place.
+/// Returns the first error, with its place.
 pub fn compile(dir: &Path) -> Result<Compiled, Error> {
     let mut sources = source::Sources::new(dir);
     let device = check::load(&mut sources)?;

@@ -9,7 +9,7 @@ pub(crate) struct Device {
     pub name: String,
     pub title: String,
     pub manual: String,
-    /// What the manual does not state; empty if there is nothing to be said of it as a whole.
+    /// Facts that the manual does not state about the whole device; empty if none.
     pub undocumented: String,
     /// Name of the family that the `shared` structures and meanings are of.
     pub family: Option<String>,
@@ -22,11 +22,11 @@ pub(crate) struct Device {
     pub spaces: Vec<Space>,
     /// In ascending order.
     pub areas: Vec<Area>,
-    /// The area whose size each plant sets, and what it is in a plant that does not.
+    /// The area with a size that each plant sets, and its default size in bytes.
     pub retain: Option<(Area, u32)>,
     /// The object dictionary, in ascending order.
     pub objects: Vec<Object>,
-    /// What masters know of a PROFIBUS-DP slave.
+    /// Properties of a PROFIBUS-DP slave that masters need.
     pub gsd: Option<Gsd>,
     /// Words of the front in the header page, in ascending order.
     pub front: Vec<Front>,
@@ -68,7 +68,7 @@ pub(crate) struct BaudRate {
     pub deadlines: Vec<(&'static str, Deadline)>,
 }
 
-/// Microseconds after the start of the event task, equal if it is one time.
+/// Microseconds after the start of the event task, equal for a single time.
 pub(crate) struct Deadline {
     pub earliest: u32,
     pub latest: u32,
@@ -130,12 +130,12 @@ pub(crate) struct Placed {
     /// Index into [`Device::structures`].
     pub structure: usize,
     pub live: RegisterPhase,
-    /// What the port of this area must be for the structure to lie there; `None`: anything.
+    /// Role that the port of this area must have for the structure to be there; `None`: any role.
     pub role: Option<Role>,
     /// Name of the variable that the application declares there.
     pub variable: String,
     pub variable_from: Provenance,
-    /// Names of the structure's registers that nobody uses here.
+    /// Names of the structure's registers that are unused here.
     pub unused: Vec<String>,
 }
 
@@ -156,7 +156,7 @@ pub(crate) struct Structure {
 
 pub(crate) struct Field {
     pub name: String,
-    /// What the structure of `view` calls it.
+    /// Name in the structure of `view`.
     pub view_name: String,
     pub offset: u32,
     pub kind: Kind,
@@ -165,7 +165,7 @@ pub(crate) struct Field {
     pub used: Vec<u32>,
     /// The manual's name of the whole array's type; empty if it follows the pattern.
     pub array_type: String,
-    /// What the manual calls the register in another place; empty if nothing else.
+    /// Another name of the register in the manual; empty if none.
     pub also: String,
     pub reserved: bool,
     pub owner: Owner,
@@ -248,7 +248,7 @@ impl Scalar {
         matches!(self, Scalar::Sint | Scalar::Int | Scalar::Dint)
     }
 
-    /// What a cell of the type holds, in generated code: bits, without a sign.
+    /// Returns the contents type of a cell in generated code: bits, without a sign.
     pub(crate) fn content(self) -> &'static str {
         match self.width() {
             1 => "u8",
@@ -263,14 +263,14 @@ impl Scalar {
     }
 }
 
-/// What the values and bits of a register mean.
+/// Meanings of the values and bits of a register.
 pub(crate) struct Meaning {
     pub name: String,
     /// Manuals, and the pages on which they state it; none if no manual does.
     pub pages: Vec<(String, String)>,
     /// Whether it is the family's.
     pub shared: bool,
-    /// Of the constants that values and bits with an `id` become; `None`: there are none.
+    /// Type of the constants for values and bits with an `id`; `None`: no constants.
     pub scalar: Option<Scalar>,
     pub values: Vec<Value>,
     pub bits: Vec<Bit>,
@@ -287,7 +287,7 @@ impl Meaning {
         self.sources().any(|source| *source == Provenance::Manual)
     }
 
-    /// Those of all values and bits.
+    /// Returns the sources of all values and bits.
     pub(crate) fn sources(&self) -> impl Iterator<Item = &Provenance> {
         let of_bits = self
             .bits
@@ -331,7 +331,7 @@ impl Device {
         self.used_types().filter(|structure| structure.shared)
     }
 
-    /// What lies in the areas, and the sub-structures in it; of a family all.
+    /// Returns the structures in the areas with their sub-structures; for a family, all structures.
     pub(crate) fn used_types(&self) -> impl Iterator<Item = &Structure> {
         let in_areas = |index: usize| {
             self.areas.iter().flat_map(|area| &area.structures).any(|placed| placed.structure == index)

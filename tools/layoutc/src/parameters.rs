@@ -131,7 +131,7 @@ impl Row {
 /// Compiles the parameter table `file` in `dir`: the Rust items `PARAMETERS` and `number`.
 ///
 /// # Errors
-/// The first thing that is wrong, with its place.
+/// Returns the first error, with its place.
 pub fn compile(dir: &Path, file: &str) -> Result<String, Error> {
     let mut sources = Sources::new(dir);
     let (file, table): (usize, Table) = sources.parse(file, None)?;

@@ -24,7 +24,7 @@ pub(crate) struct Device {
     pub name: Spanned<String>,
     pub title: String,
     pub manual: String,
-    /// What the manual does not state, for the heads of exported files: the end of "it does not state ...".
+    /// Facts that the manual does not state, for the heads of exported files: the end of "it does not state ...".
     #[serde(default)]
     pub undocumented: String,
     /// The vendor's library of types, which states true offsets; left out by a device that has none.
@@ -57,7 +57,7 @@ pub(crate) struct Device {
     pub baud_rate: Vec<BaudRate>,
 }
 
-/// Who writes the registers that the manual reserves.
+/// Writer of the registers that the manual reserves.
 #[derive(Deserialize, Clone)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Reserved {
@@ -91,22 +91,22 @@ pub(crate) struct Space {
     pub doc: String,
 }
 
-/// What stands behind the `%` of an address.
+/// The letters after the `%` of an address.
 #[derive(Deserialize, Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum Letter {
     I,
     Q,
     M,
-    /// Of the front, which layouts do not place.
+    /// The front, which layouts do not place.
     #[serde(skip)]
     F,
 }
 
-/// What the number in an address counts.
+/// Unit of the number in an address.
 #[derive(Deserialize, Clone, Copy, PartialEq, Eq, Debug)]
 #[serde(rename_all = "lowercase")]
 pub(crate) enum Unit {
-    /// Bytes, whatever the width.
+    /// Bytes, for every width.
     Byte,
     /// Accesses of the address's own width; of bits the words that they are in.
     Word,
@@ -244,7 +244,7 @@ pub(crate) struct Structure {
     pub size: Option<Spanned<u32>>,
     pub page: String,
     pub doc: String,
-    /// Of the type's own name; a block has none.
+    /// Source of the type's own name; a block has none.
     pub name_from: Option<Provenance>,
     /// The family's structure that firmware and function blocks look at this one as.
     pub view: Option<Spanned<String>>,
@@ -262,11 +262,11 @@ pub(crate) struct Structure {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Entry {
-    /// Of a register; left out it is that of the structure of `view`.
+    /// Offset of a register; by default the offset in the structure of `view`.
     pub offset: Option<Spanned<u32>>,
     pub padding: Option<Spanned<u32>>,
     pub name: Option<Spanned<String>>,
-    /// What the structure of `view` calls it, if otherwise.
+    /// Name in the structure of `view`, if it differs.
     pub view_name: Option<Spanned<String>>,
     #[serde(rename = "type")]
     pub ty: Option<Spanned<String>>,
@@ -274,7 +274,7 @@ pub(crate) struct Entry {
     pub used: Option<Spanned<Vec<u32>>>,
     /// The manual's name of the whole array's type, where it is not made of the element's and the number of elements.
     pub array_type: Option<Spanned<String>>,
-    /// What the manual calls the register in another place.
+    /// Another name of the register in the manual.
     pub also: Option<Spanned<String>>,
     #[serde(default)]
     pub reserved: bool,
@@ -334,7 +334,7 @@ fn is_decision(text: &str) -> bool {
     })
 }
 
-/// What the values and bits of a register mean; registers refer to it by name.
+/// Meanings of the values and bits of a register; registers refer to it by name.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Meaning {
@@ -344,7 +344,7 @@ pub(crate) struct Meaning {
     /// Where manuals of other devices state it, too.
     #[serde(default)]
     pub pages: std::collections::BTreeMap<String, String>,
-    /// Of values and bits without one of their own; the manual, if there is a page.
+    /// Source of values and bits without an own source; the manual, if there is a page.
     pub source: Option<Provenance>,
     /// Elementary type of the registers, for the constants that values and bits with an `id` become.
     #[serde(rename = "type")]
@@ -355,7 +355,7 @@ pub(crate) struct Meaning {
     pub bit: Vec<Spanned<Bit>>,
 }
 
-/// One value (`is`) or a range of them (`from`, `to`); `{}` in the text stands for the value.
+/// One value (`is`) or a range of them (`from`, `to`); `{}` in the text is replaced by the value.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Value {

@@ -1,5 +1,5 @@
-//! Whatever stands in files that people hand in: it is read or refused. What is kept for these targets lies in `__fuzz__` beside this file;
-//! `tests/__fuzz__/README.md` of the whole tells more.
+//! Input files with any contents are read or refused. The corpus of these targets is in `__fuzz__` next to this file;
+//! see `tests/__fuzz__/README.md` of the repository.
 
 #![cfg(feature = "import")]
 
@@ -11,7 +11,7 @@ use std::path::Path;
 const FIXTURE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/fixture");
 const MIXED: &str = include_str!("__fuzz__/declarations/corpus/mixed.st");
 
-/// Whatever the text is: read or refused, and what was read is laid out, and imported, or refused.
+/// Any text is read or refused; accepted text is laid out, and imported or refused.
 fn survive(text: &str) {
     let Ok(declarations) = Declarations::parse(Path::new("x.st"), text) else { return };
     for alignment in [Alignment::Packed, Alignment::Natural] {
@@ -35,7 +35,7 @@ fn fuzz_declarations() {
     });
 }
 
-/// The first byte says which file of a layout the others stand in.
+/// The first byte selects the file of a layout that contains the others.
 #[test]
 fn fuzz_layout() {
     let mut files: Vec<_> = fs::read_dir(FIXTURE).unwrap().map(|entry| entry.unwrap().path()).collect();

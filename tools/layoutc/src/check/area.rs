@@ -7,7 +7,7 @@ use crate::raw;
 use crate::source::{At, Sources, at};
 use toml::Spanned;
 
-/// What areas can be made of.
+/// Types that areas can use.
 pub(super) struct Types<'a> {
     pub structures: &'a [Structure],
     pub subs: &'a [Structure],
@@ -40,7 +40,7 @@ pub(super) fn check(
     Ok(areas)
 }
 
-/// Takes the area whose size each plant sets out of the others.
+/// Removes the area with a size set by each plant from the others.
 pub(super) fn retain(
     sources: &Sources,
     file: usize,
@@ -143,7 +143,7 @@ fn area(
             variable_from,
             unused: unused(sources, file, structure, &entry.unused)?,
         };
-        // What is in the slot of a port stays there: structures of different roles never meet.
+        // A port keeps its role: structures of different roles never overlap in use.
         let meets = |other: &&Placed| new.role.is_none() || other.role.is_none() || new.role == other.role;
         for other in placed.iter().filter(meets) {
             same_widths(sources, place, &name, [&new, other], structures, subs)?;
@@ -190,7 +190,7 @@ fn variable(
     Ok((given.get_ref().clone(), Provenance::Manual))
 }
 
-/// The names of the registers that nobody uses in this area; the structure must have them.
+/// Returns the names of the registers that are unused in this area; the structure must have them.
 fn unused(
     sources: &Sources,
     file: usize,
@@ -234,7 +234,7 @@ fn same_widths(
     Ok(())
 }
 
-/// For each byte the width of the cell it lies in, `None` in registers that nobody uses. Cells are aligned to
+/// For each byte the width of the cell it lies in, `None` in unused registers. Cells are aligned to
 /// their width, so equal widths mean equal starts.
 fn placed_cells(placed: &Placed, structure: &Structure, subs: &[Structure]) -> Vec<Option<u32>> {
     let fields = structure.fields.iter();

@@ -185,14 +185,14 @@ fn dims(
     Ok((dims.clone(), used.clone()))
 }
 
-/// The short name of a data type in front of a register name, if there is one: neither `CAN_OPEN` nor `cfg_len` has any.
+/// Returns the short name of a data type in front of a register name, if any: neither `CAN_OPEN` nor `cfg_len` has one.
 fn short_name(name: &str) -> Option<&str> {
     let known =
         |prefix: &&str| ["", "a"].contains(prefix) || Scalar::prefixes().any(|short| short == *prefix);
     name.split_once('_').map(|(prefix, _)| prefix).filter(known)
 }
 
-/// Such a short name must agree with the type.
+/// Checks that the short name of the data type agrees with the type.
 fn prefix(sources: &Sources, place: At, name: &str, kind: Kind) -> Result<(), Error> {
     let Some(prefix) = short_name(name) else { return Ok(()) };
     if prefix == "a" {

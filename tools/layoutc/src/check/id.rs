@@ -34,7 +34,7 @@ pub(super) fn check(sources: &Sources, file: usize, meaning: &raw::Meaning) -> R
     Ok(scalar.filter(|_| !known.is_empty()))
 }
 
-/// Those of values, of bits, and of the values of fields of bits.
+/// Returns the ids of values, of bits, and of the values of bit fields.
 fn ids(meaning: &raw::Meaning) -> impl Iterator<Item = &Spanned<String>> {
     let of_bits = meaning.bit.iter().map(Spanned::get_ref).flat_map(|bit| {
         let of_values = bit.value.iter().filter_map(|value| value.get_ref().id.as_ref());

@@ -7,7 +7,7 @@ use crate::raw;
 use crate::source::{At, Sources, at};
 use toml::Spanned;
 
-/// A meaning, and where its parts stand.
+/// A meaning, and the places of its parts in the file.
 pub(crate) struct Checked {
     pub meaning: Meaning,
     values: Vec<At>,
@@ -26,7 +26,7 @@ pub(crate) fn add(
     if all.iter().any(|checked| checked.meaning.name == *name) {
         return Err(sources.error(at(file, raw.name.span()), Reason::DuplicateName(name.clone())));
     }
-    // What stands on a page is the manual's; without a page the meaning has to say what it follows from.
+    // A meaning with a page is the manual's; without a page the meaning must name its source.
     let source = match (&raw.source, &raw.page) {
         (Some(source), _) => source.clone(),
         (None, Some(_)) => Provenance::Manual,

@@ -23,11 +23,11 @@ use std::collections::BTreeMap;
 
 /// Everything structures refer to by name.
 struct Parts {
-    /// Who writes what the manual reserves.
+    /// Writer of the registers that the manual reserves.
     reserved: raw::Reserved,
-    /// The manual whose device is looked at.
+    /// The manual of the device that is checked.
     manual: String,
-    /// Where the bits of each meaning stand, to point at a bit that is too wide for a register.
+    /// Places of the bits of each meaning in the file, to point at a bit that is too wide for a register.
     meanings: Vec<meaning::Checked>,
     substructures: Vec<Structure>,
     structures: Vec<Structure>,
@@ -36,7 +36,7 @@ struct Parts {
     types: Names,
 }
 
-/// Reads and checks the layout whose `device.toml` lies in the directory of `sources`.
+/// Reads and checks the layout with its `device.toml` in the directory of `sources`.
 pub(crate) fn load(sources: &mut Sources) -> Result<Device, Error> {
     let Top { file, device: raw, family, parts, structures } = files::read(sources)?;
     let family_manual = family.as_ref().map_or("", |family| &family.manual);
@@ -100,7 +100,7 @@ pub(crate) fn load(sources: &mut Sources) -> Result<Device, Error> {
     })
 }
 
-/// Reads and checks the family whose `family.toml` lies in the directory of `sources`.
+/// Reads and checks the family with its `family.toml` in the directory of `sources`.
 pub(crate) fn load_family(sources: &mut Sources) -> Result<Device, Error> {
     let (file, raw, parts, structures) = files::read_family(sources)?;
     let mut all = Parts::new(&raw.reserved, &raw.manual);
@@ -143,7 +143,7 @@ impl Parts {
         }
     }
 
-    /// Reads meanings, sub-structures and blocks; `manual_of` tells the manual of shared files and of own ones.
+    /// Reads meanings, sub-structures and blocks; `manual_of` returns the manual of shared files and of own ones.
     fn read_parts<'a>(
         &mut self,
         sources: &mut Sources,

@@ -38,7 +38,7 @@ pub(crate) fn check(
     Ok(ports)
 }
 
-/// Index of the area that is named.
+/// Returns the index of the named area.
 pub(super) fn area(
     sources: &Sources,
     file: usize,

@@ -1,4 +1,4 @@
-//! Spaces of addresses: behind the header page, aligned, and never two over the same bytes.
+//! Address spaces: after the header page, aligned, and without overlap.
 
 use super::Names;
 use crate::error::{Error, Reason};
@@ -9,7 +9,7 @@ use crate::source::{Sources, at};
 /// Bytes of the header page, which every image begins with.
 const HEADER: u32 = 4096;
 
-/// Checks what can be said of each space alone; one whose end follows from its areas has no bytes yet.
+/// Checks each space alone; a space that gets its end from its areas has no bytes yet.
 pub(super) fn check(sources: &Sources, file: usize, raw: &[raw::Space]) -> Result<Vec<Space>, Error> {
     let mut names = Names::default();
     let mut spaces: Vec<Space> = Vec::new();

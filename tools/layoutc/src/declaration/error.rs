@@ -1,4 +1,4 @@
-//! What can be wrong with a declaration, and where.
+//! Errors in a declaration, with their places.
 
 use crate::error::Location;
 use std::fmt;
@@ -10,7 +10,7 @@ use std::path::Path;
 pub struct DeclarationError {
     /// Where.
     pub at: Location,
-    /// What is wrong and what would be right.
+    /// The error, and the correct form.
     pub reason: Wrong,
 }
 

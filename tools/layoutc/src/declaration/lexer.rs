@@ -2,7 +2,7 @@
 
 use super::error::{Fault, Place, Wrong};
 
-/// What the text consists of.
+/// The tokens of the text.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Token<'a> {
     /// A name or keyword.
@@ -19,9 +19,9 @@ pub(crate) enum Token<'a> {
     End,
 }
 
-/// Longer ones stand before shorter ones that they begin with.
+/// A longer symbol comes before a shorter one that is its prefix.
 const SYMBOLS: [&str; 13] = [":=", "..", ":", ";", ",", "(", ")", "[", "]", ".", "+", "-", "#"];
-/// Begin and end of what is skipped. Comments do not nest in the standard's editions before the third.
+/// Begin and end of skipped text. Comments do not nest in the standard's editions before the third.
 const SKIPPED: [(&str, &str, &str); 3] =
     [("(*", "*)", "comment"), ("/*", "*/", "comment"), ("{", "}", "pragma")];
 
@@ -86,7 +86,7 @@ impl<'a> Lexer<'a> {
         }
     }
 
-    /// A string literal ends on its line; `$` takes away the meaning of the character behind it.
+    /// A string literal ends on its line; `$` escapes the next character.
     fn string(&mut self, quote: char) -> Result<(), Fault> {
         let mut escaped = false;
         for (at, c) in self.rest.char_indices().skip(1) {

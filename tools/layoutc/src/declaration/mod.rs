@@ -16,7 +16,7 @@ use std::collections::HashMap;
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// The longest file that is read, in bytes; the types of a whole library have some hundred kilobytes.
+/// Maximum size of a file, in bytes; the types of a whole library have some hundred kilobytes.
 pub const MAX_BYTES: u64 = 4 << 20;
 
 /// The types that one file declares.
@@ -50,14 +50,14 @@ struct Types {
 
 #[derive(Debug)]
 enum Type {
-    /// An elementary type or one with a declaration of its own.
+    /// An elementary type or a separately declared type.
     Named(String),
     Array {
         counts: Vec<u32>,
         of: TypeId,
     },
     Struct(Vec<Member>),
-    /// A type whose size the standard leaves to the compiler.
+    /// A type with a size that the standard leaves to the compiler.
     Unsized(&'static str),
 }
 
@@ -89,7 +89,7 @@ impl Types {
 }
 
 impl Declarations {
-    /// Reads what was found in the file at `path`: UTF-8, or the Latin script of older Windows programs, whose letters can only occur
+    /// Reads the contents of the file at `path`: UTF-8, or the Latin script of older Windows programs, which can only occur
     /// in comments.
     ///
     /// # Errors

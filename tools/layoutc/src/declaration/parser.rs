@@ -1,4 +1,4 @@
-//! The part of IEC 61131-3 that declares types: `TYPE`, and `VAR_GLOBAL`, whose variables are of no interest here.
+//! The part of IEC 61131-3 that declares types: `TYPE`, and `VAR_GLOBAL`, with variables that are ignored here.
 
 use super::error::{Fault, Place, Wrong};
 use super::lexer::{Lexer, Token};
@@ -38,7 +38,7 @@ pub(crate) fn parse(text: &str) -> Result<Types, Fault> {
 
 struct Parser<'a> {
     lexer: Lexer<'a>,
-    /// The token that is looked at, and where it begins.
+    /// The current token, and the place where it begins.
     next: (Place, Token<'a>),
     /// Names of the types so far, in lower case.
     names: HashMap<String, Place>,
@@ -214,7 +214,7 @@ impl<'a> Parser<'a> {
         }
     }
 
-    /// What stands in brackets, with brackets inside of it.
+    /// Skips the text in brackets, including nested brackets.
     fn group(&mut self) -> Result<(), Fault> {
         let mut open = Vec::new();
         loop {
@@ -236,7 +236,7 @@ impl<'a> Parser<'a> {
         }
     }
 
-    /// An initial value, and the `;` that some leave out behind END_STRUCT.
+    /// Skips an initial value, and the `;`, which some tools leave out after END_STRUCT.
     fn end_of_declaration(&mut self, ty: TypeId) -> Result<(), Fault> {
         self.initial_value()?;
         if self.accept(";")? || matches!(self.types.of(ty).1, Type::Struct(_)) {

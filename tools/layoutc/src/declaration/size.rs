@@ -6,7 +6,7 @@ use super::{DeclarationError, Declarations, Fault, Member, Type, TypeId, Wrong, 
 const MAX_DEPTH: usize = 64;
 /// The largest type in bytes, far beyond any area of the RAM.
 const MAX_SIZE: u32 = 16 << 20;
-/// Elementary types with a size that does not depend on the compiler, in bytes. A BOOL has a byte of its own.
+/// Elementary types with a size that does not depend on the compiler, in bytes. A BOOL takes one byte.
 const ELEMENTARY: [(&str, u32); 15] = [
     ("BOOL", 1),
     ("BYTE", 1),
@@ -24,7 +24,7 @@ const ELEMENTARY: [(&str, u32); 15] = [
     ("ULINT", 8),
     ("LREAL", 8),
 ];
-/// Elementary types whose size depends on the compiler.
+/// Elementary types with a size that depends on the compiler.
 const UNSIZED: [&str; 5] = ["TIME", "DATE", "TIME_OF_DAY", "TOD", "DATE_AND_TIME"];
 
 /// At which addresses members begin: multiples of their own alignment, but of no more than this.
@@ -36,7 +36,7 @@ pub enum Alignment {
     Two,
     /// At most 4.
     Four,
-    /// That of the type itself.
+    /// The alignment of the type itself.
     Natural,
 }
 
@@ -121,12 +121,12 @@ impl<'a> Sizes<'a> {
         self.place(ty, 0).map(|(placed, _)| placed).map_err(|fault| self.in_file(fault))
     }
 
-    /// What a type is, names and arrays of arrays resolved.
+    /// Returns the type with names and arrays of arrays resolved.
     ///
     /// # Errors
     /// As [`Sizes::size`].
     pub fn shape(&mut self, ty: TypeId) -> Result<Shape, DeclarationError> {
-        // What has a size is finite and known throughout.
+        // A type with a size is finite and known in all parts.
         self.size(ty)?;
         let mut counts = Vec::new();
         let mut element = ty;
@@ -198,7 +198,7 @@ impl<'a> Sizes<'a> {
         Ok(Extent { size, align: size.min(self.alignment.limit()), depth: 0 })
     }
 
-    /// Members one behind the other, each at the next multiple of its alignment.
+    /// Places members one after the other, each at the next multiple of its alignment.
     fn place(&mut self, id: TypeId, depth: usize) -> Result<(Placed<'a>, Extent), Fault> {
         let members = self.declarations.members(id);
         let mut whole = Extent { size: 0, align: 1, depth: 0 };

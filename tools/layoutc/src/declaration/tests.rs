@@ -1,4 +1,4 @@
-//! Declarations as engineering tools write them, and such as nobody should.
+//! Declarations as engineering tools write them, and wrong ones.
 
 use super::*;
 

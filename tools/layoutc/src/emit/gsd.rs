@@ -1,4 +1,4 @@
-//! What masters know of a PROFIBUS-DP slave: a table for tools, and constants for the firmware.
+//! Properties of a PROFIBUS-DP slave that masters need: a table for tools, and constants for the firmware.
 
 use super::tables::{provenance, static_name};
 use super::text::doc;

@@ -44,7 +44,7 @@ pub(crate) fn emit_family(out: &mut String, family: &Device) {
         "/// What the layout files say about structures and registers.\n\
          pub mod descriptor {\n    use commram::layout::*;\n\n",
     );
-    // Registers of its devices may have meanings that none of its own has.
+    // Registers of the family's devices may have meanings that no register of the family has.
     described(out, family, &(0..family.meanings.len()).collect());
 }
 
@@ -155,7 +155,7 @@ fn area(device: &Device, area: &Area) -> String {
     out
 }
 
-/// Where the front lies in the header page, and whose decision it is.
+/// Place and size of the front in the header page, and the decision for it.
 const FRONT_PLACE: (u32, u32, &str) = (3520, 256, "D-281");
 
 /// The addresses of the front. No program of the device knows them.
@@ -224,7 +224,7 @@ fn front_area(out: &mut String, device: &Device) {
     );
 }
 
-/// That the device has it, and who sets it, is from its manual; name, place and type are commram's own.
+/// Its existence and its writer are from the device's manual; name, place and type are commram's own.
 fn front_field(word: &Front, ours: &Provenance) -> Field {
     let Front { name, scalar, offset, owner, meaning, source, page, doc, .. } = word;
     Field {
@@ -313,7 +313,7 @@ fn emit_register(out: &mut String, device: &Device, group: Option<&Field>, field
         None => "None".to_owned(),
     };
     let Field { name, array_type, also, reset, reserved, doc, .. } = field;
-    // Of sub-structures that several structures share, the page where this one uses it.
+    // For sub-structures that several structures share: the page where this structure uses it.
     let page = group.map_or(&field.page, |group| &group.page);
     let owner = match field.owner {
         Owner::Plc => "Plc",
@@ -363,7 +363,7 @@ fn meaning_name(meaning: &Meaning) -> String {
     format!("MEANING_{}", meaning.name.to_uppercase())
 }
 
-/// A meaning on the pages of the device's manual; the family's values and bits are told there.
+/// A meaning on the pages of the device's manual; the family describes its own values and bits.
 fn emit_meaning(out: &mut String, device: &Device, meaning: &Meaning) {
     let page = meaning.page_in(&device.manual);
     if meaning.shared {

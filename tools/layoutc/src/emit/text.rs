@@ -12,7 +12,7 @@ fn escape(line: &str) -> String {
     line.replace('[', "\\[").replace(']', "\\]").replace('<', "\\<").replace('>', "\\>")
 }
 
-/// What a register's documentation says: meaning, source, where the offset is from.
+/// Returns a register's documentation: meaning, source, and origin of the offset.
 pub(crate) fn field_doc(device: &Device, field: &Field) -> String {
     if field.is_padding() {
         return format!("Bytes without a register ({}).", provenance(&field.offset_from));

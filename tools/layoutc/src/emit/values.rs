@@ -30,7 +30,7 @@ fn module(device: &Device, meaning: &Meaning, scalar: Scalar) -> String {
     out
 }
 
-/// What the constants are of.
+/// The owner of the constants.
 struct Of<'a> {
     device: &'a Device,
     meaning: &'a Meaning,
@@ -55,7 +55,7 @@ impl Of<'_> {
         }
     }
 
-    /// A bit or a field of bits is a mask; the values of a field stand where the field does.
+    /// A bit or a field of bits is a mask; the values of a field have the field's bit position.
     fn bit(&self, out: &mut String, bit: &Bit) {
         let Bit { first, last, name, zero, one, source, .. } = bit;
         if let Some(id) = &bit.id {

@@ -91,7 +91,7 @@ fn element<'a>(document: &'a mut DocumentMut, name: &str, index: usize) -> Optio
     Some(table)
 }
 
-/// Changes a key that is there; what stands around its value stays.
+/// Changes an existing key; comments and blanks around its value stay.
 fn put(table: &mut dyn TableLike, key: &str, mut value: Value) {
     if let Some(old) = table.get_mut(key).and_then(Item::as_value_mut) {
         *value.decor_mut() = old.decor().clone();
@@ -113,7 +113,7 @@ fn remove(entry: &mut InlineTable, key: &str) {
     }
 }
 
-/// The bytes of a structure that no register lies in. Those of a structure with blocks are told in its own list.
+/// Returns the bytes of a structure without registers. The gaps of a structure with blocks are reported in its own list.
 fn gaps(homes: &Homes, placements: &[Placement], placement: &Placement) -> Vec<Range<u32>> {
     let lists = match homes.all[placement.home].table {
         Table::Block(_) => return Vec::new(),

@@ -11,7 +11,7 @@ pub enum ImportError {
     /// The layout is wrong as it is.
     #[error("{0}")]
     Layout(#[from] Error),
-    /// The declarations do not parse, or a type that is needed has no size.
+    /// The declarations do not parse, or a required type has no size.
     #[error("{0}")]
     Declaration(#[from] DeclarationError),
     /// Nothing in the file is of interest.
@@ -31,7 +31,7 @@ pub enum ImportError {
         ours: String,
         /// The declaration's name.
         theirs: String,
-        /// What is wrong.
+        /// The error, with the correct form.
         right: String,
     },
     /// A part that several structures share would have to look differently in them.
@@ -85,7 +85,7 @@ pub enum ImportError {
         before: u32,
         /// Offset in the declarations.
         after: u32,
-        /// The file whose offsets are confirmed.
+        /// The file with confirmed offsets.
         confirmed: PathBuf,
         /// The origin of the confirmed offsets, as the file names it.
         library: String,
@@ -106,7 +106,7 @@ pub enum ImportError {
     Write {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// Error of the operating system.
         reason: std::io::Error,
     },
 }

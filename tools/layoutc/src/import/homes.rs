@@ -8,10 +8,10 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use toml::Spanned;
 
-/// Where a list of registers stands.
+/// Place of a list of registers in the layout's files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Table {
-    /// At the top of its own file.
+    /// At the top level of a separate file.
     Top,
     /// This element of `[[substructure]]`.
     Substructure(usize),
@@ -112,13 +112,13 @@ impl Homes {
         all.into_iter()
     }
 
-    /// Whether the device looks at a structure through one of its own.
+    /// Whether the device views a structure through an own structure.
     pub(crate) fn is_viewed(&self, structure: usize) -> bool {
         self.all.iter().any(|home| home.table == Table::Top && home.view == Some(structure))
     }
 
-    /// Whether a file of the device's own takes the marks of an import: the family's are other devices' too, where this device
-    /// looks at its structures through some of its own.
+    /// Whether an own file of the device takes the marks of an import: the family's files belong to other devices, too, if this
+    /// device views the family's structures through own structures.
     pub(crate) fn is_marked(&self, home: usize) -> bool {
         !(self.all[home].is_shared && self.all.iter().any(|home| home.view.is_some()))
     }
@@ -156,7 +156,7 @@ impl Homes {
     }
 }
 
-/// What the structure of `view` calls a register.
+/// Returns the name of a register in the structure of `view`.
 pub(crate) fn called_there(entry: &raw::Entry) -> Option<&str> {
     entry.view_name.as_ref().or(entry.name.as_ref()).map(|name| name.get_ref().as_str())
 }

@@ -5,9 +5,9 @@ use toml_edit::{Array, InlineTable, RawString, Value};
 
 /// An entry with the text around it.
 struct Line {
-    /// What stands in front of it, from the end of the line before: comments, and the indentation.
+    /// The text in front of the entry, from the end of the previous line: comments, and the indentation.
     lead: String,
-    /// A comment behind it on its own line.
+    /// A comment after the entry on the same line.
     tail: String,
     offset: u32,
     entry: InlineTable,
@@ -53,14 +53,14 @@ pub(crate) fn place(list: &mut Array, offsets: &[Option<u32>], gaps: &[Range<u32
     Some(())
 }
 
-/// The lines, and what stands in front of the closing bracket.
+/// Returns the lines, and the text in front of the closing bracket.
 fn take_apart(list: &Array) -> Option<(Vec<Line>, String)> {
     let mut lines: Vec<Line> = Vec::new();
     for value in list {
         let (tail, lead) = split(value.decor().prefix()?.as_str()?);
         match lines.last_mut() {
             Some(line) => line.tail = tail.to_owned(),
-            // What stands behind the opening bracket stays there.
+            // The text after the opening bracket stays there.
             None if !tail.is_empty() => return None,
             None => {}
         }
@@ -69,7 +69,7 @@ fn take_apart(list: &Array) -> Option<(Vec<Line>, String)> {
         lines.push(Line { lead: lead.to_owned(), tail: String::new(), offset, entry });
     }
     let last = lines.last_mut()?;
-    // Without a comma behind the last entry, what follows counts as the entry's.
+    // Without a comma after the last entry, the following text belongs to the entry.
     let suffix = last.entry.decor().suffix().and_then(RawString::as_str).unwrap_or_default().to_owned();
     last.entry.decor_mut().set_suffix("");
     let behind = suffix + list.trailing().as_str()?;
@@ -78,7 +78,7 @@ fn take_apart(list: &Array) -> Option<(Vec<Line>, String)> {
     Some((lines, end.to_owned()))
 }
 
-/// What still belongs to the line before, and the rest.
+/// Splits into the part that still belongs to the previous line, and the rest.
 fn split(between: &str) -> (&str, &str) {
     between.split_at(between.find('\n').filter(|at| !between[..*at].trim().is_empty()).unwrap_or(0))
 }
@@ -107,7 +107,7 @@ fn filler(gap: &Range<u32>, indent: &str) -> Line {
     Line { lead: indent.to_owned(), tail: String::new(), offset: gap.start, entry }
 }
 
-/// Writes the offsets, and blanks behind them so that the next keys stand below each other.
+/// Writes the offsets, followed by blanks that align the next keys.
 fn align(lines: &mut [Line]) {
     let widest = lines.iter().map(|line| line.offset.to_string().len()).max().unwrap_or_default();
     for line in lines {

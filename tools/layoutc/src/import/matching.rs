@@ -13,7 +13,7 @@ use std::ops::Range;
 pub(crate) struct Placement {
     /// The list: an index into [`Homes::all`].
     pub home: usize,
-    /// Who says so: the structure, or its member that has the sub-structure's type.
+    /// Origin of the placement: the structure, or its member that has the sub-structure's type.
     pub user: String,
     /// First byte and end of each entry; none of padding.
     pub places: Vec<Option<Range<u32>>>,
@@ -23,10 +23,10 @@ pub(crate) struct Placement {
     pub is_named_alike: bool,
 }
 
-/// What became of a structure.
+/// Result for a structure.
 pub(crate) struct Matched {
     pub rows: Vec<Row>,
-    /// Of every list it uses, if all of its registers have a place.
+    /// Placements of every list that the structure uses, if all of its registers have a place.
     pub placements: Option<Vec<Placement>>,
 }
 
@@ -39,7 +39,7 @@ pub(crate) struct Matcher<'a> {
     pub has_our_padding: bool,
 }
 
-/// The structure that is looked at.
+/// The current structure.
 struct Structure<'a> {
     name: &'a str,
     rows: Vec<Row>,
@@ -69,7 +69,7 @@ impl<'a> Matcher<'a> {
             let places = places.collect::<Result<Vec<_>, _>>()?;
             let end = places.iter().flatten().map(|place| place.end).max().unwrap_or_default();
             let declared = self.sizes.size(ty)?.next_multiple_of(4);
-            // What the family's structure has besides, the library need not declare.
+            // The library need not declare the other members of the family's structure.
             let least = home.view.map_or(0, |_| home.size());
             let size = if list == index { declared.max(least) } else { end };
             let user = format!("`{}`", structure.name);
@@ -180,7 +180,7 @@ impl<'a> Matcher<'a> {
             let width = Scalar::named(our_type).map(Scalar::width);
             match shape.element {
                 Element::Scalar(theirs) if shape.counts == counts && Some(shape.size) == width => {
-                    // Where it lies in the sub-structure; that this has moved is told already.
+                    // The offset in the sub-structure; a move of the sub-structure is already reported.
                     if our_offset != part.offset || our_type != theirs {
                         structure.scalar(&path, before, &at, our_type, theirs);
                     }
@@ -226,7 +226,7 @@ impl<'a> Matcher<'a> {
         Ok(Some(found))
     }
 
-    /// Members of the declaration that no register of the layout stands for; `prefix` leads to them.
+    /// Reports members of the declaration without a register in the layout; `prefix` is the path to them.
     fn new_members(
         &mut self,
         structure: &mut Structure,
@@ -311,7 +311,7 @@ fn ours(ty: &str, counts: &[u32]) -> String {
     format!("{counts}{ty}")
 }
 
-/// What the declaration calls a register, if that is not the layout's name.
+/// Returns the name of a register in the declaration, if it differs from the layout's name.
 fn remark(ours: &str, theirs: &str) -> String {
     if ours.eq_ignore_ascii_case(theirs) { String::new() } else { format!("there {theirs}") }
 }

@@ -30,7 +30,7 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, Default)]
 pub struct Called(BTreeMap<String, String>);
 
-/// What an import would do, and does on [`Import::write`].
+/// Changes of an import; [`Import::write`] applies them.
 #[derive(Debug)]
 pub struct Import {
     /// One row per structure and register.
@@ -39,9 +39,9 @@ pub struct Import {
     pub hash_before: u64,
     /// Layout hash after.
     pub hash_after: u64,
-    /// Whether the declarations are an export of commram itself: then nothing changes, whatever they say.
+    /// Whether the declarations are an export of commram itself: then nothing changes.
     pub is_own_export: bool,
-    /// Other devices whose registers move with shared structures.
+    /// Other devices with registers that move with shared structures.
     pub also_moved: Vec<String>,
     /// Files that change, with their new content.
     files: Vec<(PathBuf, String)>,
@@ -69,7 +69,7 @@ impl Import {
         for index in homes.structures() {
             let name = homes.all[index].name();
             let Some(ty) = declarations.find(&called.of_structure(name)) else {
-                // The device has it under the name of a structure of its own.
+                // The device has it under the name of an own structure.
                 if homes.is_viewed(index) {
                     continue;
                 }

@@ -31,7 +31,7 @@ pub(super) fn of_family(dir: &Path, homes: &Homes) -> Result<Vec<Other>, Error> 
         .filter(|path| path.file_name() != dir.file_name() && path.join("device.toml").is_file())
         .collect();
     beside.sort();
-    // A layout that cannot be read has no family that is known.
+    // The family of an unreadable layout is unknown.
     beside.retain(|path| {
         let top = files::read(&mut Sources::new(path)).ok();
         top.and_then(|top| top.device.family).is_some_and(|it| it.get_ref() == family)
@@ -39,8 +39,8 @@ pub(super) fn of_family(dir: &Path, homes: &Homes) -> Result<Vec<Other>, Error> 
     beside.iter().map(|path| Homes::read(Sources::new(path)).map(Other)).collect()
 }
 
-/// Refuses to move registers whose offsets the library of another device has confirmed. Returns the devices whose registers
-/// move, too.
+/// Refuses to move registers with offsets that the library of another device has confirmed. Returns the devices with
+/// registers that move, too.
 pub(super) fn check(
     homes: &Homes,
     placements: &[Placement],

@@ -1,4 +1,4 @@
-//! What an import reports.
+//! Report of an import.
 
 use serde::Serialize;
 use std::fmt;
@@ -53,6 +53,6 @@ pub struct Row {
     pub before: Option<u32>,
     /// Offset or size in the declaration.
     pub after: Option<u32>,
-    /// What else there is to say.
+    /// Additional remark.
     pub remark: String,
 }

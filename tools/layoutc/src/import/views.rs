@@ -101,7 +101,7 @@ fn places<'a>(registers: &[Register<'a>]) -> BTreeMap<&'a str, Range<u32>> {
     places
 }
 
-/// What the address of a register must be divisible by.
+/// Returns the alignment of a register's address in bytes.
 fn alignment(homes: &Homes, entry: &Entry) -> u32 {
     let Some(ty) = entry.ty.as_ref().map(|ty| ty.get_ref().as_str()) else { return 1 };
     let of_sub = |sub: usize| {

@@ -1,4 +1,4 @@
-//! What can be wrong with a family, and with a device that shares its structures.
+//! Errors in a family, and in a device that shares its structures.
 
 use super::error_of;
 use std::fs;

@@ -1,4 +1,4 @@
-//! What can be wrong with what masters know of a PROFIBUS-DP slave.
+//! Errors in the properties of a PROFIBUS-DP slave that masters need.
 
 use super::{edited, error_of};
 use std::fs;
@@ -6,7 +6,7 @@ use std::fs;
 const RIGHT: &str = "page = \"1\"\nkey = [\n{ name = \"A\", is = 1 },\n]\n[parameters]\narea = \"node\"\nfirst = \"b_CONTROL\"\n\
                      constants = [0, 0, 0, 0, 0]\nparameter = [\n{ register = \"d_VALUE\", bit = 7 },\n]\n";
 
-/// What is refused if one part of a right file is another.
+/// Checks the error after one part of a correct file is replaced.
 #[track_caller]
 fn with(from: &str, to: &str, expected: &str) {
     let dir = edited("device.toml", "structures = [", "gsd = \"gsd.toml\"\nstructures = [");

@@ -1,9 +1,9 @@
-//! What can be wrong with an object dictionary.
+//! Errors in an object dictionary.
 
 use super::{edited, error_of};
 use std::fs;
 
-/// What is refused if the device has this object dictionary.
+/// Checks the error for a device with this object dictionary.
 #[track_caller]
 fn with(objects: &str, expected: &str) {
     let dir = edited("device.toml", "structures = [", "objects = \"objects.toml\"\nstructures = [");

@@ -1,4 +1,4 @@
-//! What can be wrong with ports and with the times of a baud rate.
+//! Errors in ports and in the times of a baud rate.
 
 use super::check;
 

@@ -42,7 +42,7 @@ fn structures_state_the_sources_of_all_facts() {
     );
 }
 
-/// Names of areas are made up, and so are those of variables that no manual names.
+/// Names of areas are invented, and also names of variables that no manual names.
 #[test]
 fn names_of_areas_and_variables_say_where_they_are_from() {
     check("device.toml", "names = \"inferred D-05\"", "", "device.toml:1:1: missing field `names`");

@@ -1,10 +1,10 @@
-//! What can be wrong with spaces of addresses, with the areas in them, and with the front.
+//! Errors in address spaces, in the areas in them, and in the front.
 
 use super::{check, edited};
 
 const END: &str = "doc = \"Shared memory\"\n";
 
-/// What is refused if `more` stands at the end of device.toml.
+/// Checks the error for a device.toml with `more` at its end.
 #[track_caller]
 fn with(more: &str, expected: &str) {
     check("device.toml", END, &format!("{END}\n{more}"), expected);

@@ -1,4 +1,4 @@
-//! What an import leaves of the files: comments, columns, order, padding.
+//! Parts of the files that an import preserves: comments, columns, order, padding.
 
 use super::{AS_IT_IS, OTHER, fixture, plan};
 use std::fs;

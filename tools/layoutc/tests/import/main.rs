@@ -1,4 +1,4 @@
-//! Declarations taken over into a layout: what moves, what is reported, what is refused, and what the files look like.
+//! Declarations imported into a layout: moved registers, reports, refusals, and the resulting files.
 
 use commram_layoutc::declaration::{Alignment, Declarations};
 use commram_layoutc::import::{Called, Import, ImportError, Verdict};
@@ -67,7 +67,7 @@ fn plan(dir: &Path, text: &str) -> Result<Import, ImportError> {
     plan_with(dir, text, Alignment::Natural, &[])
 }
 
-/// The rows that tell something, `-` for what is not there.
+/// Returns the rows with a remark, `-` for missing parts.
 fn told(import: &Import) -> Vec<String> {
     let number = |value: Option<u32>| value.map_or("-".to_owned(), |value| value.to_string());
     let rows = import.rows.iter().filter(|row| row.verdict != Verdict::Same);

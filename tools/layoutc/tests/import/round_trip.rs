@@ -1,5 +1,5 @@
-//! Layouts go out and come in again as the same: written anew in TOML and by way of JSON, those that there are and any
-//! others; and as declarations, from which the offsets come back wherever they have been in between.
+//! Existing and random layouts are written in TOML, also by way of JSON, and read back without a change.
+//! Layouts are also written as declarations, and an import restores offsets that were changed in between.
 
 use super::{fixture, plan, told};
 use commram_layoutc::{compile, compile_family};
@@ -10,14 +10,14 @@ use std::path::Path;
 
 const LAYOUTS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../layouts");
 
-/// What reads a layout file and writes it anew.
+/// A function that reads a layout file and rewrites it.
 type Way = fn(&toml::Table) -> toml::Table;
 
 /// No comments, and keys in the order of the alphabet; and the same through JSON, which knows fewer types.
 const WAYS: [Way; 2] =
     [toml::Table::clone, |table| serde_json::from_str(&serde_json::to_string(table).unwrap()).unwrap()];
 
-/// Every file of `from` and of the folders in it, written anew in `to`.
+/// Every file of `from` and of its folders, rewritten in `to`.
 fn write_anew(from: &Path, to: &Path, way: Way) {
     fs::create_dir_all(to).unwrap();
     for entry in fs::read_dir(from).unwrap() {
@@ -120,7 +120,7 @@ fn places(registers: &[Drawn], order: &[usize]) -> (Vec<(usize, u32)>, u32) {
     (placed, end.next_multiple_of(4))
 }
 
-/// The fixture with a structure of these registers instead of its own.
+/// The fixture with a structure of these registers instead of the original.
 fn layout(registers: &[Drawn], order: &[usize]) -> tempfile::TempDir {
     let dir = fixture();
     let device = fs::read_to_string(dir.path().join("device.toml")).unwrap();
