@@ -1,18 +1,18 @@
-//! What all functions have in common: types, pointers that may be wrong, panics.
+//! Common parts of all functions: types, invalid pointers, panics.
 
 use super::instance::Inner;
 use core::ffi::{c_char, c_int, c_void};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-/// What a function says.
+/// Result of a function.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Status {
     /// Done.
     Ok,
-    /// Done, but something is to be looked at.
+    /// Done, with a warning.
     Warning,
-    /// Not done, but may be tried otherwise.
+    /// Not done; the caller may try another way.
     Discard,
     /// Not done.
     Error,
@@ -20,9 +20,9 @@ pub enum Status {
     Fatal,
 }
 
-/// An instance, as those who call see it.
+/// An instance, as the caller sees it.
 pub type Instance = *mut c_void;
-/// Who is told what is wrong.
+/// Callback that receives messages.
 pub type LogMessage = Option<unsafe extern "C" fn(*mut c_void, Status, *const c_char, *const c_char)>;
 /// Never called: nothing can be seen within a step.
 pub type IntermediateUpdate = Option<unsafe extern "C" fn()>;
@@ -35,10 +35,10 @@ pub type DependencyKind = c_int;
 /// Never written.
 pub type IntervalQualifier = c_int;
 
-/// A function: name, types of the arguments, type of what is returned.
+/// A function: name, types of the arguments, return type.
 pub type Signature = (&'static str, &'static [&'static str], &'static str);
 
-/// Functions that the shared object exports, and a table of what they look like.
+/// Functions that the shared object exports, and a table of their signatures.
 macro_rules! exported {
     ($(fn $name:ident($($argument:ident: $ty:ty),* $(,)?) -> $returned:ty $body:block)*) => {
         $(
@@ -47,14 +47,14 @@ macro_rules! exported {
             pub unsafe extern "C" fn $name($($argument: $ty),*) -> $returned $body
         )*
 
-        /// What these functions look like.
+        /// Signatures of these functions.
         pub const SIGNATURES: &[$crate::border::Signature] =
             &[$((stringify!($name), &[$(stringify!($ty)),*], stringify!($returned))),*];
     };
 }
 pub(crate) use exported;
 
-/// Why something was not done: what is wrong and what would be right.
+/// Reason for a refusal: the error, and the correct form.
 pub(crate) struct Refused(pub String);
 
 impl<E: std::error::Error> From<E> for Refused {
@@ -63,9 +63,9 @@ impl<E: std::error::Error> From<E> for Refused {
     }
 }
 
-/// Does something with an instance; what goes wrong is told to whoever listens.
+/// Calls `what` with an instance; an error is reported to the log callback.
 pub(crate) fn with(instance: Instance, what: impl FnOnce(&mut Inner) -> Result<(), Refused>) -> Status {
-    // SAFETY: whoever calls has the pointer from `fmi3InstantiateCoSimulation`, has not freed it, and uses it in one thread at a
+    // SAFETY: the caller has the pointer from `fmi3InstantiateCoSimulation`, has not freed it, and uses it in one thread at a
     // time, as the standard demands.
     let Some(instance) = (unsafe { instance.cast::<Inner>().as_mut() }) else { return Status::Error };
     if instance.is_broken() {
@@ -79,10 +79,7 @@ pub(crate) fn with(instance: Instance, what: impl FnOnce(&mut Inner) -> Result<(
         }
         Err(_) => {
             instance.breaks();
-            instance.log(
-                Status::Fatal,
-                "commram has made a mistake of its own; this instance is of no use any more",
-            );
+            instance.log(Status::Fatal, "internal error of commram; this instance can no longer be used");
             Status::Fatal
         }
     }
@@ -91,7 +88,7 @@ pub(crate) fn with(instance: Instance, what: impl FnOnce(&mut Inner) -> Result<(
 /// `count` values to be read.
 ///
 /// # Safety
-/// `first` points to so many, or is null.
+/// `first` points to `count` values, or is null.
 pub(crate) unsafe fn read<'a, T>(first: *const T, count: usize) -> Result<&'a [T], Refused> {
     if count == 0 {
         return Ok(&[]);
@@ -106,7 +103,7 @@ pub(crate) unsafe fn read<'a, T>(first: *const T, count: usize) -> Result<&'a [T
 /// `count` values to be written.
 ///
 /// # Safety
-/// As [`read`], and nobody else uses them meanwhile.
+/// As [`read`], and no other code uses the values meanwhile.
 pub(crate) unsafe fn write<'a, T>(first: *mut T, count: usize) -> Result<&'a mut [T], Refused> {
     if count == 0 {
         return Ok(&mut []);
@@ -118,7 +115,7 @@ pub(crate) unsafe fn write<'a, T>(first: *mut T, count: usize) -> Result<&'a mut
     Ok(unsafe { core::slice::from_raw_parts_mut(first, count) })
 }
 
-/// One value to be written, if anybody wants it.
+/// Writes one value unless `to` is null.
 ///
 /// # Safety
 /// As [`write()`].

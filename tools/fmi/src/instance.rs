@@ -18,11 +18,11 @@ pub(crate) enum Mode {
     Stepping,
     /// Terminated.
     Ended,
-    /// Of no use any more.
+    /// Unusable after an internal error.
     Broken,
 }
 
-/// Who is told what is wrong.
+/// Receiver of messages.
 #[derive(Clone, Copy)]
 struct Log {
     environment: *mut c_void,
@@ -33,23 +33,23 @@ impl Log {
     fn say(self, status: Status, category: &CStr, text: &str) {
         let Some(callback) = self.callback else { return };
         let text = CString::new(text.replace('\0', " ")).unwrap_or_default();
-        // SAFETY: whoever has made the instance has given both, for as long as it lives; the texts live as long as the call.
+        // SAFETY: the creator of the instance guarantees both for its whole life; the texts live as long as the call.
         unsafe { callback(self.environment, status, category.as_ptr(), text.as_ptr()) }
     }
 }
 
-/// What is behind an instance's pointer.
+/// Contents of an instance.
 pub(crate) struct Inner {
     pub unit: Unit,
     pub mode: Mode,
     resources: Resources,
     log: Log,
-    /// Whether the access checker's findings are told.
+    /// Whether the access checker's findings are reported.
     tells_findings: bool,
 }
 
 impl Inner {
-    /// Makes an instance; what is wrong is told to whoever listens.
+    /// Makes an instance; an error is reported to the log callback.
     pub(crate) fn make(
         token: *const c_char,
         resources: *const c_char,
@@ -78,20 +78,20 @@ impl Inner {
                 None
             }
             Err(_) => {
-                log.say(Status::Fatal, c"logStatusError", "commram has made a mistake of its own");
+                log.say(Status::Fatal, c"logStatusError", "internal error of commram");
                 None
             }
         }
     }
 
-    /// Back to how it was made.
+    /// Returns to the state after instantiation.
     pub(crate) fn reset(&mut self) -> Result<(), Refused> {
         self.unit = Unit::new(&self.resources)?;
         self.mode = Mode::Instantiated;
         Ok(())
     }
 
-    /// Goes on to another mode, from one of `from`.
+    /// Changes to another mode, from one of `from`.
     pub(crate) fn goes(&mut self, from: &[Mode], to: Mode, function: &str) -> Result<(), Refused> {
         self.is_in(from, function)?;
         self.mode = to;
@@ -112,20 +112,20 @@ impl Inner {
         Err(Refused(format!("{function} cannot be called {state}")))
     }
 
-    /// Whom to tell of what.
+    /// Sets the categories of messages that the log callback receives.
     pub(crate) fn listen(&mut self, is_on: bool, categories: &[*const c_char]) -> Result<(), Refused> {
         let mut findings = categories.is_empty();
         for category in categories {
             findings |= text(*category, "a category")? == "findings";
         }
-        // Errors are always told.
+        // Errors are always reported.
         if findings {
             self.tells_findings = is_on;
         }
         Ok(())
     }
 
-    /// Tells what the access checker has found.
+    /// Reports the findings of the access checker.
     pub(crate) fn tell_findings(&mut self) {
         if self.tells_findings {
             for line in self.unit.take_findings() {
@@ -147,7 +147,7 @@ impl Inner {
     }
 }
 
-/// A text that was handed over.
+/// Reads a text argument.
 fn text<'a>(text: *const c_char, what: &str) -> Result<&'a str, Refused> {
     if text.is_null() {
         return Err(Refused(format!("{what} is a null pointer")));

@@ -1,7 +1,7 @@
 //! The shared object in commram's units for co-simulation: what FMI 3.0 calls, around [`commram::fmi::Unit`].
 //!
-//! It serves any plant: which one, the files in the archive's `resources` tell. Nothing is shared between instances, so there can be several in a
-//! process, each used by one thread at a time. No panic crosses the border: who calls gets `fmi3Fatal`.
+//! It serves any plant; the files in the archive's `resources` define it. Nothing is shared between instances, so there can be several in a
+//! process, each used by one thread at a time. No panic crosses the border: the caller gets `fmi3Fatal`.
 
 #![allow(non_snake_case, reason = "the names are those of FMI")]
 #![allow(clippy::missing_safety_doc, reason = "what callers owe is in the standard")]
@@ -18,7 +18,7 @@ pub use border::{
     Signature, Status,
 };
 
-/// All functions: name, types of the arguments, type of what is returned.
+/// All functions: name, types of the arguments, return type.
 #[must_use]
 pub fn signatures() -> Vec<Signature> {
     [life::SIGNATURES, values::SIGNATURES, state::SIGNATURES, absent::SIGNATURES].concat()

@@ -17,7 +17,7 @@ exported! {
         categories: *const *const c_char,
     ) -> Status {
         with(instance, |it| {
-            // SAFETY: who calls hands over so many.
+            // SAFETY: the caller passes `count` categories.
             it.listen(is_on, unsafe { read(categories, count) }?)
         })
     }
@@ -51,7 +51,7 @@ exported! {
                 // SAFETY: it is from `fmi3InstantiateCoSimulation`, and who calls does not use it any more.
                 drop(unsafe { Box::from_raw(instance.cast::<Inner>()) });
             };
-            // Nobody is left to be told.
+            // A panic cannot be reported: the instance is gone.
             let _ = catch_unwind(AssertUnwindSafe(free));
         }
     }

@@ -5,13 +5,13 @@ use super::instance::Mode;
 use commram::fmi::UnitState;
 use core::ffi::c_void;
 
-/// A state, as those who call hold it.
+/// A state, as the caller holds it.
 struct Kept {
     state: UnitState,
     mode: Mode,
 }
 
-/// The state at a pointer that was handed over.
+/// Returns the state at a pointer from the caller.
 fn kept<'a>(state: *mut c_void) -> Result<&'a Kept, Refused> {
     // SAFETY: it is null, or from `fmi3GetFMUState` or `fmi3DeserializeFMUState` and not freed.
     unsafe { state.cast::<Kept>().as_ref() }.ok_or_else(|| Refused("the state is a null pointer".to_owned()))

@@ -1,4 +1,4 @@
-//! The shared object: its functions against the standard's headers, and in the hands of FMPy.
+//! The shared object: its functions against the standard's headers, and loaded by FMPy.
 
 #[path = "../../../tests/common/tools.rs"]
 #[allow(dead_code, reason = "this asks for Python only")]
@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use tools::python;
 
-/// What a command that succeeds says.
+/// Returns the output of a command, which must succeed.
 fn said(command: &mut Command) -> String {
     let output = command.output().unwrap();
     let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
@@ -64,7 +64,7 @@ fn in_c(ty: &str) -> String {
     name.to_owned()
 }
 
-/// Declared twice, by the standard's headers and by ours, a function must be the same; and there is each.
+/// Each function of the standard's headers exists, and its declaration agrees with ours.
 #[test]
 fn the_functions_are_those_of_the_headers() {
     let Some(mut command) = python(&["fmpy"]) else { return };
@@ -97,7 +97,7 @@ fn the_functions_are_those_of_the_headers() {
     said(&mut cc);
 }
 
-/// What a PLC does to bring a drive to an actual value: time, register, value; without one the register is looked at.
+/// Actions of a PLC that bring a drive to an actual value: time, register, value; without a value the register is read.
 fn writes() -> String {
     let mut writes = String::new();
     let mut at = |us: u64, name: &str, value: Option<u32>| {
@@ -139,7 +139,7 @@ fn writes() -> String {
     writes
 }
 
-/// What these writes do to the plant alone.
+/// Returns the effect of these writes on a plant without FMI.
 fn alone(writes: &str) -> Vec<String> {
     let config = PlantConfig::built_in().unwrap();
     let mut plant =

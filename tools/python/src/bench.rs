@@ -23,10 +23,10 @@ use std::sync::{Mutex, MutexGuard};
 /// Emulated time from which on a step lets other threads run, in microseconds: letting them costs more than a shorter step.
 const LONG_US: u64 = 10_000;
 
-/// What is closed is `None`.
+/// `None` after it is closed.
 struct State {
     bench: Option<Bench>,
-    /// What names were found to mean. They go on meaning it: plants are not rebuilt.
+    /// Resolved names. They stay valid: plants are not rebuilt.
     found: HashMap<String, Found>,
 }
 
@@ -161,7 +161,7 @@ impl PyBench {
         Ok(all)
     }
 
-    /// What is known of a register.
+    /// Description of a register.
     fn register(&self, py: Python<'_>, name: &str) -> PyResult<Register> {
         let mut state = self.lock(py)?;
         let (bench, found) = state.found(name)?;
@@ -235,7 +235,7 @@ impl PyBench {
         })
     }
 
-    /// What has changed since a snapshot.
+    /// Changes since a snapshot.
     fn changes(&self, py: Python<'_>, since: &Snapshot) -> PyResult<Vec<Change>> {
         self.act(py, |bench| {
             let mut all = Vec::new();
@@ -526,7 +526,7 @@ fn own(plant: Plant) -> Result<Bench, ScenarioError> {
     }
 }
 
-/// What stands in front of names of a PLC: nothing, if it is the only one.
+/// Returns the prefix of a PLC's names: empty if it is the only PLC.
 fn prefix(plcs: &[String], plc: usize) -> String {
     commram::layout::plc_prefix(plcs, u16::try_from(plc).unwrap_or(u16::MAX))
 }

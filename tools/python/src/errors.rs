@@ -10,7 +10,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyString;
 
 thread_local! {
-    /// What a signal's handler has raised while this thread was in a verb.
+    /// Exception that a signal handler has raised while this thread was in a verb.
     static RAISED: RefCell<Option<PyErr>> = const { RefCell::new(None) };
 }
 
@@ -24,7 +24,7 @@ pub(crate) fn is_interrupted() -> bool {
     is_raised
 }
 
-/// What it has raised.
+/// Returns the exception of the signal handler.
 pub(crate) fn interrupt() -> PyErr {
     RAISED.take().unwrap_or_else(|| pyo3::exceptions::PyKeyboardInterrupt::new_err(()))
 }
@@ -64,7 +64,7 @@ pub(crate) fn of_wait(error: ScenarioError) -> PyErr {
 }
 
 fn failed(class: &str, mut failure: Failure) -> PyErr {
-    // The line is the test's; Python tells it.
+    // The line is in the test; Python reports it.
     failure.location = None;
     let error = of_class(class, &failure);
     let describe = |py: Python<'_>| {

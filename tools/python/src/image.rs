@@ -21,7 +21,7 @@ use std::time::Instant;
 
 /// How long a wait goes on before it looks for signals.
 const SLICE: Duration = Duration::from_millis(100);
-/// The PLC where none is named, if there is one of this name: that of the built-in plant.
+/// Default PLC if a PLC of this name exists: the PLC of the built-in plant.
 const USUAL: &str = "line";
 
 /// An attached image. Every thread may use it.
@@ -29,7 +29,7 @@ const USUAL: &str = "line";
 pub(crate) struct PyImage {
     attached: RwLock<Option<Arc<Attached>>>,
     fitted: DeviceFit,
-    /// What names were found to mean.
+    /// Resolved names.
     found: Mutex<HashMap<String, Arc<Place>>>,
     #[pyo3(get)]
     instance: String,
@@ -103,7 +103,7 @@ impl PyImage {
         let attached = py.detach(|| devices::attach(instance, &plc, mode));
         let (attached, device) = attached.map_err(|error| errors::memory(&error))?;
         let header = attached.header_snapshot();
-        // The library lets who only looks look at what a dead emulator has left.
+        // The library lets a reader open the image of a dead emulator; Python code may not.
         attached.check().map_err(|error| errors::memory(&error))?;
         Ok(Self {
             fitted: header.fitted(device),
@@ -289,7 +289,7 @@ fn whole(place: &Place) -> PyResult<()> {
     }
 }
 
-/// The PLC that is meant where none is named.
+/// Returns the PLC for names without a PLC.
 fn only(instance: &str, plcs: Vec<String>) -> PyResult<String> {
     match plcs.as_slice() {
         [one] => Ok(one.clone()),

@@ -15,7 +15,7 @@ const PAUSE: Duration = Duration::from_millis(10);
 /// How long a reply may take. A verb asks for 100 ms of emulated time at most at once, which in slow motion last longer.
 const REPLY: Duration = Duration::from_secs(60);
 
-/// Connects to an instance; waits so long for one that is not there yet.
+/// Connects to an instance; waits up to the given time for an instance that does not exist yet.
 ///
 /// # Errors
 /// It is not there, cannot be entered, or a signal's handler has raised something.

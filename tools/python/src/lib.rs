@@ -1,7 +1,7 @@
-//! What the Python package `commram` has from Rust: `commram._native`.
+//! The Rust part of the Python package `commram`: `commram._native`.
 //!
-//! Nothing here has behaviour of its own: plants and instances are [`commram::script::Bench`], images
-//! [`commram::memory::Attached`], tables come from [`commram::layout`]. `python/commram` makes of it what people use.
+//! This crate adds no behaviour: plants and instances are [`commram::script::Bench`], images
+//! [`commram::memory::Attached`], tables come from [`commram::layout`]. `python/commram` builds the public interface on it.
 
 mod bench;
 mod errors;

@@ -1,4 +1,4 @@
-//! What verbs return: frames, records of the journal, findings, faults, changes.
+//! Return values of verbs: frames, records of the journal, findings, faults, changes.
 
 use commram::devices;
 use commram::fault::FaultStatus;
@@ -22,7 +22,7 @@ pub(crate) struct Frame {
     #[pyo3(get)]
     remote: bool,
     data: Vec<u8>,
-    /// What it says; empty if nothing is known of it.
+    /// Text of the record; empty if unknown.
     #[pyo3(get)]
     text: String,
     shown: String,
@@ -64,7 +64,7 @@ pub(crate) struct Record {
     /// Emulated time in microseconds.
     time: u64,
     kind: String,
-    /// How many equal events it stands for.
+    /// Number of equal events that it represents.
     count: u32,
     /// The line of `commram trace`.
     text: String,
@@ -97,7 +97,7 @@ impl Record {
     }
 }
 
-/// What the access checker has found, of one rule at one register.
+/// Finding of the access checker, of one rule at one register.
 #[pyclass(module = "commram._native", frozen, eq, get_all)]
 #[derive(Clone, PartialEq)]
 pub(crate) struct Finding {
@@ -111,7 +111,7 @@ pub(crate) struct Finding {
     count: u64,
     /// Emulated time of the first one, in microseconds.
     time: u64,
-    /// What the rule says.
+    /// Text of the rule.
     text: String,
 }
 

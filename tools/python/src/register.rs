@@ -1,4 +1,4 @@
-//! What is known of registers, and where arrays lie.
+//! Descriptions of registers, and places of arrays.
 
 use crate::errors;
 use commram::layout::{DeviceFit, Owner, Place, RegType, RegisterPhase, RegisterRef, split_plc};
@@ -14,7 +14,7 @@ pub(crate) struct Register {
     known: Option<RegisterRef>,
 }
 
-/// What is known of the register at a place that was given as `name`.
+/// Returns the description of the register at a place that was given as `name`.
 ///
 /// # Errors
 /// There is none.
@@ -104,7 +104,7 @@ impl Register {
         self.known.map(|known| known.register.provenance()).unwrap_or_default()
     }
 
-    /// What a value means.
+    /// Meaning of a value.
     fn decode(&self, value: i64) -> String {
         match self.known {
             Some(known) => known.decode(value as u32),

@@ -39,7 +39,7 @@ impl Snapshot {
         self.copies.iter().map(MemoryCopy::area).collect()
     }
 
-    /// What has changed from this one to a later one.
+    /// Changes from this snapshot to a later one.
     fn diff(&self, later: &Self) -> PyResult<Vec<Change>> {
         if !self.is_like(later) {
             let (own, other) = (self.areas().join(", "), later.areas().join(", "));

@@ -61,7 +61,7 @@ pub(crate) fn names(area: Option<&str>) -> Vec<String> {
     places(default_registers(), |place| area.is_none_or(|area| area == place))
 }
 
-/// What is known of a register of the default device.
+/// Description of a register of the default device.
 #[pyfunction]
 pub(crate) fn register(name: &str) -> PyResult<Register> {
     let fitted = default_registers();

@@ -30,7 +30,7 @@ def test_the_examples_run(tmp_path, start):
         done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, cwd=tmp_path)
         assert done.returncode == 0, done.stderr
         shown.append(done.stdout)
-        # Comments tell what is printed.
+        # Comments hold the expected output.
         said = re.findall(r"print\(.*\)  # ([^:\n]*)", script)
         assert done.stdout.splitlines()[: len(said)] == said
     assert "node2.b_BT_1" in shown[1] and shown[2].startswith("waiting for")

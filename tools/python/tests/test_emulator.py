@@ -22,7 +22,7 @@ def test_a_slave_returns_the_reference_value(emulator):
     emulator.poke("node2.a_WR_VALUE[0]", -4711)
     emulator.step_to_sync()
     for _ in range(3):
-        # Right behind SYNC, so that it is in time.
+        # Directly after SYNC, so that it is in time.
         emulator.poke("node2.b_CTRLREG_WRC1", commram.SEND.DATA_WRITTEN_TO_BE_SENT)
         emulator.step("2ms")
         emulator.expect("node2.b_CTRLREG_WRC1", commram.SEND.TAKEN_OVER_AND_SENT)
@@ -224,7 +224,7 @@ def test_what_is_closed_says_so(emulator):
     for attempt in (handle.peek, emulator.now, lambda: emulator.peek("node2.b_BT_0")):
         with pytest.raises(commram.Error, match="closed"):
             attempt()
-    # The memory is there for as long as somebody looks at it.
+    # The memory exists as long as a view of it exists.
     view[0] = 1
     assert view[0] == 1
     emulator.close()

@@ -118,7 +118,7 @@ class CommramLibrary:
 
     def get_keyword_types(self, name: str) -> dict[str, Any]:
         known = {it.name: _TYPES[it.name] for it in self._parameters(name) if it.name in _TYPES}
-        # What has changed is asked since a snapshot, not since a time.
+        # Changes are requested since a snapshot, not since a time.
         return known if name in ("frames", "journal") else {it: known[it] for it in known if it != "since"}
 
     def get_keyword_documentation(self, name: str) -> str:

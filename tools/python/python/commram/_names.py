@@ -47,7 +47,7 @@ class Names:
     def _join(self, key: str | int) -> str:
         if isinstance(key, int):
             return f"{self._path}[{key}]"
-        # Behind a PLC's name stands a colon.
+        # A colon follows a PLC's name.
         return f"{self._path}{key}" if self._path.endswith(":") else f"{self._path}.{key}"
 
     def _missing(self, key: str | int) -> str:

@@ -42,7 +42,7 @@ class Memory:
 
 @final
 class Register:
-    """What is known of a register; of an array of one element."""
+    """Description of a register; for an array, of one element."""
 
     @property
     def name(self) -> str: ...

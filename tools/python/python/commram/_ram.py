@@ -69,7 +69,7 @@ class Ram(Registers, _native.Image):
         self._page(code)[offset // _WIDTHS[code]] = value
 
     def changes(self, since: _native.Snapshot) -> list[_native.Change]:
-        """What has changed since a snapshot."""
+        """Changes since a snapshot."""
         if len(since.areas) == 1:
             return since.diff(self.snapshot(since.areas[0]))
         return since.diff(self.snapshot())
