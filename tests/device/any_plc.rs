@@ -195,7 +195,7 @@ fn run(memory: Memory, rate: Rate, acts: &[Act], active: bool, slice_us: u64) ->
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(100))]
     #[test]
-    fn nothing_brings_both_nodes_down(
+    fn random_register_writes_never_stop_the_nodes(
         rate in prop::sample::select(&FASTEST[..]),
         acts in prop::collection::vec(act(), 1..80),
         active in prop::bool::weighted(0.8),

@@ -315,7 +315,7 @@ fn slave_modules_alone_have_switches_that_can_be_set() {
 
 /// P. 27: a slave number that another station already has.
 #[test]
-fn a_number_that_is_taken_is_told_with_its_slot() {
+fn a_taken_number_is_reported_with_its_slot() {
     let text =
         format!("{}[[bus.drive]]\nname = 'other'\nslave_number = 7\ncard_function = 0\n", plant_text(1000));
     let mut bm4 = Bm4::new(&text);
@@ -635,7 +635,7 @@ fn a_slave_of_the_controller_is_a_drive_of_its_bus() {
 /// P. 27: without `dip_baud` DIP switches 1 to 3 are set to the rate of the bus (D-649). The plant file defines the number of a slave of
 /// the controller, and the refusal says so.
 #[test]
-fn the_switches_of_a_slave_of_the_controller_stand_at_the_rate_of_its_bus() {
+fn the_switches_of_a_controller_slave_default_to_the_rate_of_its_bus() {
     for (kbit_s, baud) in [(125, 0b011), (250, 0b100), (500, 0b101), (1000, 0b110)] {
         for (more, shown) in [("", baud), ("dip_baud = 0b011\n", 0b011)] {
             let bm4 = Bm4::new(&format!(
@@ -682,7 +682,7 @@ fn a_slave_of_the_controller_has_the_faults_of_a_drive() {
 
 /// P. 27 and 29-31: an error at initialization, and DIP switches 1 to 3 that name no baud rate.
 #[test]
-fn modules_whose_switches_are_wrong_show_it_and_take_no_part() {
+fn modules_with_wrong_switches_show_it_and_take_no_part() {
     let (together, alone) = (
         [Led::Off, Led::Flashes(1), Led::Off, Led::Flashes(1)],
         [Led::Off, Led::Flashes(1), Led::Off, Led::Off],

@@ -188,7 +188,7 @@ fn the_second_deadline_follows_reference_value_frame_1() {
 
 /// D-25: a number that no slave has requests no answer, whichever lower bits are set; the reference values are still sent.
 #[test]
-fn a_number_that_no_slave_has_asks_nobody() {
+fn an_unused_slave_number_requests_no_answer() {
     for rate in FASTEST {
         let mut rig = Rig::of(Memory::Heap, rate, DRIVES);
         rig.expect_errors(&[&cansync::rules::SLAVE_NUMBER]);
@@ -287,7 +287,7 @@ fn a_cluster_forwards_the_sync_signal() {
 
 /// Each frame counts with the time of its bits and of the bits that must follow it.
 #[test]
-fn the_load_of_a_bus_is_what_its_frames_take() {
+fn the_load_of_a_bus_is_the_time_of_its_frames() {
     for rate in FASTEST {
         let mut rig = with_drives(Memory::Heap, rate);
         assert_eq!(rig.plant.bus_load(9, 1000), None, "there is no such bus");

@@ -62,7 +62,7 @@ fn all_levels_have_their_edges_at_the_same_microsecond() {
 
 /// The top restarts: no edges anywhere below, so no frames and no answers; with the signal comes all else.
 #[test]
-fn a_cluster_stands_still_while_its_top_restarts() {
+fn a_cluster_pauses_while_its_top_restarts() {
     for rate in FASTEST {
         let mut cluster = Cluster::new(rate, &[1, 1, 2]);
         cluster.activate();

@@ -79,7 +79,7 @@ fn it_goes_when_it_is_let_go() {
 }
 
 #[test]
-fn what_cannot_be_forced_is_said() {
+fn a_refused_force_gives_its_reason() {
     for rate in FASTEST {
         let mut rig = Rig::new(Memory::Heap, rate);
         let [w_cpu_control, w_option_status, _] = registers(rate);

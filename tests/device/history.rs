@@ -22,7 +22,7 @@ fn of_register(changes: &[Changed], offset: u32) -> Vec<(u32, u32, By)> {
 }
 
 #[test]
-fn a_handshake_is_told_with_both_of_its_sides() {
+fn a_handshake_is_recorded_with_both_sides() {
     for rate in FASTEST {
         let control = place(rate, offset_of!(CANsync_MA_CTRL_BMSTRUCT, w_CPU_CONTROL));
         let status = place(rate, offset_of!(CANsync_MA_CTRL_BMSTRUCT, w_OPTION_STATUS));
@@ -65,7 +65,7 @@ fn the_plant_goes_as_it_would_without() {
 }
 
 #[test]
-fn what_is_recorded_stands_in_the_journal_and_nowhere_else() {
+fn the_history_is_recorded_only_in_the_journal() {
     for rate in FASTEST {
         let wrc1 = place(rate, offset_of!(CANsync_MA_CTRL_BMSTRUCT, b_CTRLREG_WRC1));
         let mut rig = Rig::new(Memory::Heap, rate);

@@ -96,7 +96,7 @@ fn a_parameter_job_with_its_answers_at_both_ends() {
 }
 
 #[test]
-fn an_error_number_is_told() {
+fn an_error_number_is_recorded() {
     for rate in FASTEST {
         let mut rig = connected(rate);
         let from = rig.plant.journal().end();
@@ -121,7 +121,7 @@ fn an_error_number_is_told() {
 
 /// Every step of an up- and a download shows at both ends, in block 1 and frame by frame.
 #[test]
-fn a_transfer_is_told_from_init_to_end_at_both_ends() {
+fn a_transfer_is_recorded_from_init_to_end_at_both_ends() {
     for rate in FASTEST {
         // The b maXX PLC has no single-frame area (D-296).
         let areas = [(1, "UPDOWNBLK1"), (0, "UPDOWN_SINGLE")].into_iter();
@@ -190,7 +190,7 @@ fn action_commands_show_at_the_slave_when_they_change_something() {
 }
 
 #[test]
-fn process_data_tell_their_handshakes_and_nothing_else() {
+fn process_data_record_only_their_handshakes() {
     for rate in FASTEST {
         let mut rig = connected(rate);
         rig.configure_wrc1([0x01, 0x02, 0, 0]);
@@ -204,7 +204,7 @@ fn process_data_tell_their_handshakes_and_nothing_else() {
 }
 
 #[test]
-fn the_status_register_is_told_but_for_bus_traffic() {
+fn the_status_register_is_recorded_except_for_bus_traffic() {
     for rate in FASTEST {
         let mut rig = Rig::new(Memory::Heap, rate);
         rig.expect_errors(&[&cansync::rules::INIT_BAUD_RATE]);

@@ -157,7 +157,7 @@ fn longer_than_its_slot(id: u16) -> ([u32; 2], Frame) {
 
 /// D-127: a frame that a fault delays takes no time from other stations, even if the delay is short.
 #[test]
-fn a_delayed_frame_keeps_nobody_waiting() {
+fn a_delayed_frame_delays_no_other_station() {
     for rate in RATES {
         let (words, expected) = longer_than_its_slot(0x300);
         let mut rig = running(rate, DRIVES);

@@ -82,7 +82,7 @@ proptest! {
 
 /// Meaningless initialization data are reported once, either before or after a snapshot.
 #[test]
-fn what_was_told_is_not_told_again_behind_a_snapshot() {
+fn refused_initialization_data_are_reported_once_across_a_snapshot() {
     for text in [OMEGA, BM4] {
         let mut plant = plant_of(text);
         for command in [0, 1, 2] {
@@ -173,7 +173,7 @@ fn pass_each(plant: &mut Plant, us: u64) {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
     #[test]
-    fn looks_that_are_left_out_are_missed_by_nobody(
+    fn skipped_polls_change_nothing(
         which in 0..PLANTS.len(),
         comes_up in prop::bool::weighted(0.3),
         acts in prop::collection::vec(act(), 1..40),
@@ -204,7 +204,7 @@ proptest! {
 }
 
 #[test]
-fn a_plant_that_nobody_has_started_rests() {
+fn an_unstarted_plant_is_quiescent() {
     for text in [OMEGA.split("[[fault]]").next().unwrap(), BM4] {
         let text = text.replace("option_sync_us = 1000", "");
         let mut plant = plant_of(&text);

@@ -222,7 +222,7 @@ fn the_other_bits_written_with_bit_7_act_as_they_do_alone() {
 }
 
 #[test]
-fn what_is_written_too_early_is_found_with_bit_7_too() {
+fn an_early_write_is_reported_with_bit_7_too() {
     for rate in FASTEST {
         for command in [0x0002, 0x0082] {
             let mut rig = Rig::new(Memory::Heap, rate);
@@ -306,7 +306,7 @@ fn a_restart_written_before_bit_7_does_not_act_after_it() {
 
 /// D-29: a restart written over the value that bit 7 has left cannot be seen in the RAM, and a finding says so.
 #[test]
-fn what_bit_7_leaves_is_noted() {
+fn a_restart_over_the_remains_of_bit_7_is_reported() {
     for rate in FASTEST {
         for (state, noted) in [(0, 0), (1, 1), (4, 1)] {
             let mut rig = Rig::new(Memory::Heap, rate);

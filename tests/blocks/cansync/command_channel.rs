@@ -6,7 +6,7 @@ use crate::rig::{BOTH, Memory};
 
 /// Manual p. 204-206: only enabled inputs are taken over, and only legal ones.
 #[test]
-fn comm_control_takes_over_what_is_enabled() {
+fn comm_control_applies_the_enabled_inputs() {
     let dead = Dead::new();
     let base = dead.master();
     let registers = || {
@@ -168,7 +168,7 @@ fn a_control_word_is_broadcast_command_1_too() {
 /// 5.02066.01a p. 92 gives 16#02 as reception indicator of the control word. A block that shows the word leaves another value for the other
 /// block. The page of the function blocks describes this for a program that polls the register itself (D-603).
 #[test]
-fn what_a_block_leaves_of_the_reception_indicator_is_on_its_page() {
+fn the_page_lists_the_reception_indicator_after_a_block() {
     let page = include_str!("../../../docs/devices/omega-drive-line-2/function-blocks.md");
     let page = page.split_whitespace().collect::<Vec<_>>().join(" ");
     let dead = Dead::new();

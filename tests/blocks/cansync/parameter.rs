@@ -266,7 +266,7 @@ fn a_job_the_master_changes_is_reset() {
 /// Manual p. 189-190, 227; 5.02066.01a p. 94-95, 142: an answer that the master does not fetch does not stop the slave's block, in
 /// either way of restarting.
 #[test]
-fn a_slaves_block_begins_anew_behind_an_answer_that_nobody_fetches() {
+fn a_slaves_block_restarts_after_an_unfetched_answer() {
     let resets: [fn(&mut Application, &Bench); 3] = [
         |application, bench| {
             application.block.x_RESET = true;

@@ -22,7 +22,7 @@ fn an_initialization_hands_over_the_bit_timing_of_its_baud_rate() {
 }
 
 #[test]
-fn a_parameter_of_another_format_is_what_the_manual_says() {
+fn a_parameter_of_another_format_gives_the_result_of_the_manual() {
     // Asked for a doubleword, answered with one.
     for (asked, answered) in [(false, false), (true, true), (false, true), (true, false)] {
         let dead = Dead::new();

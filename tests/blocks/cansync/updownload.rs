@@ -165,7 +165,7 @@ fn a_transfer_cancelled_before_the_slaves_block_runs_leaves_no_trace() {
 
 /// Manual p. 263, 266; 5.02066.01a p. 187, 189: a slave that the command channel never asks keeps no later transfer waiting.
 #[test]
-fn a_job_for_a_slave_without_a_turn_keeps_nobody_waiting() {
+fn a_job_for_a_slave_without_a_turn_delays_no_other_job() {
     // Never sent: slave 5 is above b_MAX_SL_NR (D-601).
     let mut both = Both::new(Memory::Heap);
     both.bench.rig.expect_errors(&[&cansync::rules::NEVER_POLLED]);

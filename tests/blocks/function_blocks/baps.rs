@@ -222,7 +222,7 @@ fn init_reports_every_error() {
 
 /// Manual p. 90-91: `us_MODE` 1 shows that it is busy and can be used again and again.
 #[test]
-fn process_data_are_reconfigured_while_they_stand_still() {
+fn process_data_are_reconfigured_while_no_exchange_runs() {
     let mut stage = Stage::new(Memory::Heap, "");
     let mut block = BAPS_INIT { us_MODE: 1, ..init(SAME_CYCLE, [SPEED, 0], [SPEED_ACTUAL, 0, 0, 0]) };
     block.call(&stage.base);
@@ -239,7 +239,7 @@ fn process_data_are_reconfigured_while_they_stand_still() {
 
 /// Manual p. 103, 108: `b_ERR` bit 0 of all three blocks, without a configuration and with a bad value.
 #[test]
-fn the_process_data_blocks_report_what_the_drive_does_not_take() {
+fn the_process_data_blocks_report_refusals_of_the_drive() {
     macro_rules! check {
         ($block:ident) => {
             let mut stage = Stage::new(Memory::Heap, "");
@@ -360,7 +360,7 @@ fn re_initialization_reports_every_error() {
 
 /// Manual p. 117: watches the calls, not their results.
 #[test]
-fn process_data_that_nobody_exchanges_are_reported() {
+fn missing_process_data_exchange_is_reported() {
     let mut stage = Stage::new(Memory::Heap, "");
     let mut control = BAPS_PD_CONTROL { t_TIME: Duration::from_millis(20), ..Default::default() };
     let mut comm = BAPS_PD_COMM2::default();

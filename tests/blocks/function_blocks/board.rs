@@ -55,7 +55,7 @@ fn intr_set_enables_and_disables_events() {
 
 /// Manual p. 48: reserved numbers, events that exclude each other, a CPU timer without a period.
 #[test]
-fn intr_set_reports_what_the_board_refuses() {
+fn intr_set_reports_refusals_of_the_board() {
     let mut bench = Bench::new(Memory::Heap);
     let ram = ram(&bench);
     let mut sync = INTR_SET { i_EVENT: 12, x_EN: true, ..Default::default() };
@@ -143,7 +143,7 @@ fn opt_init_starts_a_timer_and_routes_triggers_once() {
 
 /// Manual p. 58: reserved modes and impossible periods.
 #[test]
-fn opt_init_reports_what_the_board_refuses() {
+fn opt_init_reports_refusals_of_the_board() {
     for mut block in [
         OPT_INIT { us_MODE_TRIGGER_1: 1, ..Default::default() },
         OPT_INIT { us_MODE_TRIGGER_2: 5, ..Default::default() },

@@ -179,7 +179,7 @@ fn starts_can_be_ordered() {
 
 /// Events that a slow program misses are reported, periods that it sleeps through are skipped.
 #[test]
-fn missed_events_are_told() {
+fn missed_events_are_reported() {
     let mut stage = Stage::new(Memory::Heap);
     stage.pass(10);
     stage.log.borrow_mut().clear();

@@ -121,7 +121,7 @@ fn each_step_of_a_job_is_late() {
 
 /// A request that the PLC withdraws while the drive is late is not executed, and the next request is late again.
 #[test]
-fn what_is_taken_back_is_forgotten() {
+fn a_withdrawn_request_is_forgotten() {
     let mut bench = Bench::new(Memory::Heap, "");
     bench.fault("baps_slow", &["delay=5ms"]);
     bench.regs.w_COMMAND_REG.store(SAME_CYCLE);
@@ -157,7 +157,7 @@ fn a_silent_drive_is_not_slow_and_the_longest_delay_counts() {
 
 /// RESET of the board ends what the drive was late with.
 #[test]
-fn reset_forgets_what_was_late() {
+fn reset_discards_late_answers() {
     use commram::plant::Power;
     let mut bench = Bench::new(Memory::Heap, "");
     bench.fault("baps_slow", &["delay=5ms"]);
@@ -172,7 +172,7 @@ fn reset_forgets_what_was_late() {
 
 /// Without a program that uses the BAPS there are no slices; a fault of the drive still begins and ends.
 #[test]
-fn a_drive_that_nobody_uses_can_have_a_fault() {
+fn an_unused_drive_can_have_a_fault() {
     let mut bench = Bench::new(Memory::Heap, "");
     bench.step(5_000);
     bench.trip(17);

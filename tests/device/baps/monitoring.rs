@@ -37,7 +37,7 @@ fn a_plc_that_stops_exchanging_stops_the_axis() {
 }
 
 #[test]
-fn who_exchanges_again_in_time_is_not_away() {
+fn an_exchange_in_time_prevents_the_monitoring_error() {
     let mut bench = turning(Memory::Heap);
     for _ in 0..5 {
         bench.step(90_000);

@@ -26,7 +26,7 @@ const TURNING: (u32, u32, u32, DrivecomState) = (1000, 1000, 5, DrivecomState::O
 const POWERED_ON: (u32, u32, u32, DrivecomState) = (0, 0, 0, DrivecomState::SwitchOnDisabled);
 
 #[test]
-fn after_reset_the_drive_turns_and_the_interface_starts_anew() {
+fn reset_restarts_the_interface_while_the_drive_turns() {
     turning("", |mut bench| {
         let events = bench.events();
         bench.plant.set_power(0, Power::HoldReset);
@@ -55,7 +55,7 @@ fn after_reset_the_drive_turns_and_the_interface_starts_anew() {
 }
 
 #[test]
-fn without_supply_the_drive_starts_anew() {
+fn the_drive_restarts_after_loss_of_supply() {
     turning("", |mut bench| {
         bench.plant.set_power(0, Power::Off);
         bench.step(5000);

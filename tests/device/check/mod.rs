@@ -85,7 +85,7 @@ fn every_rule_has_a_case() {
 /// A client that stores through the channel names the register: a write to a firmware register is reported even if its value
 /// does not change.
 #[test]
-fn what_the_channel_stores_is_judged_at_ports_of_every_medium() {
+fn channel_stores_are_checked_at_ports_of_every_medium() {
     const PLANT: &str = "[[device]]\nkind = 'cs0015'\nname = 'panel'\nbus = 'open'\nnode_id = 5\n\
                          [[device]]\nkind = 'can-dp2'\nname = 'gw'\nprofibus = 'dp'\ncan = 'open'\n\
                          [[bus]]\nname = 'open'\nkind = 'can'\nkbit_s = 125\n\
@@ -120,7 +120,7 @@ fn what_the_channel_stores_is_judged_at_ports_of_every_medium() {
 
 /// The end of the initialization data shares a word with the next register: a value there is reported once, not in every poll.
 #[test]
-fn what_is_wrong_at_the_end_of_the_initialization_data_is_found_once() {
+fn an_error_at_the_end_of_the_initialization_data_is_reported_once() {
     for rate in FASTEST {
         let mut rig = Rig::new(Memory::Heap, rate);
         rig.tolerate_errors(&commram::devices::catalogue().rules);
@@ -154,7 +154,7 @@ fn a_structure_that_is_written_back_as_a_whole_is_found() {
 }
 
 #[test]
-fn how_late_it_was_is_told() {
+fn a_late_release_is_reported_with_its_delay() {
     for rate in RATES {
         let deadline = u64::from(rate.timing.deadline_WRC.latest);
         let mut rig = Rig::new(Memory::Heap, rate);

@@ -12,7 +12,7 @@ fn exchanged(rig: &mut Rig) -> bool {
 }
 
 #[test]
-fn a_lost_reference_frame_is_acknowledged_but_nobody_has_it() {
+fn a_lost_reference_frame_is_acknowledged_but_not_received() {
     for rate in FASTEST {
         for memory in BOTH {
             let mut rig = running(memory, rate);

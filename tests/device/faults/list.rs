@@ -48,7 +48,7 @@ fn numbers_count_up_and_cleared_ones_are_gone() {
 }
 
 #[test]
-fn what_the_plant_does_not_have_is_refused() {
+fn faults_of_missing_stations_or_with_invalid_values_are_refused() {
     for rate in FASTEST {
         let mut rig = running(Memory::Heap, rate);
         let lose = Draft::new(kind("lose_sync"), Target::Medium(0));

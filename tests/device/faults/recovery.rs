@@ -220,7 +220,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(96))]
 
     #[test]
-    fn what_is_acknowledged_is_on_the_bus_and_only_the_faulty_station_loses_frames(
+    fn acknowledged_frames_are_on_the_bus_and_only_the_faulty_station_loses_frames(
         rate in prop::sample::select(&FASTEST[..]),
         (faulty, text) in any_fault(),
         at in 0u64..8_000,

@@ -38,7 +38,7 @@ fn a_drive_without_power_is_silent_and_comes_back_as_new() {
 }
 
 #[test]
-fn an_unplugged_node_keeps_its_state_and_locks_anew() {
+fn an_unplugged_node_keeps_its_state_and_locks_again() {
     for rate in FASTEST {
         let mut rig = Rig::of(Memory::Heap, rate, DRIVES);
         rig.set_up();
@@ -74,7 +74,7 @@ fn two_faults_that_switch_one_slave_off_must_both_end() {
 
 /// T_RSPTO is counted from the end of the command frame (D-32).
 #[test]
-fn an_answer_within_the_time_limit_counts_and_one_behind_it_does_not() {
+fn only_an_answer_within_the_time_limit_counts() {
     for rate in FASTEST {
         for (delay_us, answered) in [(100, true), (400, false), (5_000, false)] {
             let mut rig = running(Memory::Heap, rate);

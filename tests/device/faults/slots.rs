@@ -84,7 +84,7 @@ fn a_module_with_an_overrun_loses_the_next_frame_that_it_should_have_received() 
 }
 
 #[test]
-fn what_this_plc_does_not_have_is_refused_with_what_it_has() {
+fn refusals_list_the_ports_and_faults_that_the_plc_has() {
     let mut maxx = Maxx::set_up();
     for (kind, fields, expected) in [
         (

@@ -120,7 +120,7 @@ fn the_time_without_sync_can_be_set() {
 
 /// P. 134-135: the drives run on when their master is gone, and notice it.
 #[test]
-fn drives_whose_master_is_restarted_lose_their_lock_in_time() {
+fn drives_of_a_restarted_master_lose_their_lock_in_time() {
     for rate in FASTEST {
         let mut rig = running(Memory::Heap, rate);
         rig.master.a_WR_VALUE[0].store(1000);
@@ -139,7 +139,7 @@ fn drives_whose_master_is_restarted_lose_their_lock_in_time() {
 
 /// The same when the edge before that was lost on the line.
 #[test]
-fn drives_run_on_behind_a_lost_edge() {
+fn drives_run_on_after_a_lost_edge() {
     for rate in FASTEST {
         let mut rig = running(Memory::Heap, rate);
         rig.master.a_WR_VALUE[0].store(1000);

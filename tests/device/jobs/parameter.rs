@@ -315,7 +315,7 @@ fn two_jobs_for_different_slaves_run_side_by_side() {
 /// Return to set-up mode: the job waits in its registers, the exchange in progress is forgotten, and the job is
 /// sent again in the next active operation (D-46). After a restart the job is gone.
 #[test]
-fn leaving_active_operation_ends_what_is_under_way() {
+fn leaving_active_operation_ends_the_exchange_in_progress() {
     for rate in FASTEST {
         for memory in BOTH {
             let mut bench = Bench::new(memory, rate);

@@ -208,7 +208,7 @@ fn bit_7_cancels_in_every_phase_and_without_a_job() {
 
 /// D-48: after any change by the PLC, the transfer of the current entry restarts.
 #[test]
-fn a_changed_or_withdrawn_job_begins_anew_or_ends() {
+fn a_changed_job_restarts_and_a_withdrawn_job_ends() {
     for rate in FASTEST {
         let started = |bench: &mut Bench| {
             bench.enter_block(DOWNLOAD, 0, ADDRESS, 60);
@@ -303,7 +303,7 @@ fn the_sub_slave_goes_out_with_the_init_frame() {
 
 /// D-46.
 #[test]
-fn leaving_active_operation_lets_the_job_begin_anew() {
+fn leaving_active_operation_restarts_the_job() {
     for rate in FASTEST {
         for memory in BOTH {
             let mut bench = Bench::new(memory, rate);

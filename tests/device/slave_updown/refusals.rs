@@ -167,7 +167,7 @@ fn set_up_mode_takes_no_transfer() {
 
 /// D-307: where no single-frame area takes it, the application could not answer.
 #[test]
-fn what_block_1_does_not_take_is_refused_without_a_single_frame_area() {
+fn block_1_refuses_transfers_without_a_single_frame_area() {
     for rate in FASTEST.into_iter().filter(|rate| !rate.kind.is_omega()) {
         for direction in [Direction::Upload, Direction::Download] {
             for (length, enable, error) in [(300, 0, 0x0104), (301, 1, 0x0107), (4095, 0, 0x0107)] {

@@ -231,7 +231,7 @@ fn a_scenario_speaks_of_it_as_of_any_other() {
 }
 
 #[test]
-fn nobody_has_written_a_demonstration_of_it() {
+fn a_device_without_a_demonstration_is_refused() {
     let refused = run(&["demo", "--device", "gate"]);
     assert!(refused.fails(2).contains("there is no demonstration of gate"), "{}", refused.err);
 }

@@ -45,7 +45,7 @@ pub(crate) struct Inner {
     resources: Resources,
     log: Log,
     /// Whether the access checker's findings are reported.
-    tells_findings: bool,
+    reports_findings: bool,
 }
 
 impl Inner {
@@ -69,7 +69,13 @@ impl Inner {
                      {right}, the description has {given}); `commram export fmu` makes it anew"
                 )));
             }
-            Ok(Box::new(Self { unit, mode: Mode::Instantiated, resources, log, tells_findings: is_logging }))
+            Ok(Box::new(Self {
+                unit,
+                mode: Mode::Instantiated,
+                resources,
+                log,
+                reports_findings: is_logging,
+            }))
         };
         match catch_unwind(AssertUnwindSafe(make)) {
             Ok(Ok(made)) => Some(made),
@@ -120,14 +126,14 @@ impl Inner {
         }
         // Errors are always reported.
         if findings {
-            self.tells_findings = is_on;
+            self.reports_findings = is_on;
         }
         Ok(())
     }
 
     /// Reports the findings of the access checker.
-    pub(crate) fn tell_findings(&mut self) {
-        if self.tells_findings {
+    pub(crate) fn report_findings(&mut self) {
+        if self.reports_findings {
             for line in self.unit.take_findings() {
                 self.log.say(Status::Warning, c"findings", &line);
             }

@@ -100,7 +100,7 @@ exported! {
                 give(returns_early, false);
                 give(reached, if done.is_ok() { point + size } else { it.unit.time_s() });
             }
-            it.tell_findings();
+            it.report_findings();
             done.map(drop).map_err(Refused::from)
         })
     }

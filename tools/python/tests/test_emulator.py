@@ -71,7 +71,7 @@ def test_values_that_do_not_fit_are_refused(emulator):
         emulator.poke("%MX3.200000.1", 1)
 
 
-def test_names_are_checked_and_say_what_would_be_right(emulator):
+def test_names_are_checked_and_errors_suggest_the_right_one(emulator):
     for name in ("node2.w_CPU", "node3.w_CPU_CONTROL", "other:node2.w_CPU_CONTROL", "%MW3.200001", "%MX3", ""):
         with pytest.raises(KeyError) as refused:
             emulator.peek(name)
@@ -217,7 +217,7 @@ def test_plants_are_files_texts_or_built_in(tmp_path):
             commram.Emulator(wrong)
 
 
-def test_what_is_closed_says_so(emulator):
+def test_use_after_close_is_reported(emulator):
     handle, view = emulator.handle("node2.b_BT_0"), emulator.view("node2.a_WR_VALUE")
     emulator.close()
     assert emulator.closed and repr(emulator) == "<Emulator, closed>"

@@ -76,7 +76,7 @@ def test_findings_fail_the_test_unless_they_are_allowed(suite):
         def set_up(commram):
             break_a_rule(commram)
 
-        def test_behind_another_fixture(set_up):
+        def test_after_another_fixture(set_up):
             pass
         """
     )
@@ -137,7 +137,7 @@ def test_it_runs_in_parallel(suite):
     result.stdout.fnmatch_lines(["*commram: journal up to 1000 us*"])
 
 
-def test_an_exported_module_that_hides_the_package_is_told(suite, pytester, program, monkeypatch):
+def test_an_exported_module_that_hides_the_package_is_reported(suite, pytester, program, monkeypatch):
     subprocess.run([program, "export", "python", "--output", str(pytester.path / "commram.py")], check=True)
     monkeypatch.setenv("PYTHONPATH", str(pytester.path))
     result = suite(

@@ -110,7 +110,7 @@ def test_a_clock_that_runs_by_itself_is_not_stepped(start):
         plant.wait("node2.w_OPTION_STATUS", 2, "10s")
 
 
-def test_who_is_not_there_is_told(start, program):
+def test_a_missing_instance_is_reported(start, program):
     for attempt in (commram.attach, commram.connect):
         with pytest.raises(commram.NotAttached, match="no instance 'nobody-of-this-name' is running"):
             attempt("nobody-of-this-name")

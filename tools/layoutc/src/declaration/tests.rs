@@ -67,7 +67,7 @@ END_VAR";
 }
 
 #[test]
-fn what_does_not_parse_is_told_with_its_place() {
+fn a_syntax_error_is_reported_with_its_place() {
     let body = |member: &str| format!("TYPE T : STRUCT\n  {member}\nEND_STRUCT; END_TYPE");
     for (text, complaint) in [
         ("PROGRAM x", "x.st:1:1: expected TYPE or VAR_GLOBAL, found `PROGRAM`"),
@@ -108,7 +108,7 @@ fn what_does_not_parse_is_told_with_its_place() {
 }
 
 #[test]
-fn types_without_a_size_are_told_where_they_are_used_and_only_then() {
+fn types_without_a_size_are_reported_only_where_they_are_used() {
     let body = |ty: &str| {
         format!("TYPE T : STRUCT\n  a : {ty};\nEND_STRUCT; COLOUR : (RED, GREEN) := RED; END_TYPE")
     };

@@ -211,7 +211,7 @@ fn overlaid_registers_of_different_width() {
 }
 
 #[test]
-fn registers_that_nobody_uses() {
+fn unused_registers() {
     check(
         "device.toml",
         "live = \"init\" }",

@@ -3,7 +3,7 @@
 use crate::{check, edited, error_of};
 
 #[test]
-fn what_is_no_provenance() {
+fn invalid_provenance() {
     for wrong in ["guessed", "manual:", "inferred", "inferred 2", "inferred D-x", "inferred D-02, D-03"] {
         let dir = edited("CTRL.toml", "offsets = \"inferred D-02\"", &format!("offsets = \"{wrong}\""));
         assert_eq!(

@@ -86,7 +86,7 @@ fn refused(text: &str, called: &[(&str, &str)]) -> String {
 }
 
 #[test]
-fn what_is_as_it_was_moves_nothing_and_is_marked() {
+fn unchanged_registers_do_not_move_and_are_marked() {
     let dir = fixture();
     let import = plan(dir.path(), AS_IT_IS).unwrap();
     assert_eq!(told(&import), [""; 0]);
@@ -107,7 +107,7 @@ fn what_is_as_it_was_moves_nothing_and_is_marked() {
 }
 
 #[test]
-fn registers_move_by_their_paths_whatever_their_types_are_called() {
+fn registers_move_by_their_paths_independently_of_type_names() {
     let dir = fixture();
     let import = plan(dir.path(), OTHER).unwrap();
     assert_eq!(
@@ -161,7 +161,7 @@ fn a_packed_library_with_fillers_of_its_own_is_taken_over() {
 }
 
 #[test]
-fn what_the_layout_compiler_would_refuse_is_not_written() {
+fn an_import_writes_no_layout_that_the_compiler_refuses() {
     let dir = fixture();
     let odd = AS_IT_IS.replace("a_GRID :", "w_MORE : WORD; a_GRID :");
     let packed = plan_with(dir.path(), &odd, Alignment::Packed, &[]).expect_err("misaligned").to_string();
