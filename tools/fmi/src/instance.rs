@@ -66,7 +66,7 @@ impl Inner {
             if given != right {
                 return Err(Refused(format!(
                     "the archive's description is of another plant or version than its shared object ({MARK} \
-                     {right}, the description has {given}); `commram export fmu` makes it anew"
+                     {right}, the description has {given}); `commram export fmu` renews it"
                 )));
             }
             Ok(Box::new(Self {

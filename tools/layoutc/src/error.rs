@@ -91,16 +91,16 @@ pub enum Reason {
         "area `{name}` ({first} to {last}) does not lie in space `{space}`, which has {space_first} to {space_last}"
     )]
     AreaOutside { name: String, first: u32, last: u32, space: String, space_first: u32, space_last: u64 },
-    #[error("unknown space `{0}`; spaces stand under [[space]] of device.toml")]
+    #[error("unknown space `{0}`; spaces are defined under [[space]] of device.toml")]
     UnknownSpace(String),
-    #[error("space `{0}` has no area that it could end with; give its `bytes`")]
+    #[error("space `{0}` has no area that defines its end; give its `bytes`")]
     SpaceWithoutEnd(String),
     #[error(
         "space `{name}` begins at byte {offset} of the image; the first {header} bytes are the header page"
     )]
     SpaceInHeader { name: String, offset: u32, header: u32 },
     #[error(
-        "`{key}` of space `{name}` is {value}; it must be divisible by {by}, so that what is aligned in the space is so in the image"
+        "`{key}` of space `{name}` is {value}; it must be divisible by {by}, so that data aligned in the space are aligned in the image"
     )]
     SpaceMisaligned { key: &'static str, name: String, value: u32, by: u32 },
     #[error("space `{0}` does not end within the 4 GiB that an address can name")]
@@ -121,7 +121,7 @@ pub enum Reason {
     UnknownView { name: String, known: String },
     #[error("a structure with `view` takes offsets, paddings and size from the family's; leave them out")]
     OwnPlace,
-    #[error("`{view}` has no register `{name}`; say with `view_name` what it is called there")]
+    #[error("`{view}` has no register `{name}`; give its name there as `view_name`")]
     NotInView { name: String, view: String },
     #[error("`{name}` must have the type and the bounds that it has in `{view}`")]
     UnlikeView { name: String, view: String },
@@ -139,9 +139,9 @@ pub enum Reason {
     PortZero,
     #[error("port number {0} is already in use")]
     PortNumberTwice(u8),
-    #[error("`roles` names what a port can be at its medium, each once: \"master\", \"slave\", \"peer\"")]
+    #[error("`roles` lists the roles of a port at its medium, each once: \"master\", \"slave\", \"peer\"")]
     PortRoles,
-    #[error("unknown area `{0}`; areas stand under [[area]] of device.toml")]
+    #[error("unknown area `{0}`; areas are defined under [[area]] of device.toml")]
     UnknownArea(String),
     #[error("an array has one or two dimensions of 1 to 65535 elements, this one is {0:?}")]
     BadArray(Vec<u32>),
@@ -178,10 +178,10 @@ pub enum Reason {
     #[error(
         "`{structure}` has a register of {width} bytes at offset {offset} where `{other}`, \
          which lies over it in area `{area}`, has one of {other_width}: \
-         a byte of the RAM must always be accessed at one width; name the one that nobody uses there in `unused`"
+         a byte of the RAM must always be accessed at one width; list the unused one in `unused`"
     )]
     MixedWidth { structure: String, other: String, area: String, offset: u32, width: u32, other_width: u32 },
-    #[error("object {0}: objects stand in the order of index and sub-index, each once")]
+    #[error("object {0}: objects are listed in the order of index and sub-index, each once")]
     ObjectOrder(String),
     #[error("object {0} has a `type` unless its `access` is \"none\"")]
     ObjectType(String),
@@ -194,17 +194,19 @@ pub enum Reason {
     NoSuchRegister { area: String, register: String },
     #[error("register `{0}` lies before the first octet that counts")]
     RegisterBefore(String),
-    #[error("`{0}` is no keyword (letters, digits, `_` and `.`), or stands twice")]
+    #[error("`{0}` is no keyword (letters, digits, `_` and `.`), or occurs twice")]
     BadKeyword(String),
     #[error(
         "a parameter of a device description file has either a `bit`, 0 to 7, or a `name`, and `from`, `default`, `to` in ascending order"
     )]
     GsdParameter,
-    #[error("the octets of parameter `{0}` lie behind the constants")]
+    #[error("the octets of parameter `{0}` are past the end of the constants")]
     GsdBehind(String),
     #[error("parameter number {0}: numbers are 1 to 4095")]
     ParameterNumber(u16),
-    #[error("parameter {number} after {last}: parameters stand in the order of their numbers, each once")]
+    #[error(
+        "parameter {number} after {last}: parameters are listed in the order of their numbers, each once"
+    )]
     ParameterOrder { number: u16, last: u16 },
     #[error("`{0}` is no id (capital letters, digits and `_`, starting with a letter)")]
     BadId(String),

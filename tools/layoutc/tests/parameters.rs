@@ -67,7 +67,7 @@ fn numbers() {
             "number = 9",
             &format!("number = {number}"),
             &format!(
-                "parameters.toml:16:10: parameter {number} after 7: parameters stand in the order of their numbers, each once"
+                "parameters.toml:16:10: parameter {number} after 7: parameters are listed in the order of their numbers, each once"
             ),
         );
     }

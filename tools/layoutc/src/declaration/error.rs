@@ -49,7 +49,7 @@ pub enum Wrong {
     TooLong(u64),
     #[error("this is UTF-16; export the declarations as plain text or UTF-8")]
     Utf16,
-    #[error("`{0}` has no place in a declaration")]
+    #[error("`{0}` is not allowed in a declaration")]
     Character(char),
     #[error("`*)` without a comment before it; comments do not nest")]
     NoComment,
@@ -57,9 +57,9 @@ pub enum Wrong {
     Unfinished(&'static str),
     #[error("expected {expected}, found {found}")]
     Unexpected { expected: &'static str, found: String },
-    #[error("`{0}` is a keyword and no name")]
+    #[error("`{0}` is a keyword, not a name")]
     Keyword(String),
-    #[error("types are written into each other more than {0} deep")]
+    #[error("type definitions are nested more than {0} deep")]
     TooDeep(usize),
     #[error("`{0}` is already declared at {1}; names do not distinguish upper and lower case")]
     Duplicate(String, Place),
@@ -67,9 +67,9 @@ pub enum Wrong {
     BadBound(String),
     #[error("the array's bounds {first}..{last} must ascend and hold at most 16777216 elements")]
     Bounds { first: i64, last: i64 },
-    #[error("`{0}` is not declared in this file and is no elementary type")]
+    #[error("`{0}` is neither declared in this file nor an elementary type")]
     UnknownType(String),
-    #[error("the size of {0} is not fixed by IEC 61131-3, so no offset behind it can be told")]
+    #[error("the size of {0} is not fixed by IEC 61131-3, so no offset after it is known")]
     NoSize(String),
     #[error("`{0}` contains itself")]
     Circular(String),

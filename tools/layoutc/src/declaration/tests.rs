@@ -112,12 +112,12 @@ fn types_without_a_size_are_reported_only_where_they_are_used() {
     let body = |ty: &str| {
         format!("TYPE T : STRUCT\n  a : {ty};\nEND_STRUCT; COLOUR : (RED, GREEN) := RED; END_TYPE")
     };
-    let no_size = "is not fixed by IEC 61131-3, so no offset behind it can be told";
+    let no_size = "is not fixed by IEC 61131-3, so no offset after it is known";
     for (ty, complaint) in [
         ("STRING[80]", format!("x.st:2:7: the size of STRING {no_size}")),
         ("COLOUR", format!("x.st:3:22: the size of an enumeration {no_size}")),
         ("TIME", format!("x.st:2:7: the size of TIME {no_size}")),
-        ("BITE", "x.st:2:7: `BITE` is not declared in this file and is no elementary type".to_owned()),
+        ("BITE", "x.st:2:7: `BITE` is neither declared in this file nor an elementary type".to_owned()),
         ("ARRAY[0..1] OF T", "x.st:1:10: `T` contains itself".to_owned()),
         ("ARRAY[1..9999, 1..9999] OF BYTE", "x.st:2:7: this type has more than 16 MiB".to_owned()),
     ] {
@@ -129,7 +129,7 @@ fn types_without_a_size_are_reported_only_where_they_are_used() {
 #[test]
 fn depth_and_breadth_are_bounded() {
     let inner = |depth: usize| format!("TYPE T : {}BYTE; END_TYPE", "ARRAY[0..0] OF ".repeat(depth));
-    assert_eq!(refused(&inner(17)), "x.st:1:265: types are written into each other more than 16 deep");
+    assert_eq!(refused(&inner(17)), "x.st:1:265: type definitions are nested more than 16 deep");
     assert!(Declarations::parse(Path::new("x.st"), &inner(16)).is_ok());
 
     let chain: String = (1..100_000).map(|n| format!("T{n} : T{};", n - 1)).collect();

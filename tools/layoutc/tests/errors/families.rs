@@ -154,9 +154,7 @@ fn structures_that_are_like_none_of_the_family() {
 #[test]
 fn registers_that_are_like_none_of_the_family() {
     let unlike = |name: &str| {
-        format!(
-            "OWN.toml:14:1: `SHARED` has no register `{name}`; say with `view_name` what it is called there"
-        )
+        format!("OWN.toml:14:1: `SHARED` has no register `{name}`; give its name there as `view_name`")
     };
     check("small/OWN.toml", "view_name = \"d_VALUE\", ", "", &unlike("d_OTHER"));
     check("small/OWN.toml", "view_name = \"d_VALUE\"", "view_name = \"d_GONE\"", &unlike("d_GONE"));

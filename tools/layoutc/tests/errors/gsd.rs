@@ -32,17 +32,25 @@ fn a_right_one_is_compiled() {
 
 #[test]
 fn descriptions_that_cannot_be() {
-    let keyword = "4:1: `A` is no keyword (letters, digits, `_` and `.`), or stands twice";
+    let keyword = "4:1: `A` is no keyword (letters, digits, `_` and `.`), or occurs twice";
     with("is = 1 },", "is = 1 },\n{ name = \"A\", is = 2 },", keyword);
-    with("\"A\"", "\"A=\"", "3:1: `A=` is no keyword (letters, digits, `_` and `.`), or stands twice");
-    with("\"node\"", "\"nodes\"", "6:8: unknown area `nodes`; areas stand under [[area]] of device.toml");
+    with("\"A\"", "\"A=\"", "3:1: `A=` is no keyword (letters, digits, `_` and `.`), or occurs twice");
+    with(
+        "\"node\"",
+        "\"nodes\"",
+        "6:8: unknown area `nodes`; areas are defined under [[area]] of device.toml",
+    );
     with("\"d_VALUE\"", "\"d_NONE\"", "10:14: area `node` has no register `d_NONE`");
     with(
         "\"b_CONTROL\"",
         "\"i_TEMPERATURE\"",
         "10:1: register `d_VALUE` lies before the first octet that counts",
     );
-    with("[0, 0, 0, 0, 0]", "[0, 0]", "10:1: the octets of parameter `d_VALUE` lie behind the constants");
+    with(
+        "[0, 0, 0, 0, 0]",
+        "[0, 0]",
+        "10:1: the octets of parameter `d_VALUE` are past the end of the constants",
+    );
     let parameter = "10:1: a parameter of a device description file has either a `bit`, 0 to 7, or a `name`, and `from`, `default`, \
                      `to` in ascending order";
     for wrong in [

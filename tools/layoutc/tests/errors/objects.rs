@@ -19,7 +19,10 @@ fn row(sub: u8, rest: &str) -> String {
 fn objects_that_cannot_be() {
     let right = "type = \"u8\", access = \"ro\"";
     let twice = format!("{}\n{}", row(1, right), row(1, right));
-    with(&twice, "3:1: object 16#1000 sub 1: objects stand in the order of index and sub-index, each once");
+    with(
+        &twice,
+        "3:1: object 16#1000 sub 1: objects are listed in the order of index and sub-index, each once",
+    );
     for wrong in ["access = \"rw\"", "type = \"u8\", access = \"none\""] {
         with(&row(0, wrong), "2:1: object 16#1000 sub 0 has a `type` unless its `access` is \"none\"");
     }

@@ -30,20 +30,20 @@ fn names_roles_and_areas_of_ports() {
             "device.toml",
             "[\"slave\", \"master\"]",
             roles,
-            "device.toml:35:9: `roles` names what a port can be at its medium, each once: \"master\", \"slave\", \"peer\"",
+            "device.toml:35:9: `roles` lists the roles of a port at its medium, each once: \"master\", \"slave\", \"peer\"",
         );
     }
     check(
         "device.toml",
         "area = \"node\"",
         "area = \"nodes\"",
-        "device.toml:36:8: unknown area `nodes`; areas stand under [[area]] of device.toml",
+        "device.toml:36:8: unknown area `nodes`; areas are defined under [[area]] of device.toml",
     );
     check(
         "device.toml",
         "parts = [",
         "own = \"nodes\"\nparts = [",
-        "device.toml:6:7: unknown area `nodes`; areas stand under [[area]] of device.toml",
+        "device.toml:6:7: unknown area `nodes`; areas are defined under [[area]] of device.toml",
     );
 }
 

@@ -74,7 +74,7 @@ fn spaces_that_meet() {
     );
     with(
         &second("M", "", 0, 8192).replace("bytes = 100\n", ""),
-        "device.toml:67:8: space `more` has no area that it could end with; give its `bytes`",
+        "device.toml:67:8: space `more` has no area that defines its end; give its `bytes`",
     );
     with(
         &second("M", "", 0, 8192).replace("\"more\"", "\"memory\""),
@@ -98,7 +98,7 @@ fn areas_outside_of_spaces() {
         "device.toml",
         "first = 2000",
         "space = \"flags\"\nfirst = 2000",
-        "device.toml:24:9: unknown space `flags`; spaces stand under [[space]] of device.toml",
+        "device.toml:24:9: unknown space `flags`; spaces are defined under [[space]] of device.toml",
     );
     check(
         "device.toml",

@@ -300,7 +300,7 @@ fn declarations_of_something_else_are_refused() {
     let text = AS_IT_IS.replace("b_MODE : BYTE", "b_MODE : BITE");
     assert_eq!(
         refused(&text, &[]),
-        "lib/TYPES.st:5:53: `BITE` is not declared in this file and is no elementary type"
+        "lib/TYPES.st:5:53: `BITE` is neither declared in this file nor an elementary type"
     );
     let alone = AS_IT_IS.replace("CTRL : STRUCT", "OTHER : STRUCT");
     assert_eq!(told(&plan(fixture().path(), &alone).unwrap()), ["CTRL. undeclared 40 -"]);
