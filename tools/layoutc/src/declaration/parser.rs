@@ -5,7 +5,7 @@ use super::lexer::{Lexer, Token};
 use super::{Member, Type, TypeId, Types};
 use std::collections::HashMap;
 
-/// How deep types may be written into each other. Types that refer to others by name do not count.
+/// Maximum depth of nested type definitions. Types that refer to others by name do not count.
 const MAX_DEPTH: usize = 16;
 const MAX_ELEMENTS: i64 = 1 << 24;
 const KEYWORDS: [&str; 16] = [

@@ -205,8 +205,7 @@ fn overlaid_registers_of_different_width() {
          { offset = 7, padding = 1 },",
         "  { offset = 4, name = \"d_MODE\", type = \"DWORD\", owner = \"plc\", doc = \"Mode\" },",
         "device.toml:19:12: `CTRL` has a register of 1 bytes at offset 4 where `INIT`, which lies over it in area \
-         `node`, has one of 4: a byte of the RAM must always be accessed at one width; name the one that nobody uses there \
-         in `unused`",
+         `node`, has one of 4: a byte of the RAM must always be accessed at one width; list the unused one in `unused`",
     );
 }
 

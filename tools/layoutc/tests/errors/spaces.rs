@@ -14,8 +14,8 @@ fn with(more: &str, expected: &str) {
 fn spaces_that_cannot_be() {
     let said = |key: &str, value: u32, by: u32| {
         format!(
-            "`{key}` of space `memory` is {value}; it must be divisible by {by}, so that what is aligned in the space is so \
-             in the image"
+            "`{key}` of space `memory` is {value}; it must be divisible by {by}, so that data aligned in the space \
+             are aligned in the image"
         )
     };
     check(
@@ -104,8 +104,8 @@ fn areas_outside_of_spaces() {
         "device.toml",
         "unit = \"byte\"\nfirst = 0",
         "unit = \"word\"\nfirst = 2001",
-        "device.toml:61:9: `first` of space `memory` is 2001; it must be divisible by 2, so that what is aligned in the \
-         space is so in the image",
+        "device.toml:61:9: `first` of space `memory` is 2001; it must be divisible by 2, so that data aligned in the \
+         space are aligned in the image",
     );
 }
 
