@@ -68,7 +68,7 @@ pub enum Event {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-enum State {
+enum MediumPhase {
     /// Nothing is on it. A passive station that has sent the last frame may not begin before a time.
     Idle { suspended: Option<(usize, u64)> },
     /// A frame.
@@ -82,7 +82,7 @@ enum State {
 #[derive(Clone, Debug)]
 pub struct Medium {
     rate: BitRate,
-    state: State,
+    state: MediumPhase,
     /// Since when it is recessive, while no frame is on it.
     quiet_ns: u64,
 }
@@ -93,16 +93,16 @@ impl Medium {
     /// Whether all station numbers in it are below `count`.
     pub(crate) fn is_among(&self, count: usize) -> bool {
         let who = match self.state {
-            State::Idle { suspended } => suspended.map(|(who, _)| who),
-            State::Busy(frame) => Some(frame.sender),
-            State::Closing { sender, .. } => sender,
+            MediumPhase::Idle { suspended } => suspended.map(|(who, _)| who),
+            MediumPhase::Busy(frame) => Some(frame.sender),
+            MediumPhase::Closing { sender, .. } => sender,
         };
         who.is_none_or(|who| who < count)
     }
 
     /// An idle medium at this rate.
     pub const fn new(rate: BitRate) -> Self {
-        Medium { rate, state: State::Idle { suspended: None }, quiet_ns: 0 }
+        Medium { rate, state: MediumPhase::Idle { suspended: None }, quiet_ns: 0 }
     }
 
     /// The bit rate.
@@ -113,8 +113,8 @@ impl Medium {
     /// The frame that is on the wire.
     pub const fn on_wire(&self) -> Option<&OnWire> {
         match &self.state {
-            State::Busy(frame) => Some(frame),
-            State::Idle { .. } | State::Closing { .. } => None,
+            MediumPhase::Busy(frame) => Some(frame),
+            MediumPhase::Idle { .. } | MediumPhase::Closing { .. } => None,
         }
     }
 
@@ -122,25 +122,25 @@ impl Medium {
     /// on the bus.
     pub const fn quiet_ns(&self) -> Option<u64> {
         match self.state {
-            State::Busy(_) => None,
-            State::Idle { .. } | State::Closing { .. } => Some(self.quiet_ns),
+            MediumPhase::Busy(_) => None,
+            MediumPhase::Idle { .. } | MediumPhase::Closing { .. } => Some(self.quiet_ns),
         }
     }
 
     /// Time of the next event of the medium itself, in ns. `None`: it is idle until a participant has a frame to send.
     pub const fn next_ns(&self) -> Option<u64> {
         match &self.state {
-            State::Idle { suspended: None } => None,
-            State::Idle { suspended: Some((_, until_ns)) } => Some(*until_ns),
-            State::Busy(frame) => Some(frame.end_ns),
-            State::Closing { free_ns, .. } => Some(*free_ns),
+            MediumPhase::Idle { suspended: None } => None,
+            MediumPhase::Idle { suspended: Some((_, until_ns)) } => Some(*until_ns),
+            MediumPhase::Busy(frame) => Some(frame.end_ns),
+            MediumPhase::Closing { free_ns, .. } => Some(*free_ns),
         }
     }
 
     /// Whether the bus is idle and a station could begin a frame at `now_ns`: then the caller must call
     /// [`Medium::advance`].
     pub fn can_begin(&self, now_ns: u64, participants: &impl Participants) -> bool {
-        matches!(self.state, State::Idle { .. }) && self.next_sender(now_ns, participants).is_some()
+        matches!(self.state, MediumPhase::Idle { .. }) && self.next_sender(now_ns, participants).is_some()
     }
 
     /// The sender, and its frame, that [`Medium::advance`] would start at `now_ns`.
@@ -152,20 +152,20 @@ impl Medium {
     /// Whether there is an arbitration at `now_ns`; and the station that must not take part, until when.
     fn arbitration(&self, now_ns: u64, participants: &impl Participants) -> Option<Option<(usize, u64)>> {
         match self.state {
-            State::Idle { suspended } => Some(suspended.filter(|(_, until_ns)| *until_ns > now_ns)),
-            State::Closing { sender, free_ns } if free_ns <= now_ns => {
+            MediumPhase::Idle { suspended } => Some(suspended.filter(|(_, until_ns)| *until_ns > now_ns)),
+            MediumPhase::Closing { sender, free_ns } if free_ns <= now_ns => {
                 let until_ns = free_ns.saturating_add(self.rate.time_ns(SUSPENSION));
                 let passive = sender.filter(|sender| participants.is_passive(*sender));
                 Some(passive.map(|sender| (sender, until_ns)).filter(|(_, until_ns)| *until_ns > now_ns))
             }
-            State::Busy(_) | State::Closing { .. } => None,
+            MediumPhase::Busy(_) | MediumPhase::Closing { .. } => None,
         }
     }
 
     /// Performs one action that is pending at `now_ns` and returns it. The caller repeats the call until the result
     /// is `None`, at the times of [`Medium::next_ns`] and whenever a participant has a frame to send.
     pub fn advance(&mut self, now_ns: u64, participants: &impl Participants) -> Option<Event> {
-        if let State::Busy(it) = self.state {
+        if let MediumPhase::Busy(it) = self.state {
             return (it.end_ns <= now_ns).then(|| self.close(it));
         }
         let suspended = self.arbitration(now_ns, participants)?;
@@ -179,13 +179,13 @@ impl Medium {
         suspended: Option<(usize, u64)>,
         participants: &impl Participants,
     ) -> Option<Event> {
-        self.state = State::Idle { suspended };
+        self.state = MediumPhase::Idle { suspended };
         let (sender, frame) = participants.first(now_ns, suspended.map(|(who, _)| who))?;
         let mut it = self.begin(now_ns, sender, frame);
         if !participants.is_heard(sender, now_ns) {
             self.destroy(&mut it, wire::bits_to_acknowledgement(&frame) + 1, Fate::NotAcknowledged);
         }
-        self.state = State::Busy(it);
+        self.state = MediumPhase::Busy(it);
         Some(Event::Begun(it))
     }
 
@@ -201,7 +201,7 @@ impl Medium {
     pub fn withdraw(&mut self, now_ns: u64, sender: usize, frame: Frame) -> Event {
         let mut it = self.begin(now_ns, sender, frame);
         self.destroy(&mut it, 1 + ERROR_FLAG, Fate::Withdrawn);
-        self.state = State::Busy(it);
+        self.state = MediumPhase::Busy(it);
         Event::Begun(it)
     }
 
@@ -216,13 +216,13 @@ impl Medium {
     /// Changes the result of a frame that was going to arrive. `bits` returns the start of its error flag, from the
     /// count of bits that are over at `now_ns` and the count of bits before its acknowledge slot.
     fn spoil(&mut self, now_ns: u64, fate: Fate, bits: impl FnOnce(u32, u32) -> Option<u32>) {
-        let State::Busy(mut it) = self.state else { return };
+        let MediumPhase::Busy(mut it) = self.state else { return };
         let over = self.rate.bits_begun(now_ns.saturating_sub(it.begin_ns));
         if it.fate == Fate::Arrives
             && let Some(bits) = bits(over, wire::bits_to_acknowledgement(&it.frame))
         {
             self.destroy(&mut it, bits, fate);
-            self.state = State::Busy(it);
+            self.state = MediumPhase::Busy(it);
         }
     }
 
@@ -248,7 +248,7 @@ impl Medium {
 
     fn close(&mut self, it: OnWire) -> Event {
         let sender = (it.fate != Fate::Withdrawn).then_some(it.sender);
-        self.state = State::Closing { sender, free_ns: it.free_ns };
+        self.state = MediumPhase::Closing { sender, free_ns: it.free_ns };
         if it.fate == Fate::Arrives {
             // Acknowledge delimiter and end of frame are recessive.
             self.quiet_ns = it.end_ns.saturating_sub(self.rate.time_ns(wire::RECESSIVE_END));

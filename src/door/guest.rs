@@ -31,7 +31,7 @@ struct Inner {
     /// It has taken part or listened, now or before.
     has_opened: bool,
     to_plant: VecDeque<BusMessage>,
-    to_guest: VecDeque<News>,
+    to_guest: VecDeque<GuestMessage>,
     seat: Seat,
     /// The bit time until which it asks for time, if it counts bits.
     until_bit: Option<u64>,
@@ -46,7 +46,7 @@ struct Inner {
 
 /// A message to a guest. Times are emulated, in microseconds.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) enum News {
+pub(super) enum GuestMessage {
     /// A frame or a telegram has arrived.
     Heard {
         /// When.
@@ -152,7 +152,7 @@ impl Guest {
         let mut inner = self.inner();
         inner.seat.hear();
         if inner.to_guest.len() < ROOM_TO_GUEST {
-            inner.to_guest.push_back(News::Heard { time_us, said });
+            inner.to_guest.push_back(GuestMessage::Heard { time_us, said });
         } else {
             inner.dropped += 1;
             inner.overrun = true;
@@ -215,7 +215,7 @@ impl Guest {
     }
 
     /// The guest has announced an invalid number of octets, and must leave.
-    pub(super) fn talks_nonsense(&self, length: BadLength) {
+    pub(super) fn reject_length(&self, length: BadLength) {
         self.inner().bad_length = Some(length.0);
     }
 
@@ -225,7 +225,7 @@ impl Guest {
         let is_due = inner.seat.grant(now);
         if is_due {
             // There always is room: one answer at most waits for each request.
-            inner.to_guest.push_back(News::Granted { time_us: now });
+            inner.to_guest.push_back(GuestMessage::Granted { time_us: now });
         }
         is_due
     }
@@ -243,7 +243,7 @@ impl Guest {
     }
 
     /// The next message to the guest; `None` if none waits.
-    pub(super) fn take_news(&self) -> Option<News> {
+    pub(super) fn take_news(&self) -> Option<GuestMessage> {
         self.inner().to_guest.pop_front()
     }
 }
@@ -337,8 +337,8 @@ impl Guest {
     /// The next message to the guest, if it is bus traffic.
     pub(crate) fn hears(&self) -> Option<BusMessage> {
         match self.take_news()? {
-            News::Heard { said, .. } => Some(said),
-            News::Granted { .. } => None,
+            GuestMessage::Heard { said, .. } => Some(said),
+            GuestMessage::Granted { .. } => None,
         }
     }
 

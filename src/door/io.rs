@@ -1,7 +1,7 @@
 //! The thread for sockets and terminals: none of its descriptors ever blocks it.
 
 use super::descriptors;
-use super::guest::{Guest, News};
+use super::guest::{Guest, GuestMessage};
 use super::pty::Pty;
 use super::sparing::Sparing;
 use super::spec::DoorSpec;
@@ -99,7 +99,7 @@ impl Shared {
         present.guests.remove(at);
     }
 
-    /// Admits a guest, under the first number that is free on its bus. Guests that have left take no place.
+    /// Admits a guest, under the first free number of its bus. Guests that have left take no place.
     fn admit(&self, bus: u16, door: DoorSpec) -> Result<Arc<Guest>, NoPlace> {
         let mut present = self.present();
         if present.guests.iter().filter(|it| !it.has_gone()).count() >= MAX_GUESTS {
@@ -206,7 +206,7 @@ impl Visit {
             Ok(count) => {
                 self.has_spoken = true;
                 let heard = self.session.hear(&room[..count], &mut &*self.guest, &mut self.unwritten);
-                let is_nonsense = heard.inspect_err(|length| self.guest.talks_nonsense(*length)).is_err();
+                let is_nonsense = heard.inspect_err(|length| self.guest.reject_length(*length)).is_err();
                 self.has_more &= !is_nonsense;
                 (true, if is_nonsense { Presence::Leaves } else { Presence::Stays })
             }
@@ -226,8 +226,10 @@ impl Visit {
                 && let Some(news) = self.guest.take_news()
             {
                 match news {
-                    News::Heard { time_us, said } => self.session.tell(time_us, &said, &mut self.unwritten),
-                    News::Granted { time_us } => {
+                    GuestMessage::Heard { time_us, said } => {
+                        self.session.tell(time_us, &said, &mut self.unwritten);
+                    }
+                    GuestMessage::Granted { time_us } => {
                         let bit = self.guest.bit_at(time_us);
                         self.session.grant(time_us, bit, &mut self.unwritten);
                     }
@@ -429,7 +431,7 @@ impl Io {
         Ok(())
     }
 
-    /// Frees a place: closes the connection that is silent for the longest time. `false` if there is none.
+    /// Frees a place: closes the connection with the longest silence. `false` without such a connection.
     fn send_a_silent_one_away(&mut self) -> bool {
         let silent = self.stations.iter_mut().find_map(|(token, station)| {
             let Station::Guest(visit) = station else { return None };

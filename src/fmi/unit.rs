@@ -1,4 +1,4 @@
-//! A plant that is stepped by a foreign clock.
+//! A plant with a foreign clock.
 
 use super::resources::{Resources, ResourcesError};
 use super::values::{Shafts, Value};
@@ -12,7 +12,7 @@ use twox_hash::XxHash3_64;
 
 /// First bytes of a state.
 const MAGIC: [u8; 8] = *b"cmrmunit";
-/// Number of the format of a state. A change of [`Own`] counts it up; the snapshot within has its own number. Format 1 had
+/// Number of the format of a state. A change of [`UnitFields`] counts it up; the snapshot within has its own number. Format 1 had
 /// neither the magic nor a number. Every later format begins with the magic, the number and the version of commram, and
 /// ends with the checksum of [`seal`].
 pub(super) const FORMAT: u16 = 2;
@@ -51,7 +51,7 @@ pub enum UnitError {
         /// The variable.
         name: String,
     },
-    /// A number that is NaN or infinite.
+    /// A NaN or infinite number.
     #[error("{name} cannot be {value}")]
     NotFinite {
         /// Name of the variable.
@@ -93,9 +93,9 @@ pub enum UnitError {
     },
 }
 
-/// State of the unit that is not part of its plant.
+/// State of the unit outside its plant.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-struct Own {
+struct UnitFields {
     /// Time of the co-simulation at its start, and emulated time then.
     start_s: f64,
     start_us: u64,
@@ -105,7 +105,7 @@ struct Own {
 /// State of a unit at a moment.
 #[derive(Clone, Debug)]
 pub struct UnitState {
-    own: Own,
+    own: UnitFields,
     snapshot: Snapshot,
 }
 
@@ -113,7 +113,7 @@ pub struct UnitState {
 pub struct Unit {
     plant: Plant,
     variables: Vec<Variable>,
-    own: Own,
+    own: UnitFields,
     /// Count of reported entries of the access checker's table.
     told: usize,
 }
@@ -131,7 +131,7 @@ impl Unit {
         }
         let variables = variables(&plant, resources.registers())?;
         let shafts = Shafts::of(&plant);
-        let own = Own { start_s: 0.0, start_us: plant.now(), shafts };
+        let own = UnitFields { start_s: 0.0, start_us: plant.now(), shafts };
         Ok(Self { plant, variables, own, told: 0 })
     }
 
@@ -338,7 +338,7 @@ impl Unit {
             return Err(UnitError::OtherVersion { found: format!("commram {found}"), format });
         }
         let phase: u8 = from.value().map_err(damaged)?;
-        let own: Own = from.value().map_err(damaged)?;
+        let own: UnitFields = from.value().map_err(damaged)?;
         let file: Vec<u8> = from.value().map_err(damaged)?;
         from.end().map_err(damaged)?;
         let file = SnapshotFile::of_bytes(&file).map_err(|error| UnitError::State(error.to_string()))?;

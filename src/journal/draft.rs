@@ -5,14 +5,14 @@ use super::{Event, Finding, Journal, Keeping};
 
 /// An event or finding in a draft.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Drafted {
+pub(crate) struct DraftedItem {
     time_us: u64,
     by: usize,
-    what: What,
+    what: DraftEntry,
 }
 
 #[derive(Clone, Copy, Debug)]
-enum What {
+enum DraftEntry {
     Event(Event, Keeping),
     Finding(Finding),
 }
@@ -21,17 +21,17 @@ enum What {
 #[derive(Debug, Default)]
 pub(super) struct Draft {
     by: usize,
-    told: Vec<Drafted>,
+    entries: Vec<DraftedItem>,
 }
 
 impl Draft {
     #[inline]
     pub(super) fn event(&mut self, time_us: u64, event: Event, keeping: Keeping) {
-        self.told.push(Drafted { time_us, by: self.by, what: What::Event(event, keeping) });
+        self.entries.push(DraftedItem { time_us, by: self.by, what: DraftEntry::Event(event, keeping) });
     }
 
     pub(super) fn finding(&mut self, time_us: u64, finding: Finding) {
-        self.told.push(Drafted { time_us, by: self.by, what: What::Finding(finding) });
+        self.entries.push(DraftedItem { time_us, by: self.by, what: DraftEntry::Finding(finding) });
     }
 }
 
@@ -42,7 +42,7 @@ impl Journal {
     }
 
     /// Sets the reporter, by its number, of all following entries.
-    pub(crate) fn told_by(&mut self, by: usize) {
+    pub(crate) fn set_reporter(&mut self, by: usize) {
         if let Some(draft) = &mut self.draft {
             draft.by = by;
         }
@@ -50,14 +50,14 @@ impl Journal {
 
     /// Merges the entries of drafts into the journal: sorted by time, then by reporter, then in the order of each
     /// reporter.
-    pub(crate) fn put_in<'a>(&mut self, drafts: impl Iterator<Item = &'a mut Journal>) {
+    pub(crate) fn merge_drafts<'a>(&mut self, drafts: impl Iterator<Item = &'a mut Journal>) {
         let drafts = drafts.filter_map(|journal| journal.draft.as_mut());
-        let mut told: Vec<_> = drafts.flat_map(|draft| draft.told.drain(..)).collect();
-        told.sort_by_key(|told| (told.time_us, told.by));
-        for Drafted { time_us, what, .. } in told {
+        let mut entries: Vec<_> = drafts.flat_map(|draft| draft.entries.drain(..)).collect();
+        entries.sort_by_key(|entry| (entry.time_us, entry.by));
+        for DraftedItem { time_us, what, .. } in entries {
             match what {
-                What::Event(event, keeping) => self.keep(time_us, event, keeping),
-                What::Finding(finding) => self.find(time_us, finding),
+                DraftEntry::Event(event, keeping) => self.keep(time_us, event, keeping),
+                DraftEntry::Finding(finding) => self.find(time_us, finding),
             }
         }
     }
@@ -74,17 +74,17 @@ mod tests {
         let mut drafts = [Journal::draft(), Journal::draft()];
         for time in 0..6 {
             for by in 0..10 {
-                drafts[by % 2].told_by(by);
+                drafts[by % 2].set_reporter(by);
                 for journal in [&mut at_once, &mut drafts[by % 2]] {
                     journal.push(time * 500, Edge { bus: by as u16 });
                     journal.push(time * 500, Packet { bus: by as u16, data: time as u8 });
                 }
             }
         }
-        later.put_in(drafts.iter_mut());
+        later.merge_drafts(drafts.iter_mut());
         assert_eq!((later.hash(), later.written()), (at_once.hash(), at_once.written()));
         assert!(later.records().eq(at_once.records()) && later.pending() == at_once.pending());
-        later.put_in(drafts.iter_mut());
+        later.merge_drafts(drafts.iter_mut());
         assert_eq!(later.written(), at_once.written());
     }
 }

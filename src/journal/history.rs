@@ -76,7 +76,7 @@ pub(crate) trait Rams {
 
 /// A followed register.
 #[derive(Serialize, Deserialize)]
-pub(super) struct Followed {
+pub(super) struct FollowedRegister {
     plc: u16,
     offset: u32,
     width: Width,
@@ -94,7 +94,7 @@ pub(super) struct Followed {
 /// The registers that are followed, and their changes.
 pub(super) struct History {
     /// In the order of PLCs and addresses.
-    followed: Vec<Followed>,
+    followed: Vec<FollowedRegister>,
     changes: VecDeque<Change>,
     /// The number of the next change.
     end: u64,
@@ -118,7 +118,7 @@ impl History {
     }
 
     /// The registers with changes in the journal.
-    pub(super) fn in_journal(&self) -> impl Iterator<Item = &Followed> {
+    pub(super) fn in_journal(&self) -> impl Iterator<Item = &FollowedRegister> {
         self.followed.iter().filter(|register| register.in_journal)
     }
 
@@ -128,7 +128,7 @@ impl History {
     }
 
     /// Replaces the registers with changes in the journal. Onlookers keep their registers.
-    pub(super) fn restore_in_journal(&mut self, followed: Vec<Followed>) {
+    pub(super) fn restore_in_journal(&mut self, followed: Vec<FollowedRegister>) {
         self.followed.retain_mut(|register| {
             register.in_journal = false;
             register.for_onlookers
@@ -173,7 +173,8 @@ impl History {
                 let held = rams.load(plc, offset, width).unwrap_or(0);
                 let live = rams.live(plc, offset);
                 let (in_journal, for_onlookers, left) = (false, false, None);
-                let register = Followed { plc, offset, width, held, live, in_journal, for_onlookers, left };
+                let register =
+                    FollowedRegister { plc, offset, width, held, live, in_journal, for_onlookers, left };
                 self.followed.insert(at, register);
                 at
             }
@@ -189,7 +190,7 @@ impl History {
 
     /// Compares all registers with their previous values; changes for the journal go to `note`.
     pub(super) fn compare(&mut self, time_us: u64, by: By, rams: &impl Rams, mut note: impl FnMut(Changed)) {
-        self.forget_those_who_have_gone();
+        self.forget_absent_onlookers();
         let History { followed, changes, end, is_searching, .. } = self;
         for register in followed.iter_mut().filter(|register| register.in_journal || !*is_searching) {
             let Some(now) = rams.load(register.plc, register.offset, register.width) else { continue };
@@ -199,7 +200,7 @@ impl History {
             register.live = rams.live(register.plc, register.offset);
             let by = rams.changed_by(register.plc, register.offset, by);
             let keep = |change| keep(changes, end, time_us, change);
-            register.tell(now, by, (!*is_searching).then_some(keep), &mut note);
+            register.set_value(now, by, (!*is_searching).then_some(keep), &mut note);
         }
     }
 
@@ -212,7 +213,7 @@ impl History {
         }
         for register in followed.iter_mut().filter(|register| register.for_onlookers) {
             let from = register.left.take().unwrap_or(register.held);
-            let &mut Followed { plc, offset, width, in_journal, .. } = register;
+            let &mut FollowedRegister { plc, offset, width, in_journal, .. } = register;
             let live = rams.live(plc, offset);
             if !in_journal {
                 register.held = rams.load(plc, offset, width).unwrap_or(register.held);
@@ -238,7 +239,7 @@ impl History {
                 continue;
             }
             let keep = |change| keep(changes, end, time_us, change);
-            register.tell(now, by, (!*is_searching).then_some(keep), &mut note);
+            register.set_value(now, by, (!*is_searching).then_some(keep), &mut note);
         }
     }
 
@@ -256,7 +257,7 @@ impl History {
     }
 
     /// Uses the host's clock, not the plant's: it only decides how long an absent onlooker is kept.
-    fn forget_those_who_have_gone(&mut self) {
+    fn forget_absent_onlookers(&mut self) {
         self.looks = self.looks.wrapping_add(1);
         if self.looks.is_multiple_of(LOOKS) && self.asked.elapsed() > GONE {
             self.followed.iter_mut().for_each(|register| register.for_onlookers = false);
@@ -266,10 +267,16 @@ impl History {
     }
 }
 
-impl Followed {
+impl FollowedRegister {
     /// Sets the value to `to`, and reports the change to the journal and the onlookers that want it.
-    fn tell(&mut self, to: u32, by: By, keep: Option<impl FnOnce(Changed)>, note: &mut impl FnMut(Changed)) {
-        let &mut Followed { plc, offset, width, held: from, live, .. } = self;
+    fn set_value(
+        &mut self,
+        to: u32,
+        by: By,
+        keep: Option<impl FnOnce(Changed)>,
+        note: &mut impl FnMut(Changed),
+    ) {
+        let &mut FollowedRegister { plc, offset, width, held: from, live, .. } = self;
         self.held = to;
         let change = Changed { plc, offset, how: How { width, by, live }, from, to };
         if let Some(keep) = keep.filter(|_| self.for_onlookers) {
@@ -365,7 +372,7 @@ mod tests {
             history.follow(0, offset, Width::Word, keep, &rams);
         }
         let kept = |history: &History| {
-            let copy = |it: &Followed| Followed { left: None, for_onlookers: false, ..*it };
+            let copy = |it: &FollowedRegister| FollowedRegister { left: None, for_onlookers: false, ..*it };
             history.in_journal().map(copy).collect::<Vec<_>>()
         };
         let before = kept(&history);

@@ -18,12 +18,14 @@ impl Jsonl {
         Jsonl { reader: Reader::new(names, catalogue) }
     }
 
-    fn place(&self, source: Source) -> Place {
+    fn place(&self, source: Source) -> EventLocation {
         let names = &self.reader.names;
         match source {
-            Source::Bus(index) => Place::Bus { bus: names.bus(index).into_owned() },
-            Source::Plc(index) => Place::Plc { plc: names.plc(index).into_owned() },
-            Source::Node(Origin { plc, node }) => Place::Node { plc: names.plc(plc).into_owned(), node },
+            Source::Bus(index) => EventLocation::Bus { bus: names.bus(index).into_owned() },
+            Source::Plc(index) => EventLocation::Plc { plc: names.plc(index).into_owned() },
+            Source::Node(Origin { plc, node }) => {
+                EventLocation::Node { plc: names.plc(plc).into_owned(), node }
+            }
         }
     }
 }
@@ -37,7 +39,7 @@ struct Line {
     repeated: Option<Repeated>,
     kind: &'static str,
     #[serde(flatten)]
-    place: Place,
+    place: EventLocation,
     #[serde(flatten)]
     what: Fields,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -61,7 +63,7 @@ struct Gap {
 /// The device or bus of the event.
 #[derive(Serialize)]
 #[serde(untagged)]
-enum Place {
+enum EventLocation {
     Bus { bus: String },
     Plc { plc: String },
     Node { plc: String, node: u8 },

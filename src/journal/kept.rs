@@ -1,7 +1,7 @@
 //! The part of the journal in a snapshot: its position, not its records.
 
 use super::findings::Findings;
-use super::history::Followed;
+use super::history::FollowedRegister;
 use super::ring::Rings;
 use super::{Catalogue, Entry, Event, EventCodec, Finding, Found, Journal, Words};
 use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
@@ -65,7 +65,7 @@ impl Journal {
         let kept = |entries: &[Entry]| entries.iter().map(KeptEntry::of).collect::<Vec<_>>();
         to.value(&(kept(single), records, kept(further)));
         fingerprint.save(to);
-        to.value(&history.in_journal().collect::<Vec<&Followed>>());
+        to.value(&history.in_journal().collect::<Vec<&FollowedRegister>>());
     }
 
     /// Restores the position of a snapshot. With `goes_back`, this journal has been at that position, so its records

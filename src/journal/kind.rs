@@ -109,11 +109,11 @@ pub struct Kind {
     number: u8,
     name: &'static str,
     ring: Ring,
-    reads: Reads,
+    reads: KindDecoders,
 }
 
 /// Decoders of the words of a kind. Invalid words never get here: [`Catalogue::event`] refuses them.
-struct Reads {
+struct KindDecoders {
     normal: fn(Words, &Catalogue) -> Option<Words>,
     source: fn(Words) -> Option<Source>,
     text: fn(Words, &mut Reader) -> Option<String>,
@@ -130,7 +130,7 @@ impl Kind {
     /// The kind of `T`. The number is part of the channel's wire format and belongs to this kind alone; `name` is that
     /// in JSON Lines and on the command line.
     pub const fn new<T: EventText>(number: u8, name: &'static str, ring: Ring) -> Self {
-        let reads = Reads {
+        let reads = KindDecoders {
             normal: |words, catalogue| {
                 T::read(words).filter(|told| told.is_known(catalogue)).map(|told| told.words())
             },

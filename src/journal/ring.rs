@@ -53,7 +53,7 @@ impl Rings {
     pub(crate) fn records(&self, from: u64) -> Records<'_> {
         let rest = self.lanes.each_ref().map(|lane| {
             let start = lane.partition_point(|record| record.seq < from);
-            Rest { lane, start, end: lane.len() }
+            RemainingRecords { lane, start, end: lane.len() }
         });
         Records { rest }
     }
@@ -61,17 +61,17 @@ impl Rings {
 
 /// Records in the order of their numbers.
 pub struct Records<'a> {
-    rest: [Rest<'a>; RINGS],
+    rest: [RemainingRecords<'a>; RINGS],
 }
 
 /// The remaining records of a ring.
-struct Rest<'a> {
+struct RemainingRecords<'a> {
     lane: &'a VecDeque<Record>,
     start: usize,
     end: usize,
 }
 
-impl<'a> Rest<'a> {
+impl<'a> RemainingRecords<'a> {
     fn front(&self) -> Option<&'a Record> {
         if self.start < self.end { self.lane.get(self.start) } else { None }
     }

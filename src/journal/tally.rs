@@ -24,7 +24,7 @@ const WAYS: usize = 4;
 
 /// An event that may repeat.
 #[derive(Clone, Copy)]
-struct Watched {
+struct WatchedEvent {
     event: Event,
     /// Time of the last one.
     last: u64,
@@ -34,7 +34,7 @@ struct Watched {
     count: u32,
 }
 
-impl Watched {
+impl WatchedEvent {
     #[inline]
     fn key(&self) -> Words {
         self.event.words()
@@ -59,7 +59,7 @@ pub(super) struct Outcome {
 
 /// All events that are watched.
 pub(super) struct Tally {
-    places: Vec<Option<Watched>>,
+    places: Vec<Option<WatchedEvent>>,
     /// All counts are over.
     is_quiet: bool,
 }
@@ -75,7 +75,7 @@ impl Tally {
         to.value(is_quiet);
         to.value(&(places.iter().flatten().count() as u8));
         for (place, watched) in (0u8..).zip(places) {
-            if let Some(Watched { event, last, period, count }) = watched {
+            if let Some(WatchedEvent { event, last, period, count }) = watched {
                 to.value(&(place, event.words(), last, period, count));
             }
         }
@@ -93,7 +93,7 @@ impl Tally {
             let (place, words, last, period, count): (u8, Words, u64, u32, u32) = from.value()?;
             let event = event_of(words, catalogue, from)?;
             let place = self.places.get_mut(usize::from(place)).ok_or_else(|| from.no("place"))?;
-            *place = Some(Watched { event, last, period, count });
+            *place = Some(WatchedEvent { event, last, period, count });
         }
         Ok(())
     }
@@ -124,8 +124,8 @@ impl Tally {
                 Outcome { counted, single: true }
             }
             _ => {
-                let counted = place.as_ref().and_then(Watched::record);
-                *place = Some(Watched { event, last: time_us, period: 0, count: 0 });
+                let counted = place.as_ref().and_then(WatchedEvent::record);
+                *place = Some(WatchedEvent { event, last: time_us, period: 0, count: 0 });
                 Outcome { counted, single: true }
             }
         }
@@ -133,7 +133,7 @@ impl Tally {
 
     /// The place of the event, else an empty one near by, else that of an event that has not come for longest.
     #[inline]
-    fn place(&mut self, key: Words) -> Option<&mut Option<Watched>> {
+    fn place(&mut self, key: Words) -> Option<&mut Option<WatchedEvent>> {
         let mixed = key[0].wrapping_add(key[1].rotate_left(24)).wrapping_add(key[2].rotate_left(44));
         let home = (mixed.wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 32) as usize;
         let mut best = home % PLACES;
@@ -172,7 +172,7 @@ impl Tally {
         if core::mem::replace(&mut self.is_quiet, true) { Vec::new() } else { self.end(|_| true) }
     }
 
-    fn end(&mut self, is_over: impl Fn(&Watched) -> bool) -> Vec<Record> {
+    fn end(&mut self, is_over: impl Fn(&WatchedEvent) -> bool) -> Vec<Record> {
         let mut records = Vec::new();
         for watched in self.places.iter_mut().flatten() {
             if watched.count > 0 && is_over(watched) {
@@ -186,7 +186,7 @@ impl Tally {
 
     /// The counts that are not over, in the order of time.
     pub(crate) fn pending(&self) -> Vec<Record> {
-        let mut records: Vec<_> = self.places.iter().flatten().filter_map(Watched::record).collect();
+        let mut records: Vec<_> = self.places.iter().flatten().filter_map(WatchedEvent::record).collect();
         records.sort_by_key(|record| record.time_us);
         records
     }

@@ -37,12 +37,12 @@ pub struct Past {
 /// A signal.
 pub(super) struct Signal {
     pub shape: Shape,
-    of: Of,
+    of: SignalSubject,
 }
 
 /// The subject of a signal.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Of {
+enum SignalSubject {
     /// The value of a register: index of the device, and offset.
     Register(u16, u32),
     /// The SYNC signal of a bus, or a similar signal.
@@ -149,7 +149,7 @@ impl Waves {
             Content::Bits { value, .. } => Some((change.time_us, value as u32)),
             _ => None,
         };
-        let values = self.changes_of(Of::Register(plc, offset)).filter_map(number).collect();
+        let values = self.changes_of(SignalSubject::Register(plc, offset)).filter_map(number).collect();
         Past { values, is_recorded: self.is_recorded(plc, offset) }
     }
 
@@ -159,7 +159,7 @@ impl Waves {
 
     /// The times of the SYNC edges on all buses, in microseconds, in their order.
     pub fn edges(&self) -> Vec<u64> {
-        let mut edges: Vec<_> = self.changes_of(Of::Edge).map(|change| change.time_us).collect();
+        let mut edges: Vec<_> = self.changes_of(SignalSubject::Edge).map(|change| change.time_us).collect();
         edges.dedup();
         edges
     }
@@ -180,7 +180,7 @@ impl Waves {
         steps
     }
 
-    fn changes_of(&self, what: Of) -> impl Iterator<Item = &Change> {
+    fn changes_of(&self, what: SignalSubject) -> impl Iterator<Item = &Change> {
         let is_it = move |change: &&Change| self.signals.get(change.signal).is_some_and(|it| it.of == what);
         self.changes.iter().filter(is_it)
     }
@@ -223,19 +223,19 @@ impl Taking {
                 Id::Standard(id) => id.as_raw().into(),
                 Id::Extended(id) => id.as_raw(),
             };
-            self.note(record, &scopes, "frame_end", Of::Other, Content::Event);
-            self.note(record, &scopes, "id", Of::Other, Content::number(ID_BITS, id.into()));
-            self.note(record, &scopes, "data", Of::Other, Content::data(&carried.frame));
+            self.note(record, &scopes, "frame_end", SignalSubject::Other, Content::Event);
+            self.note(record, &scopes, "id", SignalSubject::Other, Content::number(ID_BITS, id.into()));
+            self.note(record, &scopes, "data", SignalSubject::Other, Content::data(&carried.frame));
             if let Some(slot) = event.slot() {
-                self.note(record, &scopes, "slot", Of::Other, Content::Text(slot.to_owned()));
+                self.note(record, &scopes, "slot", SignalSubject::Other, Content::Text(slot.to_owned()));
             }
             let text = event.text(&mut self.reader);
-            self.note(record, &scopes, "frame", Of::Other, Content::Text(text));
+            self.note(record, &scopes, "frame", SignalSubject::Other, Content::Text(text));
         } else if event.kind().ring() == Ring::Registers {
-            self.note(record, &scopes, event.kind().name(), Of::Edge, Content::Event);
+            self.note(record, &scopes, event.kind().name(), SignalSubject::Edge, Content::Event);
         } else {
             let text = event.text(&mut self.reader);
-            self.note(record, &scopes, event.kind().name(), Of::Other, Content::Text(text));
+            self.note(record, &scopes, event.kind().name(), SignalSubject::Other, Content::Text(text));
         }
     }
 
@@ -260,13 +260,13 @@ impl Taking {
         };
         let scopes = [scopes, &areas].concat();
         let content = Content::number(8 * width.bytes(), value.into());
-        self.note(record, &scopes, name, Of::Register(plc, offset), content);
+        self.note(record, &scopes, name, SignalSubject::Register(plc, offset), content);
         if let Some(meaning) = place.meaning(value) {
-            self.note(record, &scopes, &format!("{name}_text"), Of::Other, Content::Text(meaning));
+            self.note(record, &scopes, &format!("{name}_text"), SignalSubject::Other, Content::Text(meaning));
         }
     }
 
-    fn note(&mut self, record: &Record, scopes: &[String], name: &str, of: Of, content: Content) {
+    fn note(&mut self, record: &Record, scopes: &[String], name: &str, of: SignalSubject, content: Content) {
         let content = match content {
             Content::Text(text) => Content::Text(word(&text)),
             other => other,

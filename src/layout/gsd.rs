@@ -82,7 +82,7 @@ pub struct Texts {
     pub from: Provenance,
 }
 
-/// A module with a fixed configuration.
+/// A predefined module, which a user selects unchanged.
 #[derive(Debug)]
 pub struct Module {
     /// Its name.

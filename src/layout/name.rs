@@ -34,7 +34,7 @@ pub fn plc_prefix(plcs: &[String], plc: u16) -> String {
 }
 
 /// A name with its indices.
-struct Part<'a> {
+struct NamePart<'a> {
     name: &'a str,
     index: Vec<u32>,
 }
@@ -42,8 +42,8 @@ struct Part<'a> {
 /// The part of a name that follows the area: one or two parts.
 struct Path<'a> {
     text: &'a str,
-    group: Option<Part<'a>>,
-    register: Part<'a>,
+    group: Option<NamePart<'a>>,
+    register: NamePart<'a>,
 }
 
 impl<'a> Path<'a> {
@@ -60,9 +60,9 @@ impl<'a> Path<'a> {
                 rest = behind;
             }
             match (name.is_empty(), parts.last_mut()) {
-                (false, _) => parts.push(Part { name, index }),
+                (false, _) => parts.push(NamePart { name, index }),
                 // The vendor's watch window may show a dot between the brackets (manual p. 159).
-                (true, Some(Part { index: all, .. })) if !index.is_empty() => all.extend(index),
+                (true, Some(NamePart { index: all, .. })) if !index.is_empty() => all.extend(index),
                 (true, _) => return Err(wrong("an empty part")),
             }
         }

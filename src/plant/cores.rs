@@ -85,7 +85,7 @@ impl Plant {
             self.drafts.push(draft);
         }
         self.media.extend(unnamed);
-        self.journal.put_in(self.drafts.iter_mut());
+        self.journal.merge_drafts(self.drafts.iter_mut());
         if first_cycle < until {
             self.next_cycle += (until - first_cycle).div_ceil(cycle_us) * cycle_us;
         }
@@ -116,15 +116,15 @@ impl Plant {
         let now = self.now;
         self.each_watch(
             move |plc, watch, draft| {
-                draft.told_by(plc * TELLERS);
+                draft.set_reporter(plc * TELLERS);
                 watch.look(now, draft);
             },
             move |medium, place, seat, draft| {
-                draft.told_by(seat.device * TELLERS + seat.port + 1);
+                draft.set_reporter(seat.device * TELLERS + seat.port + 1);
                 medium.judge_writes(place, now, draft);
             },
         );
-        self.journal.put_in(self.drafts.iter_mut());
+        self.journal.merge_drafts(self.drafts.iter_mut());
         true
     }
 
@@ -180,7 +180,7 @@ impl IndependentPeriod {
             while cycle < self.until && cycle <= next {
                 for (place, seat) in seats.iter().enumerate() {
                     if !medium.poll_changes_nothing(place, cycle, true) {
-                        draft.told_by(seat.device * TELLERS + seat.port);
+                        draft.set_reporter(seat.device * TELLERS + seat.port);
                         medium.processor_cycle(place, cycle, draft);
                     }
                 }
@@ -194,7 +194,7 @@ impl IndependentPeriod {
             if now > next {
                 continue;
             }
-            draft.told_by(self.lookers + index);
+            draft.set_reporter(self.lookers + index);
             medium.event(&mut World { now, journal: draft, faults: &mut faults, edges: &mut edges });
             last = now;
         }

@@ -136,7 +136,7 @@ impl<V> Viewed<'_, V> {
 
     /// Notifies the firmware that a restart (16#0000) was written to `w_CPU_CONTROL` of the node there. The firmware
     /// cannot see the write in the RAM if the register already was 16#0000 (decision D-29).
-    pub(crate) fn tell_restart(&self) {
+    pub(crate) fn notify_restart(&self) {
         let is_here = |port: &&PortEntry| port.file_offset.load() as usize == self.offset;
         if let Some(port) = self.ram.header.ports.iter().find(is_here) {
             port.restarts_written.increment();

@@ -134,7 +134,7 @@ impl Bench {
     }
 
     /// Hash over all journal records since power-on, equal for equal runs
-    /// ([`Journal::hash`](crate::journal::Journal::hash)); `None` for a running instance, whose journal began
+    /// ([`Journal::hash`](crate::journal::Journal::hash)); `None` for a running instance: its journal began
     /// earlier.
     pub fn journal_hash(&self) -> Option<u64> {
         self.carrier.journal_hash()

@@ -65,7 +65,7 @@ struct Federate {
 }
 
 impl Federate {
-    fn nobody_watches(&self) -> Vec<u16> {
+    fn no_watchers(&self) -> Vec<u16> {
         vec![0; self.plant.devices().len()]
     }
 
@@ -79,7 +79,7 @@ impl Federate {
     }
 
     fn end_turn(&mut self, target: Option<u64>) {
-        let watched = self.nobody_watches();
+        let watched = self.no_watchers();
         let Federate { plant, federation, .. } = self;
         let federation = federation.as_mut().unwrap();
         federation.look_at_boards(plant);

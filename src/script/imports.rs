@@ -53,7 +53,7 @@ impl Imports {
         }
     }
 
-    /// Notes an import, unless it leads back to a script that is already running.
+    /// Notes an import, unless it leads back to a running script.
     fn begin(&self, import: Import, path: &str) -> Result<(), ScenarioError> {
         let mut under_way = self.under_way.borrow_mut();
         let goes_round = [&self.scenario]

@@ -25,7 +25,7 @@ const DEEPEST_EXPRESSION: usize = 64;
 
 /// Longest text of a message, in characters; more of it came from a script.
 const LONGEST_TEXT: usize = 2000;
-/// Longest line of a script that is reported.
+/// Longest line of a script in a report.
 const LONGEST_SOURCE: usize = 200;
 
 /// Limits after which a scenario counts as endless.
@@ -45,7 +45,7 @@ impl Default for Limits {
     }
 }
 
-/// Runs a scenario script: on `bench` if there is one, else on a new plant. Printed lines go to `print` at once, and
+/// Runs a scenario script: on the given `bench`, else on a new plant. Printed lines go to `print` at once, and
 /// are also in the report.
 pub fn run_file(
     file: &Path,
@@ -213,7 +213,7 @@ pub(super) fn place(file: &Path, line: Option<usize>) -> Place {
     }
 }
 
-/// The line of a script with a requirement that is not met at its end.
+/// The line of a script with an unmet requirement at its end.
 fn wanted_at(error: &ScenarioError, file: &Path, directory: &Path) -> Place {
     let at = match error {
         // A line in Rust has a column.

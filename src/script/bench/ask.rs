@@ -132,7 +132,7 @@ impl Bench {
         Ok(self.ask(Op::Journal { from: u64::MAX, max: 0 })?.journal()?.1)
     }
 
-    /// The journal from record number `from` on, and the number of the next record. Records whose count has not ended
+    /// The journal from record number `from` on, and the number of the next record. Records with a running count
     /// come last.
     pub(super) fn records(&mut self, from: u64) -> Result<(Vec<Record>, u64), ScenarioError> {
         let mut part = read_journal(from, |op| self.ask(op))?;

@@ -25,17 +25,17 @@ const BESIDE: usize = 2;
 const BEFORE_FINDING: usize = 8;
 /// How many repetitions of each handshake.
 const REPETITIONS: usize = 2;
-/// Longest pattern whose repetitions become one line, in steps.
+/// Longest pattern with repetitions in one line, in steps.
 const LONGEST: usize = 24;
 /// Minimum count of repetitions that become one line.
 const OFTEN: usize = 3;
 
 /// A register: number of the PLC, and offset.
-type Place = (u16, u32);
+type RegisterKey = (u16, u32);
 
 /// A line of the picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Piece {
+enum PictureLine {
     /// A step.
     Step(usize),
     /// The preceding lines are repeated: count of further repetitions, and the last step of those.
@@ -50,7 +50,7 @@ impl Bench {
         let mut text = Text::new(self.names.clone(), devices::catalogue());
         let changed = records.iter().filter_map(|record| record.event.get::<Changed>());
         let recorded: HashSet<_> = changed.map(|change| (change.plc, change.offset)).collect();
-        // The recorded changes of a register already show what was written and answered.
+        // The recorded changes of a register already show the request and the answer.
         let is_told_twice = |record: &Record| {
             !record.event.is::<Changed>() && register(&record.event).is_some_and(|it| recorded.contains(&it))
         };
@@ -68,7 +68,7 @@ impl Bench {
 }
 
 /// The register that an event is about.
-fn register(event: &Event) -> Option<Place> {
+fn register(event: &Event) -> Option<RegisterKey> {
     let changed = event.get().map(|Changed { plc, offset, .. }| (plc, offset));
     let written = || event.get().map(|ChannelWrite { plc, offset, .. }| (plc, offset));
     let found = || event.get().map(|Found { plc, offset, .. }| (plc, offset));
@@ -80,12 +80,13 @@ fn register(event: &Event) -> Option<Place> {
 fn picture(steps: &[(Event, Exchanged)]) -> Vec<Exchanged> {
     let keys: Vec<_> = steps.iter().map(|(event, _)| *event).collect();
     let pieces = folded(&keys);
-    let of = |piece: &Piece| match piece {
-        Piece::Step(step) => Some((steps[*step].1.way, register(&steps[*step].0))),
-        Piece::Again(..) => None,
+    let of = |piece: &PictureLine| match piece {
+        PictureLine::Step(step) => Some((steps[*step].1.way, register(&steps[*step].0))),
+        PictureLine::Again(..) => None,
     };
     let told: Vec<_> = pieces.iter().map(of).collect();
-    let is_finding = |piece: &Piece| matches!(piece, Piece::Step(step) if steps[*step].0.is::<Found>());
+    let is_finding =
+        |piece: &PictureLine| matches!(piece, PictureLine::Step(step) if steps[*step].0.is::<Found>());
     let shown = chosen(&told, pieces.iter().position(is_finding));
     let (mut lines, mut left_out) = (Vec::new(), 0);
     for (number, piece) in pieces.iter().enumerate() {
@@ -93,14 +94,14 @@ fn picture(steps: &[(Event, Exchanged)]) -> Vec<Exchanged> {
             left_out += 1;
             continue;
         }
-        let (Piece::Step(step) | Piece::Again(_, step)) = piece;
+        let (PictureLine::Step(step) | PictureLine::Again(_, step)) = piece;
         let at_us = steps[*step].1.line.time_us;
         if core::mem::take(&mut left_out) > 0 {
             lines.push(said(at_us, "...".to_owned()));
         }
         lines.push(match piece {
-            Piece::Step(_) => steps[*step].1.clone(),
-            Piece::Again(times, _) => said(at_us, format!("the same {times} times more, up to here")),
+            PictureLine::Step(_) => steps[*step].1.clone(),
+            PictureLine::Again(times, _) => said(at_us, format!("the same {times} times more, up to here")),
         });
     }
     lines
@@ -113,7 +114,7 @@ fn said(time_us: u64, what: String) -> Exchanged {
 }
 
 /// Shows repeated patterns once.
-fn folded<K: PartialEq>(keys: &[K]) -> Vec<Piece> {
+fn folded<K: PartialEq>(keys: &[K]) -> Vec<PictureLine> {
     let (mut pieces, mut at) = (Vec::new(), 0);
     while at < keys.len() {
         let rest = &keys[at..];
@@ -123,17 +124,17 @@ fn folded<K: PartialEq>(keys: &[K]) -> Vec<Piece> {
         let best =
             patterns.filter(|(_, times)| *times >= OFTEN).rev().max_by_key(|(len, times)| len * (times - 1));
         let (len, times) = best.unwrap_or((1, 1));
-        pieces.extend((at..at + len).map(Piece::Step));
+        pieces.extend((at..at + len).map(PictureLine::Step));
         at += len * times;
         if times > 1 {
-            pieces.push(Piece::Again(times - 1, at - 1));
+            pieces.push(PictureLine::Again(times - 1, at - 1));
         }
     }
     pieces
 }
 
 /// Which lines are shown, of those with their ways and registers; `finding`: the first finding.
-fn chosen(told: &[Option<(Way, Option<Place>)>], finding: Option<usize>) -> Vec<bool> {
+fn chosen(told: &[Option<(Way, Option<RegisterKey>)>], finding: Option<usize>) -> Vec<bool> {
     let mut shown = vec![false; told.len()];
     shown.iter_mut().rev().take(LAST).for_each(|shown| *shown = true);
     let handshakes = handshakes(told);
@@ -160,7 +161,7 @@ fn chosen(told: &[Option<(Way, Option<Place>)>], finding: Option<usize>) -> Vec<
 }
 
 /// The handshakes by register: ranges from the program's request to the firmware's answer.
-fn handshakes(told: &[Option<(Way, Option<Place>)>]) -> HashMap<Place, Vec<Range<usize>>> {
+fn handshakes(told: &[Option<(Way, Option<RegisterKey>)>]) -> HashMap<RegisterKey, Vec<Range<usize>>> {
     let (mut asked, mut all) = (HashMap::new(), HashMap::<_, Vec<_>>::new());
     for (number, told) in told.iter().enumerate() {
         match told {
@@ -184,18 +185,18 @@ mod tests {
 
     #[test]
     fn repetitions_are_shown_once() {
-        use Piece::{Again, Step};
+        use PictureLine::{Again, Step};
         assert_eq!(folded(&[1, 2, 1, 2, 1, 2, 3]), [Step(0), Step(1), Again(2, 5), Step(6)]);
         assert_eq!(folded(&[1, 1, 2, 2]), [Step(0), Step(1), Step(2), Step(3)]);
         assert_eq!(folded(&[7; 9]), [Step(0), Again(8, 8)]);
         assert_eq!(folded::<u8>(&[]), []);
     }
 
-    fn program(register: u32) -> Option<(Way, Option<Place>)> {
+    fn program(register: u32) -> Option<(Way, Option<RegisterKey>)> {
         Some((Way::Program, Some((0, register))))
     }
 
-    fn firmware(register: u32) -> Option<(Way, Option<Place>)> {
+    fn firmware(register: u32) -> Option<(Way, Option<RegisterKey>)> {
         Some((Way::Firmware, Some((0, register))))
     }
 

@@ -20,7 +20,7 @@ macro_rules! refuse {
 }
 
 impl Verbs {
-    /// Registers verbs for wrong arguments that report the right call. A verb whose parameters fit has priority.
+    /// Registers verbs for wrong arguments that report the right call. A verb with fitting parameters has priority.
     pub(super) fn refuse_others(&mut self) {
         let names: BTreeSet<_> = self.names.iter().map(|(name, _)| *name).collect();
         for name in names {

@@ -4,7 +4,7 @@ use crate::layout::{Device, Owner, RegisterRef};
 use crate::plant::PlantConfig;
 use core::fmt::Write;
 
-/// Registers that only the firmware writes and whose values have meanings: states, error numbers, and counters. The
+/// Registers of the firmware alone, if their values have meanings: states, error numbers, and counters. The
 /// meaning of a counter is its range.
 pub(super) fn bounded(device: &Device) -> impl Iterator<Item = RegisterRef> {
     let areas =

@@ -154,8 +154,12 @@ impl Round {
     /// The scenario. With `another_way` the clock advances in smaller steps, and some actions are done and taken
     /// back: the result must not depend on this.
     pub fn text(&self, another_way: bool) -> String {
-        let mut text =
-            format!("// Drawn by lot: {}, {}, seed {}.\n\n", self.exercise.name, self.kind.name(), self.seed);
+        let mut text = format!(
+            "// Random scenario: {}, {}, seed {}.\n\n",
+            self.exercise.name,
+            self.kind.name(),
+            self.seed
+        );
         let _ = write!(text, "plant(`\n{}`);\n\n", self.plant());
         let slice_us = if another_way { self.slice_us } else { 0 };
         for (name, value) in self.setting.iter().copied().chain([("SLICE_US", slice_us.to_string().as_str())])

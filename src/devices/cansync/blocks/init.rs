@@ -87,7 +87,7 @@ impl Initialization {
             Step::Begin => {
                 (self.error, self.has_ended) = (0, false);
                 let restarted = command(cpu_control::RESTART).map(Step::Restarted);
-                base.tell_restart();
+                base.notify_restart();
                 restarted
             }
             Step::Restarted(_) if state == option_status::START_UP => {

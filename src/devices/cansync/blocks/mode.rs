@@ -110,7 +110,7 @@ impl Commands {
             Commands { restart: true, .. } => {
                 // A restart also resets the controller.
                 control.store(RESTART);
-                base.tell_restart();
+                base.notify_restart();
                 return;
             }
             Commands { take_over: true, .. } => Some(TAKE_OVER_INIT_DATA),
