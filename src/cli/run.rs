@@ -113,7 +113,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     // The first signal starts an orderly end; further signals have no effect.
     let _ = started.send(Box::new(move |signal| {
         if !core::mem::replace(&mut is_ending, true) {
-            interrupted.store(signal == SIGINT, Ordering::Relaxed);
+            interrupted.store(signal.number == SIGINT, Ordering::Relaxed);
             stop.stop();
         }
     }));

@@ -8,7 +8,8 @@ use crate::runtime::{Clock, Emulator, Options};
 use clap::ValueEnum;
 use core::num::NonZero;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
-use signal_hook::iterator::Signals;
+use signal_hook::iterator::SignalsInfo;
+use signal_hook::iterator::exfiltrator::WithRawSiginfo;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
@@ -171,11 +172,19 @@ impl<'a> InitialState<'a> {
     }
 }
 
+/// A signal that asks this process to end.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct TerminationSignal {
+    pub(crate) number: i32,
+    /// True if `commram stop` has sent the signal, which concerns the emulator only.
+    pub(crate) is_from_stop: bool,
+}
+
 /// Handler of a signal.
-pub(crate) type OnSignal = Box<dyn FnMut(i32) + Send>;
+pub(crate) type OnSignal = Box<dyn FnMut(TerminationSignal) + Send>;
 
 /// The termination signals, which no longer end this process.
-pub(crate) struct TerminationSignals(Signals);
+pub(crate) struct TerminationSignals(SignalsInfo<WithRawSiginfo>);
 
 impl TerminationSignals {
     /// Catches the termination signals.
@@ -183,21 +192,24 @@ impl TerminationSignals {
     /// # Errors
     /// The system refuses.
     pub(crate) fn take() -> Result<Self, CliError> {
-        let signals = Signals::new([SIGINT, SIGTERM, SIGHUP]);
+        let signals = SignalsInfo::new([SIGINT, SIGTERM, SIGHUP]);
         signals.map(Self).map_err(|reason| CliError::Signals { reason })
     }
 
     /// Sends signals to the handler that the started emulator provides. A signal that arrives earlier waits for the
     /// end of the start, unless the start hangs.
     fn pass_on(mut self, starting: &Receiver<OnSignal>) {
-        let mut pending = self.0.forever();
+        let mut pending = self.0.forever().map(|signal| TerminationSignal {
+            number: signal.si_signo,
+            is_from_stop: crate::memory::is_from_stop(&signal),
+        });
         let Some(first) = pending.next() else { return };
         match starting.recv_timeout(START_PATIENCE) {
             Ok(mut act) => {
                 act(first);
                 pending.for_each(act);
             }
-            Err(RecvTimeoutError::Timeout) => end_by(first),
+            Err(RecvTimeoutError::Timeout) => end_by(first.number),
             // The start has failed, and the process is about to end.
             Err(RecvTimeoutError::Disconnected) => {}
         }

@@ -4,6 +4,7 @@ use super::error::CliError;
 use super::instance::instance_name;
 use super::output;
 use super::start::{InitialState, OnSignal, Settings, TerminationSignals};
+use crate::runtime::StopHandle;
 use rustix::process::{Pid, PidfdFlags, Signal};
 use signal_hook::consts::SIGINT;
 use std::ffi::OsString;
@@ -27,7 +28,7 @@ const BY_SIGNAL: i32 = 128;
 /// Starts an emulator, runs the command when the emulator is ready, ends the emulator after the command, and
 /// returns the exit code of the command. The variable COMMRAM_INSTANCE contains the name of the emulator for the
 /// command and its child processes. Without -i the name is unique, so that several can run at once. Signals are
-/// passed on to the command.
+/// passed on to the command. `commram stop` ends only the emulator.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -66,7 +67,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let stop = emulator.stop_handle();
     // The emulator runs as long as the child; if the child cannot be started, the emulator ends at once.
     let child = command.spawn();
-    let passed = child.as_ref().map(pass_on);
+    let passed = child.as_ref().map(|child| pass_on(child, emulator.stop_handle()));
     if let Ok(Ok(pass_on)) = passed {
         let _ = started.send(pass_on);
     }
@@ -105,14 +106,17 @@ pub(crate) fn ended_like(status: ExitStatus) -> CliError {
     CliError::Ended { code: code.and_then(|code| u8::try_from(code).ok()).unwrap_or(u8::MAX) }
 }
 
-/// Passes signals on to a process by its pidfd. The terminal sends Ctrl-C to the command directly.
-fn pass_on(child: &Child) -> io::Result<OnSignal> {
+/// Passes signals on to a process by its pidfd. The terminal sends Ctrl-C to the command directly. The signal of
+/// `commram stop` ends only the emulator.
+fn pass_on(child: &Child, emulator: StopHandle) -> io::Result<OnSignal> {
     let number = i32::try_from(child.id()).ok().and_then(Pid::from_raw);
     let number = number.ok_or(io::ErrorKind::InvalidInput)?;
     let process = rustix::process::pidfd_open(number, PidfdFlags::empty())?;
     Ok(Box::new(move |signal| {
-        if let Some(named) = Signal::from_named_raw(signal)
-            && !(signal == SIGINT && is_ours_in_the_terminal())
+        if signal.is_from_stop {
+            emulator.stop();
+        } else if let Some(named) = Signal::from_named_raw(signal.number)
+            && !(signal.number == SIGINT && is_ours_in_the_terminal())
         {
             send(&process, named);
         }

@@ -8,11 +8,21 @@ use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::Errno;
 use rustix::process::{Pid, PidfdFlags, Signal};
 use std::fs::File;
-use std::os::fd::OwnedFd;
+use std::os::fd::{AsRawFd, OwnedFd};
 use std::time::Duration;
 
 /// How many times the kernel's table is read for a held lock: while other locks change, a reader may miss a line.
 const READS: usize = 3;
+/// Marks the SIGTERM of [`EmulatorProcess::terminate`]. The mark is in the field `si_errno`, which Linux passes on and does
+/// not use.
+const STOP_MARK: i32 = i32::from_be_bytes(*b"stop");
+
+/// True if [`EmulatorProcess::terminate`] has sent this signal: it then concerns the emulator, and no other part of its
+/// process.
+#[cfg(feature = "cli")]
+pub(crate) fn is_from_stop(signal: &libc::siginfo_t) -> bool {
+    (signal.si_signo, signal.si_code, signal.si_errno) == (libc::SIGTERM, libc::SI_QUEUE, STOP_MARK)
+}
 
 /// A living emulator of this user, as a process.
 #[derive(Debug)]
@@ -94,12 +104,21 @@ impl EmulatorProcess {
         Ok(stopped)
     }
 
-    /// Asks the process to end normally, by SIGTERM.
+    /// Asks the emulator to end normally, by a marked SIGTERM. `commram with` ends its emulator then; a SIGTERM without
+    /// the mark goes to its command.
     ///
     /// # Errors
     /// The system refuses.
     pub fn terminate(&self) -> Result<(), MemoryError> {
-        self.signal(Signal::TERM)
+        // SAFETY: zero is a valid value of every field of this structure.
+        let mut info: libc::siginfo_t = unsafe { core::mem::zeroed() };
+        (info.si_signo, info.si_code, info.si_errno) = (libc::SIGTERM, libc::SI_QUEUE, STOP_MARK);
+        let process = self.descriptor.as_raw_fd();
+        // SAFETY: the descriptor is open during the call, and the kernel only reads the structure.
+        let sent =
+            unsafe { libc::syscall(libc::SYS_pidfd_send_signal, process, libc::SIGTERM, &raw const info, 0) };
+        // A sandbox may refuse a signal with such fields.
+        if sent == 0 { Ok(()) } else { self.signal(Signal::TERM) }
     }
 
     fn signal(&self, signal: Signal) -> Result<(), MemoryError> {

@@ -49,6 +49,8 @@ pub use attach::{AttachMode, Attached, LockstepTask};
 pub use bell::Bell;
 pub use cell::{Cell8, Cell16, Cell32, Cell64, SharedRegs};
 pub use emulator_process::EmulatorProcess;
+#[cfg(feature = "cli")]
+pub(crate) use emulator_process::is_from_stop;
 pub use error::MemoryError;
 #[cfg(feature = "emulator")]
 pub use face::Face;

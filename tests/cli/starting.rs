@@ -6,6 +6,7 @@ use crate::common::{
 use std::io::{BufRead, BufReader};
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
+use std::time::Duration;
 
 /// An instance that a test starts in the background. Dropping this value ends it and removes its files.
 struct Background(String);
@@ -214,6 +215,37 @@ fn with_waits_for_its_command_although_the_emulator_was_ended() {
     let outcome = with(&[], "$COMMRAM stop -i $COMMRAM_INSTANCE && exit 7");
     assert_eq!(outcome.code, Some(7));
     assert!(outcome.err.contains("has ended before the command"), "{}", outcome.err);
+}
+
+/// A stop sends a signal to the process of `with` if the channel is damaged, or if other stops run at the same time.
+#[test]
+fn stops_of_every_kind_leave_the_command_of_with_alone() {
+    let without_channel = "sed -n 's|.* \\(/dev/shm/commram_.*[.]data\\)$|\\1|p' /proc/$PPID/maps | sort -u | \
+         while read file; do : >$file; done; $COMMRAM stop; sleep 0.2; exit 7";
+    let at_once =
+        "for n in 1 2 3 4 5; do $COMMRAM stop & stops=\"$stops $!\"; done; wait $stops; sleep 0.2; exit 7";
+    for script in [without_channel, at_once, at_once] {
+        let outcome = with(&["--clock", "stepped"], script);
+        assert_eq!(outcome.code, Some(7), "{script}: {outcome:?}");
+        assert!(outcome.err.contains("has ended before the command"), "{}", outcome.err);
+    }
+}
+
+#[test]
+fn the_signal_of_a_stop_ends_only_the_emulator_of_with() {
+    let name = unique_name();
+    let mut command = commram();
+    command.args(["with", "-i", &name, "--", "sh", "-c", "echo begins; read line; exit 7"]);
+    let mut child = command.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
+    let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
+    assert_eq!(lines.next().unwrap().unwrap(), "begins");
+    let emulator = commram::memory::RunningInstance::find(&name).unwrap().unwrap();
+    emulator.process().unwrap().terminate().unwrap();
+    while !emulator.has_ended() {
+        emulator.wait(Duration::from_millis(10));
+    }
+    drop(child.stdin.take());
+    assert_eq!(wait_for(&mut child, "with").code(), Some(7));
 }
 
 /// Each PLC uses several files. The emulator requests the maximum that is allowed, and reports an error if that is
