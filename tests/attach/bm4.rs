@@ -346,7 +346,7 @@ fn programs_in_lockstep_meet_or_miss_the_deadlines_of_this_device() {
 }
 
 #[test]
-fn a_program_that_was_killed_comes_back_with_both_its_modules() {
+fn a_killed_program_restarts_with_both_its_modules() {
     let (emulator, _plant) = start(&["--clock", "stepped"]);
     let top = Plc::start(&emulator, "top", [100, 100]);
     let maxx = Plc::start(&emulator, "maxx", [100, 400]);

@@ -251,7 +251,7 @@ fn the_map_of_an_instance_shows_the_fitted_modules() {
 
 /// Each mistake that a plant file can make with this device is named, and no emulator starts.
 #[test]
-fn plant_files_are_refused_where_they_are_wrong() {
+fn plant_file_errors_name_the_wrong_line() {
     let directory = tempfile::tempdir().unwrap();
     let refused = |text: &str| {
         let path = plant_file(directory.path(), text);

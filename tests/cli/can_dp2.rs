@@ -53,7 +53,7 @@ fn wireshark_shows_an_interface_with_its_frames_for_each_bus() {
 }
 
 #[test]
-fn its_demonstration_commissions_it_and_exchanges_data() {
+fn the_demonstration_commissions_the_gateway_and_exchanges_data() {
     let demo = run(&["demo", "--device", "can-dp2"]);
     for line in [
         "gw     is answered 02 05 00 FF 04 A4",

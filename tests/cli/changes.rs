@@ -120,7 +120,7 @@ fn watching_shows_changes_with_their_time_and_ends_with_the_emulator() {
 }
 
 #[test]
-fn watching_ends_after_as_many_changes_as_wanted() {
+fn watching_ends_after_the_requested_number_of_changes() {
     let emulator = Emulator::stepped();
     let mut watcher = Follower::start(&emulator, "watch", &["--count", "1", "--format", "jsonl"]);
     watcher.note();
@@ -150,7 +150,7 @@ fn a_handshake_is_two_changes_however_quickly_the_answer_comes() {
 }
 
 #[test]
-fn registers_have_the_names_that_they_had_when_they_changed() {
+fn changes_have_the_register_names_of_their_time() {
     let emulator = Emulator::stepped();
     let mut watcher = Follower::start(&emulator, "watch", &["node2"]);
     watcher.note();
@@ -164,7 +164,7 @@ fn registers_have_the_names_that_they_had_when_they_changed() {
 }
 
 #[test]
-fn watching_leaves_the_journal_as_it_is() {
+fn watching_does_not_change_the_journal() {
     let journal = |watched: bool| {
         let emulator = Emulator::stepped();
         let watcher = watched.then(|| {

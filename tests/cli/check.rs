@@ -11,7 +11,7 @@ fn check(emulator: &Emulator, args: &[&str], code: i32) -> String {
 }
 
 #[test]
-fn a_program_that_does_nothing_wrong_passes() {
+fn a_program_without_violations_passes() {
     let emulator = Emulator::stepped();
     emulator.poke(&["node2.w_CPU_CONTROL=16#0001"]);
     emulator.step(&["1ms"]);
@@ -21,7 +21,7 @@ fn a_program_that_does_nothing_wrong_passes() {
 }
 
 #[test]
-fn an_error_fails_with_all_that_is_known_about_it() {
+fn an_error_fails_with_all_its_details() {
     let emulator = Emulator::stepped();
     emulator.breaks(&["owner"]);
     emulator.step(&["2ms"]);

@@ -26,7 +26,7 @@ fn registers_are_completed_area_by_area_and_index_by_index() {
 }
 
 #[test]
-fn values_are_completed_by_their_names_however_the_shell_breaks_words() {
+fn values_are_completed_by_name_with_any_word_breaks() {
     assert_eq!(completed(&["poke", "node2.w_CPU_CONTROL=rest"]), ["node2.w_CPU_CONTROL=restart"]);
     assert_eq!(completed(&["poke", "node2.w_CPU_CONTROL", "=", "rest"]), ["restart"]);
     let names = completed(&["poke", "node2.w_CPU_CONTROL", "="]);
@@ -67,7 +67,7 @@ fn running_instances_their_plcs_and_buses_are_completed() {
 }
 
 #[test]
-fn scenarios_and_plants_are_looked_for() {
+fn scenario_and_plant_files_are_completed() {
     let scenarios = completed(&["test", "tests/scenarios/01"]);
     assert_eq!(scenarios, ["tests/scenarios/01-start-of-the-master.rhai"]);
     assert!(completed(&["run", "tools/plants/cs"]).contains(&"tools/plants/cs0015.toml".to_owned()));

@@ -74,7 +74,7 @@ fn the_checker_judges_a_write_of_the_current_value() {
 }
 
 #[test]
-fn canopen_is_its_master() {
+fn canopen_is_the_master_of_a_cs0015() {
     let Some(emulator) = canopen("check_cs0015.py", "cs0015", PLANT) else { return };
     let parameters = emulator.peek(&["panel:parameters.b_NODE_ID", "panel:flags.NODEID"]);
     assert_eq!(parameters, "16#05 16#05");
@@ -193,7 +193,7 @@ fn retained_data_is_stored_in_a_file() {
 }
 
 #[test]
-fn its_demonstration_shows_start_pdos_and_a_guarding_failure() {
+fn the_demonstration_shows_start_pdos_and_a_guarding_failure() {
     let demo = run(&["demo", "--device", "cs0015"]);
     for line in [
         "panel  finds flags.NODEID (%MB7970) = 16#05",

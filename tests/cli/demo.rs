@@ -128,7 +128,7 @@ fn shows_every_handshake(arguments: &[&str], area: &str) -> String {
 }
 
 #[test]
-fn it_shows_every_handshake_and_ends_with_a_dump() {
+fn the_demonstration_shows_every_handshake_and_ends_with_a_dump() {
     let out = shows_every_handshake(&[], "node2");
     for text in [
         "\nStart (manual 5.00005.03a p. 149-150)\n",
@@ -142,7 +142,7 @@ fn it_shows_every_handshake_and_ends_with_a_dump() {
 
 /// At 1 Mbit/s an interval is a millisecond long.
 #[test]
-fn it_shows_another_device_at_its_own_rate() {
+fn the_demonstration_shows_another_device_at_its_bit_rate() {
     let out = shows_every_handshake(&["--device", "bm4-plc"], "slotG");
     for text in [
         "\nStart (manual 5.02066.01a p. 49-50)\n",
@@ -208,7 +208,7 @@ fn a_killed_demonstration_leaves_no_files() {
 }
 
 #[test]
-fn a_reader_that_has_enough_is_no_error() {
+fn a_closed_output_of_the_demonstration_is_no_error() {
     let mut child = commram().arg("demo").stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
     let mut line = String::new();
     BufReader::new(child.stdout.take().unwrap()).read_line(&mut line).unwrap();

@@ -1,4 +1,4 @@
-//! Doors of a running emulator: foreign programs at its buses, over sockets and terminals.
+//! Doors of a running emulator: external programs at its buses, over sockets and terminals.
 
 mod turns;
 
@@ -362,7 +362,7 @@ fn a_terminal_is_a_door_too() {
 }
 
 #[test]
-fn python_can_and_canopen_come_in() {
+fn python_can_and_canopen_connect_to_a_door() {
     let Some(mut command) = python(&["can", "canopen", "serial"]) else { return };
     let emulator = start(OPEN, &[]);
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/python/check_can.py");

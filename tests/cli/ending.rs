@@ -369,7 +369,7 @@ fn a_process_that_a_damaged_file_names_is_not_signalled() {
 
 /// Several clients remove the files of a killed emulator together.
 #[test]
-fn many_that_clean_at_once_do_not_end_each_other() {
+fn many_cleaning_clients_do_not_end_each_other() {
     for _ in 0..3 {
         let mut emulator = Emulator::stepped();
         emulator.kill();

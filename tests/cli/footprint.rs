@@ -67,7 +67,7 @@ fn an_emulator_stays_small_and_does_not_grow() {
 /// Compares PLCs with full buses to an empty PLC. docs/internals/promises.md has the limits for a PLC and for a
 /// drive, without the image.
 #[test]
-fn a_plc_and_a_drive_more_take_little() {
+fn one_more_plc_or_drive_takes_little_memory() {
     const PLCS: u64 = 8;
     const DRIVES: u64 = 32;
     let plant = |plcs: u64, drives: u64| {

@@ -43,7 +43,7 @@ fn filled(bytes: usize, head: &str, item: impl Fn(usize) -> String, tail: &str) 
 
 /// The mistake is at the end, so that all other parts are read before it.
 #[test]
-fn plants_are_refused_in_their_time() {
+fn plants_are_refused_within_the_promised_time() {
     let files = Files::new();
     let wrong = "[[fault]]\nkind = 'none'\n";
     let (plc, most) = ("[[plc]]\nname = 'p'\n", 8 * MIB);
@@ -78,7 +78,7 @@ fn plants_are_refused_in_their_time() {
 
 /// A script is compiled completely before it runs.
 #[test]
-fn scripts_are_compiled_or_refused_in_their_time() {
+fn scripts_are_compiled_or_refused_within_the_promised_time() {
     let files = Files::new();
     let most = MIB / 16;
     for (name, text, code) in [
@@ -101,7 +101,7 @@ fn scripts_are_compiled_or_refused_in_their_time() {
 }
 
 #[test]
-fn logs_and_dumps_are_accepted_or_refused_in_their_time() {
+fn logs_and_dumps_are_accepted_or_refused_within_the_promised_time() {
     let files = Files::new();
     let frame = |n| format!("({:010}.{:06}) can0 123#0011223344556677\n", n / 1000, n % 1000);
     files.write("log", &filled(64 * MIB, "", frame, "no frame\n"));
@@ -120,7 +120,7 @@ fn logs_and_dumps_are_accepted_or_refused_in_their_time() {
 
 /// The pipe never has a writer, so it is read as an empty file.
 #[test]
-fn pipes_without_a_writer_are_no_reason_to_wait() {
+fn pipes_without_a_writer_do_not_block_a_command() {
     let (files, name) = (Files::new(), unique_name());
     let pipe = files.0.path().join("pipe");
     rustix::fs::mkfifoat(rustix::fs::CWD, pipe, rustix::fs::Mode::RUSR).unwrap();
@@ -140,7 +140,7 @@ fn pipes_without_a_writer_are_no_reason_to_wait() {
 }
 
 #[test]
-fn declarations_are_refused_in_their_time() {
+fn declarations_are_refused_within_the_promised_time() {
     let files = Files::new();
     let most = 4 * MIB;
     let (layout, end) = (concat!(env!("CARGO_MANIFEST_DIR"), "/layouts/bm4-plc"), "END_TYPE\n");
@@ -167,7 +167,7 @@ fn declarations_are_refused_in_their_time() {
 
 /// A pipe without a writer, a device without an end, a file of the maximum length and a file that is longer.
 #[test]
-fn layouts_are_accepted_or_refused_in_their_time() {
+fn layouts_are_accepted_or_refused_within_the_promised_time() {
     let files = Files::new();
     let layout = files.0.path().join("layout");
     std::fs::create_dir(&layout).unwrap();
@@ -200,7 +200,7 @@ fn layouts_are_accepted_or_refused_in_their_time() {
 
 /// The content follows a valid head and has the maximum readable length.
 #[test]
-fn snapshots_are_refused_in_their_time() {
+fn snapshots_are_refused_within_the_promised_time() {
     let files = Files::new();
     let right = {
         let emulator = crate::common::Emulator::stepped();

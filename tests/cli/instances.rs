@@ -42,7 +42,7 @@ fn run_says_in_one_line_when_it_is_ready() {
 }
 
 #[test]
-fn signals_end_it_in_good_order_and_nothing_stays() {
+fn signals_end_the_emulator_in_good_order_without_remaining_files() {
     for (signal, code) in [("-TERM", 0), ("-INT", 130), ("-HUP", 0)] {
         for clock in ["stepped", "realtime"] {
             let mut emulator = Emulator::start(&["--clock", clock]);
@@ -56,7 +56,7 @@ fn signals_end_it_in_good_order_and_nothing_stays() {
 }
 
 #[test]
-fn stop_ends_it_and_waits_until_it_has_cleaned_up() {
+fn stop_waits_until_the_emulator_has_cleaned_up() {
     let mut emulator = Emulator::stepped();
     let outcome = emulator.run("stop", &[]);
     let image = format!("/dev/shm/commram.{}.line", emulator.name);
@@ -105,7 +105,7 @@ fn two_clients_at_once_are_both_served() {
 }
 
 #[test]
-fn stop_with_clean_also_ends_a_living_one() {
+fn stop_with_clean_also_ends_a_running_emulator() {
     let mut emulator = Emulator::stepped();
     emulator.run("stop", &["--clean"]).ok();
     assert_eq!(emulator.wait().code(), Some(0));
@@ -162,13 +162,13 @@ fn the_error_for_a_missing_instance_lists_the_running_ones() {
 }
 
 #[test]
-fn all_and_one_cannot_be_meant_at_once() {
+fn all_and_one_instance_exclude_each_other() {
     let outcome = run(&["stop", "--all", "-i", &unique_name()]);
     assert!(outcome.fails(2).contains("leave out either this or --all"), "{}", outcome.err);
 }
 
 #[test]
-fn names_that_cannot_be_are_wrong_use() {
+fn invalid_names_are_wrong_use() {
     for name in ["a.b", "a/b", "", "way-too-long-for-the-name-of-an-instance"] {
         let outcome = run(&["peek", "node2.w_CPU_CONTROL", "-i", name]);
         assert!(outcome.fails(2).contains("1 to 31 characters of A-Z a-z 0-9 _ -"), "{}", outcome.err);
@@ -280,7 +280,7 @@ fn a_restart_removes_dead_images_of_plcs_that_it_does_not_have() {
 }
 
 #[test]
-fn plant_files_that_cannot_be_are_wrong_use() {
+fn invalid_plant_files_are_wrong_use() {
     let outcome = run(&["run", "/nowhere/plant.toml", "-i", &unique_name()]);
     assert!(outcome.fails(2).contains("/nowhere/plant.toml"), "{}", outcome.err);
     let bad = plant("[[plc]]\nname = 'a b'\n");
@@ -291,7 +291,7 @@ fn plant_files_that_cannot_be_are_wrong_use() {
 }
 
 #[test]
-fn speeds_that_cannot_be_are_wrong_use() {
+fn invalid_speeds_are_wrong_use() {
     let name = unique_name();
     let fails = |args: &[&str]| run(&[&["run", "-i", &name], args].concat()).fails(2).to_owned();
     assert!(fails(&["--speed", "0"]).contains("0.001 to 1000"));
@@ -320,7 +320,7 @@ fn a_foreign_file_with_the_name_of_the_image_is_kept() {
 }
 
 #[test]
-fn busy_polling_answers_too() {
+fn busy_polling_serves_clients() {
     let emulator = Emulator::start(&["--busy"]);
     emulator.poke(&["node2.w_CPU_CONTROL=1"]);
     emulator.run("wait", &["node2.w_OPTION_STATUS==2", "--within", "10s"]).ok();

@@ -196,7 +196,7 @@ fn help_has_examples_and_no_colours() {
 }
 
 #[test]
-fn the_command_line_is_refused_like_everything_else() {
+fn command_line_errors_have_the_common_format() {
     let none = run(&[]);
     assert_eq!((none.code, none.out.as_str()), (Some(2), ""));
     assert!(none.err.contains("Usage: commram [OPTIONS] <COMMAND>"), "{}", none.err);
@@ -234,7 +234,7 @@ fn an_output_that_cannot_be_written_has_its_exit_code() {
 
 /// A file size limit of one kilobyte simulates a full disk.
 #[test]
-fn a_full_disk_takes_nothing_away() {
+fn a_full_disk_keeps_the_old_files() {
     let directory = tempfile::tempdir().unwrap();
     let outputs = [("export c --output", "a.h"), ("test one.rhai --junit", "a.xml")];
     let script = format!("print(\"{}\");", "long ".repeat(1_000));

@@ -66,7 +66,7 @@ fn a_link_in_the_directorys_place_is_refused() {
     std::fs::remove_file(&directory).unwrap();
     assert!(outcome.fails(1).contains("is a symbolic link"), "{}", outcome.err);
     assert_eq!(std::fs::read_dir(own.path()).unwrap().count(), 0);
-    // The owner's own link is not followed either.
+    // A link of the owner is not followed either.
     symlink(own.path(), &directory).unwrap();
     let outcome = run(&["run", "-i", &name]);
     std::fs::remove_file(&directory).unwrap();

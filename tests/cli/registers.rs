@@ -34,7 +34,7 @@ fn a_reference_value_comes_back_as_actual_value_of_a_drive() {
 }
 
 #[test]
-fn the_same_walk_takes_the_same_emulated_time_each_time() {
+fn the_same_start_sequence_takes_the_same_emulated_time() {
     let time = || {
         let emulator = Emulator::stepped();
         set_up(&emulator);
@@ -165,7 +165,7 @@ fn one_invalid_poke_prevents_all_pokes() {
 }
 
 #[test]
-fn time_passes_on_request_only() {
+fn time_advances_only_on_request() {
     let emulator = Emulator::stepped();
     assert_eq!(emulator.step(&["2ms"]), "0.002000 s");
     assert_eq!(emulator.step(&["500us"]), "0.002500 s");
@@ -332,7 +332,7 @@ fn a_step_beyond_a_day_is_refused() {
 }
 
 #[test]
-fn more_pokes_than_one_message_takes_are_refused() {
+fn pokes_beyond_the_message_size_are_refused() {
     let emulator = Emulator::stepped();
     let writes = vec!["%MB3.1000000=1"; 257];
     assert!(emulator.run("poke", &writes).fails(2).contains("at most 256"));

@@ -298,7 +298,7 @@ fn long_texts_of_a_script_are_cut() {
 }
 
 #[test]
-fn definitions_for_editors_are_written_where_they_look_for_them() {
+fn definitions_for_editors_are_written_to_the_expected_path() {
     let scripts = Scripts::new(&[]);
     assert_eq!(scripts.run(&["--definitions"]).ok(), ".rhai/definitions/commram.d.rhai\n");
     assert!(

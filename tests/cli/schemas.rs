@@ -38,7 +38,7 @@ fn assert_told_apart(schema: &[&str], files: &[PathBuf], broken: &[&str]) {
 }
 
 #[test]
-fn the_schema_takes_every_plant_of_the_repository_and_refuses_broken_ones() {
+fn the_schema_accepts_every_plant_of_the_repository_and_refuses_invalid_ones() {
     let directory = TempDir::new().unwrap();
     let single = ["src/plant/built_in.toml", "tools/examples/plant.toml", "tests/scenarios/common/pair.toml"];
     let mut plants: Vec<PathBuf> = single.map(|path| root().join(path)).to_vec();
@@ -69,7 +69,7 @@ fn the_schema_takes_every_plant_of_the_repository_and_refuses_broken_ones() {
 }
 
 #[test]
-fn the_schema_takes_every_layout_of_the_repository_and_refuses_broken_ones() {
+fn the_schema_accepts_every_layout_of_the_repository_and_refuses_invalid_ones() {
     let layouts = root().join("layouts").read_dir().unwrap().map(|entry| entry.unwrap().file_name());
     let files: Vec<_> =
         layouts.flat_map(|name| in_directory(&format!("layouts/{}", name.to_str().unwrap()))).collect();

@@ -251,7 +251,7 @@ fn the_signal_of_a_stop_ends_only_the_emulator_of_with() {
 /// Each PLC uses several files. The emulator requests the maximum that is allowed, and reports an error if that is
 /// not enough.
 #[test]
-fn more_plcs_than_there_may_be_open_files_are_refused_by_number() {
+fn too_many_plcs_for_the_open_file_limit_are_refused() {
     let instance = Background::new();
     let directory = tempfile::tempdir().unwrap();
     let plant = directory.path().join("plant.toml");

@@ -239,7 +239,7 @@ fn output_of(command: &mut Command) -> String {
 }
 
 #[test]
-fn candump_lines_are_as_the_original_writes_them() {
+fn candump_lines_match_those_of_the_original() {
     let emulator = in_operation();
     let (file, frames) = candump_file(&emulator);
     let text = fs::read_to_string(&file).unwrap();
@@ -360,7 +360,7 @@ fn following_frames_can_be_piped_into_the_tools() {
 }
 
 #[test]
-fn waveforms_have_registers_frames_and_sync_for_a_reader_that_is_not_ours() {
+fn an_external_reader_finds_registers_frames_and_sync_in_waveforms() {
     let emulator = in_operation();
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("run.vcd");

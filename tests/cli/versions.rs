@@ -77,7 +77,7 @@ fn commands_refuse_an_emulator_with_unknown_registers() {
 }
 
 #[test]
-fn list_names_the_version_of_an_emulator_that_has_another() {
+fn list_shows_the_different_version_of_an_emulator() {
     let emulator = Emulator::stepped();
     write(&image(&emulator), VERSION, &(ABI_VERSION + 1).to_le_bytes());
     let listed = run(&["list"]);

@@ -101,7 +101,7 @@ fn the_page_for_gitlab_works_as_printed() {
 }
 
 #[test]
-fn the_servers_take_their_files() {
+fn the_servers_accept_their_files() {
     let directory = repository();
     for (name, schema) in [
         (".github/workflows/scenarios.yml", "vendor.github-workflows"),

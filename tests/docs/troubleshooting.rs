@@ -1,4 +1,4 @@
-//! The troubleshooting page prints each message exactly as the source has it.
+//! The troubleshooting page prints each message exactly as in the source.
 
 use std::path::{Path, PathBuf};
 

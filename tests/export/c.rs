@@ -48,7 +48,7 @@ a_RD_BMARRAY[1][0] = 4711
 }
 
 #[test]
-fn a_cpp_program_does_the_same() {
+fn a_cpp_program_brings_up_a_master() {
     if !is_there("c++") {
         return;
     }

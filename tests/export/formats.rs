@@ -247,7 +247,7 @@ fn wrong_use_is_explained() {
 
 /// `tests/cli/cs0015.rs` tests the programs that read the data sheet.
 #[test]
-fn a_data_sheet_has_the_object_dictionary_of_a_device_that_has_one() {
+fn a_data_sheet_contains_the_devices_object_dictionary() {
     let export = run(&["export", "eds", "--device", "cs0015"]);
     for section in [
         "[1800sub1]\n; CAN identifier of transmit PDO 1; bit 31 = 0: valid (p. 160)\nParameterName=COB ID\nObjectType=0x7\n\
@@ -269,7 +269,7 @@ fn a_data_sheet_has_the_object_dictionary_of_a_device_that_has_one() {
 
 /// `tools.rs` tests the programs that read the description file.
 #[test]
-fn a_device_description_file_is_of_a_slave() {
+fn only_a_slave_has_a_device_description_file() {
     let export = run(&["export", "gsd", "--device", "can-dp2"]);
     for part in [
         "\n#Profibus_DP\nGSD_Revision=1\n",

@@ -39,7 +39,7 @@ def test_events_wake_a_listener(stepped):
         assert ram.header("events[0].bell.word") == 9
 
 
-def test_what_cannot_be_done_is_an_error(stepped):
+def test_impossible_operations_are_errors(stepped):
     with Channel(stepped.name) as channel:
         heads = channel.request(
             WireOp(kind=PEEK, offset=STATUS, width=2),

@@ -58,7 +58,7 @@ def test_reads_and_writes_are_those_of_the_registers(stepped):
             ram["node2.b_CTRLREG_WRC1"] = 256
 
 
-def test_what_is_no_integer_is_refused(stepped):
+def test_a_value_that_is_no_integer_is_refused(stepped):
     with stepped.attach() as ram:
         for wrong in (1.7, 1.0, True, None, b"1"):
             with pytest.raises(TypeError):
@@ -72,7 +72,7 @@ def test_what_is_no_integer_is_refused(stepped):
         assert ram["node2.b_BT_0"] == 1
 
 
-def test_values_read_as_the_program_explains_them(stepped):
+def test_values_have_the_explanations_of_the_program(stepped):
     places = {
         "node2.w_OPTION_STATUS": (0x0043, 0x0044, 0x0080),
         "node2.w_CPU_CONTROL": (0x0020, 0x00C0, 0x0041),
@@ -114,7 +114,7 @@ def test_a_reader_cannot_write(stepped):
             ram["node2.w_CPU_CONTROL"] = 1
 
 
-def test_a_wait_ends_and_says_what_it_found(stepped):
+def test_a_wait_ends_and_reports_the_value(stepped):
     with stepped.attach() as ram:
         with pytest.raises(commram.Timeout, match=r"%MW3\.200002.*16#0002.*16#0001: start-up"):
             ram.wait("node2.w_OPTION_STATUS", 0x0002, timeout=0.01)
@@ -131,7 +131,7 @@ def test_a_killed_emulator_is_noticed(stepped):
 
 
 @pytest.mark.skipif(hasattr(commram, "Emulator"), reason="the package maps nothing but images of instances")
-def test_what_is_wrong_with_an_image_is_told(stepped, tmp_path):
+def test_an_invalid_image_is_refused_with_its_mistake(stepped, tmp_path):
     path = str(tmp_path / "image")
 
     def refused(why, at=None, length=None):

@@ -106,7 +106,7 @@ fn reports_of_shards_merge_to_the_report_of_a_single_run() {
 }
 
 #[test]
-fn a_scenario_that_expects_nothing_has_failed_unless_that_is_allowed() {
+fn a_scenario_without_expectations_fails_unless_allowed() {
     let scripts = Scripts::new(&[
         ("empty.rhai", ""),
         ("steps.rhai", "poke(\"node2.w_CPU_CONTROL\", 1); step(\"1ms\");"),
