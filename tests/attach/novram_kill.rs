@@ -15,7 +15,7 @@ const LONGEST_US: u64 = 30_000;
 const SHORT: Duration = Duration::from_millis(5);
 /// Retain flags that are stored together with the address, each a word.
 const FLAGS: u32 = 64;
-/// The two ways to choose a private address; with DIP number 0 they are equivalent.
+/// The two ways to select a user-defined address; with DIP number 0 they are equivalent.
 const CHOICES: [u32; 2] = [0x1234_5678, 0x1234_5600];
 
 fn attach(emulator: &Emulator) -> Attached {

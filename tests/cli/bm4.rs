@@ -56,7 +56,7 @@ fn start() -> Emulator {
     Emulator::start(&[&plant_file(directory.path(), PLANT), "--clock", "stepped"])
 }
 
-/// Starts one b maXX PLC with a master. The command line may omit the names of both.
+/// Starts one b maXX PLC with a master. Commands may omit the PLC's name.
 fn start_alone() -> Emulator {
     let directory = tempfile::tempdir().unwrap();
     let module = "[[device.module]]\nslot = 'G'\nkind = 'can-06'\nbus = 'b'\n";
@@ -166,7 +166,7 @@ fn a_register_has_many_names() {
         assert_eq!(emulator.peek(&[name]), "16#0002", "{name}");
         emulator.run("wait", &[&format!("{name}==2"), "--within", "0us"]).ok();
     }
-    // The module is running, so registers that depend on it are known.
+    // The slot has a module, so the registers that depend on its type are known.
     assert_eq!(emulator.peek(&["maxx:slotG.b_STATREG_RDC1", "maxx:slotH.b_STATREG_RDC1"]), "16#00 16#00");
     let outcome = emulator.run("peek", &["maxx:slotG.b_STATREG_RDC1", "--format", "json"]);
     assert!(outcome.ok().contains("%MB3.2001977"), "{}", outcome.out);

@@ -594,7 +594,7 @@ fn guests_leave_descriptors_to_the_channel_and_enter_when_some_are_free() {
     drop(guests);
     let answer = waiting.0.read(&mut [0]).map_err(|error| error.kind());
     assert!(matches!(answer, Ok(_) | Err(ErrorKind::ConnectionReset)), "an answer, or the end: {answer:?}");
-    // Only root may raise the limit of a process again.
+    // Only root may raise the hard limit of a process again.
     if limit_descriptors(&emulator, 1024) {
         assert!(eventually(|| is_answered(port, "V\r")));
     }

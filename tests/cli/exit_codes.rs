@@ -139,7 +139,7 @@ fn continuous_commands_exit_with_130_on_ctrl_c() {
     }
 }
 
-/// Results from before the output was closed are not printed. A closed reader is no failure.
+/// Unprinted results are lost when the reader closes the pipe, but the command does not fail.
 #[test]
 fn a_closed_reader_is_no_error() {
     let script = format!("'{}' map --all | head -1", env!("CARGO_BIN_EXE_commram"));

@@ -29,7 +29,7 @@ fn every_device_is_exported_in_every_format() {
     for device in DEVICES {
         for format in FORMATS {
             let export = run(&["export", format, "--device", device]);
-            // Names that only this device has.
+            // For each device a name that no other device has.
             let names = match format {
                 "svd" => [
                     "CANsync_INIT_MA",
