@@ -16,7 +16,7 @@ fn in_directory(directory: &str) -> Vec<PathBuf> {
 }
 
 /// Fails unless the schema accepts all files and none of the `broken` texts.
-fn assert_told_apart(schema: &[&str], files: &[PathBuf], broken: &[&str]) {
+fn assert_schema_separates(schema: &[&str], files: &[PathBuf], broken: &[&str]) {
     let Some(mut validator) = python(&["check_jsonschema"]) else { return };
     let directory = TempDir::new().unwrap();
     let at = |name: &str| directory.path().join(name);
@@ -65,7 +65,7 @@ fn the_schema_accepts_every_plant_of_the_repository_and_refuses_invalid_ones() {
         "[[fault]]\nkind = \"lose_everything\"\n",
         "[[fault]]\nkind = \"lose_frame\"\nslots = \"WRC1\"\n",
     ];
-    assert_told_apart(&["plant", "schema"], &plants, &broken);
+    assert_schema_separates(&["plant", "schema"], &plants, &broken);
 }
 
 #[test]
@@ -82,5 +82,5 @@ fn the_schema_accepts_every_layout_of_the_repository_and_refuses_invalid_ones() 
         &part.replace("value = ", "values = "),
         &format!("{part}source = \"guessed\"\n"),
     ];
-    assert_told_apart(&["layout", "schema"], &files, &broken);
+    assert_schema_separates(&["layout", "schema"], &files, &broken);
 }

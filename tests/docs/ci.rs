@@ -7,7 +7,7 @@ use std::process::Command;
 use tempfile::TempDir;
 
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
-/// Programs of the servers that are not tested here: `cargo install` would build commram again. The stand-in checks
+/// Programs of the servers that are not tested here: `cargo install` would build commram again. The stub checks
 /// the path of commram's sources and installs the existing build.
 const SERVER: [(&str, &str); 3] = [
     ("rustup", "exit 0"),

@@ -1,6 +1,6 @@
 //! The exported matiec glue and the program around it, with a program in the form that matiec generates.
 //!
-//! matiec itself is in no package registry. `tests/matiec` therefore has its output for one program, and stand-ins
+//! matiec itself is in no package registry. `tests/matiec` therefore has its output for one program, and stubs
 //! for the two files of its runtime library that such a program includes. If `COMMRAM_MATIEC` names a directory with
 //! `iec2c` and `lib`, matiec compiles `program.st`, too.
 
@@ -21,7 +21,7 @@ pub(crate) fn exported(directory: &Path) {
     run(&["export", "matiec", "--main", "--output", &path("main.c")]).ok();
 }
 
-/// Exports the glue and copies the stand-ins beside it.
+/// Exports the glue and copies the stubs beside it.
 fn prepare(directory: &Path) {
     exported(directory);
     for name in ["accessor.h", "iec_std_lib.h", "iec_types.h", "POUS.h", "config.c", "LOCATED_VARIABLES.h"] {
@@ -39,7 +39,7 @@ fn compile(directory: &Path, flags: &[&str], sources: &[&str]) -> Outcome {
     finish(&mut command)
 }
 
-/// Builds the stand-in as a program.
+/// Builds the stub as a program.
 fn built(directory: &Path) -> PathBuf {
     prepare(directory);
     filter(directory);

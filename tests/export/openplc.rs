@@ -15,7 +15,7 @@ use std::process::{Child, Command, Stdio};
 
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 
-/// Copies the stand-ins and the exports to the paths of OpenPLC's files, and registers the header as
+/// Copies the stubs and the exports to the paths of OpenPLC's files, and registers the header as
 /// `docs/guide/plc-programs.md` describes.
 fn prepare(core: &Path) {
     let library = core.join("lib");

@@ -1,4 +1,4 @@
-/* Stand-in for the file of this name in matiec's runtime library: the parts that this test's program needs. */
+/* Stub for the file of this name in matiec's runtime library: the parts that this test's program needs. */
 #ifndef ACCESSOR_H
 #define ACCESSOR_H
 

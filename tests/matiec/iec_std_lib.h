@@ -1,5 +1,5 @@
 /*
- * Stand-in for the file of this name in matiec's runtime library: the parts that this test's program uses. Its macros
+ * Stub for the file of this name in matiec's runtime library: the parts that this test's program uses. Its macros
  * have the names of the library.
  */
 #ifndef IEC_STD_LIB_H

@@ -1,4 +1,4 @@
-/* Stand-in for the file of this name in matiec's runtime library. */
+/* Stub for the file of this name in matiec's runtime library. */
 #ifndef IEC_TYPES_H
 #define IEC_TYPES_H
 #include <stdint.h>

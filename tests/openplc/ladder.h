@@ -1,4 +1,4 @@
-/* Stand-in for the file of this name in OpenPLC: what its main program and a hardware layer know of each other. */
+/* Stub for the file of this name in OpenPLC: what its main program and a hardware layer know of each other. */
 #include <pthread.h>
 #include <stdint.h>
 

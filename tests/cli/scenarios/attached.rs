@@ -131,9 +131,9 @@ fn a_scenario_reports_verbs_that_an_instance_does_not_support() {
     assert_eq!(fails.code, Some(1));
     assert!(fails.out.contains("is 16#0001, not 16#0009"), "{}", fails.out);
     assert_eq!(on("sync.rhai", &emulator.name).code, Some(1));
-    let nobody = unique_name();
-    assert!(on("fails.rhai", &nobody).fails(3).contains("is not running"));
-    let both = scripts.run(&["fails.rhai", "--attach", &nobody, "--jobs", "2"]);
+    let absent = unique_name();
+    assert!(on("fails.rhai", &absent).fails(3).contains("is not running"));
+    let both = scripts.run(&["fails.rhai", "--attach", &absent, "--jobs", "2"]);
     assert!(both.fails(2).contains("cannot be used with"));
 }
 

@@ -15,49 +15,49 @@ pub(crate) fn of(item: &Item) -> Item {
     let mut item = item.clone();
     match &mut item {
         Item::Const(it) => {
-            keep_told(&mut it.attrs);
+            keep_visible_attributes(&mut it.attrs);
             if !is_plain(&it.expr) {
                 *it.expr = unknown();
             }
         }
         Item::Static(it) => {
-            keep_told(&mut it.attrs);
+            keep_visible_attributes(&mut it.attrs);
             *it.expr = unknown();
         }
         Item::Fn(it) => {
-            keep_told(&mut it.attrs);
+            keep_visible_attributes(&mut it.attrs);
             *it.block = nothing();
         }
         Item::Struct(it) => {
-            keep_told(&mut it.attrs);
+            keep_visible_attributes(&mut it.attrs);
             if strip_fields(&mut it.fields, false) {
                 it.attrs.extend(Attribute::parse_outer.parse_str("#[with_private_fields]").unwrap());
             }
         }
         Item::Union(it) => {
-            keep_told(&mut it.attrs);
-            it.fields.named.iter_mut().for_each(|field| keep_told(&mut field.attrs));
+            keep_visible_attributes(&mut it.attrs);
+            it.fields.named.iter_mut().for_each(|field| keep_visible_attributes(&mut field.attrs));
         }
         Item::Enum(it) => {
-            keep_told(&mut it.attrs);
+            keep_visible_attributes(&mut it.attrs);
             for variant in &mut it.variants {
-                keep_told(&mut variant.attrs);
+                keep_visible_attributes(&mut variant.attrs);
                 strip_fields(&mut variant.fields, true);
             }
         }
         Item::Trait(it) => {
-            keep_told(&mut it.attrs);
+            keep_visible_attributes(&mut it.attrs);
             for part in &mut it.items {
                 strip_trait_item(part);
             }
         }
         Item::Mod(it) => {
-            keep_told(&mut it.attrs);
+            keep_visible_attributes(&mut it.attrs);
             it.content = None;
             it.semi = Some(Default::default());
         }
-        Item::Type(it) => keep_told(&mut it.attrs),
-        Item::Use(it) => keep_told(&mut it.attrs),
+        Item::Type(it) => keep_visible_attributes(&mut it.attrs),
+        Item::Use(it) => keep_visible_attributes(&mut it.attrs),
         _ => {}
     }
     item
@@ -67,19 +67,19 @@ pub(crate) fn of(item: &Item) -> Item {
 /// there is no such part.
 pub(crate) fn implementation(of: &ItemImpl) -> Option<Item> {
     let mut it = of.clone();
-    keep_told(&mut it.attrs);
+    keep_visible_attributes(&mut it.attrs);
     if it.trait_.is_some() {
         it.items.retain(|part| matches!(part, ImplItem::Type(_)));
         return Some(Item::Impl(it));
     }
     it.items.retain_mut(|part| match part {
         ImplItem::Fn(function) if is_public(&function.vis) => {
-            keep_told(&mut function.attrs);
+            keep_visible_attributes(&mut function.attrs);
             function.block = nothing();
             true
         }
         ImplItem::Const(constant) if is_public(&constant.vis) => {
-            keep_told(&mut constant.attrs);
+            keep_visible_attributes(&mut constant.attrs);
             constant.expr = unknown();
             true
         }
@@ -91,13 +91,13 @@ pub(crate) fn implementation(of: &ItemImpl) -> Option<Item> {
 fn strip_trait_item(part: &mut TraitItem) {
     match part {
         TraitItem::Fn(function) => {
-            keep_told(&mut function.attrs);
+            keep_visible_attributes(&mut function.attrs);
             if function.default.is_some() {
                 function.default = Some(nothing());
             }
         }
-        TraitItem::Const(constant) => keep_told(&mut constant.attrs),
-        TraitItem::Type(of) => keep_told(&mut of.attrs),
+        TraitItem::Const(constant) => keep_visible_attributes(&mut constant.attrs),
+        TraitItem::Type(of) => keep_visible_attributes(&mut of.attrs),
         _ => {}
     }
 }
@@ -106,7 +106,7 @@ fn strip_trait_item(part: &mut TraitItem) {
 fn strip_fields(fields: &mut Fields, all_are_public: bool) -> bool {
     let strip = |field: &Field| {
         let mut field = field.clone();
-        keep_told(&mut field.attrs);
+        keep_visible_attributes(&mut field.attrs);
         (all_are_public || is_public(&field.vis)).then_some(field)
     };
     let before = fields.len();
@@ -119,7 +119,7 @@ fn strip_fields(fields: &mut Fields, all_are_public: bool) -> bool {
 }
 
 /// Keeps the attributes that affect users.
-fn keep_told(attributes: &mut Vec<Attribute>) {
+fn keep_visible_attributes(attributes: &mut Vec<Attribute>) {
     let told = ["cfg", "derive", "must_use", "non_exhaustive", "repr", "deprecated"];
     attributes.retain(|attribute| told.iter().any(|name| attribute.path().is_ident(name)));
 }
