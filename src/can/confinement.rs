@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 /// The error state of a controller on its bus.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub enum ErrorState {
-    /// It takes part, and its error flags are dominant.
+    /// The controller takes part, and its error flags are dominant.
     #[default]
     Active,
     /// The same, but a counter has reached 96: the bus is heavily disturbed.
@@ -45,7 +45,7 @@ pub struct ErrorCounters {
     receive: u16,
 }
 
-/// From here on it is a warning.
+/// From this count on, the state is a warning.
 const WARNING: u16 = 96;
 /// Up to here a station is error-active.
 const LAST_ACTIVE: u16 = 127;
@@ -111,7 +111,7 @@ impl ErrorCounters {
         self.receive = (self.receive + 1).min(LAST_ACTIVE + 1);
     }
 
-    /// It switches itself off.
+    /// The controller switches itself off.
     pub fn bus_off(&mut self) {
         self.transmit = LAST_ON + 1;
     }
@@ -131,7 +131,7 @@ pub struct Recovery {
 }
 
 impl Recovery {
-    /// It begins at `now_ns`.
+    /// Starts the recovery at `now_ns`.
     #[must_use]
     pub const fn new(now_ns: u64) -> Self {
         Recovery { left: RUNS, from_ns: now_ns }
@@ -145,7 +145,7 @@ impl Recovery {
         self.left = self.left.saturating_sub(u32::try_from(runs).unwrap_or(u32::MAX));
     }
 
-    /// When it is over if no frame begins before, the wire being recessive since `quiet_ns`.
+    /// End of the recovery if no frame begins before, with the wire recessive since `quiet_ns`.
     #[must_use]
     pub fn end_ns(&self, quiet_ns: u64, rate: BitRate) -> u64 {
         quiet_ns.max(self.from_ns).saturating_add(rate.time_ns(self.left * RUN))

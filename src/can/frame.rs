@@ -49,8 +49,8 @@ impl Frame {
         self.payload.len()
     }
 
-    /// It as numbers: the identifier with SocketCAN's marks of 29 bits (bit 31) and of a remote frame (bit 30), the length, the
-    /// data, first byte lowest.
+    /// The frame as numbers: the identifier with SocketCAN's marks of 29 bits (bit 31) and of a remote frame (bit
+    /// 30), the length, the data, first byte lowest.
     #[must_use]
     pub fn numbers(&self) -> (u32, u8, u64) {
         let field = self.arbitration;

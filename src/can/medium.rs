@@ -26,11 +26,11 @@ pub trait Participants {
 /// The result of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum Fate {
-    /// It arrives.
+    /// The frame arrives.
     Arrives,
     /// No station acknowledges it.
     NotAcknowledged,
-    /// It is disturbed, and all see it.
+    /// The frame is disturbed, and all stations see it.
     Disturbed,
     /// The sender takes its own start bit for the start bit of another station and withdraws, and no station
     /// continues the frame.
@@ -69,7 +69,7 @@ pub enum Event {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 enum MediumPhase {
-    /// Nothing is on it. A passive station that has sent the last frame may not begin before a time.
+    /// The bus is free. A passive station that has sent the last frame may not begin before a time.
     Idle { suspended: Option<(usize, u64)> },
     /// A frame.
     Busy(OnWire),

@@ -8,9 +8,9 @@ use embedded_can::Id;
 pub struct Message {
     /// Name of the message.
     pub name: String,
-    /// Its identifier.
+    /// Identifier.
     pub id: Id,
-    /// How many bytes it has, 0 to 8.
+    /// Count of bytes, 0 to 8.
     pub length: u8,
     /// Senders: names of devices, empty for other senders.
     pub senders: Vec<String>,
@@ -27,9 +27,9 @@ pub struct Message {
 pub struct Signal {
     /// Name of the signal, unique in its message.
     pub name: String,
-    /// Its lowest bit, counted from the lowest bit of the first byte.
+    /// Lowest bit of the signal, counted from the lowest bit of the first byte.
     pub first_bit: u8,
-    /// How many bits it has.
+    /// Count of bits.
     pub bits: u8,
     /// Description; empty if the name is sufficient.
     pub about: String,

@@ -23,7 +23,7 @@ impl From<Payload> for (u8, [u8; 8]) {
 }
 
 impl Payload {
-    /// No data byte at all.
+    /// No data bytes.
     pub const EMPTY: Payload = Payload { len: 0, bytes: [0; 8] };
 
     /// The given bytes; `None` if there are more than eight.

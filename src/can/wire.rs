@@ -185,9 +185,9 @@ pub fn bits_to_acknowledgement(frame: &Frame) -> u32 {
 /// Duration of a frame from the start bit on, in nanoseconds, rounded up.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Airtime {
-    /// To the end of the end-of-frame field: its receivers have it.
+    /// Up to the end of the end-of-frame field: its receivers have it.
     pub delivery_ns: u64,
-    /// To the end of the intermission: the next frame may begin.
+    /// Up to the end of the intermission: the next frame may begin.
     pub occupation_ns: u64,
 }
 

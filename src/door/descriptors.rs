@@ -5,7 +5,7 @@ use std::io;
 
 /// Descriptors that neither doors nor guests take. The channel needs some for each client that connects.
 pub(crate) const RESERVED: u64 = 32;
-/// How many more descriptors a process asks the system for when doors or guests need some.
+/// Count of further descriptors that a process requests from the system if doors or guests need some.
 const MORE: u64 = 128;
 
 /// Checks that enough descriptors are left after one was opened.

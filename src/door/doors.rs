@@ -30,7 +30,7 @@ pub struct DoorState {
     pub door: DoorSpec,
     /// The guests at the door.
     pub guests: Vec<GuestState>,
-    /// How many guests were sent away because there was no place or no descriptor for them.
+    /// Count of guests that were rejected because there was no place or no descriptor for them.
     pub refused: u64,
 }
 
@@ -182,7 +182,7 @@ impl Drop for Doors {
         let Some(mut io) = self.io.take() else { return };
         io.tell(Command::End);
         if let Some(thread) = io.thread.take() {
-            // It does not panic; if it did, nothing would depend on it.
+            // The thread does not panic; if it did, the result would not matter.
             let _ = thread.join();
         }
     }

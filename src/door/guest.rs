@@ -15,20 +15,20 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 pub struct Guest {
     /// Index of its bus in the plant.
     pub bus: u16,
-    /// Its number there, from 1.
+    /// Number of the guest on its bus, from 1.
     pub number: u8,
-    /// Its door.
+    /// Door of the guest.
     pub door: DoorSpec,
     inner: Mutex<Inner>,
 }
 
 #[derive(Debug, Default)]
 struct Inner {
-    /// Whether it takes part, and then whether it only listens.
+    /// `None` if the guest does not take part, else whether it only listens.
     open: Option<bool>,
     rate: Option<Rate>,
     has_gone: bool,
-    /// It has taken part or listened, now or before.
+    /// Whether the guest has taken part or listened, now or before.
     has_opened: bool,
     to_plant: VecDeque<BusMessage>,
     to_guest: VecDeque<GuestMessage>,
@@ -49,14 +49,14 @@ struct Inner {
 pub(super) enum GuestMessage {
     /// A frame or a telegram has arrived.
     Heard {
-        /// When.
+        /// Time of the message.
         time_us: u64,
         /// Which.
         said: BusMessage,
     },
     /// The guest has its turn, as requested by [`Adapter::ask`].
     Granted {
-        /// When.
+        /// Time of the turn.
         time_us: u64,
     },
 }
@@ -66,7 +66,7 @@ pub(super) enum GuestMessage {
 pub struct Wish {
     /// To receive the traffic of the bus.
     pub hears: bool,
-    /// To take part: to be heard and to acknowledge.
+    /// To take part: to send and to acknowledge.
     pub takes_part: bool,
     /// The rate it has named.
     pub rate: Option<Rate>,
@@ -79,15 +79,15 @@ pub struct Wish {
 /// Facts about a guest.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct GuestState {
-    /// Its number on the bus.
+    /// Number of the guest on the bus.
     pub guest: u8,
-    /// Its door.
+    /// Door of the guest.
     pub door: DoorSpec,
     /// Whether the guest receives the traffic of the bus, or would with the right rate.
     pub open: bool,
     /// The rate it has named, in bit/s.
     pub bit_s: Option<u32>,
-    /// Whether it has asked for a time, and emulated time waits for it if the clock is stepped.
+    /// Whether the guest has asked for a time, and emulated time waits for it if the clock is stepped.
     pub seat: bool,
     /// Frames or telegrams that it was to hear and for which there was no room.
     pub dropped: u64,
@@ -101,7 +101,7 @@ impl Guest {
     }
 
     fn inner(&self) -> MutexGuard<'_, Inner> {
-        // Nothing in there can be half done.
+        // No value in there can be half written.
         self.inner.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -118,17 +118,17 @@ impl Guest {
         }
     }
 
-    /// Whether it has left.
+    /// Whether the guest has left.
     pub(super) fn has_gone(&self) -> bool {
         self.inner().has_gone
     }
 
-    /// Whether it has taken part or listened, now or before. If not, no plant knows it.
+    /// Whether the guest has taken part or listened, now or before. If not, no plant knows it.
     pub(super) fn has_opened(&self) -> bool {
         self.inner().has_opened
     }
 
-    /// How much it has to send.
+    /// Count of messages that it has to send.
     #[must_use]
     pub fn waiting(&self) -> usize {
         self.inner().to_plant.len()
@@ -224,7 +224,7 @@ impl Guest {
         let mut inner = self.inner();
         let is_due = inner.seat.grant(now);
         if is_due {
-            // There always is room: one answer at most waits for each request.
+            // There is always room: at most one answer waits for each request.
             inner.to_guest.push_back(GuestMessage::Granted { time_us: now });
         }
         is_due
@@ -235,7 +235,7 @@ impl Guest {
         self.inner().seat.give_up()
     }
 
-    /// It has left.
+    /// Marks the guest as gone.
     pub(super) fn leave(&self) {
         let mut inner = self.inner();
         inner.has_gone = true;
@@ -310,7 +310,7 @@ impl Guest {
         Guest::new(bus, number, "slcan-tcp:127.0.0.1:0".parse().unwrap()).into()
     }
 
-    /// It takes part.
+    /// Lets the guest take part.
     pub(crate) fn opens(&self) {
         (&mut &*self).open(false);
     }
@@ -329,7 +329,7 @@ impl Guest {
         assert!((&mut &*self).send(BusMessage::Burst(burst)));
     }
 
-    /// It leaves.
+    /// Lets the guest leave.
     pub(crate) fn goes(&self) {
         self.leave();
     }

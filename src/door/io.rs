@@ -32,7 +32,7 @@ pub(super) enum Command {
         /// Takes the result: the door is open only if it is `Ok`.
         result: SyncSender<io::Result<()>>,
     },
-    /// No longer.
+    /// Close the door.
     Close {
         /// The door's number.
         key: usize,
@@ -60,7 +60,7 @@ struct Present {
     guests: Vec<Arc<Guest>>,
     /// Count of guests that the plant's side does not know yet.
     new: usize,
-    /// How many guests were sent away, by the numbers of their doors.
+    /// Counts of rejected guests, by the numbers of their doors.
     refused: BTreeMap<usize, u64>,
 }
 
@@ -121,7 +121,7 @@ impl Shared {
         *self.present().refused.entry(door).or_default() += 1;
     }
 
-    /// How many guests were sent away at a door.
+    /// Count of guests that were rejected at a door.
     pub(super) fn refused(&self, door: usize) -> u64 {
         self.present().refused.get(&door).copied().unwrap_or_default()
     }
@@ -193,7 +193,7 @@ impl Visit {
         self.has_more && self.unwritten.len() < MOST_UNWRITTEN
     }
 
-    /// Whether it is a connection over which nothing has come, and that takes part in nothing.
+    /// Whether the connection has sent no byte and does not take part.
     fn is_silent(&self) -> bool {
         matches!(self.line, Line::Tcp(_)) && !self.has_spoken && !self.guest.has_opened()
     }

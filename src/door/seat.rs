@@ -15,17 +15,17 @@ pub enum Seat {
     Asks {
         /// Duration in microseconds.
         us: u64,
-        /// Whether it has heard a frame since.
+        /// Whether the guest has received a frame since.
         has_heard: bool,
     },
-    /// It waits for its turn.
+    /// The guest waits for its turn.
     Waits {
         /// Latest time of its turn.
         until: u64,
         /// Whether the guest has received a frame since it asked, so that its turn has come.
         has_heard: bool,
     },
-    /// It has its turn.
+    /// The guest has its turn.
     HasTurn,
 }
 
@@ -47,7 +47,7 @@ impl Seat {
         }
     }
 
-    /// It has heard a frame.
+    /// Notes that the guest has received a frame.
     pub(super) fn hear(&mut self) {
         if let Seat::Asks { has_heard, .. } | Seat::Waits { has_heard, .. } = self {
             *has_heard = true;
@@ -82,7 +82,7 @@ impl Seat {
         }
     }
 
-    /// Whether it may send: not between a request and the answer, for it has promised not to.
+    /// Whether the guest may send: not between a request and the answer, because it has promised not to.
     #[must_use]
     pub fn may_speak(self) -> bool {
         matches!(self, Seat::Free | Seat::HasTurn)

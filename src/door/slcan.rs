@@ -57,7 +57,7 @@ impl Rate {
         self.0
     }
 
-    /// In bit/s; the first of those that it may mean.
+    /// Rate in bit/s; the first possible one of a code.
     #[must_use]
     pub fn bit_s(self) -> u32 {
         RATES.iter().find(|(code, _)| *code == self.0).map_or(0, |(_, bit_s)| *bit_s)
@@ -67,15 +67,15 @@ impl Rate {
 /// The data that `F` asks for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Status {
-    /// Whether it has missed frames since it last asked.
+    /// Whether the guest has missed frames since its last request.
     pub(super) has_missed: bool,
     /// The error state of its controller.
     pub(super) errors: ErrorState,
 }
 
 impl Status {
-    /// As the bits of the adapters that the protocol was made for: 2 error warning, 3 overrun, 5 error-passive; 7, their bus
-    /// error, is BUS-off (decision D-287).
+    /// Encoded as the bits of the adapters that the protocol was made for: 2 error warning, 3 overrun, 5
+    /// error-passive; 7, their bus error, is BUS-off (decision D-287).
     fn code(self) -> u8 {
         let errors = match self.errors {
             ErrorState::Active => 0,

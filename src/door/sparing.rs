@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 /// Between two complaints (decision D-582).
 const PAUSE: Duration = Duration::from_secs(60);
 
-/// How many complaints were not made since the last one.
+/// Count of complaints that were suppressed since the last one.
 #[derive(Debug, Default)]
 pub(super) struct Sparing {
     last: Option<Instant>,

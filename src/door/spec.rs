@@ -11,7 +11,7 @@ use std::net::SocketAddrV4;
 pub enum DoorSpec {
     /// SLCAN over TCP.
     SlcanTcp {
-        /// Where it listens. Port 0 asks for any.
+        /// Address that it listens at. Port 0 requests any port.
         at: SocketAddrV4,
     },
     /// SLCAN over a pseudo-terminal.
@@ -21,7 +21,7 @@ pub enum DoorSpec {
     },
     /// PROFIBUS telegrams over TCP.
     ProfibusTcp {
-        /// Where it listens. Port 0 asks for any.
+        /// Address that it listens at. Port 0 requests any port.
         at: SocketAddrV4,
     },
 }
@@ -52,14 +52,14 @@ const TCP: [Tcp; 2] = [
 ];
 /// Name of a pseudo-terminal.
 const PTY: &str = "slcan-pty";
-/// Where pseudo-terminals are.
+/// Directory of pseudo-terminals.
 const PTS: &str = "/dev/pts/";
 
 /// A text that names no door.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum BadDoor {
-    /// There is no such kind.
+    /// The kind of door does not exist.
     #[error(
         "there is no door `{text}`; doors are slcan-tcp:127.0.0.1:0 (0: any port) and slcan-pty at CAN, profibus-tcp:127.0.0.1:0 at PROFIBUS"
     )]
@@ -67,7 +67,7 @@ pub enum BadDoor {
         /// The text.
         text: String,
     },
-    /// No address.
+    /// The text has no address.
     #[error("`{text}` names no IPv4 address with a port; write for example {kind}:127.0.0.1:0 (0: any port)")]
     NoAddress {
         /// The text.
@@ -142,7 +142,7 @@ impl DoorSpec {
         }
     }
 
-    /// Where it listens, if it does.
+    /// Address that the door listens at, if it has one.
     #[must_use]
     pub const fn address(self) -> Option<SocketAddrV4> {
         match self {
@@ -151,7 +151,7 @@ impl DoorSpec {
         }
     }
 
-    /// The same door at this address, if it listens anywhere.
+    /// The same door at this address, if it has an address.
     pub(super) const fn at(self, at: SocketAddrV4) -> Self {
         match self {
             DoorSpec::SlcanTcp { .. } => DoorSpec::SlcanTcp { at },

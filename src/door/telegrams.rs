@@ -33,7 +33,7 @@ impl Session {
                 // A guest that asks twice gets one answer.
                 adapter.ask_until(begin);
             } else {
-                // Without room it is counted as refused.
+                // A telegram without room counts as refused.
                 adapter.send(BusMessage::Burst(Burst { begin, octets: octets.to_vec() }));
             }
             rest = behind;

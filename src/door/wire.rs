@@ -26,13 +26,13 @@ impl BusMessage {
 
 /// Requests of a guest to the owner of its session.
 pub(super) trait Adapter {
-    /// To name a rate, or to take back that it has named one; `false` while it takes part.
+    /// Sets the rate, or clears it; `false` while the guest takes part.
     fn set_rate(&mut self, rate: Option<Rate>) -> bool;
 
-    /// To take part, or only to listen.
+    /// Takes part, or only listens.
     fn open(&mut self, listens: bool);
 
-    /// To do so no longer.
+    /// Ends the participation.
     fn close(&mut self);
 
     /// Sends a message; `false` if the guest does not take part or there is no room.
@@ -42,7 +42,7 @@ pub(super) trait Adapter {
     /// it sends nothing. `false` if it does not listen, or waits for a turn already.
     fn ask(&mut self, us: u64) -> bool;
 
-    /// The same until this bit time of its bus.
+    /// Does the same until this bit time of its bus.
     fn ask_until(&mut self, bit: u64) -> bool;
 
     /// Asks for the status.

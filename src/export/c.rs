@@ -1,5 +1,5 @@
 //! One C header, also for C++: header page, constants, structures with every offset and size asserted, and the
-//! functions of `c/attach.h` and `c/tasks.h` to meet an image and to be its PLC.
+//! functions of `c/attach.h` and `c/tasks.h` to attach an image and to act as its PLC.
 
 use super::constants;
 use super::members::{self, Member};

@@ -12,7 +12,7 @@ pub(crate) struct Constant {
     pub value: u32,
     /// Its meaning.
     pub text: String,
-    /// Whether it is the lowest bit's number of a field instead.
+    /// Whether the value is the number of a field's lowest bit instead.
     pub is_shift: bool,
 }
 

@@ -14,7 +14,7 @@ pub(crate) enum Member {
     Padding {
         /// Offset in bytes from the start of the enclosing structure.
         offset: u32,
-        /// How many there are.
+        /// Count of bytes.
         bytes: u32,
     },
 }

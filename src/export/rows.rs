@@ -10,7 +10,7 @@ pub(crate) fn all(scope: &Scope) -> impl Iterator<Item = (&'static Placed, Regis
         .flat_map(|(area, placed)| area.registers_of(placed).map(move |register| (placed, register)))
 }
 
-/// When a structure is the valid one.
+/// Phase in which a structure is valid.
 pub(crate) const fn live(live: RegisterPhase) -> &'static str {
     match live {
         RegisterPhase::Always => "always",

@@ -11,7 +11,7 @@ use crate::layout::{Dim, RegisterRef};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 
-/// In which form declarations are wanted.
+/// Form of the declarations.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct StForm {
     /// An elementary variable per register instead of structures.

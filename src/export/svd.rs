@@ -33,7 +33,7 @@ pub(crate) fn generate(scope: &Scope) -> String {
         xml.leaf("resetValue", "0x0");
         xml.leaf("resetMask", "0xFFFFFFFF");
         xml.node("peripherals", "", |xml| {
-            // Where the device's manual has CPU addresses, an area without one has no place for a debugger.
+            // If the device's manual has CPU addresses, an area without one has no place for a debugger.
             let has_cpu = device.areas.iter().any(|area| area.cpu.is_some());
             for area in scope.areas.iter().filter(|area| area.cpu.is_some() || !has_cpu) {
                 if area.structures.is_empty() {
@@ -83,7 +83,7 @@ fn place(xml: &mut Xml, area: &Area, doc: &str, alternative: Option<&str>, bytes
         xml.leaf("alternatePeripheral", alternative);
     }
     xml.leaf("groupName", area.name);
-    // Without a CPU address the number of the byte in the image, which keeps areas apart.
+    // Without a CPU address, the number of the byte in the image, which keeps areas apart.
     let base = area.cpu.map_or(area.first, |(first, _)| first);
     xml.leaf("baseAddress", format!("0x{base:08X}"));
     xml.node("addressBlock", "", |xml| {

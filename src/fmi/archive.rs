@@ -21,10 +21,10 @@ pub enum ArchiveError {
     /// The plant cannot become a unit.
     #[error(transparent)]
     Resources(#[from] ResourcesError),
-    /// It cannot be packed.
+    /// The archive cannot be packed.
     #[error("cannot pack the archive: {0}")]
     Zip(#[from] ZipError),
-    /// It cannot be written to.
+    /// The archive cannot be written.
     #[error("cannot pack the archive: {0}")]
     Write(#[from] std::io::Error),
 }

@@ -132,7 +132,7 @@ impl Resources {
         &self.config
     }
 
-    /// Where it starts, if not at power-on.
+    /// Snapshot to start from, if not at power-on.
     #[must_use]
     pub fn snapshot(&self) -> Option<&Snapshot> {
         match &self.content {

@@ -30,7 +30,7 @@ pub enum UnitError {
     /// A reference that no variable has.
     #[error("there is no variable with value reference {reference}; the highest is {last}")]
     NoVariable {
-        /// As given.
+        /// The given value.
         reference: u32,
         /// The highest one.
         last: usize,
@@ -40,7 +40,7 @@ pub enum UnitError {
     OtherKind {
         /// The variable.
         name: String,
-        /// Its type.
+        /// Type of the variable.
         right: &'static str,
         /// The type asked for.
         asked: &'static str,
@@ -56,13 +56,13 @@ pub enum UnitError {
     NotFinite {
         /// Name of the variable.
         name: String,
-        /// As given.
+        /// The given value.
         value: f64,
     },
     /// A step that does not begin where the last one has ended.
     #[error("a step begins at {given} s, but the unit is at {now} s")]
     OtherTime {
-        /// As given.
+        /// The given value.
         given: f64,
         /// Present time of the unit.
         now: f64,
@@ -70,7 +70,7 @@ pub enum UnitError {
     /// A step back or of no length in time, or one too far.
     #[error("a step of {size} s; it must not be negative, and the time at its end must be below 9e9 s")]
     Step {
-        /// As given.
+        /// The given value.
         size: f64,
     },
     /// A state of another unit.
@@ -280,7 +280,7 @@ impl Unit {
         lines
     }
 
-    /// Its state now.
+    /// The present state of the unit.
     #[must_use]
     pub fn state(&self) -> UnitState {
         UnitState { own: self.own.clone(), snapshot: self.plant.snapshot() }

@@ -7,17 +7,17 @@ use std::collections::BTreeSet;
 /// A variable.
 #[derive(Clone, Debug)]
 pub struct Variable {
-    /// Its name, which is that of the register with the PLC in front where there are several.
+    /// Name of the variable: the name of the register, with the PLC as a prefix if there are several.
     pub name: String,
     /// Description of the variable.
     pub description: String,
-    /// Its type.
+    /// Type of the variable.
     pub kind: Kind,
     /// Source of the value.
     pub causality: Causality,
     /// Value at the start of the unit; `None` for variables that the unit calculates.
     pub start: Option<String>,
-    /// Its unit, of those that have one.
+    /// Unit of the value, if it has one.
     pub unit: &'static str,
     pub(crate) what: What,
 }
@@ -44,7 +44,7 @@ pub enum Kind {
 }
 
 impl Kind {
-    /// Its name in FMI.
+    /// Name in FMI.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -87,7 +87,7 @@ pub enum Causality {
 }
 
 impl Causality {
-    /// Its name in FMI.
+    /// Name in FMI.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -128,7 +128,7 @@ pub enum VariablesError {
     /// A PLC outside the plant.
     #[error("there is no PLC '{plc}' in the plant; its PLCs are: {known}")]
     UnknownPlc {
-        /// As given.
+        /// The given text.
         plc: String,
         /// The known PLCs.
         known: String,
@@ -138,7 +138,7 @@ pub enum VariablesError {
     UnknownOfDrive {
         /// The drive.
         drive: String,
-        /// As given.
+        /// The given text.
         value: String,
         /// The known names.
         known: String,
@@ -205,7 +205,7 @@ impl Wanted {
             let meant = plcs.plcs.iter().enumerate().filter(|(_, known)| plc.is_none_or(|plc| plc == *known));
             let found: Vec<_> =
                 meant.map(|(index, _)| (index, plcs.devices[index].registers(name))).collect();
-            // Without a PLC in front all are meant that have such registers.
+            // Without a PLC as a prefix, the name covers all PLCs that have such registers.
             let has_any = found.iter().any(|(_, registers)| registers.is_ok());
             for (index, registers) in found {
                 match registers {

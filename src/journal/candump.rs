@@ -74,9 +74,9 @@ impl Format for Candump {
 /// A frame of a log.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Logged {
-    /// Where it is in the log: its line in a candump log, counted from 1; the byte at which its block begins in a pcapng log.
+    /// Position in the log: the line in a candump log, counted from 1; the first byte of the block in a pcapng log.
     pub at: usize,
-    /// Its time, in microseconds.
+    /// Time in microseconds.
     pub time_us: u64,
     /// The interface: the bus, in a log of this program.
     pub interface: String,
@@ -88,7 +88,7 @@ pub struct Logged {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("line {line}: {right}")]
 pub struct BadLine {
-    /// Its number, from 1.
+    /// Number of the line, from 1.
     pub line: usize,
     /// The expected text.
     pub right: &'static str,

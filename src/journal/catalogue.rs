@@ -8,9 +8,9 @@ use super::rule::Rule;
 /// A kind of fault as far as records need it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FaultName {
-    /// Its number.
+    /// Number of the kind.
     pub number: u8,
-    /// Its name.
+    /// Name of the kind.
     pub name: &'static str,
 }
 

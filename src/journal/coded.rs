@@ -19,7 +19,7 @@ pub trait EventCodec: Copy + 'static {
     /// The kind of this event.
     const KIND: &'static Kind;
 
-    /// It as words.
+    /// Encodes the event as words.
     fn words(&self) -> Words;
 
     /// Decodes the words of this kind; `None` if they are invalid. Bits that it does not use are ignored.
@@ -275,7 +275,7 @@ macro_rules! event_kinds {
         $(#[$doc])*
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         pub struct $name {
-            /// Where.
+            /// Location of the event.
             pub $place: $crate::event_kinds!(@type $place),
             $($(#[$field_doc])* pub $field: $ty,)*
         }

@@ -1,4 +1,4 @@
-//! One thing that happened: its kind and its words.
+//! A single event: its kind and its words.
 
 use super::coded::{EventCodec, Words};
 use super::fields::Fields;
@@ -7,7 +7,7 @@ use super::kind::{Carried, EventText, Kind, Octets};
 use super::reader::Reader;
 use core::fmt;
 
-/// Where a record comes from: a port of a device.
+/// Origin of a record: a port of a device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Origin {
     /// Index of the device in the plant.
@@ -17,7 +17,8 @@ pub struct Origin {
 }
 
 impl Origin {
-    /// In place of a device's index: a guest, a foreign program that takes part in a bus. The port is its number there.
+    /// Used as index of the device for a guest, a foreign program that takes part in a bus. The port is the guest's
+    /// number.
     const GUEST: u16 = u16::MAX;
 
     /// Guest number `guest` of the event's bus.
@@ -92,7 +93,7 @@ pub enum Keeping {
     },
 }
 
-/// One thing that happened. Register offsets are absolute bytes of the device's RAM.
+/// A single event. Register offsets are absolute bytes of the device's RAM.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub struct Event {
     kind: &'static Kind,
@@ -117,7 +118,7 @@ impl Event {
         self.words
     }
 
-    /// Whether it is a `T`.
+    /// Whether the event is a `T`.
     #[inline]
     pub fn is<T: EventCodec>(&self) -> bool {
         *self.kind == *T::KIND

@@ -8,7 +8,7 @@ use serde_json::Value;
 pub struct Fields(Vec<(&'static str, Value)>);
 
 impl Fields {
-    /// No field.
+    /// Creates an empty list.
     pub fn new() -> Self {
         Self::default()
     }

@@ -1,4 +1,4 @@
-//! One finding: which rule, where, with which value.
+//! A single finding: rule, location, value.
 
 use super::catalogue::Catalogue;
 use super::event::Source;
@@ -26,7 +26,7 @@ pub struct Finding {
     pub live: RegisterPhase,
     /// The value written.
     pub value: u32,
-    /// By how many microseconds it was late; 0 for rules without a deadline.
+    /// Lateness in microseconds; 0 for rules without a deadline.
     pub late_us: u32,
 }
 
@@ -41,7 +41,7 @@ event_kinds! {
         live: RegisterPhase,
         /// The value written.
         value: u32,
-        /// By how many microseconds it was late; 0 for rules without a deadline.
+        /// Lateness in microseconds; 0 for rules without a deadline.
         late_us: u32,
     }
 }

@@ -48,9 +48,9 @@ impl Entry {
 #[derive(Clone, Debug, Default)]
 pub struct Findings {
     entries: Vec<Entry>,
-    /// How many records each entry has been worth, in the same order.
+    /// Count of records of each entry, in the same order.
     records: Vec<u8>,
-    /// One for each rule that has run out of room.
+    /// One entry for each rule that has run out of room.
     further: Vec<Entry>,
 }
 

@@ -24,7 +24,7 @@ const GONE: Duration = Duration::from_secs(10);
 /// Count of comparisons between two reads of the host's clock.
 const LOOKS: u32 = 4096;
 
-/// Where changes go.
+/// Destination of changes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Keep {
     /// Into the journal, until the end.
@@ -36,7 +36,7 @@ pub enum Keep {
 /// A change of a register, and its number in the list.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Change {
-    /// Its number; where numbers jump, changes are no longer kept.
+    /// Number of the change; at a gap in the numbers, changes are no longer kept.
     pub seq: u64,
     /// Emulated time in microseconds: of the comparison, or of the firmware's report.
     pub time_us: u64,
@@ -93,12 +93,12 @@ pub(super) struct FollowedRegister {
 
 /// The registers that are followed, and their changes.
 pub(super) struct History {
-    /// In the order of PLCs and addresses.
+    /// Sorted by PLC and address.
     followed: Vec<FollowedRegister>,
     changes: VecDeque<Change>,
     /// The number of the next change.
     end: u64,
-    /// When changes were asked for last.
+    /// Time of the last request for changes.
     asked: Instant,
     looks: u32,
     /// A client searches for a past moment: changes on the way are not reported to onlookers.

@@ -33,7 +33,7 @@ impl Ring {
     pub(super) const ALL: [Ring; RINGS] =
         [Ring::Traffic, Ring::Registers, Ring::Missed, Ring::Rare, Ring::History];
 
-    /// How many records it keeps if the others keep `capacity`.
+    /// Capacity of this ring if the others have `capacity` records.
     #[inline]
     pub(super) fn share(self, capacity: usize) -> usize {
         match self {
@@ -98,9 +98,9 @@ pub struct Carried {
 /// The part of a telegram that the journal keeps.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Octets {
-    /// Its octets from the first one on.
+    /// The first octets.
     pub known: Vec<u8>,
-    /// How many there were.
+    /// Count of all octets.
     pub length: usize,
 }
 
@@ -147,13 +147,13 @@ impl Kind {
         Kind { number, name, ring, reads }
     }
 
-    /// Its number.
+    /// Number of the kind.
     #[inline]
     pub const fn number(&self) -> u8 {
         self.number
     }
 
-    /// Its name in JSON Lines and on the command line.
+    /// Name of the kind in JSON Lines and on the command line.
     pub const fn name(&self) -> &'static str {
         self.name
     }

@@ -231,8 +231,8 @@ impl Journal {
         noted.into_iter().for_each(|change| self.push(time_us, change));
     }
 
-    /// At most `max` changes of registers that are followed for onlookers, from number `from` on, and the number
-    /// that the next one will have.
+    /// At most `max` changes of registers that are followed for onlookers, from number `from` on, and the number of
+    /// the next change.
     pub fn changes(&mut self, from: u64, max: usize) -> (Vec<Change>, u64) {
         self.history.read(from, max)
     }
@@ -297,7 +297,7 @@ impl Journal {
         self.next_look
     }
 
-    /// As [`Journal::tick`] at each of `count` times from `first` on, `step` apart.
+    /// Does the same as [`Journal::tick`] at each of `count` times from `first` on, `step` apart.
     pub fn tick_through(&mut self, first: u64, step: u64, count: u64) {
         let end = first + count * step;
         let mut at = first;

@@ -31,7 +31,7 @@ impl Names {
         self.fitted(plc).device()
     }
 
-    /// The same, and how the PLC is fitted.
+    /// The same device, with the options of the PLC.
     pub fn fitted(&self, plc: u16) -> DeviceFit {
         let known = self.devices.get(usize::from(plc)).copied();
         known.unwrap_or_else(|| DeviceFit::unknown(&Device::UNKNOWN))

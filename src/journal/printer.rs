@@ -12,7 +12,7 @@ pub struct Selection {
     pub buses: Vec<u16>,
     /// These PLCs with their nodes, by index. With buses as well: both.
     pub plcs: Vec<u16>,
-    /// Nothing that was over before this emulated time, in microseconds.
+    /// Excludes records that ended before this emulated time, in microseconds.
     pub since_us: u64,
 }
 

@@ -158,12 +158,12 @@ impl Place {
         self.register.map(|register| register.name())
     }
 
-    /// Its width.
+    /// Width of the register.
     pub(super) fn width(&self) -> Width {
         self.address.width()
     }
 
-    /// Its address.
+    /// Address of the register.
     pub(super) fn address(&self) -> String {
         self.address.to_string()
     }

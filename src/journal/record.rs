@@ -1,8 +1,8 @@
-//! One line of the journal.
+//! A single line of the journal.
 
 use super::Event;
 
-/// One line of the journal: an event, or several equal ones at equal distances.
+/// A line of the journal: an event, or several equal ones at equal distances.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Record {
     /// Number of the record, from 0; [`Record::PENDING`] while it is still being counted, [`Record::COUNTED`] if it has

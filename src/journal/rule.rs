@@ -3,7 +3,7 @@
 
 use core::fmt;
 
-/// How bad it is to break a rule.
+/// Severity of a violation of a rule.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Severity {
     /// The manual forbids it, or it cannot have the effect that was wanted.
@@ -62,7 +62,7 @@ impl Rule {
         self.id
     }
 
-    /// How bad it is.
+    /// Severity of a violation.
     #[must_use]
     pub const fn severity(&self) -> Severity {
         self.severity

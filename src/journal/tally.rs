@@ -28,7 +28,7 @@ struct WatchedEvent {
     event: Event,
     /// Time of the last one.
     last: u64,
-    /// Its distance from the one before; 0 if there was none, or too far away.
+    /// Distance from the previous event; 0 if there was none, or too far away.
     period: u32,
     /// Events counted and not noted yet; the last of them came at `last`.
     count: u32,

@@ -17,10 +17,10 @@ const ID_BITS: u32 = 29;
 
 /// The records of a journal as signals.
 pub struct Waves {
-    /// By their paths: scopes, and the name.
+    /// Index of the signals by their paths: scopes, and the name.
     pub(super) paths: BTreeMap<Vec<String>, usize>,
     pub(super) signals: Vec<Signal>,
-    /// In the order of their times.
+    /// Sorted by time.
     pub(super) changes: Vec<Change>,
     recorded: HashSet<(u16, u32)>,
 }
@@ -58,7 +58,7 @@ pub(super) enum Shape {
     Bits(u32),
     /// Texts.
     Text,
-    /// It just happens.
+    /// A signal of events without a value.
     Event,
 }
 
@@ -69,7 +69,7 @@ pub(super) enum Content {
     Bits { width: u32, value: u64, known: u64 },
     /// A text, a single word.
     Text(String),
-    /// It happens.
+    /// An event without a value.
     Event,
 }
 

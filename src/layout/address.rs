@@ -168,7 +168,7 @@ impl Device {
         if !digits.split('.').all(|number| number.bytes().all(|b| b.is_ascii_digit()) && !number.is_empty()) {
             return Err(wrong());
         }
-        // One number, and that of the bit; in front perhaps a segment.
+        // One number and the number of the bit, with an optional segment as a prefix.
         let plain = digits.split('.').count() - usize::from(single_bit);
         let spaces = || self.spaces.iter().filter(|space| space.letter == letter);
         let segment = spaces().find(|space| !space.segment.is_empty() && digits.starts_with(space.segment));

@@ -56,7 +56,7 @@ impl Compare {
 pub struct Test {
     /// The bits that count.
     pub mask: u32,
-    /// How they are compared.
+    /// The comparison.
     pub compare: Compare,
     /// Whether they are the two's complement of a number with a sign.
     pub is_signed: bool,
@@ -71,7 +71,7 @@ impl Test {
         Self { mask: width.max_value(), compare: Compare::Equal, is_signed: false, value }
     }
 
-    /// Whether it holds of a register of this width that holds `found`.
+    /// Whether the condition holds for a register of this width with the value `found`.
     #[must_use]
     pub fn holds(self, width: Width, found: u32) -> bool {
         let unused = 32 - 8 * width.bytes();
@@ -91,7 +91,7 @@ impl Test {
         }
     }
 
-    /// Whether it can never hold, or never fail, because of bits outside the mask.
+    /// Whether the condition can never hold, or never fail, because of bits outside the mask.
     #[must_use]
     pub const fn is_decided(self) -> bool {
         matches!(self.compare, Compare::Equal | Compare::NotEqual) && self.value & !self.mask != 0
@@ -112,7 +112,7 @@ pub struct Condition {
 /// An error in a condition; `E` is an error in its register.
 #[derive(Debug, Error, PartialEq, Eq)]
 pub enum ConditionError<E> {
-    /// No such register.
+    /// There is no such register.
     #[error(transparent)]
     Register(E),
     /// The register cannot hold the value.
@@ -121,7 +121,7 @@ pub enum ConditionError<E> {
     /// The text is not a condition, or has no effect.
     #[error("`{text}`: {right}")]
     Notation {
-        /// As given.
+        /// The given text.
         text: String,
         /// A correct example.
         right: &'static str,
@@ -178,7 +178,7 @@ impl Condition {
         Ok(Self { place, test, wanted })
     }
 
-    /// Whether it holds of a register that holds `found`.
+    /// Whether the condition holds for a register with the value `found`.
     #[must_use]
     pub fn holds(&self, found: u32) -> bool {
         self.test.holds(self.place.width(), found)

@@ -35,7 +35,7 @@ pub struct Device {
     pub areas: &'static [Area],
     /// The area with a size that each plant sets, if there is one.
     pub retain: Option<&'static Retain>,
-    /// Its object dictionary, in the order of index and sub-index; empty if it has none.
+    /// The object dictionary, in the order of index and sub-index; empty if there is none.
     pub objects: &'static [Object],
     /// The data that masters know of a PROFIBUS-DP slave, if the device is a slave.
     pub gsd: Option<&'static Gsd>,
@@ -51,7 +51,7 @@ pub struct Device {
     pub own: Option<&'static Area>,
 }
 
-/// The same registers at the same places.
+/// Compares registers and their places.
 impl PartialEq for Device {
     fn eq(&self, other: &Self) -> bool {
         (self.name, self.layout_hash) == (other.name, other.layout_hash)
@@ -105,7 +105,7 @@ impl Device {
 
 /// The device's end of a medium.
 pub struct Port {
-    /// Its name, for example `node2`.
+    /// Name of the port, for example `node2`.
     pub name: &'static str,
     /// Number of the port in journals and on the channel, from 1; 0 is the device itself.
     pub number: u8,
@@ -131,11 +131,11 @@ impl Port {
 /// The role of a port at its medium.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Role {
-    /// It governs the medium.
+    /// The port governs the medium.
     Master,
-    /// It answers a master.
+    /// The port answers a master.
     Slave,
-    /// One of several with equal rights.
+    /// A station with the same rights as the others.
     Peer,
 }
 
@@ -153,7 +153,7 @@ impl fmt::Display for Role {
 pub struct Area {
     /// Name in register names, for example `node2`.
     pub name: &'static str,
-    /// Where the name is from.
+    /// Source of the name.
     pub name_from: Provenance,
     /// The space that it is in.
     pub space: &'static Space,
@@ -196,7 +196,8 @@ impl Area {
         self.space.numbers(self.first, self.last())
     }
 
-    /// Where the CPU finds byte `offset` of the image, one of this area's: `16#B414A004`; empty if the manual does not say.
+    /// CPU address of byte `offset` of the image, which must be in this area: `16#B414A004`; empty if the manual does
+    /// not state it.
     #[must_use]
     pub fn cpu_address(&self, offset: u32) -> String {
         self.cpu.map_or(String::new(), |(first, _)| format!("16#{:08X}", first + (offset - self.first)))
@@ -226,13 +227,13 @@ short_debug!(Device, Area, Port, Structure);
 pub struct Placed {
     /// The structure.
     pub structure: &'static Structure,
-    /// When the structure is the valid one of those that overlay each other.
+    /// Phase in which the structure is the valid one of several overlaid ones.
     pub live: RegisterPhase,
     /// The role that the port of this area must have for the structure to lie there; `None`: any role.
     pub role: Option<Role>,
     /// Name of the variable that the application declares there, the manual's where it has one.
     pub variable: &'static str,
-    /// Where the name of the variable is from.
+    /// Source of the variable's name.
     pub variable_from: Provenance,
     /// Registers of the structure that are not used in this area: other structures may have registers of another
     /// width there, and the width of those counts.
@@ -248,7 +249,7 @@ pub enum RegisterPhase {
     Always,
     /// Until the node has taken over its initialization data.
     Init,
-    /// From then on.
+    /// After the initialization.
     Cyclic,
 }
 

@@ -9,7 +9,7 @@ pub const MOST_PORTS: usize = 15;
 /// The known facts about a port.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Fit {
-    /// Nothing: it can be all that the layout allows.
+    /// Unknown: the port may have any role that the layout allows.
     #[default]
     Unknown,
     /// The port is not there, for instance because a slot is empty: its area has no registers.
@@ -44,7 +44,7 @@ impl Fit {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct DeviceFit {
     device: &'static Device,
-    /// In the order of the device's ports.
+    /// Sorted as the device's ports.
     ports: [Fit; MOST_PORTS],
 }
 

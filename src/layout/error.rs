@@ -5,12 +5,12 @@ use super::descriptor::Role;
 /// An address or a register name that does not exist.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum LayoutError {
-    /// Not the notation of an address.
+    /// The text is not an address.
     #[error(
         "`{text}` is no address; this device has {known}, with W for words, D for double words, and X and .bit for bits"
     )]
     BadAddress {
-        /// As given.
+        /// The given text.
         text: String,
         /// The spaces of the device.
         known: String,
@@ -18,19 +18,19 @@ pub enum LayoutError {
     /// A bit number above the limit.
     #[error("{text}: a {of} has bits 0 to {last}, not {bit}")]
     BadBit {
-        /// As given.
+        /// The given text.
         text: String,
         /// The bit number.
         bit: u32,
         /// The object that should have the bit.
         of: &'static str,
-        /// Its last bit.
+        /// Number of the last bit.
         last: u32,
     },
     /// An address in none of the device's spaces.
     #[error("{text} is no address of this device, which has {known}")]
     NoSpace {
-        /// As given.
+        /// The given text.
         text: String,
         /// The spaces of the device.
         known: String,
@@ -61,10 +61,10 @@ pub enum LayoutError {
         /// The registers before and after the address.
         hint: String,
     },
-    /// Not the notation of a name.
+    /// The text is not a name.
     #[error("`{text}` is no register name: {reason}; write for example node2.a_RD_BMARRAY[3][0]")]
     BadName {
-        /// As given.
+        /// The given text.
         text: String,
         /// The error.
         reason: &'static str,
@@ -84,7 +84,7 @@ pub enum LayoutError {
     /// An area that the device does not have.
     #[error("unknown area `{area}`; the areas are {known}{hint}")]
     UnknownArea {
-        /// As given.
+        /// The given text.
         area: String,
         /// All areas.
         known: String,
@@ -94,7 +94,7 @@ pub enum LayoutError {
     /// A port that the device does not have.
     #[error("unknown port `{port}`; the ports are {known}")]
     UnknownPort {
-        /// As given.
+        /// The given text.
         port: String,
         /// All ports.
         known: String,
@@ -102,7 +102,7 @@ pub enum LayoutError {
     /// A name right but for upper and lower case.
     #[error("`{given}` is spelled `{right}`")]
     WrongCase {
-        /// As given.
+        /// The given text.
         given: String,
         /// The right spelling.
         right: String,
@@ -110,7 +110,7 @@ pub enum LayoutError {
     /// A variable that the device does not have.
     #[error("unknown variable `{variable}`; the variables are {known}{hint}")]
     UnknownVariable {
-        /// As given.
+        /// The given text.
         variable: String,
         /// All variables.
         known: String,
@@ -120,7 +120,7 @@ pub enum LayoutError {
     /// The place of the register depends on the role of the port, and the role is not known.
     #[error("`{name}` is ambiguous: {names}")]
     Ambiguous {
-        /// As given.
+        /// The given text.
         name: String,
         /// The names to use instead.
         names: String,
@@ -142,7 +142,7 @@ pub enum LayoutError {
     UnknownRegister {
         /// The area.
         area: &'static str,
-        /// As given.
+        /// The given text.
         name: String,
         /// Which may be meant.
         hint: String,
@@ -150,7 +150,7 @@ pub enum LayoutError {
     /// A name without an area in front, which no area has.
     #[error("no area has a register `{name}`{hint}")]
     UnknownName {
-        /// As given.
+        /// The given text.
         name: String,
         /// Which may be meant.
         hint: String,
@@ -160,25 +160,25 @@ pub enum LayoutError {
         "`{name}` is a block of registers, not one register; `commram dump {name}` shows what they hold, `commram map {name}` what they are"
     )]
     NotOneRegister {
-        /// As given.
+        /// The given text.
         name: String,
     },
     /// A pattern that no register matches.
     #[error("no register matches `{pattern}`; `commram find` looks for names and meanings")]
     NoMatch {
-        /// As given.
+        /// The given text.
         pattern: String,
     },
     /// A pattern where one register is wanted.
     #[error("`{pattern}` can mean several registers; name one of them")]
     Several {
-        /// As given.
+        /// The given text.
         pattern: String,
     },
     /// A sub-structure where a register was expected.
     #[error("`{name}` is a sub-structure, not a register; its registers are {registers}")]
     NotARegister {
-        /// As given.
+        /// The given text.
         name: String,
         /// The registers in it.
         registers: String,
@@ -186,7 +186,7 @@ pub enum LayoutError {
     /// Too many or too few indices.
     #[error("`{name}` {needs}")]
     IndexCount {
-        /// As given.
+        /// The given text.
         name: String,
         /// The required indices.
         needs: String,
@@ -194,13 +194,13 @@ pub enum LayoutError {
     /// An index beyond the array.
     #[error("`{name}`: index {index} is out of range, {of} has elements 0 to {last}")]
     IndexRange {
-        /// As given.
+        /// The given text.
         name: String,
         /// The index.
         index: u32,
         /// The array.
         of: &'static str,
-        /// Its last element.
+        /// Index of the last element.
         last: u16,
     },
 }

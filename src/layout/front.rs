@@ -17,9 +17,9 @@ pub struct FrontWord {
     pub owner: Owner,
     /// Meanings of its values; `None` for plain numbers.
     pub meaning: Option<&'static Meaning>,
-    /// Whether it holds four characters of the text on the device's display, the first in its low byte.
+    /// Whether the word contains four characters of the text on the device's display, the first in its low byte.
     pub is_text: bool,
-    /// Where it is from that the device has this.
+    /// Source of the fact that the device has this word.
     pub source: Provenance,
     /// Pages of the manual.
     pub page: &'static str,

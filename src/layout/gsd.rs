@@ -22,11 +22,11 @@ pub struct Gsd {
 /// A fact about the slave.
 #[derive(Debug)]
 pub struct Key {
-    /// Its keyword.
+    /// The keyword.
     pub name: &'static str,
     /// The value of the keyword.
     pub value: Value,
-    /// Where it is from.
+    /// Source of the value.
     pub from: Provenance,
 }
 
@@ -46,11 +46,11 @@ pub enum Value {
 pub struct Parameter {
     /// The register that shows it, or the first one that does.
     pub register: &'static Register,
-    /// Where it begins, from 0 over the user's octets.
+    /// First octet of the parameter, from 0 over the user's octets.
     pub octet: u32,
-    /// How many octets it has, the high one first.
+    /// Count of octets, the high one first.
     pub octets: u32,
-    /// Its name; empty: that of its bit.
+    /// Name of the parameter; empty if its bit has a name.
     pub name: &'static str,
     /// The bit, if the parameter is a single bit.
     pub bit: Option<Bit>,
@@ -65,7 +65,7 @@ pub struct Parameter {
 /// A parameter of one bit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Bit {
-    /// Its number, 0 to 7.
+    /// Number of the bit, 0 to 7.
     pub at: u8,
     /// 0 is yes and 1 is no.
     pub inverted: bool,
@@ -85,12 +85,12 @@ pub struct Texts {
 /// A predefined module, which a user selects unchanged.
 #[derive(Debug)]
 pub struct Module {
-    /// Its name.
+    /// Name of the module.
     pub name: &'static str,
-    /// Its octets of Chk_Cfg.
+    /// Octets of the module in Chk_Cfg.
     pub octets: &'static [u8],
     /// Page of the manual.
     pub page: &'static str,
-    /// Where it is from that the file has it.
+    /// Source of the module in the file.
     pub from: Provenance,
 }

@@ -61,7 +61,7 @@ impl Registers {
     }
 }
 
-/// One past the last descriptor that belongs to the same sub-structure as `start`.
+/// End of the descriptors of the same sub-structure as `start`, exclusive.
 fn run_end(structure: &Structure, start: usize) -> usize {
     let registers = structure.registers.get(start..).unwrap_or_default();
     let run = match registers.first() {

@@ -1,4 +1,4 @@
-//! From addresses to registers, and from any text an engineer types to either.
+//! Finds registers for addresses, and both for any text of an engineer.
 
 use super::address::Address;
 use super::descriptor::{Area, Device, RegisterPhase};
@@ -35,7 +35,7 @@ fn is_valid(found: &RegisterRef, live: RegisterPhase) -> bool {
 }
 
 impl Device {
-    /// One past the last byte of the last area.
+    /// End of the last area, exclusive.
     #[must_use]
     pub const fn end(&self) -> u32 {
         let areas = match self.areas.last() {

@@ -230,7 +230,7 @@ impl DeviceFit {
         }
         if let Some((placed, register)) = found.first().copied() {
             if found.iter().any(|(_, other)| !other.lies_like(register)) {
-                // In the order of the layout.
+                // Sorted as in the layout.
                 let names =
                     found.iter().rev().map(|(placed, _)| format!("{}.{}", placed.variable, path.text));
                 let names = names.collect::<Vec<_>>().join(" or ");

@@ -24,9 +24,9 @@ pub struct Object {
     pub page: &'static str,
     /// Description of the entry.
     pub doc: &'static str,
-    /// Where it is from that there is such an entry, and of this type.
+    /// Source of the entry and its type.
     pub row_from: Provenance,
-    /// Where its default is from.
+    /// Source of its default value.
     pub default_from: Provenance,
 }
 
@@ -46,7 +46,7 @@ pub enum Type {
 }
 
 impl Type {
-    /// As the manual abbreviates it.
+    /// The manual's abbreviation.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -77,12 +77,12 @@ pub enum Access {
     ReadOnly,
     /// Read and write it.
     ReadWrite,
-    /// Nothing: the manual names it as not implemented.
+    /// No access: the manual names the entry as not implemented.
     NotImplemented,
 }
 
 impl Access {
-    /// As the manual abbreviates it.
+    /// The manual's abbreviation.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -98,9 +98,9 @@ impl Access {
 pub enum Default {
     /// No default value.
     Nothing,
-    /// This one.
+    /// This number.
     Number(u32),
-    /// This one plus the Node-ID.
+    /// This number plus the Node-ID.
     PlusNode(u32),
     /// This text.
     Text(&'static str),

@@ -20,7 +20,7 @@ pub struct BadValue {
 /// A register or an address that the user has named. It exists; whether its PLC does, others know.
 #[derive(Clone, Debug)]
 pub struct Place {
-    /// As given, without the PLC.
+    /// The text as given, without the PLC.
     text: String,
     /// The PLC in front, if one was given.
     pub plc: Option<String>,
@@ -28,7 +28,7 @@ pub struct Place {
     area: &'static Area,
     /// The registers there; several where structures overlay each other.
     registers: Vec<RegisterRef>,
-    /// Nothing is plugged in at the port that they belong to.
+    /// Whether the slot of their port is empty.
     is_empty: bool,
 }
 
@@ -49,7 +49,7 @@ impl Place {
         })
     }
 
-    /// As given, without the PLC.
+    /// The text as given, without the PLC.
     pub fn text(&self) -> &str {
         &self.text
     }

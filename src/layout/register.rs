@@ -1,4 +1,4 @@
-//! One concrete register: a descriptor with its place and its indices.
+//! A concrete register: a descriptor with its place and its indices.
 
 use super::address::Address;
 use super::decode;

@@ -64,7 +64,7 @@ impl Unit {
 pub struct Retain {
     /// The largest possible range of the flags. It is plain RAM, and not among the device's [`areas`](Device::areas).
     pub area: Area,
-    /// How many bytes there are in a plant that does not say otherwise.
+    /// Default count of bytes in a plant.
     pub default_bytes: u32,
 }
 

@@ -7,18 +7,18 @@ use thiserror::Error;
 /// A text without a value of the register.
 #[derive(Debug, PartialEq, Eq, Error)]
 pub enum ValueError {
-    /// Not a number.
+    /// The text is not a number.
     #[error(
         "`{text}` is no number; write it decimal (67), hexadecimal (16#43 or 0x43) or binary (2#100_0011)"
     )]
     Notation {
-        /// As given.
+        /// The given text.
         text: String,
     },
     /// Neither a number nor the name of a value of the register.
     #[error("`{text}` is no number and no value of this register; its values are {known}{hint}")]
     Unknown {
-        /// As given.
+        /// The given text.
         text: String,
         /// The names of its values.
         known: String,
@@ -28,7 +28,7 @@ pub enum ValueError {
     /// A name of several values of the register.
     #[error("`{text}` is more than one value of this register: {values}; write the number")]
     Ambiguous {
-        /// As given.
+        /// The given text.
         text: String,
         /// The numbers.
         values: String,
@@ -36,15 +36,15 @@ pub enum ValueError {
     /// A number that the data type does not have.
     #[error("`{text}` is out of range, {} {ty} holds {least} to {most} (16#0 to 16#{mask:X})", article(*.ty))]
     Range {
-        /// As given.
+        /// The given text.
         text: String,
         /// The data type.
         ty: RegType,
-        /// Its smallest number.
+        /// The smallest number.
         least: i64,
-        /// Its largest number.
+        /// The largest number.
         most: i64,
-        /// Its largest bit pattern.
+        /// The largest bit pattern.
         mask: u32,
     },
 }

@@ -33,11 +33,11 @@ pub trait FunctionBlock: Default + 'static {
     /// A pin to be set; `None` if there is no such pin.
     fn pin_mut<'a>(&'a mut self, wires: &'a mut Self::Wires, name: &str) -> Option<&'a mut dyn PinType>;
 
-    /// One PLC cycle.
+    /// Runs one PLC cycle.
     fn cycle(&mut self, wires: &mut Self::Wires);
 }
 
-/// Where a block is placed.
+/// The place of a block.
 pub struct Place<'a> {
     /// The RAM of its PLC.
     pub ram: &'a Ram,
@@ -73,7 +73,7 @@ pub trait Wire: Sized {
     /// The registers do not fit there.
     fn connect(place: &Place<'_>) -> Result<Self, MemoryError>;
 
-    /// For one call.
+    /// Borrows it for one call.
     fn lend(&mut self) -> impl DerefMut<Target = Self::Lent>;
 }
 
@@ -125,7 +125,7 @@ pub trait Placed {
     /// Sets a pin; `None` if there is no such pin.
     fn set(&mut self, pin: &str, value: &PinValue) -> Option<Result<(), PinError>>;
 
-    /// One PLC cycle.
+    /// Runs one PLC cycle.
     fn cycle(&mut self);
 }
 
@@ -155,7 +155,7 @@ pub struct BlockKind {
     pub name: &'static str,
     /// The structure that its area must have; none for blocks that belong to no area.
     pub structure: Option<&'static str>,
-    /// Its pins.
+    /// Pins of the block.
     pub pins: &'static [Pin],
     make: fn(&Place<'_>) -> Result<Box<dyn Placed>, MemoryError>,
 }
@@ -174,7 +174,7 @@ impl BlockKind {
         (self.make)(place)
     }
 
-    /// Whether it has a pin of that name.
+    /// Whether the block has a pin of that name.
     pub fn has(&self, pin: &str) -> bool {
         self.pins.iter().any(|it| it.name == pin)
     }

@@ -59,7 +59,7 @@ pub trait Program {
 pub enum Progress {
     /// Call again.
     Again,
-    /// It is done.
+    /// The task has ended.
     Done,
 }
 
@@ -84,7 +84,7 @@ pub enum RunError<E: fmt::Display + fmt::Debug> {
 /// The present phase of the program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Phase {
-    /// No start was ordered yet, or a stop was.
+    /// No start was ordered yet, or a stop was ordered.
     Stopped,
     Starting(Start),
     Cyclic,
@@ -200,7 +200,7 @@ impl<P: Program> Tasks<P> {
         let stepped = self.ram.header().clock_mode.load() == ClockMode::Stepped.code();
         let mut seats = Vec::new();
         for (event, _) in self.events.iter().filter(|_| stepped) {
-            // One of them has the turns of orders.
+            // One of the seats has the turns of orders.
             seats.push(match seats.is_empty() {
                 true => attached.join_with_orders(*event, patience, patience)?,
                 false => attached.join_lockstep(*event, patience, patience)?,
@@ -302,7 +302,7 @@ fn count(ram: &Ram, event: usize) -> u32 {
 }
 
 impl<P: Program> Drop for Tasks<P> {
-    /// Nothing is loaded any more.
+    /// Reports that no program is loaded any more.
     fn drop(&mut self) {
         self.ram.header().program.state.store(ProgramState::None.code());
         self.ram.header().submit_request();

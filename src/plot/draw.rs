@@ -30,7 +30,7 @@ const LETTERS: i32 = 12;
 const LETTER: i32 = 8;
 /// Edges nearer to each other would be a grey area.
 const NEAREST_EDGES: i32 = 4;
-/// How near to each other marks of the scale are at most.
+/// Minimum distance between marks of the scale.
 const NEAREST_MARKS: u64 = 110;
 /// Names up to this length fit in one line.
 const LONGEST_NAME: usize = (NAMES / LETTER) as usize;

@@ -17,7 +17,7 @@ pub enum PlotError {
     /// A file with a name of neither an SVG nor a PNG.
     #[error("`{0}`: the name of a plot ends in .svg or .png")]
     Name(String),
-    /// It could not be drawn.
+    /// The plot could not be drawn.
     #[error("the plot cannot be drawn: {0}")]
     Drawing(String),
     /// The picture could not be encoded.
@@ -25,7 +25,7 @@ pub enum PlotError {
     Encoding(String),
 }
 
-/// In which format a plot is written.
+/// Format of a plot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Picture {
     /// Scalable Vector Graphics.

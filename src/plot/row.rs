@@ -1,4 +1,4 @@
-//! One register of a plot.
+//! A register in a plot.
 
 use crate::journal::Past;
 use crate::layout::place::Place;
@@ -8,7 +8,7 @@ use crate::layout::{Address, Meaning, RegType, RegisterPhase};
 const REQUEST: u32 = 0x05;
 const ANSWER: u32 = 0x04;
 
-/// How a register is drawn.
+/// Drawing style of a register.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Style {
     /// Codes and bits: each value holds until the next.
@@ -19,12 +19,12 @@ pub enum Style {
     Handshake,
 }
 
-/// One register of a plot.
+/// A register in a plot.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Row {
     /// The register's name.
     pub name: String,
-    /// How it is drawn.
+    /// Drawing style.
     pub style: Style,
     /// Times in microseconds, ascending, each with the value from then on, as a number of its type.
     pub points: Vec<(u64, i64)>,
@@ -126,7 +126,7 @@ pub fn address_of(place: &Place) -> Address {
     place.bit_in().map_or(place.address(), |(register, _)| register.address())
 }
 
-/// How a register of this type and meaning is drawn.
+/// Drawing style of a register of this type and meaning.
 fn style(ty: RegType, meaning: Option<&'static Meaning>) -> Style {
     let Some(meaning) = meaning else {
         return match ty {

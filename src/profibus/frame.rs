@@ -67,7 +67,7 @@ pub enum TelegramError {
     /// No telegram begins with this octet.
     #[error("no telegram begins with 16#{0:02X}; it is 10, 68, A2, DC or E5")]
     Start(u8),
-    /// There are none.
+    /// There are no octets.
     #[error("there are no octets")]
     Empty,
     /// The count of octets does not match the start delimiter or the length.
@@ -89,10 +89,10 @@ pub enum TelegramError {
         /// The right one.
         expected: u8,
     },
-    /// It does not end as telegrams do.
+    /// The telegram has a wrong end delimiter.
     #[error("it ends with 16#{0:02X}; telegrams end with 16#16")]
     End(u8),
-    /// It carries too much.
+    /// The telegram has too many data octets.
     #[error("{0} octets of data; a telegram carries 246 with its service access points")]
     TooLong(usize),
 }

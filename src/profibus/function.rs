@@ -13,7 +13,7 @@ pub enum Request {
     FdlStatus,
 }
 
-/// How a station answers.
+/// The answer of a station.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Answer {
     /// A receipt, or the status of a station.
@@ -22,7 +22,7 @@ pub enum Answer {
     Low,
     /// Data, and data of high priority are pending: a diagnosis.
     High,
-    /// There is no such service here, or not now.
+    /// The service does not exist here, or not now.
     NotActivated,
 }
 

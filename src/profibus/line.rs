@@ -21,7 +21,7 @@ pub struct Sending {
 /// The line.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Line {
-    /// In the order of their ends.
+    /// Sorted by their ends.
     sendings: Vec<Sending>,
     idle_since: u64,
 }
@@ -39,7 +39,7 @@ impl Line {
         self.sendings.insert(place, Sending { sender, begin: at, end, octets, is_garbled });
     }
 
-    /// When the next one ends, in bit times; none if the line is idle.
+    /// End of the next transmission to end, in bit times; `None` if the line is idle.
     #[must_use]
     pub fn next_end(&self) -> Option<u64> {
         self.sendings.first().map(|sending| sending.end)

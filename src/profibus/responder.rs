@@ -35,7 +35,7 @@ impl Responder {
         Responder { address, last: None }
     }
 
-    /// Its address.
+    /// Address of the station.
     #[must_use]
     pub const fn address(&self) -> u8 {
         self.address

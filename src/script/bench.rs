@@ -38,11 +38,11 @@ use ask::Spot;
 use core::panic::Location;
 use std::path::Path;
 
-/// How many journal entries a failure shows.
+/// Count of journal entries in a failure.
 const LAST_ENTRIES: usize = 8;
-/// How many findings a failure shows.
+/// Count of findings in a failure.
 const FIRST_FINDINGS: usize = 3;
-/// How far back the journal is read for them.
+/// Count of journal records that are searched for them.
 const LOOK_BACK: u64 = 512;
 
 /// A plant and the verbs that act on it.

@@ -5,7 +5,7 @@ use crate::layout::did_you_mean;
 use rhai::{Engine, EvalAltResult, FLOAT, INT};
 use std::borrow::Cow;
 
-/// How the engine names a text among the arguments of a call that it does not know.
+/// The engine's name for a text among the arguments of an unknown call.
 const TEXT: &str = "&str | ImmutableString | String";
 
 /// Numbers have names of the scenarios' language, not of ours: in complaints that a script catches, and in `type_of`.
@@ -66,7 +66,7 @@ pub(super) fn complaint(error: &EvalAltResult, line: &str) -> String {
     }
 }
 
-/// Nothing has this signature, `name (type, type)`.
+/// Error: no function has this signature, `name (type, type)`.
 fn no_function(signature: &str) -> String {
     let (name, types) = signature.split_once(" (").unwrap_or((signature, ""));
     let types = types.strip_suffix(')').unwrap_or(types);

@@ -22,7 +22,7 @@ pub enum ScenarioError {
     /// More emulated time than a scenario may take.
     #[error("{} of emulated time at {} would go beyond the {} that a scenario may take; does it end at all?", short(*.us), seconds(*.now_us), short(*.limit_us))]
     TooLong {
-        /// How much time was asked for, in microseconds.
+        /// Requested time, in microseconds.
         us: u64,
         /// Emulated time.
         now_us: u64,
@@ -41,7 +41,7 @@ pub enum ScenarioError {
     /// A text that does not name a time.
     #[error("`{text}`: {source}")]
     Time {
-        /// As given.
+        /// The given text.
         text: String,
         /// The error in the text.
         source: TimeError,
@@ -49,7 +49,7 @@ pub enum ScenarioError {
     /// An argument in its own notation.
     #[error("`{text}`: {right}")]
     Argument {
-        /// As given.
+        /// The given text.
         text: String,
         /// A correct example.
         right: String,
@@ -57,11 +57,11 @@ pub enum ScenarioError {
     /// A register without a PLC in front, and several it could be in.
     #[error("`{text}`: the plant has several PLCs ({plcs}); write for example {example}:{text}")]
     WhichPlc {
-        /// As given.
+        /// The given text.
         text: String,
         /// The PLCs.
         plcs: String,
-        /// One of them.
+        /// An example of a known one.
         example: String,
     },
     /// A PLC, bus or area that the plant does not have.
@@ -69,7 +69,7 @@ pub enum ScenarioError {
     Unknown {
         /// "PLC", "bus" or "area".
         what: &'static str,
-        /// As given.
+        /// The given text.
         name: String,
         /// The known names.
         known: String,

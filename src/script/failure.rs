@@ -14,16 +14,16 @@ pub enum FailureKind {
     Expectation,
     /// The scenario throws a value.
     Throw,
-    /// It does not end within its limits.
+    /// The scenario exceeds its limits.
     Endless,
     /// The plant refuses an operation, or has gone.
     Refused,
-    /// It expects nothing.
+    /// The scenario has no expectations.
     Empty,
 }
 
 impl FailureKind {
-    /// Its name in reports.
+    /// Name in reports.
     pub fn name(self) -> &'static str {
         match self {
             Self::Expectation => "expectation",
@@ -44,13 +44,13 @@ pub struct Failure {
     pub what: String,
     /// Name of the register, if it is about one.
     pub register: Option<String>,
-    /// Its address.
+    /// Address of the register.
     pub address: Option<String>,
     /// The expected value, decoded.
     pub expected: Option<String>,
     /// The actual value, decoded.
     pub actual: Option<String>,
-    /// The same as numbers, if it is about a register.
+    /// The same as numbers, if the expectation concerns a register.
     pub numbers: Option<Numbers>,
     /// Duration of the wait in emulated microseconds, if the expectation is a wait.
     pub within_us: Option<u64>,
@@ -58,7 +58,7 @@ pub struct Failure {
     pub time_us: u64,
     /// The section of the scenario.
     pub section: Option<String>,
-    /// How many findings the access checker had.
+    /// Count of findings of the access checker.
     pub findings: u64,
     /// The first of them, a line each.
     pub first_findings: Vec<String>,
@@ -126,7 +126,7 @@ pub struct Numbers {
     pub actual: i64,
     /// The bits that count, if not all do.
     pub mask: Option<u32>,
-    /// How far away from each other they may be.
+    /// Allowed difference.
     pub tolerance: Option<u32>,
 }
 
@@ -135,7 +135,7 @@ pub struct Numbers {
 pub struct JournalLine {
     /// Emulated time in microseconds.
     pub time_us: u64,
-    /// Its kind, as `commram trace --kind` names it.
+    /// Kind of the event, as `commram trace --kind` names it.
     pub kind: String,
     /// The line of `commram trace`.
     pub text: String,

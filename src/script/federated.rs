@@ -15,7 +15,7 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 thread_local! {
-    /// How many federates the plants of scenarios on this thread have, and which of them the scenario is at.
+    /// Count of federates of the plants of scenarios on this thread, and the number of the scenario's federate.
     static FEDERATES: Cell<(u8, u8)> = const { Cell::new((1, 0)) };
 }
 
@@ -156,7 +156,7 @@ struct Federated {
 }
 
 impl Federated {
-    /// As many federates as that, the scenario at federate `own`, and at each of them this program.
+    /// A plant with `count` federates, the scenario at federate `own`, and this program at each of them.
     fn new(
         config: &PlantConfig,
         count: u8,

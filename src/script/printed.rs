@@ -2,7 +2,7 @@
 
 use super::complaint::in_words;
 
-/// How many bytes are kept.
+/// Maximum count of bytes that are kept.
 pub(super) const MOST: usize = 1 << 20;
 
 /// The lines that a script has printed, up to [`MOST`] bytes; each line is also passed on at once.

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 use std::time::{Duration, SystemTime};
 
-/// How a scenario ended.
+/// The outcome of a scenario.
 #[derive(Debug, Serialize, Deserialize)]
 pub enum Outcome {
     /// All expectations were met.
@@ -23,7 +23,7 @@ pub enum Outcome {
 }
 
 impl Outcome {
-    /// Its name in reports.
+    /// Name in reports.
     pub fn name(&self) -> &'static str {
         match self {
             Self::Passed => "passed",
@@ -34,7 +34,7 @@ impl Outcome {
         }
     }
 
-    /// Whether it passed.
+    /// Whether the scenario passed.
     pub fn is_passed(&self) -> bool {
         matches!(self, Self::Passed)
     }
@@ -45,7 +45,7 @@ impl Outcome {
 pub struct Mistake {
     /// The error.
     pub what: String,
-    /// Where.
+    /// Location of the error.
     pub location: Place,
 }
 
@@ -59,7 +59,7 @@ impl fmt::Display for Mistake {
 /// A section of a scenario.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Step {
-    /// Its name; none before the first section.
+    /// Name of the section; `None` before the first section.
     pub name: Option<String>,
     /// Emulated time at its beginning, in microseconds.
     pub from_us: u64,
@@ -101,7 +101,7 @@ pub struct Report {
     /// The script, as named; a program that receives the report from another process knows it.
     #[serde(skip)]
     pub file: PathBuf,
-    /// How it ended.
+    /// Outcome of the scenario.
     pub outcome: Outcome,
     /// Count of expectations that were reached.
     pub expectations: u64,
@@ -109,7 +109,7 @@ pub struct Report {
     pub emulated_us: Option<u64>,
     /// Hash over all journal records, the same in every run; unknown for a running instance.
     pub journal_hash: Option<u64>,
-    /// When it began.
+    /// Time of the start.
     pub started: SystemTime,
     /// Real time that it took.
     pub took: Duration,

@@ -228,7 +228,7 @@ fn wanted_at(error: &ScenarioError, file: &Path, directory: &Path) -> Place {
     }
 }
 
-/// Where an error comes from: the innermost line of a script.
+/// Location of an error: the innermost line of a script.
 fn innermost(error: &EvalAltResult, file: &Path, directory: &Path) -> Place {
     let (mut file, mut line) = (file.to_owned(), error.position().line());
     let mut at = error;

@@ -6,7 +6,7 @@ pub const DEFINITIONS: &str = include_str!("verbs.d.rhai");
 /// A verb of scenarios. A verb with several counts of arguments has one entry for each count.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Verb {
-    /// Its name.
+    /// Name.
     pub name: &'static str,
     /// Names and types of its parameters. `?` is a value, a time or data, which are given as one of several types.
     pub parameters: Vec<(&'static str, &'static str)>,

@@ -58,7 +58,7 @@ impl Participants for Stations {
     }
 }
 
-/// At the rate of these tests.
+/// Duration of bits at the rate of these tests.
 fn bits(count: u32) -> u64 {
     RATE.time_ns(count)
 }
@@ -226,7 +226,7 @@ fn a_lone_sender_that_withdraws_causes_an_error() {
     let Event::Begun(it) = medium.withdraw(0, 0, standard(1)) else { panic!() };
     assert_eq!((it.fate, it.end_ns, it.free_ns), (Fate::Withdrawn, bits(7), bits(7 + 6 + 8 + 3)));
     assert_eq!(medium.next_sender(0, &stations), None);
-    // It has not sent it, so it does not wait for longer than the others.
+    // The station has not sent it, so it does not wait for longer than the others.
     let events = stations.run(&mut medium, bits(24));
     let [Event::Failed(_), Event::Begun(again)] = events[..] else { panic!("{events:?}") };
     assert_eq!((again.sender, again.begin_ns), (0, bits(24)));

@@ -11,7 +11,7 @@ use crate::journal::candump::Logged;
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("byte {at}: {right}")]
 pub struct BadLog {
-    /// Where its block begins.
+    /// First byte of the block.
     pub at: usize,
     /// The expected content.
     pub right: String,
@@ -60,7 +60,7 @@ struct Section {
 struct Interface {
     link: u16,
     name: Option<String>,
-    /// As the option has it: a negative power of ten, or with its highest bit of two.
+    /// Value of the option: a negative power of ten, or of two if its highest bit is set.
     resolution: u8,
     offset_s: i64,
 }

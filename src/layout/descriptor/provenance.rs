@@ -1,8 +1,8 @@
-//! Where facts are from.
+//! Sources of facts.
 
 use core::fmt;
 
-/// Where a fact of the layout comes from.
+/// Source of a fact of the layout.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Provenance {
     /// The manual states it, on the page given beside it.

@@ -73,7 +73,7 @@ impl Register {
     }
 }
 
-/// One dimension of an array.
+/// A dimension of an array.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Dim {
     /// Number of elements; indices run from 0.
@@ -155,7 +155,7 @@ impl RegType {
         }
     }
 
-    /// Whether it has negative numbers.
+    /// Whether the type has negative numbers.
     #[must_use]
     pub const fn is_signed(self) -> bool {
         matches!(self, RegType::Sint | RegType::Int | RegType::Dint)

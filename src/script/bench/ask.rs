@@ -128,7 +128,7 @@ impl Bench {
 
     /// Number of the journal record to come.
     pub(super) fn journal_end(&mut self) -> Result<u64, ScenarioError> {
-        // From a number that no record has yet, only the end comes.
+        // A request from a number that no record has yet only returns the end.
         Ok(self.ask(Op::Journal { from: u64::MAX, max: 0 })?.journal()?.1)
     }
 

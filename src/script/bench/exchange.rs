@@ -13,7 +13,7 @@ use crate::time::seconds;
 use core::ops::Range;
 use std::collections::{HashMap, HashSet};
 
-/// How far back the journal is read.
+/// Count of journal records that are searched.
 const LOOK_BACK: u64 = 4096;
 /// Count of last lines that are always in the picture.
 const LAST: usize = 24;
@@ -23,7 +23,7 @@ const MOST: usize = 72;
 const BESIDE: usize = 2;
 /// Count of steps before the first finding.
 const BEFORE_FINDING: usize = 8;
-/// How many repetitions of each handshake.
+/// Count of repetitions that are shown of each handshake.
 const REPETITIONS: usize = 2;
 /// Longest pattern with repetitions in one line, in steps.
 const LONGEST: usize = 24;

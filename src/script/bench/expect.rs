@@ -25,10 +25,10 @@ impl Bench {
         self.wait_for(&register, mask, value, within.into(), at)
     }
 
-    /// As [`Bench::wait`] for the bits of `mask` only.
+    /// Does the same as [`Bench::wait`] for the bits of `mask` only.
     ///
     /// # Errors
-    /// As [`Bench::wait`]; or the value has bits outside the mask.
+    /// The errors of [`Bench::wait`]; or the value has bits outside the mask.
     #[track_caller]
     pub fn wait_bits(
         &mut self,

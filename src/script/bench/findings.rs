@@ -47,7 +47,7 @@ impl Bench {
         let lines: Vec<_> = found.iter().map(|entry| self.finding_text(entry)).collect();
         let what = format!("the access checker has {}", plural_of(&found, "finding"));
         let mut failure = self.failure(what, at)?;
-        // They are all there already.
+        // The text of the failure already lists all findings.
         (failure.findings, failure.first_findings) = (0, Vec::new());
         failure.expected = Some("no findings".to_owned());
         failure.actual = Some(lines.join("\n            "));

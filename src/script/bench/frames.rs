@@ -9,7 +9,7 @@ use crate::script::{ScenarioError, Span};
 use crate::time::{seconds, short};
 use core::panic::Location;
 
-/// How many frames a failure shows.
+/// Count of frames in a failure.
 const LAST_FRAMES: usize = 6;
 
 /// A frame that was on a bus.
@@ -34,7 +34,7 @@ struct Pattern {
 }
 
 impl Pattern {
-    /// One with 11 bits.
+    /// A pattern with an identifier of 11 bits.
     fn new(id: u16, mask: u16, data: &str) -> Result<Self, ScenarioError> {
         if id > STANDARD || mask > STANDARD || id & !mask != 0 {
             let text = format!("16#{id:X} under mask 16#{mask:X}");
@@ -44,7 +44,7 @@ impl Pattern {
         Ok(Self { id: id.into(), mask: mask.into(), extended: false, data: parse_data(data)? })
     }
 
-    /// One with 29 bits.
+    /// A pattern with an identifier of 29 bits.
     fn extended(id: u32, data: &str) -> Result<Self, ScenarioError> {
         extended_id(id)?;
         Ok(Self { id, mask: EXTENDED, extended: true, data: parse_data(data)? })
@@ -153,10 +153,10 @@ impl Bench {
         self.expect_match(bus, &Pattern::new(id, mask, data)?, within.into(), Location::caller())
     }
 
-    /// As [`Bench::expect_frame`] for an identifier of 29 bits.
+    /// Does the same as [`Bench::expect_frame`] for an identifier of 29 bits.
     ///
     /// # Errors
-    /// As [`Bench::expect_frame`].
+    /// The errors of [`Bench::expect_frame`].
     #[track_caller]
     pub fn expect_extended_frame(
         &mut self,
@@ -209,10 +209,10 @@ impl Bench {
         self.expect_no_match(bus, &Pattern::new(id, mask, "*")?, within.into(), Location::caller())
     }
 
-    /// As [`Bench::expect_no_frame`] for an identifier of 29 bits.
+    /// Does the same as [`Bench::expect_no_frame`] for an identifier of 29 bits.
     ///
     /// # Errors
-    /// As [`Bench::expect_no_frame`].
+    /// The errors of [`Bench::expect_no_frame`].
     #[track_caller]
     pub fn expect_no_extended_frame(
         &mut self,

@@ -47,7 +47,7 @@ impl Bench {
         self.fault_at(words, None)
     }
 
-    /// As [`Bench::fault`], in this line of a script.
+    /// Does the same as [`Bench::fault`], for this line of a script.
     pub(in crate::script) fn fault_at(
         &mut self,
         words: &str,

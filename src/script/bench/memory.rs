@@ -21,9 +21,9 @@ pub struct MemoryCopy {
 /// A register with a changed value.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Change {
-    /// Its name.
+    /// Name.
     pub register: String,
-    /// Its address.
+    /// Address.
     pub address: String,
     /// Value before.
     pub before: u32,

@@ -11,12 +11,12 @@ use crate::script::ScenarioError;
 pub struct Register {
     pub(super) place: Place,
     pub(super) spot: Spot,
-    /// With the PLC in front, if there are several.
+    /// The PLC as a prefix, if there are several.
     pub(super) prefix: String,
 }
 
 impl Register {
-    /// Where it is.
+    /// Place of the register.
     pub fn place(&self) -> &Place {
         &self.place
     }
@@ -26,7 +26,7 @@ impl Register {
         self.spot.plc
     }
 
-    /// It can be written.
+    /// Returns an error unless it is a whole register, which can be written.
     pub(super) fn is_whole(&self) -> Result<(), ScenarioError> {
         match self.place.bit() {
             None => Ok(()),

@@ -21,7 +21,7 @@ const CYCLE_US: u64 = 500;
 #[derive(Clone)]
 pub(super) struct Block {
     kind: &'static BlockKind,
-    /// Where its registers are, as given.
+    /// Place of its registers, as given.
     place: String,
     instance: Rc<RefCell<Box<dyn Placed>>>,
 }

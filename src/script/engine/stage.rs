@@ -16,7 +16,7 @@ pub(crate) struct Stage {
     pub(super) directory: PathBuf,
     /// Longest emulated time, in microseconds.
     limit_us: u64,
-    /// How many expectations there were.
+    /// Count of expectations.
     pub(super) expectations: u64,
     /// The file of the plant, if it comes from one.
     plant_file: Option<PathBuf>,
@@ -27,7 +27,7 @@ pub(crate) struct Stage {
 }
 
 impl Stage {
-    /// For a script in `directory`; without a bench it makes its own.
+    /// For a script in `directory`; without a bench it makes a new one.
     pub(crate) fn new(bench: Option<Bench>, directory: PathBuf, limit_us: u64) -> Self {
         let attached = bench.is_some();
         let mut stage = Self {
@@ -54,7 +54,7 @@ impl Stage {
         self.bench.as_ref().and_then(Bench::journal_hash)
     }
 
-    /// How many expectations there were.
+    /// Count of expectations.
     pub(crate) fn expectations(&self) -> u64 {
         self.expectations
     }

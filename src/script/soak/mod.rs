@@ -40,7 +40,7 @@ pub enum Kind {
     Right,
     /// A right program with faults: afterwards it starts over, and behaves as the manual says.
     Disturbed,
-    /// The same among stores to any register as well.
+    /// A right program with stores to any register as well.
     Hostile,
     /// A right program that ends with a forbidden action: the checker finds the action.
     Wrong,
@@ -53,7 +53,7 @@ impl Kind {
     /// The kinds of rounds that are scenarios.
     pub const SCENARIOS: [Kind; 4] = [Kind::Right, Kind::Disturbed, Kind::Hostile, Kind::Wrong];
 
-    /// Its name in tables.
+    /// Name in tables.
     pub const fn name(self) -> &'static str {
         match self {
             Kind::Right => "right",
@@ -140,7 +140,7 @@ impl Round {
         })
     }
 
-    /// Its plant file.
+    /// The plant file of the round.
     pub fn plant(&self) -> String {
         filled(self.exercise.plant, self.setting)
     }
