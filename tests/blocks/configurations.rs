@@ -30,7 +30,7 @@ const SCAN_US: u64 = 50;
 const LONGEST_US: u64 = 20_000_000;
 
 /// A program that records the time of each event of its event tasks.
-struct Noted<P> {
+struct EventRecorder<P> {
     program: P,
     ram: Ram,
     event: usize,
@@ -39,7 +39,7 @@ struct Noted<P> {
     starts: Vec<Start>,
 }
 
-impl<P: Program<Error = String>> Program for Noted<P> {
+impl<P: Program<Error = String>> Program for EventRecorder<P> {
     type Error = String;
 
     fn initialize(&mut self, start: Start) {
@@ -81,21 +81,21 @@ impl Stage {
         Stage { plant, ram, _images: images }
     }
 
-    fn load<P: Program<Error = String>>(&self, event: usize, program: P) -> Tasks<Noted<P>> {
+    fn load<P: Program<Error = String>>(&self, event: usize, program: P) -> Tasks<EventRecorder<P>> {
         let (ram, times, starts) = (self.ram.clone(), Vec::new(), Vec::new());
-        let noted = Noted { program, ram, event, times, missed: 0, starts };
+        let noted = EventRecorder { program, ram, event, times, missed: 0, starts };
         Tasks::load(&self.ram, noted, Duration::from_millis(10), &[event])
     }
 
     /// Runs a program to its end.
-    fn run<P: Program<Error = String>>(&mut self, tasks: &mut Tasks<Noted<P>>) {
+    fn run<P: Program<Error = String>>(&mut self, tasks: &mut Tasks<EventRecorder<P>>) {
         let start = self.plant.now();
         while self.scan(tasks) == Progress::Again {
             assert!(self.plant.now() - start < LONGEST_US, "it does not end");
         }
     }
 
-    fn scan<P: Program<Error = String>>(&mut self, tasks: &mut Tasks<Noted<P>>) -> Progress {
+    fn scan<P: Program<Error = String>>(&mut self, tasks: &mut Tasks<EventRecorder<P>>) -> Progress {
         self.plant.advance_to(self.plant.now() + SCAN_US);
         tasks.scan().unwrap()
     }
@@ -142,7 +142,7 @@ impl Drop for Stage {
 
 /// Nothing lost, nothing twice: one call for each event, all at the same distance.
 #[track_caller]
-fn evenly<P: Program<Error = String>>(tasks: &Tasks<Noted<P>>, period_us: u64, at_least: usize) {
+fn evenly<P: Program<Error = String>>(tasks: &Tasks<EventRecorder<P>>, period_us: u64, at_least: usize) {
     let noted = tasks.program();
     assert_eq!(noted.missed, 0);
     assert!(noted.times.len() >= at_least, "{} events", noted.times.len());

@@ -6,7 +6,7 @@ use crate::rig::{BOTH, Memory};
 use commram::devices::cansync;
 use std::time::Duration;
 
-struct Both {
+struct BlockPair {
     bench: Bench,
     ma: CANsync_UPDOWNLOAD_MA,
     sl: CANsync_UPDOWNLOAD_SL,
@@ -16,9 +16,9 @@ struct Both {
     lengths: Vec<u16>,
 }
 
-impl Both {
+impl BlockPair {
     fn new(memory: Memory) -> Self {
-        Both {
+        BlockPair {
             bench: Bench::active(memory),
             ma: CANsync_UPDOWNLOAD_MA { x_EN: true, ..Default::default() },
             sl: CANsync_UPDOWNLOAD_SL { x_EN: true, ..Default::default() },
@@ -77,8 +77,8 @@ fn values(seed: i32) -> CANsync_UPDOWN_BMARRAY {
     core::array::from_fn(|index| (index as i32 + seed).wrapping_mul(0x1F3D_5B79))
 }
 
-fn transfer(memory: Memory, length: u16, download: bool) -> Both {
-    let mut both = Both::new(memory);
+fn transfer(memory: Memory, length: u16, download: bool) -> BlockPair {
+    let mut both = BlockPair::new(memory);
     (both.ma.u_LENGTH, both.ma.x_UPDOWN) = (length, download);
     both.ma.t_TIME = Duration::from_secs(600);
     both.sl.t_TIME = Duration::from_secs(600);
@@ -118,7 +118,7 @@ fn transfers_of_every_kind_of_length() {
 #[test]
 fn a_transfer_may_begin_before_the_slaves_block_runs() {
     for download in [false, true] {
-        let mut both = Both::new(Memory::Heap);
+        let mut both = BlockPair::new(Memory::Heap);
         (both.ma.u_LENGTH, both.ma.x_UPDOWN) = (80, download);
         (both.at_master, both.at_slave) = (values(1), values(2));
         both.master_alone(50);
@@ -140,7 +140,7 @@ fn a_transfer_may_begin_before_the_slaves_block_runs() {
 #[test]
 fn a_transfer_cancelled_before_the_slaves_block_runs_leaves_no_trace() {
     for download in [false, true] {
-        let mut both = Both::new(Memory::Heap);
+        let mut both = BlockPair::new(Memory::Heap);
         (both.ma.u_LENGTH, both.ma.x_UPDOWN) = (80, download);
         both.ma.t_TIME = Duration::from_millis(50);
         both.master_alone(100);
@@ -167,7 +167,7 @@ fn a_transfer_cancelled_before_the_slaves_block_runs_leaves_no_trace() {
 #[test]
 fn a_job_for_a_slave_without_a_turn_delays_no_other_job() {
     // Never sent: slave 5 is above b_MAX_SL_NR (D-601).
-    let mut both = Both::new(Memory::Heap);
+    let mut both = BlockPair::new(Memory::Heap);
     both.bench.rig.expect_errors(&[&cansync::rules::NEVER_POLLED]);
     (both.ma.si_SL_NR, both.ma.u_LENGTH) = (5, 1);
     both.ma.t_TIME = Duration::from_millis(100);
@@ -178,7 +178,7 @@ fn a_job_for_a_slave_without_a_turn_delays_no_other_job() {
     both.until(|both| both.ma.x_OK);
 
     // Sent, but slave 0 has no turn any more when it is cancelled.
-    let mut both = Both::new(Memory::Heap);
+    let mut both = BlockPair::new(Memory::Heap);
     both.bench.rig.tolerate_errors(&[&cansync::rules::NEVER_POLLED]);
     both.ma.u_LENGTH = 75;
     both.until(|both| both.sl.x_BUSY);
@@ -213,7 +213,7 @@ fn one_transfer_after_another() {
 /// The inputs at the start count until the end.
 #[test]
 fn inputs_that_change_meanwhile_change_nothing() {
-    let mut both = Both::new(Memory::Heap);
+    let mut both = BlockPair::new(Memory::Heap);
     (both.ma.u_LENGTH, both.ma.x_UPDOWN) = (76, true);
     both.at_master = values(5);
     both.until(|both| both.sl.x_BUSY);
@@ -227,7 +227,7 @@ fn inputs_that_change_meanwhile_change_nothing() {
 #[test]
 fn every_error_of_the_masters_block() {
     // No slave answers: a timeout after all tries.
-    let mut both = Both::new(Memory::Heap);
+    let mut both = BlockPair::new(Memory::Heap);
     both.bench.rig.expect_errors(&[&cansync::rules::NEVER_POLLED]);
     (both.ma.si_SL_NR, both.ma.u_LENGTH, both.ma.us_MAX_NR_OF_COMM) = (5, 1, 3);
     both.ma.t_TIME = Duration::from_millis(100);
@@ -239,7 +239,7 @@ fn every_error_of_the_masters_block() {
     assert_eq!((both.ma.b_ERR, both.ma.x_ERR, both.ma.x_ERR_SL, both.ma.x_OK), (timeout, true, false, false));
 
     for length in [0, 2049, u16::MAX] {
-        let mut both = Both::new(Memory::Heap);
+        let mut both = BlockPair::new(Memory::Heap);
         both.ma.u_LENGTH = length;
         both.call();
         assert_eq!((both.ma.b_ERR, both.ma.x_ERR, both.ma.x_BUSY), (of_length, true, false));
@@ -253,7 +253,7 @@ fn every_error_of_the_masters_block() {
     }
 
     // The drive has no area for it (decision D-47).
-    let mut both = Both::new(Memory::Heap);
+    let mut both = BlockPair::new(Memory::Heap);
     (both.ma.si_SL_NR, both.ma.u_LENGTH) = (1, 1);
     both.until(|both| !both.ma.x_BUSY);
     assert_eq!((both.ma.w_ERR_SL, both.ma.x_ERR_SL, both.ma.b_ERR), (0x0104, true, of_slave));
@@ -262,7 +262,7 @@ fn every_error_of_the_masters_block() {
 /// Manual p. 270-271: the slave's own monitoring time.
 #[test]
 fn a_master_that_stops_half_way_is_a_timeout_at_the_slave() {
-    let mut both = Both::new(Memory::Heap);
+    let mut both = BlockPair::new(Memory::Heap);
     (both.ma.u_LENGTH, both.ma.x_UPDOWN) = (150, true);
     both.sl.t_TIME = Duration::from_millis(800);
     both.until(|both| both.sl.x_BUSY && both.bench.ma.w_COUNTER_UPDOWNBLK1.load() > 60);
@@ -286,7 +286,7 @@ fn a_master_that_stops_half_way_is_a_timeout_at_the_slave() {
 /// Manual p. 266: dropping `x_EN` cancels; the slave's block gets over it by itself.
 #[test]
 fn a_transfer_the_master_cancels_leaves_no_trace() {
-    let mut both = Both::new(Memory::Heap);
+    let mut both = BlockPair::new(Memory::Heap);
     both.ma.u_LENGTH = 75;
     both.until(|both| both.bench.ma.w_COUNTER_UPDOWNBLK1.load() > 60);
     assert!(both.sl.x_BUSY && both.sl.x_ORDER_ACTIV);
@@ -305,7 +305,7 @@ fn a_transfer_the_master_cancels_leaves_no_trace() {
 /// Manual p. 270: dropping `x_EN` at the slave cancels, too.
 #[test]
 fn a_transfer_the_slave_cancels_fails_at_the_master() {
-    let mut both = Both::new(Memory::Heap);
+    let mut both = BlockPair::new(Memory::Heap);
     both.ma.u_LENGTH = 75;
     both.until(|both| both.bench.ma.w_COUNTER_UPDOWNBLK1.load() > 60);
     both.sl.x_EN = false;
@@ -323,7 +323,7 @@ fn a_transfer_the_slave_cancels_fails_at_the_master() {
 /// A master without the vendor's block may use the area as it likes, within the slave's values.
 #[test]
 fn areas_that_the_slave_does_not_have_are_refused() {
-    let mut both = Both::new(Memory::Heap);
+    let mut both = BlockPair::new(Memory::Heap);
     for (address, length, error) in [(0x100 + 2048, 4, 0x0107), (0x100, 6, 0x0104), (0x102, 8, 0)] {
         let base = &both.bench.ma;
         base.b_SL_NR_UPDOWNBLK1.store(0);

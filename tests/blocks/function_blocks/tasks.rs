@@ -11,7 +11,7 @@ use std::rc::Rc;
 use std::time::Duration;
 
 /// A program that records its calls with their times.
-struct Notes {
+struct CallRecorder {
     ram: Ram,
     sync: INTR_SET,
     /// Cycles since the start.
@@ -24,13 +24,13 @@ fn enabled() -> INTR_SET {
     INTR_SET { i_EVENT: 12, x_EN: true, ..Default::default() }
 }
 
-impl Notes {
+impl CallRecorder {
     fn note(&self, what: &'static str) {
         self.log.borrow_mut().push((self.ram.now_us(), what));
     }
 }
 
-impl Program for Notes {
+impl Program for CallRecorder {
     type Error = Infallible;
 
     fn initialize(&mut self, start: Start) {
@@ -67,7 +67,7 @@ impl Program for Notes {
 
 struct Stage {
     bench: Bench,
-    tasks: Tasks<Notes>,
+    tasks: Tasks<CallRecorder>,
     log: Rc<RefCell<Vec<(u64, &'static str)>>>,
 }
 
@@ -76,7 +76,7 @@ impl Stage {
         let bench = Bench::active(memory);
         let ram = Ram::of(bench.rig.plant.devices()[0].segment()).unwrap();
         let log = Rc::default();
-        let notes = Notes { ram: ram.clone(), sync: enabled(), cycles: 0, log: Rc::clone(&log) };
+        let notes = CallRecorder { ram: ram.clone(), sync: enabled(), cycles: 0, log: Rc::clone(&log) };
         let tasks = Tasks::load(&ram, notes, Duration::from_millis(5), &[12]);
         Stage { bench, tasks, log }
     }
@@ -200,7 +200,7 @@ fn the_next_program_starts_cold() {
     drop(tasks);
     bench.rig.step(1000);
     assert_eq!(ram.header().board.display.load(), u32::from('0'));
-    let notes = Notes { ram: ram.clone(), sync: enabled(), cycles: 0, log: Rc::clone(&log) };
+    let notes = CallRecorder { ram: ram.clone(), sync: enabled(), cycles: 0, log: Rc::clone(&log) };
     let tasks = Tasks::load(&ram, notes, Duration::from_millis(5), &[12]);
     let mut stage = Stage { bench, tasks, log };
     assert_eq!(stage.pass(10)[0].1, "cold");
@@ -208,7 +208,7 @@ fn the_next_program_starts_cold() {
     // A program that has died leaves its state in the registers.
     let Stage { bench, tasks, log } = stage;
     std::mem::forget(tasks);
-    let notes = Notes { ram: ram.clone(), sync: enabled(), cycles: 0, log: Rc::clone(&log) };
+    let notes = CallRecorder { ram: ram.clone(), sync: enabled(), cycles: 0, log: Rc::clone(&log) };
     let tasks = Tasks::load(&ram, notes, Duration::from_millis(5), &[12]);
     let mut stage = Stage { bench, tasks, log };
     assert_eq!(stage.pass(10)[0].1, "cold");

@@ -33,7 +33,7 @@ const KINDS: [(&str, &[&str], Option<u32>); 16] = [
 
 /// How a fault gets into the plant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Door {
+enum FaultEntry {
     PlantFile,
     Running,
 }
@@ -48,10 +48,10 @@ fn spellings(rate: Rate, kind: &str, fields: &[&str], end: &str) -> (FaultSpec, 
 }
 
 /// Runs the fault while there is traffic of every kind, well beyond its end.
-fn run(rate: Rate, spec: &FaultSpec, text: &str, door: Door) -> Rig {
-    let in_file = if door == Door::PlantFile { text } else { "" };
+fn run(rate: Rate, spec: &FaultSpec, text: &str, door: FaultEntry) -> Rig {
+    let in_file = if door == FaultEntry::PlantFile { text } else { "" };
     let mut rig = Rig::of(Memory::Heap, rate, &format!("{DRIVES}{in_file}"));
-    if door == Door::Running {
+    if door == FaultEntry::Running {
         let fault = spec.resolve(fault_kinds(), &rig.plant.names()).unwrap();
         rig.plant.add_fault(fault).unwrap();
     }
@@ -99,7 +99,7 @@ fn every_kind_comes_through_every_door_and_ends_by_count_and_by_time() {
         for (end, hits) in by_count.into_iter().chain([(format!("duration_us={DURATION_US}"), None)]) {
             let what = format!("{kind} {end}, {rate:?}");
             let (spec, text) = spellings(rate, kind, fields, &end);
-            let rig = run(rate, &spec, &text, Door::Running);
+            let rig = run(rate, &spec, &text, FaultEntry::Running);
             assert_eq!(rig.plant.faults().count(), 0, "{what} is over");
             let mut news = news(&rig);
             // Hits that are still being counted are sorted after completed ones.
@@ -120,7 +120,7 @@ fn every_kind_comes_through_every_door_and_ends_by_count_and_by_time() {
                     assert_eq!(hit.is_empty(), kind == "slave_off", "{what}: {news:?}");
                 }
             }
-            let from_file = run(rate, &spec, &text, Door::PlantFile);
+            let from_file = run(rate, &spec, &text, FaultEntry::PlantFile);
             assert_eq!(from_file.plant.journal().hash(), rig.plant.journal().hash(), "{what}, plant file");
         }
     }

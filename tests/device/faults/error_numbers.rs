@@ -6,7 +6,7 @@ use commram::devices::cansync::registers::values::{par_error, updown_error};
 
 /// How a number comes about.
 #[derive(Clone, Copy)]
-enum By {
+enum ErrorSource {
     /// A job to the drive: control register, parameter, value.
     Job(u8, u16, u32),
     /// A job that the application of slave node 0 refuses with that number.
@@ -20,32 +20,32 @@ enum By {
 }
 
 /// Manual 5.00005.03a p. 166.
-const PARAMETER: [(u16, By); 7] = [
-    (par_error::GENERAL, By::Job(0x01, 1000, 0)), // neither read nor write (D-41)
-    (par_error::BELOW_MINIMUM, By::Job(0x05, 1000, 9)),
-    (par_error::ABOVE_MAXIMUM, By::Job(0x05, 1000, 501)),
-    (par_error::NOT_CHANGEABLE, By::Job(0x05, 121, 0)),
-    (par_error::NOT_PRESENT, By::Job(0x03, 999, 0)),
-    (par_error::NOT_AVAILABLE_NOW, By::Application),
-    (par_error::DATA_FORMAT, By::Job(0x15, 1000, 100)),
+const PARAMETER: [(u16, ErrorSource); 7] = [
+    (par_error::GENERAL, ErrorSource::Job(0x01, 1000, 0)), // neither read nor write (D-41)
+    (par_error::BELOW_MINIMUM, ErrorSource::Job(0x05, 1000, 9)),
+    (par_error::ABOVE_MAXIMUM, ErrorSource::Job(0x05, 1000, 501)),
+    (par_error::NOT_CHANGEABLE, ErrorSource::Job(0x05, 121, 0)),
+    (par_error::NOT_PRESENT, ErrorSource::Job(0x03, 999, 0)),
+    (par_error::NOT_AVAILABLE_NOW, ErrorSource::Application),
+    (par_error::DATA_FORMAT, ErrorSource::Job(0x15, 1000, 100)),
 ];
 
 /// Manual 5.00005.03a p. 168; the list has no 16#0106.
-const UPDOWN: [(u16, By); 11] = [
-    (updown_error::WRONG_BLOCK, By::Fault("kind = 'wrong_offset'\nslave = 0\ncount = 1")),
-    (updown_error::LENGTH, By::Block(0x15, 0x1000, 301)),
+const UPDOWN: [(u16, ErrorSource); 11] = [
+    (updown_error::WRONG_BLOCK, ErrorSource::Fault("kind = 'wrong_offset'\nslave = 0\ncount = 1")),
+    (updown_error::LENGTH, ErrorSource::Block(0x15, 0x1000, 301)),
     (
         updown_error::EXPECTS_OTHER_BLOCK,
-        By::Fault("kind = 'wrong_offset'\nslave = 0\nslot = 'CC'\noffset = 12\ncount = 1"),
+        ErrorSource::Fault("kind = 'wrong_offset'\nslave = 0\nslot = 'CC'\noffset = 12\ncount = 1"),
     ),
-    (updown_error::EXPECTS_END, By::Slave),
-    (updown_error::END_TOO_EARLY, By::Slave),
-    (updown_error::SLAVE_CANCELS, By::Application),
-    (updown_error::NOT_POSSIBLE, By::Block(0x15, 0x1000, 0)),
-    (updown_error::BASE_ADDRESS, By::Block(0x05, 0xFF, 6)),
-    (updown_error::TOO_LONG, By::Slave),
-    (updown_error::MODE, By::Slave),
-    (0x0200, By::Application), // above 16#00FF: a number of the slave's application (p. 192)
+    (updown_error::EXPECTS_END, ErrorSource::Slave),
+    (updown_error::END_TOO_EARLY, ErrorSource::Slave),
+    (updown_error::SLAVE_CANCELS, ErrorSource::Application),
+    (updown_error::NOT_POSSIBLE, ErrorSource::Block(0x15, 0x1000, 0)),
+    (updown_error::BASE_ADDRESS, ErrorSource::Block(0x05, 0xFF, 6)),
+    (updown_error::TOO_LONG, ErrorSource::Slave),
+    (updown_error::MODE, ErrorSource::Slave),
+    (0x0200, ErrorSource::Application), // above 16#00FF: a number of the slave's application (p. 192)
 ];
 
 #[test]
@@ -54,11 +54,11 @@ fn every_error_number_of_a_parameter_job() {
         for (number, by) in PARAMETER {
             let mut rig = running(Memory::Heap, rate);
             let slave = match by {
-                By::Job(control, parameter, value) => {
+                ErrorSource::Job(control, parameter, value) => {
                     enter_parameter(&rig, DRIVE, control, parameter, value);
                     DRIVE
                 }
-                By::Application => {
+                ErrorSource::Application => {
                     enter_parameter(&rig, 0, 0x03, 300, 0);
                     intervals(&mut rig, 3);
                     rig.slave.w_ERR_NR_PAR_CMD.store(number);
@@ -66,7 +66,7 @@ fn every_error_number_of_a_parameter_job() {
                     rig.slave.b_STEUREG_PAR_CMD.store(0x62);
                     0
                 }
-                By::Block(..) | By::Fault(_) | By::Slave => unreachable!(),
+                ErrorSource::Block(..) | ErrorSource::Fault(_) | ErrorSource::Slave => unreachable!(),
             };
             intervals(&mut rig, 3);
             let (control, value) = parameter(&rig, slave);
@@ -81,12 +81,12 @@ fn every_error_number_of_an_up_or_download() {
         for (number, by) in UPDOWN {
             let mut rig = running(Memory::Heap, rate);
             match by {
-                By::Block(control, address, length) => enter_block(&rig, control, address, length),
-                By::Fault(fault) => {
+                ErrorSource::Block(control, address, length) => enter_block(&rig, control, address, length),
+                ErrorSource::Fault(fault) => {
                     add(&mut rig, fault);
                     enter_block(&rig, 0x15, 0x1000, 24);
                 }
-                By::Slave => {
+                ErrorSource::Slave => {
                     let at = rig.plant.now() + 10_000;
                     add(
                         &mut rig,
@@ -96,14 +96,14 @@ fn every_error_number_of_an_up_or_download() {
                     );
                     enter_block(&rig, 0x15, 0x1000, 60);
                 }
-                By::Application => {
+                ErrorSource::Application => {
                     enter_block(&rig, 0x15, 0x1000, 24);
                     intervals(&mut rig, 3);
                     rig.slave.w_ERR_NR_UPDOWNBLK1.store(number);
                     rig.slave.b_STATREG_UPDOWNBLK1.store(0x74);
                     rig.slave.b_STEUREG_UPDOWNBLK1.store(0x74);
                 }
-                By::Job(..) => unreachable!(),
+                ErrorSource::Job(..) => unreachable!(),
             }
             serve_block(&mut rig, 20);
             let (control, error, _) = block(&rig);

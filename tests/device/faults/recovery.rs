@@ -127,17 +127,17 @@ fn a_slave_that_is_off_twice_is_off() {
 
 /// Requests of the PLC in one interval.
 #[derive(Clone, Copy, Debug)]
-struct Wishes {
+struct PlcRequests {
     wrc1: Option<u8>,
     wrc2: Option<u8>,
     control_word: Option<u8>,
     parameter: Option<u8>,
 }
 
-fn wishes() -> impl Strategy<Value = Wishes> {
+fn requests() -> impl Strategy<Value = PlcRequests> {
     let slave = || prop::option::weighted(0.8, 0u8..3);
     (slave(), slave(), prop::option::weighted(0.3, 0u8..3), slave())
-        .prop_map(|(wrc1, wrc2, control_word, parameter)| Wishes { wrc1, wrc2, control_word, parameter })
+        .prop_map(|(wrc1, wrc2, control_word, parameter)| PlcRequests { wrc1, wrc2, control_word, parameter })
 }
 
 /// The faulty station: `None` is the master, otherwise the slave with this number.
@@ -151,22 +151,22 @@ fn any_fault() -> impl Strategy<Value = (Option<u8>, &'static str)> {
     ]
 }
 
-fn interval(rig: &mut Rig, wishes: Wishes) {
+fn interval(rig: &mut Rig, requests: PlcRequests) {
     let regs = &rig.master;
     for (order, release, slave) in [
-        (&regs.b_CTRLREG_RD_ORDER_RDC1, &regs.b_CTRLREG_WRC1, wishes.wrc1),
-        (&regs.b_CTRLREG_RD_ORDER_RDC2, &regs.b_CTRLREG_WRC2, wishes.wrc2),
+        (&regs.b_CTRLREG_RD_ORDER_RDC1, &regs.b_CTRLREG_WRC1, requests.wrc1),
+        (&regs.b_CTRLREG_RD_ORDER_RDC2, &regs.b_CTRLREG_WRC2, requests.wrc2),
     ] {
         if let Some(slave) = slave {
             order.store(slave);
             release.store(0x05);
         }
     }
-    if let Some(slave) = wishes.control_word {
+    if let Some(slave) = requests.control_word {
         regs.b_SL_NR_CONTROLWORD.store(slave);
         regs.a_STEUREG_CONTROLWORD[usize::from(slave)].store(0x05);
     }
-    if let Some(slave) = wishes.parameter {
+    if let Some(slave) = requests.parameter {
         // Only a new job gives an acknowledgement to look for.
         if parameter(rig, slave.into()).0 & 0x01 == 0 {
             enter_parameter(rig, slave.into(), 0x03, 121, 0);
@@ -224,16 +224,16 @@ proptest! {
         rate in prop::sample::select(&FASTEST[..]),
         (faulty, text) in any_fault(),
         at in 0u64..8_000,
-        before in prop::collection::vec(wishes(), 4),
-        after in prop::collection::vec(wishes(), 8),
+        before in prop::collection::vec(requests(), 4),
+        after in prop::collection::vec(requests(), 8),
     ) {
         let mut rig = running(Memory::Heap, rate);
         // Requests arrive faster than slaves answer, and no program reads the results.
         rig.tolerate_errors(&commram::devices::catalogue().rules);
         let begin = rig.plant.now();
         add(&mut rig, &format!("{text}\nat_us = {}", begin + rate.scaled(at)));
-        for wishes in before {
-            interval(&mut rig, wishes);
+        for requests in before {
+            interval(&mut rig, requests);
         }
         rig.master.w_CPU_CONTROL.store(0x00C0);
         rig.slave.w_CPU_CONTROL.store(0x00C0);
@@ -242,8 +242,8 @@ proptest! {
         prop_assert_eq!((rig.master.w_CANsync_STATUS.load() | rig.slave.w_CANsync_STATUS.load()) & BUS_OFF, 0);
         rig.run_to_sync();
         let well = rig.plant.now();
-        for wishes in after {
-            interval(&mut rig, wishes);
+        for requests in after {
+            interval(&mut rig, requests);
         }
         let end = rig.plant.now();
         rig.run_to_sync();

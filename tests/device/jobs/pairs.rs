@@ -10,7 +10,7 @@ use commram::devices::cansync::bus::codec::{
 
 /// How far a read job on parameter 300 is when the bytes are thrown.
 #[derive(Clone, Copy, Debug)]
-enum State {
+enum JobState {
     Idle,
     /// Sent, waiting for the answer.
     Sent,
@@ -19,38 +19,38 @@ enum State {
     Finished,
 }
 
-const STATES: [State; 4] = [State::Idle, State::Sent, State::Busy, State::Finished];
+const STATES: [JobState; 4] = [JobState::Idle, JobState::Sent, JobState::Busy, JobState::Finished];
 
 fn job() -> ParameterJob {
     ParameterJob::new(300, Access::Read).unwrap()
 }
 
-fn bring_to(bench: &mut Bench, state: State) {
+fn bring_to(bench: &mut Bench, state: JobState) {
     bench.enter_parameter(0, 0x03, 300, 1);
-    if matches!(state, State::Idle) {
+    if matches!(state, JobState::Idle) {
         bench.put(0, 0, 0);
         return;
     }
     assert_eq!(bench.parameter_job(), Some((0, job())));
     match state {
-        State::Busy => {
+        JobState::Busy => {
             bench.answer(0, &job(), ParameterResult::Busy);
             assert_eq!(bench.parameter_job(), Some((0, job())));
         }
-        State::Finished => bench.answer(0, &job(), ParameterResult::Word(7)),
-        State::Idle | State::Sent => {}
+        JobState::Finished => bench.answer(0, &job(), ParameterResult::Word(7)),
+        JobState::Idle | JobState::Sent => {}
     }
 }
 
 /// Expected values by the bit table of p. 164 and decisions D-41, D-42, D-48: the control register after the
 /// pending answer, and after a further interval with an answer. `None`: the firmware does not act, both
 /// registers keep their values.
-fn right(state: State, control: u8) -> (Option<u8>, Option<u8>) {
+fn right(state: JobState, control: u8) -> (Option<u8>, Option<u8>) {
     let (active, sent) = (control & 0x01 != 0, control & 0x08 != 0);
     let (read, write) = (control & 0x02 != 0, control & 0x04 != 0);
     // Bits 1, 2 and 7 stay; bit 4 stays with a write and is the answer's (here a word) with a read.
     let good_end = control & 0x86 | if write { control & 0x10 } else { 0 };
-    let due = matches!(state, State::Sent | State::Busy);
+    let due = matches!(state, JobState::Sent | JobState::Busy);
     if due && active && sent && read && !write {
         return (Some(good_end), Some(good_end));
     }

@@ -7,7 +7,7 @@ use commram::devices::cansync::bus::codec::{Access, ParameterJob, ParameterResul
 use commram::devices::cansync::registers::values::par_error;
 
 /// A kind of job: the PLC's entry, the frames, the result in the registers.
-struct Kind {
+struct JobKind {
     id: &'static str,
     entered: u8,
     /// Data bytes of the job for parameter 300 with value 16#11223344.
@@ -17,8 +17,8 @@ struct Kind {
     value: u32,
 }
 
-const KINDS: [Kind; 6] = [
-    Kind {
+const KINDS: [JobKind; 6] = [
+    JobKind {
         id: "T12 write word",
         entered: 0x05,
         frame: &[0x71, 0x2C, 0x44, 0x33, 0, 0],
@@ -26,7 +26,7 @@ const KINDS: [Kind; 6] = [
         end: 0x04,
         value: 0x1122_3344,
     },
-    Kind {
+    JobKind {
         id: "T13 write doubleword",
         entered: 0x15,
         frame: &[0x71, 0x2C, 0x44, 0x33, 0x22, 0x11, 0, 0],
@@ -34,7 +34,7 @@ const KINDS: [Kind; 6] = [
         end: 0x14,
         value: 0x1122_3344,
     },
-    Kind {
+    JobKind {
         id: "T14 read word",
         entered: 0x03,
         frame: &[0x71, 0x2C, 0, 0],
@@ -42,7 +42,7 @@ const KINDS: [Kind; 6] = [
         end: 0x02,
         value: 0x0000_8765,
     },
-    Kind {
+    JobKind {
         id: "T14 read doubleword",
         entered: 0x13,
         frame: &[0x71, 0x2C, 0, 0],
@@ -50,7 +50,7 @@ const KINDS: [Kind; 6] = [
         end: 0x12,
         value: 0x8765_4321,
     },
-    Kind {
+    JobKind {
         id: "read as word, answered as doubleword",
         entered: 0x03,
         frame: &[0x71, 0x2C, 0, 0],
@@ -58,7 +58,7 @@ const KINDS: [Kind; 6] = [
         end: 0x12,
         value: 5,
     },
-    Kind {
+    JobKind {
         id: "read as doubleword, answered as word",
         entered: 0x13,
         frame: &[0x71, 0x2C, 0, 0],

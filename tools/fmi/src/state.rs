@@ -6,15 +6,16 @@ use commram::fmi::UnitState;
 use core::ffi::c_void;
 
 /// A state, as the caller holds it.
-struct Kept {
+struct SavedState {
     state: UnitState,
     mode: Mode,
 }
 
 /// Returns the state at a pointer from the caller.
-fn kept<'a>(state: *mut c_void) -> Result<&'a Kept, Refused> {
+fn kept<'a>(state: *mut c_void) -> Result<&'a SavedState, Refused> {
     // SAFETY: it is null, or from `fmi3GetFMUState` or `fmi3DeserializeFMUState` and not freed.
-    unsafe { state.cast::<Kept>().as_ref() }.ok_or_else(|| Refused("the state is a null pointer".to_owned()))
+    unsafe { state.cast::<SavedState>().as_ref() }
+        .ok_or_else(|| Refused("the state is a null pointer".to_owned()))
 }
 
 /// Where a state is to be left.
@@ -24,9 +25,9 @@ fn place<'a>(to: *mut *mut c_void) -> Result<&'a mut *mut c_void, Refused> {
 }
 
 /// Leaves a state there, in place of the one that may be there.
-fn leave(to: &mut *mut c_void, state: Kept) {
+fn leave(to: &mut *mut c_void, state: SavedState) {
     // SAFETY: what is not null there is a state of ours that was not freed.
-    match unsafe { to.cast::<Kept>().as_mut() } {
+    match unsafe { to.cast::<SavedState>().as_mut() } {
         Some(old) => *old = state,
         None => *to = Box::into_raw(Box::new(state)).cast(),
     }
@@ -35,7 +36,7 @@ fn leave(to: &mut *mut c_void, state: Kept) {
 exported! {
     fn fmi3GetFMUState(instance: Instance, to: *mut *mut c_void) -> Status {
         with(instance, |it| {
-            leave(place(to)?, Kept { state: it.unit.state(), mode: it.mode });
+            leave(place(to)?, SavedState { state: it.unit.state(), mode: it.mode });
             Ok(())
         })
     }
@@ -54,7 +55,7 @@ exported! {
             let state = core::mem::replace(place(state)?, core::ptr::null_mut());
             if !state.is_null() {
                 // SAFETY: it is one of ours, and nobody has it any more.
-                drop(unsafe { Box::from_raw(state.cast::<Kept>()) });
+                drop(unsafe { Box::from_raw(state.cast::<SavedState>()) });
             }
             Ok(())
         })
@@ -97,14 +98,14 @@ exported! {
                 3 => Mode::Ended,
                 _ => return Err(Refused(format!("these bytes are no state of this unit: it has no phase {phase}"))),
             };
-            leave(place(to)?, Kept { state, mode });
+            leave(place(to)?, SavedState { state, mode });
             Ok(())
         })
     }
 }
 
 /// A state as bytes, with the phase of its life that the instance was in.
-fn bytes(it: &super::instance::Inner, kept: &Kept) -> Vec<u8> {
+fn bytes(it: &super::instance::Inner, kept: &SavedState) -> Vec<u8> {
     let mode = match kept.mode {
         Mode::Instantiated => 0,
         Mode::Initializing => 1,

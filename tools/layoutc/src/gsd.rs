@@ -1,4 +1,4 @@
-//! Device description files (GSD) of PROFIBUS-DP slaves: what masters know of a device, from a TOML file of its layout.
+//! Device description files (GSD) of PROFIBUS-DP slaves: the properties of a device for masters, from a TOML file of its layout.
 
 use crate::error::{Error, Reason};
 use crate::model::{Area, Kind, Structure};
@@ -83,7 +83,7 @@ pub(crate) struct Gsd {
     pub page: String,
     pub keys: Vec<Key>,
     pub parameters: Vec<Parameter>,
-    /// The user's parameters where nothing is chosen.
+    /// The user's parameters without any choice.
     pub constants: Vec<u8>,
     /// The same with every parameter at its default.
     pub defaults: Vec<u8>,
@@ -127,7 +127,7 @@ pub(crate) struct Module {
     pub from: Provenance,
 }
 
-/// Where registers are looked for.
+/// The layout in which registers are searched.
 pub(crate) struct Layout<'a> {
     pub areas: &'a [Area],
     pub structures: &'a [Structure],

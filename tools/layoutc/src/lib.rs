@@ -35,7 +35,7 @@ pub struct Compiled {
     pub inputs: Vec<PathBuf>,
 }
 
-/// Compiles what the devices of a family share, in `dir`, starting at its `family.toml`.
+/// Compiles the common part of a family's devices, in `dir`, starting at its `family.toml`.
 ///
 /// # Errors
 /// Returns the first error, with its place.

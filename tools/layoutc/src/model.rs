@@ -82,7 +82,7 @@ pub(crate) struct Space {
     pub unit: Unit,
     /// Number of the first byte or word.
     pub first: u32,
-    /// Where it lies in the image.
+    /// Offset in the image in bytes.
     pub offset: u32,
     pub bytes: u32,
     pub page: String,
@@ -149,7 +149,7 @@ pub(crate) struct Structure {
     pub doc: String,
     /// Whether it is the family's.
     pub shared: bool,
-    /// The family's structure that it can be looked at as: an index into [`Device::structures`].
+    /// The family's structure as which it can be viewed: an index into [`Device::structures`].
     pub view: Option<usize>,
     pub fields: Vec<Field>,
 }
@@ -257,7 +257,7 @@ impl Scalar {
         }
     }
 
-    /// How the type is written in generated code.
+    /// Name of the type in generated code.
     pub(crate) fn variant(self) -> String {
         format!("{self:?}")
     }
@@ -282,7 +282,7 @@ impl Meaning {
         self.pages.iter().find(|(known, _)| known == manual).map_or("", |(_, pages)| pages)
     }
 
-    /// Whether a manual states something of it.
+    /// Whether a manual states a part of it.
     pub(crate) fn is_documented(&self) -> bool {
         self.sources().any(|source| *source == Provenance::Manual)
     }

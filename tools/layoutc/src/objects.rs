@@ -1,4 +1,4 @@
-//! Object dictionaries: what an SDO reaches at a CANopen device, from a TOML file of its layout.
+//! Object dictionaries: the entries of a CANopen device that an SDO reaches, from a TOML file of its layout.
 
 use crate::error::{Error, Reason};
 use crate::raw::Provenance;

@@ -3,7 +3,7 @@
 use serde::Deserialize;
 use toml::Spanned;
 
-/// `family.toml`: what devices share.
+/// `family.toml`: the common part of devices.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Family {
@@ -34,11 +34,11 @@ pub(crate) struct Device {
     pub family: Option<Spanned<String>>,
     /// Area of the device's own interface.
     pub own: Option<Spanned<String>>,
-    /// Left out it has no switches.
+    /// Without it the device has no switches.
     #[serde(default)]
     pub dip: Range,
     pub reserved: Reserved,
-    /// Where the names of areas are from, and of variables that are made of these.
+    /// Source of the names of areas, and of variable names made from them.
     pub names: Provenance,
     #[serde(default)]
     pub parts: Vec<Spanned<String>>,
@@ -47,7 +47,7 @@ pub(crate) struct Device {
     pub area: Vec<Area>,
     /// File with the object dictionary of a CANopen device.
     pub objects: Option<Spanned<String>>,
-    /// File with what masters know of a PROFIBUS-DP slave.
+    /// File with the properties of a PROFIBUS-DP slave that masters need.
     pub gsd: Option<Spanned<String>>,
     #[serde(default)]
     pub front: Vec<Front>,
@@ -72,7 +72,7 @@ pub(crate) struct Range {
     pub last: u8,
 }
 
-/// Addresses that the application writes in one way, and where they lie in the image.
+/// Addresses that the application writes in the same form, and their place in the image.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Space {
@@ -83,9 +83,9 @@ pub(crate) struct Space {
     pub unit: Unit,
     /// Number of the first byte or word.
     pub first: Spanned<u32>,
-    /// Where it lies in the image.
+    /// Offset in the image in bytes.
     pub offset: Spanned<u32>,
-    /// Left out the space ends with its last area.
+    /// Default: the end of the space's last area.
     pub bytes: Option<Spanned<u32>>,
     pub page: String,
     pub doc: String,
@@ -116,13 +116,13 @@ pub(crate) enum Unit {
 #[serde(deny_unknown_fields)]
 pub(crate) struct Area {
     pub name: Spanned<String>,
-    /// Left out it is the first one.
+    /// Default: the first space.
     pub space: Option<Spanned<String>>,
     /// Number of its first byte or word in the space.
     pub first: Spanned<u32>,
-    /// Bytes that it has in a plant that does not say otherwise: the retain flags alone.
+    /// Default size in bytes, if the plant sets none: the retain flags alone.
     pub retain: Option<Spanned<u32>>,
-    /// Left out the area ends with its largest structure.
+    /// Default: the end of the area's largest structure.
     pub last: Option<Spanned<u32>>,
     pub cpu_first: Option<u32>,
     pub cpu_last: Option<u32>,
@@ -157,7 +157,7 @@ pub(crate) struct Front {
     /// Four characters of a text.
     #[serde(default)]
     pub text: bool,
-    /// Where it is from that the device has this at its front; its place in the header page is commram's own.
+    /// Source for the existence of this word; its place in the header page is commram's own.
     pub source: Provenance,
     pub page: String,
     pub doc: String,
@@ -223,7 +223,7 @@ pub(crate) struct Deadline {
     pub source: Provenance,
 }
 
-/// A parts file: what several structures share.
+/// A parts file: the common parts of several structures.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Parts {
@@ -240,13 +240,13 @@ pub(crate) struct Parts {
 #[serde(deny_unknown_fields)]
 pub(crate) struct Structure {
     pub name: Spanned<String>,
-    /// Left out it is that of the structure of `view`.
+    /// Default: the size of the structure of `view`.
     pub size: Option<Spanned<u32>>,
     pub page: String,
     pub doc: String,
     /// Source of the type's own name; a block has none.
     pub name_from: Option<Provenance>,
-    /// The family's structure that firmware and function blocks look at this one as.
+    /// The family's structure as which firmware and function blocks view this structure.
     pub view: Option<Spanned<String>>,
     pub offsets: Provenance,
     pub names: Provenance,
@@ -272,7 +272,7 @@ pub(crate) struct Entry {
     pub ty: Option<Spanned<String>>,
     pub array: Option<Spanned<Vec<u32>>>,
     pub used: Option<Spanned<Vec<u32>>>,
-    /// The manual's name of the whole array's type, where it is not made of the element's and the number of elements.
+    /// The manual's name of the whole array's type, if it is not made of the element's name and the number of elements.
     pub array_type: Option<Spanned<String>>,
     /// Another name of the register in the manual.
     pub also: Option<Spanned<String>>,
@@ -339,9 +339,9 @@ fn is_decision(text: &str) -> bool {
 #[serde(deny_unknown_fields)]
 pub(crate) struct Meaning {
     pub name: Spanned<String>,
-    /// Where the manual states it.
+    /// Page of the manual.
     pub page: Option<String>,
-    /// Where manuals of other devices state it, too.
+    /// Pages of other devices' manuals.
     #[serde(default)]
     pub pages: std::collections::BTreeMap<String, String>,
     /// Source of values and bits without an own source; the manual, if there is a page.
@@ -364,7 +364,7 @@ pub(crate) struct Value {
     pub is: Option<u32>,
     pub from: Option<u32>,
     pub to: Option<u32>,
-    /// Left out of what the manual reserves.
+    /// Left out for reserved values and bits.
     pub text: Option<String>,
     #[serde(default)]
     pub reserved: bool,

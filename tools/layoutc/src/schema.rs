@@ -1,7 +1,7 @@
 //! The JSON schema of layout files.
 
-/// One schema for all files of a layout, draft 7, for editors and validators. It knows their shape; what refers to each other only
-/// the compiler checks.
+/// One schema for all files of a layout, draft 7, for editors and validators. It describes their shape; only the
+/// compiler checks references.
 pub const SCHEMA: &str = include_str!("layout.schema.json");
 
 #[cfg(test)]

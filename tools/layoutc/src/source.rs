@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 /// Every file read so far.
 pub(crate) struct Sources {
     dir: PathBuf,
-    /// Texts that count instead of the files'.
+    /// Texts that replace the contents of files.
     edits: BTreeMap<PathBuf, String>,
     files: Vec<(PathBuf, String)>,
 }
@@ -23,10 +23,10 @@ pub(crate) struct At {
     pub byte: usize,
 }
 
-/// The longest file of a layout, in bytes; the longest that there is has a 25th of that.
+/// Maximum size of a layout file in bytes, 25 times the largest existing one.
 const LONGEST: u64 = 1 << 20;
 
-/// The text of a file. What never ends, or never begins, is not waited for.
+/// Reads the text of a file. A file without an end, or one that blocks, is refused.
 fn read(path: &Path) -> io::Result<String> {
     if !fs::metadata(path)?.is_file() {
         return Err(io::Error::new(io::ErrorKind::InvalidInput, "it is no regular file"));
@@ -44,7 +44,7 @@ impl Sources {
         Self { dir: dir.to_owned(), edits: BTreeMap::new(), files: Vec::new() }
     }
 
-    /// With other texts than some of the files have.
+    /// Makes sources with texts that replace the contents of some files.
     #[cfg(feature = "import")]
     pub(crate) fn with_edits(dir: &Path, edits: BTreeMap<PathBuf, String>) -> Self {
         Self { edits, ..Self::new(dir) }

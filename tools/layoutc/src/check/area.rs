@@ -1,4 +1,4 @@
-//! Areas of the image: where the structures lie, and that overlaid structures agree on widths.
+//! Areas of the image: checks the places of structures, and that overlaid structures agree on widths.
 
 use super::{Names, identifier};
 use crate::error::{Error, Reason};
@@ -164,7 +164,7 @@ fn area(
     Ok((area, (first, last)))
 }
 
-/// Where the space can end at most.
+/// Highest possible end of the space.
 fn raw_end(space: &Space) -> u64 {
     if space.bytes == 0 { u64::from(u32::MAX) } else { space.end() }
 }

@@ -111,7 +111,7 @@ pub(crate) fn check(
     Ok((place, field))
 }
 
-/// As written; a register without one gets its own from the structure of `view`.
+/// Offset as written; a register without an offset gets it from the structure of `view`.
 fn offset(entry: &raw::Entry) -> u32 {
     entry.offset.as_ref().map_or(0, |offset| *offset.get_ref())
 }

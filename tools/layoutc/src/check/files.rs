@@ -1,4 +1,4 @@
-//! Which files a layout consists of: the device's own and those of its family.
+//! The files of a layout: the device's own files and its family's files.
 
 use super::identifier;
 use crate::error::Error;
@@ -19,9 +19,9 @@ pub(crate) struct Top {
 
 /// A file that another one names.
 pub(crate) struct Named {
-    /// As [`Sources::parse`] takes it.
+    /// Name in the form that [`Sources::parse`] takes.
     pub path: String,
-    /// Where it is named.
+    /// Place of the name.
     pub at: At,
     /// Whether it is the family's.
     pub shared: bool,

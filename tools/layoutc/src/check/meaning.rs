@@ -8,19 +8,19 @@ use crate::source::{At, Sources, at};
 use toml::Spanned;
 
 /// A meaning, and the places of its parts in the file.
-pub(crate) struct Checked {
+pub(crate) struct CheckedMeaning {
     pub meaning: Meaning,
     values: Vec<At>,
     bits: Vec<At>,
 }
 
-/// Checks `raw` and appends it. `manual` is that of the file, `shared` whether the file is the family's.
+/// Checks `raw` and appends it. `manual` is the file's manual; `shared` is true for a file of the family.
 pub(crate) fn add(
     sources: &Sources,
     file: usize,
     raw: &raw::Meaning,
     (manual, shared): (&str, bool),
-    all: &mut Vec<Checked>,
+    all: &mut Vec<CheckedMeaning>,
 ) -> Result<(), Error> {
     let name = raw.name.get_ref();
     if all.iter().any(|checked| checked.meaning.name == *name) {
@@ -52,7 +52,7 @@ pub(crate) fn add(
     if raw.page.is_none() && meaning.is_documented() {
         return Err(sources.error(at(file, raw.name.span()), Reason::MeaningWithoutPage(name.clone())));
     }
-    let checked = Checked {
+    let checked = CheckedMeaning {
         meaning,
         values: raw.value.iter().map(|v| at(file, v.span())).collect(),
         bits: raw.bit.iter().map(|b| at(file, b.span())).collect(),
@@ -64,7 +64,7 @@ pub(crate) fn add(
     Ok(())
 }
 
-impl Checked {
+impl CheckedMeaning {
     /// Whether every value and bit fits `name` of type `scalar`.
     fn fits(&self, sources: &Sources, name: &str, scalar: Scalar) -> Result<(), Error> {
         let width = scalar.width() * 8;
@@ -85,7 +85,7 @@ impl Checked {
     }
 }
 
-/// The meaning called `name`, if everything in it fits a register `register` of type `scalar`.
+/// Returns the meaning called `name` if all its values and bits fit register `register` of type `scalar`.
 pub(crate) fn find(
     sources: &Sources,
     parts: &Parts,
@@ -117,7 +117,7 @@ pub(crate) fn too_wide(what: &'static str, value: i64, name: &str, scalar: Scala
     Reason::ValueTooWide { what, value, name: name.to_owned(), ty: scalar.name(), bits: scalar.width() * 8 }
 }
 
-/// `source` is that of values which do not state one of their own.
+/// `source` applies to values without an own source.
 fn values(
     sources: &Sources,
     file: usize,

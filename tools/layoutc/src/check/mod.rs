@@ -1,4 +1,4 @@
-//! From the files as written to the checked model.
+//! Converts the files as written to the checked model.
 
 mod area;
 mod field;
@@ -28,7 +28,7 @@ struct Parts {
     /// The manual of the device that is checked.
     manual: String,
     /// Places of the bits of each meaning in the file, to point at a bit that is too wide for a register.
-    meanings: Vec<meaning::Checked>,
+    meanings: Vec<meaning::CheckedMeaning>,
     substructures: Vec<Structure>,
     structures: Vec<Structure>,
     blocks: Vec<(usize, raw::Structure)>,
@@ -45,7 +45,7 @@ pub(crate) fn load(sources: &mut Sources) -> Result<Device, Error> {
     let (shared, own): (Vec<_>, Vec<_>) = structures.into_iter().partition(|named| named.shared);
     all.read_parts(sources, &parts, manual_of)?;
     if let Some(family) = &family {
-        // The family's registers are judged by the family's rules.
+        // The family's rules apply to the family's registers.
         let theirs = Parts::new(&family.reserved, &family.manual);
         let (reserved, manual) = (theirs.reserved, theirs.manual);
         let ours =
@@ -166,7 +166,7 @@ impl Parts {
         for (file, part, shared) in read {
             for raw in &part.substructure {
                 self.types.add(sources, file, &raw.name)?;
-                // Without the others in sight: sub-structures do not nest.
+                // Other sub-structures are not visible here: sub-structures do not nest.
                 let others = std::mem::take(&mut self.substructures);
                 let mut checked = structure::check(sources, self, file, raw)?;
                 checked.shared = shared;

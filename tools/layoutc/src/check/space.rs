@@ -6,7 +6,7 @@ use crate::model::{Area, Space};
 use crate::raw;
 use crate::source::{Sources, at};
 
-/// Bytes of the header page, which every image begins with.
+/// Bytes of the header page at the beginning of every image.
 const HEADER: u32 = 4096;
 
 /// Checks each space alone; a space that gets its end from its areas has no bytes yet.
@@ -46,7 +46,7 @@ pub(super) fn check(sources: &Sources, file: usize, raw: &[raw::Space]) -> Resul
     Ok(spaces)
 }
 
-/// Ends the spaces that end with their last area, and checks that no two meet.
+/// Sets the end of spaces that end with their last area, and checks that no two spaces overlap.
 pub(super) fn close(
     sources: &Sources,
     file: usize,

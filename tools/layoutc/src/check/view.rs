@@ -1,5 +1,5 @@
-//! A structure that firmware and function blocks look at as one of the family's: what the two have in common lies alike,
-//! because only the family's says where.
+//! A structure that firmware and function blocks view as a structure of the family: common registers have the same places,
+//! because only the family's structure defines them.
 
 use super::Parts;
 use super::field::{self, Placed};
@@ -25,7 +25,7 @@ pub(crate) fn find(
     })
 }
 
-/// Puts a register where `view` has it; type and bounds must be the same.
+/// Puts a register at its place in `view`; type and bounds must be the same.
 pub(crate) fn place(sources: &Sources, view: &Structure, (at, field): &mut Placed) -> Result<(), Error> {
     let Some(known) = view.fields.iter().find(|known| known.name == field.view_name) else {
         let (name, view) = (field.view_name.clone(), view.name.clone());
@@ -39,7 +39,7 @@ pub(crate) fn place(sources: &Sources, view: &Structure, (at, field): &mut Place
     Ok(())
 }
 
-/// Padding for what only the family's structure has, up to `size`. `fields` are in ascending order.
+/// Adds padding for registers that only the family's structure has, up to `size`. `fields` are in ascending order.
 pub(crate) fn fill_gaps(
     raw: &raw::Structure,
     subs: &[Structure],

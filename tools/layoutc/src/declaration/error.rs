@@ -8,7 +8,7 @@ use std::path::Path;
 #[derive(Debug, thiserror::Error)]
 #[error("{at}: {reason}")]
 pub struct DeclarationError {
-    /// Where.
+    /// Place of the error.
     pub at: Location,
     /// The error, and the correct form.
     pub reason: Wrong,
@@ -32,7 +32,7 @@ impl fmt::Display for Place {
 /// A reason with its place, before the file is known.
 pub(crate) type Fault = (Place, Wrong);
 
-/// Puts the file in front.
+/// Adds the file to the place of a fault.
 pub(crate) fn in_file(file: &Path, (place, reason): Fault) -> DeclarationError {
     let at = Location { file: file.to_owned(), line: place.line, column: place.column };
     DeclarationError { at, reason }

@@ -15,7 +15,7 @@ pub(crate) enum Token<'a> {
     Text,
     /// Everything else.
     Symbol(&'static str),
-    /// Nothing comes any more.
+    /// End of the text.
     End,
 }
 
@@ -25,7 +25,7 @@ const SYMBOLS: [&str; 13] = [":=", "..", ":", ";", ",", "(", ")", "[", "]", ".",
 const SKIPPED: [(&str, &str, &str); 3] =
     [("(*", "*)", "comment"), ("/*", "*/", "comment"), ("{", "}", "pragma")];
 
-/// Gives one token after the other.
+/// Reads the tokens in order.
 pub(crate) struct Lexer<'a> {
     rest: &'a str,
     place: Place,
@@ -104,7 +104,7 @@ impl<'a> Lexer<'a> {
         Err((self.place, Wrong::Unfinished("string")))
     }
 
-    /// Goes on by `bytes`, which end between two characters.
+    /// Advances by `bytes`, which end between two characters.
     fn take(&mut self, bytes: usize) -> &'a str {
         let (taken, rest) = self.rest.split_at(bytes);
         for c in taken.chars() {
@@ -123,7 +123,7 @@ fn word_length(text: &str) -> usize {
     text.find(|c: char| !c.is_ascii_alphanumeric() && c != '_').unwrap_or(text.len())
 }
 
-/// Digits, base, underscores and a fraction; the two points of a range are none.
+/// Digits, base, underscores and a fraction; the two points of a range are not a fraction.
 fn number_length(text: &str) -> usize {
     let bytes = text.as_bytes();
     let mut length = 0;
@@ -142,7 +142,7 @@ fn direct_length(text: &str) -> usize {
 }
 
 impl Token<'_> {
-    /// As a complaint names it.
+    /// Name of the token in error messages.
     pub(crate) fn told(self) -> String {
         match self {
             Token::Word(text) | Token::Number(text) => format!("`{text}`"),

@@ -1,7 +1,7 @@
 //! IEC 61131-3 declarations of types, as engineering tools export them: read, and laid out in memory.
 //!
-//! Written for this purpose: what crates.io has are parsers of the whole language, none of which keeps the place of
-//! every member for a complaint, and none of which is maintained by more than its author.
+//! Written for this purpose: the crates on crates.io parse the whole language. None of them keeps the place of
+//! every member for error messages, and each is maintained only by its author.
 
 mod error;
 mod lexer;
@@ -22,16 +22,16 @@ pub const MAX_BYTES: u64 = 4 << 20;
 /// The types that one file declares.
 #[derive(Debug)]
 pub struct Declarations {
-    /// The file, as it was named.
+    /// Path of the file as given.
     pub path: PathBuf,
-    /// Whether commram has written the file itself: what it declares is what the layout says, and proves nothing.
+    /// Whether commram has written the file itself: its declarations repeat the layout and prove nothing.
     pub is_own_export: bool,
     types: Types,
 }
 
-/// How the second line of a file begins that `commram export` has written.
+/// Beginning of the second line of a file that `commram export` has written.
 const EXPORT_HEAD: &str = "(* Made by commram ";
-/// Lines in which that line is looked for.
+/// Number of lines that are searched for `commram export`'s line.
 const HEAD_LINES: usize = 20;
 
 /// Number of a type, with a name or written in place.

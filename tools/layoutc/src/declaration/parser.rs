@@ -194,7 +194,7 @@ impl<'a> Parser<'a> {
         Ok(if negative { -value } else { value })
     }
 
-    /// Values do not move anything; their form is left to the compiler they are meant for.
+    /// Skips a value: values move no member, and only the target's compiler checks their form.
     fn initial_value(&mut self) -> Result<(), Fault> {
         if !self.accept(":=")? {
             return Ok(());

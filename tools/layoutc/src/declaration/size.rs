@@ -2,7 +2,7 @@
 
 use super::{DeclarationError, Declarations, Fault, Member, Type, TypeId, Wrong, in_file};
 
-/// How deep types may refer to each other.
+/// Maximum depth of types that refer to each other.
 const MAX_DEPTH: usize = 64;
 /// The largest type in bytes, far beyond any area of the RAM.
 const MAX_SIZE: u32 = 16 << 20;
@@ -27,10 +27,10 @@ const ELEMENTARY: [(&str, u32); 15] = [
 /// Elementary types with a size that depends on the compiler.
 const UNSIZED: [&str; 5] = ["TIME", "DATE", "TIME_OF_DAY", "TOD", "DATE_AND_TIME"];
 
-/// At which addresses members begin: multiples of their own alignment, but of no more than this.
+/// Maximum alignment of members: a member begins at a multiple of its own alignment, but at most of this one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Alignment {
-    /// Everything follows without a gap.
+    /// Members follow without a gap.
     Packed,
     /// At most 2.
     Two,
@@ -51,7 +51,7 @@ impl Alignment {
     }
 }
 
-/// A type seen through its names: what its elements are and how many of them there are.
+/// A type with all names resolved: its elements and their number.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Shape {
     /// Array bounds, outermost first; empty if there is only one element.
@@ -79,14 +79,14 @@ pub(crate) type Placed<'a> = Vec<(u32, &'a Member)>;
 struct Extent {
     size: u32,
     align: u32,
-    /// How many types deep it is.
+    /// Nesting depth of the type.
     depth: usize,
 }
 
 #[derive(Clone, Copy)]
-enum State {
+enum SizeState {
     Unknown,
-    /// Being looked at: to need it now is a circle.
+    /// In progress: a reference to the type now is circular.
     Open,
     Known(Extent),
 }
@@ -95,13 +95,13 @@ enum State {
 pub struct Sizes<'a> {
     declarations: &'a Declarations,
     alignment: Alignment,
-    known: Vec<State>,
+    known: Vec<SizeState>,
 }
 
 impl<'a> Sizes<'a> {
     /// For types that a compiler lays out with this alignment.
     pub fn new(declarations: &'a Declarations, alignment: Alignment) -> Self {
-        let known = vec![State::Unknown; declarations.types.all.len()];
+        let known = vec![SizeState::Unknown; declarations.types.all.len()];
         Self { declarations, alignment, known }
     }
 
@@ -158,17 +158,17 @@ impl<'a> Sizes<'a> {
     fn extent(&mut self, id: TypeId, depth: usize) -> Result<Extent, Fault> {
         let at = &self.declarations.types.of(id).0;
         match self.known[id.0] {
-            State::Known(extent) if depth + extent.depth > MAX_DEPTH => {
+            SizeState::Known(extent) if depth + extent.depth > MAX_DEPTH => {
                 return Err((*at, Wrong::DeepType(MAX_DEPTH)));
             }
-            State::Known(extent) => return Ok(extent),
-            State::Open => return Err((*at, Wrong::Circular(self.told(id)))),
-            State::Unknown if depth >= MAX_DEPTH => return Err((*at, Wrong::DeepType(MAX_DEPTH))),
-            State::Unknown => {}
+            SizeState::Known(extent) => return Ok(extent),
+            SizeState::Open => return Err((*at, Wrong::Circular(self.told(id)))),
+            SizeState::Unknown if depth >= MAX_DEPTH => return Err((*at, Wrong::DeepType(MAX_DEPTH))),
+            SizeState::Unknown => {}
         }
-        self.known[id.0] = State::Open;
+        self.known[id.0] = SizeState::Open;
         let extent = self.work_out(id, depth).map(|extent| Extent { depth: extent.depth + 1, ..extent });
-        self.known[id.0] = extent.as_ref().map_or(State::Unknown, |extent| State::Known(*extent));
+        self.known[id.0] = extent.as_ref().map_or(SizeState::Unknown, |extent| SizeState::Known(*extent));
         extent
     }
 

@@ -39,7 +39,7 @@ fn family_module(device: &Device) -> String {
     format!("commram::devices::{}::registers", device.family.as_deref().unwrap_or_default())
 }
 
-/// The names of the family's types that the device is made of, as a list for `use`.
+/// The names of the family's types that the device uses, as a list for `use`.
 fn shared_names(device: &Device) -> Option<String> {
     let names: Vec<_> = device.used_shared_types().map(|structure| structure.name.as_str()).collect();
     (!names.is_empty()).then(|| names.join(", "))

@@ -19,7 +19,7 @@ pub(crate) fn emit(out: &mut String, device: &Device) {
 fn module(device: &Device, meaning: &Meaning, scalar: Scalar) -> String {
     let mut out = doc("    ", &format!("Meaning `{}`.", meaning.name));
     let _ = writeln!(out, "    pub mod {} {{", meaning.name);
-    let of = Of { device, meaning, scalar };
+    let of = ConstantOwner { device, meaning, scalar };
     for value in &meaning.values {
         of.value(&mut out, value);
     }
@@ -31,13 +31,13 @@ fn module(device: &Device, meaning: &Meaning, scalar: Scalar) -> String {
 }
 
 /// The owner of the constants.
-struct Of<'a> {
+struct ConstantOwner<'a> {
     device: &'a Device,
     meaning: &'a Meaning,
     scalar: Scalar,
 }
 
-impl Of<'_> {
+impl ConstantOwner<'_> {
     /// A single value is a number, others are a range.
     fn value(&self, out: &mut String, value: &Value) {
         let Value { id: Some(id), first, last, text, source, .. } = value else { return };

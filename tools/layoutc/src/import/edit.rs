@@ -27,7 +27,7 @@ pub(crate) fn files(
             };
             let mark = homes.is_marked(placement.home).then_some(mark);
             if home.view.is_some() {
-                // The family's structure says where its registers lie.
+                // The family's structure defines the offsets of its registers.
                 marks(document, home, placement, mark).ok_or_else(form)?;
                 continue;
             }
@@ -66,7 +66,7 @@ fn table<'a>(document: &'a mut DocumentMut, home: &Home) -> Option<&'a mut dyn T
     })
 }
 
-/// Writes where the offsets are from, and the names as far as they were inferred.
+/// Writes the source of the offsets, and of the names that were inferred.
 fn marks(document: &mut DocumentMut, home: &Home, placement: &Placement, mark: Option<&str>) -> Option<()> {
     let table = table(document, home)?;
     let Some(mark) = mark else { return Some(()) };
@@ -99,7 +99,7 @@ fn put(table: &mut dyn TableLike, key: &str, mut value: Value) {
     }
 }
 
-/// A decision that the library makes unnecessary. What the manual states needs no other witness.
+/// Whether the source is a decision that the library makes unnecessary. Facts from the manual keep their source.
 fn is_inferred(source: &Value) -> bool {
     source.as_str().is_some_and(|source| source.starts_with("inferred "))
 }

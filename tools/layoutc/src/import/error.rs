@@ -1,10 +1,10 @@
-//! Why declarations cannot be taken over.
+//! Reasons why declarations cannot be imported.
 
 use crate::declaration::DeclarationError;
 use crate::error::{Error, Reason};
 use std::path::PathBuf;
 
-/// Why nothing was imported.
+/// Reason why nothing was imported.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ImportError {
@@ -14,7 +14,7 @@ pub enum ImportError {
     /// The declarations do not parse, or a required type has no size.
     #[error("{0}")]
     Declaration(#[from] DeclarationError),
-    /// Nothing in the file is of interest.
+    /// The file declares none of the layout's structures.
     #[error("{} declares none of the layout's structures ({known}); its structures: {declared}", .path.display())]
     NothingDeclared {
         /// The declarations.
@@ -34,7 +34,7 @@ pub enum ImportError {
         /// The error, with the correct form.
         right: String,
     },
-    /// A part that several structures share would have to look differently in them.
+    /// A part that several structures share would need different offsets in them.
     #[error(
         "`{register}` of `{part}` would be at offset {offset} for {user}, but at {other_offset} for {other}, \
          and the layout has `{part}` once for both{why}"
@@ -52,7 +52,7 @@ pub enum ImportError {
         other: String,
         /// Offset there.
         other_offset: u32,
-        /// Why the layout has it once: the rest of the sentence.
+        /// Reason why the layout has the part once: the rest of the sentence.
         why: &'static str,
     },
     /// The device has no library of types, so no declarations can state its offsets.
@@ -67,7 +67,7 @@ pub enum ImportError {
         /// Name of the device.
         device: String,
     },
-    /// The library of another device has confirmed that a shared register lies elsewhere.
+    /// The library of another device has confirmed another offset of a shared register.
     #[error(
         "{}: `{register}` of `{structure}` would move from {before} to {after}, but {} has {before} from `{library}`, and \
          both devices use the structure; nothing is imported",
@@ -90,7 +90,7 @@ pub enum ImportError {
         /// The origin of the confirmed offsets, as the file names it.
         library: String,
     },
-    /// The result would be no correct layout.
+    /// The result would be an incorrect layout.
     #[error("the layout would be refused with these offsets: {0}")]
     Refused(Box<Reason>),
     /// A file cannot be edited in its present form.

@@ -23,9 +23,9 @@ pub(crate) enum Table {
 pub(crate) struct Home {
     pub file: usize,
     pub table: Table,
-    /// Whether it is the family's, which other devices have too.
+    /// Whether it belongs to the family, which other devices use, too.
     pub is_shared: bool,
-    /// The family's structure that says where the registers lie, if this one does not: an index into [`Homes::all`].
+    /// The family's structure that defines the offsets instead of this structure: an index into [`Homes::all`].
     pub view: Option<usize>,
     pub raw: raw::Structure,
 }

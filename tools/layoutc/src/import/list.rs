@@ -13,7 +13,7 @@ struct Line {
     entry: InlineTable,
 }
 
-/// Gives each register its offset and each gap its padding. Nothing, if an entry is no inline table.
+/// Sets the offset of each register and adds padding for each gap. Returns nothing if an entry is no inline table.
 pub(crate) fn place(list: &mut Array, offsets: &[Option<u32>], gaps: &[Range<u32>]) -> Option<()> {
     let (mut lines, end) = take_apart(list)?;
     let mut is_changed = false;
@@ -87,7 +87,7 @@ fn padding(entry: &InlineTable) -> Option<i64> {
     entry.get("padding")?.as_integer()
 }
 
-/// The comments at a line that goes, as lines of their own.
+/// The comments at a removed line, as separate lines.
 fn remarks(line: &Line, indent: &str) -> String {
     let lead = line.lead.rfind('\n').map_or("", |at| &line.lead[..at]);
     let tail = line.tail.trim();

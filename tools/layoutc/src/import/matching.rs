@@ -9,7 +9,7 @@ use crate::raw;
 use std::collections::HashSet;
 use std::ops::Range;
 
-/// Where the registers of one list lie, as one structure uses it.
+/// Places of the registers of one list, as one structure uses it.
 pub(crate) struct Placement {
     /// The list: an index into [`Homes::all`].
     pub home: usize,
@@ -44,12 +44,12 @@ struct Structure<'a> {
     name: &'a str,
     rows: Vec<Row>,
     placements: Vec<Placement>,
-    /// Paths of the declaration that belong to a register, and those that lead there; in lower case.
+    /// Paths of the declaration that belong to a register, and their parent paths; in lower case.
     used: HashSet<String>,
 }
 
 /// A member of the declaration.
-struct Found {
+struct DeclaredMember {
     offset: u32,
     ty: TypeId,
     /// Its path, as the declaration has it.
@@ -142,7 +142,7 @@ impl<'a> Matcher<'a> {
         structure: &mut Structure,
         sub: usize,
         (name, before): (&str, u32),
-        found: &Found,
+        found: &DeclaredMember,
         inner: TypeId,
         size: u32,
     ) -> Result<(), ImportError> {
@@ -174,8 +174,9 @@ impl<'a> Matcher<'a> {
             let part_path = format!("{}.{}", found.path, part.path);
             structure.uses(&part_path);
             let shape = self.sizes.shape(part.ty)?;
-            let part = Found { path: part_path, ..part };
-            let at = Found { offset: found.offset + part.offset, ty: part.ty, path: part.path.clone() };
+            let part = DeclaredMember { path: part_path, ..part };
+            let at =
+                DeclaredMember { offset: found.offset + part.offset, ty: part.ty, path: part.path.clone() };
             let counts = bounds(entry);
             let width = Scalar::named(our_type).map(Scalar::width);
             match shape.element {
@@ -205,8 +206,8 @@ impl<'a> Matcher<'a> {
     }
 
     /// The member at the end of a path with dots.
-    fn find(&mut self, ty: TypeId, path: &str) -> Result<Option<Found>, ImportError> {
-        let mut found = Found { offset: 0, ty, path: String::new() };
+    fn find(&mut self, ty: TypeId, path: &str) -> Result<Option<DeclaredMember>, ImportError> {
+        let mut found = DeclaredMember { offset: 0, ty, path: String::new() };
         for name in path.split('.') {
             let shape = self.sizes.shape(found.ty)?;
             let Element::Struct(inner) = shape.element else { return Ok(None) };
@@ -221,7 +222,7 @@ impl<'a> Matcher<'a> {
             };
             let dot = if found.path.is_empty() { "" } else { "." };
             let path = format!("{}{dot}{}", found.path, member.name);
-            found = Found { offset: found.offset + offset, ty: member.ty, path };
+            found = DeclaredMember { offset: found.offset + offset, ty: member.ty, path };
         }
         Ok(Some(found))
     }
@@ -273,12 +274,12 @@ impl Structure<'_> {
         self.used.insert(path.to_ascii_lowercase());
     }
 
-    fn compared(&mut self, name: &str, before: u32, found: &Found, remark: String) {
+    fn compared(&mut self, name: &str, before: u32, found: &DeclaredMember, remark: String) {
         let verdict = if before == found.offset { Verdict::Same } else { Verdict::Moved };
         self.row(name, verdict, Some(before), Some(found.offset), remark);
     }
 
-    fn scalar(&mut self, name: &str, before: u32, found: &Found, ours: &str, theirs: &str) {
+    fn scalar(&mut self, name: &str, before: u32, found: &DeclaredMember, ours: &str, theirs: &str) {
         let called = remark(name, &found.path);
         if ours == theirs {
             return self.compared(name, before, found, called);

@@ -25,7 +25,7 @@ use matching::{Matcher, Placement};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// Pairs of names for what the declaration calls otherwise than the manual: `STRUCTURE` or `STRUCTURE.REGISTER`, and
+/// Pairs of names that differ between manual and declaration: `STRUCTURE` or `STRUCTURE.REGISTER`, and
 /// the declaration's name.
 #[derive(Debug, Default)]
 pub struct Called(BTreeMap<String, String>);
@@ -51,7 +51,7 @@ impl Import {
     /// Compares the layout in `dir` with declarations and prepares the new files.
     ///
     /// # Errors
-    /// The layout or a declaration is wrong, nothing of interest is declared, or the result would be no layout.
+    /// The layout or a declaration is wrong, the file declares none of the structures, or the result would be no layout.
     pub fn plan(
         dir: &Path,
         declarations: &Declarations,
@@ -127,7 +127,7 @@ impl Import {
     /// Writes the files.
     ///
     /// # Errors
-    /// One of them cannot be written; those before it have been. Another import makes up for the rest.
+    /// A file cannot be written; the files before it are written. Another import completes the rest.
     pub fn write(&self) -> Result<(), ImportError> {
         for (path, text) in &self.files {
             std::fs::write(path, text).map_err(|reason| ImportError::Write { path: path.clone(), reason })?;
@@ -137,7 +137,7 @@ impl Import {
 }
 
 impl Called {
-    /// From pairs of the layout's and the declaration's name.
+    /// Makes the table from pairs of the layout's and the declaration's name.
     pub fn new(pairs: impl IntoIterator<Item = (String, String)>) -> Self {
         Self(pairs.into_iter().collect())
     }
@@ -193,7 +193,7 @@ fn nothing_declared(homes: &Homes, declarations: &Declarations) -> ImportError {
     ImportError::NothingDeclared { path: declarations.path.clone(), known: known.join(", "), declared }
 }
 
-/// Every list of registers once. Those that several structures use must lie alike in all of them, and as they do now
+/// Every list of registers once. A list that several structures use must have the same places in all of them, and the present ones
 /// for those in `left`, which stay as they are.
 fn agree(homes: &Homes, placements: Vec<Placement>, left: &[usize]) -> Result<Vec<Placement>, ImportError> {
     let mut agreed: Vec<Placement> = Vec::new();
@@ -220,8 +220,8 @@ fn offsets(placement: &Placement) -> Vec<Option<u32>> {
     placement.places.iter().map(|place| place.as_ref().map(|place| place.start)).collect()
 }
 
-/// Complains if the registers of `one` lie at other offsets than `user` demands, or the whole has another size. Of a
-/// block the size does not matter: its registers lie in the structure itself.
+/// Reports an error if the registers of `one` have other offsets than `user` demands, or the whole has another size. For a
+/// block the size does not matter: its registers are in the structure itself.
 fn compare(
     homes: &Homes,
     one: &Placement,

@@ -13,16 +13,16 @@ use std::path::{Path, PathBuf};
 pub(super) struct Other(Homes);
 
 /// A shared list of registers that an import moves.
-struct Moved<'a> {
+struct MovedList<'a> {
     /// The structure, sub-structure or block.
     home: &'a Home,
-    /// The first register that lies elsewhere, or `size`.
+    /// The first register with another offset, or `size`.
     register: &'a str,
     before: u32,
     after: u32,
 }
 
-/// The devices beside the layout in `dir` that share its family, in alphabetical order.
+/// Returns the other devices of the family of the layout in `dir`, in alphabetical order.
 pub(super) fn of_family(dir: &Path, homes: &Homes) -> Result<Vec<Other>, Error> {
     let (Some(family), Some(parent)) = (&homes.family, dir.parent()) else { return Ok(Vec::new()) };
     let parent = if parent.as_os_str().is_empty() { Path::new(".") } else { parent };
@@ -70,7 +70,7 @@ pub(super) fn check(
 }
 
 /// The first register of a shared list that `placement` moves.
-fn moved<'a>(homes: &'a Homes, placement: &Placement) -> Option<Moved<'a>> {
+fn moved<'a>(homes: &'a Homes, placement: &Placement) -> Option<MovedList<'a>> {
     let home = Some(&homes.all[placement.home]).filter(|home| home.is_shared)?;
     let before = home.offsets();
     let pairs = home.raw.register.iter().zip(before.into_iter().zip(offsets(placement)));
@@ -82,7 +82,7 @@ fn moved<'a>(homes: &'a Homes, placement: &Placement) -> Option<Moved<'a>> {
     let of_size =
         of_size.filter(|(_, before, after)| !matches!(home.table, Table::Block(_)) && before != after);
     let (register, before, after) = differs.chain(of_size).next()?;
-    Some(Moved { home, register, before, after })
+    Some(MovedList { home, register, before, after })
 }
 
 impl Other {

@@ -3,7 +3,7 @@
 use serde::Serialize;
 use std::fmt;
 
-/// How a register of the layout and its declaration compare.
+/// Result of the comparison of a register with its declaration.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
@@ -21,7 +21,7 @@ pub enum Verdict {
     Unlike,
     /// A structure that the file does not declare.
     Undeclared,
-    /// A structure with something missing or unlike: its file stays as it is.
+    /// A structure with a missing or different register: its file stays unchanged.
     Left,
 }
 
@@ -47,9 +47,9 @@ pub struct Row {
     pub structure: String,
     /// The register's path in the structure, without indices; empty for the structure itself.
     pub member: String,
-    /// How it compares.
+    /// Result of the comparison.
     pub verdict: Verdict,
-    /// Offset in the layout, of arrays that of the first element; of a structure its size. In bytes.
+    /// Offset in the layout in bytes, for an array of the first element; for a structure its size.
     pub before: Option<u32>,
     /// Offset or size in the declaration.
     pub after: Option<u32>,

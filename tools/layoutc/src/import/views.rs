@@ -1,4 +1,4 @@
-//! A structure that looks at one of the family's: what the library declares for it places the registers of the family's.
+//! A structure that views a structure of the family: its declaration in the library places the registers of the family's structure.
 
 use super::homes::{Homes, Table, called_there};
 use super::matching::Placement;
@@ -61,7 +61,7 @@ pub(super) fn of_family(homes: &Homes, index: usize, found: &[Placement]) -> Vec
     placements
 }
 
-/// Where the registers lie, which are in ascending order. Registers that only the family has keep their distance to the register
+/// Returns the places of the registers, which are in ascending order. Registers that only the family has keep their distance to the register
 /// before them. Where the library leaves no room for them, they follow the end of the structure (decision D-741).
 fn places<'a>(registers: &[Register<'a>]) -> BTreeMap<&'a str, Range<u32>> {
     let moved = |register: &Register<'_>, by: i64| -> Option<Range<u32>> {

@@ -11,20 +11,20 @@ use std::path::Path;
 const LAYOUTS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../layouts");
 
 /// A function that reads a layout file and rewrites it.
-type Way = fn(&toml::Table) -> toml::Table;
+type Rewriter = fn(&toml::Table) -> toml::Table;
 
 /// No comments, and keys in the order of the alphabet; and the same through JSON, which knows fewer types.
-const WAYS: [Way; 2] =
+const WAYS: [Rewriter; 2] =
     [toml::Table::clone, |table| serde_json::from_str(&serde_json::to_string(table).unwrap()).unwrap()];
 
 /// Every file of `from` and of its folders, rewritten in `to`.
-fn write_anew(from: &Path, to: &Path, way: Way) {
+fn rewrite(from: &Path, to: &Path, way: Rewriter) {
     fs::create_dir_all(to).unwrap();
     for entry in fs::read_dir(from).unwrap() {
         let path = entry.unwrap().path();
         let to = to.join(path.file_name().unwrap());
         if path.is_dir() {
-            write_anew(&path, &to, way);
+            rewrite(&path, &to, way);
         } else {
             let table = fs::read_to_string(&path).unwrap().parse().unwrap();
             fs::write(to, toml::to_string(&way(&table)).unwrap()).unwrap();
@@ -47,7 +47,7 @@ fn code(dir: &Path) -> String {
 fn every_layout_comes_back_as_it_was() {
     for way in WAYS {
         let anew = tempfile::tempdir().unwrap();
-        write_anew(Path::new(LAYOUTS), anew.path(), way);
+        rewrite(Path::new(LAYOUTS), anew.path(), way);
         let mut names: Vec<_> = fs::read_dir(LAYOUTS).unwrap().map(|it| it.unwrap().file_name()).collect();
         names.sort();
         assert!(names.len() >= 7, "{names:?}");
@@ -210,7 +210,7 @@ proptest! {
         let before = compile(dir.path()).unwrap();
         for way in WAYS {
             let anew = tempfile::tempdir().unwrap();
-            write_anew(dir.path(), anew.path(), way);
+            rewrite(dir.path(), anew.path(), way);
             let after = compile(anew.path()).unwrap();
             prop_assert_eq!(&after.rust, &before.rust);
             prop_assert_eq!(after.layout_hash, before.layout_hash);
