@@ -102,7 +102,7 @@ impl Doors {
                 (Entrance::Pty(pty), DoorSpec::SlcanPty { number })
             }
             DoorSpec::SlcanPty { number: Some(_) } => {
-                let text = "the number of a pseudo-terminal is the system's to give; ask for slcan-pty";
+                let text = "the system chooses the number of a pseudo-terminal; write slcan-pty";
                 return Err(io::Error::new(io::ErrorKind::InvalidInput, text));
             }
         };

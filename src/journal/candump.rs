@@ -138,7 +138,7 @@ fn time_of(text: &str) -> Option<u64> {
 pub fn frame(text: &str) -> Result<Frame, &'static str> {
     let (id, data) = text.split_once('#').ok_or(NO_LINE)?;
     if data.starts_with('#') {
-        return Err("a frame of CAN FD; there are none on these buses");
+        return Err("a CAN FD frame; these buses only carry classical CAN");
     }
     let is_hex = |text: &str| text.bytes().all(|digit| digit.is_ascii_hexdigit());
     if !is_hex(id) {

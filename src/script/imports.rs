@@ -63,7 +63,7 @@ impl Imports {
         if let Some(start) = goes_round {
             let circle = under_way.iter().skip(start).chain([&import]).map(Import::to_string);
             let circle: Vec<_> = circle.collect();
-            let right = format!("this import goes round in a circle: {}", circle.join(", "));
+            let right = format!("this import is circular: {}", circle.join(", "));
             return Err(ScenarioError::argument(path, &right));
         }
         if under_way.len() >= DEEPEST {

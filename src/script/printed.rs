@@ -31,8 +31,10 @@ impl Printed {
         } else {
             self.is_cut = true;
             self.text.push_str(&line[..line.floor_char_boundary(space)]);
-            self.text
-                .push_str(&format!("\n(cut here: of what a scenario prints {} MiB are kept)", MOST >> 20));
+            self.text.push_str(&format!(
+                "\n(cut here: the first {} MiB of a scenario's output are kept)",
+                MOST >> 20
+            ));
         }
         self.text.push('\n');
         (self.hand_on)(&self.text[start..]);
@@ -63,7 +65,7 @@ mod tests {
         }
         let text = printed.take();
         assert!(text.starts_with("first\nüü"));
-        assert!(text.ends_with("üü\n(cut here: of what a scenario prints 1 MiB are kept)\n"));
+        assert!(text.ends_with("üü\n(cut here: the first 1 MiB of a scenario's output are kept)\n"));
         assert!(text.len() < MOST + 100, "{}", text.len());
         assert_eq!(*handed_on.borrow(), text);
     }

@@ -158,8 +158,9 @@ impl Report {
         let file = self.file.display().to_string();
         self.outcome = Outcome::Failed(Box::new(Failure {
             kind: FailureKind::Empty,
-            what: "the scenario expects nothing, so it cannot fail; let it expect something, or say --allow-empty"
-                .to_owned(),
+            what:
+                "the scenario has no expectation, so it cannot fail; add an expectation, or use --allow-empty"
+                    .to_owned(),
             register: None,
             address: None,
             expected: None,

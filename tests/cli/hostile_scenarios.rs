@@ -17,7 +17,7 @@ fn endless_output_of_a_scenario_is_cut_and_ended() {
     assert_eq!(outcome.code, Some(1), "{}", outcome.err);
     let reports: serde_json::Value = serde_json::from_str(&outcome.out).unwrap();
     let printed = reports[0]["printed"].as_str().unwrap();
-    assert!(printed.ends_with("\n(cut here: of what a scenario prints 1 MiB are kept)\n"));
+    assert!(printed.ends_with("\n(cut here: the first 1 MiB of a scenario's output are kept)\n"));
     assert!(printed.len() < 1_100_000, "{}", printed.len());
     assert_eq!(
         reports[0]["message"],
@@ -64,8 +64,8 @@ fn imports_in_a_circle_are_named_with_their_lines() {
     assert_eq!((outcome.code, outcome.err.as_str()), (Some(2), ""));
     for expected in [
         "broken  self.rhai  0.000000 s emulated",
-        "  self.rhai:2: `self`: this import goes round in a circle: self.rhai:2 imports self.rhai\n",
-        "  b.rhai:3: `./a`: this import goes round in a circle: a.rhai:2 imports b.rhai, b.rhai:3 imports ./a.rhai\n",
+        "  self.rhai:2: `self`: this import is circular: self.rhai:2 imports self.rhai\n",
+        "  b.rhai:3: `./a`: this import is circular: a.rhai:2 imports b.rhai, b.rhai:3 imports ./a.rhai\n",
         "    line      import \"./a\" as a;\n",
         "passed  twice.rhai  0.001000 s emulated",
         "1 passed, 0 failed, 2 broken; ",

@@ -127,7 +127,7 @@ fn every_kind_of_expectation_can_fail() {
         ),
         (
             "let s = snapshot(\"node2\"); poke(\"node2.b_BT_0\", 1); expect_changes(s, [])",
-            "other registers of node2 have changed than expected",
+            "the changed registers of node2 are not the expected ones",
         ),
         (
             "let s = snapshot(\"node2\"); expect_changes(s, [\"node2.b_BT_0\"])",
@@ -455,7 +455,7 @@ fn jenkins_accepts_the_junit_report() {
 #[test]
 fn a_scenario_fails_if_a_required_fault_never_fired() {
     let report = run_one("fault(\"lose_frame slot=WRC1 required\");\nstep(\"10ms\");\n", 1);
-    assert!(report.contains("fault 1 has never struck: lose_frame slot=WRC1 required"), "{report}");
+    assert!(report.contains("fault 1 has not taken effect: lose_frame slot=WRC1 required"), "{report}");
     let refused = run(&["fault", "add", "lose_frame", "required"]);
     assert!(refused.fails(2).contains("only a scenario"), "{}", refused.err);
 }

@@ -102,7 +102,7 @@ impl Section {
                 Err(format!("more than {MOST_INTERFACES} interfaces"))
             }
             INTERFACE => {
-                let interface = self.interface(body).ok_or("this is no interface")?;
+                let interface = self.interface(body).ok_or("this is not an interface")?;
                 self.interfaces.push(interface);
                 Ok(None)
             }
@@ -180,11 +180,13 @@ fn frame(packet: &[u8]) -> Result<Frame, &'static str> {
     let (head, data) = packet.split_first_chunk::<8>().ok_or(cut_off)?;
     let [a, b, c, d, length, flags, ..] = *head;
     if flags & FD != 0 || length > 8 {
-        return Err("a frame of CAN FD; there are none on these buses");
+        return Err("a CAN FD frame; these buses only carry classical CAN");
     }
     let word = u32::from_be_bytes([a, b, c, d]);
     if word & ERROR != 0 {
-        return Err("an error message of SocketCAN, which is no frame; filter them out (`!can.flags.err`)");
+        return Err(
+            "an error message of SocketCAN, not a frame; filter such messages out (`!can.flags.err`)",
+        );
     }
     let (raw, length) = (word & !(EXTENDED | REMOTE), usize::from(length));
     let id = if word & EXTENDED != 0 {
@@ -198,5 +200,5 @@ fn frame(packet: &[u8]) -> Result<Frame, &'static str> {
     } else {
         data.get(..length).and_then(Payload::new).map(|payload| Frame::new(id, payload))
     };
-    frame.ok_or("the frame has less data than it says")
+    frame.ok_or("the frame has less data than its length field")
 }

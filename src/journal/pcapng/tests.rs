@@ -144,7 +144,7 @@ proptest! {
     fn frames_come_back(frame in frames(), ticks in 0..u64::MAX / 1_000_000) {
         let read = read(&log(false, SOCKETCAN, &[(NAME, b"open")], ticks, &write::packet(&frame))).unwrap();
         let at = read.first().map_or(0, |first| first.at);
-        prop_assert!(at > 0, "the first block is none of a packet");
+        prop_assert!(at > 0, "the first block is not a packet block");
         prop_assert_eq!(read, vec![Logged { at, time_us: ticks, interface: "open".into(), frame }]);
     }
 

@@ -101,7 +101,7 @@ impl Bench {
         };
         let Some(missed) = self.required.iter().find(|it| !struck(it.number)) else { return Ok(()) };
         let Required { number, text, place } = missed;
-        let (what, place) = (format!("fault {number} has never struck: {text}"), place.clone());
+        let (what, place) = (format!("fault {number} has not taken effect: {text}"), place.clone());
         let mut failure = self.failure(what, at)?;
         failure.location = place.or(failure.location);
         failure.expected = Some("a hit, as the fault is required".to_owned());

@@ -165,7 +165,7 @@ impl Bench {
         if wrong.is_empty() {
             return Ok(());
         }
-        let what = format!("other registers of {} have changed than expected", since.area());
+        let what = format!("the changed registers of {} are not the expected ones", since.area());
         let mut failure = self.failure(what, at)?;
         failure.expected = Some(if wanted.is_empty() { "no change".to_owned() } else { wanted.join(", ") });
         failure.actual = Some(wrong.join("\n            "));

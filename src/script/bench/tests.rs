@@ -146,12 +146,12 @@ fn a_required_fault_must_strike() -> Result<(), ScenarioError> {
     let mut bench = set_up()?;
     bench.fault("lose_sync count=1 required")?;
     let missed = failure(bench.expect_required_faults());
-    assert_eq!(missed.what, "fault 1 has never struck: lose_sync count=1 required");
+    assert_eq!(missed.what, "fault 1 has not taken effect: lose_sync count=1 required");
     bench.step("4ms")?;
     bench.expect_required_faults()?;
     // A fault without hits has taken effect once it has begun, also when it is over.
     bench.fault("slave_off slave=1 at=1s duration=1ms required")?;
-    assert!(failure(bench.expect_required_faults()).what.starts_with("fault 2 has never struck"));
+    assert!(failure(bench.expect_required_faults()).what.starts_with("fault 2 has not taken effect"));
     bench.step("2s")?;
     bench.expect_required_faults()?;
     // No request asks for the other identifiers.
@@ -167,7 +167,10 @@ fn a_fault_of_the_plant_file_can_be_required() -> Result<(), ScenarioError> {
             "[[plc]]\nname = 'p'\n[[bus]]\nname = 'b'\n{fault}{fault}required = {required}\n"
         ))
     };
-    assert_eq!(failure(plant(true)?.expect_required_faults()).what, "fault 2 has never struck: lose_sync");
+    assert_eq!(
+        failure(plant(true)?.expect_required_faults()).what,
+        "fault 2 has not taken effect: lose_sync"
+    );
     plant(false)?.expect_required_faults()
 }
 

@@ -160,7 +160,7 @@ impl Stage {
             }
             Some(_) => Err(ScenarioError::argument(
                 "plant",
-                "this must be the first verb; there is a plant already, the built-in one if none was named",
+                "this must be the first verb; a plant exists already; without this verb it is the built-in one",
             )),
             None => {
                 let mut bench = self.limited(Bench::new(&config)?);

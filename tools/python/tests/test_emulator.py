@@ -142,7 +142,7 @@ def test_faults_and_findings(emulator):
     (fault,) = emulator.faults()
     assert (fault.number, fault.kind, fault.acting, fault.hits) == (number, "lose_frame", True, 0), fault
     assert fault.text == "lose_frame bus=drives id=16#7FF"
-    with pytest.raises(commram.Failed, match="has never struck"):
+    with pytest.raises(commram.Failed, match="has not taken effect"):
         emulator.expect_required_faults()
     emulator.clear_fault(number)
     assert emulator.faults() == []
