@@ -8,7 +8,7 @@ use crate::devices;
 use crate::input_file;
 use clap::{Subcommand, ValueEnum};
 use commram_layoutc::declaration::{Alignment, Declarations, MAX_BYTES};
-use commram_layoutc::import::{Called, Import, ImportError, Row as ImportRow, Verdict};
+use commram_layoutc::import::{Import, ImportError, NamePairs, Row as ImportRow, Verdict};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
@@ -221,7 +221,7 @@ fn import(args: &ImportArgs) -> Result<(), CliError> {
     // One byte more than allowed shows that the file is too long.
     let found = input_file::read_bytes(&args.declaration, MAX_BYTES + 1);
     let declarations = Declarations::read(&args.declaration, found).map_err(ImportError::from)?;
-    let called = Called::new(args.called.iter().cloned());
+    let called = NamePairs::new(args.called.iter().cloned());
     let of_device = || Path::new("layouts").join(args.device.device.name);
     let layout = args.layout.clone().unwrap_or_else(of_device);
     let import = Import::plan(&layout, &declarations, args.align.into(), &called)?;

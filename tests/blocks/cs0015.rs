@@ -307,13 +307,13 @@ fn the_table_of_functions_and_the_blocks_agree() {
     let device = commram::devices::find("cs0015").unwrap();
     let function = device.layout.register("jobs.a_FUNCTION[0]").unwrap().register.meaning.unwrap();
     // Functions of chapter 5: the high byte is the part of the manual.
-    let told = |name: &str| {
+    let documented = |name: &str| {
         let of_chapter = function.values.iter().filter(|value| (1..=3).contains(&(value.first >> 8)));
         of_chapter.map(|value| value.text).find(|text| text.split(" (").next() == Some(name))
     };
     let mut count = 0;
     for block in BLOCKS {
-        let Some(told) = told(block.name) else { continue };
+        let Some(pins) = documented(block.name) else { continue };
         let names = |direction: Direction| {
             let pins = block.pins.iter().filter(move |pin| pin.direction == direction).map(|pin| pin.name);
             pins.filter(|pin| !["ENABLE", "ANSWERED"].contains(pin)).collect::<Vec<_>>().join(", ")
@@ -324,7 +324,7 @@ fn the_table_of_functions_and_the_blocks_agree() {
         }
         let outputs = if outputs.is_empty() { String::new() } else { format!(": {outputs}") };
         let text = format!("{} ({inputs}){outputs}, p. ", block.name);
-        assert!(told.starts_with(&text), "{text}{told}");
+        assert!(pins.starts_with(&text), "{text}{pins}");
         count += 1;
     }
     assert_eq!(count, 26);

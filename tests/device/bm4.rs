@@ -270,12 +270,13 @@ fn the_blocks_restart_the_module_of_their_slot_after_a_controller_reset() {
     bm4.step(500);
     assert_eq!((init.w_CPU_CONTROL.load(), init.w_OPTION_STATUS.load()), (0x0000, 0x0043));
     let header = bm4.segment(1).header().unwrap();
-    let told = || header.ports.iter().map(|port| port.restarts_written.load()).take(6).collect::<Vec<_>>();
-    let before = told();
+    let restarts =
+        || header.ports.iter().map(|port| port.restarts_written.load()).take(6).collect::<Vec<_>>();
+    let before = restarts();
     let ram = Ram::of(&bm4.segment(1)).unwrap();
     let base = ram.at::<CANsync_PLC_INIT_BMSTRUCT>(SLOTM).unwrap();
     CANsync_INIT { us_BAUDRATE: 6, us_SYNC_INTERVAL: 1, ..Default::default() }.call(&base);
-    assert_eq!(told(), [&before[..5], &[before[5] + 1]].concat());
+    assert_eq!(restarts(), [&before[..5], &[before[5] + 1]].concat());
     bm4.step(500);
     assert_eq!(init.w_OPTION_STATUS.load(), 0x0001);
 }

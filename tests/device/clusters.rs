@@ -74,7 +74,7 @@ fn a_cluster_pauses_while_its_top_restarts() {
         assert_eq!(cluster.next_sync(2), None);
         cluster.plant.advance_to(cluster.plant.now() + 20 * rate.interval_us);
         assert_eq!([0, 1, 2].map(|bus| (edges(&cluster, bus).len(), frames(&cluster, bus))), before);
-        assert_eq!(cluster.plcs[2].master.w_OPTION_STATUS.load(), 0x0080, "nobody told it to leave");
+        assert_eq!(cluster.plcs[2].master.w_OPTION_STATUS.load(), 0x0080, "no station ordered it to leave");
 
         let mut again = Cluster::new(rate, &[1, 1, 2]);
         again.activate();
@@ -188,7 +188,7 @@ fn a_cluster_of_unlike_rates_says_so() {
         };
         assert_eq!([0, 1, 2].map(|plc| status(&plant, plc)), [0, 0x40, 0x40], "{upper:?}, {lower:?}");
         assert!(drives(plant.media()).all(|drive| !drive.is_synchronized()));
-        let told: Vec<_> = plant
+        let recorded: Vec<_> = plant
             .journal()
             .records()
             .filter_map(|record| {
@@ -197,7 +197,7 @@ fn a_cluster_of_unlike_rates_says_so() {
             })
             .collect();
         let once = [1, 2].map(|plc| (plc, kind.master.port, lower.kbit_s, upper.kbit_s));
-        assert_eq!(told, once, "once each");
+        assert_eq!(recorded, once, "once each");
         assert_eq!(plant.journal().findings().errors(), [&cansync::rules::CLUSTER_BAUD_RATE]);
 
         set_up(&mut plant, &[(0, Mode::Master, lower), (1, Mode::Slave, lower)]);

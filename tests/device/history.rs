@@ -34,8 +34,8 @@ fn a_handshake_is_recorded_with_both_sides() {
         rig.master.b_CTRLREG_WRC1.store(0x05);
         rig.step(10_000);
         let (changes, _) = rig.plant.changes(0, usize::MAX);
-        let told: Vec<Changed> = changes.iter().map(|change| change.what).collect();
-        let (setting_up, cyclic) = told.split_at(from as usize);
+        let recorded: Vec<Changed> = changes.iter().map(|change| change.what).collect();
+        let (setting_up, cyclic) = recorded.split_at(from as usize);
         assert_eq!(of_register(setting_up, control).first(), Some(&(0, 1, By::Program)));
         assert_eq!(of_register(setting_up, status).first(), Some(&(1, 2, By::Firmware)));
         let handshake = of_register(cyclic, wrc1);
@@ -73,9 +73,9 @@ fn the_history_is_recorded_only_in_the_journal() {
         rig.plant.follow_registers(0, wrc1, 1, Keep::InJournal).unwrap();
         rig.master.b_CTRLREG_WRC1.store(0x05);
         rig.step(10_000);
-        let told: Vec<Changed> = rig.records().filter_map(|record| record.event.get()).collect();
-        assert!(of_register(&told, wrc1).ends_with(&[(5, 4, By::Firmware)]), "{told:?}");
-        assert!(told.iter().all(|change| change.offset == wrc1));
+        let recorded: Vec<Changed> = rig.records().filter_map(|record| record.event.get()).collect();
+        assert!(of_register(&recorded, wrc1).ends_with(&[(5, 4, By::Firmware)]), "{recorded:?}");
+        assert!(recorded.iter().all(|change| change.offset == wrc1));
         assert_eq!(rig.plant.changes(0, 1), (vec![], 0));
     }
 }

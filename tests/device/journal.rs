@@ -20,7 +20,7 @@ fn connected(rate: Rate) -> Rig {
 
 /// Returns `register from -> to` for every journal record about registers of both nodes from record `from` on, with
 /// `master` and `slave` as the names of their ports.
-fn told(rig: &Rig, from: u64) -> Vec<String> {
+fn register_changes(rig: &Rig, from: u64) -> Vec<String> {
     let journal = rig.plant.journal();
     journal.read(from).filter_map(|record| told_by(rig, record)).collect()
 }
@@ -65,7 +65,7 @@ fn a_parameter_job_with_its_answers_at_both_ends() {
             rig.run_to_sync();
         }
         assert_eq!(
-            told(&rig, from),
+            register_changes(&rig, from),
             [
                 "MASTER.a_CTRLREG_PAR_CMD_SL[0].b_STEUREG_PAR_CMD 03 -> 0B",
                 "SLAVE.w_PAR_NR 00 -> 12C",
@@ -108,7 +108,7 @@ fn an_error_number_is_recorded() {
         rig.master.b_STEUREG_UPDOWNBLK1.store(0x15);
         rig.run_to_sync();
         assert_eq!(
-            told(&rig, from),
+            register_changes(&rig, from),
             [
                 "MASTER.w_ERR_NR_UPDOWNBLK1 00 -> 02",
                 "MASTER.b_STEUREG_UPDOWNBLK1 15 -> 34",
@@ -142,9 +142,9 @@ fn a_transfer_is_recorded_from_init_to_end_at_both_ends() {
                     control.update(|value| value & !0x01);
                     rig.run_to_sync();
                 }
-                let told = told(&rig, from);
+                let changes = register_changes(&rig, from);
                 let of = |register: &str| {
-                    let own = told.iter().filter(|line| line.starts_with(register));
+                    let own = changes.iter().filter(|line| line.starts_with(register));
                     own.map(|line| line.rsplit(' ').next().unwrap().to_owned()).collect::<Vec<_>>()
                 };
                 let hex = |values: &[u8]| {
@@ -176,7 +176,7 @@ fn action_commands_show_at_the_slave_when_they_change_something() {
         rig.run_to_sync();
         rig.run_to_sync();
         assert_eq!(
-            told(&rig, from),
+            register_changes(&rig, from),
             [
                 "MASTER.a_STEUREG_CONTROLWORD[0] 05 -> 04",
                 "SLAVE.w_CONTROLWORD 00 -> 0F",
@@ -198,8 +198,8 @@ fn process_data_record_only_their_handshakes() {
         for _ in 0..5 {
             rig.send_wrc1();
         }
-        let told = told(&rig, from);
-        assert!(told.iter().all(|line| line == "MASTER.b_CTRLREG_WRC1 05 -> 04"), "{told:?}");
+        let changes = register_changes(&rig, from);
+        assert!(changes.iter().all(|line| line == "MASTER.b_CTRLREG_WRC1 05 -> 04"), "{changes:?}");
     }
 }
 
@@ -211,7 +211,10 @@ fn the_status_register_is_recorded_except_for_bus_traffic() {
         rig.activate();
         (0..50).for_each(|_| rig.run_to_sync());
         let status = |rig: &Rig| {
-            told(rig, 0).into_iter().filter(|line| line.contains("w_CANsync_STATUS")).collect::<Vec<_>>()
+            register_changes(rig, 0)
+                .into_iter()
+                .filter(|line| line.contains("w_CANsync_STATUS"))
+                .collect::<Vec<_>>()
         };
         assert_eq!(status(&rig), [""; 0]);
         // Initialization data that cannot be: warning, and again none after the next restart.

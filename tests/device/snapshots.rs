@@ -89,9 +89,9 @@ fn refused_initialization_data_are_reported_once_across_a_snapshot() {
             take(&mut plant, &Act::Command(command));
             plant.advance_to(plant.now() + 2_000);
         }
-        let told =
+        let refusals =
             plant.journal().records().filter(|record| record.event.get::<InitRefused>().is_some()).count();
-        assert!(told > 0, "nothing is refused");
+        assert!(refusals > 0, "nothing is refused");
         let mut other = plant_of(text);
         other.restore(&plant.snapshot()).unwrap();
         for plant in [&mut plant, &mut other] {

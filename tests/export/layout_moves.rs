@@ -5,7 +5,7 @@
 
 use commram::devices::omega_drive_line_2::registers::{CANsync_MA_CTRL_BMSTRUCT, DEVICE, LAYOUT_HASH};
 use commram_layoutc::declaration::{Alignment, Declarations};
-use commram_layoutc::import::{Called, Import};
+use commram_layoutc::import::{Import, NamePairs};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -92,7 +92,7 @@ fn imported() -> tempfile::TempDir {
     copy(&Path::new(env!("CARGO_MANIFEST_DIR")).join("layouts"), dir.path());
     let declarations = Declarations::parse(Path::new("BM_TYPES.st"), &moved()).unwrap();
     let import =
-        Import::plan(&dir.path().join(DEVICE.name), &declarations, Alignment::Natural, &Called::default())
+        Import::plan(&dir.path().join(DEVICE.name), &declarations, Alignment::Natural, &NamePairs::default())
             .unwrap();
     import.write().unwrap();
     dir

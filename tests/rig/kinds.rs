@@ -10,8 +10,8 @@ pub(crate) struct Kind {
     pub name: &'static str,
     pub layout: &'static Device,
     pub rates: &'static [BaudRate],
-    pub master: At,
-    pub slave: At,
+    pub master: NodePlace,
+    pub slave: NodePlace,
     /// See [`Kind::plc`].
     plc: fn(&str, u8, [Option<&str>; 2]) -> String,
     /// Value of the master's `w_OMEGA_NR`, or of the device's register for it: a number that differs from its slave's.
@@ -20,7 +20,7 @@ pub(crate) struct Kind {
 
 /// Where a node is: index of its PLC in the plant, number of the port there, first byte of its registers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct At {
+pub(crate) struct NodePlace {
     pub plc: usize,
     pub port: u8,
     pub base: usize,
@@ -30,8 +30,8 @@ static OMEGA: Kind = Kind {
     name: "Omega Drive-Line II",
     layout: &omega::DEVICE,
     rates: &omega::BAUD_RATES,
-    master: At { plc: 0, port: 2, base: omega::NODE2 },
-    slave: At { plc: 1, port: 1, base: omega::NODE1 },
+    master: NodePlace { plc: 0, port: 2, base: omega::NODE2 },
+    slave: NodePlace { plc: 1, port: 1, base: omega::NODE1 },
     plc: |name, dip, [above, below]| {
         let above = above.map(|bus| format!("node1 = '{bus}'\nlock_time_us = 20000\n"));
         let below = below.map(|bus| format!("node2 = '{bus}'\n"));
@@ -45,8 +45,8 @@ static BM4: Kind = Kind {
     name: "b maXX PLC",
     layout: &bm4::DEVICE,
     rates: &bm4::BAUD_RATES,
-    master: At { plc: 0, port: 3, base: bm4::SLOTJ },
-    slave: At { plc: 1, port: 5, base: bm4::SLOTL },
+    master: NodePlace { plc: 0, port: 3, base: bm4::SLOTJ },
+    slave: NodePlace { plc: 1, port: 5, base: bm4::SLOTL },
     plc: |name, dip, [above, below]| {
         let sync_in = above.and(below).map(|_| "sync_in_from = 'L'\n".to_owned());
         let above = above.map(|bus| {
@@ -89,7 +89,7 @@ impl Kind {
         format!("{area}.{rest}")
     }
 
-    fn port(&self, at: At) -> &'static str {
+    fn port(&self, at: NodePlace) -> &'static str {
         self.layout.port_numbered(at.port).expect("a port of the device").name
     }
 

@@ -19,7 +19,7 @@ use commram::layout::DeviceFit;
 use commram::memory::{ClockMode, Image, ImageSpec, Segment, View};
 use commram::plant::{Plant, PlantConfig, PlantError};
 #[allow(unused_imports, reason = "each test binary uses its own part of the rig")]
-pub(crate) use kinds::{At, FASTEST, Kind, OMEGA_RATES, RATES, Rate};
+pub(crate) use kinds::{FASTEST, Kind, NodePlace, OMEGA_RATES, RATES, Rate};
 use std::ops::RangeBounds;
 use std::sync::atomic::{AtomicU32, Ordering};
 
@@ -39,9 +39,9 @@ pub(crate) struct Rig {
     pub plant: Plant,
     pub rate: Rate,
     /// Where the master of PLC `a` is.
-    pub master_at: At,
+    pub master_at: NodePlace,
     /// Where the slave of PLC `b` is.
-    pub slave_at: At,
+    pub slave_at: NodePlace,
     pub master: View<CANsync_MA_CTRL_BMSTRUCT>,
     pub master_init: View<CANsync_INIT_BMSTRUCT>,
     pub slave: View<CANsync_SL_CTRL_BMSTRUCT>,
@@ -108,7 +108,7 @@ impl Rig {
         let config = PlantConfig::parse("rig", text).unwrap();
         let mut images = Vec::new();
         let plant = Plant::new(&config, |plc, device| segment(memory, plc, device, &mut images)).unwrap();
-        let segment = |at: At| plant.devices()[at.plc].segment().clone();
+        let segment = |at: NodePlace| plant.devices()[at.plc].segment().clone();
         let Kind { master, slave, .. } = *rate.kind;
         Rig {
             rate,
@@ -150,7 +150,7 @@ impl Rig {
         self.node(self.slave_at, Mode::Slave)
     }
 
-    fn node(&self, at: At, mode: Mode) -> Node {
+    fn node(&self, at: NodePlace, mode: Mode) -> Node {
         Node::at(self.plant.devices()[at.plc].segment(), at.base, self.rate.timing, mode)
     }
 

@@ -14,7 +14,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 use support::child::Child;
-use support::emulator::{DRIVES, How, Remote};
+use support::emulator::{DRIVES, EmulatorOptions, Remote};
 use support::{active, child, cpu, emulator};
 
 /// Name of the loop's role.
@@ -48,7 +48,8 @@ fn main() {
     };
     println!("{:<56} {:>6.2} % of a core", "bare clock_nanosleep loop of 500 us", bare * 100.0);
     for is_active in [false, true] {
-        let remote = Remote::start(How { clock: Clock::RealTime { speed: 1.0 }, busy: false, cpu: there });
+        let remote =
+            Remote::start(EmulatorOptions { clock: Clock::RealTime { speed: 1.0 }, busy: false, cpu: there });
         let image = remote.attached();
         if is_active {
             let header = image.header().expect("attached for writing").clone();
@@ -60,7 +61,7 @@ fn main() {
             });
         }
         let mapped = share(remote.child());
-        let alone = share(&remote.let_go());
+        let alone = share(&remote.into_child());
         let state = if is_active { "master in active operation" } else { "after power-on" };
         for (who, share) in [("a process has the image mapped", mapped), ("nobody has", alone)] {
             let (name, ratio) = (format!("{state}, {who}"), share / bare);

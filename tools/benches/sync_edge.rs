@@ -13,7 +13,7 @@ use commram::runtime::Clock;
 use rustix::thread::{ClockId, clock_nanosleep_absolute};
 use rustix::time::{Timespec, clock_gettime};
 use std::time::Duration;
-use support::emulator::{DRIVES, How, Remote};
+use support::emulator::{DRIVES, EmulatorOptions, Remote};
 use support::{PATIENCE, active, child, cpu, emulator};
 
 const SYNC: usize = 12;
@@ -34,7 +34,8 @@ fn main() {
     let turns = std::env::args().find_map(|arg| arg.parse().ok()).unwrap_or(TURNS);
     let [here, there] = cpu::pair();
     let _pinned = cpu::Pinned::to(here);
-    let remote = Remote::start(How { clock: Clock::RealTime { speed: 1.0 }, busy: false, cpu: there });
+    let remote =
+        Remote::start(EmulatorOptions { clock: Clock::RealTime { speed: 1.0 }, busy: false, cpu: there });
     let image = remote.attached();
     let header = image.header().expect("attached for writing").clone();
     start_sync(image, &header);

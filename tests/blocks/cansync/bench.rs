@@ -1,7 +1,7 @@
 //! A rig with PLCs that are driven by function blocks alone: PLC `a` is master, PLC `b` slave 0, a drive slave 1.
 
 use super::device::*;
-use crate::rig::{At, Memory, Rig};
+use crate::rig::{Memory, NodePlace, Rig};
 use commram::memory::{Segment, View};
 
 const DRIVE: &str = "[[bus.drive]]\nname = 'd1'\nslave_number = 1\nlock_time_us = 30000\n\
@@ -23,7 +23,7 @@ impl Bench {
     /// After power-on.
     pub(crate) fn new(memory: Memory) -> Bench {
         let rig = Rig::of(memory, rate(), DRIVE);
-        let ram = |at: At| Ram::of(rig.plant.devices()[at.plc].segment()).unwrap();
+        let ram = |at: NodePlace| Ram::of(rig.plant.devices()[at.plc].segment()).unwrap();
         let (master, slave) = (rig.master_at, rig.slave_at);
         let (a, b) = (ram(master), ram(slave));
         Bench {

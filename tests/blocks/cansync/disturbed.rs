@@ -4,7 +4,7 @@
 use super::bench::Bench;
 use super::device::*;
 use super::process_data::mapped;
-use crate::rig::{At, Memory};
+use crate::rig::{Memory, NodePlace};
 use commram::devices::fault_kinds;
 use commram::fault::FaultSpec;
 use proptest::prelude::*;
@@ -97,7 +97,7 @@ impl Programs {
     fn interval(&mut self, number: u32) {
         self.bench.rig.run_to_sync();
         self.bench.rig.step(80);
-        let counter = |at: At| {
+        let counter = |at: NodePlace| {
             let header = self.bench.rig.plant.devices()[at.plc].segment().header().unwrap();
             header.sync_counter[usize::from(at.port) - 1].load()
         };

@@ -53,7 +53,7 @@ impl Program for CallRecorder {
 
     fn cyclic(&mut self) -> Result<Progress, Infallible> {
         self.cycles += 1;
-        assert_eq!(self.ram.header().program_cycles.load(), self.cycles, "told to the board");
+        assert_eq!(self.ram.header().program_cycles.load(), self.cycles, "reported to the board");
         self.note("cyclic");
         Ok(Progress::Again)
     }

@@ -5,7 +5,7 @@ use crate::rig::Memory;
 use commram::journal::Format;
 use commram::journal::text::Text;
 
-fn told(bench: &Bench) -> String {
+fn journal_text(bench: &Bench) -> String {
     let mut text = Text::new(bench.plant.names(), commram::devices::catalogue());
     let mut out = String::new();
     for record in bench.plant.journal().records() {
@@ -22,7 +22,7 @@ fn commands_acknowledgements_and_jobs() {
     bench.regs.w_CONTROLWORD.store(0x0006);
     bench.exchange(2);
     bench.read(999);
-    let told = told(&bench);
+    let found = journal_text(&bench);
     let expected = "
 0.000500 s line:baps b_SL_QUIT (%MB3.80005) 16#FF -> 16#02, configured
 0.000500 s line:baps b_COMMAND (%MB3.80004) 16#02 -> 16#00
@@ -33,9 +33,9 @@ fn commands_acknowledgements_and_jobs() {
 0.004500 s line:baps i_ERR_DETAIL (%MW3.80120) 16#0000 -> 16#FFFB, no such element
 0.004500 s line:baps b_SL_SEMAPHORE (%MB3.80109) 16#00 -> 16#01, job
 0.005500 s line:baps b_SL_SEMAPHORE (%MB3.80109) 16#01 -> 16#00, idle";
-    let told: Vec<String> =
-        told.lines().map(|line| line.split_whitespace().collect::<Vec<_>>().join(" ")).collect();
+    let found: Vec<String> =
+        found.lines().map(|line| line.split_whitespace().collect::<Vec<_>>().join(" ")).collect();
     for line in expected.lines().skip(1) {
-        assert!(told.iter().any(|told| told.starts_with(line)), "{line}\n{}", told.join("\n"));
+        assert!(found.iter().any(|found| found.starts_with(line)), "{line}\n{}", found.join("\n"));
     }
 }

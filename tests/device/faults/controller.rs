@@ -1,7 +1,7 @@
 //! BUS-off, overrun, and every bit of `w_CANsync_STATUS` (manual 5.00005.03a p. 147-148, 173).
 
 use super::*;
-use crate::rig::{At, BOTH, FASTEST, Memory};
+use crate::rig::{BOTH, FASTEST, Memory, NodePlace};
 use commram::devices::cansync::medium::drives;
 
 const OVERRUN: u16 = 1 << 1;
@@ -9,7 +9,7 @@ const BUS_OFF: u16 = 0x00C0;
 const IDLE: u16 = 0x000C;
 
 /// A fault at a node, which is called by its name.
-fn add_at(rig: &mut Rig, at: At, text: &str) -> u16 {
+fn add_at(rig: &mut Rig, at: NodePlace, text: &str) -> u16 {
     let (plc, port) = [("a", "MASTER"), ("b", "SLAVE")][at.plc];
     add(rig, &format!("{text}\nplc = '{plc}'\nnode = '{port}'"))
 }

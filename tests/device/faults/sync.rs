@@ -1,7 +1,7 @@
 //! Lost and moved SYNC edges.
 
 use super::*;
-use crate::rig::{At, BOTH, FASTEST, Memory, RATES};
+use crate::rig::{BOTH, FASTEST, Memory, NodePlace, RATES};
 use commram::devices::cansync;
 use commram::devices::cansync::drive::DrivecomState;
 use commram::devices::cansync::medium::drives;
@@ -32,7 +32,7 @@ fn one_lost_edge_ends_no_lock() {
     for (rate, memory) in FASTEST.into_iter().flat_map(|rate| BOTH.map(|memory| (rate, memory))) {
         let mut rig = running(memory, rate);
         assert!(is_locked(&rig));
-        let counter = |rig: &Rig, at: At| {
+        let counter = |rig: &Rig, at: NodePlace| {
             let segment = rig.plant.devices()[at.plc].segment();
             segment.header().unwrap().sync_counter[usize::from(at.port) - 1].load()
         };
@@ -260,7 +260,7 @@ fn a_drive_without_sync_reacts_as_it_is_set() {
         rig.send_wrc1();
         rig.run_to_sync();
         rig.master.w_CPU_CONTROL.store(0x0000);
-        let told = |rig: &Rig| -> Vec<_> {
+        let recorded = |rig: &Rig| -> Vec<_> {
             drives(rig.plant.media())
                 .map(|drive| (drive.state(), drive.status_word(), drive.parameter(308).unwrap()))
                 .collect()
@@ -269,12 +269,12 @@ fn a_drive_without_sync_reacts_as_it_is_set() {
         rig.step(100_000 + 2 * rate.interval_us);
         let moving = (DrivecomState::OperationEnabled, 0x00B7, 501);
         assert_eq!(
-            told(&rig),
+            recorded(&rig),
             [moving, (DrivecomState::OperationEnabled, 0x0037, 0)],
             "the first has no reaction"
         );
         rig.step(3_000);
-        assert_eq!(told(&rig), [moving, (DrivecomState::Fault, 0x0018, 501)]);
+        assert_eq!(recorded(&rig), [moving, (DrivecomState::Fault, 0x0018, 501)]);
     }
 }
 

@@ -3,7 +3,7 @@
 use crate::bare::Pair;
 use crate::support::active::activate;
 use crate::support::cpu::{self, Pinned};
-use crate::support::emulator::{How, Remote};
+use crate::support::emulator::{EmulatorOptions, Remote};
 use crate::support::report::{Outcome, Samples, Target};
 use crate::support::{PATIENCE, emulator};
 use commram::channel::Client;
@@ -54,7 +54,7 @@ fn peek(criterion: &mut Criterion, waiting: &'static str, spin: Duration) -> Out
     group.bench_function("channel", |bencher| {
         let (client, _) = connection.get_or_init(|| {
             let clock = Clock::RealTime { speed: 1.0 };
-            let remote = Remote::start(How { clock, busy: waiting == "busy", cpu: server });
+            let remote = Remote::start(EmulatorOptions { clock, busy: waiting == "busy", cpu: server });
             let client = remote.connect(spin);
             (client, remote)
         });
@@ -88,7 +88,7 @@ pub(crate) fn message(criterion: &mut Criterion) -> Outcome {
     let connection = OnceCell::new();
     group.bench_function("poke, 2 ms step and peek", |bencher| {
         let (client, _) = connection.get_or_init(|| {
-            let remote = Remote::start(How { clock: Clock::Stepped, busy: false, cpu });
+            let remote = Remote::start(EmulatorOptions { clock: Clock::Stepped, busy: false, cpu });
             let client = remote.connect(Duration::ZERO);
             activate(remote.attached().segment(), emulator::DRIVES, |us| {
                 client.advance(us).expect("the emulator answers");

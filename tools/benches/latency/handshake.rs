@@ -6,7 +6,7 @@
 
 use crate::support::child::{Child, when_parent_ends};
 use crate::support::cpu::{self, Pinned};
-use crate::support::emulator::{How, Remote};
+use crate::support::emulator::{EmulatorOptions, Remote};
 use crate::support::page::{Page, Registers, ring, sleep};
 use crate::support::report::{Outcome, Samples, Target};
 use crate::support::{PATIENCE, spin_until};
@@ -88,7 +88,7 @@ pub(crate) fn busy(criterion: &mut Criterion) -> Outcome {
 }
 
 fn start(busy: bool, cpu: usize) -> Remote {
-    Remote::start(How { clock: Clock::RealTime { speed: 1.0 }, busy, cpu })
+    Remote::start(EmulatorOptions { clock: Clock::RealTime { speed: 1.0 }, busy, cpu })
 }
 
 /// Times the handshake and takes it back. `exchange` writes a command and returns when it is answered.

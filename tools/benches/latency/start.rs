@@ -80,7 +80,7 @@ impl Run {
     }
 
     fn stop(mut self) {
-        connect(&self.instance, Duration::ZERO).stop().expect("the emulator is told to end");
+        connect(&self.instance, Duration::ZERO).stop().expect("the emulator accepts the request to end");
         let status = child::wait(&mut self.process);
         assert!(status.is_some_and(|status| status.success()), "commram run: {status:?}");
     }

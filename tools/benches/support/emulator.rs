@@ -22,7 +22,7 @@ pub(crate) const DRIVES: RangeInclusive<u8> = 1..=3;
 
 /// How the emulator is run.
 #[derive(Clone, Copy)]
-pub(crate) struct How {
+pub(crate) struct EmulatorOptions {
     /// Real time or stepped.
     pub clock: Clock,
     /// Polls instead of sleeping.
@@ -66,7 +66,7 @@ pub(crate) struct Remote {
 
 impl Remote {
     /// Starts an emulator and attaches to it.
-    pub(crate) fn start(how: How) -> Self {
+    pub(crate) fn start(how: EmulatorOptions) -> Self {
         let instance = unique_instance();
         let clock = if how.clock.is_stepped() { "stepped" } else { "realtime" };
         let waiting = if how.busy { "busy" } else { "sleeping" };
@@ -89,7 +89,7 @@ impl Remote {
     }
 
     /// Lets go of the image; the emulator goes on.
-    pub(crate) fn let_go(self) -> Child {
+    pub(crate) fn into_child(self) -> Child {
         self.child
     }
 

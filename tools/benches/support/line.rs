@@ -13,14 +13,15 @@ const RELEASED: u8 = 0x05;
 
 #[derive(Debug, thiserror::Error)]
 #[error(transparent)]
-enum Failed {
+enum LineError {
     Memory(#[from] MemoryError),
     Plant(#[from] PlantError),
 }
 
 /// The plant, its images in memory of this process.
 pub(crate) fn plant_of(config: &PlantConfig) -> Plant {
-    Plant::new(config, |_plc, device| Ok::<_, Failed>(Segment::of(device))).expect("the plant can be built")
+    Plant::new(config, |_plc, device| Ok::<_, LineError>(Segment::of(device)))
+        .expect("the plant can be built")
 }
 
 /// A plant with `drives` drives in active operation, at a SYNC edge.

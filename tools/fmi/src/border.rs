@@ -78,7 +78,7 @@ pub(crate) fn with(instance: Instance, what: impl FnOnce(&mut Inner) -> Result<(
             Status::Error
         }
         Err(_) => {
-            instance.breaks();
+            instance.mark_broken();
             instance.log(Status::Fatal, "internal error of commram; this instance can no longer be used");
             Status::Fatal
         }

@@ -30,7 +30,7 @@ struct Log {
 }
 
 impl Log {
-    fn say(self, status: Status, category: &CStr, text: &str) {
+    fn report(self, status: Status, category: &CStr, text: &str) {
         let Some(callback) = self.callback else { return };
         let text = CString::new(text.replace('\0', " ")).unwrap_or_default();
         // SAFETY: the creator of the instance guarantees both for its whole life; the texts live as long as the call.
@@ -80,11 +80,11 @@ impl Inner {
         match catch_unwind(AssertUnwindSafe(make)) {
             Ok(Ok(made)) => Some(made),
             Ok(Err(Refused(text))) => {
-                log.say(Status::Error, c"logStatusError", &text);
+                log.report(Status::Error, c"logStatusError", &text);
                 None
             }
             Err(_) => {
-                log.say(Status::Fatal, c"logStatusError", "internal error of commram");
+                log.report(Status::Fatal, c"logStatusError", "internal error of commram");
                 None
             }
         }
@@ -98,7 +98,7 @@ impl Inner {
     }
 
     /// Changes to another mode, from one of `from`.
-    pub(crate) fn goes(&mut self, from: &[Mode], to: Mode, function: &str) -> Result<(), Refused> {
+    pub(crate) fn change_mode(&mut self, from: &[Mode], to: Mode, function: &str) -> Result<(), Refused> {
         self.is_in(from, function)?;
         self.mode = to;
         Ok(())
@@ -135,20 +135,20 @@ impl Inner {
     pub(crate) fn report_findings(&mut self) {
         if self.reports_findings {
             for line in self.unit.take_findings() {
-                self.log.say(Status::Warning, c"findings", &line);
+                self.log.report(Status::Warning, c"findings", &line);
             }
         }
     }
 
     pub(crate) fn log(&self, status: Status, text: &str) {
-        self.log.say(status, c"logStatusError", text);
+        self.log.report(status, c"logStatusError", text);
     }
 
     pub(crate) fn is_broken(&self) -> bool {
         self.mode == Mode::Broken
     }
 
-    pub(crate) fn breaks(&mut self) {
+    pub(crate) fn mark_broken(&mut self) {
         self.mode = Mode::Broken;
     }
 }

@@ -73,7 +73,7 @@ exported! {
     }
 
     fn fmi3ExitInitializationMode(instance: Instance) -> Status {
-        with(instance, |it| it.goes(&[Mode::Initializing], Mode::Stepping, "fmi3ExitInitializationMode"))
+        with(instance, |it| it.change_mode(&[Mode::Initializing], Mode::Stepping, "fmi3ExitInitializationMode"))
     }
 
     fn fmi3EnterStepMode(instance: Instance) -> Status {
@@ -106,7 +106,7 @@ exported! {
     }
 
     fn fmi3Terminate(instance: Instance) -> Status {
-        with(instance, |it| it.goes(&[Mode::Initializing, Mode::Stepping], Mode::Ended, "fmi3Terminate"))
+        with(instance, |it| it.change_mode(&[Mode::Initializing, Mode::Stepping], Mode::Ended, "fmi3Terminate"))
     }
 
     fn fmi3Reset(instance: Instance) -> Status {

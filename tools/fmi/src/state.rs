@@ -25,7 +25,7 @@ fn place<'a>(to: *mut *mut c_void) -> Result<&'a mut *mut c_void, Refused> {
 }
 
 /// Leaves a state there, in place of the one that may be there.
-fn leave(to: &mut *mut c_void, state: SavedState) {
+fn store_state(to: &mut *mut c_void, state: SavedState) {
     // SAFETY: what is not null there is a state of ours that was not freed.
     match unsafe { to.cast::<SavedState>().as_mut() } {
         Some(old) => *old = state,
@@ -36,14 +36,14 @@ fn leave(to: &mut *mut c_void, state: SavedState) {
 exported! {
     fn fmi3GetFMUState(instance: Instance, to: *mut *mut c_void) -> Status {
         with(instance, |it| {
-            leave(place(to)?, SavedState { state: it.unit.state(), mode: it.mode });
+            store_state(place(to)?, SavedState { state: it.unit.state(), mode: it.mode });
             Ok(())
         })
     }
 
     fn fmi3SetFMUState(instance: Instance, state: *mut c_void) -> Status {
         with(instance, |it| {
-            let kept = kept(state)?;
+            let kept = saved_state(state)?;
             it.unit.restore(&kept.state)?;
             it.mode = kept.mode;
             Ok(())
@@ -65,14 +65,14 @@ exported! {
         with(instance, |it| {
             // SAFETY: who calls hands over a place for it.
             let [size] = unsafe { write(size, 1) }? else { return Ok(()) };
-            *size = bytes(it, kept(state)?).len();
+            *size = bytes(it, saved_state(state)?).len();
             Ok(())
         })
     }
 
     fn fmi3SerializeFMUState(instance: Instance, state: *mut c_void, to: *mut u8, size: usize) -> Status {
         with(instance, |it| {
-            let bytes = bytes(it, kept(state)?);
+            let bytes = bytes(it, saved_state(state)?);
             if size < bytes.len() {
                 return Err(Refused(format!("the state has {} bytes, there is room for {size}", bytes.len())));
             }
@@ -98,7 +98,7 @@ exported! {
                 3 => Mode::Ended,
                 _ => return Err(Refused(format!("these bytes are no state of this unit: it has no phase {phase}"))),
             };
-            leave(place(to)?, SavedState { state, mode });
+            store_state(place(to)?, SavedState { state, mode });
             Ok(())
         })
     }

@@ -3,7 +3,7 @@
 use crate::error::{Error, Reason};
 use crate::model::{Area, Kind, Structure};
 use crate::raw::Provenance;
-use crate::source::{At, Sources, at};
+use crate::source::{SourcePlace, Sources, at};
 use serde::Deserialize;
 use toml::Spanned;
 
@@ -162,7 +162,12 @@ impl Layout<'_> {
 }
 
 /// Reads and checks the file that `device.toml` names at `place`.
-pub(crate) fn read(sources: &mut Sources, path: &str, place: At, layout: &Layout<'_>) -> Result<Gsd, Error> {
+pub(crate) fn read(
+    sources: &mut Sources,
+    path: &str,
+    place: SourcePlace,
+    layout: &Layout<'_>,
+) -> Result<Gsd, Error> {
     let (file, raw): (usize, File) = sources.parse(path, Some(place))?;
     let sources = &*sources;
     let mut keys: Vec<Key> = Vec::new();
@@ -190,7 +195,7 @@ pub(crate) fn read(sources: &mut Sources, path: &str, place: At, layout: &Layout
         Some(raw) => {
             let (_, header, _) = layout.find(sources, file, &raw.area, &raw.header)?;
             let (structure, offset, name) = layout.find(sources, file, &raw.area, &raw.register)?;
-            let octet = behind(sources, at(file, raw.register.span()), offset, header + 1, &name)?;
+            let octet = distance(sources, at(file, raw.register.span()), offset, header + 1, &name)?;
             Some(Diagnosis {
                 register: (structure, name),
                 octet,
@@ -208,19 +213,25 @@ pub(crate) fn read(sources: &mut Sources, path: &str, place: At, layout: &Layout
 }
 
 /// Returns the distance from `first` to `offset` in octets.
-fn behind(sources: &Sources, place: At, offset: u32, first: u32, name: &str) -> Result<u32, Error> {
+fn distance(
+    sources: &Sources,
+    place: SourcePlace,
+    offset: u32,
+    first: u32,
+    name: &str,
+) -> Result<u32, Error> {
     let reason = || Reason::RegisterBefore(name.to_owned());
     offset.checked_sub(first).ok_or_else(|| sources.error(place, reason()))
 }
 
 fn parameter_of(
     sources: &Sources,
-    (file, place): (usize, At),
+    (file, place): (usize, SourcePlace),
     raw: RawParameter,
     (layout, area, begin): (&Layout<'_>, &Spanned<String>, u32),
 ) -> Result<Parameter, Error> {
     let (structure, offset, register) = layout.find(sources, file, area, &raw.register)?;
-    let octet = behind(sources, place, offset, begin, &register)?;
+    let octet = distance(sources, place, offset, begin, &register)?;
     let RawParameter { bit, inverted, name, default, from, to, .. } = raw;
     let (from, default) = (from.unwrap_or(0), default.unwrap_or(0));
     let to = to.unwrap_or(1);

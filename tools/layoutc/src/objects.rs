@@ -2,7 +2,7 @@
 
 use crate::error::{Error, Reason};
 use crate::raw::Provenance;
-use crate::source::{At, Sources, at};
+use crate::source::{SourcePlace, Sources, at};
 use serde::Deserialize;
 use toml::Spanned;
 
@@ -83,7 +83,7 @@ pub(crate) enum Value {
 }
 
 /// Reads and checks the file that `device.toml` names at `place`.
-pub(crate) fn read(sources: &mut Sources, path: &str, place: At) -> Result<Vec<Object>, Error> {
+pub(crate) fn read(sources: &mut Sources, path: &str, place: SourcePlace) -> Result<Vec<Object>, Error> {
     let (file, raw): (usize, File) = sources.parse(path, Some(place))?;
     let mut objects: Vec<Object> = Vec::with_capacity(raw.object.len());
     for row in raw.object {

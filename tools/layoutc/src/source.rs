@@ -18,7 +18,7 @@ pub(crate) struct Sources {
 
 /// A place: file number and byte position.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct At {
+pub(crate) struct SourcePlace {
     pub file: usize,
     pub byte: usize,
 }
@@ -65,7 +65,7 @@ impl Sources {
     pub(crate) fn parse<T: DeserializeOwned>(
         &mut self,
         name: &str,
-        from: Option<At>,
+        from: Option<SourcePlace>,
     ) -> Result<(usize, T), Error> {
         let path = match (name.strip_prefix("../"), self.dir.parent()) {
             (Some(beside), Some(parent)) => parent.join(beside),
@@ -83,12 +83,12 @@ impl Sources {
         let file = self.files.len() - 1;
         let value = toml::from_str(&self.files[file].1).map_err(|error| {
             let byte = error.span().unwrap_or(0..0).start;
-            self.error(At { file, byte }, Reason::Syntax(error.message().to_owned()))
+            self.error(SourcePlace { file, byte }, Reason::Syntax(error.message().to_owned()))
         })?;
         Ok((file, value))
     }
 
-    pub(crate) fn error(&self, at: At, reason: Reason) -> Error {
+    pub(crate) fn error(&self, at: SourcePlace, reason: Reason) -> Error {
         let (path, text) = &self.files[at.file];
         let before = &text[..at.byte.min(text.len())];
         let line_start = before.rfind('\n').map_or(0, |newline| newline + 1);
@@ -104,6 +104,6 @@ impl Sources {
 }
 
 /// Shorthand for the place where `span` starts.
-pub(crate) fn at(file: usize, span: Range<usize>) -> At {
-    At { file, byte: span.start }
+pub(crate) fn at(file: usize, span: Range<usize>) -> SourcePlace {
+    SourcePlace { file, byte: span.start }
 }

@@ -4,7 +4,7 @@
 #![cfg(feature = "import")]
 
 use commram_layoutc::declaration::{Alignment, Declarations, Sizes};
-use commram_layoutc::import::{Called, Import};
+use commram_layoutc::import::{Import, NamePairs};
 use std::fs;
 use std::path::Path;
 
@@ -12,7 +12,7 @@ const FIXTURE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/fixture");
 const MIXED: &str = include_str!("__fuzz__/declarations/corpus/mixed.st");
 
 /// Any text is read or refused; accepted text is laid out, and imported or refused.
-fn survive(text: &str) {
+fn read_or_refuse(text: &str) {
     let Ok(declarations) = Declarations::parse(Path::new("x.st"), text) else { return };
     for alignment in [Alignment::Packed, Alignment::Natural] {
         let mut sizes = Sizes::new(&declarations, alignment);
@@ -22,7 +22,7 @@ fn survive(text: &str) {
                 assert!(sizes.shape(member.ty).is_ok() && end <= sizes.size(ty).unwrap());
             }
         }
-        let _ = Import::plan(Path::new(FIXTURE), &declarations, alignment, &Called::new([]));
+        let _ = Import::plan(Path::new(FIXTURE), &declarations, alignment, &NamePairs::new([]));
     }
 }
 
@@ -30,7 +30,7 @@ fn survive(text: &str) {
 fn fuzz_declarations() {
     bolero::check!(name = "declarations").with_iterations(50).for_each(|bytes: &[u8]| {
         if let Ok(text) = str::from_utf8(bytes) {
-            survive(text);
+            read_or_refuse(text);
         }
     });
 }
@@ -95,14 +95,14 @@ const PIECES: [&str; 34] = [
 proptest::proptest! {
     #[test]
     fn no_text_does_more_than_being_refused(text in "\\PC*") {
-        survive(&text);
+        read_or_refuse(&text);
     }
 
     #[test]
     fn no_order_of_words_does_more_than_being_refused(
         words in proptest::collection::vec(proptest::sample::select(&PIECES[..]), 0..60)
     ) {
-        survive(&words.join(" "));
+        read_or_refuse(&words.join(" "));
     }
 
     /// One piece of a good declaration replaced by another one comes deeper into the parser.
@@ -112,6 +112,6 @@ proptest::proptest! {
     ) {
         let mut words: Vec<_> = MIXED.split_whitespace().collect();
         words[at] = piece;
-        survive(&words.join("\n"));
+        read_or_refuse(&words.join("\n"));
     }
 }

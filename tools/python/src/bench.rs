@@ -1,7 +1,7 @@
 //! A plant in this process or a running instance, with the verbs of scenarios.
 
 use crate::errors;
-use crate::given::{Data, Given, Plant, Time};
+use crate::given::{Data, Plant, Time, ValueArgument};
 use crate::handle::Handle;
 use crate::instance;
 use crate::records::{Change, Fault, Finding, Frame, Record, frame, records};
@@ -94,7 +94,7 @@ impl PyBench {
         self.act(py, |bench| bench.peek_at(found))
     }
 
-    pub(crate) fn poke_at(&self, py: Python<'_>, found: &Found, value: Given) -> PyResult<()> {
+    pub(crate) fn poke_at(&self, py: Python<'_>, found: &Found, value: ValueArgument) -> PyResult<()> {
         self.act(py, |bench| bench.poke_at(found, value.0))
     }
 }
@@ -183,7 +183,7 @@ impl PyBench {
         bench.peek_at(found).map_err(errors::of)
     }
 
-    fn poke(&self, py: Python<'_>, register: &str, value: Given) -> PyResult<()> {
+    fn poke(&self, py: Python<'_>, register: &str, value: ValueArgument) -> PyResult<()> {
         let mut state = self.lock(py)?;
         let (bench, found) = state.found(register)?;
         if self.is_remote {
@@ -196,7 +196,7 @@ impl PyBench {
         self.peek(py, register)
     }
 
-    fn __setitem__(&self, py: Python<'_>, register: &str, value: Given) -> PyResult<()> {
+    fn __setitem__(&self, py: Python<'_>, register: &str, value: ValueArgument) -> PyResult<()> {
         self.poke(py, register, value)
     }
 
@@ -204,13 +204,13 @@ impl PyBench {
         &self,
         py: Python<'_>,
         register: &str,
-        expected: Given,
-        new: Given,
+        expected: ValueArgument,
+        new: ValueArgument,
     ) -> PyResult<bool> {
         self.act(py, |bench| bench.compare_exchange(register, expected.0, new.0))
     }
 
-    fn force(&self, py: Python<'_>, register: &str, value: Given) -> PyResult<()> {
+    fn force(&self, py: Python<'_>, register: &str, value: ValueArgument) -> PyResult<()> {
         self.act(py, |bench| bench.force(register, value.0))
     }
 
@@ -278,7 +278,7 @@ impl PyBench {
         self.take(py, |bench| bench.step_to_sync(port), errors::of)
     }
 
-    fn wait(&self, py: Python<'_>, register: &str, value: Given, within: Time) -> PyResult<u64> {
+    fn wait(&self, py: Python<'_>, register: &str, value: ValueArgument, within: Time) -> PyResult<u64> {
         self.take(py, |bench| bench.wait(register, value.0, within.0), errors::of_wait)
     }
 
@@ -286,8 +286,8 @@ impl PyBench {
         &self,
         py: Python<'_>,
         register: &str,
-        mask: Given,
-        value: Given,
+        mask: ValueArgument,
+        value: ValueArgument,
         within: Time,
     ) -> PyResult<u64> {
         self.take(py, |bench| bench.wait_bits(register, mask.0, value.0, within.0), errors::of_wait)
@@ -299,15 +299,27 @@ impl PyBench {
         self.take(py, |bench| bench.pass_or_fail(start, within, here), errors::of_wait)
     }
 
-    fn expect(&self, py: Python<'_>, register: &str, value: Given) -> PyResult<()> {
+    fn expect(&self, py: Python<'_>, register: &str, value: ValueArgument) -> PyResult<()> {
         self.act(py, |bench| bench.expect(register, value.0))
     }
 
-    fn expect_near(&self, py: Python<'_>, register: &str, value: Given, tolerance: u32) -> PyResult<()> {
+    fn expect_near(
+        &self,
+        py: Python<'_>,
+        register: &str,
+        value: ValueArgument,
+        tolerance: u32,
+    ) -> PyResult<()> {
         self.act(py, |bench| bench.expect_near(register, value.0, tolerance))
     }
 
-    fn expect_bits(&self, py: Python<'_>, register: &str, mask: Given, value: Given) -> PyResult<()> {
+    fn expect_bits(
+        &self,
+        py: Python<'_>,
+        register: &str,
+        mask: ValueArgument,
+        value: ValueArgument,
+    ) -> PyResult<()> {
         self.act(py, |bench| bench.expect_bits(register, mask.0, value.0))
     }
 
@@ -361,7 +373,7 @@ impl PyBench {
         self.act(py, |bench| bench.power_cycle(plc))
     }
 
-    fn initial_flag(&self, py: Python<'_>, address: &str, value: Given) -> PyResult<()> {
+    fn initial_flag(&self, py: Python<'_>, address: &str, value: ValueArgument) -> PyResult<()> {
         self.take(py, |bench| bench.initial_flag(address, value.0), errors::of)
     }
 

@@ -19,17 +19,17 @@ fn integer(given: &Bound<'_, PyAny>, right: &str) -> PyResult<i64> {
 }
 
 /// A value for a register: an integer or a text such as `16#0040`.
-pub(crate) struct Given(pub Value);
+pub(crate) struct ValueArgument(pub Value);
 
-impl<'py> FromPyObject<'_, 'py> for Given {
+impl<'py> FromPyObject<'_, 'py> for ValueArgument {
     type Error = PyErr;
 
     fn extract(given: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
         if let Ok(text) = given.cast::<PyString>() {
-            return Ok(Given(Value::Text(text.to_str()?.to_owned())));
+            return Ok(ValueArgument(Value::Text(text.to_str()?.to_owned())));
         }
         let right = "a register takes an integer such as 0x0040 or a text such as \"16#0040\"";
-        integer(&given, right).map(|number| Given(Value::Number(number)))
+        integer(&given, right).map(|number| ValueArgument(Value::Number(number)))
     }
 }
 

@@ -1,7 +1,7 @@
 //! A register that was found once and is used often.
 
 use crate::bench::PyBench;
-use crate::given::Given;
+use crate::given::ValueArgument;
 use commram::script::Register as Found;
 use pyo3::prelude::*;
 
@@ -26,7 +26,7 @@ impl Handle {
         self.of.get().peek_at(py, &self.found)
     }
 
-    fn poke(&self, py: Python<'_>, value: Given) -> PyResult<()> {
+    fn poke(&self, py: Python<'_>, value: ValueArgument) -> PyResult<()> {
         self.of.get().poke_at(py, &self.found, value)
     }
 
@@ -36,7 +36,7 @@ impl Handle {
     }
 
     #[setter(value)]
-    fn set_value(&self, py: Python<'_>, value: Given) -> PyResult<()> {
+    fn set_value(&self, py: Python<'_>, value: ValueArgument) -> PyResult<()> {
         self.poke(py, value)
     }
 

@@ -1,7 +1,7 @@
 //! The image of a PLC of a running instance, mapped.
 
 use crate::errors;
-use crate::given::Given;
+use crate::given::ValueArgument;
 use crate::instance;
 use crate::register::{Array, Register, places, register_of};
 use crate::snapshot::Snapshot;
@@ -65,7 +65,7 @@ impl PyImage {
     }
 
     /// The place, and the bits of a value there.
-    fn value(&self, name: &str, value: &Given) -> PyResult<(Arc<Place>, u32)> {
+    fn value(&self, name: &str, value: &ValueArgument) -> PyResult<(Arc<Place>, u32)> {
         let place = self.find(name)?;
         let bits = value.0.bits(&place).map_err(|error| PyValueError::new_err(error.to_string()))?;
         Ok((place, bits))
@@ -140,7 +140,7 @@ impl PyImage {
         Ok(Self::number(&place, RegisterPhase::Cyclic, Self::load(&attached, &place)?))
     }
 
-    fn poke(&self, register: &str, value: Given) -> PyResult<()> {
+    fn poke(&self, register: &str, value: ValueArgument) -> PyResult<()> {
         let (place, bits) = self.value(register, &value)?;
         whole(&place)?;
         let attached = self.open()?;
@@ -151,11 +151,16 @@ impl PyImage {
         self.peek(register)
     }
 
-    fn __setitem__(&self, register: &str, value: Given) -> PyResult<()> {
+    fn __setitem__(&self, register: &str, value: ValueArgument) -> PyResult<()> {
         self.poke(register, value)
     }
 
-    fn compare_exchange(&self, register: &str, expected: Given, new: Given) -> PyResult<bool> {
+    fn compare_exchange(
+        &self,
+        register: &str,
+        expected: ValueArgument,
+        new: ValueArgument,
+    ) -> PyResult<bool> {
         let ((place, current), (_, new)) = (self.value(register, &expected)?, self.value(register, &new)?);
         whole(&place)?;
         let attached = self.open()?;

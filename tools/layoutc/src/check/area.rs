@@ -4,7 +4,7 @@ use super::{Names, identifier};
 use crate::error::{Error, Reason};
 use crate::model::{Area, Field, Kind, Placed, Provenance, Space, Structure};
 use crate::raw;
-use crate::source::{At, Sources, at};
+use crate::source::{SourcePlace, Sources, at};
 use toml::Spanned;
 
 /// Types that areas can use.
@@ -209,7 +209,7 @@ fn unused(
 /// have the same width and the same start. Padding is never accessed but copied, byte by byte.
 fn same_widths(
     sources: &Sources,
-    place: At,
+    place: SourcePlace,
     area: &str,
     pair: [&Placed; 2],
     structures: &[Structure],

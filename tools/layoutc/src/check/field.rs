@@ -4,11 +4,11 @@ use super::{Parts, identifier, meaning};
 use crate::error::{Error, Reason};
 use crate::model::{Field, Kind, Owner, Scalar};
 use crate::raw;
-use crate::source::{At, Sources, at};
+use crate::source::{SourcePlace, Sources, at};
 use toml::Spanned;
 
 /// The entry's place with the checked field.
-pub(crate) type Placed = (At, Field);
+pub(crate) type Placed = (SourcePlace, Field);
 
 /// Checks everything that concerns `entry` alone. `home` is the structure or block it is written in.
 pub(crate) fn check(
@@ -145,7 +145,7 @@ pub(crate) fn gap(offset: u32, bytes: u32, home: &raw::Structure) -> Field {
     }
 }
 
-fn kind(sources: &Sources, parts: &Parts, place: At, name: &str) -> Result<Kind, Error> {
+fn kind(sources: &Sources, parts: &Parts, place: SourcePlace, name: &str) -> Result<Kind, Error> {
     if let Some(scalar) = Scalar::named(name) {
         return Ok(Kind::Scalar(scalar));
     }
@@ -193,7 +193,7 @@ fn short_name(name: &str) -> Option<&str> {
 }
 
 /// Checks that the short name of the data type agrees with the type.
-fn prefix(sources: &Sources, place: At, name: &str, kind: Kind) -> Result<(), Error> {
+fn prefix(sources: &Sources, place: SourcePlace, name: &str, kind: Kind) -> Result<(), Error> {
     let Some(prefix) = short_name(name) else { return Ok(()) };
     if prefix == "a" {
         return Err(sources.error(place, Reason::ArrayPrefix(name.to_owned())));

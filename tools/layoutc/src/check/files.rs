@@ -3,7 +3,7 @@
 use super::identifier;
 use crate::error::Error;
 use crate::raw;
-use crate::source::{At, Sources, at};
+use crate::source::{SourcePlace, Sources, at};
 use toml::Spanned;
 
 /// The top of a layout.
@@ -22,7 +22,7 @@ pub(crate) struct Named {
     /// Name in the form that [`Sources::parse`] takes.
     pub path: String,
     /// Place of the name.
-    pub at: At,
+    pub at: SourcePlace,
     /// Whether it is the family's.
     pub shared: bool,
 }

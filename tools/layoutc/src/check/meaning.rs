@@ -4,14 +4,14 @@ use super::{Parts, id};
 use crate::error::{Error, Reason};
 use crate::model::{Bit, Meaning, Provenance, Scalar, Value};
 use crate::raw;
-use crate::source::{At, Sources, at};
+use crate::source::{SourcePlace, Sources, at};
 use toml::Spanned;
 
 /// A meaning, and the places of its parts in the file.
 pub(crate) struct CheckedMeaning {
     pub meaning: Meaning,
-    values: Vec<At>,
-    bits: Vec<At>,
+    values: Vec<SourcePlace>,
+    bits: Vec<SourcePlace>,
 }
 
 /// Checks `raw` and appends it. `manual` is the file's manual; `shared` is true for a file of the family.
@@ -89,7 +89,7 @@ impl CheckedMeaning {
 pub(crate) fn find(
     sources: &Sources,
     parts: &Parts,
-    name: (&str, At),
+    name: (&str, SourcePlace),
     register: &str,
     scalar: Scalar,
 ) -> Result<usize, Error> {

@@ -17,7 +17,7 @@ use crate::gsd;
 use crate::model::{Device, Structure};
 use crate::objects;
 use crate::raw;
-use crate::source::{At, Sources, at};
+use crate::source::{SourcePlace, Sources, at};
 use files::{Named, Top};
 use std::collections::BTreeMap;
 
@@ -213,7 +213,7 @@ impl Names {
 }
 
 /// Names become Rust identifiers.
-fn identifier(sources: &Sources, place: At, name: &str) -> Result<(), Error> {
+fn identifier(sources: &Sources, place: SourcePlace, name: &str) -> Result<(), Error> {
     let good = name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
         && !name.starts_with(|c: char| c.is_ascii_digit())
         && name.contains(|c: char| c.is_ascii_alphanumeric());

@@ -6,7 +6,7 @@ use super::field::{self, Placed};
 use crate::error::{Error, Reason};
 use crate::model::Structure;
 use crate::raw;
-use crate::source::{At, Sources, at};
+use crate::source::{SourcePlace, Sources, at};
 use toml::Spanned;
 
 /// The family's structure called `wanted`.
@@ -44,7 +44,7 @@ pub(crate) fn fill_gaps(
     raw: &raw::Structure,
     subs: &[Structure],
     size: u32,
-    place: At,
+    place: SourcePlace,
     fields: &mut Vec<Placed>,
 ) {
     let mut gaps = Vec::new();

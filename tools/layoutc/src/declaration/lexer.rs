@@ -143,7 +143,7 @@ fn direct_length(text: &str) -> usize {
 
 impl Token<'_> {
     /// Name of the token in error messages.
-    pub(crate) fn told(self) -> String {
+    pub(crate) fn description(self) -> String {
         match self {
             Token::Word(text) | Token::Number(text) => format!("`{text}`"),
             Token::Direct => "an address".to_owned(),
@@ -164,7 +164,9 @@ mod tests {
         loop {
             match lexer.next()? {
                 (_, Token::End) => return Ok(found),
-                (place, token) => found.push(format!("{}:{} {}", place.line, place.column, token.told())),
+                (place, token) => {
+                    found.push(format!("{}:{} {}", place.line, place.column, token.description()))
+                }
             }
         }
     }

@@ -285,7 +285,7 @@ impl<'a> Parser<'a> {
 
     fn unexpected<T>(&self, expected: &'static str) -> Result<T, Fault> {
         let (place, token) = self.next;
-        Err((place, Wrong::Unexpected { expected, found: token.told() }))
+        Err((place, Wrong::Unexpected { expected, found: token.description() }))
     }
 }
 

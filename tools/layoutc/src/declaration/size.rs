@@ -162,7 +162,7 @@ impl<'a> Sizes<'a> {
                 return Err((*at, Wrong::DeepType(MAX_DEPTH)));
             }
             SizeState::Known(extent) => return Ok(extent),
-            SizeState::Open => return Err((*at, Wrong::Circular(self.told(id)))),
+            SizeState::Open => return Err((*at, Wrong::Circular(self.type_text(id)))),
             SizeState::Unknown if depth >= MAX_DEPTH => return Err((*at, Wrong::DeepType(MAX_DEPTH))),
             SizeState::Unknown => {}
         }
@@ -219,7 +219,7 @@ impl<'a> Sizes<'a> {
         Ok((placed, whole))
     }
 
-    fn told(&self, id: TypeId) -> String {
+    fn type_text(&self, id: TypeId) -> String {
         let declared = &self.declarations.types.named;
         declared
             .iter()

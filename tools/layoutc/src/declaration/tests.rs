@@ -9,10 +9,10 @@ fn laid_out(text: &str, name: &str, alignment: Alignment) -> String {
     let mut sizes = Sizes::new(&declarations, alignment);
     let ty = declarations.find(name).unwrap();
     let members = sizes.members(ty).unwrap();
-    let mut told: Vec<_> =
+    let mut texts: Vec<_> =
         members.iter().map(|(offset, member)| format!("{} {offset}", member.name)).collect();
-    told.push(sizes.size(ty).unwrap().to_string());
-    told.join(", ")
+    texts.push(sizes.size(ty).unwrap().to_string());
+    texts.join(", ")
 }
 
 /// The complaint about `text`, or about the size of its type `T`.

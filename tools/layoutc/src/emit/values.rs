@@ -47,7 +47,7 @@ impl ConstantOwner<'_> {
         } else {
             let (ty, digits) = (self.scalar.content(), self.digits());
             let about = format!("16#{first:X} to 16#{last:X}: {text}");
-            out.push_str(&doc("        ", &self.told(&about, source)));
+            out.push_str(&doc("        ", &self.constant_doc(&about, source)));
             let _ = writeln!(
                 out,
                 "        pub const {id}: core::ops::RangeInclusive<{ty}> = 0x{first:0digits$X}..=0x{last:0digits$X};"
@@ -79,7 +79,7 @@ impl ConstantOwner<'_> {
 
     fn number(&self, out: &mut String, id: &str, number: u32, about: &str, source: &Provenance) {
         let (ty, digits) = (self.scalar.content(), self.digits());
-        out.push_str(&doc("        ", &self.told(about, source)));
+        out.push_str(&doc("        ", &self.constant_doc(about, source)));
         let _ = writeln!(out, "        pub const {id}: {ty} = 0x{number:0digits$X};");
     }
 
@@ -88,7 +88,7 @@ impl ConstantOwner<'_> {
         self.scalar.width() as usize * 2
     }
 
-    fn told(&self, about: &str, source: &Provenance) -> String {
+    fn constant_doc(&self, about: &str, source: &Provenance) -> String {
         let from = match source {
             Provenance::Manual => {
                 let manual = &self.device.manual;

@@ -2,7 +2,7 @@
 
 use super::homes::Homes;
 use super::rows::{Row, Verdict};
-use super::{Called, ImportError};
+use super::{ImportError, NamePairs};
 use crate::declaration::{Element, Shape, Sizes, TypeId};
 use crate::model::Scalar;
 use crate::raw;
@@ -34,7 +34,7 @@ pub(crate) struct Matched {
 pub(crate) struct Matcher<'a> {
     pub homes: &'a Homes,
     pub sizes: Sizes<'a>,
-    pub called: &'a Called,
+    pub called: &'a NamePairs,
     /// Whether the declaration has a filler with the name that `commram export st` gives it.
     pub has_our_padding: bool,
 }
@@ -131,8 +131,9 @@ impl<'a> Matcher<'a> {
             }
             _ => {}
         }
-        let told = format!("{} in the declaration, {} in the layout", told(&shape), ours(our_type, &counts));
-        structure.row(name, Verdict::Unlike, Some(before), Some(found.offset), told);
+        let difference =
+            format!("{} in the declaration, {} in the layout", shape_text(&shape), ours(our_type, &counts));
+        structure.row(name, Verdict::Unlike, Some(before), Some(found.offset), difference);
         Ok(None)
     }
 
@@ -188,12 +189,12 @@ impl<'a> Matcher<'a> {
                     places.push(Some(part.offset..part.offset + self.sizes.size(part.ty)?));
                 }
                 _ => {
-                    let told = format!(
+                    let difference = format!(
                         "{} in the declaration, {} in the layout",
-                        told(&shape),
+                        shape_text(&shape),
                         ours(our_type, &counts)
                     );
-                    structure.row(&path, Verdict::Unlike, Some(before), Some(at.offset), told);
+                    structure.row(&path, Verdict::Unlike, Some(before), Some(at.offset), difference);
                     places.push(None);
                 }
             }
@@ -249,7 +250,7 @@ impl<'a> Matcher<'a> {
             } else if is_padding(&member.name, &shape) {
                 self.has_our_padding |= member.name == format!("padding_{offset}");
             } else {
-                let remark = format!("{}; the layout has no register for it", told(&shape));
+                let remark = format!("{}; the layout has no register for it", shape_text(&shape));
                 structure.row(&path, Verdict::New, None, Some(start + offset), remark);
             }
         }
@@ -300,7 +301,7 @@ fn is_padding(name: &str, shape: &Shape) -> bool {
     !number.is_empty() && number.bytes().all(|byte| byte.is_ascii_digit()) && shape.size == 1
 }
 
-fn told(shape: &Shape) -> String {
+fn shape_text(shape: &Shape) -> String {
     match shape.element {
         Element::Scalar(name) => ours(name, &shape.counts),
         Element::Struct(_) => ours(&format!("a structure of {} bytes", shape.size), &shape.counts),

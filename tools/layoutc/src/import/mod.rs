@@ -28,7 +28,7 @@ use std::path::{Path, PathBuf};
 /// Pairs of names that differ between manual and declaration: `STRUCTURE` or `STRUCTURE.REGISTER`, and
 /// the declaration's name.
 #[derive(Debug, Default)]
-pub struct Called(BTreeMap<String, String>);
+pub struct NamePairs(BTreeMap<String, String>);
 
 /// Changes of an import; [`Import::write`] applies them.
 #[derive(Debug)]
@@ -56,7 +56,7 @@ impl Import {
         dir: &Path,
         declarations: &Declarations,
         alignment: Alignment,
-        called: &Called,
+        called: &NamePairs,
     ) -> Result<Self, ImportError> {
         let hash_before = layout_hash(&check::load(&mut Sources::new(dir))?);
         let homes = Homes::read(Sources::new(dir))?;
@@ -136,7 +136,7 @@ impl Import {
     }
 }
 
-impl Called {
+impl NamePairs {
     /// Makes the table from pairs of the layout's and the declaration's name.
     pub fn new(pairs: impl IntoIterator<Item = (String, String)>) -> Self {
         Self(pairs.into_iter().collect())

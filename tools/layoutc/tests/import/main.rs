@@ -1,7 +1,7 @@
 //! Declarations imported into a layout: moved registers, reports, refusals, and the resulting files.
 
 use commram_layoutc::declaration::{Alignment, Declarations};
-use commram_layoutc::import::{Called, Import, ImportError, Verdict};
+use commram_layoutc::import::{Import, ImportError, NamePairs, Verdict};
 use std::fs;
 use std::path::Path;
 
@@ -60,7 +60,7 @@ fn plan_with(
 ) -> Result<Import, ImportError> {
     let declarations = Declarations::parse(Path::new("lib/TYPES.st"), text).unwrap();
     let called = called.iter().map(|(ours, theirs)| ((*ours).to_owned(), (*theirs).to_owned()));
-    Import::plan(dir, &declarations, alignment, &Called::new(called))
+    Import::plan(dir, &declarations, alignment, &NamePairs::new(called))
 }
 
 fn plan(dir: &Path, text: &str) -> Result<Import, ImportError> {
@@ -68,7 +68,7 @@ fn plan(dir: &Path, text: &str) -> Result<Import, ImportError> {
 }
 
 /// Returns the rows with a remark, `-` for missing parts.
-fn told(import: &Import) -> Vec<String> {
+fn reported_rows(import: &Import) -> Vec<String> {
     let number = |value: Option<u32>| value.map_or("-".to_owned(), |value| value.to_string());
     let rows = import.rows.iter().filter(|row| row.verdict != Verdict::Same);
     rows.map(|row| {
@@ -89,7 +89,7 @@ fn refused(text: &str, called: &[(&str, &str)]) -> String {
 fn unchanged_registers_do_not_move_and_are_marked() {
     let dir = fixture();
     let import = plan(dir.path(), AS_IT_IS).unwrap();
-    assert_eq!(told(&import), [""; 0]);
+    assert_eq!(reported_rows(&import), [""; 0]);
     assert!(import.is_whole());
     assert_eq!(import.hash_before, import.hash_after);
     let files: Vec<_> = import.files().map(|path| path.file_name().unwrap().to_owned()).collect();
@@ -111,7 +111,7 @@ fn registers_move_by_their_paths_independently_of_type_names() {
     let dir = fixture();
     let import = plan(dir.path(), OTHER).unwrap();
     assert_eq!(
-        told(&import),
+        reported_rows(&import),
         [
             "INIT.w_COMMAND moved 0 2",
             "INIT.w_STATUS moved 2 0",
@@ -152,10 +152,10 @@ fn a_packed_library_with_fillers_of_its_own_is_taken_over() {
         .replace("a_GRID : ARRAY[0..1, 0..1]", "b : BYTE; c, d, e : BYTE; a_GRID : ARRAY[0..1, 0..1]");
     let dir = fixture();
     let import = plan_with(dir.path(), &packed, Alignment::Packed, &[]).unwrap();
-    let told = told(&import);
-    assert_eq!(told.len(), 7, "{told:?}");
-    assert_eq!(told[1], "CTRL.a_GRID moved 24 28");
-    assert_eq!(told[2], "CTRL.w_RESERVE new - 14 WORD; the layout has no register for it");
+    let reported = reported_rows(&import);
+    assert_eq!(reported.len(), 7, "{reported:?}");
+    assert_eq!(reported[1], "CTRL.a_GRID moved 24 28");
+    assert_eq!(reported[2], "CTRL.w_RESERVE new - 14 WORD; the layout has no register for it");
     import.write().unwrap();
     commram_layoutc::compile(dir.path()).unwrap();
 }
@@ -192,7 +192,7 @@ fn a_structure_with_something_missing_or_unlike_stays_as_it_is() {
     let import = plan(dir.path(), &text).unwrap();
     assert!(!import.is_whole() && !import.changes_nothing());
     assert_eq!(
-        told(&import),
+        reported_rows(&import),
         [
             "INIT.b_MODE moved 4 6",
             "INIT.a_TYPE moved 5 4",
@@ -224,7 +224,7 @@ fn other_names_can_be_given() {
         [("INIT", "INIT_T"), ("CTRL.i_TEMPERATURE", "inner.i_TEMP"), ("CTRL.a_PAIRS.w_SECOND", "w_ZWEITES")];
     let import = plan_with(fixture().path(), &text, Alignment::Natural, &called).unwrap();
     assert_eq!(
-        told(&import),
+        reported_rows(&import),
         [
             "CTRL.i_TEMPERATURE moved 12 14 there inner.i_TEMP",
             "CTRL.inner.b_FILL new - 12 BYTE; the layout has no register for it",
@@ -237,7 +237,7 @@ fn other_names_can_be_given() {
     }
     let import =
         plan_with(fixture().path(), AS_IT_IS, Alignment::Natural, &[("CTRL.d_VALUE", "d_X")]).unwrap();
-    assert!(told(&import).contains(&"CTRL.d_VALUE missing 8 - nor is there a d_X".to_owned()));
+    assert!(reported_rows(&import).contains(&"CTRL.d_VALUE missing 8 - nor is there a d_X".to_owned()));
 }
 
 #[test]
@@ -303,5 +303,5 @@ fn declarations_of_something_else_are_refused() {
         "lib/TYPES.st:5:53: `BITE` is neither declared in this file nor an elementary type"
     );
     let alone = AS_IT_IS.replace("CTRL : STRUCT", "OTHER : STRUCT");
-    assert_eq!(told(&plan(fixture().path(), &alone).unwrap()), ["CTRL. undeclared 40 -"]);
+    assert_eq!(reported_rows(&plan(fixture().path(), &alone).unwrap()), ["CTRL. undeclared 40 -"]);
 }
