@@ -24,7 +24,7 @@ pub struct Guest {
 
 #[derive(Debug, Default)]
 struct Inner {
-    /// `None` if the guest does not take part, else whether it only listens.
+    /// `Some(true)` while the guest only listens, `Some(false)` while it takes part, else `None`.
     open: Option<bool>,
     rate: Option<Rate>,
     has_gone: bool,

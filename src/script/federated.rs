@@ -233,7 +233,7 @@ mod tests {
     }
 
     /// A program at federate `number` that asks the board of PLC 0 for another event after each answer, and never in
-    /// its turn. It counts the answers by their result.
+    /// its turn. It collects the results of the answers.
     fn asks(number: u8, plant: &Plant, answers: &Arc<Mutex<Vec<u32>>>) -> Program {
         let image = plant.devices()[0].segment().clone();
         let event = [5, 12][usize::from(number)];
