@@ -24,7 +24,7 @@ use std::time::Duration;
 
 const PLANT: &str = "[[plc]]\nname = 'line'\nnode2 = 'drives'\n[plc.drive]\nlock_time_us = 50000\n\
     [[bus]]\nname = 'drives'\n";
-/// How often the program looks, in us.
+/// Period in which the program scans, in us.
 const SCAN_US: u64 = 50;
 /// No program takes longer, in emulated time.
 const LONGEST_US: u64 = 20_000_000;
@@ -100,7 +100,7 @@ impl Stage {
         tasks.scan().unwrap()
     }
 
-    /// How often trigger 1, trigger 2 and trigger controller have come, and when last.
+    /// Counts of trigger 1, trigger 2 and trigger controller, with the time of the last one.
     fn triggers(&self) -> [(u32, u64); 3] {
         self.ram.header().triggers.each_ref().map(|slot| (slot.bell.rings(), slot.time_us.load()))
     }
@@ -127,7 +127,7 @@ impl Stage {
     }
 }
 
-/// The programs are to use the registers as the manual wants it.
+/// Checks that the programs use the registers as the manual demands.
 impl Drop for Stage {
     fn drop(&mut self) {
         if !std::thread::panicking() {

@@ -31,7 +31,7 @@ enum Act {
         place: prop::sample::Index,
         value: u32,
     },
-    /// A command that leads somewhere: `w_CPU_CONTROL` of a CANsync node.
+    /// A valid command: `w_CPU_CONTROL` of a CANsync node.
     Command {
         device: usize,
         node: prop::sample::Index,

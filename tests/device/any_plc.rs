@@ -1,5 +1,5 @@
-//! PLCs that write anything anywhere, at any time, while anything goes wrong on the bus: nothing panics or hangs, the
-//! same writes give the same journal, and PLCs that start over find everything in working order.
+//! PLCs write random values to random registers at any time, with random faults on the bus: nothing panics or hangs, the
+//! same writes give the same journal, and restarted PLCs find working nodes.
 
 use crate::rig::bring_up::{Mode, Stage};
 use crate::rig::{BOTH, FASTEST, Memory, Rate, Rig};
@@ -46,7 +46,7 @@ enum Act {
         offset: usize,
         value: u8,
     },
-    /// A job at the master that makes sense.
+    /// A valid job at the master.
     Job {
         slave: usize,
         control: u8,
@@ -55,7 +55,7 @@ enum Act {
         control: u8,
         length: u16,
     },
-    /// The slave's application answers what it is shown.
+    /// The slave's application answers the job in its registers.
     Serve,
     Fault(usize),
     Pass(u64),
@@ -95,7 +95,7 @@ fn take(rig: &mut Rig, act: &Act, slice_us: u64) {
         Act::Byte { slave, offset, value } => {
             let at = if slave { rig.slave_at } else { rig.master_at };
             let segment = rig.plant.devices()[at.plc].segment();
-            // Where no byte register is, nothing is written.
+            // An offset without a byte register is not written.
             let _ = segment.store((at.base + offset) as u32, Width::Byte, value.into());
         }
         Act::Job { slave, control } => enter_parameter(rig, slave, control),
@@ -147,7 +147,7 @@ fn serve(rig: &Rig) {
     }
 }
 
-/// Both PLCs start over and everything works.
+/// Both PLCs restart and everything works.
 fn start_over(rig: &mut Rig) {
     rig.plant.clear_faults();
     // In the RAM only a change is sure to be seen: see decision D-29.
@@ -238,8 +238,8 @@ fn no_command_is_too_strange_in_any_state() {
     start_over(&mut rig);
 }
 
-/// Lots hardly ever draw the one register either, and hardly leave a value in it for long: each byte holds the same here, for as
-/// long as it takes to count to more slaves than there can be.
+/// A random generator rarely selects one register and rarely keeps a value in it. Here every byte holds the same value, long
+/// enough to count to more slaves than a bus can have.
 #[test]
 fn no_byte_is_too_strange_for_forty_intervals() {
     let mut rig = Rig::of(Memory::Heap, FASTEST[0], DRIVES);

@@ -708,7 +708,7 @@ fn modules_with_wrong_switches_show_it_and_take_no_part() {
     }
 }
 
-/// 5.02066.01a p. 15-16, 26, 49-51: what a module cannot do its work with is said with its line, and allowed.
+/// 5.02066.01a p. 15-16, 26, 49-51: a configuration that keeps a module from working is allowed, and a warning names its line.
 #[test]
 fn modules_without_a_signal_are_doubted() {
     let plant = |modules: &str| {

@@ -1,4 +1,4 @@
-//! Boards in a plant: events from the SYNC signal, reset and power of one PLC while the others go on.
+//! Boards in a plant: events from the SYNC signal, reset and power of one PLC while the others continue.
 
 use crate::rig::bring_up::{Mode, Node, Stage, bring_up_in};
 use crate::rig::{BOTH, Memory, OMEGA_RATES, Rig, plant_of};
@@ -22,7 +22,7 @@ fn set_event(plant: &mut Plant, plc: usize, event: usize, factor: i16) {
     assert_eq!(header.interrupts[event].outcome(request), Some(InterruptResult::Done.code()));
 }
 
-/// How often an event has come, and when last.
+/// Returns the count of an event, and the time of the last one.
 fn event(plant: &Plant, plc: usize, event: usize) -> (u32, u64) {
     let header = plant.devices()[plc].segment().header().unwrap();
     (header.events[event].bell.rings(), header.events[event].time_us.load())
@@ -81,7 +81,7 @@ fn a_watched_event_stops_the_time_at_each_edge() {
     assert_eq!(event(&rig.plant, B, SYNC).0, 10);
 }
 
-/// Stopping at events changes nothing in what happens.
+/// Stopping at events does not change the run.
 #[test]
 fn a_watched_run_is_the_same_run() {
     let run = |watch: u16| {
@@ -256,7 +256,7 @@ fn a_number_is_free_when_its_station_has_moved_or_is_off() {
     assert_eq!(taken(&rig), 2);
 }
 
-/// A client turns the switch in the header page; the firmware sees it at its next look.
+/// A client turns the switch in the header page; the firmware sees it at its next poll.
 #[test]
 fn the_switch_in_the_header_page_works_without_a_ring() {
     let mut rig = Rig::new(Memory::Mapped, OMEGA_RATES[0]);

@@ -60,7 +60,7 @@ fn all_levels_have_their_edges_at_the_same_microsecond() {
     }
 }
 
-/// The top restarts: no edges anywhere below, so no frames and no answers; with the signal comes all else.
+/// The top restarts: no edges on lower buses, so no frames and no answers; with the signal everything returns.
 #[test]
 fn a_cluster_pauses_while_its_top_restarts() {
     for rate in FASTEST {
@@ -102,7 +102,7 @@ fn the_largest_two_level_cluster_runs() {
     }
 }
 
-/// 33 buses, on which things go wrong, a PLC restarts, another loses its supply, and programs do what they must not.
+/// 33 buses with faults: a PLC restarts, another loses its supply, and programs violate rules.
 #[test]
 fn on_several_cores_all_goes_as_on_one() {
     for rate in FASTEST {

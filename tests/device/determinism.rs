@@ -7,7 +7,7 @@ const DRIVES: &str = "[[bus.drive]]\nname = 'd1'\nslave_number = 1\nlock_time_us
                       [[bus.drive]]\nname = 'd2'\nslave_number = 2\nramp_per_second = 100000\n";
 
 /// A run with handshakes, process data and a restart in the middle. `slice_us` is the largest step in
-/// which emulated time is asked for; it must not matter.
+/// which the clock advances; it must not matter.
 fn run(memory: Memory, rate: crate::rig::Rate, slice_us: u64, value: u32) -> (u64, u64) {
     let mut rig = Rig::of(memory, rate, DRIVES);
     let pass = |rig: &mut Rig, us: u64| {

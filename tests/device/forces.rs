@@ -1,4 +1,4 @@
-//! Forced registers: against the firmware, against the PLC, until they are let go (D-105).
+//! Forced registers keep their values against the firmware and the PLC until they are unforced (D-105).
 
 use crate::rig::{BOTH, FASTEST, Memory, Rate, Rig};
 use commram::devices::cansync::registers::CANsync_MA_CTRL_BMSTRUCT;

@@ -9,7 +9,7 @@ fn place(rate: Rate, offset: usize) -> u32 {
     (rate.kind.master.base + offset) as u32
 }
 
-/// Follows the whole structure of the master.
+/// Records the whole structure of the master.
 fn follow(rig: &mut Rig, rate: Rate, keep: Keep) {
     let len = size_of::<CANsync_MA_CTRL_BMSTRUCT>() as u32;
     rig.plant.follow_registers(0, place(rate, 0), len, keep).unwrap();

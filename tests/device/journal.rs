@@ -217,7 +217,7 @@ fn the_status_register_is_recorded_except_for_bus_traffic() {
                 .collect::<Vec<_>>()
         };
         assert_eq!(status(&rig), [""; 0]);
-        // Initialization data that cannot be: warning, and again none after the next restart.
+        // Invalid initialization data: a warning, and none after the next restart.
         for command in [0x0000, 0x0001] {
             rig.master_init.w_CPU_CONTROL.store(command);
             rig.step(500);

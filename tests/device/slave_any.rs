@@ -1,5 +1,5 @@
-//! A slave node under any traffic and any application: it never panics, what it says keeps to the
-//! grammar, and a PLC that starts over finds a working node.
+//! A slave node with random traffic and a random application: it never panics, its frames follow the
+//! grammar, and a restarted PLC finds a working node.
 
 use crate::rig::bench::{Bench, NUMBER};
 use crate::rig::{FASTEST, Memory};

@@ -1,5 +1,5 @@
-//! Command and response channel of a slave node, on heap memory and on the mapped image: what the
-//! application finds in its registers and what the master gets to read.
+//! Command and response channel of a slave node, on heap memory and on the mapped image: the registers
+//! of the application, and the answers that the master reads.
 //!
 //! "5.02066.01a" is the manual of BM4-O-CAN-06, a module of the same family: registers and jobs have the same names;
 //! "5.00005.03a" is the Omega Drive-Line II itself.
@@ -207,7 +207,7 @@ fn an_answered_job_can_still_be_changed() {
     }
 }
 
-/// D-60: what no register can show is refused by the firmware (p. 140: only element 7 may be written).
+/// D-60: the firmware refuses a job that no register can show (p. 140: only element 7 may be written).
 #[test]
 fn jobs_that_no_register_can_show_never_reach_the_application() {
     for rate in FASTEST {

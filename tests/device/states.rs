@@ -328,7 +328,7 @@ fn a_restart_over_the_remains_of_bit_7_is_reported() {
                 "checker, state {state}"
             );
         }
-        // With the bits of the present state nothing is in doubt.
+        // With the bits of the present state the result is unambiguous.
         let mut rig = Rig::new(Memory::Heap, rate);
         bring_to(&mut rig, Role::Master, 4).w_CPU_CONTROL.store(0x00C0);
         rig.step(5000);

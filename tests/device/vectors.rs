@@ -50,7 +50,7 @@ fn fill_reference_values(rig: &Rig) {
     }
 }
 
-/// Data of the WRC1 frame that configuration `bytes` make of these values.
+/// Returns the data of the WRC1 frame for these values with configuration `bytes`.
 fn wrc1_data(rig: &mut Rig, bytes: [u8; 4]) -> Vec<u8> {
     rig.configure_wrc1(bytes);
     rig.run_to_sync();

@@ -1,4 +1,4 @@
-//! A slave node on its own: the test is bus and master, frame by frame.
+//! A slave node alone: the test plays bus and master, frame by frame.
 
 use super::bring_up::{CYCLE_US, Mode, Node, Stage, bring_up};
 use super::{Memory, Rate, segment};
@@ -50,7 +50,7 @@ impl Bench {
         bench
     }
 
-    /// From restart to set-up mode and over a SYNC edge, with these `b_AC` and `b_AM`.
+    /// Brings the node from restart to set-up mode and over a SYNC edge, with these `b_AC` and `b_AM`.
     fn set_up(&mut self, [code, mask]: [u8; 2]) {
         self.bring_up(..=Stage::WaitingForInit);
         self.node.write_init_data();
@@ -84,7 +84,7 @@ impl Bench {
         bench
     }
 
-    /// Writes `w_CPU_CONTROL` and lets the firmware look at it.
+    /// Writes `w_CPU_CONTROL` and lets the firmware poll it.
     pub(crate) fn command(&mut self, value: u16) {
         self.regs.w_CPU_CONTROL.store(value);
         self.pass(CYCLE_US);
@@ -98,7 +98,7 @@ impl Bench {
         }
     }
 
-    /// An interval goes by; ends just after the next SYNC edge.
+    /// Runs one interval; ends just after the next SYNC edge.
     pub(crate) fn edge(&mut self) {
         let interval_us = self.rate.interval_us;
         self.pass(interval_us);
@@ -112,13 +112,13 @@ impl Bench {
         f(&mut self.slave, &mut Context { now: *now, journal, origin, base: at.base })
     }
 
-    /// A job frame comes in, and the interval ends.
+    /// Delivers a job frame and ends the interval.
     pub(crate) fn deliver(&mut self, frame: &Frame) {
         self.with(|slave, ctx| slave.job(ctx, frame));
         self.edge();
     }
 
-    /// The response slot: the node's answer goes out.
+    /// Runs the response slot: the node sends its answer.
     pub(crate) fn answer(&mut self) -> Option<Frame> {
         let frame = self.with(|slave, ctx| slave.response(ctx));
         if frame.is_some() {

@@ -1,5 +1,5 @@
-//! The way of CANsync nodes from restart to active operation (manual 5.00005.03a p. 147-150, 173-175; 5.02066.01a p. 50,
-//! 79): the one that all tests and benchmarks go.
+//! Brings CANsync nodes from restart to active operation (manual 5.00005.03a p. 147-150, 173-175; 5.02066.01a p. 50,
+//! 79), for all tests and benchmarks.
 
 use commram::devices::cansync::BaudRate;
 use commram::devices::cansync::registers::CANsync_INIT_BMSTRUCT;
@@ -7,10 +7,10 @@ use commram::memory::{Segment, View};
 use commram::plant::Plant;
 use core::ops::{Range, RangeBounds};
 
-/// How often a node's firmware looks at its registers.
+/// Period in which a node's firmware polls its registers.
 pub(crate) const CYCLE_US: u64 = 500;
 
-/// `b_MA_SL_MODE`; a master may take its SYNC signal over from a slave of its PLC (D-12).
+/// `b_MA_SL_MODE`; a master may take its SYNC signal from a slave of its PLC (D-12).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Mode {
     Master = 0x00,
@@ -18,7 +18,7 @@ pub(crate) enum Mode {
     SyncIn = 0x02,
 }
 
-/// Where a node arrives one after the other.
+/// Stages of a node, in order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Stage {
     StartUp,
@@ -57,7 +57,7 @@ impl Stage {
     }
 }
 
-/// A node and what it is started with.
+/// A node and its start parameters.
 #[derive(Clone)]
 pub(crate) struct Node {
     pub init: View<CANsync_INIT_BMSTRUCT>,
@@ -94,7 +94,7 @@ impl Node {
     }
 }
 
-/// Brings `nodes` level with each other through `stages`; `pass` lets microseconds of emulated time pass.
+/// Brings `nodes` through `stages` together; `pass` advances the clock by microseconds.
 #[track_caller]
 pub(crate) fn bring_up(nodes: &[&Node], stages: impl RangeBounds<Stage>, mut pass: impl FnMut(u64)) {
     for stage in Stage::ALL.into_iter().filter(|stage| stages.contains(stage)) {

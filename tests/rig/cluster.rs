@@ -37,7 +37,7 @@ pub(crate) struct ClusterPlc {
     pub children: usize,
 }
 
-/// Every test ends with a look at what the access checker has found: a cluster does nothing against the manual.
+/// Every test ends with a check of the access checker's findings: a cluster never violates the manual.
 impl Drop for Cluster {
     fn drop(&mut self) {
         let errors = self.plant.journal().findings().errors();
@@ -65,7 +65,7 @@ impl Cluster {
         Cluster { plcs: plcs.collect(), plant, rate, _images: images }
     }
 
-    /// From restart to active operation, all PLCs level with each other; ends at a SYNC edge.
+    /// Brings all PLCs together from restart to active operation; ends at a SYNC edge.
     pub(crate) fn activate(&mut self) {
         let nodes: Vec<&Node> = self.plcs.iter().flat_map(ClusterPlc::nodes).collect();
         bring_up_in(&mut self.plant, &nodes, ..=Stage::WaitingForStart);
@@ -93,7 +93,7 @@ impl Cluster {
         self.plant.next_sync(plc, self.rate.kind.master.port)
     }
 
-    /// The task of all PLCs, then the rest of the interval. Call it at a SYNC edge.
+    /// Runs the task of all PLCs, then the rest of the interval. Call it at a SYNC edge.
     pub(crate) fn interval(&mut self) {
         self.interval_by(self.rate.interval_us);
     }
@@ -169,7 +169,7 @@ fn plc_of(rate: Rate, segment: &Segment, is_top: bool, children: usize) -> Clust
 /// The plant file, and the number of participants on each PLC's bus.
 fn plant_text(rate: Rate, widths: &[usize]) -> (String, Vec<usize>) {
     let (mut plcs, mut buses, mut children) = (String::new(), String::new(), Vec::new());
-    // Bus on which the PLCs of a level are slaves, and how many they are.
+    // Bus on which the PLCs of a level are slaves, and the number of these PLCs.
     let mut level = vec![(None, 1)];
     for (depth, below) in widths.iter().enumerate() {
         let mut next = Vec::new();

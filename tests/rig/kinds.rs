@@ -62,13 +62,13 @@ static BM4: Kind = Kind {
     master_number: 0,
 };
 
-/// Nothing where there is nothing.
+/// Returns an empty text for an empty text.
 fn text(text: Option<String>) -> String {
     text.unwrap_or_default()
 }
 
 impl Kind {
-    /// Whether what only this device has is there.
+    /// Whether the device has the parts that only the Omega Drive-Line II has.
     pub(crate) fn is_omega(&self) -> bool {
         core::ptr::eq(self, &OMEGA)
     }
@@ -78,7 +78,7 @@ impl Kind {
         text.replace("MASTER", self.port(self.master)).replace("SLAVE", self.port(self.slave))
     }
 
-    /// The other way round, for the name of a register.
+    /// Replaces the names of the ports by `MASTER` and `SLAVE`, for the name of a register.
     pub(crate) fn unnamed(&self, register: &str) -> String {
         let (area, rest) = register.split_once('.').expect("area and register");
         let area = match area {
@@ -99,7 +99,7 @@ impl Kind {
     }
 }
 
-/// A baud rate of a device, as its PLC sets it.
+/// A baud rate of a device, with the values that its PLC sets.
 #[derive(Clone, Copy)]
 pub(crate) struct Rate {
     pub kind: &'static Kind,
@@ -136,10 +136,10 @@ impl Rate {
         format!("{a}{b}{}", self.bus("line", drives))
     }
 
-    /// A bus of a plant file, with drives that know this rate.
+    /// A bus of a plant file, with drives that support this rate.
     pub(crate) fn bus(&self, name: &str, drives: &str) -> String {
         let kbit_s = self.kbit_s;
-        // The one card function that knows 1 Mbit/s (5.01010.01 p. 10).
+        // The only card function that supports 1 Mbit/s (5.01010.01 p. 10).
         let drives = match kbit_s {
             1000 => drives.replace("[[bus.drive]]\n", "[[bus.drive]]\ncard_function = 0\n"),
             _ => drives.to_owned(),
@@ -152,7 +152,7 @@ const fn rate(kind: &'static Kind, timing: &'static BaudRate) -> Rate {
     Rate { kind, timing, kbit_s: timing.kbit_per_s, interval_us: timing.b_TIME_PATTERN as u64 * 1000 }
 }
 
-/// All rates of the Omega Drive-Line II, for tests of what only this device has.
+/// All rates of the Omega Drive-Line II, for tests of parts that only this device has.
 pub(crate) static OMEGA_RATES: [Rate; 3] = [
     rate(&OMEGA, &omega::BAUD_RATES[0]),
     rate(&OMEGA, &omega::BAUD_RATES[1]),

@@ -23,7 +23,7 @@ pub(crate) use kinds::{FASTEST, Kind, NodePlace, OMEGA_RATES, RATES, Rate};
 use std::ops::RangeBounds;
 use std::sync::atomic::{AtomicU32, Ordering};
 
-/// Where the RAM of the plant lies.
+/// Memory of the plant's RAM.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Memory {
     /// Heap memory of this process.
@@ -38,9 +38,9 @@ pub(crate) const BOTH: [Memory; 2] = [Memory::Heap, Memory::Mapped];
 pub(crate) struct Rig {
     pub plant: Plant,
     pub rate: Rate,
-    /// Where the master of PLC `a` is.
+    /// Place of the master of PLC `a`.
     pub master_at: NodePlace,
-    /// Where the slave of PLC `b` is.
+    /// Place of the slave of PLC `b`.
     pub slave_at: NodePlace,
     pub master: View<CANsync_MA_CTRL_BMSTRUCT>,
     pub master_init: View<CANsync_INIT_BMSTRUCT>,
@@ -53,7 +53,7 @@ pub(crate) struct Rig {
     _images: Vec<Image>,
 }
 
-/// Every test ends with a look at what the access checker has found.
+/// Every test ends with a check of the access checker's findings.
 impl Drop for Rig {
     fn drop(&mut self) {
         if std::thread::panicking() {
@@ -77,7 +77,7 @@ impl Rig {
         format!("{} {value} x {}", entry.last.rule, entry.count)
     }
 
-    /// The device of a PLC, as it is fitted.
+    /// The device of a PLC, with its options.
     pub(crate) fn fitted(&self, plc: u16) -> DeviceFit {
         self.plant.names().fitted(plc)
     }
@@ -87,7 +87,7 @@ impl Rig {
         self.tolerated = rules.to_vec();
     }
 
-    /// Names the errors that the access checker is to find in this test. Warnings are never looked at.
+    /// Names the errors that the access checker is to find in this test. Warnings are ignored.
     pub(crate) fn expect_errors(&mut self, rules: &[&'static Rule]) {
         self.expected =
             commram::devices::catalogue().rules.iter().copied().filter(|rule| rules.contains(rule)).collect();
@@ -125,7 +125,7 @@ impl Rig {
         }
     }
 
-    /// Lets `us` microseconds of emulated time pass.
+    /// Advances the clock by `us` microseconds.
     pub(crate) fn step(&mut self, us: u64) {
         self.plant.advance_to(self.plant.now() + us);
     }

@@ -75,7 +75,7 @@ impl Bench {
         bench
     }
 
-    /// PLC cycles until `done` says so; the test fails if it never does.
+    /// Runs PLC cycles until `done` returns true; the test fails if it never does.
     pub(crate) fn until(&mut self, mut done: impl FnMut(&mut Bench) -> bool) {
         let start = self.rig.plant.now();
         while !done(self) {

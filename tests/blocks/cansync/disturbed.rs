@@ -1,5 +1,5 @@
-//! A PLC program as the manual wants it, all blocks of chapter 7.4 at work in both roles, while faults come and go: the
-//! access checker has nothing to say about it, and when the faults are over every job comes to its end.
+//! A PLC program that follows the manual uses all blocks of chapter 7.4 in both roles while faults begin and end: the
+//! access checker finds nothing, and after the end of the faults every job ends.
 
 use super::bench::Bench;
 use super::device::*;
@@ -50,7 +50,7 @@ struct Programs {
     blocks: Box<[CANsync_UPDOWN_BMARRAY; 2]>,
     /// SYNC edges that master and slave have seen.
     edges: [u32; 2],
-    /// Jobs that have ended well: parameters read, written, blocks.
+    /// Jobs that have ended without an error: parameters read, written, blocks.
     done: [u32; 3],
 }
 
@@ -60,7 +60,7 @@ impl Programs {
         let mut comm_ma =
             CANsync_PD_COMM_MA { si_MAX_SL_NR: 1, x_COPY_TO_RD_ARRAY: true, ..Default::default() };
         send(&mut comm_ma);
-        // Shorter than what some faults take, so that jobs are given up as well.
+        // Shorter than some faults, so that jobs are also given up.
         let t_TIME = Duration::from_millis(30);
         let for_blocks = Duration::from_millis(100);
         Programs {

@@ -1,4 +1,4 @@
-//! Blocks against a firmware that the test plays: it sets the registers itself.
+//! Blocks without firmware: the test plays the firmware and sets the registers itself.
 
 use super::bench::Dead;
 use super::device::*;

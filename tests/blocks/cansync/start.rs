@@ -36,7 +36,7 @@ fn init_sets_up_the_mode_if_asked_and_can_run_again() {
     assert!(!init.x_OK, "a call after the end begins anew");
 }
 
-/// The block writes exactly what its inputs say; p. 149, 212-214.
+/// The block writes exactly the values of its inputs; p. 149, 212-214.
 #[test]
 fn init_data_follow_the_inputs() {
     let role = |x_SL, x_SYNC_IN| CANsync_INIT { x_SL, x_SYNC_IN, ..init() };

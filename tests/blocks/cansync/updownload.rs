@@ -136,7 +136,7 @@ fn a_transfer_may_begin_before_the_slaves_block_runs() {
     }
 }
 
-/// As before, but the master has given up by then: what comes later is not in its way.
+/// As before, but the master has given up by then: the late transfer does not block the next one.
 #[test]
 fn a_transfer_cancelled_before_the_slaves_block_runs_leaves_no_trace() {
     for download in [false, true] {
@@ -283,7 +283,7 @@ fn a_master_that_stops_half_way_is_a_timeout_at_the_slave() {
     both.until(|both| both.ma.x_OK && both.sl.x_OK);
 }
 
-/// Manual p. 266: dropping `x_EN` cancels; the slave's block gets over it by itself.
+/// Manual p. 266: dropping `x_EN` cancels; the slave's block recovers without a reset.
 #[test]
 fn a_transfer_the_master_cancels_leaves_no_trace() {
     let mut both = BlockPair::new(Memory::Heap);

@@ -37,7 +37,7 @@ impl Stage {
         Stage { base: ram.at(BAPS).unwrap(), ram, plant, _images: images }
     }
 
-    /// PLC cycles of 500 us until `done` says so; returns how long it took in us.
+    /// Runs PLC cycles of 500 us until `done` returns true; returns the duration in us.
     #[track_caller]
     pub(crate) fn until(&mut self, mut done: impl FnMut(&mut Stage) -> bool) -> u64 {
         let start = self.plant.now();
@@ -80,7 +80,7 @@ pub(crate) fn exchange() -> BAPS_PD_COMM24 {
     BAPS_PD_COMM24 { w_COMMAND_REG: SAME_CYCLE, ..Default::default() }
 }
 
-/// Manual p. 86-103: configured, then two values to and fro.
+/// Manual p. 86-103: after the configuration, two values are exchanged in each direction.
 #[test]
 fn two_values_are_exchanged() {
     for memory in BOTH {
@@ -308,7 +308,7 @@ fn numbers_are_changed_while_the_process_data_run() {
     }
 }
 
-/// Manual p. 109-111: what can go wrong with it.
+/// Manual p. 109-111: the errors of re-initialization.
 #[test]
 fn re_initialization_reports_every_error() {
     for (reference, actual, quit) in
@@ -334,7 +334,7 @@ fn re_initialization_reports_every_error() {
         assert_eq!((comm.b_SL_QUIT, comm.ud_RD_VALUE0, comm.x_RE_INIT_ERR), (0x01, 5, true));
     }
 
-    // Older drive software does not know it.
+    // Older drive software does not support it.
     let mut stage = Stage::new(Memory::Heap, "software = 308\n");
     stage.initialize(&mut init(SAME_CYCLE, [SPEED, 0], [SPEED_ACTUAL, 0, 0, 0]));
     let mut comm = BAPS_PD_COMM24 { x_RE_INIT_START: true, ..exchange() };

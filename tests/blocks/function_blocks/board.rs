@@ -174,7 +174,7 @@ fn time_measurement_counts_emulated_microseconds() {
     }
 }
 
-/// In real time it goes on between two things that the firmware does.
+/// In real time it advances between two actions of the firmware.
 #[test]
 fn time_measurement_follows_the_real_clock() {
     let dead = Dead::new();
@@ -191,7 +191,7 @@ fn time_measurement_follows_the_real_clock() {
     }
 }
 
-/// Blocks are at home at any address that fits.
+/// Blocks work at any address with the right alignment and size.
 #[test]
 fn a_structure_cannot_be_declared_where_it_does_not_fit() {
     let dead = Dead::new();

@@ -94,7 +94,7 @@ fn every_error_of_the_drive() {
         assert_eq!((write.i_ERR_DETAIL, write.i_ERR_COMM, write.x_ERR, write.x_OK), (detail, 0, true, false));
         assert_eq!((blocks.control.b_ERR, blocks.control.x_ERR), (bits, true));
     }
-    // The format alone can be let pass (p. 97), and no reset is needed.
+    // The format error alone can be ignored (p. 97), and no reset is needed.
     blocks.write.x_EN_ERR_FORMAT = false;
     blocks.write(&mut stage, 1000, true, 7);
     let write = &blocks.write;

@@ -101,12 +101,12 @@ impl Bench {
         assert_eq!(header.interrupts[event].outcome(request), Some(InterruptResult::Done.code()));
     }
 
-    /// How often an event has occurred.
+    /// Returns the number of occurrences of an event.
     pub(crate) fn occurred(&self, event: usize) -> u32 {
         self.header().events[event].bell.rings()
     }
 
-    /// Brings a fault upon the drive.
+    /// Causes a fault of the drive.
     pub(crate) fn trip(&mut self, number: u16) {
         self.fault("baps_drive_fault", &[&format!("error={number}")]);
     }
@@ -126,7 +126,7 @@ impl Bench {
         }
     }
 
-    /// Gives a command, lets `us` go by and returns the acknowledgement.
+    /// Gives a command, advances the clock by `us` and returns the acknowledgement.
     #[track_caller]
     pub(crate) fn command(&mut self, command: u8, us: u64) -> u8 {
         self.regs.b_SL_QUIT.store(0xFF);
@@ -161,7 +161,7 @@ impl Bench {
         }
     }
 
-    /// A job as `BAPS_SD_CONTROL` runs it; the result.
+    /// Runs a job like `BAPS_SD_CONTROL`; returns the result.
     #[track_caller]
     pub(crate) fn job(&mut self, code: u8, number: u16, element: u8, value: (u8, u32)) -> i16 {
         let regs = &self.regs;

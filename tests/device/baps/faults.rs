@@ -155,7 +155,7 @@ fn a_silent_drive_is_not_slow_and_the_longest_delay_counts() {
     assert_eq!(bench.regs.b_SL_QUIT.load(), 0x02);
 }
 
-/// RESET of the board ends what the drive was late with.
+/// RESET of the board ends the late action of the drive.
 #[test]
 fn reset_discards_late_answers() {
     use commram::plant::Power;

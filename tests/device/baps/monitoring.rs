@@ -53,7 +53,7 @@ fn an_exchange_in_time_prevents_the_monitoring_error() {
     );
 }
 
-/// D-166: RESET takes the PLC, not the drive.
+/// D-166: RESET affects the PLC, not the drive.
 #[test]
 fn a_plc_in_reset_does_not_exchange() {
     let mut bench = turning(Memory::Heap);

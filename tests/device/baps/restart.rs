@@ -1,4 +1,4 @@
-//! RESET of the board, which is none of the drive's, and power-off, which is (D-166).
+//! RESET of the board, which does not affect the drive, and power-off, which does (D-166).
 
 use super::bench::*;
 use crate::rig::Memory;

@@ -197,7 +197,7 @@ fn working_ahead_and_pausing_are_not_late() {
     }
 }
 
-/// A finding bears the emulated time of the write, however the time passes afterwards.
+/// A finding has the emulated time of the write, independently of the steps in which time advances afterwards.
 #[test]
 fn the_time_is_that_of_the_write() {
     for rate in FASTEST {
@@ -220,7 +220,7 @@ fn the_time_is_that_of_the_write() {
     }
 }
 
-/// The same value again is no change of the RAM; through the channel it is a write all the same.
+/// Writing the same value again does not change the RAM; through the channel it still counts as a write.
 #[test]
 fn through_the_channel_every_write_is_seen() {
     for rate in FASTEST {

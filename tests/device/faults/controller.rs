@@ -191,7 +191,7 @@ fn an_overrun_of_a_slave_concerns_it_alone() {
     }
 }
 
-/// Every bit that the manual describes comes up on both nodes by something; reserved bits never do.
+/// Every bit that the manual describes is set on both nodes by some fault; reserved bits are never set.
 #[test]
 fn all_bits_of_the_status_register_can_be_seen_on_both_nodes() {
     for rate in FASTEST {

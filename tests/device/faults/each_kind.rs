@@ -1,4 +1,4 @@
-//! Every kind of fault that a CANsync bus or an Omega Drive-Line II has, through every door, with every way to end: plant file, words of the command line, and
+//! Every kind of fault that a CANsync bus or an Omega Drive-Line II has, through every interface and with every kind of end: plant file, words of the command line, and
 //! [`Plant::add_fault`](commram::plant::Plant::add_fault), which the channel calls.
 
 use super::*;
@@ -8,10 +8,10 @@ use commram::devices::{faults_of_device, medium_site};
 
 /// When the faults begin; both nodes are active then and the drives locked.
 const AT_US: u64 = 100_003;
-/// How long they last, if not by count.
+/// Duration of the faults that have no count.
 const DURATION_US: u64 = 40_000;
 
-/// Each kind with its fields, and how many hits it is given. A drive has one fault until it is reset.
+/// Each kind with its fields and its number of hits. A drive has one fault until it is reset.
 const KINDS: [(&str, &[&str], Option<u32>); 16] = [
     ("lose_frame", &["slot=WRC1"], Some(2)),
     ("delay_frame", &["slot=RDC1", "delay_us=77"], Some(3)),
@@ -31,7 +31,7 @@ const KINDS: [(&str, &[&str], Option<u32>); 16] = [
     ("baps_slow", &["plc=a", "delay_us=700"], Some(2)),
 ];
 
-/// How a fault gets into the plant.
+/// Way in which a fault is added to the plant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum FaultEntry {
     PlantFile,

@@ -4,7 +4,7 @@ use super::*;
 use crate::rig::{FASTEST, Memory};
 use commram::devices::cansync::registers::values::{par_error, updown_error};
 
-/// How a number comes about.
+/// Cause of an error number.
 #[derive(Clone, Copy)]
 enum ErrorSource {
     /// A job to the drive: control register, parameter, value.

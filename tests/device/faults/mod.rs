@@ -1,4 +1,4 @@
-//! Injected faults on a running plant: each kind, what it looks like in the registers, and what the journal says.
+//! Injected faults on a running plant: each kind, its effect on the registers, and its journal records.
 
 mod controller;
 mod each_kind;

@@ -108,7 +108,7 @@ fn an_answer_does_not_survive_the_power_of_its_slave() {
     }
 }
 
-/// Two faults that switch the same slave off do not make up for each other.
+/// Two faults that switch the same slave off do not cancel each other.
 #[test]
 fn a_slave_that_is_off_twice_is_off() {
     for rate in FASTEST {

@@ -1,5 +1,5 @@
-//! The master's firmware alone on its registers, with the test as the bus: what goes out is returned, what
-//! comes back is made by hand.
+//! The master's firmware alone on its registers, with the test as the bus: sent frames are returned, and the
+//! test makes the answers.
 
 use crate::rig::bring_up::{CYCLE_US, Mode, Node, Stage, bring_up};
 use crate::rig::{Memory, Rate, segment};
@@ -84,7 +84,7 @@ impl Bench {
         assert_eq!(self.master.state(), NodeState::Active);
     }
 
-    /// An interval up to its command slot: the frame that goes out.
+    /// Runs an interval up to its command slot; returns the sent frame.
     pub(crate) fn interval(&mut self) -> Option<Frame> {
         self.now += self.rate.interval_us;
         self.master.sync_edge();

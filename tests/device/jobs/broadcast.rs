@@ -138,7 +138,7 @@ fn each_broadcast_area_has_its_own_registers_and_0_comes_first() {
     }
 }
 
-/// 5.00005.03a p. 160: with an explicit number only that slave is looked at; 16#80 goes through all.
+/// 5.00005.03a p. 160: with an explicit number only that slave is considered; 16#80 polls all slaves in turn.
 #[test]
 fn control_words_wait_for_their_slaves_turn() {
     for rate in FASTEST {

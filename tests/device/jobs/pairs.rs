@@ -8,7 +8,7 @@ use commram::devices::cansync::bus::codec::{
     Access, ParameterJob, ParameterResult, UpDownJob, UpDownResult, UpDownStep,
 };
 
-/// How far a read job on parameter 300 is when the bytes are thrown.
+/// Progress of a read job on parameter 300 when the random bytes are written.
 #[derive(Clone, Copy, Debug)]
 enum JobState {
     Idle,
@@ -102,7 +102,7 @@ fn all_pairs_of_bytes_in_every_state_of_a_parameter_job() {
 }
 
 /// Control bytes of an up-/download, in each phase: a job ends, a cancellation goes out, and then it is
-/// quiet. The status byte has no say.
+/// quiet. The status byte has no influence.
 #[test]
 fn all_control_bytes_in_every_phase_of_a_download() {
     for rate in FASTEST {

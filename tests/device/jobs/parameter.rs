@@ -147,7 +147,7 @@ fn every_error_number_ends_the_job_and_is_in_the_value() {
     }
 }
 
-/// D-41: what no frame can express is refused without one.
+/// D-41: a job that no frame can express is refused without a frame.
 #[test]
 fn jobs_that_cannot_be_sent_are_refused_without_a_frame() {
     for rate in FASTEST {

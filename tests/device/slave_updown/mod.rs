@@ -1,5 +1,5 @@
 //! Up- and downloads at a slave node (manual 5.00005.03a p. 141-143, 190-193), on heap memory and on the
-//! mapped image: what the application finds in its registers and what the master gets to read.
+//! mapped image: the registers of the application, and the answers that the master reads.
 
 mod area;
 mod refusals;

@@ -1,4 +1,4 @@
-//! Transfers that go their way: whole, changed, cancelled, repeated.
+//! Transfers without an error: whole, changed, cancelled, repeated.
 
 use super::area::{Area, BASE, BLOCK_1, SINGLE, areas, block, blocks, bytes, data, down, init, up};
 use crate::rig::bench::Bench;
@@ -247,7 +247,7 @@ fn the_master_cancels() {
     }
 }
 
-/// D-69: the master repeats what it has no answer to.
+/// D-69: the master repeats a frame without an answer.
 #[test]
 fn a_repeated_frame_gets_the_same_answer() {
     for rate in FASTEST {

@@ -1,4 +1,4 @@
-//! Plants of all devices, and what may happen to them.
+//! Plants of all devices, and random events for them.
 
 use crate::rig::bring_up::{Mode, Node};
 use crate::rig::{RATES, Rate};
@@ -22,7 +22,7 @@ pub(super) const OMEGA: &str = "[[plc]]\nname = 'a'\nnode2 = 'drives'\noption_sy
                      [[bus]]\nname = 'lower'\nkbit_s = 250\n\
                      [[fault]]\nkind = 'lose_sync'\nbus = 'drives'\nat_us = 90000\ncount = 2\n";
 
-/// With a drive that hands its reference values over two intervals later.
+/// With a drive that applies its reference values two intervals later.
 pub(super) const BM4: &str = "[[device]]\nkind = 'bm4-plc'\nname = 'a'\n\
                    [[device.module]]\nslot = 'G'\nkind = 'can-06'\nbus = 'drives'\n\
                    [[device.module]]\nslot = 'H'\nkind = 'can-05'\nbus = 'upper'\n\
@@ -267,7 +267,7 @@ pub(super) fn take(plant: &mut Plant, act: &Act) {
             let Some((offset, width)) = place(plant, device, register) else { return };
             let plc = (device % count) as u16;
             if !plant.unforce(plc, offset) {
-                // Where structures of other widths overlay each other nothing can be forced.
+                // Registers under overlaid structures of other widths cannot be forced.
                 let _ = plant.force(Forced { plc, offset, width, value: value & width.max_value() });
             }
         }

@@ -1,4 +1,5 @@
-//! A device that commram does not know: what its program writes goes out on a CAN bus, what comes in it finds in registers.
+//! A device that commram does not contain: it sends the values that its program writes on a CAN bus, and stores received
+//! values in registers.
 
 use commram::can::{Filter, Frame, Payload, StandardId};
 use commram::devices::can_bus::{self, CanDevice, CanPort, Controller};
@@ -14,7 +15,7 @@ pub mod registers {
 use registers::{FRONT_PASSED, GATE_IN, GATE_OUT, IN, OUT};
 
 commram::event_kinds! {
-    /// A value has come in.
+    /// A value was received.
     Passed = 200, "passed", Rare, at origin { value: u16, }
 }
 
@@ -32,7 +33,7 @@ commram::rules! {
     NOTHING: 200, "gate-nothing", Warning, "p. 4", "The value to be sent is 0. Store a value before 16#05.";
 }
 
-/// The line in the registry.
+/// The entry in the registry.
 pub static GATE: Registered = Registered {
     read: Some(can_bus::read::<Gate>),
     records: &[Passed::KIND],

@@ -1,4 +1,4 @@
-//! commram, with one device more.
+//! commram with an additional device.
 
 fn main() -> Result<std::process::ExitCode, Box<dyn std::error::Error>> {
     commram::devices::register(&commram_invented::GATE)?;

@@ -1,5 +1,5 @@
-//! commram with a device that it does not know: everything that a user has, from the map to a scenario, through the
-//! program that the device's own crate makes.
+//! commram with a device of another crate: tests all features, from the map to a scenario, with the
+//! program of the device's crate.
 
 #![allow(unexpected_cfgs, reason = "what is shared with commram's own tests asks for its features")]
 

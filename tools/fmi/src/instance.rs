@@ -7,10 +7,10 @@ use std::ffi::CString;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
-/// Where an instance is in its life.
+/// Life cycle of an instance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Mode {
-    /// Made, or reset.
+    /// Instantiated, or reset.
     Instantiated,
     /// Being initialized.
     Initializing,

@@ -1,4 +1,4 @@
-//! The shared object in commram's units for co-simulation: what FMI 3.0 calls, around [`commram::fmi::Unit`].
+//! The shared object in commram's units for co-simulation: the functions of FMI 3.0, on top of [`commram::fmi::Unit`].
 //!
 //! It serves any plant; the files in the archive's `resources` define it. Nothing is shared between instances, so there can be several in a
 //! process, each used by one thread at a time. No panic crosses the border: the caller gets `fmi3Fatal`.

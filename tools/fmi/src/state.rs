@@ -1,4 +1,4 @@
-//! States of an instance: kept, gone back to, as bytes.
+//! States of an instance: saved, restored, serialized.
 
 use super::border::{Instance, Refused, Status, exported, read, with, write};
 use super::instance::Mode;
@@ -18,13 +18,13 @@ fn kept<'a>(state: *mut c_void) -> Result<&'a SavedState, Refused> {
         .ok_or_else(|| Refused("the state is a null pointer".to_owned()))
 }
 
-/// Where a state is to be left.
+/// Returns the place where a state is to be stored.
 fn place<'a>(to: *mut *mut c_void) -> Result<&'a mut *mut c_void, Refused> {
     // SAFETY: who calls hands over a place for a pointer, or null.
     unsafe { to.as_mut() }.ok_or_else(|| Refused("no place for the state".to_owned()))
 }
 
-/// Leaves a state there, in place of the one that may be there.
+/// Stores a state, in place of an earlier one.
 fn store_state(to: &mut *mut c_void, state: SavedState) {
     // SAFETY: what is not null there is a state of ours that was not freed.
     match unsafe { to.cast::<SavedState>().as_mut() } {

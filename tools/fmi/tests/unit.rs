@@ -28,7 +28,7 @@ fn library() -> Vec<u8> {
     std::fs::read(found.expect("cargo builds it before the tests")).unwrap()
 }
 
-/// A type as C has it.
+/// Returns the C name of a type.
 fn in_c(ty: &str) -> String {
     if let Some(inner) = ty.strip_prefix("*const ") {
         return format!("{} const*", in_c(inner));

@@ -140,7 +140,7 @@ pub(crate) const CASES: &[Case] = &[
             rig.master.a_CTRLREG_PAR_CMD_SL[0].b_STEUREG_PAR_CMD.store(0x0D);
         },
     },
-    // By the channel the checker knows what stood there before as well.
+    // For a write through the channel the checker also knows the previous value.
     Case {
         rule: &cansync::rules::JOB_CHANGED,
         register: "MASTER.a_CTRLREG_PAR_CMD_SL[0].b_STEUREG_PAR_CMD",

@@ -9,7 +9,7 @@ mod start;
 use crate::rig::{Kind, Rate, Rig};
 use commram::journal::Rule;
 
-/// How a rule is broken, and how its correct neighbour goes. Both start from a fresh plant.
+/// A case that breaks a rule, and a correct neighbour. Both start from a fresh plant.
 pub(crate) struct Case {
     pub rule: &'static Rule,
     /// Name of the register that the finding is about, with `MASTER` or `SLAVE` for the area of a node.
@@ -20,7 +20,7 @@ pub(crate) struct Case {
     pub right: fn(&mut Rig),
 }
 
-/// All of them that a device has.
+/// Returns all cases that a device has.
 pub(crate) fn cases(kind: &Kind) -> impl Iterator<Item = &'static Case> {
     let own = if kind.is_omega() { omega::CASES } else { &[] };
     [registers::CASES, mapping::CASES, jobs::CASES, start::CASES, own].into_iter().flatten()

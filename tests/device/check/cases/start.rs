@@ -1,4 +1,4 @@
-//! Cases of starting up: commands, initialization data, rates and what the drives must be set to.
+//! Cases of starting up: commands, initialization data, rates and required settings of the drives.
 
 use super::Case;
 use crate::rig::bring_up::{Mode, Node, Stage};
@@ -17,7 +17,7 @@ pub(crate) const CASES: &[Case] = &[
         },
         right: |rig| set_up_with_drive(rig, &[], 167, rig.rate.interval_us as u16),
     },
-    // One that the master does not ask for anything: it hears the order of SYNC mode like all others.
+    // A drive that the master never polls: it receives the order of SYNC mode like all others.
     Case {
         rule: &cansync::rules::DRIVE_SYNC_SLOT,
         register: "MASTER.a_DATA_PARAMETER[5].d_PAR_VALUE",
