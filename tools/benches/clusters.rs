@@ -70,7 +70,7 @@ fn cores() -> NonZero<usize> {
     asked.and_then(|count| count.parse().ok()).unwrap_or(NonZero::<usize>::MIN)
 }
 
-/// Where the registers lie. Image files need as many open files as there may be.
+/// Memory of the registers. Image files may need the maximum number of open files.
 fn memory() -> Memory {
     if std::env::var_os("COMMRAM_BENCH_IMAGES").is_none() {
         return Memory::Heap;
@@ -106,7 +106,7 @@ fn clusters(criterion: &mut Criterion) {
                 cluster.interval();
             });
         });
-        // The figure counts only if values really go through: all buses ask all of theirs in turn.
+        // The figure counts only if values really pass: each bus polls all of its slaves in turn.
         cluster.plcs[0].master.a_WR_VALUE[0].store(3);
         (0..4 * 64 + 8).for_each(|_| cluster.interval());
         assert_eq!(cluster.plcs[0].sum() as usize, 3 * drives);

@@ -20,7 +20,7 @@ use support::{active, child, cpu, emulator};
 /// Name of the loop's role.
 const LOOP: &str = "loop";
 const PERIOD_NS: u64 = 500_000;
-/// How long each is looked at; `cargo bench` may be given another number of seconds.
+/// Duration of each measurement in seconds; `cargo bench` may be given another number of seconds.
 const SECONDS: u64 = 5;
 
 fn main() {

@@ -1,5 +1,5 @@
-//! The intervals of the benchmark `intervals`, as many as asked for, for an instruction counter: the difference of two runs
-//! is what an interval takes, without the start. `just instructions` does that.
+//! The intervals of the benchmark `intervals`, in the requested number, for an instruction counter: the difference of two runs
+//! is the cost of an interval without the start. `just instructions` does that.
 
 #[path = "support/active.rs"]
 mod active;

@@ -80,7 +80,7 @@ fn rest(criterion: &mut Criterion) {
     group.finish();
 }
 
-/// A snapshot of a plant at work and the way back to it.
+/// A snapshot of an active plant, and its restoration.
 fn snapshots(criterion: &mut Criterion) {
     let (mut plant, master) = active_plant(3);
     release(&master, 1);

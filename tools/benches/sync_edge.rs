@@ -1,4 +1,4 @@
-//! How late a PLC process learns of a SYNC edge in real time, beside how late a bare `clock_nanosleep` loop wakes up.
+//! Delay until a PLC process notices a SYNC edge in real time, compared with the delay of a bare `clock_nanosleep` loop.
 //!
 //! Both run at 2 ms, in turns of half a second, so that other load of the machine affects both equally. Lateness is the
 //! real time of waking up minus that of the edge (or of the deadline); the emulator reports the real time of its emulated

@@ -1,5 +1,5 @@
 //! Configuration example A of the manual (5.00005.03a p. 62-63): process data of the BAPS in the event task that the
-//! drive itself starts. Brings the drive into operation, waits until it runs at the speed wanted, and reads its speed
+//! drive itself starts. Brings the drive into operation, waits until it runs at the requested speed, and reads its speed
 //! limit.
 //!
 //!     commram with -- cargo run --example baps

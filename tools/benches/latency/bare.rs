@@ -1,4 +1,4 @@
-//! A bare iceoryx2 request-response: what the channel is held against.
+//! A bare iceoryx2 request-response: the reference for the channel.
 //!
 //! Requests and replies are as large as a single operation and its answer in the channel. One client, one
 //! server, which answers each request with the next higher number. Waiting works as between
@@ -20,10 +20,10 @@ use tempfile::TempDir;
 /// Name of the server's role.
 pub(crate) const ROLE: &str = "request-response";
 
-/// How often a client looks whether its server is ready.
+/// Period in which a client checks whether its server is ready.
 pub(crate) const LOOK: Duration = Duration::from_micros(200);
 
-/// Where channel and POSIX shared memory lie.
+/// Directories of channel and POSIX shared memory.
 const SHARED_MEMORY: &str = "/dev/shm";
 
 /// As large as an operation of the channel.

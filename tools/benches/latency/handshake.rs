@@ -1,8 +1,8 @@
 //! The start-up handshake: the client writes 16#0001 to `w_CPU_CONTROL` and waits for 16#0002 in
 //! `w_OPTION_STATUS`.
 //!
-//! Beside it the same two values go to and fro over a bare shared page, between two processes that do
-//! nothing else. To do it again, the client writes 16#0000 and waits for 16#0001, which is not measured.
+//! For comparison, two processes without other work exchange the same two values over a bare shared
+//! page. To repeat it, the client writes 16#0000 and waits for 16#0001, which is not measured.
 
 use crate::support::child::{Child, when_parent_ends};
 use crate::support::cpu::{self, Pinned};

@@ -1,5 +1,5 @@
-//! From the start of `commram run` to the first answered peek of a client that waits for it, beside a process that has nothing
-//! but a bare iceoryx2 server.
+//! From the start of `commram run` to the first answered peek of a client that waits for it, compared with a process that has
+//! only a bare iceoryx2 server.
 
 use crate::bare::{LOOK, Pair};
 use crate::support::PATIENCE;
@@ -17,7 +17,7 @@ use std::time::{Duration, Instant};
 const W_OPTION_STATUS: u32 = NODE2 as u32 + 2;
 const START_UP: u32 = 0x0001;
 
-/// Not pinned: this is what a script meets that starts an emulator and goes on at once.
+/// Not pinned: the same conditions as for a script that starts an emulator and continues at once.
 pub(crate) fn first_peek(criterion: &mut Criterion) -> Outcome {
     let (mut raw, mut samples) = (Samples::new(), Samples::new());
     let mut group = criterion.benchmark_group("start");

@@ -10,7 +10,7 @@ use commram::memory::{Segment, View};
 use std::ops::RangeInclusive;
 
 /// Takes node 2 from restart to active operation at 500 kbit/s, with both reference value and both actual
-/// value channels configured and the slaves `slaves` asked in turn. `advance` lets emulated time pass, in
+/// value channels configured and the slaves `slaves` asked in turn. `advance` advances the clock by
 /// microseconds.
 pub(crate) fn activate(
     segment: &Segment,

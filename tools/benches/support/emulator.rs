@@ -20,7 +20,7 @@ pub(crate) const PLC: &str = "line";
 /// Slave numbers of its drives.
 pub(crate) const DRIVES: RangeInclusive<u8> = 1..=3;
 
-/// How the emulator is run.
+/// Options of the emulator.
 #[derive(Clone, Copy)]
 pub(crate) struct EmulatorOptions {
     /// Real time or stepped.
@@ -88,7 +88,7 @@ impl Remote {
         &self.attached
     }
 
-    /// Lets go of the image; the emulator goes on.
+    /// Detaches from the image; the emulator continues.
     pub(crate) fn into_child(self) -> Child {
         self.child
     }

@@ -1,4 +1,4 @@
-//! One PLC with its drives on a bus at 500 kbit/s, and what its program writes in each interval.
+//! One PLC with its drives on a bus at 500 kbit/s, and the writes of its program in each interval.
 
 use crate::active::activate;
 use commram::devices::omega_drive_line_2::registers::CANsync_MA_CTRL_BMSTRUCT;

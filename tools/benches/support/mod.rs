@@ -13,9 +13,9 @@ use std::time::{Duration, Instant};
 /// it fails instead of hanging.
 pub(crate) const PATIENCE: Duration = Duration::from_secs(10);
 
-/// Looks for something without a pause until it is there.
+/// Polls a condition without a pause until it is true.
 pub(crate) fn spin_until(mut is_there: impl FnMut() -> bool) {
-    /// Looks between two looks at the clock.
+    /// Number of polls between two readings of the clock.
     const LOOKS: u32 = 1 << 16;
     let start = Instant::now();
     loop {

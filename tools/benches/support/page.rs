@@ -1,4 +1,4 @@
-//! A bare page of shared memory: what two processes would use that have no emulator.
+//! A bare page of shared memory, as two processes without an emulator would use it.
 
 use commram::memory::{Cell16, Cell32, SharedRegs};
 use memmap2::MmapRaw;
@@ -79,10 +79,10 @@ pub(crate) fn ring(word: &Cell32) {
     futex::wake(futex_word(word), futex::Flags::empty(), 1).expect("a futex can be woken");
 }
 
-/// Sleeps until the word is no longer `seen`; wakes up now and then to look whether all is well.
+/// Sleeps until the word is no longer `seen`; wakes up periodically to check the other process.
 pub(crate) fn sleep(word: &Cell32, seen: u32) {
     let timeout = futex::Timespec { tv_sec: 0, tv_nsec: 100_000_000 };
-    // All of its errors mean: look again.
+    // All of its errors mean: poll again.
     let _ = futex::wait(futex_word(word), futex::Flags::empty(), seen.to_le(), Some(&timeout));
 }
 

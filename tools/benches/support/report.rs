@@ -1,4 +1,4 @@
-//! Latencies with their quantiles, and what came out beside the targets.
+//! Latencies with their quantiles, and the results compared with the targets.
 
 use std::time::{Duration, Instant};
 
@@ -65,9 +65,9 @@ impl Samples {
 
 /// Reference value for a median.
 pub(crate) enum Target {
-    /// At most that many times the median of the other samples, which are named.
+    /// At most this factor times the median of the other samples, which are named.
     Times(f64, &'static str, Samples),
-    /// At most that many microseconds; the other samples, which are named, say what of it is not the emulator's.
+    /// At most this number of microseconds; the other samples, which are named, show the part that is not the emulator's.
     Microseconds(f64, &'static str, Samples),
 }
 
@@ -82,7 +82,7 @@ pub(crate) struct Outcome {
 }
 
 impl Outcome {
-    /// Prints the medians beside the target. Nothing is printed if the filter on the command line left
+    /// Prints the medians with the target. Nothing is printed if the filter on the command line left
     /// this measurement out.
     pub(crate) fn print(&self) {
         if self.samples.is_empty() {

@@ -15,7 +15,7 @@ const SYNCHRONOUS_POSITION: u16 = 1;
 /// The way of the drive: the number of reference values, and the distance between them in 2^-32 revolutions.
 const REFERENCES: u32 = 400;
 const STEP: u32 = 100_003;
-/// The position loop of the drive does not see less than this.
+/// Smallest difference that the position loop of the drive detects.
 const NEAR: u32 = 32;
 /// `BAPS_INIT` is enabled after this number of cycles of the cyclic task (manual p. 63).
 pub(crate) const CYCLES_BEFORE_INIT: u32 = 5;
@@ -64,7 +64,7 @@ pub(crate) struct SynchronousDrive {
     /// Bits of the angle reference value that count.
     mask: u32,
     angle: u32,
-    /// Reference values that are left of the way.
+    /// Remaining reference values of the way.
     left: u32,
     cycles: u32,
 }
@@ -136,7 +136,7 @@ impl SynchronousDrive {
         Ok(Progress::done_if(arrived))
     }
 
-    /// Where the way ends, as the drive shows it in P258.
+    /// End of the way, as the drive shows it in P258.
     pub(crate) fn end(&self) -> u32 {
         self.comm.ud_RD_VALUE1
     }

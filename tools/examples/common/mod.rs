@@ -20,10 +20,10 @@ pub(crate) const END: u8 = 128;
 pub(crate) const VALUES: [i8; 4] = [0, 0, -1, -1];
 /// ... and whether the word is its high one.
 pub(crate) const HIGH: [bool; 4] = [false, true, false, false];
-/// How long nothing may happen.
+/// Maximum time without progress.
 const PATIENCE: Duration = Duration::from_secs(60);
 
-/// Where a program runs, from the command line: `[-i INSTANCE] [PLC [NUMBERS...]]`. The variable COMMRAM_INSTANCE names the
+/// Instance and PLC of a program, from the command line: `[-i INSTANCE] [PLC [NUMBERS...]]`. The variable COMMRAM_INSTANCE names the
 /// instance as well, as it does for all of commram.
 pub(crate) struct Arguments {
     instance: String,
@@ -33,7 +33,7 @@ pub(crate) struct Arguments {
 }
 
 impl Arguments {
-    /// The command line; `plc` is meant if it names none.
+    /// Reads the command line; `plc` is the default PLC.
     pub(crate) fn parse(plc: &str) -> Result<Self, String> {
         let mut words = std::env::args().skip(1).peekable();
         let mut instance = std::env::var("COMMRAM_INSTANCE").unwrap_or_else(|_| "default".to_owned());

@@ -20,7 +20,7 @@ use pyo3::types::PyDict;
 use std::collections::HashMap;
 use std::sync::{Mutex, MutexGuard};
 
-/// Emulated time from which on a step lets other threads run, in microseconds: letting them costs more than a shorter step.
+/// Minimum emulated time of a step, in microseconds, that lets other threads run: for a shorter step the switch costs more.
 const LONG_US: u64 = 10_000;
 
 /// `None` after it is closed.
@@ -49,11 +49,11 @@ fn closed() -> PyErr {
     errors::of_class("Error", "this is closed; make a new one")
 }
 
-/// A plant or a running instance. Every thread may use it: what several ask for is done one after the other.
+/// A plant or a running instance. Every thread may use it: requests of several threads run one after the other.
 #[pyclass(name = "Bench", module = "commram._native", subclass, frozen)]
 pub(crate) struct PyBench {
     state: Mutex<State>,
-    /// Whether requests go to another process, which takes its time.
+    /// Whether requests go to another process and take time.
     is_remote: bool,
 }
 
@@ -63,7 +63,7 @@ impl PyBench {
         self.state.lock_py_attached(py).map_err(|_| PyRuntimeError::new_err(lost))
     }
 
-    /// Does what takes no time.
+    /// Runs a short operation.
     pub(crate) fn act<R>(
         &self,
         py: Python<'_>,
@@ -78,7 +78,7 @@ impl PyBench {
         act(self.lock(py)?.open()?).map_err(errors::of)
     }
 
-    /// Does what may take time, while other threads run.
+    /// Runs a long operation while other threads run.
     fn take<R: Send>(
         &self,
         py: Python<'_>,
@@ -293,7 +293,7 @@ impl PyBench {
         self.take(py, |bench| bench.wait_bits(register, mask.0, value.0, within.0), errors::of_wait)
     }
 
-    /// A moment of a wait that began at `start`, for conditions in Python.
+    /// One check of a wait that began at `start`, for conditions in Python.
     fn pass_or_fail(&self, py: Python<'_>, start: u64, within: u64) -> PyResult<()> {
         let here = core::panic::Location::caller();
         self.take(py, |bench| bench.pass_or_fail(start, within, here), errors::of_wait)
@@ -512,7 +512,7 @@ impl PyBench {
         self.act(py, |bench| bench.segment(plc)).map(Memory::of)
     }
 
-    /// Name of the PLC, and where an array lies in its memory.
+    /// Name of the PLC, and the place of an array in its memory.
     fn array_of(&self, py: Python<'_>, name: &str) -> PyResult<(String, Array)> {
         let mut state = self.lock(py)?;
         let names = state.open()?.names();

@@ -55,7 +55,7 @@ pub(crate) fn of(error: ScenarioError) -> PyErr {
     }
 }
 
-/// As [`of`], for verbs that wait: what fails is a `Timeout`.
+/// As [`of`], for verbs that wait: a failure is a `Timeout`.
 pub(crate) fn of_wait(error: ScenarioError) -> PyErr {
     match error {
         ScenarioError::Failed(failure) => failed("Timeout", *failure),

@@ -1,4 +1,4 @@
-//! A register that was found once and is used often.
+//! A register that is resolved once and used repeatedly.
 
 use crate::bench::PyBench;
 use crate::given::ValueArgument;

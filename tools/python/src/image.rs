@@ -19,7 +19,7 @@ use std::collections::HashMap;
 use std::sync::{Arc, Mutex, RwLock};
 use std::time::Instant;
 
-/// How long a wait goes on before it looks for signals.
+/// Period in which a wait checks for signals.
 const SLICE: Duration = Duration::from_millis(100);
 /// Default PLC if a PLC of this name exists: the PLC of the built-in plant.
 const USUAL: &str = "line";
@@ -185,7 +185,7 @@ impl PyImage {
         self.open()?.check().map_err(|error| errors::memory(&error))
     }
 
-    /// Lets the firmware look at the registers at once.
+    /// Makes the firmware poll the registers at once.
     fn ring(&self) -> PyResult<()> {
         self.open()?.ring().map_err(|error| errors::memory(&error))
     }

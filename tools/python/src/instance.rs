@@ -1,4 +1,4 @@
-//! Running instances: which there are, and the way in through their channel.
+//! Running instances: their list, and connections to their channel.
 
 use crate::errors;
 use commram::channel::client::Patience;
@@ -10,15 +10,15 @@ use core::time::Duration;
 use pyo3::prelude::*;
 use std::time::Instant;
 
-/// Pause between two looks whether an instance has started.
+/// Pause between two checks whether an instance has started.
 const PAUSE: Duration = Duration::from_millis(10);
-/// How long a reply may take. A verb asks for 100 ms of emulated time at most at once, which in slow motion last longer.
+/// Timeout of a reply. A verb requests at most 100 ms of emulated time at once, which take longer in slow motion.
 const REPLY: Duration = Duration::from_secs(60);
 
 /// Connects to an instance; waits up to the given time for an instance that does not exist yet.
 ///
 /// # Errors
-/// It is not there, cannot be entered, or a signal's handler has raised something.
+/// The instance does not exist or refuses the connection, or a signal handler has raised an exception.
 pub(crate) fn connect(instance: &str, patience: Duration) -> PyResult<Client> {
     let start = Instant::now();
     loop {
@@ -44,7 +44,7 @@ fn enter(instance: &str) -> PyResult<Client> {
 /// The PLCs of an instance, one at least: those that are served, or those that a dead emulator has left.
 ///
 /// # Errors
-/// Nothing of this name runs, with what does.
+/// No instance of this name runs; the error lists the running ones.
 pub(crate) fn plcs(instance: &str) -> PyResult<Vec<String>> {
     commram::memory::names::check_instance(instance).map_err(|error| errors::memory(&error))?;
     let images = list().map_err(|error: MemoryError| errors::memory(&error))?;

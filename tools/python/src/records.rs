@@ -73,7 +73,7 @@ pub(crate) struct Record {
 /// The records from an emulated time on.
 ///
 /// # Errors
-/// The instance has gone.
+/// The instance has ended.
 pub(crate) fn records(bench: &mut Bench, since: u64) -> Result<Vec<Record>, ScenarioError> {
     let records = bench.journal(since)?;
     let mut text = Text::new(bench.names().clone(), devices::catalogue());
@@ -107,7 +107,7 @@ pub(crate) struct Finding {
     register: String,
     /// The value last written.
     value: u32,
-    /// How often.
+    /// Number of occurrences.
     count: u64,
     /// Emulated time of the first one, in microseconds.
     time: u64,
@@ -148,11 +148,11 @@ impl Finding {
 pub(crate) struct Fault {
     number: u16,
     kind: String,
-    /// In the words in which it could be given.
+    /// The words of `commram fault add` for the fault.
     text: String,
     /// Whether it has begun.
     acting: bool,
-    /// How often it has hit.
+    /// Number of hits.
     hits: u32,
 }
 
@@ -175,7 +175,7 @@ impl Fault {
     }
 }
 
-/// A register that holds something else than before.
+/// A register with a changed value.
 #[pyclass(module = "commram._native", frozen, eq, get_all)]
 #[derive(Clone, PartialEq)]
 pub(crate) struct Change {

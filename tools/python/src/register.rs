@@ -98,7 +98,7 @@ impl Register {
         self.known.map_or("", |known| known.register.page)
     }
 
-    /// "manual", or which facts follow from which decision.
+    /// "manual", or the facts that follow from decisions.
     #[getter]
     fn provenance(&self) -> String {
         self.known.map(|known| known.register.provenance()).unwrap_or_default()
@@ -134,7 +134,7 @@ pub(crate) fn places(fitted: DeviceFit, is_wanted: impl Fn(&str) -> bool) -> Vec
     registers(fitted, is_wanted).iter().map(RegisterRef::name).collect()
 }
 
-/// Where an array lies, or a part of one: first byte, kind of element, and of each dimension count and distance in bytes.
+/// Place of an array or of a part of it: first byte, kind of element, and of each dimension count and distance in bytes.
 #[derive(IntoPyObject)]
 pub(crate) struct Array(u32, &'static str, Vec<(u16, u32)>);
 

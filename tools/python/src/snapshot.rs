@@ -6,7 +6,7 @@ use commram::script::MemoryCopy;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
-/// The registers of one area or of all at one moment. It cannot be put back: that would need what the firmware knows.
+/// The registers of one area or of all at one moment. It cannot be restored: it lacks the internal state of the firmware.
 #[pyclass(module = "commram._native", frozen)]
 #[derive(Clone)]
 pub(crate) struct Snapshot {

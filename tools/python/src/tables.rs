@@ -1,4 +1,4 @@
-//! Tables of the library, and memory as Python looks at it.
+//! Tables of the library, and memory for Python.
 
 use crate::errors;
 use crate::given::Time;
@@ -27,7 +27,7 @@ impl Memory {
 
 #[pymethods]
 impl Memory {
-    /// Where it lies in this process.
+    /// Address in this process.
     #[getter]
     fn base(&self) -> usize {
         self.segment.base().addr()

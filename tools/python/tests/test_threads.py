@@ -45,7 +45,7 @@ def test_other_threads_run_while_time_passes(emulator):
         # From here on threads change only where one lets others in by itself.
         sys.setswitchinterval(3600)
         seen = counted[0]
-        # Seconds in which nothing happens pass in no time.
+        # Seconds without events take almost no real time.
         emulator.step("1h")
         assert counted[0] > seen
     finally:
