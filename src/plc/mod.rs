@@ -7,8 +7,8 @@
 //! emulated time.
 //!
 //! A call never waits. A block that needs the firmware's answer continues at a later call, so that the same program
-//! runs in real time and with a stepped clock. `docs/devices/omega-drive-line-2/function-blocks.md` has all inputs
-//! and outputs.
+//! runs in real time and with a stepped clock. The function block page of each
+//! device has all inputs and outputs.
 
 mod block;
 mod pin;

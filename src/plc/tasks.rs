@@ -5,7 +5,7 @@
 //! emulated clock has advanced.
 //!
 //! The board's switch rules: the program starts when the switch is at RUN, stops at STOP, and starts warm after a
-//! reset, unless its project was only sent and is lost (`docs/devices/omega-drive-line-2/overview.md`). Tasks do not
+//! reset, unless its project was only sent and is lost. Tasks do not
 //! interrupt each other; event tasks come first, in the order in which they were given.
 
 use super::Ram;
