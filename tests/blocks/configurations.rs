@@ -1,7 +1,7 @@
 //! Configuration examples A to D of the manual (5.00005.03a p. 62-73): the example programs of `tools/examples` in
 //! step with a plant of this process, so that each event and each trigger can be counted.
-#![allow(dead_code, reason = "each example has a `main` of its own")]
-#![allow(clippy::duplicate_mod, reason = "each example has a module `common` of its own")]
+#![allow(dead_code, reason = "each example has its own `main`")]
+#![allow(clippy::duplicate_mod, reason = "each example has its own module `common`")]
 
 #[path = "../../tools/examples/baps.rs"]
 mod a;

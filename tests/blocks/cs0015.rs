@@ -250,7 +250,7 @@ fn a_slave_says_how_it_communicates() -> Result<(), Box<dyn Error>> {
     once(&mut bench, 0, NMM_SET_OPERATIONAL::default());
     tx.a_TX_PDO[2][0].store(0x1234);
     bench.plant.advance_to(bench.plant.now() + 30 * MS);
-    assert_eq!(flags.COP_SYNCFAIL_ERROR.load(), 1, "nobody sends SYNC");
+    assert_eq!(flags.COP_SYNCFAIL_ERROR.load(), 1, "no station sends SYNC");
     once(&mut bench, 1, PDO_TX_REFRESH { PDO: 3, ..Default::default() });
     let mut found = Vec::new();
     for _ in 0..4 {

@@ -251,7 +251,7 @@ fn a_master_passes_the_sync_signal_of_another_slot_on() {
     let header = bm4.segment(0).header().unwrap();
     bm4.bring_up(&[&bm4.node(0, SLOTG, rate, Mode::SyncIn)], ..=Stage::SetUp);
     bm4.step(10_000);
-    assert_eq!(header.sync_counter[0].load(), 0, "nobody makes a SYNC signal");
+    assert_eq!(header.sync_counter[0].load(), 0, "no node makes a SYNC signal");
     bm4.bring_up(&[&bm4.node(1, SLOTM, rate, Mode::Master)], ..=Stage::SetUp);
     bm4.run_to_sync(1, 6);
     let before = header.sync_counter[0].load();

@@ -151,7 +151,7 @@ fn a_reset_slave_leaves_the_bus_to_the_others() {
         assert_eq!((event(&rig.plant, A, SYNC).0, event(&rig.plant, B, SYNC).0), (before.0 + 10, before.1));
         rig.slave.w_CPU_CONTROL.store(0x0001);
         rig.step(1_000);
-        assert_eq!(rig.slave.w_OPTION_STATUS.load(), 0x0001, "nobody is there");
+        assert_eq!(rig.slave.w_OPTION_STATUS.load(), 0x0001, "the node does not answer");
         rig.plant.set_power(B, how[1]);
         assert_eq!(rig.slave.w_CPU_CONTROL.load(), 0x0000, "start values");
         rig.initialize_slave();

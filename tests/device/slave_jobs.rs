@@ -284,7 +284,7 @@ fn a_job_outlives_the_sync_signal() {
         bench.pass(100_000);
         for edge in 0..intervals + 2 {
             bench.edge();
-            assert_eq!(bench.slave.is_synchronized(), edge >= intervals, "edge {edge}: locking begins anew");
+            assert_eq!(bench.slave.is_synchronized(), edge >= intervals, "edge {edge}: locking starts again");
         }
         assert_eq!(bench.parameter(&job(300, READ)).result(), ParameterResult::Word(0));
     }

@@ -219,7 +219,7 @@ proptest! {
             };
             let behind = (begin - first) % rate.interval_us - u64::from(slot);
             prop_assert!(behind <= us(5), "{:?} begins {} us behind its slot", frame, behind);
-            prop_assert!(behind == 0 || begin == free, "{:?} waits for nobody", frame);
+            prop_assert!(behind == 0 || begin == free, "{:?} waits for no other frame", frame);
             free = begin + us(wire::bits(&frame.into()));
         }
     }

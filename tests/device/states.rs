@@ -402,7 +402,7 @@ fn bad_initialization_data_are_refused_until_they_are_right() {
 
             regs.b_TIME_PATTERN.store(rig.rate.timing.b_TIME_PATTERN);
             rig.step(500);
-            assert_eq!(regs.w_OPTION_STATUS.load(), 0x0003, "the order still stands in the register");
+            assert_eq!(regs.w_OPTION_STATUS.load(), 0x0003, "the register still holds the order");
             assert_eq!(regs.w_CANsync_STATUS.load() & 0x0040, 0);
         }
     }

@@ -185,7 +185,7 @@ fn t35(memory: Memory, rate: Rate) {
         assert_eq!(sent, in_time, "released {release_at} us after SYNC");
         assert_eq!(rig.master.b_CTRLREG_WRC1.load(), if in_time { 0x04 } else { 0x05 });
         let missed = rig.records().any(|record| record.event.is::<Missed>());
-        assert!(missed, "the frames nobody released are in the journal");
+        assert!(missed, "the journal has the frames without a release");
     }
 }
 

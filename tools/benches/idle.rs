@@ -63,8 +63,8 @@ fn main() {
         let mapped = share(remote.child());
         let alone = share(&remote.into_child());
         let state = if is_active { "master in active operation" } else { "after power-on" };
-        for (who, share) in [("a process has the image mapped", mapped), ("nobody has", alone)] {
-            let (name, ratio) = (format!("{state}, {who}"), share / bare);
+        for (case, share) in [("a process has the image mapped", mapped), ("no process has", alone)] {
+            let (name, ratio) = (format!("{state}, {case}"), share / bare);
             let verdict = if ratio <= 1.3 { "met" } else { "MISSED" };
             println!("{name:<56} {:>6.2} % of a core, {ratio:.2} times the loop: {verdict}", share * 100.0);
         }

@@ -1,4 +1,4 @@
-"""What a poke, a step and a peek cost from Python; beside it `cargo bench --bench cycles`, the same in Rust.
+"""Cost of a poke, a step and a peek from Python; `cargo bench --bench cycles` measures the same in Rust.
 
     pip install ./tools/python        # a release build
     python3 tools/python/cycles.py

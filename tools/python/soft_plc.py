@@ -48,7 +48,7 @@ def mapping(ram):
 
 
 def bring_up(ram):
-    """From whatever state to active operation with the drive locked."""
+    """Brings the node from any state to active operation with the drive locked."""
     command(ram, 0x0000, 0x0001)
     command(ram, 0x0001, 0x0002)
     initialization_data(ram)

@@ -297,7 +297,7 @@ fn a_slaves_block_restarts_after_an_unfetched_answer() {
             application.delay = 0;
             bench.cycles(5, |b| application.cycle(b));
             assert!(application.block.x_BUSY);
-            assert_eq!(bench.sl.b_STEUREG_PAR_CMD.load(), answer, "nobody fetches it");
+            assert_eq!(bench.sl.b_STEUREG_PAR_CMD.load(), answer, "the master does not fetch it");
             reset(&mut application, &bench);
             let mut set = write(0, 21, 5);
             bench.until(|b| {
@@ -348,7 +348,7 @@ fn the_slaves_block_can_be_switched_off() {
         assert!(!application.block.x_ACTIV);
         !get.x_BUSY
     });
-    assert_eq!(get.b_ERR, 1 << 1, "nobody has answered");
+    assert_eq!(get.b_ERR, 1 << 1, "no slave has answered");
 
     (application.block.x_EN, application.delay) = (true, u32::MAX);
     let mut set = write(0, 20, 9);

@@ -164,7 +164,7 @@ fn values_of_one_slave_are_read_once() {
         ma.call(&bench.ma, &mut unused);
     }
     assert_eq!(ma.si_RD_SL_NR1_RECEIVED, 1);
-    assert_eq!(ma.si_RD_SL_NR2_RECEIVED, -128, "nobody was asked");
+    assert_eq!(ma.si_RD_SL_NR2_RECEIVED, -128, "no slave was asked");
     let mut read_ma = CANsync_PD_COMM_READ_MA { si_SL_NR: 1, ..Default::default() };
     let mut read_sl = CANsync_PD_COMM_READ_SL { si_SL_NR: 1, ..Default::default() };
     read_ma.call(&bench.ma);

@@ -33,7 +33,7 @@ fn init_sets_up_the_mode_if_asked_and_can_run_again() {
     assert_eq!(bench.ma.w_OPTION_STATUS.load(), 0x0043);
     assert_eq!((init.w_ERR, init.x_ERR), (0, false));
     init.call(&bench.ma_init);
-    assert!(!init.x_OK, "a call after the end begins anew");
+    assert!(!init.x_OK, "a call after the end starts again");
 }
 
 /// The block writes exactly the values of its inputs; p. 149, 212-214.

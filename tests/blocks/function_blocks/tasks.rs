@@ -131,7 +131,7 @@ fn the_switch_stops_and_starts_a_program() {
     stage.bench.rig.plant.set_power(0, Power::HoldReset);
     assert_eq!(stage.pass(10), []);
     stage.bench.rig.plant.set_power(0, Power::ReleaseReset);
-    assert_eq!(stage.pass(10), [], "the switch stands at STOP");
+    assert_eq!(stage.pass(10), [], "the switch is at STOP");
     assert_eq!(stage.state(), ProgramState::Stopped.code());
     stage.tasks.program().ram.header().board.switch.store(0);
     let log = stage.pass(10);

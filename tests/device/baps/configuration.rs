@@ -109,7 +109,7 @@ fn re_initialization_while_process_data_run() {
         }
         assert_eq!(bench.p(305), 0x7FFF_FFFF, "not before the end");
         assert_eq!(bench.command(RE_INITIALIZE, 500), 0x01);
-        assert_eq!(bench.command(RE_INITIALIZE, 500), 0x01, "the result stands");
+        assert_eq!(bench.command(RE_INITIALIZE, 500), 0x01, "the result stays");
         bench.exchange(2);
         assert_eq!(bench.p(305), 1234);
         assert_eq!(bench.regs.a_RD_VALUE[3].load(), 1234);

@@ -29,7 +29,11 @@ fn a_plc_that_stops_exchanging_stops_the_axis() {
     for memory in [Memory::Heap, Memory::Mapped] {
         let mut bench = turning(memory);
         bench.step(99_000);
-        assert_eq!(state(&bench), (DrivecomState::OperationEnabled, 0), "events go on, but nobody exchanges");
+        assert_eq!(
+            state(&bench),
+            (DrivecomState::OperationEnabled, 0),
+            "events continue, but no program exchanges"
+        );
         bench.step(2_000);
         assert_eq!(state(&bench), (DrivecomState::Fault, 503));
         assert_eq!(bench.p(SPEED_ACTUAL), 0);

@@ -35,7 +35,7 @@ fn reset_restarts_the_interface_while_the_drive_turns() {
         bench.step(5000);
         assert_eq!(values(&bench), TURNING);
         assert_eq!(bench.p(303).wrapping_sub(angle), 5000, "it goes on while RESET is held");
-        assert_eq!(bench.regs.b_COMMAND.load(), CONFIGURE, "nobody is there");
+        assert_eq!(bench.regs.b_COMMAND.load(), CONFIGURE, "the interface does not answer");
 
         bench.plant.set_power(0, Power::ReleaseReset);
         assert_eq!((bench.regs.b_COMMAND.load(), bench.regs.w_STATUSWORD.load()), (0, 0));

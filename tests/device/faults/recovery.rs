@@ -118,7 +118,7 @@ fn a_slave_that_is_off_twice_is_off() {
         }
         enter_parameter(&rig, DRIVE, 0x03, 1000, 0);
         intervals(&mut rig, 6);
-        assert_ne!(parameter(&rig, DRIVE).0, 0x02, "nobody answers");
+        assert_ne!(parameter(&rig, DRIVE).0, 0x02, "no slave answers");
         rig.plant.clear_faults();
         intervals(&mut rig, 12);
         assert_eq!(parameter(&rig, DRIVE), (0x02, 100));

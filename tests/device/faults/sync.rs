@@ -91,7 +91,7 @@ fn edges_lost_in_succession_end_the_lock() {
             "the second one in succession is no interval for the node"
         );
         rig.step(40_000);
-        assert!(is_locked(&rig), "locks anew by itself");
+        assert!(is_locked(&rig), "locks again by itself");
     }
 }
 

@@ -223,7 +223,7 @@ fn a_parameter_job_in_every_interval_starves_an_up_or_download() {
         bench.enter_block(0x05, 0, 0x100, 12);
         bench.enter_parameter(0, 0x03, 121, 0);
         for _ in 0..20 {
-            assert!(bench.parameter_job().is_some(), "D-11: repeated as long as nobody answers");
+            assert!(bench.parameter_job().is_some(), "D-11: repeated as long as no slave answers");
             bench.no_answer();
         }
         assert_eq!(bench.block(), 0x05);

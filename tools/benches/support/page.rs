@@ -88,6 +88,6 @@ pub(crate) fn sleep(word: &Cell32, seen: u32) {
 
 /// The word as the calls want it, which are all that ever use it so.
 fn futex_word(word: &Cell32) -> &AtomicU32 {
-    // SAFETY: valid and aligned; nobody accesses it but the kernel.
+    // SAFETY: valid and aligned; only the kernel accesses it.
     unsafe { AtomicU32::from_ptr(word.as_ptr()) }
 }

@@ -158,7 +158,7 @@ fn text<'a>(text: *const c_char, what: &str) -> Result<&'a str, Refused> {
     if text.is_null() {
         return Err(Refused(format!("{what} is a null pointer")));
     }
-    // SAFETY: it is not null, and the standard demands of whoever calls that it ends with a zero and lives as long as the call.
+    // SAFETY: it is not null, and the standard demands that it ends with a zero and lives as long as the call.
     let text = unsafe { CStr::from_ptr(text) };
     text.to_str().map_err(|_| Refused(format!("{what} is no text in UTF-8")))
 }

@@ -20,7 +20,7 @@ fn kept<'a>(state: *mut c_void) -> Result<&'a SavedState, Refused> {
 
 /// Returns the place where a state is to be stored.
 fn place<'a>(to: *mut *mut c_void) -> Result<&'a mut *mut c_void, Refused> {
-    // SAFETY: who calls hands over a place for a pointer, or null.
+    // SAFETY: the caller passes a place for a pointer, or null.
     unsafe { to.as_mut() }.ok_or_else(|| Refused("no place for the state".to_owned()))
 }
 
@@ -54,7 +54,7 @@ exported! {
         with(instance, |_| {
             let state = core::mem::replace(place(state)?, core::ptr::null_mut());
             if !state.is_null() {
-                // SAFETY: it is one of ours, and nobody has it any more.
+                // SAFETY: it was made here, and the caller does not use it any more.
                 drop(unsafe { Box::from_raw(state.cast::<SavedState>()) });
             }
             Ok(())
@@ -63,7 +63,7 @@ exported! {
 
     fn fmi3SerializedFMUStateSize(instance: Instance, state: *mut c_void, size: *mut usize) -> Status {
         with(instance, |it| {
-            // SAFETY: who calls hands over a place for it.
+            // SAFETY: the caller passes a place for it.
             let [size] = unsafe { write(size, 1) }? else { return Ok(()) };
             *size = bytes(it, saved_state(state)?).len();
             Ok(())
@@ -76,7 +76,7 @@ exported! {
             if size < bytes.len() {
                 return Err(Refused(format!("the state has {} bytes, there is room for {size}", bytes.len())));
             }
-            // SAFETY: who calls hands over so many.
+            // SAFETY: the caller passes this number of values.
             unsafe { write(to, bytes.len()) }?.copy_from_slice(&bytes);
             Ok(())
         })
@@ -89,7 +89,7 @@ exported! {
         to: *mut *mut c_void,
     ) -> Status {
         with(instance, |it| {
-            // SAFETY: who calls hands over so many.
+            // SAFETY: the caller passes this number of values.
             let (state, phase) = it.unit.of_bytes(unsafe { read(from, size) }?)?;
             let mode = match phase {
                 0 => Mode::Instantiated,

@@ -56,7 +56,7 @@ def stepped(start):
 
 
 def bring_up(plant):
-    """From power-on to an active master whose drive 1 has locked: the steps of docs/guide/python.md."""
+    """Brings a master from power-on to active operation with drive 1 locked: the steps of docs/guide/python.md."""
     plant.poke("node2.w_CPU_CONTROL", 0x0001)
     plant.wait("node2.w_OPTION_STATUS", 0x0002, "1ms")
     for register, value in {

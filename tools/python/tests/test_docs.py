@@ -1,4 +1,4 @@
-"""What docs/guide/python.md shows works as it stands there."""
+"""The examples of docs/guide/python.md work as printed."""
 
 import pathlib
 import re

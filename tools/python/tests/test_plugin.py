@@ -1,4 +1,4 @@
-"""The pytest plugin, in pytest runs of its own."""
+"""The pytest plugin, in separate pytest runs."""
 
 import pathlib
 import subprocess
@@ -10,7 +10,7 @@ import pytest
 
 @pytest.fixture
 def suite(pytester, monkeypatch):
-    """Runs a suite of this text in a process of its own."""
+    """Runs a suite of this text in a separate process."""
     monkeypatch.delenv("PYTEST_ADDOPTS", raising=False)
 
     def run(text, *arguments, **files):

@@ -1,4 +1,4 @@
-"""What can go wrong. Wrong types are TypeError; values that a register cannot hold, and texts that mean nothing, ValueError."""
+"""Errors. Wrong types are TypeError; values that a register cannot hold, and invalid texts, are ValueError."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ class Error(Exception):
 
 
 class NotAttached(Error):
-    """The instance or its image is not there, or not what it should be."""
+    """The instance or its image does not exist, or is invalid."""
 
 
 class Gone(Error):
@@ -16,7 +16,7 @@ class Gone(Error):
 
 
 class Refused(Error):
-    """The plant did not do what it was asked for; `code` is that of docs/reference/channel.md."""
+    """The plant refused a request; docs/reference/channel.md lists the values of `code`."""
 
     code: int = 0
 
@@ -47,4 +47,4 @@ class Failed(Error, AssertionError):
 
 
 class Timeout(Failed, TimeoutError):
-    """What was awaited did not come in time."""
+    """The awaited condition did not become true in time."""

@@ -1,4 +1,4 @@
-"""What is in Rust: `tools/python/src`."""
+"""The Rust part of the package: `tools/python/src`."""
 
 from collections.abc import Sequence
 from os import PathLike
@@ -74,7 +74,7 @@ class Register:
 
 @final
 class Handle:
-    """A register that was found once and is used often."""
+    """A register that is resolved once and used repeatedly."""
 
     @property
     def name(self) -> str: ...
@@ -121,7 +121,7 @@ class Record:
 
 @final
 class Finding:
-    """What the access checker has found, of one rule at one register."""
+    """Finding of the access checker, of one rule at one register."""
 
     @property
     def severity(self) -> str: ...

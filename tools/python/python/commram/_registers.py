@@ -1,4 +1,4 @@
-"""What everything that has registers can do: plants, running instances, images."""
+"""Common interface of all objects with registers: plants, running instances, images."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def _bytes(memory: Memory) -> memoryview:
-    """All of a memory, which stays mapped for as long as somebody looks at it."""
+    """The whole memory, which stays mapped as long as a view of it exists."""
 
     class Bytes(ctypes.Array[ctypes.c_uint8]):
         _type_ = ctypes.c_uint8

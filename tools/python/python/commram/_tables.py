@@ -1,4 +1,4 @@
-"""Enumerations of what register values mean, and of the header page's codes."""
+"""Enumerations of the meanings of register values, and of the header page's codes."""
 
 from __future__ import annotations
 

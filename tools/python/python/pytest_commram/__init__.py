@@ -33,7 +33,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def _marked(item: pytest.Item, key: str) -> Any:
-    """What the nearest mark says."""
+    """Returns the arguments of the nearest mark."""
     for mark in item.iter_markers("commram"):
         wrong = mark.args or set(mark.kwargs) - {"plant", "findings"}
         if wrong:
