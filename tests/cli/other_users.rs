@@ -55,7 +55,7 @@ fn a_directory_of_another_user_is_refused_and_its_links_are_not_followed() {
 }
 
 #[test]
-fn a_link_in_the_directorys_place_is_refused() {
+fn a_link_in_place_of_the_directory_is_refused() {
     if !can_be_another_user() {
         return;
     }
