@@ -148,7 +148,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
     #[test]
-    fn no_content_of_an_image_brings_the_devices_down(acts in prop::collection::vec(act(), 1..150)) {
+    fn random_image_contents_never_stop_the_devices(acts in prop::collection::vec(act(), 1..150)) {
         run(&acts);
     }
 }

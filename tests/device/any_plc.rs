@@ -211,7 +211,7 @@ proptest! {
 /// Values that a random generator would rarely draw: all values of the lower half of `w_CPU_CONTROL`, and each bit of the upper
 /// half, which has no meaning, in every state of both nodes.
 #[test]
-fn no_command_is_too_strange_in_any_state() {
+fn every_command_value_is_handled_in_every_state() {
     let mut rig = Rig::of(Memory::Heap, FASTEST[0], DRIVES);
     rig.tolerate_errors(&commram::devices::catalogue().rules);
     let commands = || (0..=0xFFu16).chain((8..16).flat_map(|bit| [1 << bit, 1 << bit | 0x20]));
@@ -241,7 +241,7 @@ fn no_command_is_too_strange_in_any_state() {
 /// A random generator rarely selects one register and rarely keeps a value in it. Here every byte holds the same value, long
 /// enough to count to more slaves than a bus can have.
 #[test]
-fn no_byte_is_too_strange_for_forty_intervals() {
+fn every_byte_value_is_handled_for_forty_intervals() {
     let mut rig = Rig::of(Memory::Heap, FASTEST[0], DRIVES);
     rig.tolerate_errors(&commram::devices::catalogue().rules);
     rig.activate();

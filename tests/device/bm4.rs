@@ -465,7 +465,7 @@ fn a_master_without_a_bus_makes_its_sync_signal_for_the_plc() {
 /// P. 15-16, 50-51: a slave on a bus without a master never has a SYNC signal, nor a master that passes it on. The plant is
 /// doubted, and the start of the slave is found.
 #[test]
-fn a_bus_without_a_master_is_doubted_and_found() {
+fn a_bus_without_a_master_gives_a_warning_and_a_finding() {
     let text = "[[device]]\nkind = 'bm4-plc'\nname = 'maxx'\n[[device.module]]\nslot = 'G'\nkind = 'can-06'\n\
                 sync_in_from = 'H'\nbus = 'lower'\n[[device.module]]\nslot = 'H'\nkind = 'can-05'\nbus = 'upper'\n\
                 [[bus]]\nname = 'lower'\n[[bus]]\nname = 'upper'\n";
@@ -710,7 +710,7 @@ fn modules_with_wrong_switches_show_it_and_take_no_part() {
 
 /// 5.02066.01a p. 15-16, 26, 49-51: a configuration that keeps a module from working is allowed, and a warning names its line.
 #[test]
-fn modules_without_a_signal_are_doubted() {
+fn modules_without_a_signal_give_a_warning() {
     let plant = |modules: &str| {
         let text = format!(
             "[[device]]\nkind = 'bm4-plc'\nname = 'm'\n{modules}[[bus]]\nname = 'b'\n[[bus]]\nname = 'c'\n"

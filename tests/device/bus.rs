@@ -229,7 +229,7 @@ fn automatic_requests_end_at_slave_31() {
 
 /// A node or a drive at another baud rate than the bus receives nothing and disturbs no other station.
 #[test]
-fn another_baud_rate_is_deaf() {
+fn a_station_at_another_baud_rate_receives_nothing() {
     for rate in FASTEST {
         let mut rig = Rig::of(Memory::Heap, rate, DRIVES);
         rig.expect_errors(&[&cansync::rules::DRIVE_BAUD_RATE, &cansync::rules::BUS_BAUD_RATE]);

@@ -104,7 +104,7 @@ fn the_largest_two_level_cluster_runs() {
 
 /// 33 buses with faults: a PLC restarts, another loses its supply, and programs violate rules.
 #[test]
-fn on_several_cores_all_goes_as_on_one() {
+fn a_run_on_several_cores_equals_a_run_on_one() {
     for rate in FASTEST {
         // In steps shorter than a processor cycle nothing is left out, and few events come in a row.
         let outcomes = [(1, 250), (1, 2000), (2, 2000), (3, 2000)].map(|(cores, step_us)| {

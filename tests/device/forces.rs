@@ -58,7 +58,7 @@ fn the_firmware_sees_no_other_value() {
 }
 
 #[test]
-fn it_goes_when_it_is_let_go() {
+fn an_unforced_register_changes_again() {
     for rate in FASTEST {
         let mut rig = Rig::new(Memory::Heap, rate);
         let [w_cpu_control, ..] = registers(rate);

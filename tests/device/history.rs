@@ -46,7 +46,7 @@ fn a_handshake_is_recorded_with_both_sides() {
 }
 
 #[test]
-fn the_plant_goes_as_it_would_without() {
+fn recording_does_not_change_the_run() {
     for rate in FASTEST {
         let mut hashes = [false, true].map(|is_followed| {
             let mut rig = Rig::new(Memory::Heap, rate);

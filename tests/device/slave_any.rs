@@ -81,7 +81,7 @@ fn take(bench: &mut Bench, step: Step) {
 
 proptest! {
     #[test]
-    fn nothing_brings_it_down(
+    fn random_traffic_never_stops_a_slave_node(
         rate in proptest::sample::select(&FASTEST[..]),
         steps in proptest::collection::vec(step(), 1..60),
     ) {

@@ -35,7 +35,7 @@ fn records_from(plant: &Plant, from: u64) -> Vec<Record> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
     #[test]
-    fn going_on_from_a_snapshot_is_going_on(
+    fn a_restored_plant_continues_like_the_original(
         which in 0..PLANTS.len(),
         comes_up in prop::bool::weighted(0.7),
         before in prop::collection::vec(act(), 0..60),

@@ -161,7 +161,7 @@ impl Programs {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(40))]
     #[test]
-    fn the_checker_has_nothing_to_say_about_a_correct_program(
+    fn the_checker_finds_nothing_in_a_correct_program(
         // At most as late in the interval as the next edge comes early.
         faults in prop::collection::vec((1..40u32, 0..1000u64, 0..FAULTS.len()), 1..12),
     ) {

@@ -29,7 +29,7 @@ fn nothing_is_done_before_the_configuration() {
 }
 
 #[test]
-fn commands_that_are_none() {
+fn invalid_commands() {
     Bench::on_both("", |mut bench| {
         for command in [0x04, 0x7F, 0xFF] {
             assert_eq!(bench.command(command, 500), 0x80);

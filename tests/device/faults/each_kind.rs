@@ -88,7 +88,7 @@ fn traffic(rig: &mut Rig, interval: u64) {
 }
 
 #[test]
-fn every_kind_comes_through_every_door_and_ends_by_count_and_by_time() {
+fn every_fault_kind_works_through_every_interface_and_ends_by_count_and_by_time() {
     let (at_bus, at_plc) = (medium_site("cansync", 0).faults, faults_of_device(&DEVICE));
     let known = fault_kinds().iter().filter(|kind| at_bus.contains(kind) || at_plc.contains(kind));
     assert!(KINDS.iter().map(|(kind, ..)| *kind).eq(known.map(|kind| kind.name())));

@@ -168,7 +168,7 @@ fn control_words_wait_for_their_slaves_turn() {
 }
 
 #[test]
-fn slave_numbers_without_a_register_are_nobodys_turn() {
+fn slave_numbers_without_a_register_get_no_turn() {
     for rate in FASTEST {
         let mut bench = Bench::new(BOTH[0], rate);
         bench.regs.a_STEUREG_CONTROLWORD.iter().for_each(|cell| cell.store(0x05));

@@ -241,7 +241,7 @@ fn an_answer_to_a_job_that_was_changed_or_withdrawn_is_ignored() {
 }
 
 #[test]
-fn answers_that_do_not_fit_are_as_good_as_none() {
+fn mismatched_answers_count_as_missing() {
     for rate in FASTEST {
         let read = ParameterJob::new(300, Access::Read).unwrap();
         let other = ParameterJob::new(301, Access::Read).unwrap();

@@ -94,12 +94,12 @@ const PIECES: [&str; 34] = [
 
 proptest::proptest! {
     #[test]
-    fn no_text_does_more_than_being_refused(text in "\\PC*") {
+    fn random_text_is_read_or_refused(text in "\\PC*") {
         read_or_refuse(&text);
     }
 
     #[test]
-    fn no_order_of_words_does_more_than_being_refused(
+    fn random_words_are_read_or_refused(
         words in proptest::collection::vec(proptest::sample::select(&PIECES[..]), 0..60)
     ) {
         read_or_refuse(&words.join(" "));

@@ -139,7 +139,7 @@ fn frames_without_an_answer_and_with_busy_are_repeated() {
 }
 
 #[test]
-fn answers_that_fit_nothing_are_as_good_as_none() {
+fn unrelated_answers_count_as_missing() {
     for rate in FASTEST {
         let mut bench = Bench::new(Memory::Heap, rate);
         bench.enter_block(DOWNLOAD, 0, ADDRESS, 12);

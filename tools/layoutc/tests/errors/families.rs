@@ -120,7 +120,7 @@ fn a_device_of_a_family_is_correct() {
 }
 
 #[test]
-fn families_that_cannot_be() {
+fn invalid_families() {
     let missing = "No such file or directory (os error 2)";
     let expected = format!("device.toml:4:10: cannot read this file: gone/family.toml: {missing}");
     check("small/device.toml", "\"common\"", "\"gone\"", &expected);

@@ -31,7 +31,7 @@ fn a_right_one_is_compiled() {
 }
 
 #[test]
-fn descriptions_that_cannot_be() {
+fn invalid_descriptions() {
     let keyword = "4:1: `A` is no keyword (letters, digits, `_` and `.`), or occurs twice";
     with("is = 1 },", "is = 1 },\n{ name = \"A\", is = 2 },", keyword);
     with("\"A\"", "\"A=\"", "3:1: `A=` is no keyword (letters, digits, `_` and `.`), or occurs twice");

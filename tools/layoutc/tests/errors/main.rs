@@ -175,7 +175,7 @@ fn size_that_is_no_multiple() {
 }
 
 #[test]
-fn areas_that_cannot_be() {
+fn invalid_areas() {
     check(
         "device.toml",
         "first = 1000",

@@ -29,7 +29,7 @@ fn bits_and_values_described_twice() {
 }
 
 #[test]
-fn ranges_that_are_none() {
+fn invalid_ranges() {
     check(
         "parts.toml",
         "from = 1, to = 9",

@@ -16,7 +16,7 @@ fn row(sub: u8, rest: &str) -> String {
 }
 
 #[test]
-fn objects_that_cannot_be() {
+fn invalid_objects() {
     let right = "type = \"u8\", access = \"ro\"";
     let twice = format!("{}\n{}", row(1, right), row(1, right));
     with(

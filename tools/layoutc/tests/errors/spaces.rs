@@ -11,7 +11,7 @@ fn with(more: &str, expected: &str) {
 }
 
 #[test]
-fn spaces_that_cannot_be() {
+fn invalid_spaces() {
     let said = |key: &str, value: u32, by: u32| {
         format!(
             "`{key}` of space `memory` is {value}; it must be divisible by {by}, so that data aligned in the space \
@@ -110,7 +110,7 @@ fn areas_outside_of_spaces() {
 }
 
 #[test]
-fn retain_areas_that_cannot_be() {
+fn invalid_retain_areas() {
     let most = "takes no structures, and a `retain` of 4 to";
     for (bytes, area) in [(0, 4), (8, 4), (3, 4)] {
         let edit = format!("retain = {bytes}\nfirst = 2000");

@@ -27,7 +27,7 @@ fn ids_become_constants() {
 }
 
 #[test]
-fn ids_that_cannot_be() {
+fn invalid_ids() {
     check(
         "values.toml",
         "\"OFF\"",
@@ -47,7 +47,7 @@ fn ids_that_cannot_be() {
 }
 
 #[test]
-fn types_of_meanings_that_cannot_be() {
+fn invalid_types_of_meanings() {
     check(
         "values.toml",
         "type = \"BYTE\"\n",
