@@ -2,8 +2,9 @@
 
 use crate::common::{Emulator, Outcome, finish, wait_for};
 use std::fs::File;
-use std::io::{Read, Seek, Write};
-use std::process::{Child, Stdio};
+use std::io::{self, Read, Seek, Write};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
 
 #[test]
 fn a_view_needs_a_terminal() {
@@ -14,17 +15,29 @@ fn a_view_needs_a_terminal() {
 
 /// Starts `commram view` at a separate terminal. Returns the terminal, and the program after its first output.
 fn view(emulator: &Emulator) -> (File, Child) {
+    view_with(emulator, true)
+}
+
+/// Sets the size of a terminal: columns and rows.
+fn resize(terminal: &File, (ws_col, ws_row): (u16, u16)) {
+    let size = rustix::termios::Winsize { ws_col, ws_row, ws_xpixel: 0, ws_ypixel: 0 };
+    rustix::termios::tcsetwinsize(terminal, size).unwrap();
+}
+
+/// As [`view`]; without a separate error output, errors go to the terminal.
+fn view_with(emulator: &Emulator, has_error_output: bool) -> (File, Child) {
     use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
     let terminal = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC).unwrap();
     grantpt(&terminal).unwrap();
     unlockpt(&terminal).unwrap();
     let name = ptsname(&terminal, Vec::new()).unwrap();
     let end = || File::options().read(true).write(true).open(name.to_str().unwrap()).unwrap();
-    let size = rustix::termios::Winsize { ws_col: 80, ws_row: 24, ws_xpixel: 0, ws_ypixel: 0 };
-    rustix::termios::tcsetwinsize(&terminal, size).unwrap();
+    let terminal = File::from(terminal);
+    resize(&terminal, (80, 24));
     let mut command = emulator.command("view", &["node2.w_CPU_CONTROL"]);
-    let child = command.stdin(end()).stdout(end()).stderr(Stdio::piped()).spawn().unwrap();
-    let mut terminal = File::from(terminal);
+    let errors = if has_error_output { Stdio::piped() } else { end().into() };
+    let child = command.stdin(end()).stdout(end()).stderr(errors).spawn().unwrap();
+    let mut terminal = terminal;
     let (mut shown, mut part) = (Vec::new(), [0; 4096]);
     while !String::from_utf8_lossy(&shown).contains("w_CPU_CONTROL") {
         let len = terminal.read(&mut part).unwrap();
@@ -45,6 +58,46 @@ fn a_view_ends_with_its_terminal_or_on_request() {
     let (terminal, mut left) = view(&emulator);
     drop(terminal);
     assert_eq!(wait_for(&mut left, "a view without terminal").code(), Some(130));
+}
+
+/// The error output of the view is the closed terminal, too, so the view cannot write a message.
+#[test]
+fn a_view_whose_terminal_is_closed_ends_as_if_interrupted() {
+    let emulator = Emulator::stepped();
+    for _ in 0..3 {
+        let (terminal, mut left) = view_with(&emulator, false);
+        drop(terminal);
+        assert_eq!(wait_for(&mut left, "a view without terminal").code(), Some(130));
+    }
+}
+
+#[test]
+fn a_view_draws_only_a_part_of_a_very_large_terminal() {
+    let emulator = Emulator::stepped();
+    let (mut terminal, mut view) = view(&emulator);
+    for size in [(u16::MAX, u16::MAX), (1, u16::MAX), (u16::MAX, 1), (0, 0), (80, 24)] {
+        resize(&terminal, size);
+        Command::new("kill").args(["-WINCH", &view.id().to_string()]).status().unwrap();
+        // Time for the view to draw at this size.
+        drain(&mut terminal, Duration::from_millis(200));
+    }
+    terminal.write_all(b"q").unwrap();
+    let mut reader = terminal.try_clone().unwrap();
+    std::thread::spawn(move || io::copy(&mut reader, &mut io::sink()));
+    assert_eq!(wait_for(&mut view, "a view that is to quit").code(), Some(0));
+}
+
+/// Reads and drops what the terminal shows, for this time.
+fn drain(terminal: &mut File, time: Duration) {
+    use rustix::event::{PollFd, PollFlags, Timespec, poll};
+    let (end, mut part) = (Instant::now() + time, [0; 65_536]);
+    loop {
+        let left = Timespec::try_from(end.saturating_duration_since(Instant::now())).unwrap();
+        if poll(&mut [PollFd::new(&*terminal, PollFlags::IN)], Some(&left)) != Ok(1) {
+            return;
+        }
+        let _ = terminal.read(&mut part).unwrap();
+    }
 }
 
 /// Runs these lines in the shell and returns the outcome.

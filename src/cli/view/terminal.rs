@@ -9,17 +9,19 @@ use crate::cli::error::CliError;
 use crate::cli::exit::Exit;
 use crate::cli::instance::Instance;
 use crate::cli::style;
-use ratatui::Terminal;
 use ratatui::backend::CrosstermBackend;
 use ratatui::crossterm::event::{self, DisableMouseCapture, EnableMouseCapture, Event, KeyEventKind};
 use ratatui::crossterm::execute;
 use ratatui::crossterm::terminal::{
-    EnterAlternateScreen, LeaveAlternateScreen, disable_raw_mode, enable_raw_mode,
+    Clear, ClearType, EnterAlternateScreen, LeaveAlternateScreen, disable_raw_mode, enable_raw_mode,
 };
+use ratatui::layout::{Rect, Size};
+use ratatui::{Terminal, TerminalOptions, Viewport};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::Errno;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use std::io;
+use std::mem::ManuallyDrop;
 use std::panic;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -31,6 +33,8 @@ use std::time::Duration;
 const KEYS: Duration = Duration::from_millis(30);
 /// Time for the thread to disconnect from the channel.
 const FAREWELL: Duration = Duration::from_millis(300);
+/// Most columns and rows that are drawn; the memory for the view grows with their product.
+const LARGEST: u16 = 1000;
 
 /// The alternate screen of the terminal; dropping this value restores the terminal.
 struct Screen;
@@ -94,8 +98,11 @@ pub(super) fn run(mut model: Model, instance: &str) -> Result<(), CliError> {
         panic::resume_unwind(panicked);
     }
     match outcome {
-        // The terminal was closed while it was drawn.
-        Err(reason) if reason.raw_os_error() == Some(Errno::IO.raw_os_error()) => {
+        // The terminal was closed while it was drawn or read.
+        Err(reason)
+            if reason.raw_os_error() == Some(Errno::IO.raw_os_error())
+                || is_closed(Duration::ZERO).unwrap_or(true) =>
+        {
             ended.store(true, Ordering::Relaxed);
         }
         other => other.map_err(|reason| CliError::Output { reason })?,
@@ -121,6 +128,17 @@ fn is_closed(longest: Duration) -> io::Result<bool> {
     }
 }
 
+/// The part of a terminal of this size that is drawn.
+fn area_to_draw(size: Size) -> Rect {
+    Rect::new(0, 0, size.width.min(LARGEST), size.height.min(LARGEST))
+}
+
+/// Draws on this area of the terminal.
+fn terminal_of(area: Rect) -> io::Result<Terminal<CrosstermBackend<io::Stdout>>> {
+    let options = TerminalOptions { viewport: Viewport::Fixed(area) };
+    Terminal::with_options(CrosstermBackend::new(io::stdout()), options)
+}
+
 fn show(
     model: &mut Model,
     theme: Theme,
@@ -129,10 +147,20 @@ fn show(
     ended: &AtomicBool,
 ) -> io::Result<()> {
     let _screen = Screen::take()?;
-    let mut terminal = Terminal::new(CrosstermBackend::new(io::stdout()))?;
+    let mut area = Rect::default();
+    // Never dropped with a hidden cursor: it would print an error if the terminal is closed, which panics. `Screen` shows
+    // the cursor again.
+    let mut terminal = ManuallyDrop::new(terminal_of(area)?);
     let (mut query, mut is_new) = (None, true);
     while !model.quits && !ended.load(Ordering::Relaxed) {
         if core::mem::take(&mut is_new) {
+            let present = area_to_draw(terminal.size()?);
+            if core::mem::replace(&mut area, present) != present {
+                // `Terminal::resize` would clear each cell of a limited area with two system calls.
+                execute!(io::stdout(), Clear(ClearType::All))?;
+                terminal.show_cursor()?;
+                *terminal = terminal_of(area)?;
+            }
             terminal.draw(|frame| draw::draw(frame, model, theme))?;
         }
         let wanted = model.query();
