@@ -242,7 +242,7 @@ pub(crate) enum CliError {
     #[error("`{command}` needs a terminal for its input and its output; `commram watch` needs none")]
     NoTerminal { command: &'static str },
     /// The standard output cannot be written.
-    #[error("cannot write the output: {reason}; everything else is done")]
+    #[error("cannot write the output: {reason}{}; everything else is done", limits::named(.reason))]
     Output { reason: io::Error },
     /// A file cannot be written.
     #[error("cannot write {}: {reason}{}", .path.display(), limits::named(.reason))]

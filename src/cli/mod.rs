@@ -160,7 +160,9 @@ pub fn main() -> ExitCode {
 impl Command {
     fn run(self) -> Result<(), CliError> {
         let damaged = Exit::NotThere.code();
-        crate::memory::end_on_shortened_files(damaged).map_err(|reason| CliError::Signals { reason })?;
+        crate::memory::end_on_shortened_files(damaged)
+            .and_then(|()| survive_file_size_limit())
+            .map_err(|reason| CliError::Signals { reason })?;
         match self {
             Command::Run(args) => run::run(&args),
             Command::With(args) => with::run(&args),
@@ -201,6 +203,12 @@ impl Command {
             Command::Man(args) => man::run(&args),
         }
     }
+}
+
+/// Lets writes beyond the limit of `ulimit -f` fail with an error instead of ending this process by SIGXFSZ. The signal
+/// is caught and not ignored, so that the command of `commram with` starts with the default action.
+fn survive_file_size_limit() -> std::io::Result<()> {
+    signal_hook::flag::register(libc::SIGXFSZ, std::sync::Arc::default()).map(drop)
 }
 
 /// Returns the same error without options set by environment variables: the usage text would show such options as

@@ -5,6 +5,7 @@ use super::guest::{Guest, GuestState};
 use super::io::{Command, Entrance, Io, Shared};
 use super::pty::Pty;
 use super::spec::DoorSpec;
+use crate::memory::limits;
 use mio::net::TcpListener;
 use serde::{Deserialize, Serialize};
 use std::io;
@@ -15,7 +16,7 @@ use std::thread::JoinHandle;
 
 /// Why a door does not open.
 #[derive(Debug, thiserror::Error)]
-#[error("{door}: {reason}")]
+#[error("{door}: {reason}{}", limits::named(.reason))]
 pub struct DoorError {
     /// The door.
     pub door: DoorSpec,

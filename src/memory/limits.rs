@@ -16,6 +16,14 @@ pub(crate) fn named(reason: &io::Error) -> String {
         Some(Errno::MFILE) => getrlimit(Resource::Nofile).current.map_or_else(String::new, |most| {
             format!("; this process may have {most} open files (`ulimit -n`)")
         }),
+        Some(Errno::FBIG) => getrlimit(Resource::Fsize).current.map_or_else(String::new, |most| {
+            format!("; this process may write files of {} KiB (`ulimit -f`)", most / 1024)
+        }),
+        Some(Errno::AGAIN) if address_space().is_none() => {
+            getrlimit(Resource::Nproc).current.map_or_else(String::new, |most| {
+                format!("; this user may have {most} processes and threads (`ulimit -u`)")
+            })
+        }
         Some(Errno::NOMEM | Errno::AGAIN) => describe_space_limit(),
         _ => String::new(),
     }
@@ -87,6 +95,9 @@ mod tests {
         let most = getrlimit(Resource::Nofile).current.unwrap();
         assert_eq!(of(Errno::MFILE), format!("; this process may have {most} open files (`ulimit -n`)"));
         assert_eq!(of(Errno::NOENT), "");
+        assert_eq!(of(Errno::FBIG).is_empty(), getrlimit(Resource::Fsize).current.is_none());
+        let has_limit = address_space().or(getrlimit(Resource::Nproc).current).is_some();
+        assert_eq!(of(Errno::AGAIN).is_empty(), !has_limit);
         assert_eq!(of(Errno::NOMEM).is_empty(), address_space().is_none());
     }
 

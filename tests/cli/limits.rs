@@ -1,8 +1,9 @@
 //! Process limits (`ulimit`), and the cost of writes by other programs.
 
-use crate::common::{Emulator, Outcome, commram, finish, promised, unique_name};
+use crate::common::{Emulator, Outcome, commram, files_of, finish, promised, unique_name};
 use std::fs::File;
 use std::os::unix::fs::FileExt;
+use std::path::PathBuf;
 use std::process::Command;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -42,6 +43,27 @@ fn a_client_names_the_limit_that_keeps_it_out_and_what_it_needs() {
     }
     let stop = limited("-n 6", &["stop", "-i", &emulator.name]);
     assert!(stop.fails(3).contains("`ulimit -n`"), "{}", stop.err);
+}
+
+/// The limit would end the process by SIGXFSZ, without a message.
+#[test]
+fn a_limit_of_file_sizes_is_named_and_leaves_no_partial_files() {
+    let (name, directory) = (unique_name(), tempfile::tempdir().unwrap());
+    let header = directory.path().join("registers.h");
+    let exported = limited("-f 1", &["export", "c", "--output", header.to_str().unwrap()]);
+    assert!(exported.fails(3).contains("`ulimit -f`"), "{}", exported.err);
+    assert_eq!(directory.path().read_dir().unwrap().count(), 0);
+    for blocks in [0, 1, 1000] {
+        let started = limited(&format!("-f {blocks}"), &["run", "--detach", "-i", &name]);
+        assert!(started.fails(1).contains("`ulimit -f`"), "{blocks}: {}", started.err);
+        assert_eq!(files_of(&name), Vec::<PathBuf>::new(), "{blocks}");
+    }
+    // The limit and the signal are those of the command.
+    let own = limited(
+        "-f 1000000",
+        &["with", "--", "sh", "-c", "ulimit -f 0; echo text >$0", header.to_str().unwrap()],
+    );
+    assert_eq!(own.code, Some(128 + 25), "{}", own.err);
 }
 
 /// With exactly the number of files in the message, the emulator starts completely and answers clients.
