@@ -4,7 +4,9 @@ use super::error::CliError;
 use super::session::{alive, dead, images_of, is_alive};
 use super::{InstanceName, output};
 use crate::memory::names::channel_root;
-use crate::memory::{AttachMode, EmulatorProcess, Image, ImageInfo, InstanceLock, RunningInstance};
+use crate::memory::{
+    AttachMode, EmulatorProcess, Image, ImageInfo, InstanceLock, MemoryError, RunningInstance,
+};
 use std::os::unix::fs::MetadataExt;
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -39,6 +41,8 @@ const DOUBT: Duration = Duration::from_secs(1);
 const LOOK: Duration = Duration::from_millis(2);
 /// Time limit for connecting to the channel, and for the answer, before the emulator gets a signal.
 const ANSWER: Duration = Duration::from_millis(500);
+/// How many times the removal of files is tried while emulators of this name start and end.
+const CLEANING_TRIES: u32 = 5;
 
 /// Ends the emulator, or all of them.
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
@@ -104,17 +108,50 @@ fn is_own(directory: &Path) -> bool {
 }
 
 fn end(name: &str, clean: bool) -> Result<(), CliError> {
-    let removed = || output::print(&format!("instance '{name}' was dead, its files are removed\n"));
     let Some(running) = RunningInstance::find(name)? else {
-        if clean && remove_remains(name)? {
-            return removed();
+        if clean && let Some(outcome) = clean_up(name)? {
+            return output::print(&outcome);
         }
         return Err(why_not(name));
     };
     match stop(name, &running) {
         Ok(()) => output::print(&format!("instance '{name}' has stopped\n")),
-        Err(CliError::Dead { .. }) if clean && remove_remains(name)? => removed(),
+        Err(error @ CliError::Dead { .. }) if clean => {
+            clean_up(name)?.map_or(Err(error), |outcome| output::print(&outcome))
+        }
         Err(error) => Err(error),
+    }
+}
+
+/// Removes the files of a killed emulator and returns the message about it; `None` if there were none. A new emulator
+/// of this name that has started meanwhile has replaced these files, and is left alone.
+///
+/// # Errors
+/// As [`remove_remains`], except for a new emulator.
+fn clean_up(name: &str) -> Result<Option<String>, CliError> {
+    let mut tries = 0;
+    loop {
+        let taken = match remove_remains(name) {
+            Err(CliError::Memory(
+                error @ (MemoryError::InstanceTaken { .. } | MemoryError::AlreadyRunning { .. }),
+            )) => error,
+            outcome => {
+                let text = format!("instance '{name}' was dead, its files are removed\n");
+                return outcome.map(|any| any.then_some(text));
+            }
+        };
+        if let Some(new) = RunningInstance::find(name)? {
+            let process = new.process().map_or_else(String::new, |it| format!(" (process {})", it.pid()));
+            return Ok(Some(format!(
+                "instance '{name}' runs again: a new emulator{process} has replaced the files of the dead one and is \
+                 left alone\n"
+            )));
+        }
+        // The new emulator has ended already.
+        tries += 1;
+        if tries == CLEANING_TRIES {
+            return Err(taken.into());
+        }
     }
 }
 
@@ -219,7 +256,6 @@ fn go_on<'a>(
 fn ask(name: &str, running: &RunningInstance) -> Result<(), CliError> {
     use crate::channel::client::Patience;
     use crate::channel::{Client, ClientError, HeaderBells};
-    use crate::memory::MemoryError;
     use crate::request::{Op, Reply, WrongReply};
     let images = images_of(name)?;
     let Some(image) = images.iter().find(|image| is_alive(image)) else {
@@ -251,5 +287,21 @@ fn ask(name: &str, running: &RunningInstance) -> Result<(), CliError> {
         }
         Err(ClientError::EmulatorGone { .. }) => Ok(()),
         Err(error) => Err(error.into()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_new_emulator_has_replaced_the_files_to_be_removed() {
+        let name = format!("stop-clean-{}", std::process::id());
+        let new = InstanceLock::take(&name).unwrap();
+        let outcome = clean_up(&name).unwrap().unwrap();
+        let process = std::process::id();
+        assert!(outcome.contains(&format!("a new emulator (process {process}) has replaced")), "{outcome}");
+        drop(new);
+        assert_eq!(clean_up(&name).unwrap(), None);
     }
 }
