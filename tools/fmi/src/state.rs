@@ -12,7 +12,7 @@ struct SavedState {
 }
 
 /// Returns the state at a pointer from the caller.
-fn kept<'a>(state: *mut c_void) -> Result<&'a SavedState, Refused> {
+fn saved_state<'a>(state: *mut c_void) -> Result<&'a SavedState, Refused> {
     // SAFETY: it is null, or from `fmi3GetFMUState` or `fmi3DeserializeFMUState` and not freed.
     unsafe { state.cast::<SavedState>().as_ref() }
         .ok_or_else(|| Refused("the state is a null pointer".to_owned()))
