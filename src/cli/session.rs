@@ -13,7 +13,8 @@ use crate::devices::ModuleFront;
 use crate::layout::{Device, DeviceFit, FrontWord, RegisterRef, plc_prefix, split_plc};
 use crate::memory::header::BoardState;
 use crate::memory::{
-    AttachMode, Attached, Condition, EmulatorProcess, Header, ImageInfo, ImageSummary, RunningInstance, Width,
+    AttachMode, Attached, Condition, EmulatorProcess, Header, ImageInfo, ImageSummary, MemoryError,
+    RunningInstance, Width,
 };
 use crate::plant::Forced;
 
@@ -296,18 +297,22 @@ pub(crate) fn number_of_plc(
     })
 }
 
-/// The images of an instance; at least one, and all of them usable.
+/// The images of an instance; at least one, and all of them usable. Ignores files of other users.
 ///
 /// # Errors
-/// There is no image, or one cannot be used.
+/// There is no image of this user, or one cannot be used.
 pub(crate) fn images_of(instance: &str) -> Result<Vec<ImageInfo>, CliError> {
     let all = crate::memory::list()?;
     let (own, others): (Vec<_>, Vec<_>) = all.into_iter().partition(|image| image.instance == instance);
+    let (foreign, own): (Vec<_>, Vec<_>) = own.into_iter().partition(is_foreign);
     if own.is_empty() {
         // A process that removes the files of a killed emulator holds the same locks, but is not an emulator.
         if let Some(running) = RunningInstance::find(instance)? {
             let pid = running.process().map(EmulatorProcess::pid);
             return Err(CliError::NoImages { instance: instance.to_owned(), pid });
+        }
+        if let Some(Condition::Unusable(reason)) = foreign.into_iter().next().map(|image| image.condition) {
+            return Err(reason.into());
         }
         let mut running: Vec<_> = others.into_iter().filter(is_alive).map(|image| image.instance).collect();
         running.dedup();
@@ -323,6 +328,11 @@ pub(crate) fn images_of(instance: &str) -> Result<Vec<ImageInfo>, CliError> {
             _ => Ok(image),
         })
         .collect()
+}
+
+/// True if the file belongs to another user. Any user can create a file with the name of an image.
+fn is_foreign(image: &ImageInfo) -> bool {
+    matches!(image.condition, Condition::Unusable(MemoryError::ForeignOwner { .. }))
 }
 
 /// True if an emulator serves the image.

@@ -32,8 +32,14 @@ impl ImageFile {
         let flags = access | OFlags::NOFOLLOW | OFlags::NONBLOCK | OFlags::NOCTTY | OFlags::CLOEXEC;
         let opened = loop {
             match rustix::fs::open(&path, flags, Mode::empty()) {
-                // The emulator is just checking whether another process has the file open (`Onlookers`).
-                Err(Errno::AGAIN) => std::thread::yield_now(),
+                // The emulator is just checking whether another process has the file open (`Onlookers`). Another user
+                // could keep such a lease on a file of that user.
+                Err(Errno::AGAIN) => {
+                    if let Ok(stat) = rustix::fs::lstat(&path) {
+                        judge(&path, &stat)?;
+                    }
+                    std::thread::yield_now();
+                }
                 opened => break opened,
             }
         };
@@ -158,8 +164,8 @@ fn judge(path: &Path, stat: &Stat) -> Result<(), MemoryError> {
     let path = || path.to_owned();
     let user = rustix::process::geteuid().as_raw();
     match FileType::from_raw_mode(stat.st_mode) {
-        FileType::RegularFile if stat.st_uid == user => Ok(()),
-        FileType::RegularFile => Err(MemoryError::ForeignOwner { path: path(), owner: stat.st_uid, user }),
+        _ if stat.st_uid != user => Err(MemoryError::ForeignOwner { path: path(), owner: stat.st_uid, user }),
+        FileType::RegularFile => Ok(()),
         FileType::Symlink => Err(MemoryError::Symlink { path: path() }),
         _ => Err(MemoryError::NotAFile { path: path() }),
     }

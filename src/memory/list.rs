@@ -92,11 +92,11 @@ pub fn instances() -> Result<BTreeSet<String>, MemoryError> {
     Ok(instances)
 }
 
-/// The PLCs of all entries with the name of an image of `instance`.
+/// The PLCs of all entries with the name of an image of `instance`, except those that belong to another user.
 pub(super) fn named(instance: &str) -> Result<Vec<String>, MemoryError> {
     let mut plcs = Vec::new();
     for_each_name(|of, plc| {
-        if of == instance {
+        if of == instance && !is_foreign(instance, plc) {
             plcs.push(plc.to_owned());
         }
     })?;
@@ -121,6 +121,10 @@ fn for_each_file(mut found: impl FnMut(&str)) -> Result<(), MemoryError> {
         }
     }
     Ok(())
+}
+
+fn is_foreign(instance: &str, plc: &str) -> bool {
+    matches!(ImageFile::open(instance, plc, false), Err(MemoryError::ForeignOwner { .. }))
 }
 
 /// `None` if the file has disappeared meanwhile.

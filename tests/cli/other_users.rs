@@ -119,6 +119,46 @@ fn an_image_of_another_user_is_neither_taken_over_nor_used() {
     assert!(before.unwrap() == after.unwrap(), "it was written to");
 }
 
+/// The attacker can create these entries at any time after the start.
+#[test]
+fn entries_of_others_with_names_of_images_do_not_disturb_clients() {
+    if !can_be_another_user() {
+        return;
+    }
+    let mut emulator = Emulator::stepped();
+    let image = format!("/dev/shm/commram.{}", emulator.name);
+    let entries = ["a-file", "x", "directory", "pipe", "link"].map(|plc| format!("{image}.{plc}"));
+    let [closed, open, directory, pipe, link] = &entries;
+    let made = attack(&format!(
+        "umask 77; touch {closed}; umask 0; touch {open} && mkdir {directory} && mkfifo {pipe} && ln -s /nowhere {link}"
+    ));
+    let commands: [(&str, &[&str]); 8] = [
+        ("status", &[]),
+        ("peek", &["node2.w_OPTION_STATUS"]),
+        ("poke", &["node2.b_AC=1"]),
+        ("step", &["1ms"]),
+        ("dump", &["node2"]),
+        ("check", &[]),
+        ("board", &["get"]),
+        ("bus", &["list"]),
+    ];
+    let outcomes = commands.map(|(name, args)| (name, emulator.run(name, args)));
+    emulator.kill();
+    let left = [emulator.run("peek", &["node2.w_OPTION_STATUS"]), emulator.run("stop", &["--clean"])];
+    let others = files_of(&emulator.name).len();
+    for entry in &entries {
+        let _ = std::fs::remove_file(entry).or_else(|_| std::fs::remove_dir(entry));
+    }
+    assert_eq!(made.code, Some(0), "{}", made.err);
+    for (name, outcome) in outcomes {
+        assert_eq!(outcome.code, Some(0), "{name}: {outcome:?}");
+    }
+    for outcome in left {
+        assert_eq!(outcome.code, Some(0), "{outcome:?}");
+    }
+    assert_eq!(others, entries.len(), "the entries of others are left alone");
+}
+
 /// One client is connected and another listens to events, so that all kinds of objects exist.
 #[test]
 fn nothing_of_a_running_instance_can_be_read_written_or_removed_by_others() {
