@@ -103,6 +103,9 @@ pub(crate) enum CliError {
         /// The emulator's process, if it can be seen.
         pid: Option<u32>,
     },
+    /// Other users can write to the directory of an instance to be ended, and no held lock shows an emulator.
+    #[error(transparent)]
+    OpenDirectory(MemoryError),
     /// Only the files of a killed emulator are left.
     #[error(
         "instance '{instance}' is dead, its emulator (process {pid}) was killed; start it again with \

@@ -105,6 +105,7 @@ impl CliError {
             | Self::Ended { .. }
             | Self::NotFound { .. }
             | Self::StillThere { .. }
+            | Self::OpenDirectory(_)
             | Self::Unsaved { .. }
             | Self::Demo(_)
             | Self::Runtime(_)

@@ -66,8 +66,21 @@ fn end_all(clean: bool) -> Result<(), CliError> {
     let mut failed = None;
     let mut any = false;
     for name in crate::memory::instances()? {
-        // Skips instances of other users.
-        let is_running = RunningInstance::find(&name).is_ok_and(|running| running.is_some());
+        let mut note_failure = |error: CliError| {
+            any = true;
+            if let Some(before) = failed.replace(error) {
+                output::complain(&before.to_string());
+            }
+        };
+        let is_running = match find(&name) {
+            Ok(running) => running.is_some(),
+            // Another user has taken this name.
+            Err(CliError::Memory(MemoryError::ForeignDirectory { .. })) => false,
+            Err(error) => {
+                note_failure(error);
+                continue;
+            }
+        };
         let is_dead = || images_of(&name).is_ok_and(|images| dead(&images).is_some());
         let is_left = || is_dead() || channel_root(&name).is_ok_and(|root| is_own(&root));
         if !is_running && !clean {
@@ -79,16 +92,14 @@ fn end_all(clean: bool) -> Result<(), CliError> {
         if !is_running && !is_left() {
             continue;
         }
-        any = true;
         match end(&name, clean) {
             // The instance has ended by itself.
-            Ok(()) | Err(CliError::NotRunning { .. }) => {}
-            Err(CliError::Dead { .. }) => note_killed(&name),
-            Err(error) => {
-                if let Some(before) = failed.replace(error) {
-                    output::complain(&before.to_string());
-                }
+            Ok(()) | Err(CliError::NotRunning { .. }) => any = true,
+            Err(CliError::Dead { .. }) => {
+                any = true;
+                note_killed(&name);
             }
+            Err(error) => note_failure(error),
         }
     }
     if !any {
@@ -107,8 +118,19 @@ fn is_own(directory: &Path) -> bool {
     directory.symlink_metadata().is_ok_and(|it| it.is_dir() && it.uid() == user)
 }
 
+/// Finds the emulator of an instance.
+///
+/// # Errors
+/// As [`RunningInstance::find`]. [`CliError::OpenDirectory`]: an emulator may run, but no held lock shows it.
+fn find(name: &str) -> Result<Option<RunningInstance>, CliError> {
+    RunningInstance::find(name).map_err(|error| match error {
+        MemoryError::OpenDirectory { .. } => CliError::OpenDirectory(error),
+        other => other.into(),
+    })
+}
+
 fn end(name: &str, clean: bool) -> Result<(), CliError> {
-    let Some(running) = RunningInstance::find(name)? else {
+    let Some(running) = find(name)? else {
         if clean && let Some(outcome) = clean_up(name)? {
             return output::print(&outcome);
         }

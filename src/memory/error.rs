@@ -1,6 +1,7 @@
 //! Errors of the emulated RAM.
 
 use super::{Address, HEADER_SIZE, State, header::EVENT_SLOTS, limits, names::IMAGE_DIRECTORY};
+use rustix::io::Errno;
 use std::{io, path::PathBuf, time::Duration};
 
 /// A refused access or image file: the fault, its place, and what would be right.
@@ -329,6 +330,14 @@ pub enum MemoryError {
         /// The reason.
         reason: io::Error,
     },
+}
+
+impl MemoryError {
+    /// True if the system or a limit of this process refused a resource. A file may exist that could not be opened.
+    pub(super) fn is_shortage(&self) -> bool {
+        let Self::System { reason, .. } = self else { return false };
+        matches!(Errno::from_io_error(reason), Some(Errno::MFILE | Errno::NFILE | Errno::NOMEM))
+    }
 }
 
 fn process(pid: Option<u32>) -> String {

@@ -82,9 +82,8 @@ impl InstanceLock {
     /// Bad name, or the instance's directory is accessible to other users.
     pub fn holder(instance: &str) -> Result<Option<Option<EmulatorProcess>>, MemoryError> {
         let path = names::channel_root(instance)?;
-        let Some(file) = PrivateDir::open(&path)?.and_then(|directory| directory.find_file(LOCK)) else {
-            return Ok(None);
-        };
+        let Some(directory) = PrivateDir::open(&path)? else { return Ok(None) };
+        let Some(file) = directory.find_file(LOCK)? else { return Ok(None) };
         match file.try_lock_shared() {
             Ok(()) => Ok(None),
             Err(TryLockError::WouldBlock) => EmulatorProcess::holding(&file, signer(&file)).map(Some),

@@ -65,6 +65,26 @@ impl PrivateDir {
         Ok(Some(Self { path: path.to_owned(), directory }))
     }
 
+    /// Opens the file `name` in this user's directory at `path`, to which other users may write. `None` if the file is
+    /// not a regular file of this user with exactly one name: another user may have put it there.
+    ///
+    /// # Errors
+    /// As [`PrivateDir::find_file`].
+    pub(crate) fn find_own_file(path: &Path, name: &str) -> Result<Option<File>, MemoryError> {
+        let Ok(directory) = Directory::open_itself(path) else { return Ok(None) };
+        let user = rustix::process::geteuid().as_raw();
+        if !directory.stat().is_ok_and(|stat| stat.st_uid == user) {
+            return Ok(None);
+        }
+        let file = Self { path: path.to_owned(), directory }.find_file(name)?;
+        Ok(file.filter(|file| {
+            rustix::fs::fstat(file).is_ok_and(|stat| {
+                let kind = FileType::from_raw_mode(stat.st_mode);
+                kind == FileType::RegularFile && stat.st_uid == user && stat.st_nlink == 1
+            })
+        }))
+    }
+
     /// Its path.
     #[cfg(feature = "channel")]
     pub(crate) fn path(&self) -> &Path {
@@ -101,8 +121,17 @@ impl PrivateDir {
     }
 
     /// Opens the file `name` in it for reading; `None` if there is none.
-    pub(crate) fn find_file(&self, name: &str) -> Option<File> {
-        self.directory.read(name).ok()
+    ///
+    /// # Errors
+    /// This process cannot open another file.
+    pub(crate) fn find_file(&self, name: &str) -> Result<Option<File>, MemoryError> {
+        match self.directory.read(name) {
+            Ok(file) => Ok(Some(file)),
+            Err(errno) => {
+                let error = failed(&self.path.join(name), "open", errno);
+                if error.is_shortage() { Err(error) } else { Ok(None) }
+            }
+        }
     }
 
     /// Whether `name` still names `file`.
@@ -114,7 +143,7 @@ impl PrivateDir {
     #[cfg(feature = "channel")]
     pub(crate) fn read(&self, name: &str) -> Option<String> {
         let mut text = String::new();
-        self.find_file(name)?.take(MAX_TEXT).read_to_string(&mut text).ok()?;
+        self.find_file(name).ok()??.take(MAX_TEXT).read_to_string(&mut text).ok()?;
         Some(text)
     }
 

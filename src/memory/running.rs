@@ -64,6 +64,9 @@ impl RunningInstance {
     fn look(instance: &str) -> Result<(Option<Self>, bool), MemoryError> {
         let (lock, refused) = match lock_file(instance) {
             Ok(lock) => (lock, None),
+            // Other users can write to the directory, but they cannot hold a lock on a file of this user.
+            Err(refused @ MemoryError::OpenDirectory { .. }) => (own_lock_file(instance)?, Some(refused)),
+            Err(refused) if refused.is_shortage() => return Err(refused),
             // Something else has the directory's name; the images may still be served.
             Err(refused) => (None, Some(refused)),
         };
@@ -80,8 +83,12 @@ impl RunningInstance {
             files.push(lock);
         }
         for plc in list::named(instance)? {
-            // A file of another user is not an image that an emulator of this user serves.
-            let Ok(Some(image)) = ImageFile::open(instance, &plc, false) else { continue };
+            let image = match ImageFile::open(instance, &plc, false) {
+                Ok(Some(image)) => image,
+                Err(refused) if refused.is_shortage() => return Err(refused),
+                // An emulator does not serve an entry that is not a regular file of this user.
+                Ok(None) | Err(_) => continue,
+            };
             if !image.is_locked() {
                 continue;
             }
@@ -150,7 +157,15 @@ impl LockedFile {
 /// The lock file in the instance's directory.
 fn lock_file(instance: &str) -> Result<Option<LockedFile>, MemoryError> {
     let path = names::channel_root(instance)?;
-    let file = PrivateDir::open(&path)?.and_then(|directory| directory.find_file(LOCK));
+    let Some(directory) = PrivateDir::open(&path)? else { return Ok(None) };
+    let file = directory.find_file(LOCK)?;
+    Ok(file.map(|file| LockedFile { path: path.join(LOCK), file }))
+}
+
+/// The same for a directory to which other users can write.
+fn own_lock_file(instance: &str) -> Result<Option<LockedFile>, MemoryError> {
+    let path = names::channel_root(instance)?;
+    let file = PrivateDir::find_own_file(&path, LOCK)?;
     Ok(file.map(|file| LockedFile { path: path.join(LOCK), file }))
 }
 

@@ -336,6 +336,34 @@ fn reach(subset: u32, damage: Damage, life: Life) {
     assert_eq!(emulator.files(), NOTHING, "{what}");
 }
 
+/// In a separate `/dev/shm`, because `--all` ends all emulators there. The second directory has no lock.
+#[test]
+fn a_held_lock_in_a_directory_open_to_others_shows_the_emulator() {
+    let script = "mount -t tmpfs tmpfs /dev/shm || exit 77
+        for stop in 'stop -i one' 'stop --all' 'stop --clean -i one'; do
+            $COMMRAM run --detach --clock stepped -i one >/dev/null
+            rm /dev/shm/commram.one.line; chmod 777 /dev/shm/commram.one.iox.d
+            $COMMRAM $stop || echo \"$stop: $?\"
+            ls /dev/shm
+        done
+        mkdir -m 777 /dev/shm/commram.two.iox.d
+        for stop in 'stop -i two' 'stop --all' 'stop --clean -i two' 'stop --all --clean'; do
+            answer=$($COMMRAM $stop 2>&1); code=$?
+            case \"$code $answer\" in
+                '1 '*'/dev/shm/commram.two.iox.d can be written by other users'*) ;;
+                *) echo \"$stop: $code $answer\";;
+            esac
+        done";
+    let mut shell = Command::new("unshare");
+    shell.args(["--mount", "sh", "-c", script]).env("COMMRAM", commram().get_program());
+    let outcome = finish(shell.env_remove("COMMRAM_INSTANCE"));
+    if outcome.code == Some(77) || outcome.err.contains("unshare") {
+        eprintln!("SKIPPED: no mount namespace: {}", outcome.err);
+        return;
+    }
+    assert_eq!(outcome.ok(), "instance 'one' has stopped\n".repeat(3));
+}
+
 /// A lock file may contain any process ID; the kernel knows the holder of the lock.
 #[test]
 fn a_process_that_a_damaged_file_names_is_not_signalled() {

@@ -66,6 +66,31 @@ fn a_limit_of_file_sizes_is_named_and_leaves_no_partial_files() {
     assert_eq!(own.code, Some(128 + 25), "{}", own.err);
 }
 
+/// In a separate `/dev/shm`, because the command ends all emulators there.
+#[test]
+fn stop_all_names_the_limit_that_hides_emulators() {
+    let script = "mount -t tmpfs tmpfs /dev/shm || exit 77
+        start() { $COMMRAM run --detach --clock stepped -i one >/dev/null; }
+        start
+        for n in 4 5 6 7 8 9 10 11 12 13 14 16; do
+            answer=$( (ulimit -n $n; exec $COMMRAM stop --all) 2>&1); code=$?
+            case \"$code $answer\" in
+                '0 '*'has stopped'*) start;;
+                '3 '*'ulimit -n'*) ;;
+                *) echo \"$n: $code $answer\";;
+            esac
+        done
+        $COMMRAM stop --all";
+    let mut shell = Command::new("unshare");
+    shell.args(["--mount", "sh", "-c", script]).env("COMMRAM", commram().get_program());
+    let outcome = finish(shell.env_remove("COMMRAM_INSTANCE"));
+    if outcome.code == Some(77) || outcome.err.contains("unshare") {
+        eprintln!("SKIPPED: no mount namespace: {}", outcome.err);
+        return;
+    }
+    assert_eq!(outcome.ok(), "instance 'one' has stopped\n");
+}
+
 /// With exactly the number of files in the message, the emulator starts completely and answers clients.
 #[test]
 fn a_start_needs_as_many_open_files_as_it_says() {
