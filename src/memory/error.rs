@@ -147,8 +147,9 @@ pub enum MemoryError {
         /// The refused path.
         path: PathBuf,
     },
-    /// The file belongs to another user.
-    #[error("{} belongs to user {owner}, not to user {user}; an image is used by its owner only", .path.display())]
+    /// The file, or another kind of entry with this name, belongs to another user.
+    #[error("{} belongs to user {owner}, not to user {user}; an image is used by its owner only: choose another instance \
+        name, or ask user {owner} or root to remove it", .path.display())]
     ForeignOwner {
         /// The refused path.
         path: PathBuf,
@@ -157,9 +158,9 @@ pub enum MemoryError {
         /// User id of this process.
         user: u32,
     },
-    /// The instance's directory belongs to another user.
+    /// The instance's directory, or another kind of entry with its name, belongs to another user.
     #[error("{} belongs to user {owner}, not to user {user}, and that user has taken this instance name; choose \
-        another one", .path.display())]
+        another one, or ask user {owner} or root to remove it", .path.display())]
     ForeignDirectory {
         /// The refused path.
         path: PathBuf,

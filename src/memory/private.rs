@@ -197,7 +197,7 @@ fn judge(path: &Path, stat: &Stat) -> Result<(), MemoryError> {
     let path = || path.to_owned();
     let user = rustix::process::geteuid().as_raw();
     match FileType::from_raw_mode(stat.st_mode) {
-        FileType::Directory if stat.st_uid != user => {
+        _ if stat.st_uid != user => {
             Err(MemoryError::ForeignDirectory { path: path(), owner: stat.st_uid, user })
         }
         FileType::Directory if stat.st_mode & OTHERS_WRITE != 0 => {

@@ -64,13 +64,56 @@ fn a_link_in_place_of_the_directory_is_refused() {
     assert_eq!(attack(&format!("ln -s {} {directory}", own.path().display())).code, Some(0));
     let outcome = run(&["run", "-i", &name]);
     std::fs::remove_file(&directory).unwrap();
-    assert!(outcome.fails(1).contains("is a symbolic link"), "{}", outcome.err);
+    let expected = format!("{directory} belongs to user {NOBODY}, not to user 0");
+    assert!(outcome.fails(1).contains(&expected), "{}", outcome.err);
     assert_eq!(std::fs::read_dir(own.path()).unwrap().count(), 0);
     // A link of the owner is not followed either.
     symlink(own.path(), &directory).unwrap();
     let outcome = run(&["run", "-i", &name]);
     std::fs::remove_file(&directory).unwrap();
     assert!(outcome.fails(1).contains("is a symbolic link"), "{}", outcome.err);
+}
+
+/// Any user can create an entry of any kind before the emulator starts. Only its owner and root can remove it.
+#[test]
+fn an_entry_of_another_user_is_reported_with_its_owner_and_a_remedy() {
+    if !can_be_another_user() {
+        return;
+    }
+    let make: [(&str, fn(&str)); 5] = [
+        ("file", |path| std::fs::write(path, "").unwrap()),
+        ("directory", |path| std::fs::create_dir(path).unwrap()),
+        ("pipe", |path| assert!(Command::new("mkfifo").arg(path).status().unwrap().success())),
+        ("link", |path| symlink("/nowhere", path).unwrap()),
+        ("socket", |path| drop(std::os::unix::net::UnixListener::bind(path).unwrap())),
+    ];
+    for ending in ["line", "iox.d"] {
+        for (kind, make) in make {
+            let name = unique_name();
+            let path = format!("/dev/shm/commram.{name}.{ending}");
+            make(&path);
+            std::os::unix::fs::lchown(&path, Some(NOBODY), Some(NOBODY)).unwrap();
+            let outcomes = [
+                run(&["run", "-i", &name]),
+                run(&["stop", "-i", &name]),
+                run(&["peek", "node2.w_OPTION_STATUS", "-i", &name]),
+            ];
+            let _ = std::fs::remove_file(&path).or_else(|_| std::fs::remove_dir(&path));
+            for (outcome, code) in outcomes.into_iter().zip([1, 3, 3]) {
+                let message = outcome.fails(code);
+                assert!(
+                    message.contains(&format!("{path} belongs to user {NOBODY}, not to user 0")),
+                    "{kind}: {message}"
+                );
+                assert!(
+                    message.contains(&format!("ask user {NOBODY} or root to remove it")),
+                    "{kind}: {message}"
+                );
+                assert!(message.contains("choose another"), "{kind}: {message}");
+            }
+            assert!(files_of(&name).is_empty());
+        }
+    }
 }
 
 #[test]
