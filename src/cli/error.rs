@@ -103,6 +103,17 @@ pub(crate) enum CliError {
         /// The emulator's process, if it can be seen.
         pid: Option<u32>,
     },
+    /// An emulator runs without a channel.
+    #[error(
+        "instance '{instance}' runs{}, but has no channel, which this command needs; `commram peek`, `dump`, `diff` and \
+         `board get` read its registers without one; to get a channel, end the emulator with `commram stop -i {instance}` \
+         and start it again", .pid.map_or_else(String::new, |pid| format!(" (process {pid})"))
+    )]
+    NoChannel {
+        instance: String,
+        /// The emulator's process, if it can be seen.
+        pid: Option<u32>,
+    },
     /// Other users can write to the directory of an instance to be ended, and no held lock shows an emulator.
     #[error(transparent)]
     OpenDirectory(MemoryError),

@@ -116,6 +116,7 @@ impl CliError {
             Self::NotRunning { .. }
             | Self::NothingToEnd { .. }
             | Self::NoImages { .. }
+            | Self::NoChannel { .. }
             | Self::Dead { .. }
             | Self::Memory(_)
             | Self::Process { .. }

@@ -115,7 +115,9 @@ impl Session {
         use crate::channel::ClientError;
         match Self::connect(instance, images, 0) {
             // The emulator runs, but could not create a channel.
-            Err(CliError::Client(ClientError::NotRunning { .. })) if images_of(instance).is_ok() => {
+            Err(CliError::NoChannel { .. } | CliError::Client(ClientError::NotRunning { .. }))
+                if images_of(instance).is_ok() =>
+            {
                 output::note(&format!(
                     "instance '{instance}' has no channel; registers are read one after the other"
                 ));

@@ -160,6 +160,23 @@ fn without_memory_for_the_channel_the_emulator_runs_without_it() {
 }
 
 #[test]
+fn a_client_of_an_emulator_without_a_channel_learns_what_works() {
+    let script = while_running(
+        "for command in 'step 1ms' status 'poke node2.w_CPU_CONTROL=1'; do $COMMRAM $command; echo $?; done
+        for command in 'peek --raw node2.w_OPTION_STATUS' 'dump node2' 'board get'; do
+            $COMMRAM $command >/dev/null; echo $?
+        done",
+    );
+    let Some(outcome) = with_small_shm("4m", &script) else { return };
+    let message =
+        "but has no channel, which this command needs; `commram peek`, `dump`, `diff` and `board get` read";
+    assert_eq!(outcome.err.matches(message).count(), 3, "{outcome:?}");
+    assert_eq!(outcome.err.matches("end the emulator with `commram stop -i ").count(), 3, "{outcome:?}");
+    assert!(!outcome.err.contains("is not running"), "{outcome:?}");
+    assert!(outcome.out.starts_with("3\n3\n3\n0\n0\n0\n"), "{outcome:?}");
+}
+
+#[test]
 fn memory_that_runs_out_later_blocks_and_kills_no_process() {
     let script = while_running(
         "$COMMRAM peek --raw node2.w_OPTION_STATUS

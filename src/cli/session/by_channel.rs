@@ -5,8 +5,8 @@ use crate::channel::client::Patience;
 use crate::channel::{Client, ClientError, HeaderBells};
 use crate::cli::progress;
 use crate::journal::{Names, Record};
-use crate::memory::InstanceLock;
 use crate::memory::names::channel_root;
+use crate::memory::{InstanceLock, State};
 use crate::request::InstanceInfo;
 use crate::request::{Op, Reply, WrongReply, read_journal};
 use std::time::Duration;
@@ -40,7 +40,11 @@ impl Session {
         let reply = Duration::from_secs(10).saturating_add(Duration::from_micros(waits_us).mul_f64(slowed));
         let patience = Patience { reply, ..Patience::default() };
         let bells = Box::new(HeaderBells::of_client(attached)?);
-        let client = Box::new(Client::connect(instance, &channel_root(instance)?, bells, patience)?);
+        let client = Client::connect(instance, &channel_root(instance)?, bells, patience);
+        let client = Box::new(client.map_err(|error| match error {
+            ClientError::NotRunning { .. } => without_channel(instance).unwrap_or_else(|| error.into()),
+            other => other.into(),
+        })?);
         let Names { plcs, devices: fitted, .. } = client.info()?.names;
         Ok(Self { instance: instance.to_owned(), plcs, fitted, door: Access::Channel(client) })
     }
@@ -182,7 +186,18 @@ fn taken_from(instance: &str, images: &[ImageInfo]) -> Option<u32> {
 }
 
 fn no_channel(instance: &str) -> CliError {
-    CliError::NotRunning { instance: instance.to_owned(), running: String::new() }
+    let not_running = || CliError::NotRunning { instance: instance.to_owned(), running: String::new() };
+    without_channel(instance).unwrap_or_else(not_running)
+}
+
+/// The error of a command that finds no channel, if an emulator of this instance is ready: it opens its channel first.
+fn without_channel(instance: &str) -> Option<CliError> {
+    let is_ready = |image: &ImageInfo| matches!(&image.condition, Condition::Alive(summary) if summary.state == Some(State::Ready));
+    let images = images_of(instance).ok()?;
+    images
+        .iter()
+        .any(is_ready)
+        .then(|| CliError::NoChannel { instance: instance.to_owned(), pid: alive(&images) })
 }
 
 /// Ratio of real time to emulated time.
