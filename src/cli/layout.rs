@@ -12,7 +12,7 @@ use commram_layoutc::import::{Import, ImportError, NamePairs, Row as ImportRow, 
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
-/// Check layout files, and import the offsets of registers from the vendor's declarations.
+/// Check layout files, and import register offsets from the vendor's declarations.
 #[derive(clap::Args)]
 #[command(
     arg_required_else_help = true,
