@@ -65,7 +65,7 @@ impl Execution {
         let not_in_time = |_: &dyn Host, waited: Waited| {
             let (count, held, time_us) = (conditions.len(), waited.value.count_ones(), waited.time_us);
             let text = format_args!(
-                "the conditions did not come to hold in time; at {time_us} us {held} of {count} hold"
+                "the conditions did not become true in time; at {time_us} us {held} of {count} hold"
             );
             Refused { waited: Some(waited), ..Refused::new(Code::NOT_IN_TIME, text) }
         };

@@ -226,7 +226,7 @@ fn a_stepped_plant_goes_back_and_reports_its_limit() {
     user.sees("2 ms back");
     assert_eq!(user.host.plant.now(), now - 2_000);
     user.type_in("Bnode2.w_OPTION_STATUS==16#0043\n");
-    user.sees("did not come to hold");
+    user.sees("did not become true");
     user.type_in("b1h\n");
     user.sees("are too far");
     user.type_in("Bnode2.w_OPTION_STATUS==16#0002 and node2.w_CPU_CONTROL==1\n");
