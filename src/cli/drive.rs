@@ -212,8 +212,7 @@ mod by_channel {
                 let (near, known) = (did_you_mean(name, names()), names().collect::<Vec<_>>().join(", "));
                 let known = if known.is_empty() { "none".to_owned() } else { known };
                 let instance = instance.name();
-                let right =
-                    format!("instance '{instance}' has no drive of this name{near}; its drives are: {known}");
+                let right = format!("instance '{instance}' has the drives {known}, not this one{near}");
                 Err(CliError::Argument { text: name.to_owned(), right })
             }
         }

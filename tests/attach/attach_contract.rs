@@ -103,7 +103,13 @@ fn the_printed_client_refuses_an_unsuitable_image() {
     image.set_ready();
     assert_eq!(refused("1"), (Some(2), "other register map".to_owned()));
     image.header().abi_version.store(1);
-    assert_eq!(refused(&hash()), (Some(2), "the image has ABI version 1, this program knows 3; use a client of that version".to_owned()));
+    assert_eq!(
+        refused(&hash()),
+        (
+            Some(2),
+            "the image has ABI version 1, this program knows 3; use a client of that version".to_owned()
+        )
+    );
     drop(image);
     assert_eq!(refused(&hash()), (Some(2), "no image there".to_owned()));
 }

@@ -43,7 +43,7 @@ fn drives_are_listed_shown_and_set() {
 fn settings_that_a_drive_does_not_accept_are_refused() {
     let emulator = Emulator::stepped();
     for (args, told) in [
-        (&["show", "drive9"][..], "no such drive; did you mean drive"),
+        (&["show", "drive9"][..], ", not this one; did you mean drive"),
         (&["set", "drive1", "P4095=1"], "drive 'drive1': P4095 = 1: it has no such parameter"),
         (&["set", "drive1", "P121=1"], "P121 = 1: only the drive itself writes it"),
         (&["set", "drive1", "P167=70000"], "P167 = 70000: it takes 0 to "),

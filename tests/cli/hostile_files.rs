@@ -210,7 +210,7 @@ fn snapshots_are_refused_within_the_promised_time() {
     };
     let longest = usize::try_from(commram::plant::SnapshotFile::LONGEST).unwrap();
     for (name, bytes, told) in [
-        ("zeros", vec![0; longest], "it is no snapshot"),
+        ("zeros", vec![0; longest], "it is not a snapshot"),
         ("longer", vec![0; longest + 1], "more than"),
         ("tail", [&right[..right.len() / 2], &vec![0xFF; longest - right.len()][..]].concat(), "damaged"),
     ] {

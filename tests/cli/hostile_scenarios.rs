@@ -109,7 +109,7 @@ fn a_scenario_that_crashes_harms_no_other() {
     assert_eq!((outcome.code, outcome.err.as_str()), (Some(1), ""));
     for expected in [
         "died    1-memory.rhai  in ",
-        "1-memory.rhai: its process has not come to the end of the scenario (signal: 6 (SIGABRT)",
+        "1-memory.rhai: its process ended before the scenario was finished (signal: 6 (SIGABRT)",
         "memory allocation of ",
         "  | begins\n",
         "passed  2-good.rhai  0.001000 s emulated in ",

@@ -56,7 +56,7 @@ fn an_instance_and_its_journal_give_the_same_plot() {
         unchanged.err
     );
     for (args, told) in [
-        (&["node2.w_CPU_CONTROL", "-o", "x.gif"][..], "ends in .svg or .png"),
+        (&["node2.w_CPU_CONTROL", "-o", "x.gif"][..], "must end in .svg or .png"),
         (&["node2.w_CPU_CONTROL", "-o", "x.svg", "--from", "2ms", "--to", "1ms"], "later than --from"),
         (&["%MB3.200001", "-o", "x.svg"], "a part of a register"),
         (&["node2.w_NO", "-o", "x.svg"], "w_NO"),

@@ -48,7 +48,7 @@ fn a_new_plant_names_its_schema_and_nothing_is_overwritten() {
     let text = std::fs::read_to_string(directory.path().join("plant.toml")).unwrap();
     assert!(text.starts_with("#:schema ./plant.schema.json\n"), "{text}");
     run_in(directory.path(), &["run", "--check", "plant.toml"]).ok();
-    assert!(new().fails(2).contains("`plant.toml`: this file is there already"));
+    assert!(new().fails(2).contains("`plant.toml`: this file exists and is not overwritten"));
     let printed = run_in(directory.path(), &["plant", "new", "--device", "can-dp2"]);
     assert!(printed.ok().contains("kind = \"can-dp2\""), "{}", printed.out);
 }
