@@ -65,7 +65,7 @@ fn a_failing_round_is_minimized_and_fails_alone() {
 #[test]
 fn wrong_use_says_what_would_be_right() {
     for (args, says) in [
-        (&["soak", "--exercise", "nothing"][..], "there are omega-cansync, omega-baps, "),
+        (&["soak", "--exercise", "nothing"][..], "the exercises are omega-cansync, omega-baps, "),
         (&["soak", "--hours", "0"], "a number above 0"),
         (&["soak", "--jobs", "0"], "0"),
     ] {

@@ -122,7 +122,7 @@ fn back_by_a_time_and_to_a_condition() {
     assert_eq!(emulator.step(&["--back-to", "node2.w_OPTION_STATUS==16#0002"]), "0.000500 s");
     // A condition that was not met is not wrong use.
     let told = emulator.run("step", &["--back", "1s"]);
-    assert!(told.fails(1).contains("one can go back to 0.000000 s, it is 0.0"), "{told:?}");
+    assert!(told.fails(1).contains("the earliest moment is 0.000000 s, it is 0.0"), "{told:?}");
     let told = emulator.run("step", &["--back-to", "node2.w_OPTION_STATUS==16#0043"]);
     assert!(told.fails(1).contains("did not become true since 0.000000 s"), "{told:?}");
 }
