@@ -80,7 +80,7 @@ pub enum ImportError {
         /// The shared structure, sub-structure or block.
         structure: String,
         /// The register, or `size`.
-        register: String,
+        register: Box<str>,
         /// Offset in the layout.
         before: u32,
         /// Offset in the declarations.
@@ -88,7 +88,7 @@ pub enum ImportError {
         /// The file with confirmed offsets.
         confirmed: PathBuf,
         /// The origin of the confirmed offsets, as the file names it.
-        library: String,
+        library: Box<str>,
     },
     /// The result would be an incorrect layout.
     #[error("the layout would be refused with these offsets: {0}")]

@@ -57,11 +57,11 @@ pub(super) fn check(
             return Err(ImportError::Confirmed {
                 path: declarations.to_owned(),
                 structure: moved.home.name().to_owned(),
-                register: moved.register.to_owned(),
+                register: moved.register.into(),
                 before: moved.before,
                 after: moved.after,
                 confirmed: other.0.files[confirmed.file].0.clone(),
-                library,
+                library: library.into(),
             });
         }
     }
