@@ -97,7 +97,7 @@ impl Client {
     }
 
     /// Sets the longest wait for a reply from now on ([`Patience::reply`]).
-    #[cfg(feature = "studio")]
+    #[cfg(feature = "cli")]
     pub(crate) fn set_patience(&mut self, reply: Duration) {
         self.patience.reply = reply;
     }

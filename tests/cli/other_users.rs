@@ -80,7 +80,8 @@ fn an_entry_of_another_user_is_reported_with_its_owner_and_a_remedy() {
     if !can_be_another_user() {
         return;
     }
-    let make: [(&str, fn(&str)); 5] = [
+    type MakeEntry = fn(&str);
+    let make: [(&str, MakeEntry); 5] = [
         ("file", |path| std::fs::write(path, "").unwrap()),
         ("directory", |path| std::fs::create_dir(path).unwrap()),
         ("pipe", |path| assert!(Command::new("mkfifo").arg(path).status().unwrap().success())),

@@ -93,7 +93,7 @@ fn ops() -> Vec<(String, Op)> {
     ops.extend((1..=9).filter_map(|which| {
         Some(Op::SetBoard {
             plc,
-            setting: BoardSetting::from_numbers(which, u32::from(which < 6 || which > 7))?,
+            setting: BoardSetting::from_numbers(which, u32::from(!(6..=7).contains(&which)))?,
         })
     }));
     for (compare, is_signed) in Compare::ALL.iter().flat_map(|compare| [(*compare, false), (*compare, true)])
