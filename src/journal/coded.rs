@@ -1,8 +1,8 @@
 //! Events as three words: for the running hash, for counting equal ones, and for the channel.
 //!
 //! First word: bits 0-7 number of the [`Kind`], 8-15 number of the port, 16-31 index of the device or bus. The
-//! remaining five halves of 32 bits belong to the kind, which puts its [`Part`]s there one after the other.
-//! [`event_kinds!`](crate::event_kinds!) writes both ways, there and back again, from one list of fields.
+//! upper 32 bits of the first word and the other two words belong to the kind, which puts its [`Part`]s there one after
+//! the other. [`event_kinds!`](crate::event_kinds!) makes the encoder and the decoder from one list of fields.
 
 use super::event::{Origin, Source};
 use super::kind::Kind;

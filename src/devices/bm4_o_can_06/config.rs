@@ -54,11 +54,11 @@ pub struct ModuleConfig {
     pub dip: u8,
     /// DIP switch 9 of a BM4-O-CAN-05: `true` is ON, a slave with registers in the PLC.
     pub dip9: bool,
-    /// DIP switches 3, 2 and 1 of a slave of the controller as a binary number: its baud rate. `None`: that of its bus.
+    /// Baud rate of a slave of the controller: DIP switches 3, 2 and 1 as a binary number. `None`: the baud rate of the bus.
     pub dip_baud: Option<u8>,
     /// DIP switch 10, which must be OFF: `true` is ON.
     pub dip10: bool,
-    /// The module with the SYNC signal that a master can pass on (decision D-12).
+    /// The module that receives the SYNC signal which this master passes on (decision D-12).
     pub sync_in_from: Option<&'static Port>,
     /// Emulated time that a slave needs to lock to the SYNC signal, in us (default 1 s; D-07).
     pub lock_time_us: u64,

@@ -169,12 +169,12 @@ impl Pwm {
         }
     }
 
-    /// `PWM` with CHANGE (p. 92). No effect before the channel's group was initialised.
+    /// Changes the ratio of a channel: block `PWM` with input CHANGE (CS0015 p. 92). No effect before the channel's group was initialised.
     pub(super) fn set(&mut self, channel: u8, value: u16) {
         self.put(channel.into(), |_, _| value);
     }
 
-    /// `PWM100` with CHANGE (p. 94), in percent; more than 100 counts as 100.
+    /// Changes the ratio in percent: block `PWM100` with input CHANGE (CS0015 p. 94); more than 100 counts as 100.
     pub(super) fn set_percent(&mut self, channel: u8, percent: u8) {
         self.put(channel.into(), |clock, group| clock.value(group, percent));
     }

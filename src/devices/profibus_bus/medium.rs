@@ -1,7 +1,7 @@
 //! The running segment.
 //!
-//! Times on the line are exact in bits. The firmware of the stations runs at whole microseconds, as everything in a
-//! plant. Events within a microsecond happen in their order, and the firmware sees them at the end of the microsecond.
+//! Times on the line are exact to one bit. The firmware of the stations runs at whole microseconds, like everything in
+//! a plant. Events within a microsecond happen in their order, and the firmware sees them at the end of the microsecond.
 
 use super::FAMILY;
 use super::config::ProfibusConfig;

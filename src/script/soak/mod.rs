@@ -23,9 +23,10 @@ const AFTERWARDS: usize = 4;
 /// Count of detours of a second run, and of the moves of each.
 const DETOURS: core::ops::RangeInclusive<usize> = 0..=4;
 const DETOUR_MOVES: core::ops::RangeInclusive<usize> = 1..=5;
-/// One in this count of rounds is about ends of the emulator, if it has data to lose: these rounds take real time.
+/// One round in this number kills or ends emulators, if the plant has data that can be lost. The number is high because such
+/// a round takes much real time.
 const KILLED_OF: u8 = 24;
-/// Slices in which a second run advances the clock, in microseconds.
+/// Steps in which the repetition of a round advances the clock, in microseconds.
 const SLICES: core::ops::RangeInclusive<u64> = 300..=30_000;
 
 /// The exercises of all devices.
@@ -38,14 +39,15 @@ pub fn exercises() -> impl Iterator<Item = &'static Exercise> {
 pub enum Kind {
     /// A right program: it behaves as the manual says, and the checker has no findings.
     Right,
-    /// A right program with faults: afterwards it starts over, and behaves as the manual says.
+    /// A right program on a plant with faults. After the end of the faults the program restarts and behaves as the manual
+    /// says.
     Disturbed,
     /// A right program with stores to any register as well.
     Hostile,
     /// A right program that ends with a forbidden action: the checker finds the action.
     Wrong,
-    /// Emulators that are ended or killed at any moment; each continues with the stored data of the previous one. No
-    /// scenario.
+    /// Emulators that are ended or killed at any moment; each continues with the stored data of the previous one.
+    /// Such a round is not a scenario.
     Killed,
 }
 

@@ -27,15 +27,15 @@ function_block! {
             si_RD_SL_NR1_RECEIVE: i8 = AUTOMATIC;
             /// Slave requested for frame 2; -128 (default): all in turn; -1: none.
             si_RD_SL_NR2_RECEIVE: i8 = AUTOMATIC;
-            /// Highest number of the slaves in turn; -1 (default): unchanged.
+            /// Highest slave number of the automatic polling; -1 (default): unchanged.
             si_MAX_SL_NR: i8 = -1;
             /// Copies received actual values to `a_RD_ARRAY`; default: FALSE.
             x_COPY_TO_RD_ARRAY: bool;
         }
         out {
-            /// Sender of the last received frame 1 since the last call; -128: none.
+            /// Slave that sent the newest frame 1 since the previous call; -128: none.
             si_RD_SL_NR1_RECEIVED: i8 = AUTOMATIC;
-            /// Sender of the last received frame 2 since the last call; -128: none.
+            /// Slave that sent the newest frame 2 since the previous call; -128: none.
             si_RD_SL_NR2_RECEIVED: i8 = AUTOMATIC;
         }
         in_out {

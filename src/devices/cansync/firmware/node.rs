@@ -74,7 +74,7 @@ pub(super) struct Node {
     refused: Option<InitFault>,
     orders: Orders,
     pub(super) controller: Controller,
-    /// The SYNC signal that this node passes on has another interval than its bus (decision D-282).
+    /// The interval of the SYNC signal that this node passes on differs from the interval of the node's bus (decision D-282).
     sync_is_unlike: bool,
     /// The last poll changed nothing, and `w_CANsync_STATUS` is up to date except for the traffic bits.
     is_settled: bool,
