@@ -123,7 +123,7 @@ def refused(what, *wanted):
     raise AssertionError(f"not refused: {wanted}")
 
 
-refused(lambda: two.unit.doStep(two.us / 1e6 + 1, 0.001), "a step begins at", "the unit stands at")
+refused(lambda: two.unit.doStep(two.us / 1e6 + 1, 0.001), "a step begins at", "but the unit is at")
 refused(lambda: two.unit.doStep(two.us / 1e6, -0.001), "must not be negative")
 refused(lambda: two.unit.getUInt8([1 << 20]), "there is no variable")
 refused(lambda: two.unit.getUInt8([variables["node2.w_CPU_CONTROL"].valueReference]), "is of type UInt16")
