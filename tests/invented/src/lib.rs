@@ -1,5 +1,4 @@
-//! A device that commram does not contain: it sends the values that its program writes on a CAN bus, and stores received
-//! values in registers.
+//! A device of another crate: sends the values of its program on a CAN bus, and stores received values in registers.
 
 use commram::can::{Filter, Frame, Payload, StandardId};
 use commram::devices::can_bus::{self, CanDevice, CanPort, Controller};

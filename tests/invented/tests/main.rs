@@ -195,6 +195,7 @@ fn a_program_that_reads_candump_reads_its_frames() {
 #[test]
 fn its_rules_and_those_of_every_device_are_looked_after() {
     let emulator = start();
+    emulator.breaks(&["owner"]);
     emulator.poke(&["left:out.w_SEND=16#05", "left:in.w_VALUE=7"]);
     emulator.step(&["10ms"]);
     let check = emulator.run("check", &["--format", "csv"]);
