@@ -1,7 +1,7 @@
 //! A stepped emulator still answers while it advances a long emulated time.
 
-use crate::common::{Emulator, eventually, finish, promised, run, wait_for};
-use std::process::{Child, Command, Stdio};
+use crate::common::{Emulator, eventually, finish, in_mount_namespace, promised, run, wait_for};
+use std::process::{Child, Stdio};
 use std::time::Duration;
 
 /// A running command that advances the clock by a day. Dropping this value kills it.
@@ -90,13 +90,7 @@ fn all_emulators_can_be_ended_at_once() {
         kill -KILL $pid; while readlink /proc/$pid/exe >/dev/null; do :; done
         $COMMRAM stop --all 2>&1; echo $?; $COMMRAM list | wc -l
         $COMMRAM stop --all --clean; $COMMRAM stop --all; ls /dev/shm";
-    let mut shell = Command::new("unshare");
-    shell.args(["--mount", "sh", "-c", script]).env("COMMRAM", env!("CARGO_BIN_EXE_commram"));
-    let outcome = finish(shell.env_remove("COMMRAM_INSTANCE"));
-    if outcome.code == Some(77) || outcome.err.contains("unshare") {
-        eprintln!("SKIPPED: no mount namespace: {}", outcome.err);
-        return;
-    }
+    let Some(outcome) = in_mount_namespace(script, None) else { return };
     let expected = "commram: note: instance 'killed' was killed; `commram stop --all --clean` removes its files\n\
                     instance 'one' has stopped\ninstance 'two' has stopped\n0\n2\n\
                     instance 'killed' was dead, its files are removed\nno instance is running\n";

@@ -2,7 +2,8 @@
 //! directories.
 
 use crate::common::{
-    Emulator, Outcome, commram, eventually, files_of, finish, promised, remove_remains, unique_name, wait_for,
+    Emulator, Outcome, commram, eventually, files_of, finish, in_mount_namespace, promised, remove_remains,
+    unique_name, wait_for,
 };
 use commram::memory::{AttachMode, Image, RunningInstance, State};
 use rustix::fs::{Mode, OFlags};
@@ -184,13 +185,7 @@ fn all_kinds_of_stop_and_a_dying_parent_are_one_orderly_end() {
             case $(cat $directory/code) in 0|130) ;; *) echo \"emulator: $(cat $directory/code)\";; esac
             rm $directory/*; ls /dev/shm
         done";
-    let mut shell = Command::new("unshare");
-    shell.args(["--mount", "sh", "-c", script]).env("COMMRAM", commram().get_program());
-    let outcome = finish(shell.env_remove("COMMRAM_INSTANCE"));
-    if outcome.code == Some(77) || outcome.err.contains("unshare") {
-        eprintln!("SKIPPED: no mount namespace: {}", outcome.err);
-        return;
-    }
+    let Some(outcome) = in_mount_namespace(script, None) else { return };
     assert_eq!(outcome.ok(), "");
 }
 
@@ -354,13 +349,7 @@ fn a_held_lock_in_a_directory_open_to_others_shows_the_emulator() {
                 *) echo \"$stop: $code $answer\";;
             esac
         done";
-    let mut shell = Command::new("unshare");
-    shell.args(["--mount", "sh", "-c", script]).env("COMMRAM", commram().get_program());
-    let outcome = finish(shell.env_remove("COMMRAM_INSTANCE"));
-    if outcome.code == Some(77) || outcome.err.contains("unshare") {
-        eprintln!("SKIPPED: no mount namespace: {}", outcome.err);
-        return;
-    }
+    let Some(outcome) = in_mount_namespace(script, None) else { return };
     assert_eq!(outcome.ok(), "instance 'one' has stopped\n".repeat(3));
 }
 

@@ -1,6 +1,8 @@
 //! Process limits (`ulimit`), and the cost of writes by other programs.
 
-use crate::common::{Emulator, Outcome, commram, files_of, finish, promised, unique_name};
+use crate::common::{
+    Emulator, Outcome, commram, files_of, finish, in_mount_namespace, promised, unique_name,
+};
 use std::fs::File;
 use std::os::unix::fs::FileExt;
 use std::path::PathBuf;
@@ -81,13 +83,7 @@ fn stop_all_names_the_limit_that_hides_emulators() {
             esac
         done
         $COMMRAM stop --all";
-    let mut shell = Command::new("unshare");
-    shell.args(["--mount", "sh", "-c", script]).env("COMMRAM", commram().get_program());
-    let outcome = finish(shell.env_remove("COMMRAM_INSTANCE"));
-    if outcome.code == Some(77) || outcome.err.contains("unshare") {
-        eprintln!("SKIPPED: no mount namespace: {}", outcome.err);
-        return;
-    }
+    let Some(outcome) = in_mount_namespace(script, None) else { return };
     assert_eq!(outcome.ok(), "instance 'one' has stopped\n");
 }
 

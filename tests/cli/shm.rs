@@ -1,8 +1,7 @@
 //! Image files that other programs change during use, and a full `/dev/shm`.
 
-use crate::common::{Emulator, commram, eventually, finish, unique_name};
+use crate::common::{Emulator, eventually, in_mount_namespace, unique_name};
 use std::fs::File;
-use std::process::Command;
 
 fn image(emulator: &Emulator) -> String {
     format!("/dev/shm/commram.{}.line", emulator.name)
@@ -97,18 +96,7 @@ fn a_removed_image_is_reported_and_attached_programs_continue() {
 /// provide one.
 fn with_small_shm(size: &str, script: &str) -> Option<crate::common::Outcome> {
     let shell = format!("mount -t tmpfs -o size={size},mode=1777 tmpfs /dev/shm || exit 77\n{script}");
-    let program = commram();
-    let outcome = finish(
-        Command::new("unshare")
-            .args(["--mount", "sh", "-c", &shell])
-            .env("COMMRAM", program.get_program())
-            .env("COMMRAM_INSTANCE", unique_name()),
-    );
-    if outcome.code == Some(77) || outcome.err.contains("unshare") {
-        eprintln!("SKIPPED: no mount namespace: {}", outcome.err);
-        return None;
-    }
-    Some(outcome)
+    in_mount_namespace(&shell, Some(&unique_name()))
 }
 
 /// Starts an emulator, runs `then`, and ends the emulator.

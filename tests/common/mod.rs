@@ -105,6 +105,23 @@ pub(crate) fn finish(command: &mut Command) -> Outcome {
     Outcome { code: status.code(), out: text(out), err: text(err) }
 }
 
+/// Runs a shell script in a separate mount namespace, with the program as `$COMMRAM`. Prints a note and returns `None` if
+/// the machine cannot provide a namespace, or if the script exits with 77 because it cannot mount.
+pub(crate) fn in_mount_namespace(script: &str, instance: Option<&str>) -> Option<Outcome> {
+    let mut shell = Command::new("unshare");
+    shell.args(["--mount", "sh", "-c", script]).env("COMMRAM", commram().get_program());
+    match instance {
+        Some(name) => shell.env("COMMRAM_INSTANCE", name),
+        None => shell.env_remove("COMMRAM_INSTANCE"),
+    };
+    let outcome = finish(&mut shell);
+    if outcome.code == Some(77) || outcome.err.contains("unshare") {
+        eprintln!("SKIPPED: no mount namespace: {}", outcome.err);
+        return None;
+    }
+    Some(outcome)
+}
+
 /// Runs a command to its end with `/dev/full` as standard output.
 pub(crate) fn finish_on_a_full_disk(command: &mut Command) -> Outcome {
     let full = std::fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
