@@ -2,8 +2,8 @@
 
 use super::unit::FORMAT;
 use super::*;
-use crate::format_samples::{sample, samples};
-use crate::snapshot_fields::{Saved, Saving, seal, unseal};
+use crate::format_samples::{sample, samples, with_header};
+use crate::snapshot_fields::{seal, unseal};
 use core::f64::consts::TAU;
 use proptest::prelude::*;
 
@@ -121,20 +121,6 @@ fn a_model_turns_the_motor_and_a_state_has_it() {
             assert!(error.contains("its checksum is wrong"), "bit {bit} of byte {at} flipped: {error}");
         }
     }
-}
-
-/// The same state as `version` of commram would have saved it in `format`.
-fn with_header(bytes: &[u8], format: u16, version: &str) -> Vec<u8> {
-    let written = unseal(bytes).unwrap();
-    let mut from = Saved::new(written);
-    let (magic, _) = (from.raw(8).unwrap(), from.raw(2).unwrap());
-    let found: String = from.value().unwrap();
-    let mut to = Saving::default();
-    to.raw(magic);
-    to.raw(&format.to_le_bytes());
-    to.value(version);
-    to.raw(&written[10 + 1 + found.len()..]);
-    seal(to.into_bytes())
 }
 
 /// A change of what a state holds beside its snapshot needs a new number of the format. The snapshot in it has its own.

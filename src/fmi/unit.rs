@@ -6,7 +6,7 @@ use super::variables::{Kind, ShaftValue, Variable, What, variables};
 use crate::layout::Owner;
 use crate::memory::Segment;
 use crate::plant::{Plant, Snapshot, SnapshotError, SnapshotFile};
-use crate::snapshot_fields::{Damaged, Saved, Saving, seal, unseal};
+use crate::snapshot_fields::{Damaged, Saved, Saving, read_format, save_header, seal, unseal};
 use serde::{Deserialize, Serialize};
 use twox_hash::XxHash3_64;
 
@@ -304,9 +304,7 @@ impl Unit {
     #[must_use]
     pub fn to_bytes(&self, state: &UnitState, phase: u8) -> Vec<u8> {
         let mut to = Saving::default();
-        to.raw(&MAGIC);
-        to.raw(&FORMAT.to_le_bytes());
-        to.value(env!("CARGO_PKG_VERSION"));
+        save_header(&mut to, &MAGIC, FORMAT, env!("CARGO_PKG_VERSION"));
         to.value(&phase);
         to.value(&state.own);
         to.value(&self.plant.file_of(state.snapshot.clone()).to_bytes());
@@ -332,8 +330,7 @@ impl Unit {
                 _ => UnitError::State("it does not begin as a state does".to_owned()),
             });
         }
-        let format = from.raw(size_of::<u16>()).map_err(damaged)?.try_into().map_or(0, u16::from_le_bytes);
-        let found: String = from.value().map_err(damaged)?;
+        let (format, found) = read_format(&mut from).map_err(damaged)?;
         if (format, found.as_str()) != (FORMAT, env!("CARGO_PKG_VERSION")) {
             return Err(UnitError::OtherVersion { found: format!("commram {found}"), format });
         }

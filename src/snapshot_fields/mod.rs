@@ -14,6 +14,7 @@ mod saved;
 mod sealed;
 
 pub use saved::{Damaged, Saved, Saving};
+pub(crate) use sealed::{read_format, save_header};
 pub use sealed::{seal, unseal};
 
 /// A value with changes that are part of a snapshot.

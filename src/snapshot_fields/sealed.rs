@@ -1,9 +1,26 @@
-//! Bytes with a checksum over all of them at their end.
+//! The frame of files and states: a header with a format number at their beginning, a checksum at their end.
 
+use super::{Damaged, Saved, Saving};
 use twox_hash::XxHash3_64;
 
 /// Bytes of the checksum.
 const CHECKSUM: usize = size_of::<u64>();
+
+/// Appends the header: `magic`, the number of the format, the version of commram.
+pub(crate) fn save_header(to: &mut Saving, magic: &[u8], format: u16, version: &str) {
+    to.raw(magic);
+    to.raw(&format.to_le_bytes());
+    to.value(version);
+}
+
+/// Reads the number of the format and the version of commram, which follow the magic.
+///
+/// # Errors
+/// The bytes end before, or are no text.
+pub(crate) fn read_format(from: &mut Saved<'_>) -> Result<(u16, String), Damaged> {
+    let format = from.raw(size_of::<u16>())?.try_into().map_or(0, u16::from_le_bytes);
+    Ok((format, from.value()?))
+}
 
 /// Appends the checksum of `bytes`.
 #[must_use]

@@ -3,6 +3,7 @@
 //! A test reads today's sample. If it cannot, the format has changed: the change counts the number of the format up and adds
 //! a sample of the new number. The samples of older numbers stay, and tests hold that they are refused with a clear message.
 
+use crate::snapshot_fields::{Saved, Saving, read_format, save_header, seal, unseal};
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::PathBuf;
@@ -51,6 +52,18 @@ pub(crate) fn assert_only_added(name: &str, number: &str, today: &str) {
         "tests/formats/{name} lacks (run this test with {RENEW}=1):\n{}",
         added.join("\n")
     );
+}
+
+/// The same file or state with the header of another format and version, and with a correct checksum.
+pub(crate) fn with_header(bytes: &[u8], format: u16, version: &str) -> Vec<u8> {
+    let written = unseal(bytes).unwrap();
+    let mut from = Saved::new(written);
+    let magic = from.raw(8).unwrap();
+    let (_, found) = read_format(&mut from).unwrap();
+    let mut to = Saving::default();
+    save_header(&mut to, magic, format, version);
+    to.raw(&written[10 + 1 + found.len()..]);
+    seal(to.into_bytes())
 }
 
 /// All samples whose names begin like this, with their names.

@@ -2,7 +2,7 @@
 
 use super::Snapshot;
 use crate::plant::{PlantConfig, PlantError};
-use crate::snapshot_fields::{Damaged, Saved, Saving, seal, unseal};
+use crate::snapshot_fields::{Damaged, Saved, Saving, read_format, save_header, seal, unseal};
 
 /// First bytes of such a file.
 const MAGIC: [u8; 8] = *b"cmrmsnap";
@@ -59,9 +59,7 @@ impl SnapshotFile {
     #[must_use]
     pub fn to_bytes(&self) -> Vec<u8> {
         let mut to = Saving::default();
-        to.raw(&MAGIC);
-        to.raw(&FORMAT.to_le_bytes());
-        to.value(env!("CARGO_PKG_VERSION"));
+        save_header(&mut to, &MAGIC, FORMAT, env!("CARGO_PKG_VERSION"));
         to.value(&self.plant);
         self.snapshot.save(&mut to);
         seal(to.into_bytes())
@@ -80,8 +78,7 @@ impl SnapshotFile {
         let written = unseal(bytes).ok_or(SnapshotFileError::Checksum)?;
         let mut from = Saved::new(written);
         let _magic = from.raw(MAGIC.len())?;
-        let format = from.raw(size_of::<u16>())?.try_into().map_or(0, u16::from_le_bytes);
-        let found: String = from.value()?;
+        let (format, found) = read_format(&mut from)?;
         if (format, found.as_str()) != (FORMAT, env!("CARGO_PKG_VERSION")) {
             return Err(SnapshotFileError::OtherVersion { found, format });
         }

@@ -2,10 +2,10 @@
 
 use super::file::FORMAT;
 use super::*;
-use crate::format_samples::{sample, samples};
+use crate::format_samples::{sample, samples, with_header};
 use crate::memory::Segment;
 use crate::plant::PlantConfig;
-use crate::snapshot_fields::{seal, unseal};
+use crate::snapshot_fields::seal;
 use std::sync::{Mutex, PoisonError};
 
 fn plant(text: &str) -> Plant {
@@ -39,20 +39,6 @@ fn a_file_comes_back_and_anything_else_is_refused() {
             assert_eq!(SnapshotFile::of_bytes(&bytes), Err(wanted), "bit {bit} of byte {at} flipped");
         }
     }
-}
-
-/// The same file as `version` of commram would have written it in `format`.
-fn with_header(bytes: &[u8], format: u16, version: &str) -> Vec<u8> {
-    let written = unseal(bytes).unwrap();
-    let mut from = Saved::new(written);
-    let (magic, _) = (from.raw(8).unwrap(), from.raw(2).unwrap());
-    let found: String = from.value().unwrap();
-    let mut to = Saving::default();
-    to.raw(magic);
-    to.raw(&format.to_le_bytes());
-    to.value(version);
-    to.raw(&written[10 + 1 + found.len()..]);
-    seal(to.into_bytes())
 }
 
 /// A change of what a snapshot holds of any device needs a new number of the format.
