@@ -81,7 +81,7 @@ fn end_all(clean: bool) -> Result<(), CliError> {
                 continue;
             }
         };
-        let is_dead = || images_of(&name).is_ok_and(|images| dead(&images).is_some());
+        let is_dead = || matches!(killed(&name), Ok(Some(_)));
         let is_left = || is_dead() || channel_root(&name).is_ok_and(|root| is_own(&root));
         if !is_running && !clean {
             if is_dead() {
@@ -179,15 +179,31 @@ fn clean_up(name: &str) -> Result<Option<String>, CliError> {
 
 /// Explains why there is no instance to end.
 fn why_not(name: &str) -> CliError {
-    let images = match images_of(name) {
-        Ok(images) => images,
-        Err(error) => return error,
-    };
     let instance = name.to_owned();
-    // A process without its locks was just killed, and the system has not removed it yet.
-    match dead(&images).or_else(|| alive(&images)) {
-        Some(pid) => CliError::Dead { instance, pid },
-        None => CliError::NotRunning { instance, running: String::new() },
+    match killed(name) {
+        Ok(Some(pid)) => CliError::Dead { instance, pid },
+        Ok(None) => CliError::NotRunning { instance, running: String::new() },
+        Err(error) => error,
+    }
+}
+
+/// The killed process whose images are there. A process that has released its locks and is not removed yet was just
+/// killed, and the system gets time to remove it. `None`: no image, or a new emulator runs.
+fn killed(name: &str) -> Result<Option<u32>, CliError> {
+    let start = Instant::now();
+    loop {
+        let images = images_of(name)?;
+        if let Some(pid) = dead(&images) {
+            return Ok(Some(pid));
+        }
+        let Some(pid) = alive(&images) else { return Ok(None) };
+        if find(name)?.is_some() {
+            return Ok(None);
+        }
+        if start.elapsed() > DYING {
+            return Ok(Some(pid));
+        }
+        std::thread::sleep(LOOK);
     }
 }
 

@@ -67,10 +67,14 @@ pub(crate) struct FileLimit {
     pub(crate) most: u64,
 }
 
+/// Difference of the address space of one process from start to start, in bytes: some pages, by random addresses.
+#[cfg(feature = "channel")]
+const SPREAD: u64 = 64 << 10;
+
 /// Checks that this process can have `more` bytes of address space in addition to the present ones.
 ///
 /// # Errors
-/// The needed and the allowed number of bytes.
+/// The number of bytes that suffices for the next start too, and the allowed number.
 #[cfg(feature = "channel")]
 pub(crate) fn check_address_space(more: u64) -> Result<(), (u64, u64)> {
     let Some(most) = address_space() else { return Ok(()) };
@@ -78,7 +82,7 @@ pub(crate) fn check_address_space(more: u64) -> Result<(), (u64, u64)> {
     let size = status.lines().find_map(|line| line.strip_prefix("VmSize:"));
     let used = size.and_then(|size| size.trim().strip_suffix("kB")?.trim().parse().ok()).unwrap_or(0_u64);
     let needed = used.saturating_mul(1024).saturating_add(more);
-    if most < needed { Err((needed, most)) } else { Ok(()) }
+    if most < needed { Err((needed.saturating_add(SPREAD), most)) } else { Ok(()) }
 }
 
 fn address_space() -> Option<u64> {
