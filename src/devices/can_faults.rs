@@ -148,7 +148,7 @@ fn frame(fault: &Fault, what: FrameEffect) -> fault::Effect {
 pub(super) static LOSE_FRAME: Kind = Kind::new(
     1,
     "lose_frame",
-    Place::Medium,
+    Place::Bus,
     "No station receives a frame; its sender does not notice",
     |fault| frame(fault, FrameEffect::Lose),
 )
@@ -157,7 +157,7 @@ pub(super) static LOSE_FRAME: Kind = Kind::new(
 .shown("slot=WRC1 count=3");
 
 pub(super) static DELAY_FRAME: Kind =
-    Kind::new(2, "delay_frame", Place::Medium, "A frame comes later than it would", |fault| {
+    Kind::new(2, "delay_frame", Place::Bus, "A frame comes later than it would", |fault| {
         frame(fault, FrameEffect::Delay(us(fault)))
     })
     .with(const { &[SLOT, ID, MASK, FORMAT, delay(1, "After its time").required(IN_US)] })
@@ -167,7 +167,7 @@ pub(super) static DELAY_FRAME: Kind =
 pub(super) static DUPLICATE_FRAME: Kind = Kind::new(
     3,
     "duplicate_frame",
-    Place::Medium,
+    Place::Bus,
     "A frame comes once more",
     |fault| frame(fault, FrameEffect::Duplicate(us(fault))),
 )
@@ -197,7 +197,7 @@ pub(super) static OVERRUN: Kind =
     .shown("node=2 count=2");
 
 static ERROR_FRAME: Kind =
-    Kind::new(17, "error_frame", Place::Medium, "An error frame destroys a frame", |fault| {
+    Kind::new(17, "error_frame", Place::Bus, "An error frame destroys a frame", |fault| {
         frame(fault, FrameEffect::Disturb)
     })
     .with(const { &[ID, MASK, FORMAT] })
@@ -207,7 +207,7 @@ static ERROR_FRAME: Kind =
 static LOST_ARBITRATION: Kind = Kind::new(
     18,
     "lost_arbitration",
-    Place::Medium,
+    Place::Bus,
     "A frame loses an arbitration that it would have won",
     |fault| frame(fault, FrameEffect::LoseArbitration),
 )
@@ -227,7 +227,7 @@ mod tests {
 
     fn frames(id: Option<u64>, mask: Option<u64>, format: Option<u64>) -> Frames {
         let values = [None, id, mask, format, None];
-        let fault = Draft { values, ..Draft::new(&LOSE_FRAME, Target::Medium(0)) }.check().unwrap();
+        let fault = Draft { values, ..Draft::new(&LOSE_FRAME, Target::Bus(0)) }.check().unwrap();
         Frames::of(&fault)
     }
 

@@ -1,6 +1,6 @@
 //! Catalogue of everything that can occur in a journal, for all devices: the sum of all registrations.
 
-use super::{MEDIA, all, guest, of_hash, records};
+use super::{BUS_KINDS, all, guest, of_hash, records};
 use crate::check;
 use crate::door::{DoorSpec, Speech};
 use crate::fault;
@@ -27,7 +27,7 @@ pub(super) fn generic() -> impl Iterator<Item = Generic> {
         Generic { owner: "devices", records: records::KINDS, rules: &[], faults: &[] },
         Generic { owner: "guests", records: guest::KINDS, rules: &[], faults: &[] },
     ];
-    let of_media = MEDIA.iter().map(|kind| Generic {
+    let of_media = BUS_KINDS.iter().map(|kind| Generic {
         owner: kind.name,
         records: kind.records,
         rules: kind.rules,
@@ -80,8 +80,8 @@ pub fn faults_of_device(layout: &Device) -> &'static [&'static fault::Kind] {
 
 /// Returns the fault targets of a medium of this family with these participants; bit n stands for participant
 /// n.
-pub fn medium_site(family: &str, participants: u32) -> MediumSite {
-    let kind = MEDIA.iter().find(|kind| kind.name == family);
+pub fn bus_site(family: &str, participants: u32) -> MediumSite {
+    let kind = BUS_KINDS.iter().find(|kind| kind.name == family);
     let (faults, fits) = kind.map_or((&[][..], (|_| Ok(())) as Fits), |kind| (kind.faults, kind.fits));
     MediumSite { faults, fits, participants }
 }
@@ -92,7 +92,7 @@ pub fn medium_site(family: &str, participants: u32) -> MediumSite {
 /// Checks that the family accepts a door of this kind. A text in the error names the door that the family
 /// expects.
 pub fn door_fits(family: &str, door: DoorSpec) -> Result<(), String> {
-    let speech = MEDIA.iter().find(|kind| kind.name == family).map(|kind| kind.speech);
+    let speech = BUS_KINDS.iter().find(|kind| kind.name == family).map(|kind| kind.speech);
     let right = match speech {
         Some(speech) if speech == door.speech() => return Ok(()),
         Some(Speech::Telegrams) => "profibus-tcp",

@@ -1,7 +1,7 @@
 //! Settings of devices and media in the plant file, as far as the plant must understand them. All other keys belong to
 //! the device or the medium.
 
-use super::{BuildError, Device, Medium, Plug};
+use super::{BuildError, Bus, Device, Plug};
 use crate::can;
 use crate::can::Message;
 use crate::door::{DoorSpec, Speech};
@@ -84,7 +84,7 @@ pub struct PortConfig<'a> {
     pub number: u8,
     /// Its name in the layout.
     pub name: &'a str,
-    /// Medium that the port is plugged in at.
+    /// Bus that the port is plugged in at.
     pub medium: Option<&'a str>,
     /// Number of the port on the medium, if stations have numbers; a master has none.
     pub address: Option<u8>,
@@ -119,7 +119,7 @@ pub struct Doubt {
 }
 
 /// A medium as the plant file describes it.
-pub trait MediumConfig: fmt::Debug + Send + Sync {
+pub trait BusConfig: fmt::Debug + Send + Sync {
     /// Its name, unique among the media.
     fn name(&self) -> &str;
 
@@ -137,7 +137,7 @@ pub trait MediumConfig: fmt::Debug + Send + Sync {
         Vec::new()
     }
 
-    /// Kind of the medium, one of [`MEDIA`](super::MEDIA).
+    /// Kind of the medium, one of [`BUS_KINDS`](super::BUS_KINDS).
     fn family(&self) -> &'static str;
 
     /// Participants that are not ports of devices: name and number.
@@ -161,18 +161,18 @@ pub trait MediumConfig: fmt::Debug + Send + Sync {
         false
     }
 
-    /// Medium number `index` of the plant, without ports.
+    /// Bus number `index` of the plant, without ports.
     ///
     /// # Errors
     /// [`BuildError`]: the settings are refused.
-    fn build(&self, index: usize) -> Result<Box<dyn Medium>, BuildError>;
+    fn build(&self, index: usize) -> Result<Box<dyn Bus>, BuildError>;
 }
 
 /// Reads a section of the plant file.
 pub type Read<T> = fn(ValueDeserializer<'_>) -> Result<Arc<T>, Error>;
 
 /// A kind of media.
-pub struct MediumKind {
+pub struct BusKind {
     /// Its name, in the plant file and as the family of ports in layouts.
     pub name: &'static str,
     /// Kinds of journal records of the medium.
@@ -184,7 +184,7 @@ pub struct MediumKind {
     /// Checks that the medium can have a fault of one of these kinds; the error contains the reason.
     pub fits: fn(&Fault) -> Result<(), String>,
     /// Reads a `[[bus]]` of this kind.
-    pub read: Read<dyn MediumConfig>,
+    pub read: Read<dyn BusConfig>,
     /// JSON schema of the keys of that section, except `kind`; `#/definitions/name` is the schema of names. Devices can
     /// use the definitions of this schema, too.
     pub schema: &'static str,
@@ -193,14 +193,14 @@ pub struct MediumKind {
     /// Describes the meaning of a frame on this medium, for people; empty if its users define the meaning.
     pub says: fn(&can::Frame) -> String,
     /// Creates the medium for ports of this family that are not plugged in.
-    pub unplugged: fn() -> Box<dyn Medium>,
+    pub unplugged: fn() -> Box<dyn Bus>,
     /// Whether a port with this [`Plug::socket`] also works unplugged, and therefore needs a separate medium.
     pub runs_alone: fn(&dyn Any) -> bool,
 }
 
-impl fmt::Debug for MediumKind {
+impl fmt::Debug for BusKind {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("MediumKind").field("name", &self.name).finish_non_exhaustive()
+        f.debug_struct("BusKind").field("name", &self.name).finish_non_exhaustive()
     }
 }
 

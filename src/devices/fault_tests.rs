@@ -135,7 +135,7 @@ fn target(kind: &Kind, place: usize, number: u8) -> Target {
     let names = names();
     let (medium, device) = ((place % names.buses.len()) as u16, (place % names.plcs.len()) as u16);
     match kind.place() {
-        Place::Medium => Target::Medium(medium),
+        Place::Bus => Target::Bus(medium),
         Place::Participant => Target::Participant { medium, number: number % 32 },
         Place::Port => {
             let ports = names.device(device).ports;
@@ -384,7 +384,7 @@ fn the_documentation_lists_exactly_these_kinds_and_fields() {
 /// A kind in the table, a row for each of its fields.
 fn rows_of(kind: &'static Kind) -> Vec<String> {
     let acts_on = match kind.place() {
-        Place::Medium => "a bus",
+        Place::Bus => "a bus",
         Place::Participant => "a slave",
         Place::Port => "a port",
         Place::Device => "a PLC",

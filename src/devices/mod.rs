@@ -3,6 +3,8 @@
 
 pub mod bm4_o_can_06;
 #[cfg(feature = "emulator")]
+mod bus;
+#[cfg(feature = "emulator")]
 pub mod can_bus;
 pub mod can_dp2;
 #[cfg(feature = "emulator")]
@@ -39,8 +41,6 @@ mod guest;
 #[cfg(feature = "plc")]
 mod intr_set;
 #[cfg(feature = "emulator")]
-mod medium;
-#[cfg(feature = "emulator")]
 mod module;
 #[cfg(test)]
 mod names_tests;
@@ -68,9 +68,11 @@ pub mod settings;
 mod supply;
 
 #[cfg(feature = "emulator")]
-pub use catalogue::{catalogue, door_fits, fault_kinds, faults_of_device, medium_site};
+pub use bus::{Bus, ParticipantId, Plug, StationState, Stranger, SyncOrigin, SyncSignal, World};
 #[cfg(feature = "emulator")]
-pub use config::{DeviceConfig, Doubt, MasterConfig, MediumConfig, MediumKind, PortConfig, Read};
+pub use catalogue::{bus_site, catalogue, door_fits, fault_kinds, faults_of_device};
+#[cfg(feature = "emulator")]
+pub use config::{BusConfig, BusKind, DeviceConfig, Doubt, MasterConfig, PortConfig, Read};
 #[cfg(feature = "emulator")]
 pub use context::Context;
 #[cfg(feature = "emulator")]
@@ -83,8 +85,6 @@ pub use events::Events;
 pub use exercise::{Exercise, Move, Wrong};
 #[cfg(feature = "emulator")]
 pub use guest::{Attendance, GuestNews, GuestRefusal};
-#[cfg(feature = "emulator")]
-pub use medium::{Medium, ParticipantId, Plug, StationState, Stranger, SyncOrigin, SyncSignal, World};
 #[cfg(feature = "emulator")]
 pub use module::{Led, ModuleFront, ReadModule, Switch, modules};
 #[cfg(feature = "emulator")]
@@ -100,10 +100,10 @@ use crate::door::Speech;
 
 /// Every kind of media, the default one first.
 #[cfg(feature = "emulator")]
-pub static MEDIA: &[MediumKind] = &[
-    MediumKind {
+pub static BUS_KINDS: &[BusKind] = &[
+    BusKind {
         name: cansync::medium::FAMILY,
-        read: cansync::medium::BusConfig::read,
+        read: cansync::medium::CansyncConfig::read,
         schema: include_str!("cansync/medium/plant.schema.json"),
         records: cansync::records::KINDS,
         rules: cansync::rules::ALL,
@@ -114,7 +114,7 @@ pub static MEDIA: &[MediumKind] = &[
         unplugged: || Box::new(cansync::medium::SimBus::unplugged()),
         runs_alone: cansync::medium::runs_alone,
     },
-    MediumKind {
+    BusKind {
         name: can_bus::FAMILY,
         read: can_bus::CanBusConfig::read,
         schema: include_str!("can_bus/plant.schema.json"),
@@ -127,7 +127,7 @@ pub static MEDIA: &[MediumKind] = &[
         unplugged: || Box::new(can_bus::CanBus::unplugged()),
         runs_alone: |_| false,
     },
-    MediumKind {
+    BusKind {
         name: profibus_bus::FAMILY,
         read: profibus_bus::ProfibusConfig::read,
         schema: include_str!("profibus_bus/plant.schema.json"),

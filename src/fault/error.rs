@@ -281,7 +281,7 @@ impl FaultError {
 /// Describes the target of a kind, for people.
 const fn acts_on(place: Place) -> &'static str {
     match place {
-        Place::Medium => "a bus",
+        Place::Bus => "a bus",
         Place::Participant => "a participant of a bus",
         Place::Port => "a port of a PLC",
         Place::Device => "a PLC",

@@ -32,7 +32,7 @@ pub struct Kind {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Place {
     /// A bus as a whole.
-    Medium,
+    Bus,
     /// A participant of a bus.
     Participant,
     /// A port of a device, which is plugged in.
@@ -72,7 +72,7 @@ impl Place {
     /// The fields for the target.
     pub fn fields(self) -> &'static [&'static Field] {
         match self {
-            Place::Medium => const { &[&BUS] },
+            Place::Bus => const { &[&BUS] },
             Place::Participant => const { &[&BUS, &SLAVE] },
             Place::Port => const { &[&PLC, &NODE] },
             Place::Device => const { &[&PLC] },

@@ -80,7 +80,7 @@ impl EventCodec for FaultNews {
     fn words(&self) -> Words {
         let (index, number) = self.target.numbers();
         let form = match self.target.place() {
-            Place::Medium => 0,
+            Place::Bus => 0,
             Place::Participant => 1,
             Place::Port => 2,
             Place::Device => 3,
@@ -97,7 +97,7 @@ impl EventCodec for FaultNews {
         let mut unpacker = Unpacker::new(words);
         let (index, number) = (unpacker.index(), unpacker.number());
         let place = match unpacker.take() {
-            0 => Place::Medium,
+            0 => Place::Bus,
             1 => Place::Participant,
             2 => Place::Port,
             3 => Place::Device,
@@ -110,7 +110,7 @@ impl EventCodec for FaultNews {
 
     fn source(&self) -> Source {
         match self.target {
-            Target::Medium(bus) | Target::Participant { medium: bus, .. } => Source::Bus(bus),
+            Target::Bus(bus) | Target::Participant { medium: bus, .. } => Source::Bus(bus),
             Target::Port { device: plc, port: node } => Source::Node(Origin { plc, node }),
             Target::Device(plc) => Source::Node(Origin { plc, node: 0 }),
         }
@@ -121,7 +121,7 @@ impl FaultNews {
     fn slave(&self) -> Option<u8> {
         match self.target {
             Target::Participant { number, .. } => Some(number),
-            Target::Medium(_) | Target::Port { .. } | Target::Device(_) => None,
+            Target::Bus(_) | Target::Port { .. } | Target::Device(_) => None,
         }
     }
 }

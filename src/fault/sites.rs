@@ -7,7 +7,7 @@ use crate::layout::Device;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Target {
     /// A bus.
-    Medium(u16),
+    Bus(u16),
     /// A participant of a bus.
     Participant {
         /// The bus.
@@ -30,7 +30,7 @@ pub enum Target {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Owner {
     /// A bus.
-    Medium(u16),
+    Bus(u16),
     /// A PLC.
     Device(u16),
 }
@@ -40,7 +40,7 @@ impl Target {
     #[must_use]
     pub const fn place(self) -> Place {
         match self {
-            Target::Medium(_) => Place::Medium,
+            Target::Bus(_) => Place::Bus,
             Target::Participant { .. } => Place::Participant,
             Target::Port { .. } => Place::Port,
             Target::Device(_) => Place::Device,
@@ -51,7 +51,7 @@ impl Target {
     #[must_use]
     pub const fn numbers(self) -> (u16, u8) {
         match self {
-            Target::Medium(index) | Target::Device(index) => (index, 0),
+            Target::Bus(index) | Target::Device(index) => (index, 0),
             Target::Participant { medium, number } => (medium, number),
             Target::Port { device, port } => (device, port),
         }
@@ -61,7 +61,7 @@ impl Target {
     #[must_use]
     pub const fn of_numbers(place: Place, index: u16, number: u8) -> Self {
         match place {
-            Place::Medium => Target::Medium(index),
+            Place::Bus => Target::Bus(index),
             Place::Participant => Target::Participant { medium: index, number },
             Place::Port => Target::Port { device: index, port: number },
             Place::Device => Target::Device(index),
@@ -109,13 +109,13 @@ impl Sites {
     /// [`Refusal`] describes the error and a correct value.
     pub fn owner(&self, fault: &Fault) -> Result<Owner, Refusal> {
         match fault.target() {
-            Target::Medium(bus) => self.medium(bus, fault).map(|_| Owner::Medium(bus)),
+            Target::Bus(bus) => self.medium(bus, fault).map(|_| Owner::Bus(bus)),
             Target::Participant { medium, number } => {
                 let present = self.medium(medium, fault)?.participants;
                 if present.checked_shr(number.into()).unwrap_or(0) & 1 == 0 {
                     return Err(Refusal::NoSlave { bus: medium, slave: number, present });
                 }
-                Ok(Owner::Medium(medium))
+                Ok(Owner::Bus(medium))
             }
             Target::Port { device, port } => {
                 let site = self.device(device)?;
@@ -138,7 +138,7 @@ impl Sites {
                 if !site.faults.contains(&fault.kind()) {
                     self.medium(medium, fault)?;
                 }
-                Ok(Owner::Medium(medium))
+                Ok(Owner::Bus(medium))
             }
             Target::Device(plc) => {
                 let known = self.device(plc)?.faults;

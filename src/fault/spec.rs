@@ -82,7 +82,7 @@ impl<'a> Reader<'a> {
 
     fn target(&self) -> Result<Target, FaultError> {
         Ok(match self.kind.place() {
-            Place::Medium => Target::Medium(self.bus()?),
+            Place::Bus => Target::Bus(self.bus()?),
             Place::Participant => {
                 let medium = self.bus()?;
                 let right = SLAVE.missing().unwrap_or_default();
@@ -101,7 +101,7 @@ impl<'a> Reader<'a> {
     fn bus(&self) -> Result<u16, FaultError> {
         let kind = self.kind;
         let unknown = |bus, known| FaultError::UnknownBus { kind, bus, known };
-        self.named(Place::Medium, &self.names.buses, unknown)
+        self.named(Place::Bus, &self.names.buses, unknown)
     }
 
     fn plc(&self) -> Result<u16, FaultError> {

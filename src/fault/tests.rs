@@ -9,7 +9,7 @@ enum Noise {
     Hum,
 }
 
-static HISS: Kind = Kind::new(201, "hiss", Place::Medium, "It hisses", |fault| {
+static HISS: Kind = Kind::new(201, "hiss", Place::Bus, "It hisses", |fault| {
     Effect::new(Noise::Hiss(fault.value("volume").unwrap_or(0)))
 })
 .with(
@@ -51,7 +51,7 @@ fn fault(text: &str) -> Result<Fault, String> {
 fn left_out_values_are_those_of_the_description() {
     let hiss = fault("hiss bus=wire volume=3").unwrap();
     assert_eq!(["volume", "tone", "mark", "x"].map(|name| hiss.value(name)), [Some(3), Some(1), None, None]);
-    assert_eq!((hiss.target(), hiss.limit()), (Target::Medium(1), Limit::UntilCleared));
+    assert_eq!((hiss.target(), hiss.limit()), (Target::Bus(1), Limit::UntilCleared));
     assert_eq!(hiss.text(&names()), "hiss bus=wire volume=3");
     assert_eq!(fault("hum bus=air slave=3").unwrap().limit(), Limit::Count(1));
     let all = "hiss bus=air volume=3 tone=low mark=16#0A at_us=5 duration_us=6";
@@ -60,7 +60,7 @@ fn left_out_values_are_those_of_the_description() {
 
 #[test]
 fn values_that_a_kind_does_not_allow_are_refused_from_any_source() {
-    let draft = Draft::new(&HISS, Target::Medium(0));
+    let draft = Draft::new(&HISS, Target::Bus(0));
     let (volume, at_us) = (&HISS.fields()[0], Kind::COMMON[0]);
     assert_eq!(draft.check(), Err(Refusal::Missing { field: volume, right: "give 1 to 9".to_owned() }));
     let draft = Draft { values: [Some(3), None, None, None, None], ..draft };
@@ -68,7 +68,7 @@ fn values_that_a_kind_does_not_allow_are_refused_from_any_source() {
     let too_late = Refusal::Range { field: at_us, value: MAX_AT_US + 1, least: 0, most: MAX_AT_US };
     for (draft, expected) in [
         (Draft { at_us: MAX_AT_US + 1, ..draft }, too_late),
-        (Draft { target: Target::Device(0), ..draft }, Refusal::OtherPlace { place: Place::Medium }),
+        (Draft { target: Target::Device(0), ..draft }, Refusal::OtherPlace { place: Place::Bus }),
         (Draft { count: Some(1), duration_us: Some(1), ..draft }, Refusal::TwoLimits),
         (Draft { count: Some(1), ..Draft::new(&FOG, Target::Device(0)) }, Refusal::NotCounted { kind: &FOG }),
     ] {
@@ -112,11 +112,11 @@ fn faults_of_missing_targets_are_refused() {
         sites.owner(&Draft { values, ..Draft::new(kind, target) }.check().unwrap())
     };
     let hum = |medium, number| owner(&HUM, Target::Participant { medium, number });
-    assert_eq!(owner(&HISS, Target::Medium(0)), Ok(Owner::Medium(0)));
-    assert_eq!(hum(0, 3), Ok(Owner::Medium(0)));
+    assert_eq!(owner(&HISS, Target::Bus(0)), Ok(Owner::Bus(0)));
+    assert_eq!(hum(0, 3), Ok(Owner::Bus(0)));
     assert_eq!(owner(&FOG, Target::Device(0)), Ok(Owner::Device(0)));
-    assert_eq!(owner(&HISS, Target::Medium(1)), Err(Refusal::NotOfBus { bus: 1, known: &[] }));
-    assert_eq!(owner(&HISS, Target::Medium(2)), Err(Refusal::UnknownBus { bus: 2, count: 2 }));
+    assert_eq!(owner(&HISS, Target::Bus(1)), Err(Refusal::NotOfBus { bus: 1, known: &[] }));
+    assert_eq!(owner(&HISS, Target::Bus(2)), Err(Refusal::UnknownBus { bus: 2, count: 2 }));
     assert_eq!(hum(0, 4), Err(Refusal::NoSlave { bus: 0, slave: 4, present: 1 << 3 }));
     assert_eq!(owner(&FOG, Target::Device(1)), Err(Refusal::NotOfPlc { plc: 1, known: &[] }));
     assert_eq!(owner(&FOG, Target::Device(2)), Err(Refusal::UnknownPlc { plc: 2, count: 2 }));
@@ -132,11 +132,11 @@ fn only_the_owner_fires_a_fault_and_only_the_given_number_of_times() {
     let (mut faults, mut journal) = (Faults::default(), Journal::default());
     for (index, count) in [(0, 2), (1, 1)] {
         let text = format!("hiss bus={} volume={} count={count}", names().buses[index], index + 5);
-        faults.add(0, fault(&text).unwrap(), Owner::Medium(index as u16), &mut journal).unwrap();
+        faults.add(0, fault(&text).unwrap(), Owner::Bus(index as u16), &mut journal).unwrap();
     }
     let mut seen = Vec::new();
     let fire = |faults: &mut Faults, journal: &mut Journal, seen: &mut Vec<(u32, u32)>| {
-        faults.fire(1, Owner::Medium(0), journal, |_, effect: &Noise, hits| {
+        faults.fire(1, Owner::Bus(0), journal, |_, effect: &Noise, hits| {
             let Noise::Hiss(volume) = *effect else { return None };
             seen.push((volume, hits));
             Some(Hit::Plain)
@@ -145,8 +145,8 @@ fn only_the_owner_fires_a_fault_and_only_the_given_number_of_times() {
     fire(&mut faults, &mut journal, &mut seen);
     assert!(seen.is_empty(), "they have not begun");
     faults.advance(1, &mut journal);
-    assert_eq!(faults.acting::<Noise>(Owner::Medium(1)).count(), 1);
-    assert_eq!(faults.acting::<()>(Owner::Medium(1)).count(), 0, "an effect of another type");
+    assert_eq!(faults.acting::<Noise>(Owner::Bus(1)).count(), 1);
+    assert_eq!(faults.acting::<()>(Owner::Bus(1)).count(), 0, "an effect of another type");
     (0..3).for_each(|_| fire(&mut faults, &mut journal, &mut seen));
     assert_eq!(seen, [(5, 0), (5, 1)]);
     assert_eq!(faults.list().map(|fault| fault.id).collect::<Vec<_>>(), [2]);
@@ -180,6 +180,6 @@ fn the_only_bus_or_plc_needs_no_name() {
     assert_eq!(fault("fog").unwrap().target(), Target::Device(0));
     let one = Names { buses: vec!["air".into()], ..Names::default() };
     let hiss = words("hiss", &["volume=1"]).unwrap().resolve(&KINDS, &one);
-    assert_eq!(hiss.unwrap().target(), Target::Medium(0));
+    assert_eq!(hiss.unwrap().target(), Target::Bus(0));
     assert_eq!(fault("hiss volume=1"), Err("hiss: bus is missing; give one of: air, wire".to_owned()));
 }

@@ -29,7 +29,7 @@ impl Fault {
         let plc = |index| FieldValue::Text(names.plc(index).into_owned());
         let number = |number: u8| FieldValue::Number(number.into());
         let place = match self.target() {
-            Target::Medium(index) => vec![bus(index)],
+            Target::Bus(index) => vec![bus(index)],
             Target::Participant { medium, number: slave } => vec![bus(medium), number(slave)],
             Target::Port { device, port } => {
                 let known = names.device(device).port_numbered(port);

@@ -1,7 +1,7 @@
 //! A plant with many media: each runs independently as long as it can, on a single core or on several.
 //!
 //! Between two moments of interaction (SYNC edges, times of devices), media that allow it run independently
-//! ([`Medium::apart_until`]), each with all its events in a row. The data of a medium then come into the processor's
+//! ([`Bus::apart_until`]), each with all its events in a row. The data of a medium then come into the processor's
 //! caches once and not for each event. Several cores share the media, and likewise the watches of the access checker.
 //! The events of this period are put into the journal in the order of a sequential run: by time, then in plant order.
 
@@ -9,7 +9,7 @@ use super::Plant;
 use super::ports::PluggedPort;
 use super::worker_pool::WorkerPool;
 use crate::check::DeviceWatch;
-use crate::devices::{Medium, World};
+use crate::devices::{Bus, World};
 use crate::fault::Faults;
 use crate::journal::Journal;
 use core::num::NonZero;
@@ -21,7 +21,7 @@ pub(super) const LEAST: usize = 32;
 const TELLERS: usize = 256;
 
 /// Media that run independently, with their ports.
-type Share = (usize, Vec<Box<dyn Medium>>, Journal);
+type Share = (usize, Vec<Box<dyn Bus>>, Journal);
 
 /// A period in which media run independently, with its processor cycles; a cycle runs only if it would change the
 /// state.
@@ -141,7 +141,7 @@ impl Plant {
     fn each_watch(
         &mut self,
         of_device: impl Fn(usize, &mut DeviceWatch, &mut Journal) + Copy + Send + 'static,
-        of_port: impl Fn(&mut dyn Medium, usize, PluggedPort, &mut Journal) + Copy + Send + 'static,
+        of_port: impl Fn(&mut dyn Bus, usize, PluggedPort, &mut Journal) + Copy + Send + 'static,
     ) {
         let size = self.watches.len().div_ceil(self.drafts.len());
         let mut watches = core::mem::take(&mut self.watches).into_iter();
@@ -171,7 +171,7 @@ impl Plant {
 impl IndependentPeriod {
     /// Runs medium number `index`, with the processor cycles of the ports in `seats`. Returns the time of its last
     /// event.
-    fn run(self, index: usize, medium: &mut dyn Medium, seats: &[PluggedPort], draft: &mut Journal) -> u64 {
+    fn run(self, index: usize, medium: &mut dyn Bus, seats: &[PluggedPort], draft: &mut Journal) -> u64 {
         let (mut faults, mut edges) = (Faults::default(), Vec::new());
         let (mut last, mut cycle) = (0, self.first_cycle);
         loop {

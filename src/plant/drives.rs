@@ -6,7 +6,7 @@ use crate::devices::{DriveDetails, DriveState, ParameterRefusal, Shaft};
 /// Location of a drive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum DriveLocation {
-    /// On a bus, at this place of [`Medium::drives`](crate::devices::Medium::drives).
+    /// On a bus, at this place of [`Bus::drives`](crate::devices::Bus::drives).
     Bus(usize, usize),
     /// The drive in a device.
     Device(usize),

@@ -4,13 +4,13 @@
 use super::Plant;
 use crate::can::Frame;
 use crate::check::rules;
-use crate::devices::{Attendance, GuestNews, GuestRefusal, Medium};
+use crate::devices::{Attendance, Bus, GuestNews, GuestRefusal};
 use crate::door::{BusMessage, Guest};
 use crate::journal::Finding;
 use std::sync::Arc;
 
 impl Plant {
-    fn medium_of(&mut self, bus: u16) -> Option<&mut Box<dyn Medium>> {
+    fn medium_of(&mut self, bus: u16) -> Option<&mut Box<dyn Bus>> {
         (self.has_looked, self.is_seen) = (false, false);
         self.media[..self.named_media].get_mut(usize::from(bus))
     }

@@ -61,7 +61,7 @@ impl Plant {
     /// Targets of faults.
     pub(super) fn sites(&self) -> Sites {
         let media = self.media().iter();
-        let media = media.map(|medium| devices::medium_site(medium.family(), medium.participants()));
+        let media = media.map(|medium| devices::bus_site(medium.family(), medium.participants()));
         let devices = self.devices.iter().zip(self.ports.of_devices()).map(|(device, ports)| {
             let plugged = ports.iter().filter(|port| port.medium < self.named_media);
             DeviceSite {
@@ -80,7 +80,7 @@ impl Plant {
         *is_rescheduled = true;
         let now = *now;
         faults.fire_all(now, journal, |owner, target, effect| match owner {
-            Owner::Medium(index) => media.get_mut(usize::from(index))?.fire(now, target, effect),
+            Owner::Bus(index) => media.get_mut(usize::from(index))?.fire(now, target, effect),
             Owner::Device(index) => devices.get_mut(usize::from(index))?.fire(now, target, effect),
         });
     }

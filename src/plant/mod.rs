@@ -35,7 +35,7 @@ pub use schema::schema;
 pub use snapshot::{Snapshot, SnapshotError, SnapshotFile, SnapshotFileError};
 
 use crate::check::DeviceWatch;
-use crate::devices::{BuildError, Context, Device, Events, MEDIA, Medium, World};
+use crate::devices::{BUS_KINDS, BuildError, Bus, Context, Device, Events, World};
 use crate::due_queue::{DueQueue, NEVER};
 use crate::fault::Faults;
 use crate::journal::{By, Journal, Names, Origin};
@@ -66,7 +66,7 @@ pub struct Plant {
     devices: Vec<Box<dyn Device>>,
     /// The media of the plant file, then the media for unconnected ports: one for each kind, and one for each port that
     /// runs alone.
-    media: Vec<Box<dyn Medium>>,
+    media: Vec<Box<dyn Bus>>,
     /// Number of media in the plant file.
     named_media: usize,
     /// Next time of each device and medium. Valid while the clock advances; before that, any client may have changed
@@ -107,12 +107,12 @@ impl Plant {
         E: From<MemoryError> + From<PlantError>,
     {
         config.check()?;
-        let mut media: Vec<Box<dyn Medium>> = Vec::with_capacity(config.media.len() + MEDIA.len());
+        let mut media: Vec<Box<dyn Bus>> = Vec::with_capacity(config.media.len() + BUS_KINDS.len());
         for (index, medium) in config.media.iter().enumerate() {
             media.push(medium.build(index).map_err(refused::<E>)?);
         }
         let named_media = media.len();
-        media.extend(MEDIA.iter().map(|kind| (kind.unplugged)()));
+        media.extend(BUS_KINDS.iter().map(|kind| (kind.unplugged)()));
         let mut devices: Vec<Box<dyn Device>> = Vec::with_capacity(config.devices.len());
         let mut ports = Ports::default();
         for (index, device) in config.devices.iter().enumerate() {
@@ -208,7 +208,7 @@ impl Plant {
             if self.schedule.first() < due
                 && let Some(index) = self.schedule.due(0, self.schedule.first())
             {
-                (due, which) = (self.schedule.first(), NextEvent::Medium(index));
+                (due, which) = (self.schedule.first(), NextEvent::Bus(index));
             }
             if self.has_looked {
                 self.leave_out_cycles(due.min(self.faults.next_time()).min(time.saturating_add(1)));
@@ -245,7 +245,7 @@ impl Plant {
                     self.devices_due();
                     self.forces.apply(&self.devices);
                 }
-                NextEvent::Medium(index) => {
+                NextEvent::Bus(index) => {
                     self.forces.apply(&self.devices);
                     self.medium_events(index, time);
                     self.forces.apply(&self.devices);
@@ -393,7 +393,7 @@ impl Plant {
     }
 
     /// The media, in the order of the plant file.
-    pub fn media(&self) -> &[Box<dyn Medium>] {
+    pub fn media(&self) -> &[Box<dyn Bus>] {
         &self.media[..self.named_media]
     }
 
@@ -438,5 +438,5 @@ fn refused<E: From<MemoryError> + From<PlantError>>(error: BuildError) -> E {
 enum NextEvent {
     Cycle,
     Device,
-    Medium(usize),
+    Bus(usize),
 }

@@ -1,7 +1,7 @@
 //! Connection of ports with media: which port of which device is where, and the signals between both.
 
 use super::Plant;
-use crate::devices::{BuildError, Context, Device, Look, MEDIA, Medium, Plug, SyncOrigin, SyncSignal};
+use crate::devices::{BUS_KINDS, BuildError, Bus, Context, Device, Look, Plug, SyncOrigin, SyncSignal};
 use crate::journal::{Origin, Source};
 use crate::snapshot_fields;
 use std::sync::Arc;
@@ -48,19 +48,20 @@ impl Ports {
         &mut self,
         device: &mut dyn Device,
         plugs: Vec<Plug>,
-        media: &mut Vec<Box<dyn Medium>>,
+        media: &mut Vec<Box<dyn Bus>>,
         named: usize,
     ) -> Result<(), BuildError> {
         let mut ports = Vec::with_capacity(plugs.len());
         let seats = Arc::make_mut(&mut self.seats);
         seats.resize(media.len(), Vec::new());
         for Plug { number, family, medium, socket } in plugs {
-            let kind = MEDIA.iter().position(|kind| kind.name == family).ok_or(BuildError::OtherFamily)?;
+            let kind =
+                BUS_KINDS.iter().position(|kind| kind.name == family).ok_or(BuildError::OtherFamily)?;
             let at = |name: &String| media[..named].iter().position(|medium| medium.name() == name);
             let medium = match medium.as_ref().and_then(at) {
                 Some(index) => index,
-                None if (MEDIA[kind].runs_alone)(&*socket) => {
-                    media.push((MEDIA[kind].unplugged)());
+                None if (BUS_KINDS[kind].runs_alone)(&*socket) => {
+                    media.push((BUS_KINDS[kind].unplugged)());
                     media.len() - 1
                 }
                 None => named + kind,

@@ -1,6 +1,6 @@
 //! The JSON schema of plant files, assembled from the schemas of devices and media and the table of faults.
 
-use crate::devices::{self, MEDIA};
+use crate::devices::{self, BUS_KINDS};
 use crate::fault::{Field, Form, Kind};
 use serde_json::{Map, Value, json};
 
@@ -23,7 +23,7 @@ pub fn schema() -> Value {
             of_kind(section, device.layout.name, true)
         })
         .collect();
-    let media: Vec<_> = MEDIA
+    let media: Vec<_> = BUS_KINDS
         .iter()
         .enumerate()
         .map(|(index, medium)| of_kind(section(medium.schema, &mut definitions), medium.name, index > 0))

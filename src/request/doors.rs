@@ -3,7 +3,7 @@
 use super::{BusState, Code, Host, Refused, Reply, Station, Stranger};
 use crate::can::Frame;
 use crate::devices;
-use crate::devices::{GuestRefusal, Medium, ParticipantId, StationState};
+use crate::devices::{Bus, GuestRefusal, ParticipantId, StationState};
 use crate::door::{DoorSpec, Doors};
 use crate::journal::Source;
 
@@ -29,7 +29,7 @@ pub(super) fn buses(host: &dyn Host) -> Reply {
         Stranger { name, bit_s: it.bit_s }
     };
     let port = |origin| names.source(Source::Node(origin));
-    let state = |bus: usize, medium: &dyn Medium| BusState {
+    let state = |bus: usize, medium: &dyn Bus| BusState {
         name: medium.name().to_owned(),
         kind: medium.family().to_owned(),
         bit_s: medium.bit_s(),

@@ -2,13 +2,13 @@
 
 use super::Host;
 use super::{BusScene, Reply};
-use crate::devices::Medium;
+use crate::devices::Bus;
 use crate::journal::Source;
 
 /// The buses with their intervals and ports.
 pub(super) fn scene(host: &dyn Host) -> Reply {
     let names = host.plant().names();
-    let bus = |medium: &dyn Medium| BusScene {
+    let bus = |medium: &dyn Bus| BusScene {
         name: medium.name().to_owned(),
         kind: medium.family().to_owned(),
         bit_s: medium.bit_s(),

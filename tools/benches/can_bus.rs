@@ -5,7 +5,7 @@
 use commram::can::{BitRate, Filter, Frame, Payload, StandardId};
 use commram::devices::can_bus::{CanBus, CanBusConfig, CanPort, CanSocket, Controller};
 use commram::devices::cs0015::registers::DEVICE;
-use commram::devices::{Context, Medium, World};
+use commram::devices::{Bus, Context, World};
 use commram::fault::Faults;
 use commram::journal::{Journal, Origin};
 use commram::memory::Segment;

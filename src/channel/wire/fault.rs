@@ -151,7 +151,7 @@ mod tests {
     #[test]
     fn hostile_bytes_are_refused_with_the_kind() {
         let kind = devices::fault_kinds()[0];
-        let fault = Draft::new(kind, Target::Medium(0)).check().unwrap();
+        let fault = Draft::new(kind, Target::Bus(0)).check().unwrap();
         let op = encode(&fault);
         for (at, byte) in (2..32).flat_map(|at| (0..=u8::MAX).map(move |byte| (at, byte))) {
             let mut wire = op;

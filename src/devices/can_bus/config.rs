@@ -3,7 +3,7 @@
 use super::{CanBus, FAMILY};
 use crate::can::BitRate;
 use crate::devices::settings::refused_at;
-use crate::devices::{BuildError, Medium, MediumConfig};
+use crate::devices::{BuildError, Bus, BusConfig};
 use crate::door::DoorSpec;
 use serde::Deserialize;
 use std::sync::Arc;
@@ -34,7 +34,7 @@ struct Section {
 
 impl CanBusConfig {
     /// Reads a `[[bus]]` section of kind `can`.
-    pub(crate) fn read(value: ValueDeserializer<'_>) -> Result<Arc<dyn MediumConfig>, Error> {
+    pub(crate) fn read(value: ValueDeserializer<'_>) -> Result<Arc<dyn BusConfig>, Error> {
         let Section { name, kbit_s, doors } = Section::deserialize(value)?;
         let rate = rate(*kbit_s.get_ref()).ok_or_else(|| {
             let text = format!(
@@ -57,7 +57,7 @@ fn rate(kbit_s: f64) -> Option<BitRate> {
     ((kbit_s * 1000.0 - bit_s).abs() < 1e-6).then(|| BitRate::new(bit_s as u32)).flatten()
 }
 
-impl MediumConfig for CanBusConfig {
+impl BusConfig for CanBusConfig {
     fn name(&self) -> &str {
         &self.name
     }
@@ -70,7 +70,7 @@ impl MediumConfig for CanBusConfig {
         &self.doors
     }
 
-    fn build(&self, index: usize) -> Result<Box<dyn Medium>, BuildError> {
+    fn build(&self, index: usize) -> Result<Box<dyn Bus>, BuildError> {
         Ok(Box::new(CanBus::new(index, self)))
     }
 }

@@ -9,7 +9,7 @@ use crate::journal::Origin;
 
 impl CanBus {
     fn owner(&self) -> Owner {
-        Owner::Medium(self.index)
+        Owner::Bus(self.index)
     }
 
     /// Fires the faults that can act on this frame; `fire` returns whether an effect has acted.

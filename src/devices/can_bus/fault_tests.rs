@@ -2,7 +2,7 @@
 
 use super::tests::{Bench, frame};
 use crate::can::{BitRate, Fate, Frame, wire};
-use crate::devices::Medium;
+use crate::devices::Bus;
 use crate::devices::can_faults::{self, DELAY_FRAME, DUPLICATE_FRAME, LOSE_FRAME, OF_CAN, OVERRUN};
 use crate::fault::{Draft, Effect, Fault, Hit, Kind, Owner, Target};
 
@@ -14,7 +14,7 @@ fn kind(name: &str) -> &'static Kind {
 
 /// A fault of frames with this identifier.
 fn of_id(kind: &'static Kind, id: u64, us: Option<u64>, count: Option<u64>) -> Fault {
-    let mut draft = Draft { count, ..Draft::new(kind, Target::Medium(0)) };
+    let mut draft = Draft { count, ..Draft::new(kind, Target::Bus(0)) };
     for (value, field) in draft.values.iter_mut().zip(kind.fields()) {
         *value = match field.name() {
             "id" => Some(id),
@@ -41,7 +41,7 @@ fn of_two(frames: &[Frame], others: &[Frame], fault: Fault) -> Bench {
 
 impl Bench {
     fn add(&mut self, fault: Fault) {
-        self.faults.add(0, fault, Owner::Medium(0), &mut self.journal).unwrap();
+        self.faults.add(0, fault, Owner::Bus(0), &mut self.journal).unwrap();
         self.faults.advance(0, &mut self.journal);
     }
 

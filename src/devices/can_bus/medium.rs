@@ -12,7 +12,7 @@ use super::stations::Stations;
 use crate::can;
 use crate::can::ErrorState;
 use crate::devices::can_faults;
-use crate::devices::{BuildError, GuestRefusal, Medium, StationState, SyncSignal, World};
+use crate::devices::{BuildError, Bus, GuestRefusal, StationState, SyncSignal, World};
 use crate::door::BusMessage;
 use crate::due_queue::NEVER;
 use crate::fault::{Effect, Hit, Target};
@@ -25,7 +25,7 @@ pub struct CanBus {
     pub(super) index: u16,
     name: String,
     /// `None` for ports that are not plugged in at a bus.
-    pub(super) wire: Option<can::Medium>,
+    pub(super) wire: Option<can::Line>,
     pub(super) stations: Stations,
     /// Number of guests that are leaving.
     pub(super) leaving: usize,
@@ -60,7 +60,7 @@ impl CanBus {
 
     /// Bus number `index` of the plant, without ports.
     pub fn new(index: usize, config: &CanBusConfig) -> Self {
-        let (wire, stations) = (Some(can::Medium::new(config.rate)), Stations::new(Some(config.rate)));
+        let (wire, stations) = (Some(can::Line::new(config.rate)), Stations::new(Some(config.rate)));
         CanBus { index: index as u16, name: config.name.clone(), wire, stations, ..Self::unplugged() }
     }
 
@@ -116,7 +116,7 @@ impl SnapshotFields for CanBus {
     }
 }
 
-impl Medium for CanBus {
+impl Bus for CanBus {
     fn name(&self) -> &str {
         &self.name
     }

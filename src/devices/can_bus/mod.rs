@@ -1,4 +1,4 @@
-//! A CAN bus of a plant, `kind = "can"`: [`can::Medium`](crate::can::Medium) carries the frames, and ports of devices
+//! A CAN bus of a plant, `kind = "can"`: [`can::Line`](crate::can::Line) carries the frames, and ports of devices
 //! take part.
 //!
 //! The meaning of a frame is defined by the devices. Each device provides a [`CanSocket`] with the firmware of its

@@ -4,7 +4,7 @@ use super::records::{Lost, StateChange, Transmitted};
 use super::{CanBus, CanBusConfig, CanPort, CanSocket, Controller, QueueFull};
 use crate::can::{BitRate, ErrorState, Fate, Filter, Frame, Payload, wire};
 use crate::devices::samples::tables::STATION;
-use crate::devices::{Context, Medium, StationState, World};
+use crate::devices::{Bus, Context, StationState, World};
 use crate::fault::{Effect, Faults, Hit, Target};
 use crate::journal::{Journal, Origin};
 use crate::memory::{HEADER_SIZE, Segment};
@@ -376,7 +376,7 @@ fn a_fault_of_a_port_reaches_its_own_firmware() {
     let mut bench = Bench::new(500_000, vec![(vec![], vec![]), (vec![], vec![])]);
     let port = |device, port| Target::Port { device, port };
     assert_eq!(bench.bus.fire(7, port(1, 1), &Effect::new(9_u8)), Some(Hit::Plain));
-    for target in [port(2, 1), port(1, 2), Target::Medium(0), Target::Device(1)] {
+    for target in [port(2, 1), port(1, 2), Target::Bus(0), Target::Device(1)] {
         assert_eq!(bench.bus.fire(7, target, &Effect::new(9_u8)), None, "{target:?}");
     }
     assert_eq!(bench.bus.fire(7, port(1, 1), &Effect::new("another's")), None);

@@ -24,7 +24,7 @@ use crate::can::{Frame, Payload};
 use crate::devices::can_bus::{CanBusConfig, CanPort, CanSocket, Controller};
 use crate::devices::profibus_bus::ProfibusConfig;
 use crate::devices::samples::tables::STATION;
-use crate::devices::{Context, Device, Medium, Power, World};
+use crate::devices::{Bus, Context, Device, Power, World};
 use crate::fault::Faults;
 use crate::journal::{Journal, Origin};
 use crate::memory::{HEADER_SIZE, Segment, View};
@@ -73,7 +73,7 @@ const CFG: [u8; 10] = [0x83, 1, 2, 3, 0, 0x43, 1, 2, 0x89, 0];
 
 struct Bench {
     /// PROFIBUS, CAN.
-    buses: [Box<dyn Medium>; 2],
+    buses: [Box<dyn Bus>; 2],
     /// Positions of the ports: bus and index.
     places: Vec<(usize, usize)>,
     device: Box<dyn Device>,

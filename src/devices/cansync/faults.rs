@@ -77,13 +77,13 @@ fn number(fault: &Fault) -> u16 {
     fault.value("error").unwrap_or(0) as u16
 }
 
-static LOSE_SYNC: Kind = Kind::new(4, "lose_sync", Place::Medium, "The slaves miss SYNC edges", |_| {
+static LOSE_SYNC: Kind = Kind::new(4, "lose_sync", Place::Bus, "The slaves miss SYNC edges", |_| {
     fault::Effect::new(Effect::LoseSync)
 })
 .shown("bus=drives count=2");
 
 static JITTER_SYNC: Kind =
-    Kind::new(5, "jitter_sync", Place::Medium, "SYNC edges come late and early in turn", |fault| {
+    Kind::new(5, "jitter_sync", Place::Bus, "SYNC edges come late and early in turn", |fault| {
         fault::Effect::new(Effect::JitterSync(fault.value("amplitude_us").unwrap_or(0)))
     })
     .with(

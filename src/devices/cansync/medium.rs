@@ -23,14 +23,14 @@ mod snapshot;
 mod tests;
 mod watch;
 
-pub use config::BusConfig;
+pub use config::CansyncConfig;
 pub use end::{Socket, SocketRole};
 
 use crate::devices::cansync::BaudRate;
 use crate::devices::cansync::bus::{Channel, Frame, FrameLength};
 use crate::devices::cansync::drive::{Drive, DriveError};
 use crate::devices::cansync::firmware::{Built, Master, Slave};
-use crate::devices::{Context, Medium, SyncSignal, World};
+use crate::devices::{Bus, Context, SyncSignal, World};
 use crate::fault::{Faults, Owner};
 use crate::journal::{Journal, Origin};
 use core::any::Any;
@@ -114,14 +114,14 @@ impl SimBus {
     /// The medium for nodes without a connected bus. A master generates its SYNC signal and sends there, but no station
     /// receives it. The journal has no record of that traffic (decision D-645).
     pub fn unplugged() -> Self {
-        Self::empty(u16::MAX, false, &BusConfig::default())
+        Self::empty(u16::MAX, false, &CansyncConfig::default())
     }
 
     /// Creates bus number `index` of the plant with its drives, without nodes.
     ///
     /// # Errors
     /// [`DriveError`] names the drive and the wrong setting.
-    pub fn new(index: usize, config: &BusConfig) -> Result<Self, DriveError> {
+    pub fn new(index: usize, config: &CansyncConfig) -> Result<Self, DriveError> {
         let mut bus = Self::empty(index as u16, true, config);
         for drive in &config.drives {
             let drive = Drive::new(drive, config.kbit_s)?;
@@ -131,7 +131,7 @@ impl SimBus {
         Ok(bus)
     }
 
-    fn empty(index: u16, is_wired: bool, config: &BusConfig) -> Self {
+    fn empty(index: u16, is_wired: bool, config: &CansyncConfig) -> Self {
         SimBus {
             index,
             name: config.name.clone(),
@@ -162,7 +162,7 @@ impl SimBus {
 
     /// Owner of the faults that act on this bus.
     fn owner(&self) -> Owner {
-        Owner::Medium(self.index)
+        Owner::Bus(self.index)
     }
 
     fn connect(&mut self, number: u8, station: Station) {
@@ -299,7 +299,7 @@ impl Run<'_> {
 }
 
 /// Returns the drives of all CANsync buses in `media`, as returned by [`Plant::media`](crate::plant::Plant::media).
-pub fn drives(media: &[Box<dyn Medium>]) -> impl Iterator<Item = &Drive> {
+pub fn drives(media: &[Box<dyn Bus>]) -> impl Iterator<Item = &Drive> {
     media.iter().filter_map(|medium| medium.as_a::<SimBus>()).flat_map(SimBus::drives)
 }
 

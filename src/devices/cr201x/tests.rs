@@ -7,7 +7,7 @@ use super::registers::{
 use crate::can::{Frame, Payload};
 use crate::devices::canopen::records::NodeState;
 use crate::devices::samples::master::{Wires, bus_with, cycle};
-use crate::devices::{DeviceConfig, Medium};
+use crate::devices::{Bus, DeviceConfig};
 use crate::fault::Faults;
 use crate::journal::Journal;
 use crate::memory::{Header, Segment, View};
@@ -20,7 +20,7 @@ const MS: u64 = 1000;
 const NODE: u8 = 3;
 
 struct Bench {
-    bus: Box<dyn Medium>,
+    bus: Box<dyn Bus>,
     registers: View<CR201X_CHANNELS>,
     header: View<Header>,
     wires: Arc<Mutex<Wires>>,

@@ -20,7 +20,7 @@ use super::ram::Registers;
 use super::registers::{DEVICE, FRONT_PROGRAM, FRONT_S1, FRONT_STAT, FRONT_STATE};
 use crate::can::{Frame, Payload};
 use crate::devices::samples::master::{Wires, bus_with, cycle};
-use crate::devices::{Context, Device, Look, Medium, Power, fault_kinds};
+use crate::devices::{Bus, Context, Device, Look, Power, fault_kinds};
 use crate::fault::{FaultSpec, Faults, Owner};
 use crate::journal::{Journal, Names, Origin};
 use crate::layout::DeviceFit;
@@ -33,7 +33,7 @@ const MS: u64 = 1000;
 
 /// A bus of 125 kbit/s with a CS0015 and a master at it.
 struct Bench {
-    bus: Box<dyn Medium>,
+    bus: Box<dyn Bus>,
     device: Box<dyn Device>,
     registers: Registers,
     segment: Segment,

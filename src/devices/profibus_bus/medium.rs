@@ -11,7 +11,7 @@ use super::port::{Intent, ProfibusPort, ProfibusSocket, Station};
 use super::records::{DpGarbled, DpShort, DpTelegram, short};
 use crate::can::ErrorCounters;
 use crate::check::{OwnedWatch, rules};
-use crate::devices::{BuildError, Context, GuestRefusal, Medium, StationState, SyncSignal, World};
+use crate::devices::{BuildError, Bus, Context, GuestRefusal, StationState, SyncSignal, World};
 use crate::door::{BusMessage, Guest};
 use crate::fault::{Effect, Hit, Target};
 use crate::journal::{Event, Finding, Journal, Origin};
@@ -277,7 +277,7 @@ impl SnapshotFields for ProfibusBus {
     }
 }
 
-impl Medium for ProfibusBus {
+impl Bus for ProfibusBus {
     fn name(&self) -> &str {
         &self.name
     }

@@ -3,7 +3,7 @@
 use super::tables::STATION;
 use crate::can::Frame;
 use crate::devices::can_bus::{CanBusConfig, CanPort, CanSocket, Controller};
-use crate::devices::{Context, Medium, Plug, World};
+use crate::devices::{Bus, Context, Plug, World};
 use crate::fault::Faults;
 use crate::journal::{Journal, Origin};
 use crate::memory::{HEADER_SIZE, Segment};
@@ -45,7 +45,7 @@ impl CanPort for Master {
 }
 
 /// A bus of 125 kbit/s with the port of a device, at place 0, and the station at place 1.
-pub(crate) fn bus_with(plugs: Vec<Plug>) -> (Box<dyn Medium>, Arc<Mutex<Wires>>) {
+pub(crate) fn bus_with(plugs: Vec<Plug>) -> (Box<dyn Bus>, Arc<Mutex<Wires>>) {
     let bus = ValueDeserializer::parse("{ name = 'open', kbit_s = 125 }").unwrap();
     let mut bus = CanBusConfig::read(bus).unwrap().build(0).unwrap();
     for plug in plugs {
@@ -63,7 +63,7 @@ pub(crate) fn bus_with(plugs: Vec<Plug>) -> (Box<dyn Medium>, Arc<Mutex<Wires>>)
 }
 
 /// Runs a processor cycle of both at `now`, and the bus until the next one at `until`.
-pub(crate) fn cycle(bus: &mut dyn Medium, now: u64, until: u64, journal: &mut Journal, faults: &mut Faults) {
+pub(crate) fn cycle(bus: &mut dyn Bus, now: u64, until: u64, journal: &mut Journal, faults: &mut Faults) {
     for place in 0..2 {
         bus.processor_cycle(place, now, journal);
     }

@@ -1,7 +1,7 @@
 //! A plant file as text: the owner of each section, and the line of an error.
 
 use super::{PlantConfig, PlantError};
-use crate::devices::{self, DeviceConfig, MEDIA, MediumConfig, Read};
+use crate::devices::{self, BUS_KINDS, BusConfig, DeviceConfig, Read};
 use crate::fault::FaultSpec;
 use serde::Deserialize;
 use serde::de::IgnoredAny;
@@ -55,8 +55,8 @@ pub(super) fn read(file: &str, text: &str) -> Result<(PlantConfig, Vec<usize>), 
         let (section, read) = source.of_kind(section, "device", None, &kinds)?;
         devices.push(source.read(section, read)?);
     }
-    let mut media: Vec<Arc<dyn MediumConfig>> = Vec::with_capacity(buses.len());
-    let kinds: Vec<_> = MEDIA.iter().map(|medium| (medium.name, medium.read)).collect();
+    let mut media: Vec<Arc<dyn BusConfig>> = Vec::with_capacity(buses.len());
+    let kinds: Vec<_> = BUS_KINDS.iter().map(|medium| (medium.name, medium.read)).collect();
     for section in buses {
         let (section, read) = source.of_kind(section, "bus", Some(kinds[0].0), &kinds)?;
         media.push(source.read(section, read)?);

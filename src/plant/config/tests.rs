@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::devices;
-use crate::devices::MEDIA;
+use crate::devices::BUS_KINDS;
 use crate::memory::Segment;
 use crate::plant::Plant;
 
@@ -71,7 +71,7 @@ fn each_mistake_is_named() {
             format!("{plc}node2 = 'b'\n{bus}kind = 'can'\nkbit_s = 500\n"),
             &format!(
                 "node2 of PLC 'p' is on bus 'b' of kind 'can'; it needs one of kind '{}'",
-                MEDIA[0].name
+                BUS_KINDS[0].name
             ),
         ),
         (
@@ -106,7 +106,7 @@ fn each_mistake_is_named() {
         (format!("{plc}[[device]]\nname = 'd'\n"), "test.toml: line 3: there is no device of kind ''"),
         (
             format!("{plc}{bus}kind = 'string'\n"),
-            &format!("line 5: there is no bus of kind 'string'; kinds are: {}", MEDIA[0].name),
+            &format!("line 5: there is no bus of kind 'string'; kinds are: {}", BUS_KINDS[0].name),
         ),
         (
             format!("{plc}[[device]]\nkind = '{kind}'\nname = 'd'\ncolour = 1\n"),

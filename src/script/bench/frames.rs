@@ -2,7 +2,7 @@
 
 use super::Bench;
 use crate::can::{ExtendedId, Frame, Id, Payload, StandardId};
-use crate::devices::MEDIA;
+use crate::devices::BUS_KINDS;
 use crate::journal::{Record, Source};
 use crate::request::Op;
 use crate::script::{ScenarioError, Span};
@@ -326,7 +326,7 @@ fn transmitted(record: &Record, on: u16) -> Option<Frame> {
 
 fn frame_of(record: &Record, on: u16) -> Option<SeenFrame> {
     let frame = transmitted(record, on)?;
-    let kind = MEDIA.iter().find(|kind| kind.records.contains(&record.event.kind()));
+    let kind = BUS_KINDS.iter().find(|kind| kind.records.contains(&record.event.kind()));
     let text = kind.map_or_else(String::new, |kind| (kind.says)(&frame));
     Some(SeenFrame { time_us: record.time_us, frame, text })
 }

@@ -4,7 +4,7 @@
 use super::*;
 use crate::rig::{FASTEST, Memory};
 use commram::devices::omega_drive_line_2::registers::{BAPS, BAPS_CTRL_BMSTRUCT, DEVICE};
-use commram::devices::{faults_of_device, medium_site};
+use commram::devices::{bus_site, faults_of_device};
 
 /// When the faults begin; both nodes are active then and the drives locked.
 const AT_US: u64 = 100_003;
@@ -89,7 +89,7 @@ fn traffic(rig: &mut Rig, interval: u64) {
 
 #[test]
 fn every_fault_kind_works_through_every_interface_and_ends_by_count_and_by_time() {
-    let (at_bus, at_plc) = (medium_site("cansync", 0).faults, faults_of_device(&DEVICE));
+    let (at_bus, at_plc) = (bus_site("cansync", 0).faults, faults_of_device(&DEVICE));
     let known = fault_kinds().iter().filter(|kind| at_bus.contains(kind) || at_plc.contains(kind));
     assert!(KINDS.iter().map(|(kind, ..)| *kind).eq(known.map(|kind| kind.name())));
     let has = |rate: Rate, kind: &str| rate.kind.is_omega() || !kind.starts_with("baps_");

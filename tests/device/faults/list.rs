@@ -51,7 +51,7 @@ fn numbers_count_up_and_cleared_ones_are_gone() {
 fn faults_of_missing_stations_or_with_invalid_values_are_refused() {
     for rate in FASTEST {
         let mut rig = running(Memory::Heap, rate);
-        let lose = Draft::new(kind("lose_sync"), Target::Medium(0));
+        let lose = Draft::new(kind("lose_sync"), Target::Bus(0));
         let slave = |medium, number| Draft::new(kind("slave_busy"), Target::Participant { medium, number });
         let node = |device, port| Draft::new(kind("bus_off"), Target::Port { device, port });
         let cases = [

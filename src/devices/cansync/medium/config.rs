@@ -4,7 +4,7 @@ use super::{FAMILY, SimBus};
 use crate::devices::cansync::bus::FrameLength;
 use crate::devices::cansync::drive::{Drive, DriveConfig};
 use crate::devices::settings::{range, time, time_or_none};
-use crate::devices::{BuildError, Doubt, MasterConfig, Medium, MediumConfig, SettingError};
+use crate::devices::{BuildError, Bus, BusConfig, Doubt, MasterConfig, SettingError};
 use crate::door::DoorSpec;
 use serde::Deserialize;
 use std::sync::Arc;
@@ -14,7 +14,7 @@ use toml::de::{Error, ValueDeserializer};
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 #[serde(expecting = "a bus: a table with its settings")]
-pub struct BusConfig {
+pub struct CansyncConfig {
     /// Name, unique among the buses.
     pub name: String,
     /// Baud rate of the drives without a baud rate setting: 1000, 500, 250 or 125 kbit/s (default 500). The bus itself
@@ -36,10 +36,10 @@ fn default_kbit_s() -> u16 {
     500
 }
 
-impl Default for BusConfig {
+impl Default for CansyncConfig {
     /// A bus without a name and without drives.
     fn default() -> Self {
-        BusConfig {
+        CansyncConfig {
             name: String::new(),
             kbit_s: default_kbit_s(),
             frame_length: FrameLength::default(),
@@ -49,14 +49,14 @@ impl Default for BusConfig {
     }
 }
 
-impl BusConfig {
+impl CansyncConfig {
     /// Reads a `[[bus]]` section.
-    pub(crate) fn read(value: ValueDeserializer<'_>) -> Result<Arc<dyn MediumConfig>, Error> {
+    pub(crate) fn read(value: ValueDeserializer<'_>) -> Result<Arc<dyn BusConfig>, Error> {
         Ok(Arc::new(Self::deserialize(value)?))
     }
 }
 
-impl MediumConfig for BusConfig {
+impl BusConfig for CansyncConfig {
     fn name(&self) -> &str {
         &self.name
     }
@@ -126,7 +126,7 @@ impl MediumConfig for BusConfig {
         true
     }
 
-    fn build(&self, index: usize) -> Result<Box<dyn Medium>, BuildError> {
+    fn build(&self, index: usize) -> Result<Box<dyn Bus>, BuildError> {
         Ok(Box::new(SimBus::new(index, self)?))
     }
 }

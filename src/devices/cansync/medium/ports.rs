@@ -1,4 +1,4 @@
-//! The [`Medium`] implementation of a CANsync bus, and the functions of its ports that are not traffic.
+//! The [`Bus`] implementation of a CANsync bus, and the functions of its ports that are not traffic.
 
 use super::end::{DriveEnd, End, Place, Socket, SocketRole};
 use super::rates::report_mismatch;
@@ -15,7 +15,7 @@ use crate::devices::cansync::registers::CANsync_INIT_BMSTRUCT;
 use crate::devices::cansync::registers::values::ma_sl_mode;
 use crate::devices::cansync::rules;
 use crate::devices::{
-    BuildError, Context, DriveDetails, DriveState, GuestRefusal, Interval, Medium, ParameterRefusal, Shaft,
+    BuildError, Bus, Context, DriveDetails, DriveState, GuestRefusal, Interval, ParameterRefusal, Shaft,
     Stranger, SyncOrigin, SyncSignal, World,
 };
 use crate::door::BusMessage;
@@ -25,7 +25,7 @@ use crate::layout::RegisterPhase;
 use core::any::Any;
 use core::mem::offset_of;
 
-impl Medium for SimBus {
+impl Bus for SimBus {
     fn name(&self) -> &str {
         &self.name
     }
@@ -275,7 +275,7 @@ impl Medium for SimBus {
     }
 
     fn drive(&self, drive: usize) -> Option<DriveDetails> {
-        let (_, state) = Medium::drives(self).into_iter().nth(drive)?;
+        let (_, state) = Bus::drives(self).into_iter().nth(drive)?;
         Some(DriveDetails { state, ..self.drives.look().get(drive)?.details() })
     }
 

@@ -45,7 +45,7 @@ impl SimBus {
 mod tests {
     use super::*;
     use crate::check::rules;
-    use crate::devices::Medium;
+    use crate::devices::Bus;
     use crate::devices::bm4_o_can_06::registers::{BAUD_RATES, DEVICE};
     use crate::devices::cansync::bus::SyncLock;
     use crate::devices::cansync::firmware::NodeLocation;

@@ -70,7 +70,7 @@ fn the_error_handler_counts_errors_and_ends_bus_off() {
 fn a_lost_frame_has_a_flag() {
     let mut bench = attached();
     let overrun = Draft { count: Some(1), ..Draft::new(&OVERRUN, PORT) }.check().unwrap();
-    bench.faults.add(bench.now, overrun, Owner::Medium(0), &mut bench.journal).unwrap();
+    bench.faults.add(bench.now, overrun, Owner::Bus(0), &mut bench.journal).unwrap();
     bench.run(MS);
     assert_eq!(device_type(&mut bench), [(0xA0, vec![0, 0x82, 0x10, 1, 0, 0, 0, 0])]);
     let flags = &bench.registers.flags;

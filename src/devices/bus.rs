@@ -57,7 +57,7 @@ pub enum SyncOrigin {
 pub struct Plug {
     /// Its number in the device's layout.
     pub number: u8,
-    /// Family of media that the plug fits, one of [`MEDIA`](super::MEDIA).
+    /// Family of media that the plug fits, one of [`BUS_KINDS`](super::BUS_KINDS).
     pub family: &'static str,
     /// Name of the medium in the plant; `None` if the port is not plugged in.
     pub medium: Option<String>,
@@ -98,11 +98,11 @@ pub enum ParticipantId {
 
 /// A medium of a plant. It runs the firmware of the ports that are attached to it, so an event reaches all affected
 /// ports without a call of their devices.
-pub trait Medium: Any + Send + SnapshotFields {
+pub trait Bus: Any + Send + SnapshotFields {
     /// Its name in the plant.
     fn name(&self) -> &str;
 
-    /// Kind of the medium, one of [`MEDIA`](super::MEDIA).
+    /// Kind of the medium, one of [`BUS_KINDS`](super::BUS_KINDS).
     fn family(&self) -> &'static str;
 
     /// Attaches a port: the [`Plug::socket`] of a device. Returns the port's place, which identifies it from now on.
@@ -112,7 +112,7 @@ pub trait Medium: Any + Send + SnapshotFields {
     fn attach(&mut self, socket: Box<dyn Any + Send>) -> Result<usize, BuildError>;
 
     /// Length of the processor cycle of all devices of the plant in microseconds. Called once, before any other
-    /// function except [`Medium::attach`].
+    /// function except [`Bus::attach`].
     fn set_processor_cycle(&mut self, us: u32) {
         let _ = us;
     }
@@ -128,7 +128,7 @@ pub trait Medium: Any + Send + SnapshotFields {
     fn processor_cycle(&mut self, place: usize, now: u64, journal: &mut Journal) -> bool;
 
     /// Whether the firmware of the port is quiescent, as a device can be ([`Device::is_quiescent`]): its processor
-    /// cycles change nothing before another event occurs, for example [`Medium::event`].
+    /// cycles change nothing before another event occurs, for example [`Bus::event`].
     fn is_quiescent(&self, place: usize) -> bool {
         let _ = place;
         false
@@ -148,7 +148,7 @@ pub trait Medium: Any + Send + SnapshotFields {
         false
     }
 
-    /// Before firmware runs: checks the writes of clients to the registers of a port since [`Medium::leave`]. The
+    /// Before firmware runs: checks the writes of clients to the registers of a port since [`Bus::leave`]. The
     /// medium owns the watch over them, since its family has the rules and the firmware.
     fn judge_writes(&mut self, place: usize, now: u64, journal: &mut Journal) {
         let _ = (place, now, journal);
@@ -166,7 +166,7 @@ pub trait Medium: Any + Send + SnapshotFields {
     }
 
     /// Checks the values that are taken over at a SYNC edge. Called after all devices were notified of an edge that
-    /// [`Medium::event`] returned.
+    /// [`Bus::event`] returned.
     fn judge_edge(&mut self, now: u64, journal: &mut Journal) {
         let _ = (now, journal);
     }
@@ -201,7 +201,7 @@ pub trait Medium: Any + Send + SnapshotFields {
         Vec::new()
     }
 
-    /// All details of the drive at this place in [`Medium::drives`].
+    /// All details of the drive at this place in [`Bus::drives`].
     fn drive(&self, drive: usize) -> Option<DriveDetails> {
         let _ = drive;
         None
@@ -349,9 +349,9 @@ impl dyn Device {
     }
 }
 
-impl dyn Medium {
+impl dyn Bus {
     /// Returns the medium as a `T`, if it has that type.
-    pub fn as_a<T: Medium>(&self) -> Option<&T> {
+    pub fn as_a<T: Bus>(&self) -> Option<&T> {
         (self as &dyn Any).downcast_ref()
     }
 }

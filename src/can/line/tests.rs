@@ -22,17 +22,17 @@ impl Stations {
     }
 
     /// Everything until `end_ns` or until nothing is left to do.
-    fn run(&mut self, medium: &mut Medium, end_ns: u64) -> Vec<Event> {
+    fn run(&mut self, line: &mut Line, end_ns: u64) -> Vec<Event> {
         let mut events = Vec::new();
         loop {
-            while let Some(event) = medium.advance(self.now_ns, self) {
+            while let Some(event) = line.advance(self.now_ns, self) {
                 if let Event::Delivered(it) = event {
                     self.queues[it.sender].pop_front();
                 }
                 events.push(event);
             }
             let ready = self.queues.iter().filter_map(|queue| queue.front()).map(|(time, _)| *time);
-            let next = ready.chain(medium.next_ns()).filter(|time| *time > self.now_ns).min();
+            let next = ready.chain(line.next_ns()).filter(|time| *time > self.now_ns).min();
             match next.filter(|next| *next <= end_ns) {
                 Some(next) => self.now_ns = next,
                 None => return events,
@@ -81,19 +81,19 @@ fn the_dominant_frame_goes_first_and_the_others_wait() {
     let extended = Frame::new(ExtendedId::new(0x123 << 18).unwrap(), Payload::EMPTY);
     let frames = [standard(0x124), extended, remote, standard(0x123)];
     let mut stations = Stations::new(frames.map(|frame| vec![(0, frame)]));
-    let events = stations.run(&mut Medium::new(RATE), u64::MAX);
+    let events = stations.run(&mut Line::new(RATE), u64::MAX);
     let expected = [(3, standard(0x123)), (2, remote), (1, extended), (0, standard(0x124))];
     assert_eq!(delivered(&events), expected);
 }
 
 #[test]
 fn a_dominant_frame_that_comes_later_waits_for_the_one_on_the_wire() {
-    let (late, mut medium) = (standard(0), Medium::new(RATE));
+    let (late, mut line) = (standard(0), Line::new(RATE));
     let mut stations = Stations::new([vec![(0, standard(0x7FF)), (0, standard(0x700))], vec![(1, late)]]);
-    let events = stations.run(&mut medium, 1);
+    let events = stations.run(&mut line, 1);
     let [Event::Begun(first)] = events[..] else { panic!("{events:?}") };
-    assert_eq!(medium.on_wire(), Some(&first));
-    let events = stations.run(&mut medium, first.free_ns);
+    assert_eq!(line.on_wire(), Some(&first));
+    let events = stations.run(&mut line, first.free_ns);
     assert_eq!(events[0], Event::Delivered(first));
     let [_, Event::Begun(second)] = events[..] else { panic!("{events:?}") };
     assert_eq!((second.sender, second.frame, second.begin_ns), (1, late, first.free_ns));
@@ -105,7 +105,7 @@ fn of_equal_arbitration_fields_that_of_the_first_participant_goes_first() {
     let frames = [0, 1].map(|byte| Frame::standard(0x55, Payload::new(&[byte]).unwrap()));
     for order in [[0, 1], [1, 0]] {
         let mut stations = Stations::new(order.map(|which| vec![(0, frames[which])]));
-        let events = stations.run(&mut Medium::new(RATE), u64::MAX);
+        let events = stations.run(&mut Line::new(RATE), u64::MAX);
         assert_eq!(delivered(&events), [(0, frames[order[0]]), (1, frames[order[1]])]);
     }
 }
@@ -113,12 +113,12 @@ fn of_equal_arbitration_fields_that_of_the_first_participant_goes_first() {
 /// Decision D-350.
 #[test]
 fn alone_a_station_repeats_its_frame_for_ever() {
-    let mut medium = Medium::new(RATE);
+    let mut line = Line::new(RATE);
     let mut stations = Stations::new([vec![(0, standard(1))], vec![]]);
     stations.off = vec![1];
     let to_flag = wire::bits_to_acknowledgement(&standard(1)) + 1;
     let round = to_flag + 6 + 8 + 3;
-    let events = stations.run(&mut medium, bits(2 * round + to_flag));
+    let events = stations.run(&mut line, bits(2 * round + to_flag));
     let begun = |event: &Event| match event {
         Event::Begun(it) | Event::Failed(it) if it.fate == Fate::NotAcknowledged => (it.begin_ns, it.end_ns),
         _ => panic!("{event:?}"),
@@ -127,22 +127,22 @@ fn alone_a_station_repeats_its_frame_for_ever() {
     assert_eq!(events.iter().map(begun).collect::<Vec<_>>(), expected);
     // Now a second station is there.
     stations.off.clear();
-    let events = stations.run(&mut medium, u64::MAX);
+    let events = stations.run(&mut line, u64::MAX);
     assert_eq!(delivered(&events), [(0, standard(1))]);
 }
 
 #[test]
 fn a_passive_station_waits_after_its_own_frame() {
-    let mut medium = Medium::new(RATE);
+    let mut line = Line::new(RATE);
     let urgent = vec![(0, standard(1)), (0, standard(2))];
     let mut stations = Stations::new([urgent, vec![(0, standard(0x300))], vec![]]);
     stations.passive = vec![0, 2];
-    let events = stations.run(&mut medium, u64::MAX);
+    let events = stations.run(&mut line, u64::MAX);
     assert_eq!(delivered(&events), [(0, standard(1)), (1, standard(0x300)), (0, standard(2))]);
     // No other station has a frame to send.
     let mut stations = Stations::new([vec![(0, standard(1)), (0, standard(2))], vec![]]);
     stations.passive = vec![0];
-    let events = stations.run(&mut Medium::new(RATE), u64::MAX);
+    let events = stations.run(&mut Line::new(RATE), u64::MAX);
     let [_, Event::Delivered(first), Event::Begun(second), _] = events[..] else { panic!("{events:?}") };
     assert_eq!(second.begin_ns, first.free_ns + bits(8));
     // Another station has a frame within the eight bits.
@@ -150,17 +150,17 @@ fn a_passive_station_waits_after_its_own_frame() {
     let frames = vec![(0, standard(1)), (0, standard(2))];
     let mut stations = Stations::new([frames, vec![(late, standard(0x300))]]);
     stations.passive = vec![0];
-    let events = stations.run(&mut Medium::new(RATE), u64::MAX);
+    let events = stations.run(&mut Line::new(RATE), u64::MAX);
     let [_, _, Event::Begun(second), ..] = events[..] else { panic!("{events:?}") };
     assert_eq!((second.sender, second.begin_ns), (1, late));
 }
 
 #[test]
 fn a_station_that_is_off_sends_nothing() {
-    let mut medium = Medium::new(RATE);
+    let mut line = Line::new(RATE);
     let mut stations = Stations::new([vec![(0, standard(1))], vec![(0, standard(2))], vec![]]);
     stations.off = vec![0];
-    let events = stations.run(&mut medium, 1_000_000);
+    let events = stations.run(&mut line, 1_000_000);
     assert_eq!(delivered(&events), [(1, standard(2))]);
 }
 
@@ -174,12 +174,12 @@ fn a_frame_is_destroyed_if_its_sender_goes_off() {
         (to_acknowledgement, None),
         (to_acknowledgement + 5, None),
     ] {
-        let mut medium = Medium::new(RATE);
+        let mut line = Line::new(RATE);
         let mut stations = Stations::new([vec![(0, standard(1))], vec![(0, standard(2))], vec![]]);
-        stations.run(&mut medium, bits(over) - 1);
-        medium.sender_gone(bits(over) - 1);
+        stations.run(&mut line, bits(over) - 1);
+        line.sender_gone(bits(over) - 1);
         stations.off = vec![0];
-        let events = stations.run(&mut medium, 1_000_000);
+        let events = stations.run(&mut line, 1_000_000);
         let Some(to_flag) = to_flag else {
             assert_eq!(delivered(&events), [(0, standard(1)), (1, standard(2))], "{over}");
             continue;
@@ -195,21 +195,21 @@ fn a_frame_without_receivers_is_not_acknowledged() {
     let to_acknowledgement = wire::bits_to_acknowledgement(&standard(1));
     for (over, fate) in [(to_acknowledgement, Fate::NotAcknowledged), (to_acknowledgement + 1, Fate::Arrives)]
     {
-        let mut medium = Medium::new(RATE);
+        let mut line = Line::new(RATE);
         let mut stations = Stations::new([vec![(0, standard(1))], vec![]]);
-        stations.run(&mut medium, bits(over) - 1);
-        medium.nobody_left(bits(over));
-        assert_eq!(medium.on_wire().map(|it| it.fate), Some(fate), "{over}");
+        stations.run(&mut line, bits(over) - 1);
+        line.nobody_left(bits(over));
+        assert_eq!(line.on_wire().map(|it| it.fate), Some(fate), "{over}");
     }
 }
 
 #[test]
 fn a_disturbed_frame_is_repeated_at_once() {
-    let mut medium = Medium::new(RATE);
+    let mut line = Line::new(RATE);
     let mut stations = Stations::new([vec![(0, standard(1))], vec![(0, standard(2))]]);
-    stations.run(&mut medium, 0);
-    medium.disturb();
-    let events = stations.run(&mut medium, u64::MAX);
+    stations.run(&mut line, 0);
+    line.disturb();
+    let events = stations.run(&mut line, u64::MAX);
     let to_flag = wire::bits_to_acknowledgement(&standard(1));
     let [Event::Failed(it), Event::Begun(again), ..] = events[..] else { panic!("{events:?}") };
     assert_eq!((it.fate, it.end_ns), (Fate::Disturbed, bits(to_flag)));
@@ -219,33 +219,33 @@ fn a_disturbed_frame_is_repeated_at_once() {
 
 #[test]
 fn a_lone_sender_that_withdraws_causes_an_error() {
-    let mut medium = Medium::new(RATE);
+    let mut line = Line::new(RATE);
     let mut stations = Stations::new([vec![(0, standard(1))], vec![]]);
     stations.passive = vec![0];
-    assert_eq!(medium.next_sender(0, &stations), Some((0, standard(1))));
-    let Event::Begun(it) = medium.withdraw(0, 0, standard(1)) else { panic!() };
+    assert_eq!(line.next_sender(0, &stations), Some((0, standard(1))));
+    let Event::Begun(it) = line.withdraw(0, 0, standard(1)) else { panic!() };
     assert_eq!((it.fate, it.end_ns, it.free_ns), (Fate::Withdrawn, bits(7), bits(7 + 6 + 8 + 3)));
-    assert_eq!(medium.next_sender(0, &stations), None);
+    assert_eq!(line.next_sender(0, &stations), None);
     // The station has not sent it, so it does not wait for longer than the others.
-    let events = stations.run(&mut medium, bits(24));
+    let events = stations.run(&mut line, bits(24));
     let [Event::Failed(_), Event::Begun(again)] = events[..] else { panic!("{events:?}") };
     assert_eq!((again.sender, again.begin_ns), (0, bits(24)));
 }
 
 #[test]
 fn the_wire_is_quiet_after_each_frame() {
-    let mut medium = Medium::new(RATE);
+    let mut line = Line::new(RATE);
     let mut stations = Stations::new([vec![(0, standard(1)), (0, standard(2))], vec![]]);
-    stations.run(&mut medium, 0);
-    assert_eq!(medium.quiet_ns(), None);
-    let Some(first) = medium.on_wire().copied() else { panic!() };
-    stations.run(&mut medium, first.end_ns);
-    assert_eq!(medium.quiet_ns(), Some(first.end_ns - bits(8)));
-    stations.run(&mut medium, first.free_ns);
-    medium.disturb();
-    let Some(second) = medium.on_wire().copied() else { panic!() };
-    stations.run(&mut medium, second.end_ns);
-    assert_eq!(medium.quiet_ns(), Some(second.end_ns + bits(6)));
+    stations.run(&mut line, 0);
+    assert_eq!(line.quiet_ns(), None);
+    let Some(first) = line.on_wire().copied() else { panic!() };
+    stations.run(&mut line, first.end_ns);
+    assert_eq!(line.quiet_ns(), Some(first.end_ns - bits(8)));
+    stations.run(&mut line, first.free_ns);
+    line.disturb();
+    let Some(second) = line.on_wire().copied() else { panic!() };
+    stations.run(&mut line, second.end_ns);
+    assert_eq!(line.quiet_ns(), Some(second.end_ns + bits(6)));
 }
 
 /// The expected traffic: at each beginning the heads of the queues bit by bit, times from the frames bit by bit.
@@ -279,7 +279,7 @@ proptest! {
         let mut stations = Stations::new(queues);
         let expected = expected(&stations, bit_ns);
         let rate = BitRate::new((1_000_000_000 / bit_ns) as u32).unwrap();
-        let events = stations.run(&mut Medium::new(rate), u64::MAX);
+        let events = stations.run(&mut Line::new(rate), u64::MAX);
         let of = |event: &Event| match event {
             Event::Delivered(it) => Some((it.end_ns, it.sender, it.frame)),
             Event::Begun(_) | Event::Failed(_) => None,

@@ -1,4 +1,4 @@
-//! A CAN medium: one frame at a time, the one with the dominant identifier first, each acknowledged, or destroyed by error
+//! A CAN line: one frame at a time, the one with the dominant identifier first, each acknowledged, or destroyed by error
 //! frames and repeated.
 //!
 //! The position of an error in a frame decides its duration. Here errors lie where one bit signals them to all
@@ -9,7 +9,7 @@ use super::{BitRate, Frame};
 use crate::snapshot_fields;
 use serde::{Deserialize, Serialize};
 
-/// The stations at a medium, in the order of attachment: the first has number 0.
+/// The stations at a line, in the order of attachment: the first has number 0.
 pub trait Participants {
     /// The winner of the arbitration, and its frame, among the stations except `but` that take part and have had a
     /// frame to send at `at_ns`. Of several with one arbitration field it is the first (decision D-349).
@@ -56,7 +56,7 @@ pub struct OnWire {
     pub fate: Fate,
 }
 
-/// An event on a medium.
+/// An event on a line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Event {
     /// A frame has won the arbitration and begins.
@@ -68,7 +68,7 @@ pub enum Event {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-enum MediumPhase {
+enum LinePhase {
     /// The bus is free. A passive station that has sent the last frame may not begin before a time.
     Idle { suspended: Option<(usize, u64)> },
     /// A frame.
@@ -78,31 +78,31 @@ enum MediumPhase {
     Closing { sender: Option<usize>, free_ns: u64 },
 }
 
-/// A medium, its present phase and its next event.
+/// A line, its present phase and its next event.
 #[derive(Clone, Debug)]
-pub struct Medium {
+pub struct Line {
     rate: BitRate,
-    state: MediumPhase,
+    state: LinePhase,
     /// Since when it is recessive, while no frame is on it.
     quiet_ns: u64,
 }
 
-snapshot_fields!(Medium { values: state, quiet_ns; built: rate });
+snapshot_fields!(Line { values: state, quiet_ns; built: rate });
 
-impl Medium {
+impl Line {
     /// Whether all station numbers in it are below `count`.
     pub(crate) fn is_among(&self, count: usize) -> bool {
         let who = match self.state {
-            MediumPhase::Idle { suspended } => suspended.map(|(who, _)| who),
-            MediumPhase::Busy(frame) => Some(frame.sender),
-            MediumPhase::Closing { sender, .. } => sender,
+            LinePhase::Idle { suspended } => suspended.map(|(who, _)| who),
+            LinePhase::Busy(frame) => Some(frame.sender),
+            LinePhase::Closing { sender, .. } => sender,
         };
         who.is_none_or(|who| who < count)
     }
 
-    /// An idle medium at this rate.
+    /// An idle line at this rate.
     pub const fn new(rate: BitRate) -> Self {
-        Medium { rate, state: MediumPhase::Idle { suspended: None }, quiet_ns: 0 }
+        Line { rate, state: LinePhase::Idle { suspended: None }, quiet_ns: 0 }
     }
 
     /// The bit rate.
@@ -113,8 +113,8 @@ impl Medium {
     /// The frame that is on the wire.
     pub const fn on_wire(&self) -> Option<&OnWire> {
         match &self.state {
-            MediumPhase::Busy(frame) => Some(frame),
-            MediumPhase::Idle { .. } | MediumPhase::Closing { .. } => None,
+            LinePhase::Busy(frame) => Some(frame),
+            LinePhase::Idle { .. } | LinePhase::Closing { .. } => None,
         }
     }
 
@@ -122,28 +122,28 @@ impl Medium {
     /// on the bus.
     pub const fn quiet_ns(&self) -> Option<u64> {
         match self.state {
-            MediumPhase::Busy(_) => None,
-            MediumPhase::Idle { .. } | MediumPhase::Closing { .. } => Some(self.quiet_ns),
+            LinePhase::Busy(_) => None,
+            LinePhase::Idle { .. } | LinePhase::Closing { .. } => Some(self.quiet_ns),
         }
     }
 
-    /// Time of the next event of the medium itself, in ns. `None`: it is idle until a participant has a frame to send.
+    /// Time of the next event of the line itself, in ns. `None`: it is idle until a participant has a frame to send.
     pub const fn next_ns(&self) -> Option<u64> {
         match &self.state {
-            MediumPhase::Idle { suspended: None } => None,
-            MediumPhase::Idle { suspended: Some((_, until_ns)) } => Some(*until_ns),
-            MediumPhase::Busy(frame) => Some(frame.end_ns),
-            MediumPhase::Closing { free_ns, .. } => Some(*free_ns),
+            LinePhase::Idle { suspended: None } => None,
+            LinePhase::Idle { suspended: Some((_, until_ns)) } => Some(*until_ns),
+            LinePhase::Busy(frame) => Some(frame.end_ns),
+            LinePhase::Closing { free_ns, .. } => Some(*free_ns),
         }
     }
 
     /// Whether the bus is idle and a station could begin a frame at `now_ns`: then the caller must call
-    /// [`Medium::advance`].
+    /// [`Line::advance`].
     pub fn can_begin(&self, now_ns: u64, participants: &impl Participants) -> bool {
-        matches!(self.state, MediumPhase::Idle { .. }) && self.next_sender(now_ns, participants).is_some()
+        matches!(self.state, LinePhase::Idle { .. }) && self.next_sender(now_ns, participants).is_some()
     }
 
-    /// The sender, and its frame, that [`Medium::advance`] would start at `now_ns`.
+    /// The sender, and its frame, that [`Line::advance`] would start at `now_ns`.
     pub fn next_sender(&self, now_ns: u64, participants: &impl Participants) -> Option<(usize, Frame)> {
         let suspended = self.arbitration(now_ns, participants)?;
         participants.first(now_ns, suspended.map(|(who, _)| who))
@@ -152,20 +152,20 @@ impl Medium {
     /// Whether there is an arbitration at `now_ns`; and the station that must not take part, until when.
     fn arbitration(&self, now_ns: u64, participants: &impl Participants) -> Option<Option<(usize, u64)>> {
         match self.state {
-            MediumPhase::Idle { suspended } => Some(suspended.filter(|(_, until_ns)| *until_ns > now_ns)),
-            MediumPhase::Closing { sender, free_ns } if free_ns <= now_ns => {
+            LinePhase::Idle { suspended } => Some(suspended.filter(|(_, until_ns)| *until_ns > now_ns)),
+            LinePhase::Closing { sender, free_ns } if free_ns <= now_ns => {
                 let until_ns = free_ns.saturating_add(self.rate.time_ns(SUSPENSION));
                 let passive = sender.filter(|sender| participants.is_passive(*sender));
                 Some(passive.map(|sender| (sender, until_ns)).filter(|(_, until_ns)| *until_ns > now_ns))
             }
-            MediumPhase::Busy(_) | MediumPhase::Closing { .. } => None,
+            LinePhase::Busy(_) | LinePhase::Closing { .. } => None,
         }
     }
 
     /// Performs one action that is pending at `now_ns` and returns it. The caller repeats the call until the result
-    /// is `None`, at the times of [`Medium::next_ns`] and whenever a participant has a frame to send.
+    /// is `None`, at the times of [`Line::next_ns`] and whenever a participant has a frame to send.
     pub fn advance(&mut self, now_ns: u64, participants: &impl Participants) -> Option<Event> {
-        if let MediumPhase::Busy(it) = self.state {
+        if let LinePhase::Busy(it) = self.state {
             return (it.end_ns <= now_ns).then(|| self.close(it));
         }
         let suspended = self.arbitration(now_ns, participants)?;
@@ -179,13 +179,13 @@ impl Medium {
         suspended: Option<(usize, u64)>,
         participants: &impl Participants,
     ) -> Option<Event> {
-        self.state = MediumPhase::Idle { suspended };
+        self.state = LinePhase::Idle { suspended };
         let (sender, frame) = participants.first(now_ns, suspended.map(|(who, _)| who))?;
         let mut it = self.begin(now_ns, sender, frame);
         if !participants.is_heard(sender, now_ns) {
             self.destroy(&mut it, wire::bits_to_acknowledgement(&frame) + 1, Fate::NotAcknowledged);
         }
-        self.state = MediumPhase::Busy(it);
+        self.state = LinePhase::Busy(it);
         Some(Event::Begun(it))
     }
 
@@ -201,7 +201,7 @@ impl Medium {
     pub fn withdraw(&mut self, now_ns: u64, sender: usize, frame: Frame) -> Event {
         let mut it = self.begin(now_ns, sender, frame);
         self.destroy(&mut it, 1 + ERROR_FLAG, Fate::Withdrawn);
-        self.state = MediumPhase::Busy(it);
+        self.state = LinePhase::Busy(it);
         Event::Begun(it)
     }
 
@@ -216,13 +216,13 @@ impl Medium {
     /// Changes the result of a frame that was going to arrive. `bits` returns the start of its error flag, from the
     /// count of bits that are over at `now_ns` and the count of bits before its acknowledge slot.
     fn spoil(&mut self, now_ns: u64, fate: Fate, bits: impl FnOnce(u32, u32) -> Option<u32>) {
-        let MediumPhase::Busy(mut it) = self.state else { return };
+        let LinePhase::Busy(mut it) = self.state else { return };
         let over = self.rate.bits_begun(now_ns.saturating_sub(it.begin_ns));
         if it.fate == Fate::Arrives
             && let Some(bits) = bits(over, wire::bits_to_acknowledgement(&it.frame))
         {
             self.destroy(&mut it, bits, fate);
-            self.state = MediumPhase::Busy(it);
+            self.state = LinePhase::Busy(it);
         }
     }
 
@@ -248,7 +248,7 @@ impl Medium {
 
     fn close(&mut self, it: OnWire) -> Event {
         let sender = (it.fate != Fate::Withdrawn).then_some(it.sender);
-        self.state = MediumPhase::Closing { sender, free_ns: it.free_ns };
+        self.state = LinePhase::Closing { sender, free_ns: it.free_ns };
         if it.fate == Fate::Arrives {
             // Acknowledge delimiter and end of frame are recessive.
             self.quiet_ns = it.end_ns.saturating_sub(self.rate.time_ns(wire::RECESSIVE_END));
