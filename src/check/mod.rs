@@ -25,7 +25,7 @@ pub(crate) use owned::OwnedWatch;
 pub(crate) use owned::owned;
 
 use crate::journal::Journal;
-use crate::layout::Device;
+use crate::layout::DeviceLayout;
 use crate::memory::{MemoryError, Segment};
 use header::HeaderWatch;
 
@@ -42,7 +42,7 @@ impl DeviceWatch {
     ///
     /// # Errors
     /// If the segment is too small for the device.
-    pub fn new(plc: u16, segment: &Segment, layout: &'static Device) -> Result<Self, MemoryError> {
+    pub fn new(plc: u16, segment: &Segment, layout: &'static DeviceLayout) -> Result<Self, MemoryError> {
         Ok(DeviceWatch {
             header: HeaderWatch::new(plc, segment)?,
             owned: OwnedWatch::new(plc, segment, owned::owned(layout))?,

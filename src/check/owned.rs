@@ -2,7 +2,7 @@
 
 use super::{rules, word};
 use crate::journal::{Finding, Journal};
-use crate::layout::{Area, Device, DeviceFit, Owner, RegisterPhase, RegisterRef};
+use crate::layout::{Area, DeviceFit, DeviceLayout, Owner, RegisterPhase, RegisterRef};
 use crate::memory::{Cell64, MemoryError, Segment, View};
 use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 
@@ -10,14 +10,14 @@ const WORD: u32 = word::WORD as u32;
 
 /// The registers of a device that only its own firmware writes, in ascending order. The firmware of a medium owns the
 /// registers in the areas of its ports, and they are watched there.
-pub(crate) fn owned(layout: &'static Device) -> impl Iterator<Item = RegisterRef> {
+pub(crate) fn owned(layout: &'static DeviceLayout) -> impl Iterator<Item = RegisterRef> {
     let is_ports = |area| layout.ports.iter().any(|port| core::ptr::eq(port.area, area));
     let areas = layout.areas.iter().filter(move |area| !is_ports(*area));
     areas.flat_map(move |area| owned_in(layout, area))
 }
 
 /// Returns the registers of this kind in a single area.
-fn owned_in(layout: &'static Device, area: &'static Area) -> impl Iterator<Item = RegisterRef> {
+fn owned_in(layout: &'static DeviceLayout, area: &'static Area) -> impl Iterator<Item = RegisterRef> {
     let registers = DeviceFit::unknown(layout).registers_in(area, RegisterPhase::Always);
     registers.filter(|register| register.owner() == Owner::Firmware)
 }
@@ -93,7 +93,7 @@ impl OwnedWatch {
     pub(crate) fn of_area(
         plc: u16,
         segment: &Segment,
-        layout: &'static Device,
+        layout: &'static DeviceLayout,
         area: &'static Area,
     ) -> Result<Self, MemoryError> {
         Self::new(plc, segment, owned_in(layout, area))

@@ -15,7 +15,7 @@ use running::{known_buses, known_drives, known_faults, known_parameters};
 use super::session::Session;
 use crate::devices;
 use crate::fault::{Field, Form, Kind};
-use crate::layout::{Device, DeviceFit, Fit, Named, RegisterRef, split_plc, value};
+use crate::layout::{DeviceFit, DeviceLayout, Fit, Named, RegisterRef, split_plc, value};
 use clap_complete::engine::CompletionCandidate as Candidate;
 use clap_complete::engine::{ArgValueCompleter, PathCompleter, ValueCompleter};
 use std::collections::BTreeMap;
@@ -211,7 +211,7 @@ impl PlcScope {
             return Self { plcs: plcs.collect() };
         }
         let named = option(&["--device"]);
-        let device: &'static Device =
+        let device: &'static DeviceLayout =
             named.and_then(|name| devices::find(&name)).unwrap_or_else(devices::default).layout;
         Self { plcs: vec![(String::new(), DeviceFit::unknown(device))] }
     }

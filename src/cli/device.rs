@@ -5,18 +5,18 @@ use super::error::CliError;
 use super::place::Place;
 use super::session::Session;
 use crate::devices;
-use crate::layout::{Device, DeviceFit, Fit, LayoutError, Role};
+use crate::layout::{DeviceFit, DeviceLayout, Fit, LayoutError, Role};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 
 #[derive(clap::Args)]
 pub(crate) struct DeviceArg {
     /// Type of the device
     #[arg(long = "device", value_name = "DEVICE", value_parser = known(), default_value = devices::default().layout.name)]
-    pub device: &'static Device,
+    pub device: &'static DeviceLayout,
 }
 
 /// Accepts the names of the registered devices and offers them for completion.
-fn known() -> impl TypedValueParser<Value = &'static Device> {
+fn known() -> impl TypedValueParser<Value = &'static DeviceLayout> {
     let names =
         devices::all().iter().map(|known| PossibleValue::new(known.layout.name).help(known.layout.title));
     PossibleValuesParser::new(names)
@@ -45,7 +45,7 @@ pub(crate) fn on_any_device<T>(
             Err(CliError::NoDeviceHas { text, known })
         }
         Some(refusal) => Err(refusal.into()),
-        None => Ok(look_up(&DeviceFit::unknown(&Device::UNKNOWN))?),
+        None => Ok(look_up(&DeviceFit::unknown(&DeviceLayout::UNKNOWN))?),
     }
 }
 
@@ -66,7 +66,7 @@ fn distance(refusal: &LayoutError) -> u8 {
 fn addresses_like(text: &str) -> String {
     let letter =
         text.strip_prefix('%').and_then(|rest| rest.chars().next()).map(|it| it.to_ascii_uppercase());
-    let of = |device: &Device, is_wanted: &dyn Fn(char) -> bool| {
+    let of = |device: &DeviceLayout, is_wanted: &dyn Fn(char) -> bool| {
         let spaces: Vec<_> =
             device.spaces.iter().filter(|it| is_wanted(it.letter)).map(ToString::to_string).collect();
         (!spaces.is_empty()).then(|| format!("{} has {}", device.title, spaces.join(", ")))
@@ -80,7 +80,7 @@ fn addresses_like(text: &str) -> String {
 
 /// The same on one device. If the result depends on the type of a port, any type that has the register is accepted.
 fn on_any_fit<T>(
-    device: &'static Device,
+    device: &'static DeviceLayout,
     look_up: impl Fn(&DeviceFit) -> Result<T, LayoutError>,
 ) -> Result<T, LayoutError> {
     let unknown = DeviceFit::unknown(device);

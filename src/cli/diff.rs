@@ -9,7 +9,7 @@ use super::output;
 use super::session::Session;
 use super::table::{self, FormatArg};
 use crate::input_file;
-use crate::layout::{Area, Device, LayoutError};
+use crate::layout::{Area, DeviceLayout, LayoutError};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
@@ -108,6 +108,6 @@ fn now(
     Ok(registers)
 }
 
-fn area(device: &'static Device, held: &RegisterValue) -> Result<&'static Area, LayoutError> {
+fn area(device: &'static DeviceLayout, held: &RegisterValue) -> Result<&'static Area, LayoutError> {
     device.area_at(device.address(&held.address)?)
 }

@@ -10,7 +10,7 @@ use super::output;
 use super::place::Place;
 use crate::devices;
 use crate::devices::ModuleFront;
-use crate::layout::{Device, DeviceFit, FrontWord, RegisterRef, plc_prefix, split_plc};
+use crate::layout::{DeviceFit, DeviceLayout, FrontWord, RegisterRef, plc_prefix, split_plc};
 use crate::memory::header::BoardState;
 use crate::memory::{
     AttachMode, Attached, Condition, EmulatorProcess, Header, ImageInfo, ImageSummary, MemoryError,
@@ -146,7 +146,7 @@ impl Session {
     }
 
     /// Device type of PLC `plc`.
-    pub(crate) fn device(&self, plc: u16) -> &'static Device {
+    pub(crate) fn device(&self, plc: u16) -> &'static DeviceLayout {
         self.fitted(plc).device()
     }
 
@@ -158,7 +158,7 @@ impl Session {
     /// Device type and options of PLC `plc`.
     pub(crate) fn fitted(&self, plc: u16) -> DeviceFit {
         let known = self.fitted.get(usize::from(plc)).copied();
-        known.unwrap_or_else(|| DeviceFit::unknown(&Device::UNKNOWN))
+        known.unwrap_or_else(|| DeviceFit::unknown(&DeviceLayout::UNKNOWN))
     }
 
     /// Finds the register or address in `text`.

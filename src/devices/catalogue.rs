@@ -7,7 +7,7 @@ use crate::fault;
 use crate::fault::{Fault, MediumSite};
 use crate::journal;
 use crate::journal::{Catalogue, FaultName, Kind, Rule};
-use crate::layout::Device;
+use crate::layout::DeviceLayout;
 use std::sync::LazyLock;
 
 /// Registration that belongs to no device.
@@ -74,7 +74,7 @@ pub fn fault_kinds() -> &'static [&'static fault::Kind] {
 }
 
 /// The kinds of faults that a device has itself.
-pub fn faults_of_device(layout: &Device) -> &'static [&'static fault::Kind] {
+pub fn faults_of_device(layout: &DeviceLayout) -> &'static [&'static fault::Kind] {
     of_hash(layout.layout_hash).map_or(&[], |known| known.faults)
 }
 

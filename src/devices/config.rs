@@ -21,7 +21,7 @@ pub trait DeviceConfig: fmt::Debug + Send + Sync {
     fn name(&self) -> &str;
 
     /// Layout of the device.
-    fn layout(&self) -> &'static layout::Device;
+    fn layout(&self) -> &'static layout::DeviceLayout;
 
     /// Checks the settings.
     ///
@@ -217,7 +217,7 @@ mod tests {
             "silent"
         }
 
-        fn layout(&self) -> &'static layout::Device {
+        fn layout(&self) -> &'static layout::DeviceLayout {
             &STATION
         }
 

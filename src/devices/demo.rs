@@ -1,7 +1,7 @@
 //! Demonstration of a device for `commram demo`: a plant, and a soft-PLC that runs on it.
 
 use super::attach;
-use crate::layout::{Device, DeviceFit, LayoutError, Place, RegisterPhase};
+use crate::layout::{DeviceFit, DeviceLayout, LayoutError, Place, RegisterPhase};
 use crate::memory::header::{self, Power};
 use crate::memory::{AttachMode, Attached, MemoryError};
 use std::io;
@@ -63,7 +63,7 @@ const PATIENCE: Duration = Duration::from_secs(30);
 /// A device with registers that a demonstration writes, reads and prints.
 pub(crate) struct Actor<'a> {
     name: &'static str,
-    layout: &'static Device,
+    layout: &'static DeviceLayout,
     pub(crate) attached: Attached,
     show: Show<'a>,
 }
@@ -72,7 +72,7 @@ impl<'a> Actor<'a> {
     /// Creates the actor of the device called `name` with this image.
     pub(crate) fn new(
         name: &'static str,
-        layout: &'static Device,
+        layout: &'static DeviceLayout,
         attached: Attached,
         show: Show<'a>,
     ) -> Self {

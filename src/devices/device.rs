@@ -48,7 +48,7 @@ pub trait Device: Any + Send + SnapshotFields {
     fn segment(&self) -> &Segment;
 
     /// Its registers.
-    fn layout(&self) -> &'static layout::Device;
+    fn layout(&self) -> &'static layout::DeviceLayout;
 
     /// Returns the ports of the device as it is equipped: the modules of a modular device decide about them.
     fn fitted(&self) -> DeviceFit {

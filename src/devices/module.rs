@@ -1,7 +1,7 @@
 //! The modules of a modular device, as seen at their fronts.
 
 use super::of_hash;
-use crate::layout::{Device as Layout, Fit, Role};
+use crate::layout::{DeviceLayout as Layout, Fit, Role};
 use crate::memory::Header;
 
 /// State of a LED.

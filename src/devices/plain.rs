@@ -108,7 +108,7 @@ impl Firmware for () {
 pub struct Plain<F> {
     index: u16,
     name: String,
-    layout: &'static layout::Device,
+    layout: &'static layout::DeviceLayout,
     segment: Segment,
     face: Face,
     /// The firmware.
@@ -127,7 +127,7 @@ impl<F: Firmware> Plain<F> {
     pub fn new(
         index: usize,
         name: &str,
-        layout: &'static layout::Device,
+        layout: &'static layout::DeviceLayout,
         segment: Segment,
         firmware: F,
     ) -> Result<Self, MemoryError> {
@@ -167,7 +167,7 @@ impl<F: Firmware> Device for Plain<F> {
         &self.segment
     }
 
-    fn layout(&self) -> &'static layout::Device {
+    fn layout(&self) -> &'static layout::DeviceLayout {
         self.layout
     }
 

@@ -3,7 +3,7 @@
 
 use super::all;
 use super::omega_drive_line_2::registers::DEVICE;
-use crate::layout::{Device, Meaning, Provenance, Register, Structure, ValueMeaning};
+use crate::layout::{DeviceLayout, Meaning, Provenance, Register, Structure, ValueMeaning};
 use std::collections::BTreeMap;
 
 const DECISIONS: [&str; 6] = [
@@ -57,7 +57,7 @@ fn every_fact_has_a_page_or_a_decision() {
     }
 }
 
-fn every_fact_of(device: &'static Device) {
+fn every_fact_of(device: &'static DeviceLayout) {
     for word in device.front {
         check(word.name, word.source, word.page);
     }

@@ -11,7 +11,7 @@ use super::{bm4_o_can_06, can_dp2, cr201x, cs0015, omega_drive_line_2};
 use crate::fault;
 #[cfg(feature = "emulator")]
 use crate::journal::{Kind, Rule};
-use crate::layout::Device as Layout;
+use crate::layout::DeviceLayout as Layout;
 use crate::memory::{AttachMode, Attached, Image, MemoryError, header};
 #[cfg(feature = "plc")]
 use crate::plc::{BlockKind, StPart};

@@ -4,8 +4,8 @@ use super::scope::Scope;
 use super::text;
 use crate::layout::object::Type;
 use crate::layout::{
-    Area, BitField, Device, Meaning, Placed, Provenance, Register, RegisterPhase, RegisterRef, ValueMeaning,
-    format_value,
+    Area, BitField, DeviceLayout, Meaning, Placed, Provenance, Register, RegisterPhase, RegisterRef,
+    ValueMeaning, format_value,
 };
 
 pub(crate) fn generate(scope: &Scope) -> String {
@@ -55,7 +55,7 @@ fn areas(scope: &Scope) -> String {
 }
 
 /// The object dictionary; nothing if it has none.
-fn objects(device: &Device) -> String {
+fn objects(device: &DeviceLayout) -> String {
     if device.objects.is_empty() {
         return String::new();
     }

@@ -25,7 +25,7 @@ mod systemrdl;
 mod text;
 mod xml;
 
-use crate::layout::{Device, LayoutError};
+use crate::layout::{DeviceLayout, LayoutError};
 use std::fmt;
 use thiserror::Error;
 
@@ -163,7 +163,11 @@ pub enum ExportError {
 /// # Errors
 /// [`ExportError`] if there is no area of that name, if the format has no addresses for it, or if the format does not
 /// fit the device, which has no object dictionary or is no PROFIBUS-DP slave.
-pub fn export(device: &'static Device, format: Format, block: Option<&str>) -> Result<String, ExportError> {
+pub fn export(
+    device: &'static DeviceLayout,
+    format: Format,
+    block: Option<&str>,
+) -> Result<String, ExportError> {
     let mut scope = Scope::new(device, block)?;
     if matches!(format, Format::Matiec | Format::OpenPlc | Format::St(_) | Format::Svd) {
         scope = scope.without_front();
@@ -198,7 +202,7 @@ pub fn export(device: &'static Device, format: Format, block: Option<&str>) -> R
 /// A whole file for matiec, as [`StForm::matiec`], with these function blocks in Structured Text between types and
 /// program.
 #[must_use]
-pub fn st_with_blocks(device: &'static Device, blocks: &str) -> String {
+pub fn st_with_blocks(device: &'static DeviceLayout, blocks: &str) -> String {
     let scope = Scope { device, areas: device.named_areas().collect(), block: None }.without_front();
     st::generate(&scope, StForm { elementary: false, matiec: true }, Some(blocks))
 }

@@ -1,12 +1,12 @@
 //! Scope of an export: the whole device or one area of it.
 
-use crate::layout::{Area, Device, LayoutError, Meaning, Placed, Register, Structure};
+use crate::layout::{Area, DeviceLayout, LayoutError, Meaning, Placed, Register, Structure};
 
 /// The areas to export.
 #[derive(Debug)]
 pub struct Scope {
     /// The device.
-    pub device: &'static Device,
+    pub device: &'static DeviceLayout,
     /// The areas, in ascending order.
     pub areas: Vec<&'static Area>,
     /// The one that was asked for; `None`: all.
@@ -18,7 +18,7 @@ impl Scope {
     ///
     /// # Errors
     /// [`LayoutError`] if there is none.
-    pub fn new(device: &'static Device, block: Option<&str>) -> Result<Self, LayoutError> {
+    pub fn new(device: &'static DeviceLayout, block: Option<&str>) -> Result<Self, LayoutError> {
         let block = block.map(|name| device.area(name)).transpose()?;
         let areas = block.map_or_else(|| device.named_areas().collect(), |area| vec![area]);
         Ok(Self { device, areas, block: block.map(|area| area.name) })

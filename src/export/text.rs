@@ -1,7 +1,7 @@
 //! Small pieces of text that several formats need.
 
 use super::scope::Scope;
-use crate::layout::{Device, Dim, Placed, Provenance, Register, Space, Structure};
+use crate::layout::{DeviceLayout, Dim, Placed, Provenance, Register, Space, Structure};
 use std::collections::BTreeSet;
 
 /// Text of the comment at the head of every exported file.
@@ -45,13 +45,13 @@ pub(crate) fn command(scope: &Scope, format: &str) -> String {
 }
 
 /// The decisions that names of areas follow from; `None` if all are the manual's.
-pub(crate) fn names_from(device: &Device) -> Option<String> {
+pub(crate) fn names_from(device: &DeviceLayout) -> Option<String> {
     let decisions: BTreeSet<_> = device.areas.iter().filter_map(|area| area.name_from.decision()).collect();
     (!decisions.is_empty()).then(|| decisions.into_iter().collect::<Vec<_>>().join(", "))
 }
 
 /// The addresses of the device and their places in the image.
-pub(crate) fn spaces(device: &Device) -> String {
+pub(crate) fn spaces(device: &DeviceLayout) -> String {
     let told = |space: &Space| {
         let (first, last) = (space.begin(), space.end());
         format!("`{first}` to `{last}` ({}) from byte {} of the image on", space.doc, space.offset)

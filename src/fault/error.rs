@@ -2,7 +2,7 @@
 
 use super::{Field, Kind, MAX_FAULTS, Place};
 use crate::journal::Names;
-use crate::layout::Device;
+use crate::layout::DeviceLayout;
 use thiserror::Error;
 
 /// Why a fault cannot be. Buses and PLCs are counted from 0; [`FaultError::refused`] has their names.
@@ -80,7 +80,7 @@ pub enum Refusal {
         /// The port.
         port: u8,
         /// Device of the PLC.
-        layout: &'static Device,
+        layout: &'static DeviceLayout,
     },
     /// The port is not on a bus.
     #[error("{port} of PLC {plc} is not on a bus; ports on a bus: {}", list(.plugged))]
@@ -300,7 +300,7 @@ pub(super) fn kind_list(kinds: &[&Kind]) -> String {
 }
 
 /// Names of a device's ports.
-pub(super) fn port_list(device: &Device) -> String {
+pub(super) fn port_list(device: &DeviceLayout) -> String {
     list(&device.ports.iter().map(|port| port.name).collect::<Vec<_>>())
 }
 

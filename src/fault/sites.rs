@@ -1,7 +1,7 @@
 //! Targets of faults, and the targets that an installation has.
 
 use super::{Fault, Kind, Place, Refusal};
-use crate::layout::Device;
+use crate::layout::DeviceLayout;
 
 /// Target of a fault. Buses and PLCs are numbered as in the plant file, from 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -93,7 +93,7 @@ pub struct MediumSite {
 #[derive(Clone, Debug)]
 pub struct DeviceSite {
     /// Device of the PLC.
-    pub layout: &'static Device,
+    pub layout: &'static DeviceLayout,
     /// The kinds that it has itself, and at its ports.
     pub faults: &'static [&'static Kind],
     /// The ports that are on a bus: their number, and the bus.

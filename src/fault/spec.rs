@@ -6,7 +6,7 @@ use super::{
     Draft, Fault, FaultError, FaultSpec, Field, FieldValue, Form, Kind, MAX_FIELDS, Place, Refusal, Target,
 };
 use crate::journal::Names;
-use crate::layout::{Device, Port, did_you_mean};
+use crate::layout::{DeviceLayout, Port, did_you_mean};
 
 impl FaultSpec {
     /// Returns the described fault in an installation with these names, one of these kinds.
@@ -211,13 +211,13 @@ pub(super) fn port_given(port: &Port) -> FieldValue {
 }
 
 /// Whether the names of all ports are numbers.
-fn are_numbered(device: &Device) -> bool {
+fn are_numbered(device: &DeviceLayout) -> bool {
     !device.ports.is_empty()
         && device.ports.iter().all(|port| matches!(port_given(port), FieldValue::Number(_)))
 }
 
 /// The ports to choose from: `1 (slave) or 2 (master)`.
-fn choice(device: &Device) -> String {
+fn choice(device: &DeviceLayout) -> String {
     let port = |port: &Port| {
         let name = match port_given(port) {
             FieldValue::Number(number) => number.to_string(),

@@ -1,6 +1,6 @@
 use super::*;
 use crate::journal::{Journal, Names};
-use crate::layout::Device;
+use crate::layout::DeviceLayout;
 
 /// Effect of the faults of a family.
 #[derive(Debug, PartialEq)]
@@ -99,12 +99,17 @@ fn faults_of_missing_targets_are_refused() {
         ],
         devices: vec![
             DeviceSite {
-                layout: &Device::UNKNOWN,
+                layout: &DeviceLayout::UNKNOWN,
                 faults: OF_DEVICE,
                 plugged: Vec::new(),
                 drives: Vec::new(),
             },
-            DeviceSite { layout: &Device::UNKNOWN, faults: &[], plugged: Vec::new(), drives: Vec::new() },
+            DeviceSite {
+                layout: &DeviceLayout::UNKNOWN,
+                faults: &[],
+                plugged: Vec::new(),
+                drives: Vec::new(),
+            },
         ],
     };
     let owner = |kind: &'static Kind, target| {
@@ -120,7 +125,7 @@ fn faults_of_missing_targets_are_refused() {
     assert_eq!(hum(0, 4), Err(Refusal::NoSlave { bus: 0, slave: 4, present: 1 << 3 }));
     assert_eq!(owner(&FOG, Target::Device(1)), Err(Refusal::NotOfPlc { plc: 1, known: &[] }));
     assert_eq!(owner(&FOG, Target::Device(2)), Err(Refusal::UnknownPlc { plc: 2, count: 2 }));
-    let layout = &Device::UNKNOWN;
+    let layout = &DeviceLayout::UNKNOWN;
     assert_eq!(
         owner(&LEAK, Target::Port { device: 0, port: 1 }),
         Err(Refusal::NoPort { plc: 0, port: 1, layout })

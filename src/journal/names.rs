@@ -1,7 +1,7 @@
 //! Names of the things that records refer to by their index.
 
 use super::event::{Origin, Source};
-use crate::layout::{Device, DeviceFit};
+use crate::layout::{DeviceFit, DeviceLayout};
 use std::borrow::Cow;
 
 /// Names of the things that records refer to by their index.
@@ -27,14 +27,14 @@ impl Names {
     }
 
     /// The device of the PLC; one without registers if it is not known.
-    pub fn device(&self, plc: u16) -> &'static Device {
+    pub fn device(&self, plc: u16) -> &'static DeviceLayout {
         self.fitted(plc).device()
     }
 
     /// The same device, with the options of the PLC.
     pub fn fitted(&self, plc: u16) -> DeviceFit {
         let known = self.devices.get(usize::from(plc)).copied();
-        known.unwrap_or_else(|| DeviceFit::unknown(&Device::UNKNOWN))
+        known.unwrap_or_else(|| DeviceFit::unknown(&DeviceLayout::UNKNOWN))
     }
 
     /// Name of a port; `port3` if it has none. Number 0, the device itself, has the name of its separate interface.

@@ -1,7 +1,7 @@
 //! Addresses as a device writes them: `%MB3.n`, `%MW3.n`, `%MD3.n`, `%MX3.n.b` where numbers count bytes, `%MW2000` and
 //! `%IX0.3` where they count words.
 
-use super::descriptor::Device;
+use super::descriptor::DeviceLayout;
 use super::error::LayoutError;
 use super::space::Space;
 use super::width::Width;
@@ -10,7 +10,7 @@ use core::fmt;
 use core::hash::{Hash, Hasher};
 
 /// A place in the image of a device, with the width of the access. It prints as the device writes it
-/// ([`Device::at`], [`Device::address`]), for example `%MW3.200002`; of no device ([`Width::at`]), and where the device has no
+/// ([`DeviceLayout::at`], [`DeviceLayout::address`]), for example `%MW3.200002`; of no device ([`Width::at`]), and where the device has no
 /// addresses, as `WORD at byte 200002 of the image`.
 ///
 /// Two addresses are equal if they mean the same bytes, the same bit and the same width.
@@ -119,7 +119,7 @@ impl fmt::Display for Address {
     }
 }
 
-impl Device {
+impl DeviceLayout {
     /// The address of an access at byte `offset` of the image, aligned or not. Where the device has no addresses, the
     /// result is a byte of the image. The same applies to an access that begins inside the unit that a number counts.
     #[must_use]
@@ -129,7 +129,7 @@ impl Device {
         Address::new(space.filter(has_number), width, offset)
     }
 
-    /// Does the same as [`Device::at`], and checks the alignment for an access.
+    /// Does the same as [`DeviceLayout::at`], and checks the alignment for an access.
     ///
     /// # Errors
     /// [`LayoutError::Misaligned`] if the offset is not divisible by the width.

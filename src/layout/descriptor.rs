@@ -17,7 +17,7 @@ use core::fmt;
 use core::ops::RangeInclusive;
 
 /// A device: its areas and their content.
-pub struct Device {
+pub struct DeviceLayout {
     /// Name of the layout, as `--device` and plant files take it.
     pub name: &'static str,
     /// The vendor's name of the device.
@@ -42,7 +42,7 @@ pub struct Device {
     /// The words of the device's front, in the header page.
     pub front: &'static [FrontWord],
     /// The same words as registers of an area in the header page, if there are any. The area is not among the
-    /// device's [`areas`](Device::areas), since no program of the device can reach it (decision D-281).
+    /// device's [`areas`](DeviceLayout::areas), since no program of the device can reach it (decision D-281).
     pub front_area: Option<&'static Area>,
     /// The ports in the order of their numbers.
     pub ports: &'static [Port],
@@ -52,17 +52,17 @@ pub struct Device {
 }
 
 /// Compares registers and their places.
-impl PartialEq for Device {
+impl PartialEq for DeviceLayout {
     fn eq(&self, other: &Self) -> bool {
         (self.name, self.layout_hash) == (other.name, other.layout_hash)
     }
 }
 
-impl Eq for Device {}
+impl Eq for DeviceLayout {}
 
-impl Device {
+impl DeviceLayout {
     /// A device without known facts: it has no areas, so that none of its registers has a name.
-    pub const UNKNOWN: Device = Device {
+    pub const UNKNOWN: DeviceLayout = DeviceLayout {
         name: "unknown",
         title: "unknown device",
         manual: "",
@@ -220,7 +220,7 @@ macro_rules! short_debug {
         }
     )*};
 }
-short_debug!(Device, Area, Port, Structure);
+short_debug!(DeviceLayout, Area, Port, Structure);
 
 /// A structure in an area.
 #[derive(Debug)]

@@ -1,6 +1,6 @@
 //! A device and its options: the structures that actually lie in its areas.
 
-use super::descriptor::{Area, Device, Dim, Placed, Port, Register, RegisterPhase, Role};
+use super::descriptor::{Area, DeviceLayout, Dim, Placed, Port, Register, RegisterPhase, Role};
 use super::register::RegisterRef;
 
 /// Most ports that a device can have.
@@ -43,7 +43,7 @@ impl Fit {
 /// modular PLC depends on the modules there.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct DeviceFit {
-    device: &'static Device,
+    device: &'static DeviceLayout,
     /// Sorted as the device's ports.
     ports: [Fit; MOST_PORTS],
 }
@@ -51,7 +51,7 @@ pub struct DeviceFit {
 impl DeviceFit {
     /// The device without any facts beyond its layout.
     #[must_use]
-    pub fn unknown(device: &'static Device) -> Self {
+    pub fn unknown(device: &'static DeviceLayout) -> Self {
         let mut fitted = Self { device, ports: [Fit::Unknown; MOST_PORTS] };
         for (fit, port) in fitted.ports.iter_mut().zip(device.ports) {
             *fit = port.role().map_or(Fit::Unknown, Fit::As);
@@ -69,7 +69,7 @@ impl DeviceFit {
 
     /// The device.
     #[must_use]
-    pub const fn device(&self) -> &'static Device {
+    pub const fn device(&self) -> &'static DeviceLayout {
         self.device
     }
 
@@ -157,8 +157,8 @@ impl Register {
     }
 }
 
-impl From<&'static Device> for DeviceFit {
-    fn from(device: &'static Device) -> Self {
+impl From<&'static DeviceLayout> for DeviceFit {
+    fn from(device: &'static DeviceLayout) -> Self {
         Self::unknown(device)
     }
 }

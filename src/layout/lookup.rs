@@ -1,7 +1,7 @@
 //! Finds registers for addresses, and both for any text of an engineer.
 
 use super::address::Address;
-use super::descriptor::{Area, Device, RegisterPhase};
+use super::descriptor::{Area, DeviceLayout, RegisterPhase};
 use super::device_fit::{DeviceFit, Fit};
 use super::error::LayoutError;
 use super::name::split_plc;
@@ -34,7 +34,7 @@ fn is_valid(found: &RegisterRef, live: RegisterPhase) -> bool {
     found.placed.live.is_valid_in(live)
 }
 
-impl Device {
+impl DeviceLayout {
     /// End of the last area, exclusive.
     #[must_use]
     pub const fn end(&self) -> u32 {

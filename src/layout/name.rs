@@ -6,7 +6,7 @@ mod unqualified;
 
 pub use unqualified::Named;
 
-use super::descriptor::{Area, Device, Placed, Register};
+use super::descriptor::{Area, DeviceLayout, Placed, Register};
 use super::device_fit::{DeviceFit, Fit};
 use super::error::LayoutError;
 use super::nearest::did_you_mean;
@@ -104,7 +104,7 @@ impl<'a> Path<'a> {
     }
 }
 
-impl Device {
+impl DeviceLayout {
     /// The area called `name`.
     ///
     /// # Errors
@@ -132,7 +132,7 @@ impl Device {
     /// All registers that `name` covers if nothing is known of the ports: [`DeviceFit::registers`].
     ///
     /// # Errors
-    /// The errors of [`Device::register`].
+    /// The errors of [`DeviceLayout::register`].
     pub fn registers(&'static self, name: &str) -> Result<Vec<RegisterRef>, LayoutError> {
         DeviceFit::unknown(self).registers(name)
     }

@@ -1,6 +1,6 @@
 //! Object dictionaries: the objects that service data objects (SDO) access.
 
-use super::descriptor::{Device, Provenance};
+use super::descriptor::{DeviceLayout, Provenance};
 use core::fmt;
 
 /// An entry of the object dictionary.
@@ -138,7 +138,7 @@ impl fmt::Display for Object {
     }
 }
 
-impl Device {
+impl DeviceLayout {
     /// The entry of the object dictionary, if there is one.
     #[must_use]
     pub fn object(&self, index: u16, sub: u8) -> Option<&'static Object> {

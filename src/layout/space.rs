@@ -1,6 +1,6 @@
 //! Spaces of addresses: their notation on a device, and their place in the image.
 
-use super::descriptor::{Area, Device};
+use super::descriptor::{Area, DeviceLayout};
 use super::width::Width;
 use core::fmt;
 use core::ops::RangeInclusive;
@@ -62,7 +62,7 @@ impl Unit {
 /// The area with a size that each plant sets: retain flags.
 #[derive(Debug)]
 pub struct Retain {
-    /// The largest possible range of the flags. It is plain RAM, and not among the device's [`areas`](Device::areas).
+    /// The largest possible range of the flags. It is plain RAM, and not among the device's [`areas`](DeviceLayout::areas).
     pub area: Area,
     /// Default count of bytes in a plant.
     pub default_bytes: u32,
@@ -129,7 +129,7 @@ impl fmt::Display for Space {
     }
 }
 
-impl Device {
+impl DeviceLayout {
     /// The space that byte `offset` of the image is of.
     #[must_use]
     pub fn space_at(&self, offset: u32) -> Option<&'static Space> {
@@ -170,11 +170,11 @@ impl Device {
 
 #[cfg(test)]
 pub(crate) mod samples {
-    use super::{Device, Space, Unit};
+    use super::{DeviceLayout, Space, Unit};
 
     /// A device with word numbers and spaces that begin at 0.
-    pub(crate) static WORDS: Device =
-        Device { name: "words", title: "words", spaces: &SPACES, ..Device::UNKNOWN };
+    pub(crate) static WORDS: DeviceLayout =
+        DeviceLayout { name: "words", title: "words", spaces: &SPACES, ..DeviceLayout::UNKNOWN };
 
     static SPACES: [Space; 3] =
         [space('I', 4096, 6, "inputs"), space('Q', 4104, 2, "outputs"), space('M', 8192, 8192, "flags")];

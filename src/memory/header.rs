@@ -22,7 +22,7 @@ pub use table::{AREAS, AreaEntry, PORTS, PortEntry, TABLE_NAME_LENGTH};
 
 use super::struct_tables::publish;
 use super::{Bell, Cell8, Cell32, Cell64, SharedRegs};
-use crate::layout::{Device, DeviceFit, FrontWord};
+use crate::layout::{DeviceFit, DeviceLayout, FrontWord};
 use zerocopy::{FromBytes, IntoBytes, KnownLayout};
 
 /// Length of the header page in bytes.
@@ -218,7 +218,7 @@ impl Header {
     }
 
     /// Writes the name and the tables of the device.
-    pub(super) fn describe(&self, device: &'static Device) {
+    pub(super) fn describe(&self, device: &'static DeviceLayout) {
         self.layout_hash.store(device.layout_hash);
         set_name(&self.device, device.title);
         self.areas.iter().for_each(AreaEntry::clear);
@@ -241,7 +241,7 @@ impl Header {
 
     /// `device`, the one of this image, with the options that the ports describe.
     #[must_use]
-    pub fn fitted(&self, device: &'static Device) -> DeviceFit {
+    pub fn fitted(&self, device: &'static DeviceLayout) -> DeviceFit {
         let ports = self.ports.iter().zip(device.ports);
         ports.fold(DeviceFit::unknown(device), |fitted, (entry, port)| fitted.with(port.number, entry.fit()))
     }
@@ -270,7 +270,10 @@ impl Header {
 
     /// Values of the front of `device`, the one of this image, without words that [`Board`] or [`Program`] contain
     /// under the same name.
-    pub fn front_words(&self, device: &'static Device) -> impl Iterator<Item = (&'static FrontWord, u32)> {
+    pub fn front_words(
+        &self,
+        device: &'static DeviceLayout,
+    ) -> impl Iterator<Item = (&'static FrontWord, u32)> {
         let own = device.front.iter().filter(|word| !BoardWords::NAMES.contains(&word.name));
         own.map(|word| (word, self.front_value(word)))
     }

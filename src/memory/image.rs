@@ -9,7 +9,7 @@ use super::{
     ClockMode, HEADER_SIZE, Header, MemoryError, Segment, State, View, Width, file::ImageFile, guard::Guard,
     header, process::ProcessId, room,
 };
-use crate::layout::Device;
+use crate::layout::DeviceLayout;
 use memmap2::MmapRaw;
 use rustix::{fs::FallocateFlags, io::Errno};
 use site::ImageSite;
@@ -23,7 +23,7 @@ use std::{
 #[derive(Clone, Debug)]
 pub struct ImageSpec {
     /// The device: its name, the hash of its register map and the length of its segment.
-    pub device: &'static Device,
+    pub device: &'static DeviceLayout,
     /// What drives the emulated time.
     pub clock_mode: ClockMode,
     /// Emulated time per real time x 1000; 0 in stepped mode.

@@ -21,7 +21,7 @@ use super::{
     Cell8, Cell16, Cell32, Cell64, HEADER_SIZE, Header, MemoryError, View, Width, access::MemoryValue,
     cell::SharedRegs,
 };
-use crate::layout::Device;
+use crate::layout::DeviceLayout;
 use core::{fmt, ptr::NonNull};
 use memmap2::{MmapOptions, MmapRaw};
 use std::sync::Arc;
@@ -71,7 +71,7 @@ pub struct Segment {
 
 impl Segment {
     /// A zeroed segment for a device, private to this process; its header page describes the device.
-    pub fn of(device: &'static Device) -> Segment {
+    pub fn of(device: &'static DeviceLayout) -> Segment {
         let segment = Segment::heap(device.segment_size());
         if let Ok(header) = segment.header() {
             header.describe(device);

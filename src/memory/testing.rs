@@ -2,7 +2,7 @@
 //! killed.
 
 use super::{ClockMode, Header, Image, ImageSpec, State, Width, header, image::tests::MARK, names};
-use crate::layout::{Area, Device, Port, Provenance, Retain, Role, Space, Unit};
+use crate::layout::{Area, DeviceLayout, Port, Provenance, Retain, Role, Space, Unit};
 use std::{
     fs,
     io::{BufRead, BufReader, Read},
@@ -19,7 +19,7 @@ pub(crate) const HASH: u64 = 0x0123_4567_89AB_CDEF;
 /// Length of the segment in all tests.
 pub(crate) const SEGMENT_SIZE: usize = test_device().segment_size();
 /// The device in all tests.
-pub(crate) static DEVICE: Device = test_device();
+pub(crate) static DEVICE: DeviceLayout = test_device();
 
 const RAM_SPACE: Space = Space {
     name: "ram",
@@ -62,8 +62,8 @@ const fn area(name: &'static str, space: &'static Space) -> Area {
 }
 
 /// A device of plain RAM.
-pub(crate) const fn test_device() -> Device {
-    Device {
+pub(crate) const fn test_device() -> DeviceLayout {
+    DeviceLayout {
         name: "test-device",
         title: "Test Device",
         undocumented: "",

@@ -1,7 +1,7 @@
 //! Accesses of any width, applied to registers that each have exactly one width.
 
 use super::{MemoryError, Segment, Width};
-use crate::layout::{Device, DeviceFit, RegisterRef};
+use crate::layout::{DeviceFit, DeviceLayout, RegisterRef};
 
 /// No register area covers an address.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -19,7 +19,7 @@ pub struct Unmapped {
 ///
 /// An access from outside may be narrower or wider than the registers at its address; this map splits it.
 pub struct RegisterWidths {
-    device: &'static Device,
+    device: &'static DeviceLayout,
     areas: Vec<AreaWidths>,
 }
 

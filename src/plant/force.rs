@@ -7,7 +7,7 @@
 use super::Plant;
 use crate::devices::Device;
 use crate::journal::{Force, Unforce};
-use crate::layout::{Device as Layout, LayoutError};
+use crate::layout::{DeviceLayout as Layout, LayoutError};
 use crate::memory::{Address, MemoryError, Width};
 use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 use serde::{Deserialize, Serialize};

@@ -39,7 +39,7 @@ use crate::devices::{BUS_KINDS, BuildError, Bus, Context, Device, Events, World}
 use crate::due_queue::{DueQueue, NEVER};
 use crate::fault::Faults;
 use crate::journal::{By, Journal, Names, Origin};
-use crate::layout::Device as Layout;
+use crate::layout::DeviceLayout as Layout;
 use crate::memory::{MemoryError, RegisterWidths, Segment};
 use core::num::NonZero;
 use force::Forces;

@@ -13,7 +13,7 @@ pub use file::{SnapshotFile, SnapshotFileError};
 use super::Plant;
 use crate::devices::{self, Device};
 use crate::journal::Rings;
-use crate::layout::Device as Layout;
+use crate::layout::DeviceLayout as Layout;
 use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 use core::borrow::Borrow;
 use core::ops::Range;

@@ -23,7 +23,7 @@ pub const MAX_ADVANCE_US: u64 = 24 * 3_600_000_000;
 /// An operation of a request.
 ///
 /// `plc` is the PLC's number in the instance, from 0; `offset` is the byte in its image file, which the device's
-/// [`spaces`](crate::layout::Device::spaces) map to the address, and must suit the width. Times are emulated time in
+/// [`spaces`](crate::layout::DeviceLayout::spaces) map to the address, and must suit the width. Times are emulated time in
 /// microseconds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Op {

@@ -2,7 +2,7 @@
 
 use super::Waited;
 use crate::fault;
-use crate::layout::Device;
+use crate::layout::DeviceLayout;
 use crate::memory::header::BoardSetting;
 use core::fmt;
 
@@ -122,7 +122,7 @@ impl Refused {
     }
 
     /// The device `device` of the PLC `plc` has no such switch.
-    pub(crate) fn no_such_switch(plc: &str, device: &Device, setting: BoardSetting) -> Self {
+    pub(crate) fn no_such_switch(plc: &str, device: &DeviceLayout, setting: BoardSetting) -> Self {
         let text = match setting {
             BoardSetting::ModuleDip { port, .. } => {
                 let port = device.port_numbered(port).map_or("that port", |port| port.name);
@@ -134,7 +134,7 @@ impl Refused {
     }
 
     /// The device `device` of the PLC `plc` does not carry out the setting now.
-    pub(crate) fn setting(plc: &str, device: &Device, setting: BoardSetting, why: &str) -> Self {
+    pub(crate) fn setting(plc: &str, device: &DeviceLayout, setting: BoardSetting, why: &str) -> Self {
         let word = match setting {
             BoardSetting::Front { word, value } => {
                 let known = device.front.iter().find(|known| known.index() == usize::from(word));

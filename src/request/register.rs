@@ -2,14 +2,14 @@
 
 use super::{Code, Host, Refused, Waited};
 use crate::layout::place::live_by;
-use crate::layout::{Address, Device, Owner, Place, RegisterPhase, Test, Width, plc_prefix};
+use crate::layout::{Address, DeviceLayout, Owner, Place, RegisterPhase, Test, Width, plc_prefix};
 use crate::plant::ForceError;
 
 /// A register with an existing PLC and an address that suits its width.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Register {
     pub plc: usize,
-    device: &'static Device,
+    device: &'static DeviceLayout,
     pub address: Address,
 }
 
@@ -119,8 +119,8 @@ impl Register {
 }
 
 /// The registers of a PLC that exists.
-pub(super) fn device_of(host: &dyn Host, plc: usize) -> &'static Device {
-    host.plant().devices().get(plc).map_or(&Device::UNKNOWN, |device| device.layout())
+pub(super) fn device_of(host: &dyn Host, plc: usize) -> &'static DeviceLayout {
+    host.plant().devices().get(plc).map_or(&DeviceLayout::UNKNOWN, |device| device.layout())
 }
 
 pub(super) fn known_plc(host: &dyn Host, plc: u16) -> Result<usize, Refused> {

@@ -3,7 +3,7 @@
 
 use crate::rig::{Memory, RigError, segment};
 use crate::snapshots::bring_up;
-use commram::layout::{Device, DeviceFit};
+use commram::layout::{DeviceFit, DeviceLayout};
 use commram::memory::header::{BoardSetting, Power, RunSwitch};
 use commram::memory::{Image, Width};
 use commram::plant::{Plant, PlantConfig};
@@ -69,7 +69,7 @@ fn act() -> impl Strategy<Value = Act> {
 }
 
 /// The registers of a device with their bytes.
-fn registers(device: &'static Device) -> Vec<(u64, usize)> {
+fn registers(device: &'static DeviceLayout) -> Vec<(u64, usize)> {
     let fitted = DeviceFit::unknown(device);
     let all = device.areas.iter().flat_map(|area| fitted.used_registers(area));
     all.map(|found| (found.offset().into(), Width::of(found.ty()).bytes() as usize)).collect()
@@ -85,7 +85,7 @@ fn write(file: &File, offset: u64, bytes: &[u8]) {
 struct Rig {
     plant: Plant,
     files: Vec<File>,
-    layouts: Vec<&'static Device>,
+    layouts: Vec<&'static DeviceLayout>,
     registers: Vec<Vec<(u64, usize)>>,
     _images: Vec<Image>,
 }
@@ -97,7 +97,7 @@ fn rig() -> Rig {
     let plant = Plant::new(&config, image).unwrap();
     let open = |path| OpenOptions::new().read(true).write(true).open(path).unwrap();
     let files: Vec<File> = images.iter().map(|image| open(image.path())).collect();
-    let layouts: Vec<&'static Device> = plant.devices().iter().map(|device| device.layout()).collect();
+    let layouts: Vec<&'static DeviceLayout> = plant.devices().iter().map(|device| device.layout()).collect();
     let registers: Vec<_> = layouts.iter().map(|layout| registers(layout)).collect();
     Rig { plant, files, layouts, registers, _images: images }
 }
@@ -154,7 +154,7 @@ proptest! {
 }
 
 /// The registers of a device with their bytes, of each array the first and the last.
-fn registers_by_name(device: &'static Device) -> Vec<(u64, usize)> {
+fn registers_by_name(device: &'static DeviceLayout) -> Vec<(u64, usize)> {
     let fitted = DeviceFit::unknown(device);
     let mut places = BTreeMap::<String, [(u64, usize); 2]>::new();
     for found in device.areas.iter().flat_map(|area| fitted.used_registers(area)) {

@@ -2,13 +2,13 @@
 
 use commram::devices::cansync::BaudRate;
 use commram::devices::{bm4_o_can_06::registers as bm4, omega_drive_line_2::registers as omega};
-use commram::layout::Device;
+use commram::layout::DeviceLayout;
 use core::fmt;
 
 /// A device that has masters and slaves.
 pub(crate) struct Kind {
     pub name: &'static str,
-    pub layout: &'static Device,
+    pub layout: &'static DeviceLayout,
     pub rates: &'static [BaudRate],
     pub master: NodePlace,
     pub slave: NodePlace,

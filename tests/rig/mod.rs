@@ -225,7 +225,7 @@ pub(crate) fn plant_of(text: &str) -> Plant {
 pub(crate) fn segment(
     memory: Memory,
     plc: &str,
-    device: &'static commram::layout::Device,
+    device: &'static commram::layout::DeviceLayout,
     images: &mut Vec<Image>,
 ) -> Result<Segment, RigError> {
     static COUNT: AtomicU32 = AtomicU32::new(0);

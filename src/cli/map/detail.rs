@@ -2,7 +2,7 @@
 
 use super::entry::Entry;
 use crate::cli::table;
-use crate::layout::Device;
+use crate::layout::DeviceLayout;
 
 /// The address, with the CPU address if it is known.
 fn address(entry: &Entry) -> String {
@@ -13,7 +13,7 @@ fn address(entry: &Entry) -> String {
 }
 
 /// Formats the description as several lines of text.
-pub(crate) fn text(device: &Device, entry: &Entry) -> String {
+pub(crate) fn text(device: &DeviceLayout, entry: &Entry) -> String {
     let line = |name: &str, value: String| vec![format!("  {name}"), value];
     let mut lines = vec![
         line("meaning", entry.meaning.to_owned()),

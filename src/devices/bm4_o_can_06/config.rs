@@ -325,7 +325,7 @@ impl DeviceConfig for Bm4Config {
         &self.name
     }
 
-    fn layout(&self) -> &'static layout::Device {
+    fn layout(&self) -> &'static layout::DeviceLayout {
         &DEVICE
     }
 

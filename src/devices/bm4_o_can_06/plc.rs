@@ -187,7 +187,7 @@ impl Device for Bm4Plc {
         &self.segment
     }
 
-    fn layout(&self) -> &'static layout::Device {
+    fn layout(&self) -> &'static layout::DeviceLayout {
         &DEVICE
     }
 

@@ -15,7 +15,7 @@ use toml::de::{Error, ValueDeserializer};
 /// Firmware of such a device. All of it runs at the port.
 pub trait CanDevice: CanPort + Sized + 'static {
     /// Registers of the device. Its first port of medium `can` is used.
-    const LAYOUT: &'static layout::Device;
+    const LAYOUT: &'static layout::DeviceLayout;
 
     /// Creates the firmware of a device with this image.
     ///
@@ -67,7 +67,7 @@ impl<D: CanDevice> DeviceConfig for Config<D> {
         &self.name
     }
 
-    fn layout(&self) -> &'static layout::Device {
+    fn layout(&self) -> &'static layout::DeviceLayout {
         D::LAYOUT
     }
 

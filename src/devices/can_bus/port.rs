@@ -5,7 +5,7 @@ use crate::can::{ErrorState, Frame};
 use crate::devices::Context;
 use crate::fault::{Effect, Hit};
 use crate::journal::Origin;
-use crate::layout::Device;
+use crate::layout::DeviceLayout;
 use crate::memory::Segment;
 use crate::snapshot_fields::SnapshotFields;
 
@@ -13,7 +13,7 @@ use crate::snapshot_fields::SnapshotFields;
 /// controller of the port.
 pub trait CanPort: Send + SnapshotFields {
     /// The device starts; `address` is the port's number at its switches
-    /// ([`Device::address`](crate::devices::Device::address)). The controller is empty and has no filters.
+    /// ([`DeviceLayout::address`](crate::devices::Device::address)). The controller is empty and has no filters.
     fn power_on(&mut self, ctx: &mut Context, controller: &mut Controller, address: u8) {
         let _ = (ctx, controller, address);
     }
@@ -78,7 +78,7 @@ pub struct CanSocket {
     /// Image of the device.
     pub segment: Segment,
     /// Registers of the device.
-    pub layout: &'static Device,
+    pub layout: &'static DeviceLayout,
     /// Firmware of the port.
     pub port: Box<dyn CanPort>,
 }

@@ -70,7 +70,7 @@ impl DeviceConfig for CanDp2Config {
         &self.name
     }
 
-    fn layout(&self) -> &'static layout::Device {
+    fn layout(&self) -> &'static layout::DeviceLayout {
         &DEVICE
     }
 

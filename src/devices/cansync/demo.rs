@@ -8,7 +8,7 @@ use super::BaudRate;
 use super::registers::CANsync_INIT_BMSTRUCT;
 use super::registers::values::{cpu_control, option_status};
 use crate::devices::demo::{DemoError, Show};
-use crate::layout::{Device, Port};
+use crate::layout::{DeviceLayout, Port};
 use crate::memory::{Attached, View};
 use exchange::{DRIVES, Exchange};
 use std::time::Duration;
@@ -22,7 +22,7 @@ const LOCK: Duration = Duration::from_secs(20);
 /// Device-specific data of the demonstration.
 pub(crate) struct Master {
     /// The device.
-    pub device: &'static Device,
+    pub device: &'static DeviceLayout,
     /// The port of the master.
     pub port: &'static Port,
     /// Baud rate of the master.

@@ -92,7 +92,7 @@ impl DeviceConfig for Cr201xConfig {
         &self.name
     }
 
-    fn layout(&self) -> &'static layout::Device {
+    fn layout(&self) -> &'static layout::DeviceLayout {
         &DEVICE
     }
 

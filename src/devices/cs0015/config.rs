@@ -252,7 +252,7 @@ impl DeviceConfig for Cs0015Config {
         &self.name
     }
 
-    fn layout(&self) -> &'static layout::Device {
+    fn layout(&self) -> &'static layout::DeviceLayout {
         &DEVICE
     }
 

@@ -8,7 +8,7 @@ use crate::devices::omega_drive_line_2::registers::{
 };
 use crate::devices::settings::{range, time, time_or_none};
 use crate::devices::{BuildError, DeviceConfig, Plug, PortConfig, SettingError};
-use crate::layout::{Area, Device};
+use crate::layout::{Area, DeviceLayout};
 use crate::memory::Segment;
 use crate::memory::header::Project;
 use serde::Deserialize;
@@ -112,7 +112,7 @@ impl DeviceConfig for PlcConfig {
         &self.name
     }
 
-    fn layout(&self) -> &'static Device {
+    fn layout(&self) -> &'static DeviceLayout {
         &DEVICE
     }
 

@@ -134,7 +134,7 @@ impl Device for Plc {
         &self.segment
     }
 
-    fn layout(&self) -> &'static layout::Device {
+    fn layout(&self) -> &'static layout::DeviceLayout {
         &DEVICE
     }
 

@@ -3,7 +3,7 @@
 use crate::devices::Context;
 use crate::fault::{Effect, Hit};
 use crate::journal::Origin;
-use crate::layout::Device;
+use crate::layout::DeviceLayout;
 use crate::memory::Segment;
 use crate::profibus::{BusRate, Telegram};
 use crate::snapshot_fields;
@@ -88,7 +88,7 @@ pub struct ProfibusSocket {
     /// Image of the device.
     pub segment: Segment,
     /// Registers of the device.
-    pub layout: &'static Device,
+    pub layout: &'static DeviceLayout,
     /// Firmware of the port.
     pub port: Box<dyn ProfibusPort>,
 }

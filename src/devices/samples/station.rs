@@ -1,6 +1,6 @@
 //! A station at a CAN bus, without registers.
 
-use crate::layout::{Area, Device, Port, Provenance, Role, Space, Unit};
+use crate::layout::{Area, DeviceLayout, Port, Provenance, Role, Space, Unit};
 use crate::memory::HEADER_SIZE;
 
 static SPACE: Space = Space {
@@ -28,4 +28,4 @@ static AREA: Area = Area {
 static PORTS: [Port; 1] = [Port { name: "can", number: 1, medium: "can", roles: &[Role::Peer], area: &AREA }];
 
 /// A station at a CAN bus, without registers.
-pub(crate) static STATION: Device = Device { ports: &PORTS, ..Device::UNKNOWN };
+pub(crate) static STATION: DeviceLayout = DeviceLayout { ports: &PORTS, ..DeviceLayout::UNKNOWN };

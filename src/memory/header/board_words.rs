@@ -1,7 +1,7 @@
 //! Board settings and states as text, for the command line and scenarios.
 
 use super::{BoardSetting, BoardState, Power, ProgramState, Project, RunSwitch, Start};
-use crate::layout::{Device, LayoutError, Owner, RegType, split_plc, value};
+use crate::layout::{DeviceLayout, LayoutError, Owner, RegType, split_plc, value};
 
 /// The reason why a text is not a [`BoardSetting`].
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -97,7 +97,7 @@ impl<'a> BoardWord<'a> {
     ///
     /// # Errors
     /// The device has no such port or switch, or it cannot have this value.
-    pub fn at(&self, device: &'static Device) -> Result<BoardSetting, BoardWordError> {
+    pub fn at(&self, device: &'static DeviceLayout) -> Result<BoardSetting, BoardWordError> {
         let wrong =
             |error: LayoutError| BoardWordError { text: self.text.to_owned(), right: error.to_string() };
         match self.what {

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::devices::samples::tables::SLOTS;
-use crate::layout::{Device, DeviceFit, Fit, Role};
+use crate::layout::{DeviceFit, DeviceLayout, Fit, Role};
 use crate::memory::{
     AttachMode, Width,
     header::{ABI_VERSION, name},
@@ -150,7 +150,7 @@ fn a_dead_image_of_another_register_map_is_left_alone() {
         "{refused}"
     );
     assert_eq!(fs::read(instance.path()).unwrap(), before);
-    static OTHER: Device = Device { layout_hash: HASH + 1, ..test_device() };
+    static OTHER: DeviceLayout = DeviceLayout { layout_hash: HASH + 1, ..test_device() };
     let spec = ImageSpec { device: &OTHER, ..spec() };
     assert!(Image::create(&instance, PLC, &spec).is_ok());
 }

@@ -2,7 +2,7 @@
 
 use super::Bench;
 use crate::layout::place::{live_by, status_of, without_twins};
-use crate::layout::{Area, Device, DeviceFit, RegisterPhase, RegisterRef, split_plc};
+use crate::layout::{Area, DeviceFit, DeviceLayout, RegisterPhase, RegisterRef, split_plc};
 use crate::request::Op;
 use crate::script::ScenarioError;
 use core::panic::Location;
@@ -107,7 +107,10 @@ impl MemoryCopy {
 }
 
 /// The area with registers of a device that has this name.
-pub(super) fn register_area(device: &'static Device, name: &str) -> Result<&'static Area, ScenarioError> {
+pub(super) fn register_area(
+    device: &'static DeviceLayout,
+    name: &str,
+) -> Result<&'static Area, ScenarioError> {
     let with_registers = || device.named_areas().filter(|area| !area.structures.is_empty());
     with_registers().find(|area| area.name == name).ok_or_else(|| {
         let known: Vec<_> = with_registers().map(|area| area.name).collect();

@@ -1,12 +1,12 @@
 //! Valid values of registers of the firmware, for any device: values to which the layout gives a meaning.
 
-use crate::layout::{Device, Owner, RegisterRef};
+use crate::layout::{DeviceLayout, Owner, RegisterRef};
 use crate::plant::PlantConfig;
 use core::fmt::Write;
 
 /// Registers of the firmware alone, if their values have meanings: states, error numbers, and counters. The
 /// meaning of a counter is its range.
-pub(super) fn bounded(device: &Device) -> impl Iterator<Item = RegisterRef> {
+pub(super) fn bounded(device: &DeviceLayout) -> impl Iterator<Item = RegisterRef> {
     let areas =
         device.areas.iter().flat_map(|area| area.structures.iter().flat_map(|it| area.registers_of(it)));
     areas.filter(|it| it.owner() == Owner::Firmware && it.register.meaning.is_some() && !it.is_reserved())

@@ -4,7 +4,7 @@ use commram::can::{Filter, Frame, Payload, StandardId};
 use commram::devices::can_bus::{self, CanDevice, CanPort, Controller};
 use commram::devices::{Context, Registered};
 use commram::journal::{EventCodec, EventText, Fields, Reader};
-use commram::layout::{Device, RegisterPhase};
+use commram::layout::{DeviceLayout, RegisterPhase};
 use commram::memory::{Header, MemoryError, Segment, View};
 
 #[allow(non_snake_case, non_camel_case_types)]
@@ -44,7 +44,7 @@ pub static GATE: Registered = Registered {
 pub struct Gate(View<GATE_IN>, View<GATE_OUT>, View<Header>);
 commram::snapshot_fields!(Gate { built: 0, 1, 2 });
 impl CanDevice for Gate {
-    const LAYOUT: &'static Device = &registers::DEVICE;
+    const LAYOUT: &'static DeviceLayout = &registers::DEVICE;
 
     fn new(segment: &Segment) -> Result<Self, MemoryError> {
         Ok(Gate(segment.view(IN)?, segment.view(OUT)?, segment.header()?))

@@ -3,7 +3,7 @@
 use crate::devices::cansync::registers::CANsync_MA_CTRL_BMSTRUCT;
 use crate::devices::demo::{DemoError, Show};
 use crate::layout::place::live_by;
-use crate::layout::{Address, Device, DeviceFit, Place, Port, RegisterPhase, Width};
+use crate::layout::{Address, DeviceFit, DeviceLayout, Place, Port, RegisterPhase, Width};
 use crate::memory::{Attached, Header, MemoryError, SharedRegs, View};
 use crate::time;
 use std::cell::RefCell;
@@ -22,7 +22,7 @@ pub(crate) enum Writer {
 /// firmware needs for its answer.
 pub(crate) struct Trace<'a> {
     show: Show<'a>,
-    device: &'static Device,
+    device: &'static DeviceLayout,
     fitted: DeviceFit,
     port: &'static Port,
     attached: Attached,
@@ -46,7 +46,7 @@ impl<'a> Trace<'a> {
     /// The image is attached read-only.
     pub(crate) fn new(
         attached: Attached,
-        device: &'static Device,
+        device: &'static DeviceLayout,
         port: &'static Port,
         show: Show<'a>,
     ) -> Result<Self, DemoError> {

@@ -12,7 +12,7 @@ use std::fmt::Write;
 pub(crate) fn emit(out: &mut String, device: &Device, layout_hash: u64) {
     let _ = writeln!(
         out,
-        "/// The whole device, for tools.\npub static DEVICE: commram::layout::Device = commram::layout::Device {{\n    \
+        "/// The whole device, for tools.\npub static DEVICE: commram::layout::DeviceLayout = commram::layout::DeviceLayout {{\n    \
          name: {:?}, title: {:?}, manual: {:?}, undocumented: {:?},\n    layout_hash: 0x{layout_hash:016X}, spaces: &descriptor::SPACES,\n    \
          areas: &descriptor::AREAS, retain: {}, objects: &descriptor::OBJECTS, gsd: {}, front: &descriptor::FRONT, front_area: {}, ports: &descriptor::PORTS,\n    own: {},\n}};\n",
         device.name,
