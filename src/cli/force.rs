@@ -9,7 +9,7 @@ use super::table::FormatArg;
 
 /// Force registers to a value, or list the forced registers.
 ///
-/// A forced register keeps its value, whatever firmware and PLC write, until it is unforced. All tables mark forced
+/// A forced register keeps its value until it is unforced, even if firmware or PLC write it. All tables mark forced
 /// registers. The firmware always reads the forced value. A PLC with mapped RAM reads back its own write until the
 /// next event of the bus or processor cycle, when the forced value is restored.
 #[derive(clap::Args)]

@@ -133,7 +133,7 @@ mod tests {
         let reports = [
             Report::bare("tests/v1.2/a.rhai".into(), Outcome::Passed),
             Report::bare("b.rhai".into(), Outcome::NotRun("interrupted".to_owned())),
-            Report::bare("c.rhai".into(), Outcome::Died("c.rhai: killed\n  by somebody".to_owned())),
+            Report::bare("c.rhai".into(), Outcome::Died("c.rhai: killed\n  by a signal".to_owned())),
         ];
         let text = junit(&reports).unwrap();
         let head = text.lines().find(|line| line.starts_with("<testsuites")).unwrap();

@@ -161,7 +161,7 @@ fn a_task_that_runs_too_long_gets_its_next_turn_at_once() {
     assert!(turns.len() >= 3);
 }
 
-/// p. 43-44, 73: level 14 interrupts level 13, whose run time gets longer by the interruption.
+/// p. 43-44, 73: level 14 interrupts level 13, and the interruption makes the run time of level 13 longer.
 #[test]
 fn the_higher_level_takes_the_processor() {
     let emulator = active();

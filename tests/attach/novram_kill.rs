@@ -57,7 +57,7 @@ fn store_on(image: &Attached, first: u16) -> MemoryError {
     unreachable!("the emulator is killed before 65536 addresses are stored")
 }
 
-/// Returns the number whose content is stored in NOVRAM; 0: delivery state.
+/// Returns the number of the last address that NOVRAM has stored; 0: delivery state.
 fn restored(image: &Attached) -> u16 {
     let config = image.segment().view::<ETHERNET_CONFIG_BMSTRUCT>(ETHERNET_CONFIG).unwrap();
     let address = config.a_IP_ADDRESS.each_ref().map(|cell| cell.load());

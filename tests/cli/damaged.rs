@@ -140,7 +140,7 @@ fn an_emulator_that_is_killed_while_it_ends_has_not_stopped() {
 
 /// A client in the middle of an operation prints a message; a bare crash would explain nothing.
 #[test]
-fn a_client_whose_memory_is_shortened_reports_it() {
+fn a_client_reports_that_its_memory_is_shortened() {
     let emulator = Emulator::stepped();
     let before = objects(&emulator, ".data");
     let mut client = Follower::start(&emulator, "watch", &["node2.w_OPTION_STATUS"]);

@@ -103,7 +103,7 @@ pub(crate) fn helics() -> Option<Helics> {
     })
 }
 
-/// Returns a command whose process dies with this one, even if this process is killed.
+/// Returns a command that starts a process which dies with this one, even if this one is killed.
 pub(crate) fn mortal(program: &Path) -> Command {
     let mut command = Command::new("setpriv");
     command.args(["--pdeathsig", "KILL"]).arg(program);

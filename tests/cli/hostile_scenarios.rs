@@ -122,7 +122,7 @@ fn a_scenario_that_crashes_harms_no_other() {
     assert!(report.contains("tests=\"2\""), "{report}");
 }
 
-/// Creates a script as a pipe whose writer stays open after one blank, so that reading it never ends.
+/// Creates a script as a pipe with one blank in it and an open writer, so that reading it never ends.
 fn endless_script(path: &Path) -> OwnedFd {
     assert!(Command::new("mkfifo").arg(path).status().unwrap().success());
     let pipe = rustix::fs::open(path, OFlags::RDWR | OFlags::CLOEXEC, Mode::empty()).unwrap();
@@ -178,7 +178,7 @@ fn a_report_is_written_although_the_output_is_not_read() {
     let (reader, writer) = std::io::pipe().unwrap();
     drop(reader);
     let mut child = command.stdout(writer).spawn().unwrap();
-    wait_for(&mut child, "a test that nobody listens to");
+    wait_for(&mut child, "a test with a closed standard output");
     assert!(scripts.read("report.xml").contains("tests=\"2\""));
 }
 

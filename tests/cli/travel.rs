@@ -208,5 +208,8 @@ fn a_guest_at_a_door_is_named() {
     drop(guest);
     // The guest has left after the clock advances.
     emulator.step(&["1ms"]);
-    assert!(eventually(|| emulator.run("restore", &[file]).code == Some(0)), "who has gone is no obstacle");
+    assert!(
+        eventually(|| emulator.run("restore", &[file]).code == Some(0)),
+        "a guest that has left is no obstacle"
+    );
 }

@@ -62,7 +62,7 @@ fn a_view_ends_with_its_terminal_or_on_request() {
 
 /// The error output of the view is the closed terminal, too, so the view cannot write a message.
 #[test]
-fn a_view_whose_terminal_is_closed_ends_as_if_interrupted() {
+fn a_view_with_a_closed_terminal_ends_as_if_interrupted() {
     let emulator = Emulator::stepped();
     for _ in 0..3 {
         let (terminal, mut left) = view_with(&emulator, false);

@@ -68,7 +68,7 @@ fn an_unforced_register_changes_again() {
         assert_eq!(rig.master.w_OPTION_STATUS.load(), 0x0002);
         assert!(rig.plant.unforce(0, w_cpu_control));
         assert!(!rig.plant.unforce(0, w_cpu_control), "it is no longer forced");
-        assert_eq!(rig.master.w_CPU_CONTROL.load(), 0x0001, "until somebody writes it");
+        assert_eq!(rig.master.w_CPU_CONTROL.load(), 0x0001, "until the next write");
         rig.master.w_CPU_CONTROL.store(0x0000);
         rig.step(1_000);
         assert_eq!(rig.master.w_OPTION_STATUS.load(), 0x0001);

@@ -46,19 +46,19 @@ const OF_OTHERS: &[&str] = &["line:", "line2", "maxx", "panel", "open"];
 const ELSEWHERE: &[(&str, &str)] = &[
     ("--follow", "it ends with the emulator; tests/cli/trace.rs follows"),
     (" | ", "other programs read along; .ci/tools says which of them CI has"),
-    ("commram layout import", "it wants declarations of one's own; tests/cli/layout.rs imports"),
+    ("commram layout import", "it needs the user's declarations; tests/cli/layout.rs imports"),
     (
         "commram export fmu",
         "it wants the shared object beside the program; tools/fmi/tests packs and runs units",
     ),
-    ("commram test ", "it wants scenarios of one's own; tests/cli/scenarios.rs runs those of the project"),
+    ("commram test ", "it needs the user's scenarios; tests/cli/scenarios.rs runs those of the project"),
     ("matiec/iec2c", "tests/export/matiec.rs compiles"),
     ("cc ", "tests/export/c.rs compiles"),
-    ("commram view", "it needs a terminal; src/cli/view/tests has one of its own"),
+    ("commram view", "it needs a terminal; src/cli/view/tests makes one"),
     ("commram run", "an emulator runs already; tests/cli/instances.rs starts them"),
 ];
 
-/// Pages whose sessions a separate test runs as a whole, with that test.
+/// Pages with sessions that a separate test runs as a whole, and that test.
 const SESSIONS: &[(&str, &str)] = &[
     ("README.md", "pages.rs"),
     ("reference/command-line.md", "pages.rs"),

@@ -165,7 +165,7 @@ fn cantools_reads_the_messages_of_a_bus() {
 fn a_unit_needs_its_shared_object_and_an_output_file() {
     let directory = tempfile::tempdir().unwrap();
     let path = |name: &str| directory.path().join(name).to_str().unwrap().to_owned();
-    std::fs::write(path("other.so"), b"\x7FELF of somebody else").unwrap();
+    std::fs::write(path("other.so"), b"\x7FELF of another program").unwrap();
     std::fs::write(path("plant.toml"), "[[plc]]\n").unwrap();
     let (unit, other) = (path("plant.fmu"), path("other.so"));
     for (args, why) in [

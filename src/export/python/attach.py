@@ -96,7 +96,7 @@ def _hex(value: int, width: int) -> str:
 
 
 def decode(meaning: str, value: int, width: int) -> str:
-    """What `value` means in a register of `width` bytes; behind what is inferred stands its decision."""
+    """Meaning of `value` in a register of `width` bytes; an inferred meaning is followed by its decision."""
     values, bits = _MEANINGS[meaning]
     value &= _mask(width)
     known = _known_value(values, value)
@@ -335,7 +335,7 @@ class Ram:
         return len(fields) > 19 and fields[0] not in b"ZX" and int(fields[19]) == self.header("firmware_start")
 
     def _file_is_locked(self) -> bool:
-        """Whether an emulator holds the file, one whose process cannot be seen from here."""
+        """Whether an emulator holds the file. Its process may be invisible from here."""
         try:
             fcntl.flock(self._file, fcntl.LOCK_SH | fcntl.LOCK_NB)
         except BlockingIOError:

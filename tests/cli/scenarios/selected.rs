@@ -47,7 +47,7 @@ fn subfolders_filters_and_shards_say_which_scenarios_run() {
     let none = scripts.run(&[".", "--jobs", "0"]);
     assert!(none.fails(2).contains("at least 1 scenario must run"), "{}", none.err);
     let part = scripts.run(&["common"]);
-    assert_eq!(part.code, Some(1), "nobody there imports it: {}", part.out);
+    assert_eq!(part.code, Some(1), "no scenario there imports it: {}", part.out);
 }
 
 #[test]

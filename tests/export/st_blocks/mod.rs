@@ -122,7 +122,7 @@ fn blocks_in_structured_text_behave_like_the_rust_blocks() {
         (1, -3, 2)
     );
     // P. 189-190, 227: the job after an answer that was never fetched is done, and a dropped job is shown as such. P.
-    // 263, 266: the drive answers after the cancel of a transfer whose slave has no turn.
+    // 263, 266: the drive answers after the cancel of a transfer while its slave has no turn.
     assert_eq!((master.own.par_gone.ud_PAR_VALUE, slave.own.job_was_reset), (70_000, true));
     assert_eq!(master.own.load_lost.w_ERR_SL, 0x0104, "{:?}", master.own.load_lost);
     assert!(master.own.b_four.x_RE_INIT_OK && master.own.b_four.b_ERR == 0, "{:?}", master.own.b_four);

@@ -220,7 +220,7 @@ fn its_supply_can_be_switched_off() {
     assert_eq!(
         emulator.peek(&["right:in.w_VALUE"]),
         "16#0005",
-        "the frame has waited for somebody who hears it"
+        "the frame has waited for a station that hears it"
     );
 }
 

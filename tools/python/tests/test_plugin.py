@@ -158,7 +158,7 @@ def test_an_exported_module_that_hides_the_package_is_reported(suite, pytester, 
 
 
 def test_both_have_the_same_names(program, tmp_path):
-    """Whoever goes from the module to the package finds everything again."""
+    """A program that changes from the module to the package finds all names again."""
     subprocess.run([program, "export", "python", "--output", str(tmp_path / "commram.py")], check=True)
     code = "import commram; print(*[name for name in vars(commram) if name[0] != '_'])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=tmp_path)
