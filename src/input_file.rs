@@ -8,7 +8,7 @@ use std::io::{Error, ErrorKind, Read, Result};
 use std::os::unix::fs::{FileTypeExt, OpenOptionsExt};
 use std::path::Path;
 
-/// Maximum length of a dump or log, in bytes: frames of five minutes on a CAN bus that is never idle.
+/// Maximum length of a dump or log, in bytes: frames of five minutes on a CAN bus without idle time.
 pub const LONGEST: u64 = 64 << 20;
 /// Maximum length of a plant. A plant of 1,000 PLCs with 32 drives each fits in.
 pub const LONGEST_PLANT: u64 = 8 << 20;

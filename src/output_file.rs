@@ -22,7 +22,7 @@ pub(crate) fn write(path: &Path, bytes: &[u8]) -> Result<()> {
         return fs::write(path, bytes);
     };
     replace_as(&place, bytes, before.ok().as_ref()).or_else(|reason| match reason.kind() {
-        // A directory of another user; a file that is mounted.
+        // A directory of another user; a mounted file.
         ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem | ErrorKind::ResourceBusy => {
             fs::write(path, bytes)
         }

@@ -1,7 +1,7 @@
 //! Plots: registers over emulated time, as SVG or PNG.
 //!
 //! A [`Row`] for each register, one below the other, over the SYNC edges. The plot draws only data of the journal: a
-//! register's line begins with the first value that is known, and keeps each value until the next one.
+//! register's line begins with the first known value, and keeps each value until the next one.
 
 mod draw;
 mod render;

@@ -369,8 +369,8 @@ fn a_killed_program_restarts_with_both_its_modules() {
     assert_eq!(edges(&emulator), before.map(|edges| edges + 10), "from slot H on to slot G");
 }
 
-/// In real time the bus does not wait for a program: a frame that is released too late for an interval goes out in
-/// the next one. The values still travel in order in both directions, and the programs notice the end.
+/// In real time the bus does not wait for a program: a frame released too late for an interval goes out in the next
+/// one. The values still travel in order in both directions, and the programs notice the end.
 #[test]
 fn programs_in_real_time_exchange_values_through_both_modules() {
     let (mut emulator, _plant) = start(&[]);

@@ -41,8 +41,8 @@ fn active() -> Emulator {
     emulator
 }
 
-/// Joins with event `event`, runs `task` in parallel to `steps`, and ends when the steps are over. A run that is
-/// unfinished then is completed.
+/// Joins with event `event`, runs `task` in parallel to `steps`, and ends when the steps are over. An unfinished run
+/// is completed first.
 fn beside<R: Send>(
     emulator: &Emulator,
     event: usize,
@@ -277,8 +277,8 @@ fn the_emulator_ends_during_a_turn() {
     emulator.wait();
 }
 
-/// The clock waits for a task that is alive but idle. Other clients are served meanwhile, and learn which task blocks
-/// the clock.
+/// The clock waits for an idle task as long as its process is alive. Other clients are served meanwhile, and learn
+/// which task blocks the clock.
 #[test]
 fn stop_ends_the_emulator_during_a_turn() {
     let mut emulator = active();
