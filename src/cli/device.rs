@@ -133,13 +133,13 @@ pub(crate) fn told_by<T>(
     let Ok(session) = Session::open_for_reading(&Instance::running(instance.name())) else {
         return Err(refusal);
     };
-    ask(&session).map_err(|told| match told {
+    ask(&session).map_err(|failure| match failure {
         // A mistake that is independent of the PLC is reported before the question for the PLC.
         CliError::WhichPlc { .. } => match common_refusal(session.all_fitted(), look_up) {
             Some(common) => common.into(),
-            None => told,
+            None => failure,
         },
-        _ => told,
+        _ => failure,
     })
 }
 

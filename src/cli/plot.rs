@@ -114,14 +114,14 @@ fn of_instance(args: &Args) -> Result<Plot, CliError> {
     Ok(Plot::new(args.from, args.to.unwrap_or(info.time_us), waves.edges(), rows.collect()))
 }
 
-fn of_file(args: &Args, told: &RecordedRegisters) -> Result<Plot, CliError> {
+fn of_file(args: &Args, journal_data: &RecordedRegisters) -> Result<Plot, CliError> {
     let rows = args.registers.iter().map(|text| {
         let place = whole(of_any_device(text)?)?;
-        let past = told.register(place.plc.as_deref(), &address_of(&place).to_string(), text)?;
+        let past = journal_data.register(place.plc.as_deref(), &address_of(&place).to_string(), text)?;
         Ok(Row::of(text.clone(), &place, &past))
     });
     let rows = rows.collect::<Result<Vec<_>, CliError>>()?;
-    Ok(Plot::new(args.from, args.to.unwrap_or(told.end_us), told.edges.clone(), rows))
+    Ok(Plot::new(args.from, args.to.unwrap_or(journal_data.end_us), journal_data.edges.clone(), rows))
 }
 
 /// Accepts a whole register or a single bit; refuses other parts.

@@ -59,8 +59,8 @@ mod tests {
 
     #[test]
     fn real_and_emulated_time_are_shown() {
-        let told = line(Duration::from_millis(3_900), Some(72_000_000_000));
-        assert_eq!(told, "3 s, emulated time 72000.000000 s; Ctrl-C ends");
+        let printed = line(Duration::from_millis(3_900), Some(72_000_000_000));
+        assert_eq!(printed, "3 s, emulated time 72000.000000 s; Ctrl-C ends");
         assert_eq!(line(Duration::from_secs(1), None), "1 s; Ctrl-C ends");
     }
 }

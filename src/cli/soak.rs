@@ -21,7 +21,7 @@ use std::sync::{Mutex, PoisonError, mpsc};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 /// Real time between two progress lines.
-const TOLD_EVERY: Duration = Duration::from_secs(10);
+const PROGRESS_EVERY: Duration = Duration::from_secs(10);
 
 /// Run random programs on all devices and check the results.
 ///
@@ -177,13 +177,13 @@ fn play(
                 .map_err(|reason| CliError::Process { reason })?;
         }
         drop(send);
-        let mut told = Instant::now();
+        let mut printed_at = Instant::now();
         for judged in receive {
             if let Some(row) = rows.iter_mut().find(|row| row.is_of(&judged)) {
                 row.add(&judged);
             }
-            if told.elapsed() >= TOLD_EVERY {
-                told = Instant::now();
+            if printed_at.elapsed() >= PROGRESS_EVERY {
+                printed_at = Instant::now();
                 let all = Row::sum("all", &*rows);
                 output::note(&format!("{} s: {}", begun.elapsed().as_secs(), all.sentence()));
             }
@@ -197,12 +197,12 @@ fn play(
 fn end_with(
     first: &Mutex<Option<Result<String, CliError>>>,
     over: &AtomicBool,
-    told: impl FnOnce() -> Result<String, CliError>,
+    result: impl FnOnce() -> Result<String, CliError>,
 ) {
     over.store(true, Ordering::Relaxed);
     let mut first = first.lock().unwrap_or_else(PoisonError::into_inner);
     if first.is_none() {
-        *first = Some(told());
+        *first = Some(result());
     }
 }
 

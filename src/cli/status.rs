@@ -256,12 +256,12 @@ mod by_channel {
             let value = register.and_then(|_| data.next());
             let value =
                 value.map(|bytes| bytes.iter().rev().fold(0, |value, byte| value << 8 | u32::from(*byte)));
-            let told = register
+            let described = register
                 .zip(value)
                 .map(|((_, register), value)| (format_value(register.ty(), value), register.decode(value)));
             let shown =
-                told.as_ref().map_or_else(|| "-".to_owned(), |(value, text)| format!("{value}  {text}"));
-            Node { node, bus, state: value, text: told.map(|(_, text)| text), shown }
+                described.as_ref().map_or_else(|| "-".to_owned(), |(value, text)| format!("{value}  {text}"));
+            Node { node, bus, state: value, text: described.map(|(_, text)| text), shown }
         };
         Ok(ports.into_iter().map(node).collect())
     }

@@ -2,7 +2,7 @@
 //! ports. The bus family defines their effect on a bus, and refuses a kind that it cannot have.
 
 use crate::can::Arbitration;
-use crate::fault::{self, Fault, Field, Form, Kind, Place};
+use crate::fault::{self, Fault, Field, Form, Kind, TargetKind};
 
 /// Longest delay of a frame, in emulated microseconds.
 pub(super) const MAX_DELAY_US: u32 = 1_000_000;
@@ -148,7 +148,7 @@ fn frame(fault: &Fault, what: FrameEffect) -> fault::Effect {
 pub(super) static LOSE_FRAME: Kind = Kind::new(
     1,
     "lose_frame",
-    Place::Bus,
+    TargetKind::Bus,
     "No station receives a frame; its sender does not notice",
     |fault| frame(fault, FrameEffect::Lose),
 )
@@ -157,7 +157,7 @@ pub(super) static LOSE_FRAME: Kind = Kind::new(
 .shown("slot=WRC1 count=3");
 
 pub(super) static DELAY_FRAME: Kind =
-    Kind::new(2, "delay_frame", Place::Bus, "A frame comes later than it would", |fault| {
+    Kind::new(2, "delay_frame", TargetKind::Bus, "A frame comes later than it would", |fault| {
         frame(fault, FrameEffect::Delay(us(fault)))
     })
     .with(const { &[SLOT, ID, MASK, FORMAT, delay(1, "After its time").required(IN_US)] })
@@ -167,7 +167,7 @@ pub(super) static DELAY_FRAME: Kind =
 pub(super) static DUPLICATE_FRAME: Kind = Kind::new(
     3,
     "duplicate_frame",
-    Place::Bus,
+    TargetKind::Bus,
     "A frame comes once more",
     |fault| frame(fault, FrameEffect::Duplicate(us(fault))),
 )
@@ -181,7 +181,7 @@ pub(super) static DUPLICATE_FRAME: Kind = Kind::new(
 const CONTROLLERS: &[&str] = &["cansync", "can"];
 
 pub(super) static BUS_OFF: Kind =
-    Kind::new(11, "bus_off", Place::Port, "A CAN controller switches itself off", |_| {
+    Kind::new(11, "bus_off", TargetKind::Port, "A CAN controller switches itself off", |_| {
         fault::Effect::new(Effect::BusOff)
     })
     .once()
@@ -189,7 +189,7 @@ pub(super) static BUS_OFF: Kind =
     .shown("plc=line node=2");
 
 pub(super) static OVERRUN: Kind =
-    Kind::new(12, "overrun", Place::Port, "A CAN controller loses frames that it receives", |_| {
+    Kind::new(12, "overrun", TargetKind::Port, "A CAN controller loses frames that it receives", |_| {
         fault::Effect::new(Effect::Overrun)
     })
     .once()
@@ -197,7 +197,7 @@ pub(super) static OVERRUN: Kind =
     .shown("node=2 count=2");
 
 static ERROR_FRAME: Kind =
-    Kind::new(17, "error_frame", Place::Bus, "An error frame destroys a frame", |fault| {
+    Kind::new(17, "error_frame", TargetKind::Bus, "An error frame destroys a frame", |fault| {
         frame(fault, FrameEffect::Disturb)
     })
     .with(const { &[ID, MASK, FORMAT] })
@@ -207,7 +207,7 @@ static ERROR_FRAME: Kind =
 static LOST_ARBITRATION: Kind = Kind::new(
     18,
     "lost_arbitration",
-    Place::Bus,
+    TargetKind::Bus,
     "A frame loses an arbitration that it would have won",
     |fault| frame(fault, FrameEffect::LoseArbitration),
 )

@@ -1,7 +1,9 @@
 //! Tests of the kinds of faults of all families: description, checks and documentation.
 
 use super::{bm4_o_can_06, can_dp2, cs0015, fault_kinds, omega_drive_line_2};
-use crate::fault::{Draft, Fault, FaultError, FaultSpec, FieldValue, Form, Kind, Place, Refusal, Target};
+use crate::fault::{
+    Draft, Fault, FaultError, FaultSpec, FieldValue, Form, Kind, Refusal, Target, TargetKind,
+};
 use crate::journal::Names;
 use crate::layout::DeviceFit;
 use proptest::prelude::*;
@@ -135,13 +137,13 @@ fn target(kind: &Kind, place: usize, number: u8) -> Target {
     let names = names();
     let (medium, device) = ((place % names.buses.len()) as u16, (place % names.plcs.len()) as u16);
     match kind.place() {
-        Place::Bus => Target::Bus(medium),
-        Place::Participant => Target::Participant { medium, number: number % 32 },
-        Place::Port => {
+        TargetKind::Bus => Target::Bus(medium),
+        TargetKind::Participant => Target::Participant { medium, number: number % 32 },
+        TargetKind::Port => {
             let ports = names.device(device).ports;
             Target::Port { device, port: ports[usize::from(number) % ports.len()].number }
         }
-        Place::Device => Target::Device(device),
+        TargetKind::Device => Target::Device(device),
     }
 }
 
@@ -384,10 +386,10 @@ fn the_documentation_lists_exactly_these_kinds_and_fields() {
 /// A kind in the table, a row for each of its fields.
 fn rows_of(kind: &'static Kind) -> Vec<String> {
     let acts_on = match kind.place() {
-        Place::Bus => "a bus",
-        Place::Participant => "a slave",
-        Place::Port => "a port",
-        Place::Device => "a PLC",
+        TargetKind::Bus => "a bus",
+        TargetKind::Participant => "a slave",
+        TargetKind::Port => "a port",
+        TargetKind::Device => "a PLC",
     };
     let ends = match (kind.happens_once(), kind.has_hits()) {
         (true, _) => "once",

@@ -1,6 +1,6 @@
 //! Errors in the description of a fault.
 
-use super::{Field, Kind, MAX_FAULTS, Place};
+use super::{Field, Kind, MAX_FAULTS, TargetKind};
 use crate::journal::Names;
 use crate::layout::DeviceLayout;
 use thiserror::Error;
@@ -34,8 +34,8 @@ pub enum Refusal {
     /// The kind acts on another place.
     #[error("it acts on {}", acts_on(*.place))]
     OtherPlace {
-        /// Place of faults of this kind.
-        place: Place,
+        /// Kind of target of faults of this kind.
+        place: TargetKind,
     },
     /// A count for a fault that has no hits.
     #[error("count has no meaning for {}; give duration_us, or clear the fault", .kind.name())]
@@ -279,12 +279,12 @@ impl FaultError {
 }
 
 /// Describes the target of a kind, for people.
-const fn acts_on(place: Place) -> &'static str {
+const fn acts_on(place: TargetKind) -> &'static str {
     match place {
-        Place::Bus => "a bus",
-        Place::Participant => "a participant of a bus",
-        Place::Port => "a port of a PLC",
-        Place::Device => "a PLC",
+        TargetKind::Bus => "a bus",
+        TargetKind::Participant => "a participant of a bus",
+        TargetKind::Port => "a port of a PLC",
+        TargetKind::Device => "a PLC",
     }
 }
 

@@ -17,7 +17,7 @@ pub const MAX_PARTICIPANT: u8 = 31;
 pub struct Kind {
     number: u8,
     name: &'static str,
-    place: Place,
+    place: TargetKind,
     about: &'static str,
     fields: &'static [Field],
     example: &'static str,
@@ -28,9 +28,9 @@ pub struct Kind {
     effect: fn(&Fault) -> Effect,
 }
 
-/// Place on which a kind of fault acts.
+/// Kind of target on which a kind of fault acts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Place {
+pub enum TargetKind {
     /// A bus as a whole.
     Bus,
     /// A participant of a bus.
@@ -68,14 +68,14 @@ pub(super) static DURATION_US: Field = Field::new(
 )
 .or("for_us");
 
-impl Place {
+impl TargetKind {
     /// The fields for the target.
     pub fn fields(self) -> &'static [&'static Field] {
         match self {
-            Place::Bus => const { &[&BUS] },
-            Place::Participant => const { &[&BUS, &SLAVE] },
-            Place::Port => const { &[&PLC, &NODE] },
-            Place::Device => const { &[&PLC] },
+            TargetKind::Bus => const { &[&BUS] },
+            TargetKind::Participant => const { &[&BUS, &SLAVE] },
+            TargetKind::Port => const { &[&PLC, &NODE] },
+            TargetKind::Device => const { &[&PLC] },
         }
     }
 }
@@ -90,7 +90,7 @@ impl Kind {
     pub const fn new(
         number: u8,
         name: &'static str,
-        place: Place,
+        place: TargetKind,
         about: &'static str,
         effect: fn(&Fault) -> Effect,
     ) -> Self {
@@ -175,9 +175,9 @@ impl Kind {
         self.name
     }
 
-    /// Place on which the kind acts.
+    /// Kind of target on which the kind acts.
     #[must_use]
-    pub const fn place(&self) -> Place {
+    pub const fn place(&self) -> TargetKind {
         self.place
     }
 

@@ -24,7 +24,7 @@ pub use effect::Effect;
 pub use error::{FaultError, Refusal, slave_list};
 pub use field::{Field, Form};
 pub use field_value::{FaultSpec, FieldValue};
-pub use kind::{Kind, MAX_BITS, MAX_FIELDS, MAX_PARTICIPANT, Place};
+pub use kind::{Kind, MAX_BITS, MAX_FIELDS, MAX_PARTICIPANT, TargetKind};
 pub use record::{FaultNews, Hit, KINDS, News};
 pub use sites::{DeviceSite, MediumSite, Owner, Sites, Target};
 pub use words::WordError;

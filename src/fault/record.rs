@@ -1,6 +1,6 @@
 //! Journal records about injected faults.
 
-use super::{Place, Target};
+use super::{Target, TargetKind};
 use crate::journal::{
     Catalogue, EventCodec, EventText, Fields, Keeping, Kind, Origin, Packer, Part, Reader, Ring, Source,
     Unpacker, Words,
@@ -80,10 +80,10 @@ impl EventCodec for FaultNews {
     fn words(&self) -> Words {
         let (index, number) = self.target.numbers();
         let form = match self.target.place() {
-            Place::Bus => 0,
-            Place::Participant => 1,
-            Place::Port => 2,
-            Place::Device => 3,
+            TargetKind::Bus => 0,
+            TargetKind::Participant => 1,
+            TargetKind::Port => 2,
+            TargetKind::Device => 3,
         };
         let mut packer = Packer::new(Self::KIND, index, number);
         packer.put(form);
@@ -97,10 +97,10 @@ impl EventCodec for FaultNews {
         let mut unpacker = Unpacker::new(words);
         let (index, number) = (unpacker.index(), unpacker.number());
         let place = match unpacker.take() {
-            0 => Place::Bus,
-            1 => Place::Participant,
-            2 => Place::Port,
-            3 => Place::Device,
+            0 => TargetKind::Bus,
+            1 => TargetKind::Participant,
+            2 => TargetKind::Port,
+            3 => TargetKind::Device,
             _ => return None,
         };
         let target = Target::of_numbers(place, index, number);

@@ -1,6 +1,6 @@
 //! Targets of faults, and the targets that an installation has.
 
-use super::{Fault, Kind, Place, Refusal};
+use super::{Fault, Kind, Refusal, TargetKind};
 use crate::layout::DeviceLayout;
 
 /// Target of a fault. Buses and PLCs are numbered as in the plant file, from 0.
@@ -38,12 +38,12 @@ pub enum Owner {
 impl Target {
     /// Returns the place that kinds must declare to act here.
     #[must_use]
-    pub const fn place(self) -> Place {
+    pub const fn place(self) -> TargetKind {
         match self {
-            Target::Bus(_) => Place::Bus,
-            Target::Participant { .. } => Place::Participant,
-            Target::Port { .. } => Place::Port,
-            Target::Device(_) => Place::Device,
+            Target::Bus(_) => TargetKind::Bus,
+            Target::Participant { .. } => TargetKind::Participant,
+            Target::Port { .. } => TargetKind::Port,
+            Target::Device(_) => TargetKind::Device,
         }
     }
 
@@ -59,12 +59,12 @@ impl Target {
 
     /// Converts the result of `numbers` back.
     #[must_use]
-    pub const fn of_numbers(place: Place, index: u16, number: u8) -> Self {
+    pub const fn of_numbers(place: TargetKind, index: u16, number: u8) -> Self {
         match place {
-            Place::Bus => Target::Bus(index),
-            Place::Participant => Target::Participant { medium: index, number },
-            Place::Port => Target::Port { device: index, port: number },
-            Place::Device => Target::Device(index),
+            TargetKind::Bus => Target::Bus(index),
+            TargetKind::Participant => Target::Participant { medium: index, number },
+            TargetKind::Port => Target::Port { device: index, port: number },
+            TargetKind::Device => Target::Device(index),
         }
     }
 }

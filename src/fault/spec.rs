@@ -3,7 +3,8 @@
 use super::error::{kind_list, list, port_list};
 use super::kind::{AT_US, COUNT, DURATION_US, NODE, SLAVE};
 use super::{
-    Draft, Fault, FaultError, FaultSpec, Field, FieldValue, Form, Kind, MAX_FIELDS, Place, Refusal, Target,
+    Draft, Fault, FaultError, FaultSpec, Field, FieldValue, Form, Kind, MAX_FIELDS, Refusal, Target,
+    TargetKind,
 };
 use crate::journal::Names;
 use crate::layout::{DeviceLayout, Port, did_you_mean};
@@ -82,38 +83,38 @@ impl<'a> Reader<'a> {
 
     fn target(&self) -> Result<Target, FaultError> {
         Ok(match self.kind.place() {
-            Place::Bus => Target::Bus(self.bus()?),
-            Place::Participant => {
+            TargetKind::Bus => Target::Bus(self.bus()?),
+            TargetKind::Participant => {
                 let medium = self.bus()?;
                 let right = SLAVE.missing().unwrap_or_default();
                 let number = self.number(&SLAVE)?.ok_or_else(|| self.missing(&SLAVE, right.to_owned()))?;
                 let number = SLAVE.check(number).map_err(|refusal| self.refused(refusal))?;
                 Target::Participant { medium, number: number as u8 }
             }
-            Place::Port => {
+            TargetKind::Port => {
                 let device = self.plc()?;
                 Target::Port { device, port: self.port(device)?.number }
             }
-            Place::Device => Target::Device(self.plc()?),
+            TargetKind::Device => Target::Device(self.plc()?),
         })
     }
 
     fn bus(&self) -> Result<u16, FaultError> {
         let kind = self.kind;
         let unknown = |bus, known| FaultError::UnknownBus { kind, bus, known };
-        self.named(Place::Bus, &self.names.buses, unknown)
+        self.named(TargetKind::Bus, &self.names.buses, unknown)
     }
 
     fn plc(&self) -> Result<u16, FaultError> {
         let kind = self.kind;
         let unknown = |plc, known| FaultError::UnknownPlc { kind, plc, known };
-        self.named(Place::Device, &self.names.plcs, unknown)
+        self.named(TargetKind::Device, &self.names.plcs, unknown)
     }
 
     /// Index of the bus or PLC; if the name is left out, the only existing one.
     fn named(
         &self,
-        place: Place,
+        place: TargetKind,
         known: &[String],
         unknown: impl Fn(String, String) -> FaultError,
     ) -> Result<u16, FaultError> {

@@ -9,7 +9,7 @@ enum Noise {
     Hum,
 }
 
-static HISS: Kind = Kind::new(201, "hiss", Place::Bus, "It hisses", |fault| {
+static HISS: Kind = Kind::new(201, "hiss", TargetKind::Bus, "It hisses", |fault| {
     Effect::new(Noise::Hiss(fault.value("volume").unwrap_or(0)))
 })
 .with(
@@ -25,10 +25,11 @@ static HISS: Kind = Kind::new(201, "hiss", Place::Bus, "It hisses", |fault| {
     (Some(9), Some(0)) => Err("9 is too loud for a low tone".to_owned()),
     _ => Ok(()),
 });
-static HUM: Kind = Kind::new(202, "hum", Place::Participant, "It hums", |_| Effect::new(Noise::Hum)).once();
+static HUM: Kind =
+    Kind::new(202, "hum", TargetKind::Participant, "It hums", |_| Effect::new(Noise::Hum)).once();
 static FOG: Kind =
-    Kind::new(203, "fog", Place::Device, "It sees nothing", |_| Effect::new(())).without_hits();
-static LEAK: Kind = Kind::new(204, "leak", Place::Port, "It leaks", |_| Effect::new(()));
+    Kind::new(203, "fog", TargetKind::Device, "It sees nothing", |_| Effect::new(())).without_hits();
+static LEAK: Kind = Kind::new(204, "leak", TargetKind::Port, "It leaks", |_| Effect::new(()));
 static OF_MEDIUM: &[&Kind] = &[&HISS, &HUM, &LEAK];
 static OF_DEVICE: &[&Kind] = &[&FOG];
 static KINDS: [&Kind; 4] = [&HISS, &HUM, &FOG, &LEAK];
@@ -68,7 +69,7 @@ fn values_that_a_kind_does_not_allow_are_refused_from_any_source() {
     let too_late = Refusal::Range { field: at_us, value: MAX_AT_US + 1, least: 0, most: MAX_AT_US };
     for (draft, expected) in [
         (Draft { at_us: MAX_AT_US + 1, ..draft }, too_late),
-        (Draft { target: Target::Device(0), ..draft }, Refusal::OtherPlace { place: Place::Bus }),
+        (Draft { target: Target::Device(0), ..draft }, Refusal::OtherPlace { place: TargetKind::Bus }),
         (Draft { count: Some(1), duration_us: Some(1), ..draft }, Refusal::TwoLimits),
         (Draft { count: Some(1), ..Draft::new(&FOG, Target::Device(0)) }, Refusal::NotCounted { kind: &FOG }),
     ] {

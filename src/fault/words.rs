@@ -105,7 +105,7 @@ fn number(text: &str) -> Result<u64, String> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Effect, Place};
+    use super::super::{Effect, TargetKind};
     use super::*;
 
     const fn time(name: &'static str) -> Field {
@@ -114,7 +114,7 @@ mod tests {
 
     const HEX: Form = Form::Hex { least: 0, most: 0xFFFF, digits: 3 };
 
-    static FRAME: Kind = Kind::new(1, "lose_frame", Place::Participant, "", |_| Effect::new(())).with(
+    static FRAME: Kind = Kind::new(1, "lose_frame", TargetKind::Participant, "", |_| Effect::new(())).with(
         const {
             &[
                 Field::new("slot", Form::Word(&["WRC1"]), ""),
@@ -124,7 +124,7 @@ mod tests {
             ]
         },
     );
-    static NODE: Kind = Kind::new(2, "node", Place::Port, "", |_| Effect::new(()))
+    static NODE: Kind = Kind::new(2, "node", TargetKind::Port, "", |_| Effect::new(()))
         .with(const { &[time("amplitude_us"), Field::new("error", HEX, ""), Field::new("offset", HEX, "")] });
 
     fn parsed(kind: &str, fields: &[&str]) -> Result<FaultSpec, String> {

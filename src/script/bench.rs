@@ -25,7 +25,7 @@ use super::carrier::Carrier;
 use super::failure::{FailureKind, JournalLine};
 #[cfg(not(all(test, feature = "channel")))]
 use super::local::Local;
-use super::{Failure, Place, ScenarioError, Value};
+use super::{Failure, ScenarioError, ScriptLocation, Value};
 use crate::devices;
 use crate::journal::text::Text;
 use crate::journal::{Format, Names, Record};
@@ -84,7 +84,7 @@ struct Required {
     /// The text of the line.
     text: String,
     /// The line of a script that requires it.
-    place: Option<Place>,
+    place: Option<ScriptLocation>,
 }
 
 impl Bench {

@@ -11,7 +11,7 @@ mod wrong;
 
 use super::caught::{self, Caught};
 use super::complaint::name_types;
-use super::{Bench, MemoryCopy, Place, ScenarioError};
+use super::{Bench, MemoryCopy, ScenarioError, ScriptLocation};
 use crate::journal::text::Text;
 use crate::journal::{Entry, Format, Record};
 use arguments::{names, number, span, value};
@@ -233,9 +233,14 @@ impl Verbs {
 }
 
 /// The line of a verb: the script as the engine names it, nothing for the scenario itself.
-fn place_of(context: &NativeCallContext) -> Place {
+fn place_of(context: &NativeCallContext) -> ScriptLocation {
     let line = context.call_position().line().and_then(|line| u32::try_from(line).ok());
-    Place { file: context.call_source().unwrap_or_default().to_owned(), line, column: None, source: None }
+    ScriptLocation {
+        file: context.call_source().unwrap_or_default().to_owned(),
+        line,
+        column: None,
+        source: None,
+    }
 }
 
 /// `#{severity, rule, register, value, count, time, text}`

@@ -67,21 +67,21 @@ pub struct Failure {
     /// The exchanges of program, firmware and bus that may have led to the failure, oldest first.
     pub exchange: Vec<Exchanged>,
     /// Location of the expectation.
-    pub location: Option<Place>,
+    pub location: Option<ScriptLocation>,
 }
 
 /// A step of a handshake, or a frame.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Exchanged {
-    /// Direction: sender and receiver.
-    pub way: Way,
+    /// Kind of the step: sender and receiver.
+    pub way: ExchangeKind,
     /// The record of the journal.
     pub line: JournalLine,
 }
 
-/// Direction of an exchange: sender and receiver.
+/// Kind of a step in an exchange, given by its sender and receiver.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Way {
+pub enum ExchangeKind {
     /// The PLC's program writes a register.
     Program,
     /// The firmware writes one.
@@ -94,26 +94,26 @@ pub enum Way {
     More,
 }
 
-impl Way {
+impl ExchangeKind {
     /// The exchange that a record describes, if it belongs to a handshake.
     pub(super) fn of(record: &Record) -> Option<Self> {
         let event = record.event;
         if let Some(Changed { how, .. }) = event.get() {
             return Some(match how.by {
-                By::Firmware => Way::Firmware,
-                By::Program | By::Channel | By::Force => Way::Program,
+                By::Firmware => ExchangeKind::Firmware,
+                By::Program | By::Channel | By::Force => ExchangeKind::Program,
             });
         }
         if event.is::<ChannelWrite>() {
-            return Some(Way::Program);
+            return Some(ExchangeKind::Program);
         }
         if event.is::<Found>() || event.kind().ring() == Ring::Missed {
-            return Some(Way::Wrong);
+            return Some(ExchangeKind::Wrong);
         }
         if event.is::<State>() || event.is::<Handshake>() || event.is::<Register>() {
-            return Some(Way::Firmware);
+            return Some(ExchangeKind::Firmware);
         }
-        (event.kind().ring() == Ring::Traffic).then_some(Way::Bus)
+        (event.kind().ring() == Ring::Traffic).then_some(ExchangeKind::Bus)
     }
 }
 
@@ -143,7 +143,7 @@ pub struct JournalLine {
 
 /// A line of a script, or of a test in Rust.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Place {
+pub struct ScriptLocation {
     /// The file.
     pub file: String,
     /// The line, from 1, if it is known.
@@ -154,7 +154,7 @@ pub struct Place {
     pub source: Option<String>,
 }
 
-impl Place {
+impl ScriptLocation {
     /// `master.rhai:12`
     pub(super) fn short(&self) -> String {
         let number = |number: Option<u32>| number.map(|number| format!(":{number}")).unwrap_or_default();
@@ -162,7 +162,7 @@ impl Place {
     }
 }
 
-impl fmt::Display for Place {
+impl fmt::Display for ScriptLocation {
     /// `master.rhai:12: expect(...)`
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(&self.short())?;
@@ -170,7 +170,7 @@ impl fmt::Display for Place {
     }
 }
 
-impl From<&core::panic::Location<'_>> for Place {
+impl From<&core::panic::Location<'_>> for ScriptLocation {
     fn from(at: &core::panic::Location<'_>) -> Self {
         let file = at.file().to_owned();
         Self { file, line: Some(at.line()), column: Some(at.column()), source: None }
@@ -180,7 +180,7 @@ impl From<&core::panic::Location<'_>> for Place {
 impl fmt::Display for Failure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}", self.what)?;
-        let location = self.location.as_ref().map(Place::to_string);
+        let location = self.location.as_ref().map(ScriptLocation::to_string);
         let rows = [
             ("expected", &self.expected),
             ("actual", &self.actual),

@@ -30,7 +30,7 @@ mod verb;
 
 pub use bench::{Bench, Change, MemoryCopy, PastChange, Register, SeenFrame};
 pub use error::ScenarioError;
-pub use failure::{Exchanged, Failure, FailureKind, JournalLine, Numbers, Place, Way};
+pub use failure::{ExchangeKind, Exchanged, Failure, FailureKind, JournalLine, Numbers, ScriptLocation};
 pub use junit::{junit, junit_of_shard};
 #[cfg(feature = "cli")]
 pub(crate) use junit::{junit_text, shard_of_junit};

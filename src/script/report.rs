@@ -1,6 +1,6 @@
 //! The result of a scenario.
 
-use super::failure::{Failure, FailureKind, Place};
+use super::failure::{Failure, FailureKind, ScriptLocation};
 use core::fmt;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -46,7 +46,7 @@ pub struct Mistake {
     /// The error.
     pub what: String,
     /// Location of the error.
-    pub location: Place,
+    pub location: ScriptLocation,
 }
 
 impl fmt::Display for Mistake {
@@ -173,7 +173,7 @@ impl Report {
             first_findings: Vec::new(),
             journal: Vec::new(),
             exchange: Vec::new(),
-            location: Some(Place { file, line: None, column: None, source: None }),
+            location: Some(ScriptLocation { file, line: None, column: None, source: None }),
         }));
     }
 }

@@ -3,7 +3,7 @@
 use super::caught::Caught;
 use super::complaint::{complaint, cut, in_words, with_underscores};
 use super::engine::{Stage, engine};
-use super::failure::{Failure, FailureKind, Place};
+use super::failure::{Failure, FailureKind, ScriptLocation};
 use super::imports::{Imports, module_file};
 use super::printed::Printed;
 use super::report::{Mistake, Outcome, Report};
@@ -171,7 +171,7 @@ pub(super) fn ended(
     }
 }
 
-fn judge(error: &ScenarioError, place: Place, stage: &Rc<RefCell<Stage>>) -> Outcome {
+fn judge(error: &ScenarioError, place: ScriptLocation, stage: &Rc<RefCell<Stage>>) -> Outcome {
     match (error, error.failure_kind()) {
         (ScenarioError::Failed(failure), _) => failure_at((**failure).clone(), place),
         (error, Some(kind)) => failed(kind, &error.to_string(), place, stage),
@@ -180,7 +180,7 @@ fn judge(error: &ScenarioError, place: Place, stage: &Rc<RefCell<Stage>>) -> Out
 }
 
 /// A failure without expectation.
-fn failed(kind: FailureKind, what: &str, place: Place, stage: &Rc<RefCell<Stage>>) -> Outcome {
+fn failed(kind: FailureKind, what: &str, place: ScriptLocation, stage: &Rc<RefCell<Stage>>) -> Outcome {
     match stage.borrow_mut().failure(what) {
         Some(failure) => failure_at(Failure { kind, ..failure }, place),
         None => broken(&what, place),
@@ -188,24 +188,24 @@ fn failed(kind: FailureKind, what: &str, place: Place, stage: &Rc<RefCell<Stage>
 }
 
 /// A failure in a line of a script, with its texts shortened to a readable length.
-fn failure_at(failure: Failure, place: Place) -> Outcome {
+fn failure_at(failure: Failure, place: ScriptLocation) -> Outcome {
     let what = cut(failure.what, LONGEST_TEXT);
     let section = failure.section.map(|section| cut(section, LONGEST_SOURCE));
     Outcome::Failed(Box::new(Failure { what, section, location: Some(place), ..failure }))
 }
 
 /// The script is wrong.
-pub(super) fn broken(why: &dyn core::fmt::Display, location: Place) -> Outcome {
+pub(super) fn broken(why: &dyn core::fmt::Display, location: ScriptLocation) -> Outcome {
     Outcome::Broken(Box::new(Mistake { what: cut(why.to_string(), LONGEST_TEXT), location }))
 }
 
 /// A line of a script.
-pub(super) fn place(file: &Path, line: Option<usize>) -> Place {
+pub(super) fn place(file: &Path, line: Option<usize>) -> ScriptLocation {
     let text = |line: usize| {
         let text = input_file::read(file, input_file::LONGEST_SCRIPT).ok()?;
         text.lines().nth(line.checked_sub(1)?).map(|text| text.trim().to_owned())
     };
-    Place {
+    ScriptLocation {
         file: file.display().to_string(),
         line: line.and_then(|line| u32::try_from(line).ok()),
         column: None,
@@ -214,13 +214,13 @@ pub(super) fn place(file: &Path, line: Option<usize>) -> Place {
 }
 
 /// The line of a script with an unmet requirement at its end.
-fn wanted_at(error: &ScenarioError, file: &Path, directory: &Path) -> Place {
+fn wanted_at(error: &ScenarioError, file: &Path, directory: &Path) -> ScriptLocation {
     let at = match error {
         // A line in Rust has a column.
         ScenarioError::Failed(failure) => failure.location.as_ref().filter(|at| at.column.is_none()),
         _ => None,
     };
-    let line = |at: &Place| at.line.map(|line| line as usize);
+    let line = |at: &ScriptLocation| at.line.map(|line| line as usize);
     match at {
         Some(at) if at.file.is_empty() => place(file, line(at)),
         Some(at) => place(&module_file(&at.file, directory), line(at)),
@@ -229,7 +229,7 @@ fn wanted_at(error: &ScenarioError, file: &Path, directory: &Path) -> Place {
 }
 
 /// Location of an error: the innermost line of a script.
-fn innermost(error: &EvalAltResult, file: &Path, directory: &Path) -> Place {
+fn innermost(error: &EvalAltResult, file: &Path, directory: &Path) -> ScriptLocation {
     let (mut file, mut line) = (file.to_owned(), error.position().line());
     let mut at = error;
     while let EvalAltResult::ErrorInFunctionCall(_, source, inner, _)

@@ -38,19 +38,19 @@ pub(crate) fn text(device: &DeviceLayout, entry: &Entry) -> String {
         lines.push(line("values, bits", format!("{} p. {}", device.manual, entry.meaning_page)));
     }
     let mut text = format!("{}\n{}", entry.name, table::columns(&lines));
-    let told = |meaning: &str, source: &str| match source {
+    let described = |meaning: &str, source: &str| match source {
         "manual" => meaning.to_owned(),
         other => format!("{meaning} ({other})"),
     };
     let values = entry
         .values
         .iter()
-        .map(|value| vec![format!("    {}", value.hex), told(&value.meaning, &value.provenance)]);
+        .map(|value| vec![format!("    {}", value.hex), described(&value.meaning, &value.provenance)]);
     section(&mut text, "values", &values.collect::<Vec<_>>());
     let bits = entry.bits.iter().map(|bit| {
         let range =
             if bit.first == bit.last { bit.first.to_string() } else { format!("{}-{}", bit.first, bit.last) };
-        vec![format!("    {range}"), bit.name.to_owned(), told(&bit.meaning, &bit.provenance)]
+        vec![format!("    {range}"), bit.name.to_owned(), described(&bit.meaning, &bit.provenance)]
     });
     section(&mut text, "bits", &bits.collect::<Vec<_>>());
     text

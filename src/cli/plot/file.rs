@@ -116,14 +116,14 @@ impl RecordedRegisters {
     }
 
     fn parse(text: &str) -> Result<Self, JournalFileError> {
-        let mut told = RecordedRegisters { edges: Vec::new(), end_us: 0, registers: BTreeMap::new() };
+        let mut journal_data = RecordedRegisters { edges: Vec::new(), end_us: 0, registers: BTreeMap::new() };
         let mut recorded = BTreeSet::new();
         let mut reported: Vec<((String, String), u64, u32, bool)> = Vec::new();
         for (number, line) in (1..).zip(text.lines()) {
             let line = Line::parse(number, line)?;
-            told.end_us = told.end_us.max(line.time_us);
+            journal_data.end_us = journal_data.end_us.max(line.time_us);
             if line.kind == "sync" {
-                told.edges.extend(line.times());
+                journal_data.edges.extend(line.times());
             }
             if let (Some(plc), Some(address), Some((value, is_recorded))) =
                 (&line.plc, &line.address, line.value())
@@ -135,20 +135,20 @@ impl RecordedRegisters {
                 reported.extend(line.times().map(|time| (register.clone(), time, value, is_recorded)));
             }
         }
-        told.edges.sort_unstable();
-        told.edges.dedup();
+        journal_data.edges.sort_unstable();
+        journal_data.edges.dedup();
         // A counted record appears in the file at the end of its count.
         reported.sort_by_key(|(_, time, ..)| *time);
         for (register, time, value, is_recorded) in reported {
             if is_recorded == recorded.contains(&register) {
-                let past = told.registers.entry(register).or_default();
+                let past = journal_data.registers.entry(register).or_default();
                 past.is_recorded = is_recorded;
                 if past.values.last().is_none_or(|(_, before)| *before != value) {
                     past.values.push((time, value));
                 }
             }
         }
-        Ok(told)
+        Ok(journal_data)
     }
 
     /// Returns the history of a register; it is empty if the file does not mention the register.
@@ -190,9 +190,9 @@ mod tests {
     fn a_sample_of_the_format_can_be_read() {
         let bytes =
             crate::format_samples::sample(&format!("journal-{VERSION}.jsonl"), || LINES.as_bytes().to_vec());
-        let told = RecordedRegisters::parse(core::str::from_utf8(&bytes).unwrap()).unwrap();
-        assert_eq!((told.edges.as_slice(), told.end_us), (&[2000, 4000][..], 4100));
-        assert_eq!(told.register(None, "%MB3.5", "a").unwrap().values, [(100, 5), (500, 4)]);
+        let journal_data = RecordedRegisters::parse(core::str::from_utf8(&bytes).unwrap()).unwrap();
+        assert_eq!((journal_data.edges.as_slice(), journal_data.end_us), (&[2000, 4000][..], 4100));
+        assert_eq!(journal_data.register(None, "%MB3.5", "a").unwrap().values, [(100, 5), (500, 4)]);
     }
 
     #[test]
@@ -216,22 +216,24 @@ mod tests {
 
     #[test]
     fn counted_records_of_a_journal_are_expanded() {
-        let told = RecordedRegisters::parse(LINES).unwrap();
-        assert_eq!((told.edges.as_slice(), told.end_us), (&[2000, 4000][..], 4100));
-        let five = told.register(None, "%MB3.5", "a").unwrap();
+        let journal_data = RecordedRegisters::parse(LINES).unwrap();
+        assert_eq!((journal_data.edges.as_slice(), journal_data.end_us), (&[2000, 4000][..], 4100));
+        let five = journal_data.register(None, "%MB3.5", "a").unwrap();
         assert_eq!(five.values, [(100, 5), (500, 4)]);
         assert!(!five.is_recorded);
-        let six = told.register(Some("line"), "%MB3.6", "a").unwrap();
+        let six = journal_data.register(Some("line"), "%MB3.6", "a").unwrap();
         assert_eq!((six.values.as_slice(), six.is_recorded), (&[(50, 7)][..], true));
-        assert!(told.register(None, "%MB3.6", "a").unwrap_err().to_string().contains("line:a or other:a"));
-        assert_eq!(told.register(None, "%MB3.7", "a").unwrap(), Past::default());
+        assert!(
+            journal_data.register(None, "%MB3.6", "a").unwrap_err().to_string().contains("line:a or other:a")
+        );
+        assert_eq!(journal_data.register(None, "%MB3.7", "a").unwrap(), Past::default());
     }
 
     #[test]
     fn what_is_no_journal_is_refused_by_its_line() {
-        for (text, told) in [("hello", "line 1: "), ("{\"v\":1,\"kind\":\"x\"}\n{}", "line 2: ")] {
+        for (text, message) in [("hello", "line 1: "), ("{\"v\":1,\"kind\":\"x\"}\n{}", "line 2: ")] {
             let error = RecordedRegisters::parse(text).err().unwrap().to_string();
-            assert!(error.contains(told) && error.contains("--format jsonl"), "{error}");
+            assert!(error.contains(message) && error.contains("--format jsonl"), "{error}");
         }
     }
 }

@@ -99,8 +99,8 @@ impl EmulatorChild {
             return Ok(life);
         }
         drop(life);
-        let told = fs::read_to_string(complaints).unwrap_or_default();
-        Err(format!("the emulator did not start: {}", told.trim_end()))
+        let error_text = fs::read_to_string(complaints).unwrap_or_default();
+        Err(format!("the emulator did not start: {}", error_text.trim_end()))
     }
 
     fn signal(&self, signal: Signal) -> Result<(), String> {

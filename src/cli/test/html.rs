@@ -4,7 +4,7 @@
 mod sequence;
 
 use super::line::summary;
-use crate::script::{Drawn, Failure, FoundLine, Outcome, Place, Report, Step};
+use crate::script::{Drawn, Failure, FoundLine, Outcome, Report, ScriptLocation, Step};
 use crate::time::seconds;
 use chrono::{DateTime, SecondsFormat, Utc};
 use std::fmt::{self, Display};
@@ -134,7 +134,7 @@ fn failed(failure: &Failure) -> String {
     )
 }
 
-fn place(place: &Place) -> String {
+fn place(place: &ScriptLocation) -> String {
     let line = place.line.map(|line| format!(":{line}")).unwrap_or_default();
     let source = place.source.as_deref().unwrap_or_default();
     format!("<p>{}{line}</p>\n<pre>{}</pre>\n", EscapedText(&place.file), EscapedText(source))
@@ -218,7 +218,7 @@ fn printed(printed: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::script::{Exchanged, FailureKind, JournalLine, Way};
+    use crate::script::{ExchangeKind, Exchanged, FailureKind, JournalLine};
 
     const HOSTILE: &str = "<script>alert('1')</script><img src=x onerror=\"x()\">&\u{202E}\u{1}";
 
@@ -228,7 +228,8 @@ mod tests {
 
     fn report() -> Report {
         let line = JournalLine { time_us: 5, kind: hostile(), text: format!("0.000005 s  line  {HOSTILE}") };
-        let exchange = [Way::Program, Way::Firmware, Way::Bus, Way::Wrong];
+        let exchange =
+            [ExchangeKind::Program, ExchangeKind::Firmware, ExchangeKind::Bus, ExchangeKind::Wrong];
         let failure = Failure {
             kind: FailureKind::Expectation,
             what: hostile(),
@@ -244,7 +245,12 @@ mod tests {
             first_findings: Vec::new(),
             journal: vec![line.clone()],
             exchange: exchange.map(|way| Exchanged { way, line: line.clone() }).to_vec(),
-            location: Some(Place { file: hostile(), line: Some(1), column: None, source: Some(hostile()) }),
+            location: Some(ScriptLocation {
+                file: hostile(),
+                line: Some(1),
+                column: None,
+                source: Some(hostile()),
+            }),
         };
         let found = FoundLine {
             first_us: 5,

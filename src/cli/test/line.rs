@@ -3,7 +3,7 @@
 use super::selection::Shard;
 use crate::cli::output;
 use crate::cli::table::Row;
-use crate::script::{Failure, FailureKind, JournalLine, Outcome, Place, Report};
+use crate::script::{Failure, FailureKind, JournalLine, Outcome, Report, ScriptLocation};
 use crate::time::seconds;
 use chrono::{DateTime, SecondsFormat, Utc};
 use serde::Serialize;
@@ -69,8 +69,8 @@ struct Location {
 }
 
 impl Location {
-    fn of(place: &Place) -> Self {
-        let Place { file, line, source, .. } = place.clone();
+    fn of(place: &ScriptLocation) -> Self {
+        let ScriptLocation { file, line, source, .. } = place.clone();
         Self { script: file, line, source }
     }
 }

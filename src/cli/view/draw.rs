@@ -118,10 +118,10 @@ fn ask(frame: &mut Frame, asked: &TextInput, theme: Theme, area: Rect) {
 
 /// All keys, in as many columns as fit.
 fn help(frame: &mut Frame, theme: Theme, area: Rect) {
-    let told = actions::key_table();
-    let keys = told.iter().map(|(keys, ..)| keys.chars().count()).max().unwrap_or(0);
+    let key_rows = actions::key_table();
+    let keys = key_rows.iter().map(|(keys, ..)| keys.chars().count()).max().unwrap_or(0);
     let room = usize::from(area.height.saturating_sub(2)).max(1);
-    let columns = told.len().div_ceil(room).max(1);
+    let columns = key_rows.len().div_ceil(room).max(1);
     let width = usize::from(area.width.saturating_sub(2)) / columns;
     let cell = |(key, text, _): &(String, &str, &str)| {
         vec![
@@ -130,7 +130,7 @@ fn help(frame: &mut Frame, theme: Theme, area: Rect) {
         ]
     };
     let lines = (0..room).map(|line| {
-        let cells = told.iter().skip(line).step_by(room);
+        let cells = key_rows.iter().skip(line).step_by(room);
         Line::from(cells.flat_map(cell).collect::<Vec<_>>())
     });
     let block = Block::bordered().title(" keys; any key ends this ").border_style(theme.dim());

@@ -249,8 +249,14 @@ fn last_of(record: &Record, text: &mut Text, names: &Names, scene: &[BusScene]) 
     let us = event.frame().filter(|_| bit_s > 0).map_or(0, |carried| {
         u64::from(wire::bits_to_end_of_frame(&carried.frame)) * 1_000_000 / u64::from(bit_s)
     });
-    let told = line.split_once(" s  ").map_or(line.as_str(), |(_, told)| told);
-    let told = told.strip_prefix(name.as_str()).unwrap_or(told).trim();
+    let event_text = line.split_once(" s  ").map_or(line.as_str(), |(_, event_text)| event_text);
+    let event_text = event_text.strip_prefix(name.as_str()).unwrap_or(event_text).trim();
     let until_us = record.time_us;
-    Some(BusFrame { bus, from_us: until_us.saturating_sub(us), until_us, text: told.to_owned(), is_bad })
+    Some(BusFrame {
+        bus,
+        from_us: until_us.saturating_sub(us),
+        until_us,
+        text: event_text.to_owned(),
+        is_bad,
+    })
 }

@@ -52,7 +52,7 @@ pub(super) fn serve<S: Source>(
         if !queue.wait(orders, pause) {
             return;
         }
-        let told = match &mut link {
+        let reports = match &mut link {
             Some((source, poller)) => queue.turn(source, poller),
             None => match connect() {
                 Ok(source) => {
@@ -62,10 +62,10 @@ pub(super) fn serve<S: Source>(
                 Err(why) => vec![LinkReport::Absent(why)],
             },
         };
-        if told.iter().any(|news| matches!(news, LinkReport::Absent(_))) {
+        if reports.iter().any(|news| matches!(news, LinkReport::Absent(_))) {
             link = None;
         }
-        if told.into_iter().any(|told| news.send(told).is_err()) {
+        if reports.into_iter().any(|report| news.send(report).is_err()) {
             return;
         }
     }
@@ -104,25 +104,25 @@ impl TaskQueue {
 
     /// Executes a part of the first task, and polls.
     pub(super) fn turn(&mut self, source: &mut dyn Source, poller: &mut Poller) -> Vec<LinkReport> {
-        let mut told = Vec::new();
-        told.extend(self.cancelled.take().map(|task| LinkReport::Done(task.cancelled())));
+        let mut reports = Vec::new();
+        reports.extend(self.cancelled.take().map(|task| LinkReport::Done(task.cancelled())));
         if !self.tasks.is_empty() {
             let task = self.tasks.remove(0);
             match task.go(source) {
                 Ok(Outcome::More(task)) => {
-                    told.push(LinkReport::Progress(task.progress()));
+                    reports.push(LinkReport::Progress(task.progress()));
                     self.tasks.insert(0, task);
                 }
-                Ok(Outcome::Done(text)) => told.push(LinkReport::Done(text)),
-                Ok(Outcome::Refused(why)) => told.push(LinkReport::Failed(why)),
-                Err(trouble) => told.push(self.tell(trouble)),
+                Ok(Outcome::Done(text)) => reports.push(LinkReport::Done(text)),
+                Ok(Outcome::Refused(why)) => reports.push(LinkReport::Failed(why)),
+                Err(trouble) => reports.push(self.tell(trouble)),
             }
         }
         match poller.poll(source, &self.query) {
-            Ok(seen) => told.push(LinkReport::Data(Box::new(seen))),
-            Err(trouble) => told.push(self.tell(trouble)),
+            Ok(seen) => reports.push(LinkReport::Data(Box::new(seen))),
+            Err(trouble) => reports.push(self.tell(trouble)),
         }
-        told
+        reports
     }
 
     fn tell(&mut self, trouble: RequestError) -> LinkReport {

@@ -95,28 +95,28 @@ fn print(format: FormatArg, session: &Session, changes: &[journal::Change]) -> R
     if changes.is_empty() {
         return Ok(());
     }
-    let told: Vec<_> = changes.iter().map(|change| report(session, change)).collect();
+    let reported: Vec<_> = changes.iter().map(|change| report(session, change)).collect();
     output::print(&match format {
-        FormatArg::Text => text(&told),
+        FormatArg::Text => text(&reported),
         FormatArg::Jsonl => {
-            let line = |told| serde_json::to_string(told).map(|line| line + "\n");
-            let lines = told.iter().map(line).collect::<Result<String, _>>();
+            let line = |change| serde_json::to_string(change).map(|line| line + "\n");
+            let lines = reported.iter().map(line).collect::<Result<String, _>>();
             lines.map_err(|error| CliError::Output { reason: error.into() })?
         }
     })
 }
 
 /// `0.001000 s  node2.w_OPTION_STATUS  %MW3.200002  16#0001 -> 16#0002  firmware  waiting for ...`
-fn text(told: &[ReportedChange]) -> String {
+fn text(reported: &[ReportedChange]) -> String {
     let cells = |ReportedChange { change, by, .. }: &ReportedChange| {
         let values = change::values(change);
         let [register, address, meaning] =
             [&change.register, &change.address, &change.meaning].map(Clone::clone);
         vec![register, address, values, (*by).to_owned(), meaning]
     };
-    let columns = table::columns(&told.iter().map(cells).collect::<Vec<_>>());
+    let columns = table::columns(&reported.iter().map(cells).collect::<Vec<_>>());
     let line = |(it, line): (&ReportedChange, &str)| format!("{}  {line}\n", time::seconds(it.time_us));
-    told.iter().zip(columns.lines()).map(line).collect()
+    reported.iter().zip(columns.lines()).map(line).collect()
 }
 
 /// The texts of a change; the register has the name that was valid at that time.

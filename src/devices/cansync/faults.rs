@@ -6,7 +6,7 @@ use super::bus::{Channel, Frame, FrameKind};
 use crate::devices::can_faults::{
     BUS_OFF, DELAY_FRAME, DUPLICATE_FRAME, Frames, IN_US, LOSE_FRAME, OVERRUN, delay,
 };
-use crate::fault::{self, Fault, Field, Form, Kind, Place};
+use crate::fault::{self, Fault, Field, Form, Kind, TargetKind};
 
 /// Largest jitter of SYNC edges, in microseconds. At most a quarter of the running interval takes effect.
 pub const MAX_JITTER_US: u32 = 2_000;
@@ -77,13 +77,13 @@ fn number(fault: &Fault) -> u16 {
     fault.value("error").unwrap_or(0) as u16
 }
 
-static LOSE_SYNC: Kind = Kind::new(4, "lose_sync", Place::Bus, "The slaves miss SYNC edges", |_| {
+static LOSE_SYNC: Kind = Kind::new(4, "lose_sync", TargetKind::Bus, "The slaves miss SYNC edges", |_| {
     fault::Effect::new(Effect::LoseSync)
 })
 .shown("bus=drives count=2");
 
 static JITTER_SYNC: Kind =
-    Kind::new(5, "jitter_sync", Place::Bus, "SYNC edges come late and early in turn", |fault| {
+    Kind::new(5, "jitter_sync", TargetKind::Bus, "SYNC edges come late and early in turn", |fault| {
         fault::Effect::new(Effect::JitterSync(fault.value("amplitude_us").unwrap_or(0)))
     })
     .with(
@@ -99,35 +99,39 @@ static JITTER_SYNC: Kind =
     .shown("amplitude=40us duration=1s");
 
 static SLAVE_OFF: Kind =
-    Kind::new(6, "slave_off", Place::Participant, "A slave has no power, or its plug is pulled", |_| {
+    Kind::new(6, "slave_off", TargetKind::Participant, "A slave has no power, or its plug is pulled", |_| {
         fault::Effect::new(Effect::SlaveOff)
     })
     .without_hits()
     .shown("slave=2 duration=100ms");
 
 static SLAVE_LATE: Kind =
-    Kind::new(7, "slave_late", Place::Participant, "A slave answers jobs late", |fault| {
+    Kind::new(7, "slave_late", TargetKind::Participant, "A slave answers jobs late", |fault| {
         fault::Effect::new(Effect::SlaveLate(us(fault)))
     })
     .with(const { &[delay(1, "After the slot of the answer").required(IN_US)] })
     .shown("slave=1 delay=700us");
 
-static SLAVE_BUSY: Kind = Kind::new(8, "slave_busy", Place::Participant, "A slave answers jobs BUSY", |_| {
-    fault::Effect::new(Effect::SlaveBusy)
-})
-.shown("slave=1 count=5");
-
-static SLAVE_ERROR: Kind =
-    Kind::new(9, "slave_error", Place::Participant, "A slave refuses jobs with an error number", |fault| {
-        fault::Effect::new(Effect::SlaveError(number(fault)))
+static SLAVE_BUSY: Kind =
+    Kind::new(8, "slave_busy", TargetKind::Participant, "A slave answers jobs BUSY", |_| {
+        fault::Effect::new(Effect::SlaveBusy)
     })
-    .with(const { &[error(0, "Error number").required("give the error number, for example 16#FFFB")] })
-    .shown("slave=1 error=16#FFFB count=1");
+    .shown("slave=1 count=5");
+
+static SLAVE_ERROR: Kind = Kind::new(
+    9,
+    "slave_error",
+    TargetKind::Participant,
+    "A slave refuses jobs with an error number",
+    |fault| fault::Effect::new(Effect::SlaveError(number(fault))),
+)
+.with(const { &[error(0, "Error number").required("give the error number, for example 16#FFFB")] })
+.shown("slave=1 error=16#FFFB count=1");
 
 static WRONG_OFFSET: Kind = Kind::new(
     10,
     "wrong_offset",
-    Place::Participant,
+    TargetKind::Participant,
     "A block of an up-/download carries a wrong offset",
     |fault| {
         let at = if fault.value("slot") == Some(0) { OffsetAt::Job } else { OffsetAt::Answer };
@@ -153,18 +157,20 @@ static WRONG_OFFSET: Kind = Kind::new(
 )
 .shown("slave=5 slot=CC");
 
-static DRIVE_FAULT: Kind =
-    Kind::new(13, "drive_fault", Place::Participant, "A drive brakes and waits for a fault reset", |fault| {
-        fault::Effect::new(Effect::Trip(number(fault)))
-    })
-    .with(
-        const {
-            &[error(1, "Fault number, which parameter 308 shows")
-                .required("give the fault number, 1 to 16#FFFF")]
-        },
-    )
-    .once()
-    .shown("slave=1 error=17");
+static DRIVE_FAULT: Kind = Kind::new(
+    13,
+    "drive_fault",
+    TargetKind::Participant,
+    "A drive brakes and waits for a fault reset",
+    |fault| fault::Effect::new(Effect::Trip(number(fault))),
+)
+.with(
+    const {
+        &[error(1, "Fault number, which parameter 308 shows").required("give the fault number, 1 to 16#FFFF")]
+    },
+)
+.once()
+.shown("slave=1 error=17");
 
 /// All fault kinds of this module.
 pub static KINDS: &[&Kind] = &[

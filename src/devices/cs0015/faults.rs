@@ -1,6 +1,6 @@
 //! Fault kinds of a CS0015: the conditions that its operating system checks (p. 18-19, 44).
 
-use crate::fault::{self, Fault, Field, Form, Kind, Place};
+use crate::fault::{self, Fault, Field, Form, Kind, TargetKind};
 
 /// Number of outputs.
 pub(super) const OUTPUTS: u8 = 16;
@@ -49,7 +49,7 @@ fn output(fault: &Fault) -> u8 {
 static SHORT_CIRCUIT: Kind = Kind::new(
     40,
     "short_circuit",
-    Place::Device,
+    TargetKind::Device,
     "An output of a CS0015 has a short circuit and switches itself off",
     |fault| fault::Effect::new(Effect::ShortCircuit(output(fault))),
 )
@@ -60,7 +60,7 @@ static SHORT_CIRCUIT: Kind = Kind::new(
 static WIRE_BREAK: Kind = Kind::new(
     41,
     "wire_break",
-    Place::Device,
+    TargetKind::Device,
     "Nothing is connected to an output of a CS0015 any more",
     |fault| fault::Effect::new(Effect::WireBreak(output(fault))),
 )
@@ -68,44 +68,53 @@ static WIRE_BREAK: Kind = Kind::new(
 .without_hits()
 .shown("output=3 duration=2s");
 
-static SUPPLY: Kind =
-    Kind::new(42, "supply", Place::Device, "The supply of a CS0015 is too low, too high or gone", |fault| {
+static SUPPLY: Kind = Kind::new(
+    42,
+    "supply",
+    TargetKind::Device,
+    "The supply of a CS0015 is too low, too high or gone",
+    |fault| {
         let wrong = if fault.value("what") == Some(2) { SupplyFault::Gone } else { SupplyFault::Voltage };
         fault::Effect::new(Effect::Supply(wrong))
-    })
-    .with(
-        const {
-            &[Field::new("what", Form::Word(WRONG), "Too low, too high, or gone")
-                .required("give under, over or drop")]
-        },
-    )
-    .without_hits()
-    .shown("what=drop duration=100ms");
+    },
+)
+.with(
+    const {
+        &[Field::new("what", Form::Word(WRONG), "Too low, too high, or gone")
+            .required("give under, over or drop")]
+    },
+)
+.without_hits()
+.shown("what=drop duration=100ms");
 
 static TEMPERATURE: Kind =
-    Kind::new(43, "temperature", Place::Device, "A CS0015 is warmer than 85 degrees", |_| {
+    Kind::new(43, "temperature", TargetKind::Device, "A CS0015 is warmer than 85 degrees", |_| {
         fault::Effect::new(Effect::Hot)
     })
     .without_hits()
     .shown("duration=10s");
 
-static MEMORY: Kind = Kind::new(44, "memory", Place::Device, "A CS0015 finds an error in its memory", |_| {
-    fault::Effect::new(Effect::Memory)
-})
-.once()
-.shown("at=2s");
-
-static FATAL: Kind =
-    Kind::new(45, "fatal", Place::Device, "A CS0015 finds an error after which it cannot continue", |_| {
-        fault::Effect::new(Effect::Fatal)
+static MEMORY: Kind =
+    Kind::new(44, "memory", TargetKind::Device, "A CS0015 finds an error in its memory", |_| {
+        fault::Effect::new(Effect::Memory)
     })
     .once()
     .shown("at=2s");
 
+static FATAL: Kind = Kind::new(
+    45,
+    "fatal",
+    TargetKind::Device,
+    "A CS0015 finds an error after which it cannot continue",
+    |_| fault::Effect::new(Effect::Fatal),
+)
+.once()
+.shown("at=2s");
+
 static CAN_INIT: Kind = Kind::new(
     46,
     "can_init",
-    Place::Device,
+    TargetKind::Device,
     "The CAN controller of a CS0015 cannot be initialised: after a reset or CAN_RESTART it is not at its bus",
     |_| fault::Effect::new(Effect::NoCan),
 )
@@ -115,7 +124,7 @@ static CAN_INIT: Kind = Kind::new(
 static HANG: Kind = Kind::new(
     63,
     "hang",
-    Place::Device,
+    TargetKind::Device,
     "The program of a CS0015 does not end its cycle: after 200 ms the watchdog resets the device",
     |_| fault::Effect::new(Effect::Hang),
 )

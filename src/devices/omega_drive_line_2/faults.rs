@@ -1,7 +1,7 @@
 //! Kinds of faults of the drive at the BAPS.
 
 use super::baps::Pace;
-use crate::fault::{self, Fault, Faults, Field, Form, Hit, Kind, Owner, Place};
+use crate::fault::{self, Fault, Faults, Field, Form, Hit, Kind, Owner, TargetKind};
 use crate::journal::Journal;
 
 /// Maximum delay of a drive at the BAPS, in emulated microseconds: longer than the function blocks wait.
@@ -21,7 +21,7 @@ pub(super) enum Effect {
 static DRIVE_FAULT: Kind = Kind::new(
     14,
     "baps_drive_fault",
-    Place::Device,
+    TargetKind::Device,
     "The drive at the BAPS brakes and waits for a fault reset",
     |fault: &Fault| fault::Effect::new(Effect::Trip(fault.value("error").unwrap_or(0) as u16)),
 )
@@ -39,13 +39,13 @@ static DRIVE_FAULT: Kind = Kind::new(
 .shown("error=17");
 
 static SILENT: Kind =
-    Kind::new(15, "baps_silent", Place::Device, "The drive answers nothing at the BAPS", |_| {
+    Kind::new(15, "baps_silent", TargetKind::Device, "The drive answers nothing at the BAPS", |_| {
         fault::Effect::new(Effect::Silent)
     })
     .shown("duration=4s");
 
 static SLOW: Kind =
-    Kind::new(16, "baps_slow", Place::Device, "The drive answers late at the BAPS", |fault: &Fault| {
+    Kind::new(16, "baps_slow", TargetKind::Device, "The drive answers late at the BAPS", |fault: &Fault| {
         fault::Effect::new(Effect::Slow(fault.value("delay_us").unwrap_or(0)))
     })
     .with(

@@ -116,11 +116,11 @@ fn numbers_and_names_of_records_of_commram_are_taken() {
 }
 
 static OWN_FAULT: fault::Kind =
-    fault::Kind::new(250, "own_fault", fault::Place::Device, "It stops", |_| fault::Effect::new(()));
+    fault::Kind::new(250, "own_fault", fault::TargetKind::Device, "It stops", |_| fault::Effect::new(()));
 static NUMBER_OF_BUS_OFF: fault::Kind =
-    fault::Kind::new(11, "other_fault", fault::Place::Device, "It stops", |_| fault::Effect::new(()));
+    fault::Kind::new(11, "other_fault", fault::TargetKind::Device, "It stops", |_| fault::Effect::new(()));
 static NAME_OF_BUS_OFF: fault::Kind =
-    fault::Kind::new(251, "bus_off", fault::Place::Device, "It stops", |_| fault::Effect::new(()));
+    fault::Kind::new(251, "bus_off", fault::TargetKind::Device, "It stops", |_| fault::Effect::new(()));
 
 #[test]
 fn faults_belong_to_one_family() {

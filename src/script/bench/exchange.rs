@@ -8,7 +8,7 @@ use crate::devices;
 use crate::journal::text::Text;
 use crate::journal::{Changed, ChannelWrite, Event, Format, Found, Record};
 use crate::script::ScenarioError;
-use crate::script::failure::{Exchanged, JournalLine, Way};
+use crate::script::failure::{ExchangeKind, Exchanged, JournalLine};
 use crate::time::seconds;
 use core::ops::Range;
 use std::collections::{HashMap, HashSet};
@@ -56,7 +56,7 @@ impl Bench {
         };
         let mut steps = Vec::new();
         for record in &records {
-            match Way::of(record).filter(|_| !is_told_twice(record)) {
+            match ExchangeKind::of(record).filter(|_| !is_told_twice(record)) {
                 Some(way) => steps.push((record.event, Exchanged { way, line: line(record, &mut text) })),
                 None => text.skip(record),
             }
@@ -110,7 +110,7 @@ fn picture(steps: &[(Event, Exchanged)]) -> Vec<Exchanged> {
 /// A line about steps that are not shown one by one.
 fn said(time_us: u64, what: String) -> Exchanged {
     let line = JournalLine { time_us, kind: String::new(), text: format!("{}  {what}", seconds(time_us)) };
-    Exchanged { way: Way::More, line }
+    Exchanged { way: ExchangeKind::More, line }
 }
 
 /// Shows repeated patterns once.
@@ -134,7 +134,7 @@ fn folded<K: PartialEq>(keys: &[K]) -> Vec<PictureLine> {
 }
 
 /// Which lines are shown, of those with their ways and registers; `finding`: the first finding.
-fn chosen(told: &[Option<(Way, Option<RegisterKey>)>], finding: Option<usize>) -> Vec<bool> {
+fn chosen(told: &[Option<(ExchangeKind, Option<RegisterKey>)>], finding: Option<usize>) -> Vec<bool> {
     let mut shown = vec![false; told.len()];
     shown.iter_mut().rev().take(LAST).for_each(|shown| *shown = true);
     let handshakes = handshakes(told);
@@ -161,14 +161,16 @@ fn chosen(told: &[Option<(Way, Option<RegisterKey>)>], finding: Option<usize>) -
 }
 
 /// The handshakes by register: ranges from the program's request to the firmware's answer.
-fn handshakes(told: &[Option<(Way, Option<RegisterKey>)>]) -> HashMap<RegisterKey, Vec<Range<usize>>> {
+fn handshakes(
+    told: &[Option<(ExchangeKind, Option<RegisterKey>)>],
+) -> HashMap<RegisterKey, Vec<Range<usize>>> {
     let (mut asked, mut all) = (HashMap::new(), HashMap::<_, Vec<_>>::new());
     for (number, told) in told.iter().enumerate() {
         match told {
-            Some((Way::Program, Some(register))) => {
+            Some((ExchangeKind::Program, Some(register))) => {
                 asked.insert(*register, number);
             }
-            Some((Way::Firmware, Some(register))) => {
+            Some((ExchangeKind::Firmware, Some(register))) => {
                 if let Some(begin) = asked.remove(register) {
                     all.entry(*register).or_default().push(begin..number + 1);
                 }
@@ -192,22 +194,22 @@ mod tests {
         assert_eq!(folded::<u8>(&[]), []);
     }
 
-    fn program(register: u32) -> Option<(Way, Option<RegisterKey>)> {
-        Some((Way::Program, Some((0, register))))
+    fn program(register: u32) -> Option<(ExchangeKind, Option<RegisterKey>)> {
+        Some((ExchangeKind::Program, Some((0, register))))
     }
 
-    fn firmware(register: u32) -> Option<(Way, Option<RegisterKey>)> {
-        Some((Way::Firmware, Some((0, register))))
+    fn firmware(register: u32) -> Option<(ExchangeKind, Option<RegisterKey>)> {
+        Some((ExchangeKind::Firmware, Some((0, register))))
     }
 
     #[test]
     fn the_last_repetitions_of_a_handshake_are_shown_despite_later_steps() {
         let mut told = Vec::new();
         for _ in 0..4 {
-            told.extend([Some((Way::Bus, None)); 5]);
+            told.extend([Some((ExchangeKind::Bus, None)); 5]);
             told.extend([program(9), firmware(9)]);
         }
-        told.extend([Some((Way::Bus, None)); 60]);
+        told.extend([Some((ExchangeKind::Bus, None)); 60]);
         let shown = chosen(&told, None);
         let at = |number: usize| 7 * number + 5;
         assert!(!shown[at(1)] && shown[at(2)] && shown[at(2) + 1] && shown[at(3)] && shown[at(3) + 1]);
@@ -217,9 +219,9 @@ mod tests {
     #[test]
     fn a_finding_is_shown_with_preceding_steps_and_the_last_good_handshake() {
         let mut told = vec![program(1), firmware(1)];
-        told.extend([Some((Way::Bus, None)); 30]);
-        told.extend([program(1), Some((Way::Wrong, Some((0, 1)))), firmware(1)]);
-        told.extend([Some((Way::Bus, None)); 100]);
+        told.extend([Some((ExchangeKind::Bus, None)); 30]);
+        told.extend([program(1), Some((ExchangeKind::Wrong, Some((0, 1)))), firmware(1)]);
+        told.extend([Some((ExchangeKind::Bus, None)); 100]);
         let shown = chosen(&told, Some(33));
         assert!(shown[0] && shown[1] && shown[32] && shown[33] && shown[33 - BEFORE_FINDING]);
         assert!(!shown[15] && !shown[60]);

@@ -7,7 +7,7 @@ use crate::devices;
 use crate::fault::{FaultNews, FaultSpec, FaultStatus, News, Refusal};
 use crate::plant::Forced;
 use crate::request::{Code, Op, Refused};
-use crate::script::{Place, ScenarioError, Value};
+use crate::script::{ScenarioError, ScriptLocation, Value};
 use core::num::NonZeroU16;
 use core::panic::Location;
 
@@ -51,7 +51,7 @@ impl Bench {
     pub(in crate::script) fn fault_at(
         &mut self,
         words: &str,
-        place: Option<Place>,
+        place: Option<ScriptLocation>,
     ) -> Result<u16, ScenarioError> {
         let text = words;
         let mut words = words.split_whitespace();
@@ -67,7 +67,7 @@ impl Bench {
     }
 
     /// Attributes the required faults of the plant to this line of a script.
-    pub(in crate::script) fn plant_is_of(&mut self, place: &Place) {
+    pub(in crate::script) fn plant_is_of(&mut self, place: &ScriptLocation) {
         self.required.iter_mut().for_each(|it| it.place = Some(place.clone()));
     }
 

@@ -2,7 +2,7 @@
 
 use crate::journal::Entry;
 use crate::plant::PlantConfig;
-use crate::script::{Bench, Drawn, Failure, FoundLine, Place, ScenarioError, Step};
+use crate::script::{Bench, Drawn, Failure, FoundLine, ScenarioError, ScriptLocation, Step};
 use core::panic::Location;
 use std::path::PathBuf;
 
@@ -133,7 +133,7 @@ impl Stage {
     }
 
     /// The verb `plant`.
-    pub(super) fn plant(&mut self, text: &str, place: &Place) -> Result<(), ScenarioError> {
+    pub(super) fn plant(&mut self, text: &str, place: &ScriptLocation) -> Result<(), ScenarioError> {
         let config = if text.contains(['\n', '=', '[']) {
             PlantConfig::parse("plant", text)?
         } else {

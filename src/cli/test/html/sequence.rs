@@ -1,7 +1,7 @@
 //! Sequence diagram of the exchange before a failure: one line each for program, firmware and bus, time downwards.
 
 use super::EscapedText;
-use crate::script::{Exchanged, Way};
+use crate::script::{ExchangeKind, Exchanged};
 use crate::time::seconds;
 
 /// Horizontal positions of program, firmware and bus.
@@ -38,10 +38,10 @@ pub(super) fn picture(exchange: &[Exchanged], failed_us: u64) -> String {
 fn arrow(step: &Exchanged, y: i32) -> String {
     let [program, firmware, bus] = LANES.map(|(_, x)| x);
     let (class, from, to) = match step.way {
-        Way::Program => ("program", program, firmware),
-        Way::Firmware => ("firmware", firmware, program),
-        Way::Bus => ("bus", firmware, bus),
-        Way::Wrong | Way::More => ("wrong", TEXTS, TEXTS),
+        ExchangeKind::Program => ("program", program, firmware),
+        ExchangeKind::Firmware => ("firmware", firmware, program),
+        ExchangeKind::Bus => ("bus", firmware, bus),
+        ExchangeKind::Wrong | ExchangeKind::More => ("wrong", TEXTS, TEXTS),
     };
     let arrow = if from == to {
         String::new()
@@ -59,9 +59,9 @@ fn arrow(step: &Exchanged, y: i32) -> String {
         y + 4,
         seconds(step.line.time_us),
         match step.way {
-            Way::Wrong => "wrong",
-            Way::More => "time",
-            Way::Program | Way::Firmware | Way::Bus => "what",
+            ExchangeKind::Wrong => "wrong",
+            ExchangeKind::More => "time",
+            ExchangeKind::Program | ExchangeKind::Firmware | ExchangeKind::Bus => "what",
         },
         EscapedText(&step.line.text),
         EscapedText(shortened(&step.line.text))
@@ -90,10 +90,10 @@ mod tests {
         let step = |way, text| Exchanged { way, line: line(text) };
         let picture = picture(
             &[
-                step(Way::Program, "0.001500 s  line        a := 16#05"),
-                step(Way::Firmware, "0.001500 s  line:node2  a 16#05 -> 16#04"),
-                step(Way::Bus, "0.001500 s  drives      16#010 CC"),
-                step(Way::Wrong, "0.001500 s  line        late"),
+                step(ExchangeKind::Program, "0.001500 s  line        a := 16#05"),
+                step(ExchangeKind::Firmware, "0.001500 s  line:node2  a 16#05 -> 16#04"),
+                step(ExchangeKind::Bus, "0.001500 s  drives      16#010 CC"),
+                step(ExchangeKind::Wrong, "0.001500 s  line        late"),
             ],
             2000,
         );

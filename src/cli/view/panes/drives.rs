@@ -60,7 +60,7 @@ fn drive_line(shown: &ChartedDrive, theme: Theme, width: usize) -> Line<'static>
     };
     let sync = if state.is_synchronized { "\u{25cf}" } else { "\u{25cb}" };
     let fault = if state.fault == 0 { "-".to_owned() } else { state.fault.to_string() };
-    let told = [
+    let drive_cells = [
         name.clone(),
         at,
         state.state.replace('_', " "),
@@ -69,7 +69,7 @@ fn drive_line(shown: &ChartedDrive, theme: Theme, width: usize) -> Line<'static>
         state.speed_actual.to_string(),
         fault,
     ];
-    let [name, at, state_cell, sync, reference, actual, fault] = columns(width, told);
+    let [name, at, state_cell, sync, reference, actual, fault] = columns(width, drive_cells);
     let sync_style = if state.is_synchronized { theme.good() } else { theme.dim() };
     let fault_style = if state.fault == 0 { theme.dim() } else { theme.bad() };
     Line::from(vec![

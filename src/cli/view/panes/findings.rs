@@ -62,7 +62,7 @@ fn columns(width: usize, [severity, rule, register, value, count, last]: [String
 
 fn finding_line(row: &FindingRow, theme: Theme, width: usize) -> Line<'static> {
     let register = row.register.clone().unwrap_or_else(|| "(further registers)".to_owned());
-    let told = [
+    let cells = [
         row.severity.to_owned(),
         row.rule.to_owned(),
         register,
@@ -71,7 +71,7 @@ fn finding_line(row: &FindingRow, theme: Theme, width: usize) -> Line<'static> {
         time::seconds(row.last_us),
     ];
     let style = if row.severity == "error" { theme.bad() } else { theme.warning() };
-    let [severity, rule, register, value, count, last] = columns(width, told);
+    let [severity, rule, register, value, count, last] = columns(width, cells);
     Line::from(vec![
         Span::styled(severity, style),
         Span::raw(rule),

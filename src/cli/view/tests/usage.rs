@@ -117,8 +117,8 @@ fn a_request_that_was_answered_between_two_polls_is_seen() {
     user.poke(&[("node2.b_CTRLREG_WRC1", 5)], 4_000);
     user.look();
     let screen = user.screen();
-    let told: Vec<_> = screen.lines().filter(|line| line.contains("node2.b_CTRLREG_WRC1")).collect();
-    let [request, answer] = told.as_slice() else { panic!("{screen}") };
+    let found_lines: Vec<_> = screen.lines().filter(|line| line.contains("node2.b_CTRLREG_WRC1")).collect();
+    let [request, answer] = found_lines.as_slice() else { panic!("{screen}") };
     assert!(request.contains("16#05") && request.contains("channel"), "{request}");
     assert!(answer.contains("16#04") && answer.contains("firmware"), "{answer}");
 }
