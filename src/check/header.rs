@@ -133,7 +133,7 @@ impl HeaderWatch {
                         rule: &rules::HEADER,
                         plc: self.plc,
                         offset,
-                        live: RegisterPhase::Always,
+                        live: RegisterPhase::ALWAYS,
                         value,
                         late_us: 0,
                     };

@@ -18,7 +18,7 @@ pub(crate) fn owned(layout: &'static DeviceLayout) -> impl Iterator<Item = Regis
 
 /// Returns the registers of this kind in a single area.
 fn owned_in(layout: &'static DeviceLayout, area: &'static Area) -> impl Iterator<Item = RegisterRef> {
-    let registers = DeviceFit::unknown(layout).registers_in(area, RegisterPhase::Always);
+    let registers = DeviceFit::unknown(layout).registers_in(area, RegisterPhase::ALWAYS);
     registers.filter(|register| register.owner() == Owner::Firmware)
 }
 
@@ -147,7 +147,7 @@ impl OwnedWatch {
 }
 
 fn find(plc: u16, register: &RegisterRef, word: u64, time: u64, journal: &mut Journal) {
-    let (offset, live) = (register.offset(), RegisterPhase::Always);
+    let (offset, live) = (register.offset(), RegisterPhase::ALWAYS);
     let value = word::value(word, offset, register.width());
     let finding = Finding { rule: &rules::OWNER, plc, offset, live, value, late_us: 0 };
     journal.find(time, finding);

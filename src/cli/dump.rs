@@ -5,7 +5,7 @@ use super::complete;
 use super::device::on_any_device;
 use super::error::CliError;
 use super::peek::{RegisterReading, number};
-use super::place::{is_live, live_by, meaning_in, status_of, without_twins};
+use super::place::{is_live, meaning_in, status_of, without_twins};
 use super::session::{Read, Session, Snapshot, number_of_plc};
 use super::table::{self, Format, FormatArg};
 use super::time;
@@ -366,8 +366,8 @@ impl View<'_> {
     }
 
     fn live(&self) -> RegisterPhase {
-        status_of(self.area())
-            .map_or(RegisterPhase::Cyclic, |status| live_by(self.value(status.offset(), status.width())))
+        let status = status_of(self.area()).map(|status| self.value(status.offset(), status.width()));
+        self.area().phase(status)
     }
 
     /// The selected registers that are live.

@@ -72,7 +72,6 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
 fn list(args: &Args) -> Result<(), CliError> {
     use super::peek::{RegisterReading, holding};
     use super::{session::Session, table};
-    use crate::layout::RegisterPhase;
 
     let session = Session::open(&args.instance, 0)?;
     let snapshot = session.read(&[])?;
@@ -80,8 +79,7 @@ fn list(args: &Args) -> Result<(), CliError> {
         let fitted = session.fitted(forced.plc);
         let address = fitted.device().at(forced.width, forced.offset);
         let place = Place::parse(&fitted, &address.to_string())?;
-        let row =
-            holding(&session, &place, forced.plc, RegisterPhase::Cyclic, forced.value, snapshot.time_us);
+        let row = holding(&session, &place, forced.plc, place.last_phase(), forced.value, snapshot.time_us);
         Ok(RegisterReading { forced: true, ..row })
     };
     let rows = snapshot.forces.iter().map(row).collect::<Result<Vec<_>, CliError>>()?;

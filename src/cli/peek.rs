@@ -4,7 +4,7 @@ use super::complete;
 use super::device::{of_any_device_but_told_by, told_by};
 use super::dump::{self, Blocks};
 use super::error::CliError;
-use super::place::{Place, live_by};
+use super::place::Place;
 use super::session::{Read, Session, Snapshot};
 use super::table::{self, FormatArg, Row};
 use super::{Instance, output};
@@ -144,7 +144,7 @@ impl ReadTarget {
         match self {
             Self::One(plc, place) => {
                 let value = |index: usize| data.get(index).map(|bytes| number(bytes));
-                let live = value(1).map_or(RegisterPhase::Cyclic, live_by);
+                let live = place.phase(value(1));
                 let forced = snapshot.is_forced(*plc, place.offset(), place.width().bytes());
                 let value = value(0).unwrap_or_default();
                 vec![RegisterReading {

@@ -11,7 +11,6 @@ use super::time;
 use super::{Instance, output};
 use crate::devices;
 use crate::journal::{Selection, Waves};
-use crate::layout::RegisterPhase;
 use crate::output_file;
 use crate::plot::{Picture, Plot, Row, address_of};
 use crate::request::Op;
@@ -105,11 +104,11 @@ fn of_instance(args: &Args) -> Result<Plot, CliError> {
     });
     let recorded = asked.collect::<Result<Vec<_>, CliError>>()?;
     let rows = places.iter().zip(held).zip(recorded).map(|(((plc, place), held), is_recorded)| {
-        let name = format!("{}{}", session.prefix(*plc), place.name(RegisterPhase::Cyclic));
+        let name = format!("{}{}", session.prefix(*plc), place.name(place.last_phase()));
         let row = Row::of(name, place, &waves.register(*plc, address_of(place).offset()));
         let mut word = [0; 4];
         word.iter_mut().zip(held).for_each(|(to, from)| *to = from);
-        row.or_holds(&place.format(RegisterPhase::Cyclic, u32::from_le_bytes(word)), is_recorded)
+        row.or_holds(&place.format(place.last_phase(), u32::from_le_bytes(word)), is_recorded)
     });
     Ok(Plot::new(args.from, args.to.unwrap_or(info.time_us), waves.edges(), rows.collect()))
 }

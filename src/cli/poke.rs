@@ -79,18 +79,18 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
 
 /// Prints a note if only the firmware writes a register.
 fn note_if_firmwares(session: &super::session::Session, place: &Place) -> Result<(), CliError> {
-    use super::place::live_by;
     use super::session::Read;
-    use crate::layout::{Owner, RegisterPhase};
+    use crate::layout::Owner;
 
-    let live = match place.status() {
+    let status = match place.status() {
         Some(status) => {
             let read = session.read(&[Read::register(session.plc_of(place)?, &status)])?;
             let bytes = read.data.first().map(Vec::as_slice).unwrap_or_default();
-            live_by(bytes.iter().rev().fold(0, |value, byte| value << 8 | u32::from(*byte)))
+            Some(bytes.iter().rev().fold(0, |value, byte| value << 8 | u32::from(*byte)))
         }
-        None => RegisterPhase::Cyclic,
+        None => None,
     };
+    let live = place.phase(status);
     if place.owner(live) == Some(Owner::Firmware) {
         let place = place.label(live);
         super::output::note(&format!(
@@ -104,7 +104,7 @@ fn note_if_firmwares(session: &super::session::Session, place: &Place) -> Result
 /// Prints a note if a write does not match one register.
 fn note_if_not_whole(place: &Place) {
     if !place.is_whole() {
-        let (address, what) = (place.address(), place.meaning(crate::layout::RegisterPhase::Cyclic, 0));
+        let (address, what) = (place.address(), place.meaning(place.last_phase(), 0));
         super::output::note(&format!("{address} is not a whole register: {what}; the value was written"));
     }
 }

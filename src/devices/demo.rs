@@ -93,7 +93,7 @@ impl<'a> Actor<'a> {
 
     /// Prints the value of a register.
     fn say(&self, doing: &str, place: &Place, value: u32) -> Result<(), DemoError> {
-        let (label, value) = (place.label(RegisterPhase::Always), place.format(RegisterPhase::Always, value));
+        let (label, value) = (place.label(RegisterPhase::ALWAYS), place.format(RegisterPhase::ALWAYS, value));
         self.tell(&format!("{doing} {label} = {value}"))
     }
 
@@ -118,9 +118,9 @@ impl<'a> Actor<'a> {
             Ok(value) => self.say("finds", &place, value),
             Err(MemoryError::RegisterTimeout { last, .. }) => Err(DemoError::Stuck {
                 what: what.to_owned(),
-                place: place.label(RegisterPhase::Always),
-                wanted: place.format(RegisterPhase::Always, wanted),
-                found: place.format(RegisterPhase::Always, last),
+                place: place.label(RegisterPhase::ALWAYS),
+                wanted: place.format(RegisterPhase::ALWAYS, wanted),
+                found: place.format(RegisterPhase::ALWAYS, last),
                 seconds: PATIENCE.as_secs(),
             }),
             Err(other) => Err(other.into()),

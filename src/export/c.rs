@@ -3,7 +3,6 @@
 
 use super::constants;
 use super::members::{self, Member};
-use super::rows;
 use super::scope::Scope;
 use super::text;
 use crate::layout::{RegType, Structure, format_value};
@@ -192,11 +191,8 @@ fn places(out: &mut String, prefix: &str, scope: &Scope) {
     }
     for (area, placed) in scope.placed() {
         let Structure { name, doc, .. } = placed.structure;
-        let live = match rows::live(placed.live) {
-            "always" => String::new(),
-            "init" => ", until the node has taken over its initialization data".to_owned(),
-            _ => ", from then on".to_owned(),
-        };
+        let phase = area.phase_facts(placed.live);
+        let live = phase.map_or_else(String::new, |phase| format!(", {}", phase.doc));
         let _ = writeln!(
             out,
             "\n/* {doc}{live}. */\nstatic inline {prefix}{name} *commram{}(const commram *ram)\n{{\n    \

@@ -36,7 +36,7 @@ pub(crate) fn generate(scope: &Scope) -> String {
             found.is_reserved().to_string(),
             placed.structure.name.to_owned(),
             found.offset_in_structure().to_string(),
-            rows::live(placed.live).to_owned(),
+            rows::live(found.area, placed).to_owned(),
             format!("{}.{}", placed.variable, found.path()),
             register.page.to_owned(),
             provenance(placed, register),

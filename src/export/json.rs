@@ -81,7 +81,7 @@ fn area(area: &Area) -> Value {
     let structures = area.structures.iter().map(|placed| {
         json!({
             "structure": placed.structure.name,
-            "live": rows::live(placed.live),
+            "live": rows::live(area, placed),
             "variable": placed.variable,
             "variable_provenance": placed.variable_from.to_string(),
         })

@@ -4,8 +4,8 @@ use super::scope::Scope;
 use super::text;
 use crate::layout::object::Type;
 use crate::layout::{
-    Area, BitField, DeviceLayout, Meaning, Placed, Provenance, Register, RegisterPhase, RegisterRef,
-    ValueMeaning, format_value,
+    Area, BitField, DeviceLayout, Meaning, Placed, Provenance, Register, RegisterRef, ValueMeaning,
+    format_value,
 };
 
 pub(crate) fn generate(scope: &Scope) -> String {
@@ -80,11 +80,8 @@ fn objects(device: &DeviceLayout) -> String {
 
 fn structure(area: &'static Area, placed: &'static Placed) -> String {
     let of = placed.structure;
-    let valid = match placed.live {
-        RegisterPhase::Always => "",
-        RegisterPhase::Init => " Valid until the node has taken over its initialization data.",
-        RegisterPhase::Cyclic => " Valid from then on.",
-    };
+    let phase = area.phase_facts(placed.live);
+    let valid = phase.map_or_else(String::new, |phase| format!(" Valid {}.", phase.doc));
     let role = placed.role.map_or_else(String::new, |role| format!(", {role}"));
     let made_up = text::made_up(placed).map(|made_up| format!(" ({made_up})")).unwrap_or_default();
     let rows = of.registers.iter().map(|register| {

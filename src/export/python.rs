@@ -108,7 +108,7 @@ fn areas(out: &mut String, scope: &Scope) {
     );
     for area in &scope.areas {
         let placed = area.structures.iter().map(|placed| {
-            format!("({:?}, {:?}, {:?}), ", placed.structure.name, rows::live(placed.live), placed.variable)
+            format!("({:?}, {:?}, {:?}), ", placed.structure.name, rows::live(area, placed), placed.variable)
         });
         let _ = writeln!(
             out,

@@ -47,29 +47,38 @@ fn maps(out: &mut String, scope: &Scope) {
     if roles.is_empty() {
         roles.push(None);
     }
-    for phase in ["init", "cyclic"] {
+    let declared = scope.areas.iter().find_map(|area| area.phases).map_or(&[][..], |phases| phases.phases);
+    let mut phases: Vec<_> = declared.iter().map(|phase| Some(phase.name)).collect();
+    if phases.is_empty() {
+        phases.push(None);
+    }
+    for phase in phases {
         for role in &roles {
             map(out, scope, phase, *role);
         }
     }
 }
 
-fn map(out: &mut String, scope: &Scope, phase: &str, role: Option<Role>) {
-    let (mut name, mut of) = (format!("{}_{phase}", scope.device.name.replace('-', "_")), String::new());
+fn map(out: &mut String, scope: &Scope, phase: Option<&str>, role: Option<Role>) {
+    let (mut name, mut of) = (scope.device.name.replace('-', "_"), String::new());
+    if let Some(phase) = phase {
+        let _ = write!(name, "_{phase}");
+        let _ = write!(of, ", {phase} structures");
+    }
     if let Some(role) = role {
         let _ = write!(name, "_{role}");
         let _ = write!(of, " of every {role}");
     }
     let _ = writeln!(
         out,
-        "\naddrmap {name} {{\n    desc = \"Image of the {}, {phase} structures{of}\";\n    \
+        "\naddrmap {name} {{\n    desc = \"Image of the {}{of}\";\n    \
          littleendian;\n    addressing = compact;",
         scope.device.title
     );
     for (area, placed) in scope.placed() {
-        let Placed { structure, variable, live, .. } = placed;
+        let Placed { structure, variable, .. } = placed;
         let is_fitted = placed.role.is_none() || placed.role == role;
-        if is_fitted && [phase, "always"].contains(&rows::live(*live)) {
+        if is_fitted && [phase, Some("always")].contains(&Some(rows::live(area, placed))) {
             let _ = writeln!(out, "    {} {variable} @ {};", structure.name, area.first);
         }
     }

@@ -1,6 +1,6 @@
 //! Event kind: a followed register has changed.
 
-use super::coded::{Packer, Part, Unpacker, live_number, live_of};
+use super::coded::{Packer, Part, Unpacker};
 use super::fields::Fields;
 use super::kind::EventText;
 use super::reader::Reader;
@@ -63,13 +63,13 @@ pub struct How {
 impl Part for How {
     #[inline]
     fn put(self, packer: &mut Packer) {
-        packer.put(self.width.bytes() | (self.by as u32) << 8 | live_number(self.live) << 16);
+        packer.put(self.width.bytes() | (self.by as u32) << 8 | u32::from(self.live.number()) << 16);
     }
 
     #[inline]
     fn take(unpacker: &mut Unpacker) -> Option<Self> {
         let [width, by, live, rest] = unpacker.take().to_le_bytes();
-        let (width, live) = (Width::of_bytes(width.into())?, live_of(live.into())?);
+        let (width, live) = (Width::of_bytes(width.into())?, RegisterPhase::numbered(live));
         let by = By::ALL.get(usize::from(by)).copied()?;
         (rest == 0).then_some(How { width, by, live })
     }

@@ -168,31 +168,12 @@ impl Part for Origin {
 impl Part for RegisterPhase {
     #[inline]
     fn put(self, packer: &mut Packer) {
-        packer.put(live_number(self));
+        packer.put(self.number().into());
     }
 
     #[inline]
     fn take(unpacker: &mut Unpacker) -> Option<Self> {
-        live_of(unpacker.take())
-    }
-}
-
-/// The number of a phase in words.
-pub(super) const fn live_number(live: RegisterPhase) -> u32 {
-    match live {
-        RegisterPhase::Always => 0,
-        RegisterPhase::Init => 1,
-        RegisterPhase::Cyclic => 2,
-    }
-}
-
-/// The way back.
-pub(super) const fn live_of(number: u32) -> Option<RegisterPhase> {
-    match number {
-        0 => Some(RegisterPhase::Always),
-        1 => Some(RegisterPhase::Init),
-        2 => Some(RegisterPhase::Cyclic),
-        _ => None,
+        Some(RegisterPhase::numbered(u8::try_from(unpacker.take()).ok()?))
     }
 }
 

@@ -96,7 +96,7 @@ impl Finding {
     #[must_use]
     pub const fn at_bus(rule: &'static Rule, bus: u16, guest: u8, value: u32) -> Self {
         let (plc, offset) = (Source::BUSES | bus, guest as u32);
-        Finding { rule, plc, offset, live: RegisterPhase::Always, value, late_us: 0 }
+        Finding { rule, plc, offset, live: RegisterPhase::ALWAYS, value, late_us: 0 }
     }
 
     /// Participant `number` of bus number `bus` has a fault; such a finding has no register either, and its value is
@@ -104,7 +104,7 @@ impl Finding {
     #[must_use]
     pub const fn at_participant(rule: &'static Rule, bus: u16, number: u8, value: u32) -> Self {
         let (plc, offset) = (Source::BUSES | bus, PARTICIPANTS | number as u32);
-        Finding { rule, plc, offset, live: RegisterPhase::Always, value, late_us: 0 }
+        Finding { rule, plc, offset, live: RegisterPhase::ALWAYS, value, late_us: 0 }
     }
 
     /// The device or bus of the finding.

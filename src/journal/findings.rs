@@ -132,7 +132,7 @@ impl Findings {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::layout::RegisterPhase;
+    use crate::devices::samples::tables::phases;
     use declared::{ALL, ORDER, OWNER};
 
     #[allow(unreachable_pub, reason = "the macro declares what families publish")]
@@ -144,7 +144,7 @@ mod tests {
     }
 
     fn finding(rule: &'static Rule, offset: u32, value: u32) -> Finding {
-        Finding { rule, plc: 0, offset, live: RegisterPhase::Cyclic, value, late_us: value }
+        Finding { rule, plc: 0, offset, live: phases::CYCLIC, value, late_us: value }
     }
 
     #[test]

@@ -321,7 +321,7 @@ mod tests {
         }
 
         fn live(&self, _: u16, _: u32) -> RegisterPhase {
-            RegisterPhase::Always
+            RegisterPhase::ALWAYS
         }
 
         fn is_forced(&self, _: u16, offset: u32) -> bool {

@@ -8,13 +8,13 @@ use super::registers::State;
 use crate::layout::{Address, Area, RegType, RegisterPhase, RegisterRef, Width, format_value};
 use std::collections::HashMap;
 
-/// Names, and the state of the ports according to the records so far: INIT and cyclic structure overlay each other,
-/// so the name of a register depends on the state.
+/// Names, and the phases of the ports according to the records so far: structures overlay each other, so the name of a
+/// register depends on the phase.
 pub struct Reader {
     pub(crate) names: Names,
     pub(crate) catalogue: &'static Catalogue,
-    /// Which structure is live at ports that have not been heard of.
-    unheard: Option<RegisterPhase>,
+    /// Whether all records since power-on are known: ports without a record are then in their first phase.
+    since_power_on: Option<bool>,
     live: HashMap<Port, RegisterPhase>,
     registers: HashMap<(u16, u32, RegisterPhase), Option<RegisterRef>>,
 }
@@ -25,13 +25,12 @@ type Port = (u16, u8);
 impl Reader {
     /// A reader that has seen nothing yet.
     pub(super) fn new(names: Names, catalogue: &'static Catalogue) -> Self {
-        Reader { names, catalogue, unheard: None, live: HashMap::new(), registers: HashMap::new() }
+        Reader { names, catalogue, since_power_on: None, live: HashMap::new(), registers: HashMap::new() }
     }
 
     /// Takes note of the state in a record.
     pub(super) fn observe(&mut self, record: &Record) {
-        // A reader that has seen all records since power-on knows that the ports began with INIT.
-        self.unheard.get_or_insert(if record.seq == 0 { RegisterPhase::Init } else { RegisterPhase::Cyclic });
+        self.since_power_on.get_or_insert(record.seq == 0);
         if let Some(State { origin, live, .. }) = record.event.get() {
             self.live.insert((origin.plc, origin.node), live);
         }
@@ -39,7 +38,7 @@ impl Reader {
 
     /// Records are missing: the states may have changed.
     pub(super) fn gap(&mut self) {
-        self.unheard = Some(RegisterPhase::Cyclic);
+        self.since_power_on = Some(false);
         self.live.clear();
     }
 
@@ -51,9 +50,13 @@ impl Reader {
     fn live(&self, plc: u16, area: &Area) -> RegisterPhase {
         let mut ports = self.names.device(plc).ports.iter();
         let Some(port) = ports.find(|port| port.area.first == area.first) else {
-            return RegisterPhase::Always;
+            return RegisterPhase::ALWAYS;
         };
-        self.live.get(&(plc, port.number)).copied().or(self.unheard).unwrap_or(RegisterPhase::Cyclic)
+        match self.live.get(&(plc, port.number)) {
+            Some(live) => *live,
+            None if self.since_power_on == Some(true) => area.first_phase(),
+            None => area.phase(None),
+        }
     }
 
     /// The register that begins at `offset` of the device's RAM.

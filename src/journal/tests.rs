@@ -1,6 +1,6 @@
 use super::testing::{Edge, Packet};
 use super::*;
-use crate::layout::RegisterPhase;
+use crate::devices::samples::tables::phases;
 use proptest::prelude::*;
 
 fn sync(bus: u16) -> Event {
@@ -13,7 +13,7 @@ fn frame(data: u8) -> Event {
 
 fn state(to: u16) -> Event {
     let origin = Origin { plc: 0, node: 2 };
-    State { origin, offset: 200_002, command: 200_000, from: 0, to, live: RegisterPhase::Cyclic }.into()
+    State { origin, offset: 200_002, command: 200_000, from: 0, to, live: phases::CYCLIC }.into()
 }
 
 fn handshake(offset: u32) -> Event {

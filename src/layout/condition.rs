@@ -1,7 +1,7 @@
 //! Conditions on registers: `node2.w_OPTION_STATUS==16#0043`, `node2.a_STAT_SL[1] & 2 != 0`, `node2.a_RD_VALUE[1][0] < -5`.
 
+use super::Width;
 use super::place::{BadValue, Place};
-use super::{RegisterPhase, Width};
 use thiserror::Error;
 
 /// The comparison of a register's content with a value.
@@ -151,7 +151,7 @@ impl Condition {
         };
         let place = place(register.trim()).map_err(ConditionError::Register)?;
         let given = place.parse_value(value)?;
-        let shown = |value| format!("{}{}", compare.than(), place.format(RegisterPhase::Cyclic, value));
+        let shown = |value| format!("{}{}", compare.than(), place.format(place.last_phase(), value));
         let is_order = !matches!(compare, Compare::Equal | Compare::NotEqual);
         let (mask, is_signed, value, wanted) = match (place.bit(), mask) {
             (Some(_), _) if is_order => {
@@ -161,11 +161,11 @@ impl Condition {
             (Some(bit), None) => (1 << bit, false, given << bit, format!("{}{given}", compare.than())),
             (None, Some(mask)) => {
                 let mask = place.parse_value(mask)?;
-                let under = place.format(RegisterPhase::Cyclic, mask);
+                let under = place.format(place.last_phase(), mask);
                 (mask, false, given, format!("{} under mask {under}", shown(given)))
             }
             (None, None) => {
-                (place.width().max_value(), place.ty(RegisterPhase::Cyclic).is_signed(), given, shown(given))
+                (place.width().max_value(), place.ty(place.last_phase()).is_signed(), given, shown(given))
             }
         };
         let test = Test { mask, compare, is_signed, value };

@@ -1,10 +1,12 @@
 //! Descriptors: areas, structures and registers of the layout files, as static data.
 
 mod meaning;
+mod phase;
 mod provenance;
 mod register;
 
 pub use meaning::{BitField, Meaning, ValueMeaning};
+pub use phase::{Phase, Phases, RegisterPhase};
 pub use provenance::Provenance;
 pub use register::{Dim, Owner, RegType, Register};
 
@@ -167,6 +169,8 @@ pub struct Area {
     pub doc: &'static str,
     /// Page of the manual.
     pub page: &'static str,
+    /// The phases in which different structures are valid; `None` if each is valid always.
+    pub phases: Option<&'static Phases>,
     /// The structures, all starting at the area's first byte; empty for plain RAM.
     pub structures: &'static [Placed],
 }
@@ -238,34 +242,6 @@ pub struct Placed {
     /// Registers of the structure that are not used in this area: other structures may have registers of another
     /// width there, and the width of those counts.
     pub unused: &'static [&'static str],
-}
-
-/// The phase in which a structure is valid: the structure for the initialization of a node may overlay the cyclic
-/// one.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-#[cfg_attr(feature = "emulator", derive(serde::Serialize, serde::Deserialize))]
-pub enum RegisterPhase {
-    /// Always.
-    Always,
-    /// Until the node has taken over its initialization data.
-    Init,
-    /// After the initialization.
-    Cyclic,
-}
-
-impl RegisterPhase {
-    /// Which structure of a node is valid while its `w_OPTION_STATUS` is `status`: INIT before
-    /// 16#0003, the cyclic one from then on (decision D-03).
-    #[must_use]
-    pub const fn of_option_status(status: u16) -> Self {
-        if status < 0x0003 { RegisterPhase::Init } else { RegisterPhase::Cyclic }
-    }
-
-    /// Whether a structure marked `self` is valid in phase `now`.
-    #[must_use]
-    pub fn is_valid_in(self, now: RegisterPhase) -> bool {
-        self == RegisterPhase::Always || self == now
-    }
 }
 
 /// A structure of registers. Bytes between registers are padding.

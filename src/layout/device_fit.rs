@@ -168,6 +168,7 @@ mod tests {
     use super::*;
     use crate::devices::samples::tables::NODES;
     use crate::devices::samples::tables::SLOTS as DEVICE;
+    use crate::devices::samples::tables::phases;
     use std::collections::BTreeMap;
 
     fn fitted(fit: Fit) -> DeviceFit {
@@ -185,11 +186,11 @@ mod tests {
     #[test]
     fn the_role_selects_the_structures() {
         let [master, slave] = [Role::Master, Role::Slave];
-        assert_eq!(roles(Fit::As(master), RegisterPhase::Cyclic), [Some(master)]);
-        assert_eq!(roles(Fit::As(slave), RegisterPhase::Cyclic), [Some(slave)]);
-        assert_eq!(roles(Fit::Unknown, RegisterPhase::Cyclic), [Some(master), Some(slave)]);
-        assert_eq!(roles(Fit::As(slave), RegisterPhase::Init), [Some(slave)]);
-        assert_eq!(roles(Fit::Empty, RegisterPhase::Cyclic), []);
+        assert_eq!(roles(Fit::As(master), phases::CYCLIC), [Some(master)]);
+        assert_eq!(roles(Fit::As(slave), phases::CYCLIC), [Some(slave)]);
+        assert_eq!(roles(Fit::Unknown, phases::CYCLIC), [Some(master), Some(slave)]);
+        assert_eq!(roles(Fit::As(slave), phases::INIT), [Some(slave)]);
+        assert_eq!(roles(Fit::Empty, phases::CYCLIC), []);
     }
 
     #[test]

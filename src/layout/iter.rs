@@ -95,6 +95,7 @@ impl Area {
 #[cfg(test)]
 mod tests {
     use crate::devices::samples::tables::NODES as DEVICE;
+    use crate::devices::samples::tables::phases;
     use crate::layout::{Area, DeviceFit, RegisterPhase, RegisterRef};
 
     fn registers(area: &'static Area, live: RegisterPhase) -> impl Iterator<Item = RegisterRef> {
@@ -128,7 +129,7 @@ mod tests {
     fn reserved_elements_are_marked() {
         let node2 = DEVICE.area("node2").unwrap();
         let count = |wanted: &dyn Fn(&RegisterRef) -> bool| {
-            registers(node2, RegisterPhase::Cyclic).filter(wanted).filter(RegisterRef::is_reserved).count()
+            registers(node2, phases::CYCLIC).filter(wanted).filter(RegisterRef::is_reserved).count()
         };
         assert_eq!(count(&|r| r.register.name == "a_WR_VALUE"), 24);
         assert_eq!(count(&|r| r.register.name == "a_RD_BMARRAY"), 32 * 8);
@@ -140,8 +141,8 @@ mod tests {
     #[test]
     fn the_phase_selects_the_structure() {
         let node1 = DEVICE.area("node1").unwrap();
-        assert_eq!(registers(node1, RegisterPhase::Init).count(), 6 + 8 + 32);
-        assert!(registers(node1, RegisterPhase::Cyclic).all(|r| r.placed.live == RegisterPhase::Cyclic));
-        assert_eq!(registers(DEVICE.area("option1").unwrap(), RegisterPhase::Cyclic).count(), 0);
+        assert_eq!(registers(node1, phases::INIT).count(), 6 + 8 + 32);
+        assert!(registers(node1, phases::CYCLIC).all(|r| r.placed.live == phases::CYCLIC));
+        assert_eq!(registers(DEVICE.area("option1").unwrap(), phases::CYCLIC).count(), 0);
     }
 }

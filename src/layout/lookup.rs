@@ -131,7 +131,7 @@ impl DeviceFit {
         let first = address.offset();
         let end = first + address.width().bytes();
         let mut found: Vec<RegisterRef> = Vec::new();
-        // The cyclic structure first, as it is the one an engineer usually means.
+        // The structure of the last phase first, as it is the one an engineer usually means.
         for placed in self.placed(area).rev() {
             found.extend(
                 self.registers_of(area, placed)
@@ -204,6 +204,7 @@ fn split_bit(name: &str) -> (&str, Option<u32>) {
 #[cfg(test)]
 mod tests {
     use crate::devices::samples::tables::NODES as DEVICE;
+    use crate::devices::samples::tables::phases;
     use crate::layout::RegisterPhase;
 
     fn names(address: &str, live: Option<RegisterPhase>) -> Vec<String> {
@@ -222,17 +223,17 @@ mod tests {
     #[test]
     fn overlaid_registers_are_distinguished_by_the_phase() {
         assert_eq!(names("%MB3.200012", None), ["b_CTRLREG_WRC1", "b_MA_SL_MODE"]);
-        assert_eq!(names("%MB3.200012", Some(RegisterPhase::of_option_status(2))), ["b_MA_SL_MODE"]);
-        assert_eq!(names("%MB3.200012", Some(RegisterPhase::of_option_status(3))), ["b_CTRLREG_WRC1"]);
+        assert_eq!(names("%MB3.200012", Some(phases::INIT)), ["b_MA_SL_MODE"]);
+        assert_eq!(names("%MB3.200012", Some(phases::CYCLIC)), ["b_CTRLREG_WRC1"]);
         // After the end of INIT there is only the cyclic structure, in any phase.
-        assert_eq!(names("%MD3.200052", Some(RegisterPhase::Init)), ["a_WR_VALUE[0]"]);
+        assert_eq!(names("%MD3.200052", Some(phases::INIT)), ["a_WR_VALUE[0]"]);
     }
 
     #[test]
     fn an_address_finds_the_registers_it_touches() {
         assert_eq!(names("%MB3.201025", None), ["a_RD_BMARRAY[3][0]"]);
-        assert_eq!(names("%MD3.200000", Some(RegisterPhase::Cyclic)), ["w_CPU_CONTROL", "w_OPTION_STATUS"]);
-        assert_eq!(names("%MX3.100013.7", Some(RegisterPhase::Cyclic)), ["b_CTRLREG_WRC2"]);
+        assert_eq!(names("%MD3.200000", Some(phases::CYCLIC)), ["w_CPU_CONTROL", "w_OPTION_STATUS"]);
+        assert_eq!(names("%MX3.100013.7", Some(phases::CYCLIC)), ["b_CTRLREG_WRC2"]);
         let config = names("%MD3.180020", None);
         assert_eq!(config, ["a_IP_ADDRESS[0]", "a_IP_ADDRESS[1]", "a_IP_ADDRESS[2]", "a_IP_ADDRESS[3]"]);
     }
@@ -278,8 +279,8 @@ mod tests {
         let target = DEVICE.target("line2:node2.a_STAT_SL[4]").unwrap();
         assert_eq!((target.plc, target.address.to_string().as_str()), (Some("line2"), "%MB3.203968"));
         let target = DEVICE.target("%mw3.200002").unwrap();
-        assert_eq!(target.register(RegisterPhase::Init).unwrap().placed.live, RegisterPhase::Init);
-        assert_eq!(target.register(RegisterPhase::Cyclic).unwrap().placed.live, RegisterPhase::Cyclic);
+        assert_eq!(target.register(phases::INIT).unwrap().placed.live, phases::INIT);
+        assert_eq!(target.register(phases::CYCLIC).unwrap().placed.live, phases::CYCLIC);
         let plain = DEVICE.target("%MD3.1000000").unwrap();
         assert!(plain.registers.is_empty());
         assert_eq!(plain.area.name, "option1");

@@ -79,6 +79,21 @@ impl Place {
         status_of(self.area)
     }
 
+    /// The phase while the register that shows it has the value `status`; the last phase if the value is not known.
+    pub fn phase(&self, status: Option<u32>) -> RegisterPhase {
+        self.area.phase(status)
+    }
+
+    /// The phase in which the device is operated: for uses to which the present phase makes no difference.
+    pub fn last_phase(&self) -> RegisterPhase {
+        self.area.phase(None)
+    }
+
+    /// The area of the place.
+    pub fn area(&self) -> &'static Area {
+        self.area
+    }
+
     /// The register at exactly this place in phase `live`; none if the place is a part of a register, or
     /// more than one.
     pub(crate) fn exact(&self, live: RegisterPhase) -> Option<RegisterRef> {
@@ -141,8 +156,9 @@ impl Place {
     /// [`BadValue`] with the register.
     pub fn parse_value(&self, text: &str) -> Result<u32, BadValue> {
         // Which structure is live is not known here, but types at one address differ in name only.
-        let ty = self.ty(RegisterPhase::Cyclic);
-        let named = |error| match (self.bit(), self.exact(RegisterPhase::Cyclic)) {
+        let live = self.last_phase();
+        let ty = self.ty(live);
+        let named = |error| match (self.bit(), self.exact(live)) {
             (None, Some(register)) => value::named(text, register.register.meaning, error),
             _ => Err(error),
         };
@@ -150,12 +166,12 @@ impl Place {
             Some(_) if value > 1 => Err(ValueError::Notation { text: text.to_owned() }),
             _ => Ok(value),
         });
-        value.map_err(|source| BadValue { place: self.label(RegisterPhase::Cyclic), source })
+        value.map_err(|source| BadValue { place: self.label(live), source })
     }
 
     /// Whether this is exactly one register, or plain RAM, and not a part of a register or several registers.
     pub fn is_whole(&self) -> bool {
-        self.registers.is_empty() || self.exact(RegisterPhase::Cyclic).is_some()
+        self.registers.is_empty() || self.exact(self.last_phase()).is_some()
     }
 
     /// Writer of the register that is exactly here in phase `live`.
@@ -201,15 +217,11 @@ impl Place {
     }
 }
 
-/// `w_OPTION_STATUS` of an area in which INIT and cyclic structure overlay each other.
+/// The register that shows which structure of an area is valid, if structures overlay each other.
 pub fn status_of(area: &'static Area) -> Option<RegisterRef> {
-    let init = area.structures.iter().find(|placed| placed.live == RegisterPhase::Init)?;
-    area.registers_of(init).find(|register| register.register.name == "w_OPTION_STATUS")
-}
-
-/// Which structure is live when `w_OPTION_STATUS` holds `status`.
-pub fn live_by(status: u32) -> RegisterPhase {
-    RegisterPhase::of_option_status(status as u16)
+    let phases = area.phases?;
+    let placed = area.structures.iter().find(|placed| placed.live != RegisterPhase::ALWAYS)?;
+    area.registers_of(placed).find(|register| register.register.name == phases.register)
 }
 
 /// Whether the register is valid in phase `live`: its structure is valid, or shares the register with a valid one.
@@ -257,6 +269,7 @@ fn live_name(register: &RegisterRef, live: RegisterPhase) -> Option<&'static str
 mod tests {
     use super::*;
     use crate::devices::samples::tables::NODES as DEVICE;
+    use crate::devices::samples::tables::phases;
 
     fn place(text: &str) -> Place {
         Place::parse(&DeviceFit::unknown(&DEVICE), text).unwrap()
@@ -267,48 +280,45 @@ mod tests {
         let by_name = place("line2:node2.w_OPTION_STATUS");
         assert_eq!((by_name.plc.as_deref(), by_name.text()), (Some("line2"), "node2.w_OPTION_STATUS"));
         let by_address = place("%MW3.200002");
-        assert_eq!(by_address.name(RegisterPhase::Cyclic), "node2.w_OPTION_STATUS");
-        assert_eq!(by_address.name(RegisterPhase::Init), "node2.w_OPTION_STATUS");
-        assert_eq!(by_address.format(RegisterPhase::Cyclic, 0x43), "16#0043");
+        assert_eq!(by_address.name(phases::CYCLIC), "node2.w_OPTION_STATUS");
+        assert_eq!(by_address.name(phases::INIT), "node2.w_OPTION_STATUS");
+        assert_eq!(by_address.format(phases::CYCLIC, 0x43), "16#0043");
     }
 
     #[test]
     fn the_phase_decides_between_overlaid_structures() {
         let overlaid = place("%MB3.200012");
-        assert_eq!(overlaid.name(RegisterPhase::Init), "node2.b_MA_SL_MODE");
-        assert_eq!(overlaid.name(RegisterPhase::Cyclic), "node2.b_CTRLREG_WRC1");
+        assert_eq!(overlaid.name(phases::INIT), "node2.b_MA_SL_MODE");
+        assert_eq!(overlaid.name(phases::CYCLIC), "node2.b_CTRLREG_WRC1");
         let init = place("node2.b_BT_0");
-        assert!(!init.meaning(RegisterPhase::Init, 0).contains("not live"));
+        assert!(!init.meaning(phases::INIT, 0).contains("not live"));
         let structure = DEVICE.register("node2.b_BT_0").unwrap().structure().name;
-        assert!(init.meaning(RegisterPhase::Cyclic, 0).ends_with(&format!("({structure}, not live)")));
-        assert!(!place("node2.w_OPTION_STATUS").meaning(RegisterPhase::Init, 1).contains("not live"));
+        assert!(init.meaning(phases::CYCLIC, 0).ends_with(&format!("({structure}, not live)")));
+        assert!(!place("node2.w_OPTION_STATUS").meaning(phases::INIT, 1).contains("not live"));
     }
 
     #[test]
     fn parts_of_registers_are_named() {
-        assert_eq!(place("%MB3.200003").meaning(RegisterPhase::Cyclic, 0), "part of node2.w_OPTION_STATUS");
+        assert_eq!(place("%MB3.200003").meaning(phases::CYCLIC, 0), "part of node2.w_OPTION_STATUS");
         assert_eq!(
-            place("%MD3.200000").meaning(RegisterPhase::Cyclic, 0),
+            place("%MD3.200000").meaning(phases::CYCLIC, 0),
             "node2.w_CPU_CONTROL, node2.w_OPTION_STATUS"
         );
         let bit = place("%MX3.200003.1");
-        assert_eq!(bit.meaning(RegisterPhase::Cyclic, 2), "bit 9 of node2.w_OPTION_STATUS");
-        assert_eq!(
-            (bit.format(RegisterPhase::Cyclic, 2), bit.format(RegisterPhase::Cyclic, 1)),
-            ("1".into(), "0".into())
-        );
-        assert_eq!(place("%MD3.1000000").meaning(RegisterPhase::Cyclic, 0), "no register");
+        assert_eq!(bit.meaning(phases::CYCLIC, 2), "bit 9 of node2.w_OPTION_STATUS");
+        assert_eq!((bit.format(phases::CYCLIC, 2), bit.format(phases::CYCLIC, 1)), ("1".into(), "0".into()));
+        assert_eq!(place("%MD3.1000000").meaning(phases::CYCLIC, 0), "no register");
     }
 
     #[test]
     fn a_bit_given_by_name_keeps_it_and_has_its_meaning() {
         let bit = place("node2.w_CPU_CONTROL.10");
-        assert_eq!(bit.name(RegisterPhase::Cyclic), "node2.w_CPU_CONTROL.10");
-        assert_eq!(bit.label(RegisterPhase::Cyclic), "node2.w_CPU_CONTROL.10 (%MX3.200001.2)");
+        assert_eq!(bit.name(phases::CYCLIC), "node2.w_CPU_CONTROL.10");
+        assert_eq!(bit.label(phases::CYCLIC), "node2.w_CPU_CONTROL.10 (%MX3.200001.2)");
         let named = place("node2.w_CPU_CONTROL.7");
-        assert_eq!(named.meaning(RegisterPhase::Cyclic, 0x80), "reset CAN controller");
-        assert_eq!(named.meaning(RegisterPhase::Cyclic, 0), "bit 7 of node2.w_CPU_CONTROL");
-        let by_address = place("%MX3.200000.7").meaning(RegisterPhase::Cyclic, 0x80);
+        assert_eq!(named.meaning(phases::CYCLIC, 0x80), "reset CAN controller");
+        assert_eq!(named.meaning(phases::CYCLIC, 0), "bit 7 of node2.w_CPU_CONTROL");
+        let by_address = place("%MX3.200000.7").meaning(phases::CYCLIC, 0x80);
         assert_eq!(by_address, "bit 7 of node2.w_CPU_CONTROL: reset CAN controller");
     }
 

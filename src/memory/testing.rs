@@ -57,6 +57,7 @@ const fn area(name: &'static str, space: &'static Space) -> Area {
         cpu: None,
         doc: "Plain RAM",
         page: "",
+        phases: None,
         structures: &[],
     }
 }

@@ -6,7 +6,7 @@ use super::force::Forces;
 use crate::devices::Device;
 use crate::journal::{By, Change, Journal, Keep, MAX_FOLLOWED, Rams};
 use crate::layout::RegisterPhase;
-use crate::layout::place::{live_by, status_of};
+use crate::layout::place::status_of;
 use crate::memory::{Unmapped, Width};
 
 /// Why registers cannot be followed.
@@ -92,12 +92,12 @@ impl Rams for Compared<'_> {
     }
 
     fn live(&self, plc: u16, offset: u32) -> RegisterPhase {
-        let status = self.devices.get(usize::from(plc)).and_then(|device| {
-            let layout = device.layout();
-            let status = status_of(layout.area_at(layout.at(Width::Byte, offset)).ok()?)?;
-            device.segment().load(status.offset(), status.address().width()).ok()
-        });
-        status.map_or(RegisterPhase::Cyclic, live_by)
+        let Some(device) = self.devices.get(usize::from(plc)) else { return RegisterPhase::ALWAYS };
+        let layout = device.layout();
+        let Ok(area) = layout.area_at(layout.at(Width::Byte, offset)) else { return RegisterPhase::ALWAYS };
+        let status = status_of(area)
+            .and_then(|status| device.segment().load(status.offset(), status.address().width()).ok());
+        area.phase(status)
     }
 
     fn is_forced(&self, plc: u16, offset: u32) -> bool {

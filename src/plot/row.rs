@@ -2,7 +2,7 @@
 
 use crate::journal::Past;
 use crate::layout::place::Place;
-use crate::layout::{Address, Meaning, RegType, RegisterPhase};
+use crate::layout::{Address, Meaning, RegType};
 
 /// Values of a handshake register before and after the firmware's answer.
 const REQUEST: u32 = 0x05;
@@ -39,9 +39,8 @@ pub struct Row {
 impl Row {
     /// The register at `place`, with all its values in a journal; for a single bit, the values of its register.
     pub fn of(name: String, place: &Place, past: &Past) -> Self {
-        // Types and meanings of overlaid registers depend on the state of the firmware; here the cyclic structure is
-        // used for both.
-        let live = RegisterPhase::Cyclic;
+        // Types and meanings of overlaid registers depend on the phase; here the last one is used for both.
+        let live = place.last_phase();
         let bit = place.bit_in();
         let number = |value: u32| match bit {
             Some((_, bit)) => i64::from(value >> bit & 1),

@@ -1,8 +1,7 @@
 //! The register that an operation names, and the reasons to refuse it.
 
 use super::{Code, Host, Refused, Waited};
-use crate::layout::place::live_by;
-use crate::layout::{Address, DeviceLayout, Owner, Place, RegisterPhase, Test, Width, plc_prefix};
+use crate::layout::{Address, DeviceLayout, Owner, Place, Test, Width, plc_prefix};
 use crate::plant::ForceError;
 
 /// A register with an existing PLC and an address that suits its width.
@@ -35,7 +34,7 @@ impl Register {
         };
         let status =
             place.status().and_then(|it| host.plant().load(self.plc, it.offset(), Width::of(it.ty())).ok());
-        format!("{prefix}{}", place.label(status.map_or(RegisterPhase::Cyclic, live_by)))
+        format!("{prefix}{}", place.label(place.phase(status)))
     }
 
     pub(crate) fn fits(self, host: &dyn Host, value: u32) -> Result<(), Refused> {

@@ -29,7 +29,6 @@ use super::{Failure, ScenarioError, ScriptLocation, Value};
 use crate::devices;
 use crate::journal::text::Text;
 use crate::journal::{Format, Names, Record};
-use crate::layout::RegisterPhase;
 use crate::memory::Segment;
 use crate::plant::PlantConfig;
 use crate::plc::Ram;
@@ -219,7 +218,7 @@ impl Bench {
     /// The instance has gone.
     pub fn peek_at(&mut self, register: &Register) -> Result<i64, ScenarioError> {
         let value = self.load(register.spot)?;
-        let live = if register.is_same_number() { RegisterPhase::Cyclic } else { self.live(register)? };
+        let live = if register.is_same_number() { register.place.last_phase() } else { self.live(register)? };
         Ok(register.number(live, value))
     }
 

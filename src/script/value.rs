@@ -3,7 +3,7 @@
 use super::ScenarioError;
 use crate::layout::place::BadValue;
 use crate::layout::value::ValueError;
-use crate::layout::{Place, RegType, RegisterPhase};
+use crate::layout::{Place, RegType};
 use crate::time;
 use std::time::Duration;
 
@@ -25,16 +25,16 @@ impl Value {
         match self {
             Value::Text(text) => place.parse_value(text),
             Value::Number(number)
-                if place.bit().is_none() && is_of(place.ty(RegisterPhase::Cyclic), *number) =>
+                if place.bit().is_none() && is_of(place.ty(place.last_phase()), *number) =>
             {
-                Ok(*number as u32 & place.ty(RegisterPhase::Cyclic).mask())
+                Ok(*number as u32 & place.ty(place.last_phase()).mask())
             }
             Value::Number(number) => place.parse_value(&number.to_string()).or_else(|error| {
                 // 16#FFFF is no number of an INT, but a pattern of its bits.
                 let pattern = u32::try_from(*number).ok();
                 let pattern = pattern.filter(|_| place.bit().is_none());
                 pattern
-                    .filter(|bits| *bits <= place.ty(RegisterPhase::Cyclic).mask())
+                    .filter(|bits| *bits <= place.ty(place.last_phase()).mask())
                     .ok_or_else(|| both(error, *number))
             }),
         }

@@ -2,9 +2,10 @@
 
 use crate::rig::{FASTEST, Memory, Rate, Rig};
 use commram::devices::cansync;
+use commram::devices::cansync::registers::phases;
 use commram::devices::cansync::registers::{CANsync_MA_CTRL_BMSTRUCT, CTRLREG_PAR_CMD_SL};
 use commram::journal::{Handshake, Record, Register, State};
-use commram::layout::{Address, RegisterPhase};
+use commram::layout::Address;
 use core::mem::offset_of;
 
 /// Both nodes active, slave 0's turn in every interval, block 1 of the slave enabled.
@@ -30,7 +31,7 @@ fn told_by(rig: &Rig, record: &Record) -> Option<String> {
     let shown = |it: Register| (it.origin.plc, it.offset, it.from, it.to);
     let (plc, offset, before, after) =
         record.event.get().map(answered).or_else(|| record.event.get().map(shown))?;
-    let found = rig.fitted(plc).registers_at(Address::byte(offset), Some(RegisterPhase::Cyclic)).unwrap();
+    let found = rig.fitted(plc).registers_at(Address::byte(offset), Some(phases::CYCLIC)).unwrap();
     let register = found.into_iter().find(|register| register.offset() == offset).unwrap();
     let name = rig.rate.kind.unnamed(&register.name());
     Some(format!("{name} {before:02X} -> {after:02X}"))

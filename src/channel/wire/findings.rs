@@ -49,7 +49,7 @@ mod tests {
             rule: &rules::HEADER,
             plc: 3,
             offset: 40,
-            live: RegisterPhase::Always,
+            live: RegisterPhase::ALWAYS,
             value: 9,
             late_us: u32::MAX,
         };

@@ -1,6 +1,7 @@
 //! The bytes of each operation and each reply, as `tests/formats/channel-<version>` keeps them.
 
 use super::*;
+use crate::devices::samples::tables::phases;
 use crate::devices::{self, DriveDetails, DriveState, Interval, ParameterState, Slot};
 use crate::door::{DoorSpec, DoorState, GuestState};
 use crate::fault::{Draft, Fault, FaultStatus, MAX_FIELDS, Target};
@@ -161,13 +162,13 @@ fn replies() -> Vec<(&'static str, Reply)> {
     let turn = Turn { number: 2, begin: 5 };
     let event = Unforce { plc: 1, offset: 200_002 }.into();
     let record = Record { seq: 9, time_us: 1_000, event, count: 2, period_us: 3, latency_us: Some(4) };
-    let how = How { width: Width::Word, by: By::Channel, live: RegisterPhase::Cyclic };
+    let how = How { width: Width::Word, by: By::Channel, live: phases::CYCLIC };
     let changed = Changed { plc: 1, offset: 200_002, how, from: 3, to: 4 };
     let finding = Finding {
         rule: devices::catalogue().rules[0],
         plc: 1,
         offset: 200_002,
-        live: RegisterPhase::Always,
+        live: RegisterPhase::ALWAYS,
         value: 6,
         late_us: 0,
     };

@@ -1,5 +1,6 @@
 use super::*;
 use crate::devices;
+use crate::devices::samples::tables::phases;
 use crate::devices::{DriveDetails, DriveState, Interval, ParameterState, Slot};
 use crate::door::{DoorSpec, DoorState, GuestState};
 use crate::fault::{
@@ -272,8 +273,7 @@ fn information() -> impl Strategy<Value = InstanceInfo> {
 
 fn changes() -> impl Strategy<Value = Vec<Change>> {
     let by = proptest::sample::select(vec![By::Firmware, By::Program, By::Channel, By::Force]);
-    let live =
-        proptest::sample::select(vec![RegisterPhase::Always, RegisterPhase::Init, RegisterPhase::Cyclic]);
+    let live = proptest::sample::select(vec![RegisterPhase::ALWAYS, phases::INIT, phases::CYCLIC]);
     let how = (width(), by, live).prop_map(|(width, by, live)| How { width, by, live });
     let change =
         (any::<(u64, u64)>(), any::<(u16, u32, u32, u32)>(), how).prop_map(|(numbers, words, how)| {

@@ -7,7 +7,7 @@ use super::pins::Pins;
 use super::prompt::{InputPurpose, Prompt, TextInput};
 use super::tree::Row;
 use super::work::{Task, Work};
-use crate::layout::{Place, RegisterPhase};
+use crate::layout::Place;
 use crate::request::Op;
 use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyModifiers, MouseButton, MouseEvent, MouseEventKind};
 use ratatui::layout::Position;
@@ -203,7 +203,7 @@ impl Model {
         let Some((plc, place)) = self.chosen() else {
             return self.complain("choose a register first");
         };
-        let name = Pins::prefix(self.names(), plc) + &place.label(RegisterPhase::Cyclic);
+        let name = Pins::prefix(self.names(), plc) + &place.label(place.last_phase());
         let is_pinned = self.pins.toggle(plc, place);
         self.on_pins &= !self.pins.all.is_empty();
         self.say(format!("{name} is {}", if is_pinned { "pinned" } else { "no longer pinned" }));
@@ -246,7 +246,7 @@ impl Model {
                 self.complain("a single bit cannot be written, only its whole register");
             }
             Some((plc, place)) => {
-                let name = Pins::prefix(self.names(), plc) + &place.label(RegisterPhase::Cyclic);
+                let name = Pins::prefix(self.names(), plc) + &place.label(place.last_phase());
                 self.ask(purpose(plc, place), &format!("{what} {name}"), String::new());
             }
             None => self.complain("choose a register first"),
@@ -258,7 +258,7 @@ impl Model {
             return self.complain("choose a register first");
         };
         let description =
-            format!("unforce {}{}", Pins::prefix(self.names(), plc), place.label(RegisterPhase::Cyclic));
+            format!("unforce {}{}", Pins::prefix(self.names(), plc), place.label(place.last_phase()));
         let work = Work::Ops(vec![Op::Unforce { plc, offset: place.offset(), width: place.width() }]);
         self.prompt = Some(Prompt::Really(description.clone(), Task { description, work }));
     }

@@ -10,8 +10,8 @@ use super::poll::{DeviceFront, MemoryLocation, PollData, Query};
 use super::prompt::{BoardSwitch, Prompt};
 use super::tree::{Row, Tree};
 use crate::journal::{Entry, Names};
-use crate::layout::place::{live_by, status_of};
-use crate::layout::{Place, RegisterPhase, RegisterRef};
+use crate::layout::place::status_of;
+use crate::layout::{Area, Place, RegisterPhase, RegisterRef};
 use crate::plant::Forced;
 use crate::request::{BusScene, BusState, InstanceInfo};
 use ratatui::layout::Rect;
@@ -202,7 +202,7 @@ impl Model {
         }
         let phases = self.tree.open_blocks().filter_map(|(plc, area)| {
             let status = MemoryLocation::register(plc, &status_of(area)?);
-            Some((plc, area.first, live_by(*self.values.get(&status)?)))
+            Some((plc, area.first, area.phase(Some(*self.values.get(&status)?))))
         });
         let phases = phases.collect();
         self.tree.set_phases(phases);
@@ -302,9 +302,9 @@ impl Model {
     }
 
     /// The live one of the structures that overlay each other, from the value of their status register.
-    pub(super) fn live(&self, plc: u16, status: Option<RegisterRef>) -> RegisterPhase {
-        let value = status.and_then(|status| self.value(MemoryLocation::register(plc, &status)));
-        value.map_or(RegisterPhase::Cyclic, live_by)
+    pub(super) fn live(&self, plc: u16, area: &'static Area) -> RegisterPhase {
+        let status = status_of(area);
+        area.phase(status.and_then(|status| self.value(MemoryLocation::register(plc, &status))))
     }
 
     /// The chosen register and its PLC.

@@ -3,7 +3,7 @@
 use super::model::Model;
 use super::pins::Pins;
 use super::work::{Task, Work};
-use crate::layout::{Condition, ConditionError, Place, RegisterPhase, split_plc, value};
+use crate::layout::{Condition, ConditionError, Place, split_plc, value};
 use crate::memory::header::BoardWord;
 use crate::request::Op;
 use crate::time;
@@ -82,15 +82,13 @@ impl TextInput {
         let (InputPurpose::Poke(_, place) | InputPurpose::Force(_, place)) = &self.purpose else {
             return Vec::new();
         };
-        let Some(meaning) = place.exact(RegisterPhase::Cyclic).and_then(|register| register.register.meaning)
+        let Some(meaning) = place.exact(place.last_phase()).and_then(|register| register.register.meaning)
         else {
             return Vec::new();
         };
         let names = value::names(meaning).into_iter();
         let fitting = names.filter(|(name, _)| name.starts_with(self.text.trim()));
-        fitting
-            .map(|(name, value)| format!("{name}  {}", place.format(RegisterPhase::Cyclic, value)))
-            .collect()
+        fitting.map(|(name, value)| format!("{name}  {}", place.format(place.last_phase(), value))).collect()
     }
 }
 
@@ -109,9 +107,9 @@ impl Model {
                     InputPurpose::Force(..) => ("force", Op::Force { plc, offset, width, value }),
                     _ => ("poke", Op::Poke { plc, offset, width, value }),
                 };
-                let name = Pins::prefix(self.names(), plc) + &place.label(RegisterPhase::Cyclic);
+                let name = Pins::prefix(self.names(), plc) + &place.label(place.last_phase());
                 let (shown, meaning) =
-                    (place.format(RegisterPhase::Cyclic, value), place.meaning(RegisterPhase::Cyclic, value));
+                    (place.format(place.last_phase(), value), place.meaning(place.last_phase(), value));
                 let description = format!("{what} {name} = {shown}");
                 let question = format!("{description}, {meaning}");
                 Ok(Some(Prompt::Really(question, Task { description, work: Work::Ops(vec![op]) })))

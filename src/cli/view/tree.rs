@@ -243,7 +243,7 @@ impl Tree {
 
     fn add_registers(&self, rows: &mut Vec<Row>, plc: u16, fitted: &DeviceFit, area: &'static Area) {
         let live = self.phases.iter().find(|(of, first, _)| (*of, *first) == (plc, area.first));
-        let live = live.map_or(RegisterPhase::Cyclic, |(.., live)| *live);
+        let live = live.map_or(area.phase(None), |(.., live)| *live);
         let firsts = entry::firsts(fitted, area);
         for first in firsts.iter().filter(|first| !first.register.reserved && is_live(first, live)) {
             if !is_element(first) {

@@ -2,6 +2,7 @@
 
 use crate::devices::bm4_o_can_06::registers::*;
 use crate::devices::cansync::registers as family;
+use crate::devices::cansync::registers::phases;
 use crate::devices::omega_drive_line_2::registers as omega;
 use crate::layout::{Area, Provenance, RegisterPhase, Role, Structure};
 use crate::memory::Segment;
@@ -31,10 +32,10 @@ fn placed(area: &'static Area, role: Role, live: RegisterPhase) -> &'static Stru
 #[test]
 fn the_module_in_the_slot_decides_which_structure_lies_there() {
     for area in DEVICE.areas {
-        assert_eq!(placed(area, Role::Master, RegisterPhase::Init).name, "CANsync_PLC_INIT_BMSTRUCT");
-        assert_eq!(placed(area, Role::Slave, RegisterPhase::Init).name, "CANsync_PLC_INIT_BMSTRUCT");
-        assert_eq!(placed(area, Role::Master, RegisterPhase::Cyclic).name, "CANsync_PLC_MA_BMSTRUCT");
-        assert_eq!(placed(area, Role::Slave, RegisterPhase::Cyclic).name, "CANsync_PLC_SL_BMSTRUCT");
+        assert_eq!(placed(area, Role::Master, phases::INIT).name, "CANsync_PLC_INIT_BMSTRUCT");
+        assert_eq!(placed(area, Role::Slave, phases::INIT).name, "CANsync_PLC_INIT_BMSTRUCT");
+        assert_eq!(placed(area, Role::Master, phases::CYCLIC).name, "CANsync_PLC_MA_BMSTRUCT");
+        assert_eq!(placed(area, Role::Slave, phases::CYCLIC).name, "CANsync_PLC_SL_BMSTRUCT");
     }
 }
 
@@ -58,8 +59,8 @@ fn the_master_has_nothing_where_the_slave_shows_its_number() {
         structure.registers.iter().find(|register| register.offset == at).map(|register| register.name)
     };
     let area = DEVICE.areas.first().unwrap();
-    assert_eq!(registers(placed(area, Role::Master, RegisterPhase::Cyclic), 6), None);
-    assert_eq!(registers(placed(area, Role::Slave, RegisterPhase::Cyclic), 6), Some("w_SLAVE_NUMBER"));
+    assert_eq!(registers(placed(area, Role::Master, phases::CYCLIC), 6), None);
+    assert_eq!(registers(placed(area, Role::Slave, phases::CYCLIC), 6), Some("w_SLAVE_NUMBER"));
     assert_eq!(offset_of!(CANsync_PLC_MA_BMSTRUCT, i_SW1_NR), offset_of!(CANsync_PLC_SL_BMSTRUCT, i_SW1_NR));
     assert_eq!(offset_of!(CANsync_PLC_INIT_BMSTRUCT, b_MA_SL_MODE), 12);
     assert_eq!(offset_of!(CANsync_PLC_MA_BMSTRUCT, a_WR_VALUE) % 4, 0);
@@ -103,7 +104,7 @@ fn deadlines_are_documented_at_1_mbit_only() {
 fn meanings_have_the_pages_of_this_manual() {
     let area = DEVICE.areas.first().unwrap();
     let meaning = |role, name: &str| {
-        let structure = placed(area, role, RegisterPhase::Cyclic);
+        let structure = placed(area, role, phases::CYCLIC);
         structure.registers.iter().find(|register| register.name == name).unwrap().meaning.unwrap()
     };
     let control = meaning(Role::Master, "w_CPU_CONTROL");

@@ -82,7 +82,7 @@ fn find_switches(ctx: &mut Context, rule: &'static Rule, value: u32) {
 
 /// Reports a rule violation at byte `offset` of the image.
 fn find(ctx: &mut Context, rule: &'static Rule, offset: u32, value: u32) {
-    let (plc, live) = (ctx.origin.plc, RegisterPhase::Always);
+    let (plc, live) = (ctx.origin.plc, RegisterPhase::ALWAYS);
     ctx.journal.find(ctx.now, Finding { rule, plc, offset, live, value, late_us: 0 });
 }
 

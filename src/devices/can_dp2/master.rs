@@ -88,7 +88,7 @@ impl Master {
                 let dsap = self.registers.mst_dsap.load();
                 ctx.find(
                     &rules::REQUEST_CHANGED,
-                    RegisterPhase::Always,
+                    RegisterPhase::ALWAYS,
                     offset_of!(CAN_DP2_MST, mst_dsap),
                     dsap.into(),
                 );
@@ -111,7 +111,7 @@ impl Master {
         let at = offset_of!(CAN_DP2_MST, mst_control);
         match registers.mst_control.compare_exchange(mst_control::SEND, mst_control::DONE) {
             Ok(_) => ctx.answered(at, mst_control::SEND, mst_control::DONE),
-            Err(other) => ctx.find(&rules::CONTROL_TAKEN, RegisterPhase::Always, at, other.into()),
+            Err(other) => ctx.find(&rules::CONTROL_TAKEN, RegisterPhase::ALWAYS, at, other.into()),
         }
     }
 }
@@ -142,7 +142,7 @@ impl ProfibusPort for Master {
                 let dsap = self.registers.mst_dsap.load();
                 ctx.find(
                     &rules::REQUEST,
-                    RegisterPhase::Always,
+                    RegisterPhase::ALWAYS,
                     offset_of!(CAN_DP2_MST, mst_dsap),
                     dsap.into(),
                 );
@@ -178,7 +178,7 @@ impl ProfibusPort for Master {
             && !FunctionCode::is_answer(frame.fc)
         {
             let at = offset_of!(CAN_DP2_MST, mst_address);
-            ctx.find(&rules::MASTER_ADDRESS, RegisterPhase::Always, at, frame.sa.into());
+            ctx.find(&rules::MASTER_ADDRESS, RegisterPhase::ALWAYS, at, frame.sa.into());
         }
         let Some(pending) = self.pending.as_ref().filter(|pending| pending.is_sent) else { return };
         let (result, data) = match telegram {

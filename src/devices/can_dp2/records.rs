@@ -35,7 +35,7 @@ event_kinds! {
 /// Returns the meaning of a register value.
 fn meaning(register: &str, value: u8) -> String {
     let place = crate::layout::Place::parse(&crate::layout::DeviceFit::unknown(&DEVICE), register);
-    place.map_or_else(|_| value.to_string(), |place| place.meaning(RegisterPhase::Always, value.into()))
+    place.map_or_else(|_| value.to_string(), |place| place.meaning(RegisterPhase::ALWAYS, value.into()))
 }
 
 impl EventText for DpState {

@@ -344,7 +344,7 @@ impl Firmware {
         self.can_errors.look(&self.node.registers.flags, controller);
         self.diagnose(ctx);
         for (rule, offset, value) in self.peripherals.findings.drain(..) {
-            let (plc, live) = (ctx.origin.plc, RegisterPhase::Always);
+            let (plc, live) = (ctx.origin.plc, RegisterPhase::ALWAYS);
             ctx.journal.find(ctx.now, Finding { rule, plc, offset, live, value, late_us: 0 });
         }
         let has_error = self.node.registers.flags.ERROR.load() != bool::FALSE;

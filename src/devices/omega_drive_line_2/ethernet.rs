@@ -148,7 +148,7 @@ impl Ethernet {
         }
         self.report(ctx, |config, address| BoardEvent::AddressRefused { config, address });
         let offset = ETHERNET_CONFIG + offset_of!(ETHERNET_CONFIG_BMSTRUCT, a_IP_ADDRESS) + 3;
-        ctx.find(&rules::IP_ADDRESS, RegisterPhase::Always, offset, address.octets()[3].into());
+        ctx.find(&rules::IP_ADDRESS, RegisterPhase::ALWAYS, offset, address.octets()[3].into());
         self.put_back();
         self.keep();
         self.show(true);

@@ -23,6 +23,7 @@ static AREA: Area = Area {
     cpu: None,
     doc: "",
     page: "",
+    phases: None,
     structures: &[],
 };
 static PORTS: [Port; 1] = [Port { name: "can", number: 1, medium: "can", roles: &[Role::Peer], area: &AREA }];

@@ -4,5 +4,6 @@
 #[cfg(feature = "emulator")]
 pub(crate) use super::station::STATION;
 pub(crate) use crate::devices::bm4_o_can_06::registers::DEVICE as SLOTS;
+pub(crate) use crate::devices::cansync::registers::phases;
 pub(crate) use crate::devices::cs0015::registers::DEVICE as PANEL;
 pub(crate) use crate::devices::omega_drive_line_2::registers::DEVICE as NODES;

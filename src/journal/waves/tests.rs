@@ -8,7 +8,7 @@ fn record(seq: u64, time_us: u64, event: impl Into<Event>) -> Record {
 }
 
 fn changed(offset: u32, from: u32, to: u32) -> Changed {
-    let how = How { width: Width::Byte, by: By::Program, live: RegisterPhase::Always };
+    let how = How { width: Width::Byte, by: By::Program, live: RegisterPhase::ALWAYS };
     Changed { plc: 0, offset, how, from, to }
 }
 

@@ -1,7 +1,7 @@
 //! Copies of register areas, and their changes.
 
 use super::Bench;
-use crate::layout::place::{live_by, status_of, without_twins};
+use crate::layout::place::{status_of, without_twins};
 use crate::layout::{Area, DeviceFit, DeviceLayout, RegisterPhase, RegisterRef, split_plc};
 use crate::request::Op;
 use crate::script::ScenarioError;
@@ -102,7 +102,7 @@ impl MemoryCopy {
     }
 
     fn live(&self) -> RegisterPhase {
-        status_of(self.area).map_or(RegisterPhase::Cyclic, |status| live_by(self.value(&status)))
+        self.area.phase(status_of(self.area).map(|status| self.value(&status)))
     }
 }
 

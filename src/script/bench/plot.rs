@@ -3,7 +3,6 @@
 use super::Bench;
 use crate::devices;
 use crate::journal::{Selection, Waves};
-use crate::layout::RegisterPhase;
 use crate::plot::{Plot, Row, address_of};
 use crate::request::Op;
 use crate::script::ScenarioError;
@@ -28,11 +27,13 @@ impl Bench {
         let mut rows = Vec::with_capacity(found.len());
         for register in &found {
             let past = waves.register(register.plc(), address_of(register.place()).offset());
-            let row = Row::of(register.name(RegisterPhase::Cyclic), register.place(), &past);
+            let row = Row::of(register.name(register.place().last_phase()), register.place(), &past);
             let held = self.load(register.spot)?;
             let (plc, offset) = (register.plc(), address_of(register.place()).offset());
             let is_recorded = self.ask(Op::IsRecorded { plc, offset })?.value()? == 1;
-            rows.push(row.or_holds(&register.place().format(RegisterPhase::Cyclic, held), is_recorded));
+            rows.push(
+                row.or_holds(&register.place().format(register.place().last_phase(), held), is_recorded),
+            );
         }
         Ok(Plot::new(from_us, self.now()?, waves.edges(), rows))
     }

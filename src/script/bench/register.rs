@@ -2,7 +2,6 @@
 
 use super::ask::Spot;
 use super::{Bench, memory};
-use crate::layout::place::live_by;
 use crate::layout::{Area, Place, RegisterPhase, plc_prefix, split_plc};
 use crate::script::ScenarioError;
 
@@ -64,9 +63,9 @@ impl Register {
 
     /// Whether its bits are the same number whichever of overlaid structures is live.
     pub(super) fn is_same_number(&self) -> bool {
-        let [init, cyclic] =
-            [RegisterPhase::Init, RegisterPhase::Cyclic].map(|live| self.place.ty(live).number(u32::MAX));
-        init == cyclic
+        let mut numbers = self.place.area().all_phases().map(|live| self.place.ty(live).number(u32::MAX));
+        let first = numbers.next();
+        numbers.all(|number| Some(number) == first)
     }
 
     /// The mask of the register's bits, and `value` shifted to them.
@@ -139,8 +138,9 @@ impl Bench {
 
     /// The live one of overlaid structures at the place of the register.
     pub(super) fn live(&mut self, register: &Register) -> Result<RegisterPhase, ScenarioError> {
-        let Some(status) = register.place.status() else { return Ok(RegisterPhase::Cyclic) };
-        Ok(live_by(self.load(Spot::new(register.spot.plc, status.address()))?))
+        let status = register.place.status();
+        let status = status.map(|status| self.load(Spot::new(register.spot.plc, status.address())));
+        Ok(register.place.phase(status.transpose()?))
     }
 }
 

@@ -62,7 +62,7 @@ impl CanPort for Gate {
         }
         let value = self.1.w_VALUE.load();
         if value == 0 {
-            ctx.find(&NOTHING, RegisterPhase::Always, std::mem::offset_of!(GATE_OUT, w_VALUE), 0);
+            ctx.find(&NOTHING, RegisterPhase::ALWAYS, std::mem::offset_of!(GATE_OUT, w_VALUE), 0);
         }
         let frame = Frame::standard(0x123, Payload::from_words([value, 0, 0, 0], 1));
         if controller.send(frame).is_ok() && self.1.w_SEND.compare_exchange(0x05, 0x04).is_ok() {

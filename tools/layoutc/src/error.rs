@@ -63,6 +63,25 @@ pub enum Reason {
     UnknownStructure(String),
     #[error("`{structure}` has no register `{name}` that could be unused")]
     UnknownRegister { structure: String, name: String },
+    #[error("a layout has 1 to 255 phases")]
+    PhaseCount,
+    #[error("phase `{0}`: phases are listed in ascending order of `from`, and the first one begins at 0")]
+    PhaseOrder(String),
+    #[error("the family of this device declares the phases; the device has no others")]
+    PhasesTwice,
+    #[error(
+        "unknown phase `{name}`; known are `always`{known}; `[phase]` of device.toml or family.toml declares phases"
+    )]
+    UnknownPhase { name: String, known: String },
+    #[error(
+        "`{structure}` has no register `{register}`, which shows the phase; a structure that is valid in one phase \
+         has it, as a single register"
+    )]
+    NoPhaseRegister { structure: String, register: String },
+    #[error(
+        "`{register}` shows the phase, and so has one offset in `{structure}` and in `{other}`, which lies over it"
+    )]
+    PhaseRegisterMoved { structure: String, other: String, register: String },
     #[error("unknown block `{0}`; blocks are defined in the files that `parts` of device.toml lists")]
     UnknownBlock(String),
     #[error("unknown meaning `{0}`; meanings are defined in the files that `parts` of device.toml lists")]

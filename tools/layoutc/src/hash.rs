@@ -26,7 +26,9 @@ fn canonical(device: &Device) -> String {
     for area in &device.areas {
         let _ = write!(text, "area {} {} {}", area.name, area.first, area.bytes);
         for placed in &area.structures {
-            let _ = write!(text, " {}:{:?}", device.structures[placed.structure].name, placed.live);
+            let live = device.phase_name(placed.live);
+            let live = live[..1].to_uppercase() + &live[1..];
+            let _ = write!(text, " {}:{live}", device.structures[placed.structure].name);
         }
         text.push('\n');
     }

@@ -2,7 +2,7 @@
 
 pub(crate) use crate::gsd::Gsd;
 pub(crate) use crate::objects::Object;
-pub(crate) use crate::raw::{Letter, Owner, Provenance, RegisterPhase, Role, Unit};
+pub(crate) use crate::raw::{Letter, Owner, Provenance, Role, Unit};
 
 /// A whole device, or a family: structures without areas.
 pub(crate) struct Device {
@@ -35,7 +35,39 @@ pub(crate) struct Device {
     /// The area of the device's own interface, index into [`Device::areas`].
     pub own: Option<usize>,
     pub baud_rates: Vec<BaudRate>,
+    pub phases: Option<Phases>,
 }
+
+/// The phases: which of the structures that overlay each other is valid.
+pub(crate) struct Phases {
+    /// Name of the register that shows the phase.
+    pub register: String,
+    pub source: Provenance,
+    /// Whether they are the family's.
+    pub shared: bool,
+    /// In ascending order of their values; phase number n is entry n - 1.
+    pub values: Vec<Phase>,
+}
+
+pub(crate) struct Phase {
+    pub name: String,
+    /// First value of the register; the phase ends before the first value of the next one.
+    pub from: u32,
+    /// End of the names of variables that the manual does not name.
+    pub variable: String,
+    pub doc: String,
+}
+
+impl Device {
+    /// The name of a phase; 0 is `always`.
+    pub(crate) fn phase_name(&self, number: usize) -> &str {
+        let phase = self.phases.as_ref().and_then(|phases| phases.values.get(number.checked_sub(1)?));
+        phase.map_or(ALWAYS, |phase| &phase.name)
+    }
+}
+
+/// Name in layouts of the phase of structures that are valid always.
+pub(crate) const ALWAYS: &str = "always";
 
 /// A word of the front in the header page.
 pub(crate) struct Front {
@@ -129,7 +161,8 @@ pub(crate) struct Area {
 pub(crate) struct Placed {
     /// Index into [`Device::structures`].
     pub structure: usize,
-    pub live: RegisterPhase,
+    /// Number of the phase in which it is valid, from 1; 0: always.
+    pub live: usize,
     /// Role that the port of this area must have for the structure to be there; `None`: any role.
     pub role: Option<Role>,
     /// Name of the variable that the application declares there.

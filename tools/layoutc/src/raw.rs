@@ -12,6 +12,8 @@ pub(crate) struct Family {
     /// The manual that the pages in the family's files refer to.
     pub manual: String,
     pub reserved: Reserved,
+    /// The phases of its devices, if structures overlay each other.
+    pub phase: Option<Spanned<Phases>>,
     #[serde(default)]
     pub parts: Vec<Spanned<String>>,
     pub structures: Vec<Spanned<String>>,
@@ -40,6 +42,8 @@ pub(crate) struct Device {
     pub reserved: Reserved,
     /// Source of the names of areas, and of variable names made from them.
     pub names: Provenance,
+    /// The phases of the device, if structures overlay each other and its family has none.
+    pub phase: Option<Spanned<Phases>>,
     #[serde(default)]
     pub parts: Vec<Spanned<String>>,
     pub structures: Vec<Spanned<String>>,
@@ -136,7 +140,8 @@ pub(crate) struct Area {
 #[serde(deny_unknown_fields)]
 pub(crate) struct Placed {
     pub name: Spanned<String>,
-    pub live: RegisterPhase,
+    /// `always`, or the name of a phase.
+    pub live: Spanned<String>,
     pub role: Option<Role>,
     pub variable: Option<Spanned<String>>,
     #[serde(default)]
@@ -182,12 +187,28 @@ pub(crate) enum Role {
     Peer,
 }
 
-#[derive(Deserialize, Clone, Copy, PartialEq, Eq, Debug)]
-#[serde(rename_all = "lowercase")]
-pub(crate) enum RegisterPhase {
-    Always,
-    Init,
-    Cyclic,
+/// The phases: which of the structures that overlay each other is valid.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Phases {
+    /// Name of the register that shows the phase, in every structure that is valid in one phase only.
+    pub register: Spanned<String>,
+    /// Source of the values.
+    pub source: Provenance,
+    /// In ascending order.
+    pub values: Spanned<Vec<Phase>>,
+}
+
+/// A phase: the values of the register from `from` up to the next phase.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Phase {
+    pub name: Spanned<String>,
+    pub from: Spanned<u32>,
+    /// End of the names of variables that the manual does not name.
+    pub variable: String,
+    /// The end of a sentence that begins "Valid".
+    pub doc: String,
 }
 
 /// One line of the timing table; times in microseconds.

@@ -43,6 +43,8 @@ mod tests {
             ("parameter", keys::<parameters::Row>()),
             ("parameters", keys::<parameters::Table>()),
             ("parts", keys::<raw::Parts>()),
+            ("phase", keys::<raw::Phase>()),
+            ("phases", keys::<raw::Phases>()),
             ("placed", keys::<raw::Placed>()),
             ("port", keys::<raw::Port>()),
             ("range", keys::<raw::Range>()),

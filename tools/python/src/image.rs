@@ -7,7 +7,6 @@ use crate::register::{Array, Register, places, register_of};
 use crate::snapshot::Snapshot;
 use crate::tables::Memory;
 use commram::devices;
-use commram::layout::place::live_by;
 use commram::layout::{DeviceFit, Fit, Place, RegisterPhase};
 use commram::memory::{AttachMode, Attached, MemoryError};
 use commram::script::MemoryCopy;
@@ -83,10 +82,10 @@ impl PyImage {
     }
 
     fn live(attached: &Attached, place: &Place) -> PyResult<RegisterPhase> {
-        let Some(status) = place.status() else { return Ok(RegisterPhase::Cyclic) };
+        let Some(status) = place.status() else { return Ok(place.last_phase()) };
         let address = status.address();
         let value = attached.segment().load(address.offset(), address.width());
-        Ok(live_by(value.map_err(|error| errors::memory(&error))?))
+        Ok(place.phase(Some(value.map_err(|error| errors::memory(&error))?)))
     }
 }
 
@@ -137,7 +136,7 @@ impl PyImage {
 
     fn peek(&self, register: &str) -> PyResult<i64> {
         let (attached, place) = (self.open()?, self.find(register)?);
-        Ok(Self::number(&place, RegisterPhase::Cyclic, Self::load(&attached, &place)?))
+        Ok(Self::number(&place, place.last_phase(), Self::load(&attached, &place)?))
     }
 
     fn poke(&self, register: &str, value: ValueArgument) -> PyResult<()> {
@@ -197,7 +196,7 @@ impl PyImage {
             .map_err(|_| PyValueError::new_err(format!("{timeout}: a timeout is not negative")))?;
         let aim = if wanted.is_callable() { None } else { Some(self.value(register, &wanted.extract()?)?.1) };
         let (wanted, raised) = (wanted.unbind(), Mutex::new(None));
-        let number = |value| Self::number(&place, RegisterPhase::Cyclic, value);
+        let number = |value| Self::number(&place, place.last_phase(), value);
         let mask = place.bit().map_or(u32::MAX, |bit| 1 << bit);
         let is_it = |value: u32| match aim {
             Some(aim) => value & mask == aim << place.bit().unwrap_or(0),
@@ -227,7 +226,7 @@ impl PyImage {
             return Err(error);
         }
         outcome.map(number).map_err(|last| {
-            let live = Self::live(&attached, &place).unwrap_or(RegisterPhase::Cyclic);
+            let live = Self::live(&attached, &place).unwrap_or(place.last_phase());
             let aim = aim.map_or_else(
                 || "what was awaited".to_owned(),
                 |aim| place.format(live, aim << place.bit().unwrap_or(0)),

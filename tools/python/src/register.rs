@@ -1,7 +1,7 @@
 //! Descriptions of registers, and places of arrays.
 
 use crate::errors;
-use commram::layout::{DeviceFit, Owner, Place, RegType, RegisterPhase, RegisterRef, split_plc};
+use commram::layout::{DeviceFit, Owner, Place, RegType, RegisterRef, split_plc};
 use pyo3::prelude::*;
 
 /// One register; of an array one element.
@@ -51,12 +51,12 @@ impl Register {
 
     #[getter]
     fn code(&self) -> &'static str {
-        code(self.place.ty(RegisterPhase::Cyclic))
+        code(self.place.ty(self.place.last_phase()))
     }
 
     #[getter]
     fn r#type(&self) -> &'static str {
-        self.place.ty(RegisterPhase::Cyclic).name()
+        self.place.ty(self.place.last_phase()).name()
     }
 
     /// Width in bytes.
@@ -108,7 +108,7 @@ impl Register {
     fn decode(&self, value: i64) -> String {
         match self.known {
             Some(known) => known.decode(value as u32),
-            None => self.place.meaning(RegisterPhase::Cyclic, value as u32),
+            None => self.place.meaning(self.place.last_phase(), value as u32),
         }
     }
 
@@ -122,7 +122,7 @@ pub(crate) fn registers(fitted: DeviceFit, is_wanted: impl Fn(&str) -> bool) -> 
     let mut all: Vec<RegisterRef> = Vec::new();
     for area in fitted.device().named_areas().filter(|area| is_wanted(area.name)) {
         let mut known = std::collections::HashSet::new();
-        let phases = [RegisterPhase::Cyclic, RegisterPhase::Init].into_iter();
+        let phases = area.all_phases().rev();
         let here = phases.flat_map(|live| fitted.registers_in(area, live));
         all.extend(here.filter(|register| known.insert(register.name())));
     }

@@ -7,7 +7,7 @@ use crate::cli::view::poll::MemoryLocation;
 use crate::cli::view::prompt::Prompt;
 use crate::cli::view::style::{Theme, at_right, padded, padded_name};
 use crate::cli::view::tree::Row;
-use crate::layout::place::{meaning_in, status_of};
+use crate::layout::place::meaning_in;
 use crate::time;
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
@@ -97,7 +97,7 @@ fn row_line(model: &Model, row: &Row, theme: Theme, width: usize) -> Line<'stati
             let mark = if model.is_forced(location) { "!" } else { " " };
             let (value, meaning) = match model.value(location) {
                 Some(value) => {
-                    let live = model.live(*plc, status_of(register.area));
+                    let live = model.live(*plc, register.area);
                     (register.format_value(value), meaning_in(register, live, value))
                 }
                 None => (String::new(), String::new()),
@@ -165,7 +165,7 @@ fn columns(width: usize, [name, value, age, rate, meaning]: [String; 5]) -> [Str
 }
 
 fn pin_line(model: &Model, pin: &Pin, theme: Theme, width: usize) -> Line<'static> {
-    let live = model.live(pin.plc, pin.place.status());
+    let live = model.live(pin.plc, pin.place.area());
     let (value, meaning) = match model.value(pin.location()) {
         Some(value) => (pin.place.format(live, value), pin.place.meaning(live, value)),
         None => ("?".to_owned(), String::new()),

@@ -2,7 +2,6 @@
 
 use crate::devices::cansync::registers::CANsync_MA_CTRL_BMSTRUCT;
 use crate::devices::demo::{DemoError, Show};
-use crate::layout::place::live_by;
 use crate::layout::{Address, DeviceFit, DeviceLayout, Place, Port, RegisterPhase, Width};
 use crate::memory::{Attached, Header, MemoryError, SharedRegs, View};
 use crate::time;
@@ -103,7 +102,7 @@ impl<'a> Trace<'a> {
     }
 
     fn note_value(&self, writer: Writer, address: Address, value: u32) {
-        let live = live_by(self.node.w_OPTION_STATUS.load().into());
+        let live = self.port.area.phase(Some(self.node.w_OPTION_STATUS.load().into()));
         let time_us = self.header.virtual_time_us.load();
         self.notes.borrow_mut().push(Note::Register { time_us, writer, address, live, value });
     }
@@ -128,7 +127,7 @@ impl<'a> Trace<'a> {
             }
             Err(MemoryError::RegisterTimeout { last, .. }) => {
                 self.print()?;
-                let live = live_by(self.node.w_OPTION_STATUS.load().into());
+                let live = self.port.area.phase(Some(self.node.w_OPTION_STATUS.load().into()));
                 let place = Place::parse(&self.fitted, &address.to_string())?;
                 Err(DemoError::Stuck {
                     what: what.to_owned(),

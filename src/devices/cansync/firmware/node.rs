@@ -16,6 +16,7 @@ use super::orders::Orders;
 use crate::devices::Context;
 use crate::devices::cansync::BaudRate;
 use crate::devices::cansync::registers::CANsync_INIT_BMSTRUCT;
+use crate::devices::cansync::registers::phases;
 use crate::devices::cansync::registers::values::cpu_control;
 use crate::devices::cansync::watch::Facts;
 use crate::layout::RegisterPhase;
@@ -177,8 +178,8 @@ impl Node {
     /// Returns the present phase, which selects the valid structure (decision D-03).
     fn live(&self) -> RegisterPhase {
         match self.state {
-            NodeState::StartUp | NodeState::WaitingForInit => RegisterPhase::Init,
-            NodeState::WaitingForStart | NodeState::SetUp | NodeState::Active => RegisterPhase::Cyclic,
+            NodeState::StartUp | NodeState::WaitingForInit => phases::INIT,
+            NodeState::WaitingForStart | NodeState::SetUp | NodeState::Active => phases::CYCLIC,
         }
     }
 

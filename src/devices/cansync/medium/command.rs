@@ -7,8 +7,8 @@ use crate::devices::cansync;
 use crate::devices::cansync::bus::codec::action::{Action, ActionCommand};
 use crate::devices::cansync::bus::{Frame, FrameKind};
 use crate::devices::cansync::drive::Objection;
+use crate::devices::cansync::registers::phases;
 use crate::devices::cansync::registers::{CANsync_MA_CTRL_BMSTRUCT, DATA_PARAMETER};
-use crate::layout::RegisterPhase;
 use core::mem::{offset_of, size_of};
 
 impl Run<'_> {
@@ -63,7 +63,7 @@ impl Run<'_> {
             let data = offset_of!(CANsync_MA_CTRL_BMSTRUCT, a_DATA_PARAMETER)
                 + usize::from(number) * size_of::<DATA_PARAMETER>();
             let offset = data + offset_of!(DATA_PARAMETER, d_PAR_VALUE);
-            self.master(|_, ctx| ctx.find(rule, RegisterPhase::Cyclic, offset, value));
+            self.master(|_, ctx| ctx.find(rule, phases::CYCLIC, offset, value));
         }
     }
 

@@ -12,6 +12,7 @@ use crate::devices::cansync::faults::Effect;
 use crate::devices::cansync::firmware::Change;
 use crate::devices::cansync::records::DriveSet;
 use crate::devices::cansync::registers::CANsync_INIT_BMSTRUCT;
+use crate::devices::cansync::registers::phases;
 use crate::devices::cansync::registers::values::ma_sl_mode;
 use crate::devices::cansync::rules;
 use crate::devices::{
@@ -21,7 +22,6 @@ use crate::devices::{
 use crate::door::BusMessage;
 use crate::fault::{self, Faults, Hit, Target};
 use crate::journal::{Journal, Origin};
-use crate::layout::RegisterPhase;
 use core::any::Any;
 use core::mem::offset_of;
 
@@ -394,13 +394,13 @@ impl Bus for SimBus {
 /// Reports a master that starts and must pass a SYNC signal on, although no other port can supply the signal.
 fn report_no_sync_in(ctx: &mut Context) {
     let offset = offset_of!(CANsync_INIT_BMSTRUCT, b_MA_SL_MODE);
-    ctx.find(&rules::NO_SYNC_IN, RegisterPhase::Init, offset, ma_sl_mode::MASTER_SYNC_IN.into());
+    ctx.find(&rules::NO_SYNC_IN, phases::INIT, offset, ma_sl_mode::MASTER_SYNC_IN.into());
 }
 
 /// A slave starts without a bus, or on a bus without a master (decision D-743).
 fn report_no_master(ctx: &mut Context) {
     let offset = offset_of!(CANsync_INIT_BMSTRUCT, b_MA_SL_MODE);
-    ctx.find(&rules::NO_MASTER, RegisterPhase::Init, offset, ma_sl_mode::SLAVE.into());
+    ctx.find(&rules::NO_MASTER, phases::INIT, offset, ma_sl_mode::SLAVE.into());
 }
 
 impl SimBus {

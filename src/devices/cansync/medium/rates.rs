@@ -4,10 +4,10 @@ use super::SimBus;
 use crate::devices::cansync::firmware::Slave;
 use crate::devices::cansync::records::{BaudRateMismatch, DriveBaudRateMismatch};
 use crate::devices::cansync::registers::CANsync_INIT_BMSTRUCT;
+use crate::devices::cansync::registers::phases;
 use crate::devices::cansync::rules;
 use crate::devices::{Context, ParticipantId, Stranger};
 use crate::journal::{Finding, Journal};
-use crate::layout::RegisterPhase;
 use core::mem::offset_of;
 
 impl SimBus {
@@ -55,6 +55,6 @@ pub(super) fn report_mismatch(slave: &Slave, ctx: &mut Context, bus_kbit_s: u16)
         let (origin, node_kbit_s) = (ctx.origin, timing.kbit_per_s);
         ctx.report(BaudRateMismatch { origin, node_kbit_s, bus_kbit_s, passes_on: false });
         let offset = offset_of!(CANsync_INIT_BMSTRUCT, b_BT_0);
-        ctx.find(&rules::BUS_BAUD_RATE, RegisterPhase::Init, offset, timing.b_BT_0.into());
+        ctx.find(&rules::BUS_BAUD_RATE, phases::INIT, offset, timing.b_BT_0.into());
     }
 }

@@ -8,6 +8,7 @@ use super::registers::{INIT_BYTES, RegisterMaps, WatchedRegister};
 use super::{Facts, mapping};
 use crate::check::Baseline;
 use crate::check::word::WORD;
+use crate::devices::cansync::registers::phases;
 use crate::devices::cansync::registers::{CANsync_MA_CTRL_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT};
 use crate::devices::cansync::rules;
 use crate::journal::Journal;
@@ -137,7 +138,7 @@ impl NodeWatch {
             base,
             maps: RegisterMaps::of(area, role),
             registers,
-            live: RegisterPhase::Init,
+            live: phases::INIT,
             changed: Vec::new(),
             unsettled: false,
         };
@@ -147,13 +148,13 @@ impl NodeWatch {
 
     /// Returns the number of words of the valid structure.
     fn words(&self) -> usize {
-        if self.live == RegisterPhase::Init { INIT_WORDS } else { self.maps.cyclic.len().div_ceil(WORD) }
+        if self.live == phases::INIT { INIT_WORDS } else { self.maps.cyclic.len().div_ceil(WORD) }
     }
 
     /// Stores the registers that the firmware leaves as the baseline.
     #[inline]
     pub(crate) fn leave(&mut self, live: RegisterPhase) {
-        if self.live == RegisterPhase::Init && live == RegisterPhase::Init {
+        if self.live == phases::INIT && live == phases::INIT {
             self.registers.copy(INIT_WORDS - 1);
             self.registers.copy_end_of_init();
             return;
@@ -207,7 +208,7 @@ impl NodeWatch {
             }
         }
         // Updates the baseline only now, because a rule may read the old value of another register.
-        let is_init = self.live == RegisterPhase::Init;
+        let is_init = self.live == phases::INIT;
         for &(index, word) in &self.changed {
             if is_init && index == INIT_WORDS - 1 {
                 self.registers.copy_end_of_init();
@@ -225,7 +226,7 @@ impl NodeWatch {
         self.registers.compare(self.maps.cyclic.len().div_ceil(WORD), &mut self.changed);
         self.changed.retain(|&(index, _)| index >= INIT_WORDS - 1);
         let (mut judge, maps, changed) = self.judge_with(now, facts, journal);
-        judge.node.live = RegisterPhase::Cyclic;
+        judge.node.live = phases::CYCLIC;
         for &(index, word) in changed {
             let written =
                 maps.cyclic.registers_with(index * WORD, judge.registers.baseline.word(index) ^ word);

@@ -2,6 +2,7 @@
 
 use crate::check::word;
 use crate::devices::cansync::registers::CANsync_INIT_BMSTRUCT;
+use crate::devices::cansync::registers::phases;
 use crate::layout::{Area, Meaning, Owner, RegisterPhase, RegisterRef, Role};
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -152,8 +153,7 @@ impl RegisterMaps {
         if let Some((.., maps)) = made.iter().find(is_it) {
             return Arc::clone(maps);
         }
-        let [init, cyclic] =
-            [RegisterPhase::Init, RegisterPhase::Cyclic].map(|live| RegisterMap::new(area, role, live));
+        let [init, cyclic] = [phases::INIT, phases::CYCLIC].map(|live| RegisterMap::new(area, role, live));
         let maps = Arc::new(RegisterMaps { init, cyclic });
         made.push((area, role, Arc::clone(&maps)));
         maps
@@ -161,7 +161,7 @@ impl RegisterMaps {
 
     /// Returns the map of a phase.
     pub(crate) fn of_phase(&self, live: RegisterPhase) -> &RegisterMap {
-        if live == RegisterPhase::Init { &self.init } else { &self.cyclic }
+        if live == phases::INIT { &self.init } else { &self.cyclic }
     }
 }
 
@@ -175,7 +175,7 @@ fn watched(register: &RegisterRef, role: Role, live: RegisterPhase) -> WatchedRe
         reserved_bits: 0,
     };
     if register.is_reserved() {
-        let under_init = live == RegisterPhase::Cyclic && (watched.offset) < INIT_BYTES;
+        let under_init = live == phases::CYCLIC && (watched.offset) < INIT_BYTES;
         watched.kind = if under_init { RegisterUse::ReservedUnderInit } else { RegisterUse::Reserved };
         return watched;
     }

@@ -27,7 +27,7 @@ pub(super) fn is_too_early(asked: &Header) -> bool {
 
 /// Reports a broken rule at the register at `offset` of the BAPS.
 pub(super) fn find(ctx: &mut Context, rule: &'static Rule, offset: usize, value: u32) {
-    ctx.find(rule, RegisterPhase::Always, offset, value);
+    ctx.find(rule, RegisterPhase::ALWAYS, offset, value);
 }
 
 /// The cycle times in `w_COMMAND_REG`; `None` if they are reserved. Reserved values are reported.

@@ -1,5 +1,6 @@
 //! Areas of the image: checks the places of structures, and that overlaid structures agree on widths.
 
+use super::phase::{self, Declared};
 use super::{Names, identifier};
 use crate::error::{Error, Reason};
 use crate::model::{Area, Field, Kind, Placed, Provenance, Space, Structure};
@@ -11,6 +12,7 @@ use toml::Spanned;
 pub(super) struct Types<'a> {
     pub structures: &'a [Structure],
     pub subs: &'a [Structure],
+    pub phases: Option<&'a Declared>,
 }
 
 /// Checks all areas of the device, in the order of the file.
@@ -72,7 +74,7 @@ fn area(
     spaces: &[Space],
     types: &Types<'_>,
 ) -> Result<(Area, (u32, u32)), Error> {
-    let Types { structures, subs } = types;
+    let Types { structures, subs, phases } = types;
     let name = raw.name.get_ref().clone();
     let space = match &raw.space {
         None => 0,
@@ -134,10 +136,17 @@ fn area(
             let (structure, size) = (structure.name.clone(), structure.size);
             return Err(sources.error(place, Reason::PastAreaEnd { structure, size, area: name, bytes }));
         }
-        let (variable, variable_from) = variable(sources, file, &name, names, entry)?;
+        let live = phase::number(sources, file, &entry.live, *phases)?;
+        if let Some(declared) = phases.filter(|_| live != 0) {
+            let of = (*structures, declared);
+            phase::check_register(sources, (file, &entry.live), structure, &placed, of)?;
+        }
+        let ending = phases.and_then(|declared| declared.phases.values.get(live.checked_sub(1)?));
+        let ending = ending.map_or("", |phase| &phase.variable);
+        let (variable, variable_from) = variable(sources, file, (&name, ending), names, entry)?;
         let new = Placed {
             structure: index,
-            live: entry.live,
+            live,
             role: entry.role,
             variable,
             variable_from,
@@ -174,17 +183,12 @@ fn raw_end(space: &Space) -> u64 {
 fn variable(
     sources: &Sources,
     file: usize,
-    area: &str,
+    (area, ending): (&str, &str),
     names: &Provenance,
     placed: &raw::Placed,
 ) -> Result<(String, Provenance), Error> {
     let Some(given) = &placed.variable else {
-        let made = match placed.live {
-            raw::RegisterPhase::Always => format!("_{area}"),
-            raw::RegisterPhase::Init => format!("_{area}_INIT"),
-            raw::RegisterPhase::Cyclic => format!("_{area}_CTRL"),
-        };
-        return Ok((made, names.clone()));
+        return Ok((format!("_{area}{ending}"), names.clone()));
     };
     identifier(sources, at(file, given.span()), given.get_ref())?;
     Ok((given.get_ref().clone(), Provenance::Manual))

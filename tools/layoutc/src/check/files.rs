@@ -10,7 +10,8 @@ use toml::Spanned;
 pub(crate) struct Top {
     pub file: usize,
     pub device: raw::Device,
-    pub family: Option<raw::Family>,
+    /// The family, with the number of its file.
+    pub family: Option<(usize, raw::Family)>,
     /// Files with meanings, sub-structures and blocks; the family's first.
     pub parts: Vec<Named>,
     /// Files with a structure each; the family's first.
@@ -38,7 +39,7 @@ pub(crate) fn read(sources: &mut Sources) -> Result<Top, Error> {
         let (file, family): (usize, raw::Family) =
             sources.parse(&format!("{dir}family.toml"), Some(place))?;
         (top.parts, top.structures) = lists(file, &dir, &family.parts, &family.structures);
-        top.family = Some(family);
+        top.family = Some((file, family));
     }
     let (parts, structures) = lists(file, "", &top.device.parts, &top.device.structures);
     top.parts.extend(parts);

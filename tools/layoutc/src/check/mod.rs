@@ -6,6 +6,7 @@ pub(crate) mod files;
 mod front;
 mod id;
 mod meaning;
+mod phase;
 mod port;
 mod rate;
 mod space;
@@ -39,12 +40,12 @@ struct Parts {
 /// Reads and checks the layout with its `device.toml` in the directory of `sources`.
 pub(crate) fn load(sources: &mut Sources) -> Result<Device, Error> {
     let Top { file, device: raw, family, parts, structures } = files::read(sources)?;
-    let family_manual = family.as_ref().map_or("", |family| &family.manual);
+    let family_manual = family.as_ref().map_or("", |(_, family)| &family.manual);
     let manual_of = |shared| if shared { family_manual } else { &raw.manual };
     let mut all = Parts::new(&raw.reserved, &raw.manual);
     let (shared, own): (Vec<_>, Vec<_>) = structures.into_iter().partition(|named| named.shared);
     all.read_parts(sources, &parts, manual_of)?;
-    if let Some(family) = &family {
+    if let Some((_, family)) = &family {
         // The family's rules apply to the family's registers.
         let theirs = Parts::new(&family.reserved, &family.manual);
         let (reserved, manual) = (theirs.reserved, theirs.manual);
@@ -55,7 +56,9 @@ pub(crate) fn load(sources: &mut Sources) -> Result<Device, Error> {
     }
     all.read_structures(sources, &own)?;
     let mut spaces = space::check(sources, file, &raw.space)?;
-    let of = area::Types { structures: &all.structures, subs: &all.substructures };
+    let of_family = family.as_ref().map(|(file, family)| (*file, family));
+    let phases = phase::check(sources, of_family, (file, raw.phase.as_ref()))?;
+    let of = area::Types { structures: &all.structures, subs: &all.substructures, phases: phases.as_ref() };
     let mut areas = area::check(sources, file, (&raw.area, &raw.names), &spaces, &of)?;
     space::close(sources, file, &raw.space, &mut spaces, &areas)?;
     let retain = area::retain(sources, file, &raw.area, &mut areas)?;
@@ -97,6 +100,7 @@ pub(crate) fn load(sources: &mut Sources) -> Result<Device, Error> {
         ports,
         own,
         baud_rates,
+        phases: phases.map(|declared| declared.phases),
     })
 }
 
@@ -107,6 +111,8 @@ pub(crate) fn load_family(sources: &mut Sources) -> Result<Device, Error> {
     all.read_parts(sources, &parts, |_| &raw.manual)?;
     all.read_structures(sources, &structures)?;
     identifier(sources, at(file, raw.name.span()), raw.name.get_ref())?;
+    let phases = raw.phase.as_ref().map(|raw| phase::declared(sources, file, raw.get_ref(), false));
+    let phases = phases.transpose()?.map(|declared| declared.phases);
     Ok(Device {
         name: raw.name.into_inner(),
         title: raw.title,
@@ -127,6 +133,7 @@ pub(crate) fn load_family(sources: &mut Sources) -> Result<Device, Error> {
         ports: Vec::new(),
         own: None,
         baud_rates: Vec::new(),
+        phases,
     })
 }
 

@@ -2,6 +2,7 @@
 
 mod constants;
 mod gsd;
+mod phases;
 mod snapshots;
 mod structs;
 mod tables;
@@ -20,6 +21,7 @@ pub(crate) fn module(device: &Device, layout_hash: u64) -> String {
     snapshots::emit(&mut out, device);
     values::emit(&mut out, device);
     gsd::constants(&mut out, device);
+    phases::constants(&mut out, device);
     tables::emit(&mut out, device, layout_hash);
     out
 }
@@ -30,6 +32,7 @@ pub(crate) fn family(family: &Device) -> String {
     structs::emit(&mut out, family);
     snapshots::emit(&mut out, family);
     values::emit(&mut out, family);
+    phases::constants(&mut out, family);
     tables::emit_family(&mut out, family);
     out
 }

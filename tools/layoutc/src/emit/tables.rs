@@ -35,6 +35,7 @@ pub(crate) fn emit(out: &mut String, device: &Device, layout_hash: u64) {
     front(out, device);
     front_area(out, device);
     ports(out, device);
+    super::phases::descriptor(out, device);
     described(out, device, &used_meanings(device));
 }
 
@@ -44,6 +45,7 @@ pub(crate) fn emit_family(out: &mut String, family: &Device) {
         "/// What the layout files say about structures and registers.\n\
          pub mod descriptor {\n    use commram::layout::*;\n\n",
     );
+    super::phases::descriptor(out, family);
     // Registers of the family's devices may have meanings that no register of the family has.
     described(out, family, &(0..family.meanings.len()).collect());
 }
@@ -70,7 +72,7 @@ fn used_meanings(device: &Device) -> BTreeSet<usize> {
 }
 
 /// The path of a static, from the module of descriptors.
-fn path(device: &Device, shared: bool, name: &str) -> String {
+pub(super) fn path(device: &Device, shared: bool, name: &str) -> String {
     if shared { format!("{}::descriptor::{name}", super::family_module(device)) } else { name.to_owned() }
 }
 
@@ -136,9 +138,11 @@ fn areas(out: &mut String, device: &Device) {
 fn area(device: &Device, area: &Area) -> String {
     let Area { name, name_from, space, first, bytes, cpu, page, doc, structures } = area;
     let name_from = provenance(name_from);
+    let has_phases = structures.iter().any(|placed| placed.live != 0);
+    let phases = if has_phases { super::phases::reference(device) } else { "None".to_owned() };
     let mut out = format!(
         "Area {{ name: {name:?}, name_from: {name_from}, space: &SPACES[{space}], first: {first}, bytes: {bytes}, \
-         cpu: {cpu:?}, page: {page:?}, doc: {doc:?}, structures: &["
+         cpu: {cpu:?}, page: {page:?}, doc: {doc:?}, phases: {phases}, structures: &["
     );
     for Placed { structure, live, role, variable, variable_from, unused } in structures {
         let variable_from = provenance(variable_from);
@@ -147,7 +151,7 @@ fn area(device: &Device, area: &Area) -> String {
         let role = role.map_or("None".to_owned(), |role| format!("Some(Role::{role:?})"));
         let _ = write!(
             out,
-            "Placed {{ structure: &{item}, live: RegisterPhase::{live:?}, role: {role}, variable: {variable:?}, \
+            "Placed {{ structure: &{item}, live: RegisterPhase::numbered({live}), role: {role}, variable: {variable:?}, \
              variable_from: {variable_from}, unused: &{unused:?} }}, "
         );
     }
@@ -217,8 +221,8 @@ fn front_area(out: &mut String, device: &Device) {
     let _ = writeln!(
         out,
         "    /// The front as an area.\n    pub static FRONT_AREA: Area = Area {{ name: \"front\", name_from: {from}, \
-         space: &SPACES[{space}], first: {first}, bytes: {bytes}, cpu: None, page: {:?}, doc: {:?}, structures: &[Placed {{ \
-         structure: &FRONT_WORDS, live: RegisterPhase::Always, role: None, variable: \"_front\", variable_from: {from}, unused: &[] }}] }};\n\n    \
+         space: &SPACES[{space}], first: {first}, bytes: {bytes}, cpu: None, page: {:?}, doc: {:?}, phases: None, structures: &[Placed {{ \
+         structure: &FRONT_WORDS, live: RegisterPhase::ALWAYS, role: None, variable: \"_front\", variable_from: {from}, unused: &[] }}] }};\n\n    \
          const _: () = assert!(core::mem::offset_of!(commram::memory::Header, front) == {first});\n",
         words.page, words.doc,
     );

@@ -124,7 +124,7 @@ fn invalid_families() {
     let missing = "No such file or directory (os error 2)";
     let expected = format!("device.toml:4:10: cannot read this file: gone/family.toml: {missing}");
     check("small/device.toml", "\"common\"", "\"gone\"", &expected);
-    let known = "`name`, `title`, `manual`, `reserved`, `parts`, `structures`";
+    let known = "`name`, `title`, `manual`, `reserved`, `phase`, `parts`, `structures`";
     let expected = format!("common/family.toml:2:1: unknown field `colour`, expected one of {known}");
     check("common/family.toml", "title = ", "colour = 1\ntitle = ", &expected);
     let expected = "common/family.toml:1:1: missing field `manual`";

@@ -4,6 +4,7 @@ mod families;
 mod gsd;
 mod meanings;
 mod objects;
+mod phases;
 mod ports;
 mod provenance;
 mod registers;

@@ -4,17 +4,18 @@ use super::Node;
 use crate::devices::cansync::firmware::init::InitFault;
 use crate::devices::cansync::records::{BaudRateMismatch, Command, CommandIgnored};
 use crate::devices::cansync::registers::CANsync_INIT_BMSTRUCT;
+use crate::devices::cansync::registers::phases;
 use crate::devices::cansync::registers::values::{clock_divider, cpu_control, output_control};
 use crate::devices::cansync::rules;
 use crate::devices::{Context, SyncSignal};
-use crate::layout::{Port, RegisterPhase};
+use crate::layout::Port;
 use core::mem::offset_of;
 
 /// Reports that the number at the DIP switches of the slave at `port` belongs to another station of its bus.
 pub(crate) fn report_number_taken(ctx: &mut Context, port: Option<&Port>, number: u8) {
     let Some(port) = port else { return };
     let offset = port.area.first as usize + offset_of!(CANsync_INIT_BMSTRUCT, w_OMEGA_NR);
-    ctx.find(&rules::NUMBER_TAKEN, RegisterPhase::Init, offset, number.into());
+    ctx.find(&rules::NUMBER_TAKEN, phases::INIT, offset, number.into());
 }
 
 impl Node {
@@ -40,7 +41,7 @@ impl Node {
                 regs.b_TIME_PATTERN.load(),
             ),
         };
-        ctx.find(rule, RegisterPhase::Init, offset, value.into());
+        ctx.find(rule, phases::INIT, offset, value.into());
     }
 
     /// Checks the two values that the manual requires for the CAN controller (p. 149). The bus is simulated, so other
@@ -59,7 +60,7 @@ impl Node {
         for (register, offset, right) in [output, clock] {
             let value = register.load();
             if value != right {
-                ctx.find(&rules::INIT_CONTROLLER, RegisterPhase::Init, offset, value.into());
+                ctx.find(&rules::INIT_CONTROLLER, phases::INIT, offset, value.into());
             }
         }
     }
@@ -76,7 +77,7 @@ impl Node {
             let (origin, node_kbit_s, bus_kbit_s) = (ctx.origin, timing.kbit_per_s, signal.kbit_s);
             ctx.report(BaudRateMismatch { origin, node_kbit_s, bus_kbit_s, passes_on: true });
             let offset = offset_of!(CANsync_INIT_BMSTRUCT, b_BT_0);
-            ctx.find(&rules::CLUSTER_BAUD_RATE, RegisterPhase::Init, offset, timing.b_BT_0.into());
+            ctx.find(&rules::CLUSTER_BAUD_RATE, phases::INIT, offset, timing.b_BT_0.into());
         }
     }
 

@@ -1,0 +1,80 @@
+//! Phases: which of the structures that overlay each other is valid.
+
+use super::{Area, Provenance};
+
+/// The phase in which a structure is valid. Structures may overlay each other, for example the one for the
+/// initialization of a port and the one for its operation.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[cfg_attr(feature = "emulator", derive(serde::Serialize, serde::Deserialize))]
+pub struct RegisterPhase(u8);
+
+impl RegisterPhase {
+    /// Always: the phase of structures that no other one overlays.
+    pub const ALWAYS: Self = Self(0);
+
+    /// Phase `number` of the layout's phases, from 1; 0 is [`ALWAYS`](Self::ALWAYS).
+    #[must_use]
+    pub const fn numbered(number: u8) -> Self {
+        Self(number)
+    }
+
+    /// The number of the phase, from 1; 0 is [`ALWAYS`](Self::ALWAYS).
+    #[must_use]
+    pub const fn number(self) -> u8 {
+        self.0
+    }
+
+    /// Whether a structure marked `self` is valid in phase `now`.
+    #[must_use]
+    pub fn is_valid_in(self, now: RegisterPhase) -> bool {
+        self == Self::ALWAYS || self == now
+    }
+}
+
+/// The phases of a layout, and the register that shows them.
+pub struct Phases {
+    /// Name of the register, which each structure with a phase has at the same offset.
+    pub register: &'static str,
+    /// Source of the values.
+    pub source: Provenance,
+    /// The phases in ascending order of their values; entry n is phase number n + 1.
+    pub phases: &'static [Phase],
+}
+
+/// A phase.
+pub struct Phase {
+    /// Name of the phase in layouts and exported files.
+    pub name: &'static str,
+    /// First value of the register in this phase, which ends before the first value of the next one.
+    pub from: u32,
+    /// The end of a sentence that begins "Valid".
+    pub doc: &'static str,
+}
+
+impl Area {
+    /// The phase while the register that shows it has the value `status`; `None`: the value is not known, and the last
+    /// phase is assumed, in which a device is operated.
+    #[must_use]
+    pub fn phase(&self, status: Option<u32>) -> RegisterPhase {
+        let Some(phases) = self.phases else { return RegisterPhase::ALWAYS };
+        let status = status.unwrap_or(u32::MAX);
+        RegisterPhase::numbered(phases.phases.partition_point(|phase| phase.from <= status) as u8)
+    }
+
+    /// The first phase, in which a device is at power-on.
+    #[must_use]
+    pub fn first_phase(&self) -> RegisterPhase {
+        self.phase(Some(0))
+    }
+
+    /// All phases in their order; only [`RegisterPhase::ALWAYS`] if no structure has a phase.
+    pub fn all_phases(&self) -> impl DoubleEndedIterator<Item = RegisterPhase> + use<> {
+        (self.first_phase().number()..=self.phase(None).number()).map(RegisterPhase::numbered)
+    }
+
+    /// Facts about a phase of this area; `None` for [`RegisterPhase::ALWAYS`].
+    #[must_use]
+    pub fn phase_facts(&self, phase: RegisterPhase) -> Option<&'static Phase> {
+        self.phases?.phases.get(usize::from(phase.number()).checked_sub(1)?)
+    }
+}
