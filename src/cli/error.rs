@@ -1,5 +1,6 @@
 //! Errors that end a command.
 
+use super::exit::{self, Exit};
 use super::time;
 use crate::devices::demo::DemoError;
 use crate::export::ExportError;
@@ -15,11 +16,35 @@ use std::io;
 use std::path::PathBuf;
 use thiserror::Error;
 
-#[derive(Debug, Error)]
-pub(crate) enum CliError {
+/// Defines the errors, each with its exit code: `Variant => Exit::X`, or `Variant(error) as error => (error) exit_of(error)`.
+macro_rules! errors {
+    ($(
+        $(#[$($attribute:tt)*])*
+        $variant:ident $({ $($fields:tt)* })? $(($($tuple:tt)*))? $(as $inner:ident)? => $exit:expr,
+    )*) => {
+        #[derive(Debug, Error)]
+        pub(crate) enum CliError {
+            $(
+                $(#[$($attribute)*])*
+                $variant $({ $($fields)* })? $(($($tuple)*))?,
+            )*
+        }
+
+        impl CliError {
+            /// Returns the exit code for this error.
+            pub(crate) fn exit_code(&self) -> u8 {
+                match self {
+                    $(Self::$variant { $(0: $inner,)? .. } => u8::from($exit),)*
+                }
+            }
+        }
+    };
+}
+
+errors! {
     /// A register or block that does not exist.
     #[error("{0}")]
-    Layout(#[from] LayoutError),
+    Layout(#[from] LayoutError) => Exit::WrongUse,
     /// An address that no device has.
     #[error(
         "`{text}` is not an address of any device: {known}; W is for words, D for double words, X and .bit for bits"
@@ -29,13 +54,13 @@ pub(crate) enum CliError {
         text: String,
         /// The addresses of the devices.
         known: String,
-    },
+    } => Exit::WrongUse,
     /// An export that does not exist.
-    #[error(transparent)]
-    Export(#[from] ExportError),
+    #[error("{0}")]
+    Export(#[from] ExportError) => Exit::WrongUse,
     /// A value that the register cannot hold.
-    #[error(transparent)]
-    Value(#[from] BadValue),
+    #[error("{0}")]
+    Value(#[from] BadValue) => Exit::WrongUse,
     /// A wrong argument with a reason specific to its command.
     #[error("`{text}`: {right}")]
     Argument {
@@ -43,13 +68,13 @@ pub(crate) enum CliError {
         text: String,
         /// The correct form.
         right: String,
-    },
+    } => Exit::WrongUse,
     /// A snapshot file that cannot be read, is not a snapshot, or cannot be written there.
     #[error("{}: {reason}", .path.display())]
-    Snapshot { path: PathBuf, reason: String },
+    Snapshot { path: PathBuf, reason: String } => Exit::WrongUse,
     /// An invalid setting of a board.
-    #[error(transparent)]
-    Board(#[from] BoardWordError),
+    #[error("{0}")]
+    Board(#[from] BoardWordError) => Exit::WrongUse,
     /// A register without a PLC in front, although the instance has several PLCs.
     #[error("{text}: instance '{instance}' has several PLCs ({plcs}); write for example {example}:{text}")]
     WhichPlc {
@@ -60,7 +85,7 @@ pub(crate) enum CliError {
         plcs: String,
         /// One of the PLCs.
         example: String,
-    },
+    } => Exit::WrongUse,
     /// A PLC that the instance does not have.
     #[error("instance '{instance}' has no PLC '{plc}'; its PLCs are: {plcs}")]
     UnknownPlc {
@@ -69,7 +94,7 @@ pub(crate) enum CliError {
         instance: String,
         /// All PLCs of the instance.
         plcs: String,
-    },
+    } => Exit::WrongUse,
     /// A bus that the instance does not have.
     #[error("instance '{instance}' has no bus '{bus}'; its buses are: {buses}")]
     UnknownBus {
@@ -78,21 +103,21 @@ pub(crate) enum CliError {
         instance: String,
         /// All buses of the instance.
         buses: String,
-    },
+    } => Exit::WrongUse,
     /// No instance of this name is running.
     #[error("instance '{instance}' is not running; start it with `commram run -i {instance}`{running}")]
     NotRunning {
         instance: String,
         /// Text with the names of the running instances.
         running: String,
-    },
+    } => Exit::NotThere,
     /// An instance to be ended is not running.
     #[error("instance '{instance}' is not running, so there is nothing to end{running}")]
     NothingToEnd {
         instance: String,
         /// Text with the names of the running instances.
         running: String,
-    },
+    } => Exit::NotThere,
     /// An emulator runs, but its images were removed.
     #[error(
         "instance '{instance}' runs{}, but its images were removed: no program can attach any more; end it with \
@@ -102,7 +127,7 @@ pub(crate) enum CliError {
         instance: String,
         /// The emulator's process, if it can be seen.
         pid: Option<u32>,
-    },
+    } => Exit::NotThere,
     /// An emulator runs without a channel.
     #[error(
         "instance '{instance}' runs{}, but has no channel, which this command needs; `commram peek`, `dump`, `diff` and \
@@ -113,10 +138,10 @@ pub(crate) enum CliError {
         instance: String,
         /// The emulator's process, if it can be seen.
         pid: Option<u32>,
-    },
+    } => Exit::NotThere,
     /// Other users can write to the directory of an instance to be ended, and no held lock shows an emulator.
-    #[error(transparent)]
-    OpenDirectory(MemoryError),
+    #[error("{0}")]
+    OpenDirectory(MemoryError) => Exit::Failed,
     /// Only the files of a killed emulator are left.
     #[error(
         "instance '{instance}' is dead, its emulator (process {pid}) was killed; start it again with \
@@ -126,7 +151,7 @@ pub(crate) enum CliError {
         instance: String,
         /// The process id of the emulator.
         pid: u32,
-    },
+    } => Exit::NotThere,
     /// The search text does not occur in the register map.
     #[error("nothing in the register map of {device} has `{text}` in its name, meaning or values{hint}")]
     NotFound {
@@ -135,7 +160,7 @@ pub(crate) enum CliError {
         device: &'static str,
         /// Similar names.
         hint: String,
-    },
+    } => Exit::Failed,
     /// A register did not reach the expected value.
     #[error("{} did not become {} within {}; at {} it holds {}", .unmet.place, .unmet.wanted, time::short(*.within_us), time::seconds(*.time_us), .unmet.found)]
     NotMet {
@@ -145,7 +170,7 @@ pub(crate) enum CliError {
         within_us: u64,
         /// Emulated time at the end.
         time_us: u64,
-    },
+    } => Exit::Failed,
     /// Several conditions were not true at the same moment, or none of them became true.
     #[error(
         "{} within {}; at {}:{}", if *.any { "none of these became true" } else { "these were not true at the same moment" },
@@ -159,7 +184,7 @@ pub(crate) enum CliError {
         within_us: u64,
         /// Emulated time at the end.
         time_us: u64,
-    },
+    } => Exit::Failed,
     /// The emulator advances the clock for another client.
     #[error(
         "instance '{instance}' did not handle the request within {after_ms} ms: it advances the clock for another command and is at {}{}",
@@ -173,7 +198,7 @@ pub(crate) enum CliError {
         time_us: u64,
         /// The task or guest for which the clock waits, if any.
         waits_for: Option<String>,
-    },
+    } => Exit::NotThere,
     /// The emulator did not end although it was asked to.
     #[error(
         "instance '{instance}'{} has not ended within {seconds} s; kill it and remove its files with \
@@ -185,90 +210,87 @@ pub(crate) enum CliError {
         pid: Option<u32>,
         /// How long the command waited, in real seconds.
         seconds: u64,
-    },
+    } => Exit::Failed,
     /// An emulator has ended and lost data.
     #[error(
         "instance '{instance}' has stopped, but could not write NOVRAM: the last changes are lost; the reason is in its \
          output, or in the file of --log"
     )]
-    Unsaved { instance: String },
+    Unsaved { instance: String } => Exit::Failed,
     /// A fault with invalid fields, or for another plant.
-    #[error(transparent)]
-    Fault(#[from] FaultError),
+    #[error("{0}")]
+    Fault(#[from] FaultError) => Exit::WrongUse,
     /// The channel.
-    #[error(transparent)]
-    Client(#[from] crate::channel::ClientError),
+    #[error("{0}")]
+    Client(#[from] crate::channel::ClientError) as error => exit::of_client(error),
     /// The emulator's end of the channel.
-    #[error(transparent)]
-    Server(#[from] crate::channel::ServerError),
+    #[error("{0}")]
+    Server(#[from] crate::channel::ServerError) => Exit::NotThere,
     /// The image files.
-    #[error(transparent)]
-    Memory(#[from] MemoryError),
+    #[error("{0}")]
+    Memory(#[from] MemoryError) as error => exit::of_memory(error),
     /// The plant file.
-    #[error(transparent)]
-    Plant(#[from] PlantError),
+    #[error("{0}")]
+    Plant(#[from] PlantError) => Exit::WrongUse,
     /// The emulator.
-    #[error(transparent)]
-    Runtime(#[from] RuntimeError),
+    #[error("{0}")]
+    Runtime(#[from] RuntimeError) as error => exit::of_runtime(error),
     /// The other federates cannot be reached.
-    #[error(transparent)]
-    Helics(#[from] crate::helics::HelicsError),
+    #[error("{0}")]
+    Helics(#[from] crate::helics::HelicsError) => Exit::NotThere,
     /// The device has no demonstration.
     #[error("there is no demonstration of {device}; `commram demo` shows one of another device")]
-    NoDemo { device: &'static str },
+    NoDemo { device: &'static str } => Exit::WrongUse,
     /// The demonstration failed.
     #[error("{0}")]
-    Demo(String),
+    Demo(String) => Exit::Failed,
     /// The user has interrupted the command.
     #[error("interrupted")]
-    Interrupted,
+    Interrupted => Exit::Interrupted,
     /// The error has been printed already.
     #[error("see above")]
-    Reported,
+    Reported => Exit::Failed,
     /// The result of another process, or a signal, decides the exit code; nothing is printed.
     #[error("see above")]
-    Ended {
-        /// The exit code.
-        code: u8,
-    },
+    Ended(u8) as code => *code,
     /// Wrong use that has been reported already.
     #[error("see above")]
-    ReportedWrongUse,
+    ReportedWrongUse => Exit::WrongUse,
     /// An invalid text of a fault.
-    #[error(transparent)]
-    FaultWord(#[from] crate::fault::WordError),
+    #[error("{0}")]
+    FaultWord(#[from] crate::fault::WordError) => Exit::WrongUse,
     /// The emulator sent an unexpected reply.
-    #[error(transparent)]
-    WrongReply(#[from] crate::request::WrongReply),
+    #[error("{0}")]
+    WrongReply(#[from] crate::request::WrongReply) => Exit::NotThere,
     /// A scenario cannot be started.
-    #[error(transparent)]
-    Scenario(#[from] crate::script::ScenarioError),
+    #[error("{0}")]
+    Scenario(#[from] crate::script::ScenarioError) => Exit::Failed,
     /// The plant cannot be packed into a unit for co-simulation.
-    #[error(transparent)]
-    Fmu(Box<crate::fmi::ArchiveError>),
+    #[error("{0}")]
+    Fmu(Box<crate::fmi::ArchiveError>) => Exit::WrongUse,
     /// A process cannot be started or watched.
     #[error("cannot handle a process: {reason}{}", limits::named(.reason))]
-    Process { reason: io::Error },
+    Process { reason: io::Error } => Exit::NotThere,
     /// Signals cannot be caught.
     #[error("cannot catch signals: {reason}{}", limits::named(.reason))]
-    Signals { reason: io::Error },
+    Signals { reason: io::Error } => Exit::NotThere,
     /// There is no terminal to draw on.
     #[error("`{command}` needs a terminal for its input and its output; `commram watch` needs none")]
-    NoTerminal { command: &'static str },
+    NoTerminal { command: &'static str } => Exit::WrongUse,
     /// The standard output cannot be written.
     #[error("cannot write the output: {reason}{}; everything else is done", limits::named(.reason))]
-    Output { reason: io::Error },
+    Output { reason: io::Error } => Exit::NoOutput,
     /// A file cannot be written.
     #[error("cannot write {}: {reason}{}", .path.display(), limits::named(.reason))]
-    File { path: PathBuf, reason: io::Error },
+    File { path: PathBuf, reason: io::Error } => Exit::NotThere,
     /// An input file that cannot be read, or does not have the expected format.
     #[error("cannot read {}: {reason}", .path.display())]
-    Unreadable { path: PathBuf, reason: String },
+    Unreadable { path: PathBuf, reason: String } => Exit::WrongUse,
     /// Declarations that cannot be imported into the layout.
-    #[error(transparent)]
-    Import(#[from] ImportError),
-    #[error(transparent)]
-    LayoutFiles(#[from] commram_layoutc::Error),
+    #[error("{0}")]
+    Import(#[from] ImportError) as error => exit::of_import(error),
+    #[error("{0}")]
+    LayoutFiles(#[from] commram_layoutc::Error) => Exit::WrongUse,
     /// The layout files differ from the layout files that this program was built from.
     #[error(
         "{} has register map 16#{found:016X}, this commram {} was built with {built}; build it again there \
@@ -281,13 +303,13 @@ pub(crate) enum CliError {
         found: u64,
         /// Hashes of the built-in register maps.
         built: String,
-    },
+    } => Exit::WrongUse,
     /// The file is not a dump, or cannot be read.
     #[error("{name} is not a dump: {reason}; `commram dump --format json` writes one")]
-    NoDump { name: String, reason: String },
+    NoDump { name: String, reason: String } => Exit::WrongUse,
     /// The reader has closed the standard output.
     #[error("the output has no reader")]
-    BrokenPipe,
+    BrokenPipe => Exit::Done,
 }
 
 /// One line per condition: the value of its register, and the expected value.
@@ -303,7 +325,7 @@ fn lines(conditions: &[super::wait::UnmetCondition]) -> String {
 impl CliError {
     /// True if the error needs no further message.
     pub(crate) fn is_reported(&self) -> bool {
-        matches!(self, Self::Reported | Self::ReportedWrongUse | Self::Ended { .. } | Self::BrokenPipe)
+        matches!(self, Self::Reported | Self::ReportedWrongUse | Self::Ended(_) | Self::BrokenPipe)
     }
 }
 

@@ -1,6 +1,5 @@
 //! Exit codes of all commands. The help and the documentation repeat this list word for word.
 
-use super::error::CliError;
 use crate::coupling::CouplingError;
 use crate::federation::FederationError;
 use crate::memory::MemoryError;
@@ -45,94 +44,57 @@ impl Exit {
     }
 }
 
-impl CliError {
-    /// Returns the exit code for this error.
-    pub(crate) fn exit_code(&self) -> u8 {
-        match self {
-            Self::Ended { code } => *code,
-            other => other.exit().code(),
-        }
-    }
-
-    fn exit(&self) -> Exit {
-        match self {
-            Self::NoTerminal { .. } | Self::Fmu(_) | Self::Unreadable { .. } => Exit::WrongUse,
-            Self::Layout(_)
-            | Self::NoDeviceHas { .. }
-            | Self::Export(_)
-            | Self::Value(_)
-            | Self::Argument { .. }
-            | Self::Board(_)
-            | Self::WhichPlc { .. }
-            | Self::UnknownPlc { .. }
-            | Self::ReportedWrongUse
-            | Self::FaultWord(_)
-            | Self::NoDump { .. }
-            | Self::Snapshot { .. }
-            | Self::NoDemo { .. }
-            | Self::LayoutFiles(_)
-            | Self::OtherLayout { .. }
-            | Self::Import(
-                ImportError::Layout(_)
-                | ImportError::Declaration(_)
-                | ImportError::NothingDeclared { .. }
-                | ImportError::Called { .. },
-            )
-            | Self::Plant(_)
-            | Self::Fault(_)
-            | Self::Memory(MemoryError::BadName { .. })
-            | Self::Runtime(
-                RuntimeError::Plant(_)
-                | RuntimeError::Speed { .. }
-                | RuntimeError::Memory(MemoryError::BadName { .. }),
-            ) => Exit::WrongUse,
-            Self::UnknownBus { .. } => Exit::WrongUse,
-            Self::Runtime(RuntimeError::Federation(
-                FederationError::OtherCount { .. }
-                | FederationError::OtherPlant { .. }
-                | FederationError::OtherVersion { .. }
-                | FederationError::NobodyLeads
-                | FederationError::Coupling(
-                    CouplingError::File { .. } | CouplingError::Unknown { .. } | CouplingError::Unfit { .. },
-                ),
-            )) => Exit::WrongUse,
-            Self::Runtime(RuntimeError::Federation(
-                FederationError::Exchange(_) | FederationError::Silent { .. } | FederationError::Coupling(_),
-            )) => Exit::NotThere,
-            Self::Helics(_) => Exit::NotThere,
-            Self::Import(_)
-            | Self::Reported
-            | Self::Ended { .. }
-            | Self::NotFound { .. }
-            | Self::StillThere { .. }
-            | Self::OpenDirectory(_)
-            | Self::Unsaved { .. }
-            | Self::Demo(_)
-            | Self::Runtime(_)
-            | Self::Memory(MemoryError::AlreadyRunning { .. } | MemoryError::InstanceTaken { .. }) => {
-                Exit::Failed
-            }
-            Self::NotMet { .. } | Self::NoneMet { .. } | Self::Scenario(_) => Exit::Failed,
-            Self::NotRunning { .. }
-            | Self::NothingToEnd { .. }
-            | Self::NoImages { .. }
-            | Self::NoChannel { .. }
-            | Self::Dead { .. }
-            | Self::Memory(_)
-            | Self::Process { .. }
-            | Self::Signals { .. }
-            | Self::File { .. } => Exit::NotThere,
-            Self::Output { .. } => Exit::NoOutput,
-            Self::Client(error) => of_client(error),
-            Self::Server(_) | Self::WrongReply(_) | Self::Busy { .. } => Exit::NotThere,
-            Self::Interrupted => Exit::Interrupted,
-            // The reader of our output has closed it, as in `commram map | head`.
-            Self::BrokenPipe => Exit::Done,
-        }
+impl From<Exit> for u8 {
+    fn from(exit: Exit) -> Self {
+        exit.code()
     }
 }
 
-fn of_client(error: &crate::channel::ClientError) -> Exit {
+pub(super) fn of_memory(error: &MemoryError) -> Exit {
+    match error {
+        MemoryError::BadName { .. } => Exit::WrongUse,
+        MemoryError::AlreadyRunning { .. } | MemoryError::InstanceTaken { .. } => Exit::Failed,
+        _ => Exit::NotThere,
+    }
+}
+
+pub(super) fn of_runtime(error: &RuntimeError) -> Exit {
+    match error {
+        RuntimeError::Plant(_)
+        | RuntimeError::Speed { .. }
+        | RuntimeError::Memory(MemoryError::BadName { .. }) => Exit::WrongUse,
+        RuntimeError::Federation(error) => of_federation(error),
+        _ => Exit::Failed,
+    }
+}
+
+fn of_federation(error: &FederationError) -> Exit {
+    match error {
+        FederationError::OtherCount { .. }
+        | FederationError::OtherPlant { .. }
+        | FederationError::OtherVersion { .. }
+        | FederationError::NobodyLeads
+        | FederationError::Coupling(
+            CouplingError::File { .. } | CouplingError::Unknown { .. } | CouplingError::Unfit { .. },
+        ) => Exit::WrongUse,
+        FederationError::Exchange(_) | FederationError::Silent { .. } | FederationError::Coupling(_) => {
+            Exit::NotThere
+        }
+        _ => Exit::Failed,
+    }
+}
+
+pub(super) fn of_import(error: &ImportError) -> Exit {
+    match error {
+        ImportError::Layout(_)
+        | ImportError::Declaration(_)
+        | ImportError::NothingDeclared { .. }
+        | ImportError::Called { .. } => Exit::WrongUse,
+        _ => Exit::Failed,
+    }
+}
+
+pub(super) fn of_client(error: &crate::channel::ClientError) -> Exit {
     use crate::channel::ClientError;
     use crate::request::Code;
     match error {
@@ -147,6 +109,7 @@ fn of_client(error: &crate::channel::ClientError) -> Exit {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cli::error::CliError;
 
     /// The help is generated from the list; the documentation page repeats it.
     #[test]
@@ -171,7 +134,7 @@ mod tests {
         assert_eq!(CliError::ReportedWrongUse.exit_code(), 2);
         assert_eq!(CliError::Output { reason: std::io::ErrorKind::StorageFull.into() }.exit_code(), 4);
         assert_eq!(CliError::Interrupted.exit_code(), 130);
-        assert_eq!(CliError::Ended { code: 42 }.exit_code(), 42);
+        assert_eq!(CliError::Ended(42).exit_code(), 42);
     }
 
     #[test]

@@ -119,7 +119,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     }));
     emulator.run()?;
     if by_ctrl_c.load(Ordering::Relaxed) {
-        return Err(CliError::Ended { code: Exit::Interrupted.code() });
+        return Err(CliError::Ended(Exit::Interrupted.code()));
     }
     match printed {
         Err(error @ CliError::Output { .. }) => Err(error),

@@ -61,7 +61,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
 
 /// Ends the shell with this exit code.
 fn ended(code: u8) -> Result<(), CliError> {
-    if code == Exit::Done.code() { Ok(()) } else { Err(CliError::Ended { code }) }
+    if code == Exit::Done.code() { Ok(()) } else { Err(CliError::Ended(code)) }
 }
 
 struct Shell {
@@ -97,7 +97,7 @@ impl Shell {
                 LineResult::Enough(code) => return ended(code),
                 LineResult::Failed(code) => {
                     output::complain(&format!("line {begin} failed; the lines after it were not executed"));
-                    return Err(CliError::Ended { code });
+                    return Err(CliError::Ended(code));
                 }
             }
             if is_last {

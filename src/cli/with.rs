@@ -91,7 +91,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         Err(reason) => {
             output::complain(&format!("cannot run {}: {reason}", program.display()));
             let missing = reason.kind() == io::ErrorKind::NotFound;
-            CliError::Ended { code: if missing { NO_SUCH_COMMAND } else { CANNOT_RUN } }
+            CliError::Ended(if missing { NO_SUCH_COMMAND } else { CANNOT_RUN })
         }
     };
     if let Err(error) = outcome {
@@ -103,7 +103,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
 /// Ends this process in the same way as another process has ended.
 pub(crate) fn ended_like(status: ExitStatus) -> CliError {
     let code = status.code().or_else(|| Some(BY_SIGNAL + status.signal()?));
-    CliError::Ended { code: code.and_then(|code| u8::try_from(code).ok()).unwrap_or(u8::MAX) }
+    CliError::Ended(code.and_then(|code| u8::try_from(code).ok()).unwrap_or(u8::MAX))
 }
 
 /// Passes signals on to a process by its pidfd. The terminal sends Ctrl-C to the command directly. The signal of

@@ -102,7 +102,7 @@ fn print_as<T: Default + AsRef<[u8]>>(
             PauseEnd::Time => {}
             PauseEnd::Signal => {
                 trace.end()?;
-                return Err(CliError::Ended { code: Exit::Interrupted.code() });
+                return Err(CliError::Ended(Exit::Interrupted.code()));
             }
             PauseEnd::OutputClosed => return Err(CliError::BrokenPipe),
         }

@@ -108,7 +108,7 @@ pub(super) fn run(mut model: Model, instance: &str) -> Result<(), CliError> {
         other => other.map_err(|reason| CliError::Output { reason })?,
     }
     if model.is_interrupted || ended.load(Ordering::Relaxed) {
-        Err(CliError::Ended { code: Exit::Interrupted.code() })
+        Err(CliError::Ended(Exit::Interrupted.code()))
     } else {
         Ok(())
     }

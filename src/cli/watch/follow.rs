@@ -41,7 +41,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     loop {
         match pause.wait()? {
             PauseEnd::Time => {}
-            PauseEnd::Signal => return Err(CliError::Ended { code: Exit::Interrupted.code() }),
+            PauseEnd::Signal => return Err(CliError::Ended(Exit::Interrupted.code())),
             PauseEnd::OutputClosed => return Err(CliError::BrokenPipe),
         }
         let mut changes = match PollResult::of(read(&session, &mut from, &mut turn), args.instance.name())? {
