@@ -94,18 +94,9 @@ pub(crate) fn restore(args: &RestoreArgs) -> Result<(), CliError> {
 
     let session = Session::open(&args.instance, 0)?;
     let bytes = load(&args.file)?.to_bytes();
-    let mut ops = Vec::with_capacity(MAX_OPS);
-    for (index, part) in bytes.chunks(16).enumerate() {
-        let mut room = [0; 16];
-        room.iter_mut().zip(part).for_each(|(to, from)| *to = *from);
-        ops.push(Op::BringSaved { at: (16 * index) as u32, count: part.len() as u8, bytes: room });
-        if ops.len() == MAX_OPS {
-            session.request(&ops)?;
-            ops.clear();
-        }
-    }
-    if !ops.is_empty() {
-        session.request(&ops)?;
+    let ops: Vec<_> = Op::bring(&bytes).collect();
+    for ops in ops.chunks(MAX_OPS) {
+        session.request(ops)?;
     }
     let time_us = session.ask(Op::Restore { detached: args.detached })?.time()?;
     output::print(&format!("{}\n", time::seconds(time_us)))

@@ -7,24 +7,23 @@
 //! Rules: operations of one request run in order and stop at the first refusal; with a stepped clock, earlier requests
 //! to the boards are answered first ([`Host::begin_request`]).
 
-mod doors;
-mod drives;
 mod exec;
 mod host;
 mod naming;
 mod op;
+mod ops;
 mod part;
 mod refused;
 mod register;
 mod reply;
-mod scene;
 #[cfg(test)]
 pub(crate) mod testing;
 mod travel;
 
 pub use exec::Execution;
 pub use host::Host;
-pub use op::{MAX_ADVANCE_US, MAX_CONDITIONS, MAX_OPS, MAX_RANGE, MAX_RECORDS, Op};
+pub use op::{FilePart, MAX_ADVANCE_US, MAX_CONDITIONS, MAX_OPS, MAX_RANGE, MAX_RECORDS, Op};
+pub(crate) use ops::ops;
 pub use part::{JournalPart, read_journal};
 pub use refused::{Code, Refused};
 pub use reply::{BusScene, BusState, DriveEntry, InstanceInfo, Reply, Station, Stranger, Waited, WrongReply};

@@ -1,5 +1,5 @@
 use super::*;
-use crate::channel::wire::{self, kind};
+use crate::channel::wire;
 use crate::memory::Width;
 use crate::request::testing::{RAM, TestHost};
 use crate::request::{MAX_RANGE, Reply, Waited};
@@ -61,7 +61,7 @@ fn a_malformed_operation_is_named_and_ends_the_request() {
     let expected = "operation 1 of the request is malformed (the kind is 16#63); do client and emulator have the \
                     same version?";
     assert_eq!(refusal(&got), (Code::MALFORMED, expected));
-    let fault = WireOp { kind: kind::FAULT_ADD, plc: 99, ..WireOp::default() };
+    let fault = WireOp { kind: 20, plc: 99, ..WireOp::default() };
     let got = all(&mut host, &[fault]);
     assert!(refusal(&got).1.contains("(the fault is 16#63)"), "{got:?}");
 }

@@ -1,6 +1,6 @@
 //! Faults on the wire: in an operation, and with their status in a list.
 
-use super::{WireOp, kind, serde_types};
+use super::{WireOp, serde_types};
 use crate::devices;
 use crate::fault::{Draft, Fault, FaultStatus, Kind, Limit, MAX_BITS, MAX_FIELDS, Target, Values};
 use serde::{Deserialize, Serialize};
@@ -82,22 +82,28 @@ impl WireFault {
     }
 }
 
-/// The operation that adds `fault`: its kind, followed by the fault.
-pub(super) fn encode(fault: &Fault) -> WireOp {
-    let mut op = WireOp { kind: kind::FAULT_ADD, ..WireOp::default() };
+/// All columns of an operation after the kind.
+pub(super) type Columns = (u16, u16, u16, u32, u32, u32, u32, u64);
+
+/// Encodes the fault in the bytes of the columns.
+pub(super) fn encode(fault: &Fault) -> Columns {
+    let mut op = WireOp::default();
     let bytes = serde_types::encode(&WireFault::from(fault));
     if let Some(room) = op.as_mut_bytes().get_mut(size_of::<u16>()..).and_then(|it| it.get_mut(..bytes.len()))
     {
         room.copy_from_slice(&bytes);
     }
-    op
+    let WireOp { kind: _, plc, width, node, offset, value, second, reserved, time_us } = op;
+    (plc, width, node, offset, value, second, reserved, time_us)
 }
 
 /// Decodes the fault. The caller checks that no bytes follow it.
 ///
 /// # Errors
 /// The number of an unknown kind of fault, or of a kind that does not allow this fault.
-pub(super) fn decode(wire: &WireOp) -> Result<Fault, u8> {
+pub(super) fn decode(columns: Columns) -> Result<Fault, u8> {
+    let (plc, width, node, offset, value, second, reserved, time_us) = columns;
+    let wire = WireOp { kind: 0, plc, width, node, offset, value, second, reserved, time_us };
     let bytes = wire.as_bytes().get(size_of::<u16>()..).unwrap_or_default();
     let number = u8::read_from_prefix(bytes).map_or(0, |(number, _)| number);
     serde_types::decode_first::<WireFault>(bytes).and_then(|fault| fault.fault()).ok_or(number)
@@ -130,7 +136,9 @@ impl WireStatus {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::channel::wire::BadField;
     use crate::fault::MAX_AT_US;
+    use crate::request::Op;
 
     /// The longest fault of every kind fits into an operation: with the end of every range, and all values.
     #[test]
@@ -143,7 +151,7 @@ mod tests {
             draft.at_us = MAX_AT_US;
             draft.duration_us = Some(crate::fault::MAX_DURATION_US.into());
             let fault = draft.check().unwrap();
-            assert_eq!(decode(&encode(&fault)), Ok(fault));
+            assert_eq!(decode(encode(&fault)), Ok(fault));
         }
     }
 
@@ -152,20 +160,20 @@ mod tests {
     fn hostile_bytes_are_refused_with_the_kind() {
         let kind = devices::fault_kinds()[0];
         let fault = Draft::new(kind, Target::Bus(0)).check().unwrap();
-        let op = encode(&fault);
+        let op = WireOp::from(&Op::FaultAdd { fault });
         for (at, byte) in (2..32).flat_map(|at| (0..=u8::MAX).map(move |byte| (at, byte))) {
             let mut wire = op;
             wire.as_mut_bytes()[at] = byte;
-            match decode(&wire) {
-                Ok(other) => {
-                    assert_eq!(
-                        WireFault::from(&other),
-                        serde_types::decode_first(&wire.as_bytes()[2..]).unwrap()
-                    )
+            let first = wire.as_bytes()[2].into();
+            match Op::try_from(wire) {
+                Ok(Op::FaultAdd { fault }) => {
+                    let sent = serde_types::decode_first(&wire.as_bytes()[2..]).unwrap();
+                    assert_eq!(WireFault::from(&fault), sent);
                 }
-                Err(number) => assert_eq!(number, wire.as_bytes()[2]),
+                Ok(other) => panic!("{other:?}"),
+                Err(BadField { field: "an unused field", .. }) => {}
+                Err(error) => assert_eq!(error, BadField { field: "the fault", value: first }),
             }
         }
-        assert_eq!(decode(&WireOp { kind: kind::FAULT_ADD, plc: 99, ..WireOp::default() }), Err(99));
     }
 }

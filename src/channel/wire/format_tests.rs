@@ -1,18 +1,20 @@
 //! The bytes of each operation and each reply, as `tests/formats/channel-<version>` keeps them.
 
 use super::*;
+use crate::can::Frame;
 use crate::devices::samples::tables::phases;
 use crate::devices::{self, DriveDetails, DriveState, Interval, ParameterState, Slot};
 use crate::door::{DoorSpec, DoorState, GuestState};
 use crate::fault::{Draft, Fault, FaultStatus, MAX_FIELDS, Target};
 use crate::format_samples::assert_only_added;
-use crate::journal::{By, Change, Changed, Entry, Finding, How, Names, Record, Turn, Unforce};
-use crate::layout::RegisterPhase;
+use crate::journal::{By, Change, Changed, Entry, Finding, How, Keep, Names, Record, Turn, Unforce};
+use crate::layout::{Compare, RegisterPhase, Test};
 use crate::memory::header::BoardSetting;
 use crate::plant::Forced;
 use crate::request::{
-    BusScene, BusState, Code, DriveEntry, InstanceInfo, Refused, Reply, Station, Stranger, Waited,
+    BusScene, BusState, Code, DriveEntry, FilePart, InstanceInfo, Refused, Reply, Station, Stranger, Waited,
 };
+use core::num::NonZeroU16;
 use std::fmt::Write;
 
 const TCP: DoorSpec =
@@ -43,7 +45,7 @@ fn ops() -> Vec<(String, Op)> {
     let (plc, offset, width) = (3, 200_002, Width::Word);
     let test = |compare, is_signed| Test { mask: 0xFF, compare, is_signed, value: 5 };
     let frame = Frame::of_numbers(0x123, 3, 0x33_2211).unwrap();
-    let bytes = core::array::from_fn(|n| if n < 3 { n as u8 + 1 } else { 0 });
+    let part = FilePart::new(&[1, 2, 3]).unwrap();
     let mut ops = vec![
         Op::Peek { plc, offset, width },
         Op::Poke { plc, offset, width, value: 5 },
@@ -83,7 +85,7 @@ fn ops() -> Vec<(String, Op)> {
         Op::Save,
         Op::Forget { number: 2 },
         Op::ReadSaved { number: 2, from: 65_536 },
-        Op::BringSaved { at: 32, count: 3, bytes },
+        Op::BringSaved { at: 32, part },
         Op::Restore { detached: true },
         Op::BackTo { number: 2, detached: true },
         Op::Back { us: 5_000, detached: true },

@@ -2,10 +2,11 @@ use super::*;
 use crate::devices;
 use crate::devices::samples::tables::NODES as DEVICE;
 use crate::fault::{Fault, FaultSpec, FaultStatus};
-use crate::layout::{DeviceFit, Place};
+use crate::layout::{Compare, DeviceFit, Place};
 use crate::memory::Width;
-use crate::request::MAX_ADVANCE_US;
+use crate::plant::Forced;
 use crate::request::testing::{RAM, TestHost};
+use crate::request::{Code, MAX_ADVANCE_US, MAX_CONDITIONS, MAX_RANGE, Waited};
 use core::num::NonZeroU16;
 
 const REG: u32 = RAM.start + 100;

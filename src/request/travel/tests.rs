@@ -3,7 +3,7 @@
 use super::*;
 use crate::layout::{Compare, Test, Width};
 use crate::request::testing::{RAM, TestHost};
-use crate::request::{MAX_RANGE, Op, Reply, Waited};
+use crate::request::{FilePart, MAX_RANGE, Op, Reply, Waited};
 
 const WORD: Width = Width::Word;
 
@@ -227,17 +227,14 @@ fn snapshots_have_numbers_and_come_and_go_in_parts() {
     assert!(host.plant.snapshot() == saved);
     // Another instance of the same plant.
     let mut other = TestHost::new(true);
-    for (index, part) in bytes.chunks(16).enumerate() {
-        let mut room = [0; 16];
-        room[..part.len()].copy_from_slice(part);
-        let bring = Op::BringSaved { at: 16 * index as u32, count: part.len() as u8, bytes: room };
+    for bring in Op::bring(&bytes) {
         assert_eq!(other.request(&[bring]), [Reply::Written]);
     }
     assert_eq!(other.request(&[Op::Restore { detached: false }]), [Reply::Time(9_000)]);
     assert!(other.plant.snapshot() == saved);
     assert_eq!(other.refusal(back(1)).0, Code::NOT_SO_FAR, "its way begins here");
     assert_eq!(other.refusal(Op::Restore { detached: false }).0, Code::SNAPSHOT, "nothing was brought");
-    assert_eq!(other.refusal(Op::BringSaved { at: 16, count: 0, bytes: [0; 16] }).0, Code::SNAPSHOT);
+    assert_eq!(other.refusal(Op::BringSaved { at: 16, part: FilePart::default() }).0, Code::SNAPSHOT);
     host.request(&[Op::Forget { number }]);
     assert_eq!(host.refusal(Op::BackTo { number, detached: false }).0, Code::SNAPSHOT);
 }

@@ -1,0 +1,104 @@
+//! Buses and the doors to them.
+
+use super::Work;
+use crate::can::Frame;
+use crate::devices;
+use crate::devices::{Bus, GuestRefusal, ParticipantId, StationState};
+use crate::door::{DoorSpec, Doors};
+use crate::journal::Source;
+use crate::request::{BusState, Code, Host, Refused, Reply, Station, Stranger};
+
+/// Period over which the load of a bus is measured, in emulated microseconds.
+const LOAD_US: u64 = 100_000;
+
+impl Work<'_> {
+    pub(super) fn buses(&mut self) -> Result<Reply, Refused> {
+        let host = &*self.host;
+        let doors = |bus| host.doors_seen().map_or_else(Vec::new, |doors| doors.of_bus(bus));
+        let names = host.plant().names();
+        let station = |it: StationState| Station {
+            name: names.source(Source::Node(it.origin)),
+            address: it.address,
+            state: it.does.unwrap_or_else(|| it.errors.state().name()).to_owned(),
+            transmit_errors: it.errors.transmit(),
+            receive_errors: it.errors.receive(),
+        };
+        let stranger = |it: devices::Stranger| {
+            let name = match it.participant {
+                ParticipantId::Port(origin) => names.source(Source::Node(origin)),
+                ParticipantId::Own(name) => name,
+            };
+            Stranger { name, bit_s: it.bit_s }
+        };
+        let port = |origin| names.source(Source::Node(origin));
+        let state = |bus: usize, medium: &dyn Bus| BusState {
+            name: medium.name().to_owned(),
+            kind: medium.family().to_owned(),
+            bit_s: medium.bit_s(),
+            load_permille: host.plant().bus_load(bus, LOAD_US),
+            ports: host.plant().ports_at(bus).into_iter().map(port).collect(),
+            doors: doors(bus as u16),
+            stations: medium.stations().into_iter().map(station).collect(),
+            strangers: medium.strangers().into_iter().map(stranger).collect(),
+        };
+        let media = host.plant().media().iter().enumerate();
+        Ok(Reply::Buses(media.map(|(bus, medium)| state(bus, &**medium)).collect()))
+    }
+
+    pub(super) fn door_open(&mut self, bus: u16, door: DoorSpec) -> Result<Reply, Refused> {
+        let host = &mut *self.host;
+        known(host, bus)?;
+        let family = host.plant().media().get(usize::from(bus)).map_or("", |medium| medium.family());
+        devices::door_fits(family, door).map_err(|text| Refused::new(Code::DOOR, text))?;
+        let opened = doors_of(host, bus)?.open(bus, door);
+        opened.map(Reply::DoorOpened).map_err(|error| Refused::new(Code::DOOR, error))
+    }
+
+    pub(super) fn door_close(&mut self, bus: u16, door: Option<DoorSpec>) -> Result<Reply, Refused> {
+        let host = &mut *self.host;
+        let count = doors_of(host, bus)?.close(bus, door);
+        match door {
+            Some(door) if count == 0 => {
+                let name = host.plant().media().get(usize::from(bus)).map_or("", |medium| medium.name());
+                let text = format_args!("bus '{name}' has no door {door}");
+                Err(Refused::new(Code::DOOR, text))
+            }
+            _ => Ok(Reply::DoorsClosed { count: count as u16 }),
+        }
+    }
+
+    pub(super) fn bus_send(&mut self, bus: u16, frame: Option<Frame>) -> Result<Reply, Refused> {
+        let host = &mut *self.host;
+        known(host, bus)?;
+        let taken = host.plant_mut().take_part(bus, frame.as_ref());
+        taken.map(|()| Reply::Written).map_err(|refusal| {
+            let medium = host.plant().media().get(usize::from(bus));
+            let (name, family) = medium.map_or(("", ""), |medium| (medium.name(), medium.family()));
+            let text = match refusal {
+                GuestRefusal::Full => format!("bus '{name}': as many frames as a controller holds wait to be sent already"),
+                GuestRefusal::TooFarAhead { seconds } => {
+                    format!("bus '{name}': the time of the telegram lies {seconds} s ahead; it may be 60 s at most")
+                }
+                GuestRefusal::NotHere => format!(
+                    "bus '{name}' does not take this frame: it is a {family} bus, which may not have such frames, or no master runs it"
+                ),
+            };
+            Refused::new(Code::FRAME, text)
+        })
+    }
+}
+
+fn known(host: &dyn Host, bus: u16) -> Result<(), Refused> {
+    let known = host.plant().media().len();
+    if usize::from(bus) < known {
+        return Ok(());
+    }
+    let text = format_args!("there is no bus number {bus}; the instance has {known}, counted from 0");
+    Err(Refused::new(Code::UNKNOWN_BUS, text))
+}
+
+fn doors_of(host: &mut dyn Host, bus: u16) -> Result<&mut Doors, Refused> {
+    known(host, bus)?;
+    let text = "a plant in a scenario's own process has no doors; run it by `commram run`";
+    host.doors().ok_or_else(|| Refused::new(Code::NO_DOORS, text))
+}

@@ -1,0 +1,45 @@
+//! Operations on what the plant records: journal, changes of registers, findings.
+
+use super::Work;
+use super::range::{not_followed, ranged};
+use crate::journal::Keep;
+use crate::request::register::known_plc;
+use crate::request::{MAX_RECORDS, Refused, Reply};
+
+impl Work<'_> {
+    /// If the records reach the end of the journal, those that are still being counted follow.
+    pub(super) fn journal(&mut self, from: u64, max: u32) -> Result<Reply, Refused> {
+        let (journal, max) = (self.host.plant().journal(), max.min(MAX_RECORDS) as usize);
+        let records = journal.read(from);
+        let pending = if records.len() <= max { journal.pending() } else { Vec::new() };
+        let pending = pending.into_iter().map(|record| record.judged_at(self.host.plant().now()));
+        let records = records.take(max).copied().chain(pending).collect();
+        Ok(Reply::Journal { records, end: journal.end(), turn: journal.turn() })
+    }
+
+    pub(super) fn follow(&mut self, plc: u16, offset: u32, len: u32, keep: Keep) -> Result<Reply, Refused> {
+        let plc = ranged(self.host, plc, offset, len)?;
+        let followed = self.host.plant_mut().follow_registers(plc, offset, len, keep);
+        followed.map_err(|error| not_followed(self.host, plc, offset, len, error))?;
+        Ok(Reply::Written)
+    }
+
+    pub(super) fn is_recorded(&mut self, plc: u16, offset: u32) -> Result<Reply, Refused> {
+        let plc = known_plc(self.host, plc)?;
+        Ok(Reply::Value(self.host.plant().journal().is_recorded(plc as u16, offset).into()))
+    }
+
+    pub(super) fn changes(&mut self, from: u64, max: u32) -> Result<Reply, Refused> {
+        let (changes, end) = self.host.plant_mut().changes(from, max.min(MAX_RECORDS) as usize);
+        Ok(Reply::Changes { changes, end, turn: self.host.plant().journal().turn() })
+    }
+
+    pub(super) fn findings(&mut self) -> Result<Reply, Refused> {
+        Ok(Reply::Findings(self.host.plant().journal().findings().iter().copied().collect()))
+    }
+
+    pub(super) fn clear_findings(&mut self) -> Result<Reply, Refused> {
+        self.host.plant_mut().clear_findings();
+        Ok(Reply::Cleared)
+    }
+}

@@ -1,0 +1,298 @@
+//! The table of operations.
+//!
+//! An entry has the operation's variant in `Op`, its number, its name, its class, its reply and its fields. A field has
+//! its type, its range if the type allows more, and the columns of the wire format with its numbers. A macro that needs
+//! the table gets it by `ops!(macro_name)`:
+//!
+//! - `op.rs` declares `Op` with it,
+//! - `exec.rs` calls the function of the same name for each operation,
+//! - `channel/wire.rs` converts operations to the wire format and back,
+//! - a test beside it writes the table of `docs/reference/channel.md`.
+//!
+//! A number is never used again for another operation.
+
+/// Passes the table of operations to the macro `$then`.
+macro_rules! ops {
+    ($then:ident) => {
+        $then! {
+            /// Reads a register.
+            Peek = 1, peek, Looks -> Value {
+                /// Number of the PLC.
+                plc: u16 => plc,
+                /// Byte offset of the register.
+                offset: u32 => offset,
+                /// Its width.
+                width: Width => width,
+            },
+            /// Writes a register.
+            Poke = 2, poke, Stores -> Written {
+                /// Number of the PLC.
+                plc: u16 => plc,
+                /// Byte offset of the register.
+                offset: u32 => offset,
+                /// Its width.
+                width: Width => width,
+                /// The value; must fit the width.
+                value: u32 => value,
+            },
+            /// Writes `new` if the register holds `current`.
+            CompareExchange = 3, compare_exchange, Stores -> Exchanged {
+                /// Number of the PLC.
+                plc: u16 => plc,
+                /// Byte offset of the register.
+                offset: u32 => offset,
+                /// Its width.
+                width: Width => width,
+                /// The value expected in the register; must fit the width.
+                current: u32 => second,
+                /// The value to write; must fit the width.
+                new: u32 => value,
+            },
+            /// Copies bytes. Registers may tear against each other, never within themselves.
+            ReadRange = 4, read_range, Looks -> Bytes {
+                /// Number of the PLC.
+                plc: u16 => plc,
+                /// Byte offset of the first byte.
+                offset: u32 => offset,
+                /// Number of bytes.
+                len: u32 [..=MAX_RANGE] => value,
+            },
+            /// Waits until `register AND mask = value`. In stepped mode it advances the clock, event by event. Refused
+            /// with code 10 and the last value if that does not happen in time.
+            Wait = 5, wait, Advances -> Waited {
+                /// Number of the PLC.
+                plc: u16 => plc,
+                /// Byte offset of the register.
+                offset: u32 => offset,
+                /// Its width.
+                width: Width => width,
+                /// The bits that count; must fit the width.
+                mask: u32 => second,
+                /// New value of the bits in the mask; no bit outside the mask.
+                value: u32 => value,
+                /// Longest wait in emulated microseconds.
+                within_us: u64 [..=MAX_ADVANCE_US] => time_us,
+            },
+            /// Adds a condition for the next `wait_for` or `back_until` of the request, at most 32.
+            Condition = 13, condition, Advances -> Written {
+                /// Number of the PLC.
+                plc: u16 => plc,
+                /// Byte offset of the register.
+                offset: u32 => offset,
+                /// Its width.
+                width: Width => width,
+                /// Condition for the register; mask and value must fit the width.
+                test: Test => node second value,
+            },
+            /// Waits until all conditions that precede it hold at the same moment, or any of them. In stepped mode it
+            /// advances the clock, event by event. Bit n of the replied value is set if condition n (from 0) holds.
+            /// Refused with code 10 and the same value if that does not happen in time.
+            WaitFor = 14, wait_for, Advances -> Waited {
+                /// Whether a single condition is sufficient.
+                any: bool => value,
+                /// Longest wait in emulated microseconds.
+                within_us: u64 [..=MAX_ADVANCE_US] => time_us,
+            },
+            /// Advances the clock; stepped mode only.
+            Advance = 6, advance, Advances -> Time {
+                /// Duration in microseconds.
+                us: u64 [..=MAX_ADVANCE_US] => time_us,
+            },
+            /// Advances the clock to the next SYNC of the bus at a port; stepped mode only.
+            AdvanceToSync = 7, advance_to_sync, Advances -> Time {
+                /// Number of the PLC.
+                plc: u16 => plc,
+                /// Number of the port of that PLC.
+                node: u8 => node,
+            },
+            /// Advances the clock to the next moment at which the emulator has something to do; stepped mode only.
+            /// Events of the present time are handled now, and no time passes.
+            AdvanceToEvent = 11, advance_to_event, Advances -> Time {
+                /// The longest time, in microseconds.
+                within_us: u64 [..=MAX_ADVANCE_US] => time_us,
+            },
+            /// Reads the journal from record number `from` on.
+            Journal = 10, journal, Looks -> Journal {
+                /// Number of the first record wanted; records that are no longer kept are left out.
+                from: u64 => time_us,
+                /// Most records wanted; more than 1024 are never sent.
+                max: u32 => value,
+            },
+            /// Records all changes from now on of the registers in a range. The plant runs as it would without it.
+            Follow = 70, follow, Acts -> Written {
+                /// Number of the PLC.
+                plc: u16 => plc,
+                /// Byte offset of the first byte.
+                offset: u32 => offset,
+                /// Number of bytes.
+                len: u32 [..=MAX_RANGE] => value,
+                /// Destination of the changes.
+                keep: Keep => node,
+            },
+            /// Returns 1 if all changes of a register are recorded in the journal, else 0.
+            IsRecorded = 86, is_recorded, Looks -> Value {
+                /// Number of the PLC.
+                plc: u16 => plc,
+                /// Byte offset of the register.
+                offset: u32 => offset,
+            },
+            /// Reads the changes that are kept for onlookers, from number `from` on. Changes are no longer collected for
+            /// an onlooker after ten seconds of real time without a request.
+            Changes = 71, changes, Looks -> Changes {
+                /// Number of the first change wanted; changes that are no longer kept are left out.
+                from: u64 => time_us,
+                /// Most changes wanted; more than 1024 are never sent.
+                max: u32 => value,
+            },
+            /// Forces a register: it keeps the value against firmware and PLC.
+            Force = 30, force, Acts -> Written {
+                /// Number of the PLC.
+                plc: u16 => plc,
+                /// Byte offset of the register.
+                offset: u32 => offset,
+                /// Its width.
+                width: Width => width,
+                /// The value it keeps; must fit the width.
+                value: u32 => value,
+            },
+            /// Releases a forced register.
+            Unforce = 31, unforce, Acts -> Written {
+                /// Number of the PLC.
+                plc: u16 => plc,
+                /// Byte offset of the register.
+                offset: u32 => offset,
+                /// Its width.
+                width: Width => width,
+            },
+            /// Returns the forced registers.
+            Forces = 32, forces, Looks -> Forces,
+            /// Adds a fault.
+            FaultAdd = 20, fault_add, Acts -> FaultAdded {
+                /// The fault.
+                fault: Fault => plc width node offset value second reserved time_us,
+            },
+            /// Lists the faults that wait or act.
+            FaultList = 21, fault_list, Looks -> Faults,
+            /// Clears a fault, or all of them.
+            FaultClear = 22, fault_clear, Acts -> FaultsCleared {
+                /// Number of the fault, at least 1; `None` or 0: all.
+                id: Option<NonZeroU16> => value,
+            },
+            /// Reads a PLC's board.
+            Board = 40, board, Looks -> Board {
+                /// Number of the PLC.
+                plc: u16 => plc,
+            },
+            /// Changes a setting of a PLC's board, at the present emulated time. A start that is not possible is
+            /// refused.
+            SetBoard = 41, set_board, Acts -> Written {
+                /// Number of the PLC.
+                plc: u16 => plc,
+                /// The setting.
+                setting: BoardSetting => offset value,
+            },
+            /// Returns the findings of the access checker.
+            Findings = 50, findings, Looks -> Findings,
+            /// Clears the findings of the access checker.
+            ClearFindings = 51, clear_findings, Acts -> Cleared,
+            /// Returns the buses, their doors, and the guests and stations there.
+            Buses = 60, buses, Looks -> Buses,
+            /// Returns the drives and their states.
+            Drives = 80, drives, Looks -> Drives,
+            /// Returns all details of a drive.
+            Drive = 81, drive, Looks -> Drive {
+                /// Position in the answer to `drives`, from 0.
+                drive: u16 => plc,
+            },
+            /// Sets a parameter of a drive, as an operator does at the drive itself.
+            SetParameter = 82, set_parameter, Acts -> Written {
+                /// Position in the answer to `drives`, from 0.
+                drive: u16 => plc,
+                /// Number of the parameter.
+                number: u16 => node,
+                /// Its new value.
+                value: i64 => time_us,
+            },
+            /// Returns the present activity of the buses: their intervals and ports.
+            Scene = 85, scene, Looks -> Scene,
+            /// Opens a door to a bus.
+            DoorOpen = 61, door_open, Manages -> DoorOpened {
+                /// Number of the bus.
+                bus: u16 => plc,
+                /// The door.
+                door: DoorSpec => width node value,
+            },
+            /// Closes doors to a bus; their guests leave.
+            DoorClose = 62, door_close, Manages -> DoorsClosed {
+                /// Number of the bus.
+                bus: u16 => plc,
+                /// The door, with its real port or number; `None`: all.
+                door: Option<DoorSpec> => width node value,
+            },
+            /// Takes part in a bus from now on, and sends a frame if one is given.
+            BusSend = 63, bus_send, Acts -> Written {
+                /// Number of the bus.
+                bus: u16 => plc,
+                /// The frame.
+                frame: Option<Frame> => width node offset time_us,
+            },
+            /// Keeps a snapshot of the plant, and returns its number; stepped mode only, as all operations on
+            /// snapshots.
+            Save = 72, save, Manages -> Value,
+            /// Forgets a snapshot.
+            Forget = 73, forget, Manages -> Written {
+                /// Its number.
+                number: u32 => value,
+            },
+            /// Reads a part of a snapshot as a file, at most 65536 bytes; fewer at the end.
+            ReadSaved = 74, read_saved, Manages -> Bytes {
+                /// Its number.
+                number: u32 => value,
+                /// The first byte of the part.
+                from: u32 => offset,
+            },
+            /// Brings a part of a snapshot file, in the order of its bytes; byte 0 begins a new file.
+            BringSaved = 75, bring_saved, Manages -> Written {
+                /// The first byte of the part.
+                at: u32 => offset,
+                /// The bytes.
+                part: FilePart => node value second time_us,
+            },
+            /// Restores the snapshot in the file that was brought.
+            Restore = 76, restore, Travels -> Time {
+                /// Also if an outside participant cannot go back.
+                detached: bool => node,
+            },
+            /// Restores a kept snapshot.
+            BackTo = 77, back_to, Travels -> Time {
+                /// Its number.
+                number: u32 => value,
+                /// Also if an outside participant cannot go back.
+                detached: bool => node,
+            },
+            /// Goes back in time.
+            Back = 78, back, Travels -> Time {
+                /// Duration in microseconds.
+                us: u64 => time_us,
+                /// Also if an outside participant cannot go back.
+                detached: bool => node,
+            },
+            /// Goes back to the last moment before now at which the preceding conditions became true. The reply is that
+            /// of `wait_for`.
+            BackUntil = 79, back_until, Travels -> Waited {
+                /// A single condition is sufficient.
+                any: bool => value,
+                /// Also if an outside participant cannot go back.
+                detached: bool => node,
+            },
+            /// Returns the emulated time.
+            Time = 12, time, Looks -> Time,
+            /// Returns the description of the instance.
+            Info = 8, info, Looks -> Info,
+            /// Asks the emulator to end.
+            Stop = 9, stop, Looks -> Stopping,
+        }
+    };
+}
+
+pub(crate) use ops;
