@@ -9,6 +9,7 @@
 //! refuses a client with other type names or sizes.
 
 mod columns;
+mod content;
 mod door;
 mod fault;
 mod findings;
@@ -72,9 +73,9 @@ pub struct WireOp {
 #[type_name("commram.channel.Block.v2")]
 #[repr(C)]
 pub struct Block {
-    /// Kind of the reply: one of [`reply_kind`].
+    /// Number of the reply.
     pub kind: u16,
-    /// Code of an error, or whether a comparison held.
+    /// Code of an error, number of a history, or whether a comparison held.
     pub code: u16,
     /// Number of data bytes in the following blocks; the rest of the last block is zero.
     pub data_len: u32,
@@ -83,36 +84,6 @@ pub struct Block {
 }
 
 const _: () = assert!(size_of::<WireOp>() == 32 && size_of::<Block>() == 16);
-
-/// Values of [`Block::kind`].
-#[allow(missing_docs)]
-pub mod reply_kind {
-    pub const VALUE: u16 = 1;
-    pub const WRITTEN: u16 = 2;
-    pub const EXCHANGED: u16 = 3;
-    pub const BYTES: u16 = 4;
-    pub const WAITED: u16 = 5;
-    pub const TIME: u16 = 6;
-    pub const INFO: u16 = 7;
-    pub const STOPPING: u16 = 8;
-    pub const ERROR: u16 = 9;
-    pub const JOURNAL: u16 = 10;
-    pub const FORCES: u16 = 30;
-    pub const FAULT_ADDED: u16 = 20;
-    pub const FAULTS: u16 = 21;
-    pub const FAULTS_CLEARED: u16 = 22;
-    pub const BOARD: u16 = 40;
-    pub const FINDINGS: u16 = 50;
-    pub const CLEARED: u16 = 51;
-    pub const DRIVES: u16 = 80;
-    pub const DRIVE: u16 = 81;
-    pub const BUSES: u16 = 60;
-    pub const DOOR_OPENED: u16 = 61;
-    pub const DOORS_CLOSED: u16 = 62;
-    pub const CHANGES: u16 = 71;
-    pub const SCENE: u16 = 85;
-    pub const IS_RECORDED: u16 = 86;
-}
 
 /// A field of an operation without meaning, and its content.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]

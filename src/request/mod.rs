@@ -15,6 +15,7 @@ mod ops;
 mod part;
 mod refused;
 mod register;
+mod replies;
 mod reply;
 #[cfg(test)]
 pub(crate) mod testing;
@@ -26,5 +27,6 @@ pub use op::{FilePart, MAX_ADVANCE_US, MAX_CONDITIONS, MAX_OPS, MAX_RANGE, MAX_R
 pub(crate) use ops::ops;
 pub use part::{JournalPart, read_journal};
 pub use refused::{Code, Refused};
+pub(crate) use replies::replies;
 pub use reply::{BusScene, BusState, DriveEntry, InstanceInfo, Reply, Station, Stranger, Waited, WrongReply};
 pub use travel::Travel;

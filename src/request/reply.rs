@@ -1,5 +1,6 @@
-//! The replies.
+//! The replies, as the table in `replies.rs` declares them.
 
+use super::replies::replies;
 use super::{JournalPart, Refused};
 use crate::can::ErrorState;
 use crate::devices::{DriveDetails, DriveState, Interval};
@@ -10,90 +11,31 @@ use crate::memory::header::BoardState;
 use crate::plant::Forced;
 use serde::{Deserialize, Serialize};
 
-/// The answer to an operation.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Reply {
-    /// The register's value.
-    Value(u32),
-    /// The register was written.
-    Written,
-    /// The comparison was made.
-    Exchanged {
-        /// Whether the register held the expected value and was written.
-        ok: bool,
-        /// Previous value.
-        found: u32,
-    },
-    /// The bytes of a range.
-    Bytes(Vec<u8>),
-    /// The register matched.
-    Waited(Waited),
-    /// Emulated time now, in microseconds.
-    Time(u64),
-    /// A part of the journal.
-    Journal {
-        /// Records in the order of their numbers. If they reach the end, the records that are still being counted
-        /// follow ([`Record::is_pending`]).
-        records: Vec<Record>,
-        /// The number that the next record will have.
-        end: u64,
-        /// History of the records.
-        turn: Turn,
-    },
-    /// Changes of registers that are followed.
-    Changes {
-        /// Changes in the order of their numbers.
-        changes: Vec<Change>,
-        /// The number that the next change will have.
-        end: u64,
-        /// History of the changes.
-        turn: Turn,
-    },
-    /// The forced registers, in the order of PLCs and addresses.
-    Forces(Vec<Forced>),
-    /// The fault was added.
-    FaultAdded {
-        /// Its number in the instance.
-        id: u16,
-    },
-    /// The pending and active faults, in the order in which they were added.
-    Faults(Vec<FaultStatus>),
-    /// Faults were cleared.
-    FaultsCleared {
-        /// Number of faults.
-        count: u16,
-    },
-    /// A PLC's board.
-    Board(BoardState),
-    /// Findings of the access checker, in the order of the first findings.
-    Findings(Vec<Entry>),
-    /// The findings were cleared.
-    Cleared,
-    /// The buses, in the order of their numbers.
-    Buses(Vec<BusState>),
-    /// The drives: first the drives on buses, in the order of the plant file, then the drives that are built into
-    /// devices.
-    Drives(Vec<DriveEntry>),
-    /// All details of a drive.
-    Drive(Box<DriveDetails>),
-    /// Present activity of the buses, in the order of their numbers.
-    Scene(Vec<BusScene>),
-    /// A door is open.
-    DoorOpened(DoorSpec),
-    /// Doors were closed.
-    DoorsClosed {
-        /// Number of doors.
-        count: u16,
-    },
-    /// Description of the instance.
-    Info(Box<InstanceInfo>),
-    /// The emulator is going to end.
-    Stopping,
-    /// The operation was refused; the following operations were not executed.
-    Error(Refused),
-    /// An earlier operation of the request was refused.
-    NotExecuted,
+/// Declares [`Reply`].
+macro_rules! declare {
+    ($(
+        $(#[$doc:meta])*
+        $reply:ident = $number:literal, $name:ident
+        $(($one:ident: $type:ty))?
+        $({$(
+            $(#[$field_doc:meta])*
+            $field:ident: $field_type:ty
+        ),+ $(,)?})?
+    ),+ $(,)?) => {
+        /// The answer to an operation.
+        #[derive(Clone, Debug, PartialEq, Eq)]
+        pub enum Reply {
+            $(
+                $(#[$doc])*
+                $reply $(($type))? $({ $($(#[$field_doc])* $field: $field_type,)+ })?,
+            )+
+            /// An earlier operation of the request was refused.
+            NotExecuted,
+        }
+    };
 }
+
+replies!(declare);
 
 /// A drive of the plant.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]

@@ -162,7 +162,7 @@ fn with_answer(blocks: &[Block], ops: &[Op]) -> Result<Vec<Reply>, ClientError> 
 
 #[test]
 fn a_reply_that_makes_no_sense_is_an_error() {
-    let value = |value| Block { kind: wire::reply_kind::VALUE, code: 0, data_len: 0, value };
+    let value = |value| Block { kind: 1, code: 0, data_len: 0, value };
     let peek = Op::Peek { plc: 0, offset: REG, width: Width::Word };
     let error = with_answer(&[value(1), Block { kind: 77, ..value(2) }], &[peek, peek]).unwrap_err();
     assert!(matches!(error, ClientError::Reply(DecodeError { index: 1, block: 1 })), "{error}");

@@ -13,17 +13,17 @@ struct WireForced {
     value: u32,
 }
 
-pub(super) fn encode(forces: &[Forced]) -> Vec<u8> {
+pub(super) fn append(forces: &[Forced], bytes: &mut Vec<u8>) {
     let wire = |&Forced { plc, offset, width, value }: &Forced| WireForced {
         plc,
         width: width_code(width),
         offset,
         value,
     };
-    forces.iter().map(wire).flat_map(|forced| forced.as_bytes().to_vec()).collect()
+    forces.iter().map(wire).for_each(|forced| bytes.extend_from_slice(forced.as_bytes()))
 }
 
-/// Decodes the list; `None` if [`encode`] cannot have produced it.
+/// Decodes the list; `None` if [`append`] cannot have produced it.
 pub(super) fn decode(bytes: &[u8]) -> Option<Vec<Forced>> {
     let forced = |bytes: &[u8]| {
         let WireForced { plc, width, offset, value } = WireForced::read_from_bytes(bytes).ok()?;

@@ -15,8 +15,20 @@ pub(super) fn decode_first<T: DeserializeOwned>(bytes: &[u8]) -> Option<T> {
     postcard::take_from_bytes(bytes).ok().map(|(what, _)| what)
 }
 
-/// Decodes one `T`; `None` if the bytes are not exactly one `T`.
-pub(super) fn decode<T: DeserializeOwned>(bytes: &[u8]) -> Option<T> {
+/// Appends the encoding of `what` to `bytes`.
+pub(super) fn append<T: Serialize>(what: &T, bytes: &mut Vec<u8>) {
+    bytes.extend_from_slice(&encode(what));
+}
+
+/// Decodes the `T` at the beginning, and removes its bytes; `None` if the bytes do not begin with a `T`.
+pub(super) fn take<T: DeserializeOwned>(bytes: &mut &[u8]) -> Option<T> {
     let (what, rest) = postcard::take_from_bytes(bytes).ok()?;
-    rest.is_empty().then_some(what)
+    *bytes = rest;
+    Some(what)
+}
+
+/// Decodes one `T`; `None` if the bytes are not exactly one `T`.
+#[cfg(test)]
+pub(super) fn decode<T: DeserializeOwned>(mut bytes: &[u8]) -> Option<T> {
+    take(&mut bytes).filter(|_| bytes.is_empty())
 }

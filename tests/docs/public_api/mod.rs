@@ -14,6 +14,11 @@ use tree::{Found, Module};
 /// If this variable has any value, the test writes the text again.
 const UPDATE: &str = "COMMRAM_UPDATE_PUBLIC_API";
 
+/// Module of the operations and replies.
+const REQUEST: &str = "request";
+/// Tables in [`REQUEST`], each a macro in a module of its name, and the enums that they declare there.
+const TABLES: [(&str, &str); 2] = [("ops", "Op"), ("replies", "Reply")];
+
 /// Maximum length of a chain of re-exports.
 const DEPTH: u8 = 12;
 
@@ -82,6 +87,16 @@ impl<'a> Shown<'a> {
         self.modules.entry(path_text(path)).or_default().push(item);
     }
 
+    /// Lists the tables, whose enums are written by macros.
+    fn tables(&mut self, root: &'a Module) {
+        for (table, _) in TABLES {
+            let module = root.child(REQUEST).and_then(|request| request.child(table)).expect("a table");
+            for item in module.items.iter().filter(|item| matches!(item, Item::Macro(_))) {
+                self.push(&[REQUEST.to_owned()], item.clone());
+            }
+        }
+    }
+
     /// Lists each implementation with its type, or with the trait if only the trait belongs to the library.
     fn implementations(&mut self, root: &'a Module) {
         for module in root.all() {
@@ -91,6 +106,9 @@ impl<'a> Shown<'a> {
                 let of_type = type_path(&implementation.self_ty);
                 let of_trait = implementation.trait_.as_ref().map(|(_, path, _)| segments(path));
                 let place = [of_type, of_trait].into_iter().flatten().find_map(|path| {
+                    if TABLES.iter().any(|(_, declared)| path == [*declared]) {
+                        return Some(path_text(&[REQUEST.to_owned()]));
+                    }
                     let Found::Item(home, item) = root.resolve(module, &path, DEPTH)? else { return None };
                     self.places.get(&(&home.path[..], tree::name_of(item)?)).cloned()
                 });
@@ -119,6 +137,7 @@ fn public_interface() -> String {
     let root = Module::read(&source.join("lib.rs"), &source, Vec::new());
     let mut shown = Shown::default();
     shown.module(&root, &root, &[]);
+    shown.tables(&root);
     shown.implementations(&root);
     let mut text = String::new();
     for (path, items) in shown.modules {
