@@ -1,5 +1,6 @@
-//! State and parameters of a drive, independent of its connection.
+//! Drives, independent of their connection: state, parameters and shaft.
 
+use crate::journal::Journal;
 use serde::{Deserialize, Serialize};
 
 /// State of a drive.
@@ -96,4 +97,38 @@ pub enum ParameterRefusal {
     /// The drive has no supply.
     #[error("the drive has no supply")]
     Off,
+}
+
+/// The drives of a bus or device ([`Bus::drives`](super::Bus::drives), [`Device::drives`](super::Device::drives)). The
+/// position of a drive in [`Drives::list`] is its number here.
+pub trait Drives {
+    /// The drives in the order of the plant file: names and states.
+    fn list(&self) -> Vec<(&str, DriveState)>;
+
+    /// All details of the drive at this place in [`Drives::list`].
+    fn details(&self, drive: usize) -> Option<DriveDetails>;
+
+    /// Sets a parameter of such a drive, as a user does at the drive itself.
+    ///
+    /// # Errors
+    /// [`ParameterRefusal`].
+    fn set_parameter(
+        &mut self,
+        drive: usize,
+        number: u16,
+        value: i64,
+        now: u64,
+        journal: &mut Journal,
+    ) -> Result<(), ParameterRefusal>;
+
+    /// Demanded and actual motion of the motor of such a drive.
+    fn shaft(&self, drive: usize) -> Option<Shaft>;
+
+    /// Sets the speed of the motor of such a drive independently of the drive's demand; `None`: the motor follows the
+    /// drive.
+    fn turn_shaft(&mut self, drive: usize, speed: Option<i32>, now: u64);
+
+    /// Does work that was postponed because its result was not visible. Readers see the same result without this call;
+    /// it only saves time.
+    fn settle(&mut self) {}
 }

@@ -1,7 +1,10 @@
 //! Guests: foreign programs that take part in a medium as stations of their own.
 
+use crate::can::ErrorState;
+use crate::door::{BusMessage, Guest};
 use crate::event_kinds;
-use crate::journal::{EventCodec, EventText, Fields, Kind, Packer, Part, Reader, Unpacker};
+use crate::journal::{EventCodec, EventText, Fields, Journal, Kind, Packer, Part, Reader, Unpacker};
+use std::sync::Arc;
 
 /// All kinds.
 pub(super) static KINDS: &[&Kind] = &[GuestNews::KIND];
@@ -22,6 +25,50 @@ pub enum GuestRefusal {
     /// The guest does not take part, no master runs the medium, or the medium has no frames of that kind.
     #[error("the guest cannot send this frame here")]
     NotHere,
+}
+
+/// The guests of a bus ([`Bus::guests`](super::Bus::guests)). Each guest has a number; number 0 is the guest that acts by
+/// requests.
+pub trait BusGuests {
+    /// A guest takes part from now on. Returns whether this changes anything here.
+    fn guest_joins(&mut self, guest: u8, now: u64) -> bool {
+        let _ = (guest, now);
+        false
+    }
+
+    /// The guest stops taking part. Frames that it has passed to its controller are still sent.
+    fn guest_leaves(&mut self, guest: u8, now: u64) {
+        let _ = (guest, now);
+    }
+
+    /// The guest has disconnected, with more frames to send than there was room for. Frames that would wait without a
+    /// limit are dropped: the frames for a later time than now, and all frames if no station receives them.
+    fn guest_has_gone(&mut self, guest: u8, now: u64) {
+        let _ = (guest, now);
+    }
+
+    /// The error state of a guest's controller, on buses with error states.
+    fn guest_errors(&self, guest: u8) -> ErrorState {
+        let _ = guest;
+        ErrorState::Active
+    }
+
+    /// Frames for a guest that takes part go to `ear` if the journal does not keep them whole.
+    fn guest_hears(&mut self, guest: u8, ear: Arc<Guest>) {
+        let _ = (guest, ear);
+    }
+
+    /// A guest that takes part sends a frame, or a telegram.
+    ///
+    /// # Errors
+    /// [`GuestRefusal`].
+    fn guest_sends(
+        &mut self,
+        guest: u8,
+        said: &BusMessage,
+        now: u64,
+        journal: &mut Journal,
+    ) -> Result<(), GuestRefusal>;
 }
 
 event_kinds! {

@@ -5,6 +5,8 @@ pub mod bm4_o_can_06;
 #[cfg(feature = "emulator")]
 mod bus;
 #[cfg(feature = "emulator")]
+mod bus_view;
+#[cfg(feature = "emulator")]
 pub mod can_bus;
 pub mod can_dp2;
 #[cfg(feature = "emulator")]
@@ -34,6 +36,8 @@ mod events;
 mod exercise;
 #[cfg(all(test, feature = "emulator"))]
 mod fault_tests;
+#[cfg(feature = "emulator")]
+mod faulty;
 #[cfg(all(test, feature = "channel"))]
 mod fields_tests;
 #[cfg(feature = "emulator")]
@@ -47,6 +51,8 @@ mod names_tests;
 pub mod omega_drive_line_2;
 #[cfg(feature = "emulator")]
 mod plain;
+#[cfg(feature = "emulator")]
+mod port_watch;
 #[cfg(feature = "emulator")]
 pub mod profibus_bus;
 #[cfg(feature = "emulator")]
@@ -66,9 +72,13 @@ mod scene;
 pub mod settings;
 #[cfg(feature = "emulator")]
 mod supply;
+#[cfg(feature = "emulator")]
+mod sync;
 
 #[cfg(feature = "emulator")]
-pub use bus::{Bus, ParticipantId, Plug, StationState, Stranger, SyncOrigin, SyncSignal, World};
+pub use bus::{Bus, Plug, World};
+#[cfg(feature = "emulator")]
+pub use bus_view::{BusView, ParticipantId, StationState, Stranger};
 #[cfg(feature = "emulator")]
 pub use catalogue::{bus_site, catalogue, door_fits, fault_kinds, faults_of_device};
 #[cfg(feature = "emulator")]
@@ -78,22 +88,28 @@ pub use context::Context;
 #[cfg(feature = "emulator")]
 pub use device::{Device, Look, Power};
 #[cfg(feature = "emulator")]
-pub use drive::{DriveDetails, DriveState, ParameterRefusal, ParameterState, Shaft};
+pub use drive::{DriveDetails, DriveState, Drives, ParameterRefusal, ParameterState, Shaft};
 #[cfg(feature = "emulator")]
 pub use events::Events;
 #[cfg(feature = "emulator")]
 pub use exercise::{Exercise, Move, Wrong};
 #[cfg(feature = "emulator")]
-pub use guest::{Attendance, GuestNews, GuestRefusal};
+pub use faulty::Faulty;
+#[cfg(feature = "emulator")]
+pub use guest::{Attendance, BusGuests, GuestNews, GuestRefusal};
 #[cfg(feature = "emulator")]
 pub use module::{Led, ModuleFront, ReadModule, Switch, modules};
 #[cfg(feature = "emulator")]
 pub use plain::{Firmware, Plain};
+#[cfg(feature = "emulator")]
+pub use port_watch::PortWatch;
 pub use registry::{RegisterError, Registered, all, attach, board_of, default, find, of_hash, register};
 #[cfg(feature = "emulator")]
 pub use scene::{Interval, Slot};
 #[cfg(feature = "emulator")]
 pub use settings::{BuildError, SettingError};
+#[cfg(feature = "emulator")]
+pub use sync::{SyncLine, SyncOrigin, SyncSignal};
 
 #[cfg(feature = "emulator")]
 use crate::door::Speech;

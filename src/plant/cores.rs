@@ -9,7 +9,7 @@ use super::Plant;
 use super::ports::PluggedPort;
 use super::worker_pool::WorkerPool;
 use crate::check::DeviceWatch;
-use crate::devices::{Bus, World};
+use crate::devices::{Bus, PortWatch, World};
 use crate::fault::Faults;
 use crate::journal::Journal;
 use core::num::NonZero;
@@ -119,9 +119,9 @@ impl Plant {
                 draft.set_reporter(plc * TELLERS);
                 watch.look(now, draft);
             },
-            move |medium, place, seat, draft| {
+            move |watch, place, seat, draft| {
                 draft.set_reporter(seat.device * TELLERS + seat.port + 1);
-                medium.judge_writes(place, now, draft);
+                watch.judge_writes(place, now, draft);
             },
         );
         self.journal.merge_drafts(self.drafts.iter_mut());
@@ -132,7 +132,7 @@ impl Plant {
     pub(super) fn leave_on_cores(&mut self) -> bool {
         let is_shared = self.drafts.len() > 1;
         if is_shared {
-            self.each_watch(|_, watch, _| watch.leave(), |medium, place, _, _| medium.leave(place));
+            self.each_watch(|_, watch, _| watch.leave(), |watch, place, _, _| watch.store_baseline(place));
         }
         is_shared
     }
@@ -141,7 +141,7 @@ impl Plant {
     fn each_watch(
         &mut self,
         of_device: impl Fn(usize, &mut DeviceWatch, &mut Journal) + Copy + Send + 'static,
-        of_port: impl Fn(&mut dyn Bus, usize, PluggedPort, &mut Journal) + Copy + Send + 'static,
+        of_port: impl Fn(&mut dyn PortWatch, usize, PluggedPort, &mut Journal) + Copy + Send + 'static,
     ) {
         let size = self.watches.len().div_ceil(self.drafts.len());
         let mut watches = core::mem::take(&mut self.watches).into_iter();
@@ -154,8 +154,9 @@ impl Plant {
                 of_device(first_watch + index, watch, &mut draft);
             }
             for (medium, seats) in media.iter_mut().zip(&seats[first..]) {
+                let Some(watch) = medium.watch() else { continue };
                 for (place, seat) in seats.iter().enumerate() {
-                    of_port(&mut **medium, place, *seat, &mut draft);
+                    of_port(watch, place, *seat, &mut draft);
                 }
             }
             (watches, media, draft)

@@ -6,7 +6,7 @@ use crate::devices::{DriveDetails, DriveState, ParameterRefusal, Shaft};
 /// Location of a drive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum DriveLocation {
-    /// On a bus, at this place of [`Bus::drives`](crate::devices::Bus::drives).
+    /// On a bus, at this place of [`Drives::list`](crate::devices::Drives::list).
     Bus(usize, usize),
     /// The drive in a device.
     Device(usize),
@@ -33,7 +33,7 @@ impl Plant {
                 bus: Some(medium.name().to_owned()),
                 state,
             };
-            medium.drives().into_iter().map(drive).collect::<Vec<_>>()
+            medium.drives().map_or_else(Vec::new, |drives| drives.list().into_iter().map(drive).collect())
         });
         let own = self.devices.iter().filter_map(|device| {
             let state = device.drive()?.state;
@@ -45,7 +45,8 @@ impl Plant {
     fn drive_at(&self, number: usize) -> Option<DriveLocation> {
         let media = self.media().iter().enumerate();
         let on_bus = media.flat_map(|(bus, medium)| {
-            (0..medium.drives().len()).map(move |drive| DriveLocation::Bus(bus, drive))
+            (0..medium.drives().map_or(0, |drives| drives.list().len()))
+                .map(move |drive| DriveLocation::Bus(bus, drive))
         });
         let devices = self.devices.iter().enumerate();
         let own = devices
@@ -57,7 +58,7 @@ impl Plant {
     /// All details of drive `number`; `None` if there is no such drive.
     pub fn drive(&self, number: usize) -> Option<DriveDetails> {
         match self.drive_at(number)? {
-            DriveLocation::Bus(bus, drive) => self.media().get(bus)?.drive(drive),
+            DriveLocation::Bus(bus, drive) => self.media().get(bus)?.drives()?.details(drive),
             DriveLocation::Device(index) => self.devices.get(index)?.drive(),
         }
     }
@@ -76,7 +77,7 @@ impl Plant {
         let Plant { now, media, devices, journal, .. } = self;
         let done = match at {
             DriveLocation::Bus(bus, drive) => {
-                media.get_mut(bus)?.set_parameter(drive, parameter, value, *now, journal)
+                media.get_mut(bus)?.drives_mut()?.set_parameter(drive, parameter, value, *now, journal)
             }
             DriveLocation::Device(index) => {
                 devices.get_mut(index)?.set_parameter(parameter, value, *now, journal)
@@ -89,7 +90,7 @@ impl Plant {
     /// Demanded and actual motion of the motor of drive `number`; `None` if there is no such drive.
     pub fn shaft(&self, number: usize) -> Option<Shaft> {
         match self.drive_at(number)? {
-            DriveLocation::Bus(bus, drive) => self.media().get(bus)?.shaft(drive),
+            DriveLocation::Bus(bus, drive) => self.media().get(bus)?.drives()?.shaft(drive),
             DriveLocation::Device(index) => self.devices.get(index)?.shaft(),
         }
     }
@@ -101,7 +102,11 @@ impl Plant {
         let Some(at) = self.drive_at(number) else { return false };
         let Plant { now, media, devices, .. } = self;
         match at {
-            DriveLocation::Bus(bus, drive) => media[bus].turn_shaft(drive, speed, *now),
+            DriveLocation::Bus(bus, drive) => {
+                if let Some(drives) = media[bus].drives_mut() {
+                    drives.turn_shaft(drive, speed, *now);
+                }
+            }
             DriveLocation::Device(index) => devices[index].turn_shaft(speed, *now),
         }
         self.find_next_device();

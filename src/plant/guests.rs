@@ -2,25 +2,26 @@
 //! emulated times give the same journal.
 
 use super::Plant;
-use crate::can::Frame;
+use crate::can::{ErrorState, Frame};
 use crate::check::rules;
-use crate::devices::{Attendance, Bus, GuestNews, GuestRefusal};
+use crate::devices::{Attendance, BusGuests, GuestNews, GuestRefusal};
 use crate::door::{BusMessage, Guest};
 use crate::journal::Finding;
 use std::sync::Arc;
 
 impl Plant {
-    fn medium_of(&mut self, bus: u16) -> Option<&mut Box<dyn Bus>> {
+    /// The guests of bus number `bus`, for an action of one of them.
+    fn guests_of(&mut self, bus: u16) -> Option<&mut dyn BusGuests> {
         (self.has_looked, self.is_seen) = (false, false);
-        self.media[..self.named_media].get_mut(usize::from(bus))
+        self.media[..self.named_media].get_mut(usize::from(bus))?.guests()
     }
 
     /// Guest number `guest` takes part in bus number `bus` from now on. `is_stepped`: its frames enter at the next step
     /// only; the journal records this.
     pub fn guest_joins(&mut self, bus: u16, guest: u8, is_stepped: bool) {
         let now = self.now;
-        let Some(medium) = self.medium_of(bus) else { return };
-        medium.guest_joins(guest, now);
+        let Some(guests) = self.guests_of(bus) else { return };
+        guests.guest_joins(guest, now);
         let news = if is_stepped { Attendance::TakesPartStepped } else { Attendance::TakesPart };
         self.journal.push(now, GuestNews { bus, guest, news });
     }
@@ -38,8 +39,8 @@ impl Plant {
     /// The guest stops taking part. Frames that it has passed to its controller are still sent.
     pub fn guest_leaves(&mut self, bus: u16, guest: u8) {
         let now = self.now;
-        let Some(medium) = self.medium_of(bus) else { return };
-        medium.guest_leaves(guest, now);
+        let Some(guests) = self.guests_of(bus) else { return };
+        guests.guest_leaves(guest, now);
         self.journal.push(now, GuestNews { bus, guest, news: Attendance::Left });
     }
 
@@ -47,8 +48,8 @@ impl Plant {
     /// limit are dropped.
     pub(crate) fn guest_has_gone(&mut self, bus: u16, guest: u8) {
         let now = self.now;
-        if let Some(medium) = self.medium_of(bus) {
-            medium.guest_has_gone(guest, now);
+        if let Some(guests) = self.guests_of(bus) {
+            guests.guest_has_gone(guest, now);
         }
     }
 
@@ -57,10 +58,16 @@ impl Plant {
         self.journal.push(self.now, GuestNews { bus, guest, news });
     }
 
+    /// The error state of a guest's controller; error-active on buses without error states.
+    pub(crate) fn guest_errors(&mut self, bus: u16, guest: u8) -> ErrorState {
+        let bus = self.media[..self.named_media].get_mut(usize::from(bus));
+        bus.and_then(|bus| bus.guests()).map_or_else(ErrorState::default, |guests| guests.guest_errors(guest))
+    }
+
     /// Frames for the guest go to `ear` if the journal does not keep them whole.
     pub fn guest_hears(&mut self, bus: u16, guest: u8, ear: &Arc<Guest>) {
-        if let Some(medium) = self.medium_of(bus) {
-            medium.guest_hears(guest, Arc::clone(ear));
+        if let Some(guests) = self.guests_of(bus) {
+            guests.guest_hears(guest, Arc::clone(ear));
         }
     }
 
@@ -71,9 +78,9 @@ impl Plant {
     pub fn guest_sends(&mut self, bus: u16, guest: u8, said: &BusMessage) -> Result<(), GuestRefusal> {
         let now = self.now;
         (self.has_looked, self.is_seen) = (false, false);
-        let index = usize::from(bus);
-        let medium = self.media[..self.named_media].get_mut(index).ok_or(GuestRefusal::NotHere)?;
-        medium.guest_sends(guest, said, now, &mut self.journal)
+        let bus = self.media[..self.named_media].get_mut(usize::from(bus));
+        let guests = bus.and_then(|bus| bus.guests()).ok_or(GuestRefusal::NotHere)?;
+        guests.guest_sends(guest, said, now, &mut self.journal)
     }
 
     /// The guest that acts by requests, guest 0, takes part in bus number `bus` from now on, and sends a frame if one
@@ -83,8 +90,8 @@ impl Plant {
     /// [`GuestRefusal`].
     pub fn take_part(&mut self, bus: u16, frame: Option<&Frame>) -> Result<(), GuestRefusal> {
         let now = self.now;
-        let medium = self.medium_of(bus).ok_or(GuestRefusal::NotHere)?;
-        if medium.guest_joins(0, now) {
+        let guests = self.guests_of(bus).ok_or(GuestRefusal::NotHere)?;
+        if guests.guest_joins(0, now) {
             self.journal.push(now, GuestNews { bus, guest: 0, news: Attendance::TakesPart });
         }
         frame.map_or(Ok(()), |frame| self.guest_sends(bus, 0, &BusMessage::Frame(*frame)))

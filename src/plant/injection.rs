@@ -51,7 +51,9 @@ impl Plant {
         self.is_rescheduled = true;
         (self.has_looked, self.is_seen) = (false, false);
         for medium in &mut self.media {
-            medium.faults_changed(self.now, &self.faults);
+            if let Some(faulty) = medium.faults() {
+                faulty.faults_changed(self.now, &self.faults);
+            }
         }
         for device in &mut self.devices {
             device.faults_changed(&self.faults);
@@ -80,7 +82,7 @@ impl Plant {
         *is_rescheduled = true;
         let now = *now;
         faults.fire_all(now, journal, |owner, target, effect| match owner {
-            Owner::Bus(index) => media.get_mut(usize::from(index))?.fire(now, target, effect),
+            Owner::Bus(index) => media.get_mut(usize::from(index))?.faults()?.fire(now, target, effect),
             Owner::Device(index) => devices.get_mut(usize::from(index))?.fire(now, target, effect),
         });
     }

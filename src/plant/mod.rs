@@ -365,7 +365,9 @@ impl Plant {
         }
         let Some(signal) = signal else { return };
         self.forward_sync(index, signal);
-        self.media[index].judge_edge(self.now, &mut self.journal);
+        if let Some(watch) = self.media[index].watch() {
+            watch.judge_edge(self.now, &mut self.journal);
+        }
     }
 
     /// Asks all media when they are due.

@@ -182,8 +182,10 @@ impl Plant {
         for &(device, port, _) in &self.ports.ways[from] {
             let port = self.ports.of_device[device][port];
             let medium = &mut self.media[port.medium];
-            if medium.takes_sync(port.place) {
-                medium.forwarded_edge(port.place, self.now, signal, &mut self.journal);
+            if let Some(sync) = medium.sync_mut()
+                && sync.takes_sync(port.place)
+            {
+                sync.forwarded_edge(port.place, self.now, signal, &mut self.journal);
                 self.schedule.set(port.medium, medium.next_time());
             }
         }
@@ -195,7 +197,7 @@ impl Plant {
         let mut medium = self.ports.find(device, port)?.medium;
         // Follows a forwarded signal to the master that generates it; the number of media limits the number of steps.
         for _ in 0..self.media.len() {
-            if let Some(time) = self.media.get(medium)?.next_sync() {
+            if let Some(time) = self.media.get(medium)?.sync()?.next_sync() {
                 return Some(time);
             }
             medium = self.sync_comes_from(medium)?.medium;
@@ -205,9 +207,10 @@ impl Plant {
 
     /// The port with the SYNC signal that the master at a medium passes on now.
     fn sync_comes_from(&self, medium: usize) -> Option<Port> {
+        let sync = self.media.get(medium)?.sync()?;
         let takes_it = |&&(device, to, _): &&(usize, usize, usize)| {
             let port = self.ports.of_device[device][to];
-            port.medium == medium && self.media[medium].takes_sync(port.place)
+            port.medium == medium && sync.takes_sync(port.place)
         };
         let &(device, _, from) = self.ports.ways.iter().flatten().find(takes_it)?;
         Some(self.ports.of_device[device][from])
@@ -230,8 +233,8 @@ impl Plant {
             let master = |port| {
                 if is_plugged { format!("the master of {here}, {},", name(port)) } else { name(port) }
             };
-            return match medium.sync_origin() {
-                SyncOrigin::Unknown => format!("{way}{here} has no SYNC signal"),
+            let Some(sync) = medium.sync() else { return format!("{way}{here} has no SYNC signal") };
+            return match sync.sync_origin() {
                 SyncOrigin::NoMaster if !is_plugged => format!("{way}{here} is at no bus"),
                 SyncOrigin::NoMaster => format!("{way}{here} has no master"),
                 SyncOrigin::Idle { port, .. } if !self.is_up(port) => {

@@ -116,7 +116,7 @@ impl Snapshot {
 impl Plant {
     /// Does the postponed work. The result is the same, but snapshots take less time.
     pub(crate) fn settle(&mut self) {
-        self.media.iter_mut().for_each(|medium| medium.settle());
+        self.media.iter_mut().filter_map(|medium| medium.drives_mut()).for_each(|drives| drives.settle());
     }
 
     /// The state of the plant now. Nothing changes by that.

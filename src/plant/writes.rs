@@ -18,7 +18,9 @@ impl Plant {
         for (watch, ports) in watches.iter_mut().zip(ports.of_devices()) {
             watch.look(*now, journal);
             for port in ports {
-                media[port.medium].judge_writes(port.place, *now, journal);
+                if let Some(watch) = media[port.medium].watch() {
+                    watch.judge_writes(port.place, *now, journal);
+                }
             }
         }
     }
@@ -34,7 +36,9 @@ impl Plant {
         for (watch, ports) in watches.iter_mut().zip(ports.of_devices()) {
             watch.leave();
             for port in ports {
-                media[port.medium].leave(port.place);
+                if let Some(watch) = media[port.medium].watch() {
+                    watch.store_baseline(port.place);
+                }
             }
         }
     }
@@ -63,7 +67,9 @@ impl Plant {
         if let (Some(watch), Some(ports)) = (watches.get_mut(device), ports.of_devices().nth(device)) {
             watch.written(offset, bytes, *now, journal);
             for port in ports {
-                media[port.medium].judge_write(port.place, offset, bytes, *now, journal);
+                if let Some(watch) = media[port.medium].watch() {
+                    watch.judge_write(port.place, offset, bytes, *now, journal);
+                }
             }
         }
     }

@@ -197,15 +197,12 @@ impl Guests {
 
     /// Sends guests the frames of others that have arrived since the last call, and the state of their bus. Their buses
     /// have already sent them everything else.
-    pub(super) fn send_heard(&mut self, plant: &Plant) {
+    pub(super) fn send_heard(&mut self, plant: &mut Plant) {
         if !self.present.iter().any(GuestEntry::hears) {
             return;
         }
         for it in self.present.iter().filter(|it| it.is_in) {
-            let medium = plant.media().get(usize::from(it.guest.bus));
-            it.guest.note_errors(
-                medium.map_or_else(Default::default, |medium| medium.guest_errors(it.guest.number)),
-            );
+            it.guest.note_errors(plant.guest_errors(it.guest.bus, it.guest.number));
         }
         let journal = plant.journal();
         let mut is_news = false;
@@ -374,7 +371,7 @@ mod tests {
         guests.enter(&mut plant, false);
         assert_eq!(one.waiting(), 0);
         plant.advance_to(10_000);
-        guests.send_heard(&plant);
+        guests.send_heard(&mut plant);
         assert_eq!(other.heard(), 1);
     }
 

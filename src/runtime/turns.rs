@@ -36,7 +36,7 @@ impl Emulator {
             let until = if self.guests.have_seats() { self.next_event().min(target) } else { target };
             let stop = &self.stop;
             self.lockstep.advance(&mut self.plant, until, || stop.load(Ordering::Acquire));
-            self.guests.send_heard(&self.plant);
+            self.guests.send_heard(&mut self.plant);
             if self.lockstep.is_in_turn() || self.stop.load(Ordering::Acquire) {
                 return false;
             }

@@ -2,8 +2,8 @@
 
 use super::tests::{Bench, frame};
 use crate::can::{BitRate, Fate, Frame, wire};
-use crate::devices::Bus;
 use crate::devices::can_faults::{self, DELAY_FRAME, DUPLICATE_FRAME, LOSE_FRAME, OF_CAN, OVERRUN};
+use crate::devices::{Bus, Faulty};
 use crate::fault::{Draft, Effect, Fault, Hit, Kind, Owner, Target};
 
 const BIT_S: u32 = 1_000_000;

@@ -12,7 +12,9 @@ use super::stations::Stations;
 use crate::can;
 use crate::can::ErrorState;
 use crate::devices::can_faults;
-use crate::devices::{BuildError, Bus, GuestRefusal, StationState, SyncSignal, World};
+use crate::devices::{
+    BuildError, Bus, BusGuests, BusView, Faulty, GuestRefusal, PortWatch, StationState, SyncSignal, World,
+};
 use crate::door::BusMessage;
 use crate::due_queue::NEVER;
 use crate::fault::{Effect, Hit, Target};
@@ -116,7 +118,7 @@ impl SnapshotFields for CanBus {
     }
 }
 
-impl Bus for CanBus {
+impl BusView for CanBus {
     fn name(&self) -> &str {
         &self.name
     }
@@ -125,6 +127,23 @@ impl Bus for CanBus {
         FAMILY
     }
 
+    fn bit_s(&self) -> u32 {
+        self.wire.as_ref().map_or(0, |wire| wire.rate().bit_s())
+    }
+
+    fn ports(&self) -> Vec<Origin> {
+        let all = self.stations.all().iter().map(|end| end.origin);
+        all.filter(|origin| origin.guest().is_none()).collect()
+    }
+
+    fn stations(&self) -> Vec<StationState> {
+        let present = self.stations.all().iter().filter(|end| end.on_since_ns.is_some());
+        let state = |origin, errors| StationState { origin, address: None, does: None, errors };
+        present.map(|end| state(end.origin, end.controller.errors())).collect()
+    }
+}
+
+impl Bus for CanBus {
     fn attach(&mut self, socket: Box<dyn Any + Send>) -> Result<usize, BuildError> {
         let socket = socket.downcast::<CanSocket>().map_err(|_| BuildError::OtherFamily)?;
         Ok(self.stations.add(Station::port(*socket)?))
@@ -156,13 +175,48 @@ impl Bus for CanBus {
         self.stations.all().iter().any(|end| end.port.has_changed())
     }
 
+    fn next_time(&self) -> u64 {
+        self.next
+    }
+
+    fn event(&mut self, world: &mut World) -> Option<SyncSignal> {
+        let now = world.now;
+        if core::mem::take(&mut self.has_state_changes) {
+            self.report_states(now, world.journal);
+        }
+        // Events on the wire come first: they were due before the end of the microsecond.
+        if !self.wire_event(world) && !self.recover(now, world.journal) {
+            let mut from = 0;
+            while let Some(who) = self.stations.due(from, now) {
+                self.run(who, now, world.journal, |port, ctx, controller| port.due(ctx, controller));
+                from = who + 1;
+            }
+        }
+        self.plan(now);
+        None
+    }
+
+    fn watch(&mut self) -> Option<&mut dyn PortWatch> {
+        Some(self)
+    }
+
+    fn guests(&mut self) -> Option<&mut dyn BusGuests> {
+        Some(self)
+    }
+
+    fn faults(&mut self) -> Option<&mut dyn Faulty> {
+        Some(self)
+    }
+}
+
+impl PortWatch for CanBus {
     fn judge_writes(&mut self, place: usize, now: u64, journal: &mut Journal) {
         if let Some(watch) = &mut self.stations.get_mut(place).watch {
             watch.look(now, journal);
         }
     }
 
-    fn leave(&mut self, place: usize) {
+    fn store_baseline(&mut self, place: usize) {
         if let Some(watch) = &mut self.stations.get_mut(place).watch {
             watch.leave();
         }
@@ -173,22 +227,9 @@ impl Bus for CanBus {
             watch.written(offset, bytes, now, journal);
         }
     }
+}
 
-    fn stations(&self) -> Vec<StationState> {
-        let present = self.stations.all().iter().filter(|end| end.on_since_ns.is_some());
-        let state = |origin, errors| StationState { origin, address: None, does: None, errors };
-        present.map(|end| state(end.origin, end.controller.errors())).collect()
-    }
-
-    fn ports(&self) -> Vec<Origin> {
-        let all = self.stations.all().iter().map(|end| end.origin);
-        all.filter(|origin| origin.guest().is_none()).collect()
-    }
-
-    fn bit_s(&self) -> u32 {
-        self.wire.as_ref().map_or(0, |wire| wire.rate().bit_s())
-    }
-
+impl BusGuests for CanBus {
     fn guest_joins(&mut self, guest: u8, now: u64) -> bool {
         self.join(guest, now)
     }
@@ -215,11 +256,9 @@ impl Bus for CanBus {
         let BusMessage::Frame(frame) = said else { return Err(GuestRefusal::NotHere) };
         self.queue_guest_frame(guest, frame, now)
     }
+}
 
-    fn next_time(&self) -> u64 {
-        self.next
-    }
-
+impl Faulty for CanBus {
     /// Puts a working controller into BUS-off. All other faults of a port belong to its device.
     fn fire(&mut self, now: u64, target: Target, effect: &Effect) -> Option<Hit> {
         let Target::Port { device: plc, port: node } = target else { return None };
@@ -233,22 +272,5 @@ impl Bus for CanBus {
         self.settle(who, now * 1000);
         self.plan(now);
         hit
-    }
-
-    fn event(&mut self, world: &mut World) -> Option<SyncSignal> {
-        let now = world.now;
-        if core::mem::take(&mut self.has_state_changes) {
-            self.report_states(now, world.journal);
-        }
-        // Events on the wire come first: they were due before the end of the microsecond.
-        if !self.wire_event(world) && !self.recover(now, world.journal) {
-            let mut from = 0;
-            while let Some(who) = self.stations.due(from, now) {
-                self.run(who, now, world.journal, |port, ctx, controller| port.due(ctx, controller));
-                from = who + 1;
-            }
-        }
-        self.plan(now);
-        None
     }
 }

@@ -4,7 +4,7 @@ use super::records::{Lost, StateChange, Transmitted};
 use super::{CanBus, CanBusConfig, CanPort, CanSocket, Controller, QueueFull};
 use crate::can::{BitRate, ErrorState, Fate, Filter, Frame, Payload, wire};
 use crate::devices::samples::tables::STATION;
-use crate::devices::{Bus, Context, StationState, World};
+use crate::devices::{Bus, BusView, Context, Faulty, StationState, World};
 use crate::fault::{Effect, Faults, Hit, Target};
 use crate::journal::{Journal, Origin};
 use crate::memory::{HEADER_SIZE, Segment};

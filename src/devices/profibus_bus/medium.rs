@@ -11,7 +11,10 @@ use super::port::{Intent, ProfibusPort, ProfibusSocket, Station};
 use super::records::{DpGarbled, DpShort, DpTelegram, short};
 use crate::can::ErrorCounters;
 use crate::check::{OwnedWatch, rules};
-use crate::devices::{BuildError, Bus, Context, GuestRefusal, StationState, SyncSignal, World};
+use crate::devices::{
+    BuildError, Bus, BusGuests, BusView, Context, Faulty, GuestRefusal, PortWatch, StationState, SyncSignal,
+    World,
+};
 use crate::door::{BusMessage, Guest};
 use crate::fault::{Effect, Hit, Target};
 use crate::journal::{Event, Finding, Journal, Origin};
@@ -277,7 +280,7 @@ impl SnapshotFields for ProfibusBus {
     }
 }
 
-impl Bus for ProfibusBus {
+impl BusView for ProfibusBus {
     fn name(&self) -> &str {
         &self.name
     }
@@ -286,6 +289,39 @@ impl Bus for ProfibusBus {
         FAMILY
     }
 
+    fn bit_s(&self) -> u32 {
+        self.rate.bit_s()
+    }
+
+    fn ports(&self) -> Vec<Origin> {
+        self.ends.iter().map(|end| end.origin).collect()
+    }
+
+    fn stations(&self) -> Vec<StationState> {
+        let state = |origin, address, does| StationState {
+            origin,
+            address,
+            does: Some(does),
+            errors: ErrorCounters::default(),
+        };
+        let on = self.ends.iter().filter(|end| end.is_on);
+        let ports = on.filter_map(|end| {
+            let presence = end.port.presence()?;
+            Some(state(end.origin, Some(presence.address), presence.does))
+        });
+        let guests =
+            self.guests.present().map(|(number, address)| state(Origin::of_guest(number), address, "guest"));
+        ports.chain(guests).collect()
+    }
+
+    fn busy_ns(&self, event: &Event) -> u64 {
+        let octets = event.get::<DpTelegram>().map(|it| it.octets_on_line());
+        let octets = octets.or_else(|| event.get::<DpShort>().map(|it| it.octets_on_line()));
+        Telegram::bits(octets.unwrap_or(0)) * 1_000_000_000 / u64::from(self.rate.bit_s().max(1))
+    }
+}
+
+impl Bus for ProfibusBus {
     fn attach(&mut self, socket: Box<dyn Any + Send>) -> Result<usize, BuildError> {
         let socket = socket.downcast::<ProfibusSocket>().map_err(|_| BuildError::OtherFamily)?;
         let ProfibusSocket { origin, segment, layout, port } = *socket;
@@ -331,55 +367,53 @@ impl Bus for ProfibusBus {
         self.ends.iter().any(|end| end.port.has_changed())
     }
 
+    fn next_time(&self) -> u64 {
+        self.next
+    }
+
+    fn event(&mut self, world: &mut World) -> Option<SyncSignal> {
+        let now = world.now;
+        // Events on the line come first: they were due before the end of the microsecond.
+        if !self.line_event(now, world.journal) {
+            let bits = self.rate.bits_at(now);
+            for end in self.ends.iter_mut().filter(|end| end.is_on && end.port.next_time() <= now) {
+                end.run(now, bits, world.journal, |port, ctx, station| port.due(ctx, station));
+            }
+        }
+        self.plan(now);
+        None
+    }
+
+    fn watch(&mut self) -> Option<&mut dyn PortWatch> {
+        Some(self)
+    }
+
+    fn guests(&mut self) -> Option<&mut dyn BusGuests> {
+        Some(self)
+    }
+
+    fn faults(&mut self) -> Option<&mut dyn Faulty> {
+        Some(self)
+    }
+}
+
+impl PortWatch for ProfibusBus {
     fn judge_writes(&mut self, place: usize, now: u64, journal: &mut Journal) {
         self.ends[place].watch.look(now, journal);
     }
 
-    fn leave(&mut self, place: usize) {
+    fn store_baseline(&mut self, place: usize) {
         self.ends[place].watch.leave();
     }
 
     fn judge_write(&mut self, place: usize, offset: u32, bytes: u32, now: u64, journal: &mut Journal) {
         self.ends[place].watch.written(offset, bytes, now, journal);
     }
+}
 
-    fn ports(&self) -> Vec<Origin> {
-        self.ends.iter().map(|end| end.origin).collect()
-    }
-
-    fn bit_s(&self) -> u32 {
-        self.rate.bit_s()
-    }
-
-    fn stations(&self) -> Vec<StationState> {
-        let state = |origin, address, does| StationState {
-            origin,
-            address,
-            does: Some(does),
-            errors: ErrorCounters::default(),
-        };
-        let on = self.ends.iter().filter(|end| end.is_on);
-        let ports = on.filter_map(|end| {
-            let presence = end.port.presence()?;
-            Some(state(end.origin, Some(presence.address), presence.does))
-        });
-        let guests =
-            self.guests.present().map(|(number, address)| state(Origin::of_guest(number), address, "guest"));
-        ports.chain(guests).collect()
-    }
-
-    fn busy_ns(&self, event: &Event) -> u64 {
-        let octets = event.get::<DpTelegram>().map(|it| it.octets_on_line());
-        let octets = octets.or_else(|| event.get::<DpShort>().map(|it| it.octets_on_line()));
-        Telegram::bits(octets.unwrap_or(0)) * 1_000_000_000 / u64::from(self.rate.bit_s().max(1))
-    }
-
+impl BusGuests for ProfibusBus {
     fn guest_joins(&mut self, guest: u8, _: u64) -> bool {
         self.guests.join(guest)
-    }
-
-    fn guest_hears(&mut self, guest: u8, ear: Arc<Guest>) {
-        self.guests.listen(guest, ear);
     }
 
     fn guest_leaves(&mut self, guest: u8, now: u64) {
@@ -390,6 +424,10 @@ impl Bus for ProfibusBus {
     fn guest_has_gone(&mut self, guest: u8, now: u64) {
         self.guests.give_up_later(guest, self.rate.bits_at(now));
         self.plan(now);
+    }
+
+    fn guest_hears(&mut self, guest: u8, ear: Arc<Guest>) {
+        self.guests.listen(guest, ear);
     }
 
     fn guest_sends(
@@ -407,11 +445,9 @@ impl Bus for ProfibusBus {
         self.plan(now);
         taken
     }
+}
 
-    fn next_time(&self) -> u64 {
-        self.next
-    }
-
+impl Faulty for ProfibusBus {
     /// The segment has no own faults; the faults of its ports belong to their devices.
     fn fire(&mut self, now: u64, target: Target, effect: &Effect) -> Option<Hit> {
         let Target::Port { device: plc, port: node } = target else { return None };
@@ -419,19 +455,6 @@ impl Bus for ProfibusBus {
         let hit = end.port.fire(now, effect);
         self.plan(now);
         hit
-    }
-
-    fn event(&mut self, world: &mut World) -> Option<SyncSignal> {
-        let now = world.now;
-        // Events on the line come first: they were due before the end of the microsecond.
-        if !self.line_event(now, world.journal) {
-            let bits = self.rate.bits_at(now);
-            for end in self.ends.iter_mut().filter(|end| end.is_on && end.port.next_time() <= now) {
-                end.run(now, bits, world.journal, |port, ctx, station| port.due(ctx, station));
-            }
-        }
-        self.plan(now);
-        None
     }
 }
 

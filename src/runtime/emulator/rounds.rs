@@ -58,7 +58,7 @@ impl Emulator {
                 }
                 self.lockstep.look(&mut self.plant, &mut NoWitness);
             }
-            self.guests.send_heard(&self.plant);
+            self.guests.send_heard(&mut self.plant);
             self.guests.grant(self.plant.now());
             self.guests.enter(&mut self.plant, false);
             if look || due {

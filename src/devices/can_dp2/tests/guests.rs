@@ -23,15 +23,18 @@ impl Foreign {
     /// Joins as the guest with this number, which is also its address.
     fn come(bench: &mut Bench, number: u8) -> Self {
         let ear = Guest::of_a_test(0, number);
-        assert!(bench.buses[0].guest_joins(number, bench.now));
-        bench.buses[0].guest_hears(number, ear.clone());
+        assert!(bench.buses[0].guests().unwrap().guest_joins(number, bench.now));
+        bench.buses[0].guests().unwrap().guest_hears(number, ear.clone());
         Foreign { number, address: number, ear, fcb: None }
     }
 
     fn say(&self, bench: &mut Bench, begin: u64, octets: &[u8]) {
         let said = BusMessage::Burst(Burst { begin, octets: octets.to_vec() });
         let now = bench.now;
-        assert_eq!(bench.buses[0].guest_sends(self.number, &said, now, &mut bench.journal), Ok(()));
+        assert_eq!(
+            bench.buses[0].guests().unwrap().guest_sends(self.number, &said, now, &mut bench.journal),
+            Ok(())
+        );
     }
 
     fn hear(&self) -> Option<Burst> {
@@ -259,7 +262,8 @@ fn a_telegram_for_a_distant_time_is_refused() {
     for (begin, seconds) in
         [(u64::MAX, u32::MAX), (1 << 62, u32::MAX), (most + bits(bench.now) + 500_001, 61)]
     {
-        let refused = bench.buses[0].guest_sends(2, &said(begin), bench.now, &mut bench.journal);
+        let refused =
+            bench.buses[0].guests().unwrap().guest_sends(2, &said(begin), bench.now, &mut bench.journal);
         assert!(matches!(refused, Err(GuestRefusal::TooFarAhead { .. })), "{refused:?}");
         let last = bench.journal.findings().iter().last().map(|it| (it.last.rule, it.last.value));
         assert_eq!(last, Some((&GUEST_TIME, seconds)));
@@ -314,9 +318,9 @@ fn the_watchdog_stops_a_slave_without_its_master() {
     let (now, request) = (bench.now, master.request(None, &[3, 4]));
     master.say(&mut bench, 0, &request);
     master.say(&mut bench, bits(now + 50 * MS), &[0xDC, 2, 2]);
-    bench.buses[0].guest_leaves(2, now);
+    bench.buses[0].guests().unwrap().guest_leaves(2, now);
     let said = BusMessage::Burst(Burst { begin: 0, octets: vec![0xE5] });
-    let refusal = bench.buses[0].guest_sends(2, &said, now, &mut bench.journal);
+    let refusal = bench.buses[0].guests().unwrap().guest_sends(2, &said, now, &mut bench.journal);
     assert_eq!(refusal, Err(GuestRefusal::NotHere));
     bench.run(60 * MS);
     assert_eq!(bench.registers.outputs(2), [3, 4], "earlier telegrams are still sent");
@@ -358,10 +362,17 @@ fn a_guest_sends_octets_only_and_its_queue_is_limited() {
     let mut bench = Bench::new(5);
     let guest = Foreign::come(&mut bench, 2);
     let (journal, bus) = (&mut bench.journal, &mut bench.buses[0]);
-    assert_eq!(bus.guest_sends(2, &BusMessage::Frame(data(1, &[])), 0, journal), Err(GuestRefusal::NotHere));
+    assert_eq!(
+        bus.guests().unwrap().guest_sends(2, &BusMessage::Frame(data(1, &[])), 0, journal),
+        Err(GuestRefusal::NotHere)
+    );
     let said = BusMessage::Burst(Burst { begin: 0, octets: vec![0xE5] });
-    let taken = (0..1000).take_while(|_| bus.guest_sends(2, &said, 0, journal).is_ok()).count();
-    assert_eq!((taken, bus.guest_sends(2, &said, 0, journal)), (64, Err(GuestRefusal::Full)));
+    let taken =
+        (0..1000).take_while(|_| bus.guests().unwrap().guest_sends(2, &said, 0, journal).is_ok()).count();
+    assert_eq!(
+        (taken, bus.guests().unwrap().guest_sends(2, &said, 0, journal)),
+        (64, Err(GuestRefusal::Full))
+    );
     bench.run(10 * MS);
     guest.say(&mut bench, 0, &[0xE5]);
 }

@@ -25,15 +25,20 @@ struct Door {
 impl Door {
     fn come(bench: &mut Bench, number: u8) -> Self {
         let ear = Guest::of_a_test(0, number);
-        assert!(bench.buses[0].guest_joins(number, bench.now));
-        bench.buses[0].guest_hears(number, ear.clone());
+        assert!(bench.buses[0].guests().unwrap().guest_joins(number, bench.now));
+        bench.buses[0].guests().unwrap().guest_hears(number, ear.clone());
         Door { number, ear }
     }
 
     fn say(&self, bench: &mut Bench, octets: Vec<u8>) {
         let now = bench.now;
         assert_eq!(
-            bench.buses[0].guest_sends(self.number, &BusMessage::burst(octets), now, &mut bench.journal),
+            bench.buses[0].guests().unwrap().guest_sends(
+                self.number,
+                &BusMessage::burst(octets),
+                now,
+                &mut bench.journal
+            ),
             Ok(())
         );
     }

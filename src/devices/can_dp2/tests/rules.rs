@@ -47,11 +47,11 @@ fn with_window(cfg: &[u8]) -> Bench {
 /// A foreign slave answers from this address.
 fn answered_from(address: u8) -> Bench {
     let mut bench = exchanging(&CFG);
-    assert!(bench.buses[0].guest_joins(1, bench.now));
+    assert!(bench.buses[0].guests().unwrap().guest_joins(1, bench.now));
     let (da, fc, dsap, ssap, data) = (1, 0, None, None, vec![]);
     let frame = crate::profibus::Frame { da, sa: address, fc, dsap, ssap, data };
     let said = BusMessage::burst(Telegram::Frame(frame).octets().unwrap());
-    bench.buses[0].guest_sends(1, &said, bench.now, &mut bench.journal).unwrap();
+    bench.buses[0].guests().unwrap().guest_sends(1, &said, bench.now, &mut bench.journal).unwrap();
     bench.run(MS);
     bench
 }
@@ -59,11 +59,11 @@ fn answered_from(address: u8) -> Bench {
 /// A foreign master asks another slave from this address.
 fn asked_from(address: u8) -> Bench {
     let mut bench = exchanging(&CFG);
-    assert!(bench.buses[0].guest_joins(1, bench.now));
+    assert!(bench.buses[0].guests().unwrap().guest_joins(1, bench.now));
     let (da, fc, dsap, ssap, data) = (9, 0x49, None, None, vec![]);
     let frame = crate::profibus::Frame { da, sa: address, fc, dsap, ssap, data };
     let said = BusMessage::burst(Telegram::Frame(frame).octets().unwrap());
-    bench.buses[0].guest_sends(1, &said, bench.now, &mut bench.journal).unwrap();
+    bench.buses[0].guests().unwrap().guest_sends(1, &said, bench.now, &mut bench.journal).unwrap();
     bench.run(MS);
     bench
 }
@@ -72,11 +72,11 @@ fn asked_from(address: u8) -> Bench {
 #[test]
 fn a_master_that_asks_nothing_shares_no_address() {
     let mut bench = Bench::new(5);
-    assert!(bench.buses[0].guest_joins(1, bench.now));
+    assert!(bench.buses[0].guests().unwrap().guest_joins(1, bench.now));
     for _ in 0..2 {
         let frame = crate::profibus::Frame { da: 9, sa: 1, fc: 0x49, dsap: None, ssap: None, data: vec![] };
         let said = BusMessage::burst(Telegram::Frame(frame).octets().unwrap());
-        bench.buses[0].guest_sends(1, &said, bench.now, &mut bench.journal).unwrap();
+        bench.buses[0].guests().unwrap().guest_sends(1, &said, bench.now, &mut bench.journal).unwrap();
         bench.run(5 * MS);
     }
     assert_eq!(broken(&bench), []);

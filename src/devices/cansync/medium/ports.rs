@@ -16,8 +16,8 @@ use crate::devices::cansync::registers::phases;
 use crate::devices::cansync::registers::values::ma_sl_mode;
 use crate::devices::cansync::rules;
 use crate::devices::{
-    BuildError, Bus, Context, DriveDetails, DriveState, GuestRefusal, Interval, ParameterRefusal, Shaft,
-    Stranger, SyncOrigin, SyncSignal, World,
+    BuildError, Bus, BusGuests, BusView, Context, DriveDetails, DriveState, Drives, Faulty, GuestRefusal,
+    Interval, ParameterRefusal, PortWatch, Shaft, Stranger, SyncLine, SyncOrigin, SyncSignal, World,
 };
 use crate::door::BusMessage;
 use crate::fault::{self, Faults, Hit, Target};
@@ -25,7 +25,7 @@ use crate::journal::{Journal, Origin};
 use core::any::Any;
 use core::mem::offset_of;
 
-impl Bus for SimBus {
+impl BusView for SimBus {
     fn name(&self) -> &str {
         &self.name
     }
@@ -34,6 +34,44 @@ impl Bus for SimBus {
         FAMILY
     }
 
+    fn bit_s(&self) -> u32 {
+        u32::from(self.present_kbit_s()) * 1000
+    }
+
+    fn ports(&self) -> Vec<Origin> {
+        let masters = self.masters.iter().map(|end| end.origin);
+        masters.chain(self.slaves.iter().map(|end| end.origin)).collect()
+    }
+
+    fn strangers(&self) -> Vec<Stranger> {
+        self.of_other_rates()
+    }
+
+    fn interval(&self) -> Option<Interval> {
+        let timing = self.running.as_ref()?.timing;
+        let slot = |(name, start_us): (&str, u32)| devices::Slot::new(name, start_us);
+        let BaudRate { t_RC, t_WRC1, t_RDC1, t_WRC2, t_RDC2, t_CC, .. } = *timing;
+        let all = [
+            ("RC", t_RC),
+            ("WRC1", t_WRC1),
+            ("RDC1", t_RDC1),
+            ("WRC2", t_WRC2),
+            ("RDC2", t_RDC2),
+            ("CC", t_CC),
+        ];
+        Some(Interval {
+            us: u32::from(timing.b_TIME_PATTERN) * 1000,
+            slots: all.into_iter().map(slot).collect(),
+        })
+    }
+
+    fn participants(&self) -> u32 {
+        let present = self.stations.iter().enumerate().filter(|(_, station)| **station != Station::Nobody);
+        present.fold(0, |mask, (number, _)| mask | 1 << number)
+    }
+}
+
+impl Bus for SimBus {
     fn attach(&mut self, socket: Box<dyn Any + Send>) -> Result<usize, BuildError> {
         let socket = socket.downcast::<Socket>().map_err(|_| BuildError::OtherFamily)?;
         let place = match &socket.role {
@@ -193,31 +231,6 @@ impl Bus for SimBus {
             || self.masters.iter().any(|end| end.firmware.control_changed())
     }
 
-    #[inline]
-    fn judge_writes(&mut self, place: usize, now: u64, journal: &mut Journal) {
-        if let Some((watch, facts)) = self.watched(place) {
-            watch.look(now, &facts, journal);
-        }
-    }
-
-    #[inline]
-    fn leave(&mut self, place: usize) {
-        if let Some((watch, facts)) = self.watched(place) {
-            watch.leave(facts.live);
-        }
-    }
-
-    fn judge_write(&mut self, place: usize, offset: u32, bytes: u32, now: u64, journal: &mut Journal) {
-        if let Some((watch, facts)) = self.watched(place) {
-            watch.written(offset as usize, bytes as usize, now, &facts, journal);
-        }
-    }
-
-    #[inline]
-    fn judge_edge(&mut self, now: u64, journal: &mut Journal) {
-        self.judge_mappings(now, journal);
-    }
-
     fn next_time(&self) -> u64 {
         self.next
     }
@@ -231,87 +244,36 @@ impl Bus for SimBus {
         if self.slot_due(world) { self.running.as_ref().map(|running| running.signal) } else { None }
     }
 
-    fn ports(&self) -> Vec<Origin> {
-        let masters = self.masters.iter().map(|end| end.origin);
-        masters.chain(self.slaves.iter().map(|end| end.origin)).collect()
+    fn watch(&mut self) -> Option<&mut dyn PortWatch> {
+        Some(self)
     }
 
-    fn interval(&self) -> Option<Interval> {
-        let timing = self.running.as_ref()?.timing;
-        let slot = |(name, start_us): (&str, u32)| devices::Slot::new(name, start_us);
-        let BaudRate { t_RC, t_WRC1, t_RDC1, t_WRC2, t_RDC2, t_CC, .. } = *timing;
-        let all = [
-            ("RC", t_RC),
-            ("WRC1", t_WRC1),
-            ("RDC1", t_RDC1),
-            ("WRC2", t_WRC2),
-            ("RDC2", t_RDC2),
-            ("CC", t_CC),
-        ];
-        Some(Interval {
-            us: u32::from(timing.b_TIME_PATTERN) * 1000,
-            slots: all.into_iter().map(slot).collect(),
-        })
+    fn guests(&mut self) -> Option<&mut dyn BusGuests> {
+        Some(self)
     }
 
-    fn bit_s(&self) -> u32 {
-        u32::from(self.present_kbit_s()) * 1000
+    fn sync(&self) -> Option<&dyn SyncLine> {
+        Some(self)
     }
 
-    fn strangers(&self) -> Vec<Stranger> {
-        self.of_other_rates()
+    fn sync_mut(&mut self) -> Option<&mut dyn SyncLine> {
+        Some(self)
     }
 
-    fn settle(&mut self) {
-        self.drives.settle();
+    fn drives(&self) -> Option<&dyn Drives> {
+        Some(self)
     }
 
-    fn drives(&self) -> Vec<(&str, DriveState)> {
-        let look = |drive: &Drive| match self.disturbance.is_off(drive.slave_number()) {
-            true => DriveState { state: "off".to_owned(), ..drive.look() },
-            false => drive.look(),
-        };
-        self.drives.look().iter().map(|drive| (drive.name(), look(drive))).collect()
+    fn drives_mut(&mut self) -> Option<&mut dyn Drives> {
+        Some(self)
     }
 
-    fn drive(&self, drive: usize) -> Option<DriveDetails> {
-        let (_, state) = Bus::drives(self).into_iter().nth(drive)?;
-        Some(DriveDetails { state, ..self.drives.look().get(drive)?.details() })
+    fn faults(&mut self) -> Option<&mut dyn Faulty> {
+        Some(self)
     }
+}
 
-    fn set_parameter(
-        &mut self,
-        drive: usize,
-        number: u16,
-        value: i64,
-        now: u64,
-        journal: &mut Journal,
-    ) -> Result<(), ParameterRefusal> {
-        let bus = self.index;
-        let drive = self.drives.get_mut(drive).ok_or(ParameterRefusal::NotThere)?;
-        let slave = drive.slave_number();
-        if self.disturbance.is_off(slave) {
-            return Err(ParameterRefusal::Off);
-        }
-        drive.set_parameter(number, value)?;
-        journal.push(now, DriveSet { bus, slave, number, value: value as u32 });
-        // The drive may move now, also without SYNC.
-        self.wake_drives(now);
-        Ok(())
-    }
-
-    fn shaft(&self, drive: usize) -> Option<Shaft> {
-        Some(self.drives.look().get(drive)?.shaft())
-    }
-
-    fn turn_shaft(&mut self, drive: usize, speed: Option<i32>, now: u64) {
-        if let Some(drive) = self.drives.get_mut(drive) {
-            drive.turn_shaft(speed);
-            // The drive may move now, also without SYNC.
-            self.wake_drives(now);
-        }
-    }
-
+impl BusGuests for SimBus {
     fn guest_sends(
         &mut self,
         guest: u8,
@@ -322,7 +284,9 @@ impl Bus for SimBus {
         let BusMessage::Frame(frame) = said else { return Err(GuestRefusal::NotHere) };
         self.take_guests_frame(guest, frame, now, journal)
     }
+}
 
+impl SyncLine for SimBus {
     fn takes_sync(&self, place: usize) -> bool {
         match self.places[place] {
             Place::Master(index) => {
@@ -359,12 +323,61 @@ impl Bus for SimBus {
             SyncOrigin::Own(port)
         }
     }
+}
 
-    fn participants(&self) -> u32 {
-        let present = self.stations.iter().enumerate().filter(|(_, station)| **station != Station::Nobody);
-        present.fold(0, |mask, (number, _)| mask | 1 << number)
+impl Drives for SimBus {
+    fn list(&self) -> Vec<(&str, DriveState)> {
+        let look = |drive: &Drive| match self.disturbance.is_off(drive.slave_number()) {
+            true => DriveState { state: "off".to_owned(), ..drive.look() },
+            false => drive.look(),
+        };
+        self.drives.look().iter().map(|drive| (drive.name(), look(drive))).collect()
     }
 
+    fn details(&self, drive: usize) -> Option<DriveDetails> {
+        let (_, state) = Drives::list(self).into_iter().nth(drive)?;
+        Some(DriveDetails { state, ..self.drives.look().get(drive)?.details() })
+    }
+
+    fn set_parameter(
+        &mut self,
+        drive: usize,
+        number: u16,
+        value: i64,
+        now: u64,
+        journal: &mut Journal,
+    ) -> Result<(), ParameterRefusal> {
+        let bus = self.index;
+        let drive = self.drives.get_mut(drive).ok_or(ParameterRefusal::NotThere)?;
+        let slave = drive.slave_number();
+        if self.disturbance.is_off(slave) {
+            return Err(ParameterRefusal::Off);
+        }
+        drive.set_parameter(number, value)?;
+        journal.push(now, DriveSet { bus, slave, number, value: value as u32 });
+        // The drive may move now, also without SYNC.
+        self.wake_drives(now);
+        Ok(())
+    }
+
+    fn shaft(&self, drive: usize) -> Option<Shaft> {
+        Some(self.drives.look().get(drive)?.shaft())
+    }
+
+    fn turn_shaft(&mut self, drive: usize, speed: Option<i32>, now: u64) {
+        if let Some(drive) = self.drives.get_mut(drive) {
+            drive.turn_shaft(speed);
+            // The drive may move now, also without SYNC.
+            self.wake_drives(now);
+        }
+    }
+
+    fn settle(&mut self) {
+        self.drives.settle();
+    }
+}
+
+impl Faulty for SimBus {
     fn faults_changed(&mut self, now: u64, faults: &Faults) {
         let off = faults.acting(self.owner()).fold(0, |off, (target, effect)| match (target, effect) {
             (Target::Participant { number, .. }, Effect::SlaveOff) => {

@@ -14,7 +14,7 @@ use crate::devices::cansync::registers::{
 };
 use crate::devices::cansync::{BaudRate, rules};
 use crate::devices::omega_drive_line_2::registers::BAUD_RATES as THREE;
-use crate::devices::{Bus, ParticipantId, Stranger, World};
+use crate::devices::{Bus, BusView, ParticipantId, Stranger, World};
 use crate::fault::Faults;
 use crate::journal::{Finding, Journal, Origin};
 use crate::memory::{Cell8, Segment, View};

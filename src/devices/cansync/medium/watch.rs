@@ -2,6 +2,7 @@
 
 use super::SimBus;
 use super::end::Place;
+use crate::devices::PortWatch;
 use crate::devices::cansync::watch::{Facts, NodeWatch};
 use crate::journal::Journal;
 
@@ -41,6 +42,33 @@ impl SimBus {
     }
 }
 
+impl PortWatch for SimBus {
+    #[inline]
+    fn judge_writes(&mut self, place: usize, now: u64, journal: &mut Journal) {
+        if let Some((watch, facts)) = self.watched(place) {
+            watch.look(now, &facts, journal);
+        }
+    }
+
+    #[inline]
+    fn store_baseline(&mut self, place: usize) {
+        if let Some((watch, facts)) = self.watched(place) {
+            watch.leave(facts.live);
+        }
+    }
+
+    fn judge_write(&mut self, place: usize, offset: u32, bytes: u32, now: u64, journal: &mut Journal) {
+        if let Some((watch, facts)) = self.watched(place) {
+            watch.written(offset as usize, bytes as usize, now, &facts, journal);
+        }
+    }
+
+    #[inline]
+    fn judge_edge(&mut self, now: u64, journal: &mut Journal) {
+        self.judge_mappings(now, journal);
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -70,7 +98,7 @@ mod tests {
             let socket = Socket { origin, segment: segment.clone(), location, area: port.area, role };
             let place = bus.attach(Box::new(socket)).unwrap();
             bus.power_on(place, number, 0, &mut Journal::default());
-            bus.leave(place);
+            bus.store_baseline(place);
         }
         let mut journal = Journal::default();
         let mut look = |now| {

@@ -9,7 +9,7 @@ const PORT: Target = Target::Port { device: 0, port: 1 };
 
 fn bus_off(bench: &mut Bench) {
     let effect = Effect::new(can_faults::Effect::BusOff);
-    assert!(bench.bus.fire(bench.now, PORT, &effect).is_some());
+    assert!(bench.bus.faults().unwrap().fire(bench.now, PORT, &effect).is_some());
     bench.run(500);
 }
 

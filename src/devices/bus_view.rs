@@ -1,0 +1,78 @@
+//! The visible state of a bus: identity, ports, stations, and the load of its wire.
+
+use super::Interval;
+use crate::can::{self, BitRate, ErrorCounters};
+use crate::journal::{Event, Origin};
+
+/// A station of a bus with known stations.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct StationState {
+    /// The port, or the guest.
+    pub origin: Origin,
+    /// Address of the station, if it has one and it is known.
+    pub address: Option<u8>,
+    /// Activity of the station in one word; `None`: the state of its error counters describes it.
+    pub does: Option<&'static str>,
+    /// Its error counters, 0 where stations count no errors.
+    pub errors: ErrorCounters,
+}
+
+/// A station with another rate than its bus, which therefore does not take part.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Stranger {
+    /// Identity of the station.
+    pub participant: ParticipantId,
+    /// Rate of the station, in bit/s.
+    pub bit_s: u32,
+}
+
+/// Participant of a bus.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum ParticipantId {
+    /// A port of a device.
+    Port(Origin),
+    /// A participant of the bus's own, by its name.
+    Own(String),
+}
+
+/// The visible state of a bus. Reading it changes nothing.
+pub trait BusView {
+    /// Its name in the plant.
+    fn name(&self) -> &str;
+
+    /// Kind of the bus, one of [`BUS_KINDS`](super::BUS_KINDS).
+    fn family(&self) -> &'static str;
+
+    /// The rate that it runs at now, in bit/s.
+    fn bit_s(&self) -> u32;
+
+    /// The attached ports, in the order of attachment.
+    fn ports(&self) -> Vec<Origin>;
+
+    /// Returns the stations that have power; none where they are not known.
+    fn stations(&self) -> Vec<StationState> {
+        Vec::new()
+    }
+
+    /// Stations that are set to another rate and therefore do not take part.
+    fn strangers(&self) -> Vec<Stranger> {
+        Vec::new()
+    }
+
+    /// The interval that repeats on the bus, as long as it does.
+    fn interval(&self) -> Option<Interval> {
+        None
+    }
+
+    /// Participants that faults can concern, bit n for number n.
+    fn participants(&self) -> u32 {
+        0
+    }
+
+    /// Time for which a journal event of this bus, a frame, has kept the wire busy, in nanoseconds.
+    fn busy_ns(&self, event: &Event) -> u64 {
+        let rate = BitRate::new(self.bit_s());
+        let taken = event.frame().zip(rate).map(|(carried, rate)| can::wire::airtime(&carried.frame, rate));
+        taken.map_or(0, |airtime| airtime.occupation_ns)
+    }
+}

@@ -1,0 +1,24 @@
+//! The access checker over the ports of a bus.
+
+use crate::journal::Journal;
+
+/// The watches over the registers of a bus's ports ([`Bus::watch`](super::Bus::watch)). The bus owns them, since its
+/// family has the rules and the firmware.
+pub trait PortWatch {
+    /// Before firmware runs: checks the writes of clients to the registers of a port since
+    /// [`PortWatch::store_baseline`].
+    fn judge_writes(&mut self, place: usize, now: u64, journal: &mut Journal);
+
+    /// After firmware has run: stores the registers of a port as the baseline.
+    fn store_baseline(&mut self, place: usize);
+
+    /// Checks a write of `bytes` bytes at byte `offset` of the image, which came through the channel, if it hit
+    /// registers of a port.
+    fn judge_write(&mut self, place: usize, offset: u32, bytes: u32, now: u64, journal: &mut Journal);
+
+    /// Checks the values that are taken over at a SYNC edge. Called after all devices were notified of an edge that
+    /// [`Bus::event`](super::Bus::event) returned.
+    fn judge_edge(&mut self, now: u64, journal: &mut Journal) {
+        let _ = (now, journal);
+    }
+}

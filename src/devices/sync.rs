@@ -1,0 +1,46 @@
+//! The SYNC signal of a bus: its source, its next edge, and edges that another bus forwards.
+
+use crate::journal::{Journal, Origin};
+use serde::{Deserialize, Serialize};
+
+/// A SYNC signal, as far as the masters that take it over need it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct SyncSignal {
+    /// Time between two edges in us.
+    pub interval_us: u32,
+    /// Rate of the bus of the master that generates it, in kbit/s.
+    pub kbit_s: u16,
+}
+
+/// Source of the SYNC signal of a bus.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SyncOrigin {
+    /// There is no master that could generate the signal.
+    NoMaster,
+    /// The master has not started.
+    Idle {
+        /// Its port.
+        port: Origin,
+        /// Value of its status register.
+        state: u16,
+    },
+    /// The master of the bus generates the signal.
+    Own(Origin),
+    /// The master passes on the signal of another port of its device.
+    Forwarded(Origin),
+}
+
+/// The SYNC signal of a bus that has one ([`Bus::sync`](super::Bus::sync)).
+pub trait SyncLine {
+    /// Whether the port takes its SYNC signal from another port of its device.
+    fn takes_sync(&self, place: usize) -> bool;
+
+    /// An edge of a forwarded SYNC signal.
+    fn forwarded_edge(&mut self, place: usize, now: u64, signal: SyncSignal, journal: &mut Journal);
+
+    /// Time of the next SYNC edge, if this bus generates the signal.
+    fn next_sync(&self) -> Option<u64>;
+
+    /// Source of its SYNC signal.
+    fn sync_origin(&self) -> SyncOrigin;
+}
