@@ -1,8 +1,6 @@
 //! Interface between a plant and a bus with the ports of devices and other participants.
 
-use super::{
-    BuildError, BusGuests, BusView, Context, Device, Drives, Faulty, PortWatch, SyncLine, SyncSignal,
-};
+use super::{BuildError, BusGuests, BusView, Context, Drives, Faulty, PortWatch, SyncLine, SyncSignal};
 use crate::fault::Faults;
 use crate::journal::{Journal, Origin};
 use crate::snapshot_fields::SnapshotFields;
@@ -58,7 +56,7 @@ pub trait Bus: BusView + Any + Send + SnapshotFields {
     /// The port's firmware polls its control registers. Returns whether the port now takes part in the traffic.
     fn processor_cycle(&mut self, place: usize, now: u64, journal: &mut Journal) -> bool;
 
-    /// Whether the firmware of the port is quiescent, as a device can be ([`Device::is_quiescent`]): its processor
+    /// Whether the firmware of the port is quiescent, as a device can be ([`Device::is_quiescent`](super::Device::is_quiescent)): its processor
     /// cycles change nothing before another event occurs, for example [`Bus::event`].
     fn is_quiescent(&self, place: usize) -> bool {
         let _ = place;
@@ -131,13 +129,6 @@ pub trait Bus: BusView + Any + Send + SnapshotFields {
     /// The part that applies faults of the bus, its participants and its ports, if it can have any.
     fn faults(&mut self) -> Option<&mut dyn Faulty> {
         None
-    }
-}
-
-impl dyn Device {
-    /// Returns the device as a `T`, if it has that type.
-    pub fn as_a<T: Device>(&self) -> Option<&T> {
-        (self as &dyn Any).downcast_ref()
     }
 }
 

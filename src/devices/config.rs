@@ -41,7 +41,7 @@ pub trait DeviceConfig: fmt::Debug + Send + Sync {
         Vec::new()
     }
 
-    /// Whether `port` is a drive of its medium, like [`Device::is_drive`] of the running device.
+    /// Whether `port` is a drive of its medium, like [`DeviceView::is_drive`](super::DeviceView::is_drive) of the running device.
     fn is_drive(&self, port: u8) -> bool {
         let _ = port;
         false

@@ -1,6 +1,8 @@
 //! The devices, each in a separate folder; [`cansync`], the common parts of the CANsync devices; and the
 //! registry of all devices.
 
+#[cfg(feature = "emulator")]
+mod address_writes;
 pub mod bm4_o_can_06;
 #[cfg(feature = "emulator")]
 mod bus;
@@ -27,6 +29,10 @@ pub mod demo;
 #[cfg(feature = "emulator")]
 mod device;
 #[cfg(feature = "emulator")]
+mod device_ports;
+#[cfg(feature = "emulator")]
+mod device_view;
+#[cfg(feature = "emulator")]
 mod drive;
 #[cfg(all(test, feature = "channel"))]
 mod event_text_tests;
@@ -41,6 +47,8 @@ mod faulty;
 #[cfg(all(test, feature = "channel"))]
 mod fields_tests;
 #[cfg(feature = "emulator")]
+mod front;
+#[cfg(feature = "emulator")]
 mod guest;
 #[cfg(feature = "plc")]
 mod intr_set;
@@ -48,6 +56,8 @@ mod intr_set;
 mod module;
 #[cfg(test)]
 mod names_tests;
+#[cfg(feature = "emulator")]
+mod novram;
 pub mod omega_drive_line_2;
 #[cfg(feature = "emulator")]
 mod plain;
@@ -76,6 +86,8 @@ mod supply;
 mod sync;
 
 #[cfg(feature = "emulator")]
+pub use address_writes::AddressWrites;
+#[cfg(feature = "emulator")]
 pub use bus::{Bus, Plug, World};
 #[cfg(feature = "emulator")]
 pub use bus_view::{BusView, ParticipantId, StationState, Stranger};
@@ -86,7 +98,11 @@ pub use config::{BusConfig, BusKind, DeviceConfig, Doubt, MasterConfig, PortConf
 #[cfg(feature = "emulator")]
 pub use context::Context;
 #[cfg(feature = "emulator")]
-pub use device::{Device, Look, Power};
+pub use device::Device;
+#[cfg(feature = "emulator")]
+pub use device_ports::DevicePorts;
+#[cfg(feature = "emulator")]
+pub use device_view::DeviceView;
 #[cfg(feature = "emulator")]
 pub use drive::{DriveDetails, DriveState, Drives, ParameterRefusal, ParameterState, Shaft};
 #[cfg(feature = "emulator")]
@@ -96,9 +112,13 @@ pub use exercise::{Exercise, Move, Wrong};
 #[cfg(feature = "emulator")]
 pub use faulty::Faulty;
 #[cfg(feature = "emulator")]
+pub use front::{Front, Look, Power};
+#[cfg(feature = "emulator")]
 pub use guest::{Attendance, BusGuests, GuestNews, GuestRefusal};
 #[cfg(feature = "emulator")]
 pub use module::{Led, ModuleFront, ReadModule, Switch, modules};
+#[cfg(feature = "emulator")]
+pub use novram::NovramContents;
 #[cfg(feature = "emulator")]
 pub use plain::{Firmware, Plain};
 #[cfg(feature = "emulator")]

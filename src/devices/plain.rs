@@ -2,7 +2,7 @@
 
 use super::program::Starts;
 use super::supply::Supply;
-use super::{Context, Device, Events, Look, Power, World};
+use super::{Context, Device, DeviceView, Events, Faulty, Front, Look, NovramContents, Power, World};
 use crate::fault::{Effect, Faults, Hit, Owner, Target};
 use crate::layout;
 use crate::layout::{Area, DeviceFit};
@@ -67,7 +67,7 @@ pub trait Firmware: SnapshotFields + Send + 'static {
         let _ = (faults, owner);
     }
 
-    /// Same as [`Device::refusal`].
+    /// Same as [`Front::refusal`].
     fn refusal(&self, setting: BoardSetting) -> Option<&'static str> {
         let _ = setting;
         None
@@ -78,7 +78,7 @@ pub trait Firmware: SnapshotFields + Send + 'static {
         true
     }
 
-    /// Same as [`Device::event_level`].
+    /// Same as [`DeviceView::event_level`].
     fn event_level(&self, event: usize) -> Option<u8> {
         let _ = event;
         None
@@ -158,7 +158,7 @@ impl<F: Firmware> Plain<F> {
     }
 }
 
-impl<F: Firmware> Device for Plain<F> {
+impl<F: Firmware> DeviceView for Plain<F> {
     fn name(&self) -> &str {
         &self.name
     }
@@ -175,6 +175,12 @@ impl<F: Firmware> Device for Plain<F> {
         &self.face
     }
 
+    fn event_level(&self, event: usize) -> Option<u8> {
+        self.firmware.event_level(event)
+    }
+}
+
+impl<F: Firmware> Front for Plain<F> {
     fn turn(&self, setting: BoardSetting) -> bool {
         let BoardSetting::Power(power) = setting else { return false };
         self.face.put(|page| &page.program.power, power.code());
@@ -203,10 +209,18 @@ impl<F: Firmware> Device for Plain<F> {
         if look == Look::Nothing { Look::Answered } else { look }
     }
 
+    fn front_has_changed(&self) -> bool {
+        self.supply.has_changed(&self.face)
+            || self.supply.is_fed() != self.firmware.is_fed()
+            || !self.firmware.starts_program() && self.starts.has_changed(&self.face)
+    }
+
     fn is_up(&self) -> bool {
         self.supply.is_up()
     }
+}
 
+impl<F: Firmware> Device for Plain<F> {
     fn start(&mut self, ctx: &mut Context) {
         self.supply.start(ctx, &self.face);
         // The registers were accessible when the device was built.
@@ -222,38 +236,12 @@ impl<F: Firmware> Device for Plain<F> {
         self.supply.stop(ctx);
     }
 
-    fn front_has_changed(&self) -> bool {
-        self.supply.has_changed(&self.face)
-            || self.supply.is_fed() != self.firmware.is_fed()
-            || !self.firmware.starts_program() && self.starts.has_changed(&self.face)
-    }
-
     fn processor_cycle(&mut self, ctx: &mut Context) {
         self.firmware.look(ctx);
     }
 
     fn is_quiescent(&self) -> bool {
         self.firmware.is_quiescent() && !self.front_has_changed()
-    }
-
-    fn novram(&self) -> (&[u8], u32) {
-        self.firmware.novram()
-    }
-
-    fn keep_novram(&mut self) {
-        self.firmware.keep();
-    }
-
-    fn fire(&mut self, now: u64, _: Target, effect: &Effect) -> Option<Hit> {
-        self.firmware.fire(now, effect)
-    }
-
-    fn faults_changed(&mut self, faults: &Faults) {
-        self.firmware.faults_changed(faults, Owner::Device(self.index));
-    }
-
-    fn event_level(&self, event: usize) -> Option<u8> {
-        self.firmware.event_level(event)
     }
 
     fn events(&mut self) -> Option<&mut Events> {
@@ -267,6 +255,38 @@ impl<F: Firmware> Device for Plain<F> {
     fn due(&mut self, world: &mut World) {
         let origin = crate::journal::Origin { plc: self.index, node: 0 };
         self.firmware.due(&mut world.context(origin, 0));
+    }
+
+    fn novram(&self) -> Option<&dyn NovramContents> {
+        Some(self)
+    }
+
+    fn novram_mut(&mut self) -> Option<&mut dyn NovramContents> {
+        Some(self)
+    }
+
+    fn faults(&mut self) -> Option<&mut dyn Faulty> {
+        Some(self)
+    }
+}
+
+impl<F: Firmware> NovramContents for Plain<F> {
+    fn contents(&self) -> (&[u8], u32) {
+        self.firmware.novram()
+    }
+
+    fn store(&mut self) {
+        self.firmware.keep();
+    }
+}
+
+impl<F: Firmware> Faulty for Plain<F> {
+    fn fire(&mut self, now: u64, _: Target, effect: &Effect) -> Option<Hit> {
+        self.firmware.fire(now, effect)
+    }
+
+    fn faults_changed(&mut self, _: u64, faults: &Faults) {
+        self.firmware.faults_changed(faults, Owner::Device(self.index));
     }
 }
 

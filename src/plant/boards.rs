@@ -99,7 +99,8 @@ impl Plant {
 
     /// Stores the contents of the NOVRAM registers, as at power-off.
     pub fn keep_novram(&mut self) {
-        self.devices.iter_mut().for_each(|device| device.keep_novram());
+        let novram = self.devices.iter_mut().filter_map(|device| device.novram_mut());
+        novram.for_each(|novram| novram.store());
     }
 
     /// Interrupt level of an event of PLC `plc`; `None`: there is no such event.

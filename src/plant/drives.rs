@@ -36,8 +36,8 @@ impl Plant {
             medium.drives().map_or_else(Vec::new, |drives| drives.list().into_iter().map(drive).collect())
         });
         let own = self.devices.iter().filter_map(|device| {
-            let state = device.drive()?.state;
-            Some(PlantDrive { name: format!("{}:drive", device.name()), bus: None, state })
+            let (name, state) = device.drives()?.list().into_iter().next()?;
+            Some(PlantDrive { name: format!("{}:{name}", device.name()), bus: None, state })
         });
         on_bus.chain(own).collect()
     }
@@ -50,7 +50,7 @@ impl Plant {
         });
         let devices = self.devices.iter().enumerate();
         let own = devices
-            .filter(|(_, device)| device.drive().is_some())
+            .filter(|(_, device)| device.drives().is_some())
             .map(|(index, _)| DriveLocation::Device(index));
         on_bus.chain(own).nth(number)
     }
@@ -59,7 +59,7 @@ impl Plant {
     pub fn drive(&self, number: usize) -> Option<DriveDetails> {
         match self.drive_at(number)? {
             DriveLocation::Bus(bus, drive) => self.media().get(bus)?.drives()?.details(drive),
-            DriveLocation::Device(index) => self.devices.get(index)?.drive(),
+            DriveLocation::Device(index) => self.devices.get(index)?.drives()?.details(0),
         }
     }
 
@@ -80,7 +80,7 @@ impl Plant {
                 media.get_mut(bus)?.drives_mut()?.set_parameter(drive, parameter, value, *now, journal)
             }
             DriveLocation::Device(index) => {
-                devices.get_mut(index)?.set_parameter(parameter, value, *now, journal)
+                devices.get_mut(index)?.drives_mut()?.set_parameter(0, parameter, value, *now, journal)
             }
         };
         self.find_next_device();
@@ -91,7 +91,7 @@ impl Plant {
     pub fn shaft(&self, number: usize) -> Option<Shaft> {
         match self.drive_at(number)? {
             DriveLocation::Bus(bus, drive) => self.media().get(bus)?.drives()?.shaft(drive),
-            DriveLocation::Device(index) => self.devices.get(index)?.shaft(),
+            DriveLocation::Device(index) => self.devices.get(index)?.drives()?.shaft(0),
         }
     }
 
@@ -101,13 +101,12 @@ impl Plant {
     pub fn turn_shaft(&mut self, number: usize, speed: Option<i32>) -> bool {
         let Some(at) = self.drive_at(number) else { return false };
         let Plant { now, media, devices, .. } = self;
-        match at {
-            DriveLocation::Bus(bus, drive) => {
-                if let Some(drives) = media[bus].drives_mut() {
-                    drives.turn_shaft(drive, speed, *now);
-                }
-            }
-            DriveLocation::Device(index) => devices[index].turn_shaft(speed, *now),
+        let (drives, drive) = match at {
+            DriveLocation::Bus(bus, drive) => (media[bus].drives_mut(), drive),
+            DriveLocation::Device(index) => (devices[index].drives_mut(), 0),
+        };
+        if let Some(drives) = drives {
+            drives.turn_shaft(drive, speed, *now);
         }
         self.find_next_device();
         true

@@ -82,7 +82,9 @@ impl Plant {
         }
         self.look_for_writes();
         self.forces.apply(&self.devices);
-        self.devices[index].named(offset, width.bytes());
+        if let Some(writes) = self.devices[index].address_writes() {
+            writes.written_by_address(offset, width.bytes());
+        }
         self.leave();
         self.journal.push(self.now, Force { plc, offset, width: width.bytes() as u8, value });
         Ok(())

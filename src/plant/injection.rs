@@ -56,7 +56,9 @@ impl Plant {
             }
         }
         for device in &mut self.devices {
-            device.faults_changed(&self.faults);
+            if let Some(faulty) = device.faults() {
+                faulty.faults_changed(self.now, &self.faults);
+            }
         }
     }
 
@@ -83,7 +85,7 @@ impl Plant {
         let now = *now;
         faults.fire_all(now, journal, |owner, target, effect| match owner {
             Owner::Bus(index) => media.get_mut(usize::from(index))?.faults()?.fire(now, target, effect),
-            Owner::Device(index) => devices.get_mut(usize::from(index))?.fire(now, target, effect),
+            Owner::Device(index) => devices.get_mut(usize::from(index))?.faults()?.fire(now, target, effect),
         });
     }
 }

@@ -383,7 +383,9 @@ impl Plant {
     fn tell_edges(&mut self) {
         for Origin { plc, node } in self.edges.drain(..) {
             if let Some(device) = self.devices.get_mut(usize::from(plc)) {
-                device.sync_edge(node, self.now);
+                if let Some(ports) = device.ports() {
+                    ports.sync_edge(node, self.now);
+                }
                 self.next_device = self.next_device.min(device.next_time());
             }
         }

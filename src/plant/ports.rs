@@ -68,13 +68,15 @@ impl Ports {
             };
             seats.resize(media.len(), Vec::new());
             let place = media[medium].attach(socket)?;
-            device.plugged_in(number, media[medium].bit_s());
+            if let Some(ports) = device.ports() {
+                ports.plugged_in(number, media[medium].bit_s());
+            }
             seats[medium].push(PluggedPort { device: self.of_device.len(), port: ports.len() });
             ports.push(Port { number, medium, place, takes_part: false });
         }
         self.ways.resize(media.len(), Vec::new());
         let find = |number: u8| ports.iter().position(|port| port.number == number);
-        for &(from, to) in device.sync_ways() {
+        for &(from, to) in device.ports().map_or(&[][..], |ports| ports.sync_ways()) {
             if let (Some(from), Some(to)) = (find(from), find(to)) {
                 self.ways[ports[from].medium].push((self.of_device.len(), to, from));
             }
@@ -124,9 +126,12 @@ impl Plant {
         let now = *now;
         device.start(&mut Context { now, journal, origin, base: 0 });
         for port in ports {
-            let address = device.address(port.number);
-            if !media[port.medium].power_on(port.place, address, now, journal) {
-                device.address_taken(&mut Context { now, journal, origin, base: 0 }, port.number);
+            let mut of_device = device.ports();
+            let address = of_device.as_ref().map_or(0, |ports| ports.address(port.number));
+            if !media[port.medium].power_on(port.place, address, now, journal)
+                && let Some(of_device) = &mut of_device
+            {
+                of_device.address_taken(&mut Context { now, journal, origin, base: 0 }, port.number);
             }
         }
     }
@@ -142,7 +147,9 @@ impl Plant {
         for port in ports {
             media[port.medium].power_off(port.place, *now, journal);
             port.takes_part = false;
-            device.port_joined(port.number, false);
+            if let Some(ports) = device.ports() {
+                ports.port_joined(port.number, false);
+            }
         }
     }
 
@@ -164,16 +171,17 @@ impl Plant {
 
     /// The firmware of all ports of device `index` polls its control registers.
     pub(super) fn ports_look(&mut self, index: usize) {
+        let mut of_device = self.devices[index].ports();
         for port in &mut self.ports.of_device[index] {
             let medium = &mut self.media[port.medium];
             let takes_part = medium.processor_cycle(port.place, self.now, &mut self.journal);
             self.schedule.set(port.medium, medium.next_time());
-            let last_frame = medium.last_frame(port.place);
-            if takes_part != port.takes_part {
-                port.takes_part = takes_part;
-                self.devices[index].port_joined(port.number, takes_part);
+            let has_changed = core::mem::replace(&mut port.takes_part, takes_part) != takes_part;
+            let Some(of_device) = &mut of_device else { continue };
+            if has_changed {
+                of_device.port_joined(port.number, takes_part);
             }
-            self.devices[index].port_looked(port.number, last_frame, self.now);
+            of_device.port_looked(port.number, medium.last_frame(port.place), self.now);
         }
     }
 

@@ -49,17 +49,20 @@ impl Plant {
         self.forces.apply(&self.devices);
         self.keep_changes(By::Channel);
         self.journal.push(self.now, ChannelWrite { plc: plc as u16, offset, width, value });
-        if self.devices.get(plc).is_some_and(|device| device.answers_write(offset)) {
+        let Some(device) = self.devices.get_mut(plc) else { return };
+        if device.address_writes().is_some_and(|writes| writes.answers_write(offset)) {
             self.look_for_writes();
             let origin = Origin { plc: plc as u16, node: 0 };
             let ctx = &mut Context { now: self.now, journal: &mut self.journal, origin, base: 0 };
-            self.devices[plc].written(ctx);
+            if let Some(writes) = self.devices[plc].address_writes() {
+                writes.answer_write(ctx);
+            }
             self.leave();
         }
-        if let Some(device) = self.devices.get(plc) {
-            device.named(offset, width.into());
-            self.judge_channel_write(plc, offset, width.into());
+        if let Some(writes) = self.devices[plc].address_writes() {
+            writes.written_by_address(offset, width.into());
         }
+        self.judge_channel_write(plc, offset, width.into());
     }
 
     fn judge_channel_write(&mut self, device: usize, offset: u32, bytes: u32) {

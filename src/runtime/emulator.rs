@@ -328,7 +328,10 @@ impl Emulator {
     fn save_novram(&mut self, last: bool) {
         let (devices, images) = (self.plant.devices(), &self.images);
         let is_lost = |plc: usize| images.get(plc).is_some_and(Image::was_shortened);
-        let stored = |plc: usize| Some(devices.get(plc).filter(|_| !is_lost(plc))?.novram());
+        let stored = |plc: usize| {
+            let device = devices.get(plc).filter(|_| !is_lost(plc))?;
+            Some(device.novram().map_or((&[][..], 0), |novram| novram.contents()))
+        };
         self.novram.save(stored, last);
     }
 }

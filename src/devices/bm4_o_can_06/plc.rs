@@ -9,7 +9,9 @@ use crate::devices::cansync::bus::SyncLock;
 use crate::devices::cansync::firmware::{NodeLocation, note_restarts, report_number_taken};
 use crate::devices::cansync::medium::{Socket, SocketRole};
 use crate::devices::records::{BoardEvent, OnBoard};
-use crate::devices::{BuildError, Context, Device, Events, Look, Plug, Power};
+use crate::devices::{
+    AddressWrites, BuildError, Context, Device, DevicePorts, DeviceView, Events, Look, Plug, Power,
+};
 use crate::journal::Origin;
 use crate::layout::{self, DeviceFit, Fit, Port, Role};
 use crate::memory::header::BoardSetting;
@@ -178,7 +180,7 @@ impl Bm4Plc {
     }
 }
 
-impl Device for Bm4Plc {
+impl DeviceView for Bm4Plc {
     fn name(&self) -> &str {
         &self.name
     }
@@ -211,18 +213,12 @@ impl Device for Bm4Plc {
         module.is_some_and(|module| matches!(module.work, Work::ControllerSlave(_)))
     }
 
-    /// Sets DIP switches 1 to 3 of a slave of the controller to the rate of its bus, unless the plant file sets them
-    /// (p. 27; decision D-649).
-    fn plugged_in(&mut self, port: u8, bit_s: u32) {
-        let Some(module) = self.module(port) else { return };
-        let of_bus = CONTROLLER_RATES.iter().find(|(_, kbit_s)| u32::from(*kbit_s) * 1000 == bit_s);
-        if let (Work::ControllerSlave(None), Some((switches, _))) = (module.work, of_bus) {
-            let others = module.other_switches & !(0b111 << DIP_BAUD);
-            module.other_switches = others | u32::from(*switches) << DIP_BAUD;
-            self.show_switches(port);
-        }
+    fn event_level(&self, event: usize) -> Option<u8> {
+        front::level(event)
     }
+}
 
+impl crate::devices::Front for Bm4Plc {
     /// DIP switches and LEDs are the modules'; a program and a switch for it are not described (decision D-366).
     fn turn(&self, setting: BoardSetting) -> bool {
         match setting {
@@ -262,10 +258,17 @@ impl Device for Bm4Plc {
         self.front.look(ctx)
     }
 
+    #[inline]
+    fn front_has_changed(&self) -> bool {
+        self.front.has_changed()
+    }
+
     fn is_up(&self) -> bool {
         self.front.is_up()
     }
+}
 
+impl Device for Bm4Plc {
     fn start(&mut self, ctx: &mut Context) {
         self.front.start(ctx);
         for module in &mut self.modules {
@@ -290,6 +293,44 @@ impl Device for Bm4Plc {
         }
     }
 
+    fn has_changed(&self) -> bool {
+        self.front.has_changed()
+    }
+
+    fn is_quiescent(&self) -> bool {
+        let is_shown = |module: &Module| {
+            let shown = self.front.face.ports[module.place()].leds.load();
+            module.edge.is_none() && (!self.front.is_up() || shown == module.leds(0).code())
+        };
+        !self.front.has_changed() && self.modules.iter().all(is_shown)
+    }
+
+    fn events(&mut self) -> Option<&mut Events> {
+        Some(&mut self.front.events)
+    }
+
+    fn ports(&mut self) -> Option<&mut dyn DevicePorts> {
+        Some(self)
+    }
+
+    fn address_writes(&mut self) -> Option<&mut dyn AddressWrites> {
+        Some(self)
+    }
+}
+
+impl DevicePorts for Bm4Plc {
+    /// Sets DIP switches 1 to 3 of a slave of the controller to the rate of its bus, unless the plant file sets them
+    /// (p. 27; decision D-649).
+    fn plugged_in(&mut self, port: u8, bit_s: u32) {
+        let Some(module) = self.module(port) else { return };
+        let of_bus = CONTROLLER_RATES.iter().find(|(_, kbit_s)| u32::from(*kbit_s) * 1000 == bit_s);
+        if let (Work::ControllerSlave(None), Some((switches, _))) = (module.work, of_bus) {
+            let others = module.other_switches & !(0b111 << DIP_BAUD);
+            module.other_switches = others | u32::from(*switches) << DIP_BAUD;
+            self.show_switches(port);
+        }
+    }
+
     /// The DIP switches of a slave; a master has none.
     fn address(&self, port: u8) -> u8 {
         let module = self.modules.iter().find(|module| module.number == port);
@@ -309,6 +350,14 @@ impl Device for Bm4Plc {
         }
     }
 
+    /// The LEDs show the state of the module's firmware and the traffic of its bus.
+    fn port_looked(&mut self, port: u8, last_frame: Option<u64>, now: u64) {
+        let Some(module) = self.module(port) else { return };
+        module.last_frame = last_frame;
+        let (place, leds) = (module.place(), module.leds(now).code());
+        self.front.face.ports[place].leds.store(leds);
+    }
+
     fn sync_ways(&self) -> &[(u8, u8)] {
         &self.sync_ways
     }
@@ -323,43 +372,18 @@ impl Device for Bm4Plc {
             self.front.sync(now);
         }
     }
+}
 
-    fn has_changed(&self) -> bool {
-        self.front.has_changed()
-    }
-
-    #[inline]
-    fn front_has_changed(&self) -> bool {
-        self.front.has_changed()
-    }
-
-    /// The LEDs show the state of the module's firmware and the traffic of its bus.
-    fn port_looked(&mut self, port: u8, last_frame: Option<u64>, now: u64) {
-        let Some(module) = self.module(port) else { return };
-        module.last_frame = last_frame;
-        let (place, leds) = (module.place(), module.leds(now).code());
-        self.front.face.ports[place].leds.store(leds);
-    }
-
-    fn is_quiescent(&self) -> bool {
-        let is_shown = |module: &Module| {
-            let shown = self.front.face.ports[module.place()].leds.load();
-            module.edge.is_none() && (!self.front.is_up() || shown == module.leds(0).code())
-        };
-        !self.front.has_changed() && self.modules.iter().all(is_shown)
-    }
-
-    fn event_level(&self, event: usize) -> Option<u8> {
-        front::level(event)
-    }
-
-    fn events(&mut self) -> Option<&mut Events> {
-        Some(&mut self.front.events)
-    }
-
-    fn named(&self, offset: u32, bytes: u32) {
+impl AddressWrites for Bm4Plc {
+    fn written_by_address(&self, offset: u32, bytes: u32) {
         note_restarts(&self.segment, &self.front.face, DEVICE.ports.iter().map(location), offset, bytes);
     }
+
+    fn answers_write(&self, _: u32) -> bool {
+        false
+    }
+
+    fn answer_write(&mut self, _: &mut Context) {}
 }
 
 /// Location of the registers of the module at `port`.

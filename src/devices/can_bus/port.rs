@@ -13,7 +13,7 @@ use crate::snapshot_fields::SnapshotFields;
 /// controller of the port.
 pub trait CanPort: Send + SnapshotFields {
     /// The device starts; `address` is the port's number at its switches
-    /// ([`DeviceLayout::address`](crate::devices::Device::address)). The controller is empty and has no filters.
+    /// ([`DevicePorts::address`](crate::devices::DevicePorts::address)). The controller is empty and has no filters.
     fn power_on(&mut self, ctx: &mut Context, controller: &mut Controller, address: u8) {
         let _ = (ctx, controller, address);
     }

@@ -121,7 +121,7 @@ impl Bench {
 
     fn clear_fault(&mut self, id: u16) {
         self.faults.clear(self.now, id, &mut self.journal).unwrap();
-        self.device.faults_changed(&self.faults);
+        self.device.faults().unwrap().faults_changed(self.now, &self.faults);
         self.run(MS);
     }
 
@@ -130,9 +130,9 @@ impl Bench {
         let Bench { faults, device, journal, now, .. } = self;
         if faults.next_time() <= *now {
             faults.advance(*now, journal);
-            device.faults_changed(faults);
+            device.faults().unwrap().faults_changed(*now, faults);
         }
-        faults.fire_all(*now, journal, |_, target, effect| device.fire(*now, target, effect));
+        faults.fire_all(*now, journal, |_, target, effect| device.faults()?.fire(*now, target, effect));
         let origin = Origin { plc: 0, node: 0 };
         match device.look(&mut Context { now: *now, journal, origin, base: 0 }) {
             Look::Off => self.stop(),

@@ -14,7 +14,8 @@ use crate::devices::omega_drive_line_2::ethernet::Ethernet;
 use crate::devices::omega_drive_line_2::registers::{BAPS, BAUD_RATES, DEVICE, ETHERNET_CONFIG};
 use crate::devices::records::{BoardEvent, OnBoard};
 use crate::devices::{
-    BuildError, Context, Device, DriveDetails, Events, Look, ParameterRefusal, Plug, Power, Shaft, World,
+    AddressWrites, BuildError, Context, Device, DevicePorts, DeviceView, DriveDetails, DriveState, Drives,
+    Events, Faulty, Front, Look, NovramContents, ParameterRefusal, Plug, Power, Shaft, World,
 };
 use crate::fault::{self, Hit, Target};
 use crate::journal::{Journal, Origin};
@@ -104,6 +105,15 @@ impl Plc {
         &self.baps
     }
 
+    /// All details of the drive that contains the device.
+    fn drive_details(&self) -> DriveDetails {
+        let mut details = self.baps.drive().details();
+        if !self.board.has_supply() {
+            details.state.state = "off".to_owned();
+        }
+        details
+    }
+
     /// The trigger controller is part of the drive.
     #[inline]
     fn pass_trigger(&mut self, now: u64) {
@@ -125,7 +135,7 @@ impl Plc {
     }
 }
 
-impl Device for Plc {
+impl DeviceView for Plc {
     fn name(&self) -> &str {
         &self.name
     }
@@ -142,6 +152,12 @@ impl Device for Plc {
         &self.face
     }
 
+    fn event_level(&self, event: usize) -> Option<u8> {
+        level(event)
+    }
+}
+
+impl Front for Plc {
     fn turn(&self, setting: BoardSetting) -> bool {
         match setting {
             BoardSetting::Dip(number) => self.face.put(|page| &page.board.dip, number.into()),
@@ -165,10 +181,21 @@ impl Device for Plc {
         self.board.look(ctx)
     }
 
+    #[inline]
+    fn front_has_changed(&self) -> bool {
+        self.board.has_changed()
+    }
+
     fn is_up(&self) -> bool {
         self.board.is_up()
     }
 
+    fn supply_failed(&mut self) {
+        self.baps.power_off();
+    }
+}
+
+impl Device for Plc {
     fn start(&mut self, ctx: &mut Context) {
         let dip = self.board.start(ctx);
         self.ethernet.power_on(ctx, dip);
@@ -183,10 +210,72 @@ impl Device for Plc {
         self.baps.reset();
     }
 
-    fn supply_failed(&mut self) {
-        self.baps.power_off();
+    fn has_changed(&self) -> bool {
+        self.baps.is_called() || self.board.has_changed()
     }
 
+    fn processor_cycle(&mut self, ctx: &mut Context) {
+        self.baps.processor_cycle(ctx.now);
+        self.ethernet.look(ctx);
+    }
+
+    fn is_quiescent(&self) -> bool {
+        !self.board.has_changed()
+    }
+
+    fn poll_changes_nothing(&self) -> bool {
+        !self.has_changed() && (!self.is_up() || self.ethernet.poll_changes_nothing())
+    }
+
+    #[inline]
+    fn next_time(&self) -> u64 {
+        self.baps.next_time().min(self.board.next_time())
+    }
+
+    fn due(&mut self, world: &mut World) {
+        if self.baps.next_time() == world.now {
+            self.time_slice(world);
+        }
+        if self.board.next_time() == world.now {
+            self.board.timers_due(world.now);
+            self.pass_trigger(world.now);
+        }
+    }
+
+    fn events(&mut self) -> Option<&mut Events> {
+        Some(self.board.events())
+    }
+
+    fn ports(&mut self) -> Option<&mut dyn DevicePorts> {
+        Some(self)
+    }
+
+    fn drives(&self) -> Option<&dyn Drives> {
+        Some(self)
+    }
+
+    fn drives_mut(&mut self) -> Option<&mut dyn Drives> {
+        Some(self)
+    }
+
+    fn address_writes(&mut self) -> Option<&mut dyn AddressWrites> {
+        Some(self)
+    }
+
+    fn novram(&self) -> Option<&dyn NovramContents> {
+        Some(self)
+    }
+
+    fn novram_mut(&mut self) -> Option<&mut dyn NovramContents> {
+        Some(self)
+    }
+
+    fn faults(&mut self) -> Option<&mut dyn Faulty> {
+        Some(self)
+    }
+}
+
+impl DevicePorts for Plc {
     fn address(&self, _: u8) -> u8 {
         self.board.dip()
     }
@@ -218,63 +307,20 @@ impl Device for Plc {
             self.pass_trigger(now);
         }
     }
+}
 
-    fn has_changed(&self) -> bool {
-        self.baps.is_called() || self.board.has_changed()
+impl Drives for Plc {
+    fn list(&self) -> Vec<(&str, DriveState)> {
+        vec![("drive", self.drive_details().state)]
     }
 
-    #[inline]
-    fn front_has_changed(&self) -> bool {
-        self.board.has_changed()
-    }
-
-    fn processor_cycle(&mut self, ctx: &mut Context) {
-        self.baps.processor_cycle(ctx.now);
-        self.ethernet.look(ctx);
-    }
-
-    fn is_quiescent(&self) -> bool {
-        !self.board.has_changed()
-    }
-
-    fn poll_changes_nothing(&self) -> bool {
-        !self.has_changed() && (!self.is_up() || self.ethernet.poll_changes_nothing())
-    }
-
-    #[inline]
-    fn next_time(&self) -> u64 {
-        self.baps.next_time().min(self.board.next_time())
-    }
-
-    fn due(&mut self, world: &mut World) {
-        if self.baps.next_time() == world.now {
-            self.time_slice(world);
-        }
-        if self.board.next_time() == world.now {
-            self.board.timers_due(world.now);
-            self.pass_trigger(world.now);
-        }
-    }
-
-    fn fire(&mut self, now: u64, _: Target, effect: &fault::Effect) -> Option<Hit> {
-        match *effect.get()? {
-            Effect::Trip(fault) => {
-                (self.board.has_supply() && self.baps.trip(now, fault)).then_some(Hit::Plain)
-            }
-            Effect::Silent | Effect::Slow(_) => None,
-        }
-    }
-
-    fn drive(&self) -> Option<DriveDetails> {
-        let mut details = self.baps.drive().details();
-        if !self.board.has_supply() {
-            details.state.state = "off".to_owned();
-        }
-        Some(details)
+    fn details(&self, drive: usize) -> Option<DriveDetails> {
+        (drive == 0).then(|| self.drive_details())
     }
 
     fn set_parameter(
         &mut self,
+        _: usize,
         number: u16,
         value: i64,
         now: u64,
@@ -288,23 +334,17 @@ impl Device for Plc {
         Ok(())
     }
 
-    fn shaft(&self) -> Option<Shaft> {
+    fn shaft(&self, _: usize) -> Option<Shaft> {
         Some(self.baps.drive().shaft())
     }
 
-    fn turn_shaft(&mut self, speed: Option<i32>, now: u64) {
+    fn turn_shaft(&mut self, _: usize, speed: Option<i32>, now: u64) {
         self.baps.turn_shaft(now, speed);
     }
+}
 
-    fn event_level(&self, event: usize) -> Option<u8> {
-        level(event)
-    }
-
-    fn events(&mut self) -> Option<&mut Events> {
-        Some(self.board.events())
-    }
-
-    fn named(&self, offset: u32, bytes: u32) {
+impl AddressWrites for Plc {
+    fn written_by_address(&self, offset: u32, bytes: u32) {
         note_restarts(&self.segment, &self.face, DEVICE.ports.iter().map(location), offset, bytes);
     }
 
@@ -313,18 +353,31 @@ impl Device for Plc {
         offset == ETHERNET_CONFIG as u32
     }
 
-    fn written(&mut self, ctx: &mut Context) {
+    fn answer_write(&mut self, ctx: &mut Context) {
         if self.board.is_up() {
             self.ethernet.take(ctx);
         }
     }
+}
 
-    fn novram(&self) -> (&[u8], u32) {
+impl NovramContents for Plc {
+    fn contents(&self) -> (&[u8], u32) {
         let (stored, generation) = self.ethernet.stored();
         (stored, generation)
     }
 
-    fn keep_novram(&mut self) {
+    fn store(&mut self) {
         self.ethernet.keep();
+    }
+}
+
+impl Faulty for Plc {
+    fn fire(&mut self, now: u64, _: Target, effect: &fault::Effect) -> Option<Hit> {
+        match *effect.get()? {
+            Effect::Trip(fault) => {
+                (self.board.has_supply() && self.baps.trip(now, fault)).then_some(Hit::Plain)
+            }
+            Effect::Silent | Effect::Slow(_) => None,
+        }
     }
 }

@@ -173,7 +173,7 @@ fn the_eeprom_keeps_a_block_of_flags() {
     bench.run(10 * MS);
     assert_eq!(ask(&mut bench, job::E2WRITE, &[1])[0], 1);
     assert_eq!((ask(&mut bench, job::E2WRITE, &[0])[0], flag(&bench)), (0, 0x5678));
-    let stored = bench.device.novram().0.to_vec();
+    let stored = bench.device.novram().unwrap().contents().0.to_vec();
     assert!(stored.ends_with(&[0x34, 0x12]), "as it was when the function began");
     bench.power_cycle();
     assert_eq!(flag(&bench), 0);

@@ -110,7 +110,7 @@ fn a_node_id_is_entered_twice_and_takes_effect_at_once() {
     bench.run(5 * MS);
     assert_eq!(bench.heard(), [(0x705, vec![0x7F])]);
     bench.power_cycle();
-    assert_eq!((told(&mut bench, 0x100B, 0), bench.device.novram().0[21]), (5, 5));
+    assert_eq!((told(&mut bench, 0x100B, 0), bench.device.novram().unwrap().contents().0[21]), (5, 5));
     assert_eq!(transfer(&mut bench, 5, request(0x2F, 0x20F0, 0, 128))[0], 0x80);
 }
 

@@ -216,7 +216,7 @@ fn an_invalid_value_is_replaced_by_the_stored_one() {
     for index in [0x20F2, 0x20F3] {
         assert_eq!(write(&mut bench, index, 0, 3, 1), Ok(()));
     }
-    let stored = bench.device.novram().0.to_vec();
+    let stored = bench.device.novram().unwrap().contents().0.to_vec();
     let wrong = |bench: &Bench| {
         let parameters = &bench.registers.parameters;
         parameters.w_KBIT_S.store(1);
@@ -228,12 +228,22 @@ fn an_invalid_value_is_replaced_by_the_stored_one() {
     };
     wrong(&bench);
     bench.run(MS);
-    assert_eq!((bench.registers.parameters.w_KBIT_S.load(), bench.device.novram().0), (125, &stored[..]));
+    assert_eq!(
+        (bench.registers.parameters.w_KBIT_S.load(), bench.device.novram().unwrap().contents().0),
+        (125, &stored[..])
+    );
     wrong(&bench);
     bench.power_cycle();
-    assert_eq!((bench.registers.flags.CANBAUDRATE.load(), bench.device.novram().0), (125, &stored[..]));
+    assert_eq!(
+        (bench.registers.flags.CANBAUDRATE.load(), bench.device.novram().unwrap().contents().0),
+        (125, &stored[..])
+    );
     assert_eq!((number(&mut bench, 0x100B, 0), number(&mut bench, 0x100E, 0)), (32, 0x6F0));
     bench.registers.parameters.w_KBIT_S.store(250);
     bench.run(MS);
-    assert_eq!(bench.device.novram().0[18..20], 250_u16.to_le_bytes(), "valid values are stored");
+    assert_eq!(
+        bench.device.novram().unwrap().contents().0[18..20],
+        250_u16.to_le_bytes(),
+        "valid values are stored"
+    );
 }

@@ -1,0 +1,16 @@
+//! Writes by address that a device answers at once.
+
+use super::Context;
+
+/// A device that reacts to a write by address ([`Device::address_writes`](super::Device::address_writes)).
+pub trait AddressWrites {
+    /// A client has written `bytes` bytes at `offset` by address.
+    fn written_by_address(&self, offset: u32, bytes: u32);
+
+    /// Whether the firmware answers a write at `offset` at once if it came through the channel, even if the value is
+    /// unchanged.
+    fn answers_write(&self, offset: u32) -> bool;
+
+    /// Handles a write that [`AddressWrites::answers_write`] has accepted.
+    fn answer_write(&mut self, ctx: &mut Context);
+}

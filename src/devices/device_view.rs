@@ -1,0 +1,38 @@
+//! The visible state of a device: identity, image, registers and front.
+
+use crate::layout::{DeviceFit, DeviceLayout};
+use crate::memory::{Header, Segment};
+
+/// The visible state of a device. Reading it changes nothing.
+pub trait DeviceView {
+    /// Its name in the plant.
+    fn name(&self) -> &str;
+
+    /// Its image.
+    fn segment(&self) -> &Segment;
+
+    /// Its registers.
+    fn layout(&self) -> &'static DeviceLayout;
+
+    /// The header page of its image.
+    fn header(&self) -> &Header;
+
+    /// Returns the ports of the device as it is equipped: the modules of a modular device decide about them.
+    fn fitted(&self) -> DeviceFit {
+        DeviceFit::unknown(self.layout())
+    }
+
+    /// Whether `port` is a drive of its bus without registers in the device. Faults name it by its number on the
+    /// bus.
+    fn is_drive(&self, port: u8) -> bool {
+        let _ = port;
+        false
+    }
+
+    /// Interrupt level of an event: a task of a higher level interrupts a task of a lower level. `None`: there is no
+    /// such event.
+    fn event_level(&self, event: usize) -> Option<u8> {
+        let _ = event;
+        None
+    }
+}

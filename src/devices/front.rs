@@ -1,0 +1,61 @@
+//! The front of a device: supply, RESET, switches and requests of the header page.
+
+use super::Context;
+use crate::memory::header::BoardSetting;
+
+/// Cause that switches a device off or on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Power {
+    /// Supply off.
+    Off,
+    /// Supply on.
+    On,
+    /// RESET held.
+    HoldReset,
+    /// RESET is released; the switch is then at STOP.
+    ReleaseReset,
+}
+
+/// Result of polling a device's front: the action that the plant must take.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Look {
+    /// No action.
+    Nothing,
+    /// A switch was turned or a request answered; timers may have changed.
+    Answered,
+    /// RESET is held: the device stops.
+    Held,
+    /// The supply failed, with or without RESET: the device stops, and all parts with the same supply.
+    Off,
+    /// Power-on, or RESET was released: the device restarts.
+    Up,
+}
+
+/// The front of a device: supply, RESET and switches.
+pub trait Front {
+    /// Turns a switch in the header page or enters a request, as a client does; the next poll sees it. Returns `false`
+    /// if there is no such switch.
+    fn turn(&self, setting: BoardSetting) -> bool;
+
+    /// Why the device would not carry out this setting now: a command that its switches or its state do not allow. `None`: it
+    /// would.
+    fn refusal(&self, setting: BoardSetting) -> Option<&'static str> {
+        let _ = setting;
+        None
+    }
+
+    /// Switches supply or RESET, as a user does at the switch.
+    fn set_power(&mut self, power: Power) -> Look;
+
+    /// Polls switches and requests of the front once.
+    fn look(&mut self, ctx: &mut Context) -> Look;
+
+    /// Whether a client has turned a switch or put in a request.
+    fn front_has_changed(&self) -> bool;
+
+    /// Whether it has power and is not held in RESET.
+    fn is_up(&self) -> bool;
+
+    /// The supply has failed; called for the parts that run while RESET is active.
+    fn supply_failed(&mut self) {}
+}

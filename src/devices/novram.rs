@@ -1,0 +1,10 @@
+//! The NOVRAM of a device: registers that survive a power-off.
+
+/// The NOVRAM of a device ([`Device::novram`](super::Device::novram)).
+pub trait NovramContents {
+    /// Contents, and a number that changes with them; empty if the device stores no registers.
+    fn contents(&self) -> (&[u8], u32);
+
+    /// Stores the contents of the NOVRAM registers, as at power-off.
+    fn store(&mut self);
+}
