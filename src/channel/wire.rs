@@ -20,6 +20,8 @@ mod journal;
 mod reply;
 mod serde_types;
 #[cfg(test)]
+mod table_tests;
+#[cfg(test)]
 mod tests;
 
 pub use reply::{DecodeError, ReplyBuffer, decode};

@@ -17,14 +17,14 @@ pub(super) trait InColumns<Columns>: Sized {
     fn columns(self) -> Columns;
 
     /// Decodes the field. The caller compares the encoding of the result with the columns, so a function may ignore
-    /// what is not a part of the field.
+    /// the other content of a column.
     ///
     /// # Errors
     /// No field is encoded like this.
     fn of_columns(columns: Columns) -> Result<Self, BadField>;
 }
 
-/// A number in a column of its own width, or in one that has room for it.
+/// A number in a column of its own width, or in a wider one.
 macro_rules! numbers {
     ($($type:ty => $column:ty: $encode:expr, $decode:expr;)+) => {$(
         impl InColumns<($column,)> for $type {

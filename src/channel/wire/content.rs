@@ -146,9 +146,9 @@ macro_rules! own_types {
 
 own_types! { Vec<BusState> Vec<BusScene> Vec<DriveEntry> Box<DriveDetails> Box<InstanceInfo> DoorSpec }
 
-/// An element of a list that is sent as another type.
+/// An element of a list, with another type on the wire.
 trait Element: Sized {
-    /// The type that is sent.
+    /// Type on the wire.
     type Sent: for<'a> From<&'a Self> + Serialize + DeserializeOwned;
 
     /// Decodes the element; `None` if no server of this version can have sent it.
@@ -197,7 +197,7 @@ impl Element for Entry {
     }
 }
 
-/// The `T` whose bytes are at the beginning of the data.
+/// Decodes a `T` from its bytes at the beginning of the data, and removes them.
 fn take_bytes<T: FromBytes>(data: &mut &[u8]) -> Option<T> {
     let (value, rest) = T::read_from_prefix(data).ok()?;
     *data = rest;

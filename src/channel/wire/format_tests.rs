@@ -266,7 +266,9 @@ fn hex(bytes: &[u8]) -> String {
 fn the_bytes_of_operations_and_replies_change_with_the_version_only() {
     let mut lines = String::new();
     for (name, op) in ops() {
-        writeln!(lines, "{name}: {}", hex(WireOp::from(&op).as_bytes())).unwrap();
+        let wire = WireOp::from(&op);
+        assert_eq!(Op::try_from(wire), Ok(op), "{name}");
+        writeln!(lines, "{name}: {}", hex(wire.as_bytes())).unwrap();
     }
     for (name, reply) in replies() {
         let mut buffer = ReplyBuffer::default();

@@ -87,7 +87,7 @@ impl<'a> Shown<'a> {
         self.modules.entry(path_text(path)).or_default().push(item);
     }
 
-    /// Lists the tables, whose enums are written by macros.
+    /// Lists the tables, because macros write their enums.
     fn tables(&mut self, root: &'a Module) {
         for (table, _) in TABLES {
             let module = root.child(REQUEST).and_then(|request| request.child(table)).expect("a table");
