@@ -5,6 +5,9 @@ use super::complete;
 use super::device::of_any_device_but_told_by;
 use super::error::CliError;
 use super::place::Place;
+use super::session::Session;
+use crate::memory::Width;
+use crate::request::{MAX_OPS, Op, Reply};
 
 /// Write registers.
 ///
@@ -59,9 +62,6 @@ pub(crate) fn parse(
 
 /// Writes the registers.
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
-    use super::session::Session;
-    use crate::request::Op;
-
     let check = of_any_device_but_told_by(&args.instance);
     args.writes.iter().try_for_each(|text| parse(text, &check).map(drop))?;
     let session = Session::open(&args.instance, 0)?;
@@ -71,25 +71,51 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         let (offset, width) = (place.offset(), place.width());
         Ok(Op::Poke { plc: session.plc_of(place)?, offset, width, value: *value })
     };
-    let ops = writes.iter().map(op).collect::<Result<Vec<_>, CliError>>()?;
-    session.request(&ops)?;
+    let mut ops = writes.iter().map(op).collect::<Result<Vec<_>, CliError>>()?;
+    let statuses = statuses(&session, &writes)?;
+    let peek = |&(plc, offset, width): &Register| Op::Peek { plc, offset, width };
+    ops.extend(statuses.iter().map(peek));
+    // With very many writes there is no space for all of them in the same message.
+    let (first, rest) = ops.split_at(ops.len().min(MAX_OPS.max(writes.len())));
+    let mut replies = session.request(first)?;
+    if !rest.is_empty() {
+        replies.extend(session.request(rest)?);
+    }
     writes.iter().for_each(|(place, _)| note_if_not_whole(place));
-    writes.iter().try_for_each(|(place, _)| note_if_firmwares(&session, place))
+    let values = replies.into_iter().skip(writes.len()).map(Reply::value).collect::<Result<Vec<_>, _>>()?;
+    for (place, _) in &writes {
+        let status = status_of(&session, place)?;
+        let known = statuses.iter().zip(&values).find(|(known, _)| Some(**known) == status);
+        note_if_firmwares(place, known.map(|(_, value)| *value));
+    }
+    Ok(())
+}
+
+/// PLC, offset and width of a register.
+type Register = (u16, u32, Width);
+
+/// The register that decides which of overlaid structures is valid at the place, if there are several.
+fn status_of(session: &Session, place: &Place) -> Result<Option<Register>, CliError> {
+    let Some(status) = place.status() else { return Ok(None) };
+    let address = status.address();
+    Ok(Some((session.plc_of(place)?, address.offset(), address.width())))
+}
+
+/// These registers of all places, each once. They are read in the message that writes, so that the notes cost no
+/// further exchange.
+fn statuses(session: &Session, writes: &[(Place, u32)]) -> Result<Vec<Register>, CliError> {
+    let mut statuses = Vec::new();
+    for (place, _) in writes {
+        let status = status_of(session, place)?;
+        statuses.extend(status.filter(|status| !statuses.contains(status)));
+    }
+    Ok(statuses)
 }
 
 /// Prints a note if only the firmware writes a register.
-fn note_if_firmwares(session: &super::session::Session, place: &Place) -> Result<(), CliError> {
-    use super::session::Read;
+fn note_if_firmwares(place: &Place, status: Option<u32>) {
     use crate::layout::Owner;
 
-    let status = match place.status() {
-        Some(status) => {
-            let read = session.read(&[Read::register(session.plc_of(place)?, &status)])?;
-            let bytes = read.data.first().map(Vec::as_slice).unwrap_or_default();
-            Some(bytes.iter().rev().fold(0, |value, byte| value << 8 | u32::from(*byte)))
-        }
-        None => None,
-    };
     let live = place.phase(status);
     if place.owner(live) == Some(Owner::Firmware) {
         let place = place.label(live);
@@ -98,7 +124,6 @@ fn note_if_firmwares(session: &super::session::Session, place: &Place) -> Result
              again"
         ));
     }
-    Ok(())
 }
 
 /// Prints a note if a write does not match one register.
