@@ -71,80 +71,22 @@ impl Format for Candump {
     }
 }
 
-/// A frame of a log.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Logged {
-    /// Position in the log: the line in a candump log, counted from 1; the first byte of the block in a pcapng log.
-    pub at: usize,
-    /// Time in microseconds.
-    pub time_us: u64,
-    /// The interface: the bus, in a log of this program.
-    pub interface: String,
-    /// The frame.
-    pub frame: Frame,
-}
-
-/// An invalid line of a log.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("line {line}: {right}")]
-pub struct BadLine {
-    /// Number of the line, from 1.
-    pub line: usize,
-    /// The expected text.
-    pub right: &'static str,
-}
-
-/// Reads a log as `candump -L` writes it. Empty lines are passed over.
-///
-/// # Errors
-/// [`BadLine`]: no such line, or a frame that Classical CAN does not have.
-pub fn read(log: &str) -> Result<Vec<Logged>, BadLine> {
-    let lines = log.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
-    lines
-        .map(|(index, line)| logged(index + 1, line).map_err(|right| BadLine { line: index + 1, right }))
-        .collect()
-}
-
-const NO_LINE: &str = "a line of a candump log is for example (0000000002.001234) can0 583#7900210000000000";
-
-fn logged(at: usize, line: &str) -> Result<Logged, &'static str> {
-    let mut words = line.split_whitespace();
-    let (Some(time), Some(interface), Some(frame)) = (words.next(), words.next(), words.next()) else {
-        return Err(NO_LINE);
-    };
-    // After the frame, candump may say whether it was received or transmitted.
-    if !matches!(words.next(), None | Some("R" | "T")) || words.next().is_some() {
-        return Err(NO_LINE);
-    }
-    let time = time.strip_prefix('(').and_then(|time| time.strip_suffix(')')).ok_or(NO_LINE)?;
-    let time_us = time_of(time).ok_or(NO_LINE)?;
-    Ok(Logged { at, time_us, interface: interface.to_owned(), frame: self::frame(frame)? })
-}
-
-/// `0000000002.001234`
-fn time_of(text: &str) -> Option<u64> {
-    let (seconds, us) = text.split_once('.')?;
-    let is_number = |text: &str| !text.is_empty() && text.bytes().all(|digit| digit.is_ascii_digit());
-    if !is_number(seconds) || !is_number(us) || us.len() != 6 {
-        return None;
-    }
-    seconds.parse::<u64>().ok()?.checked_mul(1_000_000)?.checked_add(us.parse().ok()?)
-}
+const NO_FRAME: &str = "a frame of a candump log is for example 583#7900210000000000";
 
 /// Reads a frame as [`Shown`] writes it: `583#7900210000000000`, `00000123#R4`.
 ///
 /// # Errors
 /// The expected text.
 pub fn frame(text: &str) -> Result<Frame, &'static str> {
-    let (id, data) = text.split_once('#').ok_or(NO_LINE)?;
+    let (id, data) = text.split_once('#').ok_or(NO_FRAME)?;
     if data.starts_with('#') {
         return Err("a CAN FD frame; these buses only carry classical CAN");
     }
     let is_hex = |text: &str| text.bytes().all(|digit| digit.is_ascii_hexdigit());
     if !is_hex(id) {
-        return Err(NO_LINE);
+        return Err(NO_FRAME);
     }
-    let raw = u32::from_str_radix(id, 16).map_err(|_| NO_LINE)?;
+    let raw = u32::from_str_radix(id, 16).map_err(|_| NO_FRAME)?;
     let id = match id.len() {
         3 => u16::try_from(raw).ok().and_then(StandardId::new).map(Id::Standard),
         8 => ExtendedId::new(raw).map(Id::Extended),
@@ -180,53 +122,5 @@ mod tests {
         assert_eq!(shown(Frame::new(id, Payload::new(&[5]).unwrap())), "00000123#05");
         assert_eq!(shown(Frame::remote(id, 0).unwrap()), "00000123#R");
         assert_eq!(shown(Frame::remote(StandardId::MAX, 8).unwrap()), "7FF#R8");
-    }
-
-    #[test]
-    fn written_frames_are_read_again() {
-        let log = "(0000000002.001234) drives 583#7900210000000000\n\n(1436509052.249713) can0 00000123#R4 T\n\
-                   (0000000003.000000) a 7FF#\n";
-        let frames = read(log).unwrap();
-        let shown = |it: &Logged| format!("{} {} {}", it.time_us, it.interface, Shown(&it.frame));
-        let shown: Vec<_> = frames.iter().map(shown).collect();
-        let wanted =
-            ["2001234 drives 583#7900210000000000", "1436509052249713 can0 00000123#R4", "3000000 a 7FF#"];
-        assert_eq!(shown, wanted);
-    }
-
-    proptest::proptest! {
-        #![proptest_config(crate::property_tests())]
-
-        #[test]
-        fn any_frame_is_read_as_it_was_written(
-            frame in crate::can::reference::frame(), time_us in proptest::num::u64::ANY,
-        ) {
-            let (seconds, us) = (time_us / 1_000_000, time_us % 1_000_000);
-            let line = format!("({seconds:010}.{us:06}) can0 {}", Shown(&frame));
-            let read = read(&line);
-            proptest::prop_assert_eq!(read, Ok(vec![Logged { at: 1, time_us, interface: "can0".to_owned(), frame }]), "{}", line);
-        }
-    }
-
-    #[test]
-    fn an_invalid_log_is_refused_with_its_line() {
-        for (line, text) in [
-            ("hello", "candump log"),
-            ("(1.0) can0 123#", "candump log"),
-            ("(1.000000) can0 123", "candump log"),
-            ("(1.000000) can0 123# X", "candump log"),
-            ("(99999999999999999999.000000) can0 123#", "candump log"),
-            ("(1.000000) can0 123##0AA", "CAN FD"),
-            ("(1.000000) can0 12#", "three digits"),
-            ("(1.000000) can0 800#", "three digits"),
-            ("(1.000000) can0 20000000#", "three digits"),
-            ("(1.000000) can0 123#1", "two hexadecimal digits"),
-            ("(1.000000) can0 123#+1", "two hexadecimal digits"),
-            ("(1.000000) can0 123#000000000000000000", "up to eight"),
-            ("(1.000000) can0 123#R9", "0 to 8"),
-        ] {
-            let error = read(&format!("(0000000000.000000) a 000#\n{line}")).unwrap_err();
-            assert!(error.line == 2 && error.to_string().contains(text), "{line}: {error}");
-        }
     }
 }

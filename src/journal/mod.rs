@@ -39,6 +39,7 @@ pub mod pcapng;
 mod printer;
 mod reader;
 mod record;
+pub mod recording;
 mod registers;
 mod requests;
 mod ring;

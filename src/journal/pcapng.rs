@@ -37,6 +37,8 @@ pub enum Link {
 const NAME: u16 = 2;
 const RESOLUTION: u16 = 9;
 const OFFSET: u16 = 14;
+/// Option of a packet: its direction, in the two lowest bits.
+const PACKET_FLAGS: u16 = 2;
 
 /// Bits of an identifier as SocketCAN has it, which is big-endian on this link type.
 const EXTENDED: u32 = 1 << 31;

@@ -70,6 +70,8 @@ impl Code {
     pub const DOOR: Self = Self(37);
     /// The bus does not take the frame.
     pub const FRAME: Self = Self(38);
+    /// As many frames as a controller holds wait to be sent already; later there is room.
+    pub const QUEUE_FULL: Self = Self(45);
 
     /// A wait for conditions has too many of them, or none.
     pub const CONDITIONS: Self = Self(40);
@@ -89,7 +91,8 @@ impl Code {
 
     /// Whether the operation is impossible in any state. If not, the plant is in a wrong state for it.
     pub fn is_wrong_use(self) -> bool {
-        const STATES: [Code; 8] = [
+        const STATES: [Code; 9] = [
+            Code::QUEUE_FULL,
             Code::NOT_IN_TIME,
             Code::NO_SYNC,
             Code::START_REFUSED,

@@ -1,11 +1,11 @@
 //! Reading.
 
 use super::{
-    BYTE_ORDER, ERROR, EXTENDED, INTERFACE, NAME, OFFSET, OLD_PACKET, PACKET, PROFIBUS_DL, REMOTE,
-    RESOLUTION, SECTION, SOCKETCAN, TIMELESS_PACKET,
+    BYTE_ORDER, ERROR, EXTENDED, INTERFACE, NAME, OFFSET, OLD_PACKET, PACKET, PACKET_FLAGS, PROFIBUS_DL,
+    REMOTE, RESOLUTION, SECTION, SOCKETCAN, TIMELESS_PACKET,
 };
 use crate::can::{ExtendedId, Frame, Id, Payload, StandardId};
-use crate::journal::candump::Logged;
+use crate::journal::recording::{Direction, Entry, Logged, Recording};
 
 /// An error in a part of a log.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -25,12 +25,13 @@ pub fn is_one(log: &[u8]) -> bool {
     log.starts_with(&SECTION.to_be_bytes())
 }
 
-/// Reads the frames of a log. Blocks of other kinds, as names and statistics, are passed over, as are packets of PROFIBUS.
+/// Reads a log. Blocks of other kinds, as names and statistics, are passed over. Packets that are no frames of Classical
+/// CAN are [`Recording::skipped`]: telegrams of PROFIBUS, error messages of SocketCAN, CAN FD, and other link types.
 ///
 /// # Errors
-/// [`BadLog`]: it is cut off or no pcapng, its packets are not of CAN, or frames that Classical CAN does not have.
-pub fn read(log: &[u8]) -> Result<Vec<Logged>, BadLog> {
-    let (mut frames, mut at) = (Vec::new(), 0);
+/// [`BadLog`]: it is cut off or no pcapng, or has a frame that is not possible on a CAN bus.
+pub fn read(log: &[u8]) -> Result<Recording, BadLog> {
+    let (mut recording, mut at) = (Recording::default(), 0);
     let mut section = Section { is_big: false, interfaces: Vec::new() };
     while at < log.len() {
         let bad = |right: String| BadLog { at, right };
@@ -43,12 +44,14 @@ pub fn read(log: &[u8]) -> Result<Vec<Logged>, BadLog> {
         }
         let (kind, body, length) =
             section.block(rest).ok_or_else(|| bad("the block is cut off, or its length is wrong".into()))?;
-        if let Some(frame) = section.take(kind, body).map_err(bad)? {
-            frames.push(Logged { at, ..frame });
+        match section.take(kind, body).map_err(bad)? {
+            Some(Entry::Frame(frame)) => recording.add(at, Entry::Frame(Logged { at, ..frame })),
+            Some(skipped) => recording.add(at, skipped),
+            None => {}
         }
         at += length;
     }
-    Ok(frames)
+    Ok(recording)
 }
 
 /// Facts that are valid until the next section begins.
@@ -96,7 +99,7 @@ impl Section {
     }
 
     /// Decodes a block: a frame, or a fact for later blocks.
-    fn take(&mut self, kind: u32, body: &[u8]) -> Result<Option<Logged>, String> {
+    fn take(&mut self, kind: u32, body: &[u8]) -> Result<Option<Entry>, String> {
         match kind {
             INTERFACE if self.interfaces.len() == MOST_INTERFACES => {
                 Err(format!("more than {MOST_INTERFACES} interfaces"))
@@ -106,7 +109,7 @@ impl Section {
                 self.interfaces.push(interface);
                 Ok(None)
             }
-            PACKET => self.packet(body),
+            PACKET => self.packet(body).map(Some),
             OLD_PACKET | TIMELESS_PACKET => {
                 Err("a packet of an old kind; Wireshark and its `editcap` can convert the log".to_owned())
             }
@@ -135,7 +138,7 @@ impl Section {
         Some(interface)
     }
 
-    fn packet(&self, body: &[u8]) -> Result<Option<Logged>, String> {
+    fn packet(&self, body: &[u8]) -> Result<Entry, String> {
         const CUT_OFF: &str = "the packet is cut off";
         let word = |at| self.word(body, at).ok_or(CUT_OFF);
         let number = word(0)? as usize;
@@ -143,18 +146,43 @@ impl Section {
             self.interfaces.get(number).ok_or("a packet of an interface that was not named before")?;
         let name = interface.name.clone().unwrap_or_else(|| format!("can{number}"));
         if interface.link == PROFIBUS_DL {
-            return Ok(None);
+            return Ok(Entry::Skipped(format!("a telegram of PROFIBUS, of interface '{name}'")));
         }
         if interface.link != SOCKETCAN {
             let link = interface.link;
-            return Err(format!(
-                "interface '{name}' has link type {link}; those of CAN have {SOCKETCAN} (SocketCAN)"
-            ));
+            return Ok(Entry::Skipped(format!(
+                "a packet of interface '{name}' with link type {link}; those of CAN have {SOCKETCAN} (SocketCAN)"
+            )));
         }
         let ticks = u64::from(word(4)?) << 32 | u64::from(word(8)?);
         let time_us = interface.time_us(ticks).ok_or("there is no such time")?;
-        let data = body.get(20..).and_then(|rest| rest.get(..word(12).ok()? as usize)).ok_or(CUT_OFF)?;
-        Ok(Some(Logged { at: 0, time_us, interface: name, frame: frame(data)? }))
+        let length = word(12)? as usize;
+        let data = body.get(20..).and_then(|rest| rest.get(..length)).ok_or(CUT_OFF)?;
+        let options = body.get(20 + length.next_multiple_of(4)..).unwrap_or_default();
+        let direction = self.direction(options);
+        let of = |frame| Entry::Frame(Logged { at: 0, time_us, interface: name, direction, frame });
+        Ok(match frame(data)? {
+            Ok(frame) => of(frame),
+            Err(reason) => Entry::Skipped(reason.to_owned()),
+        })
+    }
+
+    /// Direction of a packet with these options.
+    fn direction(&self, mut options: &[u8]) -> Option<Direction> {
+        while let (Some(code), Some(length)) = (self.half(options, 0), self.half(options, 2)) {
+            match code {
+                0 => break,
+                PACKET_FLAGS => {
+                    return match self.word(options, 4)? & 3 {
+                        1 => Some(Direction::Received),
+                        2 => Some(Direction::Transmitted),
+                        _ => None,
+                    };
+                }
+                _ => options = options.get(4 + usize::from(length).next_multiple_of(4)..)?,
+            }
+        }
+        None
     }
 }
 
@@ -172,21 +200,22 @@ impl Interface {
     }
 }
 
-/// A frame as SocketCAN has it.
-fn frame(packet: &[u8]) -> Result<Frame, &'static str> {
+/// A frame as SocketCAN has it, or the reason why it is skipped.
+///
+/// # Errors
+/// The packet is damaged.
+fn frame(packet: &[u8]) -> Result<Result<Frame, &'static str>, &'static str> {
     /// Flag of a CAN FD frame in this link type.
     const FD: u8 = 4;
     let cut_off = "a frame has eight bytes in front of its data";
     let (head, data) = packet.split_first_chunk::<8>().ok_or(cut_off)?;
     let [a, b, c, d, length, flags, ..] = *head;
     if flags & FD != 0 || length > 8 {
-        return Err("a CAN FD frame; these buses only carry classical CAN");
+        return Ok(Err("a frame of CAN FD; these buses carry classical CAN only"));
     }
     let word = u32::from_be_bytes([a, b, c, d]);
     if word & ERROR != 0 {
-        return Err(
-            "an error message of SocketCAN, not a frame; filter such messages out (`!can.flags.err`)",
-        );
+        return Ok(Err("an error message of the interface"));
     }
     let (raw, length) = (word & !(EXTENDED | REMOTE), usize::from(length));
     let id = if word & EXTENDED != 0 {
@@ -200,5 +229,5 @@ fn frame(packet: &[u8]) -> Result<Frame, &'static str> {
     } else {
         data.get(..length).and_then(Payload::new).map(|payload| Frame::new(id, payload))
     };
-    frame.ok_or("the frame has less data than its length field")
+    frame.map(Ok).ok_or("the frame has less data than its length field")
 }

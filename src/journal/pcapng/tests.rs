@@ -1,7 +1,8 @@
 use super::*;
 use crate::can::{ExtendedId, Frame, Payload, StandardId};
 use crate::journal::Format;
-use crate::journal::candump::{self, Logged, Shown};
+use crate::journal::candump::Shown;
+use crate::journal::recording::{Direction, Logged, Recording, read_text};
 use proptest::prelude::*;
 
 /// A block in the order of bytes asked for.
@@ -18,6 +19,18 @@ type Options<'a> = &'a [(u16, &'a [u8])];
 
 /// A log with one interface of these options and one packet.
 fn log(is_big: bool, link: u16, options: Options, ticks: u64, packet: &[u8]) -> Vec<u8> {
+    log_with(is_big, link, options, ticks, packet, &[])
+}
+
+/// The same, with options of the packet.
+fn log_with(
+    is_big: bool,
+    link: u16,
+    options: Options,
+    ticks: u64,
+    packet: &[u8],
+    packet_options: &[u8],
+) -> Vec<u8> {
     let half = |value: u16| if is_big { value.to_be_bytes() } else { value.to_le_bytes() };
     let word = |value: u32| if is_big { value.to_be_bytes() } else { value.to_le_bytes() };
     let mut out = Vec::new();
@@ -36,6 +49,7 @@ fn log(is_big: bool, link: u16, options: Options, ticks: u64, packet: &[u8]) -> 
     let mut body = words.map(word).concat();
     body.extend(packet);
     body.resize(body.len().next_multiple_of(4), 0);
+    body.extend(packet_options);
     block(PACKET, &body, is_big, &mut out);
     out
 }
@@ -56,29 +70,34 @@ fn times_of_all_resolutions_and_orders() {
         (true, &[(OFFSET, &(-1_i64).to_be_bytes()), (0, &[])], 1_000_005, "5 can0 123#BEEF"),
     ];
     for (is_big, options, ticks, wanted) in cases {
-        let frames = read(&log(is_big, SOCKETCAN, options, ticks, &FRAME)).unwrap();
-        assert_eq!(frames.iter().map(shown).collect::<Vec<_>>(), [wanted]);
+        let recording = read(&log(is_big, SOCKETCAN, options, ticks, &FRAME)).unwrap();
+        assert_eq!(recording.frames.iter().map(shown).collect::<Vec<_>>(), [wanted]);
     }
 }
 
 #[test]
-fn foreign_frames_are_refused() {
-    let refused = |link, options: Options, packet: &[u8]| {
-        read(&log(false, link, options, 0, packet)).unwrap_err().to_string()
-    };
+fn foreign_packets_are_skipped_and_damaged_ones_refused() {
+    let recorded = |link, options: Options, packet: &[u8]| read(&log(false, link, options, 0, packet));
+    let refused =
+        |link, options: Options, packet: &[u8]| recorded(link, options, packet).unwrap_err().to_string();
+    for (link, packet, text) in [
+        (SOCKETCAN, &[0, 0, 1, 0x23, 12, 4, 0, 0, 1][..], "CAN FD"),
+        (SOCKETCAN, &[0x20, 0, 0, 1, 8, 0, 0, 0], "error message"),
+        (1, &FRAME, "'eth0' with link type 1"),
+        (PROFIBUS_DL, &[0xE5], "a telegram of PROFIBUS"),
+    ] {
+        let Recording { frames, skipped } = recorded(link, &[(NAME, b"eth0")], packet).unwrap();
+        assert!(frames.is_empty() && skipped.len() == 1 && skipped[0].at > 0, "{skipped:?}");
+        assert!(skipped[0].reason.contains(text), "{skipped:?}");
+    }
     for (packet, text) in [
-        (&[0, 0, 1, 0x23, 12, 4, 0, 0, 1][..], "CAN FD"),
-        (&[0x20, 0, 0, 1, 8, 0, 0, 0], "error message"),
-        (&[0, 0, 8, 0, 0, 0, 0, 0], "7FF"),
+        (&[0, 0, 8, 0, 0, 0, 0, 0][..], "7FF"),
         (&[0, 0, 1, 0x23, 2, 0, 0, 0, 1], "less data"),
         (&[0, 0, 1], "eight bytes"),
     ] {
-        let told = refused(SOCKETCAN, &[], packet);
-        assert!(told.contains(text), "{told}");
+        let error = refused(SOCKETCAN, &[], packet);
+        assert!(error.starts_with("byte ") && error.contains(text), "{error}");
     }
-    let told = refused(1, &[(NAME, b"eth0")], &FRAME);
-    assert!(told.starts_with("byte ") && told.contains("'eth0' has link type 1"), "{told}");
-    assert_eq!(read(&log(false, PROFIBUS_DL, &[], 0, &[0xE5])), Ok(vec![]), "these are no frames");
     assert!(refused(SOCKETCAN, &[(RESOLUTION, &[127])], &FRAME).contains("no such time"));
     assert!(refused(SOCKETCAN, &[(OFFSET, &(-1_i64).to_le_bytes())], &FRAME).contains("no such time"));
     for (log, text) in [(&b"hello"[..], "no section"), (&[0x0A, 0x0D, 0x0D, 0x0A, 28, 0], "no section")] {
@@ -90,12 +109,26 @@ fn foreign_frames_are_refused() {
 }
 
 #[test]
+fn packets_can_have_a_direction() {
+    let direction = |options: &[u8]| {
+        read(&log_with(false, SOCKETCAN, &[], 0, &FRAME, options)).unwrap().frames[0].direction
+    };
+    let comment = [1, 0, 3, 0, b'a', b'b', b'c', 0];
+    let flags = |bits| [PACKET_FLAGS as u8, 0, 4, 0, bits, 0, 0, 0];
+    assert_eq!(direction(&flags(1)), Some(Direction::Received));
+    assert_eq!(direction(&[&comment[..], &flags(2)].concat()), Some(Direction::Transmitted));
+    for none in [&flags(0)[..], &comment, &[0, 0, 0, 0], &[9, 0, 200, 0]] {
+        assert_eq!(direction(none), None, "{none:?}");
+    }
+}
+
+#[test]
 fn each_bus_is_an_interface() {
     let buses =
         vec![("open".into(), Link::Can), ("a name of more than 15 characters".into(), Link::Profibus)];
     let mut out = Vec::new();
     Pcapng::new(buses).begin(&mut out);
-    assert!(is_one(&out) && read(&out) == Ok(vec![]));
+    assert!(is_one(&out) && read(&out) == Ok(Recording::default()));
     let links = [28 + 8, 28 + 40 + 8].map(|at| u16::from_le_bytes([out[at], out[at + 1]]));
     assert_eq!(links, [SOCKETCAN, PROFIBUS_DL]);
     let blocks = [28, 12 + 8 + 8 + 8 + 4, 12 + 8 + 4 + 36 + 8 + 4];
@@ -128,10 +161,10 @@ fn fuzz_log() {
     crate::fuzz("log", |bytes| {
         let _ = read(bytes);
         let Ok(text) = str::from_utf8(bytes) else { return };
-        for Logged { interface, frame, .. } in candump::read(text).unwrap_or_default() {
+        for Logged { interface, frame, .. } in read_text(text).unwrap_or_default().frames {
             let line = format!("(1.000000) {interface} {}\n", Shown(&frame));
-            let again = candump::read(&line).unwrap().pop();
-            assert_eq!(again, Some(Logged { at: 1, time_us: 1_000_000, interface, frame }));
+            let again = read_text(&line).unwrap().frames.pop();
+            assert_eq!(again, Some(Logged { at: 1, time_us: 1_000_000, interface, direction: None, frame }));
         }
     });
 }
@@ -143,9 +176,10 @@ proptest! {
     #[test]
     fn frames_come_back(frame in frames(), ticks in 0..u64::MAX / 1_000_000) {
         let read = read(&log(false, SOCKETCAN, &[(NAME, b"open")], ticks, &write::packet(&frame))).unwrap();
-        let at = read.first().map_or(0, |first| first.at);
+        let at = read.frames.first().map_or(0, |first| first.at);
         prop_assert!(at > 0, "the first block is not a packet block");
-        prop_assert_eq!(read, vec![Logged { at, time_us: ticks, interface: "open".into(), frame }]);
+        let wanted = Logged { at, time_us: ticks, interface: "open".into(), direction: None, frame };
+        prop_assert_eq!(read.frames, vec![wanted]);
     }
 
     /// Any damaged log is read or refused.

@@ -83,7 +83,8 @@ impl Work<'_> {
                     "bus '{name}' does not take this frame: it is a {family} bus, which may not have such frames, or no master runs it"
                 ),
             };
-            Refused::new(Code::FRAME, text)
+            let code = if refusal == GuestRefusal::Full { Code::QUEUE_FULL } else { Code::FRAME };
+        Refused::new(code, text)
         })
     }
 }

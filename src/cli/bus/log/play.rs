@@ -1,0 +1,281 @@
+//! `commram bus play`.
+
+use super::super::super::demo::Interrupts;
+use super::super::super::error::CliError;
+use super::super::super::session::Session;
+use super::super::super::{Instance, output, time};
+use super::select::Select;
+use super::{AddressedFrame, Log, nothing, read};
+use crate::channel::ClientError;
+use crate::plural::plural;
+use crate::request::{Code, MAX_ADVANCE_US, MAX_OPS, Op, Refused, Reply, read_journal};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+/// Send the frames of a log to buses, with the time intervals of the log.
+///
+/// LOG is a text of `candump -L` or `candump -ta`, of python-can, of GVRET or SavvyCAN (CSV), of `commram trace
+/// --format candump`, or a pcapng file of Wireshark or `commram trace`. Error frames and other entries that are no
+/// frames of classical CAN are skipped with a note. The first frame is sent at once. With the stepped clock the
+/// command advances the clock from one frame to the next, with the real-time clock it waits. Other stations on the
+/// bus take part in the arbitration; a frame for which there is no room waits. The command ends when the last frame
+/// has ended on its bus. An interface of the log means the bus of the same name, or the only bus of the instance.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  commram bus play open.log
+  commram bus play open.pcapng
+  commram bus play can0.log --bus open --without-node 32
+  commram bus play machine.csv --interface can1 --id 180:780 --bus open")]
+pub(in super::super) struct Play {
+    /// The log
+    log: PathBuf,
+    /// Send all frames to this bus
+    #[arg(long, value_name = "NAME")]
+    bus: Option<String>,
+    /// A log without a frame to play is no error
+    #[arg(long)]
+    allow_empty: bool,
+    #[command(flatten)]
+    select: Select,
+    #[command(flatten)]
+    instance: Instance,
+}
+
+/// Longest time between two frames of a played log: the limit of one advance operation, 24 h in
+/// microseconds.
+const LONGEST_GAP_US: u64 = MAX_ADVANCE_US;
+/// Step of the clock while frames wait for room or for the end of the last frame, in emulated microseconds.
+const ROOM_US: u64 = 100;
+/// Longest time in which no frame leaves: emulated with the stepped clock, real with the real-time clock.
+const PATIENCE: Duration = Duration::from_secs(1);
+/// Pause between two attempts with the real-time clock.
+const PAUSE: Duration = Duration::from_millis(1);
+
+/// Checks that the times of the frames can be played. A frame with an earlier time than the preceding frame is accepted:
+/// it is sent at once, with a note on the standard error output.
+fn check_times(log: &[AddressedFrame], unit: &str, path: &Path) -> Result<(), CliError> {
+    let mut latest = log.first().map_or(0, |first| first.time_us);
+    let mut earlier = Vec::new();
+    for frame in log {
+        let gap_us = frame.time_us.saturating_sub(latest);
+        if gap_us > LONGEST_GAP_US {
+            let right = format!(
+                "{unit} {}: its frame comes {} after the preceding frame; the longest gap in a log is {}",
+                frame.at,
+                time::seconds(gap_us),
+                time::seconds(LONGEST_GAP_US)
+            );
+            return Err(CliError::Argument { text: path.display().to_string(), right });
+        }
+        if frame.time_us < latest {
+            earlier.push(frame.at);
+        }
+        latest = latest.max(frame.time_us);
+    }
+    if let Some((first, others)) = earlier.split_first() {
+        let others = match others.len() {
+            0 => String::new(),
+            count => format!(", and {count} more frames"),
+        };
+        output::note(&format!(
+            "{}: {unit} {first}: its time is before the time of an earlier frame{others}; they are sent at once",
+            path.display()
+        ));
+    }
+    Ok(())
+}
+
+/// Plays a log.
+pub(in super::super) fn play(args: &Play) -> Result<(), CliError> {
+    let log = read(&args.log)?;
+    let unit = log.unit;
+    let info = Session::open(&args.instance, 0)?.ask(Op::Info)?.info()?;
+    let log = Log::aim(log, &args.select, args.bus.as_deref(), &info)?;
+    check_times(&log, unit, &args.log)?;
+    let Some(first) = log.first() else {
+        if args.allow_empty {
+            return output::print("0 frames\n");
+        }
+        return Err(nothing(&args.log, "it has no frame to play; --allow-empty accepts that"));
+    };
+    let start_us = first.time_us;
+    let length_us = log.iter().map(|it| it.time_us).max().unwrap_or(start_us).saturating_sub(start_us);
+    let session = Session::open(&args.instance, length_us)?;
+    let mut player = Player { session: &session, log: &log, start_us, accepted: 0, left: 0, next: 0 };
+    player.next = session.ask(Op::Journal { from: u64::MAX, max: 1 })?.journal_part()?.end;
+    let played = match info.is_stepped {
+        true => player.stepped().map(|()| String::new()),
+        false => player.in_real_time().map(|timing| timing.text()),
+    };
+    let frames = plural(log.len() as u64, "frame");
+    let sent = player.accepted;
+    let timing = played.inspect_err(|_| output::note(&format!("{sent} of {frames} were sent")))?;
+    output::print(&format!("{frames} in {}{timing}\n", time::short(length_us)))
+}
+
+/// Timing of a log that was played with the real-time clock. Times are emulated, in microseconds.
+struct Timing {
+    took_us: u64,
+    latest_us: u64,
+}
+
+impl Timing {
+    fn text(&self) -> String {
+        let Timing { took_us, latest_us } = self;
+        format!(" of the log; sent within {}, up to {} late", time::short(*took_us), time::short(*latest_us))
+    }
+}
+
+/// Plays the frames of a log.
+struct Player<'a> {
+    session: &'a Session,
+    log: &'a [AddressedFrame],
+    /// Time of the first frame.
+    start_us: u64,
+    /// Count of frames that the buses have accepted.
+    accepted: usize,
+    /// Count of frames that have ended on their bus.
+    left: usize,
+    /// Number of the next record of the journal.
+    next: u64,
+}
+
+impl Player<'_> {
+    /// Advances the clock from frame to frame, and until the last frame has ended.
+    fn stepped(&mut self) -> Result<(), CliError> {
+        let mut now_us = self.start_us;
+        let mut waited_us = 0;
+        while self.accepted < self.log.len() {
+            let before = self.accepted;
+            if self.send_part(&mut now_us)? {
+                waited_us = if self.accepted > before { 0 } else { waited_us + ROOM_US };
+                self.check_patience(Duration::from_micros(waited_us))?;
+                self.advance()?;
+                now_us += ROOM_US;
+            }
+        }
+        waited_us = 0;
+        while !self.all_have_left()? {
+            waited_us += ROOM_US;
+            self.check_patience(Duration::from_micros(waited_us))?;
+            self.advance()?;
+        }
+        Ok(())
+    }
+
+    /// Sends the next frames, and advances the clock between them. `now_us` is the clock in the time of the log. Returns
+    /// true if there is no room for the next frame.
+    fn send_part(&mut self, now_us: &mut u64) -> Result<bool, CliError> {
+        let part = &self.log[self.accepted..];
+        let mut ops = Vec::with_capacity(MAX_OPS);
+        let mut then_us = *now_us;
+        for it in part.iter().take(MAX_OPS / 2) {
+            let us = it.time_us.saturating_sub(then_us);
+            ops.extend((us > 0).then_some(Op::Advance { us }));
+            then_us += us;
+            ops.push(Op::BusSend { bus: it.bus, frame: Some(it.frame) });
+        }
+        for (op, reply) in ops.iter().zip(self.session.replies(&ops)?) {
+            match (op, reply) {
+                (_, Reply::Error(refused)) if refused.code == Code::QUEUE_FULL => return Ok(true),
+                (_, Reply::Error(refused)) => return Err(ClientError::Refused(refused).into()),
+                (Op::Advance { us }, _) => *now_us += us,
+                _ => self.accepted += 1,
+            }
+        }
+        Ok(false)
+    }
+
+    fn advance(&self) -> Result<(), CliError> {
+        self.session.ask(Op::Advance { us: ROOM_US }).map(drop)
+    }
+
+    /// Waits for the time of each frame, and until the last frame has ended.
+    fn in_real_time(&mut self) -> Result<Timing, CliError> {
+        let interrupts = Interrupts::catch()?;
+        let begin_us = self.session.ask(Op::Time)?.time()?;
+        let mut timing = Timing { took_us: 0, latest_us: 0 };
+        for it in self.log {
+            let due_us = begin_us + it.time_us.saturating_sub(self.start_us);
+            let mut now_us = loop {
+                let now_us = self.session.ask(Op::Time)?.time()?;
+                let left_us = due_us.saturating_sub(now_us);
+                if left_us == 0 {
+                    break now_us;
+                }
+                // Emulated time can run faster or slower than real time, so at most 10 ms are slept before the next
+                // query.
+                pause(&interrupts, Duration::from_micros(left_us.min(10_000)))?;
+            };
+            let begin = Instant::now();
+            while let Some(refused) = self.send(it)? {
+                if refused.code != Code::QUEUE_FULL {
+                    return Err(ClientError::Refused(refused).into());
+                }
+                self.check_patience(begin.elapsed())?;
+                pause(&interrupts, PAUSE)?;
+                now_us = self.session.ask(Op::Time)?.time()?;
+            }
+            self.accepted += 1;
+            timing.took_us = now_us.saturating_sub(begin_us);
+            timing.latest_us = timing.latest_us.max(now_us.saturating_sub(due_us));
+        }
+        let (mut begin, mut left) = (Instant::now(), self.left);
+        while !self.all_have_left()? {
+            if self.left > left {
+                (begin, left) = (Instant::now(), self.left);
+            }
+            self.check_patience(begin.elapsed())?;
+            pause(&interrupts, PAUSE)?;
+        }
+        Ok(timing)
+    }
+
+    /// Sends a frame; returns the refusal, if any.
+    fn send(&self, it: &AddressedFrame) -> Result<Option<Refused>, CliError> {
+        let replies = self.session.replies(&[Op::BusSend { bus: it.bus, frame: Some(it.frame) }])?;
+        Ok(replies.into_iter().find_map(|reply| match reply {
+            Reply::Error(refused) => Some(refused),
+            _ => None,
+        }))
+    }
+
+    /// Whether all frames have ended on their buses: the journal has as many frames of guest 0, which is the sender.
+    fn all_have_left(&mut self) -> Result<bool, CliError> {
+        if self.left < self.log.len() {
+            let part = read_journal(self.next, |op| self.session.ask(op))?;
+            let is_ours = |guest: Option<u8>| guest == Some(0);
+            let records = part.records.iter();
+            self.left += records
+                .filter(|record| record.event.frame().is_some_and(|carried| is_ours(carried.guest)))
+                .count();
+            self.next = part.end;
+        }
+        Ok(self.left >= self.log.len())
+    }
+
+    /// # Errors
+    /// No frame has left for too long.
+    fn check_patience(&self, waited: Duration) -> Result<(), CliError> {
+        if waited <= PATIENCE {
+            return Ok(());
+        }
+        output::complain(&format!(
+            "{} wait to be sent, and none left within {} s: no other station acknowledges them, or other stations use \
+             the whole bus",
+            plural(self.log.len().saturating_sub(self.left) as u64, "frame"),
+            PATIENCE.as_secs()
+        ));
+        Err(CliError::Reported)
+    }
+}
+
+/// Waits, unless the user interrupts the command.
+fn pause(interrupts: &Interrupts, time: Duration) -> Result<(), CliError> {
+    if interrupts.any() {
+        return Err(CliError::Interrupted);
+    }
+    std::thread::sleep(time);
+    Ok(())
+}

@@ -1,0 +1,171 @@
+//! Which frames of a log are taken.
+
+use crate::can::{Frame, Id};
+use crate::journal::recording::Direction;
+
+/// Which frames of a log are taken.
+#[derive(clap::Args)]
+#[command(next_help_heading = "Frames of the log")]
+pub(super) struct Select {
+    /// Take only frames of this interface; can be given several times
+    #[arg(long, value_name = "NAME")]
+    interface: Vec<String>,
+    /// Take only these identifiers: `184`, `180:780` (identifier and mask), `!184` (all but this one); hexadecimal, with
+    /// eight digits for 29 bits; can be given several times
+    #[arg(long, value_name = "ID[:MASK]", value_parser = IdFilter::parse)]
+    id: Vec<IdFilter>,
+    /// Take only frames that the logger's station received or sent; frames without a direction are not taken
+    #[arg(long, value_name = "DIRECTION")]
+    direction: Option<Way>,
+    /// Leave out what this CANopen node sent, by the identifiers of the predefined connection set: for a log of a
+    /// device that the instance has; can be given several times
+    #[arg(long, value_name = "NODE-ID", value_parser = clap::value_parser!(u8).range(1..=127))]
+    without_node: Vec<u8>,
+}
+
+/// The direction of the frames that are taken.
+#[derive(Clone, Copy, clap::ValueEnum)]
+enum Way {
+    /// Received frames
+    Rx,
+    /// Sent frames
+    Tx,
+}
+
+/// Identifiers as the user wrote them.
+#[derive(Clone, Debug, PartialEq, Eq)]
+struct IdFilter {
+    id: u32,
+    mask: u32,
+    is_extended: bool,
+    /// All but these identifiers are taken.
+    is_inverted: bool,
+}
+
+impl IdFilter {
+    fn parse(text: &str) -> Result<Self, String> {
+        let (rest, is_inverted) = match text.strip_prefix('!') {
+            Some(rest) => (rest, true),
+            None => (text, false),
+        };
+        let (id, mask) = rest.split_once(':').unwrap_or((rest, ""));
+        let number = |text: &str| u32::from_str_radix(text, 16).ok();
+        let is_extended = id.len() == 8;
+        let most = if is_extended { 0x1FFF_FFFF } else { 0x7FF };
+        let mask = if mask.is_empty() { Some(most) } else { number(mask) };
+        let is_hex = rest.bytes().all(|byte| byte.is_ascii_hexdigit() || byte == b':');
+        match (number(id).filter(|id| is_hex && *id <= most), mask.filter(|mask| *mask <= most)) {
+            (Some(id), Some(mask)) => Ok(IdFilter { id, mask, is_extended, is_inverted }),
+            _ => Err("write an identifier up to 7FF, or eight digits up to 1FFFFFFF, and a mask of the same range: \
+                      184, 180:780, !184, 18FF1234"
+                .to_owned()),
+        }
+    }
+
+    /// Whether the identifier is one of these, without the inversion.
+    fn matches(&self, id: Id) -> bool {
+        let (raw, is_extended) = match id {
+            Id::Standard(id) => (u32::from(id.as_raw()), false),
+            Id::Extended(id) => (id.as_raw(), true),
+        };
+        is_extended == self.is_extended && (raw ^ self.id) & self.mask == 0
+    }
+}
+
+/// Whether a CANopen node sends this identifier, by the predefined connection set (CiA 301): emergency message, transmitted
+/// PDOs 1 to 4, SDO answer, error control.
+fn is_sent_by(node: u8, id: Id) -> bool {
+    let Id::Standard(id) = id else { return false };
+    let raw = id.as_raw();
+    raw & 0x7F == u16::from(node)
+        && matches!(raw & 0x780, 0x080 | 0x180 | 0x280 | 0x380 | 0x480 | 0x580 | 0x700)
+}
+
+impl Select {
+    /// Whether a frame of the log is taken.
+    pub(super) fn takes(&self, interface: &str, direction: Option<Direction>, frame: &Frame) -> bool {
+        let is_right_way = match self.direction {
+            None => true,
+            Some(Way::Rx) => direction == Some(Direction::Received),
+            Some(Way::Tx) => direction == Some(Direction::Transmitted),
+        };
+        is_right_way
+            && (self.interface.is_empty() || self.interface.iter().any(|name| name == interface))
+            && self.takes_id(frame)
+    }
+
+    /// Whether a frame is taken, by its identifier only.
+    pub(super) fn takes_id(&self, frame: &Frame) -> bool {
+        let field = frame.arbitration();
+        let (not, only): (Vec<_>, Vec<_>) = self.id.iter().partition(|filter| filter.is_inverted);
+        (only.is_empty() || only.iter().any(|filter| filter.matches(field.id())))
+            && !not.iter().any(|filter| filter.matches(field.id()))
+            // The guarding request of a master has the identifier of the answer.
+            && (field.is_remote() || !self.without_node.iter().any(|node| is_sent_by(*node, field.id())))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::can::{ExtendedId, Payload, StandardId};
+    use clap::Parser;
+
+    #[derive(Parser)]
+    struct Line {
+        #[command(flatten)]
+        select: Select,
+    }
+
+    fn takes(arguments: &[&str], interface: &str, direction: Option<Direction>, frame: &Frame) -> bool {
+        let line = Line::parse_from(std::iter::once(&"x").chain(arguments));
+        line.select.takes(interface, direction, frame)
+    }
+
+    #[test]
+    fn frames_are_selected_by_each_property() {
+        let frame = Frame::standard(0x1A0, Payload::EMPTY);
+        let long = Frame::new(ExtendedId::new(0x1A0).unwrap(), Payload::EMPTY);
+        let (received, sent) = (Some(Direction::Received), Some(Direction::Transmitted));
+        for (arguments, wanted) in [
+            (&[][..], true),
+            (&["--interface", "can0"], true),
+            (&["--interface", "can1"], false),
+            (&["--interface", "can1", "--interface", "can0"], true),
+            (&["--id", "1A0"], true),
+            (&["--id", "180:780"], true),
+            (&["--id", "1A1"], false),
+            (&["--id", "1A1", "--id", "180:780"], true),
+            (&["--id", "!1A0"], false),
+            (&["--id", "!1A1"], true),
+            (&["--id", "180:780", "--id", "!1A0"], false),
+            (&["--id", "000001A0"], false),
+            (&["--direction", "rx"], true),
+            (&["--direction", "tx"], false),
+            (&["--without-node", "32"], false),
+            (&["--without-node", "33"], true),
+        ] {
+            assert_eq!(takes(arguments, "can0", received, &frame), wanted, "{arguments:?}");
+        }
+        assert!(takes(&["--id", "000001A0"], "a", None, &long) && !takes(&["--id", "1A0"], "a", None, &long));
+        assert!(
+            takes(&["--direction", "tx"], "a", sent, &frame)
+                && !takes(&["--direction", "tx"], "a", None, &frame)
+        );
+    }
+
+    #[test]
+    fn a_node_sends_the_identifiers_of_its_connection_set() {
+        let sent = (0..=0x7FF_u16).filter(|raw| is_sent_by(5, StandardId::new(*raw).unwrap().into()));
+        assert_eq!(sent.collect::<Vec<_>>(), [0x085, 0x185, 0x285, 0x385, 0x485, 0x585, 0x705]);
+        let guarding = Frame::remote(StandardId::new(0x705).unwrap(), 1).unwrap();
+        assert!(takes(&["--without-node", "5"], "a", None, &guarding), "the master asks");
+    }
+
+    #[test]
+    fn wrong_identifiers_are_refused() {
+        for wrong in ["", "800", "20000000", "12G", "180:800", "+12", "1:+1", "!", "180:780:1"] {
+            assert!(IdFilter::parse(wrong).is_err(), "{wrong}");
+        }
+    }
+}
