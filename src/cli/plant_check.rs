@@ -156,7 +156,7 @@ impl PlantVerdict {
                 .collect(),
         };
         let drive = |(name, number): (&str, u8)| Drive { name: name.to_owned(), number };
-        let bus = |bus: &dyn crate::devices::BusConfig| Bus {
+        let bus = |bus: &dyn crate::devices::BusSection| Bus {
             name: bus.name().to_owned(),
             kind: bus.family(),
             drives: bus.participants().into_iter().map(drive).collect(),

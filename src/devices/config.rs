@@ -119,7 +119,7 @@ pub struct Doubt {
 }
 
 /// A medium as the plant file describes it.
-pub trait BusConfig: fmt::Debug + Send + Sync {
+pub trait BusSection: fmt::Debug + Send + Sync {
     /// Its name, unique among the media.
     fn name(&self) -> &str;
 
@@ -184,7 +184,7 @@ pub struct BusKind {
     /// Checks that the medium can have a fault of one of these kinds; the error contains the reason.
     pub fits: fn(&Fault) -> Result<(), String>,
     /// Reads a `[[bus]]` of this kind.
-    pub read: Read<dyn BusConfig>,
+    pub read: Read<dyn BusSection>,
     /// JSON schema of the keys of that section, except `kind`; `#/definitions/name` is the schema of names. Devices can
     /// use the definitions of this schema, too.
     pub schema: &'static str,

@@ -94,7 +94,7 @@ pub use bus_view::{BusView, ParticipantId, StationState, Stranger};
 #[cfg(feature = "emulator")]
 pub use catalogue::{bus_site, catalogue, door_fits, fault_kinds, faults_of_device};
 #[cfg(feature = "emulator")]
-pub use config::{BusConfig, BusKind, DeviceConfig, Doubt, MasterConfig, PortConfig, Read};
+pub use config::{BusKind, BusSection, DeviceConfig, Doubt, MasterConfig, PortConfig, Read};
 #[cfg(feature = "emulator")]
 pub use context::Context;
 #[cfg(feature = "emulator")]
@@ -139,7 +139,7 @@ use crate::door::Speech;
 pub static BUS_KINDS: &[BusKind] = &[
     BusKind {
         name: cansync::medium::FAMILY,
-        read: cansync::medium::CansyncConfig::read,
+        read: cansync::medium::BusConfig::read,
         schema: include_str!("cansync/medium/plant.schema.json"),
         records: cansync::records::KINDS,
         rules: cansync::rules::ALL,

@@ -15,7 +15,7 @@ pub use error::PlantError;
 use crate::can;
 use crate::can::Message;
 use crate::devices;
-use crate::devices::{BusConfig, DeviceConfig, PortConfig};
+use crate::devices::{BusSection, DeviceConfig, PortConfig};
 use crate::fault::{DeviceSite, Fault, FaultError, FaultSpec, MAX_FAULTS, Refusal, Sites};
 use crate::input_file;
 use crate::journal::Names;
@@ -41,7 +41,7 @@ pub struct PlantConfig {
     /// The devices, at least one: first each `[[plc]]`, then each `[[device]]`.
     pub devices: Vec<Arc<dyn DeviceConfig>>,
     /// The media.
-    pub media: Vec<Arc<dyn BusConfig>>,
+    pub media: Vec<Arc<dyn BusSection>>,
     /// Faults that are injected from power-on or from a time on; see `docs/reference/faults.md`.
     pub faults: Vec<FaultSpec>,
     /// The text of the plant file.
@@ -94,6 +94,8 @@ impl PlantConfig {
 
     /// Numbers that differ between plants with different settings of devices and media, within one version of commram:
     /// the processor cycle, then one for each device and for each medium. Faults are not settings.
+    // The numbers come from the debug output, which contains names of structures: with another name, a plant refuses the
+    // snapshots of earlier versions.
     pub(super) fn settings(&self) -> Arc<[u64]> {
         let PlantConfig { processor_cycle_us, devices, media, faults: _, text: _ } = self;
         let of = |settings: &dyn core::fmt::Debug| XxHash3_64::oneshot(format!("{settings:?}").as_bytes());
@@ -145,7 +147,7 @@ impl PlantConfig {
     /// Targets of faults. Meant for a plant with checked numbers.
     pub(super) fn sites(&self) -> Sites {
         let ports = self.ports_of_media();
-        let mask = |medium: &Arc<dyn BusConfig>| {
+        let mask = |medium: &Arc<dyn BusSection>| {
             let ports = ports.get(medium.name()).map_or(&[][..], Vec::as_slice);
             let numbers = numbers_on(&**medium, ports).into_iter().map(|(_, number)| number);
             numbers.fold(0, |mask, number| mask | 1u32.checked_shl(number.into()).unwrap_or(0))
@@ -197,7 +199,7 @@ type PortOf<'a> = (&'a str, PortConfig<'a>);
 
 /// The participants with a number on a medium: `ports` first, then the participants of the medium itself. A port has
 /// the name of its device, or a name like `maxx:slotG` if the device has several ports there.
-fn numbers_on<'a>(medium: &'a dyn BusConfig, ports: &'a [PortOf<'a>]) -> Vec<(Cow<'a, str>, u8)> {
+fn numbers_on<'a>(medium: &'a dyn BusSection, ports: &'a [PortOf<'a>]) -> Vec<(Cow<'a, str>, u8)> {
     let is_alone = |name: &str| ports.iter().filter(|(other, _)| *other == name).nth(1).is_none();
     let numbered = ports.iter().filter_map(|(name, port)| {
         let called = if is_alone(name) { (*name).into() } else { format!("{name}:{}", port.name).into() };
@@ -208,7 +210,7 @@ fn numbers_on<'a>(medium: &'a dyn BusConfig, ports: &'a [PortOf<'a>]) -> Vec<(Co
 }
 
 /// Finds numbers that are used twice: the number, its first user, and its second user.
-fn equal_numbers(medium: &dyn BusConfig, ports: &[PortOf<'_>]) -> Vec<(u8, String, String)> {
+fn equal_numbers(medium: &dyn BusSection, ports: &[PortOf<'_>]) -> Vec<(u8, String, String)> {
     let mut taken: [Option<String>; 256] = [const { None }; 256];
     let before = |(name, number): (Cow<'_, str>, u8)| match &mut taken[usize::from(number)] {
         Some(first) => Some((number, first.clone(), name.into_owned())),

@@ -3,7 +3,7 @@
 use super::{CanBus, FAMILY};
 use crate::can::BitRate;
 use crate::devices::settings::refused_at;
-use crate::devices::{BuildError, Bus, BusConfig};
+use crate::devices::{BuildError, Bus, BusSection};
 use crate::door::DoorSpec;
 use serde::Deserialize;
 use std::sync::Arc;
@@ -34,7 +34,7 @@ struct Section {
 
 impl CanBusConfig {
     /// Reads a `[[bus]]` section of kind `can`.
-    pub(crate) fn read(value: ValueDeserializer<'_>) -> Result<Arc<dyn BusConfig>, Error> {
+    pub(crate) fn read(value: ValueDeserializer<'_>) -> Result<Arc<dyn BusSection>, Error> {
         let Section { name, kbit_s, doors } = Section::deserialize(value)?;
         let rate = rate(*kbit_s.get_ref()).ok_or_else(|| {
             let text = format!(
@@ -57,7 +57,7 @@ fn rate(kbit_s: f64) -> Option<BitRate> {
     ((kbit_s * 1000.0 - bit_s).abs() < 1e-6).then(|| BitRate::new(bit_s as u32)).flatten()
 }
 
-impl BusConfig for CanBusConfig {
+impl BusSection for CanBusConfig {
     fn name(&self) -> &str {
         &self.name
     }

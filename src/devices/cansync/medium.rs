@@ -23,7 +23,7 @@ mod snapshot;
 mod tests;
 mod watch;
 
-pub use config::CansyncConfig;
+pub use config::BusConfig;
 pub use end::{Socket, SocketRole};
 
 use crate::devices::cansync::BaudRate;
@@ -114,14 +114,14 @@ impl SimBus {
     /// The medium for nodes without a connected bus. A master generates its SYNC signal and sends there, but no station
     /// receives it. The journal has no record of that traffic (decision D-645).
     pub fn unplugged() -> Self {
-        Self::empty(u16::MAX, false, &CansyncConfig::default())
+        Self::empty(u16::MAX, false, &BusConfig::default())
     }
 
     /// Creates bus number `index` of the plant with its drives, without nodes.
     ///
     /// # Errors
     /// [`DriveError`] names the drive and the wrong setting.
-    pub fn new(index: usize, config: &CansyncConfig) -> Result<Self, DriveError> {
+    pub fn new(index: usize, config: &BusConfig) -> Result<Self, DriveError> {
         let mut bus = Self::empty(index as u16, true, config);
         for drive in &config.drives {
             let drive = Drive::new(drive, config.kbit_s)?;
@@ -131,7 +131,7 @@ impl SimBus {
         Ok(bus)
     }
 
-    fn empty(index: u16, is_wired: bool, config: &CansyncConfig) -> Self {
+    fn empty(index: u16, is_wired: bool, config: &BusConfig) -> Self {
         SimBus {
             index,
             name: config.name.clone(),

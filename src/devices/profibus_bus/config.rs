@@ -2,7 +2,7 @@
 
 use super::{FAMILY, ProfibusBus};
 use crate::devices::settings::refused_at;
-use crate::devices::{BuildError, Bus, BusConfig};
+use crate::devices::{BuildError, Bus, BusSection};
 use crate::door::DoorSpec;
 use crate::profibus::BusRate;
 use serde::Deserialize;
@@ -40,7 +40,7 @@ struct Section {
 
 impl ProfibusConfig {
     /// Reads a `[[bus]]` section of kind `profibus`.
-    pub(crate) fn read(value: ValueDeserializer<'_>) -> Result<Arc<dyn BusConfig>, Error> {
+    pub(crate) fn read(value: ValueDeserializer<'_>) -> Result<Arc<dyn BusSection>, Error> {
         let Section { name, kbit_s, slot_factor, doors } = Section::deserialize(value)?;
         let wanted = kbit_s.as_ref().map_or(1500.0, |kbit_s| *kbit_s.get_ref());
         let rate = rate(wanted).ok_or_else(|| {
@@ -70,7 +70,7 @@ fn rate(kbit_s: f64) -> Option<BusRate> {
     BusRate::ALL.into_iter().find(|rate| (f64::from(rate.bit_s()) - kbit_s * 1000.0).abs() < 1e-6)
 }
 
-impl BusConfig for ProfibusConfig {
+impl BusSection for ProfibusConfig {
     fn name(&self) -> &str {
         &self.name
     }

@@ -3,7 +3,7 @@
 use super::{MOST, PlantConfig, PlantError, PortOf, equal_numbers};
 use crate::devices;
 use crate::devices::settings::range;
-use crate::devices::{BuildError, BusConfig, DeviceConfig};
+use crate::devices::{BuildError, BusSection, DeviceConfig};
 use std::collections::{BTreeSet, HashMap};
 
 impl PlantConfig {
@@ -48,7 +48,7 @@ impl PlantConfig {
     fn check_ports(
         &self,
         device: &dyn DeviceConfig,
-        media: &HashMap<&str, &dyn BusConfig>,
+        media: &HashMap<&str, &dyn BusSection>,
     ) -> Result<(), PlantError> {
         for port in &device.ports() {
             let Some(bus) = port.medium else { continue };
@@ -70,7 +70,7 @@ impl PlantConfig {
     }
 }
 
-fn check_medium(medium: &dyn BusConfig, ports: &[PortOf<'_>]) -> Result<(), PlantError> {
+fn check_medium(medium: &dyn BusSection, ports: &[PortOf<'_>]) -> Result<(), PlantError> {
     let bus = || medium.name().to_owned();
     let mut masters = ports.iter().filter(|(_, port)| port.address.is_none());
     if medium.has_one_master()

@@ -1,7 +1,7 @@
 //! Settings of a plant file that are allowed but are probably a mistake.
 
 use super::{PlantConfig, PortOf, equal_numbers, file, places};
-use crate::devices::{BusConfig, Doubt, MasterConfig};
+use crate::devices::{BusSection, Doubt, MasterConfig};
 use std::sync::Arc;
 
 impl PlantConfig {
@@ -17,7 +17,7 @@ impl PlantConfig {
                 kbit_s: device.kbit_s(port.number),
             })
         };
-        let of = |medium: &Arc<dyn BusConfig>| {
+        let of = |medium: &Arc<dyn BusSection>| {
             let masters: Vec<_> = ports.get(medium.name()).into_iter().flatten().filter_map(master).collect();
             let mut doubts = medium.doubts(&masters);
             let ports = ports.get(medium.name()).map_or(&[][..], Vec::as_slice);

@@ -1,7 +1,7 @@
 //! A plant file as text: the owner of each section, and the line of an error.
 
 use super::{PlantConfig, PlantError};
-use crate::devices::{self, BUS_KINDS, BusConfig, DeviceConfig, Read};
+use crate::devices::{self, BUS_KINDS, BusSection, DeviceConfig, Read};
 use crate::fault::FaultSpec;
 use serde::Deserialize;
 use serde::de::IgnoredAny;
@@ -55,7 +55,7 @@ pub(super) fn read(file: &str, text: &str) -> Result<(PlantConfig, Vec<usize>), 
         let (section, read) = source.of_kind(section, "device", None, &kinds)?;
         devices.push(source.read(section, read)?);
     }
-    let mut media: Vec<Arc<dyn BusConfig>> = Vec::with_capacity(buses.len());
+    let mut media: Vec<Arc<dyn BusSection>> = Vec::with_capacity(buses.len());
     let kinds: Vec<_> = BUS_KINDS.iter().map(|medium| (medium.name, medium.read)).collect();
     for section in buses {
         let (section, read) = source.of_kind(section, "bus", Some(kinds[0].0), &kinds)?;

@@ -4,7 +4,7 @@ use super::{FAMILY, SimBus};
 use crate::devices::cansync::bus::FrameLength;
 use crate::devices::cansync::drive::{Drive, DriveConfig};
 use crate::devices::settings::{range, time, time_or_none};
-use crate::devices::{BuildError, Bus, BusConfig, Doubt, MasterConfig, SettingError};
+use crate::devices::{BuildError, Bus, BusSection, Doubt, MasterConfig, SettingError};
 use crate::door::DoorSpec;
 use serde::Deserialize;
 use std::sync::Arc;
@@ -14,7 +14,7 @@ use toml::de::{Error, ValueDeserializer};
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 #[serde(expecting = "a bus: a table with its settings")]
-pub struct CansyncConfig {
+pub struct BusConfig {
     /// Name, unique among the buses.
     pub name: String,
     /// Baud rate of the drives without a baud rate setting: 1000, 500, 250 or 125 kbit/s (default 500). The bus itself
@@ -36,10 +36,10 @@ fn default_kbit_s() -> u16 {
     500
 }
 
-impl Default for CansyncConfig {
+impl Default for BusConfig {
     /// A bus without a name and without drives.
     fn default() -> Self {
-        CansyncConfig {
+        BusConfig {
             name: String::new(),
             kbit_s: default_kbit_s(),
             frame_length: FrameLength::default(),
@@ -49,14 +49,14 @@ impl Default for CansyncConfig {
     }
 }
 
-impl CansyncConfig {
+impl BusConfig {
     /// Reads a `[[bus]]` section.
-    pub(crate) fn read(value: ValueDeserializer<'_>) -> Result<Arc<dyn BusConfig>, Error> {
+    pub(crate) fn read(value: ValueDeserializer<'_>) -> Result<Arc<dyn BusSection>, Error> {
         Ok(Arc::new(Self::deserialize(value)?))
     }
 }
 
-impl BusConfig for CansyncConfig {
+impl BusSection for BusConfig {
     fn name(&self) -> &str {
         &self.name
     }

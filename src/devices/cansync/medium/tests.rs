@@ -2,7 +2,7 @@
 //! rates.
 
 use super::schedule::Slot;
-use super::{CansyncConfig, SimBus, Socket, SocketRole};
+use super::{BusConfig, SimBus, Socket, SocketRole};
 use crate::devices::bm4_o_can_06::registers::{BAUD_RATES as FOUR, DEVICE};
 use crate::devices::cansync::bus::{Channel, FrameKind, SyncLock, wire};
 use crate::devices::cansync::drive::{Drive, DriveConfig};
@@ -42,7 +42,7 @@ impl Bench {
             "name = 'b'\nkbit_s = {kbit_s}\nframe_length = 'variable'\n\
              [[drive]]\nname = 'd'\nslave_number = {DRIVE}\ncard_function = 0\nlock_time_us = 0\n"
         );
-        let config: CansyncConfig = toml::from_str(&config).unwrap();
+        let config: BusConfig = toml::from_str(&config).unwrap();
         let mut bus = SimBus::new(0, &config).unwrap();
         let segment = Segment::heap(DEVICE.segment_size());
         let lock = SyncLock::new(0, None);
@@ -268,11 +268,8 @@ fn a_drive_of_another_rate_receives_nothing_and_is_reported() {
     let [_, fast, slow, ..] = &FOUR;
     let mut bench = Bench::new(slow.kbit_per_s, &FOUR, &FOUR);
     let one: DriveConfig = toml::from_str("name = 'e'\nslave_number = 3\nkbit_s = 500").unwrap();
-    let config = CansyncConfig {
-        drives: vec![one, DriveConfig::demo("f", 4)],
-        kbit_s: 250,
-        ..CansyncConfig::default()
-    };
+    let config =
+        BusConfig { drives: vec![one, DriveConfig::demo("f", 4)], kbit_s: 250, ..BusConfig::default() };
     let with_own = SimBus::new(0, &config).unwrap();
     assert_eq!(with_own.drives().iter().map(Drive::kbit_s).collect::<Vec<_>>(), [500, 250]);
 
