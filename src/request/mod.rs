@@ -8,6 +8,7 @@
 //! to the boards are answered first ([`Host::begin_request`]).
 
 mod exec;
+mod forms;
 mod host;
 mod naming;
 mod op;

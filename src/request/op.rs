@@ -1,5 +1,6 @@
 //! The operations, as the table in `ops.rs` declares them.
 
+use super::forms::{self, KeepForm, TestForm};
 use super::ops::ops;
 use crate::can::Frame;
 use crate::door::DoorSpec;
@@ -9,6 +10,7 @@ use crate::layout::Test;
 use crate::memory::Width;
 use crate::memory::header::BoardSetting;
 use core::num::NonZeroU16;
+use serde::{Deserialize, Serialize};
 
 /// Maximum number of operations in a request.
 pub const MAX_OPS: usize = 256;
@@ -53,7 +55,8 @@ macro_rules! declare {
         /// `plc` is the PLC's number in the instance, from 0; `offset` is the byte in its image file, which the device's
         /// [`spaces`](crate::layout::DeviceLayout::spaces) map to the address, and must suit the width. Times are emulated
         /// time in microseconds.
-        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+        #[serde(rename_all = "snake_case", deny_unknown_fields)]
         pub enum Op {
             $(
                 $(#[$doc])*
@@ -107,7 +110,8 @@ impl Op {
 }
 
 /// A part of a snapshot file in an operation.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(try_from = "Vec<u8>", into = "Vec<u8>")]
 pub struct FilePart {
     count: u8,
     /// 0 from `count` on.
@@ -130,5 +134,19 @@ impl FilePart {
     #[must_use]
     pub fn bytes(&self) -> &[u8] {
         self.bytes.get(..self.count.into()).unwrap_or(&self.bytes)
+    }
+}
+
+impl From<FilePart> for Vec<u8> {
+    fn from(part: FilePart) -> Self {
+        part.bytes().to_vec()
+    }
+}
+
+impl TryFrom<Vec<u8>> for FilePart {
+    type Error = &'static str;
+
+    fn try_from(part: Vec<u8>) -> Result<Self, Self::Error> {
+        FilePart::new(&part).ok_or("a part of a snapshot file has 16 bytes at most")
     }
 }

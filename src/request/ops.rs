@@ -4,7 +4,7 @@
 //! its type, its range if the type allows more, and the columns of the wire format with its numbers. A macro that needs
 //! the table gets it by `ops!(macro_name)`:
 //!
-//! - `op.rs` declares `Op` with it,
+//! - `op.rs` declares `Op` with it, and its JSON form: `{"advance":{"us":1000}}`, `"forces"`,
 //! - `exec.rs` calls the function of the same name for each operation,
 //! - `channel/wire.rs` converts operations to the wire format and back,
 //! - a test beside it writes the table of `docs/reference/channel.md`.
@@ -82,6 +82,7 @@ macro_rules! ops {
                 /// Its width.
                 width: Width => width,
                 /// Condition for the register; mask and value must fit the width.
+                #[serde(with = "TestForm")]
                 test: Test => node second value,
             },
             /// Waits until all conditions that precede it hold at the same moment, or any of them. In stepped mode it
@@ -127,6 +128,7 @@ macro_rules! ops {
                 /// Number of bytes.
                 len: u32 [..=MAX_RANGE] => value,
                 /// Destination of the changes.
+                #[serde(with = "KeepForm")]
                 keep: Keep => node,
             },
             /// Returns 1 if all changes of a register are recorded in the journal, else 0.
@@ -169,6 +171,7 @@ macro_rules! ops {
             /// Adds a fault.
             FaultAdd = 20, fault_add, Acts -> FaultAdded {
                 /// The fault.
+                #[serde(with = "forms::fault")]
                 fault: Fault => plc width node offset value second reserved time_us,
             },
             /// Lists the faults that wait or act.
@@ -189,6 +192,7 @@ macro_rules! ops {
                 /// Number of the PLC.
                 plc: u16 => plc,
                 /// The setting.
+                #[serde(with = "forms::setting")]
                 setting: BoardSetting => offset value,
             },
             /// Returns the findings of the access checker.
@@ -234,6 +238,7 @@ macro_rules! ops {
                 /// Number of the bus.
                 bus: u16 => plc,
                 /// The frame.
+                #[serde(with = "forms::frame")]
                 frame: Option<Frame> => width node offset time_us,
             },
             /// Keeps a snapshot of the plant, and returns its number; stepped mode only, as all operations on

@@ -268,6 +268,8 @@ fn the_bytes_of_operations_and_replies_change_with_the_version_only() {
     for (name, op) in ops() {
         let wire = WireOp::from(&op);
         assert_eq!(Op::try_from(wire), Ok(op), "{name}");
+        let text = serde_json::to_string(&op).unwrap();
+        assert_eq!(serde_json::from_str::<Op>(&text).unwrap(), op, "{text}");
         writeln!(lines, "{name}: {}", hex(wire.as_bytes())).unwrap();
     }
     for (name, reply) in replies() {

@@ -1,7 +1,7 @@
 //! The tables of operations and replies: `docs/reference/channel.md`, and a sample of each.
 
 use super::WIRE_VERSION;
-use crate::request::{MAX_ADVANCE_US, MAX_RANGE, ops, replies};
+use crate::request::{MAX_ADVANCE_US, MAX_RANGE, Op, ops, replies};
 use std::fmt::Write;
 
 /// If this variable has any value, the test writes the table of the page again.
@@ -107,6 +107,21 @@ fn the_channels_page_has_the_table_of_operations() {
     } else {
         assert!(page == now, "run this test with {UPDATE}=1");
     }
+}
+
+/// An operation without fields is its name, any other one an object with that name.
+#[test]
+fn json_uses_the_names_of_the_table() {
+    for Row { name, fields, .. } in rows() {
+        let text = if fields.is_empty() { format!("\"{name}\"") } else { format!("{{\"{name}\":{{}}}}") };
+        match serde_json::from_str::<Op>(&text) {
+            // Without a number it clears all faults.
+            Ok(_) => assert!(fields.is_empty() || name == "fault_clear", "{name}"),
+            Err(error) => assert!(error.to_string().starts_with("missing field"), "{name}: {error}"),
+        }
+    }
+    let error = serde_json::from_str::<Op>(r#"{"advance":{"us":5,"ms":5}}"#).unwrap_err();
+    assert!(error.to_string().starts_with("unknown field `ms`"), "{error}");
 }
 
 #[test]

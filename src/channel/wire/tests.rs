@@ -366,6 +366,12 @@ proptest! {
     }
 
     #[test]
+    fn operations_come_back_from_json(op in op()) {
+        let text = serde_json::to_string(&op).unwrap();
+        prop_assert_eq!(serde_json::from_str::<Op>(&text).unwrap(), op, "{}", text);
+    }
+
+    #[test]
     fn any_bytes_decode_to_an_operation_that_encodes_the_same_or_to_an_error(bytes in any::<[u8; 32]>()) {
         let _ = operation(WireOp::read_from_bytes(&bytes).unwrap());
     }
