@@ -3,12 +3,6 @@
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-/// The devices: directories below `layouts/`. Each becomes a file of its name, `-` replaced by `_`.
-const DEVICES: [&str; 5] = ["omega-drive-line-2", "bm4-plc", "cs0015", "cr201x", "can-dp2"];
-
-/// Families, with the parts that devices share: directories below `layouts/`, each of which becomes a file of the same name.
-const FAMILIES: [&str; 1] = ["cansync"];
-
 fn main() -> ExitCode {
     println!("cargo::rerun-if-changed=layouts");
     match generate() {
@@ -20,20 +14,29 @@ fn main() -> ExitCode {
     }
 }
 
+/// Compiles each directory below `layouts/` by the file that it has. The result is a file of the directory's name, with
+/// `-` replaced by `_`.
 fn generate() -> Result<(), String> {
     let out_dir = PathBuf::from(std::env::var_os("OUT_DIR").ok_or("OUT_DIR is not set")?);
-    for device in DEVICES {
-        let compiled =
-            commram_layoutc::compile(&Path::new("layouts").join(device)).map_err(|e| e.to_string())?;
-        write(&out_dir.join(format!("{}.rs", device.replace('-', "_"))), compiled.rust)?;
+    let mut directories = Vec::new();
+    for entry in std::fs::read_dir("layouts").map_err(|e| format!("layouts: {e}"))? {
+        directories.push(entry.map_err(|e| format!("layouts: {e}"))?.path());
     }
-    for family in FAMILIES {
-        let rust = commram_layoutc::compile_family(&Path::new("layouts").join(family));
-        write(&out_dir.join(format!("{family}.rs")), rust.map_err(|e| e.to_string())?)?;
+    directories.sort();
+    for directory in directories {
+        let name =
+            directory.file_name().and_then(|name| name.to_str()).ok_or("a directory with another name")?;
+        let rust = if directory.join("device.toml").exists() {
+            commram_layoutc::compile(&directory).map(|compiled| compiled.rust)
+        } else if directory.join("family.toml").exists() {
+            commram_layoutc::compile_family(&directory)
+        } else {
+            commram_layoutc::parameters::compile(&directory, "parameters.toml")
+        };
+        let out = out_dir.join(format!("{}.rs", name.replace('-', "_")));
+        write(&out, rust.map_err(|e| e.to_string())?)?;
     }
-    let parameters = commram_layoutc::parameters::compile(Path::new("layouts/v-regler"), "parameters.toml")
-        .map_err(|e| e.to_string())?;
-    write(&out_dir.join("v_regler.rs"), parameters)
+    Ok(())
 }
 
 fn write(out: &Path, rust: String) -> Result<(), String> {

@@ -2,7 +2,7 @@
 
 use super::{BUS_KINDS, all, guest, of_hash, records};
 use crate::check;
-use crate::door::{DoorSpec, Speech};
+use crate::door::{DoorSpec, Speech, doors_of};
 use crate::fault;
 use crate::fault::{Fault, MediumSite};
 use crate::journal;
@@ -93,11 +93,10 @@ pub fn bus_site(family: &str, participants: u32) -> MediumSite {
 /// expects.
 pub fn door_fits(family: &str, door: DoorSpec) -> Result<(), String> {
     let speech = BUS_KINDS.iter().find(|kind| kind.name == family).map(|kind| kind.speech);
-    let right = match speech {
-        Some(speech) if speech == door.speech() => return Ok(()),
-        Some(Speech::Telegrams) => "profibus-tcp",
-        _ => "slcan-tcp or slcan-pty",
-    };
+    if speech == Some(door.speech()) {
+        return Ok(());
+    }
+    let right = doors_of(speech.unwrap_or(Speech::Frames));
     Err(format!("a {family} bus has no door {door}; open one of kind {right}"))
 }
 

@@ -5,7 +5,7 @@ use super::demo::Demo;
 #[cfg(feature = "emulator")]
 use super::exercise::Exercise;
 #[cfg(feature = "emulator")]
-use super::{DeviceConfig, Read, ReadModule, canopen, catalogue};
+use super::{DeviceConfig, Read, ReadModule, catalogue};
 use super::{bm4_o_can_06, can_dp2, cr201x, cs0015, omega_drive_line_2};
 #[cfg(feature = "emulator")]
 use crate::fault;
@@ -94,107 +94,13 @@ impl Registered {
     }
 }
 
-/// The devices of commram itself, the default one first.
-static BUILT_IN: [Registered; 5] = [
-    Registered {
-        layout: &omega_drive_line_2::registers::DEVICE,
-        board: &header::BoardWords::NAMES,
-        #[cfg(feature = "plc")]
-        blocks: omega_drive_line_2::blocks::BLOCKS,
-        #[cfg(feature = "plc")]
-        st: omega_drive_line_2::blocks::ST,
-        #[cfg(feature = "emulator")]
-        read: Some(omega_drive_line_2::PlcConfig::read),
-        #[cfg(feature = "emulator")]
-        schema: Some(include_str!("omega_drive_line_2/plant.schema.json")),
-        #[cfg(feature = "emulator")]
-        template: Some(include_str!("omega_drive_line_2/plant.toml")),
-        #[cfg(feature = "emulator")]
-        records: &[],
-        #[cfg(feature = "emulator")]
-        rules: omega_drive_line_2::rules::ALL,
-        #[cfg(feature = "emulator")]
-        faults: omega_drive_line_2::faults::KINDS,
-        #[cfg(feature = "emulator")]
-        module: None,
-        #[cfg(feature = "emulator")]
-        demo: Some(&omega_drive_line_2::demo::DEMO),
-        #[cfg(feature = "emulator")]
-        exercises: &omega_drive_line_2::exercise::EXERCISES,
-    },
-    Registered {
-        // The rest is not described (decision D-366).
-        board: &["power", "restarts", "program", "start"],
-        #[cfg(feature = "plc")]
-        blocks: bm4_o_can_06::blocks::BLOCKS,
-        #[cfg(feature = "plc")]
-        st: bm4_o_can_06::blocks::ST,
-        #[cfg(feature = "emulator")]
-        read: Some(bm4_o_can_06::Bm4Config::read),
-        #[cfg(feature = "emulator")]
-        schema: Some(include_str!("bm4_o_can_06/plant.schema.json")),
-        #[cfg(feature = "emulator")]
-        template: Some(include_str!("bm4_o_can_06/plant.toml")),
-        #[cfg(feature = "emulator")]
-        module: Some(bm4_o_can_06::read_module),
-        #[cfg(feature = "emulator")]
-        demo: Some(&bm4_o_can_06::demo::DEMO),
-        #[cfg(feature = "emulator")]
-        exercises: &bm4_o_can_06::exercise::EXERCISES,
-        ..Registered::new(&bm4_o_can_06::registers::DEVICE)
-    },
-    Registered {
-        board: &["power", "restarts", "program"],
-        #[cfg(feature = "plc")]
-        blocks: cs0015::blocks::BLOCKS,
-        #[cfg(feature = "emulator")]
-        read: Some(cs0015::Cs0015Config::read),
-        #[cfg(feature = "emulator")]
-        schema: Some(include_str!("cs0015/plant.schema.json")),
-        #[cfg(feature = "emulator")]
-        template: Some(include_str!("cs0015/plant.toml")),
-        #[cfg(feature = "emulator")]
-        records: cs0015::records::KINDS,
-        #[cfg(feature = "emulator")]
-        rules: cs0015::rules::ALL,
-        #[cfg(feature = "emulator")]
-        faults: cs0015::faults::KINDS,
-        #[cfg(feature = "emulator")]
-        demo: Some(&cs0015::demo::DEMO),
-        #[cfg(feature = "emulator")]
-        exercises: &cs0015::exercise::EXERCISES,
-        ..Registered::new(&cs0015::registers::DEVICE)
-    },
-    Registered {
-        #[cfg(feature = "emulator")]
-        read: Some(cr201x::Cr201xConfig::read),
-        #[cfg(feature = "emulator")]
-        schema: Some(include_str!("cr201x/plant.schema.json")),
-        #[cfg(feature = "emulator")]
-        template: Some(include_str!("cr201x/plant.toml")),
-        #[cfg(feature = "emulator")]
-        records: canopen::records::KINDS,
-        ..Registered::new(&cr201x::registers::DEVICE)
-    },
-    Registered {
-        #[cfg(feature = "plc")]
-        blocks: can_dp2::blocks::BLOCKS,
-        #[cfg(feature = "emulator")]
-        read: Some(can_dp2::CanDp2Config::read),
-        #[cfg(feature = "emulator")]
-        schema: Some(include_str!("can_dp2/plant.schema.json")),
-        #[cfg(feature = "emulator")]
-        template: Some(include_str!("can_dp2/plant.toml")),
-        #[cfg(feature = "emulator")]
-        records: can_dp2::records::KINDS,
-        #[cfg(feature = "emulator")]
-        rules: can_dp2::rules::ALL,
-        #[cfg(feature = "emulator")]
-        demo: Some(&can_dp2::demo::DEMO),
-        #[cfg(feature = "emulator")]
-        exercises: &can_dp2::exercise::EXERCISES,
-        ..Registered::new(&can_dp2::registers::DEVICE)
-    },
+/// The devices of commram itself, the default one first. Each folder has its entry.
+static BUILT_IN: [&Registered; 5] = [
+    &omega_drive_line_2::REGISTERED,
+    &bm4_o_can_06::REGISTERED,
+    &cs0015::REGISTERED,
+    &cr201x::REGISTERED,
+    &can_dp2::REGISTERED,
 ];
 
 /// Why a device cannot be added.
@@ -237,7 +143,7 @@ impl Registry {
     fn all(&self) -> &[&'static Registered] {
         self.all.get_or_init(|| {
             let added = self.added.lock().unwrap_or_else(PoisonError::into_inner);
-            BUILT_IN.iter().chain(added.iter().copied()).collect()
+            BUILT_IN.iter().copied().chain(added.iter().copied()).collect()
         })
     }
 
@@ -249,7 +155,7 @@ impl Registry {
             return Err(RegisterError::TooLate { name });
         }
         let mut taken = generic_claims();
-        BUILT_IN.iter().chain(added.iter().copied()).for_each(|known| taken.extend(claims(known)));
+        BUILT_IN.iter().copied().chain(added.iter().copied()).for_each(|known| taken.extend(claims(known)));
         for claim in claims(device) {
             if let Some(other) = taken.iter().find(|other| other.collides(&claim)) {
                 let Claim { what, value, .. } = claim;

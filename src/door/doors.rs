@@ -4,7 +4,7 @@ use super::descriptors;
 use super::guest::{Guest, GuestState};
 use super::io::{Command, Entrance, Io, Shared};
 use super::pty::Pty;
-use super::spec::DoorSpec;
+use super::spec::{Carrier, DoorSpec};
 use crate::memory::limits;
 use mio::net::TcpListener;
 use serde::{Deserialize, Serialize};
@@ -89,21 +89,22 @@ impl Doors {
     }
 
     fn try_open(&mut self, bus: u16, door: DoorSpec) -> io::Result<DoorSpec> {
-        let (entrance, spec) = match door {
-            DoorSpec::SlcanTcp { at } | DoorSpec::ProfibusTcp { at } => {
+        let (entrance, spec) = match door.carrier() {
+            Carrier::Tcp(at) => {
                 let listener = TcpListener::bind(SocketAddr::V4(at))?;
                 descriptors::check_room()?;
                 let port = listener.local_addr()?.port();
-                (Entrance::Tcp(listener), door.at(SocketAddrV4::new(*at.ip(), port)))
+                (Entrance::Tcp(listener), door.over(Carrier::Tcp(SocketAddrV4::new(*at.ip(), port))))
             }
-            DoorSpec::SlcanPty { number: None } => {
+            Carrier::Pty(None) => {
                 let pty = Pty::open()?;
                 descriptors::check_room()?;
                 let number = Some(pty.number);
-                (Entrance::Pty(pty), DoorSpec::SlcanPty { number })
+                (Entrance::Pty(pty), door.over(Carrier::Pty(number)))
             }
-            DoorSpec::SlcanPty { number: Some(_) } => {
-                let text = "the system chooses the number of a pseudo-terminal; write slcan-pty";
+            Carrier::Pty(Some(_)) => {
+                let name = door.over(Carrier::Pty(None));
+                let text = format!("the system chooses the number of a pseudo-terminal; write {name}");
                 return Err(io::Error::new(io::ErrorKind::InvalidInput, text));
             }
         };

@@ -2,10 +2,10 @@
 
 use super::descriptors;
 use super::guest::{Guest, GuestMessage};
+use super::protocol::GuestSession;
 use super::pty::Pty;
 use super::sparing::Sparing;
 use super::spec::DoorSpec;
-use super::wire::Session;
 use super::{MAX_GUESTS, MAX_KNOWN_GUESTS, ROOM_TO_GUEST};
 use mio::net::{TcpListener, TcpStream};
 use mio::unix::SourceFd;
@@ -152,7 +152,7 @@ struct Visit {
     line: Line,
     door: usize,
     guest: Arc<Guest>,
-    session: Session,
+    session: Box<dyn GuestSession>,
     /// Whether more input may wait.
     has_more: bool,
     /// Whether the guest has sent any byte.
@@ -423,7 +423,7 @@ impl Io {
             admitted => admitted,
         };
         let guest = guest.map_err(io::Error::other)?;
-        let session = Session::begin(spec.speech(), &mut &*guest);
+        let session = spec.protocol().begin(&mut &*guest);
         let unwritten = Vec::new();
         let visit = Visit { line, door, guest, session, has_more: true, has_spoken: false, unwritten };
         self.stations.insert(token, Station::Guest(Box::new(visit)));

@@ -10,6 +10,7 @@ mod descriptors;
 mod doors;
 mod guest;
 mod io;
+mod protocol;
 mod pty;
 mod seat;
 mod slcan;
@@ -21,9 +22,10 @@ mod wire;
 pub(crate) use descriptors::RESERVED as RESERVED_DESCRIPTORS;
 pub use doors::{DoorError, DoorState, Doors};
 pub use guest::{Guest, GuestState, Wish};
+pub use protocol::{Speech, doors_of};
 pub use seat::Seat;
 pub use slcan::Rate;
-pub use spec::{BadDoor, DoorSpec, Speech};
+pub use spec::{BadDoor, Carrier, DoorSpec};
 pub use wire::BusMessage;
 
 /// Maximum count of guests of an instance at once.

@@ -7,7 +7,8 @@
 //!
 //! One line is our own, with a letter that no adapter has: `KN` asks for emulated time, N microseconds in hexadecimal digits.
 
-use super::wire::{Adapter, BusMessage};
+use super::protocol::{GuestSession, Protocol, Speech};
+use super::wire::{Adapter, BadLength, BusMessage};
 use crate::can::{ErrorState, ExtendedId, Frame, Id, Payload, StandardId};
 use core::fmt::Write;
 
@@ -87,6 +88,53 @@ impl Status {
     }
 }
 
+/// The protocol.
+pub(super) struct Slcan;
+
+impl Protocol for Slcan {
+    fn name(&self) -> &'static str {
+        "slcan"
+    }
+
+    fn speech(&self) -> Speech {
+        Speech::Frames
+    }
+
+    fn tcp_number(&self) -> u16 {
+        1
+    }
+
+    fn pty_number(&self) -> Option<u16> {
+        Some(2)
+    }
+
+    fn begin(&self, _: &mut dyn Adapter) -> Box<dyn GuestSession> {
+        Box::new(Session::default())
+    }
+}
+
+impl GuestSession for Session {
+    fn hear(
+        &mut self,
+        bytes: &[u8],
+        adapter: &mut dyn Adapter,
+        answer: &mut Vec<u8>,
+    ) -> Result<(), BadLength> {
+        self.hear(bytes, adapter, answer);
+        Ok(())
+    }
+
+    fn grant(&self, time_us: u64, _: u64, to: &mut Vec<u8>) {
+        Session::grant(time_us, to);
+    }
+
+    fn tell(&self, time_us: u64, said: &BusMessage, to: &mut Vec<u8>) {
+        if let BusMessage::Frame(frame) = said {
+            self.tell(time_us, frame, to);
+        }
+    }
+}
+
 /// A guest's end of the protocol.
 #[derive(Debug, Default)]
 pub(super) struct Session {
@@ -97,7 +145,7 @@ pub(super) struct Session {
 
 impl Session {
     /// Takes bytes of the guest and appends the answers to `answer`.
-    pub(super) fn hear(&mut self, bytes: &[u8], adapter: &mut impl Adapter, answer: &mut Vec<u8>) {
+    pub(super) fn hear(&mut self, bytes: &[u8], adapter: &mut dyn Adapter, answer: &mut Vec<u8>) {
         for &byte in bytes {
             match byte {
                 b'\r' | b'\n' if self.line.is_empty() => {}
@@ -114,7 +162,7 @@ impl Session {
         }
     }
 
-    fn obey(&mut self, line: &[u8], adapter: &mut impl Adapter, answer: &mut Vec<u8>) {
+    fn obey(&mut self, line: &[u8], adapter: &mut dyn Adapter, answer: &mut Vec<u8>) {
         let Some((command, rest)) = line.split_first().filter(|_| line.len() <= LONGEST) else {
             answer.push(BELL);
             return;

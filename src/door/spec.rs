@@ -1,5 +1,6 @@
 //! Specifications of doors: `slcan-tcp:127.0.0.1:0`, `slcan-pty`, `profibus-tcp:127.0.0.1:0`.
 
+use super::protocol::{PROTOCOLS, Protocol, Speech, known_doors};
 use core::fmt;
 use core::str::FromStr;
 use serde::{Deserialize, Serialize};
@@ -8,50 +9,21 @@ use std::net::SocketAddrV4;
 /// A door, as requested or as open.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Deserialize, Serialize)]
 #[serde(try_from = "String", into = "String")]
-pub enum DoorSpec {
-    /// SLCAN over TCP.
-    SlcanTcp {
-        /// Address that it listens at. Port 0 requests any port.
-        at: SocketAddrV4,
-    },
-    /// SLCAN over a pseudo-terminal.
-    SlcanPty {
-        /// For an open door: its number below `/dev/pts`.
-        number: Option<u32>,
-    },
-    /// PROFIBUS telegrams over TCP.
-    ProfibusTcp {
-        /// Address that it listens at. Port 0 requests any port.
-        at: SocketAddrV4,
-    },
+pub struct DoorSpec {
+    /// Index into [`PROTOCOLS`].
+    protocol: u8,
+    carrier: Carrier,
 }
 
-/// The protocol of a door.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Speech {
-    /// Frames of CAN.
-    Frames,
-    /// Telegrams of PROFIBUS.
-    Telegrams,
+/// The way of the bytes to a guest.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Carrier {
+    /// TCP, with the address that the door listens at. Port 0 requests any port.
+    Tcp(SocketAddrV4),
+    /// A pseudo-terminal; for an open door with its number below `/dev/pts`.
+    Pty(Option<u32>),
 }
 
-/// A kind of doors over TCP.
-struct Tcp {
-    /// Name of a door that only programs on this machine can reach.
-    name: &'static str,
-    /// Name of the same door for the whole network.
-    anybody: &'static str,
-    /// The door that listens here.
-    door: fn(SocketAddrV4) -> DoorSpec,
-}
-
-/// The TCP doors.
-const TCP: [Tcp; 2] = [
-    Tcp { name: "slcan-tcp", anybody: "slcan-tcp-anybody", door: |at| DoorSpec::SlcanTcp { at } },
-    Tcp { name: "profibus-tcp", anybody: "profibus-tcp-anybody", door: |at| DoorSpec::ProfibusTcp { at } },
-];
-/// Name of a pseudo-terminal.
-const PTY: &str = "slcan-pty";
 /// Directory of pseudo-terminals.
 const PTS: &str = "/dev/pts/";
 
@@ -60,9 +32,7 @@ const PTS: &str = "/dev/pts/";
 #[non_exhaustive]
 pub enum BadDoor {
     /// The kind of door does not exist.
-    #[error(
-        "there is no door `{text}`; doors are slcan-tcp:127.0.0.1:0 (0: any port) and slcan-pty at CAN, profibus-tcp:127.0.0.1:0 at PROFIBUS"
-    )]
+    #[error("there is no door `{text}`; doors are {}", known_doors())]
     Unknown {
         /// The text.
         text: String,
@@ -73,7 +43,7 @@ pub enum BadDoor {
         /// The text.
         text: String,
         /// The kind of door.
-        kind: &'static str,
+        kind: String,
     },
     /// An address that other machines can reach.
     #[error(
@@ -84,7 +54,7 @@ pub enum BadDoor {
         /// The text.
         text: String,
         /// Name of the door for the whole network.
-        anybody: &'static str,
+        anybody: String,
     },
 }
 
@@ -97,24 +67,30 @@ impl FromStr for DoorSpec {
             None => (text, None),
         };
         let unknown = || BadDoor::Unknown { text: text.to_owned() };
-        if let Some(tcp) = TCP.iter().find(|tcp| kind == tcp.name || kind == tcp.anybody) {
-            let is_few = kind == tcp.name;
-            let kind = if is_few { tcp.name } else { tcp.anybody };
-            let at = rest.and_then(|at| at.parse().ok());
-            let at: SocketAddrV4 = at.ok_or_else(|| BadDoor::NoAddress { text: text.to_owned(), kind })?;
-            if is_few && !at.ip().is_loopback() {
-                return Err(BadDoor::NotLoopback { text: text.to_owned(), anybody: tcp.anybody });
+        let found = (0..).zip(PROTOCOLS).find_map(|(index, protocol)| {
+            let way = kind.strip_prefix(protocol.name())?;
+            (way != "-pty" || protocol.pty_number().is_some()).then_some((index, way))
+        });
+        let (protocol, way) = found.ok_or_else(unknown)?;
+        let carrier = match (way, rest) {
+            ("-tcp" | "-tcp-anybody", _) => {
+                let at = rest.and_then(|at| at.parse().ok());
+                let no_address = || BadDoor::NoAddress { text: text.to_owned(), kind: kind.to_owned() };
+                let at: SocketAddrV4 = at.ok_or_else(no_address)?;
+                if way == "-tcp" && !at.ip().is_loopback() {
+                    let anybody = format!("{kind}-anybody");
+                    return Err(BadDoor::NotLoopback { text: text.to_owned(), anybody });
+                }
+                Carrier::Tcp(at)
             }
-            return Ok((tcp.door)(at));
-        }
-        match (kind, rest) {
-            (PTY, None) => Ok(DoorSpec::SlcanPty { number: None }),
-            (PTY, Some(path)) => {
+            ("-pty", None) => Carrier::Pty(None),
+            ("-pty", Some(path)) => {
                 let number = path.strip_prefix(PTS).and_then(|number| number.parse().ok());
-                Ok(DoorSpec::SlcanPty { number: Some(number.ok_or_else(unknown)?) })
+                Carrier::Pty(Some(number.ok_or_else(unknown)?))
             }
-            _ => Err(unknown()),
-        }
+            _ => return Err(unknown()),
+        };
+        Ok(DoorSpec { protocol, carrier })
     }
 }
 
@@ -133,45 +109,71 @@ impl From<DoorSpec> for String {
 }
 
 impl DoorSpec {
-    /// Protocol of the door.
+    /// The door with this number on the channel: at this address if it is one over TCP, else with this number of a
+    /// pseudo-terminal. `None` without such a door.
     #[must_use]
-    pub const fn speech(self) -> Speech {
-        match self {
-            DoorSpec::SlcanTcp { .. } | DoorSpec::SlcanPty { .. } => Speech::Frames,
-            DoorSpec::ProfibusTcp { .. } => Speech::Telegrams,
+    pub fn of_number(number: u16, at: SocketAddrV4, pty: Option<u32>) -> Option<Self> {
+        (0..).zip(PROTOCOLS).find_map(|(index, protocol)| {
+            let carrier = match number {
+                _ if number == protocol.tcp_number() => Carrier::Tcp(at),
+                _ if Some(number) == protocol.pty_number() => Carrier::Pty(pty),
+                _ => return None,
+            };
+            Some(DoorSpec { protocol: index, carrier })
+        })
+    }
+
+    /// Number of this kind of door on the channel.
+    #[must_use]
+    pub fn number(self) -> u16 {
+        let protocol = self.protocol();
+        match self.carrier {
+            Carrier::Tcp(_) => protocol.tcp_number(),
+            // Only a protocol with such a number has doors of this kind.
+            Carrier::Pty(_) => protocol.pty_number().unwrap_or_default(),
         }
+    }
+
+    /// Protocol of the door.
+    pub(super) fn protocol(self) -> &'static dyn Protocol {
+        PROTOCOLS[usize::from(self.protocol)]
+    }
+
+    /// The kind of messages of its protocol.
+    #[must_use]
+    pub fn speech(self) -> Speech {
+        self.protocol().speech()
+    }
+
+    /// The way of the bytes to a guest.
+    #[must_use]
+    pub const fn carrier(self) -> Carrier {
+        self.carrier
     }
 
     /// Address that the door listens at, if it has one.
     #[must_use]
     pub const fn address(self) -> Option<SocketAddrV4> {
-        match self {
-            DoorSpec::SlcanTcp { at } | DoorSpec::ProfibusTcp { at } => Some(at),
-            DoorSpec::SlcanPty { .. } => None,
+        match self.carrier {
+            Carrier::Tcp(at) => Some(at),
+            Carrier::Pty(_) => None,
         }
     }
 
-    /// The same door at this address, if it has an address.
-    pub(super) const fn at(self, at: SocketAddrV4) -> Self {
-        match self {
-            DoorSpec::SlcanTcp { .. } => DoorSpec::SlcanTcp { at },
-            DoorSpec::ProfibusTcp { .. } => DoorSpec::ProfibusTcp { at },
-            DoorSpec::SlcanPty { .. } => self,
-        }
+    /// The same protocol over this carrier.
+    pub(super) const fn over(self, carrier: Carrier) -> Self {
+        DoorSpec { carrier, ..self }
     }
 }
 
 impl fmt::Display for DoorSpec {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        if let Some(at) = self.address()
-            && let Some(tcp) = TCP.iter().find(|tcp| (tcp.door)(at) == *self)
-        {
-            let name = if at.ip().is_loopback() { tcp.name } else { tcp.anybody };
-            return write!(f, "{name}:{at}");
-        }
-        match self {
-            DoorSpec::SlcanPty { number: Some(number) } => write!(f, "{PTY}:{PTS}{number}"),
-            _ => f.write_str(PTY),
+        let name = self.protocol().name();
+        match self.carrier {
+            Carrier::Tcp(at) if at.ip().is_loopback() => write!(f, "{name}-tcp:{at}"),
+            Carrier::Tcp(at) => write!(f, "{name}-tcp-anybody:{at}"),
+            Carrier::Pty(Some(number)) => write!(f, "{name}-pty:{PTS}{number}"),
+            Carrier::Pty(None) => write!(f, "{name}-pty"),
         }
     }
 }

@@ -2,11 +2,51 @@
 //! bit in 64, and the octets, the low byte of each number first. Without octets it asks for emulated time until this
 //! bit time, or answers such a request. This module only converts bytes; the bus interprets them.
 
+use super::protocol::{GuestSession, Protocol, Speech};
 use super::wire::{Adapter, BadLength, BusMessage};
 use crate::profibus::{Burst, MAX_OCTETS};
 
 /// Bytes in front of the octets.
 const HEAD: usize = 10;
+
+/// The protocol.
+pub(super) struct Telegrams;
+
+impl Protocol for Telegrams {
+    fn name(&self) -> &'static str {
+        "profibus"
+    }
+
+    fn speech(&self) -> Speech {
+        Speech::Telegrams
+    }
+
+    fn tcp_number(&self) -> u16 {
+        3
+    }
+
+    /// The guest takes part at once.
+    fn begin(&self, adapter: &mut dyn Adapter) -> Box<dyn GuestSession> {
+        adapter.open(false);
+        Box::new(Session::default())
+    }
+}
+
+impl GuestSession for Session {
+    fn hear(&mut self, bytes: &[u8], adapter: &mut dyn Adapter, _: &mut Vec<u8>) -> Result<(), BadLength> {
+        self.hear(bytes, adapter)
+    }
+
+    fn grant(&self, _: u64, bit: u64, to: &mut Vec<u8>) {
+        tell(&Burst { begin: bit, octets: Vec::new() }, to);
+    }
+
+    fn tell(&self, _: u64, said: &BusMessage, to: &mut Vec<u8>) {
+        if let BusMessage::Burst(burst) = said {
+            tell(burst, to);
+        }
+    }
+}
 
 /// A guest's end of the protocol.
 #[derive(Debug, Default)]
@@ -20,7 +60,7 @@ impl Session {
     ///
     /// # Errors
     /// [`BadLength`]: of no telegram.
-    pub(super) fn hear(&mut self, bytes: &[u8], adapter: &mut impl Adapter) -> Result<(), BadLength> {
+    pub(super) fn hear(&mut self, bytes: &[u8], adapter: &mut dyn Adapter) -> Result<(), BadLength> {
         self.begun.extend_from_slice(bytes);
         let mut rest = self.begun.as_slice();
         while let Some((head, behind)) = rest.split_first_chunk::<HEAD>() {

@@ -1,9 +1,6 @@
-//! Messages of guests as bytes, by the kind of their door.
+//! Messages through doors, and the requests of guests.
 
-use super::slcan;
 use super::slcan::{Rate, Status};
-use super::spec::Speech;
-use super::telegrams;
 use crate::can::Frame;
 use crate::profibus::Burst;
 
@@ -52,60 +49,3 @@ pub(super) trait Adapter {
 /// A number of octets that no telegram has: the guest does not speak the protocol.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct BadLength(pub(super) u16);
-
-/// A guest's end of the protocol of its door.
-#[derive(Debug)]
-pub(super) enum Session {
-    Slcan(slcan::Session),
-    Telegrams(telegrams::Session),
-}
-
-impl Session {
-    /// Begins a session for this protocol. A guest that speaks in telegrams takes part at once.
-    pub(super) fn begin(speech: Speech, adapter: &mut impl Adapter) -> Self {
-        match speech {
-            Speech::Frames => Session::Slcan(slcan::Session::default()),
-            Speech::Telegrams => {
-                adapter.open(false);
-                Session::Telegrams(telegrams::Session::default())
-            }
-        }
-    }
-
-    /// Takes bytes of the guest and appends the answers to `answer`.
-    ///
-    /// # Errors
-    /// [`BadLength`]: the rest of the stream cannot be decoded.
-    pub(super) fn hear(
-        &mut self,
-        bytes: &[u8],
-        adapter: &mut impl Adapter,
-        answer: &mut Vec<u8>,
-    ) -> Result<(), BadLength> {
-        match self {
-            Session::Slcan(session) => {
-                session.hear(bytes, adapter, answer);
-                Ok(())
-            }
-            Session::Telegrams(session) => session.hear(bytes, adapter),
-        }
-    }
-
-    /// Appends the answer to a request for time, at this emulated time and this bit time.
-    pub(super) fn grant(&self, time_us: u64, bit: u64, to: &mut Vec<u8>) {
-        match self {
-            Session::Slcan(_) => slcan::Session::grant(time_us, to),
-            Session::Telegrams(_) => telegrams::tell(&Burst { begin: bit, octets: Vec::new() }, to),
-        }
-    }
-
-    /// Appends the bytes for a message that has arrived at this emulated time.
-    pub(super) fn tell(&self, time_us: u64, said: &BusMessage, to: &mut Vec<u8>) {
-        match (self, said) {
-            (Session::Slcan(session), BusMessage::Frame(frame)) => session.tell(time_us, frame, to),
-            (Session::Telegrams(_), BusMessage::Burst(burst)) => telegrams::tell(burst, to),
-            // A bus with other messages has no such door.
-            (Session::Slcan(_), BusMessage::Burst(_)) | (Session::Telegrams(_), BusMessage::Frame(_)) => {}
-        }
-    }
-}

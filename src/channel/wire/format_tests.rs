@@ -17,8 +17,9 @@ use crate::request::{
 use core::num::NonZeroU16;
 use std::fmt::Write;
 
-const TCP: DoorSpec =
-    DoorSpec::SlcanTcp { at: std::net::SocketAddrV4::new(std::net::Ipv4Addr::LOCALHOST, 29_536) };
+fn tcp() -> DoorSpec {
+    "slcan-tcp:127.0.0.1:29536".parse().unwrap()
+}
 
 /// A fault of each kind, under the name of the kind.
 fn faults() -> Vec<(&'static str, Fault)> {
@@ -77,8 +78,8 @@ fn ops() -> Vec<(String, Op)> {
         Op::Drives,
         Op::Drive { drive: 1 },
         Op::SetParameter { drive: 1, number: 47, value: -3 },
-        Op::DoorOpen { bus: 1, door: TCP },
-        Op::DoorOpen { bus: 1, door: DoorSpec::SlcanPty { number: Some(4) } },
+        Op::DoorOpen { bus: 1, door: tcp() },
+        Op::DoorOpen { bus: 1, door: "slcan-pty:/dev/pts/4".parse().unwrap() },
         Op::DoorClose { bus: 1, door: None },
         Op::BusSend { bus: 1, frame: Some(frame) },
         Op::BusSend { bus: 1, frame: None },
@@ -119,7 +120,7 @@ fn ops() -> Vec<(String, Op)> {
 fn buses() -> Vec<BusState> {
     let guest = GuestState {
         guest: 1,
-        door: TCP,
+        door: tcp(),
         open: true,
         bit_s: Some(500_000),
         seat: true,
@@ -139,7 +140,7 @@ fn buses() -> Vec<BusState> {
         bit_s: 500_000,
         load_permille: Some(120),
         ports: vec!["line 1".into()],
-        doors: vec![DoorState { door: TCP, guests: vec![guest], refused: 6 }],
+        doors: vec![DoorState { door: tcp(), guests: vec![guest], refused: 6 }],
         stations: vec![station],
         strangers: vec![Stranger { name: "x".into(), bit_s: 250_000 }],
     }]
@@ -247,7 +248,7 @@ fn replies() -> Vec<(&'static str, Reply)> {
             })),
         ),
         ("Scene", Reply::Scene(vec![scene])),
-        ("DoorOpened", Reply::DoorOpened(TCP)),
+        ("DoorOpened", Reply::DoorOpened(tcp())),
         ("DoorsClosed", Reply::DoorsClosed { count: 2 }),
         ("Info", Reply::Info(Box::new(info))),
         ("Stopping", Reply::Stopping),

@@ -100,11 +100,9 @@ fn op() -> impl Strategy<Value = Op> {
 }
 
 fn door() -> impl Strategy<Value = DoorSpec> {
-    let tcp = any::<(u32, u16, bool)>().prop_map(|(ip, port, is_can)| {
-        let at = SocketAddrV4::new(Ipv4Addr::from_bits(ip), port);
-        if is_can { DoorSpec::SlcanTcp { at } } else { DoorSpec::ProfibusTcp { at } }
-    });
-    prop_oneof![tcp, any::<Option<u32>>().prop_map(|number| DoorSpec::SlcanPty { number })]
+    (1..=3_u16, any::<(u32, u16)>(), any::<Option<u32>>()).prop_map(|(number, (ip, port), pty)| {
+        DoorSpec::of_number(number, SocketAddrV4::new(Ipv4Addr::from_bits(ip), port), pty).unwrap()
+    })
 }
 
 fn frame() -> impl Strategy<Value = Frame> {

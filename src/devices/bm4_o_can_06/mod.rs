@@ -20,6 +20,7 @@ mod plc;
 #[cfg(test)]
 mod registers_tests;
 
+use crate::devices::Registered;
 #[cfg(feature = "emulator")]
 pub use config::{Bm4Config, ModuleConfig, ModuleKind};
 #[cfg(feature = "emulator")]
@@ -34,3 +35,26 @@ pub use plc::Bm4Plc;
 pub mod registers {
     include!(concat!(env!("OUT_DIR"), "/bm4_plc.rs"));
 }
+
+/// The device's entry in the registry.
+pub(super) static REGISTERED: Registered = Registered {
+    // The rest is not described (decision D-366).
+    board: &["power", "restarts", "program", "start"],
+    #[cfg(feature = "plc")]
+    blocks: blocks::BLOCKS,
+    #[cfg(feature = "plc")]
+    st: blocks::ST,
+    #[cfg(feature = "emulator")]
+    read: Some(Bm4Config::read),
+    #[cfg(feature = "emulator")]
+    schema: Some(include_str!("plant.schema.json")),
+    #[cfg(feature = "emulator")]
+    template: Some(include_str!("plant.toml")),
+    #[cfg(feature = "emulator")]
+    module: Some(read_module),
+    #[cfg(feature = "emulator")]
+    demo: Some(&demo::DEMO),
+    #[cfg(feature = "emulator")]
+    exercises: &exercise::EXERCISES,
+    ..Registered::new(&registers::DEVICE)
+};

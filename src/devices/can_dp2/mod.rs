@@ -41,6 +41,7 @@ mod tests;
 #[cfg(feature = "emulator")]
 mod window;
 
+use crate::devices::Registered;
 #[cfg(feature = "emulator")]
 pub use config::CanDp2Config;
 #[cfg(feature = "emulator")]
@@ -67,3 +68,24 @@ fn lock(gateway: &Shared) -> MutexGuard<'_, Gateway> {
 pub mod registers {
     include!(concat!(env!("OUT_DIR"), "/can_dp2.rs"));
 }
+
+/// The device's entry in the registry.
+pub(super) static REGISTERED: Registered = Registered {
+    #[cfg(feature = "plc")]
+    blocks: blocks::BLOCKS,
+    #[cfg(feature = "emulator")]
+    read: Some(CanDp2Config::read),
+    #[cfg(feature = "emulator")]
+    schema: Some(include_str!("plant.schema.json")),
+    #[cfg(feature = "emulator")]
+    template: Some(include_str!("plant.toml")),
+    #[cfg(feature = "emulator")]
+    records: records::KINDS,
+    #[cfg(feature = "emulator")]
+    rules: rules::ALL,
+    #[cfg(feature = "emulator")]
+    demo: Some(&demo::DEMO),
+    #[cfg(feature = "emulator")]
+    exercises: &exercise::EXERCISES,
+    ..Registered::new(&registers::DEVICE)
+};

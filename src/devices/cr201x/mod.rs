@@ -13,6 +13,7 @@ mod module;
 #[cfg(all(test, feature = "emulator"))]
 mod tests;
 
+use crate::devices::Registered;
 #[cfg(feature = "emulator")]
 pub use channels::{CHANNELS, Channels, Model, Role};
 #[cfg(feature = "emulator")]
@@ -23,3 +24,16 @@ pub use config::Cr201xConfig;
 pub mod registers {
     include!(concat!(env!("OUT_DIR"), "/cr201x.rs"));
 }
+
+/// The device's entry in the registry.
+pub(super) static REGISTERED: Registered = Registered {
+    #[cfg(feature = "emulator")]
+    read: Some(Cr201xConfig::read),
+    #[cfg(feature = "emulator")]
+    schema: Some(include_str!("plant.schema.json")),
+    #[cfg(feature = "emulator")]
+    template: Some(include_str!("plant.toml")),
+    #[cfg(feature = "emulator")]
+    records: crate::devices::canopen::records::KINDS,
+    ..Registered::new(&registers::DEVICE)
+};

@@ -86,6 +86,7 @@ mod tests;
 #[cfg(feature = "emulator")]
 mod watch;
 
+use crate::devices::Registered;
 #[cfg(feature = "emulator")]
 pub use communication::{PdoConfig, PdoDirection};
 #[cfg(feature = "emulator")]
@@ -102,3 +103,27 @@ pub use port::Program;
 pub mod registers {
     include!(concat!(env!("OUT_DIR"), "/cs0015.rs"));
 }
+
+/// The device's entry in the registry.
+pub(super) static REGISTERED: Registered = Registered {
+    board: &["power", "restarts", "program"],
+    #[cfg(feature = "plc")]
+    blocks: blocks::BLOCKS,
+    #[cfg(feature = "emulator")]
+    read: Some(Cs0015Config::read),
+    #[cfg(feature = "emulator")]
+    schema: Some(include_str!("plant.schema.json")),
+    #[cfg(feature = "emulator")]
+    template: Some(include_str!("plant.toml")),
+    #[cfg(feature = "emulator")]
+    records: records::KINDS,
+    #[cfg(feature = "emulator")]
+    rules: rules::ALL,
+    #[cfg(feature = "emulator")]
+    faults: faults::KINDS,
+    #[cfg(feature = "emulator")]
+    demo: Some(&demo::DEMO),
+    #[cfg(feature = "emulator")]
+    exercises: &exercise::EXERCISES,
+    ..Registered::new(&registers::DEVICE)
+};

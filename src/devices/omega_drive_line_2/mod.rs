@@ -22,6 +22,7 @@ mod plc;
 #[cfg(feature = "emulator")]
 pub mod rules;
 
+use crate::devices::Registered;
 #[cfg(feature = "emulator")]
 pub use config::{PlcConfig, ProjectConfig};
 #[cfg(feature = "emulator")]
@@ -34,3 +35,27 @@ mod registers_tests;
 pub mod registers {
     include!(concat!(env!("OUT_DIR"), "/omega_drive_line_2.rs"));
 }
+
+/// The device's entry in the registry.
+pub(super) static REGISTERED: Registered = Registered {
+    board: &crate::memory::header::BoardWords::NAMES,
+    #[cfg(feature = "plc")]
+    blocks: blocks::BLOCKS,
+    #[cfg(feature = "plc")]
+    st: blocks::ST,
+    #[cfg(feature = "emulator")]
+    read: Some(PlcConfig::read),
+    #[cfg(feature = "emulator")]
+    schema: Some(include_str!("plant.schema.json")),
+    #[cfg(feature = "emulator")]
+    template: Some(include_str!("plant.toml")),
+    #[cfg(feature = "emulator")]
+    rules: rules::ALL,
+    #[cfg(feature = "emulator")]
+    faults: faults::KINDS,
+    #[cfg(feature = "emulator")]
+    demo: Some(&demo::DEMO),
+    #[cfg(feature = "emulator")]
+    exercises: &exercise::EXERCISES,
+    ..Registered::new(&registers::DEVICE)
+};
