@@ -3,7 +3,7 @@
 use super::Instance;
 use super::change::{self, RegisterValue, RegisterValues};
 use super::device::on_any_device;
-use super::dump::Blocks;
+use super::dump::{Blocks, see};
 use super::error::CliError;
 use super::output;
 use super::session::Session;
@@ -57,12 +57,13 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
             changes
         }
         None => {
-            let now = now(&args.instance, &before, &known)?;
+            let (now, phase_register) = now(&args.instance, &before, &known)?;
             let changes = known.changed(&now);
             let gone = RegisterValues::new(now).missing(&before).len();
             if gone > 0 {
                 let (path, s) = (args.before.display(), if gone == 1 { " is" } else { "s are" });
-                output::note(&format!("{gone} register{s} in {path} and not live now, see w_OPTION_STATUS"));
+                let see = see(phase_register);
+                output::note(&format!("{gone} register{s} in {path} and not live now{see}"));
             }
             changes
         }
@@ -82,12 +83,12 @@ fn read(path: &Path) -> Result<Vec<RegisterValue>, CliError> {
 }
 
 /// Reads the registers of the blocks in `before`: the ones that `before` contains, and the ones that differ from
-/// their reset value.
+/// their reset value. Also returns the register that shows which registers are live.
 fn now(
     instance: &Instance,
     before: &[RegisterValue],
     known: &RegisterValues,
-) -> Result<Vec<RegisterValue>, CliError> {
+) -> Result<(Vec<RegisterValue>, Option<&'static str>), CliError> {
     before.iter().try_for_each(|held| on_any_device(|fitted| area(fitted.device(), held).map(drop)))?;
     let session = Session::open_for_reading(instance)?;
     let first = |held: &RegisterValue| {
@@ -96,7 +97,7 @@ fn now(
     };
     let meant = before.iter().map(first).collect::<Result<BTreeSet<_>, _>>()?;
     let dump = Blocks::find(&session, &[])?.read(&session)?;
-    let mut registers = Vec::new();
+    let (mut registers, phase_register) = (Vec::new(), dump.phase_register);
     for row in dump.rows {
         let differs = row.differs;
         let held = RegisterValue::from(row.holding);
@@ -105,7 +106,7 @@ fn now(
             registers.push(held);
         }
     }
-    Ok(registers)
+    Ok((registers, phase_register))
 }
 
 fn area(device: &'static DeviceLayout, held: &RegisterValue) -> Result<&'static Area, LayoutError> {

@@ -83,7 +83,7 @@ fn print(instance: &Instance, blocks: &[String], all: bool, format: Format) -> R
     let rows: Vec<_> = wanted.map(|row| row.holding).collect();
     table::print(format, &rows, |rows| {
         let head = format!("instance '{}' at {}\n", instance.name(), time::seconds(dump.time_us));
-        head + &text(rows, dump.is_live)
+        head + &text(rows, dump.is_live, dump.phase_register)
     })
 }
 
@@ -98,6 +98,8 @@ pub(crate) struct Dump {
     pub rows: Vec<DumpRow>,
     /// True if any of the blocks has live registers.
     is_live: bool,
+    /// The register that shows which registers are live, if structures overlay each other.
+    pub phase_register: Option<&'static str>,
 }
 
 pub(crate) struct DumpRow {
@@ -198,6 +200,7 @@ impl Blocks {
             time_us: snapshot.time_us,
             rows: views.iter().flat_map(View::rows).collect(),
             is_live: views.iter().any(View::has_live_registers),
+            phase_register: views.iter().find_map(|view| view.area().phases).map(|phases| phases.register),
         })
     }
 
@@ -443,10 +446,15 @@ impl View<'_> {
     }
 }
 
-fn text(rows: &[RegisterReading], any_live: bool) -> String {
+/// The end of a text about registers that are not live: the register that shows why.
+pub(crate) fn see(phase_register: Option<&str>) -> String {
+    phase_register.map_or_else(String::new, |register| format!(", see {register}"))
+}
+
+fn text(rows: &[RegisterReading], any_live: bool, phase_register: Option<&str>) -> String {
     match (rows, any_live) {
         ([], true) => "all registers have their reset values\n".to_owned(),
-        ([], false) => "these registers are not live, see w_OPTION_STATUS\n".to_owned(),
+        ([], false) => format!("these registers are not live{}\n", see(phase_register)),
         (rows, _) => {
             let cells = |row: &RegisterReading| {
                 vec![row.register.clone(), row.address.clone(), row.hex.clone(), row.marked_meaning()]

@@ -95,7 +95,7 @@ impl Registered {
 }
 
 /// The devices of commram itself, the default one first. Each folder has its entry.
-static BUILT_IN: [&Registered; 5] = [
+static BUILT_IN: &[&Registered] = &[
     &omega_drive_line_2::REGISTERED,
     &bm4_o_can_06::REGISTERED,
     &cs0015::REGISTERED,
@@ -256,7 +256,7 @@ pub fn all() -> &'static [&'static Registered] {
 /// The device that is used if no name is given.
 #[must_use]
 pub fn default() -> &'static Registered {
-    &BUILT_IN[0]
+    BUILT_IN[0]
 }
 
 /// The device of this name, as `--device` and plant files give it.

@@ -21,13 +21,20 @@ pub enum SyncOrigin {
     Idle {
         /// Its port.
         port: Origin,
+        /// Name of its status register.
+        register: &'static str,
         /// Value of its status register.
         state: u16,
     },
     /// The master of the bus generates the signal.
     Own(Origin),
     /// The master passes on the signal of another port of its device.
-    Forwarded(Origin),
+    Forwarded {
+        /// Its port.
+        port: Origin,
+        /// The register and its value that demand this, for messages.
+        setting: &'static str,
+    },
 }
 
 /// The SYNC signal of a bus that has one ([`Bus::sync`](super::Bus::sync)).

@@ -262,8 +262,12 @@ macro_rules! event_kinds {
         }
 
         impl $crate::journal::EventCodec for $name {
-            const KIND: &'static $crate::journal::Kind =
-                &$crate::journal::Kind::new::<Self>($number, $text, $crate::journal::Ring::$ring);
+            const KIND: &'static $crate::journal::Kind = {
+                // A static has one address in all modules, by which a catalogue finds a kind that devices share.
+                static KIND: $crate::journal::Kind =
+                    $crate::journal::Kind::new::<$name>($number, $text, $crate::journal::Ring::$ring);
+                &KIND
+            };
 
             #[inline]
             fn words(&self) -> $crate::journal::Words {

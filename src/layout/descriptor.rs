@@ -5,7 +5,7 @@ mod phase;
 mod provenance;
 mod register;
 
-pub use meaning::{BitField, Meaning, ValueMeaning};
+pub use meaning::{BitField, Handshake, Meaning, ValueMeaning};
 pub use phase::{Phase, Phases, RegisterPhase};
 pub use provenance::Provenance;
 pub use register::{Dim, Owner, RegType, Register};

@@ -39,8 +39,8 @@ pub use address::Address;
 pub use condition::{Compare, Condition, ConditionError, Test};
 pub use decode::format_value;
 pub use descriptor::{
-    Area, BitField, DeviceLayout, Dim, Meaning, Owner, Phase, Phases, Placed, Port, Provenance, RegType,
-    Register, RegisterPhase, Role, Structure, ValueMeaning,
+    Area, BitField, DeviceLayout, Dim, Handshake, Meaning, Owner, Phase, Phases, Placed, Port, Provenance,
+    RegType, Register, RegisterPhase, Role, Structure, ValueMeaning,
 };
 pub use device_fit::{DeviceFit, Fit, MOST_PORTS};
 pub use error::LayoutError;

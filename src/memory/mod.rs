@@ -1,6 +1,6 @@
 //! The emulated RAM: cells, segments, header page, image files.
 //!
-//! [`Segment`] is segment 3 of one PLC, on the heap or in a mapped file. The firmware and Rust clients
+//! [`Segment`] is the RAM of one device, on the heap or in a mapped file. The firmware and Rust clients
 //! access it through typed [`View`]s of register cells. Tools that only know addresses use its raw
 //! accesses at a given [`Width`].
 

@@ -333,7 +333,7 @@ impl Plant {
         self.is_seen = true;
     }
 
-    /// Whether a PLC has written a `w_CPU_CONTROL`, or turned a switch of its board, that the firmware has not polled
+    /// Whether a PLC has written the control register of a port, or turned a switch of its board, that the firmware has not polled
     /// yet.
     pub fn control_changed(&self) -> bool {
         self.media.iter().any(|medium| medium.control_changed())

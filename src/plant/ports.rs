@@ -248,21 +248,21 @@ impl Plant {
                 SyncOrigin::Idle { port, .. } if !self.is_up(port) => {
                     format!("{way}{} has no power or is held in RESET", master(port))
                 }
-                SyncOrigin::Idle { port, state } => format!(
-                    "{way}{} has not started: w_OPTION_STATUS is 16#{state:04X}; initialize it first",
+                SyncOrigin::Idle { port, register, state } => format!(
+                    "{way}{} has not started: {register} is 16#{state:04X}; initialize it first",
                     master(port)
                 ),
                 SyncOrigin::Own(port) => {
                     format!("{way}{} makes a SYNC signal, which does not get here", name(port))
                 }
-                SyncOrigin::Forwarded(port) => match self.sync_comes_from(at.medium) {
+                SyncOrigin::Forwarded { port, setting } => match self.sync_comes_from(at.medium) {
                     Some(from) => {
                         way = format!("{} passes on the SYNC signal at {}: ", name(port), name(origin(from)));
                         at = from;
                         continue;
                     }
                     None => format!(
-                        "{way}{} is to pass a SYNC signal on (b_MA_SL_MODE 16#02), and no other port passes one to it",
+                        "{way}{} is to pass a SYNC signal on ({setting}), and no other port passes one to it",
                         name(port)
                     ),
                 },

@@ -134,8 +134,8 @@ impl<V> Viewed<'_, V> {
         self.ram
     }
 
-    /// Notifies the firmware that a restart (16#0000) was written to `w_CPU_CONTROL` of the node there. The firmware
-    /// cannot see the write in the RAM if the register already was 16#0000 (decision D-29).
+    /// Notifies the firmware that a restart was written to the control register of the port there. The firmware cannot
+    /// see the write in the RAM if the register already had this value (decision D-29).
     pub(crate) fn notify_restart(&self) {
         let is_here = |port: &&PortEntry| port.file_offset.load() as usize == self.offset;
         if let Some(port) = self.ram.header.ports.iter().find(is_here) {

@@ -114,7 +114,7 @@ impl<DB: DrawingBackend> Sheet<'_, DB> {
             self.text(note, (4, middle + LETTERS * 4 / 3), FAINT, HPos::Left)?;
         }
         match row.style {
-            Style::Handshake => self.handshake(row, high, low),
+            Style::Handshake(_) => self.handshake(row, high, low),
             Style::Steps => self.steps(row, high, low),
             Style::Line => self.numbers(row, high, low),
         }
@@ -253,6 +253,7 @@ fn shortened(name: &str) -> &str {
 mod tests {
     use super::super::Picture;
     use super::*;
+    use crate::layout::Handshake;
 
     fn plot() -> Plot {
         let row = |style, points: &[(u64, i64)]| Row {
@@ -264,7 +265,10 @@ mod tests {
             note: Some("not recorded".to_owned()),
         };
         let rows = vec![
-            row(Style::Handshake, &[(0, 0), (2000, 5), (4500, 4), (9000, 5)]),
+            row(
+                Style::Handshake(Handshake { request: 5, answer: 4 }),
+                &[(0, 0), (2000, 5), (4500, 4), (9000, 5)],
+            ),
             row(Style::Steps, &[(1000, 0x43), (6000, 0x80)]),
             row(Style::Line, &[(2000, -100), (4000, 100)]),
             row(Style::Line, &[]),

@@ -2,11 +2,7 @@
 
 use crate::journal::Past;
 use crate::layout::place::Place;
-use crate::layout::{Address, Meaning, RegType};
-
-/// Values of a handshake register before and after the firmware's answer.
-const REQUEST: u32 = 0x05;
-const ANSWER: u32 = 0x04;
+use crate::layout::{Address, Handshake, Meaning, RegType};
 
 /// Drawing style of a register.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -15,8 +11,8 @@ pub enum Style {
     Steps,
     /// A number that moves, from each value to the next.
     Line,
-    /// Spans from 16#05 to its answer.
-    Handshake,
+    /// Spans from a request to its answer.
+    Handshake(Handshake),
 }
 
 /// A register in a plot.
@@ -113,9 +109,10 @@ impl Row {
 
     /// For a handshake: begin and end of each span, and whether it has been answered.
     pub(super) fn spans(&self, to_us: u64) -> Vec<(u64, u64, bool)> {
-        let ends = self.points.iter().skip(1).map(|(time, value)| (*time, *value == i64::from(ANSWER)));
+        let Style::Handshake(Handshake { request, answer }) = self.style else { return Vec::new() };
+        let ends = self.points.iter().skip(1).map(|(time, value)| (*time, *value == i64::from(answer)));
         let ends = ends.chain([(to_us, false)]);
-        let spans = self.points.iter().zip(ends).filter(|((_, value), _)| *value == i64::from(REQUEST));
+        let spans = self.points.iter().zip(ends).filter(|((_, value), _)| *value == i64::from(request));
         spans.map(|((begin, _), (end, is_answered))| (*begin, end, is_answered)).collect()
     }
 }
@@ -134,8 +131,7 @@ fn style(ty: RegType, meaning: Option<&'static Meaning>) -> Style {
             RegType::Usint | RegType::Uint | RegType::Udint => Style::Line,
         };
     };
-    let has = |value| meaning.value(value).is_some_and(|it| it.first == it.last);
-    if has(REQUEST) && has(ANSWER) { Style::Handshake } else { Style::Steps }
+    meaning.handshake.map_or(Style::Steps, Style::Handshake)
 }
 
 #[cfg(test)]
@@ -172,7 +168,11 @@ mod tests {
 
     #[test]
     fn spans_go_from_the_request_to_the_next_value() {
-        let spans = row(Style::Handshake, &[(0, 0), (5, 5), (9, 4), (12, 5), (13, 1), (20, 5)]).spans(30);
+        let spans = row(
+            Style::Handshake(Handshake { request: 5, answer: 4 }),
+            &[(0, 0), (5, 5), (9, 4), (12, 5), (13, 1), (20, 5)],
+        )
+        .spans(30);
         assert_eq!(spans, [(5, 9, true), (12, 13, false), (20, 30, false)]);
     }
 }

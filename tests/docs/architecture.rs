@@ -147,6 +147,63 @@ fn generic_modules_name_no_device() {
     }
 }
 
+/// Returns the names of all registers of the devices that begin like `w_X`.
+fn register_names() -> BTreeSet<&'static str> {
+    let structures = commram::devices::all().iter().flat_map(|device| device.layout.areas);
+    let placed = structures.flat_map(|area| area.structures);
+    let names = placed.flat_map(|placed| placed.structure.registers).map(|register| register.name);
+    let is_typed = |name: &&str| {
+        let (prefix, rest) = name.split_once('_').unwrap_or_default();
+        let is_type = (1..=2).contains(&prefix.len()) && prefix.chars().all(|c| c.is_ascii_lowercase());
+        is_type && rest.starts_with(|c: char| c.is_ascii_uppercase())
+    };
+    names.filter(is_typed).collect()
+}
+
+/// Returns the lines of a source with their numbers, without comments, modules of tests and examples in texts.
+fn code(source: &str) -> Vec<(usize, &str)> {
+    let without_tests = source.split("#[cfg(test)]\nmod tests {").next().unwrap();
+    let is_example = |line: &str| line.contains("example") || line.trim_start().starts_with("commram ");
+    let lines = (1..).zip(without_tests.lines());
+    lines
+        .map(|(number, line)| (number, line.split("//").next().unwrap_or("")))
+        .filter(|(_, line)| !is_example(line))
+        .collect()
+}
+
+/// Whether a text begins with a code of a handshake or a mode, as manuals write it: `05` of 16#05.
+fn is_code(text: &str) -> bool {
+    let digits: Vec<_> = text.chars().take_while(char::is_ascii_hexdigit).collect();
+    matches!(digits.as_slice(), ['0', last] if *last != '0')
+}
+
+/// The code of generic modules uses no register and no value of a device: layouts declare phases and handshakes. The
+/// program's texts about the names of registers have examples.
+#[test]
+fn generic_modules_use_no_register_of_a_device() {
+    let src = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let names = register_names();
+    assert!(names.contains("w_OPTION_STATUS") && names.len() > 100, "{names:?}");
+    let mut files = Vec::new();
+    sources(&src, &mut files);
+    let texts = ["cli/mod.rs", "cli/shell.rs"].map(|path| src.join(path));
+    let is_generic = |file: &PathBuf| !file.starts_with(src.join("devices")) && !texts.contains(file);
+    let is_test = |file: &PathBuf| file.to_str().unwrap().contains("tests");
+    let mut found = Vec::new();
+    for file in files.into_iter().filter(|file| is_generic(file) && !is_test(file)) {
+        let text = fs::read_to_string(&file).unwrap();
+        for (number, line) in code(&text) {
+            let words = line.split(|c: char| !c.is_alphanumeric() && c != '_');
+            let has_register = words.into_iter().any(|word| names.contains(word));
+            let has_code = line.split("16#").skip(1).any(is_code);
+            if has_register || has_code || line.contains("segment 3") {
+                found.push(format!("{}:{number}: {}", file.display(), line.trim()));
+            }
+        }
+    }
+    assert!(found.is_empty(), "{found:#?}");
+}
+
 /// proptest would create a separate directory beside `src`.
 #[test]
 fn property_tests_of_the_library_store_failures_below_tests() {

@@ -10,10 +10,21 @@ pub struct Meaning {
     pub name: &'static str,
     /// Pages of the manual; empty if it states no meaning.
     pub page: &'static str,
+    /// The values of a request and of its answer, if the registers are handshakes.
+    pub handshake: Option<Handshake>,
     /// Values with a meaning as a whole; they have priority over the bits.
     pub values: &'static [ValueMeaning],
     /// Fields of bits, described in ascending order.
     pub bits: &'static [BitField],
+}
+
+/// Two values of a handshake register.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Handshake {
+    /// Value that a program writes as a request.
+    pub request: u32,
+    /// Value that the firmware writes as the answer.
+    pub answer: u32,
 }
 
 /// A value, or a range of values, with its meaning.

@@ -188,6 +188,8 @@ pub enum Reason {
     BitTwice(u8),
     #[error("a {0} needs either `{1}`, or `from` and `to` in ascending order")]
     BadRange(&'static str, &'static str),
+    #[error("`handshake` has {0}, which is no single value (`is`) of the meaning")]
+    HandshakeValue(String),
     #[error("value {0} has two meanings")]
     ValueTwice(String),
     #[error("a value has either a `text` or is `reserved`")]

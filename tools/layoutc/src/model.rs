@@ -305,6 +305,8 @@ pub(crate) struct Meaning {
     pub shared: bool,
     /// Type of the constants for values and bits with an `id`; `None`: no constants.
     pub scalar: Option<Scalar>,
+    /// Values of a request and of its answer.
+    pub handshake: Option<(u32, u32)>,
     pub values: Vec<Value>,
     pub bits: Vec<Bit>,
 }

@@ -370,10 +370,20 @@ pub(crate) struct Meaning {
     /// Elementary type of the registers, for the constants that values and bits with an `id` become.
     #[serde(rename = "type")]
     pub ty: Option<Spanned<String>>,
+    /// The values of a request and of its answer, if the registers are handshakes.
+    pub handshake: Option<Spanned<Handshake>>,
     #[serde(default)]
     pub value: Vec<Spanned<Value>>,
     #[serde(default)]
     pub bit: Vec<Spanned<Bit>>,
+}
+
+/// Two values of a meaning: a request, and its answer by the firmware.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Handshake {
+    pub request: u32,
+    pub answer: u32,
 }
 
 /// One value (`is`) or a range of them (`from`, `to`); `{}` in the text is replaced by the value.

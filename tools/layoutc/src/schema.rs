@@ -37,6 +37,7 @@ mod tests {
             ("gsd_module", keys::<gsd::RawModule>()),
             ("gsd_parameter", keys::<gsd::RawParameter>()),
             ("gsd_parameters", keys::<gsd::RawParameters>()),
+            ("handshake", keys::<raw::Handshake>()),
             ("meaning", keys::<raw::Meaning>()),
             ("object", keys::<objects::Row>()),
             ("objects", keys::<objects::File>()),

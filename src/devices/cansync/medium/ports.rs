@@ -316,9 +316,9 @@ impl SyncLine for SimBus {
         let Some(end) = self.masters.first() else { return SyncOrigin::NoMaster };
         let (port, state) = (end.origin, end.firmware.option_status());
         if !end.firmware.is_on_bus() {
-            SyncOrigin::Idle { port, state }
+            SyncOrigin::Idle { port, register: "w_OPTION_STATUS", state }
         } else if end.firmware.forwards_sync() {
-            SyncOrigin::Forwarded(port)
+            SyncOrigin::Forwarded { port, setting: "b_MA_SL_MODE 16#02" }
         } else {
             SyncOrigin::Own(port)
         }

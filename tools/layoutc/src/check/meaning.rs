@@ -48,7 +48,8 @@ pub(crate) fn add(
     let others = raw.pages.iter().map(|(manual, page)| (manual.clone(), page.clone()));
     let scalar = id::check(sources, file, raw)?;
     let pages = own.chain(others).collect();
-    let meaning = Meaning { name: name.clone(), pages, shared, scalar, values, bits };
+    let handshake = handshake(sources, file, raw, &values)?;
+    let meaning = Meaning { name: name.clone(), pages, shared, scalar, handshake, values, bits };
     if raw.page.is_none() && meaning.is_documented() {
         return Err(sources.error(at(file, raw.name.span()), Reason::MeaningWithoutPage(name.clone())));
     }
@@ -62,6 +63,25 @@ pub(crate) fn add(
     }
     all.push(checked);
     Ok(())
+}
+
+/// Returns the values of request and answer; both must be single values of the meaning.
+fn handshake(
+    sources: &Sources,
+    file: usize,
+    raw: &raw::Meaning,
+    values: &[Value],
+) -> Result<Option<(u32, u32)>, Error> {
+    let Some(given) = &raw.handshake else { return Ok(None) };
+    let raw::Handshake { request, answer } = *given.get_ref();
+    let is_known = |wanted: u32| values.iter().any(|value| value.first == wanted && value.last == wanted);
+    match [request, answer].into_iter().find(|value| !is_known(*value)) {
+        Some(unknown) => {
+            let reason = Reason::HandshakeValue(format!("0x{unknown:02X}"));
+            Err(sources.error(at(file, given.span()), reason))
+        }
+        None => Ok(Some((request, answer))),
+    }
 }
 
 impl CheckedMeaning {

@@ -374,15 +374,18 @@ fn emit_meaning(out: &mut String, device: &Device, meaning: &Meaning) {
         let theirs = path(device, true, &meaning_name(meaning));
         let _ = writeln!(
             out,
-            "    static {}: Meaning = Meaning {{ name: {:?}, page: {page:?}, values: {theirs}.values, bits: {theirs}.bits }};\n",
+            "    static {}: Meaning = Meaning {{ name: {:?}, page: {page:?}, handshake: {theirs}.handshake, values: {theirs}.values, bits: {theirs}.bits }};\n",
             meaning_name(meaning),
             meaning.name,
         );
         return;
     }
+    let handshake = meaning.handshake.map_or("None".to_owned(), |(request, answer)| {
+        format!("Some(Handshake {{ request: {request}, answer: {answer} }})")
+    });
     let _ = writeln!(
         out,
-        "    /// Meaning `{}`.\n    pub static {}: Meaning = Meaning {{ name: {:?}, page: {page:?}, values: {}, bits: &[",
+        "    /// Meaning `{}`.\n    pub static {}: Meaning = Meaning {{ name: {:?}, page: {page:?}, handshake: {handshake}, values: {}, bits: &[",
         meaning.name,
         meaning_name(meaning),
         meaning.name,

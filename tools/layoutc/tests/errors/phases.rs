@@ -1,4 +1,4 @@
-//! Errors in phases, and in the structures that are valid in one of them.
+//! Errors in phases, in the structures that are valid in one of them, and in handshakes.
 
 use super::{FIXTURE, check, edited, error_of};
 
@@ -76,4 +76,21 @@ fn the_register_holds_the_first_value_of_each_phase() {
         "from = 65536",
         "device.toml:71:29: `from` 65536 does not fit `w_STATUS` (WORD, 16 bits)",
     );
+}
+
+#[test]
+fn a_handshake_has_two_single_values_of_the_meaning() {
+    for (request, unknown) in [(5, "0x05"), (12, "0x0C")] {
+        let given = format!(
+            "page = \"2\"\nhandshake = {{ request = {request}, answer = 0 }}\nvalue = [\n  {{ is = 0"
+        );
+        check(
+            "parts.toml",
+            "page = \"2\"\nvalue = [\n  { is = 0",
+            &given,
+            &format!(
+                "parts.toml:4:13: `handshake` has {unknown}, which is no single value (`is`) of the meaning"
+            ),
+        );
+    }
 }
