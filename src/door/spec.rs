@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use std::net::SocketAddrV4;
 
 /// A door, as requested or as open.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Deserialize, Serialize)]
+#[derive(Clone, Copy, PartialEq, Eq, Hash, Deserialize, Serialize)]
 #[serde(try_from = "String", into = "String")]
 pub struct DoorSpec {
     /// Index into [`PROTOCOLS`].
@@ -163,6 +163,18 @@ impl DoorSpec {
     /// The same protocol over this carrier.
     pub(super) const fn over(self, carrier: Carrier) -> Self {
         DoorSpec { carrier, ..self }
+    }
+}
+
+/// Snapshots compare the settings of a plant in this form, so it stays: `SlcanTcp { at: 127.0.0.1:0 }`.
+impl fmt::Debug for DoorSpec {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let name = self.protocol().name();
+        let name = name[..1].to_uppercase() + &name[1..];
+        match self.carrier {
+            Carrier::Tcp(at) => f.debug_struct(&format!("{name}Tcp")).field("at", &at).finish(),
+            Carrier::Pty(number) => f.debug_struct(&format!("{name}Pty")).field("number", &number).finish(),
+        }
     }
 }
 
