@@ -27,7 +27,8 @@ mod tests;
 pub use reply::{DecodeError, ReplyBuffer, decode};
 
 use crate::memory::Width;
-use crate::request::{MAX_OPS, MAX_RANGE, Op, ops};
+use crate::request::ops::ops;
+use crate::request::{MAX_OPS, MAX_RANGE, Op};
 use columns::InColumns;
 use iceoryx2::prelude::ZeroCopySend;
 use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};

@@ -45,7 +45,7 @@ impl Execution {
     pub fn run(&mut self, host: &mut dyn Host, op: &Op) -> Result<Option<Reply>, Refused> {
         host.permit(op)?;
         // Stores are recorded separately.
-        if op.class() == Class::Acts {
+        if op.acts() && op.class() != Class::Stores {
             host.plant_and_travel().1.touch();
         }
         let reply = Work { execution: self, host }.execute(*op)?;

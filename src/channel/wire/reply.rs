@@ -2,7 +2,8 @@
 
 use super::content::{Content, MAX_TEXT};
 use super::{Block, MAX_REPLY_BLOCKS, MAX_REPLY_BYTES};
-use crate::request::{Code, Refused, Reply, replies};
+use crate::request::replies::replies;
+use crate::request::{Code, Refused, Reply};
 use zerocopy::IntoBytes;
 
 /// Largest number of blocks of an error; they are reserved, so that an error about a long reply always fits.

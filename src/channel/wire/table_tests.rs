@@ -1,7 +1,9 @@
 //! The tables of operations and replies: `docs/reference/channel.md`, and a sample of each.
 
 use super::WIRE_VERSION;
-use crate::request::{MAX_ADVANCE_US, MAX_RANGE, Op, ops, replies};
+use crate::request::ops::ops;
+use crate::request::replies::replies;
+use crate::request::{MAX_ADVANCE_US, MAX_RANGE, Op};
 use std::fmt::Write;
 
 /// If this variable has any value, the test writes the table of the page again.
