@@ -2,7 +2,7 @@
 
 use super::conversion::convert;
 use super::{Coupling, Subscription};
-use crate::fmi::{ShaftValue, Value, What};
+use crate::fmi::{Quantity, ShaftValue, Value};
 use crate::journal::candump;
 use crate::layout::Owner;
 use crate::request::{Execution, Host, Op};
@@ -28,15 +28,15 @@ impl Coupling {
         let Some(subscription) = self.interface.subscriptions.get(place) else { return };
         let has_switch = |of: usize| {
             let all = self.interface.subscriptions.iter();
-            let mut switches = all.filter_map(|it| match it.what {
-                What::Shaft { drive, value: ShaftValue::IsModelled } => Some(drive),
+            let mut switches = all.filter_map(|it| match it.quantity {
+                Quantity::Shaft { drive, value: ShaftValue::IsModelled } => Some(drive),
                 _ => None,
             });
             switches.any(|drive| drive == of)
         };
-        let outcome = match (subscription.what, convert(subscription.kind, value)) {
+        let outcome = match (subscription.quantity, convert(subscription.kind, value)) {
             (_, Err(why)) => Err(why),
-            (What::Register { plc, offset, width, ty, owner }, Ok(Value::Integer(value))) => {
+            (Quantity::Register { plc, offset, width, ty, owner }, Ok(Value::Integer(value))) => {
                 let bits = value as u32 & ty.mask();
                 // Same rule as for units, decision D-535.
                 if owner == Owner::Both || host.plant().load(plc, offset, width) != Ok(bits) {
@@ -45,11 +45,11 @@ impl Coupling {
                     Ok(())
                 }
             }
-            (What::Shaft { drive, value: ShaftValue::IsModelled }, Ok(Value::Boolean(is_modelled))) => {
+            (Quantity::Shaft { drive, value: ShaftValue::IsModelled }, Ok(Value::Boolean(is_modelled))) => {
                 self.shafts.set_modelled(drive, is_modelled);
                 Ok(())
             }
-            (What::Shaft { drive, .. }, Ok(Value::Float(speed))) => {
+            (Quantity::Shaft { drive, .. }, Ok(Value::Float(speed))) => {
                 if !has_switch(drive) {
                     self.shafts.set_modelled(drive, true);
                 }

@@ -1,7 +1,7 @@
 //! Looks up the names of the file in a plant.
 
 use super::{CouplingConfig, CouplingError, ValueEntry};
-use crate::fmi::{Causality, Kind, Variable, What, named};
+use crate::fmi::{Causality, Kind, Quantity, Variable, named};
 use crate::plant::Plant;
 use std::collections::BTreeSet;
 
@@ -27,7 +27,7 @@ pub struct Publication {
     pub kind: Kind,
     /// Unit of the value; empty if it has none.
     pub unit: &'static str,
-    pub(super) what: What,
+    pub(super) quantity: Quantity,
 }
 
 /// A value that the plant subscribes to.
@@ -41,7 +41,7 @@ pub struct Subscription {
     pub kind: Kind,
     /// Unit of the value; empty if it has none.
     pub unit: &'static str,
-    pub(super) what: What,
+    pub(super) quantity: Quantity,
 }
 
 /// A bus that exchanges frames.
@@ -67,9 +67,9 @@ impl Interface {
                 return Err(CouplingError::Unfit { name: it.value.clone(), why });
             }
             publications.extend(found.into_iter().map(|found| {
-                let Variable { name: value, kind, unit, what, .. } = found;
+                let Variable { name: value, kind, unit, quantity, .. } = found;
                 let key = it.key.clone().unwrap_or_else(|| format!("{name}/{value}"));
-                Publication { key, kind, unit, what }
+                Publication { key, kind, unit, quantity }
             }));
         }
         let mut subscriptions = Vec::new();
@@ -120,6 +120,6 @@ fn subscription(plant: &Plant, plant_name: &str, it: &ValueEntry) -> Result<Subs
         ));
     }
     let key = it.key.clone().unwrap_or_else(|| format!("{plant_name}/{}", one.name));
-    let Variable { name, kind, unit, what, .. } = one;
-    Ok(Subscription { name, key, kind, unit, what })
+    let Variable { name, kind, unit, quantity, .. } = one;
+    Ok(Subscription { name, key, kind, unit, quantity })
 }

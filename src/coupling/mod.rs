@@ -17,7 +17,7 @@ pub use config::{BusEntry, CouplingConfig, ValueEntry};
 pub use error::CouplingError;
 pub use lookup::{Endpoint, Interface, Publication, Subscription};
 
-use crate::fmi::{Shafts, Value, What};
+use crate::fmi::{Quantity, Shafts, Value};
 use crate::journal::{Source, candump};
 use crate::plant::Plant;
 use crate::request::Host;
@@ -80,7 +80,7 @@ pub enum Progress {
 /// A plant coupled with other simulators.
 pub struct Coupling {
     interface: Interface,
-    published: Vec<(What, Option<Value>)>,
+    published: Vec<(Quantity, Option<Value>)>,
     refused_values: Vec<Refusals>,
     refused_frames: Vec<Refusals>,
     shafts: Shafts,
@@ -106,7 +106,7 @@ impl Coupling {
         let interface = Interface::of(config, plant)?;
         let start_us = plant.now();
         Ok(Coupling {
-            published: interface.publications.iter().map(|it| (it.what, None)).collect(),
+            published: interface.publications.iter().map(|it| (it.quantity, None)).collect(),
             refused_values: interface.subscriptions.iter().map(|_| Refusals::default()).collect(),
             refused_frames: interface.endpoints.iter().map(|_| Refusals::default()).collect(),
             shafts: Shafts::of(plant),
@@ -206,8 +206,8 @@ impl Coupling {
 
     fn collect(&mut self, plant: &Plant) -> PlantOutput {
         let mut given = PlantOutput { next_us: self.due_us - self.start_us, ..PlantOutput::default() };
-        for (place, (what, last)) in self.published.iter_mut().enumerate() {
-            let value = self.shafts.value(plant, *what);
+        for (place, (quantity, last)) in self.published.iter_mut().enumerate() {
+            let value = self.shafts.value(plant, *quantity);
             if last.replace(value) != Some(value) {
                 given.values.push((place, value));
             }
@@ -221,7 +221,7 @@ impl Coupling {
                 let heard = endpoints.iter().enumerate().filter(|(_, it)| it.bus == bus && !it.to.is_empty());
                 for (place, endpoint) in heard {
                     let (seconds, us) = (record.time_us / 1_000_000, record.time_us % 1_000_000);
-                    let frame = candump::Shown(&carried.frame);
+                    let frame = candump::FrameText(&carried.frame);
                     let line = format!("({seconds:010}.{us:06}) {} {frame}", endpoint.bus_name);
                     given.frames.push((place, line));
                 }

@@ -18,7 +18,7 @@ pub enum Power {
 
 /// Result of polling a device's front: the action that the plant must take.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Look {
+pub enum FrontAction {
     /// No action.
     Nothing,
     /// A switch was turned or a request answered; timers may have changed.
@@ -45,10 +45,10 @@ pub trait Front {
     }
 
     /// Switches supply or RESET, as a user does at the switch.
-    fn set_power(&mut self, power: Power) -> Look;
+    fn set_power(&mut self, power: Power) -> FrontAction;
 
     /// Polls switches and requests of the front once.
-    fn look(&mut self, ctx: &mut Context) -> Look;
+    fn look(&mut self, ctx: &mut Context) -> FrontAction;
 
     /// Whether a client has turned a switch or put in a request.
     fn front_has_changed(&self) -> bool;

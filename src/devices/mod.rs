@@ -112,7 +112,7 @@ pub use exercise::{Exercise, Move, Wrong};
 #[cfg(feature = "emulator")]
 pub use faulty::Faulty;
 #[cfg(feature = "emulator")]
-pub use front::{Front, Look, Power};
+pub use front::{Front, FrontAction, Power};
 #[cfg(feature = "emulator")]
 pub use guest::{Attendance, BusGuests, GuestNews, GuestRefusal};
 #[cfg(feature = "emulator")]

@@ -2,7 +2,7 @@
 
 use super::program::Starts;
 use super::supply::Supply;
-use super::{Context, Device, DeviceView, Events, Faulty, Front, Look, NovramContents, Power, World};
+use super::{Context, Device, DeviceView, Events, Faulty, Front, FrontAction, NovramContents, Power, World};
 use crate::fault::{Effect, Faults, Hit, Owner, Target};
 use crate::layout;
 use crate::layout::{Area, DeviceFit};
@@ -191,22 +191,22 @@ impl<F: Firmware> Front for Plain<F> {
         self.firmware.refusal(setting)
     }
 
-    fn set_power(&mut self, power: Power) -> Look {
+    fn set_power(&mut self, power: Power) -> FrontAction {
         self.supply.set(&self.face, power)
     }
 
-    fn look(&mut self, ctx: &mut Context) -> Look {
+    fn look(&mut self, ctx: &mut Context) -> FrontAction {
         if !self.front_has_changed() {
-            return Look::Nothing;
+            return FrontAction::Nothing;
         }
         let look = self.supply.feed(&self.face, self.firmware.is_fed());
         if !self.firmware.starts_program() {
-            let is_up = look == Look::Nothing && self.supply.is_up();
+            let is_up = look == FrontAction::Nothing && self.supply.is_up();
             if self.starts.look(ctx, &self.face, is_up).is_some() {
                 self.note_order();
             }
         }
-        if look == Look::Nothing { Look::Answered } else { look }
+        if look == FrontAction::Nothing { FrontAction::Answered } else { look }
     }
 
     fn front_has_changed(&self) -> bool {

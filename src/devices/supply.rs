@@ -2,7 +2,7 @@
 //! the supply off and on.
 
 use super::records::{BoardEvent, OnBoard};
-use super::{Context, Look, Power};
+use super::{Context, FrontAction, Power};
 use crate::memory::Face;
 use crate::memory::header;
 use crate::snapshot_fields;
@@ -43,7 +43,7 @@ impl Supply {
     }
 
     /// The supply in front of the switch drops or returns.
-    pub(super) fn feed(&mut self, face: &Face, is_fed: bool) -> Look {
+    pub(super) fn feed(&mut self, face: &Face, is_fed: bool) -> FrontAction {
         self.is_fed = is_fed;
         self.look(face)
     }
@@ -55,7 +55,7 @@ impl Supply {
     }
 
     /// Switches it, as if a client had turned the switch.
-    pub(super) fn set(&mut self, face: &Face, power: Power) -> Look {
+    pub(super) fn set(&mut self, face: &Face, power: Power) -> FrontAction {
         let on = matches!(power, Power::On | Power::ReleaseReset);
         self.seen = if on { header::Power::On } else { header::Power::Off }.code();
         face.put(|page| &page.program.power, self.seen);
@@ -63,17 +63,17 @@ impl Supply {
     }
 
     /// Polls the switch once.
-    pub(super) fn look(&mut self, face: &Face) -> Look {
+    pub(super) fn look(&mut self, face: &Face) -> FrontAction {
         self.seen = face.asked().program.power.load();
         self.switch(self.seen != header::Power::Off.code())
     }
 
-    fn switch(&mut self, on: bool) -> Look {
+    fn switch(&mut self, on: bool) -> FrontAction {
         let on = on && self.is_fed;
         if core::mem::replace(&mut self.is_powered, on) == on {
-            return Look::Nothing;
+            return FrontAction::Nothing;
         }
-        if on { Look::Up } else { Look::Off }
+        if on { FrontAction::Up } else { FrontAction::Off }
     }
 
     /// The device starts; every start except the first is an event.

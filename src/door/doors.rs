@@ -144,7 +144,8 @@ impl Doors {
     /// The doors of a bus, in the order in which they were opened.
     #[must_use]
     pub fn of_bus(&self, bus: u16) -> Vec<DoorState> {
-        let is_its = |guest: &Guest, spec| guest.bus == bus && guest.door == spec && !guest.wish().has_gone;
+        let is_its =
+            |guest: &Guest, spec| guest.bus == bus && guest.door == spec && !guest.requests().has_gone;
         let guests = |spec| self.guests.iter().filter(move |guest| is_its(guest, spec));
         let of_bus = self.doors.iter().filter(|door| door.bus == bus);
         let state = |door: &Door| DoorState {

@@ -1,6 +1,6 @@
 //! A guest: its requests to the plant and the traffic for it, between the two threads that serve it.
 
-use super::seat::Seat;
+use super::seat::GuestTurn;
 use super::slcan::{Rate, Status};
 use super::wire::{Adapter, BadLength, BusMessage};
 use super::{DoorSpec, ROOM_TO_GUEST, ROOM_TO_PLANT};
@@ -32,7 +32,7 @@ struct Inner {
     has_opened: bool,
     to_plant: VecDeque<BusMessage>,
     to_guest: VecDeque<GuestMessage>,
-    seat: Seat,
+    seat: GuestTurn,
     /// The bit time until which it asks for time, if it counts bits.
     until_bit: Option<u64>,
     /// The rate of its bus, if it is known.
@@ -63,7 +63,7 @@ pub(super) enum GuestMessage {
 
 /// The present requests of a guest.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Wish {
+pub struct GuestRequests {
     /// To receive the traffic of the bus.
     pub hears: bool,
     /// To take part: to send and to acknowledge.
@@ -107,9 +107,9 @@ impl Guest {
 
     /// The present requests of the guest.
     #[must_use]
-    pub fn wish(&self) -> Wish {
+    pub fn requests(&self) -> GuestRequests {
         let inner = self.inner();
-        Wish {
+        GuestRequests {
             hears: inner.open.is_some() && !inner.has_gone,
             takes_part: inner.open == Some(false) && !inner.has_gone,
             rate: inner.rate,
@@ -173,7 +173,7 @@ impl Guest {
             door: self.door,
             open: inner.open.is_some(),
             bit_s: inner.rate.map(Rate::bit_s),
-            seat: inner.seat != Seat::Free,
+            seat: inner.seat != GuestTurn::Free,
             dropped: inner.dropped,
             refused: inner.refused,
         }
@@ -181,7 +181,7 @@ impl Guest {
 
     /// The relation of the guest to emulated time.
     #[must_use]
-    pub fn seat(&self) -> Seat {
+    pub fn seat(&self) -> GuestTurn {
         self.inner().seat
     }
 
@@ -195,7 +195,7 @@ impl Guest {
         let mut inner = self.inner();
         let rate = BusRate::new(inner.bus_bit_s);
         if let Some(bit) = inner.until_bit.take()
-            && let Seat::Asks { us, .. } = &mut inner.seat
+            && let GuestTurn::Asks { us, .. } = &mut inner.seat
         {
             // The clock does not stop for a request about the past.
             *us = rate.map_or(0, |rate| rate.us_at(bit)).saturating_sub(now).max(1);
@@ -239,7 +239,7 @@ impl Guest {
     pub(super) fn leave(&self) {
         let mut inner = self.inner();
         inner.has_gone = true;
-        inner.seat = Seat::Free;
+        inner.seat = GuestTurn::Free;
     }
 
     /// The next message to the guest; `None` if none waits.
@@ -267,7 +267,7 @@ impl Adapter for &Guest {
     fn close(&mut self) {
         let mut inner = self.inner();
         inner.open = None;
-        inner.seat = Seat::Free;
+        inner.seat = GuestTurn::Free;
         inner.to_guest.clear();
     }
 

@@ -4,7 +4,7 @@
 //! speak, or to PROFIBUS in telegrams. A program that connects is a guest, a station on a bus like others. This
 //! module knows no plant: [`Doors`] passes on the messages of guests and takes messages for them. Both ways use
 //! bounded queues, so that a slow or dead guest delays no other station. A separate thread does all work that could
-//! block. A guest that asks for emulated time has a [`Seat`] in lockstep.
+//! block. A guest that asks for emulated time has a [`GuestTurn`] in lockstep.
 
 mod descriptors;
 mod doors;
@@ -21,9 +21,9 @@ mod wire;
 
 pub(crate) use descriptors::RESERVED as RESERVED_DESCRIPTORS;
 pub use doors::{DoorError, DoorState, Doors};
-pub use guest::{Guest, GuestState, Wish};
+pub use guest::{Guest, GuestRequests, GuestState};
 pub use protocol::{Speech, doors_of};
-pub use seat::Seat;
+pub use seat::GuestTurn;
 pub use slcan::Rate;
 pub use spec::{BadDoor, Carrier, DoorSpec};
 pub use wire::BusMessage;

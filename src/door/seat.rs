@@ -7,7 +7,7 @@
 
 /// The relation of a guest to emulated time. Times are in microseconds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Seat {
+pub enum GuestTurn {
     /// The guest has never asked, or has given its seat back: the clock does not wait for it.
     #[default]
     Free,
@@ -29,27 +29,27 @@ pub enum Seat {
     HasTurn,
 }
 
-impl Seat {
+impl GuestTurn {
     /// Asks for a duration; `false` if the guest has asked already, or for a duration of 0, which would stop the
     /// clock for ever.
     pub(super) fn ask(&mut self, us: u64) -> bool {
         let may = self.may_speak() && us > 0;
         if may {
-            *self = Seat::Asks { us, has_heard: false };
+            *self = GuestTurn::Asks { us, has_heard: false };
         }
         may
     }
 
     /// Begins the duration that was asked for.
     pub(super) fn begin(&mut self, now: u64) {
-        if let Seat::Asks { us, has_heard } = *self {
-            *self = Seat::Waits { until: now.saturating_add(us), has_heard };
+        if let GuestTurn::Asks { us, has_heard } = *self {
+            *self = GuestTurn::Waits { until: now.saturating_add(us), has_heard };
         }
     }
 
     /// Notes that the guest has received a frame.
     pub(super) fn hear(&mut self) {
-        if let Seat::Asks { has_heard, .. } | Seat::Waits { has_heard, .. } = self {
+        if let GuestTurn::Asks { has_heard, .. } | GuestTurn::Waits { has_heard, .. } = self {
             *has_heard = true;
         }
     }
@@ -58,16 +58,16 @@ impl Seat {
     pub(super) fn grant(&mut self, now: u64) -> bool {
         let is_due = self.next_turn() <= now;
         if is_due {
-            *self = Seat::HasTurn;
+            *self = GuestTurn::HasTurn;
         }
         is_due
     }
 
     /// Ends the wait for a guest that has its turn; returns whether it had.
     pub(super) fn give_up(&mut self) -> bool {
-        let had_turn = *self == Seat::HasTurn;
+        let had_turn = *self == GuestTurn::HasTurn;
         if had_turn {
-            *self = Seat::Free;
+            *self = GuestTurn::Free;
         }
         had_turn
     }
@@ -76,8 +76,8 @@ impl Seat {
     #[must_use]
     pub fn next_turn(self) -> u64 {
         match self {
-            Seat::Waits { has_heard: true, .. } => 0,
-            Seat::Waits { until, .. } => until,
+            GuestTurn::Waits { has_heard: true, .. } => 0,
+            GuestTurn::Waits { until, .. } => until,
             _ => u64::MAX,
         }
     }
@@ -85,7 +85,7 @@ impl Seat {
     /// Whether the guest may send: not between a request and the answer, because it has promised not to.
     #[must_use]
     pub fn may_speak(self) -> bool {
-        matches!(self, Seat::Free | Seat::HasTurn)
+        matches!(self, GuestTurn::Free | GuestTurn::HasTurn)
     }
 }
 
@@ -95,24 +95,24 @@ mod tests {
 
     #[test]
     fn a_turn_comes_when_the_time_has_come() {
-        let mut seat = Seat::default();
+        let mut seat = GuestTurn::default();
         assert!(seat.may_speak() && !seat.grant(u64::MAX - 1), "a guest that never asks has no turn");
         assert!(seat.ask(100) && !seat.may_speak());
         assert!(!seat.ask(100), "one at a time");
         seat.begin(1_000);
         seat.begin(5_000);
         assert_eq!((seat.next_turn(), seat.grant(1_099), seat.grant(1_100)), (1_100, false, true));
-        assert!(seat == Seat::HasTurn && seat.may_speak() && !seat.grant(2_000));
+        assert!(seat == GuestTurn::HasTurn && seat.may_speak() && !seat.grant(2_000));
         assert!(!seat.ask(0) && seat.ask(u64::MAX));
         seat.begin(5);
         assert_eq!((seat.next_turn(), seat.give_up()), (u64::MAX, false));
-        seat = Seat::HasTurn;
-        assert!(seat.give_up() && seat == Seat::Free);
+        seat = GuestTurn::HasTurn;
+        assert!(seat.give_up() && seat == GuestTurn::Free);
     }
 
     #[test]
     fn a_frame_brings_it_earlier_but_only_one_heard_meanwhile() {
-        let mut seat = Seat::default();
+        let mut seat = GuestTurn::default();
         seat.hear();
         seat.ask(100);
         seat.begin(0);

@@ -29,7 +29,7 @@ pub(crate) use values::Shafts;
 pub use values::Value;
 pub use variables::{Causality, Kind, Variable, VariablesError};
 #[cfg(feature = "channel")]
-pub(crate) use variables::{ShaftValue, What};
+pub(crate) use variables::{Quantity, ShaftValue};
 
 /// Mark in the shared object, so that a program can check that the object belongs to it.
 pub const MARK: &str = concat!("commram-fmi unit ", env!("CARGO_PKG_VERSION"), ";");

@@ -2,7 +2,7 @@
 
 use super::resources::{Resources, ResourcesError};
 use super::values::{Shafts, Value};
-use super::variables::{Kind, ShaftValue, Variable, What, variables};
+use super::variables::{Kind, Quantity, ShaftValue, Variable, variables};
 use crate::layout::Owner;
 use crate::memory::Segment;
 use crate::plant::{Plant, Snapshot, SnapshotError, SnapshotFile};
@@ -154,7 +154,7 @@ impl Unit {
     pub fn token(&self) -> String {
         let mut text = String::from(env!("CARGO_PKG_VERSION"));
         for variable in &self.variables {
-            text.push_str(&format!(" {} {:?} {:?}", variable.name, variable.kind, variable.what));
+            text.push_str(&format!(" {} {:?} {:?}", variable.name, variable.kind, variable.quantity));
         }
         let devices = self.plant.devices();
         let layouts: String = devices.iter().map(|it| format!(" {:X}", it.layout().layout_hash)).collect();
@@ -219,9 +219,9 @@ impl Unit {
     /// # Errors
     /// There is no such variable, or it is of another type.
     pub fn get(&self, reference: u32, kind: Kind) -> Result<Value, UnitError> {
-        Ok(match self.variable(reference, kind)?.what {
-            What::Time => Value::Float(self.time_s()),
-            what => self.own.shafts.value(&self.plant, what),
+        Ok(match self.variable(reference, kind)?.quantity {
+            Quantity::Time => Value::Float(self.time_s()),
+            quantity => self.own.shafts.value(&self.plant, quantity),
         })
     }
 
@@ -235,8 +235,8 @@ impl Unit {
         if !matches!(variable.causality, super::Causality::Input | super::Causality::Parameter) {
             return Err(UnitError::Output { name: name() });
         }
-        match (variable.what, value) {
-            (What::Register { plc, offset, width, ty, owner }, Value::Integer(value)) => {
+        match (variable.quantity, value) {
+            (Quantity::Register { plc, offset, width, ty, owner }, Value::Integer(value)) => {
                 let bits = value as u32 & ty.mask();
                 // Tools that set everything at each step are to leave no stores where a program would not have stored (decision
                 // D-535). Where the firmware writes, too, each store counts.
@@ -244,16 +244,16 @@ impl Unit {
                     let _ = self.plant.store(plc, offset, width, bits);
                 }
             }
-            (What::Shaft { drive, value: ShaftValue::IsModelled }, Value::Boolean(is_modelled)) => {
+            (Quantity::Shaft { drive, value: ShaftValue::IsModelled }, Value::Boolean(is_modelled)) => {
                 self.own.shafts.set_modelled(drive, is_modelled);
                 if !is_modelled {
                     self.plant.turn_shaft(drive, None);
                 }
             }
-            (What::Shaft { .. }, Value::Float(value)) if !value.is_finite() => {
+            (Quantity::Shaft { .. }, Value::Float(value)) if !value.is_finite() => {
                 return Err(UnitError::NotFinite { name: name(), value });
             }
-            (What::Shaft { drive, .. }, Value::Float(speed)) => {
+            (Quantity::Shaft { drive, .. }, Value::Float(speed)) => {
                 self.own.shafts.set_speed(drive, speed);
             }
             // The type of the variable determines its value.

@@ -1,6 +1,6 @@
 //! Values of variables, and the motors that a model outside turns.
 
-use super::variables::{ShaftValue, What};
+use super::variables::{Quantity, ShaftValue};
 use crate::plant::Plant;
 use core::f64::consts::TAU;
 use serde::{Deserialize, Serialize};
@@ -63,14 +63,14 @@ impl Shafts {
     }
 
     /// The value of a variable except time.
-    pub(crate) fn value(&self, plant: &Plant, what: What) -> Value {
-        match what {
-            What::Time => Value::Float(plant.now() as f64 * 1e-6),
-            What::Register { plc, offset, width, ty, .. } => {
+    pub(crate) fn value(&self, plant: &Plant, quantity: Quantity) -> Value {
+        match quantity {
+            Quantity::Time => Value::Float(plant.now() as f64 * 1e-6),
+            Quantity::Register { plc, offset, width, ty, .. } => {
                 // The layout has a register there.
                 Value::Integer(ty.number(plant.load(plc, offset, width).unwrap_or_default()))
             }
-            What::Shaft { drive, value } => self.at_shaft(plant, drive, value),
+            Quantity::Shaft { drive, value } => self.at_shaft(plant, drive, value),
         }
     }
 

@@ -19,7 +19,7 @@ pub struct Variable {
     pub start: Option<String>,
     /// Unit of the value, if it has one.
     pub unit: &'static str,
-    pub(crate) what: What,
+    pub(crate) quantity: Quantity,
 }
 
 /// Type of a variable.
@@ -101,7 +101,7 @@ impl Causality {
 
 /// The quantity of a variable.
 #[derive(Clone, Copy, Debug)]
-pub(crate) enum What {
+pub(crate) enum Quantity {
     Time,
     Register { plc: usize, offset: u32, width: Width, ty: RegType, owner: Owner },
     Shaft { drive: usize, value: ShaftValue },
@@ -157,7 +157,7 @@ pub(super) fn variables(plant: &Plant, patterns: &[String]) -> Result<Vec<Variab
         causality: Causality::Independent,
         start: None,
         unit: "s",
-        what: What::Time,
+        quantity: Quantity::Time,
     }];
     all.extend(of_registers(plant, &Wanted::of(plant, patterns)?)?);
     for (number, drive) in plant.drives().iter().enumerate() {
@@ -247,7 +247,7 @@ fn of_register(plant: &Plant, plc: usize, prefix: &str, register: &RegisterRef) 
         causality,
         start,
         unit: "",
-        what: What::Register { plc, offset: register.offset(), width, ty, owner },
+        quantity: Quantity::Register { plc, offset: register.offset(), width, ty, owner },
     };
     let name = format!("{prefix}{register}");
     let start = || Some(ty.number(value).to_string());
@@ -272,7 +272,7 @@ pub(super) fn of_drive(drive: usize, name: &str) -> Vec<Variable> {
         causality,
         start: start.map(str::to_owned),
         unit,
-        what: What::Shaft { drive, value },
+        quantity: Quantity::Shaft { drive, value },
     };
     let speed = |suffix, value, text| variable(suffix, Kind::F64, Output, None, "rad/s", value, text);
     vec![

@@ -36,9 +36,9 @@ fn number(index: usize, others: &[String]) -> String {
 }
 
 /// A frame as the format has it: `583#7900210000000000`, `00000123#R4`.
-pub struct Shown<'a>(pub &'a Frame);
+pub struct FrameText<'a>(pub &'a Frame);
 
-impl fmt::Display for Shown<'_> {
+impl fmt::Display for FrameText<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let field = self.0.arbitration();
         match field.id() {
@@ -59,7 +59,7 @@ impl Format for Candump {
         let (seconds, us) = (record.time_us / 1_000_000, record.time_us % 1_000_000);
         let bus = self.buses.get(usize::from(bus)).map_or("can", String::as_str);
         // Writing to a String cannot fail.
-        let _ = write!(out, "({seconds:010}.{us:06}) {bus} {}", Shown(&frame.frame));
+        let _ = write!(out, "({seconds:010}.{us:06}) {bus} {}", FrameText(&frame.frame));
         out.push('\n');
     }
 
@@ -73,7 +73,7 @@ impl Format for Candump {
 
 const NO_FRAME: &str = "a frame of a candump log is for example 583#7900210000000000";
 
-/// Reads a frame as [`Shown`] writes it: `583#7900210000000000`, `00000123#R4`.
+/// Reads a frame as [`FrameText`] writes it: `583#7900210000000000`, `00000123#R4`.
 ///
 /// # Errors
 /// The expected text.
@@ -116,7 +116,7 @@ mod tests {
     #[test]
     fn frames_as_candump_writes_them() {
         let id = ExtendedId::new(0x123).unwrap();
-        let shown = |frame: Frame| Shown(&frame).to_string();
+        let shown = |frame: Frame| FrameText(&frame).to_string();
         assert_eq!(shown(Frame::standard(0x23, Payload::EMPTY)), "023#");
         assert_eq!(shown(Frame::standard(0x7FF, Payload::new(&[1, 0xAB]).unwrap())), "7FF#01AB");
         assert_eq!(shown(Frame::new(id, Payload::new(&[5]).unwrap())), "00000123#05");

@@ -13,7 +13,7 @@ event_kinds! {
         /// Offset of the register.
         offset: u32,
         /// The width of the register, the originator of the change, and the register phase at that time.
-        how: How,
+        how: ChangeDetails,
         /// Value before.
         from: u32,
         /// Value now.
@@ -51,7 +51,7 @@ impl By {
 
 /// Facts about a change besides the values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct How {
+pub struct ChangeDetails {
     /// The register's width.
     pub width: Width,
     /// Originator of the change.
@@ -60,7 +60,7 @@ pub struct How {
     pub live: RegisterPhase,
 }
 
-impl Part for How {
+impl Part for ChangeDetails {
     #[inline]
     fn put(self, packer: &mut Packer) {
         packer.put(self.width.bytes() | (self.by as u32) << 8 | u32::from(self.live.number()) << 16);
@@ -71,7 +71,7 @@ impl Part for How {
         let [width, by, live, rest] = unpacker.take().to_le_bytes();
         let (width, live) = (Width::of_bytes(width.into())?, RegisterPhase::numbered(live));
         let by = By::ALL.get(usize::from(by)).copied()?;
-        (rest == 0).then_some(How { width, by, live })
+        (rest == 0).then_some(ChangeDetails { width, by, live })
     }
 }
 

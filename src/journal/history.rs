@@ -9,7 +9,7 @@
 //! A comparison changes nothing in the plant. Changes for the journal become records ([`Changed`]). Other changes go
 //! to a bounded list with separate numbers, so that an onlooker leaves the journal as it is.
 
-use super::changed::{By, Changed, How};
+use super::changed::{By, ChangeDetails, Changed};
 use crate::layout::{RegisterPhase, Width};
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
@@ -220,7 +220,7 @@ impl History {
                 register.live = live;
             }
             if from != register.held {
-                let how = How { width, by: rams.changed_by(plc, offset, By::Channel), live };
+                let how = ChangeDetails { width, by: rams.changed_by(plc, offset, By::Channel), live };
                 keep(changes, end, time_us, Changed { plc, offset, how, from, to: register.held });
             }
         }
@@ -278,7 +278,7 @@ impl FollowedRegister {
     ) {
         let &mut FollowedRegister { plc, offset, width, held: from, live, .. } = self;
         self.held = to;
-        let change = Changed { plc, offset, how: How { width, by, live }, from, to };
+        let change = Changed { plc, offset, how: ChangeDetails { width, by, live }, from, to };
         if let Some(keep) = keep.filter(|_| self.for_onlookers) {
             keep(change);
         }

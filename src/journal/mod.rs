@@ -55,7 +55,7 @@ pub mod vcd;
 mod waves;
 
 pub use catalogue::{Catalogue, FaultName};
-pub use changed::{By, Changed, How};
+pub use changed::{By, ChangeDetails, Changed};
 pub use coded::{EventCodec, Packer, Part, Place, Unpacker, Words};
 pub use event::{Event, Keeping, Origin, Source};
 pub use fields::Fields;

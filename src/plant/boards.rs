@@ -2,7 +2,7 @@
 
 use super::Plant;
 use crate::devices::records::{BoardEvent, OnBoard};
-use crate::devices::{Context, Events, Look, Power};
+use crate::devices::{Context, Events, FrontAction, Power};
 use crate::journal::Origin;
 use crate::layout::{FrontWord, Owner};
 use crate::memory::header::{BoardSetting, FRONT, SeatState};
@@ -37,7 +37,7 @@ impl Plant {
             let origin = Origin { plc: index as u16, node: 0 };
             let ctx = &mut Context { now: self.now, journal: &mut self.journal, origin, base: 0 };
             let look = self.devices[index].look(ctx);
-            changed |= look != Look::Nothing;
+            changed |= look != FrontAction::Nothing;
             self.follow(look, index);
         }
         if changed {

@@ -1,7 +1,9 @@
 //! Connection of ports with media: which port of which device is where, and the signals between both.
 
 use super::Plant;
-use crate::devices::{BUS_KINDS, BuildError, Bus, Context, Device, Look, Plug, SyncOrigin, SyncSignal};
+use crate::devices::{
+    BUS_KINDS, BuildError, Bus, Context, Device, FrontAction, Plug, SyncOrigin, SyncSignal,
+};
 use crate::journal::{Origin, Source};
 use crate::snapshot_fields;
 use std::sync::Arc;
@@ -154,18 +156,18 @@ impl Plant {
     }
 
     /// Takes the action that polling the front of device `index` requires.
-    pub(super) fn follow(&mut self, look: Look, index: usize) {
-        self.is_rescheduled |= !matches!(look, Look::Nothing | Look::Answered);
+    pub(super) fn follow(&mut self, look: FrontAction, index: usize) {
+        self.is_rescheduled |= !matches!(look, FrontAction::Nothing | FrontAction::Answered);
         match look {
-            Look::Nothing | Look::Answered => {}
-            Look::Held => self.stop(index),
-            Look::Off => {
+            FrontAction::Nothing | FrontAction::Answered => {}
+            FrontAction::Held => self.stop(index),
+            FrontAction::Off => {
                 if self.devices[index].is_up() {
                     self.stop(index);
                 }
                 self.devices[index].supply_failed();
             }
-            Look::Up => self.start(index),
+            FrontAction::Up => self.start(index),
         }
     }
 

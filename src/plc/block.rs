@@ -65,7 +65,7 @@ impl Variables {
 /// A parameter of a block's call.
 pub trait Wire: Sized {
     /// The view of the wire that the call gets.
-    type Lent;
+    type CallView;
 
     /// Connects it.
     ///
@@ -74,11 +74,11 @@ pub trait Wire: Sized {
     fn connect(place: &Place<'_>) -> Result<Self, MemoryError>;
 
     /// Borrows it for one call.
-    fn lend(&mut self) -> impl DerefMut<Target = Self::Lent>;
+    fn lend(&mut self) -> impl DerefMut<Target = Self::CallView>;
 }
 
 impl<T: SharedRegs> Wire for Base<T> {
-    type Lent = Self;
+    type CallView = Self;
 
     fn connect(place: &Place<'_>) -> Result<Self, MemoryError> {
         place.ram.at(place.offset)
@@ -91,7 +91,7 @@ impl<T: SharedRegs> Wire for Base<T> {
 
 /// The board: no registers, but the header page.
 impl Wire for Ram {
-    type Lent = Self;
+    type CallView = Self;
 
     fn connect(place: &Place<'_>) -> Result<Self, MemoryError> {
         Ok(place.ram.clone())
@@ -106,7 +106,7 @@ impl Wire for Ram {
 pub struct Shared<T>(Rc<RefCell<T>>);
 
 impl<T: Default + 'static> Wire for Shared<T> {
-    type Lent = T;
+    type CallView = T;
 
     fn connect(place: &Place<'_>) -> Result<Self, MemoryError> {
         Ok(place.variables.get())

@@ -4,7 +4,7 @@
 //! and guests receive frames at its end, unless a guest has a seat in lockstep: see [`super::turns`].
 
 use crate::devices::{Attendance, GuestRefusal};
-use crate::door::{BusMessage, DoorError, DoorState, Doors, Guest, Rate, Seat, Wish};
+use crate::door::{BusMessage, DoorError, DoorState, Doors, Guest, GuestRequests, GuestTurn, Rate};
 use crate::journal::Source;
 use crate::plant::{Plant, PlantConfig};
 use std::sync::Arc;
@@ -20,7 +20,7 @@ pub(super) struct Guests {
 /// A connected guest; the plant may know it.
 struct GuestEntry {
     guest: Arc<Guest>,
-    wish: Wish,
+    requests: GuestRequests,
     /// Number of frames to send at the last check; later frames wait for the next check.
     waiting: usize,
     /// True if the guest's bit rate is that of the bus, or it has set none.
@@ -116,8 +116,9 @@ impl Guests {
 
     /// Forgets guests that have left, once the plant does not know them and no frame of theirs is left.
     fn forget_departed(&mut self) {
-        let is_over =
-            |it: &mut GuestEntry| it.wish.has_gone && !it.is_in && !it.has_seat && it.guest.waiting() == 0;
+        let is_over = |it: &mut GuestEntry| {
+            it.requests.has_gone && !it.is_in && !it.has_seat && it.guest.waiting() == 0
+        };
         for gone in self.present.extract_if(.., is_over) {
             self.doors.forget(&gone.guest);
         }
@@ -132,7 +133,7 @@ impl Guests {
     /// Description of a guest that takes part.
     pub(super) fn present_one(&self, plant: &Plant) -> Option<String> {
         // Guests that have left are forgotten only when the clock advances.
-        let is_here = |it: &&GuestEntry| (it.is_in || it.has_seat) && !it.guest.wish().has_gone;
+        let is_here = |it: &&GuestEntry| (it.is_in || it.has_seat) && !it.guest.requests().has_gone;
         self.present.iter().find(is_here).map(|it| it.label(plant))
     }
 
@@ -241,7 +242,7 @@ fn bring_in_all(
 ) {
     for it in present.iter_mut().filter(|it| are_meant(it)) {
         // Messages sent before a guest left are still valid.
-        if it.fits && (it.wish.takes_part || it.waiting > 0) && !it.is_in {
+        if it.fits && (it.requests.takes_part || it.waiting > 0) && !it.is_in {
             plant.guest_joins(it.guest.bus, it.guest.number, is_stepped);
             plant.guest_hears(it.guest.bus, it.guest.number, &it.guest);
             it.is_in = true;
@@ -249,11 +250,11 @@ fn bring_in_all(
     }
     for it in present.iter_mut().filter(|it| are_meant(it)) {
         let is_through = it.send(plant);
-        if it.wish.has_gone && !is_through {
+        if it.requests.has_gone && !is_through {
             // Frees the place for other guests.
             plant.guest_has_gone(it.guest.bus, it.guest.number);
         }
-        if it.is_in && is_through && (!it.wish.takes_part || !it.fits) {
+        if it.is_in && is_through && (!it.requests.takes_part || !it.fits) {
             plant.guest_leaves(it.guest.bus, it.guest.number);
             it.is_in = false;
         }
@@ -266,10 +267,10 @@ fn bring_in_all(
 
 impl GuestEntry {
     fn new(guest: Arc<Guest>) -> Self {
-        let wish = guest.wish();
+        let requests = guest.requests();
         GuestEntry {
             guest,
-            wish,
+            requests,
             waiting: 0,
             fits: true,
             is_in: false,
@@ -287,16 +288,16 @@ impl GuestEntry {
 
     /// Reads the wishes of the guest.
     fn learn(&mut self, plant: &mut Plant) {
-        self.wish = self.guest.wish();
+        self.requests = self.guest.requests();
         let bit_s = plant.media().get(usize::from(self.guest.bus)).map_or(0, |medium| medium.bit_s());
         self.guest.is_at(bit_s);
-        self.fits = self.wish.rate.is_none_or(|rate| rate.fits(bit_s));
-        let deaf = self.wish.rate.filter(|_| self.wish.hears && !self.fits).map(|rate| (rate, bit_s));
+        self.fits = self.requests.rate.is_none_or(|rate| rate.fits(bit_s));
+        let deaf = self.requests.rate.filter(|_| self.requests.hears && !self.fits).map(|rate| (rate, bit_s));
         if let Some((rate, _)) = deaf.filter(|_| self.deaf != deaf) {
             plant.guest_is_deaf(self.guest.bus, self.guest.number, rate.code());
         }
         self.deaf = deaf;
-        if let Some(octets) = self.wish.bad_length.filter(|_| !self.is_nonsense) {
+        if let Some(octets) = self.requests.bad_length.filter(|_| !self.is_nonsense) {
             plant.guest_talks_nonsense(self.guest.bus, self.guest.number, octets);
             self.is_nonsense = true;
         }
@@ -304,7 +305,7 @@ impl GuestEntry {
 
     /// Takes or gives back a seat, as requested.
     fn update_seat(&mut self, plant: &mut Plant) {
-        let wants = self.guest.seat() != Seat::Free;
+        let wants = self.guest.seat() != GuestTurn::Free;
         if core::mem::replace(&mut self.has_seat, wants) != wants {
             let news = if wants { Attendance::Seated } else { Attendance::SeatBack };
             plant.note_guest(self.guest.bus, self.guest.number, news);
@@ -312,11 +313,11 @@ impl GuestEntry {
     }
 
     fn has_turn(&self) -> bool {
-        self.has_seat && self.guest.seat() == Seat::HasTurn
+        self.has_seat && self.guest.seat() == GuestTurn::HasTurn
     }
 
     fn hears(&self) -> bool {
-        self.wish.hears && self.fits
+        self.requests.hears && self.fits
     }
 
     /// Sends the waiting frames; returns false if its controller cannot take them all at once.

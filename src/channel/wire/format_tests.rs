@@ -7,7 +7,9 @@ use crate::devices::{self, DriveDetails, DriveState, Interval, ParameterState, S
 use crate::door::{DoorSpec, DoorState, GuestState};
 use crate::fault::{Draft, Fault, FaultStatus, MAX_FIELDS, Target};
 use crate::format_samples::assert_only_added;
-use crate::journal::{By, Change, Changed, Entry, Finding, How, Keep, Names, Record, Turn, Unforce};
+use crate::journal::{
+    By, Change, ChangeDetails, Changed, Entry, Finding, Keep, Names, Record, Turn, Unforce,
+};
 use crate::layout::{Compare, RegisterPhase, Test};
 use crate::memory::header::BoardSetting;
 use crate::plant::Forced;
@@ -165,7 +167,7 @@ fn replies() -> Vec<(&'static str, Reply)> {
     let turn = Turn { number: 2, begin: 5 };
     let event = Unforce { plc: 1, offset: 200_002 }.into();
     let record = Record { seq: 9, time_us: 1_000, event, count: 2, period_us: 3, latency_us: Some(4) };
-    let how = How { width: Width::Word, by: By::Channel, live: phases::CYCLIC };
+    let how = ChangeDetails { width: Width::Word, by: By::Channel, live: phases::CYCLIC };
     let changed = Changed { plc: 1, offset: 200_002, how, from: 3, to: 4 };
     let finding = Finding {
         rule: devices::catalogue().rules[0],

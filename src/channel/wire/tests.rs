@@ -7,7 +7,7 @@ use crate::door::{DoorSpec, DoorState, GuestState};
 use crate::fault::{
     Draft, Fault, FaultStatus, MAX_AT_US, MAX_DURATION_US, MAX_FIELDS, MAX_PARTICIPANT, Target,
 };
-use crate::journal::{By, Change, Changed, How, Keep, Names, Turn};
+use crate::journal::{By, Change, ChangeDetails, Changed, Keep, Names, Turn};
 use crate::layout::{Compare, DeviceFit, Fit, RegisterPhase, Role, Test};
 use crate::memory::header::BoardSetting;
 use crate::plant::Forced;
@@ -273,7 +273,7 @@ fn information() -> impl Strategy<Value = InstanceInfo> {
 fn changes() -> impl Strategy<Value = Vec<Change>> {
     let by = proptest::sample::select(vec![By::Firmware, By::Program, By::Channel, By::Force]);
     let live = proptest::sample::select(vec![RegisterPhase::ALWAYS, phases::INIT, phases::CYCLIC]);
-    let how = (width(), by, live).prop_map(|(width, by, live)| How { width, by, live });
+    let how = (width(), by, live).prop_map(|(width, by, live)| ChangeDetails { width, by, live });
     let change =
         (any::<(u64, u64)>(), any::<(u16, u32, u32, u32)>(), how).prop_map(|(numbers, words, how)| {
             let ((seq, time_us), (plc, offset, from, to)) = (numbers, words);

@@ -4,7 +4,7 @@
 use crate::devices::Events;
 use crate::devices::program::Starts;
 use crate::devices::supply::Supply;
-use crate::devices::{Context, Look, Power};
+use crate::devices::{Context, FrontAction, Power};
 use crate::memory::Face;
 use crate::memory::header::{Interrupt, InterruptResult, Start};
 use crate::snapshot_fields;
@@ -55,19 +55,19 @@ impl Front {
         self.supply.stop(ctx);
     }
 
-    pub(crate) fn set_power(&mut self, power: Power) -> Look {
+    pub(crate) fn set_power(&mut self, power: Power) -> FrontAction {
         self.supply.set(&self.face, power)
     }
 
     /// Polls switches and requests once.
-    pub(crate) fn look(&mut self, ctx: &mut Context) -> Look {
+    pub(crate) fn look(&mut self, ctx: &mut Context) -> FrontAction {
         if !self.has_changed() {
-            return Look::Nothing;
+            return FrontAction::Nothing;
         }
         let requests = self.face.asked().board_requests.load();
         let is_asked = core::mem::replace(&mut self.requests, requests) != requests;
         let look = self.supply.look(&self.face);
-        let is_up = look == Look::Nothing && self.is_up();
+        let is_up = look == FrontAction::Nothing && self.is_up();
         let ordered = self.starts.look(ctx, &self.face, is_up);
         self.follow(ordered);
         if !is_up {
@@ -76,7 +76,7 @@ impl Front {
         if is_asked {
             self.events.answer(ctx, &self.face, set);
         }
-        Look::Answered
+        FrontAction::Answered
     }
 
     /// No event occurs while the program is stopped (decision D-300).

@@ -10,7 +10,7 @@ use crate::devices::cansync::firmware::{NodeLocation, note_restarts, report_numb
 use crate::devices::cansync::medium::{Socket, SocketRole};
 use crate::devices::records::{BoardEvent, OnBoard};
 use crate::devices::{
-    AddressWrites, BuildError, Context, Device, DevicePorts, DeviceView, Events, Look, Plug, Power,
+    AddressWrites, BuildError, Context, Device, DevicePorts, DeviceView, Events, FrontAction, Plug, Power,
 };
 use crate::journal::Origin;
 use crate::layout::{self, DeviceFit, Fit, Port, Role};
@@ -249,12 +249,12 @@ impl crate::devices::Front for Bm4Plc {
         )
     }
 
-    fn set_power(&mut self, power: Power) -> Look {
+    fn set_power(&mut self, power: Power) -> FrontAction {
         self.front.set_power(power)
     }
 
     #[inline]
-    fn look(&mut self, ctx: &mut Context) -> Look {
+    fn look(&mut self, ctx: &mut Context) -> FrontAction {
         self.front.look(ctx)
     }
 

@@ -20,7 +20,7 @@ use super::ram::Registers;
 use super::registers::{DEVICE, FRONT_PROGRAM, FRONT_S1, FRONT_STAT, FRONT_STATE};
 use crate::can::{Frame, Payload};
 use crate::devices::samples::master::{Wires, bus_with, cycle};
-use crate::devices::{Bus, Context, Device, Look, Power, fault_kinds};
+use crate::devices::{Bus, Context, Device, FrontAction, Power, fault_kinds};
 use crate::fault::{FaultSpec, Faults, Owner};
 use crate::journal::{Journal, Names, Origin};
 use crate::layout::DeviceFit;
@@ -135,8 +135,8 @@ impl Bench {
         faults.fire_all(*now, journal, |_, target, effect| device.faults()?.fire(*now, target, effect));
         let origin = Origin { plc: 0, node: 0 };
         match device.look(&mut Context { now: *now, journal, origin, base: 0 }) {
-            Look::Off => self.stop(),
-            Look::Up => self.start(),
+            FrontAction::Off => self.stop(),
+            FrontAction::Up => self.start(),
             _ => {}
         }
     }

@@ -15,7 +15,7 @@ use crate::devices::omega_drive_line_2::registers::{BAPS, BAUD_RATES, DEVICE, ET
 use crate::devices::records::{BoardEvent, OnBoard};
 use crate::devices::{
     AddressWrites, BuildError, Context, Device, DevicePorts, DeviceView, DriveDetails, DriveState, Drives,
-    Events, Faulty, Front, Look, NovramContents, ParameterRefusal, Plug, Power, Shaft, World,
+    Events, Faulty, Front, FrontAction, NovramContents, ParameterRefusal, Plug, Power, Shaft, World,
 };
 use crate::fault::{self, Hit, Target};
 use crate::journal::{Journal, Origin};
@@ -172,12 +172,12 @@ impl Front for Plc {
         true
     }
 
-    fn set_power(&mut self, power: Power) -> Look {
+    fn set_power(&mut self, power: Power) -> FrontAction {
         self.board.set_power(power)
     }
 
     #[inline]
-    fn look(&mut self, ctx: &mut Context) -> Look {
+    fn look(&mut self, ctx: &mut Context) -> FrontAction {
         self.board.look(ctx)
     }
 

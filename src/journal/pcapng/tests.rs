@@ -1,7 +1,7 @@
 use super::*;
 use crate::can::{ExtendedId, Frame, Payload, StandardId};
 use crate::journal::Format;
-use crate::journal::candump::Shown;
+use crate::journal::candump::FrameText;
 use crate::journal::recording::{Direction, Logged, Recording, read_text};
 use proptest::prelude::*;
 
@@ -55,7 +55,7 @@ fn log_with(
 }
 
 fn shown(logged: &Logged) -> String {
-    format!("{} {} {}", logged.time_us, logged.interface, Shown(&logged.frame))
+    format!("{} {} {}", logged.time_us, logged.interface, FrameText(&logged.frame))
 }
 
 const FRAME: [u8; 10] = [0, 0, 1, 0x23, 2, 0, 0, 0, 0xBE, 0xEF];
@@ -162,7 +162,7 @@ fn fuzz_log() {
         let _ = read(bytes);
         let Ok(text) = str::from_utf8(bytes) else { return };
         for Logged { interface, frame, .. } in read_text(text).unwrap_or_default().frames {
-            let line = format!("(1.000000) {interface} {}\n", Shown(&frame));
+            let line = format!("(1.000000) {interface} {}\n", FrameText(&frame));
             let again = read_text(&line).unwrap().frames.pop();
             assert_eq!(again, Some(Logged { at: 1, time_us: 1_000_000, interface, direction: None, frame }));
         }

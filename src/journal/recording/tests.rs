@@ -1,7 +1,7 @@
 //! Logs as other programs write them. Each form is that of the program's own writer.
 
 use super::*;
-use crate::journal::candump::Shown;
+use crate::journal::candump::FrameText;
 
 fn shown(it: &Logged) -> String {
     let direction = match it.direction {
@@ -9,7 +9,7 @@ fn shown(it: &Logged) -> String {
         Some(Direction::Received) => " received",
         Some(Direction::Transmitted) => " transmitted",
     };
-    format!("{} {} {} {}{direction}", it.at, it.time_us, it.interface, Shown(&it.frame))
+    format!("{} {} {} {}{direction}", it.at, it.time_us, it.interface, FrameText(&it.frame))
 }
 
 fn read(text: &str) -> (Vec<String>, Vec<(usize, String)>) {
@@ -119,7 +119,7 @@ proptest::proptest! {
         frame in crate::can::reference::frame(), time_us in proptest::num::u64::ANY,
     ) {
         let (seconds, us) = (time_us / 1_000_000, time_us % 1_000_000);
-        let line = format!("({seconds:010}.{us:06}) can0 {}", Shown(&frame));
+        let line = format!("({seconds:010}.{us:06}) can0 {}", FrameText(&frame));
         let read = read_text(&line).map(|recording| recording.frames);
         let wanted = Logged { at: 1, time_us, interface: "can0".to_owned(), direction: None, frame };
         proptest::prop_assert_eq!(read, Ok(vec![wanted]), "{}", line);

@@ -1,6 +1,6 @@
 use super::super::testing::{Edge, Packet, catalogue};
 use super::*;
-use crate::journal::{By, Event, How};
+use crate::journal::{By, ChangeDetails, Event};
 use crate::layout::RegisterPhase;
 
 fn record(seq: u64, time_us: u64, event: impl Into<Event>) -> Record {
@@ -8,7 +8,7 @@ fn record(seq: u64, time_us: u64, event: impl Into<Event>) -> Record {
 }
 
 fn changed(offset: u32, from: u32, to: u32) -> Changed {
-    let how = How { width: Width::Byte, by: By::Program, live: RegisterPhase::ALWAYS };
+    let how = ChangeDetails { width: Width::Byte, by: By::Program, live: RegisterPhase::ALWAYS };
     Changed { plc: 0, offset, how, from, to }
 }
 

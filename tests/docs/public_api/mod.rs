@@ -24,7 +24,7 @@ const DEPTH: u8 = 12;
 
 /// Items by the path of the public module that shows them.
 #[derive(Default)]
-struct Shown<'a> {
+struct VisibleItems<'a> {
     modules: BTreeMap<String, Vec<Item>>,
     /// Module that shows an item first, by defining module and name.
     places: BTreeMap<(&'a [String], String), String>,
@@ -34,7 +34,7 @@ fn path_text(path: &[String]) -> String {
     ["commram"].into_iter().chain(path.iter().map(String::as_str)).collect::<Vec<_>>().join("::")
 }
 
-impl<'a> Shown<'a> {
+impl<'a> VisibleItems<'a> {
     /// Collects everything that users see in the module, which they know as `path`.
     fn module(&mut self, root: &'a Module, module: &'a Module, path: &[String]) {
         self.modules.entry(path_text(path)).or_default();
@@ -135,7 +135,7 @@ fn type_path(of: &Type) -> Option<Vec<String>> {
 fn public_interface() -> String {
     let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
     let root = Module::read(&source.join("lib.rs"), &source, Vec::new());
-    let mut shown = Shown::default();
+    let mut shown = VisibleItems::default();
     shown.module(&root, &root, &[]);
     shown.tables(&root);
     shown.implementations(&root);

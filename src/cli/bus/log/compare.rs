@@ -6,7 +6,7 @@ use super::super::super::{Instance, output, time};
 use super::select::Select;
 use super::{AddressedFrame, nothing, read};
 use crate::can::Frame;
-use crate::journal::candump::Shown;
+use crate::journal::candump::FrameText;
 use crate::journal::{Record, Source};
 use crate::plural::plural;
 use crate::request::Op;
@@ -58,7 +58,7 @@ fn differences(bus: &str, wanted: &[TimedFrame], found: &[TimedFrame], tolerance
         _ => (0, 0),
     };
     let show = |what: &str, &(time_us, ref frame): &TimedFrame| {
-        format!("{what:7}  {}  {bus} {}", time::seconds(time_us), Shown(frame))
+        format!("{what:7}  {}  {bus} {}", time::seconds(time_us), FrameText(frame))
     };
     let ahead = |frame: &TimedFrame, list: &[TimedFrame]| {
         list.iter().take(WINDOW).position(|other| other.1 == frame.1)

@@ -36,7 +36,7 @@ impl Jobs {
 }
 
 impl Wire for Jobs {
-    type Lent = Self;
+    type CallView = Self;
 
     fn connect(place: &Place<'_>) -> Result<Self, MemoryError> {
         Jobs::of(place.ram)

@@ -5,7 +5,7 @@ use super::project::Projects;
 use super::report;
 use crate::devices::omega_drive_line_2::registers::DIP_LAST;
 use crate::devices::records::BoardEvent;
-use crate::devices::{Context, Look, Power, program};
+use crate::devices::{Context, FrontAction, Power, program};
 use crate::memory::header::{self, ProgramState, Project, RunSwitch, Start};
 use crate::memory::{Face, Header};
 use crate::snapshot_fields;
@@ -136,7 +136,7 @@ impl Front {
         face.board.display.store(0);
     }
 
-    pub(crate) fn set_power(&mut self, face: &Face, power: Power) -> Look {
+    pub(crate) fn set_power(&mut self, face: &Face, power: Power) -> FrontAction {
         match power {
             Power::Off => face.put(|page| &page.program.power, header::Power::Off.code()),
             Power::On => face.put(|page| &page.program.power, header::Power::On.code()),
@@ -157,24 +157,24 @@ impl Front {
         }
     }
 
-    fn change(&self, had_supply: bool) -> Look {
+    fn change(&self, had_supply: bool) -> FrontAction {
         let held = self.switch == RunSwitch::Reset;
         match (self.up, self.powered) {
-            (_, false) if had_supply => Look::Off,
-            (true, true) if held => Look::Held,
-            (false, true) if !held => Look::Up,
-            _ => Look::Nothing,
+            (_, false) if had_supply => FrontAction::Off,
+            (true, true) if held => FrontAction::Held,
+            (false, true) if !held => FrontAction::Up,
+            _ => FrontAction::Nothing,
         }
     }
 
-    pub(crate) fn look(&mut self, ctx: &mut Context, face: &Face) -> Look {
+    pub(crate) fn look(&mut self, ctx: &mut Context, face: &Face) -> FrontAction {
         let (before, had_supply) = (self.switch, self.powered);
         self.read(face);
         if self.switch != before {
             report(ctx, BoardEvent::Switch { to: self.switch });
         }
         let change = self.change(had_supply);
-        if change == Look::Nothing && self.up {
+        if change == FrontAction::Nothing && self.up {
             self.see(ctx, face);
         }
         change

@@ -19,7 +19,7 @@ pub use interrupts::level;
 
 use crate::devices::Events;
 use crate::devices::records::{BoardEvent, OnBoard};
-use crate::devices::{Context, Look, Power};
+use crate::devices::{Context, FrontAction, Power};
 use crate::memory::header;
 use crate::memory::{Face, MemoryError, Segment};
 use flags::Flags;
@@ -100,7 +100,7 @@ impl Board {
     }
 
     /// Switches the supply or RESET from outside, as [`Board::look`] does when a client has turned a switch.
-    pub fn set_power(&mut self, power: Power) -> Look {
+    pub fn set_power(&mut self, power: Power) -> FrontAction {
         self.front.set_power(&self.face, power)
     }
 
@@ -117,18 +117,18 @@ impl Board {
 
     /// Polls switches and requests once. Costs a few loads if nothing has changed.
     #[inline]
-    pub fn look(&mut self, ctx: &mut Context) -> Look {
-        if self.has_changed() { self.look_closely(ctx) } else { Look::Nothing }
+    pub fn look(&mut self, ctx: &mut Context) -> FrontAction {
+        if self.has_changed() { self.look_closely(ctx) } else { FrontAction::Nothing }
     }
 
     #[cold]
-    fn look_closely(&mut self, ctx: &mut Context) -> Look {
+    fn look_closely(&mut self, ctx: &mut Context) -> FrontAction {
         let look = self.look_at_all(ctx);
         self.events.held = !self.front.runs_events();
         look
     }
 
-    fn look_at_all(&mut self, ctx: &mut Context) -> Look {
+    fn look_at_all(&mut self, ctx: &mut Context) -> FrontAction {
         let requests = self.face.asked().board_requests.load();
         let asked = requests != self.requests;
         self.requests = requests;
@@ -138,7 +138,7 @@ impl Board {
             self.front.look_at_project_request(ctx, &self.face);
         }
         let look = self.front.look(ctx, &self.face);
-        if look != Look::Nothing || !self.is_up() {
+        if look != FrontAction::Nothing || !self.is_up() {
             return look;
         }
         if asked {
@@ -151,14 +151,14 @@ impl Board {
             self.triggers.permit();
         }
         if !asked {
-            return Look::Answered;
+            return FrontAction::Answered;
         }
         interrupts::look(&mut self.events, ctx, &self.face, &mut self.timers);
         if let Some(result) = self.triggers.look(ctx.now, &self.face, &mut self.timers) {
             let modes = [0, 1, 2].map(|n| self.face.asked().opt_init.triggers[n].load() as u8);
             report(ctx, BoardEvent::Triggers { modes, result });
         }
-        Look::Answered
+        FrontAction::Answered
     }
 
     /// Time of the next timer; `u64::MAX` if none runs.

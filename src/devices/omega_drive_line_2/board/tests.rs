@@ -50,7 +50,7 @@ impl Rig {
         (&mut self.board, ctx)
     }
 
-    fn look(&mut self) -> Look {
+    fn look(&mut self) -> FrontAction {
         let (board, mut ctx) = self.parts();
         board.look(&mut ctx)
     }

@@ -7,7 +7,7 @@ use crate::memory::Width;
 use crate::memory::header::InitialFlagResult;
 
 impl Rig {
-    pub(super) fn turn(&mut self, switch: RunSwitch) -> Look {
+    pub(super) fn turn(&mut self, switch: RunSwitch) -> FrontAction {
         self.header.board.switch.store(switch.code());
         self.look()
     }
@@ -81,11 +81,11 @@ fn reset_is_dark_and_reads_the_dip_switches_at_its_end() {
     rig.header.board.dip.store(17);
     rig.look();
     assert_eq!(rig.board.dip(), 0, "not before a reset");
-    assert_eq!(rig.turn(RunSwitch::Reset), Look::Held);
+    assert_eq!(rig.turn(RunSwitch::Reset), FrontAction::Held);
     rig.board.stop();
     assert_eq!((rig.header.board.display.load(), rig.header.board.leds.load()), (0, 0));
-    assert_eq!(rig.look(), Look::Nothing, "still held");
-    assert_eq!(rig.turn(RunSwitch::Stop), Look::Up);
+    assert_eq!(rig.look(), FrontAction::Nothing, "still held");
+    assert_eq!(rig.turn(RunSwitch::Stop), FrontAction::Up);
     rig.start();
     assert_eq!((rig.display().0, rig.board.dip(), rig.header.program.dip_latched.load()), ('0', 17, 17));
 }
@@ -94,26 +94,26 @@ fn reset_is_dark_and_reads_the_dip_switches_at_its_end() {
 fn a_supply_failure_stops_the_board_in_any_switch_position() {
     let mut rig = Rig::new();
     rig.header.program.power.store(1);
-    assert_eq!(rig.look(), Look::Off);
+    assert_eq!(rig.look(), FrontAction::Off);
     rig.board.stop();
-    assert_eq!(rig.turn(RunSwitch::Reset), Look::Nothing);
+    assert_eq!(rig.turn(RunSwitch::Reset), FrontAction::Nothing);
     rig.header.program.power.store(0);
-    assert_eq!(rig.look(), Look::Nothing, "RESET is still held");
-    assert_eq!(rig.turn(RunSwitch::Stop), Look::Up);
+    assert_eq!(rig.look(), FrontAction::Nothing, "RESET is still held");
+    assert_eq!(rig.turn(RunSwitch::Stop), FrontAction::Up);
 }
 
 #[test]
 fn the_supply_may_fail_while_reset_is_held() {
     let mut rig = Rig::new();
-    assert_eq!(rig.turn(RunSwitch::Reset), Look::Held);
+    assert_eq!(rig.turn(RunSwitch::Reset), FrontAction::Held);
     rig.board.stop();
     rig.header.program.power.store(1);
     assert!(rig.board.has_supply(), "before the first poll");
-    assert_eq!(rig.look(), Look::Off);
-    assert_eq!((rig.look(), rig.board.has_supply()), (Look::Nothing, false));
-    assert_eq!(rig.turn(RunSwitch::Stop), Look::Nothing, "no supply");
+    assert_eq!(rig.look(), FrontAction::Off);
+    assert_eq!((rig.look(), rig.board.has_supply()), (FrontAction::Nothing, false));
+    assert_eq!(rig.turn(RunSwitch::Stop), FrontAction::Nothing, "no supply");
     rig.header.program.power.store(0);
-    assert_eq!((rig.look(), rig.board.has_supply()), (Look::Up, true));
+    assert_eq!((rig.look(), rig.board.has_supply()), (FrontAction::Up, true));
 }
 
 #[test]
@@ -124,7 +124,7 @@ fn invalid_numbers_change_nothing() {
     rig.header.board.switch.store(7);
     rig.header.program.power.store(9);
     rig.header.program.state.store(99);
-    assert_eq!(rig.look(), Look::Answered);
+    assert_eq!(rig.look(), FrontAction::Answered);
     assert_eq!((rig.display(), rig.ordered()), (('3', false), before));
     rig.header.board.dip.store(u32::MAX);
     rig.start();
