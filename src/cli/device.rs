@@ -2,7 +2,7 @@
 
 use super::Instance;
 use super::error::CliError;
-use super::place::Place;
+use super::place::NamedLocation;
 use super::session::Session;
 use crate::devices;
 use crate::layout::{DeviceFit, DeviceLayout, Fit, LayoutError, Role};
@@ -100,16 +100,18 @@ fn on_any_fit<T>(
 ///
 /// # Errors
 /// As [`on_any_device`].
-pub(crate) fn of_any_device(text: &str) -> Result<Place, CliError> {
-    on_any_device(|fitted| Place::parse(fitted, text))
+pub(crate) fn of_any_device(text: &str) -> Result<NamedLocation, CliError> {
+    on_any_device(|fitted| NamedLocation::parse(fitted, text))
 }
 
 /// The same, before `instance` is asked for the register. If no device has the register or address and the instance
 /// runs, the error comes from the device of its PLC.
-pub(crate) fn of_any_device_but_told_by(instance: &Instance) -> impl Fn(&str) -> Result<Place, CliError> {
+pub(crate) fn of_any_device_but_told_by(
+    instance: &Instance,
+) -> impl Fn(&str) -> Result<NamedLocation, CliError> {
     |text| {
         of_any_device(text).or_else(|refusal| {
-            let place = |fitted: &DeviceFit| Place::parse(fitted, text);
+            let place = |fitted: &DeviceFit| NamedLocation::parse(fitted, text);
             told_by(instance, refusal, |session| session.place(text), place)
         })
     }

@@ -4,7 +4,7 @@ use super::Instance;
 use super::complete;
 use super::device::of_any_device_but_told_by;
 use super::error::CliError;
-use super::place::Place;
+use super::place::NamedLocation;
 use super::table::FormatArg;
 
 /// Force registers to a value, or list the forced registers.
@@ -61,7 +61,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let session = Session::open(&args.instance, 0)?;
     let parse = |text: &String| poke::parse(text, |name| session.place(name));
     let writes = args.writes.iter().map(parse).collect::<Result<Vec<_>, _>>()?;
-    let op = |(place, value): &(Place, u32)| {
+    let op = |(place, value): &(NamedLocation, u32)| {
         let (offset, width) = (place.offset(), place.width());
         Ok(Op::Force { plc: session.plc_of(place)?, offset, width, value: *value })
     };
@@ -78,7 +78,7 @@ fn list(args: &Args) -> Result<(), CliError> {
     let row = |forced: &crate::plant::Forced| {
         let fitted = session.fitted(forced.plc);
         let address = fitted.device().at(forced.width, forced.offset);
-        let place = Place::parse(&fitted, &address.to_string())?;
+        let place = NamedLocation::parse(&fitted, &address.to_string())?;
         let row = holding(&session, &place, forced.plc, place.last_phase(), forced.value, snapshot.time_us);
         Ok(RegisterReading { forced: true, ..row })
     };

@@ -12,7 +12,7 @@ use super::session::Session;
 use super::style;
 use super::table::{self, Format, FormatArg};
 use super::{Instance, instance_name};
-use crate::layout::{Address, Area, DeviceFit, Fit, Named, Placed, Role, Width, split_plc};
+use crate::layout::{Address, Area, AreaStructure, DeviceFit, Fit, Named, Role, Width, split_plc};
 use entry::Entry;
 
 /// Show the register map: types, owners, meanings, and the source of each fact.
@@ -131,7 +131,7 @@ fn head(area: &Area, structure: &str) -> String {
 }
 
 /// The role that uses a structure, if another role uses another structure at the same place.
-fn role(area: &Area, placed: &Placed) -> Option<Role> {
+fn role(area: &Area, placed: &AreaStructure) -> Option<Role> {
     let has =
         |role| area.structures.iter().any(|it| it.structure.name == placed.structure.name && it.role == role);
     placed.role.filter(|_| area.structures.iter().any(|other| !has(other.role)))

@@ -4,7 +4,7 @@ use super::complete;
 use super::device::{of_any_device_but_told_by, told_by};
 use super::dump::{self, Blocks};
 use super::error::CliError;
-use super::place::Place;
+use super::place::NamedLocation;
 use super::session::{Read, Session, Snapshot};
 use super::table::{self, FormatArg, Row};
 use super::{Instance, output};
@@ -111,7 +111,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
 /// What an argument of the command refers to.
 pub(crate) enum ReadTarget {
     /// A register or an address.
-    One(u16, Place),
+    One(u16, NamedLocation),
     /// The registers that match a pattern.
     Several(Blocks),
 }
@@ -177,7 +177,7 @@ pub(crate) fn read(session: &Session, wanted: &[ReadTarget]) -> Result<Vec<Regis
 /// Describes the value of `place` in PLC `plc`, in phase `live`, at an emulated time.
 pub(crate) fn holding(
     session: &Session,
-    place: &Place,
+    place: &NamedLocation,
     plc: u16,
     live: RegisterPhase,
     value: u32,

@@ -5,7 +5,7 @@ mod file;
 use super::complete;
 use super::device::of_any_device;
 use super::error::CliError;
-use super::place::Place;
+use super::place::NamedLocation;
 use super::session::{Read, Session};
 use super::time;
 use super::{Instance, output};
@@ -124,7 +124,7 @@ fn of_file(args: &Args, journal_data: &RecordedRegisters) -> Result<Plot, CliErr
 }
 
 /// Accepts a whole register or a single bit; refuses other parts.
-fn whole(place: Place) -> Result<Place, CliError> {
+fn whole(place: NamedLocation) -> Result<NamedLocation, CliError> {
     if place.is_whole() || place.bit_in().is_some() {
         return Ok(place);
     }

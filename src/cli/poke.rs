@@ -4,7 +4,7 @@ use super::Instance;
 use super::complete;
 use super::device::of_any_device_but_told_by;
 use super::error::CliError;
-use super::place::Place;
+use super::place::NamedLocation;
 use super::session::Session;
 use crate::memory::Width;
 use crate::request::{MAX_OPS, Op, Reply};
@@ -39,8 +39,8 @@ pub(crate) struct Args {
 /// The notation, the register or the value is wrong.
 pub(crate) fn parse(
     text: &str,
-    place: impl Fn(&str) -> Result<Place, CliError>,
-) -> Result<(Place, u32), CliError> {
+    place: impl Fn(&str) -> Result<NamedLocation, CliError>,
+) -> Result<(NamedLocation, u32), CliError> {
     let wrong = |right: &str| CliError::Argument { text: text.to_owned(), right: right.to_owned() };
     let example = "write REG=VALUE, for example node2.w_CPU_CONTROL=16#0001";
     let (register, value) = text.split_once('=').ok_or_else(|| wrong(example))?;
@@ -67,7 +67,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let session = Session::open(&args.instance, 0)?;
     let parse = |text: &String| parse(text, |name| session.place(name));
     let writes = args.writes.iter().map(parse).collect::<Result<Vec<_>, _>>()?;
-    let op = |(place, value): &(Place, u32)| {
+    let op = |(place, value): &(NamedLocation, u32)| {
         let (offset, width) = (place.offset(), place.width());
         Ok(Op::Poke { plc: session.plc_of(place)?, offset, width, value: *value })
     };
@@ -95,7 +95,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
 type Register = (u16, u32, Width);
 
 /// The register that decides which of overlaid structures is valid at the place, if there are several.
-fn status_of(session: &Session, place: &Place) -> Result<Option<Register>, CliError> {
+fn status_of(session: &Session, place: &NamedLocation) -> Result<Option<Register>, CliError> {
     let Some(status) = place.status() else { return Ok(None) };
     let address = status.address();
     Ok(Some((session.plc_of(place)?, address.offset(), address.width())))
@@ -103,7 +103,7 @@ fn status_of(session: &Session, place: &Place) -> Result<Option<Register>, CliEr
 
 /// These registers of all places, each once. They are read in the message that writes, so that the notes cost no
 /// further exchange.
-fn statuses(session: &Session, writes: &[(Place, u32)]) -> Result<Vec<Register>, CliError> {
+fn statuses(session: &Session, writes: &[(NamedLocation, u32)]) -> Result<Vec<Register>, CliError> {
     let mut statuses = Vec::new();
     for (place, _) in writes {
         let status = status_of(session, place)?;
@@ -113,7 +113,7 @@ fn statuses(session: &Session, writes: &[(Place, u32)]) -> Result<Vec<Register>,
 }
 
 /// Prints a note if only the firmware writes a register.
-fn note_if_firmwares(place: &Place, status: Option<u32>) {
+fn note_if_firmwares(place: &NamedLocation, status: Option<u32>) {
     use crate::layout::Owner;
 
     let live = place.phase(status);
@@ -127,7 +127,7 @@ fn note_if_firmwares(place: &Place, status: Option<u32>) {
 }
 
 /// Prints a note if a write does not match one register.
-fn note_if_not_whole(place: &Place) {
+fn note_if_not_whole(place: &NamedLocation) {
     if !place.is_whole() {
         let (address, what) = (place.address(), place.meaning(place.last_phase(), 0));
         super::output::note(&format!("{address} is not a whole register: {what}; the value was written"));

@@ -7,7 +7,7 @@ pub(crate) use by_channel::continues;
 use super::Instance;
 use super::error::CliError;
 use super::output;
-use super::place::Place;
+use super::place::NamedLocation;
 use crate::devices;
 use crate::devices::ModuleFront;
 use crate::layout::{DeviceFit, DeviceLayout, FrontWord, RegisterRef, plc_prefix, split_plc};
@@ -47,7 +47,7 @@ impl Read {
     }
 
     /// Reads `place` in PLC `plc`.
-    pub(crate) fn place(plc: u16, place: &Place) -> Self {
+    pub(crate) fn place(plc: u16, place: &NamedLocation) -> Self {
         Self::Register { plc, offset: place.offset(), width: place.width() }
     }
 }
@@ -165,9 +165,9 @@ impl Session {
     ///
     /// # Errors
     /// The errors of [`Session::plc`], or the device has no such register or address.
-    pub(crate) fn place(&self, text: &str) -> Result<Place, CliError> {
+    pub(crate) fn place(&self, text: &str) -> Result<NamedLocation, CliError> {
         let (plc, name) = split_plc(text);
-        Ok(Place::parse(&self.fitted(self.plc(plc, name)?), text)?)
+        Ok(NamedLocation::parse(&self.fitted(self.plc(plc, name)?), text)?)
     }
 
     /// Finds the number of the PLC and of the port in `text`; without a name the first master.
@@ -186,7 +186,7 @@ impl Session {
     ///
     /// # Errors
     /// The errors of [`Session::plc`].
-    pub(crate) fn plc_of(&self, place: &Place) -> Result<u16, CliError> {
+    pub(crate) fn plc_of(&self, place: &NamedLocation) -> Result<u16, CliError> {
         self.plc(place.plc.as_deref(), place.text())
     }
 

@@ -25,7 +25,7 @@ use super::complete;
 use super::device::of_any_device_but_told_by;
 use super::error::CliError;
 use super::session::Session;
-use crate::layout::{Named, Place, is_pattern, split_plc};
+use crate::layout::{Named, NamedLocation, is_pattern, split_plc};
 use model::Model;
 use std::io::{self, IsTerminal};
 
@@ -72,7 +72,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
 }
 
 /// Finds the registers of a name or pattern.
-fn places(session: &Session, text: &str) -> Result<Vec<(u16, Place)>, CliError> {
+fn places(session: &Session, text: &str) -> Result<Vec<(u16, NamedLocation)>, CliError> {
     if !is_pattern(text) {
         let place = session.place(text)?;
         return Ok(vec![(session.plc_of(&place)?, place)]);
@@ -82,7 +82,7 @@ fn places(session: &Session, text: &str) -> Result<Vec<(u16, Place)>, CliError> 
     let fitted = session.fitted(plc);
     match fitted.area_or_registers(name)? {
         Named::Registers(registers) => {
-            let place = |name: String| Ok((plc, Place::parse(&fitted, &name)?));
+            let place = |name: String| Ok((plc, NamedLocation::parse(&fitted, &name)?));
             registers.iter().map(|register| place(register.name())).collect()
         }
         Named::Area(_) => {

@@ -4,7 +4,7 @@ use super::Instance;
 use super::complete;
 use super::device::of_any_device_but_told_by;
 use super::error::CliError;
-use super::place::Place;
+use super::place::NamedLocation;
 use super::session::Session;
 use super::time;
 use crate::layout::{Condition, ConditionError};
@@ -52,7 +52,7 @@ pub(crate) struct UnmetCondition {
 }
 
 /// Parses a condition; `place` looks up its register.
-fn parse(text: &str, place: impl Fn(&str) -> Result<Place, CliError>) -> Result<Condition, CliError> {
+fn parse(text: &str, place: impl Fn(&str) -> Result<NamedLocation, CliError>) -> Result<Condition, CliError> {
     Condition::parse(text, place).map_err(|error| match error {
         ConditionError::Register(error) => error,
         ConditionError::Value(error) => error.into(),

@@ -1,7 +1,7 @@
 //! Demonstration of a device for `commram demo`: a plant, and a soft-PLC that runs on it.
 
 use super::attach;
-use crate::layout::{DeviceFit, DeviceLayout, LayoutError, Place, RegisterPhase};
+use crate::layout::{DeviceFit, DeviceLayout, LayoutError, NamedLocation, RegisterPhase};
 use crate::memory::header::{self, Power};
 use crate::memory::{AttachMode, Attached, MemoryError};
 use std::io;
@@ -92,13 +92,13 @@ impl<'a> Actor<'a> {
     }
 
     /// Prints the value of a register.
-    fn say(&self, doing: &str, place: &Place, value: u32) -> Result<(), DemoError> {
+    fn say(&self, doing: &str, place: &NamedLocation, value: u32) -> Result<(), DemoError> {
         let (label, value) = (place.label(RegisterPhase::ALWAYS), place.format(RegisterPhase::ALWAYS, value));
         self.tell(&format!("{doing} {label} = {value}"))
     }
 
-    fn place(&self, name: &str) -> Result<Place, DemoError> {
-        Ok(Place::parse(&DeviceFit::unknown(self.layout), name)?)
+    fn place(&self, name: &str) -> Result<NamedLocation, DemoError> {
+        Ok(NamedLocation::parse(&DeviceFit::unknown(self.layout), name)?)
     }
 
     /// Writes a register as a program does.

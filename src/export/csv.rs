@@ -2,7 +2,7 @@
 
 use super::rows;
 use super::scope::Scope;
-use crate::layout::{Placed, Provenance, Register, format_value};
+use crate::layout::{AreaStructure, Provenance, Register, format_value};
 
 const HEAD: [&str; 15] = [
     "name",
@@ -49,7 +49,7 @@ pub(crate) fn generate(scope: &Scope) -> String {
 }
 
 /// The inferred facts in a line, including the name of the variable.
-fn provenance(placed: &Placed, register: &Register) -> String {
+fn provenance(placed: &AreaStructure, register: &Register) -> String {
     let [name, offset, ty, owner, reset] = register.facts();
     Provenance::summary(&[name, offset, ty, owner, reset, ("variable", placed.variable_from)])
 }

@@ -4,7 +4,7 @@ use super::scope::Scope;
 use super::text;
 use crate::layout::object::Type;
 use crate::layout::{
-    Area, BitField, DeviceLayout, Meaning, Placed, Provenance, Register, RegisterRef, ValueMeaning,
+    Area, AreaStructure, BitField, DeviceLayout, Meaning, Provenance, Register, RegisterRef, ValueMeaning,
     format_value,
 };
 
@@ -78,7 +78,7 @@ fn objects(device: &DeviceLayout) -> String {
     format!("## Object dictionary\n\n{}\n", table(&head, rows))
 }
 
-fn structure(area: &'static Area, placed: &'static Placed) -> String {
+fn structure(area: &'static Area, placed: &'static AreaStructure) -> String {
     let of = placed.structure;
     let phase = area.phase_facts(placed.live);
     let valid = phase.map_or_else(String::new, |phase| format!(" Valid {}.", phase.doc));

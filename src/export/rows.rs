@@ -1,16 +1,16 @@
 //! Every single register of a structure in its area, for the formats that are tables.
 
 use super::scope::Scope;
-use crate::layout::{Area, Placed, RegisterRef};
+use crate::layout::{Area, AreaStructure, RegisterRef};
 
 /// The registers of all areas, element by element; where structures share one it appears in each.
-pub(crate) fn all(scope: &Scope) -> impl Iterator<Item = (&'static Placed, RegisterRef)> {
+pub(crate) fn all(scope: &Scope) -> impl Iterator<Item = (&'static AreaStructure, RegisterRef)> {
     scope
         .placed()
         .flat_map(|(area, placed)| area.registers_of(placed).map(move |register| (placed, register)))
 }
 
 /// Name of the phase in which a structure of `area` is valid.
-pub(crate) fn live(area: &Area, placed: &Placed) -> &'static str {
+pub(crate) fn live(area: &Area, placed: &AreaStructure) -> &'static str {
     area.phase_facts(placed.live).map_or("always", |phase| phase.name)
 }

@@ -1,6 +1,6 @@
 //! Scope of an export: the whole device or one area of it.
 
-use crate::layout::{Area, DeviceLayout, LayoutError, Meaning, Placed, Register, Structure};
+use crate::layout::{Area, AreaStructure, DeviceLayout, LayoutError, Meaning, Register, Structure};
 
 /// The areas to export.
 #[derive(Debug)]
@@ -36,7 +36,7 @@ impl Scope {
     }
 
     /// All structures with their places, in ascending order.
-    pub fn placed(&self) -> impl Iterator<Item = (&'static Area, &'static Placed)> {
+    pub fn placed(&self) -> impl Iterator<Item = (&'static Area, &'static AreaStructure)> {
         self.areas.iter().flat_map(|area| area.structures.iter().map(move |placed| (*area, placed)))
     }
 

@@ -5,7 +5,7 @@ use super::members::{self, Group, Member};
 use super::scope::Scope;
 use super::text;
 use super::xml::Xml;
-use crate::layout::{Area, Dim, Meaning, Owner, Placed, Register, ValueMeaning};
+use crate::layout::{Area, AreaStructure, Dim, Meaning, Owner, Register, ValueMeaning};
 
 pub(crate) fn generate(scope: &Scope) -> String {
     let device = scope.device;
@@ -57,8 +57,8 @@ fn plain(xml: &mut Xml, area: &Area) {
 }
 
 /// A structure. Each of several overlaid structures names the first one as its alternative.
-fn peripheral(xml: &mut Xml, area: &Area, placed: &Placed) {
-    let name = |placed: &Placed| placed.variable.trim_start_matches('_').to_owned();
+fn peripheral(xml: &mut Xml, area: &Area, placed: &AreaStructure) {
+    let name = |placed: &AreaStructure| placed.variable.trim_start_matches('_').to_owned();
     let first = area.structures.first().map(name);
     xml.node("peripheral", "", |xml| {
         xml.leaf("name", name(placed));

@@ -5,7 +5,7 @@ use super::members::{self, Group, Member};
 use super::rows;
 use super::scope::Scope;
 use super::text;
-use crate::layout::{Area, BitField, Meaning, Owner, Placed, Register, Role, ValueMeaning};
+use crate::layout::{Area, AreaStructure, BitField, Meaning, Owner, Register, Role, ValueMeaning};
 use std::fmt::Write;
 
 pub(crate) fn generate(scope: &Scope) -> String {
@@ -76,7 +76,7 @@ fn map(out: &mut String, scope: &Scope, phase: Option<&str>, role: Option<Role>)
         scope.device.title
     );
     for (area, placed) in scope.placed() {
-        let Placed { structure, variable, .. } = placed;
+        let AreaStructure { structure, variable, .. } = placed;
         let is_fitted = placed.role.is_none() || placed.role == role;
         if is_fitted && [phase, Some("always")].contains(&Some(rows::live(area, placed))) {
             let _ = writeln!(out, "    {} {variable} @ {};", structure.name, area.first);

@@ -1,7 +1,7 @@
 //! Small pieces of text that several formats need.
 
 use super::scope::Scope;
-use crate::layout::{DeviceLayout, Dim, Placed, Provenance, Register, Space, Structure};
+use crate::layout::{AreaStructure, DeviceLayout, Dim, Provenance, Register, Space, Structure};
 use std::collections::BTreeSet;
 
 /// Text of the comment at the head of every exported file.
@@ -87,7 +87,7 @@ pub(crate) fn remark(register: &Register) -> String {
 }
 
 /// Suffix of a variable: empty, or the decision that its name follows from.
-pub(crate) fn made_up(placed: &Placed) -> Option<String> {
+pub(crate) fn made_up(placed: &AreaStructure) -> Option<String> {
     placed.variable_from.decision().map(|decision| format!("name inferred, {decision}"))
 }
 

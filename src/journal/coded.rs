@@ -178,7 +178,7 @@ impl Part for RegisterPhase {
 }
 
 /// The location of an event, as encoded in the first word.
-pub trait Place: Copy {
+pub trait EventSource: Copy {
     /// Index of device or bus, and number of the port.
     fn numbers(self) -> (u16, u8);
 
@@ -186,7 +186,7 @@ pub trait Place: Copy {
     fn of_numbers(index: u16, number: u8) -> Self;
 }
 
-impl Place for u16 {
+impl EventSource for u16 {
     #[inline]
     fn numbers(self) -> (u16, u8) {
         (self, 0)
@@ -198,7 +198,7 @@ impl Place for u16 {
     }
 }
 
-impl Place for Origin {
+impl EventSource for Origin {
     #[inline]
     fn numbers(self) -> (u16, u8) {
         (self.plc, self.node)
@@ -271,7 +271,7 @@ macro_rules! event_kinds {
 
             #[inline]
             fn words(&self) -> $crate::journal::Words {
-                let (index, number) = $crate::journal::Place::numbers(self.$place);
+                let (index, number) = $crate::journal::EventSource::numbers(self.$place);
                 #[allow(unused_mut, reason = "a kind may have no fields except its place")]
                 let mut packer = $crate::journal::Packer::new(Self::KIND, index, number);
                 $($crate::journal::Part::put(self.$field, &mut packer);)*
@@ -283,7 +283,7 @@ macro_rules! event_kinds {
                 #[allow(unused_mut, reason = "a kind may have no fields except its place")]
                 let mut unpacker = $crate::journal::Unpacker::new(words);
                 Some($name {
-                    $place: $crate::journal::Place::of_numbers(unpacker.index(), unpacker.number()),
+                    $place: $crate::journal::EventSource::of_numbers(unpacker.index(), unpacker.number()),
                     $($field: $crate::journal::Part::take(&mut unpacker)?,)*
                 })
             }

@@ -56,7 +56,7 @@ mod waves;
 
 pub use catalogue::{Catalogue, FaultName};
 pub use changed::{By, ChangeDetails, Changed};
-pub use coded::{EventCodec, Packer, Part, Place, Unpacker, Words};
+pub use coded::{EventCodec, EventSource, Packer, Part, Unpacker, Words};
 pub use event::{Event, Keeping, Origin, Source};
 pub use fields::Fields;
 pub use finding::{Finding, Found};

@@ -77,30 +77,36 @@ impl Reader {
     }
 
     /// The register that an access of `width` bytes at `offset` means, if it is just one.
-    pub(super) fn accessed(&mut self, plc: u16, offset: u32, width: u8) -> Place {
+    pub(super) fn accessed(&mut self, plc: u16, offset: u32, width: u8) -> RegisterLocation {
         let register = self.register(plc, offset);
         self.place(register, plc, offset, width)
     }
 
     /// The register of this width that was there while `live` was valid.
-    pub(super) fn followed(&mut self, plc: u16, offset: u32, width: Width, live: RegisterPhase) -> Place {
+    pub(super) fn followed(
+        &mut self,
+        plc: u16,
+        offset: u32,
+        width: Width,
+        live: RegisterPhase,
+    ) -> RegisterLocation {
         let register = self.valid_register(plc, offset, live);
         self.place(register, plc, offset, width.bytes() as u8)
     }
 
-    fn place(&self, register: Option<RegisterRef>, plc: u16, offset: u32, width: u8) -> Place {
+    fn place(&self, register: Option<RegisterRef>, plc: u16, offset: u32, width: u8) -> RegisterLocation {
         let register = register.filter(|register| register.width() == u32::from(width));
         let width = Width::of_bytes(width.into()).unwrap_or(Width::Dword);
         let device = self.names.device(plc);
         let address = device.aligned(width, offset).unwrap_or(device.at(Width::Byte, offset));
-        Place { register, address, ty: width.bits() }
+        RegisterLocation { register, address, ty: width.bits() }
     }
 
     /// The register at `offset`, of any width.
-    pub(crate) fn whole(&mut self, plc: u16, offset: u32) -> Place {
+    pub(crate) fn whole(&mut self, plc: u16, offset: u32) -> RegisterLocation {
         match self.register(plc, offset) {
             Some(register) => {
-                Place { register: Some(register), address: register.address(), ty: register.ty() }
+                RegisterLocation { register: Some(register), address: register.address(), ty: register.ty() }
             }
             None => self.accessed(plc, offset, 2),
         }
@@ -141,13 +147,13 @@ impl Named {
 }
 
 /// A register, or a part of the RAM without one.
-pub(crate) struct Place {
+pub(crate) struct RegisterLocation {
     register: Option<RegisterRef>,
     address: Address,
     ty: RegType,
 }
 
-impl Place {
+impl RegisterLocation {
     /// `b_CTRLREG_WRC1 (%MB3.200012)`, or just the address.
     pub(crate) fn label(&self) -> String {
         match &self.register {

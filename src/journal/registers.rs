@@ -4,7 +4,7 @@ use super::event::Keeping;
 use super::fields::Fields;
 use super::history::Stored;
 use super::kind::EventText;
-use super::reader::{Place, Reader};
+use super::reader::{Reader, RegisterLocation};
 use crate::event_kinds;
 use crate::layout::RegisterPhase;
 
@@ -73,7 +73,7 @@ event_kinds! {
 }
 
 /// Name and address.
-fn named(place: &Place) -> Fields {
+fn named(place: &RegisterLocation) -> Fields {
     Fields::new().with("register", place.name()).with("address", place.address())
 }
 

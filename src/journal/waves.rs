@@ -4,7 +4,7 @@
 //! with its registers. A register with a meaning has it as text beside its value. Other events are text under the
 //! name of their kind. A signal has no value until the journal contains one.
 
-use super::reader::Place;
+use super::reader::RegisterLocation;
 use super::{Catalogue, Changed, ChannelWrite, Names, Reader, Record, Ring, Selection, Source};
 use crate::can::{Frame, Id};
 use crate::layout::Width;
@@ -249,7 +249,7 @@ impl Taking {
         record: &Record,
         scopes: &[String],
         (plc, offset): (u16, u32),
-        place: &Place,
+        place: &RegisterLocation,
         width: Width,
         value: u32,
     ) {

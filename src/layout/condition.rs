@@ -1,7 +1,7 @@
 //! Conditions on registers: `node2.w_OPTION_STATUS==16#0043`, `node2.a_STAT_SL[1] & 2 != 0`, `node2.a_RD_VALUE[1][0] < -5`.
 
 use super::Width;
-use super::place::{BadValue, Place};
+use super::place::{BadValue, NamedLocation};
 use thiserror::Error;
 
 /// The comparison of a register's content with a value.
@@ -102,7 +102,7 @@ impl Test {
 #[derive(Clone, Debug)]
 pub struct Condition {
     /// The register.
-    pub place: Place,
+    pub place: NamedLocation,
     /// The condition on the content.
     pub test: Test,
     /// The awaited content, in words that can follow "did not become": `less than 16#05`, `16#80 under mask 16#80`.
@@ -136,7 +136,7 @@ impl Condition {
     /// An error in notation, register or value.
     pub fn parse<E>(
         text: &str,
-        place: impl FnOnce(&str) -> Result<Place, E>,
+        place: impl FnOnce(&str) -> Result<NamedLocation, E>,
     ) -> Result<Self, ConditionError<E>> {
         let wrong = |right| ConditionError::Notation { text: text.to_owned(), right };
         let example = "write REG==VALUE or REG&MASK==VALUE, for example node2.w_OPTION_STATUS==16#0043; there are also \
@@ -192,7 +192,7 @@ mod tests {
     use crate::layout::{DeviceFit, LayoutError};
 
     fn parse(text: &str) -> Result<Condition, ConditionError<LayoutError>> {
-        Condition::parse(text, |name| Place::parse(&DeviceFit::unknown(&DEVICE), name))
+        Condition::parse(text, |name| NamedLocation::parse(&DeviceFit::unknown(&DEVICE), name))
     }
 
     #[test]

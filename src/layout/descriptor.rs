@@ -172,7 +172,7 @@ pub struct Area {
     /// The phases in which different structures are valid; `None` if each is valid always.
     pub phases: Option<&'static Phases>,
     /// The structures, all starting at the area's first byte; empty for plain RAM.
-    pub structures: &'static [Placed],
+    pub structures: &'static [AreaStructure],
 }
 
 impl Area {
@@ -228,7 +228,7 @@ short_debug!(DeviceLayout, Area, Port, Structure);
 
 /// A structure in an area.
 #[derive(Debug)]
-pub struct Placed {
+pub struct AreaStructure {
     /// The structure.
     pub structure: &'static Structure,
     /// Phase in which the structure is the valid one of several overlaid ones.

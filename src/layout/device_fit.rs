@@ -1,6 +1,6 @@
 //! A device and its options: the structures that actually lie in its areas.
 
-use super::descriptor::{Area, DeviceLayout, Dim, Placed, Port, Register, RegisterPhase, Role};
+use super::descriptor::{Area, AreaStructure, DeviceLayout, Dim, Port, Register, RegisterPhase, Role};
 use super::register::RegisterRef;
 
 /// Most ports that a device can have.
@@ -97,7 +97,10 @@ impl DeviceFit {
     }
 
     /// The structures in `area`, as far as they are known.
-    pub fn placed(&self, area: &'static Area) -> impl DoubleEndedIterator<Item = &'static Placed> + use<> {
+    pub fn placed(
+        &self,
+        area: &'static Area,
+    ) -> impl DoubleEndedIterator<Item = &'static AreaStructure> + use<> {
         let fit = self.area(area);
         area.structures.iter().filter(move |placed| fit.has(placed.role))
     }
@@ -106,7 +109,7 @@ impl DeviceFit {
     pub(super) fn registers_of(
         &self,
         area: &'static Area,
-        placed: &'static Placed,
+        placed: &'static AreaStructure,
     ) -> impl Iterator<Item = RegisterRef> + use<> {
         let role = self.area(area).role();
         area.registers_of(placed).map(move |found| RegisterRef { role, ..found })
@@ -134,7 +137,7 @@ impl DeviceFit {
     }
 }
 
-impl Placed {
+impl AreaStructure {
     /// Whether the area can contain both structures at once.
     pub(super) fn shares_role(&self, other: &Self) -> bool {
         self.role.is_none() || other.role.is_none() || self.role == other.role

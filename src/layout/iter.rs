@@ -1,6 +1,6 @@
 //! All registers of an area in address order, arrays element by element.
 
-use super::descriptor::{Area, Placed, Register, Structure};
+use super::descriptor::{Area, AreaStructure, Register, Structure};
 use super::register::RegisterRef;
 
 /// Iterator over the registers of one structure in ascending order of their addresses. Padding is left
@@ -8,7 +8,7 @@ use super::register::RegisterRef;
 #[derive(Debug, Clone)]
 pub struct Registers {
     area: &'static Area,
-    placed: &'static Placed,
+    placed: &'static AreaStructure,
     /// First descriptor of the current run: registers of a sub-structure, or a single register.
     run: usize,
     run_end: usize,
@@ -18,7 +18,7 @@ pub struct Registers {
 }
 
 impl Registers {
-    fn new(area: &'static Area, placed: &'static Placed) -> Self {
+    fn new(area: &'static Area, placed: &'static AreaStructure) -> Self {
         let run_end = run_end(placed.structure, 0);
         Self { area, placed, run: 0, run_end, next: 0, index: [0; 2] }
     }
@@ -87,7 +87,7 @@ impl Iterator for Registers {
 impl Area {
     /// The registers of a structure of this area, in address order.
     #[must_use]
-    pub fn registers_of(&'static self, placed: &'static Placed) -> Registers {
+    pub fn registers_of(&'static self, placed: &'static AreaStructure) -> Registers {
         Registers::new(self, placed)
     }
 }

@@ -39,8 +39,8 @@ pub use address::Address;
 pub use condition::{Compare, Condition, ConditionError, Test};
 pub use decode::format_value;
 pub use descriptor::{
-    Area, BitField, DeviceLayout, Dim, Handshake, Meaning, Owner, Phase, Phases, Placed, Port, Provenance,
-    RegType, Register, RegisterPhase, Role, Structure, ValueMeaning,
+    Area, AreaStructure, BitField, DeviceLayout, Dim, Handshake, Meaning, Owner, Phase, Phases, Port,
+    Provenance, RegType, Register, RegisterPhase, Role, Structure, ValueMeaning,
 };
 pub use device_fit::{DeviceFit, Fit, MOST_PORTS};
 pub use error::LayoutError;
@@ -52,7 +52,7 @@ pub use name::{Named, plc_prefix, split_plc};
 pub use nearest::{did_you_mean, nearest};
 pub use object::Object;
 pub use pattern::is_pattern;
-pub use place::Place;
+pub use place::NamedLocation;
 pub use register::RegisterRef;
 pub use space::{Retain, Space, Unit};
 pub use width::Width;

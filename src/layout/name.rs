@@ -6,7 +6,7 @@ mod unqualified;
 
 pub use unqualified::Named;
 
-use super::descriptor::{Area, DeviceLayout, Placed, Register};
+use super::descriptor::{Area, AreaStructure, DeviceLayout, Register};
 use super::device_fit::{DeviceFit, Fit};
 use super::error::LayoutError;
 use super::nearest::did_you_mean;
@@ -222,7 +222,7 @@ impl DeviceFit {
         let parsed = Path::parse(path)?;
         // A name alone is that of the only register that has it.
         let path = if path == name { parsed } else { parsed.in_block(block) };
-        let mut found: Vec<(&'static Placed, &'static Register)> = Vec::new();
+        let mut found: Vec<(&'static AreaStructure, &'static Register)> = Vec::new();
         for placed in block.placed() {
             let hidden = found.iter().any(|(preferred, _)| preferred.shares_role(placed));
             let register = placed.structure.registers.iter().find(|register| path.is(register));
@@ -286,13 +286,13 @@ struct Block {
     area: &'static Area,
     fit: Fit,
     /// The structure, if its variable is named.
-    only: Option<&'static Placed>,
+    only: Option<&'static AreaStructure>,
 }
 
 impl Block {
     /// The structures that may be meant, the preferred ones first: a cyclic one comes last in the layout. For an
     /// empty slot, names cover all structures that could lie there.
-    fn placed(&self) -> impl Iterator<Item = &'static Placed> + use<'_> {
+    fn placed(&self) -> impl Iterator<Item = &'static AreaStructure> + use<'_> {
         let named = self
             .area
             .structures
@@ -323,7 +323,7 @@ impl Block {
 
 struct Found<'a> {
     block: Block,
-    placed: &'static Placed,
+    placed: &'static AreaStructure,
     register: &'static Register,
     path: Path<'a>,
 }

@@ -19,7 +19,7 @@ pub struct BadValue {
 
 /// A register or an address that the user has named. It exists; whether its PLC does, others know.
 #[derive(Clone, Debug)]
-pub struct Place {
+pub struct NamedLocation {
     /// The text as given, without the PLC.
     text: String,
     /// The PLC in front, if one was given.
@@ -32,7 +32,7 @@ pub struct Place {
     is_empty: bool,
 }
 
-impl Place {
+impl NamedLocation {
     /// Looks up `[PLC:]REGISTER` or `[PLC:]%ADDRESS` of a device.
     ///
     /// # Errors
@@ -271,8 +271,8 @@ mod tests {
     use crate::devices::samples::tables::NODES as DEVICE;
     use crate::devices::samples::tables::phases;
 
-    fn place(text: &str) -> Place {
-        Place::parse(&DeviceFit::unknown(&DEVICE), text).unwrap()
+    fn place(text: &str) -> NamedLocation {
+        NamedLocation::parse(&DeviceFit::unknown(&DEVICE), text).unwrap()
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use super::address::Address;
 use super::decode;
-use super::descriptor::{Area, Owner, Placed, RegType, Register, Role, Structure};
+use super::descriptor::{Area, AreaStructure, Owner, RegType, Register, Role, Structure};
 use super::width::Width;
 use core::fmt;
 
@@ -12,7 +12,7 @@ pub struct RegisterRef {
     /// The area.
     pub area: &'static Area,
     /// The structure's place in the area.
-    pub placed: &'static Placed,
+    pub placed: &'static AreaStructure,
     /// The register's descriptor.
     pub register: &'static Register,
     /// Index per dimension of the descriptor; 0 where it has none.

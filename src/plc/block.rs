@@ -25,7 +25,7 @@ pub trait FunctionBlock: Default + 'static {
     ///
     /// # Errors
     /// Its registers do not fit there.
-    fn connect(place: &Place<'_>) -> Result<Self::Wires, MemoryError>;
+    fn connect(place: &BlockContext<'_>) -> Result<Self::Wires, MemoryError>;
 
     /// The value of a pin; `None` if there is no such pin.
     fn pin(&self, wires: &Self::Wires, name: &str) -> Option<PinValue>;
@@ -38,7 +38,7 @@ pub trait FunctionBlock: Default + 'static {
 }
 
 /// The place of a block.
-pub struct Place<'a> {
+pub struct BlockContext<'a> {
     /// The RAM of its PLC.
     pub ram: &'a Ram,
     /// Offset of its area in the RAM.
@@ -71,7 +71,7 @@ pub trait Wire: Sized {
     ///
     /// # Errors
     /// The registers do not fit there.
-    fn connect(place: &Place<'_>) -> Result<Self, MemoryError>;
+    fn connect(place: &BlockContext<'_>) -> Result<Self, MemoryError>;
 
     /// Borrows it for one call.
     fn lend(&mut self) -> impl DerefMut<Target = Self::CallView>;
@@ -80,7 +80,7 @@ pub trait Wire: Sized {
 impl<T: SharedRegs> Wire for Base<T> {
     type CallView = Self;
 
-    fn connect(place: &Place<'_>) -> Result<Self, MemoryError> {
+    fn connect(place: &BlockContext<'_>) -> Result<Self, MemoryError> {
         place.ram.at(place.offset)
     }
 
@@ -93,7 +93,7 @@ impl<T: SharedRegs> Wire for Base<T> {
 impl Wire for Ram {
     type CallView = Self;
 
-    fn connect(place: &Place<'_>) -> Result<Self, MemoryError> {
+    fn connect(place: &BlockContext<'_>) -> Result<Self, MemoryError> {
         Ok(place.ram.clone())
     }
 
@@ -108,7 +108,7 @@ pub struct Shared<T>(Rc<RefCell<T>>);
 impl<T: Default + 'static> Wire for Shared<T> {
     type CallView = T;
 
-    fn connect(place: &Place<'_>) -> Result<Self, MemoryError> {
+    fn connect(place: &BlockContext<'_>) -> Result<Self, MemoryError> {
         Ok(place.variables.get())
     }
 
@@ -118,7 +118,7 @@ impl<T: Default + 'static> Wire for Shared<T> {
 }
 
 /// A connected block of any type.
-pub trait Placed {
+pub trait BlockInstance {
     /// The value of a pin; `None` if there is no such pin.
     fn get(&self, pin: &str) -> Option<PinValue>;
 
@@ -134,7 +134,7 @@ struct Wired<B: FunctionBlock> {
     wires: B::Wires,
 }
 
-impl<B: FunctionBlock> Placed for Wired<B> {
+impl<B: FunctionBlock> BlockInstance for Wired<B> {
     fn get(&self, pin: &str) -> Option<PinValue> {
         self.block.pin(&self.wires, pin)
     }
@@ -157,7 +157,7 @@ pub struct BlockKind {
     pub structure: Option<&'static str>,
     /// Pins of the block.
     pub pins: &'static [Pin],
-    make: fn(&Place<'_>) -> Result<Box<dyn Placed>, MemoryError>,
+    make: fn(&BlockContext<'_>) -> Result<Box<dyn BlockInstance>, MemoryError>,
 }
 
 impl BlockKind {
@@ -170,7 +170,7 @@ impl BlockKind {
     ///
     /// # Errors
     /// Its registers do not fit there.
-    pub fn make(&self, place: &Place<'_>) -> Result<Box<dyn Placed>, MemoryError> {
+    pub fn make(&self, place: &BlockContext<'_>) -> Result<Box<dyn BlockInstance>, MemoryError> {
         (self.make)(place)
     }
 
@@ -180,7 +180,7 @@ impl BlockKind {
     }
 }
 
-fn make<B: FunctionBlock>(place: &Place<'_>) -> Result<Box<dyn Placed>, MemoryError> {
+fn make<B: FunctionBlock>(place: &BlockContext<'_>) -> Result<Box<dyn BlockInstance>, MemoryError> {
     Ok(Box::new(Wired { block: B::default(), wires: B::connect(place)? }))
 }
 
@@ -237,7 +237,7 @@ macro_rules! function_block {
             ];
             type Wires = ($($wire_type,)* $($(Box<$data_type>,)*)?);
 
-            fn connect(place: &$crate::plc::Place<'_>) -> Result<Self::Wires, $crate::memory::MemoryError> {
+            fn connect(place: &$crate::plc::BlockContext<'_>) -> Result<Self::Wires, $crate::memory::MemoryError> {
                 Ok((
                     $(<$wire_type as $crate::plc::Wire>::connect(place)?,)*
                     $($(Box::new(<$data_type as zerocopy::FromZeros>::new_zeroed()),)*)?

@@ -16,7 +16,7 @@ mod ram;
 mod structured_text;
 mod tasks;
 
-pub use block::{BlockKind, FunctionBlock, Place, Placed, Shared, Variables, Wire};
+pub use block::{BlockContext, BlockInstance, BlockKind, FunctionBlock, Shared, Variables, Wire};
 pub(crate) use block::{block_kinds, function_block};
 pub use pin::{Direction, Pin, PinError, PinType, PinValue};
 pub use ram::{Base, Like, Ram};

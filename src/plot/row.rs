@@ -1,7 +1,7 @@
 //! A register in a plot.
 
 use crate::journal::Past;
-use crate::layout::place::Place;
+use crate::layout::place::NamedLocation;
 use crate::layout::{Address, Handshake, Meaning, RegType};
 
 /// Drawing style of a register.
@@ -34,7 +34,7 @@ pub struct Row {
 
 impl Row {
     /// The register at `place`, with all its values in a journal; for a single bit, the values of its register.
-    pub fn of(name: String, place: &Place, past: &Past) -> Self {
+    pub fn of(name: String, place: &NamedLocation, past: &Past) -> Self {
         // Types and meanings of overlaid registers depend on the phase; here the last one is used for both.
         let live = place.last_phase();
         let bit = place.bit_in();
@@ -118,7 +118,7 @@ impl Row {
 }
 
 /// The address with the values that a row at `place` shows.
-pub fn address_of(place: &Place) -> Address {
+pub fn address_of(place: &NamedLocation) -> Address {
     place.bit_in().map_or(place.address(), |(register, _)| register.address())
 }
 

@@ -1,7 +1,7 @@
 //! The register that an operation names, and the reasons to refuse it.
 
 use super::{Code, Host, Refused, Waited};
-use crate::layout::{Address, DeviceLayout, Owner, Place, Test, Width, plc_prefix};
+use crate::layout::{Address, DeviceLayout, NamedLocation, Owner, Test, Width, plc_prefix};
 use crate::plant::ForceError;
 
 /// A register with an existing PLC and an address that suits its width.
@@ -29,7 +29,7 @@ impl Register {
         let names = host.plant().names();
         let plc = self.plc as u16;
         let prefix = plc_prefix(&names.plcs, plc);
-        let Ok(place) = Place::parse(&names.fitted(plc), &self.address.to_string()) else {
+        let Ok(place) = NamedLocation::parse(&names.fitted(plc), &self.address.to_string()) else {
             return format!("{prefix}{}", self.address);
         };
         let status =

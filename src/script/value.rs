@@ -3,7 +3,7 @@
 use super::ScenarioError;
 use crate::layout::place::BadValue;
 use crate::layout::value::ValueError;
-use crate::layout::{Place, RegType};
+use crate::layout::{NamedLocation, RegType};
 use crate::time;
 use std::time::Duration;
 
@@ -21,7 +21,7 @@ impl Value {
     ///
     /// # Errors
     /// The register cannot hold it.
-    pub fn bits(&self, place: &Place) -> Result<u32, BadValue> {
+    pub fn bits(&self, place: &NamedLocation) -> Result<u32, BadValue> {
         match self {
             Value::Text(text) => place.parse_value(text),
             Value::Number(number)
@@ -126,7 +126,7 @@ mod tests {
     fn bits(register: &str, value: impl Into<Value>) -> Result<u32, String> {
         value
             .into()
-            .bits(&Place::parse(&DeviceFit::unknown(&DEVICE), register).unwrap())
+            .bits(&NamedLocation::parse(&DeviceFit::unknown(&DEVICE), register).unwrap())
             .map_err(|error| error.to_string())
     }
 

@@ -7,7 +7,7 @@ use super::pins::Pins;
 use super::prompt::{InputPurpose, Prompt, TextInput};
 use super::tree::Row;
 use super::work::{Task, Work};
-use crate::layout::Place;
+use crate::layout::NamedLocation;
 use crate::request::Op;
 use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyModifiers, MouseButton, MouseEvent, MouseEventKind};
 use ratatui::layout::Position;
@@ -240,7 +240,7 @@ impl Model {
         }
     }
 
-    fn ask_value(&mut self, purpose: fn(u16, Place) -> InputPurpose, what: &str) {
+    fn ask_value(&mut self, purpose: fn(u16, NamedLocation) -> InputPurpose, what: &str) {
         match self.chosen() {
             Some((_, place)) if place.bit().is_some() => {
                 self.complain("a single bit cannot be written, only its whole register");

@@ -11,7 +11,7 @@ use super::prompt::{BoardSwitch, Prompt};
 use super::tree::{Row, Tree};
 use crate::journal::{Entry, Names};
 use crate::layout::place::status_of;
-use crate::layout::{Area, Place, RegisterPhase, RegisterRef};
+use crate::layout::{Area, NamedLocation, RegisterPhase, RegisterRef};
 use crate::plant::Forced;
 use crate::request::{BusScene, BusState, InstanceInfo};
 use ratatui::layout::Rect;
@@ -222,7 +222,7 @@ impl Model {
             let name = old.plcs.get(usize::from(plc));
             let number = info.names.plcs.iter().position(|known| Some(known) == name);
             let Some(number) = number.and_then(|number| u16::try_from(number).ok()) else { continue };
-            if let Ok(place) = Place::parse(&info.names.fitted(number), place.text()) {
+            if let Ok(place) = NamedLocation::parse(&info.names.fitted(number), place.text()) {
                 self.pins.toggle(number, place);
             }
         }
@@ -308,7 +308,7 @@ impl Model {
     }
 
     /// The chosen register and its PLC.
-    pub(super) fn chosen(&self) -> Option<(u16, Place)> {
+    pub(super) fn chosen(&self) -> Option<(u16, NamedLocation)> {
         match self.pane {
             Pane::Registers if self.on_pins => {
                 let pin = self.pins.all.get(self.pins.list.chosen)?;
@@ -317,7 +317,7 @@ impl Model {
             Pane::Registers => {
                 let (plc, register) = self.tree.chosen()?.register()?;
                 let fitted = self.info.as_ref()?.names.fitted(plc);
-                Some((plc, Place::parse(&fitted, &register.name()).ok()?))
+                Some((plc, NamedLocation::parse(&fitted, &register.name()).ok()?))
             }
             Pane::Changes => {
                 let change = self.pins.shown().get(self.pins.history.chosen)?;

@@ -3,7 +3,7 @@
 use super::list::List;
 use super::poll::MemoryLocation;
 use crate::journal::{Change, Names};
-use crate::layout::{Place, plc_prefix};
+use crate::layout::{NamedLocation, plc_prefix};
 use std::collections::VecDeque;
 
 /// Window for the rate of changes, in microseconds of emulated time.
@@ -16,7 +16,7 @@ pub(super) struct Pin {
     /// Number of the PLC.
     pub plc: u16,
     /// The register or address.
-    pub place: Place,
+    pub place: NamedLocation,
     /// Time of the last change.
     pub last_us: Option<u64>,
     /// Times of the changes within the window.
@@ -68,7 +68,7 @@ impl Pin {
 
 impl Pins {
     /// Pins a place, or unpins it. Returns true if it is pinned now.
-    pub(super) fn toggle(&mut self, plc: u16, place: Place) -> bool {
+    pub(super) fn toggle(&mut self, plc: u16, place: NamedLocation) -> bool {
         let same = |pin: &Pin| pin.plc == plc && pin.place.address() == place.address();
         let before = self.all.len();
         self.all.retain(|pin| !same(pin));

@@ -4,7 +4,7 @@ use super::source::{RequestError, RequestKind, Source};
 use crate::devices;
 use crate::devices::ModuleFront;
 use crate::journal::{Change, Changed, Entry, Keep, Record, Turn};
-use crate::layout::{FrontWord, Place, RegisterRef, Width};
+use crate::layout::{FrontWord, NamedLocation, RegisterRef, Width};
 use crate::memory::header::BoardState;
 use crate::plant::Forced;
 use crate::request::{
@@ -43,7 +43,7 @@ impl MemoryLocation {
     }
 
     /// Location of a place.
-    pub(super) fn place(plc: u16, place: &Place) -> Self {
+    pub(super) fn place(plc: u16, place: &NamedLocation) -> Self {
         Self { plc, offset: place.offset(), width: place.width() }
     }
 }

@@ -3,7 +3,7 @@
 use super::model::Model;
 use super::pins::Pins;
 use super::work::{Task, Work};
-use crate::layout::{Condition, ConditionError, Place, split_plc, value};
+use crate::layout::{Condition, ConditionError, NamedLocation, split_plc, value};
 use crate::memory::header::BoardWord;
 use crate::request::Op;
 use crate::time;
@@ -40,9 +40,9 @@ pub(super) struct TextInput {
 #[derive(Clone, Debug)]
 pub(super) enum InputPurpose {
     /// Value to write to a register of a PLC.
-    Poke(u16, Place),
+    Poke(u16, NamedLocation),
     /// Value to force a register to.
-    Force(u16, Place),
+    Force(u16, NamedLocation),
     /// Time to advance the clock by.
     Step,
     /// Conditions to wait for.
@@ -169,8 +169,9 @@ impl Model {
             let number = number(split_plc(name).0).and_then(|number| u16::try_from(number).ok());
             number.ok_or_else(|| format!("write the PLC in front: {}:...", names.plcs.join(", ")))
         };
-        let place =
-            |name: &str| Place::parse(&names.fitted(plc_of(name)?), name).map_err(|error| error.to_string());
+        let place = |name: &str| {
+            NamedLocation::parse(&names.fitted(plc_of(name)?), name).map_err(|error| error.to_string())
+        };
         let condition = Condition::parse(text, place).map_err(|error| match error {
             ConditionError::Register(why) => why,
             ConditionError::Value(why) => why.to_string(),

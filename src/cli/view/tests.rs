@@ -149,7 +149,7 @@ impl User {
     fn poke(&mut self, writes: &[(&str, u32)], then_us: u64) {
         let fitted = self.host.plant.names().fitted(0);
         for (name, value) in writes {
-            let place = crate::layout::Place::parse(&fitted, name).unwrap();
+            let place = crate::layout::NamedLocation::parse(&fitted, name).unwrap();
             let op = Op::Poke { plc: 0, offset: place.offset(), width: place.width(), value: *value };
             assert_eq!(self.host.request(&[op]), [Reply::Written], "{name}");
         }

@@ -34,7 +34,7 @@ event_kinds! {
 
 /// Returns the meaning of a register value.
 fn meaning(register: &str, value: u8) -> String {
-    let place = crate::layout::Place::parse(&crate::layout::DeviceFit::unknown(&DEVICE), register);
+    let place = crate::layout::NamedLocation::parse(&crate::layout::DeviceFit::unknown(&DEVICE), register);
     place.map_or_else(|_| value.to_string(), |place| place.meaning(RegisterPhase::ALWAYS, value.into()))
 }
 

@@ -36,7 +36,7 @@ use crate::journal::{Journal, Origin};
 use core::any::Any;
 use disturbance::Disturbance;
 use drives::Drives;
-use end::{DriveEnd, End, Place};
+use end::{DriveEnd, End, PortRef};
 use own_clock::OwnClock;
 use schedule::{Schedule, Slot};
 use serde::{Deserialize, Serialize};
@@ -80,7 +80,7 @@ pub struct SimBus {
     /// False for the medium without wires that serves a node without a connected bus.
     is_wired: bool,
     /// The ports in the order in which they were attached.
-    places: Vec<Place>,
+    places: Vec<PortRef>,
     /// The master, if the bus has one; at most one element.
     masters: Vec<End<Master>>,
     slaves: Vec<End<Slave>>,

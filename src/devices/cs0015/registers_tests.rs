@@ -2,14 +2,14 @@
 
 use super::registers::DEVICE;
 use crate::layout::object::{Access, Default, Type};
-use crate::layout::{DeviceFit, Owner, Place};
+use crate::layout::{DeviceFit, NamedLocation, Owner};
 
 fn address(name: &str) -> String {
     DEVICE.register(name).unwrap().address().to_string()
 }
 
 fn offset(address: &str) -> u32 {
-    Place::parse(&DeviceFit::unknown(&DEVICE), address).unwrap().offset()
+    NamedLocation::parse(&DeviceFit::unknown(&DEVICE), address).unwrap().offset()
 }
 
 /// P. 152-154.
@@ -40,7 +40,7 @@ fn addresses_match_the_manual() {
 #[test]
 fn every_flag_has_an_address() {
     for word in 0..4096 {
-        let place = Place::parse(&DeviceFit::unknown(&DEVICE), &format!("%MW{word}")).unwrap();
+        let place = NamedLocation::parse(&DeviceFit::unknown(&DEVICE), &format!("%MW{word}")).unwrap();
         assert_eq!(place.offset(), 8192 + 2 * word);
     }
     assert!(DEVICE.address("%MW4096").is_ok_and(|it| DEVICE.area_at(it).unwrap().name == "jobs"), "D-434");

@@ -2,7 +2,7 @@ use super::*;
 use crate::devices;
 use crate::devices::samples::tables::NODES as DEVICE;
 use crate::fault::{Fault, FaultSpec, FaultStatus};
-use crate::layout::{Compare, DeviceFit, Place};
+use crate::layout::{Compare, DeviceFit, NamedLocation};
 use crate::memory::Width;
 use crate::plant::Forced;
 use crate::request::testing::{RAM, TestHost};
@@ -80,7 +80,7 @@ fn a_wait_has_1_to_32_conditions_and_each_can_hold() {
 
 /// Writes a register of PLC 0 by its name.
 fn set(name: &str, value: u32) -> Op {
-    let place = Place::parse(&DeviceFit::unknown(&DEVICE), name).unwrap();
+    let place = NamedLocation::parse(&DeviceFit::unknown(&DEVICE), name).unwrap();
     poke(place.offset(), place.width(), value)
 }
 
@@ -88,7 +88,7 @@ fn set(name: &str, value: u32) -> Op {
 fn with_sync() -> TestHost {
     let mut host = TestHost::new(true);
     let status = |value| {
-        let place = Place::parse(&DeviceFit::unknown(&DEVICE), "node2.w_OPTION_STATUS").unwrap();
+        let place = NamedLocation::parse(&DeviceFit::unknown(&DEVICE), "node2.w_OPTION_STATUS").unwrap();
         let (offset, width) = (place.offset(), place.width());
         Op::Wait { plc: 0, offset, width, mask: 0xFFFF, value, within_us: 10_000 }
     };

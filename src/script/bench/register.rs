@@ -2,13 +2,13 @@
 
 use super::ask::Spot;
 use super::{Bench, memory};
-use crate::layout::{Area, Place, RegisterPhase, plc_prefix, split_plc};
+use crate::layout::{Area, NamedLocation, RegisterPhase, plc_prefix, split_plc};
 use crate::script::ScenarioError;
 
 /// A register of a plant, looked up once and used often: [`Bench::find`].
 #[derive(Clone, Debug)]
 pub struct Register {
-    pub(super) place: Place,
+    pub(super) place: NamedLocation,
     pub(super) spot: Spot,
     /// The PLC as a prefix, if there are several.
     pub(super) prefix: String,
@@ -16,7 +16,7 @@ pub struct Register {
 
 impl Register {
     /// Place of the register.
-    pub fn place(&self) -> &Place {
+    pub fn place(&self) -> &NamedLocation {
         &self.place
     }
 
@@ -103,7 +103,7 @@ impl Bench {
     pub fn find(&self, text: &str) -> Result<Register, ScenarioError> {
         let (plc, name) = split_plc(text);
         let plc = self.plc(plc, name)?;
-        let place = Place::parse(&self.names.fitted(plc), text)?;
+        let place = NamedLocation::parse(&self.names.fitted(plc), text)?;
         let spot = Spot::new(plc, place.address());
         Ok(Register { place, spot, prefix: self.prefix(plc) })
     }

@@ -4,7 +4,7 @@ use super::arguments::span;
 use super::{Fallible, Verbs, int};
 use crate::devices::{self, Registered};
 use crate::layout::{Area, did_you_mean};
-use crate::plc::{BlockKind, PinError, PinValue, Place, Placed, Variables};
+use crate::plc::{BlockContext, BlockInstance, BlockKind, PinError, PinValue, Variables};
 use crate::script::caught::Caught;
 use crate::script::{Bench, ScenarioError};
 use core::cell::RefCell;
@@ -23,7 +23,7 @@ pub(super) struct Block {
     kind: &'static BlockKind,
     /// Place of its registers, as given.
     place: String,
-    instance: Rc<RefCell<Box<dyn Placed>>>,
+    instance: Rc<RefCell<Box<dyn BlockInstance>>>,
 }
 
 fn find(blocks: &'static [BlockKind], name: &str) -> Option<&'static BlockKind> {
@@ -74,7 +74,7 @@ impl Block {
         }
         let variables = variables.entry(plc).or_default();
         let offset = area.map_or(0, |area| area.first as usize);
-        let instance = kind.make(&Place { ram: &ram, offset, variables })?;
+        let instance = kind.make(&BlockContext { ram: &ram, offset, variables })?;
         Ok(Self { kind, place: place.to_owned(), instance: Rc::new(RefCell::new(instance)) })
     }
 

@@ -3,7 +3,7 @@
 use commram::devices::omega_drive_line_2::blocks::*;
 use commram::devices::{self, Registered};
 use commram::memory::Segment;
-use commram::plc::{BlockKind, Direction, PinValue, Place, Variables};
+use commram::plc::{BlockContext, BlockKind, Direction, PinValue, Variables};
 use std::collections::BTreeSet;
 use std::time::Duration;
 
@@ -71,7 +71,7 @@ fn presets(device: &Registered, kind: &BlockKind) -> Vec<PinValue> {
     assert_eq!(area.is_some(), kind.structure.is_some(), "{} works on {:?}", kind.name, kind.structure);
     let ram = Ram::of(&Segment::of(device.layout)).unwrap();
     let offset = area.map_or(0, |area| area.first as usize);
-    let block = kind.make(&Place { ram: &ram, offset, variables: &Variables::default() }).unwrap();
+    let block = kind.make(&BlockContext { ram: &ram, offset, variables: &Variables::default() }).unwrap();
     assert_eq!(block.get("x_UNHEARD_OF"), None);
     kind.pins.iter().map(|pin| block.get(pin.name).unwrap()).collect()
 }

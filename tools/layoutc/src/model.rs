@@ -154,11 +154,11 @@ pub(crate) struct Area {
     pub cpu: Option<(u32, u32)>,
     pub page: String,
     pub doc: String,
-    pub structures: Vec<Placed>,
+    pub structures: Vec<AreaStructure>,
 }
 
 /// A structure in an area.
-pub(crate) struct Placed {
+pub(crate) struct AreaStructure {
     /// Index into [`Device::structures`].
     pub structure: usize,
     /// Number of the phase in which it is valid, from 1; 0: always.

@@ -133,12 +133,12 @@ pub(crate) struct Area {
     pub page: String,
     pub doc: String,
     #[serde(default)]
-    pub structure: Vec<Placed>,
+    pub structure: Vec<AreaStructure>,
 }
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(crate) struct Placed {
+pub(crate) struct AreaStructure {
     pub name: Spanned<String>,
     /// `always`, or the name of a phase.
     pub live: Spanned<String>,

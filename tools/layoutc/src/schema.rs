@@ -46,7 +46,7 @@ mod tests {
             ("parts", keys::<raw::Parts>()),
             ("phase", keys::<raw::Phase>()),
             ("phases", keys::<raw::Phases>()),
-            ("placed", keys::<raw::Placed>()),
+            ("placed", keys::<raw::AreaStructure>()),
             ("port", keys::<raw::Port>()),
             ("range", keys::<raw::Range>()),
             ("reserved", keys::<raw::Reserved>()),

@@ -7,7 +7,7 @@ use crate::register::{Array, Register, places, register_of};
 use crate::snapshot::Snapshot;
 use crate::tables::Memory;
 use commram::devices;
-use commram::layout::{DeviceFit, Fit, Place, RegisterPhase};
+use commram::layout::{DeviceFit, Fit, NamedLocation, RegisterPhase};
 use commram::memory::{AttachMode, Attached, MemoryError};
 use commram::script::MemoryCopy;
 use core::time::Duration;
@@ -29,7 +29,7 @@ pub(crate) struct PyImage {
     attached: RwLock<Option<Arc<Attached>>>,
     fitted: DeviceFit,
     /// Resolved names.
-    found: Mutex<HashMap<String, Arc<Place>>>,
+    found: Mutex<HashMap<String, Arc<NamedLocation>>>,
     #[pyo3(get)]
     instance: String,
     #[pyo3(get)]
@@ -46,13 +46,13 @@ impl PyImage {
         attached.ok_or_else(|| errors::of_class("Error", "this is closed; attach again"))
     }
 
-    fn find(&self, name: &str) -> PyResult<Arc<Place>> {
+    fn find(&self, name: &str) -> PyResult<Arc<NamedLocation>> {
         let mut found = self.found.lock().unwrap_or_else(|error| error.into_inner());
         if let Some(place) = found.get(name) {
             return Ok(Arc::clone(place));
         }
-        let place =
-            Place::parse(&self.fitted, name).map_err(|error| errors::of_class("UnknownName", error))?;
+        let place = NamedLocation::parse(&self.fitted, name)
+            .map_err(|error| errors::of_class("UnknownName", error))?;
         if place.plc.as_ref().is_some_and(|plc| *plc != self.plc) {
             let text =
                 format!("{name}: this is the RAM of PLC {}; attach to the other one for itself", self.plc);
@@ -64,24 +64,24 @@ impl PyImage {
     }
 
     /// The place, and the bits of a value there.
-    fn value(&self, name: &str, value: &ValueArgument) -> PyResult<(Arc<Place>, u32)> {
+    fn value(&self, name: &str, value: &ValueArgument) -> PyResult<(Arc<NamedLocation>, u32)> {
         let place = self.find(name)?;
         let bits = value.0.bits(&place).map_err(|error| PyValueError::new_err(error.to_string()))?;
         Ok((place, bits))
     }
 
-    fn load(attached: &Attached, place: &Place) -> PyResult<u32> {
+    fn load(attached: &Attached, place: &NamedLocation) -> PyResult<u32> {
         attached.segment().load(place.offset(), place.width()).map_err(|error| errors::memory(&error))
     }
 
-    fn number(place: &Place, live: RegisterPhase, value: u32) -> i64 {
+    fn number(place: &NamedLocation, live: RegisterPhase, value: u32) -> i64 {
         match place.bit() {
             Some(bit) => i64::from(value >> bit & 1),
             None => place.ty(live).number(value),
         }
     }
 
-    fn live(attached: &Attached, place: &Place) -> PyResult<RegisterPhase> {
+    fn live(attached: &Attached, place: &NamedLocation) -> PyResult<RegisterPhase> {
         let Some(status) = place.status() else { return Ok(place.last_phase()) };
         let address = status.address();
         let value = attached.segment().load(address.offset(), address.width());
@@ -131,7 +131,7 @@ impl PyImage {
 
     fn register(&self, name: &str) -> PyResult<Register> {
         let place = self.find(name)?;
-        register_of(self.fitted, Place::clone(&place), name)
+        register_of(self.fitted, NamedLocation::clone(&place), name)
     }
 
     fn peek(&self, register: &str) -> PyResult<i64> {
@@ -283,7 +283,7 @@ impl PyImage {
     }
 }
 
-fn whole(place: &Place) -> PyResult<()> {
+fn whole(place: &NamedLocation) -> PyResult<()> {
     match place.bit() {
         None => Ok(()),
         Some(_) => {

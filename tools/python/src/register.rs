@@ -1,7 +1,7 @@
 //! Descriptions of registers, and places of arrays.
 
 use crate::errors;
-use commram::layout::{DeviceFit, Owner, Place, RegType, RegisterRef, split_plc};
+use commram::layout::{DeviceFit, NamedLocation, Owner, RegType, RegisterRef, split_plc};
 use pyo3::prelude::*;
 
 /// One register; of an array one element.
@@ -10,7 +10,7 @@ use pyo3::prelude::*;
 pub(crate) struct Register {
     #[pyo3(get)]
     name: String,
-    place: Place,
+    place: NamedLocation,
     known: Option<RegisterRef>,
 }
 
@@ -18,7 +18,7 @@ pub(crate) struct Register {
 ///
 /// # Errors
 /// There is none.
-pub(crate) fn register_of(fitted: DeviceFit, place: Place, name: &str) -> PyResult<Register> {
+pub(crate) fn register_of(fitted: DeviceFit, place: NamedLocation, name: &str) -> PyResult<Register> {
     let target = fitted.target(name).map_err(|error| errors::of_class("UnknownName", error))?;
     let known = target.registers.into_iter().find(|known| known.address() == place.address());
     Ok(Register { name: name.to_owned(), place, known })

@@ -5,7 +5,7 @@ use crate::given::Time;
 use crate::register::{Register, places, register_of};
 use commram::devices;
 use commram::export::Scope;
-use commram::layout::{DeviceFit, Place};
+use commram::layout::{DeviceFit, NamedLocation};
 use commram::memory::Segment;
 use commram::memory::contract::{self, FieldKind};
 use commram::memory::header::{ABI_VERSION, HEADER_SIZE, MAGIC};
@@ -65,7 +65,8 @@ pub(crate) fn names(area: Option<&str>) -> Vec<String> {
 #[pyfunction]
 pub(crate) fn register(name: &str) -> PyResult<Register> {
     let fitted = default_registers();
-    let place = Place::parse(&fitted, name).map_err(|error| errors::of_class("UnknownName", error))?;
+    let place =
+        NamedLocation::parse(&fitted, name).map_err(|error| errors::of_class("UnknownName", error))?;
     register_of(fitted, place, name)
 }
 

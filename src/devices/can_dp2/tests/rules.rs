@@ -13,7 +13,8 @@ fn broken(bench: &Bench) -> Vec<(&'static str, u32)> {
 
 /// Returns the offset of a name in the image, as a user writes it.
 fn at(name: &str) -> u32 {
-    let place = crate::layout::Place::parse(&crate::layout::DeviceFit::unknown(&DEVICE), name).unwrap();
+    let place =
+        crate::layout::NamedLocation::parse(&crate::layout::DeviceFit::unknown(&DEVICE), name).unwrap();
     place.offset()
 }
 

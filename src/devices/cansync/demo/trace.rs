@@ -2,7 +2,7 @@
 
 use crate::devices::cansync::registers::CANsync_MA_CTRL_BMSTRUCT;
 use crate::devices::demo::{DemoError, Show};
-use crate::layout::{Address, DeviceFit, DeviceLayout, Place, Port, RegisterPhase, Width};
+use crate::layout::{Address, DeviceFit, DeviceLayout, NamedLocation, Port, RegisterPhase, Width};
 use crate::memory::{Attached, Header, MemoryError, SharedRegs, View};
 use crate::time;
 use std::cell::RefCell;
@@ -128,7 +128,7 @@ impl<'a> Trace<'a> {
             Err(MemoryError::RegisterTimeout { last, .. }) => {
                 self.print()?;
                 let live = self.port.area.phase(Some(self.node.w_OPTION_STATUS.load().into()));
-                let place = Place::parse(&self.fitted, &address.to_string())?;
+                let place = NamedLocation::parse(&self.fitted, &address.to_string())?;
                 Err(DemoError::Stuck {
                     what: what.to_owned(),
                     place: place.label(live),
@@ -191,7 +191,7 @@ impl<'a> Trace<'a> {
                     Writer::Plc => "PLC",
                     Writer::Firmware => "firmware",
                 };
-                let place = Place::parse(&self.fitted, &address.to_string())?;
+                let place = NamedLocation::parse(&self.fitted, &address.to_string())?;
                 let name = place.name(live);
                 let (value, meaning) = (place.format(live, value), place.meaning(live, value));
                 format!("{time:>11}  {writer:8}  {name:40}  {address:11}  {value:11}  {meaning}")

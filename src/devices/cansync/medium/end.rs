@@ -63,7 +63,7 @@ pub(super) struct End<F> {
 
 /// Reference to a port: its list in `SimBus`, and the index in that list.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Place {
+pub(super) enum PortRef {
     Master(usize),
     Slave(usize),
     Drive(usize),

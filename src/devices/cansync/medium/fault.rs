@@ -2,7 +2,7 @@
 //! `Disturbance`.
 
 use super::disturbance::Stray;
-use super::end::Place;
+use super::end::PortRef;
 use super::{Run, Station};
 use crate::devices::can_faults::{self, FrameEffect};
 use crate::devices::cansync::bus::codec::updown::{BLOCK, MAX_OFFSET};
@@ -103,9 +103,9 @@ impl Run<'_> {
         self.deliver_to_all(frame, copy);
         for place in deaf {
             match place {
-                Place::Master(index) => self.bus.masters[index].firmware.frame_is_past(),
-                Place::Slave(index) => self.bus.slaves[index].firmware.frame_is_past(),
-                Place::Drive(_) => {}
+                PortRef::Master(index) => self.bus.masters[index].firmware.frame_is_past(),
+                PortRef::Slave(index) => self.bus.slaves[index].firmware.frame_is_past(),
+                PortRef::Drive(_) => {}
             }
         }
     }
@@ -129,7 +129,7 @@ impl Run<'_> {
     }
 
     /// Returns the nodes of this bus that lose `frame` to an overrun.
-    fn overruns(&mut self, frame: &Frame) -> Vec<Place> {
+    fn overruns(&mut self, frame: &Frame) -> Vec<PortRef> {
         let mut deaf = Vec::new();
         let bus = &mut *self.bus;
         let sender = match frame.kind() {
@@ -145,9 +145,11 @@ impl Run<'_> {
             };
             let place = bus.place_of(Origin { plc: device, node: port })?;
             let lost = match place {
-                Place::Slave(index) => sender != Station::Node(index) && bus.slaves[index].firmware.overrun(),
-                Place::Master(index) => !from_master && bus.masters[index].firmware.overrun(),
-                Place::Drive(_) => false,
+                PortRef::Slave(index) => {
+                    sender != Station::Node(index) && bus.slaves[index].firmware.overrun()
+                }
+                PortRef::Master(index) => !from_master && bus.masters[index].firmware.overrun(),
+                PortRef::Drive(_) => false,
             };
             lost.then(|| {
                 deaf.push(place);

@@ -1,6 +1,6 @@
 //! The [`Bus`] implementation of a CANsync bus, and the functions of its ports that are not traffic.
 
-use super::end::{DriveEnd, End, Place, Socket, SocketRole};
+use super::end::{DriveEnd, End, PortRef, Socket, SocketRole};
 use super::rates::report_mismatch;
 use super::schedule::Slot;
 use super::{FAMILY, Sender, SimBus, Station};
@@ -77,7 +77,7 @@ impl Bus for SimBus {
         let place = match &socket.role {
             SocketRole::Master { .. } => {
                 self.masters.push(End::master(&socket)?);
-                Place::Master(self.masters.len() - 1)
+                PortRef::Master(self.masters.len() - 1)
             }
             SocketRole::Slave { number, lock } => {
                 let index = self.slaves.len();
@@ -85,7 +85,7 @@ impl Bus for SimBus {
                 if self.is_wired {
                     self.connect(*number, Station::Node(index));
                 }
-                Place::Slave(index)
+                PortRef::Slave(index)
             }
             SocketRole::Drive(config) => {
                 let drive = Drive::new(config, self.kbit_s)?;
@@ -95,7 +95,7 @@ impl Bus for SimBus {
                 }
                 self.drives.push(drive);
                 self.drive_ends.push(DriveEnd { origin, number, kbit_s, last_frame: None });
-                Place::Drive(self.drive_ends.len() - 1)
+                PortRef::Drive(self.drive_ends.len() - 1)
             }
         };
         self.places.push(place);
@@ -104,12 +104,12 @@ impl Bus for SimBus {
 
     fn power_on(&mut self, place: usize, address: u8, now: u64, _: &mut Journal) -> bool {
         match self.places[place] {
-            Place::Master(index) => {
+            PortRef::Master(index) => {
                 self.masters[index].is_on = true;
                 self.masters[index].firmware.power_on(address);
                 true
             }
-            Place::Slave(index) => {
+            PortRef::Slave(index) => {
                 // Also a node whose number has not changed: another station may have it, or may have had it until now.
                 let is_free = self.renumber(index, address);
                 let end = &mut self.slaves[index];
@@ -120,7 +120,7 @@ impl Bus for SimBus {
                 end.firmware.power_on();
                 is_free
             }
-            Place::Drive(index) => {
+            PortRef::Drive(index) => {
                 self.supply_drive(now, self.drive_ends[index].number, true);
                 true
             }
@@ -133,19 +133,19 @@ impl Bus for SimBus {
 
     fn power_off(&mut self, place: usize, now: u64, journal: &mut Journal) {
         match self.places[place] {
-            Place::Master(index) => {
+            PortRef::Master(index) => {
                 self.masters[index].run(now, journal, |master, ctx| master.power_off(ctx));
                 self.masters[index].forget();
                 self.masters[index].is_on = false;
                 self.stop(now);
             }
-            Place::Slave(index) => {
+            PortRef::Slave(index) => {
                 let number = self.slaves[index].firmware.number();
                 self.slaves[index].run(now, journal, |slave, ctx| slave.power_off(ctx));
                 self.slaves[index].begin_as(number);
                 self.slaves[index].is_on = false;
             }
-            Place::Drive(index) => {
+            PortRef::Drive(index) => {
                 self.drive_ends[index].last_frame = None;
                 self.supply_drive(now, self.drive_ends[index].number, false);
             }
@@ -155,7 +155,7 @@ impl Bus for SimBus {
     fn processor_cycle(&mut self, place: usize, now: u64, journal: &mut Journal) -> bool {
         let on_wire = self.on_wire(now, self.places[place]);
         match self.places[place] {
-            Place::Master(index) => {
+            PortRef::Master(index) => {
                 let end = &mut self.masters[index];
                 let change = end.run(now, journal, |master, ctx| master.processor_cycle(ctx, on_wire));
                 let master = &end.firmware;
@@ -177,7 +177,7 @@ impl Bus for SimBus {
                 }
                 is_on_bus
             }
-            Place::Slave(index) => {
+            PortRef::Slave(index) => {
                 let bus_kbit_s = self.running.as_ref().map(|running| running.timing.kbit_per_s);
                 let has_master = !self.masters.is_empty();
                 let end = &mut self.slaves[index];
@@ -197,32 +197,32 @@ impl Bus for SimBus {
                 is_on_bus
             }
             // A drive has no registers to update.
-            Place::Drive(_) => false,
+            PortRef::Drive(_) => false,
         }
     }
 
     fn last_frame(&self, place: usize) -> Option<u64> {
         match self.places[place] {
-            Place::Master(index) => self.masters[index].last_frame,
-            Place::Slave(index) => self.slaves[index].last_frame,
-            Place::Drive(index) => self.drive_ends[index].last_frame,
+            PortRef::Master(index) => self.masters[index].last_frame,
+            PortRef::Slave(index) => self.slaves[index].last_frame,
+            PortRef::Drive(index) => self.drive_ends[index].last_frame,
         }
     }
 
     fn is_quiescent(&self, place: usize) -> bool {
         match self.places[place] {
-            Place::Master(index) => self.masters[index].firmware.is_quiescent(),
-            Place::Slave(index) => self.slaves[index].firmware.is_quiescent(),
-            Place::Drive(_) => true,
+            PortRef::Master(index) => self.masters[index].firmware.is_quiescent(),
+            PortRef::Slave(index) => self.slaves[index].firmware.is_quiescent(),
+            PortRef::Drive(_) => true,
         }
     }
 
     #[inline]
     fn poll_changes_nothing(&self, place: usize, now: u64, is_seen: bool) -> bool {
         match self.places[place] {
-            Place::Master(index) => self.masters[index].firmware.poll_changes_nothing(is_seen),
-            Place::Slave(index) => self.slaves[index].firmware.poll_changes_nothing(now, is_seen),
-            Place::Drive(_) => true,
+            PortRef::Master(index) => self.masters[index].firmware.poll_changes_nothing(is_seen),
+            PortRef::Slave(index) => self.slaves[index].firmware.poll_changes_nothing(now, is_seen),
+            PortRef::Drive(_) => true,
         }
     }
 
@@ -289,16 +289,16 @@ impl BusGuests for SimBus {
 impl SyncLine for SimBus {
     fn takes_sync(&self, place: usize) -> bool {
         match self.places[place] {
-            Place::Master(index) => {
+            PortRef::Master(index) => {
                 let master = &self.masters[index].firmware;
                 master.is_on_bus() && master.forwards_sync()
             }
-            Place::Slave(_) | Place::Drive(_) => false,
+            PortRef::Slave(_) | PortRef::Drive(_) => false,
         }
     }
 
     fn forwarded_edge(&mut self, place: usize, now: u64, signal: SyncSignal, journal: &mut Journal) {
-        let Place::Master(index) = self.places[place] else { return };
+        let PortRef::Master(index) = self.places[place] else { return };
         self.masters[index].run(now, journal, |master, ctx| master.passes_sync_on(ctx, signal));
         if let Some(running) = self.running.as_mut().filter(|running| !running.own_sync) {
             running.signal = signal;
@@ -418,11 +418,11 @@ fn report_no_master(ctx: &mut Context) {
 
 impl SimBus {
     /// Returns the port of a node.
-    pub(super) fn place_of(&self, origin: Origin) -> Option<Place> {
-        let is_there = |place: &Place| match *place {
-            Place::Master(index) => self.masters[index].origin == origin,
-            Place::Slave(index) => self.slaves[index].origin == origin,
-            Place::Drive(index) => self.drive_ends[index].origin == origin,
+    pub(super) fn place_of(&self, origin: Origin) -> Option<PortRef> {
+        let is_there = |place: &PortRef| match *place {
+            PortRef::Master(index) => self.masters[index].origin == origin,
+            PortRef::Slave(index) => self.slaves[index].origin == origin,
+            PortRef::Drive(index) => self.drive_ends[index].origin == origin,
         };
         self.places.iter().copied().find(is_there)
     }
@@ -430,12 +430,12 @@ impl SimBus {
     /// Switches the controller of a node to BUS-off. Returns true if it was working.
     fn go_bus_off(&mut self, origin: Origin, now: u64) -> bool {
         let (goes, sender) = match self.place_of(origin) {
-            Some(Place::Master(index)) => (self.masters[index].firmware.go_bus_off(), Sender::Master),
-            Some(Place::Slave(index)) => {
+            Some(PortRef::Master(index)) => (self.masters[index].firmware.go_bus_off(), Sender::Master),
+            Some(PortRef::Slave(index)) => {
                 let slave = &mut self.slaves[index].firmware;
                 (slave.go_bus_off(), Sender::Slave(slave.number()))
             }
-            Some(Place::Drive(_)) | None => return false,
+            Some(PortRef::Drive(_)) | None => return false,
         };
         if goes {
             self.destroy_frames_of(now, sender);
@@ -468,13 +468,13 @@ impl SimBus {
 
     /// Returns the activity of a node's controller when a poll at `now` read its status: `Some(true)` sending,
     /// `Some(false)` receiving.
-    fn on_wire(&self, now: u64, place: Place) -> Option<bool> {
+    fn on_wire(&self, now: u64, place: PortRef) -> Option<bool> {
         let read = self.status_read(now);
         let wire = self.on_wire.iter().flatten().find(|wire| (wire.from..wire.until).contains(&read))?;
         Some(match (wire.sender, place) {
-            (_, Place::Slave(index)) if self.is_off(index) => return None,
-            (Sender::Master, Place::Master(_)) => true,
-            (Sender::Slave(number), Place::Slave(index)) => {
+            (_, PortRef::Slave(index)) if self.is_off(index) => return None,
+            (Sender::Master, PortRef::Master(_)) => true,
+            (Sender::Slave(number), PortRef::Slave(index)) => {
                 self.stations.get(usize::from(number)) == Some(&Station::Node(index))
             }
             _ => false,

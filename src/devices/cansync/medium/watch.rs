@@ -1,7 +1,7 @@
 //! Access checks for the registers of a bus's ports.
 
 use super::SimBus;
-use super::end::Place;
+use super::end::PortRef;
 use crate::devices::PortWatch;
 use crate::devices::cansync::watch::{Facts, NodeWatch};
 use crate::journal::Journal;
@@ -11,15 +11,15 @@ impl SimBus {
     #[inline]
     pub(super) fn watched(&mut self, place: usize) -> Option<(&mut NodeWatch, Facts)> {
         Some(match self.places[place] {
-            Place::Master(index) => {
+            PortRef::Master(index) => {
                 let end = &mut self.masters[index];
                 (&mut end.watch, end.firmware.facts())
             }
-            Place::Slave(index) => {
+            PortRef::Slave(index) => {
                 let end = &mut self.slaves[index];
                 (&mut end.watch, end.firmware.facts())
             }
-            Place::Drive(_) => return None,
+            PortRef::Drive(_) => return None,
         })
     }
 
@@ -28,9 +28,9 @@ impl SimBus {
     pub(super) fn judge_mappings(&mut self, now: u64, journal: &mut Journal) {
         for place in 0..self.places.len() {
             let watch = match self.places[place] {
-                Place::Master(index) => &self.masters[index].watch,
-                Place::Slave(index) => &self.slaves[index].watch,
-                Place::Drive(_) => continue,
+                PortRef::Master(index) => &self.masters[index].watch,
+                PortRef::Slave(index) => &self.slaves[index].watch,
+                PortRef::Drive(_) => continue,
             };
             if watch.is_unsettled()
                 && let Some((watch, facts)) = self.watched(place)

@@ -3,7 +3,7 @@
 use crate::devices::cs0015::registers::values::{job_control, job_error};
 use crate::devices::cs0015::registers::{CS0015_JOBS, JOBS};
 use crate::memory::MemoryError;
-use crate::plc::{Base, Place, Ram, Wire};
+use crate::plc::{Base, BlockContext, Ram, Wire};
 use core::ops::DerefMut;
 use core::time::Duration;
 
@@ -38,7 +38,7 @@ impl Jobs {
 impl Wire for Jobs {
     type CallView = Self;
 
-    fn connect(place: &Place<'_>) -> Result<Self, MemoryError> {
+    fn connect(place: &BlockContext<'_>) -> Result<Self, MemoryError> {
         Jobs::of(place.ram)
     }
 

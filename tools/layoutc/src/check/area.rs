@@ -3,7 +3,7 @@
 use super::phase::{self, Declared};
 use super::{Names, identifier};
 use crate::error::{Error, Reason};
-use crate::model::{Area, Field, Kind, Placed, Provenance, Space, Structure};
+use crate::model::{Area, AreaStructure, Field, Kind, Provenance, Space, Structure};
 use crate::raw;
 use crate::source::{SourcePlace, Sources, at};
 use toml::Spanned;
@@ -120,7 +120,7 @@ fn area(
         (None, None) => None,
         _ => return Err(sources.error(at(file, raw.name.span()), Reason::HalfCpu)),
     };
-    let mut placed: Vec<Placed> = Vec::new();
+    let mut placed: Vec<AreaStructure> = Vec::new();
     for entry in &raw.structure {
         let place = at(file, entry.name.span());
         let wanted = entry.name.get_ref();
@@ -144,7 +144,7 @@ fn area(
         let ending = phases.and_then(|declared| declared.phases.values.get(live.checked_sub(1)?));
         let ending = ending.map_or("", |phase| &phase.variable);
         let (variable, variable_from) = variable(sources, file, (&name, ending), names, entry)?;
-        let new = Placed {
+        let new = AreaStructure {
             structure: index,
             live,
             role: entry.role,
@@ -153,7 +153,8 @@ fn area(
             unused: unused(sources, file, structure, &entry.unused)?,
         };
         // A port keeps its role: structures of different roles never overlap in use.
-        let meets = |other: &&Placed| new.role.is_none() || other.role.is_none() || new.role == other.role;
+        let meets =
+            |other: &&AreaStructure| new.role.is_none() || other.role.is_none() || new.role == other.role;
         for other in placed.iter().filter(meets) {
             same_widths(sources, place, &name, [&new, other], structures, subs)?;
         }
@@ -185,7 +186,7 @@ fn variable(
     file: usize,
     (area, ending): (&str, &str),
     names: &Provenance,
-    placed: &raw::Placed,
+    placed: &raw::AreaStructure,
 ) -> Result<(String, Provenance), Error> {
     let Some(given) = &placed.variable else {
         return Ok((format!("_{area}{ending}"), names.clone()));
@@ -215,7 +216,7 @@ fn same_widths(
     sources: &Sources,
     place: SourcePlace,
     area: &str,
-    pair: [&Placed; 2],
+    pair: [&AreaStructure; 2],
     structures: &[Structure],
     subs: &[Structure],
 ) -> Result<(), Error> {
@@ -240,7 +241,7 @@ fn same_widths(
 
 /// For each byte the width of the cell it lies in, `None` in unused registers. Cells are aligned to
 /// their width, so equal widths mean equal starts.
-fn placed_cells(placed: &Placed, structure: &Structure, subs: &[Structure]) -> Vec<Option<u32>> {
+fn placed_cells(placed: &AreaStructure, structure: &Structure, subs: &[Structure]) -> Vec<Option<u32>> {
     let fields = structure.fields.iter();
     let cells = |field: &Field| {
         let used = !placed.unused.contains(&field.name);

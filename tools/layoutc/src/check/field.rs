@@ -8,7 +8,7 @@ use crate::source::{SourcePlace, Sources, at};
 use toml::Spanned;
 
 /// The entry's place with the checked field.
-pub(crate) type Placed = (SourcePlace, Field);
+pub(crate) type LocatedField = (SourcePlace, Field);
 
 /// Checks everything that concerns `entry` alone. `home` is the structure or block it is written in.
 pub(crate) fn check(
@@ -17,7 +17,7 @@ pub(crate) fn check(
     file: usize,
     home: &raw::Structure,
     entry: &Spanned<raw::Entry>,
-) -> Result<Placed, Error> {
+) -> Result<LocatedField, Error> {
     let place = at(file, entry.span());
     let entry = entry.get_ref();
     if let Some(bytes) = &entry.padding {

@@ -2,7 +2,7 @@
 
 use super::Names;
 use crate::error::{Error, Reason};
-use crate::model::{ALWAYS, Kind, Phase, Phases, Placed, Structure};
+use crate::model::{ALWAYS, AreaStructure, Kind, Phase, Phases, Structure};
 use crate::raw;
 use crate::source::{Sources, at};
 use toml::Spanned;
@@ -82,7 +82,7 @@ pub(super) fn check_register(
     sources: &Sources,
     (file, live): (usize, &Spanned<String>),
     structure: &Structure,
-    others: &[Placed],
+    others: &[AreaStructure],
     (structures, declared): (&[Structure], &Declared),
 ) -> Result<(), Error> {
     let register = &declared.phases.register;

@@ -1,6 +1,6 @@
 //! A structure: its registers in ascending order, aligned, without overlap or hidden gap.
 
-use super::field::{self, Placed};
+use super::field::{self, LocatedField};
 use super::view;
 use super::{Names, Parts};
 use crate::error::{Error, Reason};
@@ -19,7 +19,7 @@ pub(crate) fn check(
     let view = raw.view.as_ref().map(|wanted| view::find(sources, parts, file, wanted)).transpose()?;
     let view = view.map(|index| (index, &parts.structures[index]));
     let mut names = Names::default();
-    let mut fields: Vec<Placed> = Vec::new();
+    let mut fields: Vec<LocatedField> = Vec::new();
     for block in &raw.blocks {
         let Some((block_file, block)) =
             parts.blocks.iter().find(|(_, known)| known.name.get_ref() == block.get_ref())
@@ -97,7 +97,7 @@ fn add(
     view: Option<(usize, &Structure)>,
     (file, raw): (usize, &raw::Structure),
     names: &mut Names,
-    fields: &mut Vec<Placed>,
+    fields: &mut Vec<LocatedField>,
 ) -> Result<(), Error> {
     for entry in &raw.register {
         let mut placed = field::check(sources, parts, file, raw, entry)?;

@@ -2,7 +2,7 @@
 //! because only the family's structure defines them.
 
 use super::Parts;
-use super::field::{self, Placed};
+use super::field::{self, LocatedField};
 use crate::error::{Error, Reason};
 use crate::model::Structure;
 use crate::raw;
@@ -26,7 +26,11 @@ pub(crate) fn find(
 }
 
 /// Puts a register at its place in `view`; type and bounds must be the same.
-pub(crate) fn place(sources: &Sources, view: &Structure, (at, field): &mut Placed) -> Result<(), Error> {
+pub(crate) fn place(
+    sources: &Sources,
+    view: &Structure,
+    (at, field): &mut LocatedField,
+) -> Result<(), Error> {
     let Some(known) = view.fields.iter().find(|known| known.name == field.view_name) else {
         let (name, view) = (field.view_name.clone(), view.name.clone());
         return Err(sources.error(*at, Reason::NotInView { name, view }));
@@ -45,7 +49,7 @@ pub(crate) fn fill_gaps(
     subs: &[Structure],
     size: u32,
     place: SourcePlace,
-    fields: &mut Vec<Placed>,
+    fields: &mut Vec<LocatedField>,
 ) {
     let mut gaps = Vec::new();
     let mut end = 0;

@@ -16,21 +16,21 @@ pub struct DeclarationError {
 
 /// A place in the text: line and column in characters, both from 1.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Place {
+pub struct TextPosition {
     /// Line.
     pub line: usize,
     /// Column.
     pub column: usize,
 }
 
-impl fmt::Display for Place {
+impl fmt::Display for TextPosition {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "line {}, column {}", self.line, self.column)
     }
 }
 
 /// A reason with its place, before the file is known.
-pub(crate) type Fault = (Place, Wrong);
+pub(crate) type Fault = (TextPosition, Wrong);
 
 /// Adds the file to the place of a fault.
 pub(crate) fn in_file(file: &Path, (place, reason): Fault) -> DeclarationError {
@@ -62,7 +62,7 @@ pub enum Wrong {
     #[error("type definitions are nested more than {0} deep")]
     TooDeep(usize),
     #[error("`{0}` is already declared at {1}; names do not distinguish upper and lower case")]
-    Duplicate(String, Place),
+    Duplicate(String, TextPosition),
     #[error("`{0}` is no array bound; bounds are whole numbers")]
     BadBound(String),
     #[error("the array's bounds {first}..{last} must ascend and hold at most 16777216 elements")]

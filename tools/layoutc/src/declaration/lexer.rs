@@ -1,6 +1,6 @@
 //! Cuts IEC 61131-3 text into words, numbers and symbols; comments and pragmas are left out.
 
-use super::error::{Fault, Place, Wrong};
+use super::error::{Fault, TextPosition, Wrong};
 
 /// The tokens of the text.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -28,16 +28,16 @@ const SKIPPED: [(&str, &str, &str); 3] =
 /// Reads the tokens in order.
 pub(crate) struct Lexer<'a> {
     rest: &'a str,
-    place: Place,
+    place: TextPosition,
 }
 
 impl<'a> Lexer<'a> {
     pub(crate) fn new(text: &'a str) -> Self {
-        Self { rest: text, place: Place { line: 1, column: 1 } }
+        Self { rest: text, place: TextPosition { line: 1, column: 1 } }
     }
 
     /// The next token and where it begins.
-    pub(crate) fn next(&mut self) -> Result<(Place, Token<'a>), Fault> {
+    pub(crate) fn next(&mut self) -> Result<(TextPosition, Token<'a>), Fault> {
         self.skip()?;
         let place = self.place;
         let Some(first) = self.rest.chars().next() else { return Ok((place, Token::End)) };
@@ -109,7 +109,7 @@ impl<'a> Lexer<'a> {
         let (taken, rest) = self.rest.split_at(bytes);
         for c in taken.chars() {
             if c == '\n' {
-                self.place = Place { line: self.place.line + 1, column: 1 };
+                self.place = TextPosition { line: self.place.line + 1, column: 1 };
             } else {
                 self.place.column += 1;
             }
@@ -189,7 +189,7 @@ mod tests {
         assert_eq!(tokens("(* ( * *)//x\n/* y */{z}A").unwrap(), ["2:11 `A`"]);
         assert_eq!(
             tokens(" (* x").unwrap_err(),
-            (Place { line: 1, column: 2 }, Wrong::Unfinished("comment"))
+            (TextPosition { line: 1, column: 2 }, Wrong::Unfinished("comment"))
         );
         assert_eq!(tokens("{").unwrap_err().1, Wrong::Unfinished("pragma"));
     }
@@ -197,7 +197,10 @@ mod tests {
     #[test]
     fn strings_end_on_their_line() {
         assert_eq!(tokens("'a$'b' \"\" %MB3.5;").unwrap().len(), 4);
-        assert_eq!(tokens("'a\n'").unwrap_err(), (Place { line: 1, column: 1 }, Wrong::Unfinished("string")));
-        assert_eq!(tokens("a §").unwrap_err(), (Place { line: 1, column: 3 }, Wrong::Character('§')));
+        assert_eq!(
+            tokens("'a\n'").unwrap_err(),
+            (TextPosition { line: 1, column: 1 }, Wrong::Unfinished("string"))
+        );
+        assert_eq!(tokens("a §").unwrap_err(), (TextPosition { line: 1, column: 3 }, Wrong::Character('§')));
     }
 }

@@ -8,7 +8,7 @@ mod lexer;
 mod parser;
 mod size;
 
-pub use error::{DeclarationError, Place, Wrong};
+pub use error::{DeclarationError, TextPosition, Wrong};
 pub(crate) use error::{Fault, in_file};
 pub use size::{Alignment, Element, Shape, Sizes};
 
@@ -41,7 +41,7 @@ pub struct TypeId(usize);
 /// Every type with its place, and those that have a name.
 #[derive(Debug, Default)]
 struct Types {
-    all: Vec<(Place, Type)>,
+    all: Vec<(TextPosition, Type)>,
     /// In the order of the file.
     named: Vec<(String, TypeId)>,
     /// By name in lower case.
@@ -67,13 +67,13 @@ pub struct Member {
     /// Its name as written.
     pub name: String,
     /// Where it is declared.
-    pub at: Place,
+    pub at: TextPosition,
     /// Its type.
     pub ty: TypeId,
 }
 
 impl Types {
-    fn add(&mut self, at: Place, ty: Type) -> TypeId {
+    fn add(&mut self, at: TextPosition, ty: Type) -> TypeId {
         self.all.push((at, ty));
         TypeId(self.all.len() - 1)
     }
@@ -83,7 +83,7 @@ impl Types {
         self.by_name.insert(name.to_ascii_lowercase(), ty);
     }
 
-    fn of(&self, id: TypeId) -> &(Place, Type) {
+    fn of(&self, id: TypeId) -> &(TextPosition, Type) {
         &self.all[id.0]
     }
 }
@@ -95,7 +95,7 @@ impl Declarations {
     /// # Errors
     /// The file could not be read, is too long, or does not parse; with line and column.
     pub fn read(path: &Path, found: io::Result<Vec<u8>>) -> Result<Self, DeclarationError> {
-        let begin = Place { line: 1, column: 1 };
+        let begin = TextPosition { line: 1, column: 1 };
         let bytes = found.map_err(|error| in_file(path, (begin, Wrong::Unreadable(error.to_string()))))?;
         let text = decode(bytes).map_err(|wrong| in_file(path, (begin, wrong)))?;
         Self::parse(path, &text)

@@ -1,6 +1,6 @@
 //! The part of IEC 61131-3 that declares types: `TYPE`, and `VAR_GLOBAL`, with variables that are ignored here.
 
-use super::error::{Fault, Place, Wrong};
+use super::error::{Fault, TextPosition, Wrong};
 use super::lexer::{Lexer, Token};
 use super::{Member, Type, TypeId, Types};
 use std::collections::HashMap;
@@ -39,9 +39,9 @@ pub(crate) fn parse(text: &str) -> Result<Types, Fault> {
 struct Parser<'a> {
     lexer: Lexer<'a>,
     /// The current token, and the place where it begins.
-    next: (Place, Token<'a>),
+    next: (TextPosition, Token<'a>),
     /// Names of the types so far, in lower case.
-    names: HashMap<String, Place>,
+    names: HashMap<String, TextPosition>,
     types: Types,
 }
 
@@ -289,7 +289,7 @@ impl<'a> Parser<'a> {
     }
 }
 
-fn add(names: &mut HashMap<String, Place>, name: &str, at: Place) -> Result<(), Fault> {
+fn add(names: &mut HashMap<String, TextPosition>, name: &str, at: TextPosition) -> Result<(), Fault> {
     match names.insert(name.to_ascii_lowercase(), at) {
         None => Ok(()),
         Some(first) => Err((at, Wrong::Duplicate(name.to_owned(), first))),

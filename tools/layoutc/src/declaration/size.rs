@@ -72,7 +72,7 @@ pub enum Element {
 }
 
 /// Members of a structure with their offsets.
-pub(crate) type Placed<'a> = Vec<(u32, &'a Member)>;
+pub(crate) type MemberOffsets<'a> = Vec<(u32, &'a Member)>;
 
 /// A type in memory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -117,7 +117,7 @@ impl<'a> Sizes<'a> {
     ///
     /// # Errors
     /// As [`Sizes::size`].
-    pub fn members(&mut self, ty: TypeId) -> Result<Placed<'a>, DeclarationError> {
+    pub fn members(&mut self, ty: TypeId) -> Result<MemberOffsets<'a>, DeclarationError> {
         self.place(ty, 0).map(|(placed, _)| placed).map_err(|fault| self.in_file(fault))
     }
 
@@ -199,7 +199,7 @@ impl<'a> Sizes<'a> {
     }
 
     /// Places members one after the other, each at the next multiple of its alignment.
-    fn place(&mut self, id: TypeId, depth: usize) -> Result<(Placed<'a>, Extent), Fault> {
+    fn place(&mut self, id: TypeId, depth: usize) -> Result<(MemberOffsets<'a>, Extent), Fault> {
         let members = self.declarations.members(id);
         let mut whole = Extent { size: 0, align: 1, depth: 0 };
         let mut placed = Vec::with_capacity(members.len());

@@ -2,8 +2,8 @@
 
 use crate::model;
 use crate::model::{
-    Area, Bit, Device, Field, Front, Kind, Letter, Meaning, Object, Owner, Placed, Port, Provenance, Space,
-    Structure, Unit,
+    Area, AreaStructure, Bit, Device, Field, Front, Kind, Letter, Meaning, Object, Owner, Port, Provenance,
+    Space, Structure, Unit,
 };
 use crate::objects::Value;
 use std::collections::BTreeSet;
@@ -144,14 +144,14 @@ fn area(device: &Device, area: &Area) -> String {
         "Area {{ name: {name:?}, name_from: {name_from}, space: &SPACES[{space}], first: {first}, bytes: {bytes}, \
          cpu: {cpu:?}, page: {page:?}, doc: {doc:?}, phases: {phases}, structures: &["
     );
-    for Placed { structure, live, role, variable, variable_from, unused } in structures {
+    for AreaStructure { structure, live, role, variable, variable_from, unused } in structures {
         let variable_from = provenance(variable_from);
         let structure = &device.structures[*structure];
         let item = path(device, structure.shared, &static_name(&structure.name));
         let role = role.map_or("None".to_owned(), |role| format!("Some(Role::{role:?})"));
         let _ = write!(
             out,
-            "Placed {{ structure: &{item}, live: RegisterPhase::numbered({live}), role: {role}, variable: {variable:?}, \
+            "AreaStructure {{ structure: &{item}, live: RegisterPhase::numbered({live}), role: {role}, variable: {variable:?}, \
              variable_from: {variable_from}, unused: &{unused:?} }}, "
         );
     }
@@ -221,7 +221,7 @@ fn front_area(out: &mut String, device: &Device) {
     let _ = writeln!(
         out,
         "    /// The front as an area.\n    pub static FRONT_AREA: Area = Area {{ name: \"front\", name_from: {from}, \
-         space: &SPACES[{space}], first: {first}, bytes: {bytes}, cpu: None, page: {:?}, doc: {:?}, phases: None, structures: &[Placed {{ \
+         space: &SPACES[{space}], first: {first}, bytes: {bytes}, cpu: None, page: {:?}, doc: {:?}, phases: None, structures: &[AreaStructure {{ \
          structure: &FRONT_WORDS, live: RegisterPhase::ALWAYS, role: None, variable: \"_front\", variable_from: {from}, unused: &[] }}] }};\n\n    \
          const _: () = assert!(core::mem::offset_of!(commram::memory::Header, front) == {first});\n",
         words.page, words.doc,
