@@ -25,15 +25,15 @@ impl DueQueue {
             return;
         }
         let old = core::mem::replace(self, DueQueue::of(count));
-        for who in 0..old.size {
-            self.set(who, old.times[old.size + who]);
+        for participant in 0..old.size {
+            self.set(participant, old.times[old.size + participant]);
         }
     }
 
-    /// Sets the next time of participant `who`.
+    /// Sets the next time of participant `participant`.
     #[inline]
-    pub(crate) fn set(&mut self, who: usize, time: u64) {
-        let mut node = self.size + who;
+    pub(crate) fn set(&mut self, participant: usize, time: u64) {
+        let mut node = self.size + participant;
         self.times[node] = time;
         while node > 1 {
             let earlier = self.times[node].min(self.times[node ^ 1]);
@@ -51,10 +51,10 @@ impl DueQueue {
         self.times[1]
     }
 
-    /// Returns the earliest time of all participants except `who`.
+    /// Returns the earliest time of all participants except `participant`.
     #[inline]
-    pub(crate) fn first_besides(&self, who: usize) -> u64 {
-        let (mut node, mut first) = (self.size + who, NEVER);
+    pub(crate) fn first_besides(&self, participant: usize) -> u64 {
+        let (mut node, mut first) = (self.size + participant, NEVER);
         while node > 1 {
             first = first.min(self.times[node ^ 1]);
             node /= 2;
@@ -103,17 +103,17 @@ mod tests {
         ) {
             let (mut queue, mut list) = (DueQueue::of(count / 2), vec![NEVER; count]);
             (1..=count).for_each(|count| queue.grow(count));
-            for (who, time) in sets {
-                queue.set(who % count, time);
-                list[who % count] = time;
+            for (participant, time) in sets {
+                queue.set(participant % count, time);
+                list[participant % count] = time;
             }
             prop_assert_eq!(queue.first(), list.iter().copied().min().unwrap());
-            for who in 0..count {
-                let others = (0..count).filter(|other| *other != who);
-                prop_assert_eq!(queue.first_besides(who), others.map(|other| list[other]).min().unwrap_or(NEVER));
+            for participant in 0..count {
+                let others = (0..count).filter(|other| *other != participant);
+                prop_assert_eq!(queue.first_besides(participant), others.map(|other| list[other]).min().unwrap_or(NEVER));
             }
             for from in 0..count + 2 {
-                let due = (from..count).find(|who| list[*who] <= now);
+                let due = (from..count).find(|participant| list[*participant] <= now);
                 prop_assert_eq!(queue.due(from, now), due, "{}", from);
             }
         }
@@ -121,9 +121,9 @@ mod tests {
         #[test]
         fn growing_forgets_nothing(times in prop::collection::vec(0u64..20, 1..40)) {
             let mut queue = DueQueue::of(0);
-            for (who, time) in times.iter().enumerate() {
-                queue.grow(who + 1);
-                queue.set(who, *time);
+            for (participant, time) in times.iter().enumerate() {
+                queue.grow(participant + 1);
+                queue.set(participant, *time);
             }
             prop_assert_eq!(queue.first(), *times.iter().min().unwrap());
         }

@@ -20,7 +20,7 @@ pub trait Participants {
     fn is_heard(&self, sender: usize, begin_ns: u64) -> bool;
 
     /// Whether this one is error-passive.
-    fn is_passive(&self, who: usize) -> bool;
+    fn is_passive(&self, participant: usize) -> bool;
 }
 
 /// The result of a frame.
@@ -92,12 +92,12 @@ snapshot_fields!(Line { values: state, quiet_ns; built: rate });
 impl Line {
     /// Whether all station numbers in it are below `count`.
     pub(crate) fn is_among(&self, count: usize) -> bool {
-        let who = match self.state {
-            LinePhase::Idle { suspended } => suspended.map(|(who, _)| who),
+        let participant = match self.state {
+            LinePhase::Idle { suspended } => suspended.map(|(participant, _)| participant),
             LinePhase::Busy(frame) => Some(frame.sender),
             LinePhase::Closing { sender, .. } => sender,
         };
-        who.is_none_or(|who| who < count)
+        participant.is_none_or(|participant| participant < count)
     }
 
     /// An idle line at this rate.
@@ -146,7 +146,7 @@ impl Line {
     /// The sender, and its frame, that [`Line::advance`] would start at `now_ns`.
     pub fn next_sender(&self, now_ns: u64, participants: &impl Participants) -> Option<(usize, Frame)> {
         let suspended = self.arbitration(now_ns, participants)?;
-        participants.first(now_ns, suspended.map(|(who, _)| who))
+        participants.first(now_ns, suspended.map(|(participant, _)| participant))
     }
 
     /// Whether there is an arbitration at `now_ns`; and the station that must not take part, until when.
@@ -180,7 +180,7 @@ impl Line {
         participants: &impl Participants,
     ) -> Option<Event> {
         self.state = LinePhase::Idle { suspended };
-        let (sender, frame) = participants.first(now_ns, suspended.map(|(who, _)| who))?;
+        let (sender, frame) = participants.first(now_ns, suspended.map(|(participant, _)| participant))?;
         let mut it = self.begin(now_ns, sender, frame);
         if !participants.is_heard(sender, now_ns) {
             self.destroy(&mut it, wire::bits_to_acknowledgement(&frame) + 1, Fate::NotAcknowledged);

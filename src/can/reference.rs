@@ -77,9 +77,9 @@ pub(super) fn winner(frames: &[Frame]) -> Option<usize> {
     for place in 0..32 {
         // After its arbitration field, which ends with a dominant IDE, no other frame is left that could win against
         // it.
-        let bit = |who: usize| fields[who].get(place).copied().unwrap_or(false);
-        let wire = sending.iter().all(|&who| bit(who));
-        sending.retain(|&who| bit(who) == wire);
+        let bit = |participant: usize| fields[participant].get(place).copied().unwrap_or(false);
+        let wire = sending.iter().all(|&participant| bit(participant));
+        sending.retain(|&participant| bit(participant) == wire);
     }
     sending.first().copied()
 }

@@ -5,7 +5,7 @@ use std::collections::HashSet;
 use std::fmt::Write;
 
 /// Placeholder for a node outside the database.
-const NOBODY: &str = "Vector__XXX";
+const UNKNOWN_NODE: &str = "Vector__XXX";
 /// Bit 31 of a number marks an identifier with 29 bits.
 const EXTENDED: u32 = 1 << 31;
 
@@ -22,7 +22,7 @@ pub fn dbc(messages: &[Message], about: &str) -> String {
     let mut text = format!("VERSION \"\"\n\nNS_ :\n\nBS_:\n\nBU_: {}\n", nodes.join(" "));
     let names = unique(messages.iter().map(|message| message.name.as_str()));
     for (message, name) in messages.iter().zip(&names) {
-        let sender = message.senders.first().map_or(NOBODY.to_owned(), |name| identifier(name));
+        let sender = message.senders.first().map_or(UNKNOWN_NODE.to_owned(), |name| identifier(name));
         // Into a text, writing cannot fail.
         let _ = writeln!(text, "\nBO_ {} {name}: {} {sender}", number(message.id), message.length);
         let receivers = list(&message.receivers, ",");
@@ -65,7 +65,7 @@ fn signal_names(message: &Message) -> Vec<String> {
 /// A list of the names of nodes.
 fn list(names: &[String], between: &str) -> String {
     let names: Vec<_> = names.iter().map(|name| identifier(name)).collect();
-    if names.is_empty() { NOBODY.to_owned() } else { names.join(between) }
+    if names.is_empty() { UNKNOWN_NODE.to_owned() } else { names.join(between) }
 }
 
 /// The name as an identifier of C, as the format requires.

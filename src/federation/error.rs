@@ -17,50 +17,50 @@ pub enum FederationError {
     Unprepared,
     /// Messages of another federate stopped.
     #[error(
-        "federate {who} has sent nothing for {} s: it has not been started or has died, its host is down, or \
+        "federate {federate} has sent nothing for {} s: it has not been started or has died, its host is down, or \
             there is no connection to it (does a broker run?)",
         .limit.as_secs_f64()
     )]
     Silent {
         /// The silent federate.
-        who: String,
+        federate: String,
         /// How long this federate waited.
         limit: Duration,
     },
     /// Another federate reported a failure.
-    #[error("federate {who} has failed: {reason}")]
+    #[error("federate {federate} has failed: {reason}")]
     Failed {
         /// Number of the federate.
-        who: u8,
+        federate: u8,
         /// The reported reason.
         reason: String,
     },
     /// Another federate has another version of commram.
-    #[error("federate {who} is commram {theirs}, this is commram {}; use the same program on all \
+    #[error("federate {federate} is commram {theirs}, this is commram {}; use the same program on all \
         hosts", env!("CARGO_PKG_VERSION"))]
     OtherVersion {
         /// Number of the federate.
-        who: u8,
+        federate: u8,
         /// Version of that federate.
         theirs: String,
     },
     /// Another federate was started with another number of federates.
     #[error(
-        "federate {who} was started for {theirs} federates, this one for {ours}; use the same number everywhere"
+        "federate {federate} was started for {theirs} federates, this one for {ours}; use the same number everywhere"
     )]
     OtherCount {
         /// Number of the federate.
-        who: u8,
+        federate: u8,
         /// Number of federates according to that one.
         theirs: u8,
         /// Number of federates according to this one.
         ours: u8,
     },
     /// Another federate has another plant.
-    #[error("federate {who} has another plant: {why}; start all of them with the same plant file")]
+    #[error("federate {federate} has another plant: {why}; start all of them with the same plant file")]
     OtherPlant {
         /// Number of the federate.
-        who: u8,
+        federate: u8,
         /// Difference between the plants.
         why: String,
     },
@@ -69,13 +69,13 @@ pub enum FederationError {
     NobodyLeads,
     /// Input has entered the plant here and not on another host.
     #[error(
-        "at {at_us} us federate {who} has another journal than this one: a program has stored into an image \
+        "at {at_us} us federate {federate} has another journal than this one: a program has stored into an image \
             while the clock advanced or in the turn of another federate, or has set a switch without the \
             channel; let it take part in lockstep"
     )]
     Apart {
         /// Number of the federate.
-        who: u8,
+        federate: u8,
         /// Emulated time at which the difference was found.
         at_us: u64,
     },
@@ -83,9 +83,9 @@ pub enum FederationError {
     #[error(transparent)]
     Coupling(#[from] crate::coupling::CouplingError),
     /// A message is malformed, or arrived in place of another one.
-    #[error("federate {who} has sent an unexpected message; does another program use this federation?")]
+    #[error("federate {federate} has sent an unexpected message; does another program use this federation?")]
     Nonsense {
         /// Federate that had the turn.
-        who: u8,
+        federate: u8,
     },
 }

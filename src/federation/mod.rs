@@ -143,7 +143,7 @@ impl Federation {
     /// Name of the first federate that has not joined yet.
     fn missing(&self) -> String {
         let missing = (0..self.part.count).zip(&self.hellos).filter(|(_, hello)| hello.is_none());
-        missing.map(|(who, _)| who.to_string()).collect::<Vec<_>>().join(", ")
+        missing.map(|(federate, _)| federate.to_string()).collect::<Vec<_>>().join(", ")
     }
 
     /// True if this federate never advances the clock by itself.
@@ -245,16 +245,16 @@ impl Federation {
                 return Ok(news);
             };
             self.heard = Instant::now();
-            match Message::of_bytes(&bytes).ok_or(FederationError::Nonsense { who: from })? {
+            match Message::of_bytes(&bytes).ok_or(FederationError::Nonsense { federate: from })? {
                 Message::Bye(None) => return Ok(FederationEvent::Left(from)),
-                Message::Bye(Some(reason)) => return Err(FederationError::Failed { who: from, reason }),
+                Message::Bye(Some(reason)) => return Err(FederationError::Failed { federate: from, reason }),
                 Message::Hello(hello) if !self.is_complete => self.welcome(host.plant(), from, hello)?,
                 Message::Alive => {}
                 Message::Turn(turn) => match self.pending.get_mut(usize::from(from)) {
                     Some(pending) => pending.push_back(turn),
-                    None => return Err(FederationError::Nonsense { who: from }),
+                    None => return Err(FederationError::Nonsense { federate: from }),
                 },
-                Message::Hello(_) => return Err(FederationError::Nonsense { who: from }),
+                Message::Hello(_) => return Err(FederationError::Nonsense { federate: from }),
             }
             news = FederationEvent::Moved;
             while self.is_complete
@@ -284,25 +284,27 @@ impl Federation {
         if self.heard.elapsed() < limit {
             return Ok(());
         }
-        let who = if self.is_complete { self.turn.to_string() } else { self.missing() };
-        Err(FederationError::Silent { who, limit })
+        let federate = if self.is_complete { self.turn.to_string() } else { self.missing() };
+        Err(FederationError::Silent { federate, limit })
     }
 
-    fn welcome(&mut self, plant: &Plant, who: u8, hello: Hello) -> Result<(), FederationError> {
+    fn welcome(&mut self, plant: &Plant, federate: u8, hello: Hello) -> Result<(), FederationError> {
         let FederateConfig { count, .. } = self.part;
         if hello.version != env!("CARGO_PKG_VERSION") {
-            return Err(FederationError::OtherVersion { who, theirs: hello.version });
+            return Err(FederationError::OtherVersion { federate, theirs: hello.version });
         }
         if hello.count != count {
-            return Err(FederationError::OtherCount { who, theirs: hello.count, ours: count });
+            return Err(FederationError::OtherCount { federate, theirs: hello.count, ours: count });
         }
         let own = usize::from(self.part.own);
-        let Some(Some(ours)) = self.hellos.get(own) else { return Err(FederationError::Nonsense { who }) };
+        let Some(Some(ours)) = self.hellos.get(own) else {
+            return Err(FederationError::Nonsense { federate });
+        };
         let is_like = plant.is_like(&ours.plant, &hello.plant);
-        is_like.map_err(|why| FederationError::OtherPlant { who, why: describe_difference(why) })?;
-        match self.hellos.get_mut(usize::from(who)) {
+        is_like.map_err(|why| FederationError::OtherPlant { federate, why: describe_difference(why) })?;
+        match self.hellos.get_mut(usize::from(federate)) {
             Some(place @ None) => *place = Some(hello),
-            _ => return Err(FederationError::Nonsense { who }),
+            _ => return Err(FederationError::Nonsense { federate }),
         }
         self.is_complete = self.hellos.iter().all(Option::is_some);
         if self.is_complete && self.hellos.iter().flatten().all(|hello| hello.follows) {
@@ -327,12 +329,13 @@ impl Federation {
 
     /// Applies the input of another federate.
     fn take_in(&mut self, host: &mut dyn Host, turn: Turn) -> Result<(), FederationError> {
-        let who = self.turn;
+        let federate = self.turn;
         self.gather_registers(host.plant());
         for input in turn.inputs {
             match input {
                 Input::Op(bytes) => {
-                    let op = Input::op(&bytes).filter(Op::acts).ok_or(FederationError::Nonsense { who })?;
+                    let op =
+                        Input::op(&bytes).filter(Op::acts).ok_or(FederationError::Nonsense { federate })?;
                     // An operation that was refused there is also refused here.
                     let _ = Execution::default().run(host, &op);
                 }
@@ -341,7 +344,7 @@ impl Federation {
                 }
                 Input::Stored(stored) => host.plant().store_as_outside(&stored),
                 Input::Task(plc, event, state) => {
-                    let state = SeatState::from_code(state).ok_or(FederationError::Nonsense { who })?;
+                    let state = SeatState::from_code(state).ok_or(FederationError::Nonsense { federate })?;
                     host.plant_mut().note_lockstep(plc.into(), event.into(), state);
                 }
                 Input::Shaft(drive, speed) => {
@@ -352,7 +355,7 @@ impl Federation {
         self.outside.renew(host.plant());
         let plant = host.plant_mut();
         if (turn.now, turn.hash) != (plant.now(), plant.journal().hash()) {
-            return Err(FederationError::Apart { who, at_us: plant.now() });
+            return Err(FederationError::Apart { federate, at_us: plant.now() });
         }
         self.turn_over(plant, turn.want, turn.watched);
         Ok(())

@@ -206,8 +206,8 @@ mod tests {
         assert_eq!(plant.take_part(0, None), Ok(()));
         assert_eq!(plant.take_part(0, Some(&Frame::remote(StandardId::MAX, 0).unwrap())), Ok(()));
         plant.advance_to(10_000);
-        let who: Vec<_> = arrived(&plant).into_iter().map(|(_, id, guest)| (id, guest)).collect();
-        assert_eq!(who, [(0x300, Some(7)), (0x7FF, Some(0))]);
+        let senders: Vec<_> = arrived(&plant).into_iter().map(|(_, id, guest)| (id, guest)).collect();
+        assert_eq!(senders, [(0x300, Some(7)), (0x7FF, Some(0))]);
         assert_eq!(lines(&plant).matches("guest0 takes part").count(), 1);
         assert_eq!(plant.take_part(1, None), Err(GuestRefusal::NotHere), "there is no such bus");
     }

@@ -102,8 +102,8 @@ impl Emulator {
                 self.notify_events();
                 self.announce();
             }
-            if let Ok(FederationEvent::Left(who)) = news {
-                tracing::warn!("federate {who} has left; the plant ends here as well");
+            if let Ok(FederationEvent::Left(federate)) = news {
+                tracing::warn!("federate {federate} has left; the plant ends here as well");
                 self.stop.store(true, Ordering::Release);
                 break;
             }

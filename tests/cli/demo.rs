@@ -92,7 +92,7 @@ fn shows_every_handshake(arguments: &[&str], area: &str) -> String {
     let out = outcome.ok();
     // In this order: command and answer of each step, then process data, then the dump.
     let mut rest = out;
-    for (who, register, value) in [
+    for (originator, register, value) in [
         ("PLC", "w_CPU_CONTROL ", "16#0000"),
         ("firmware", "w_OPTION_STATUS ", "16#0001"),
         ("PLC", "w_CPU_CONTROL ", "16#0001"),
@@ -117,9 +117,13 @@ fn shows_every_handshake(arguments: &[&str], area: &str) -> String {
     ] {
         let register = format!("{area}.{register}");
         let found = rest.lines().find(|line| {
-            line.contains(who) && line.contains(&register) && line.contains(value) && line.contains("%M")
+            line.contains(originator)
+                && line.contains(&register)
+                && line.contains(value)
+                && line.contains("%M")
         });
-        let line = found.unwrap_or_else(|| panic!("no `{who} {register} {value}` in\n{rest}\nof\n{out}"));
+        let line =
+            found.unwrap_or_else(|| panic!("no `{originator} {register} {value}` in\n{rest}\nof\n{out}"));
         let at = line.as_ptr().addr() - rest.as_ptr().addr();
         rest = &rest[at + line.len()..];
     }

@@ -7,7 +7,7 @@ use std::os::unix::process::CommandExt;
 use std::process::Command;
 
 /// User ID of the attacker.
-const NOBODY: u32 = 65_534;
+const ATTACKER: u32 = 65_534;
 
 /// Returns whether the test can switch to the attacker's user ID; prints a note if not.
 fn can_be_another_user() -> bool {
@@ -20,7 +20,7 @@ fn can_be_another_user() -> bool {
 
 /// Runs a shell script as the attacker.
 fn attack(script: &str) -> Outcome {
-    finish(Command::new("sh").args(["-c", script]).current_dir("/").uid(NOBODY).gid(NOBODY))
+    finish(Command::new("sh").args(["-c", script]).current_dir("/").uid(ATTACKER).gid(ATTACKER))
 }
 
 /// Creates a file that the attacker wants to be overwritten.
@@ -48,7 +48,7 @@ fn a_directory_of_another_user_is_refused_and_its_links_are_not_followed() {
     std::fs::remove_dir_all(&directory).unwrap();
     assert_eq!(std::fs::read_to_string(&victim).unwrap(), "precious");
     for (outcome, code) in outcomes.into_iter().zip([1, 3]) {
-        let expected = format!("{directory} belongs to user {NOBODY}, not to user 0");
+        let expected = format!("{directory} belongs to user {ATTACKER}, not to user 0");
         assert!(outcome.fails(code).contains(&expected), "{}", outcome.err);
     }
     assert!(files_of(&name).is_empty());
@@ -64,7 +64,7 @@ fn a_link_in_place_of_the_directory_is_refused() {
     assert_eq!(attack(&format!("ln -s {} {directory}", own.path().display())).code, Some(0));
     let outcome = run(&["run", "-i", &name]);
     std::fs::remove_file(&directory).unwrap();
-    let expected = format!("{directory} belongs to user {NOBODY}, not to user 0");
+    let expected = format!("{directory} belongs to user {ATTACKER}, not to user 0");
     assert!(outcome.fails(1).contains(&expected), "{}", outcome.err);
     assert_eq!(std::fs::read_dir(own.path()).unwrap().count(), 0);
     // A link of the owner is not followed either.
@@ -93,7 +93,7 @@ fn an_entry_of_another_user_is_reported_with_its_owner_and_a_remedy() {
             let name = unique_name();
             let path = format!("/dev/shm/commram.{name}.{ending}");
             make(&path);
-            std::os::unix::fs::lchown(&path, Some(NOBODY), Some(NOBODY)).unwrap();
+            std::os::unix::fs::lchown(&path, Some(ATTACKER), Some(ATTACKER)).unwrap();
             let outcomes = [
                 run(&["run", "-i", &name]),
                 run(&["stop", "-i", &name]),
@@ -103,11 +103,11 @@ fn an_entry_of_another_user_is_reported_with_its_owner_and_a_remedy() {
             for (outcome, code) in outcomes.into_iter().zip([1, 3, 3]) {
                 let message = outcome.fails(code);
                 assert!(
-                    message.contains(&format!("{path} belongs to user {NOBODY}, not to user 0")),
+                    message.contains(&format!("{path} belongs to user {ATTACKER}, not to user 0")),
                     "{kind}: {message}"
                 );
                 assert!(
-                    message.contains(&format!("ask user {NOBODY} or root to remove it")),
+                    message.contains(&format!("ask user {ATTACKER} or root to remove it")),
                     "{kind}: {message}"
                 );
                 assert!(message.contains("choose another"), "{kind}: {message}");
@@ -125,9 +125,9 @@ fn a_novram_directory_of_another_user_is_refused() {
     let (name, parent) = (unique_name(), tempfile::tempdir().unwrap());
     let path = parent.path().join("novram");
     std::fs::create_dir(&path).unwrap();
-    std::os::unix::fs::chown(&path, Some(NOBODY), Some(NOBODY)).unwrap();
+    std::os::unix::fs::chown(&path, Some(ATTACKER), Some(ATTACKER)).unwrap();
     let outcome = run(&["run", "-i", &name, "--novram", path.to_str().unwrap()]);
-    let expected = format!("this directory belongs to user {NOBODY}, not to user 0");
+    let expected = format!("this directory belongs to user {ATTACKER}, not to user 0");
     assert!(outcome.fails(1).contains(&expected), "{}", outcome.err);
     assert_eq!(std::fs::read_dir(&path).unwrap().count(), 0);
     assert!(files_of(&name).is_empty());
@@ -155,7 +155,7 @@ fn an_image_of_another_user_is_neither_taken_over_nor_used() {
     let after = std::fs::read(&image);
     std::fs::remove_file(&image).unwrap();
     assert_eq!(made.code, Some(0), "{}", made.err);
-    let expected = format!("{image} belongs to user {NOBODY}, not to user 0");
+    let expected = format!("{image} belongs to user {ATTACKER}, not to user 0");
     assert!(started.fails(1).contains(&expected), "{}", started.err);
     for outcome in others {
         assert!(outcome.fails(3).contains(&expected), "{}", outcome.err);

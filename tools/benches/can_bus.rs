@@ -70,18 +70,18 @@ impl Bench {
         let rate = BitRate::new(1_000_000).expect("not 0");
         let mut bus = CanBus::new(0, &CanBusConfig { name: "open".to_owned(), rate, doors: Vec::new() });
         let (mut journal, received) = (Journal::default(), Arc::default());
-        for who in 0..count {
-            let takes = [0, 0x80, 0x180 + (who + 1) % count, 0x200 + who, 0x600 + who];
+        for number in 0..count {
+            let takes = [0, 0x80, 0x180 + (number + 1) % count, 0x200 + number, 0x600 + number];
             let period_us = u64::from(count) * 1_000_000 / FRAMES;
             let station = Station {
-                frame_id: 0x180 + who,
+                frame_id: 0x180 + number,
                 takes: takes.to_vec(),
-                next_us: 1 + u64::from(who) * 1_000_000 / FRAMES,
+                next_us: 1 + u64::from(number) * 1_000_000 / FRAMES,
                 period_us,
                 count: 0,
                 received: Arc::clone(&received),
             };
-            let origin = Origin { plc: who, node: 1 };
+            let origin = Origin { plc: number, node: 1 };
             let segment = Segment::of(&DEVICE);
             let socket = CanSocket { origin, segment, layout: &DEVICE, port: Box::new(station) };
             let place = bus.attach(Box::new(socket)).expect("a CAN port fits");

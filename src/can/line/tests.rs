@@ -43,18 +43,25 @@ impl Stations {
 
 impl Participants for Stations {
     fn first(&self, at_ns: u64, but: Option<usize>) -> Option<(usize, Frame)> {
-        let fronts = self.queues.iter().enumerate().filter_map(|(who, queue)| Some((who, queue.front()?)));
-        let ready = fronts
-            .filter(|(who, (ready, _))| *ready <= at_ns && but != Some(*who) && !self.off.contains(who));
-        ready.map(|(who, (_, frame))| (who, *frame)).min_by_key(|(_, frame)| frame.arbitration())
+        let fronts = self
+            .queues
+            .iter()
+            .enumerate()
+            .filter_map(|(participant, queue)| Some((participant, queue.front()?)));
+        let ready = fronts.filter(|(participant, (ready, _))| {
+            *ready <= at_ns && but != Some(*participant) && !self.off.contains(participant)
+        });
+        ready
+            .map(|(participant, (_, frame))| (participant, *frame))
+            .min_by_key(|(_, frame)| frame.arbitration())
     }
 
     fn is_heard(&self, sender: usize, _: u64) -> bool {
-        (0..self.queues.len()).any(|who| who != sender && !self.off.contains(&who))
+        (0..self.queues.len()).any(|participant| participant != sender && !self.off.contains(&participant))
     }
 
-    fn is_passive(&self, who: usize) -> bool {
-        self.passive.contains(&who)
+    fn is_passive(&self, participant: usize) -> bool {
+        self.passive.contains(&participant)
     }
 }
 
@@ -255,15 +262,19 @@ fn expected(stations: &Stations, bit_ns: u64) -> Vec<(u64, usize, Frame)> {
     {
         let begin = earliest.max(free);
         let ready = |queue: &VecDeque<(u64, Frame)>| queue.front().is_some_and(|(ready, _)| *ready <= begin);
-        let (who, frames): (Vec<_>, Vec<_>) =
-            queues.iter().enumerate().filter(|(_, it)| ready(it)).map(|(who, it)| (who, it[0].1)).unzip();
+        let (participant, frames): (Vec<_>, Vec<_>) = queues
+            .iter()
+            .enumerate()
+            .filter(|(_, it)| ready(it))
+            .map(|(participant, it)| (participant, it[0].1))
+            .unzip();
         let winner = reference::winner(&frames).unwrap();
         let frame = frames[winner];
         let bits =
             reference::stuffed_part(&frame).len() as u64 + u64::from(reference::stuff_bits(&frame)) + 10;
-        traffic.push((begin + bits * bit_ns, who[winner], frame));
+        traffic.push((begin + bits * bit_ns, participant[winner], frame));
         free = begin + (bits + 3) * bit_ns;
-        queues[who[winner]].pop_front();
+        queues[participant[winner]].pop_front();
     }
     traffic
 }

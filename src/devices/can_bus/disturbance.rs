@@ -27,8 +27,8 @@ impl CanBus {
     #[cold]
     pub(super) fn advance_disturbed(&mut self, at_ns: u64, world: &mut World) -> Option<Event> {
         let mut withdrawn = None;
-        while let Some((who, frame)) = self.wire.as_ref()?.next_sender(at_ns, &self.stations) {
-            let is_delayed = self.stations.all()[who].is_delayed;
+        while let Some((station, frame)) = self.wire.as_ref()?.next_sender(at_ns, &self.stations) {
+            let is_delayed = self.stations.all()[station].is_delayed;
             let mut until_ns = None;
             self.disturb_frame(&frame, world, |what| match what {
                 FrameEffect::Delay(us) if !is_delayed && until_ns.is_none() => {
@@ -44,14 +44,14 @@ impl CanBus {
             });
             let Some((until_ns, is_delayed)) = until_ns else { break };
             if !is_delayed {
-                withdrawn = withdrawn.or(Some((who, frame)));
+                withdrawn = withdrawn.or(Some((station, frame)));
             }
-            self.stations.hold(who, until_ns, is_delayed);
+            self.stations.hold(station, until_ns, is_delayed);
         }
         let wire = self.wire.as_mut()?;
         match withdrawn {
-            Some((who, frame)) if wire.next_sender(at_ns, &self.stations).is_none() => {
-                Some(wire.withdraw(at_ns, who, frame))
+            Some((station, frame)) if wire.next_sender(at_ns, &self.stations).is_none() => {
+                Some(wire.withdraw(at_ns, station, frame))
             }
             _ => wire.advance(at_ns, &self.stations),
         }
@@ -85,10 +85,10 @@ impl CanBus {
         }
     }
 
-    /// Whether station `who` loses a frame because of an overrun.
+    /// Whether `station` loses a frame because of an overrun.
     #[cold]
-    pub(super) fn overruns(&mut self, who: usize, frame: &Frame, world: &mut World) -> bool {
-        let Origin { plc: device, node: port } = self.stations.all()[who].origin;
+    pub(super) fn overruns(&mut self, station: usize, frame: &Frame, world: &mut World) -> bool {
+        let Origin { plc: device, node: port } = self.stations.all()[station].origin;
         let (here, number) = (Target::Port { device, port }, frame.arbitration().number());
         let mut lost = false;
         world.faults.fire(world.now, self.owner(), world.journal, |target, effect: &Effect, _| {
@@ -100,13 +100,13 @@ impl CanBus {
     }
 
     /// Switches a working controller to BUS-off; returns whether it worked.
-    pub(super) fn switch_off(&mut self, who: usize) -> bool {
+    pub(super) fn switch_off(&mut self, station: usize) -> bool {
         let is_plugged_in = self.wire.is_some();
-        let end = self.stations.get_mut(who);
+        let end = self.stations.get_mut(station);
         let works = is_plugged_in && end.member_since_ns.is_some();
         if works {
             end.controller.errors_mut().bus_off();
-            self.stations.note_errors(who);
+            self.stations.note_errors(station);
             self.has_state_changes = true;
         }
         works

@@ -66,7 +66,8 @@ fn a_lost_frame_reaches_no_receiver_and_its_sender_does_not_notice() {
     let frames = [frame(0x100, 1), frame(0x101, 2), frame(0x100, 3)];
     let mut bench = bench(&frames, of_id(&LOSE_FRAME, 0x100, None, Some(1)));
     bench.run(10_000);
-    let heard: Vec<_> = bench.log().into_iter().map(|(who, _, what, mark)| (who, what, mark)).collect();
+    let heard: Vec<_> =
+        bench.log().into_iter().map(|(station, _, what, mark)| (station, what, mark)).collect();
     let expected = [
         (0, "sent", 1),
         (0, "sent", 2),
@@ -126,7 +127,7 @@ fn error_frames_make_a_sender_passive_and_the_frame_is_repeated() {
 fn after_32_error_frames_in_a_row_a_sender_is_bus_off() {
     let mut bench = bench(&[frame(0x100, 1)], of_id(kind("error_frame"), 0x100, None, None));
     bench.run(100_000);
-    let states: Vec<_> = bench.log().into_iter().map(|(who, _, what, _)| (who, what)).collect();
+    let states: Vec<_> = bench.log().into_iter().map(|(station, _, what, _)| (station, what)).collect();
     assert_eq!(states, [(0, "error_warning"), (0, "error_passive"), (0, "bus_off")]);
     assert_eq!((bench.hits(), bench.errors()), (32, vec![(256, 0), (0, 32), (0, 32)]));
 }

@@ -187,9 +187,9 @@ impl Bus for CanBus {
         // Events on the wire come first: they were due before the end of the microsecond.
         if !self.wire_event(world) && !self.recover(now, world.journal) {
             let mut from = 0;
-            while let Some(who) = self.stations.due(from, now) {
-                self.run(who, now, world.journal, |port, ctx, controller| port.due(ctx, controller));
-                from = who + 1;
+            while let Some(station) = self.stations.due(from, now) {
+                self.run(station, now, world.journal, |port, ctx, controller| port.due(ctx, controller));
+                from = station + 1;
             }
         }
         self.plan(now);
@@ -263,13 +263,13 @@ impl Faulty for CanBus {
     fn fire(&mut self, now: u64, target: Target, effect: &Effect) -> Option<Hit> {
         let Target::Port { device: plc, port: node } = target else { return None };
         let origin = Origin { plc, node };
-        let who = self.stations.all().iter().position(|end| end.origin == origin)?;
+        let station = self.stations.all().iter().position(|end| end.origin == origin)?;
         let hit = if effect.get() == Some(&can_faults::Effect::BusOff) {
-            self.switch_off(who).then_some(Hit::Plain)
+            self.switch_off(station).then_some(Hit::Plain)
         } else {
-            self.stations.get_mut(who).port.fire(now, effect)
+            self.stations.get_mut(station).port.fire(now, effect)
         };
-        self.settle(who, now * 1000);
+        self.settle(station, now * 1000);
         self.plan(now);
         hit
     }

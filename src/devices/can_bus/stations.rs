@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Serialize, Deserialize)]
 struct WaitingFrame {
     field: Arbitration,
-    who: usize,
+    station: usize,
     /// Time from which the frame takes part in arbitration, in ns.
     since_ns: u64,
 }
@@ -69,8 +69,8 @@ impl Stations {
     }
 
     /// Returns a station; the caller calls [`Stations::settle`] afterwards.
-    pub(super) fn get_mut(&mut self, who: usize) -> &mut Station {
-        &mut self.ends[who]
+    pub(super) fn get_mut(&mut self, station: usize) -> &mut Station {
+        &mut self.ends[station]
     }
 
     /// Number of stations that take part.
@@ -88,15 +88,15 @@ impl Stations {
         self.due.due(from, now)
     }
 
-    /// Updates the indexes after a change of station `who` at `at_ns`.
-    pub(super) fn settle(&mut self, who: usize, at_ns: u64) {
-        let end = &mut self.ends[who];
-        self.due.set(who, if end.on_since_ns.is_some() { end.port.next_time() } else { NEVER });
+    /// Updates the indexes after a change of `station` at `at_ns`.
+    pub(super) fn settle(&mut self, station: usize, at_ns: u64) {
+        let end = &mut self.ends[station];
+        self.due.set(station, if end.on_since_ns.is_some() { end.port.next_time() } else { NEVER });
         if end.controller.take_new_filters() {
             self.acceptance.forget();
         }
-        if end.controller.take_restart() && self.recovering.iter().all(|(other, _)| *other != who) {
-            self.recovering.push((who, Recovery::new(at_ns)));
+        if end.controller.take_restart() && self.recovering.iter().all(|(other, _)| *other != station) {
+            self.recovering.push((station, Recovery::new(at_ns)));
         }
         let bit_s = self.rate.map_or(0, BitRate::bit_s);
         let is_member = end.on_since_ns.is_some() && end.controller.takes_part(bit_s);
@@ -110,18 +110,18 @@ impl Stations {
                 self.members -= 1;
             }
         }
-        self.offer(who);
+        self.offer(station);
     }
 
     /// Updates the list of stations with a frame to send.
-    fn offer(&mut self, who: usize) {
-        let end = &mut self.ends[who];
+    fn offer(&mut self, station: usize) {
+        let end = &mut self.ends[station];
         let since_ns = end.member_since_ns.filter(|_| self.rate.is_some());
         let offer = since_ns.and_then(|since_ns| {
             let (there_ns, frame) = end.controller.front()?;
             Some(WaitingFrame {
                 field: frame.arbitration(),
-                who,
+                station,
                 since_ns: since_ns.max(*there_ns).max(end.held_until_ns),
             })
         });
@@ -130,7 +130,7 @@ impl Stations {
         }
         end.is_waiting = offer.is_some();
         self.has_held |= end.held_until_ns > 0;
-        let place = self.waiting.iter().position(|waiting| waiting.who == who);
+        let place = self.waiting.iter().position(|waiting| waiting.station == station);
         match (place, offer) {
             (Some(place), Some(offer)) => self.waiting[place] = offer,
             (Some(place), None) => drop(self.waiting.swap_remove(place)),
@@ -139,12 +139,12 @@ impl Stations {
         }
     }
 
-    /// Holds the frame of station `who` back.
-    pub(super) fn hold(&mut self, who: usize, until_ns: u64, is_delayed: bool) {
-        let end = &mut self.ends[who];
+    /// Holds the frame of `station` back.
+    pub(super) fn hold(&mut self, station: usize, until_ns: u64, is_delayed: bool) {
+        let end = &mut self.ends[station];
         end.held_until_ns = until_ns;
         end.is_delayed |= is_delayed;
-        self.offer(who);
+        self.offer(station);
     }
 
     /// Returns the time at which the first held frame may begin, in ns, if it is after `now_ns`.
@@ -168,7 +168,7 @@ impl Stations {
         let Stations { ends, acceptance, .. } = self;
         let known = acceptance.receivers(frame, || {
             let accepts = |end: &Station| end.origin.guest().is_none() && end.controller.accepts(frame);
-            (0u16..).zip(ends.iter()).filter(move |(_, end)| accepts(end)).map(|(who, _)| who)
+            (0u16..).zip(ends.iter()).filter(move |(_, end)| accepts(end)).map(|(station, _)| station)
         });
         receivers.clear();
         receivers.extend_from_slice(known);
@@ -177,10 +177,10 @@ impl Stations {
     /// A frame has arrived: the sender and all stations that have heard it count one error less.
     pub(super) fn count_good(&mut self, sender: usize, begin_ns: u64) {
         let Stations { ends, troubled, .. } = self;
-        for &who in troubled.iter() {
-            let end = &mut ends[who];
+        for &station in troubled.iter() {
+            let end = &mut ends[station];
             match end.took_part_since(begin_ns).then(|| end.controller.errors_mut()) {
-                Some(errors) if who == sender => errors.sent(),
+                Some(errors) if station == sender => errors.sent(),
                 Some(errors) => errors.received(),
                 None => {}
             }
@@ -189,35 +189,36 @@ impl Stations {
 
     /// A frame has ended in an error: calls `count` for all stations that have heard it.
     pub(super) fn count_errors(&mut self, begin_ns: u64, mut count: impl FnMut(usize, &mut Station)) {
-        for who in 0..self.ends.len() {
-            if self.ends[who].took_part_since(begin_ns) {
-                count(who, &mut self.ends[who]);
-                self.note_errors(who);
+        for station in 0..self.ends.len() {
+            if self.ends[station].took_part_since(begin_ns) {
+                count(station, &mut self.ends[station]);
+                self.note_errors(station);
             }
         }
     }
 
-    /// Notes that the error counters of station `who` may not be 0.
-    pub(super) fn note_errors(&mut self, who: usize) {
-        if !core::mem::replace(&mut self.ends[who].is_troubled, true) {
-            self.troubled.push(who);
+    /// Notes that the error counters of `station` may not be 0.
+    pub(super) fn note_errors(&mut self, station: usize) {
+        if !core::mem::replace(&mut self.ends[station].is_troubled, true) {
+            self.troubled.push(station);
         }
     }
 
     /// Returns a station with an error state that was not reported yet, and marks the new state as reported.
     pub(super) fn take_state_change(&mut self) -> Option<(usize, ErrorState)> {
         let Stations { ends, troubled, .. } = self;
-        let is_unreported = |who: &usize| ends[*who].controller.error_state() != ends[*who].reported;
-        let Some(who) = troubled.iter().copied().filter(is_unreported).min() else {
-            troubled.retain(|&who| {
-                ends[who].is_troubled = ends[who].controller.errors() != Default::default();
-                ends[who].is_troubled
+        let is_unreported =
+            |station: &usize| ends[*station].controller.error_state() != ends[*station].reported;
+        let Some(station) = troubled.iter().copied().filter(is_unreported).min() else {
+            troubled.retain(|&station| {
+                ends[station].is_troubled = ends[station].controller.errors() != Default::default();
+                ends[station].is_troubled
             });
             return None;
         };
-        let state = ends[who].controller.error_state();
-        ends[who].reported = state;
-        Some((who, state))
+        let state = ends[station].controller.error_state();
+        ends[station].reported = state;
+        Some((station, state))
     }
 
     /// Whether any station has errors.
@@ -237,12 +238,12 @@ impl Stations {
     /// `quiet_ns`.
     pub(super) fn next_back(&self, quiet_ns: u64) -> Option<(u64, usize)> {
         let rate = self.rate?;
-        self.recovering.iter().map(|(who, recovery)| (recovery.end_ns(quiet_ns, rate), *who)).min()
+        self.recovering.iter().map(|(station, recovery)| (recovery.end_ns(quiet_ns, rate), *station)).min()
     }
 
-    /// Station `who` does not return from BUS-off any longer.
-    pub(super) fn end_recovery(&mut self, who: usize) {
-        self.recovering.retain(|(other, _)| *other != who);
+    /// `station` does not return from BUS-off any longer.
+    pub(super) fn end_recovery(&mut self, station: usize) {
+        self.recovering.retain(|(other, _)| *other != station);
     }
 }
 
@@ -281,16 +282,16 @@ impl SnapshotFields for Stations {
         let Self { waiting, members, last_came_ns, troubled, recovering, has_changed, has_held, .. } = self;
         (*waiting, *members, *last_came_ns, *troubled, *recovering, *has_changed, *has_held) =
             from.value()?;
-        let is_there = |who: usize| who < self.ends.len();
+        let is_there = |station: usize| station < self.ends.len();
         let has_frame =
-            |it: &WaitingFrame| is_there(it.who) && self.ends[it.who].controller.front().is_some();
+            |it: &WaitingFrame| is_there(it.station) && self.ends[it.station].controller.front().is_some();
         from.check(self.waiting.iter().all(has_frame), "station that waits")?;
-        from.check(self.troubled.iter().all(|who| is_there(*who)), "station with errors")?;
-        from.check(self.recovering.iter().all(|(who, _)| is_there(*who)), "station that recovers")?;
+        from.check(self.troubled.iter().all(|station| is_there(*station)), "station with errors")?;
+        from.check(self.recovering.iter().all(|(station, _)| is_there(*station)), "station that recovers")?;
         let members = self.ends.iter().filter(|end| end.member_since_ns.is_some()).count();
         from.check(self.members == members, "number of stations that take part")?;
-        for (who, end) in self.ends.iter().enumerate() {
-            self.due.set(who, if end.on_since_ns.is_some() { end.port.next_time() } else { NEVER });
+        for (station, end) in self.ends.iter().enumerate() {
+            self.due.set(station, if end.on_since_ns.is_some() { end.port.next_time() } else { NEVER });
         }
         Ok(())
     }
@@ -298,20 +299,20 @@ impl SnapshotFields for Stations {
 
 impl Participants for Stations {
     fn first(&self, at_ns: u64, but: Option<usize>) -> Option<(usize, Frame)> {
-        let there = self.waiting.iter().filter(|it| it.since_ns <= at_ns && but != Some(it.who));
-        let first = there.min_by_key(|it| (it.field, it.who))?;
-        let (_, frame) = self.ends[first.who].controller.front()?;
-        Some((first.who, *frame))
+        let there = self.waiting.iter().filter(|it| it.since_ns <= at_ns && but != Some(it.station));
+        let first = there.min_by_key(|it| (it.field, it.station))?;
+        let (_, frame) = self.ends[first.station].controller.front()?;
+        Some((first.station, *frame))
     }
 
     fn is_heard(&self, sender: usize, begin_ns: u64) -> bool {
         if self.last_came_ns <= begin_ns {
             return self.members > usize::from(self.ends[sender].member_since_ns.is_some());
         }
-        self.ends.iter().enumerate().any(|(who, end)| who != sender && end.took_part_since(begin_ns))
+        self.ends.iter().enumerate().any(|(station, end)| station != sender && end.took_part_since(begin_ns))
     }
 
-    fn is_passive(&self, who: usize) -> bool {
-        self.ends[who].controller.error_state() == ErrorState::Passive
+    fn is_passive(&self, station: usize) -> bool {
+        self.ends[station].controller.error_state() == ErrorState::Passive
     }
 }

@@ -22,7 +22,7 @@ type Script = (Vec<Filter>, Vec<(u64, Frame)>);
 
 /// A port that sends frames at given times and notes their fates; the first data byte identifies a frame.
 struct Scripted {
-    who: u16,
+    station: u16,
     log: Log,
     filters: Vec<Filter>,
     /// Times and frames to queue, ascending.
@@ -31,11 +31,11 @@ struct Scripted {
 
 impl Scripted {
     fn note(&self, now: u64, what: &'static str, frame: &Frame) {
-        self.log.lock().unwrap().push((self.who, now, what, frame.payload().data()[0]));
+        self.log.lock().unwrap().push((self.station, now, what, frame.payload().data()[0]));
     }
 }
 
-snapshot_fields!(Scripted { built: who, log, filters, script });
+snapshot_fields!(Scripted { built: station, log, filters, script });
 
 impl CanPort for Scripted {
     fn power_on(&mut self, _: &mut Context, controller: &mut Controller, _: u8) {
@@ -58,9 +58,9 @@ impl CanPort for Scripted {
 
     fn error_state(&mut self, ctx: &mut Context, controller: &mut Controller, state: ErrorState) {
         assert_eq!(state, controller.error_state());
-        self.log.lock().unwrap().push((self.who, ctx.now, state.name(), 0));
+        self.log.lock().unwrap().push((self.station, ctx.now, state.name(), 0));
         // The last port returns by itself.
-        if self.who == 2 {
+        if self.station == 2 {
             controller.restart();
         }
     }
@@ -75,7 +75,7 @@ impl CanPort for Scripted {
 
     fn fire(&mut self, now: u64, effect: &Effect) -> Option<Hit> {
         let mark = *effect.get::<u8>()?;
-        self.log.lock().unwrap().push((self.who, now, "struck", mark));
+        self.log.lock().unwrap().push((self.station, now, "struck", mark));
         Some(Hit::Plain)
     }
 }
@@ -102,9 +102,9 @@ impl Bench {
     fn of(mut bus: CanBus, scripts: Vec<Script>) -> Self {
         assert!(scripts.len() <= MOST);
         let (log, mut journal) = (Log::default(), Journal::default());
-        for (who, (filters, script)) in scripts.into_iter().enumerate() {
-            let origin = Origin { plc: who as u16, node: 1 };
-            let port = Box::new(Scripted { who: origin.plc, log: log.clone(), filters, script });
+        for (station, (filters, script)) in scripts.into_iter().enumerate() {
+            let origin = Origin { plc: station as u16, node: 1 };
+            let port = Box::new(Scripted { station: origin.plc, log: log.clone(), filters, script });
             let segment = Segment::heap(2 * HEADER_SIZE);
             let socket = CanSocket { origin, segment, layout: &STATION, port };
             let place = bus.attach(Box::new(socket)).unwrap();
@@ -125,16 +125,16 @@ impl Bench {
     }
 
     /// Puts a station into BUS-off.
-    fn switch_off(&mut self, who: usize, now: u64) {
-        assert!(self.bus.switch_off(who));
-        self.bus.settle(who, now * 1000);
+    fn switch_off(&mut self, station: usize, now: u64) {
+        assert!(self.bus.switch_off(station));
+        self.bus.settle(station, now * 1000);
         self.bus.plan(now);
     }
 
     /// A port puts a frame into its queue at `now`, after everything that is due before.
-    pub(super) fn send(&mut self, who: usize, now: u64, frame: Frame) {
+    pub(super) fn send(&mut self, station: usize, now: u64, frame: Frame) {
         self.run(now - 1);
-        self.bus.run(who, now, &mut self.journal, |_, _, controller| controller.send(frame).unwrap());
+        self.bus.run(station, now, &mut self.journal, |_, _, controller| controller.send(frame).unwrap());
         self.bus.plan(now);
     }
 
@@ -231,9 +231,9 @@ fn filters_keep_frames_from_the_firmware() {
     let script = vec![(1, frame(0x100, 1)), (2, frame(0x101, 2))];
     let mut bench = Bench::new(500_000, vec![(vec![], script), (only, vec![]), (vec![], vec![])]);
     bench.run(100_000);
-    let heard = |who| {
+    let heard = |station| {
         let log = bench.log.lock().unwrap();
-        let of = log.iter().filter(|(port, _, what, _)| (*port, *what) == (who, "received"));
+        let of = log.iter().filter(|(port, _, what, _)| (*port, *what) == (station, "received"));
         of.map(|(.., mark)| *mark).collect::<Vec<_>>()
     };
     assert_eq!((heard(1), heard(2)), (vec![2], vec![1, 2]));
@@ -348,7 +348,7 @@ fn a_station_that_joins_during_a_frame_misses_it() {
     bench.bus.power_off(2, 110, &mut bench.journal);
     bench.bus.power_on(2, 0, 120, &mut bench.journal);
     bench.run(100_000);
-    let heard: Vec<_> = bench.log().into_iter().map(|(who, _, what, _)| (who, what)).collect();
+    let heard: Vec<_> = bench.log().into_iter().map(|(station, _, what, _)| (station, what)).collect();
     assert_eq!(heard, [(0, "sent"), (1, "received")]);
 }
 

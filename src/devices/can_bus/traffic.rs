@@ -10,18 +10,18 @@ impl CanBus {
     /// Runs the firmware of a station.
     pub(super) fn run(
         &mut self,
-        who: usize,
+        station: usize,
         now: u64,
         journal: &mut Journal,
         firmware: impl FnOnce(&mut dyn CanPort, &mut Context, &mut Controller),
     ) {
-        self.stations.get_mut(who).run(now, journal, firmware);
-        self.settle(who, now * 1000);
+        self.stations.get_mut(station).run(now, journal, firmware);
+        self.settle(station, now * 1000);
     }
 
     /// Updates the indexes after a change of a station.
-    pub(super) fn settle(&mut self, who: usize, at_ns: u64) {
-        self.stations.settle(who, at_ns);
+    pub(super) fn settle(&mut self, station: usize, at_ns: u64) {
+        self.stations.settle(station, at_ns);
         if self.stations.take_changed() {
             self.check_frame_on_wire(at_ns);
         }
@@ -95,7 +95,7 @@ impl CanBus {
         } else {
             self.stations.receivers(&it.frame, &mut receivers);
         }
-        let behind = receivers.partition_point(|who| usize::from(*who) < it.sender);
+        let behind = receivers.partition_point(|station| usize::from(*station) < it.sender);
         self.receive(&receivers[..behind], it, world);
         if is_news {
             let (now, frame) = (world.now, &it.frame);
@@ -109,12 +109,14 @@ impl CanBus {
 
     fn receive(&mut self, receivers: &[u16], it: &OnWire, world: &mut World) {
         let (now, frame) = (world.now, &it.frame);
-        for who in receivers.iter().map(|who| usize::from(*who)).filter(|who| *who != it.sender) {
-            if !self.stations.all()[who].took_part_since(it.begin_ns) {
+        for station in
+            receivers.iter().map(|station| usize::from(*station)).filter(|station| *station != it.sender)
+        {
+            if !self.stations.all()[station].took_part_since(it.begin_ns) {
                 continue;
             }
-            let overruns = !world.faults.is_empty() && self.overruns(who, frame, world);
-            self.run(who, now, world.journal, |port, ctx, controller| {
+            let overruns = !world.faults.is_empty() && self.overruns(station, frame, world);
+            self.run(station, now, world.journal, |port, ctx, controller| {
                 if overruns {
                     port.overrun(ctx, controller, frame);
                 } else {
@@ -134,11 +136,11 @@ impl CanBus {
         if !(unheard && is_known) {
             journal.push(now, Lost { bus, frame: (frame, it.fate), sender });
         }
-        self.stations.count_errors(it.begin_ns, |who, end| {
+        self.stations.count_errors(it.begin_ns, |station, end| {
             let errors = end.controller.errors_mut();
             match it.fate {
                 Fate::Withdrawn => errors.receive_error(),
-                _ if who != it.sender => errors.receive_error(),
+                _ if station != it.sender => errors.receive_error(),
                 Fate::NotAcknowledged => errors.not_acknowledged(),
                 _ => errors.transmit_error(),
             }
@@ -151,25 +153,25 @@ impl CanBus {
         if !self.stations.has_errors() {
             return;
         }
-        while let Some((who, state)) = self.stations.take_state_change() {
-            let end = &self.stations.all()[who];
-            let (errors, station) = (end.controller.errors(), end.origin);
+        while let Some((station, state)) = self.stations.take_state_change() {
+            let end = &self.stations.all()[station];
+            let (errors, origin) = (end.controller.errors(), end.origin);
             let (transmit, receive) = (errors.transmit(), errors.receive());
-            journal.push(now, StateChange { bus: self.index, station, state, transmit, receive });
-            self.run(who, now, journal, |port, ctx, controller| port.error_state(ctx, controller, state));
+            journal.push(now, StateChange { bus: self.index, station: origin, state, transmit, receive });
+            self.run(station, now, journal, |port, ctx, controller| port.error_state(ctx, controller, state));
         }
     }
 
     /// Lets a station that was BUS-off take part again when its time is over; returns whether there was one.
     pub(super) fn recover(&mut self, now: u64, journal: &mut Journal) -> bool {
-        let Some((at_ns, who)) = self.next_back().filter(|(at_ns, _)| *at_ns <= now * 1000) else {
+        let Some((at_ns, station)) = self.next_back().filter(|(at_ns, _)| *at_ns <= now * 1000) else {
             return false;
         };
-        self.stations.end_recovery(who);
-        let end = self.stations.get_mut(who);
+        self.stations.end_recovery(station);
+        let end = self.stations.get_mut(station);
         if end.controller.error_state() == ErrorState::BusOff {
             *end.controller.errors_mut() = ErrorCounters::default();
-            self.settle(who, at_ns);
+            self.settle(station, at_ns);
             self.report_states(now, journal);
         }
         true

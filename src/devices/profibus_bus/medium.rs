@@ -125,25 +125,29 @@ impl ProfibusBus {
     fn next_step(&self) -> Option<(u64, LineStep)> {
         let on = || self.ends.iter().enumerate().filter(|(_, end)| end.is_on);
         let ends = self.line.next_end().map(|at| (at, LineStep::End));
-        let alarms = on().filter_map(|(who, end)| Some((end.station.alarm?, LineStep::Alarm(who))));
-        let answers = on().filter_map(|(who, end)| match end.station.intent {
-            Some(Intent::At(at, _)) => Some((at, LineStep::Begin(who))),
+        let alarms =
+            on().filter_map(|(participant, end)| Some((end.station.alarm?, LineStep::Alarm(participant))));
+        let answers = on().filter_map(|(participant, end)| match end.station.intent {
+            Some(Intent::At(at, _)) => Some((at, LineStep::Begin(participant))),
             _ => None,
         });
-        let exact = self.guests.next_exact().map(|(at, who)| (at, LineStep::Begin(who)));
+        let exact = self.guests.next_exact().map(|(at, participant)| (at, LineStep::Begin(participant)));
         let step = ends.into_iter().chain(alarms).chain(answers).chain(exact).min();
         // A request waits while a station sends or is about to answer.
         let is_quiet = on().all(|(_, end)| !matches!(end.station.intent, Some(Intent::At(..))));
         let Some(since) = self.line.idle_since().filter(|_| is_quiet) else { return step };
         // It also waits while another sender waits for an answer. Answers do not.
-        let kept = |who| self.asked.filter(|asked| asked.sender != who).map_or(0, |asked| asked.until);
-        let requests = on().filter_map(|(who, end)| match end.station.intent {
+        let kept = |participant| {
+            self.asked.filter(|asked| asked.sender != participant).map_or(0, |asked| asked.until)
+        };
+        let requests = on().filter_map(|(participant, end)| match end.station.intent {
             Some(Intent::WhenIdle(from, _)) => {
-                Some((from.max(since + SYN_BITS).max(kept(who)), LineStep::Begin(who)))
+                Some((from.max(since + SYN_BITS).max(kept(participant)), LineStep::Begin(participant)))
             }
             _ => None,
         });
-        let of_guests = self.guests.next_idle(since, kept).map(|(at, who)| (at, LineStep::Begin(who)));
+        let of_guests =
+            self.guests.next_idle(since, kept).map(|(at, participant)| (at, LineStep::Begin(participant)));
         step.into_iter().chain(requests).chain(of_guests).min()
     }
 
@@ -154,14 +158,14 @@ impl ProfibusBus {
             presence.map(|presence| presence.address)
         };
         let Some(own) = address(&self.ends[place]).filter(|_| self.is_plugged) else { return };
-        let same = |&who: &usize| address(&self.ends[who]) == Some(own);
+        let same = |&participant: &usize| address(&self.ends[participant]) == Some(own);
         let sharing: Vec<usize> = (0..self.ends.len()).filter(same).collect();
         if sharing.len() < 2 {
             return;
         }
         let bits = self.rate.bits_at(now);
-        for who in sharing {
-            self.ends[who].run(now, bits, journal, |port, ctx, _| port.shares_address(ctx));
+        for participant in sharing {
+            self.ends[participant].run(now, bits, journal, |port, ctx, _| port.shares_address(ctx));
         }
     }
 
@@ -188,19 +192,19 @@ impl ProfibusBus {
                     self.deliver(now, &sending, journal);
                 }
             }
-            LineStep::Alarm(who) => {
-                self.ends[who].station.alarm = None;
-                self.ends[who].run(now, at, journal, |port, ctx, station| port.alarm(ctx, station));
+            LineStep::Alarm(participant) => {
+                self.ends[participant].station.alarm = None;
+                self.ends[participant].run(now, at, journal, |port, ctx, station| port.alarm(ctx, station));
             }
-            LineStep::Begin(who) => {
-                let octets = match self.ends.get_mut(who) {
+            LineStep::Begin(participant) => {
+                let octets = match self.ends.get_mut(participant) {
                     Some(end) => end.station.intent.take().map(Intent::octets),
-                    None => self.guests.take(who),
+                    None => self.guests.take(participant),
                 };
                 if let Some(octets) = octets {
-                    self.judge_pause(who, at, &octets, now, journal);
+                    self.judge_pause(participant, at, &octets, now, journal);
                     self.asked = None;
-                    self.line.begin(who, at, octets);
+                    self.line.begin(participant, at, octets);
                 }
             }
         }
@@ -251,8 +255,8 @@ impl ProfibusBus {
             }
             None => journal.push(now, DpGarbled { bus, sender: origin, octets: octets.len() as u32 }),
         }
-        for (who, end) in self.ends.iter_mut().enumerate().filter(|(_, end)| end.is_on) {
-            if who == sender {
+        for (participant, end) in self.ends.iter_mut().enumerate().filter(|(_, end)| end.is_on) {
+            if participant == sender {
                 end.run(now, at, journal, |port, ctx, station| port.sent(ctx, station));
             } else if let Some(telegram) = &telegram {
                 end.run(now, at, journal, |port, ctx, station| port.heard(ctx, station, telegram));

@@ -105,10 +105,10 @@ fn distance(us: u64) -> String {
 
 fn change_line(
     [time, after, name, from, to, by, meaning]: [String; 7],
-    who: By,
+    originator: By,
     theme: Theme,
 ) -> Line<'static> {
-    let style = match who {
+    let style = match originator {
         By::Firmware => theme.name(),
         By::Program => theme.good(),
         By::Channel => theme.value(),

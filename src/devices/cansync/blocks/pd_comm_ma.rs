@@ -69,7 +69,7 @@ impl CANsync_PD_COMM_MA {
 /// Handles the input of a slave number. Undocumented numbers leave the register unchanged.
 fn ask(register: &Cell8, slave: i8) {
     match slave {
-        NO_REQUEST => register.store(request::NOBODY),
+        NO_REQUEST => register.store(request::NO_SLAVE),
         AUTOMATIC => register.store(request::AUTOMATIC),
         number if slave_index(number).is_some() => register.store(number as u8),
         _ => {}

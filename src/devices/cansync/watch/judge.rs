@@ -110,7 +110,7 @@ impl Judge<'_> {
         match register.limit {
             ValueLimit::Slave if !is_slave => self.report_violation(&rules::SLAVE_NUMBER, offset, after),
             ValueLimit::SlaveOrAutomatic
-                if !is_slave && ![request::AUTOMATIC, request::NOBODY].map(u32::from).contains(&after) =>
+                if !is_slave && ![request::AUTOMATIC, request::NO_SLAVE].map(u32::from).contains(&after) =>
             {
                 self.report_violation(&rules::SLAVE_NUMBER, offset, after);
             }

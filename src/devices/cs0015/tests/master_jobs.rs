@@ -3,7 +3,7 @@
 use super::super::registers::values::{job, job_error};
 use super::{Bench, MS};
 
-const NOBODY: u32 = 255;
+const NOT_MASTER: u32 = 255;
 const WRONG: u32 = 2;
 
 /// A master with node 5, which is guarded every 100 ms.
@@ -24,13 +24,13 @@ fn without_a_master_nothing_is_sent() {
     for function in
         [job::NMM_SET_PREOPERATIONAL, job::NMM_SET_OPERATIONAL, job::NMM_SET_PREPARED, job::NMM_RESET_NODE]
     {
-        assert_eq!(bench.result(function, &[0]), NOBODY, "{function:04X}");
+        assert_eq!(bench.result(function, &[0]), NOT_MASTER, "{function:04X}");
     }
     assert_eq!(bench.result(job::NMM_ADD_NODE, &[5, 100, 3]), 1);
     assert_eq!(bench.result(job::NMM_START_GUARDING, &[5]), WRONG);
-    assert_eq!(bench.result(job::NMM_NODE_GUARDING, &[1]), NOBODY);
-    assert_eq!(bench.job(job::NMM_GET_NODE_STATE, &[5]).1[..2], [0, NOBODY]);
-    assert_eq!(bench.job(job::NMM_RESET_COMM, &[5]).1[..2], [0, NOBODY]);
+    assert_eq!(bench.result(job::NMM_NODE_GUARDING, &[1]), NOT_MASTER);
+    assert_eq!(bench.job(job::NMM_GET_NODE_STATE, &[5]).1[..2], [0, NOT_MASTER]);
+    assert_eq!(bench.job(job::NMM_RESET_COMM, &[5]).1[..2], [0, NOT_MASTER]);
     assert_eq!(bench.result(job::PDO_SEND_SYNC_OBJ, &[]), 0);
     for function in [job::PDO_INI_SEND_SYNC_OBJ, job::EMC_GET_EMERGENCY, job::SDO_READ, job::SDO_WRITE] {
         assert_eq!(bench.job(function, &[5, 0x1000, 0, 4]).0, job_error::STATE, "{function:04X}");
@@ -132,7 +132,7 @@ fn a_master_sends_sync_until_its_communication_is_reset() {
     assert_eq!(bench.heard(), [(0x80, vec![])]);
     bench.job(job::PDO_TX_CONFIG, &[1, 0x390, 1, 0]);
     assert_eq!(bench.result(job::PDO_SEND_SYNC_OBJ, &[]), 0, "not a master any more");
-    assert_eq!(bench.result(job::NMM_SET_OPERATIONAL, &[0]), NOBODY);
+    assert_eq!(bench.result(job::NMM_SET_OPERATIONAL, &[0]), NOT_MASTER);
 }
 
 /// P. 68.

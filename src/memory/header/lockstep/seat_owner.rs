@@ -61,7 +61,7 @@ impl Word for Cell32 {
 }
 
 /// Owner of a seat while it is freed; not the id of a process.
-const NOBODY: u32 = u32::MAX;
+const NO_OWNER: u32 = u32::MAX;
 
 impl<W: Word> SeatWords<'_, W> {
     fn decide(&self, mut may: impl FnMut(u32) -> bool) -> Option<(u32, bool)> {
@@ -88,7 +88,7 @@ impl<W: Word> SeatWords<'_, W> {
         let state = SeatState::from_code(self.state.load());
         let is_out = matches!(state, Some(SeatState::Refused | SeatState::Lost));
         // The task may have left before it died, and another one may have the seat.
-        if !is_out || is_running(owner) || !self.owner.exchange(owner, NOBODY) {
+        if !is_out || is_running(owner) || !self.owner.exchange(owner, NO_OWNER) {
             return false;
         }
         clear();

@@ -1,7 +1,7 @@
 //! Explores every interleaving of tasks that take a seat, ask and leave, with an emulator that answers, gives up and
 //! frees, with the memory orders of [`super::Cell32`]. The model omits times, and bells, which have a separate model.
 
-use super::{NOBODY, SeatState, SeatWords, Word};
+use super::{NO_OWNER, SeatState, SeatWords, Word};
 use loom::sync::Arc;
 use loom::sync::atomic::AtomicU32;
 use loom::sync::atomic::Ordering::{AcqRel, Acquire, Release};
@@ -141,7 +141,7 @@ fn the_next_task_gets_the_seat_of_a_dead_one() {
         seat.bury();
         let is_ours = next.join().unwrap();
         assert_eq!(seat.owner.load(), if is_ours { SECOND } else { 0 });
-        assert_ne!(seat.owner.load(), NOBODY);
+        assert_ne!(seat.owner.load(), NO_OWNER);
         assert_eq!(seat.hands().decide(|_| true), is_ours.then_some((SECOND, true)));
     });
 }
