@@ -110,7 +110,7 @@ impl Line {
         self.rate
     }
 
-    /// The frame that is on the wire.
+    /// The frame on the wire.
     pub const fn on_wire(&self) -> Option<&OnWire> {
         match &self.state {
             LinePhase::Busy(frame) => Some(frame),

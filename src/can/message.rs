@@ -61,7 +61,7 @@ mod tests {
     use embedded_can::{ExtendedId, StandardId};
 
     #[test]
-    fn one_identifier_is_one_message() {
+    fn each_identifier_has_one_message() {
         let message = |name: &str, id: Id, senders: &[&str], receivers: &[&str]| {
             let list = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect();
             let (senders, receivers) = (list(senders), list(receivers));

@@ -78,7 +78,7 @@ const AFTER_STUFF_BIT: usize = 4;
 
 /// `STUFF[changes]` gives the effect of eight more bits for each state; `changes` has a 1 for each bit that differs
 /// from its predecessor, first bit on top. Byte s of the entry belongs to state s: its lower six bits are eight times
-/// the next state, the bits above them the number of stuff bits, at most 2. So the next state is one shift away from
+/// the next state, the higher bits the number of stuff bits, at most 2. So the next state is one shift away from
 /// the present one, and the look-up itself does not wait for the state.
 static STUFF: [u64; 256] = stuff_table();
 

@@ -126,7 +126,7 @@ fn areas(out: &mut String, scope: &Scope) {
 fn structures(out: &mut String, scope: &Scope) {
     out.push_str(
         "\n# Sub-structure, name, code, offset, dimensions (count, used, stride), how many of them are the\n\
-         # sub-structure's, owner, value after power-on, reserved, meaning, purpose, pages, what is inferred.\n\
+         # sub-structure's, owner, value after power-on, reserved, meaning, purpose, pages, inferred facts.\n\
          _STRUCTURES = {\n",
     );
     for structure in scope.structures() {

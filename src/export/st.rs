@@ -127,7 +127,7 @@ fn head(scope: &Scope, form: StForm, command: &str) -> String {
     let mut lines = text::banner(scope, command);
     if form.matiec || form.elementary {
         lines.push(
-            "Each spelling of an address stands once: of two names the second has a level of 0 behind it."
+            "Each spelling of an address occurs once: the second name of an address has an additional level of 0."
                 .into(),
         );
     }

@@ -146,5 +146,5 @@ fn every_command_has_a_page_of_the_manual() {
     for name in ["commram", "commram-fault-add", "commram-man"] {
         assert!(path.join(format!("{name}.1")).exists(), "{name}");
     }
-    assert!(!path.join("commram-demo-plc.1").exists(), "what is hidden has none");
+    assert!(!path.join("commram-demo-plc.1").exists(), "hidden commands have no page");
 }

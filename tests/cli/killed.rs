@@ -213,7 +213,7 @@ fn stop_ends_an_emulator_that_is_suspended_repeatedly() {
 
 /// The lock was removed with the directory; the images still identify the process.
 #[test]
-fn stop_ends_an_emulator_whose_directory_or_lock_was_removed() {
+fn stop_ends_an_emulator_without_its_directory_or_lock() {
     for (clock, lock_only) in [("stepped", false), ("realtime", false), ("stepped", true)] {
         let mut emulator = Emulator::start(&["--clock", clock]);
         let directory = format!("/dev/shm/commram.{}.iox.d", emulator.name);

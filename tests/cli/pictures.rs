@@ -138,7 +138,7 @@ fn a_plot_is_written_only_beside_its_scenario() {
 
 /// The mistake that docs/guide/debugging.md finds in the program, and its correction.
 #[test]
-fn the_drive_of_the_wrong_order_stands_still_and_that_of_the_right_order_turns() {
+fn the_drive_turns_only_with_the_right_order() {
     let wrong = include_str!("../../tools/examples/wrong-order.rhai");
     let (control, word) = (
         "    poke(\"node2.a_STEUREG_CONTROLWORD[1]\", 0x05);\n",

@@ -54,7 +54,7 @@ fn a_detached_emulator_has_left_its_terminal_and_outputs() {
     let instance = Background::new();
     let outcome = instance.run("run", &["--detach"]);
     let pid = outcome.ok().split("process ").nth(1).unwrap().split(' ').next().unwrap().to_owned();
-    assert_eq!(stat(&pid)[3], pid, "it leads a session of its own");
+    assert_eq!(stat(&pid)[3], pid, "it leads its own session");
     for output in ["0", "1", "2"] {
         let file = std::fs::read_link(format!("/proc/{pid}/fd/{output}")).unwrap();
         assert_eq!(file, PathBuf::from("/dev/null"));

@@ -155,7 +155,7 @@ fn lost_records_are_reported() {
     assert_eq!(lost + numbers.count() as u64, last, "shown and lost are all");
 
     let text = emulator.run("trace", &["--kind", "frame"]);
-    assert!(text.ok().starts_with("-- "), "in front of the first frame that is left");
+    assert!(text.ok().starts_with("-- "), "before the first remaining frame");
     let candump = emulator.run("trace", &["--format", "candump", "--last", "1"]);
     assert_eq!((candump.code, candump.out.lines().count()), (Some(0), 1));
     assert!(candump.err.starts_with("commram: note: ") && candump.err.contains(" records lost before "));
@@ -178,7 +178,7 @@ fn following_prints_new_records_and_ends_with_the_emulator() {
     emulator.step(&["1ms"]);
     assert!(follower.line().contains("16#0001 -> 16#0002"), "what comes");
     emulator.poke(&["node2.b_AC=16#FF"]);
-    assert!(follower.line().contains("b_AC (%MB3.200013) := 16#FF"), "also while the time stands still");
+    assert!(follower.line().contains("b_AC (%MB3.200013) := 16#FF"), "also while the clock is stopped");
     emulator.run("stop", &[]);
     let (code, rest, err) = follower.end();
     let ended = format!("commram: note: instance '{}' has ended\n", emulator.name);

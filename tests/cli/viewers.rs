@@ -51,10 +51,10 @@ fn a_view_ends_with_its_terminal_or_on_request() {
     let emulator = Emulator::stepped();
     let (mut terminal, mut quits) = view(&emulator);
     terminal.write_all(b"q").unwrap();
-    assert_eq!(wait_for(&mut quits, "a view that is to quit").code(), Some(0));
+    assert_eq!(wait_for(&mut quits, "a view after q").code(), Some(0));
     let (mut terminal, mut interrupted) = view(&emulator);
     terminal.write_all(b"\x03").unwrap();
-    assert_eq!(wait_for(&mut interrupted, "a view that is interrupted").code(), Some(130));
+    assert_eq!(wait_for(&mut interrupted, "a view after Ctrl+C").code(), Some(130));
     let (terminal, mut left) = view(&emulator);
     drop(terminal);
     assert_eq!(wait_for(&mut left, "a view without terminal").code(), Some(130));
@@ -89,7 +89,7 @@ fn a_view_draws_only_a_part_of_a_very_large_terminal() {
         let _ = terminal.write(b"q").unwrap();
         std::thread::sleep(Duration::from_millis(100));
     }
-    assert_eq!(wait_for(&mut view, "a view that is to quit").code(), Some(0));
+    assert_eq!(wait_for(&mut view, "a view after q").code(), Some(0));
 }
 
 /// Reads and drops what the terminal shows, for this time.

@@ -23,9 +23,9 @@ const SERVER: [(&str, &str); 3] = [
 fn files() -> Vec<(String, String)> {
     let page = std::fs::read_to_string(Path::new(ROOT).join("docs/guide/ci.md")).unwrap();
     let file = |(at, mark): (usize, &str)| {
-        let (before, behind) = (&page[..at], &page[at + mark.len()..]);
+        let (before, after) = (&page[..at], &page[at + mark.len()..]);
         let name = before.rsplit('`').next()?;
-        let (_, block) = behind.split_once('\n')?;
+        let (_, block) = after.split_once('\n')?;
         Some((name.to_owned(), block.split_once("\n```")?.0.to_owned() + "\n"))
     };
     page.match_indices("`:\n\n```").filter_map(file).collect()

@@ -80,8 +80,8 @@ fn pages_and_file_heads_start_emulators_only_with_detach() {
 fn blocks(text: &str) -> Vec<String> {
     let of = |language: &str| {
         let fence = format!("```{language}\n");
-        let behind = text.split(&fence).skip(1).filter_map(|rest| rest.split("```").next());
-        behind.map(str::to_owned).collect::<Vec<_>>()
+        let blocks = text.split(&fence).skip(1).filter_map(|rest| rest.split("```").next());
+        blocks.map(str::to_owned).collect::<Vec<_>>()
     };
     [of("console"), of("sh")].concat()
 }

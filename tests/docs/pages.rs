@@ -134,7 +134,7 @@ fn session(text: &str) -> Vec<(String, String)> {
         match line.strip_prefix("$ ") {
             Some(command) => steps.push((command.to_owned(), String::new())),
             None => {
-                let (_, output) = steps.last_mut().expect("output stands below a command");
+                let (_, output) = steps.last_mut().expect("output follows a command");
                 output.push_str(line);
                 output.push('\n');
             }

@@ -51,7 +51,7 @@ fn every_promise_names_tests_that_exist() {
 }
 
 #[test]
-fn a_function_that_is_no_test_is_not_taken_for_one() {
+fn other_functions_do_not_count_as_tests() {
     let source = "#[test]\n#[ignore]\nfn a() {\n}\nfn helper() {}\n    /// Why.\n    #[test]\n    // So.\n    fn b(x in 0..1) {";
     assert!(has_test(source, "a") && has_test(source, "b"));
     assert!(!has_test(source, "helper") && !has_test(source, "c"));

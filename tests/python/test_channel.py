@@ -35,7 +35,7 @@ def test_events_wake_a_listener(stepped):
         ram.write_header("interrupts[0].request", request)
         ram.write_header("board_requests", ram.header("board_requests") + 1)
         ram.write_header("doorbell.word", ram.header("doorbell.word") + 1)
-        # The answer comes while the clock stands: an advance before it would move the first event. Any operation wakes the
+        # The answer comes while the clock is stopped: an advance before it would move the first event. Any operation wakes the
         # emulator, which then sees the ring.
         end = time.monotonic() + 20
         while ram.header("interrupts[0].answer") != request:

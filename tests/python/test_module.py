@@ -87,7 +87,7 @@ def test_values_have_the_explanations_of_the_program(stepped):
             for value in values:
                 ram[name] = value
                 shown = stepped.command("peek", name).rstrip("\n").split("  ", 1)[1]
-                # Two structures overlay each other: the error names the one that is not valid now.
+                # Two structures overlay each other: the error names the invalid one.
                 shown = re.sub(r" \(\w+, not live\)$", "", shown)
                 assert re.sub(r" \(\w+, not live\)$", "", ram.text(name)) == shown, name
 

@@ -163,7 +163,7 @@ fn a_passive_station_waits_after_its_own_frame() {
 }
 
 #[test]
-fn a_station_that_is_off_sends_nothing() {
+fn a_station_without_power_sends_nothing() {
     let mut line = Line::new(RATE);
     let mut stations = Stations::new([vec![(0, standard(1))], vec![(0, standard(2))], vec![]]);
     stations.off = vec![0];

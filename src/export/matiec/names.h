@@ -121,10 +121,10 @@ static inline const char *commram_refusal(const char *name, size_t bytes)
     return NULL;
 }
 
-/* Where a variable lies; `other` is NULL if nobody else has one of this name. */
+/* Address of a variable; `other` is NULL if no other library has one of this name. */
 static inline void *commram_bound(const char *name, size_t bytes, void *other)
 {
-    const char *wrong = !commram_is_bound(name) ? (other ? NULL : "the device has no such address, nor anybody else")
+    const char *wrong = !commram_is_bound(name) ? (other ? NULL : "the device has no such address, and no library has it")
                                                 : commram_refusal(name, bytes);
     if (!wrong)
         return commram_is_bound(name) ? commram_matiec_at(name) : other;

@@ -10,8 +10,8 @@
     rule(!(bound) || (is_bit) != 2, name, "an address without a size is that of a bit; write %MB, %MW or %MD")   \
     rule(!(bound) || COMMRAM_IN_AREA(place), name, "the address lies in no area of the device")                  \
     rule(!(bound) || !(is_bit) || (bit) != COMMRAM_NO_NUMBER, name,                                              \
-         "a single bit has no address of its own; locate the byte")                                              \
-    rule(!(bound) || (is_bit) || (levels), name, "the address has levels too many; only 0 may stand there")      \
+         "a single bit has no separate address; locate the byte")                                                \
+    rule(!(bound) || (is_bit) || (levels), name, "the address has levels too many; only 0 is allowed there")     \
     rule(!(bound) || (bytes) <= 8 || (whole), name, "no structure of this size begins there")                    \
     rule(!(bound) || (bytes) > 8 || (whole) || (bytes) == (size), name,                                          \
          "the type has another width than the address")                                                          \

@@ -4,7 +4,7 @@ def __getattr__(name: str):
     if name in ("Emulator", "connect"):
         raise AttributeError(
             f"{__file__} is the module that `commram export python` writes; '{name}' is in the package of the same name, "
-            "which this file hides: rename it, the package has all that is here (docs/guide/python.md)"
+            "which this file hides: rename this file, the package has all of its contents (docs/guide/python.md)"
         )
     raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
 
@@ -14,7 +14,7 @@ class Error(Exception):
 
 
 class NotAttached(Error):
-    """The image is not there, or not what it should be."""
+    """The image does not exist, or it is not a valid image."""
 
 
 class Gone(Error):
@@ -22,11 +22,11 @@ class Gone(Error):
 
 
 class Timeout(Error, TimeoutError):
-    """A register did not become what was awaited."""
+    """A register did not get the expected value in time."""
 
 
 class Register(NamedTuple):
-    """One register; of an array one element."""
+    """One register, or one element of an array."""
 
     name: str
     address: int  # byte of the image

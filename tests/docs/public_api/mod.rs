@@ -163,7 +163,7 @@ fn the_public_interface_is_the_recorded_one() {
     let difference = (line(&kept, same), line(&now, same));
     assert!(
         kept == now,
-        "the public interface has changed, first behind line {same} (kept, now): {difference:?}; if it is meant to, run this test with \
+        "the public interface has changed, first after line {same} (kept, now): {difference:?}; if it is meant to, run this test with \
          {UPDATE}=1 and put it into the CHANGELOG"
     );
 }

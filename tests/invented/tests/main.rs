@@ -1,7 +1,7 @@
 //! commram with a device of another crate: tests all features, from the map to a scenario, with the
 //! program of the device's crate.
 
-#![allow(unexpected_cfgs, reason = "what is shared with commram's own tests asks for its features")]
+#![allow(unexpected_cfgs, reason = "the modules shared with commram's tests check its features")]
 
 #[path = "../../common/mod.rs"]
 mod common;
@@ -120,7 +120,7 @@ fn located_variables_are_its_registers() {
     assert_eq!(finish(&mut Command::new(file("program"))).code, Some(0));
     for (located, why) in [
         ("__LOCATED_VAR(BYTE,part,I,B,1)", "part: the register there has another width"),
-        ("__LOCATED_VAR(BOOL,bit,Q,X,1,15)", "bit: a single bit has no address of its own"),
+        ("__LOCATED_VAR(BOOL,bit,Q,X,1,15)", "bit: a single bit has no separate address"),
     ] {
         let refused = compile(&format!("{good}{located}"));
         assert!(refused.code != Some(0) && refused.err.contains(why), "{why}: {}", refused.err);

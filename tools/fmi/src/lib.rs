@@ -3,7 +3,7 @@
 //! It serves any plant; the files in the archive's `resources` define it. Nothing is shared between instances, so there can be several in a
 //! process, each used by one thread at a time. No panic crosses the border: the caller gets `fmi3Fatal`.
 
-#![allow(non_snake_case, reason = "the names are those of FMI")]
+#![allow(non_snake_case, reason = "FMI defines the names")]
 #![allow(clippy::missing_safety_doc, reason = "what callers owe is in the standard")]
 
 pub mod absent;
