@@ -9,6 +9,7 @@ use super::{EmulatorProcess, Image, MemoryError, list, names};
 use std::fs::{File, TryLockError};
 use std::io;
 use std::os::unix::fs::FileExt;
+use std::path::Path;
 use std::time::{Duration, Instant};
 
 /// The file in the instance's directory; holds process id and start time of the process that has the lock.
@@ -48,10 +49,19 @@ impl InstanceLock {
 
     fn take_as(instance: &str, signature: &str) -> Result<Self, MemoryError> {
         let path = names::channel_root(instance)?;
+        Self::try_to_take(instance, &path, signature).inspect_err(|error| {
+            // An empty directory is of no use; another process that starts creates it again.
+            if matches!(error, MemoryError::System { .. }) {
+                let _ = std::fs::remove_dir(&path);
+            }
+        })
+    }
+
+    fn try_to_take(instance: &str, path: &Path, signature: &str) -> Result<Self, MemoryError> {
         let failed = |doing, reason| MemoryError::System { path: path.join(LOCK), doing, reason };
         let start = Instant::now();
         loop {
-            let directory = PrivateDir::create(&path)?;
+            let directory = PrivateDir::create(path)?;
             // The previous holder may be removing directory and lock.
             let Some(file) = open(&directory).map_err(|reason| failed("open", reason))? else {
                 continue;
@@ -159,7 +169,7 @@ mod tests {
         let refused = InstanceLock::take(&instance).unwrap_err().to_string();
         let pid = std::process::id();
         assert!(
-            refused.starts_with(&format!("instance {} is already running (process {pid})", &*instance)),
+            refused.starts_with(&format!("instance '{}' is already running (process {pid})", &*instance)),
             "{refused}"
         );
         assert_eq!(InstanceLock::holder(&instance).unwrap().unwrap().unwrap().pid(), pid);

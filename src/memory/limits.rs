@@ -16,9 +16,7 @@ pub(crate) fn named(reason: &io::Error) -> String {
         Some(Errno::MFILE) => getrlimit(Resource::Nofile).current.map_or_else(String::new, |most| {
             format!("; this process may have {most} open files (`ulimit -n`)")
         }),
-        Some(Errno::FBIG) => getrlimit(Resource::Fsize).current.map_or_else(String::new, |most| {
-            format!("; this process may write files of {} KiB (`ulimit -f`)", most / 1024)
-        }),
+        Some(Errno::FBIG) => describe_file_limit(),
         Some(Errno::AGAIN) if address_space().is_none() => {
             getrlimit(Resource::Nproc).current.map_or_else(String::new, |most| {
                 format!("; this user may have {most} processes and threads (`ulimit -u`)")
@@ -33,6 +31,13 @@ pub(crate) fn named(reason: &io::Error) -> String {
 pub(crate) fn describe_space_limit() -> String {
     address_space().map_or_else(String::new, |most| {
         format!("; this process may have {} KiB of address space (`ulimit -v`)", most / 1024)
+    })
+}
+
+/// The same for an error that may come from a limit of file sizes, if there is one.
+pub(crate) fn describe_file_limit() -> String {
+    getrlimit(Resource::Fsize).current.map_or_else(String::new, |most| {
+        format!("; this process may write files of {} KiB (`ulimit -f`)", most / 1024)
     })
 }
 

@@ -121,11 +121,12 @@ impl Emulator {
         {
             return Err(RuntimeError::Speed { speed });
         }
+        let doors = config.media.iter().map(|medium| medium.doors().len()).sum();
+        // Before anything of the instance exists: without files left, nothing of it could be removed.
+        open_files::allow(config.devices.len(), doors)?;
         let lock = take_instance(config, &options.instance)?;
         let sizes = config.devices.iter().map(|device| (device.name(), device.layout().segment_size()));
         room::check(&options.instance, sizes)?;
-        let doors = config.media.iter().map(|medium| medium.doors().len()).sum();
-        open_files::allow(config.devices.len(), doors)?;
         let mut images = Vec::with_capacity(config.devices.len());
         let mut directory = None;
         let mut novram = Vec::new();

@@ -11,8 +11,9 @@ const PER_PLC: u64 = 5;
 const PER_DOOR: u64 = 2;
 /// For each client of the channel.
 const PER_CLIENT: u64 = 3;
-/// Files for the channel itself, the thread of the doors, the watch of the images, and short use.
-const BESIDES: u64 = 24;
+/// Files for the lock of the instance and its directory, the channel itself, the thread of the doors, the watch of the
+/// images, and short use.
+const BESIDES: u64 = 26;
 /// Smallest number of clients: an emulator with files for fewer is not started.
 const FEW_CLIENTS: u64 = 4;
 /// Number of clients with reserved files; up to this number none is refused for lack of files.

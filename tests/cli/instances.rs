@@ -117,7 +117,7 @@ fn a_name_that_is_taken_is_refused() {
     let outcome = emulator.run("run", &["--clock", "stepped"]);
     let (name, pid) = (&emulator.name, emulator.pid());
     let expected = format!(
-        "commram: instance {name} is already running (process {pid}); stop it first or choose another instance name\n"
+        "commram: instance '{name}' is already running (process {pid}); stop it first or choose another instance name\n"
     );
     assert_eq!(outcome.fails(1), expected);
     assert_eq!(emulator.peek(&["node2.w_OPTION_STATUS"]), "16#0001");

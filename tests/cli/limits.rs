@@ -161,3 +161,23 @@ fn a_program_that_writes_at_random_delays_no_client() {
     let stop = promised(Duration::from_secs(2), || emulator.run("stop", &[]));
     assert_eq!(stop.code, Some(0), "{stop:?}");
 }
+
+/// With any number of open files, a start ends with a message, and nothing of it remains.
+#[test]
+fn a_start_without_enough_open_files_leaves_nothing() {
+    let script = "mount -t tmpfs tmpfs /dev/shm || exit 77
+        for n in $(seq 4 20); do
+            (ulimit -n $n; exec $COMMRAM run -i few) >/dev/null 2>&1
+            (ulimit -n $n; exec $COMMRAM with -- true) >/dev/null 2>&1
+        done; ls -A /dev/shm";
+    let Some(outcome) = crate::common::in_mount_namespace(script, None) else { return };
+    assert_eq!(outcome.ok(), "");
+}
+
+/// Data segments of the channel are files.
+#[test]
+fn a_limit_of_file_sizes_that_keeps_a_client_out_is_named() {
+    let emulator = Emulator::start(&["--clock", "stepped"]);
+    let refused = limited("-f 8", &["status", "-i", &emulator.name]);
+    assert!(refused.fails(3).contains("(`ulimit -f`)"), "{}", refused.err);
+}

@@ -2,6 +2,7 @@
 
 use super::ROOM;
 use crate::channel::domain::RootError;
+use crate::memory::limits;
 use iceoryx2::node::NodeCreationFailure;
 use iceoryx2::service::builder::request_response::RequestResponseOpenError as OpenError;
 
@@ -14,14 +15,16 @@ pub enum ServerError {
     Root(#[from] RootError),
     /// Another server holds the channel.
     #[error(
-        "instance {instance}: another emulator already serves the channel; end it or choose another name"
+        "instance '{instance}\': another emulator already serves the channel; end it or choose another name"
     )]
     AlreadyServed {
         /// Name of the instance.
         instance: String,
     },
     /// A client of another version still uses the old service.
-    #[error("instance {instance}: a client of another version is still connected ({reason:?}); end it first")]
+    #[error(
+        "instance '{instance}\': a client of another version is still connected ({reason:?}); end it first"
+    )]
     Incompatible {
         /// Name of the instance.
         instance: String,
@@ -29,7 +32,7 @@ pub enum ServerError {
         reason: OpenError,
     },
     /// The memory file system is nearly full.
-    #[error("instance {instance}: /dev/shm has only {free_kib} KiB left, the channel needs {} KiB", ROOM / 1024)]
+    #[error("instance '{instance}\': /dev/shm has only {free_kib} KiB left, the channel needs {} KiB", ROOM / 1024)]
     NoRoom {
         /// Name of the instance.
         instance: String,
@@ -37,7 +40,10 @@ pub enum ServerError {
         free_kib: u64,
     },
     /// iceoryx2 cannot create a node.
-    #[error("instance {instance}: no iceoryx2 node ({reason:?}); is /dev/shm full or not writable?")]
+    #[error(
+        "instance '{instance}\': no iceoryx2 node ({reason:?}); is /dev/shm full or not writable?{}",
+        limits::describe_file_limit()
+    )]
     Node {
         /// Name of the instance.
         instance: String,
@@ -46,8 +52,9 @@ pub enum ServerError {
     },
     /// iceoryx2 cannot create the service or its server port.
     #[error(
-        "instance {instance}: no iceoryx2 service ({reason}); is /dev/shm full or not writable?{}",
-        crate::memory::limits::describe_space_limit()
+        "instance '{instance}\': no iceoryx2 service ({reason}); is /dev/shm full or not writable?{}{}",
+        limits::describe_space_limit(),
+        limits::describe_file_limit()
     )]
     Service {
         /// Name of the instance.

@@ -67,7 +67,7 @@ fn a_client_names_the_version_of_an_emulator_that_has_another() {
         let error = soon(|| place.connect(Patience::default())).err().unwrap();
         assert!(matches!(error, ClientError::Incompatible { .. }), "{error:?}");
         let text = format!(
-            "instance {}: its channel has format {version} of iceoryx2 0.10.0, the channel of this commram ({}) has format {WIRE_VERSION} \
+            "instance '{}': its channel has format {version} of iceoryx2 0.10.0, the channel of this commram ({}) has format {WIRE_VERSION} \
              (IncompatibleRequestOrResponseType); use the commram version of the emulator",
             place.instance,
             env!("CARGO_PKG_VERSION")
