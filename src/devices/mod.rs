@@ -85,12 +85,13 @@ mod supply;
 #[cfg(feature = "emulator")]
 mod sync;
 
-#[cfg(feature = "emulator")]
 pub use address_writes::AddressWrites;
 #[cfg(feature = "emulator")]
 pub use bus::{Bus, Plug, World};
 #[cfg(feature = "emulator")]
 pub use bus_view::{BusView, ParticipantId, StationState, Stranger};
+#[cfg(feature = "emulator")]
+pub use canopen::node_sends;
 #[cfg(feature = "emulator")]
 pub use catalogue::{bus_site, catalogue, door_fits, fault_kinds, faults_of_device};
 #[cfg(feature = "emulator")]

@@ -1,6 +1,7 @@
 //! Which frames of a log are taken.
 
 use crate::can::{Frame, Id};
+use crate::devices::node_sends;
 use crate::journal::recording::Direction;
 
 /// Which frames of a log are taken.
@@ -17,8 +18,8 @@ pub(super) struct Select {
     /// Take only frames that the logger's station received or sent; frames without a direction are not taken
     #[arg(long, value_name = "DIRECTION")]
     direction: Option<Way>,
-    /// Leave out what this CANopen node sent, by the identifiers of the predefined connection set: for a log of a
-    /// device that the instance has; can be given several times
+    /// Leave out what this node sent, by the identifiers that CiA 301 gives a node-ID: for a log of a device that the
+    /// instance has; can be given several times
     #[arg(long, value_name = "NODE-ID", value_parser = clap::value_parser!(u8).range(1..=127))]
     without_node: Vec<u8>,
 }
@@ -72,15 +73,6 @@ impl IdFilter {
     }
 }
 
-/// Whether a CANopen node sends this identifier, by the predefined connection set (CiA 301): emergency message, transmitted
-/// PDOs 1 to 4, SDO answer, error control.
-fn is_sent_by(node: u8, id: Id) -> bool {
-    let Id::Standard(id) = id else { return false };
-    let raw = id.as_raw();
-    raw & 0x7F == u16::from(node)
-        && matches!(raw & 0x780, 0x080 | 0x180 | 0x280 | 0x380 | 0x480 | 0x580 | 0x700)
-}
-
 impl Select {
     /// Whether a frame of the log is taken.
     pub(super) fn takes(&self, interface: &str, direction: Option<Direction>, frame: &Frame) -> bool {
@@ -101,7 +93,7 @@ impl Select {
         (only.is_empty() || only.iter().any(|filter| filter.matches(field.id())))
             && !not.iter().any(|filter| filter.matches(field.id()))
             // The guarding request of a master has the identifier of the answer.
-            && (field.is_remote() || !self.without_node.iter().any(|node| is_sent_by(*node, field.id())))
+            && (field.is_remote() || !self.without_node.iter().any(|node| node_sends(*node, field.id())))
     }
 }
 
@@ -154,12 +146,13 @@ mod tests {
         );
     }
 
+    /// The guarding request of a master has the identifier of the node's answer.
     #[test]
-    fn a_node_sends_the_identifiers_of_its_connection_set() {
-        let sent = (0..=0x7FF_u16).filter(|raw| is_sent_by(5, StandardId::new(*raw).unwrap().into()));
-        assert_eq!(sent.collect::<Vec<_>>(), [0x085, 0x185, 0x285, 0x385, 0x485, 0x585, 0x705]);
-        let guarding = Frame::remote(StandardId::new(0x705).unwrap(), 1).unwrap();
-        assert!(takes(&["--without-node", "5"], "a", None, &guarding), "the master asks");
+    fn requests_of_the_master_are_not_of_the_node() {
+        let guarding = Frame::remote(StandardId::new(0x720).unwrap(), 1).unwrap();
+        let answer = Frame::standard(0x720, Payload::EMPTY);
+        assert!(takes(&["--without-node", "32"], "a", None, &guarding));
+        assert!(!takes(&["--without-node", "32"], "a", None, &answer));
     }
 
     #[test]
