@@ -119,7 +119,7 @@ impl Content for Refused {
     fn put(&self, head: &mut Block, data: &mut Vec<u8>) {
         self.waited.unwrap_or_default().put(head, data);
         head.code = self.code.0;
-        data.extend_from_slice(self.text[..self.text.floor_char_boundary(MAX_TEXT)].as_bytes());
+        data.extend_from_slice(&self.text.as_bytes()[..self.text.floor_char_boundary(MAX_TEXT)]);
     }
 
     fn take(head: &Block, data: &mut &[u8]) -> Option<Self> {
