@@ -85,6 +85,7 @@ mod supply;
 #[cfg(feature = "emulator")]
 mod sync;
 
+#[cfg(feature = "emulator")]
 pub use address_writes::AddressWrites;
 #[cfg(feature = "emulator")]
 pub use bus::{Bus, Plug, World};

@@ -49,7 +49,8 @@ fn wireshark_shows_an_interface_with_its_frames_for_each_bus() {
     assert_eq!(on("dp").count() + on("open").count(), lines.len());
     // Telegrams that are no CAN frames do not prevent reading the frames.
     let compared = emulator.run("bus", &["compare", file.path().to_str().unwrap()]);
-    assert!(compared.ok().contains("no difference"), "{}", compared.out);
+    assert!(compared.code == Some(0) && compared.out.contains("no difference"), "{}", compared.out);
+    assert!(compared.err.contains("skipped: a telegram of PROFIBUS, of interface 'dp'"), "{}", compared.err);
 }
 
 #[test]

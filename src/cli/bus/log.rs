@@ -19,8 +19,8 @@ use select::Select;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// How many skipped entries of a log have a line each.
-const SHOWN_SKIPPED: usize = 20;
+/// How many positions of skipped entries a note names.
+const SHOWN_PLACES: usize = 20;
 
 /// A log file after reading.
 struct Log {
@@ -99,14 +99,21 @@ impl Log {
         Ok(aimed)
     }
 
-    /// Prints a note for each skipped entry, up to a limit.
+    /// Prints a note for each reason to skip entries, with the positions of the entries.
     fn note_skipped(&self) {
-        let skipped = &self.recording.skipped;
-        for it in skipped.iter().take(SHOWN_SKIPPED) {
-            output::note(&format!("{} {}: skipped: {}", self.unit, it.at, it.reason));
+        let mut reasons: Vec<(&str, Vec<usize>)> = Vec::new();
+        for it in &self.recording.skipped {
+            match reasons.iter_mut().find(|(reason, _)| *reason == it.reason) {
+                Some((_, places)) => places.push(it.at),
+                None => reasons.push((&it.reason, vec![it.at])),
+            }
         }
-        if let Some(more) = skipped.len().checked_sub(SHOWN_SKIPPED).filter(|more| *more > 0) {
-            output::note(&format!("{} skipped as well", plural(more as u64, "more entry")));
+        for (reason, places) in reasons {
+            let shown: Vec<_> = places.iter().take(SHOWN_PLACES).map(usize::to_string).collect();
+            let unit = if places.len() == 1 { self.unit.to_owned() } else { format!("{}s", self.unit) };
+            let more = places.len() - shown.len();
+            let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+            output::note(&format!("{unit} {}{more}: skipped: {reason}", shown.join(", ")));
         }
     }
 }
