@@ -61,9 +61,11 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
             let changes = known.changed(&now);
             let gone = RegisterValues::new(now).missing(&before).len();
             if gone > 0 {
-                let (path, s) = (args.before.display(), if gone == 1 { " is" } else { "s are" });
+                let (path, s) = (args.before.display(), if gone == 1 { " of" } else { "s of" });
                 let see = see(phase_register);
-                output::note(&format!("{gone} register{s} in {path} and not live now{see}"));
+                output::note(&format!(
+                    "{gone} register{s} {path} not compared: another structure is valid at their addresses now{see}"
+                ));
             }
             changes
         }

@@ -280,7 +280,8 @@ impl Plant {
         self.watching = events_of(&mut self.devices).any(|its| its.watched != 0);
     }
 
-    /// Whether a watched event has occurred; all devices are asked, so that none is left to stop the next call.
+    /// Whether a watched event has occurred; all devices are asked, so that no old event stops
+    /// the next call.
     fn take_stop(&mut self) -> bool {
         events_of(&mut self.devices).fold(false, |stop, its| stop | its.take_stop())
     }

@@ -1,6 +1,6 @@
 //! Skipping of polls that change nothing.
 //!
-//! A processor cycle polls registers that no client has to announce. After a processor cycle, if all ports and devices
+//! A processor cycle polls the registers; a client does not announce its stores to them. After a processor cycle, if all ports and devices
 //! are quiescent and no register is written, the cycles up to the next event would have the same result, so the plant
 //! skips them. No client can see the difference. Only the client that advances the clock can write before the time has
 //! passed, except a program that has mapped an image. The next poll sees such a write, so the plant always polls when
@@ -41,9 +41,9 @@ impl Plant {
         }
     }
 
-    /// Called at the next processor cycle: skips it, and the following ones before the next other event at `due`, if
-    /// they would change nothing except the live traffic, which another cycle before `time` shows again (decision
-    /// D-585).
+    /// Called at the next processor cycle. Skips this cycle, and the cycles that follow it until `due`, the time of the
+    /// next other event, if they change nothing but the live traffic in the registers. A later cycle, at `time` at the
+    /// latest, shows that traffic (decision D-585).
     #[inline]
     pub(super) fn leaves_cycles_out(&mut self, due: u64, time: u64) -> bool {
         let (first, cycle_us) = (self.next_cycle, self.cycle_us);

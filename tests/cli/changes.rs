@@ -84,7 +84,10 @@ fn diff_prints_only_the_count_of_registers_that_are_no_longer_live() {
     );
     let note = outcome.err.strip_prefix("commram: note: ").unwrap();
     assert!(
-        note.contains(" registers are in ") && note.ends_with(" and not live now, see w_OPTION_STATUS\n"),
+        note.contains(" registers of ")
+            && note.ends_with(
+                " not compared: another structure is valid at their addresses now, see w_OPTION_STATUS\n"
+            ),
         "{note}"
     );
 }

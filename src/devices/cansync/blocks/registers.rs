@@ -79,7 +79,7 @@ pub(super) struct Job<'a> {
 }
 
 impl Job<'_> {
-    /// Returns the control register, which decides.
+    /// Returns the control register. Its value alone decides the state of the job.
     pub(super) fn control(&self) -> u8 {
         self.control.load()
     }

@@ -1,4 +1,4 @@
-//! The configuration bytes of a frame's four words, for all structures that have them.
+//! The configuration bytes of a frame's four words: the same in each structure that contains them.
 
 use crate::devices::cansync::bus::Channel;
 use crate::devices::cansync::registers::{CFG_RDC_WORD, CFG_WRC_WORD_MA, CFG_WRC_WORD_SL};
