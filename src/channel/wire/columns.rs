@@ -1,4 +1,4 @@
-//! Fields of operations in the columns of a [`WireOp`].
+//! Fields of operations in the columns of a [`WireOp`](super::WireOp).
 
 use super::{BadField, door, fault, width_code, width_from_code};
 use crate::can::Frame;
