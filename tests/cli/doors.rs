@@ -556,6 +556,20 @@ fn a_log_with_more_frames_than_the_bus_can_carry_is_played_completely() {
     assert!((0..300).all(|number| guest.hear() == format!("t{number:03X}81122334455667788\r")));
 }
 
+/// At 10 kbit/s the 64 frames that a controller holds, behind ten of another guest, take more than a second.
+#[test]
+fn a_log_is_played_as_long_as_its_frames_leave() {
+    let data = "3C".repeat(8);
+    let (_directory, path) = log_file(&format!("(1.0) can0 00000001#{data}\n").repeat(64));
+    let emulator = start(&OPEN.replace("125", "10"), &["--clock", "stepped"]);
+    let mut other = Guest::open(port(&emulator));
+    let _hearer = Guest::open(port(&emulator));
+    (0..10).for_each(|_| assert_eq!(other.ask(&format!("T000000008{data}")), "Z\r"));
+    assert_eq!(emulator.run("bus", &["play", &path]).ok(), "64 frames in 0 us\n");
+    let now = emulator.step(&["0us"]);
+    assert!(now.starts_with("1.1"), "{now}");
+}
+
 /// Without another station no frame is acknowledged.
 #[test]
 fn frames_that_no_station_acknowledges_are_reported() {

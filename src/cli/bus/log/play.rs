@@ -5,12 +5,12 @@ use super::super::super::error::CliError;
 use super::super::super::session::Session;
 use super::super::super::{Instance, output, time};
 use super::select::Select;
-use super::{AddressedFrame, Log, nothing, read};
+use super::{AddressedFrame, nothing, read};
 use crate::channel::ClientError;
 use crate::plural::plural;
 use crate::request::{Code, MAX_ADVANCE_US, MAX_OPS, Op, Refused, Reply, read_journal};
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// Send the frames of a log to buses, with the time intervals of the log.
 ///
@@ -47,7 +47,7 @@ pub(in super::super) struct Play {
 const LONGEST_GAP_US: u64 = MAX_ADVANCE_US;
 /// Step of the clock while frames wait for room or for the end of the last frame, in emulated microseconds.
 const ROOM_US: u64 = 100;
-/// Longest time in which no frame leaves: emulated with the stepped clock, real with the real-time clock.
+/// Longest wait in which no frame moves: emulated with the stepped clock, real with the real-time clock.
 const PATIENCE: Duration = Duration::from_secs(1);
 /// Pause between two attempts with the real-time clock.
 const PAUSE: Duration = Duration::from_millis(1);
@@ -91,7 +91,7 @@ pub(in super::super) fn play(args: &Play) -> Result<(), CliError> {
     let log = read(&args.log)?;
     let unit = log.unit;
     let info = Session::open(&args.instance, 0)?.ask(Op::Info)?.info()?;
-    let log = Log::aim(log, &args.select, args.bus.as_deref(), &info)?;
+    let log = log.aim(&args.select, args.bus.as_deref(), &info)?;
     check_times(&log, unit, &args.log)?;
     let Some(first) = log.first() else {
         if args.allow_empty {
@@ -102,8 +102,8 @@ pub(in super::super) fn play(args: &Play) -> Result<(), CliError> {
     let start_us = first.time_us;
     let length_us = log.iter().map(|it| it.time_us).max().unwrap_or(start_us).saturating_sub(start_us);
     let session = Session::open(&args.instance, length_us)?;
-    let mut player = Player { session: &session, log: &log, start_us, accepted: 0, left: 0, next: 0 };
-    player.next = session.ask(Op::Journal { from: u64::MAX, max: 1 })?.journal_part()?.end;
+    let next = session.ask(Op::Journal { from: u64::MAX, max: 1 })?.journal_part()?.end;
+    let mut player = Player::new(&session, &log, next);
     let played = match info.is_stepped {
         true => player.stepped().map(|()| String::new()),
         false => player.in_real_time().map(|timing| timing.text()),
@@ -139,26 +139,28 @@ struct Player<'a> {
     left: usize,
     /// Number of the next record of the journal.
     next: u64,
+    /// Sum of both counts when the last frame moved, and how long the player has waited since.
+    moved: usize,
+    waited: Duration,
 }
 
-impl Player<'_> {
+impl<'a> Player<'a> {
+    /// A player of a log with at least one frame. `next` is the number of the next record of the journal.
+    fn new(session: &'a Session, log: &'a [AddressedFrame], next: u64) -> Self {
+        let start_us = log.first().map_or(0, |first| first.time_us);
+        Player { session, log, start_us, accepted: 0, left: 0, next, moved: 0, waited: Duration::ZERO }
+    }
+
     /// Advances the clock from frame to frame, and until the last frame has ended.
     fn stepped(&mut self) -> Result<(), CliError> {
         let mut now_us = self.start_us;
-        let mut waited_us = 0;
         while self.accepted < self.log.len() {
-            let before = self.accepted;
             if self.send_part(&mut now_us)? {
-                waited_us = if self.accepted > before { 0 } else { waited_us + ROOM_US };
-                self.check_patience(Duration::from_micros(waited_us))?;
                 self.advance()?;
                 now_us += ROOM_US;
             }
         }
-        waited_us = 0;
         while !self.all_have_left()? {
-            waited_us += ROOM_US;
-            self.check_patience(Duration::from_micros(waited_us))?;
             self.advance()?;
         }
         Ok(())
@@ -187,7 +189,8 @@ impl Player<'_> {
         Ok(false)
     }
 
-    fn advance(&self) -> Result<(), CliError> {
+    fn advance(&mut self) -> Result<(), CliError> {
+        self.note_wait(Duration::from_micros(ROOM_US))?;
         self.session.ask(Op::Advance { us: ROOM_US }).map(drop)
     }
 
@@ -208,12 +211,11 @@ impl Player<'_> {
                 // query.
                 pause(&interrupts, Duration::from_micros(left_us.min(10_000)))?;
             };
-            let begin = Instant::now();
             while let Some(refused) = self.send(it)? {
                 if refused.code != Code::QUEUE_FULL {
                     return Err(ClientError::Refused(refused).into());
                 }
-                self.check_patience(begin.elapsed())?;
+                self.note_wait(PAUSE)?;
                 pause(&interrupts, PAUSE)?;
                 now_us = self.session.ask(Op::Time)?.time()?;
             }
@@ -221,12 +223,8 @@ impl Player<'_> {
             timing.took_us = now_us.saturating_sub(begin_us);
             timing.latest_us = timing.latest_us.max(now_us.saturating_sub(due_us));
         }
-        let (mut begin, mut left) = (Instant::now(), self.left);
         while !self.all_have_left()? {
-            if self.left > left {
-                (begin, left) = (Instant::now(), self.left);
-            }
-            self.check_patience(begin.elapsed())?;
+            self.note_wait(PAUSE)?;
             pause(&interrupts, PAUSE)?;
         }
         Ok(timing)
@@ -245,20 +243,24 @@ impl Player<'_> {
     fn all_have_left(&mut self) -> Result<bool, CliError> {
         if self.left < self.log.len() {
             let part = read_journal(self.next, |op| self.session.ask(op))?;
-            let is_ours = |guest: Option<u8>| guest == Some(0);
-            let records = part.records.iter();
-            self.left += records
-                .filter(|record| record.event.frame().is_some_and(|carried| is_ours(carried.guest)))
-                .count();
+            let guests = part.records.iter().filter_map(|record| record.event.frame()?.guest);
+            self.left += guests.filter(|guest| *guest == 0).count();
             self.next = part.end;
         }
         Ok(self.left >= self.log.len())
     }
 
+    /// Notes that the player waits for this time until a frame moves: until the bus accepts it, or until it has ended.
+    ///
     /// # Errors
-    /// No frame has left for too long.
-    fn check_patience(&self, waited: Duration) -> Result<(), CliError> {
-        if waited <= PATIENCE {
+    /// No frame has moved for too long.
+    fn note_wait(&mut self, time: Duration) -> Result<(), CliError> {
+        let moved = self.accepted + self.left;
+        if moved > self.moved {
+            (self.moved, self.waited) = (moved, Duration::ZERO);
+        }
+        self.waited += time;
+        if self.waited <= PATIENCE {
             return Ok(());
         }
         output::complain(&format!(
