@@ -6,7 +6,6 @@ use super::device::of_any_device_but_told_by;
 use super::error::CliError;
 use super::place::NamedLocation;
 use super::session::Session;
-use crate::memory::Width;
 use crate::request::{MAX_OPS, Op, Reply};
 
 /// Write registers.
@@ -72,9 +71,10 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         Ok(Op::Poke { plc: session.plc_of(place)?, offset, width, value: *value })
     };
     let mut ops = writes.iter().map(op).collect::<Result<Vec<_>, CliError>>()?;
-    let statuses = statuses(&session, &writes)?;
-    let peek = |&(plc, offset, width): &Register| Op::Peek { plc, offset, width };
-    ops.extend(statuses.iter().map(peek));
+    // What the notes need is read in the message that writes, so that they cost no further exchange.
+    let statuses =
+        writes.iter().map(|(place, _)| peek_status(&session, place)).collect::<Result<Vec<_>, _>>()?;
+    ops.extend(statuses.iter().flatten());
     // With very many writes there is no space for all of them in the same message.
     let (first, rest) = ops.split_at(ops.len().min(MAX_OPS.max(writes.len())));
     let mut replies = session.request(first)?;
@@ -82,34 +82,19 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         replies.extend(session.request(rest)?);
     }
     writes.iter().for_each(|(place, _)| note_if_not_whole(place));
-    let values = replies.into_iter().skip(writes.len()).map(Reply::value).collect::<Result<Vec<_>, _>>()?;
-    for (place, _) in &writes {
-        let status = status_of(&session, place)?;
-        let known = statuses.iter().zip(&values).find(|(known, _)| Some(**known) == status);
-        note_if_firmwares(place, known.map(|(_, value)| *value));
+    let mut replies = replies.into_iter().skip(writes.len());
+    for ((place, _), status) in writes.iter().zip(statuses) {
+        let status = status.and_then(|_| replies.next()).map(Reply::value).transpose()?;
+        note_if_firmwares(place, status);
     }
     Ok(())
 }
 
-/// PLC, offset and width of a register.
-type Register = (u16, u32, Width);
-
-/// The register that decides which of overlaid structures is valid at the place, if there are several.
-fn status_of(session: &Session, place: &NamedLocation) -> Result<Option<Register>, CliError> {
+/// Reads the register that decides which of overlaid structures is valid at the place, if there are several.
+fn peek_status(session: &Session, place: &NamedLocation) -> Result<Option<Op>, CliError> {
     let Some(status) = place.status() else { return Ok(None) };
     let address = status.address();
-    Ok(Some((session.plc_of(place)?, address.offset(), address.width())))
-}
-
-/// These registers of all places, each once. They are read in the message that writes, so that the notes cost no
-/// further exchange.
-fn statuses(session: &Session, writes: &[(NamedLocation, u32)]) -> Result<Vec<Register>, CliError> {
-    let mut statuses = Vec::new();
-    for (place, _) in writes {
-        let status = status_of(session, place)?;
-        statuses.extend(status.filter(|status| !statuses.contains(status)));
-    }
-    Ok(statuses)
+    Ok(Some(Op::Peek { plc: session.plc_of(place)?, offset: address.offset(), width: address.width() }))
 }
 
 /// Prints a note if only the firmware writes a register.

@@ -187,8 +187,8 @@ fn why_not(name: &str) -> CliError {
     }
 }
 
-/// Returns the process that was killed and left images. A process that has released its locks and is not removed yet was just
-/// killed, and the system gets time to remove it. `None`: no image, or a new emulator runs.
+/// Returns the process that was killed and left images. A process that has released its locks and is not removed yet
+/// was just killed, and the system gets time to remove it. `None`: no image, or a new emulator runs.
 fn killed(name: &str) -> Result<Option<u32>, CliError> {
     let start = Instant::now();
     loop {

@@ -56,8 +56,9 @@ pub trait Bus: BusView + Any + Send + SnapshotFields {
     /// The port's firmware polls its control registers. Returns whether the port now takes part in the traffic.
     fn processor_cycle(&mut self, place: usize, now: u64, journal: &mut Journal) -> bool;
 
-    /// Whether the firmware of the port is quiescent, as a device can be ([`Device::is_quiescent`](super::Device::is_quiescent)): its processor
-    /// cycles change nothing before another event occurs, for example [`Bus::event`].
+    /// Whether the firmware of the port is quiescent, as a device can be
+    /// ([`Device::is_quiescent`](super::Device::is_quiescent)): its processor cycles change nothing before another event
+    /// occurs, for example [`Bus::event`].
     fn is_quiescent(&self, place: usize) -> bool {
         let _ = place;
         false

@@ -103,7 +103,7 @@ pub enum MemoryError {
     },
     /// The machine has no memory for all images of a plant.
     #[error(
-        "instance '{instance}\': no room for {count} images of {needed_kib} KiB together, {free_kib} KiB of memory are left in {}; \
+        "instance '{instance}': no room for {count} images of {needed_kib} KiB together, {free_kib} KiB of memory are left in {}; \
              make the plant smaller, enlarge it (`mount -o remount,size=...`, in Docker `--shm-size`) or end \
              another instance",
         IMAGE_DIRECTORY
@@ -119,7 +119,7 @@ pub enum MemoryError {
         free_kib: u64,
     },
     /// Another emulator has the instance, or a process is removing the files of a killed one.
-    #[error("instance '{instance}\' is already running{}; stop it first or choose another instance name", process(*.pid))]
+    #[error("instance '{instance}' is already running{}; stop it first or choose another instance name", process(*.pid))]
     InstanceTaken {
         /// Name of the instance.
         instance: String,

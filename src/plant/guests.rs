@@ -13,6 +13,11 @@ impl Plant {
     /// The guests of bus number `bus`, for an action of one of them.
     fn guests_of(&mut self, bus: u16) -> Option<&mut dyn BusGuests> {
         (self.has_looked, self.is_seen) = (false, false);
+        self.guests_seen(bus)
+    }
+
+    /// The guests of bus number `bus`, for a look at one of them.
+    fn guests_seen(&mut self, bus: u16) -> Option<&mut dyn BusGuests> {
         self.media[..self.named_media].get_mut(usize::from(bus))?.guests()
     }
 
@@ -60,8 +65,7 @@ impl Plant {
 
     /// The error state of a guest's controller; error-active on buses without error states.
     pub(crate) fn guest_errors(&mut self, bus: u16, guest: u8) -> ErrorState {
-        let bus = self.media[..self.named_media].get_mut(usize::from(bus));
-        bus.and_then(|bus| bus.guests()).map_or_else(ErrorState::default, |guests| guests.guest_errors(guest))
+        self.guests_seen(bus).map_or_else(ErrorState::default, |guests| guests.guest_errors(guest))
     }
 
     /// Frames for the guest go to `ear` if the journal does not keep them whole.

@@ -14,7 +14,7 @@ use std::time::Duration;
 #[non_exhaustive]
 pub enum ClientError {
     /// No emulator serves the channel.
-    #[error("instance '{instance}\' is not running (no channel in {root}); start it with `commram run`")]
+    #[error("instance '{instance}' is not running (no channel in {root}); start it with `commram run`")]
     NotRunning {
         /// Name of the instance.
         instance: String,
@@ -25,7 +25,7 @@ pub enum ClientError {
     #[error(transparent)]
     Root(#[from] RootError),
     /// Another program has emptied a part of the channel.
-    #[error("instance '{instance}\': the channel is damaged, {} is empty; restart the emulator (`commram stop` ends it)", .path.display())]
+    #[error("instance '{instance}': the channel is damaged, {} is empty; restart the emulator (`commram stop` ends it)", .path.display())]
     Damaged {
         /// Name of the instance.
         instance: String,
@@ -34,7 +34,7 @@ pub enum ClientError {
     },
     /// Entering takes too long: iceoryx2 waits for a part that another program has damaged.
     #[error(
-        "instance '{instance}\': the channel cannot be entered within {after:?}, a part of it may be damaged; end \
+        "instance '{instance}': the channel cannot be entered within {after:?}, a part of it may be damaged; end \
             the emulator with `commram stop -i {instance}`, and remove its remaining files with `commram stop \
             --clean -i {instance}`"
     )]
@@ -46,7 +46,7 @@ pub enum ClientError {
     },
     /// A part of the channel is invalid.
     #[error(
-        "instance '{instance}\': the channel is damaged; end the emulator with `commram stop -i {instance}`, and \
+        "instance '{instance}': the channel is damaged; end the emulator with `commram stop -i {instance}`, and \
             remove its remaining files with `commram stop --clean -i {instance}`"
     )]
     Broken {
@@ -54,7 +54,7 @@ pub enum ClientError {
         instance: String,
     },
     /// The memory file system is nearly full.
-    #[error("instance '{instance}\': /dev/shm has only {free_kib} KiB left, a client needs {} KiB", ROOM / 1024)]
+    #[error("instance '{instance}': /dev/shm has only {free_kib} KiB left, a client needs {} KiB", ROOM / 1024)]
     NoRoom {
         /// Name of the instance.
         instance: String,
@@ -63,7 +63,7 @@ pub enum ClientError {
     },
     /// The limit of open files of this process is too low.
     #[error(
-        "instance '{instance}\': a client would have {needed} open files, and this process may have {most}: raise that \
+        "instance '{instance}': a client would have {needed} open files, and this process may have {most}: raise that \
          limit (`ulimit -n`)"
     )]
     OpenFiles {
@@ -76,7 +76,7 @@ pub enum ClientError {
     },
     /// The limit of the address space of this process is too low.
     #[error(
-        "instance '{instance}\': a client would have {} KiB of address space, and this process may have {}: raise that \
+        "instance '{instance}': a client would have {} KiB of address space, and this process may have {}: raise that \
          limit (`ulimit -v`)", .needed.div_ceil(1024), .most / 1024
     )]
     AddressSpace {
@@ -89,7 +89,7 @@ pub enum ClientError {
     },
     /// Too many clients are connected.
     #[error(
-        "instance '{instance}\' already has {} clients, which is the maximum; end one of them",
+        "instance '{instance}' already has {} clients, which is the maximum; end one of them",
         MAX_CLIENTS
     )]
     TooManyClients {
@@ -98,7 +98,7 @@ pub enum ClientError {
     },
     /// The emulator has a version with another format.
     #[error(
-        "instance '{instance}\': its channel has {found}, the channel of this commram ({}) has format {WIRE_VERSION} \
+        "instance '{instance}': its channel has {found}, the channel of this commram ({}) has format {WIRE_VERSION} \
          ({reason:?}); use the commram version of the emulator",
         env!("CARGO_PKG_VERSION")
     )]
@@ -112,7 +112,7 @@ pub enum ClientError {
     },
     /// iceoryx2 cannot connect.
     #[error(
-        "instance '{instance}\': no connection to the channel ({reason}){}",
+        "instance '{instance}': no connection to the channel ({reason}){}",
         limits::describe_file_limit()
     )]
     Connect {
@@ -122,13 +122,13 @@ pub enum ClientError {
         reason: String,
     },
     /// The emulator's process has ended.
-    #[error("instance '{instance}\' has ended; start it again and connect again")]
+    #[error("instance '{instance}' has ended; start it again and connect again")]
     EmulatorGone {
         /// Name of the instance.
         instance: String,
     },
     /// The emulator runs, but did not answer in time.
-    #[error("instance '{instance}\' did not answer within {} ms; is it busy or stopped?", .after.as_millis())]
+    #[error("instance '{instance}' did not answer within {} ms; is it busy or stopped?", .after.as_millis())]
     Timeout {
         /// Name of the instance.
         instance: String,
@@ -142,7 +142,7 @@ pub enum ClientError {
         count: usize,
     },
     /// The request could not be sent.
-    #[error("instance '{instance}\': the request could not be sent ({reason})")]
+    #[error("instance '{instance}': the request could not be sent ({reason})")]
     Send {
         /// Name of the instance.
         instance: String,
@@ -150,7 +150,7 @@ pub enum ClientError {
         reason: String,
     },
     /// The emulator closed the request without an answer.
-    #[error("instance '{instance}\' closed the request without an answer; is /dev/shm full?")]
+    #[error("instance '{instance}' closed the request without an answer; is /dev/shm full?")]
     Unanswered {
         /// Name of the instance.
         instance: String,
@@ -160,7 +160,7 @@ pub enum ClientError {
     Reply(#[from] DecodeError),
     /// The reply does not fit the operation.
     #[error(
-        "instance '{instance}\' gave a reply that does not fit the operation; use the same version on both sides"
+        "instance '{instance}' gave a reply that does not fit the operation; use the same version on both sides"
     )]
     WrongReply {
         /// Name of the instance.

@@ -15,7 +15,7 @@ pub enum ServerError {
     Root(#[from] RootError),
     /// Another server holds the channel.
     #[error(
-        "instance '{instance}\': another emulator already serves the channel; end it or choose another name"
+        "instance '{instance}': another emulator already serves the channel; end it or choose another name"
     )]
     AlreadyServed {
         /// Name of the instance.
@@ -23,7 +23,7 @@ pub enum ServerError {
     },
     /// A client of another version still uses the old service.
     #[error(
-        "instance '{instance}\': a client of another version is still connected ({reason:?}); end it first"
+        "instance '{instance}': a client of another version is still connected ({reason:?}); end it first"
     )]
     Incompatible {
         /// Name of the instance.
@@ -32,7 +32,7 @@ pub enum ServerError {
         reason: OpenError,
     },
     /// The memory file system is nearly full.
-    #[error("instance '{instance}\': /dev/shm has only {free_kib} KiB left, the channel needs {} KiB", ROOM / 1024)]
+    #[error("instance '{instance}': /dev/shm has only {free_kib} KiB left, the channel needs {} KiB", ROOM / 1024)]
     NoRoom {
         /// Name of the instance.
         instance: String,
@@ -41,7 +41,7 @@ pub enum ServerError {
     },
     /// iceoryx2 cannot create a node.
     #[error(
-        "instance '{instance}\': no iceoryx2 node ({reason:?}); is /dev/shm full or not writable?{}",
+        "instance '{instance}': no iceoryx2 node ({reason:?}); is /dev/shm full or not writable?{}",
         limits::describe_file_limit()
     )]
     Node {
@@ -52,7 +52,7 @@ pub enum ServerError {
     },
     /// iceoryx2 cannot create the service or its server port.
     #[error(
-        "instance '{instance}\': no iceoryx2 service ({reason}); is /dev/shm full or not writable?{}{}",
+        "instance '{instance}': no iceoryx2 service ({reason}); is /dev/shm full or not writable?{}{}",
         limits::describe_space_limit(),
         limits::describe_file_limit()
     )]

@@ -293,10 +293,6 @@ impl Device for Bm4Plc {
         }
     }
 
-    fn has_changed(&self) -> bool {
-        self.front.has_changed()
-    }
-
     fn is_quiescent(&self) -> bool {
         let is_shown = |module: &Module| {
             let shown = self.front.face.ports[module.place()].leds.load();

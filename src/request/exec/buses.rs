@@ -74,17 +74,26 @@ impl Work<'_> {
         taken.map(|()| Reply::Written).map_err(|refusal| {
             let medium = host.plant().media().get(usize::from(bus));
             let (name, family) = medium.map_or(("", ""), |medium| (medium.name(), medium.family()));
-            let text = match refusal {
-                GuestRefusal::Full => format!("bus '{name}': as many frames as a controller holds wait to be sent already"),
-                GuestRefusal::TooFarAhead { seconds } => {
-                    format!("bus '{name}': the time of the telegram lies {seconds} s ahead; it may be 60 s at most")
-                }
-                GuestRefusal::NotHere => format!(
-                    "bus '{name}' does not take this frame: it is a {family} bus, which may not have such frames, or no master runs it"
+            let (code, text) = match refusal {
+                GuestRefusal::Full => (
+                    Code::QUEUE_FULL,
+                    format!("bus '{name}': as many frames as a controller holds wait to be sent already"),
+                ),
+                GuestRefusal::TooFarAhead { seconds } => (
+                    Code::FRAME,
+                    format!(
+                        "bus '{name}': the time of the telegram lies {seconds} s ahead; it may be 60 s at most"
+                    ),
+                ),
+                GuestRefusal::NotHere => (
+                    Code::FRAME,
+                    format!(
+                        "bus '{name}' does not take this frame: it is a {family} bus, which may not have such \
+                         frames, or no master runs it"
+                    ),
                 ),
             };
-            let code = if refusal == GuestRefusal::Full { Code::QUEUE_FULL } else { Code::FRAME };
-        Refused::new(code, text)
+            Refused::new(code, text)
         })
     }
 }

@@ -3,6 +3,7 @@
 use crate::can::{Frame, Id};
 use crate::devices::node_sends;
 use crate::journal::recording::Direction;
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 
 /// Which frames of a log are taken.
 #[derive(clap::Args)]
@@ -16,21 +17,19 @@ pub(super) struct Select {
     #[arg(long, value_name = "ID[:MASK]", value_parser = IdFilter::parse)]
     id: Vec<IdFilter>,
     /// Take only frames that the logger's station received or sent; frames without a direction are not taken
-    #[arg(long, value_name = "DIRECTION")]
-    direction: Option<Way>,
+    #[arg(long, value_name = "DIRECTION", value_parser = directions())]
+    direction: Option<Direction>,
     /// Leave out what this node sent, by the identifiers that CiA 301 gives a node-ID: for a log of a device that the
     /// instance has; can be given several times
     #[arg(long, value_name = "NODE-ID", value_parser = clap::value_parser!(u8).range(1..=127))]
     without_node: Vec<u8>,
 }
 
-/// The direction of the frames that are taken.
-#[derive(Clone, Copy, clap::ValueEnum)]
-enum Way {
-    /// Received frames
-    Rx,
-    /// Sent frames
-    Tx,
+/// Accepts the words of loggers.
+fn directions() -> impl TypedValueParser<Value = Direction> {
+    let words = [("rx", "Received frames"), ("tx", "Sent frames")];
+    PossibleValuesParser::new(words.map(|(word, help)| PossibleValue::new(word).help(help)))
+        .map(|word| if word == "rx" { Direction::Received } else { Direction::Transmitted })
 }
 
 /// Identifiers as the user wrote them.
@@ -76,12 +75,7 @@ impl IdFilter {
 impl Select {
     /// Whether a frame of the log is taken.
     pub(super) fn takes(&self, interface: &str, direction: Option<Direction>, frame: &Frame) -> bool {
-        let is_right_way = match self.direction {
-            None => true,
-            Some(Way::Rx) => direction == Some(Direction::Received),
-            Some(Way::Tx) => direction == Some(Direction::Transmitted),
-        };
-        is_right_way
+        self.direction.is_none_or(|wanted| direction == Some(wanted))
             && (self.interface.is_empty() || self.interface.iter().any(|name| name == interface))
             && self.takes_id(frame)
     }
@@ -89,9 +83,10 @@ impl Select {
     /// Whether a frame is taken, by its identifier only.
     pub(super) fn takes_id(&self, frame: &Frame) -> bool {
         let field = frame.arbitration();
-        let (not, only): (Vec<_>, Vec<_>) = self.id.iter().partition(|filter| filter.is_inverted);
-        (only.is_empty() || only.iter().any(|filter| filter.matches(field.id())))
-            && !not.iter().any(|filter| filter.matches(field.id()))
+        let filters = |is_inverted| self.id.iter().filter(move |filter| filter.is_inverted == is_inverted);
+        let is_one_of = |is_inverted| filters(is_inverted).any(|filter| filter.matches(field.id()));
+        (filters(false).next().is_none() || is_one_of(false))
+            && !is_one_of(true)
             // The guarding request of a master has the identifier of the answer.
             && (field.is_remote() || !self.without_node.iter().any(|node| node_sends(*node, field.id())))
     }
