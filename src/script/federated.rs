@@ -183,7 +183,7 @@ impl Federated {
         Ok(Federated { all, own: own.into() })
     }
 
-    /// The others have their turns, until it is the scenario's.
+    /// Ends the turns of the other federates until it is the turn of the scenario's federate.
     fn others(&mut self) {
         while !self.all[self.own].look() {
             for (number, federate) in self.all.iter_mut().enumerate() {
@@ -271,7 +271,7 @@ mod tests {
         }
     }
 
-    /// A round of each exercise, with faults or with stores to any register as well.
+    /// Runs one round of each exercise, alternately with faults and with stores to any register.
     #[test]
     fn several_hosts_leave_the_journal_of_one() {
         let mut kinds = Vec::new();

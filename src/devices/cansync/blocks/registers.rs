@@ -7,8 +7,8 @@ use crate::devices::cansync::registers::{
 };
 use crate::memory::Cell8;
 
-/// Every structure is like itself.
-macro_rules! like_itself {
+/// A function block takes a structure itself as well as a type that contains it.
+macro_rules! as_ref_of_itself {
     ($($structure:ident)*) => {$(
         impl AsRef<$structure> for $structure {
             fn as_ref(&self) -> &Self {
@@ -18,7 +18,7 @@ macro_rules! like_itself {
     )*};
 }
 
-like_itself!(CANsync_INIT_BMSTRUCT CANsync_MA_CTRL_BMSTRUCT CANsync_SL_CTRL_BMSTRUCT);
+as_ref_of_itself!(CANsync_INIT_BMSTRUCT CANsync_MA_CTRL_BMSTRUCT CANsync_SL_CTRL_BMSTRUCT);
 
 /// Number of slaves on a bus.
 pub(super) const SLAVES: usize = 32;
