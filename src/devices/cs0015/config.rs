@@ -1,10 +1,10 @@
 //! A CS0015 as the plant file describes it.
 
-use super::communication::{Factory, PdoConfig, PdoDirection, is_rate};
-use super::events::Pulses;
-use super::hardware::{Hardware, Shared};
-use super::master::MasterConfig;
-use super::node::{BootUp, GuardingConfig, Node};
+use super::board::events::Pulses;
+use super::board::hardware::{Hardware, Shared};
+use super::canopen::communication::{Factory, PdoConfig, PdoDirection, is_rate};
+use super::canopen::master::MasterConfig;
+use super::canopen::node::{BootUp, GuardingConfig, Node};
 use super::port::{Firmware, Program, WATCHDOG_US};
 use super::ram::{RETAIN_BYTES, Registers};
 use super::registers::DEVICE;
@@ -261,7 +261,7 @@ impl DeviceConfig for Cs0015Config {
     }
 
     fn messages(&self, _: u8) -> Vec<Message> {
-        super::messages::of(self)
+        super::canopen::messages::of(self)
     }
 
     fn retain_bytes(&self) -> u32 {
@@ -269,7 +269,7 @@ impl DeviceConfig for Cs0015Config {
     }
 
     fn novram(&self) -> Option<&'static Area> {
-        super::retained::area()
+        super::board::retained::area()
     }
 
     fn build(&self, index: usize, segment: Segment) -> Result<(Box<dyn Device>, Vec<Plug>), BuildError> {

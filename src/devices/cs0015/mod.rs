@@ -4,63 +4,21 @@
 #[cfg(feature = "plc")]
 pub mod blocks;
 #[cfg(feature = "emulator")]
-mod can_errors;
+mod board;
 #[cfg(feature = "emulator")]
-mod can_jobs;
-#[cfg(feature = "emulator")]
-mod command;
-#[cfg(feature = "emulator")]
-mod communication;
+mod canopen;
 #[cfg(feature = "emulator")]
 mod config;
 #[cfg(feature = "emulator")]
 pub(super) mod demo;
 #[cfg(feature = "emulator")]
-mod diagnosis;
-#[cfg(feature = "emulator")]
-mod dictionary;
-#[cfg(feature = "emulator")]
-mod direct;
-#[cfg(feature = "emulator")]
-mod eeprom;
-#[cfg(feature = "emulator")]
-mod events;
-#[cfg(feature = "emulator")]
 pub(super) mod exercise;
-#[cfg(feature = "emulator")]
-mod fast_inputs;
 #[cfg(feature = "emulator")]
 pub mod faults;
 #[cfg(feature = "emulator")]
-mod hardware;
-#[cfg(feature = "emulator")]
-mod interrupt;
-#[cfg(feature = "emulator")]
-mod io_jobs;
-#[cfg(feature = "emulator")]
-mod io_slaves;
-#[cfg(feature = "emulator")]
 mod jobs;
 #[cfg(feature = "emulator")]
-mod lcd;
-#[cfg(feature = "emulator")]
-mod master;
-#[cfg(feature = "emulator")]
-mod master_jobs;
-#[cfg(feature = "emulator")]
-mod messages;
-#[cfg(feature = "emulator")]
-mod nmt;
-#[cfg(feature = "emulator")]
-mod node;
-#[cfg(feature = "emulator")]
-mod peripheral_jobs;
-#[cfg(feature = "emulator")]
-mod peripherals;
-#[cfg(feature = "emulator")]
 mod port;
-#[cfg(feature = "emulator")]
-mod pwm;
 #[cfg(feature = "emulator")]
 mod ram;
 #[cfg(feature = "emulator")]
@@ -68,33 +26,21 @@ pub mod records;
 #[cfg(test)]
 mod registers_tests;
 #[cfg(feature = "emulator")]
-mod retained;
-#[cfg(feature = "emulator")]
 mod role;
 #[cfg(feature = "emulator")]
 pub mod rules;
-#[cfg(feature = "emulator")]
-mod sdo_client;
-#[cfg(feature = "emulator")]
-mod serial;
-#[cfg(feature = "emulator")]
-mod slave_jobs;
-#[cfg(feature = "emulator")]
-mod slow_inputs;
 #[cfg(all(test, feature = "emulator"))]
 mod tests;
-#[cfg(feature = "emulator")]
-mod watch;
 
 use crate::devices::Registered;
 #[cfg(feature = "emulator")]
-pub use communication::{PdoConfig, PdoDirection};
+pub use canopen::communication::{PdoConfig, PdoDirection};
+#[cfg(feature = "emulator")]
+pub use canopen::master::MasterConfig;
+#[cfg(feature = "emulator")]
+pub use canopen::node::{BootUp, GuardingConfig};
 #[cfg(feature = "emulator")]
 pub use config::Cs0015Config;
-#[cfg(feature = "emulator")]
-pub use master::MasterConfig;
-#[cfg(feature = "emulator")]
-pub use node::{BootUp, GuardingConfig};
 #[cfg(feature = "emulator")]
 pub use port::Program;
 

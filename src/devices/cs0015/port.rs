@@ -1,22 +1,22 @@
 //! The controller at the CAN interface: its operating states, its program, LED STAT and terminals (p. 13-19).
 
-use super::can_errors::CanErrors;
-use super::communication::{PdoConfig, PdoDirection};
-use super::diagnosis::Diagnosis;
-use super::events::{self, Pulses};
-use super::hardware::Shared;
-use super::interrupt::Interrupt;
+use super::board::events::{self, Pulses};
+use super::board::hardware::Shared;
+use super::board::interrupt::Interrupt;
+use super::board::peripherals::Peripherals;
+use super::board::watch;
+use super::canopen::can_errors::CanErrors;
+use super::canopen::communication::{PdoConfig, PdoDirection};
+use super::canopen::diagnosis::Diagnosis;
+use super::canopen::master::{Master, MasterConfig};
+use super::canopen::nmt::Nmt;
+use super::canopen::node::{GuardingConfig, Node};
 use super::jobs::StartedOrders;
-use super::master::{Master, MasterConfig};
-use super::nmt::Nmt;
-use super::node::{GuardingConfig, Node};
-use super::peripherals::Peripherals;
 use super::records::{ControllerState, Watchdog};
 use super::registers::values::{bool, key, loaded, program as command, s1, stat, state};
 use super::registers::{
     FRONT_OUTPUTS, FRONT_PROGRAM, FRONT_S1, FRONT_S2, FRONT_S3, FRONT_S4, FRONT_S5, FRONT_STAT, FRONT_STATE,
 };
-use super::watch;
 use crate::can::{ErrorState, Frame};
 use crate::devices::can_bus::{CanPort, Controller};
 use crate::devices::canopen::nmt::{Command, State};

@@ -1,7 +1,7 @@
 //! Role of the device on its bus: no CANopen node, a node, or the master; and the orders of its program.
 
+use super::canopen::nmt::Nmt;
 use super::jobs;
-use super::nmt::Nmt;
 use super::port::Firmware;
 use super::registers::values::{bool, state};
 use super::registers::{CS0015_JOBS, JOBS};

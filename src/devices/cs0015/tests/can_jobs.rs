@@ -1,7 +1,7 @@
 //! CAN used by a program directly: p. 22-23, 32-34.
 
-use super::super::registers::values::{job, job_error};
 use super::{Bench, MS};
+use crate::devices::cs0015::registers::values::{job, job_error};
 
 const ATTACHED: &str = "program = 'attached'";
 

@@ -1,8 +1,8 @@
 //! A master of I/O modules, which the test simulates: p. 71-85.
 
-use super::super::registers::values::{job, job_error};
 use super::{Bench, MS};
 use crate::devices::cr201x::Model;
+use crate::devices::cs0015::registers::values::{job, job_error};
 
 const DONE: u32 = 1;
 const NOT_YET: u32 = 2;

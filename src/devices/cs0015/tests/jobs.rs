@@ -1,9 +1,9 @@
 //! Orders of a program to the operating system: p. 30-51.
 
-use super::super::events::CYCLE;
-use super::super::registers::values::{job, job_error};
 use super::{Bench, MS};
 use crate::devices::catalogue;
+use crate::devices::cs0015::board::events::CYCLE;
+use crate::devices::cs0015::registers::values::{job, job_error};
 use crate::journal::text::Text;
 use crate::journal::{Format, Names};
 

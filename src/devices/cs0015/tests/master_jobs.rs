@@ -1,7 +1,7 @@
 //! A program as master of nodes, which the test simulates: p. 52-70.
 
-use super::super::registers::values::{job, job_error};
 use super::{Bench, MS};
+use crate::devices::cs0015::registers::values::{job, job_error};
 
 const NOT_MASTER: u32 = 255;
 const WRONG: u32 = 2;

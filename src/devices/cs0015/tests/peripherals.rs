@@ -1,7 +1,7 @@
 //! PWM, fast inputs, display, EEPROM, RS 232, timers and the interrupt program: p. 86-119.
 
 use super::*;
-use crate::devices::cs0015::events::INTERRUPT;
+use crate::devices::cs0015::board::events::INTERRUPT;
 use crate::devices::cs0015::registers::values::{job, job_error};
 use crate::devices::cs0015::registers::{
     FRONT_DISPLAY_1, FRONT_INPUTS, FRONT_MHZ_0, FRONT_MHZ_1, FRONT_OUTPUTS, FRONT_TURN_0,

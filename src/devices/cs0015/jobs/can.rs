@@ -1,0 +1,75 @@
+//! Functions for plain CAN (p. 30-36).
+
+use crate::can::StandardId;
+use crate::devices::cs0015::canopen::communication::is_rate;
+use crate::devices::cs0015::jobs::{Answer, Job, JobContext, Outcome, Refusal};
+use crate::devices::cs0015::registers::values::job;
+
+pub(crate) fn carry_out(desk: JobContext, job: &Job) -> Outcome {
+    match job.function {
+        job::CAN_BAUDRATE => can_baudrate(desk, job),
+        job::CAN_TRANSMIT => can_transmit(desk, job),
+        job::CAN_RECEIVE => can_receive(desk, job),
+        job::CAN_RESTART => {
+            desk.firmware.init_can(desk.controller);
+            desk.controller.restart();
+            Ok(Answer::default())
+        }
+        job::CAN_ERRORHANDLER => can_errorhandler(desk, job),
+        _ => Err(Refusal::Function),
+    }
+}
+
+/// Sets the bit rate, which takes effect at once and is stored (p. 31). A bit rate written by SDO takes effect after a
+/// reset (p. 41, D-437).
+fn can_baudrate(desk: JobContext, job: &Job) -> Outcome {
+    let kbit_s = job.argument(0, 0..=u32::from(u16::MAX))? as u16;
+    if !is_rate(kbit_s) {
+        return Err(Refusal::Arguments);
+    }
+    desk.firmware.node.set_rate(kbit_s);
+    desk.firmware.init_can(desk.controller);
+    Ok(Answer::default())
+}
+
+/// Returns an identifier argument. The manual also allows 2048, which does not fit in eleven bits (D-438).
+fn identifier(job: &Job, argument: usize) -> Result<StandardId, Refusal> {
+    let id = job.argument(argument, 0..=0x7FF)?;
+    StandardId::new(id as u16).ok_or(Refusal::Arguments)
+}
+
+/// RESULT is FALSE while the controller has a frame to send (p. 23).
+fn can_transmit(desk: JobContext, job: &Job) -> Outcome {
+    let (id, length) = (identifier(job, 0)?, job.argument(2, 0..=8)? as usize);
+    let data = job.data.get(..length).ok_or(Refusal::Arguments)?;
+    let node = &mut desk.firmware.node;
+    let is_taken = node.to_send() == 0 && desk.controller.to_send() == 0;
+    if is_taken {
+        node.send(id, data);
+    }
+    let mut answer = Answer::default();
+    answer.results[0] = u32::from(is_taken);
+    Ok(answer)
+}
+
+/// Returns DLC, RTR, AVAILABLE, OVERFLOW and DATA (p. 33-34).
+fn can_receive(desk: JobContext, job: &Job) -> Outcome {
+    let (id, is_to_clear) = (identifier(job, 2)?, job.argument(1, 0..=1)? != 0);
+    let node = &mut desk.firmware.node;
+    if job.argument(0, 0..=1)? != 0 {
+        node.register_identifier(id);
+    }
+    let found = node.fetch(id, is_to_clear).ok_or(Refusal::State)?;
+    let mut answer = Answer { data: found.data, ..Answer::default() };
+    answer.results[0] = answer.data.len() as u32;
+    (answer.results[2], answer.results[3]) = (found.available.into(), found.has_overflown.into());
+    Ok(answer)
+}
+
+/// Returns ERRORCOUNT; starts the return of a BUS-off controller (p. 36).
+fn can_errorhandler(desk: JobContext, job: &Job) -> Outcome {
+    let is_reset = job.argument(0, 0..=1)? != 0;
+    let mut answer = Answer::default();
+    answer.results[0] = desk.firmware.can_errors.handle(desk.controller, is_reset).into();
+    Ok(answer)
+}
