@@ -22,8 +22,8 @@ macro_rules! block {
             /// Configures the parameters and the cycle time of the process data exchange in the drive (manual p.
             /// 86-92).
             ///
-            /// Call it until `x_OK` or `x_ERR`. `us_MODE` 2 only writes the new numbers for
-            /// [`BAPS_PD_COMM24`](super::BAPS_PD_COMM24), at every call, and has neither.
+            /// Call it until `x_OK` or `x_ERR` is TRUE. With `us_MODE` 2, each call only writes the new numbers for
+            /// [`BAPS_PD_COMM24`](super::BAPS_PD_COMM24) and leaves `x_OK` and `x_ERR` unchanged.
             pub struct BAPS_INIT(_BASE: Base<BAPS_CTRL_BMSTRUCT>) {
                 in {
                     /// 0: Omega Drive-Line II; with any other value the block does nothing.
