@@ -202,8 +202,9 @@ fn without_can_diagnosis_only_the_led_shows_the_state() {
     assert_eq!((bench.ask(255, &[1, 1]).0, bench.diag().len()), (mst_result::DATA, 6));
 }
 
-/// COM PROFIBUS (8.1, p. 74-75): rows 67 and 135 are the first two octets, the comment is the following ones; form is
-/// its third byte (D-468). With 64 in place of 67, as the table there prints, the module has no identifier.
+/// Configuration by COM PROFIBUS for the S5 (8.1, p. 74-75; D-468): two octets, for example 67 and 135, then the three
+/// octets of the comment. The last of the three is the format byte (`form`). The table of the manual prints 64 in place
+/// of 67. 64 announces no comment, so the module has no identifier (code 4).
 #[test]
 fn the_s5_variant() {
     let mut bench = Bench::exchanging(0, 0, &[67, 135, 0x02, 0x89, 0xB8, 131, 135, 0x03, 0x09, 0xB8]);
