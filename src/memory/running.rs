@@ -35,8 +35,8 @@ struct LockedFile {
 }
 
 impl RunningInstance {
-    /// Returns the emulator that runs under this name; `None` if there is none. Emptied, replaced or removed files do
-    /// not hide it, as long as one of the remaining files is locked.
+    /// Returns the emulator that runs under this name; `None` if there is none. An emulator is recognized by its file
+    /// locks: one locked file is enough, even if the others were emptied, replaced or removed.
     ///
     /// # Errors
     /// Bad name; the system refuses; or no emulator is found and the instance's directory is accessible to other users.

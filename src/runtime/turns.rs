@@ -1,9 +1,10 @@
-//! A step of the stepped clock: advances the emulated time, and waits for tasks and guests with a seat in lockstep.
+//! A step of the stepped clock: advances the emulated time, and waits for tasks and guests that have a seat in lockstep
+//! (the clock waits for each of them, see `docs/reference/can.md`, "Time").
 //!
-//! At each microsecond, guests have their turns after all other events, and all at the same time. The frames of these
-//! turns enter together, ordered by bus and number, so the speed of a guest makes no difference. While guests have
-//! seats, the clock advances from event to event, so that the receivers of a frame get their turn at the moment of its
-//! arrival.
+//! At each microsecond, guests have their turns after all other events, and all at the same time. The frames that the
+//! guests send in these turns enter the buses together, ordered by bus and guest number, so the speed of a guest makes
+//! no difference. While guests have seats, the clock advances from event to event, so that the receivers of a frame get
+//! their turn at the moment of its arrival.
 
 use super::Emulator;
 use crate::request::Host;
