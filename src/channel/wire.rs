@@ -17,6 +17,8 @@ mod forces;
 #[cfg(test)]
 mod format_tests;
 mod journal;
+#[cfg(test)]
+mod json_tests;
 mod reply;
 mod serde_types;
 #[cfg(test)]

@@ -104,63 +104,21 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     }
 }
 
-pub(crate) use by_channel::Rate;
-
 mod by_channel {
     use super::super::session::Session;
     use super::super::table::{self, Format, Row};
     use super::super::{Instance, error::CliError, output};
-    use crate::door::{DoorSpec, GuestState};
-    use crate::request::{self, BusState, Op, Station};
-    use serde::Serialize;
+    use crate::door::DoorSpec;
+    use crate::request::json::buses::{BusEntry, GuestEntry, Rate, StrangerEntry};
+    use crate::request::{Op, Station};
 
-    /// A bus of the list.
-    #[derive(Serialize)]
-    struct Entry {
-        bus: String,
-        kind: String,
-        kbit_s: Rate,
-        doors: Vec<String>,
-        sent_away: u64,
-        guests: Vec<Guest>,
-        stations: Vec<Station>,
-        other_rates: Vec<Stranger>,
-    }
-
-    /// A station with another bit rate.
-    #[derive(Serialize)]
-    struct Stranger {
-        name: String,
-        kbit_s: Rate,
-    }
-
-    impl Stranger {
-        fn of(state: &request::Stranger) -> Self {
-            Stranger { name: state.name.clone(), kbit_s: Rate::of(state.bit_s) }
-        }
-
+    impl StrangerEntry {
         fn text(&self) -> String {
             format!("{} ({})", self.name, self.kbit_s.text())
         }
     }
 
-    /// In kbit/s; serialized as an integer if it is a whole number.
-    #[derive(Clone, Copy, Serialize)]
-    #[serde(untagged)]
-    pub(crate) enum Rate {
-        Whole(u32),
-        Broken(f64),
-    }
-
     impl Rate {
-        pub(crate) fn of(bit_s: u32) -> Self {
-            if bit_s.is_multiple_of(1000) {
-                Rate::Whole(bit_s / 1000)
-            } else {
-                Rate::Broken(f64::from(bit_s) / 1000.0)
-            }
-        }
-
         pub(crate) fn text(self) -> String {
             match self {
                 Rate::Whole(kbit_s) => kbit_s.to_string(),
@@ -169,31 +127,7 @@ mod by_channel {
         }
     }
 
-    /// A guest at a door.
-    #[derive(Serialize)]
-    struct Guest {
-        guest: u8,
-        door: String,
-        open: bool,
-        kbit_s: Option<Rate>,
-        seat: bool,
-        dropped: u64,
-        refused: u64,
-    }
-
-    impl Guest {
-        fn of(state: &GuestState) -> Self {
-            Guest {
-                guest: state.guest,
-                door: state.door.to_string(),
-                open: state.open,
-                kbit_s: state.bit_s.map(Rate::of),
-                seat: state.seat,
-                dropped: state.dropped,
-                refused: state.refused,
-            }
-        }
-
+    impl GuestEntry {
         fn text(&self) -> String {
             let mut text = format!("guest{}", self.guest);
             if self.seat {
@@ -208,21 +142,6 @@ mod by_channel {
         }
     }
 
-    impl Entry {
-        fn of(state: &BusState) -> Self {
-            Entry {
-                bus: state.name.clone(),
-                kind: state.kind.clone(),
-                kbit_s: Rate::of(state.bit_s),
-                doors: state.doors.iter().map(|door| door.door.to_string()).collect(),
-                sent_away: state.doors.iter().map(|door| door.refused).sum(),
-                guests: state.doors.iter().flat_map(|door| &door.guests).map(Guest::of).collect(),
-                stations: state.stations.clone(),
-                other_rates: state.strangers.iter().map(Stranger::of).collect(),
-            }
-        }
-    }
-
     /// Text of a station that has an address, `gw:dp (5, data_exchange)`, or has counted errors, `panel:can
     /// (bus_off, 256+0)`.
     fn noteworthy(station: &Station) -> Option<String> {
@@ -234,14 +153,14 @@ mod by_channel {
         has_some.then(|| format!("{name} ({state}, {transmit_errors}+{receive_errors})"))
     }
 
-    impl Row for Entry {
+    impl Row for BusEntry {
         const COLUMNS: &'static [&'static str] =
             &["bus", "kind", "kbit_s", "doors", "guests", "stations", "other_rates"];
 
         fn cells(&self) -> Vec<String> {
             let listed = |texts: Vec<String>| if texts.is_empty() { "-".to_owned() } else { texts.join(" ") };
             let sent_away = Some(self.sent_away).filter(|count| *count > 0);
-            let guests = self.guests.iter().map(Guest::text);
+            let guests = self.guests.iter().map(GuestEntry::text);
             let guests = guests.chain(sent_away.map(|count| format!("({count} sent away)")));
             vec![
                 self.bus.clone(),
@@ -250,14 +169,14 @@ mod by_channel {
                 listed(self.doors.clone()),
                 listed(guests.collect()),
                 listed(self.stations.iter().filter_map(noteworthy).collect()),
-                listed(self.other_rates.iter().map(Stranger::text).collect()),
+                listed(self.other_rates.iter().map(StrangerEntry::text).collect()),
             ]
         }
     }
 
     pub(super) fn list(format: Format, instance: &Instance) -> Result<(), CliError> {
         let session = Session::open(instance, 0)?;
-        let entries: Vec<_> = session.ask(Op::Buses)?.buses()?.iter().map(Entry::of).collect();
+        let entries: Vec<_> = session.ask(Op::Buses)?.buses()?.iter().map(BusEntry::from).collect();
         table::print(format, &entries, |entries| match entries {
             [] => "the plant has no bus\n".to_owned(),
             entries => table::aligned(entries),

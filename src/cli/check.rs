@@ -4,9 +4,9 @@ use super::error::CliError;
 use super::table::{self, FormatArg, Row};
 use super::{Instance, time};
 use crate::devices;
-use crate::journal::{Entry, Names, Rule, Severity, Source};
-use crate::layout::plc_prefix;
+use crate::journal::{Entry, Names, Rule, Severity};
 use crate::plural::plural;
+use crate::request::json::findings::FindingJson;
 use serde::Serialize;
 
 /// Show violations of the manual by PLC programs.
@@ -79,50 +79,17 @@ fn findings(args: &Args) -> Result<InstanceFindings, CliError> {
 /// Findings of one rule at one register.
 #[derive(Serialize)]
 pub(crate) struct FindingRow {
-    pub severity: &'static str,
-    pub rule: &'static str,
-    plc: String,
-    /// `None`: further registers of the rule, counted together because there was no room for more entries.
-    pub register: Option<String>,
-    address: Option<String>,
-    value: u32,
+    #[serde(flatten)]
+    pub finding: FindingJson,
     #[serde(skip)]
     pub value_text: String,
-    pub count: u64,
-    first_us: u64,
-    pub last_us: u64,
-    pub late_us: Option<u32>,
-    pub text: &'static str,
-    pub source: &'static str,
 }
 
 impl FindingRow {
     /// Converts `entry`, with these names of PLCs and buses.
     pub(crate) fn new(entry: &Entry, names: &Names) -> Self {
-        let Entry { last, is_single, count, first_us, last_us, latest_us } = *entry;
-        let (plcs, fitted) = (&names.plcs, names.fitted(last.plc));
-        let (plc, prefix) = match last.source() {
-            Source::Bus(bus) => {
-                let bus = names.buses.get(usize::from(bus)).cloned().unwrap_or_default();
-                (String::new(), format!("{bus}:"))
-            }
-            _ => (plcs.get(usize::from(last.plc)).cloned().unwrap_or_default(), plc_prefix(plcs, last.plc)),
-        };
-        FindingRow {
-            severity: last.rule.severity().name(),
-            rule: last.rule.id(),
-            register: last.name(fitted).filter(|_| is_single).map(|name| prefix + &name),
-            plc,
-            address: last.address(fitted).filter(|_| is_single).map(|address| address.to_string()),
-            value: last.value,
-            value_text: last.value_text(fitted),
-            count,
-            first_us,
-            last_us,
-            late_us: Some(latest_us).filter(|late| *late > 0),
-            text: last.rule.text(),
-            source: last.rule.source(),
-        }
+        let value_text = entry.last.value_text(names.fitted(entry.last.plc));
+        FindingRow { finding: FindingJson::new(entry, names), value_text }
     }
 }
 
@@ -131,24 +98,26 @@ impl Row for FindingRow {
         &["severity", "rule", "register", "address", "value", "count", "first_us", "last_us", "late_us"];
 
     fn cells(&self) -> Vec<String> {
+        let finding = &self.finding;
         let or_dash = |text: &Option<String>| text.clone().unwrap_or_else(|| "-".to_owned());
         vec![
-            self.severity.to_owned(),
-            self.rule.to_owned(),
-            self.register.clone().unwrap_or_else(|| "(further registers)".to_owned()),
-            or_dash(&self.address),
+            finding.severity.to_owned(),
+            finding.rule.to_owned(),
+            finding.register.clone().unwrap_or_else(|| "(further registers)".to_owned()),
+            or_dash(&finding.address),
             self.value_text.clone(),
-            self.count.to_string(),
-            self.first_us.to_string(),
-            self.last_us.to_string(),
-            or_dash(&self.late_us.map(|late| late.to_string())),
+            finding.count.to_string(),
+            finding.first_us.to_string(),
+            finding.last_us.to_string(),
+            or_dash(&finding.late_us.map(|late| late.to_string())),
         ]
     }
 
     fn text_cells(&self) -> Vec<String> {
+        let finding = &self.finding;
         let mut cells = self.cells();
-        let times = [time::seconds(self.first_us), time::seconds(self.last_us)];
-        let late = self.late_us.map(|late| format!("{late} us"));
+        let times = [time::seconds(finding.first_us), time::seconds(finding.last_us)];
+        let late = finding.late_us.map(|late| format!("{late} us"));
         let told = times.into_iter().chain([late.unwrap_or_else(|| "-".to_owned())]);
         cells.truncate(cells.len() - 3);
         cells.extend(told);
@@ -157,7 +126,7 @@ impl Row for FindingRow {
 }
 
 fn text(rows: &[FindingRow], checked: &InstanceFindings) -> String {
-    let number = |severity: &str| rows.iter().filter(|row| row.severity == severity).count();
+    let number = |severity: &str| rows.iter().filter(|row| row.finding.severity == severity).count();
     let counted = |severity: Severity| plural(number(severity.name()) as u64, severity);
     let head = format!("instance '{}' at {}: ", checked.instance, time::seconds(checked.time_us));
     if rows.is_empty() {
@@ -165,7 +134,7 @@ fn text(rows: &[FindingRow], checked: &InstanceFindings) -> String {
     }
     let mut text = format!("{head}{}, {}\n", counted(Severity::Error), counted(Severity::Warning));
     text += &table::aligned(rows);
-    let broken = |rule: &&&Rule| rows.iter().any(|row| row.rule == rule.id());
+    let broken = |rule: &&&Rule| rows.iter().any(|row| row.finding.rule == rule.id());
     for rule in devices::catalogue().rules.iter().filter(broken) {
         text += &format!("\n{rule} ({})\n  {}\n", rule.source(), rule.text());
     }

@@ -99,59 +99,17 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     }
 }
 
-pub(crate) use by_channel::Line;
-
 mod by_channel {
     use super::super::session::Session;
     use super::super::table::{self, Format, Row};
     use super::super::{Instance, error::CliError};
-    use crate::devices::{DriveDetails, DriveState, ParameterState};
+    use crate::devices::ParameterState;
     use crate::layout::did_you_mean;
+    use crate::request::json::drives::{DriveJson, DriveLine};
     use crate::request::{DriveEntry, Op};
     use serde::Serialize;
-    use std::collections::BTreeMap;
 
-    /// A drive of the list.
-    #[derive(Serialize)]
-    pub(crate) struct Line {
-        drive: String,
-        bus: Option<String>,
-        number: Option<u8>,
-        state: String,
-        synchronized: bool,
-        reference: i32,
-        speed: i32,
-        fault: u32,
-        status_word: u16,
-        kbit_s: Option<u16>,
-        lost_references: u64,
-        stopped: bool,
-    }
-
-    impl Line {
-        pub(crate) fn new(name: String, bus: Option<String>, state: DriveState) -> Self {
-            Line {
-                drive: name,
-                bus,
-                number: state.number,
-                kbit_s: state.kbit_s,
-                state: state.state,
-                status_word: state.status_word,
-                synchronized: state.is_synchronized,
-                reference: state.speed_reference,
-                speed: state.speed_actual,
-                fault: state.fault,
-                lost_references: state.lost_references,
-                stopped: state.is_stopped,
-            }
-        }
-
-        pub(crate) fn of(DriveEntry { name, bus, state }: DriveEntry) -> Self {
-            Self::new(name, bus, state)
-        }
-    }
-
-    impl Row for Line {
+    impl Row for DriveLine {
         const COLUMNS: &'static [&'static str] = &[
             "drive",
             "bus",
@@ -168,20 +126,21 @@ mod by_channel {
         ];
 
         fn cells(&self) -> Vec<String> {
+            let state = &self.state;
             let or_dash = |text: Option<String>| text.unwrap_or_else(|| "-".to_owned());
             vec![
                 self.drive.clone(),
                 or_dash(self.bus.clone()),
-                or_dash(self.number.map(|number| number.to_string())),
-                self.state.clone(),
-                self.synchronized.to_string(),
-                self.reference.to_string(),
-                self.speed.to_string(),
-                self.fault.to_string(),
-                format!("16#{:04X}", self.status_word),
-                or_dash(self.kbit_s.map(|rate| rate.to_string())),
-                self.lost_references.to_string(),
-                self.stopped.to_string(),
+                or_dash(state.number.map(|number| number.to_string())),
+                state.state.clone(),
+                state.synchronized.to_string(),
+                state.reference.to_string(),
+                state.speed.to_string(),
+                state.fault.to_string(),
+                format!("16#{:04X}", state.status_word),
+                or_dash(state.kbit_s.map(|rate| rate.to_string())),
+                state.lost_references.to_string(),
+                state.stopped.to_string(),
             ]
         }
 
@@ -195,7 +154,7 @@ mod by_channel {
 
     pub(super) fn list(format: Format, instance: &Instance) -> Result<(), CliError> {
         let session = Session::open(instance, 0)?;
-        let lines: Vec<_> = session.ask(Op::Drives)?.drives()?.into_iter().map(Line::of).collect();
+        let lines: Vec<_> = session.ask(Op::Drives)?.drives()?.into_iter().map(DriveLine::from).collect();
         table::print(format, &lines, |lines| match lines {
             [] => "the plant has no drive\n".to_owned(),
             lines => table::aligned(lines),
@@ -218,20 +177,22 @@ mod by_channel {
         }
     }
 
-    /// All details of a drive.
+    /// All details of a drive, with its name and bus.
     #[derive(Serialize)]
     struct DriveOutput {
+        drive: String,
+        bus: Option<String>,
         #[serde(flatten)]
-        line: Line,
-        zk: BTreeMap<u8, u16>,
-        parameters: Vec<ParameterState>,
+        details: DriveJson,
+        #[serde(skip)]
+        cells: Vec<String>,
     }
 
     impl Row for DriveOutput {
-        const COLUMNS: &'static [&'static str] = Line::COLUMNS;
+        const COLUMNS: &'static [&'static str] = DriveLine::COLUMNS;
 
         fn cells(&self) -> Vec<String> {
-            self.line.cells()
+            self.cells.clone()
         }
     }
 
@@ -256,18 +217,19 @@ mod by_channel {
     pub(super) fn show(name: &str, format: Format, instance: &Instance) -> Result<(), CliError> {
         let session = Session::open(instance, 0)?;
         let (drive, entry) = find(&session, name, instance)?;
-        let DriveDetails { state, parameters, card } = session.ask(Op::Drive { drive })?.drive()?;
-        let line = Line::new(entry.name, entry.bus, state);
-        let shown = DriveOutput { line, zk: card.into_iter().collect(), parameters };
+        let details = session.ask(Op::Drive { drive })?.drive()?;
+        let DriveEntry { name: drive, bus, .. } = entry.clone();
+        let cells = DriveLine::from(DriveEntry { state: details.state.clone(), ..entry }).cells();
+        let shown = DriveOutput { drive, bus, details: details.into(), cells };
         table::print(format, &[shown], |shown| shown.iter().map(text).collect())
     }
 
     fn text(shown: &DriveOutput) -> String {
-        let head = Line::COLUMNS.iter().map(|name| name.replace('_', " "));
-        let lines: Vec<_> = head.zip(shown.line.cells()).map(|(name, cell)| vec![name, cell]).collect();
-        let mut text = table::columns(&lines) + "\n" + &table::aligned(&shown.parameters);
-        if !shown.zk.is_empty() {
-            let zk = shown.zk.iter().map(|(number, value)| {
+        let head = DriveLine::COLUMNS.iter().map(|name| name.replace('_', " "));
+        let lines: Vec<_> = head.zip(shown.cells()).map(|(name, cell)| vec![name, cell]).collect();
+        let mut text = table::columns(&lines) + "\n" + &table::aligned(&shown.details.parameters);
+        if !shown.details.zk.is_empty() {
+            let zk = shown.details.zk.iter().map(|(number, value)| {
                 vec![format!("ZK {number}"), format!("{value}"), format!("16#{value:04X}")]
             });
             let head = ["CARD", "VALUE", ""].map(str::to_owned).to_vec();

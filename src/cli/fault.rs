@@ -153,17 +153,15 @@ mod by_channel {
     use crate::fault::{FaultSpec, FaultStatus};
     use crate::journal::Names;
     use crate::request::Op;
+    use crate::request::json::faults::FaultJson;
     use serde::Serialize;
     use std::num::NonZeroU16;
 
     /// A fault of the list.
     #[derive(Serialize)]
     struct Entry {
-        number: u16,
-        state: &'static str,
-        hits: u32,
         #[serde(flatten)]
-        fault: FaultSpec,
+        fault: FaultJson,
         #[serde(skip)]
         text: String,
     }
@@ -172,7 +170,7 @@ mod by_channel {
         const COLUMNS: &'static [&'static str] = &["number", "state", "hits", "fault"];
 
         fn cells(&self) -> Vec<String> {
-            let Entry { number, state, hits, text, .. } = self;
+            let Entry { fault: FaultJson { number, state, hits, .. }, text } = self;
             vec![number.to_string(), (*state).to_owned(), hits.to_string(), text.clone()]
         }
     }
@@ -192,10 +190,7 @@ mod by_channel {
         let session = Session::open(instance, 0)?;
         let names = names(&session)?;
         let entry = |status: &FaultStatus| Entry {
-            number: status.id,
-            state: if status.acting { "acting" } else { "waiting" },
-            hits: status.hits,
-            fault: FaultSpec::of(&status.fault, &names),
+            fault: FaultJson::new(status, &names),
             text: status.fault.text(&names),
         };
         let entries: Vec<_> = session.ask(Op::FaultList)?.faults()?.iter().map(entry).collect();

@@ -25,8 +25,6 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
 }
 
 mod by_channel {
-    use super::super::bus::Rate;
-    use super::super::drive::Line;
     use super::super::place::status_of;
     use super::super::session::{Read, Session};
     use super::super::table::{self, Format, Row};
@@ -35,6 +33,8 @@ mod by_channel {
     use crate::journal::Severity;
     use crate::layout::{RegisterRef, format_value};
     use crate::plural::plural;
+    use crate::request::json::buses::Rate;
+    use crate::request::json::drives::DriveLine;
     use crate::request::{BusState, InstanceInfo, Op};
     use serde::Serialize;
 
@@ -58,7 +58,7 @@ mod by_channel {
         plcs: Vec<Plc>,
         nodes: Vec<Node>,
         buses: Vec<Bus>,
-        drives: Vec<Line>,
+        drives: Vec<DriveLine>,
         faults: usize,
         forced: usize,
         errors: u64,
@@ -170,7 +170,7 @@ mod by_channel {
                 plcs: plcs.collect(),
                 nodes: nodes(&session, &buses)?,
                 buses: buses.iter().map(Bus::of).collect(),
-                drives: drives.into_iter().map(Line::of).collect(),
+                drives: drives.into_iter().map(DriveLine::from).collect(),
                 faults,
                 forced,
                 errors: of_severity(Severity::Error),

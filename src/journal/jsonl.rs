@@ -18,6 +18,26 @@ impl Jsonl {
         Jsonl { reader: Reader::new(names, catalogue) }
     }
 
+    /// The object of a record that follows the records so far.
+    pub(crate) fn line(&mut self, record: &Record) -> impl Serialize + use<> {
+        self.reader.observe(record);
+        let repeated = (record.count > 1).then(|| Repeated {
+            count: record.count,
+            period_us: record.period_us,
+            first_us: record.first_us(),
+        });
+        Line {
+            v: VERSION,
+            seq: (!record.is_pending()).then_some(record.seq),
+            time_us: record.time_us,
+            repeated,
+            kind: record.event.kind().name(),
+            place: self.place(record.event.source()),
+            what: record.event.fields(&mut self.reader),
+            latency_us: record.latency_us,
+        }
+    }
+
     fn place(&self, source: Source) -> EventLocation {
         let names = &self.reader.names;
         match source {
@@ -71,23 +91,7 @@ enum EventLocation {
 
 impl Format for Jsonl {
     fn record(&mut self, record: &Record, out: &mut String) {
-        self.reader.observe(record);
-        let repeated = (record.count > 1).then(|| Repeated {
-            count: record.count,
-            period_us: record.period_us,
-            first_us: record.first_us(),
-        });
-        let line = Line {
-            v: VERSION,
-            seq: (!record.is_pending()).then_some(record.seq),
-            time_us: record.time_us,
-            repeated,
-            kind: record.event.kind().name(),
-            place: self.place(record.event.source()),
-            what: record.event.fields(&mut self.reader),
-            latency_us: record.latency_us,
-        };
-        write(&line, out);
+        write(&self.line(record), out);
     }
 
     fn skip(&mut self, record: &Record) {

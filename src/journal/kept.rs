@@ -8,7 +8,7 @@ use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 use serde::{Deserialize, Serialize};
 
 /// A history: numbers and times of records are comparable within one.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Turn {
     /// Count of returns to an earlier moment or to a snapshot; wraps around after 65535.
     pub number: u16,

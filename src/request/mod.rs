@@ -7,9 +7,11 @@
 //! Rules: operations of one request run in order and stop at the first refusal; with a stepped clock, earlier requests
 //! to the boards are answered first ([`Host::begin_request`]).
 
+mod description;
 mod exec;
 mod forms;
 mod host;
+pub(crate) mod json;
 mod naming;
 mod op;
 pub(crate) mod ops;
@@ -22,6 +24,7 @@ mod reply;
 pub(crate) mod testing;
 mod travel;
 
+pub use description::describe;
 pub use exec::Execution;
 pub use host::Host;
 pub use op::{FilePart, MAX_ADVANCE_US, MAX_CONDITIONS, MAX_OPS, MAX_RANGE, MAX_RECORDS, Op};

@@ -24,7 +24,8 @@ pub const MAX_CONDITIONS: usize = 32;
 pub const MAX_ADVANCE_US: u64 = 24 * 3_600_000_000;
 
 /// What an operation changes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
 pub(crate) enum Class {
     /// Changes nothing in the plant, so that the time of its execution makes no difference.
     Looks,

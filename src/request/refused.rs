@@ -5,9 +5,10 @@ use crate::fault;
 use crate::layout::DeviceLayout;
 use crate::memory::header::BoardSetting;
 use core::fmt;
+use serde::Serialize;
 
 /// Code of the refusal; `docs/reference/channel.md` lists them. An emulator of a later version may have others.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
 pub struct Code(pub u16);
 
 impl Code {
@@ -107,7 +108,7 @@ impl Code {
 }
 
 /// Reason of a refusal: the subject, the place, and a correct value.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, thiserror::Error)]
 #[error("{text}")]
 pub struct Refused {
     /// Code of the refusal.

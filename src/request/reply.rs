@@ -145,7 +145,7 @@ pub struct InstanceInfo {
 }
 
 /// Result of a wait.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Waited {
     /// Emulated time of its end, in microseconds.
     pub time_us: u64,

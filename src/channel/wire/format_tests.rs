@@ -44,7 +44,7 @@ fn faults() -> Vec<(&'static str, Fault)> {
     devices::fault_kinds().iter().map(of).collect()
 }
 
-fn ops() -> Vec<(String, Op)> {
+pub(super) fn ops() -> Vec<(String, Op)> {
     let (plc, offset, width) = (3, 200_002, Width::Word);
     let test = |compare, is_signed| Test { mask: 0xFF, compare, is_signed, value: 5 };
     let frame = Frame::of_numbers(0x123, 3, 0x33_2211).unwrap();
@@ -163,7 +163,7 @@ fn drive() -> DriveState {
     }
 }
 
-fn replies() -> Vec<(&'static str, Reply)> {
+pub(super) fn replies() -> Vec<(&'static str, Reply)> {
     let turn = Turn { number: 2, begin: 5 };
     let event = Unforce { plc: 1, offset: 200_002 }.into();
     let record = Record { seq: 9, time_us: 1_000, event, count: 2, period_us: 3, latency_us: Some(4) };

@@ -143,6 +143,7 @@ impl Program {
 
 /// State of the board, for tools. Numbers are those of the header page.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, FromBytes, IntoBytes, Immutable, KnownLayout)]
+#[cfg_attr(feature = "emulator", derive(serde::Serialize))]
 #[repr(C)]
 pub struct BoardState {
     /// DIP switch S33 as set.

@@ -35,7 +35,7 @@ pub(super) fn draw(frame: &mut Frame, model: &mut Model, theme: Theme, area: Rec
     drawn.extend(seen.filter_map(line));
     lines(frame, drawn, inner);
     model.hot.push((rows, ClickTarget::List(ListId::Findings)));
-    if let Some(row) = found.get(model.finding.chosen) {
+    if let Some(FindingRow { finding: row, .. }) = found.get(model.finding.chosen) {
         let inner = titled(frame, format!(" {} ", row.rule), theme.head(), rule);
         let mut text = vec![Line::from(row.text)];
         text.push(Line::styled(row.source, theme.name()));
@@ -61,12 +61,13 @@ fn columns(width: usize, [severity, rule, register, value, count, last]: [String
 }
 
 fn finding_line(row: &FindingRow, theme: Theme, width: usize) -> Line<'static> {
+    let FindingRow { finding: row, value_text } = row;
     let register = row.register.clone().unwrap_or_else(|| "(further registers)".to_owned());
     let cells = [
         row.severity.to_owned(),
         row.rule.to_owned(),
         register,
-        row.value_text.clone(),
+        value_text.clone(),
         row.count.to_string(),
         time::seconds(row.last_us),
     ];

@@ -1,0 +1,60 @@
+//! Findings of the access checker in JSON.
+
+use super::InJson;
+use crate::journal::{Entry, Names, Source};
+use crate::layout::plc_prefix;
+use serde::Serialize;
+
+/// Findings of one rule at one register.
+#[derive(Serialize)]
+pub(crate) struct FindingJson {
+    pub severity: &'static str,
+    pub rule: &'static str,
+    /// Name of the PLC; empty at a bus.
+    pub plc: String,
+    /// `None`: further registers of the rule, counted together because there was no room for more entries.
+    pub register: Option<String>,
+    pub address: Option<String>,
+    pub value: u32,
+    pub count: u64,
+    pub first_us: u64,
+    pub last_us: u64,
+    pub late_us: Option<u32>,
+    pub text: &'static str,
+    pub source: &'static str,
+}
+
+impl FindingJson {
+    /// Converts `entry`, with these names of PLCs and buses.
+    pub(crate) fn new(entry: &Entry, names: &Names) -> Self {
+        let Entry { last, is_single, count, first_us, last_us, latest_us } = *entry;
+        let (plcs, fitted) = (&names.plcs, names.fitted(last.plc));
+        let (plc, prefix) = match last.source() {
+            Source::Bus(bus) => {
+                let bus = names.buses.get(usize::from(bus)).cloned().unwrap_or_default();
+                (String::new(), format!("{bus}:"))
+            }
+            _ => (plcs.get(usize::from(last.plc)).cloned().unwrap_or_default(), plc_prefix(plcs, last.plc)),
+        };
+        FindingJson {
+            severity: last.rule.severity().name(),
+            rule: last.rule.id(),
+            register: last.name(fitted).filter(|_| is_single).map(|name| prefix + &name),
+            plc,
+            address: last.address(fitted).filter(|_| is_single).map(|address| address.to_string()),
+            value: last.value,
+            count,
+            first_us,
+            last_us,
+            late_us: Some(latest_us).filter(|late| *late > 0),
+            text: last.rule.text(),
+            source: last.rule.source(),
+        }
+    }
+}
+
+impl InJson for Vec<Entry> {
+    fn form(&self, names: &Names) -> impl Serialize {
+        self.iter().map(|entry| FindingJson::new(entry, names)).collect::<Vec<_>>()
+    }
+}
