@@ -113,7 +113,7 @@ macro_rules! codec {
         $op:ident = $number:literal, $name:ident, $class:ident -> $reply:ident
         $({$(
             $(#[$field_doc:meta])*
-            $field:ident: $type:ty $([..=$most:ident])? => $($column:ident)+
+            $field:ident: $type:ty $([..=$most:ident, $code:ident])? => $($column:ident)+
         ),+ $(,)?})?
     ),+ $(,)?) => {
         impl From<&Op> for WireOp {

@@ -78,7 +78,7 @@ macro_rules! operations {
         $({$(
             $(#[doc = $field_doc:literal])*
             $(#[serde($($form:tt)*)])?
-            $field:ident: $type:ty $([..=$most:ident])? => $($column:ident)+
+            $field:ident: $type:ty $([..=$most:ident, $code:ident])? => $($column:ident)+
         ),+ $(,)?})?
     ),+ $(,)?) => {
         fn operations() -> Vec<Operation> {

@@ -43,6 +43,7 @@ impl Execution {
     /// # Errors
     /// [`Refused`].
     pub fn run(&mut self, host: &mut dyn Host, op: &Op) -> Result<Option<Reply>, Refused> {
+        op.check_ranges()?;
         host.permit(op)?;
         // Stores are recorded separately.
         if op.acts() && op.class() != Class::Stores {
@@ -74,7 +75,7 @@ macro_rules! dispatch {
         $op:ident = $number:literal, $name:ident, $class:ident -> $reply:ident
         $({$(
             $(#[$field_doc:meta])*
-            $field:ident: $type:ty $([..=$most:ident])? => $($column:ident)+
+            $field:ident: $type:ty $([..=$most:ident, $code:ident])? => $($column:ident)+
         ),+ $(,)?})?
     ),+ $(,)?) => {
         impl Work<'_> {

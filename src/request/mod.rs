@@ -15,6 +15,7 @@ pub(crate) mod json;
 mod naming;
 mod op;
 pub(crate) mod ops;
+mod out_of_range;
 mod part;
 mod refused;
 mod register;

@@ -1,7 +1,9 @@
 //! The operations, as the table in `ops.rs` declares them.
 
+use super::Code;
 use super::forms::{self, KeepForm, TestForm};
 use super::ops::ops;
+use super::out_of_range::OutOfRange;
 use crate::can::Frame;
 use crate::door::DoorSpec;
 use crate::fault::Fault;
@@ -48,7 +50,7 @@ macro_rules! declare {
         $op:ident = $number:literal, $name:ident, $class:ident -> $reply:ident
         $({$(
             $(#[$field_doc:meta])*
-            $field:ident: $type:ty $([..=$most:ident])? => $($column:ident)+
+            $field:ident: $type:ty $([..=$most:ident, $code:ident])? => $($column:ident)+
         ),+ $(,)?})?
     ),+ $(,)?) => {
         /// An operation of a request.
@@ -77,6 +79,22 @@ macro_rules! declare {
                 match self {
                     $(Op::$op { .. } => Class::$class,)+
                 }
+            }
+
+            /// Checks the fields that the table limits.
+            ///
+            /// # Errors
+            /// The first field outside its range.
+            pub(crate) fn check_ranges(&self) -> Result<(), OutOfRange> {
+                match self {
+                    $(Op::$op $({ $($field),+ })? => {
+                        $($(
+                            let _ = $field;
+                            $(OutOfRange::check([stringify!($name), stringify!($field)], *$field, $most, Code::$code)?;)?
+                        )+)?
+                    })+
+                }
+                Ok(())
             }
         }
     };

@@ -1,10 +1,10 @@
 //! The table of operations.
 //!
 //! An entry has the operation's variant in `Op`, its number, its name, its class, its reply and its fields. A field has
-//! its type, its range if the type allows more, and the columns of the wire format with its numbers. A macro that needs
-//! the table gets it by `ops!(macro_name)`:
+//! its type, its largest value if the type allows more, with the code of the refusal, and the columns of the wire format
+//! with its numbers. A macro that needs the table gets it by `ops!(macro_name)`:
 //!
-//! - `op.rs` declares `Op` with it, and its JSON form: `{"advance":{"us":1000}}`, `"forces"`,
+//! - `op.rs` declares `Op` with it, its JSON form (`{"advance":{"us":1000}}`, `"forces"`), and the check of the ranges,
 //! - `exec.rs` calls the function of the same name for each operation,
 //! - `channel/wire.rs` converts operations to the wire format and back,
 //! - a test beside it writes the table of `docs/reference/channel.md`.
@@ -55,7 +55,7 @@ macro_rules! ops {
                 /// Byte offset of the first byte.
                 offset: u32 => offset,
                 /// Number of bytes.
-                len: u32 [..=MAX_RANGE] => value,
+                len: u32 [..=MAX_RANGE, RANGE_TOO_LONG] => value,
             },
             /// Waits until `register AND mask = value`. In stepped mode it advances the clock, event by event. Refused
             /// with code 10 and the last value if that does not happen in time.
@@ -71,7 +71,7 @@ macro_rules! ops {
                 /// New value of the bits in the mask; no bit outside the mask.
                 value: u32 => value,
                 /// Longest wait in emulated microseconds.
-                within_us: u64 [..=MAX_ADVANCE_US] => time_us,
+                within_us: u64 [..=MAX_ADVANCE_US, ADVANCE_TOO_LONG] => time_us,
             },
             /// Adds a condition for the next `wait_for` or `back_until` of the request, at most 32.
             Condition = 13, condition, Advances -> Written {
@@ -92,12 +92,12 @@ macro_rules! ops {
                 /// Whether a single condition is sufficient.
                 any: bool => value,
                 /// Longest wait in emulated microseconds.
-                within_us: u64 [..=MAX_ADVANCE_US] => time_us,
+                within_us: u64 [..=MAX_ADVANCE_US, ADVANCE_TOO_LONG] => time_us,
             },
             /// Advances the clock; stepped mode only.
             Advance = 6, advance, Advances -> Time {
                 /// Duration in microseconds.
-                us: u64 [..=MAX_ADVANCE_US] => time_us,
+                us: u64 [..=MAX_ADVANCE_US, ADVANCE_TOO_LONG] => time_us,
             },
             /// Advances the clock to the next SYNC of the bus at a port; stepped mode only.
             AdvanceToSync = 7, advance_to_sync, Advances -> Time {
@@ -110,7 +110,7 @@ macro_rules! ops {
             /// Events of the present time are handled now, and no time passes.
             AdvanceToEvent = 11, advance_to_event, Advances -> Time {
                 /// The longest time, in microseconds.
-                within_us: u64 [..=MAX_ADVANCE_US] => time_us,
+                within_us: u64 [..=MAX_ADVANCE_US, ADVANCE_TOO_LONG] => time_us,
             },
             /// Reads the journal from record number `from` on.
             Journal = 10, journal, Looks -> Journal {
@@ -126,7 +126,7 @@ macro_rules! ops {
                 /// Byte offset of the first byte.
                 offset: u32 => offset,
                 /// Number of bytes.
-                len: u32 [..=MAX_RANGE] => value,
+                len: u32 [..=MAX_RANGE, RANGE_TOO_LONG] => value,
                 /// Destination of the changes.
                 #[serde(with = "KeepForm")]
                 keep: Keep => node,

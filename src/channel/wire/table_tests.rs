@@ -1,6 +1,7 @@
 //! The tables of operations and replies: `docs/reference/channel.md`, and a sample of each.
 
 use super::WIRE_VERSION;
+use super::format_tests::ops as samples;
 use crate::request::ops::ops;
 use crate::request::replies::replies;
 use crate::request::{MAX_ADVANCE_US, MAX_RANGE, Op};
@@ -32,7 +33,7 @@ macro_rules! rows {
         $op:ident = $number:literal, $name:ident, $class:ident -> $reply:ident
         $({$(
             $(#[$field_doc:meta])*
-            $field:ident: $type:ty $([..=$most:ident])? => $($column:ident)+
+            $field:ident: $type:ty $([..=$most:ident, $code:ident])? => $($column:ident)+
         ),+ $(,)?})?
     ),+ $(,)?) => {
         fn rows() -> Vec<Row> {
@@ -134,6 +135,23 @@ fn numbers_and_names_are_unique() {
     names.sort_unstable();
     assert!(numbers.is_sorted_by(|a, b| a < b), "{numbers:?}");
     assert!(names.is_sorted_by(|a, b| a < b), "{names:?}");
+}
+
+#[test]
+fn a_field_above_its_range_is_refused_by_its_name() {
+    let limited = |row: Row| row.fields.into_iter().filter_map(move |it| Some((row.name, it.name, it.most?)));
+    for (name, field, most) in rows().into_iter().flat_map(limited) {
+        let mut samples = samples().into_iter().map(|(_, op)| serde_json::json!(op));
+        let sample = samples.find(|sample| sample.get(name).is_some()).unwrap();
+        let with = |value: u64| {
+            let mut sent = sample.clone();
+            sent[name][field] = value.into();
+            serde_json::from_value::<Op>(sent).unwrap().check_ranges()
+        };
+        assert_eq!(with(most), Ok(()));
+        let expected = format!("`{field}` of `{name}` is {}; it may be 0 to {most}", most + 1);
+        assert_eq!(with(most + 1).unwrap_err().to_string(), expected);
+    }
 }
 
 /// Numbers in a text: `5, 6 or 7`.

@@ -51,7 +51,6 @@ impl Work<'_> {
 
     pub(super) fn advance(&mut self, us: u64) -> Result<Option<Reply>, Refused> {
         stepped(self.host)?;
-        limit(us)?;
         let end = self.execution.end.unwrap_or_else(|| self.host.plant().now().saturating_add(us));
         self.advance_until(end)
     }
@@ -77,7 +76,6 @@ impl Work<'_> {
 
     pub(super) fn advance_to_event(&mut self, within_us: u64) -> Result<Option<Reply>, Refused> {
         stepped(self.host)?;
-        limit(within_us)?;
         let now = self.host.plant().now();
         let event = || self.host.next_event().max(now).min(now.saturating_add(within_us));
         let event = self.execution.end.unwrap_or_else(event);

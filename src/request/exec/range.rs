@@ -4,25 +4,14 @@ use crate::layout::Width;
 use crate::memory::Unmapped;
 use crate::plant::FollowError;
 use crate::request::register::{device_of, known_plc};
-use crate::request::{Code, Host, MAX_RANGE, Refused};
+use crate::request::{Code, Host, Refused};
 
 pub(super) fn read_range(host: &dyn Host, plc: u16, offset: u32, len: u32) -> Result<Vec<u8>, Refused> {
-    let plc = ranged(host, plc, offset, len)?;
+    let plc = known_plc(host, plc)?;
     let mut bytes = vec![0; len as usize];
     let read = host.plant().read_range(plc, offset, &mut bytes);
     read.map_err(|hole| hole_in_range(host, plc, offset, len, hole))?;
     Ok(bytes)
-}
-
-/// Returns the PLC of a range within the length limit.
-pub(super) fn ranged(host: &dyn Host, plc: u16, offset: u32, len: u32) -> Result<usize, Refused> {
-    let plc = known_plc(host, plc)?;
-    if len <= MAX_RANGE {
-        return Ok(plc);
-    }
-    let begin = device_of(host, plc).at(Width::Byte, offset);
-    let text = format_args!("{begin}: a range of {len} bytes is too long, at most {MAX_RANGE} per operation");
-    Err(Refused::new(Code::RANGE_TOO_LONG, text))
 }
 
 fn hole_in_range(host: &dyn Host, plc: usize, offset: u32, len: u32, hole: Unmapped) -> Refused {

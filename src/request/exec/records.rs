@@ -1,7 +1,7 @@
 //! Operations on what the plant records: journal, changes of registers, findings.
 
 use super::Work;
-use super::range::{not_followed, ranged};
+use super::range::not_followed;
 use crate::journal::Keep;
 use crate::request::register::known_plc;
 use crate::request::{MAX_RECORDS, Refused, Reply};
@@ -18,7 +18,7 @@ impl Work<'_> {
     }
 
     pub(super) fn follow(&mut self, plc: u16, offset: u32, len: u32, keep: Keep) -> Result<Reply, Refused> {
-        let plc = ranged(self.host, plc, offset, len)?;
+        let plc = known_plc(self.host, plc)?;
         let followed = self.host.plant_mut().follow_registers(plc, offset, len, keep);
         followed.map_err(|error| not_followed(self.host, plc, offset, len, error))?;
         Ok(Reply::Written)

@@ -84,7 +84,6 @@ impl Execution {
         look: impl Fn(&dyn Host) -> Result<(bool, u32), Refused>,
         not_in_time: impl FnOnce(&dyn Host, Waited) -> Refused,
     ) -> Result<Option<Waited>, Refused> {
-        limit(within_us)?;
         let begin = host.plant().now();
         let deadline = *self.end.get_or_insert(begin.saturating_add(within_us));
         loop {
@@ -156,6 +155,7 @@ pub(super) fn stepped(host: &dyn Host) -> Result<(), Refused> {
     Err(Refused::new(Code::CLOCK_IS_REAL_TIME, text))
 }
 
+/// Checks the duration of an advance whose end the plant determines.
 pub(super) fn limit(us: u64) -> Result<(), Refused> {
     if us <= MAX_ADVANCE_US {
         return Ok(());
