@@ -36,17 +36,22 @@ pub(super) fn generic() -> impl Iterator<Item = Generic> {
     own.into_iter().chain(of_media)
 }
 
+/// Returns all registrations: the generic ones, then those of each device.
+fn registrations() -> impl Iterator<Item = Generic> {
+    let of_devices = all().iter().map(|device| Generic {
+        owner: device.layout.name,
+        records: device.records,
+        rules: device.rules,
+        faults: device.faults,
+    });
+    generic().chain(of_devices)
+}
+
 /// The sum of all kinds of events, rules and kinds of faults. From now on no device can be added.
 pub fn catalogue() -> &'static Catalogue {
     static SUM: LazyLock<Catalogue> = LazyLock::new(|| {
-        let of_devices = all().iter().map(|device| Generic {
-            owner: device.layout.name,
-            records: device.records,
-            rules: device.rules,
-            faults: device.faults,
-        });
         let (mut kinds, mut rules): (Vec<&Kind>, Vec<&Rule>) = Default::default();
-        for Generic { records, rules: more, .. } in generic().chain(of_devices) {
+        for Generic { records, rules: more, .. } in registrations() {
             kinds.extend(records);
             rules.extend(more);
         }
@@ -101,6 +106,9 @@ pub fn door_fits(family: &str, door: DoorSpec) -> Result<(), String> {
 }
 
 type Fits = fn(&Fault) -> Result<(), String>;
+
+#[cfg(test)]
+mod number_tests;
 
 #[cfg(test)]
 mod tests {
