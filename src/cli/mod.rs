@@ -252,6 +252,9 @@ fn finish(result: Result<(), CliError>) -> ExitCode {
 }
 
 #[cfg(test)]
+mod operations_tests;
+
+#[cfg(test)]
 mod tests {
     use super::*;
 
