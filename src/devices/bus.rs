@@ -78,7 +78,7 @@ pub trait Bus: BusView + Any + Send + SnapshotFields {
         false
     }
 
-    /// Time of the next event; `u64::MAX` if there is none. It changes only in calls to the bus.
+    /// Time of the next event; `u64::MAX` if there is none. This time changes only in calls to the bus.
     fn next_time(&self) -> u64;
 
     /// Time up to which the bus's events are independent of all other participants, so they may run on another core.
@@ -102,12 +102,12 @@ pub trait Bus: BusView + Any + Send + SnapshotFields {
         None
     }
 
-    /// Its guests, if foreign programs can take part.
+    /// Guests of the bus, if foreign programs can take part.
     fn guests(&mut self) -> Option<&mut dyn BusGuests> {
         None
     }
 
-    /// Its SYNC signal, if buses of its kind have one.
+    /// SYNC signal of the bus, if buses of its kind have one.
     fn sync(&self) -> Option<&dyn SyncLine> {
         None
     }

@@ -13,7 +13,7 @@ pub struct StationState {
     pub address: Option<u8>,
     /// Activity of the station in one word; `None`: the state of its error counters describes it.
     pub does: Option<&'static str>,
-    /// Its error counters, 0 where stations count no errors.
+    /// Error counters of the station, 0 where stations count no errors.
     pub errors: ErrorCounters,
 }
 

@@ -80,9 +80,9 @@ pub trait DeviceConfig: fmt::Debug + Send + Sync {
 /// A port as the plant file describes it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PortConfig<'a> {
-    /// Its number in the layout, and in the journal.
+    /// Number of the port in the layout, and in the journal.
     pub number: u8,
-    /// Its name in the layout.
+    /// Name of the port in the layout.
     pub name: &'a str,
     /// Bus that the port is plugged in at.
     pub medium: Option<&'a str>,
@@ -106,7 +106,7 @@ pub struct MasterConfig {
     pub kbit_s: Vec<u16>,
 }
 
-/// A setting of a plant file that is probably a mistake. It is allowed, because there are plants with faults on
+/// A setting of a plant file that is probably a mistake. The emulator allows it, because some plants have faults on
 /// purpose.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Doubt {
@@ -173,7 +173,7 @@ pub type Read<T> = fn(ValueDeserializer<'_>) -> Result<Arc<T>, Error>;
 
 /// A kind of media.
 pub struct BusKind {
-    /// Its name, in the plant file and as the family of ports in layouts.
+    /// Name of the kind, in the plant file and as the family of ports in layouts.
     pub name: &'static str,
     /// Kinds of journal records of the medium.
     pub records: &'static [&'static Kind],

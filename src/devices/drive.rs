@@ -59,7 +59,7 @@ pub struct Shaft {
     pub is_fed: bool,
     /// The motor's speed.
     pub speed: i32,
-    /// Its angle, in parts of 2^32 of a revolution.
+    /// Angle of the motor, in parts of 2^32 of a revolution.
     pub angle: u32,
 }
 

@@ -32,9 +32,9 @@ pub enum Switch {
 pub struct ModuleFront {
     /// Kind of the module, as plant files call it.
     pub kind: &'static str,
-    /// Its switches, by the names that they have in plant files.
+    /// Switches of the module, by the names that they have in plant files.
     pub switches: Vec<(&'static str, Switch)>,
-    /// Its LEDs, by the names that the manual gives them.
+    /// LEDs of the module, by the names that the manual gives them.
     pub leds: Vec<(&'static str, Led)>,
 }
 

@@ -15,24 +15,24 @@ pub struct SyncSignal {
 /// Source of the SYNC signal of a bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SyncOrigin {
-    /// There is no master that could generate the signal.
+    /// The bus has no master that could generate the signal.
     NoMaster,
     /// The master has not started.
     Idle {
-        /// Its port.
+        /// Port of the master.
         port: Origin,
-        /// Name of its status register.
+        /// Name of the status register of the master.
         register: &'static str,
-        /// Value of its status register.
+        /// Value of the status register.
         state: u16,
     },
     /// The master of the bus generates the signal.
     Own(Origin),
     /// The master passes on the signal of another port of its device.
     Forwarded {
-        /// Its port.
+        /// Port of the master.
         port: Origin,
-        /// The register and its value that demand this, for messages.
+        /// The register with the value that makes the master pass the signal on, for messages.
         setting: &'static str,
     },
 }

@@ -62,13 +62,14 @@ impl Module {
         })
     }
 
-    /// Its DIP switches in the form of the header page; a slave of the PLC ignores the switches of the other numbers.
+    /// DIP switches of the module in the form of the header page. In addition to the switches of its number, a slave of the PLC
+    /// uses only switch 10.
     fn switches(&self) -> u32 {
         let others = if self.has_registers { self.other_switches & DIP_10_ON } else { self.other_switches };
         u32::from(self.dip) | others
     }
 
-    /// Its place among the ports of the header page.
+    /// Place of the module among the ports of the header page.
     fn place(&self) -> usize {
         usize::from(self.number) - 1
     }

@@ -43,7 +43,7 @@ pub trait CanPort: Send + SnapshotFields {
     }
 
     /// The error state of the controller has changed. The device decides whether the controller returns from BUS-off by
-    /// itself. This default implementation does so ([`Controller::restart`]).
+    /// itself. The default implementation returns it at once ([`Controller::restart`]).
     fn error_state(&mut self, ctx: &mut Context, controller: &mut Controller, state: ErrorState) {
         let _ = ctx;
         if state == ErrorState::BusOff {

@@ -253,7 +253,7 @@ impl SnapshotFields for Stations {
             ends,
             rate: _,
             waiting,
-            // Both are rebuilt after loading, from the times and filters of the stations.
+            // `due` and `acceptance` are rebuilt after loading, from the times and filters of the stations.
             due: _,
             acceptance: _,
             members,

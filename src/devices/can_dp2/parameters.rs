@@ -39,7 +39,7 @@ pub(super) struct PrmFault {
 /// Role of the gateway on CAN (p. 29).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Role {
-    /// Neither master nor slave: CANopen settings do not count.
+    /// Neither CANopen master nor CANopen slave: CANopen settings have no effect.
     Layer2,
     /// CANopen master.
     Master,

@@ -181,7 +181,7 @@ fn a_repeated_identifier_updates_the_later_entry_only() {
     assert_eq!(master.pages.shown()[8..12], [0, 0, 1, 7]);
 }
 
-/// There are at most 100 pages of each kind of definitions, and 65285 of data (p. 55, 59).
+/// A configuration has at most 100 pages of each kind of definitions, and 65285 of data (p. 55, 59).
 #[test]
 fn the_number_of_pages_is_limited() {
     let mut master = Master::new(&[32], &[32]);

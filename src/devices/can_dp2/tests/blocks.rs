@@ -361,7 +361,8 @@ fn fb2_configures_and_exchanges_pages() {
     assert_eq!(plc.blocks.get(97).unwrap()[16..24], [7, 1, 1, 2, 3, 4, 5, 6]);
 }
 
-/// Configurations and data continue in the next data block (p. 63-69); the lengths are those of the examples there.
+/// Configurations and data continue in the next data block (p. 63-69); the lengths are from the examples of these
+/// pages.
 #[test]
 fn fb2_continues_in_the_next_data_block() {
     let mut plc = Plc::new(0x01, &[0x80, 0x9F, 0x40, 0x9F], 32);

@@ -32,7 +32,7 @@ fn freeze_and_sync_are_ignored() {
     bench.run(10 * MS);
     assert_eq!(bench.heard(), ["203: 01 02"]);
     assert_eq!(bench.diag()[1], 0x04);
-    // These commands do not clear outputs, and Clear_Data does not for another group.
+    // Other commands of Global_Control do not clear outputs; Clear_Data for another group does not either.
     for octets in [[0x28, 0], [0x02, 0x10]] {
         assert_eq!(bench.ask(58, &octets).0, mst_result::SENT);
     }

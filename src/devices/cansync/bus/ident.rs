@@ -12,7 +12,7 @@ pub enum Channel {
 }
 
 impl Channel {
-    /// Both channels in the order of their time slots.
+    /// Channels 1 and 2 in the order of their time slots.
     pub const ALL: [Channel; 2] = [Channel::One, Channel::Two];
 
     /// 0 for channel 1, 1 for channel 2.

@@ -57,9 +57,9 @@ struct Losses {
     allowed: u32,
     /// Frames of the master that carry a mapped reference value; bit 0 frame 1, bit 1 frame 2.
     wanted: u8,
-    /// Those frames of `wanted` that came at least once. No frame can be lost before its first arrival.
+    /// Frames of `wanted` that came at least once. No frame can be lost before its first arrival.
     expected: u8,
-    /// Those frames of `wanted` that came in the present interval.
+    /// Frames of `wanted` that came in the present interval.
     seen: u8,
     in_succession: u32,
     total: u64,

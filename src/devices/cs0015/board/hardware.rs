@@ -162,7 +162,7 @@ impl Firmware for Hardware {
                 let is_new = !self.shared.defects().is_fatal;
                 is_new.then(|| self.shared.change(|defects| defects.is_fatal = true))?;
             }
-            // These conditions are present while the fault is active.
+            // The conditions of these effects are present while the fault is active.
             Effect::ShortCircuit(_)
             | Effect::WireBreak(_)
             | Effect::Supply(_)

@@ -18,15 +18,15 @@ impl Numbers {
         Numbers { writes: core::array::from_fn(|x| load(x).0), reads: core::array::from_fn(|x| load(x).1) }
     }
 
-    /// These numbers with reference values 0 and 1 and actual values 0 to 3 of others: what a re-initialization
-    /// replaces (manual 5.00005.03a p. 90).
+    /// Returns these numbers, with reference values 0 and 1 and actual values 0 to 3 taken from `others`. A
+    /// re-initialization replaces only these six (manual 5.00005.03a p. 90).
     pub(crate) fn re_initialized(mut self, others: &Numbers) -> Self {
         self.writes[..2].copy_from_slice(&others.writes[..2]);
         self.reads[..4].copy_from_slice(&others.reads[..4]);
         self
     }
 
-    /// Whether the drive can exchange all of these.
+    /// Checks whether the drive can exchange all parameters with these numbers.
     ///
     /// # Errors
     /// Returns the acknowledgement. The error of a reference value that cannot be written has priority over that of

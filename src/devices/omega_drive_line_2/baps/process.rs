@@ -58,7 +58,7 @@ pub(super) struct Process {
 snapshot_fields!(Process { values: configured, events; built: face });
 
 impl Process {
-    /// There is no configuration.
+    /// Creates the process data of a BAPS without a configuration.
     ///
     /// # Errors
     /// If the segment is read-only.

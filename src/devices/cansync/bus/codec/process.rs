@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 /// Lowest bit of the value number.
 const NUMBER_AT: u32 = cfg_word::NUMBER.trailing_zeros();
-// Both kinds of bytes differ only in the length of the number.
+// The bytes of `cfg_wrc_master` and `cfg_word` differ only in the length of the number.
 const _: () = assert!(
     cfg_wrc_master::NUMBER.trailing_zeros() == NUMBER_AT
         && cfg_wrc_master::ASSIGNED == cfg_word::ASSIGNED
