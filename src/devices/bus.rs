@@ -20,7 +20,7 @@ pub struct World<'a> {
 
 /// A port of a device, as the device hands it over to be attached to a bus.
 pub struct Plug {
-    /// Its number in the device's layout.
+    /// Number of the port in the device's layout.
     pub number: u8,
     /// Family of buses that the plug fits, one of [`BUS_KINDS`](super::BUS_KINDS).
     pub family: &'static str,

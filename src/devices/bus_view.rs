@@ -37,7 +37,7 @@ pub enum ParticipantId {
 
 /// The visible state of a bus. Reading it changes nothing.
 pub trait BusView {
-    /// Its name in the plant.
+    /// Name of the bus in the plant.
     fn name(&self) -> &str;
 
     /// Kind of the bus, one of [`BUS_KINDS`](super::BUS_KINDS).

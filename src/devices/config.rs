@@ -17,7 +17,7 @@ use toml::de::{Error, ValueDeserializer};
 
 /// A device as the plant file describes it.
 pub trait DeviceConfig: fmt::Debug + Send + Sync {
-    /// Its name, unique among the devices.
+    /// Name of the device, unique among the devices.
     fn name(&self) -> &str;
 
     /// Layout of the device.
@@ -36,7 +36,7 @@ pub trait DeviceConfig: fmt::Debug + Send + Sync {
         Vec::new()
     }
 
-    /// Its ports, plugged in or not.
+    /// Ports of the device, plugged in or not.
     fn ports(&self) -> Vec<PortConfig<'_>> {
         Vec::new()
     }
@@ -120,7 +120,7 @@ pub struct Doubt {
 
 /// A medium as the plant file describes it.
 pub trait BusSection: fmt::Debug + Send + Sync {
-    /// Its name, unique among the media.
+    /// Name of the medium, unique among the media.
     fn name(&self) -> &str;
 
     /// Checks the settings.

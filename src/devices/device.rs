@@ -53,7 +53,7 @@ pub trait Device: DeviceView + Front + Any + Send + SnapshotFields {
         let _ = world;
     }
 
-    /// Its interrupt events, if it has any.
+    /// Interrupt events of the device, if it has any.
     fn events(&mut self) -> Option<&mut Events> {
         None
     }
@@ -73,7 +73,7 @@ pub trait Device: DeviceView + Front + Any + Send + SnapshotFields {
         None
     }
 
-    /// Its NOVRAM, if it has any.
+    /// NOVRAM of the device, if it has any.
     fn novram(&self) -> Option<&dyn NovramContents> {
         None
     }

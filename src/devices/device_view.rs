@@ -5,13 +5,13 @@ use crate::memory::{Header, Segment};
 
 /// The visible state of a device. Reading it changes nothing.
 pub trait DeviceView {
-    /// Its name in the plant.
+    /// Name of the device in the plant.
     fn name(&self) -> &str;
 
-    /// Its image.
+    /// Image of the device.
     fn segment(&self) -> &Segment;
 
-    /// Its registers.
+    /// Layout of the registers of the device.
     fn layout(&self) -> &'static DeviceLayout;
 
     /// The header page of its image.

@@ -8,38 +8,38 @@ use serde::{Deserialize, Serialize};
 pub struct DriveState {
     /// Number of the drive on its bus, if it is on a bus.
     pub number: Option<u8>,
-    /// Rate of its interface in kbit/s, if it is on a bus.
+    /// Rate of the drive's interface in kbit/s, if the drive is on a bus.
     pub kbit_s: Option<u16>,
-    /// State of its state machine: `operation_enabled`; `off` without supply.
+    /// State of the drive's state machine: `operation_enabled`; `off` without supply.
     pub state: String,
-    /// Its status word.
+    /// Status word of the drive.
     pub status_word: u16,
-    /// Whether it runs in step with its SYNC signal.
+    /// Whether the drive runs in step with its SYNC signal.
     pub is_synchronized: bool,
     /// Reference value of the speed, in increments of the drive's speed format.
     pub speed_reference: i32,
-    /// Actual value of its speed, in the same unit.
+    /// Actual value of the speed, in increments of the drive's speed format.
     pub speed_actual: i32,
-    /// Number of its fault; 0: none.
+    /// Number of the drive's fault; 0: none.
     pub fault: u32,
     /// Reference value frames missed so far.
     pub lost_references: u64,
-    /// Whether it ignores reference values because too many were lost.
+    /// Whether the drive ignores reference values because too many were lost.
     pub is_stopped: bool,
 }
 
 /// A parameter of a drive.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ParameterState {
-    /// Its number.
+    /// Number of the parameter.
     pub number: u16,
     /// Name of the parameter; empty for a parameter that the plant file has added.
     pub name: String,
-    /// Its unit; empty if it has none.
+    /// Unit of the value; empty if it has none.
     pub unit: String,
-    /// Its width in bytes, 2 or 4.
+    /// Width of the value in bytes, 2 or 4.
     pub bytes: u8,
-    /// Its value.
+    /// Present value.
     pub value: i64,
     /// Lowest value.
     pub min: i64,
@@ -68,7 +68,7 @@ pub struct Shaft {
 pub struct DriveDetails {
     /// State of the drive.
     pub state: DriveState,
-    /// Its parameters, in the order of their numbers.
+    /// Parameters of the drive, in the order of their numbers.
     pub parameters: Vec<ParameterState>,
     /// The parameters of its interface card, by their numbers: ZK 0, 1, 4 ...; empty without a card.
     pub card: Vec<(u8, u16)>,

@@ -9,7 +9,7 @@ use core::ops::RangeInclusive;
 /// `pass(us)`, which advances the clock in the slices of the run, and the names of its [setting](Exercise::settings).
 #[derive(Debug)]
 pub struct Exercise {
-    /// Its name, unique among all.
+    /// Name of the exercise, unique among all exercises.
     pub name: &'static str,
     /// The plant file. `${NAME}` is replaced by the value of this name in the setting.
     pub plant: &'static str,
@@ -45,7 +45,7 @@ impl Move {
         Move { name, parameters, weight: 1 }
     }
 
-    /// The same move, with `weight` times the usual frequency.
+    /// Returns the same move with `weight` times the usual frequency.
     #[must_use]
     pub const fn often(self, weight: u32) -> Self {
         Move { weight, ..self }

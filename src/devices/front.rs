@@ -53,7 +53,7 @@ pub trait Front {
     /// Whether a client has turned a switch or put in a request.
     fn front_has_changed(&self) -> bool;
 
-    /// Whether it has power and is not held in RESET.
+    /// Whether the device has power and is not held in RESET.
     fn is_up(&self) -> bool;
 
     /// The supply has failed; called for the parts that run while RESET is active.

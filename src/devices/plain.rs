@@ -84,7 +84,7 @@ pub trait Firmware: SnapshotFields + Send + 'static {
         None
     }
 
-    /// Its events, if it has any.
+    /// Events of the device, if it has any.
     fn events(&mut self) -> Option<&mut Events> {
         None
     }

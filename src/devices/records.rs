@@ -189,7 +189,7 @@ impl BoardEvent {
         })
     }
 
-    /// Its name in JSON Lines.
+    /// Returns the name of the record in JSON Lines.
     pub fn name(&self) -> &'static str {
         match self {
             BoardEvent::Up { .. } => "up",

@@ -20,7 +20,7 @@ use std::sync::{Mutex, OnceLock, PoisonError};
 /// A device that commram knows.
 #[derive(Debug)]
 pub struct Registered {
-    /// Its areas, registers, ports and times.
+    /// Areas, registers, ports and times of the device.
     pub layout: &'static Layout,
     /// Elements of its board, from [`BoardWords::NAMES`](header::BoardWords::NAMES); every device has supply and
     /// restarts.

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 pub struct Interval {
     /// Time between two SYNC edges, in us.
     pub us: u32,
-    /// Its slots, in the order of their times.
+    /// Slots of the interval, in the order of their times.
     pub slots: Vec<Slot>,
 }
 

@@ -13,7 +13,7 @@ pub(super) struct Supply {
     /// Whether power comes in when the switch is on.
     is_fed: bool,
     is_up: bool,
-    /// Whether it has been up before: the first power-on is no event.
+    /// Whether the device has been up before: the first power-on is no event.
     is_used: bool,
     /// The switch, as last seen.
     seen: u32,

@@ -44,7 +44,7 @@ pub(super) enum Work {
 /// A CANsync option module.
 #[derive(Clone, Debug)]
 pub struct ModuleConfig {
-    /// Its slot.
+    /// Slot of the module.
     pub port: &'static Port,
     /// Kind of the module.
     pub kind: ModuleKind,
@@ -97,7 +97,7 @@ pub struct Bm4Config {
     pub name: String,
     /// The module that raises event 11; none without modules (decision D-365).
     pub sync_source: Option<&'static Port>,
-    /// Its modules, from slot G to slot M.
+    /// Modules of the PLC, from slot G to slot M.
     pub modules: Vec<ModuleConfig>,
 }
 

@@ -62,8 +62,8 @@ impl Module {
         })
     }
 
-    /// DIP switches of the module in the form of the header page. In addition to the switches of its number, a slave of the PLC
-    /// uses only switch 10.
+    /// DIP switches of the module in the form of the header page. A slave of the PLC uses
+    /// only the switches of its number and switch 10.
     fn switches(&self) -> u32 {
         let others = if self.has_registers { self.other_switches & DIP_10_ON } else { self.other_switches };
         u32::from(self.dip) | others

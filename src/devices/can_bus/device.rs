@@ -43,7 +43,7 @@ struct Section {
     bus: Option<String>,
 }
 
-/// Such a device in the plant file.
+/// Configuration of a device with one CAN port in the plant file.
 struct Config<D> {
     name: String,
     bus: Option<String>,

@@ -68,9 +68,9 @@ struct PendingAnswer {
 enum LineStep {
     /// The telegram on the line ends.
     End,
-    /// The alarm of this port.
+    /// The alarm of the port with this index occurs.
     Alarm(usize),
-    /// This sender begins to send.
+    /// The sender with this index begins to send.
     Begin(usize),
 }
 

@@ -22,7 +22,7 @@ function_block! {
         out {
             /// The value read.
             ud_PAR_VALUE: u32;
-            /// Its format: FALSE word, TRUE doubleword.
+            /// Format of the value read: FALSE word, TRUE doubleword.
             x_PAR_FORMAT: bool;
             /// The job is in progress.
             x_BUSY: bool;

@@ -33,7 +33,7 @@ function_block! {
             ud_WR_VALUE1: u32;
             /// Monitoring time of a re-initialization, in emulated time; preset 1 s.
             t_RE_INIT_TIME: Duration = Duration::from_secs(1);
-            /// Its rising edge starts the re-initialization.
+            /// A rising edge starts the re-initialization.
             x_RE_INIT_START: bool;
             /// Enables the exchange; TRUE by default.
             x_EN: bool = true;

@@ -43,19 +43,19 @@ function_block! {
     }
 }
 
-/// Event that the block waits for.
+/// Event for which the block waits.
 #[derive(Clone, Copy, Debug, Default)]
 pub enum Phase {
-    /// A job.
+    /// A parameter block enters a job.
     #[default]
     Idle,
-    /// Both semaphores at 0.
+    /// Master and slave semaphore are 0.
     Starting(Watch),
-    /// The drive's semaphore at 1.
+    /// The drive sets its semaphore to 1.
     Running(Watch),
-    /// The drive's semaphore back at 0.
+    /// The drive sets its semaphore back to 0.
     Ending(Watch, Answer),
-    /// `x_RESET`.
+    /// The program sets `x_RESET`.
     Locked,
 }
 
