@@ -30,8 +30,8 @@ pub struct Plug {
     pub socket: Box<dyn Any + Send>,
 }
 
-/// A bus of a plant. It runs the firmware of the ports that are attached to it, so an event reaches all affected
-/// ports without a call of their devices. What only some buses have, a bus hands out on request: a watch over its ports,
+/// A bus of a plant. It runs the firmware of the ports that are attached to it, so an event reaches all affected ports
+/// without a call of their devices. Features that only some buses have are optional methods: a watch over the ports,
 /// guests, a SYNC signal, drives, faults.
 pub trait Bus: BusView + Any + Send + SnapshotFields {
     /// Attaches a port: the [`Plug::socket`] of a device. Returns the port's place, which identifies it from now on.

@@ -8,9 +8,9 @@ use crate::memory::header::BoardState;
 use crate::snapshot_fields::SnapshotFields;
 use core::any::Any;
 
-/// A device of a plant. Its ports are firmware of the bus that they belong to. The plant passes events of the device to
-/// its ports, and events of the ports to the device. What only some devices have, a device hands out on request: parts
-/// for its ports, events, a drive, NOVRAM, faults. A device that has only a supply in its front is a
+/// A device of a plant. The bus of a port runs the firmware of the port. The plant passes events of the device to its
+/// ports, and events of the ports to the device. Features that only some devices have are optional methods: parts for
+/// the ports, events, a drive, NOVRAM, faults. A device that has only a supply in its front is a
 /// [`Plain`](super::Plain) one.
 pub trait Device: DeviceView + Front + Any + Send + SnapshotFields {
     /// Power-on or end of a reset, before the ports follow.
@@ -32,7 +32,7 @@ pub trait Device: DeviceView + Front + Any + Send + SnapshotFields {
 
     /// Whether the device is quiescent: the last poll and processor cycle found nothing to do, and the next ones will
     /// change nothing until a register is written or another event occurs, for example [`Device::due`]. The plant then
-    /// skips them. When in doubt, returns false.
+    /// skips the next polls and cycles. When in doubt, returns false.
     fn is_quiescent(&self) -> bool {
         false
     }

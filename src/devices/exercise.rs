@@ -5,8 +5,9 @@ use core::ops::RangeInclusive;
 /// An exercise: a scenario with a middle part that is generated at random.
 ///
 /// Its [`script`](Exercise::script) defines a function for each [`Move`], and two more: `start()` brings a plant from
-/// power-on to the point where moves can be made, and `recover()` brings it there from any state. Each may use
-/// `pass(us)`, which advances the clock in the slices of the run, and the names of its [setting](Exercise::settings).
+/// power-on to the point where moves can be made, and `recover()` brings it there from any state. Each of these
+/// functions may use `pass(us)`, which advances the clock in the slices of the run, and the names of its
+/// [setting](Exercise::settings).
 #[derive(Debug)]
 pub struct Exercise {
     /// Name of the exercise, unique among all exercises.

@@ -103,8 +103,8 @@ impl Firmware for () {
 }
 
 /// A device with registers, ports and a supply that can be switched off and on. At power-on its registers get their
-/// reset values, and its retain flags, as many as its layout says, stay unchanged. A reset does the same. It has no
-/// switches and no events. The program of a client runs while the device is up.
+/// reset values, and its retain flags, as many as its layout says, stay unchanged. A reset has the same effect. The
+/// device has no switches and no events. The program of a client runs while the device is up.
 pub struct Plain<F> {
     index: u16,
     name: String,

@@ -86,8 +86,8 @@ pub(super) struct Parameters {
 }
 
 impl Parameters {
-    /// Checks the octets of a Set_Prm. A wrong ident number is reported first, since the telegram is for another
-    /// device; otherwise the first wrong octet. A missing or additional octet counts as the last wrong octet (D-375).
+    /// Checks the octets of a Set_Prm. Reports a wrong ident number first, since the telegram is for another device;
+    /// otherwise the first wrong octet. A missing or additional octet counts as the last wrong octet (D-375).
     pub(super) fn parse(octets: &[u8]) -> Result<Self, PrmFault> {
         let is_unsupported = octets.first().is_some_and(|status| status & UNSUPPORTED != 0);
         let fault = |(number, right): (usize, u8)| PrmFault { number: number as u8, right, is_unsupported };

@@ -117,7 +117,7 @@ impl Registers {
         self.set_sync_time(parameters.sync_ms());
     }
 
-    /// Sets the SYNC time in ms, from parameters, the comment of a window or command 20. The last one counts, and
+    /// Sets the SYNC time in ms, from parameters, the comment of a window or command 20. The last value counts, and
     /// 16#FFFF keeps the stored time (p. 30, 39, 44; D-385). Returns whether the time was taken over.
     pub(super) fn set_sync_time(&self, time: u16) -> bool {
         let is_taken = time != SYNC_STORED;

@@ -113,7 +113,7 @@ fn initialization_data(
 
 /// Maps reference value 0 into words 0 and 1 of frame 1, which all drives read, and words 0 and 1 of each drive's frame
 /// 1 into its actual value 0. In each interval the master asks another slave for its frame. The mapping comes after the
-/// initialization data, because taking those over clears the cyclic registers.
+/// initialization data, because the firmware clears the cyclic registers when it takes over the initialization data.
 fn mapping(trace: &Trace<'_>) -> Result<(), DemoError> {
     let node = &trace.node;
     let reference = &node._CFG_WRC_WORD;

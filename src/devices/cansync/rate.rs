@@ -3,7 +3,7 @@
 use crate::layout::Provenance;
 
 /// Baud rate, interval and slot times of a CANsync bus that belong together. Times `t_` are microseconds after the SYNC
-/// edge and give the latest start of that frame. The layout of a device has its table.
+/// edge and give the latest start of that frame. The layout of each device contains the table of these times.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[allow(non_snake_case)]
 pub struct BaudRate {

@@ -34,8 +34,8 @@ pub struct Master {
 
 function_block! {
     /// Exchanges outputs and inputs with the gateway by the registers of its master without a stack, with at most one
-    /// request per call. In a real PLC the CPU does this without the program; the block is defined by commram. Call it
-    /// once in each cycle.
+    /// request per call. In a real PLC the CPU exchanges the data without the program; commram defines this block. Call
+    /// it once in each cycle.
     pub struct DP_MASTER(mst: Base<CAN_DP2_MST>, peripherals: Shared<Peripherals>) {
         in {
             /// Enables the exchange; FALSE: restarts.

@@ -153,8 +153,8 @@ fn times_are_kept_without_supply() {
     );
 }
 
-/// P. 29, table 5.1.2: remote frames follow the wake-up time of a master and the start of a slave. They carry no outputs, so they wait for
-/// none, and a master that only clears has its inputs asked for, too (D-675).
+/// P. 29, table 5.1.2: remote frames follow the wake-up time of a master and the start of a slave. Remote frames carry
+/// no outputs, so they do not wait for outputs. A DP master that only clears outputs receives its inputs, too (D-675).
 #[test]
 fn inputs_are_asked_for_before_there_are_outputs() {
     for (flags, then) in
@@ -174,8 +174,9 @@ fn inputs_are_asked_for_before_there_are_outputs() {
     }
 }
 
-/// D-386: at the end of data exchange the waiting frames are dropped, in the CAN controller as well; only a frame on the
-/// wire is sent to its end. So no output of a configuration outlives it (p. 30; D-675).
+/// D-386: at the end of data exchange the waiting frames are dropped, in the CAN controller as well; only a frame on
+/// the wire is sent to its end. So no output of a configuration goes out after the end of the configuration (p. 30;
+/// D-675).
 #[test]
 fn the_end_of_data_exchange_empties_the_can_controller() {
     let cfg: Vec<u8> = (0..30).flat_map(|id| [0x83, 7, 1, id, 0]).collect();

@@ -15,8 +15,8 @@ macro_rules! mode {
             ///
             /// Inputs are commands. Outputs show the node's state at the time of the call; the answer to a command is
             /// visible at a later call. Without an input there is no command. With `x_SYNC_MODE` and `x_CANsync_RUN`
-            /// together, the mode is set up first and enabled by a later call. In the active mode no further command is
-            /// sent (decision D-204).
+            /// together, the block sets the mode up first and enables it by a later call. In the active mode the block
+            /// sends no further command (decision D-204).
             pub struct $name(_BASE: Base<$base>) {
                 in {
                     /// Restarts the node.

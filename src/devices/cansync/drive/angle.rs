@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 ///
 /// The drive's control interval is half a PWM period: 125 us at 4 kHz. The slot must be divided into equal whole steps.
 /// So the number of masked low bits is the binary logarithm of the number of steps, rounded up. A slot that is not in
-/// the table is rounded up to the next one (decision D-161).
+/// the table is rounded up to the next slot of the table (decision D-161).
 pub const fn mask(sync_slot_us: u16, pwm_khz: u16) -> u32 {
     if sync_slot_us == 0 {
         return 0xFFF8_0000;

@@ -228,9 +228,9 @@ impl Drive {
     }
 
     /// Starts an interval of `interval_us` at `now_us` by the drive's own clock, because its SYNC edge is missing. The
-    /// drive runs through the first such interval (manual 5.00005.03a p. 135). After that card and drive exchange no
-    /// data (5.01010.01 p. 22). The motion continues in both cases. The actual value frames are left out, which p. 135
-    /// permits (decision D-124).
+    /// drive runs through the first such interval (manual 5.00005.03a p. 135). In later such intervals card and drive
+    /// exchange no data (5.01010.01 p. 22). The motion continues in all of them. The drive leaves out the actual value
+    /// frames, which p. 135 permits (decision D-124).
     pub fn interval_without_edge(&mut self, now_us: u64, interval_us: u32) {
         let runs_through = self.sync.runs_through(now_us);
         self.pass(now_us);
@@ -340,9 +340,9 @@ impl Drive {
 
     /// Handles an action command. The drive ignores commands for other drives (SLAVE_GROUP).
     ///
-    /// A control word waits for the next exchange between card and drive (decision D-81). SYNC mode on resumes an
-    /// exchange that reference value losses have stopped (ZK 26). SYNC mode off ends the synchronized state. Other
-    /// commands have no effect.
+    /// A control word waits for the next exchange between card and drive (decision D-81). Action command "SYNC mode:
+    /// on" resumes an exchange that reference value losses have stopped (ZK 26). "SYNC mode: off" ends the synchronized
+    /// state. Other commands have no effect.
     pub fn action_command(&mut self, command: &ActionCommand) {
         if !command.concerns(self.slave_number) {
             return;
@@ -375,7 +375,8 @@ impl Drive {
     }
 
     /// Answers a parameter job at once. While card and drive exchange no data, the card answers with BUSY, so that the
-    /// master repeats the job (5.01010.01 p. 22, 26-27; decision D-615). Only the status word can be read then.
+    /// master repeats the job (5.01010.01 p. 22, 26-27; decision D-615). Only the status word can be read in this
+    /// state.
     ///
     /// The element selection of a read job is ignored, as the manual permits (5.01010.01 p. 26). Only element 7 can be
     /// written; the error for others is 16#FFFC "not changeable". The drive has no sub-slaves: each sub-slave address

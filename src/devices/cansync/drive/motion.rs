@@ -60,9 +60,9 @@ impl Motion {
         speed
     }
 
-    /// Advances through one interval for each of the `targets`. There is at least one. An interval has two parts, whose
-    /// lengths in us are `parts`. The target of the previous interval, at first `before`, is still valid in the first
-    /// part. Returns true if the motor is at a has_stoppedtill in any part.
+    /// Advances through one interval for each of the `targets`, of which at least one exists. An interval has two
+    /// parts, whose lengths in us are `parts`. The target of the previous interval, at first `before`, is still valid
+    /// in the first part. Returns true if the motor is at a standstill in any part.
     #[inline]
     pub(crate) fn steps(
         &mut self,

@@ -102,7 +102,7 @@ impl Orders {
 }
 
 /// Notes a write of `bytes` bytes at `offset` by address. If the bytes include the `w_CPU_CONTROL` of one of the nodes
-/// at `locations`, 16#0000 in it is a restart, even if it was the value before (decision D-29).
+/// at `locations`, the value 16#0000 is a restart, even if the register held 16#0000 before (decision D-29).
 pub(crate) fn note_restarts(
     segment: &Segment,
     face: &Face,

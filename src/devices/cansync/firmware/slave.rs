@@ -225,7 +225,8 @@ impl Slave {
     }
 
     /// Ends the interval if SYNC is missing: there are no deadlines and no frames without SYNC. The state stays as the
-    /// PLC set it. The jobs stay too: their answers wait for the master (decision D-64).
+    /// PLC set it. The jobs also stay in their registers: the answers wait until the master repeats or changes the job
+    /// (decision D-64).
     fn watch_signal(&mut self, now: u64) {
         self.lock.pass(now);
         if now > self.interval_ends {

@@ -191,8 +191,8 @@ impl Run<'_> {
     }
 
     /// The slaves' second actual value frame waits until WRC1 is received and processed, within the limits of the rate
-    /// (manual 5.00005.03a p. 182; several slaves: decision D-26). If the deadline is a separate time, it may have
-    /// passed already.
+    /// (manual 5.00005.03a p. 182; several slaves: decision D-26). If the device has a separate fixed deadline, this
+    /// deadline may have passed already.
     fn advance_actual2(&mut self) {
         let Deadline { earliest, latest, .. } = self.timing.deadline_RDC2;
         let [earliest, latest] = [earliest, latest].map(|after| self.start + u64::from(after));

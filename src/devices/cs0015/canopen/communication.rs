@@ -227,8 +227,9 @@ impl Communication {
         self.entered[entry]
     }
 
-    /// Writes 20F0h to 20F3h; returns `false` if the value is not permitted. When both entries of a pair have the same
-    /// changed value, it is stored. A Node-ID takes effect at once, a bit rate after the next power-on (p. 41, 163).
+    /// Writes 20F0h to 20F3h; returns `false` if the value is not permitted. When both entries of a pair (20F0h and
+    /// 20F1h, 20F2h and 20F3h) have the same changed value, the device stores the value. A Node-ID takes effect at
+    /// once, a bit rate after the next power-on (p. 41, 163).
     pub(crate) fn enter(&mut self, registers: &Registers, entry: usize, value: u8) -> bool {
         let is_node = entry < 2;
         let is_right = if is_node { self::is_node(value) } else { usize::from(value) < RATES.len() };

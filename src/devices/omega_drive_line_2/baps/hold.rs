@@ -30,8 +30,8 @@ impl Hold {
         self.until = None;
     }
 
-    /// Decides how a command is taken in the slice at `now`. `pace` is called when the command appears and once more
-    /// when the command has waited, and its argument says which of both. A command waits only once.
+    /// Decides how a command is taken in the slice at `now`. `pace` is called when the command appears, and once more
+    /// when the command has waited; its argument distinguishes the two calls. A command waits only once.
     pub(crate) fn turn(&mut self, now: u64, pace: impl FnOnce(bool) -> Pace) -> Pace {
         if let Some(until) = self.until.filter(|&until| now < until) {
             return Pace::Late((until - now) as u32);

@@ -28,8 +28,8 @@ impl LED {
 function_block! {
     /// Routes triggers and starts board timers (manual p. 56-60). May be run once in each start of the program (D-260).
     ///
-    /// The first call submits the inputs; call on until `x_OK` or `x_ERR`. Later calls do nothing, unless the board
-    /// has been reset (decisions D-213, D-214).
+    /// The first call submits the inputs; call the block until `x_OK` or `x_ERR` is TRUE. Later calls do nothing,
+    /// unless the board has been reset (decisions D-213, D-214).
     pub struct OPT_INIT(ram: Ram) {
         in {
             /// Mode of trigger 1 (option card IEI-02); 0: open.

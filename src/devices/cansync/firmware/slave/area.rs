@@ -18,9 +18,9 @@ pub(super) enum AreaKind {
 }
 
 impl AreaKind {
-    /// Selects the area. More than 300 bytes never fit block 1; fewer go there if the application has enabled it (p.
-    /// 191). Other transfers use the single-frame area. On a device without that area, the master gets an error number
-    /// (decision D-307).
+    /// Selects the area. A transfer of more than 300 bytes never fits block 1; a shorter transfer uses block 1 if the
+    /// application has enabled it (p. 191). Other transfers use the single-frame area. On a device without that area,
+    /// the master gets an error number (decision D-307).
     pub(super) fn of(
         regs: &CANsync_SL_CTRL_BMSTRUCT,
         length: u16,

@@ -130,8 +130,8 @@ impl Transfer {
         }
     }
 
-    /// Returns the refusal of a body or last frame that comes at the wrong time, as a finished answer. The transfer
-    /// stays as it is: the master may repeat the right frame (p. 142-143).
+    /// Returns the refusal of a body or last frame that comes at the wrong time, as a finished answer. The refusal does
+    /// not change the transfer: the master may continue with the right frame (p. 142-143).
     pub(super) fn refusal(&self, job: &UpDownJob) -> Option<UpDownResponse> {
         let last = match job.step() {
             UpDownStep::Upload { last } | UpDownStep::Download { last, .. } => last,

@@ -16,7 +16,7 @@ function_block! {
     /// new parameter numbers during the exchange (manual p. 104-111).
     ///
     /// A rising edge of `x_RE_INIT_START` begins the re-initialization, after [`BAPS_INIT`](super::BAPS_INIT) with
-    /// `us_MODE` 2 has written the numbers. Its result stays until the next one (decision D-217).
+    /// `us_MODE` 2 has written the numbers. The result stays until the next rising edge (decision D-217).
     pub struct BAPS_PD_COMM24(_BASE: Base<BAPS_CTRL_BMSTRUCT>) {
         in {
             /// 0: Omega Drive-Line II; with any other value the block does nothing.
