@@ -1,6 +1,6 @@
 //! Error messages of the engine, in words of the scenarios' language.
 
-use super::verb::verbs;
+use super::{spelling, verb::verbs};
 use crate::layout::did_you_mean;
 use rhai::{Engine, EvalAltResult, FLOAT, INT};
 use std::borrow::Cow;
@@ -45,9 +45,9 @@ pub(super) fn kind(name: &str) -> &str {
 pub(super) fn complaint(error: &EvalAltResult, line: &str) -> String {
     match error {
         EvalAltResult::ErrorFunctionNotFound(signature, _) => no_function(signature),
-        EvalAltResult::ErrorVariableNotFound(name, _) => {
-            format!("there is no variable `{name}`{}", with_underscores(line))
-        }
+        EvalAltResult::ErrorVariableNotFound(name, _) => spelling::mistake(line)
+            .unwrap_or_else(|| format!("there is no variable `{name}`{}", with_underscores(line))),
+        EvalAltResult::ErrorParsing(reason, _) => misread(reason, line),
         EvalAltResult::ErrorModuleNotFound(name, _) => format!("there is no script `{name}` to import"),
         EvalAltResult::ErrorMismatchDataType(wanted, given, _)
         | EvalAltResult::ErrorMismatchOutputType(wanted, given, _)
@@ -76,6 +76,9 @@ fn no_function(signature: &str) -> String {
     if !is_name(name) {
         return format!("`{name}` does not go with {}", given.join(" and "));
     }
+    if let Some(right) = spelling::call(name) {
+        return format!("there is no verb or function `{name}`; write {right}");
+    }
     let verbs = verbs();
     let near = did_you_mean(name, verbs.iter().map(|verb| verb.name));
     match given.as_slice() {
@@ -84,9 +87,14 @@ fn no_function(signature: &str) -> String {
     }
 }
 
+/// The error of the parser in a line.
+pub(super) fn misread(reason: &dyn core::fmt::Display, line: &str) -> String {
+    spelling::mistake(line).unwrap_or_else(|| format!("{reason}{}", with_underscores(line)))
+}
+
 /// Suggests the name with underscores for a line with `expect-that`, which is read as a subtraction, or `wait-until`,
 /// in which `until` is a word of the language; otherwise nothing.
-pub(super) fn with_underscores(line: &str) -> String {
+fn with_underscores(line: &str) -> String {
     let meant = verbs()
         .into_iter()
         .map(|verb| verb.name)

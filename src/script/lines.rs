@@ -1,7 +1,7 @@
 //! Runs scenario statements one at a time, as a user types them.
 
 use super::Bench;
-use super::complaint::with_underscores;
+use super::complaint::misread;
 use super::engine::{Stage, engine};
 use super::imports::Imports;
 use super::printed::Printed;
@@ -52,9 +52,10 @@ impl Lines {
     /// An expectation failed, or the piece is wrong: [`Outcome::Failed`], [`Outcome::Broken`].
     pub fn run(&mut self, text: &str) -> Result<Option<String>, Box<Outcome>> {
         let file = Path::new("shell");
-        let piece = self.engine.compile(text).map_err(|ParseError(reason, _)| {
-            Box::new(broken(&format!("{reason}{}", with_underscores(text)), place(file, None)))
-        })?;
+        let piece = self
+            .engine
+            .compile(text)
+            .map_err(|ParseError(reason, _)| Box::new(broken(&misread(&reason, text), place(file, None))))?;
         let known = self.functions.merge(&piece);
         self.functions = known.clone_functions_only();
         let value = self.engine.eval_ast_with_scope::<Dynamic>(&mut self.scope, &known);

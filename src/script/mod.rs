@@ -25,6 +25,7 @@ mod remote;
 mod report;
 mod run;
 pub mod soak;
+mod spelling;
 mod value;
 mod verb;
 

@@ -1,7 +1,7 @@
 //! Runs scenario scripts.
 
 use super::caught::Caught;
-use super::complaint::{complaint, cut, in_words, with_underscores};
+use super::complaint::{complaint, cut, in_words, misread};
 use super::engine::{Stage, engine};
 use super::failure::{Failure, FailureKind, ScriptLocation};
 use super::imports::{Imports, module_file};
@@ -102,8 +102,8 @@ fn run_text(
         Ok(ast) => ast,
         Err(ParseError(reason, position)) => {
             let place = place(file, position.line());
-            let hint = with_underscores(place.source.as_deref().unwrap_or_default());
-            return broken(&format!("{reason}{hint}"), place);
+            let what = misread(&reason, place.source.as_deref().unwrap_or_default());
+            return broken(&what, place);
         }
     };
     let mut scope = Scope::new();

@@ -6,6 +6,7 @@ use tempfile::TempDir;
 
 mod attached;
 mod selected;
+mod spelling;
 mod tutorial;
 
 /// Scripts in a separate directory, in which the command runs.

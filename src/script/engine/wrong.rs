@@ -5,7 +5,7 @@ use crate::script::ScenarioError;
 use crate::script::caught::Caught;
 use crate::script::complaint::kind;
 use crate::script::verb::{self, Verb};
-use rhai::Dynamic;
+use rhai::{Dynamic, FLOAT, INT};
 use std::collections::BTreeSet;
 
 /// Registers a function of any arguments under the name of a verb, one for each number of them, unless a verb takes all there.
@@ -27,7 +27,15 @@ impl Verbs {
             let of = verb::called(name);
             refuse!(self, name, of: 0 () 1 (a) 2 (a b) 3 (a b c) 4 (a b c d) 5 (a b c d e) 6 (a b c d e f));
         }
+        // The engine's own function would wait in real time, in which the plant does nothing.
+        self.engine.register_fn("sleep", |_: INT| no_sleep());
+        self.engine.register_fn("sleep", |_: FLOAT| no_sleep());
     }
+}
+
+fn no_sleep() -> Fallible<()> {
+    let right = "a scenario has emulated time only; write step(\"1ms\")";
+    Err(Caught::thrown(ScenarioError::argument("sleep", right)))
 }
 
 /// Whether there is a verb that takes `count` arguments of any kind.
