@@ -15,7 +15,7 @@ pub enum TimeError {
     #[error("emulated time has a resolution of 1us")]
     TooFine,
     /// More than can be counted.
-    #[error("too long")]
+    #[error("too long: emulated time has at most 5124095576h")]
     TooLong,
 }
 
@@ -72,6 +72,16 @@ pub fn short(us: u64) -> String {
     }
 }
 
+/// As [`short`], but whole minutes and hours in these units: `90 min`, `24 h`.
+pub fn long(us: u64) -> String {
+    match us {
+        0 => short(us),
+        us if us.is_multiple_of(3_600_000_000) => format!("{} h", us / 3_600_000_000),
+        us if us.is_multiple_of(60_000_000) => format!("{} min", us / 60_000_000),
+        us => short(us),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -102,6 +112,9 @@ mod tests {
         fn printed_times_are_read_back_unchanged(us in proptest::num::u64::ANY) {
             proptest::prop_assert_eq!(parse(&seconds(us)), Ok(us));
             proptest::prop_assert_eq!(parse(&short(us)), Ok(us));
+            proptest::prop_assert_eq!(parse(&long(us)), Ok(us));
+            let hours = us - us % 3_600_000_000;
+            proptest::prop_assert_eq!(parse(&long(hours)), Ok(hours));
             // Whole seconds are printed without decimals.
             let whole = us - us % 1_000_000;
             proptest::prop_assert_eq!(parse(&short(whole)), Ok(whole));
@@ -125,5 +138,6 @@ mod tests {
         assert_eq!(seconds(2_000), "0.002000 s");
         assert_eq!(seconds(12_000_001), "12.000001 s");
         assert_eq!([0, 1_500, 2_000, 3_000_000].map(short), ["0 us", "1500 us", "2 ms", "3 s"]);
+        assert_eq!([0, 90_000_000, 60_000_000, 86_400_000_000].map(long), ["0 us", "90 s", "1 min", "24 h"]);
     }
 }

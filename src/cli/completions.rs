@@ -1,7 +1,7 @@
 //! `commram completions`: scripts that make shells ask this program for completions.
 
-use super::{Cli, complete, error::CliError, output};
-use clap::{CommandFactory, ValueEnum};
+use super::{complete, error::CliError, output, parse};
+use clap::ValueEnum;
 use clap_complete::CompleteEnv;
 use clap_complete::env::{Bash, Elvish, EnvCompleter, Fish, Shells, Zsh};
 use std::ffi::OsString;
@@ -122,7 +122,7 @@ impl EnvCompleter for WholeWords {
 /// Answers a shell that asks for completions and exits; returns if no shell asks.
 pub(crate) fn answer() {
     let shells = Shells(&[&WholeWords, &Elvish, &Fish, &Zsh]);
-    CompleteEnv::with_factory(Cli::command).var(VARIABLE).shells(shells).complete();
+    CompleteEnv::with_factory(parse::command).var(VARIABLE).shells(shells).complete();
 }
 
 #[cfg(test)]

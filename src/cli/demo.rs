@@ -6,11 +6,11 @@
 pub(crate) mod plc;
 mod processes;
 
-use super::device::DeviceArg;
 use super::error::CliError;
 use super::{Instance, dump, output};
-use crate::devices;
+use crate::devices::{self, demo::Demo};
 use crate::plant::PlantConfig;
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use processes::{Emulator, POLL, SoftPlc};
 pub(crate) use processes::{Interrupts, command, end_with};
 use std::io::{self, Write};
@@ -34,17 +34,25 @@ Examples:
   commram demo
   commram demo | less")]
 pub(crate) struct Args {
-    #[command(flatten)]
-    device: DeviceArg,
+    /// Type of the device
+    #[arg(long, value_name = "DEVICE", value_parser = with_demo(), default_value = devices::default().layout.name)]
+    device: &'static Demo,
+}
+
+/// Accepts the names of devices that have a demonstration, and returns the demonstration.
+fn with_demo() -> impl TypedValueParser<Value = &'static Demo> {
+    let names = devices::all().iter().filter(|known| known.demo.is_some());
+    let names = names.map(|known| PossibleValue::new(known.layout.name).help(known.layout.title));
+    PossibleValuesParser::new(names).try_map(|name| {
+        devices::find(&name).and_then(|known| known.demo).ok_or("no demonstration of a device of this name")
+    })
 }
 
 /// Runs the demonstration.
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let interrupts = Interrupts::catch()?;
     let instance = format!("demo-{}", std::process::id());
-    let device = args.device.device;
-    let known = devices::of_hash(device.layout_hash);
-    let demo = known.and_then(|known| known.demo).ok_or(CliError::NoDemo { device: device.name })?;
+    let demo = args.device;
     let devices = match demo.plant {
         Some(plant) => PlantConfig::parse("the demonstration's plant", plant)?.devices,
         None => PlantConfig::built_in()?.devices,

@@ -162,7 +162,7 @@ errors! {
         hint: String,
     } => Exit::Failed,
     /// A register did not reach the expected value.
-    #[error("{} did not become {} within {}; at {} it holds {}", .unmet.place, .unmet.wanted, time::short(*.within_us), time::seconds(*.time_us), .unmet.found)]
+    #[error("{} did not become {} within {}; at {} it holds {}", .unmet.place, .unmet.wanted, time::long(*.within_us), time::seconds(*.time_us), .unmet.found)]
     NotMet {
         /// The register and its value.
         unmet: super::wait::UnmetCondition,
@@ -174,7 +174,7 @@ errors! {
     /// Several conditions were not true at the same moment, or none of them became true.
     #[error(
         "{} within {}; at {}:{}", if *.any { "none of these became true" } else { "these were not true at the same moment" },
-        time::short(*.within_us), time::seconds(*.time_us), lines(.conditions)
+        time::long(*.within_us), time::seconds(*.time_us), lines(.conditions)
     )]
     NoneMet {
         conditions: Vec<super::wait::UnmetCondition>,

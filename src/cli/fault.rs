@@ -2,6 +2,7 @@
 
 use super::Instance;
 use super::error::CliError;
+use super::number::{NumberError, within};
 use super::table::FormatArg;
 use crate::devices;
 use crate::fault::Kind;
@@ -120,13 +121,18 @@ Examples:
   commram fault clear --all")]
 struct Clear {
     /// Numbers of the faults, as `add` and `list` print them
-    #[arg(add = super::complete::fault_numbers(), value_name = "NUMBER", required_unless_present = "all")]
+    #[arg(add = super::complete::fault_numbers(), value_name = "NUMBER", required_unless_present = "all", value_parser = number)]
     numbers: Vec<NonZeroU16>,
     /// All faults
     #[arg(long, conflicts_with = "numbers")]
     all: bool,
     #[command(flatten)]
     instance: Instance,
+}
+
+fn number(text: &str) -> Result<NonZeroU16, NumberError> {
+    let number = within::<u16>(1..=u16::MAX.into())(text)?;
+    NonZeroU16::new(number).ok_or(NumberError::AtLeast(1))
 }
 
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {

@@ -1,7 +1,7 @@
 //! `commram man`: manual pages for `man`.
 
-use super::{Cli, error::CliError};
-use clap::{Command, CommandFactory};
+use super::{error::CliError, parse};
+use clap::Command;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -24,7 +24,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         move |reason| CliError::File { path, reason }
     };
     fs::create_dir_all(&args.directory).map_err(failed(&args.directory))?;
-    let mut all = Cli::command().disable_help_subcommand(true);
+    let mut all = parse::command().disable_help_subcommand(true);
     all.build();
     let mut commands = vec![(all.get_name().to_owned(), all)];
     while let Some((name, command)) = commands.pop() {

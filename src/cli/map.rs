@@ -7,12 +7,14 @@ use super::complete;
 use super::device::DeviceArg;
 use super::error::CliError;
 use super::output;
-use super::place::without_twins;
+use super::place::{NamedLocation, without_twins};
 use super::session::Session;
 use super::style;
 use super::table::{self, Format, FormatArg};
 use super::{Instance, instance_name};
-use crate::layout::{Address, Area, AreaStructure, DeviceFit, Fit, Named, Role, Width, split_plc};
+use crate::layout::{
+    Address, Area, AreaStructure, DeviceFit, Fit, LayoutError, Named, Role, Width, split_plc,
+};
 use entry::Entry;
 
 /// Show the register map: types, owners, meanings, and the source of each fact.
@@ -24,6 +26,7 @@ Examples:
   commram map node2.w_OPTION_STATUS
   commram map 'node2.*STATUS*'
   commram map %MB3.200012
+  commram map node2.w_CPU_CONTROL.7        a single bit
   commram map --all --format csv > map.csv
   commram map maxx:slotG -i press-1
 
@@ -31,7 +34,7 @@ Provenance: `manual` means that the manual states the fact; `manual` with a name
 that name states it. For all other facts the map names the decision (D-nn) on which the fact is based. \
 Names of blocks (node1, node2, ...) were chosen by this project (D-220).")]
 pub(crate) struct Args {
-    /// A register, an array, a pattern ('node2.*STATUS*'), an address or a block [default: everything]
+    /// A register, a bit, an array, a pattern ('node2.*STATUS*'), an address or a block [default: everything]
     #[arg(add = complete::blocks(), value_name = "NAME|ADDRESS|BLOCK")]
     what: Option<String>,
     /// Also registers that the manual reserves
@@ -60,6 +63,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let device = fitted.device();
     let of_area = |area| entry::of_area(&fitted, area);
     let (entries, single) = match what {
+        _ if let Some(bit) = bit(&fitted, what)? => (vec![bit], true),
         "" => (device.named_areas().flat_map(of_area).collect::<Vec<_>>(), false),
         address if address.starts_with('%') => (at_address(&fitted, device.address(address)?)?, true),
         name => match fitted.area_or_registers(name)? {
@@ -84,6 +88,18 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         );
     }
     table::print(args.format.format, &entries, text)
+}
+
+/// Returns the entry of a single bit, if `what` is one.
+fn bit(fitted: &DeviceFit, what: &str) -> Result<Option<Entry>, CliError> {
+    match NamedLocation::parse(fitted, what) {
+        Ok(place) => {
+            Ok(place.bit_in().map(|(register, bit)| entry::of_bit(&register, bit, &place.address())))
+        }
+        Err(refusal @ LayoutError::BadBit { .. }) => Err(refusal.into()),
+        // Not one register; the caller knows blocks, arrays and patterns too.
+        Err(_) => Ok(None),
+    }
 }
 
 /// Returns the registers at an address; structures that overlay each other share some of them.

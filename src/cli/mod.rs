@@ -1,5 +1,6 @@
 //! The `commram` command line: one file per subcommand. These files only parse arguments and print results.
 
+mod advice;
 mod board;
 mod bus;
 mod change;
@@ -24,7 +25,9 @@ mod layout;
 mod list;
 mod man;
 mod map;
+mod number;
 mod output;
+mod parse;
 mod pause;
 mod peek;
 mod plant;
@@ -52,8 +55,7 @@ mod with;
 
 use crate::layout::place;
 use crate::time;
-use clap::builder::Resettable;
-use clap::{ColorChoice, CommandFactory, Parser, Subcommand};
+use clap::{ColorChoice, Parser, Subcommand};
 use error::CliError;
 use exit::Exit;
 use instance::{Instance, InstanceName, instance_name};
@@ -104,10 +106,13 @@ Examples:
 
 #[derive(Subcommand)]
 enum Command {
+    #[command(alias = "start")]
     Run(run::Args),
     With(with::Args),
+    #[command(aliases = ["ps", "ls"])]
     List(list::Args),
     Status(status::Args),
+    #[command(alias = "kill")]
     Stop(stop::Args),
     Map(map::Args),
     Find(find::Args),
@@ -115,7 +120,9 @@ enum Command {
     Layout(layout::Args),
     Plant(plant::Args),
     Plot(plot::Args),
+    #[command(aliases = ["get", "read"])]
     Peek(peek::Args),
+    #[command(aliases = ["set", "write"])]
     Poke(poke::Args),
     Force(force::Args),
     Unforce(force::UnforceArgs),
@@ -129,6 +136,7 @@ enum Command {
     View(view::Args),
     Shell(shell::Args),
     Fault(fault::Args),
+    #[command(aliases = ["log", "journal"])]
     Trace(trace::Args),
     Test(test::Args),
     #[command(hide = true)]
@@ -150,9 +158,9 @@ enum Command {
 pub fn main() -> ExitCode {
     completions::answer();
     style::set(std::env::args_os());
-    let result = match Cli::try_parse() {
+    let result = match parse::parse(std::env::args_os()) {
         Ok(cli) => cli.command.run(),
-        Err(error) => return refuse(&without_environment_values(error)),
+        Err(error) => return refuse(&error),
     };
     finish(result)
 }
@@ -211,32 +219,18 @@ fn survive_file_size_limit() -> std::io::Result<()> {
     signal_hook::flag::register(libc::SIGXFSZ, std::sync::Arc::default()).map(drop)
 }
 
-/// Returns the same error without options set by environment variables: the usage text would show such options as
-/// required.
-fn without_environment_values(error: clap::Error) -> clap::Error {
-    fn bare(command: clap::Command) -> clap::Command {
-        command.mut_args(|arg| arg.env(Resettable::Reset)).mut_subcommands(bare)
-    }
-    if !error.use_stderr() {
-        return error;
-    }
-    // A mistake in the environment itself does not occur here; then the original error is returned.
-    bare(Cli::command()).try_get_matches().err().filter(|other| other.kind() == error.kind()).unwrap_or(error)
-}
-
 /// Shows requested help or version, and prints command line errors in the format of all other errors.
 fn refuse(error: &clap::Error) -> ExitCode {
     let shown = |stream_has_colours: bool| {
         let text = error.render();
         if stream_has_colours { text.ansi().to_string() } else { text.to_string() }
     };
-    let text = error.render().to_string();
     if error.kind() == clap::error::ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
         output::print_help(&shown(style::is_on(&std::io::stderr())));
         return ExitCode::from(Exit::WrongUse.code());
     }
     if error.use_stderr() {
-        output::complain(text.strip_prefix("error: ").unwrap_or(&text).trim_end());
+        output::complain(&advice::text(error));
         return ExitCode::from(Exit::WrongUse.code());
     }
     finish(output::print(&shown(style::is_on(&std::io::stdout()))))
@@ -260,13 +254,13 @@ mod tests {
 
     #[test]
     fn the_command_line_is_consistent() {
-        Cli::command().debug_assert();
+        parse::command().debug_assert();
     }
 
     /// On a narrow terminal clap wraps long lines; line breaks inside a paragraph would then give ragged lines.
     #[test]
     fn no_paragraph_below_the_help_is_broken_by_hand() {
-        let mut commands = vec![Cli::command()];
+        let mut commands = vec![parse::command()];
         while let Some(command) = commands.pop() {
             let text = command.get_after_help().map(ToString::to_string).unwrap_or_default();
             for (line, next) in text.lines().zip(text.lines().skip(1)) {
@@ -280,7 +274,7 @@ mod tests {
 
     #[test]
     fn every_command_has_examples() {
-        for command in Cli::command().get_subcommands() {
+        for command in parse::command().get_subcommands() {
             let examples = command.get_after_help().map(ToString::to_string).unwrap_or_default();
             let name = command.get_name();
             assert!(examples.contains(&format!("commram {name}")), "{name}");

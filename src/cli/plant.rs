@@ -1,7 +1,8 @@
-//! `commram plant`: templates and schema for plant files, without an emulator.
+//! `commram plant`: templates, check and schema for plant files, without an emulator.
 
 use super::error::CliError;
-use super::output;
+use super::table::FormatArg;
+use super::{output, plant_check};
 use crate::devices;
 use clap::Subcommand;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
@@ -12,13 +13,14 @@ use std::path::{Path, PathBuf};
 /// Name of the schema file in the directory of the plants.
 const SCHEMA: &str = "plant.schema.json";
 
-/// Create a plant file, or print the schema of plant files.
+/// Create or check a plant file, or print the schema of plant files.
 #[derive(clap::Args)]
 #[command(
     arg_required_else_help = true,
     after_help = "\
 Examples:
   commram plant new plant.toml
+  commram plant check plant.toml
   commram plant new --device DEVICE
   commram plant schema > plant.schema.json"
 )]
@@ -29,10 +31,27 @@ pub(crate) struct Args {
 
 #[derive(Subcommand)]
 enum Command {
+    Check(CheckArgs),
     New(NewArgs),
     /// Print the JSON schema of plant files, for editors and validators
     #[command(after_help = "Examples:\n  commram plant schema > plant.schema.json")]
     Schema,
+}
+
+/// Check a plant file without starting an emulator.
+///
+/// Reports errors, and entries that are allowed but probably not intended, each with its line.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  commram plant check plant.toml
+  commram plant check plant.toml --format json")]
+struct CheckArgs {
+    /// The plant file [default: the built-in plant]
+    #[arg(add = super::complete::files(&["toml"]), value_name = "PLANT.toml")]
+    file: Option<PathBuf>,
+    #[command(flatten)]
+    format: FormatArg,
 }
 
 /// Write a plant template: all keys of a device, with their meaning.
@@ -42,7 +61,7 @@ enum Command {
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
-  commram plant new plant.toml && commram run --check plant.toml
+  commram plant new plant.toml && commram plant check plant.toml
   commram plant new --device DEVICE")]
 struct NewArgs {
     /// The file, which must not exist; without it the plant is printed
@@ -65,6 +84,7 @@ fn with_template() -> impl TypedValueParser<Value = &'static str> {
 /// Runs the subcommand.
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     match &args.command {
+        Command::Check(args) => plant_check::run(args.file.as_deref(), args.format.format),
         Command::New(args) => new(args),
         Command::Schema => output::print(&schema()),
     }

@@ -1,4 +1,4 @@
-//! `commram run --check`: check a plant file without starting an emulator.
+//! `commram plant check` and `commram run --check`: check a plant file without starting an emulator.
 
 use super::error::CliError;
 use super::output;

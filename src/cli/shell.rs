@@ -7,12 +7,13 @@ mod words;
 use super::error::CliError;
 use super::exit::Exit;
 use super::session::Session;
-use super::{Cli, Command, Instance, output};
+use super::{Cli, Command, Instance, advice, output, parse};
 use crate::input_file::LONGEST_SCRIPT;
 use crate::script::{Bench, Lines, Outcome};
 use clap::builder::Resettable;
-use clap::{ArgAction, CommandFactory, FromArgMatches};
+use clap::{ArgAction, FromArgMatches};
 use edit::{InputLine, LineReader};
+use std::ffi::OsString;
 use std::io::{self, BufRead, IsTerminal, Read as _};
 use std::path::Path;
 
@@ -146,7 +147,10 @@ impl Shell {
     }
 
     fn command(&mut self, words: Vec<String>) -> LineResult {
-        let parsed = command(self.instance.name()).try_get_matches_from(words);
+        let commands = command(self.instance.name());
+        let words = words.into_iter().map(OsString::from).collect();
+        let words = parse::with_instance_after_command(words, 0, &commands);
+        let parsed = commands.clone().try_get_matches_from(words);
         let parsed = parsed.and_then(|matches| Cli::from_arg_matches(&matches));
         let outcome = match parsed {
             Ok(Cli { command: Command::Shell(_), .. }) => {
@@ -155,8 +159,7 @@ impl Shell {
             }
             Ok(cli) => cli.command.run(),
             Err(error) if error.use_stderr() => {
-                let text = error.render().to_string();
-                output::complain(text.strip_prefix("error: ").unwrap_or(&text).trim_end());
+                output::complain(&advice::text(&advice::improve(error, &commands)));
                 return LineResult::Failed(Exit::WrongUse.code());
             }
             Err(help) => output::print(&help.render().to_string()),
@@ -231,7 +234,7 @@ fn command(instance: &str) -> clap::Command {
         command.mut_subcommands(|command| about(command, instance))
     }
     // The option `--color` was evaluated when the shell started.
-    about(Cli::command(), instance).no_binary_name(true).mut_args(|arg| match arg.get_action() {
+    about(parse::command(), instance).no_binary_name(true).mut_args(|arg| match arg.get_action() {
         ArgAction::Version => arg.hide(true),
         _ => arg,
     })

@@ -6,9 +6,9 @@ mod runner;
 
 use super::demo::Interrupts;
 use super::error::CliError;
-use super::output;
 use super::table::{self, Format, FormatArg};
 use super::test::LimitArgs;
+use super::{number, output};
 use crate::devices::Exercise;
 use crate::plant::PlantConfig;
 use crate::script::soak::{Round, exercises};
@@ -45,7 +45,7 @@ Exit codes:
   2  wrong use")]
 pub(crate) struct Args {
     /// Seed of the random generator [default: chosen at random and printed]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = number::any::<u64>())]
     seed: Option<u64>,
     /// Real time in hours, for example 8 or 0.5 [default: until Ctrl-C]
     #[arg(long, value_name = "H", value_parser = hours)]
@@ -54,7 +54,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "N", value_parser = rounds)]
     rounds: Option<u64>,
     /// Number of rounds that run at the same time [default: one per processor]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = number::jobs)]
     jobs: Option<NonZero<usize>>,
     /// Only this exercise; can be given several times
     #[arg(long = "exercise", value_name = "NAME", value_parser = exercise, add = names())]

@@ -1,7 +1,7 @@
 //! Start of an emulator in this process: the common part of `run` and `with`.
 
 use super::error::CliError;
-use super::{dump, output, plant_check, snapshot};
+use super::{dump, number, output, plant_check, snapshot};
 use crate::devices;
 use crate::plant::PlantConfig;
 use crate::runtime::{Clock, Emulator, Options};
@@ -25,7 +25,7 @@ pub(crate) struct Settings {
     #[arg(long, value_enum, default_value_t = ClockArg::Realtime)]
     clock: ClockArg,
     /// Emulated time per real time, 0.001 to 1000 (real-time clock only)
-    #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
+    #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = speed)]
     speed: f64,
     /// Poll the registers instead of sleeping: faster answers, but it uses a whole processor core
     #[arg(long)]
@@ -36,10 +36,10 @@ pub(crate) struct Settings {
     novram: Option<PathBuf>,
     /// Memory in MiB for states to which a stepped instance can go back, see `commram step --back`; 0: none
     /// [default: 8]
-    #[arg(long, value_name = "MIB", value_parser = clap::value_parser!(u32).range(..=4096))]
+    #[arg(long, value_name = "MIB", value_parser = number::within::<u32>(0..=4096))]
     keep_states: Option<u32>,
     /// Number of processor cores for the plant; results are identical, and so far it is hardly faster
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=64))]
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = number::within::<u8>(1..=64))]
     threads: u8,
     /// Record every change of these registers and blocks in the journal
     #[arg(long, value_name = "REG", value_delimiter = ',')]
@@ -66,6 +66,11 @@ enum ClockArg {
     Realtime,
     /// `commram step`, `commram wait` and other clients of the channel; in between the time does not advance
     Stepped,
+}
+
+/// Parses a speed; the emulator checks its range.
+fn speed(text: &str) -> Result<f64, &'static str> {
+    text.parse().map_err(|_| "write a factor from 0.001 to 1000, for example 10")
 }
 
 impl Settings {

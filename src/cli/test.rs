@@ -86,7 +86,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "html[=FILE]", value_parser = page_file, conflicts_with_all = ["list", "watch"])]
     report: Option<PathBuf>,
     /// Number of scenarios that run at the same time [default: one per processor]
-    #[arg(long, value_name = "N", value_parser = jobs)]
+    #[arg(long, value_name = "N", value_parser = super::number::jobs)]
     jobs: Option<NonZero<usize>>,
     /// Then run scenarios again when their scripts, imports or plant files change, until Ctrl-C
     #[arg(long, conflicts_with = "junit")]
@@ -125,7 +125,7 @@ enum TestCommand {
 #[derive(clap::Args, Clone, Copy)]
 pub(crate) struct LimitArgs {
     /// Number of script steps after which a scenario counts as endless
-    #[arg(long, value_name = "N", default_value_t = Limits::default().operations)]
+    #[arg(long, value_name = "N", default_value_t = Limits::default().operations, value_parser = super::number::positive::<u64>())]
     max_operations: u64,
     /// Emulated time after which a scenario counts as endless
     #[arg(long, value_name = "TIME", default_value = "1h", value_parser = time::parse)]
@@ -134,16 +134,11 @@ pub(crate) struct LimitArgs {
     #[arg(long, value_name = "TIME", default_value = "10min", value_parser = time::parse)]
     max_real_time: u64,
     /// Memory that a scenario may take, in MiB
-    #[arg(long, value_name = "MIB", default_value_t = 1024, value_parser = clap::value_parser!(u64).range(64..1 << 20))]
+    #[arg(long, value_name = "MIB", default_value_t = 1024, value_parser = super::number::within::<u64>(64..=(1 << 20) - 1))]
     max_memory: u64,
 }
 
 /// Parses the number of scenarios that run at the same time.
-fn jobs(text: &str) -> Result<NonZero<usize>, String> {
-    let number = text.parse().map_err(|_| "write a number, for example 4".to_owned())?;
-    NonZero::new(number).ok_or_else(|| "at least 1 scenario must run".to_owned())
-}
-
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     if let Some(TestCommand::Merge(args)) = &args.inner {
         return merge::run(args);

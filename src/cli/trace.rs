@@ -4,7 +4,7 @@ mod follow;
 
 use super::Instance;
 use super::error::CliError;
-use super::time;
+use super::{number, time};
 use crate::devices;
 use crate::journal::{Kind, Ring};
 use clap::ValueEnum;
@@ -58,10 +58,10 @@ pub(crate) struct Args {
     #[arg(long, value_name = "TIME", value_parser = time::parse, default_value = "0s", hide_default_value = true)]
     since: u64,
     /// Only from this record on, a number as in the field `seq` of jsonl, to continue an earlier output
-    #[arg(long, value_name = "NUMBER", default_value_t = 0, hide_default_value = true)]
+    #[arg(long, value_name = "NUMBER", default_value = "0", hide_default_value = true, value_parser = number::any::<u64>())]
     from: u64,
     /// Only the last N existing records; with --follow also 0, to see only new records
-    #[arg(short = 'n', long, value_name = "N")]
+    #[arg(short = 'n', long, value_name = "N", value_parser = number::any::<usize>())]
     last: Option<usize>,
     #[command(flatten)]
     instance: Instance,

@@ -210,7 +210,7 @@ fn each_mistake_names_the_field_and_a_correct_value() {
         ("kind = 'baps_slow'\nplc = 'saw'", "baps_slow: delay_us is missing; give it in microseconds"),
         (
             "kind = 'baps_slow'\nplc = 'saw'\ndelay_us = 60000001",
-            "baps_slow: delay_us is 60000001; it must be 1 to 60000000",
+            "baps_slow: delay_us is 60000001; it must be 1 to 60000000 (1 min)",
         ),
         ("kind = 'lose_sync'", "lose_sync: bus is missing; give one of: drives, upper"),
         ("kind = 'lose_sync'\nbus = 'x'", "lose_sync: bus \"x\" does not exist; buses are: drives, upper"),
@@ -275,11 +275,11 @@ fn each_mistake_names_the_field_and_a_correct_value() {
         ("kind = 'delay_frame'\nbus = 'drives'", "delay_frame: delay_us is missing; give it in microseconds"),
         (
             "kind = 'delay_frame'\nbus = 'drives'\ndelay_us = 0",
-            "delay_frame: delay_us is 0; it must be 1 to 1000000",
+            "delay_frame: delay_us is 0; it must be 1 to 1000000 (1 s)",
         ),
         (
             "kind = 'jitter_sync'\nbus = 'drives'\namplitude_us = 2001",
-            "jitter_sync: amplitude_us is 2001; it must be 1 to 2000",
+            "jitter_sync: amplitude_us is 2001; it must be 1 to 2000 (2 ms)",
         ),
         (
             "kind = 'lose_frame'\nbus = 'drives'\nid = 0x20000000",
@@ -315,7 +315,7 @@ fn each_mistake_names_the_field_and_a_correct_value() {
         ),
         (
             "kind = 'lose_sync'\nbus = 'drives'\nduration_us = 3600000001",
-            "lose_sync: duration_us is 3600000001; it must be 1 to 3600000000",
+            "lose_sync: duration_us is 3600000001; it must be 1 to 3600000000 (1 h)",
         ),
     ] {
         assert_eq!(resolve(text).unwrap_err().to_string(), expected);

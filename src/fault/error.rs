@@ -2,14 +2,14 @@
 
 use super::{Field, Kind, MAX_FAULTS, TargetKind};
 use crate::journal::Names;
-use crate::layout::DeviceLayout;
+use crate::layout::{DeviceLayout, did_you_mean};
 use thiserror::Error;
 
 /// Why a fault cannot be. Buses and PLCs are counted from 0; [`FaultError::refused`] has their names.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum Refusal {
     /// A number out of its range.
-    #[error("{field} is {}; it must be {} to {}", .field.show(*.value), .field.show(*.least), .field.show(*.most))]
+    #[error("{field} is {}; it must be {} to {}", .field.show_with_unit(*.value), .field.show_with_unit(*.least), .field.show_with_unit(*.most))]
     Range {
         /// The field.
         field: &'static Field,
@@ -133,7 +133,7 @@ pub enum FaultError {
         known: String,
     },
     /// A field that no kind has.
-    #[error("{}: unknown field `{field}`; its fields are: {}", .kind.name(), field_list(.kind))]
+    #[error("{}: unknown field `{field}`{}; its fields are: {}", .kind.name(), did_you_mean(.field, .kind.all_fields().map(Field::name)), field_list(.kind))]
     UnknownField {
         /// The kind.
         kind: &'static Kind,

@@ -175,6 +175,16 @@ impl Field {
         }
     }
 
+    /// The same, followed by a long time in a unit for people: `5000000 (5 s)`.
+    pub(super) fn show_with_unit(&self, value: u64) -> String {
+        match self.form {
+            Form::Time { .. } if value >= 1_000 && value.is_multiple_of(1_000) => {
+                format!("{value} ({})", crate::time::long(value))
+            }
+            _ => self.show(value),
+        }
+    }
+
     /// Whether the field has this name or alternative name.
     pub(super) fn is_called(&self, name: &str) -> bool {
         self.name == name || self.other_name == Some(name)

@@ -85,7 +85,7 @@ fn values_that_a_kind_does_not_allow_are_refused_from_any_source() {
         ("leak node=1", "leak: PLC \"saw\" has no port 1; its ports are: none"),
         ("leak", "leak: node is missing; give a port; the PLC has none"),
         ("hiss bus=air volume=1 count=0", "hiss: count is 0; it must be 1 to 4294967295"),
-        ("hiss bus=air volume=1 duration_us=0", "hiss: duration_us is 0; it must be 1 to 3600000000"),
+        ("hiss bus=air volume=1 duration_us=0", "hiss: duration_us is 0; it must be 1 to 3600000000 (1 h)"),
     ] {
         assert_eq!(fault(text), Err(expected.to_owned()));
     }

@@ -38,6 +38,71 @@ pub(super) fn decode(ty: RegType, meaning: Option<&'static Meaning>, value: u32)
     text.finish()
 }
 
+/// The value whose meaning is `text`, the reverse of [`decode`]: `operation enabled, warning (D-06)`. Case and the
+/// references to decisions are ignored. `None` if no value or more than one has this meaning.
+pub(super) fn value_of(meaning: &'static Meaning, text: &str) -> Option<u32> {
+    let text = without_decisions(text);
+    if text.is_empty() {
+        return None;
+    }
+    let whole = meaning.values.iter().flat_map(|known| {
+        let values = known.first..=known.last.min(known.first.saturating_add(MOST_TRIED));
+        values.filter(|value| known.text.replace("{}", &value.to_string()).eq_ignore_ascii_case(&text))
+    });
+    let mut found: Vec<u32> = whole.take(2).collect();
+    if found.is_empty() {
+        add_fields(meaning.bits, &text, "", 0, &mut found);
+        // A whole meaning has priority over the bits.
+        found.retain(|value| meaning.value(*value).is_none());
+    }
+    match found.as_slice() {
+        [value] => Some(*value),
+        _ => None,
+    }
+}
+
+/// Most values of a range or a field that are compared with a text.
+const MOST_TRIED: u32 = 0xFFFF;
+
+/// Adds the values of the fields whose description continues `begun` to `text`.
+fn add_fields(fields: &'static [BitField], text: &str, begun: &str, value: u32, found: &mut Vec<u32>) {
+    let Some((field, rest)) = fields.split_first() else {
+        if begun.eq_ignore_ascii_case(text) {
+            found.push(value);
+        }
+        return;
+    };
+    let last = (field.mask() >> field.first).min(MOST_TRIED);
+    for part in 0..=if field.reserved { 0 } else { last } {
+        let (words, _) = describe(field, part << field.first);
+        let separator = if begun.is_empty() || words.is_empty() {
+            ""
+        } else if field.joined {
+            " "
+        } else {
+            ", "
+        };
+        let begun = format!("{begun}{separator}{words}");
+        let is_front = text.get(..begun.len()).is_some_and(|front| front.eq_ignore_ascii_case(&begun));
+        if is_front && found.len() < 2 {
+            add_fields(rest, text, &begun, value | part << field.first, found);
+        }
+    }
+}
+
+/// Removes the references to decisions: ` (D-06)`.
+fn without_decisions(text: &str) -> String {
+    let mut parts = text.trim().split(" (D-");
+    let mut kept = parts.next().unwrap_or_default().to_owned();
+    for part in parts {
+        match part.split_once(')') {
+            Some((number, rest)) if number.bytes().all(|digit| digit.is_ascii_digit()) => kept.push_str(rest),
+            _ => kept.push_str(&format!(" (D-{part}")),
+        }
+    }
+    kept
+}
+
 /// The meaning of bit `bit` alone; empty if it is not known.
 pub(super) fn decode_bit(meaning: Option<&'static Meaning>, bit: u32, is_set: bool) -> String {
     let fields = meaning.map_or(&[][..], |meaning| meaning.bits);

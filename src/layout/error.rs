@@ -99,7 +99,7 @@ pub enum LayoutError {
         /// All ports.
         known: String,
     },
-    /// A name right but for upper and lower case.
+    /// A name right but for upper and lower case, or an address without its `%`.
     #[error("`{given}` is spelled `{right}`")]
     WrongCase {
         /// The given text.

@@ -164,7 +164,8 @@ impl DeviceFit {
             return Ok(Target { plc, address, area, registers });
         }
         let (name, bit) = split_bit(rest);
-        let register = self.register(name)?;
+        let register =
+            self.register(name).map_err(|refusal| self.without_percent(rest).unwrap_or(refusal))?;
         let address = match bit {
             None => register.address(),
             Some(bit) => register.bit_address(bit).ok_or_else(|| {
@@ -174,6 +175,12 @@ impl DeviceFit {
         };
         let area = register.area;
         Ok(Target { plc, address, area, registers: vec![register] })
+    }
+
+    /// The error in `text` if it is an address of the device without its `%`.
+    pub(super) fn without_percent(&self, text: &str) -> Option<LayoutError> {
+        let right = self.device().address(&format!("%{text}")).ok()?.to_string();
+        Some(LayoutError::WrongCase { given: text.to_owned(), right })
     }
 
     fn no_register(&self, area: &'static Area, address: Address) -> LayoutError {
@@ -272,6 +279,14 @@ mod tests {
         );
         assert!(error("node2.w_CPU_CONTROL.99999999999").contains("bits 0 to 15"));
         assert!(error("node2.2").contains("`node2` is a block of registers"));
+    }
+
+    #[test]
+    fn an_address_needs_its_percent_sign() {
+        let error = |text: &str| DEVICE.target(text).unwrap_err().to_string();
+        assert_eq!(error("MW3.200000"), "`MW3.200000` is spelled `%MW3.200000`");
+        assert_eq!(error("line2:mx3.200000.1"), "`mx3.200000.1` is spelled `%MX3.200000.1`");
+        assert!(error("MW3").starts_with("no area has a register"));
     }
 
     #[test]

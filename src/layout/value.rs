@@ -1,7 +1,7 @@
 //! Register values as text.
 
 use super::nearest::nearest;
-use super::{Meaning, RegType};
+use super::{Meaning, RegType, decode};
 use thiserror::Error;
 
 /// A text without a value of the register.
@@ -75,7 +75,7 @@ pub fn parse(text: &str, ty: RegType) -> Result<u32, ValueError> {
     if allowed.contains(&number) { Ok(number as u32 & ty.mask()) } else { Err(range()) }
 }
 
-/// The value with the name `text` in a register with this meaning: its name in the layout (`restart`,
+/// The value with the name `text` in a register with this meaning: its whole meaning as `commram peek` prints it, its name in the layout (`restart`,
 /// `START_SYNCHRONOUS`), its text ("start synchronous operation"), or the name of a single bit to set (`enable`).
 /// Case is ignored, and blanks, `-` and `_` are equal.
 ///
@@ -89,7 +89,13 @@ pub fn named(
 ) -> Result<u32, ValueError> {
     let names = meaning.map(names).unwrap_or_default();
     let is_word = text.trim().starts_with(|letter: char| letter.is_ascii_alphabetic());
-    if names.is_empty() || !is_word || !matches!(otherwise, ValueError::Notation { .. }) {
+    if !matches!(otherwise, ValueError::Notation { .. }) {
+        return Err(otherwise);
+    }
+    if let Some(value) = meaning.and_then(|meaning| decode::value_of(meaning, text)) {
+        return Ok(value);
+    }
+    if names.is_empty() || !is_word {
         return Err(otherwise);
     }
     let wanted = folded(text);

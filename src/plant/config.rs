@@ -4,6 +4,7 @@ mod checks;
 mod doubts;
 mod error;
 mod file;
+mod keys;
 mod places;
 #[cfg(test)]
 mod tests;

@@ -9,7 +9,7 @@ use crate::memory::MemoryError;
 use crate::memory::header::BoardWordError;
 use crate::plant::PlantError;
 use crate::request::{Refused, WrongReply};
-use crate::time::{TimeError, seconds, short};
+use crate::time::{TimeError, long, seconds};
 use core::fmt;
 use thiserror::Error;
 
@@ -20,7 +20,7 @@ pub enum ScenarioError {
     #[error("{0}")]
     Failed(Box<Failure>),
     /// More emulated time than a scenario may take.
-    #[error("{} of emulated time at {} would go beyond the {} that a scenario may take; does it end at all?", short(*.us), seconds(*.now_us), short(*.limit_us))]
+    #[error("{} of emulated time at {} would go beyond the {} that a scenario may take; does it end at all?", long(*.us), seconds(*.now_us), long(*.limit_us))]
     TooLong {
         /// Requested time, in microseconds.
         us: u64,

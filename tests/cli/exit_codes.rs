@@ -45,7 +45,7 @@ const AT_AN_INSTANCE: &[&[&str]] = &[
 /// Returns the commands that `commram help` lists.
 fn commands() -> Vec<String> {
     let help = run(&["help"]);
-    let list = help.ok().split("Commands:\n").nth(1).unwrap().split("\n\n").next().unwrap();
+    let list = help.ok().split("Usage: ").nth(1).unwrap().split("Options:\n").next().unwrap();
     let names = list.lines().filter_map(|line| line.strip_prefix("  ")?.split_ascii_whitespace().next());
     let names: Vec<_> = names.filter(|name| *name != "help").map(str::to_owned).collect();
     assert!(names.len() > 20, "{names:?}");

@@ -185,7 +185,10 @@ fn mistakes_are_named_and_change_nothing() {
             "delay_us has no meaning; its fields are: bus, slave",
         ),
         (&["add", "slave_late", "slave=1", "delay=5"], "a time needs a unit: 5us, 5ms or 5s"),
-        (&["add", "slave_late", "slave=1", "delay=5s"], "delay_us is 5000000; it must be 1 to 1000000"),
+        (
+            &["add", "slave_late", "slave=1", "delay=5s"],
+            "delay_us is 5000000 (5 s); it must be 1 to 1000000 (1 s)",
+        ),
         (&["clear", "3"], "there is no fault 3; it may have ended"),
         (&["clear"], "NUMBER"),
         (&["clear", "0"], "invalid value '0'"),

@@ -1,7 +1,7 @@
 //! Entries of the register map.
 
 use crate::cli::table::Row;
-use crate::layout::{Area, DeviceFit, Meaning, Provenance, Register, RegisterRef, format_value};
+use crate::layout::{Address, Area, DeviceFit, Meaning, Provenance, Register, RegisterRef, format_value};
 use serde::Serialize;
 use std::collections::BTreeMap;
 
@@ -189,6 +189,23 @@ pub(crate) fn of_registers(registers: &[RegisterRef]) -> Vec<Entry> {
         rest = rest.get(1..).unwrap_or_default();
     }
     entries
+}
+
+/// The entry of bit `bit` of a register, at this address.
+pub(crate) fn of_bit(register: &RegisterRef, bit: u32, address: &Address) -> Entry {
+    let whole = of_register(register);
+    let reset = register.reset() >> bit & 1;
+    let is_own = |own: &Bit| (u32::from(own.first)..=u32::from(own.last)).contains(&bit);
+    Entry {
+        name: format!("{}.{bit}", whole.name),
+        address: address.to_string(),
+        cpu_address: register.area.cpu_address(address.offset()),
+        ty: "BOOL".to_owned(),
+        reset: reset.to_string(),
+        values: Vec::new(),
+        bits: whole.bits.into_iter().filter(is_own).collect(),
+        ..of_register(register)
+    }
 }
 
 /// The entry of a single register.

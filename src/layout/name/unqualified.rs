@@ -62,14 +62,17 @@ impl DeviceFit {
             Ok(area) => return Ok(Named::Area(area)),
             Err(refusal) => refusal,
         };
-        self.registers(name).map(Named::Registers).map_err(|refusal| match (&area, &refusal) {
-            (LayoutError::UnknownArea { hint, .. }, LayoutError::UnknownName { hint: other, .. })
-                if !hint.is_empty() || other.is_empty() =>
-            {
-                area
-            }
-            _ => refusal,
-        })
+        self.registers(name)
+            .map(Named::Registers)
+            .map_err(|refusal| match (&area, &refusal) {
+                (LayoutError::UnknownArea { hint, .. }, LayoutError::UnknownName { hint: other, .. })
+                    if !hint.is_empty() || other.is_empty() =>
+                {
+                    area
+                }
+                _ => refusal,
+            })
+            .map_err(|refusal| self.without_percent(name).unwrap_or(refusal))
     }
 
     /// The result of `look` in the only area in which it finds one.

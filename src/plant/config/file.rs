@@ -1,5 +1,6 @@
 //! A plant file as text: the owner of each section, and the line of an error.
 
+use super::keys::{self, Section};
 use super::{PlantConfig, PlantError};
 use crate::devices::{self, BUS_KINDS, BusSection, DeviceConfig, Read};
 use crate::fault::FaultSpec;
@@ -43,23 +44,25 @@ pub(super) fn read(file: &str, text: &str) -> Result<(PlantConfig, Vec<usize>), 
     let plcs = source.sections(table.get_mut(), "plc")?;
     let others = source.sections(table.get_mut(), "device")?;
     let buses = source.sections(table.get_mut(), "bus")?;
-    let rest = Rest::deserialize(Deserializer::from(table)).map_err(|error| source.syntax(&error))?;
+    let section = Section { name: "", before: &[], keys: Vec::new() };
+    let rest =
+        Rest::deserialize(Deserializer::from(table)).map_err(|error| source.wrong(&error, &section))?;
 
     let mut devices: Vec<Arc<dyn DeviceConfig>> = Vec::with_capacity(plcs.len() + others.len());
     let kinds: Vec<_> =
         devices::all().iter().filter_map(|device| Some((device.layout.name, device.read?))).collect();
     for section in plcs {
-        devices.push(source.read(section, kinds[0].1)?);
+        devices.push(source.read("plc", section, kinds[0].1)?);
     }
     for section in others {
         let (section, read) = source.of_kind(section, "device", None, &kinds)?;
-        devices.push(source.read(section, read)?);
+        devices.push(source.read("device", section, read)?);
     }
     let mut media: Vec<Arc<dyn BusSection>> = Vec::with_capacity(buses.len());
     let kinds: Vec<_> = BUS_KINDS.iter().map(|medium| (medium.name, medium.read)).collect();
     for section in buses {
         let (section, read) = source.of_kind(section, "bus", Some(kinds[0].0), &kinds)?;
-        media.push(source.read(section, read)?);
+        media.push(source.read("bus", section, read)?);
     }
     let Rest { processor_cycle_us, fault: faults, .. } = rest;
     let places = faults.iter().map(|fault| fault.span().start).collect();
@@ -108,6 +111,17 @@ impl Source<'_> {
         PlantError::Syntax { file: self.file.to_owned(), line, what }
     }
 
+    /// An error of the reader in a section.
+    fn wrong(&self, error: &Error, section: &Section) -> PlantError {
+        match self.syntax(error) {
+            PlantError::Syntax { file, line, what } => {
+                let what = keys::describe(&what, self.text, error.span(), section);
+                PlantError::Syntax { file, line, what }
+            }
+            other => other,
+        }
+    }
+
     fn line_of(&self, offset: usize) -> usize {
         line_of(self.text, offset)
     }
@@ -147,7 +161,19 @@ impl Source<'_> {
         }
     }
 
-    fn read<T: ?Sized>(&self, section: Spanned<DeValue<'_>>, read: Read<T>) -> Result<Arc<T>, PlantError> {
-        read(ValueDeserializer::from(section)).map_err(|error| self.syntax(&error))
+    fn read<T: ?Sized>(
+        &self,
+        name: &'static str,
+        section: Spanned<DeValue<'_>>,
+        read: Read<T>,
+    ) -> Result<Arc<T>, PlantError> {
+        let keys = match section.get_ref() {
+            DeValue::Table(table) => table.keys().map(Spanned::span).collect(),
+            _ => Vec::new(),
+        };
+        // A PLC has no kind; of_kind takes the key out of the other sections.
+        let before: &[_] = if name == "plc" { &[] } else { &["kind"] };
+        let section_keys = Section { name, before, keys };
+        read(ValueDeserializer::from(section)).map_err(|error| self.wrong(&error, &section_keys))
     }
 }

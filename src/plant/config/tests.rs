@@ -110,11 +110,30 @@ fn each_mistake_is_named() {
         ),
         (
             format!("{plc}[[device]]\nkind = '{kind}'\nname = 'd'\ncolour = 1\n"),
-            "test.toml: line 6: unknown field `colour`",
+            "test.toml: line 6: unknown field `colour`; the keys of [[device]] are: kind, name, ",
         ),
         (format!("{plc}[[device]]\nkind = '{kind}'\nname = 'p'\n"), "there are two PLCs named 'p'"),
         (format!("bus = 1\n{plc}"), "test.toml: line 1: [[bus]]"),
-        (format!("{plc}colour = 1\n"), "test.toml: line 3: unknown field `colour`"),
+        (
+            format!("{plc}colour = 1\n"),
+            "test.toml: line 3: unknown field `colour`; the keys of [[plc]] are: name, ",
+        ),
+        (
+            format!("{plc}{bus}kbits = 500\n"),
+            "unknown field `kbits`; did you mean kbit_s?; the keys of [[bus]] are: kind, name, ",
+        ),
+        (
+            format!("{plc}dip = 300\n"),
+            "line 3: dip: invalid value: integer `300`, expected a whole number from 0 to 255",
+        ),
+        (
+            format!("{plc}dip = 'x'\n"),
+            "line 3: dip: invalid type: string \"x\", expected a whole number from 0 to 255",
+        ),
+        (
+            format!("colour = 1\n{plc}"),
+            "line 1: unknown field `colour`; the keys here are: processor_cycle_us, plc, ",
+        ),
     ];
     for (text, expected) in cases {
         let message = PlantConfig::parse("test.toml", &text).unwrap_err().to_string();

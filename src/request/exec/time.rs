@@ -4,6 +4,7 @@ use super::{Execution, plc_name};
 use crate::layout::Test;
 use crate::request::register::Register;
 use crate::request::{Code, Host, MAX_ADVANCE_US, MAX_CONDITIONS, Refused, Waited, travel};
+use crate::time;
 
 /// Maximum advance between two calls of [`Host::should_stop`]: 100 ms of emulated time.
 const SLICE_US: u64 = 100_000;
@@ -161,7 +162,9 @@ pub(super) fn limit(us: u64) -> Result<(), Refused> {
         return Ok(());
     }
     let text = format_args!(
-        "{us} us are too long, at most {MAX_ADVANCE_US} us (24 h of emulated time) per operation"
+        "{} are too long: one operation takes at most {} of emulated time",
+        time::long(us),
+        time::long(MAX_ADVANCE_US)
     );
     Err(Refused::new(Code::ADVANCE_TOO_LONG, text))
 }

@@ -56,10 +56,10 @@ fn faults_of_missing_stations_or_with_invalid_values_are_refused() {
         let node = |device, port| Draft::new(kind("bus_off"), Target::Port { device, port });
         let cases = [
             (Draft { count: Some(0), ..lose }, "count is 0; it must be 1 to 4294967295"),
-            (Draft { duration_us: Some(0), ..lose }, "duration_us is 0; it must be 1 to 3600000000"),
+            (Draft { duration_us: Some(0), ..lose }, "duration_us is 0; it must be 1 to 3600000000 (1 h)"),
             (
                 Draft { at_us: MAX_AT_US + 1, ..lose },
-                "at_us is 31536000000001; it must be 0 to 31536000000000",
+                "at_us is 31536000000001; it must be 0 to 31536000000000 (8760 h)",
             ),
             (slave(0, 7), "bus 0 has no slave 7; its slaves are: 0, 1, 2"),
             (slave(0, 200), "slave is 200; it must be 0 to 31"),

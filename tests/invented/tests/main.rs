@@ -234,7 +234,9 @@ fn a_scenario_speaks_of_it_as_of_any_other() {
 #[test]
 fn a_device_without_a_demonstration_is_refused() {
     let refused = run(&["demo", "--device", "gate"]);
-    assert!(refused.fails(2).contains("there is no demonstration of gate"), "{}", refused.err);
+    let err = refused.fails(2);
+    assert!(err.contains("invalid value 'gate' for '--device <DEVICE>'"), "{err}");
+    assert!(err.contains("[possible values: omega-drive-line-2, ") && !err.contains(", gate"), "{err}");
 }
 
 #[test]

@@ -21,7 +21,7 @@ pub(super) struct Select {
     direction: Option<Direction>,
     /// Leave out what this node sent, by the identifiers that CiA 301 gives a node-ID: for a log of a device that the
     /// instance has; can be given several times
-    #[arg(long, value_name = "NODE-ID", value_parser = clap::value_parser!(u8).range(1..=127))]
+    #[arg(long, value_name = "NODE-ID", value_parser = crate::cli::number::within::<u8>(1..=127))]
     without_node: Vec<u8>,
 }
 

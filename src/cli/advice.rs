@@ -1,0 +1,122 @@
+//! Hints for mistakes in the command line: words and options of other programs, and what is missing.
+
+use crate::devices;
+use clap::builder::StyledStr;
+use clap::error::{ContextKind, ContextValue, Error};
+
+/// A word that is no command, below which command, and what to write.
+const WORDS: &[(&str, &str, &str)] = &[
+    ("", "back", "commram step --back TIME"),
+    ("", "undo", "commram step --back TIME"),
+    ("", "advance", "commram step TIME"),
+    ("", "load", "commram restore FILE"),
+    ("", "save", "commram snapshot FILE"),
+    ("", "validate", "commram plant check PLANT.toml"),
+    ("", "monitor", "commram watch"),
+    ("", "ui", "commram view"),
+    ("", "exec", "commram with -- COMMAND"),
+    ("", "registers", "commram map"),
+    ("", "faults", "commram fault list"),
+    ("", "buses", "commram bus list"),
+    ("", "drives", "commram drive list"),
+    ("", "version", "commram --version"),
+    ("fault", "remove", "commram fault clear NUMBER"),
+    ("fault", "delete", "commram fault clear NUMBER"),
+    ("fault", "kinds", "commram fault add --help"),
+    ("plant", "validate", "commram plant check PLANT.toml"),
+    ("drive", "get", "commram drive show NAME"),
+];
+
+/// An option that does not exist, an option that the command must have, and what to write.
+const OPTIONS: &[(&str, &str, &str)] = &[
+    ("--json", "format", "--format json"),
+    ("--jsonl", "format", "--format jsonl"),
+    ("--csv", "format", "--format csv"),
+    ("--markdown", "format", "--format md"),
+    ("--name", "instance", "-i NAME"),
+    ("--timeout", "within", "--within TIME"),
+    ("--timeout", "connect-timeout", "--connect-timeout TIME"),
+    ("--daemon", "detach", "--detach"),
+    ("--background", "detach", "--detach"),
+    ("--stepped", "clock", "--clock stepped"),
+    ("--realtime", "clock", "--clock realtime"),
+];
+
+/// Replaces the suggestions of the parser: it recommends to pass unknown options as values, and takes words for
+/// similar that are not.
+pub(super) fn improve(mut error: Error, commands: &clap::Command) -> Error {
+    let text = |kind| match error.get(kind) {
+        Some(ContextValue::String(text)) => Some(text.clone()),
+        _ => None,
+    };
+    let path = path(&error, commands);
+    let word = text(ContextKind::InvalidSubcommand);
+    let option =
+        text(ContextKind::InvalidArg).filter(|_| error.kind() == clap::error::ErrorKind::UnknownArgument);
+    let tip = match (&word, &option) {
+        (Some(word), _) => of_word(&path, word).map(|right| format!("write `{right}`")),
+        (None, Some(option)) => of_option(&path, option, commands).map(|right| format!("write `{right}`")),
+        (None, None) => missing(&error, &path),
+    };
+    if option.is_some() {
+        error.insert(ContextKind::Suggested, ContextValue::None);
+    }
+    let Some(tip) = tip else { return error };
+    for kind in [ContextKind::SuggestedSubcommand, ContextKind::SuggestedArg] {
+        if error.get(kind).is_some() {
+            error.insert(kind, ContextValue::None);
+        }
+    }
+    error.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![StyledStr::from(tip)]));
+    error
+}
+
+/// The text of an error as this program prints it, without the empty lines of removed suggestions.
+pub(super) fn text(error: &Error) -> String {
+    let text = error.render().to_string();
+    let text = text.strip_prefix("error: ").unwrap_or(&text).trim_end();
+    text.replace("\n  tip:\n", "\n").replace("\n\n\n", "\n\n")
+}
+
+/// The command that the error is about, without the name of the program: `fault add`.
+fn path(error: &Error, commands: &clap::Command) -> String {
+    let Some(ContextValue::StyledStr(usage)) = error.get(ContextKind::Usage) else { return String::new() };
+    let usage = usage.to_string();
+    let words = usage.trim_start_matches("Usage:").split_ascii_whitespace();
+    let mut words = words.skip_while(|word| *word == commands.get_name());
+    let (mut command, mut path) = (commands, Vec::new());
+    while let Some(inner) = words.next().and_then(|word| command.find_subcommand(word)) {
+        path.push(inner.get_name());
+        command = inner;
+    }
+    path.join(" ")
+}
+
+fn of_word(path: &str, word: &str) -> Option<&'static str> {
+    WORDS.iter().find(|(below, known, _)| (*below, *known) == (path, word)).map(|(.., right)| *right)
+}
+
+fn of_option(path: &str, option: &str, commands: &clap::Command) -> Option<&'static str> {
+    let own = path.split(' ').try_fold(commands, |command, word| command.find_subcommand(word))?;
+    let has = |long: &str| own.get_arguments().any(|arg| arg.get_long() == Some(long));
+    OPTIONS.iter().find(|(known, needed, _)| *known == option && has(needed)).map(|(.., right)| *right)
+}
+
+/// What can be given in place of a missing argument.
+fn missing(error: &Error, path: &str) -> Option<String> {
+    if error.kind() != clap::error::ErrorKind::MissingRequiredArgument {
+        return None;
+    }
+    match path {
+        "step" => Some("`--to-sync` advances to the next SYNC, `--back TIME` goes back".to_owned()),
+        "unforce" => Some("`--all` stands for all forced registers".to_owned()),
+        "fault clear" => {
+            Some("`--all` stands for all faults, `commram fault list` shows their numbers".to_owned())
+        }
+        "fault add" => {
+            let kinds: Vec<_> = devices::fault_kinds().iter().map(|kind| kind.name()).collect();
+            Some(format!("the kinds are {}", kinds.join(", ")))
+        }
+        _ => None,
+    }
+}

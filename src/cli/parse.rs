@@ -1,0 +1,154 @@
+//! The command line of this program: its commands in groups, and where options may be given.
+
+use super::instance::instance_name;
+use super::{Cli, advice};
+use clap::builder::Resettable;
+use clap::error::ErrorKind;
+use clap::{Arg, Command, CommandFactory, FromArgMatches};
+use std::ffi::OsString;
+
+/// The commands in the order of the help, grouped by purpose.
+const GROUPS: &[(&str, &[&str])] = &[
+    ("Emulators", &["run", "with", "list", "status", "stop", "demo"]),
+    ("Registers", &["peek", "poke", "force", "unforce", "wait", "watch", "dump", "diff"]),
+    ("Time", &["step", "snapshot", "restore"]),
+    ("Plants", &["plant", "bus", "drive", "board", "fault"]),
+    ("Analysis", &["view", "shell", "trace", "plot", "check"]),
+    ("Tests", &["test", "soak"]),
+    ("Register map", &["map", "find", "export", "layout"]),
+    ("Setup", &["completions", "man", "help"]),
+];
+
+/// Returns the command line of this program.
+pub(super) fn command() -> Command {
+    let command = Cli::command();
+    let template = template(&command);
+    let instance = Arg::new("instance")
+        .short('i')
+        .long("instance")
+        .value_name("NAME")
+        .value_parser(instance_name)
+        .help("Name of the instance, for every command that uses one");
+    command.arg(instance).help_template(template)
+}
+
+/// The help with the commands in groups.
+fn template(command: &Command) -> String {
+    let head = *clap::builder::Styles::styled().get_header();
+    let name = *clap::builder::Styles::styled().get_literal();
+    let mut groups = String::new();
+    for (title, names) in GROUPS {
+        groups += &format!("{head}{title}:{head:#}\n");
+        for own in *names {
+            let about = command.find_subcommand(own).and_then(Command::get_about);
+            let about = about.map_or_else(|| "Describe a command".to_owned(), ToString::to_string);
+            groups += &format!("  {name}{own:<11}{name:#}  {about}\n");
+        }
+        groups.push('\n');
+    }
+    format!(
+        "{{before-help}}{{about-with-newline}}\n{{usage-heading}} {{usage}}\n\n{groups}{head}Options:{head:#}\n{{options}}{{after-help}}"
+    )
+}
+
+/// Parses the words of a command line. The first word is the name of the program.
+///
+/// # Errors
+/// Wrong use, or a request for help, with hints for frequent mistakes.
+pub(super) fn parse(words: impl Iterator<Item = OsString>) -> Result<Cli, clap::Error> {
+    let commands = command();
+    let words = with_instance_after_command(words.collect(), 1, &commands);
+    let parsed = commands.clone().try_get_matches_from(&words);
+    let parsed = parsed.and_then(|matches| Cli::from_arg_matches(&matches));
+    parsed.map_err(|error| advice::improve(without_environment_values(error, &words), &commands))
+}
+
+/// Moves `-i NAME` in front of a command behind it, where the command defines the option. The words of the command
+/// begin at index `begin`.
+pub(super) fn with_instance_after_command(
+    words: Vec<OsString>,
+    begin: usize,
+    commands: &Command,
+) -> Vec<OsString> {
+    let (mut kept, mut moved) = (Vec::with_capacity(words.len()), Vec::new());
+    let mut command = commands;
+    let mut rest = words.into_iter();
+    kept.extend(rest.by_ref().take(begin));
+    let mut rest = rest.peekable();
+    while let Some(word) = rest.peek().and_then(|word| word.to_str()).map(str::to_owned) {
+        let count = match word.as_str() {
+            "-i" | "--instance" => 2,
+            word if word.starts_with("--instance=") || (word.starts_with("-i") && word.len() > 2) => 1,
+            "--color" => {
+                kept.extend(rest.by_ref().take(2));
+                continue;
+            }
+            word if word.starts_with("--color=") => {
+                kept.extend(rest.next());
+                continue;
+            }
+            word => match command.find_subcommand(word) {
+                Some(inner) => {
+                    command = inner;
+                    kept.extend(rest.next());
+                    continue;
+                }
+                None => break,
+            },
+        };
+        moved.extend(rest.by_ref().take(count));
+    }
+    kept.into_iter().chain(moved).chain(rest).collect()
+}
+
+/// Returns the same error without options set by environment variables: the usage text would show such options as
+/// required.
+fn without_environment_values(error: clap::Error, words: &[OsString]) -> clap::Error {
+    fn bare(command: Command) -> Command {
+        command.mut_args(|arg| arg.env(Resettable::Reset)).mut_subcommands(bare)
+    }
+    if !error.use_stderr() || error.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
+        return error;
+    }
+    // A mistake in the environment itself does not occur here; then the original error is returned.
+    let other = bare(command()).try_get_matches_from(words).err();
+    other.filter(|other| other.kind() == error.kind()).unwrap_or(error)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_command_is_in_one_group() {
+        let mut grouped: Vec<_> = GROUPS.iter().flat_map(|(_, names)| *names).copied().collect();
+        grouped.sort_unstable();
+        let command = command();
+        let shown = command.get_subcommands().filter(|inner| !inner.is_hide_set()).map(Command::get_name);
+        let mut shown: Vec<_> = shown.chain(["help"]).collect();
+        shown.sort_unstable();
+        assert_eq!(grouped, shown);
+    }
+
+    #[test]
+    fn the_instance_moves_behind_its_command() {
+        let moved = |line: &str| {
+            let words = line.split(' ').map(OsString::from).collect();
+            let words = with_instance_after_command(words, 1, &command());
+            words.iter().map(|word| word.to_string_lossy()).collect::<Vec<_>>().join(" ")
+        };
+        for (line, expected) in [
+            ("commram -i a peek x", "commram peek -i a x"),
+            (
+                "commram --color never --instance=a fault list",
+                "commram --color never fault list --instance=a",
+            ),
+            ("commram fault -ia clear 1", "commram fault clear -ia 1"),
+            ("commram peek x -i a", "commram peek x -i a"),
+            ("commram with -i a -- peek -i b", "commram with -i a -- peek -i b"),
+            ("commram -i", "commram -i"),
+        ] {
+            assert_eq!(moved(line), expected);
+        }
+    }
+}
