@@ -14,7 +14,7 @@ fn commands_have_the_names_that_people_type() {
         assert!(run(&[word]).ok().contains(&emulator.name));
     }
     for word in ["log", "journal"] {
-        assert!(emulator.run(word, &[]).ok().contains("node2.w_CPU_CONTROL"));
+        assert!(emulator.run(word, &[]).ok().contains("w_CPU_CONTROL"));
     }
     assert!(run(&["start", "--check"]).ok().starts_with("built-in plant: fine: "));
     emulator.run("kill", &[]).ok();

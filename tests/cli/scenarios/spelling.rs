@@ -11,7 +11,7 @@ fn a_spelling_of_a_plc_language_is_named_with_the_right_one() {
             "peek(node2.w_CPU_CONTROL);",
             "`node2.w_CPU_CONTROL`: write a register as a text, \"node2.w_CPU_CONTROL\"",
         ),
-        ("peek('node2.w_CPU_CONTROL');", "write a text in double quotes, \"node2.w_CPU_CONTROL\""),
+        ("print('two words');", "write a text in double quotes, \"two words\""),
         ("step(1ms);", "`1ms`: write a time as a text, \"1ms\""),
         ("assert(true);", "there is no verb or function `assert`; write expect_that(condition, \"text\")"),
         ("delay(\"1ms\");", "there is no verb or function `delay`; write step(\"1ms\")"),
