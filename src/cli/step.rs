@@ -4,6 +4,7 @@ use super::device::on_any_device;
 use super::error::CliError;
 use super::{Instance, time};
 use crate::layout::split_plc;
+use crate::request::MAX_ADVANCE_US;
 
 /// Advance the emulated time, or go back (stepped mode only).
 ///
@@ -22,7 +23,7 @@ Examples:
   commram step --back-to node2.w_OPTION_STATUS==16#0043")]
 pub(crate) struct Args {
     /// Time to advance (us, ms, s, min, h)
-    #[arg(value_name = "TIME", value_parser = time::parse, required_unless_present_any = ["to_sync", "back", "back_to"])]
+    #[arg(value_name = "TIME", value_parser = advance_time, required_unless_present_any = ["to_sync", "back", "back_to"])]
     time: Option<u64>,
     /// Advance to the next SYNC on the bus of a port, with the PLC in front if there are several [default: the
     /// device's first master]
@@ -40,6 +41,19 @@ pub(crate) struct Args {
     detached: bool,
     #[command(flatten)]
     instance: Instance,
+}
+
+/// Parses a time by which one command can advance the clock, in microseconds.
+///
+/// # Errors
+/// The text is not a time, or is longer than [`MAX_ADVANCE_US`].
+pub(crate) fn advance_time(text: &str) -> Result<u64, String> {
+    let us = time::parse(text).map_err(|error| error.to_string())?;
+    if us > MAX_ADVANCE_US {
+        let most = time::long(MAX_ADVANCE_US);
+        return Err(format!("one command advances the clock by at most {most} of emulated time"));
+    }
+    Ok(us)
 }
 
 /// Checks that some device has this port.

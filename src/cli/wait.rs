@@ -32,7 +32,7 @@ pub(crate) struct Args {
     #[arg(long)]
     any: bool,
     /// Longest wait in emulated time
-    #[arg(long, value_name = "TIME", default_value = "1s", value_parser = time::parse)]
+    #[arg(long, value_name = "TIME", default_value = "1s", value_parser = super::step::advance_time)]
     within: u64,
     #[command(flatten)]
     instance: Instance,
