@@ -11,7 +11,7 @@ pub trait DevicePorts {
         let _ = (port, bit_s);
     }
 
-    /// The number on its bus that `port` has from now on: that of the switches at the last start.
+    /// The number on its bus that `port` has from now on: the number of the switches at the last start.
     fn address(&self, port: u8) -> u8;
 
     /// Another station has the number of `port`, so the port is not connected.

@@ -33,7 +33,7 @@ pub(super) enum Work {
     Master,
     /// A slave with registers in the PLC.
     PlcSlave,
-    /// A slave of the controller, at this baud rate in kbit/s; `None`: that of its bus in the plant file.
+    /// A slave of the controller, at this baud rate in kbit/s; `None`: the rate of its bus in the plant file.
     ControllerSlave(Option<u16>),
     /// No function: DIP switch 10 is at ON (decision D-648).
     InitError,

@@ -16,7 +16,7 @@ use trace::{Trace, Writer};
 
 /// Time limit for a state change, in real time. A state change takes milliseconds.
 const STATE: Duration = Duration::from_secs(5);
-/// Time limit for the drives to lock. They take about a second of emulated time.
+/// Time limit for the drives to lock. The drives take about a second of emulated time.
 const LOCK: Duration = Duration::from_secs(20);
 
 /// Device-specific data of the demonstration.

@@ -106,7 +106,7 @@ impl Module {
 
     fn set_state(&mut self, state: State) {
         let before = core::mem::replace(&mut self.state, state);
-        // A configuration that was written meanwhile takes effect from Pre-Operational on (p. 79).
+        // A configuration that a master wrote in another state takes effect from Pre-Operational on (p. 79).
         if before == State::PreOperational || state == State::PreOperational {
             self.channels = self.written;
         }

@@ -74,8 +74,8 @@ pub struct DriveConfig {
     pub parameters: Vec<ParameterSpec>,
 }
 
-/// Numbers of the built-in doubleword parameters. They are inferred, because the drive's own manual (5.95036) is not
-/// available.
+/// Numbers of the built-in doubleword parameters. The numbers are inferred, because the drive's own manual (5.95036) is
+/// not available.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 #[serde(expecting = "a table with the numbers of parameters")]

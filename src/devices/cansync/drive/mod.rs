@@ -452,8 +452,8 @@ impl Drive {
         self.regler.state()
     }
 
-    /// Returns the number of missed reference value frames. They are counted while card and drive exchange data, from
-    /// the first frame on.
+    /// Returns the number of missed reference value frames. The card counts them while card and drive exchange data,
+    /// from the first frame on.
     pub fn reference_losses(&self) -> u64 {
         self.card.total_losses()
     }

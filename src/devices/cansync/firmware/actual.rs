@@ -1,6 +1,7 @@
 //! Actual value frames as master and slave node receive them (manual 5.00005.03a p. 155-159, 182-187).
 //!
-//! Both cyclic structures have the registers under the same names. The trait gives access to them.
+//! The cyclic structures of master and slave have the registers under the same names. The trait gives access to these
+//! registers.
 
 use super::word_config::WordConfigs;
 use crate::devices::cansync::bus::codec::process::FrameConfig;
@@ -21,7 +22,7 @@ pub(super) trait ActualValueRegisters {
     fn value(&self, slave: usize, number: u8) -> Option<&Cell32>;
 
     /// Takes over a frame of `slave`: first the words, as configured at this moment, then the acknowledgement of the
-    /// slave, then that of the channel.
+    /// slave, then the acknowledgement of the channel.
     #[inline]
     fn receive(&self, channel: Channel, slave: u8, frame: &Frame) {
         let index = usize::from(slave);

@@ -73,6 +73,6 @@ fn take(
         return None;
     }
     let frame = command().frame();
-    // If the PLC has withdrawn its release meanwhile, no frame is sent.
+    // If the PLC has withdrawn its release in the meantime, the master sends no frame.
     acknowledge(ctx, control, offset).then_some(frame)
 }

@@ -5,8 +5,8 @@ use crate::devices::Context;
 use crate::journal::Handshake;
 use crate::memory::Cell8;
 
-/// The two registers of one job. Both hold the same bits. The control register decides; the status register is only
-/// written.
+/// The two registers of one job. Both hold the same bits. The firmware reads only the control register; it writes both
+/// registers.
 pub(super) struct JobRegisters<'a> {
     pub(super) control: &'a Cell8,
     pub(super) status: &'a Cell8,
@@ -35,7 +35,8 @@ impl JobRegisters<'_> {
     }
 
     /// Replaces `seen` by `new`: first in the status register, then in the control register. Returns true if the
-    /// control register still held `seen`. Otherwise the PLC has entered another value meanwhile, which stays.
+    /// control register still held `seen`. Otherwise the PLC has entered another value in the meantime, and this value
+    /// stays.
     pub(super) fn replace(&self, ctx: &mut Context, seen: u8, new: u8) -> bool {
         self.status.store(new);
         match self.control.compare_exchange(seen, new) {

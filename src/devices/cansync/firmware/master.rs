@@ -215,7 +215,7 @@ impl Master {
         Some(Built { frame, used_words: built.used_words })
     }
 
-    /// Acknowledges a built frame: 16#05 becomes 16#04, unless the PLC has written another value meanwhile.
+    /// Acknowledges a built frame: 16#05 becomes 16#04, unless the PLC has written another value in the meantime.
     pub fn acknowledge_reference(&mut self, ctx: &mut Context, channel: Channel) {
         let offset = match channel {
             Channel::One => offset_of!(CANsync_MA_CTRL_BMSTRUCT, b_CTRLREG_WRC1),

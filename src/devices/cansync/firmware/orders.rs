@@ -12,8 +12,8 @@ pub(super) struct Orders {
     node: usize,
     /// Last value seen, so that an ignored command is reported once.
     seen: u16,
-    /// The register holds the 16#0000 that the firmware left after clearing bit 7 of 16#0080. It is not a restart
-    /// (decision D-29).
+    /// The register holds the 16#0000 that the firmware left after clearing bit 7 of 16#0080. This 16#0000 is not a
+    /// restart (decision D-29).
     left_behind: bool,
     /// [`PortEntry::restarts_written`](crate::memory::header::PortEntry::restarts_written) at the last poll of the
     /// register.

@@ -22,7 +22,7 @@ pub(super) struct Drives {
     passed: EventLog,
     /// Number of logged events that each drive has taken.
     taken: Vec<usize>,
-    /// Drives that are switched off, bit n for slave n. They receive no events.
+    /// Drives that are switched off, bit n for slave n. These drives receive no events.
     off: u32,
     /// Slaves with actual value frames that at least one drive evaluates, bit n for slave n.
     overheard: u32,

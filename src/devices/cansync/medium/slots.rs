@@ -16,7 +16,7 @@ pub(super) const PLACES: usize = 6;
 pub(super) struct OnWire {
     pub(super) from: u64,
     pub(super) until: u64,
-    /// Due time of the slot's end. It is before `until` if a fault delays this frame.
+    /// Due time of the slot's end. The due time is before `until` if a fault delays this frame.
     pub(super) due: u64,
     /// Earliest start of the next slot's frame. 0 outside of its slot, because such a frame delays no other frame
     /// (decision D-127).

@@ -50,8 +50,8 @@ impl Registers {
         }
     }
 
-    /// Stores the last bytes of the initialization structure as the baseline. They share a word with the following
-    /// structure.
+    /// Stores the last bytes of the initialization structure as the baseline. These bytes share a word with the
+    /// following structure.
     #[inline]
     fn copy_end_of_init(&mut self) {
         const FOLLOWING: u64 = u64::MAX << (8 * (INIT_BYTES as usize % WORD));
@@ -114,7 +114,7 @@ pub(in crate::devices::cansync) struct NodeWatch {
     live: RegisterPhase,
     /// Words that differ from the baseline. Kept to reuse its memory.
     changed: Vec<(usize, u64)>,
-    /// True if the mapping was changed. It is checked when the firmware takes it over.
+    /// True if the mapping was changed. The checker judges the mapping when the firmware takes it over.
     unsettled: bool,
 }
 

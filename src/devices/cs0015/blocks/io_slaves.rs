@@ -6,7 +6,7 @@ use crate::devices::cs0015::registers::values::job;
 use crate::plc::function_block;
 use core::time::Duration;
 
-/// CFG_RESULT: read or written; not yet (p. 77). It is 0 without READ and WRITE.
+/// CFG_RESULT: read or written; not yet (p. 77). CFG_RESULT is 0 without READ and WRITE.
 const DONE: u8 = 1;
 const NOT_YET: u8 = 2;
 

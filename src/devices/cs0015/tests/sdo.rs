@@ -165,7 +165,7 @@ fn retained_data_are_transferred_in_segments() {
     assert_eq!(answer, request(0x80, 0x2000, 0, Abort::TooLong.code()));
 }
 
-/// P. 155: these values are saved, the others are not.
+/// P. 155: the device saves these values and no others.
 #[test]
 fn saved_entries_survive_a_power_cycle() {
     let mut bench = Bench::running("");

@@ -70,7 +70,7 @@ impl Projects {
         (self.loaded, self.cold, self.lost) = (project, true, false);
     }
 
-    /// A process has brought its program. It counts as a boot project.
+    /// A process has brought its program, which counts as a boot project.
     pub(crate) fn brought(&mut self) {
         if self.flash == Flash::Empty {
             self.flash = Flash::OfProcess;

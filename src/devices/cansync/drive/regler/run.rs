@@ -57,8 +57,8 @@ impl VRegler {
         }
     }
 
-    /// Runs through one interval for each speed reference value. There is at least one; the last one stays. An interval
-    /// has two parts; its reference value takes effect in the second one.
+    /// Runs through one interval for each speed reference value. At least one value is given; the last value stays. An
+    /// interval has two parts; its reference value takes effect in the second part.
     #[inline]
     pub(in crate::devices::cansync::drive) fn steps_in_run(
         &mut self,

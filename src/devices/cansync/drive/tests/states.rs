@@ -26,7 +26,7 @@ fn a_drive_runs_through_an_interval_with_a_lost_edge() {
 }
 
 /// P. 135: only a longer loss, of adjustable duration, ends the lock. 5.01010.01 p. 22: card and drive exchange no data
-/// meanwhile.
+/// during the loss.
 #[test]
 fn a_longer_loss_of_sync_ends_the_lock_but_not_the_motion() {
     let mut bench = Bench::synchronized(&DriveConfig { sync_loss_us: Some(9_000), ..demo() });

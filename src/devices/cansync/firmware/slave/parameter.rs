@@ -21,7 +21,7 @@ use serde::{Deserialize, Serialize};
 pub(super) struct ParameterServer {
     /// Job in the registers, until its answer was sent.
     entered: Option<ParameterJob>,
-    /// Job that the master has changed to. It is entered when the application confirms with bit 7.
+    /// Job that the master has changed to. The firmware enters the job when the application confirms with bit 7.
     changed: Option<ParameterJob>,
     /// The answer now on the wire ends the job.
     ends: bool,

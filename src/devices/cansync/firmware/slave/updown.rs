@@ -152,7 +152,7 @@ impl UpDownServer {
         let is_over = |transfer: &mut Transfer| transfer.is_reset(regs) || transfer.belongs_to_block_1(regs);
         let Some(transfer) = self.transfer.take_if(is_over) else { return };
         transfer.clear(ctx, regs);
-        // If block 1 was disabled meanwhile, the firmware refuses the master's repetition.
+        // If the application has disabled block 1 in the meantime, the firmware refuses the master's repetition.
         if let Some(job) = transfer.successor()
             && let Ok(area_kind) = self.area_kind(regs, &job)
         {

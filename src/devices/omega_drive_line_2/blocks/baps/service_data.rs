@@ -170,7 +170,7 @@ mod tests {
         other.step(&mut shared, RESET, job);
         assert!(matches!(shared.stage, Stage::Entered(Job { ticket: 1, .. })), "{:?}", shared.stage);
         let mut running = one;
-        // The variable was reset and another block has taken it meanwhile.
+        // The variable was reset and another block has taken it in the meantime.
         shared.stage = Stage::Free;
         other.step(&mut shared, CALL, job);
         let outcome = one.step(&mut shared, CALL, job);
