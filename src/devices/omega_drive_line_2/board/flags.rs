@@ -76,7 +76,7 @@ impl Flags {
         Some(())
     }
 
-    /// The program is gone, and its initial values with it.
+    /// Forgets the initial values, because the program is gone.
     pub(crate) fn forget(&mut self) {
         self.initial.fill(0);
     }
