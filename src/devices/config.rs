@@ -187,7 +187,7 @@ pub struct BusKind {
     pub read: Read<dyn BusSection>,
     /// JSON schema of the keys of that section, except `kind`; `#/definitions/name` is the schema of names. Devices can
     /// use the definitions of this schema, too.
-    pub schema: &'static str,
+    pub schema: fn() -> serde_json::Value,
     /// Content of the doors to this medium.
     pub speech: Speech,
     /// Describes the meaning of a frame on this medium, for people; empty if its users define the meaning.

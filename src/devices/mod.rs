@@ -142,7 +142,7 @@ pub static BUS_KINDS: &[BusKind] = &[
     BusKind {
         name: cansync::medium::FAMILY,
         read: cansync::medium::BusConfig::read,
-        schema: include_str!("cansync/medium/plant.schema.json"),
+        schema: cansync::medium::BusConfig::schema,
         records: cansync::records::KINDS,
         rules: cansync::rules::ALL,
         faults: cansync::faults::KINDS,
@@ -155,7 +155,7 @@ pub static BUS_KINDS: &[BusKind] = &[
     BusKind {
         name: can_bus::FAMILY,
         read: can_bus::CanBusConfig::read,
-        schema: include_str!("can_bus/plant.schema.json"),
+        schema: can_bus::CanBusConfig::schema,
         records: can_bus::records::KINDS,
         rules: &[],
         faults: can_faults::OF_CAN,
@@ -168,7 +168,7 @@ pub static BUS_KINDS: &[BusKind] = &[
     BusKind {
         name: profibus_bus::FAMILY,
         read: profibus_bus::ProfibusConfig::read,
-        schema: include_str!("profibus_bus/plant.schema.json"),
+        schema: profibus_bus::ProfibusConfig::schema,
         records: profibus_bus::records::KINDS,
         rules: &[],
         faults: &[],

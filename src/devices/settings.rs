@@ -1,5 +1,7 @@
 //! Checks that the settings of devices and media in a plant file share: ranges, times.
 
+pub(crate) mod keys;
+
 use crate::memory::MemoryError;
 use core::convert::Infallible;
 use core::fmt;

@@ -18,7 +18,7 @@ pub fn schema() -> Value {
         .iter()
         .filter(|device| device.read.is_some())
         .map(|device| {
-            let section = device.schema.map_or_else(open, |schema| section(schema, &mut definitions));
+            let section = device.schema.map_or_else(open, |schema| section(read(schema), &mut definitions));
             first.get_or_insert_with(|| section.clone());
             of_kind(section, device.layout.name, true)
         })
@@ -26,7 +26,7 @@ pub fn schema() -> Value {
     let media: Vec<_> = BUS_KINDS
         .iter()
         .enumerate()
-        .map(|(index, medium)| of_kind(section(medium.schema, &mut definitions), medium.name, index > 0))
+        .map(|(index, medium)| of_kind(section((medium.schema)(), &mut definitions), medium.name, index > 0))
         .collect();
     let faults: Vec<_> = devices::fault_kinds().iter().map(|kind| fault(kind)).collect();
     let sections =
@@ -64,9 +64,13 @@ fn open() -> Value {
     json!({ "type": "object", "required": ["name"], "properties": { "name": name() } })
 }
 
+/// Reads the schema of a device.
+fn read(text: &str) -> Value {
+    serde_json::from_str(text).expect("our own schemas are JSON")
+}
+
 /// The schema of a section; its definitions are added to the common definitions.
-fn section(text: &str, definitions: &mut Map<String, Value>) -> Value {
-    let mut schema: Value = serde_json::from_str(text).expect("our own schemas are JSON");
+fn section(mut schema: Value, definitions: &mut Map<String, Value>) -> Value {
     if let Some(Value::Object(own)) = schema.as_object_mut().and_then(|schema| schema.remove("definitions")) {
         definitions.extend(own);
     }

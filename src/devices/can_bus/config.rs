@@ -2,6 +2,7 @@
 
 use super::{CanBus, FAMILY};
 use crate::can::BitRate;
+use crate::devices::settings::keys::plant_keys;
 use crate::devices::settings::refused_at;
 use crate::devices::{BuildError, Bus, BusSection};
 use crate::door::DoorSpec;
@@ -21,35 +22,52 @@ pub struct CanBusConfig {
     pub doors: Vec<DoorSpec>,
 }
 
-/// Keys of the section in the plant file.
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-#[serde(expecting = "a CAN bus: a table with its settings")]
-struct Section {
-    name: String,
-    kbit_s: Spanned<f64>,
-    #[serde(default)]
-    doors: Vec<DoorSpec>,
+/// Lowest and highest bit rate, in kbit/s.
+const KBIT_S: [u32; 2] = [10, 1000];
+
+plant_keys! {
+    /// A CAN bus
+    Section, "a CAN bus: a table with its settings" {
+        /// Bit rate in kbit/s, with at most three decimals
+        kbit_s: Spanned<f64> = { "type": "number", "minimum": KBIT_S[0], "maximum": KBIT_S[1] },
+            "33.3", format!("{} to {}, with three decimals at most; must be there", KBIT_S[0], KBIT_S[1]);
+        /// Doors for foreign programs that are open from the start
+        doors: Option<Vec<DoorSpec>> = {
+            "type": "array",
+            "items": {
+                "type": "string",
+                "pattern": "^(slcan-pty(:/dev/pts/[0-9]+)?|slcan-tcp(-anybody)?:[0-9.]+:[0-9]+)$",
+            },
+        }, r#"["slcan-tcp:127.0.0.1:0"]"#, "ways in for foreign programs, see can.md (default: none)";
+    }
 }
 
 impl CanBusConfig {
+    /// The JSON Schema of the section.
+    pub(crate) fn schema() -> serde_json::Value {
+        Section::schema()
+    }
+
     /// Reads a `[[bus]]` section of kind `can`.
     pub(crate) fn read(value: ValueDeserializer<'_>) -> Result<Arc<dyn BusSection>, Error> {
         let Section { name, kbit_s, doors } = Section::deserialize(value)?;
         let rate = rate(*kbit_s.get_ref()).ok_or_else(|| {
             let text = format!(
-                "kbit_s of '{name}' is {}; it must be 10 to 1000, with three decimals at most",
-                kbit_s.get_ref()
+                "kbit_s of '{name}' is {}; it must be {} to {}, with three decimals at most",
+                kbit_s.get_ref(),
+                KBIT_S[0],
+                KBIT_S[1]
             );
             refused_at(kbit_s.span(), text)
         })?;
-        Ok(Arc::new(CanBusConfig { name, rate, doors }))
+        Ok(Arc::new(CanBusConfig { name, rate, doors: doors.unwrap_or_default() }))
     }
 }
 
 /// Returns the bit rate for `kbit_s` if a CAN bus can run at it and it is a whole number of bit/s.
 fn rate(kbit_s: f64) -> Option<BitRate> {
-    if !(10.0..=1000.0).contains(&kbit_s) {
+    let [least, most] = KBIT_S.map(f64::from);
+    if !(least..=most).contains(&kbit_s) {
         return None;
     }
     let bit_s = (kbit_s * 1000.0).round();
@@ -78,6 +96,12 @@ impl BusSection for CanBusConfig {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_page_has_the_keys() {
+        let page = include_str!("../../../docs/reference/plant.md");
+        assert!(page.contains(&Section::lines()), "{}", Section::lines());
+    }
 
     #[test]
     fn rates_are_exact_to_the_bit() {

@@ -1,6 +1,7 @@
 //! A PROFIBUS segment as the plant file describes it.
 
 use super::{FAMILY, ProfibusBus};
+use crate::devices::settings::keys::plant_keys;
 use crate::devices::settings::refused_at;
 use crate::devices::{BuildError, Bus, BusSection};
 use crate::door::DoorSpec;
@@ -25,32 +26,64 @@ pub struct ProfibusConfig {
 
 /// Highest slot factor: almost a second at 12 Mbit/s.
 const MAX_SLOT_FACTOR: u32 = 10_000;
+/// Slot factor without the key.
+const DEFAULT_SLOT_FACTOR: u32 = 1;
+/// Bit rate without the key, in kbit/s.
+const DEFAULT_KBIT_S: u32 = 1500;
 
-/// Keys of the section in the plant file.
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-#[serde(expecting = "a PROFIBUS: a table with its settings")]
-struct Section {
-    name: String,
-    kbit_s: Option<Spanned<f64>>,
-    slot_factor: Option<Spanned<u32>>,
-    #[serde(default)]
-    doors: Vec<DoorSpec>,
+plant_keys! {
+    /// A PROFIBUS segment
+    Section, "a PROFIBUS: a table with its settings" {
+        /// Bit rate in kbit/s
+        kbit_s: Option<Spanned<f64>> = { "enum": rates(), "default": DEFAULT_KBIT_S },
+            "1500", rates_text().replace(" 1500,", " 1500 (default),").replace(" or ", ", ");
+        /// Factor for the time that the line is reserved for an answer (D-358)
+        slot_factor: Option<Spanned<u32>> = {
+            "type": "integer", "minimum": 1, "maximum": MAX_SLOT_FACTOR, "default": DEFAULT_SLOT_FACTOR,
+        }, "1", format!(
+            "{DEFAULT_SLOT_FACTOR} (default) to {MAX_SLOT_FACTOR} times as long the line is kept for an answer (D-358)"
+        );
+        /// Doors for foreign programs that are open from the start
+        doors: Option<Vec<DoorSpec>> = {
+            "type": "array",
+            "items": { "type": "string", "pattern": "^profibus-tcp(-anybody)?:[0-9.]+:[0-9]+$" },
+        }, r#"["profibus-tcp:127.0.0.1:0"]"#,
+            "ways in for foreign masters and slaves, see can-dp2.md (default: none)";
+    }
+}
+
+/// The rates in kbit/s.
+fn rates() -> Vec<serde_json::Value> {
+    let kbit_s = |rate: BusRate| match rate.bit_s() {
+        bit_s if bit_s.is_multiple_of(1000) => (bit_s / 1000).into(),
+        bit_s => (f64::from(bit_s) / 1000.0).into(),
+    };
+    BusRate::ALL.into_iter().map(kbit_s).collect()
+}
+
+/// `9.6, 19.2 or 31.25`
+fn rates_text() -> String {
+    let rates: Vec<_> = rates().iter().map(ToString::to_string).collect();
+    let Some((last, others)) = rates.split_last() else { return String::new() };
+    format!("{} or {last}", others.join(", "))
 }
 
 impl ProfibusConfig {
+    /// The JSON Schema of the section.
+    pub(crate) fn schema() -> serde_json::Value {
+        Section::schema()
+    }
+
     /// Reads a `[[bus]]` section of kind `profibus`.
     pub(crate) fn read(value: ValueDeserializer<'_>) -> Result<Arc<dyn BusSection>, Error> {
         let Section { name, kbit_s, slot_factor, doors } = Section::deserialize(value)?;
-        let wanted = kbit_s.as_ref().map_or(1500.0, |kbit_s| *kbit_s.get_ref());
+        let wanted = kbit_s.as_ref().map_or(DEFAULT_KBIT_S.into(), |kbit_s| *kbit_s.get_ref());
         let rate = rate(wanted).ok_or_else(|| {
-            let text = format!(
-                "kbit_s of '{name}' is {wanted}; it must be 9.6, 19.2, 31.25, 45.45, 93.75, 187.5, 500, 1500, 3000, 6000 or 12000"
-            );
+            let text = format!("kbit_s of '{name}' is {wanted}; it must be {}", rates_text());
             refused_at(kbit_s.map_or(0..0, |kbit_s| kbit_s.span()), text)
         })?;
         let slot_factor = match slot_factor {
-            None => 1,
+            None => DEFAULT_SLOT_FACTOR,
             Some(factor) if (1..=MAX_SLOT_FACTOR).contains(factor.get_ref()) => *factor.get_ref(),
             Some(factor) => {
                 let text = format!(
@@ -60,7 +93,7 @@ impl ProfibusConfig {
                 return Err(refused_at(factor.span(), text));
             }
         };
-        Ok(Arc::new(ProfibusConfig { name, rate, slot_factor, doors }))
+        Ok(Arc::new(ProfibusConfig { name, rate, slot_factor, doors: doors.unwrap_or_default() }))
     }
 }
 
@@ -96,6 +129,12 @@ impl BusSection for ProfibusConfig {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_page_has_the_keys() {
+        let page = include_str!("../../../docs/reference/plant.md");
+        assert!(page.contains(&Section::lines()), "{}", Section::lines());
+    }
 
     #[test]
     fn rates_are_the_rates_of_the_standard() {

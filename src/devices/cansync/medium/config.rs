@@ -54,6 +54,14 @@ impl BusConfig {
     pub(crate) fn read(value: ValueDeserializer<'_>) -> Result<Arc<dyn BusSection>, Error> {
         Ok(Arc::new(Self::deserialize(value)?))
     }
+
+    /// The JSON Schema of the section.
+    ///
+    /// # Panics
+    /// The text beside this file is valid JSON, as a test checks.
+    pub(crate) fn schema() -> serde_json::Value {
+        serde_json::from_str(include_str!("plant.schema.json")).expect("our own schemas are JSON")
+    }
 }
 
 impl BusSection for BusConfig {

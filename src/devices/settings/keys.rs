@@ -1,0 +1,79 @@
+//! Keys of a section of the plant file, from one table.
+
+use serde_json::{Map, Value, json};
+
+/// Declares a section of the plant file: the structure that serde reads, its JSON Schema (`schema`), and its lines in
+/// `docs/reference/plant.md` (`lines`).
+///
+/// The table has the description of the section, the name of the structure, and the words of an error for a section
+/// that is no table. Each key has its description, its type, its schema without the description, an example, and a note
+/// for the page. A key is optional if its type is an `Option`. Every section has the key `name`.
+macro_rules! plant_keys {
+    (
+        #[doc = $about:literal]
+        $section:ident, $expecting:literal {
+            $(
+                #[doc = $text:literal]
+                $key:ident: $type:ty = $schema:tt, $example:literal, $note:expr;
+            )+
+        }
+    ) => {
+        #[doc = $about]
+        #[derive(serde::Deserialize)]
+        #[serde(deny_unknown_fields)]
+        #[serde(expecting = $expecting)]
+        struct $section {
+            name: String,
+            $(
+                #[doc = $text]
+                $key: $type,
+            )+
+        }
+
+        impl $section {
+            /// The JSON Schema of the section.
+            fn schema() -> serde_json::Value {
+                $crate::devices::settings::keys::section(
+                    $about,
+                    [$((stringify!($key), stringify!($type), $text, serde_json::json!($schema))),+],
+                )
+            }
+
+            /// The lines of the keys in the page of plant files.
+            #[cfg(test)]
+            fn lines() -> String {
+                [$($crate::devices::settings::keys::line(stringify!($key), $example, &$note)),+].concat()
+            }
+        }
+    };
+}
+
+pub(crate) use plant_keys;
+
+/// The schema of a section with these keys: name, type in Rust, description, and schema without the description.
+pub(crate) fn section<const N: usize>(about: &str, keys: [(&str, &str, &str, Value); N]) -> Value {
+    let mut properties = Map::new();
+    properties.insert("name".to_owned(), json!({ "$ref": "#/definitions/name" }));
+    let mut required = vec!["name"];
+    for (key, ty, text, mut schema) in keys {
+        schema["description"] = text.trim().into();
+        properties.insert(key.to_owned(), schema);
+        if !ty.starts_with("Option") {
+            required.push(key);
+        }
+    }
+    json!({
+        "type": "object",
+        "description": about.trim(),
+        "additionalProperties": false,
+        "required": required,
+        "properties": properties,
+    })
+}
+
+/// A key of an example with a note.
+#[cfg(test)]
+pub(crate) fn line(key: &str, example: &str, note: &str) -> String {
+    let text = format!("{key} = {example}");
+    if text.len() > 30 { format!("{text}   # {note}\n") } else { format!("{text:<30} # {note}\n") }
+}
