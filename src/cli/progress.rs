@@ -1,5 +1,6 @@
 //! Progress of a command that waits for a long time, on a terminal.
 
+use super::output;
 use crate::devices;
 use crate::memory::AttachMode;
 use crate::time;
@@ -13,22 +14,25 @@ const INTERVAL: Duration = Duration::from_secs(1);
 const CLEAR: &str = "\r\x1b[K";
 
 /// Does `work`. If it takes long, shows real and emulated time on the standard error output, if it is a terminal;
-/// `plc` is a PLC of the instance.
-pub(crate) fn shown<R>(instance: &str, plc: &str, work: impl FnOnce() -> R) -> R {
-    if !io::stderr().is_terminal() {
+/// `plc` is a PLC of the instance. `advance_us` is the time by which `work` advances the clock, if it is known.
+pub(crate) fn shown<R>(instance: &str, plc: &str, advance_us: Option<u64>, work: impl FnOnce() -> R) -> R {
+    if !io::stderr().is_terminal() || output::is_quiet() {
         return work();
     }
     let emulated = || {
         let attached = devices::attach(instance, plc, AttachMode::ReadOnly).ok();
         attached.map(|(image, _)| image.header_snapshot().virtual_time_us.load())
     };
+    let begin_us = emulated();
     let (goes_on, over) = mpsc::channel::<()>();
     std::thread::scope(|scope| {
         scope.spawn(move || {
             let (start, mut any) = (Instant::now(), false);
             while over.recv_timeout(INTERVAL) == Err(RecvTimeoutError::Timeout) {
                 any = true;
-                say(&(CLEAR.to_owned() + &line(start.elapsed(), emulated())));
+                let passed =
+                    emulated().zip(begin_us).map(|(now, begin)| Passed { begin, now, advance: advance_us });
+                say(&(CLEAR.to_owned() + &line(start.elapsed(), passed)));
             }
             if any {
                 say(CLEAR);
@@ -40,11 +44,24 @@ pub(crate) fn shown<R>(instance: &str, plc: &str, work: impl FnOnce() -> R) -> R
     })
 }
 
-/// Formats the elapsed real time, and the emulated time if it is known.
-fn line(real: Duration, emulated_us: Option<u64>) -> String {
-    let emulated =
-        emulated_us.map_or_else(String::new, |us| format!(", emulated time {}", time::seconds(us)));
-    format!("{} s{emulated}; Ctrl-C ends", real.as_secs())
+/// Emulated times of the work, in microseconds.
+struct Passed {
+    begin: u64,
+    now: u64,
+    /// Time from the beginning to the end, if it is known.
+    advance: Option<u64>,
+}
+
+/// Formats the elapsed real time, and if it is known the emulated time, its target and its rate.
+fn line(real: Duration, passed: Option<Passed>) -> String {
+    let emulated = |Passed { begin, now, advance }: Passed| {
+        let target =
+            advance.map_or_else(String::new, |us| format!(" of {}", time::seconds(begin.saturating_add(us))));
+        let rate =
+            Duration::from_micros(now.saturating_sub(begin)).as_secs_f64() / real.as_secs_f64().max(0.001);
+        format!(", emulated time {}{target}, {rate:.1} times real time", time::seconds(now))
+    };
+    format!("{} s{}; Ctrl-C ends", real.as_secs(), passed.map_or_else(String::new, emulated))
 }
 
 /// Write errors are ignored.
@@ -59,8 +76,13 @@ mod tests {
 
     #[test]
     fn real_and_emulated_time_are_shown() {
-        let printed = line(Duration::from_millis(3_900), Some(72_000_000_000));
-        assert_eq!(printed, "3 s, emulated time 72000.000000 s; Ctrl-C ends");
+        let passed = |advance| Some(Passed { begin: 1_000_000, now: 79_000_000, advance });
+        assert_eq!(
+            line(Duration::from_millis(3_900), passed(Some(86_400_000_000))),
+            "3 s, emulated time 79.000000 s of 86401.000000 s, 20.0 times real time; Ctrl-C ends"
+        );
+        let printed = line(Duration::from_millis(3_900), passed(None));
+        assert_eq!(printed, "3 s, emulated time 79.000000 s, 20.0 times real time; Ctrl-C ends");
         assert_eq!(line(Duration::from_secs(1), None), "1 s; Ctrl-C ends");
     }
 }

@@ -9,6 +9,7 @@ use super::exit::Exit;
 use super::session::Session;
 use super::{Cli, Command, Instance, advice, output, parse};
 use crate::input_file::LONGEST_SCRIPT;
+use crate::request::Op;
 use crate::script::{Bench, Lines, Outcome};
 use clap::builder::Resettable;
 use clap::{ArgAction, FromArgMatches};
@@ -40,6 +41,29 @@ Lines:
 pub(crate) struct Args {
     #[command(flatten)]
     instance: Instance,
+}
+
+/// The commands and the verbs.
+fn help(commands: &clap::Command) -> String {
+    let names = |names: Vec<String>| {
+        let mut lines = vec![String::new()];
+        for name in names {
+            match lines.last_mut() {
+                Some(line) if line.len() + name.len() < 76 => *line += &format!("  {name}"),
+                _ => lines.push(format!("  {name}")),
+            }
+        }
+        lines.join("\n") + "\n"
+    };
+    let shown = commands.get_subcommands().filter(|inner| !inner.is_hide_set());
+    let shown = shown.map(|inner| inner.get_name().to_owned()).collect();
+    let verbs = crate::script::verbs().iter().map(crate::script::Verb::signature).collect();
+    format!(
+        "Commands, described by `help COMMAND`:\n{}\nVerbs of scenarios (docs/reference/scenarios.md):\n{}\n\
+         Ends: exit, quit, Ctrl-D\n",
+        names(shown).trim_start_matches('\n'),
+        names(verbs).trim_start_matches('\n')
+    )
 }
 
 /// Result of a line.
@@ -111,7 +135,7 @@ impl Shell {
     fn read_terminal(&mut self) -> Result<(), CliError> {
         let mut read = LineReader::new(self.instance.name(), command(self.instance.name()))?;
         loop {
-            match read.next()? {
+            match read.next(self.now())? {
                 InputLine::Line(line) => match self.line(&line) {
                     LineResult::On | LineResult::Failed(_) => {}
                     LineResult::Enough(code) => return ended(code),
@@ -122,11 +146,24 @@ impl Shell {
         }
     }
 
+    /// The emulated time, in microseconds, if the emulator answers.
+    fn now(&self) -> Option<u64> {
+        let session = Session::open(&Instance::running(self.instance.name()), 0).ok()?;
+        session.ask(Op::Info).ok()?.info().ok().map(|info| info.time_us)
+    }
+
     /// Executes a line and prints its errors.
     fn line(&mut self, line: &str) -> LineResult {
         let line = line.trim();
         if line.is_empty() || line.starts_with("//") || line.starts_with('#') {
             return LineResult::On;
+        }
+        if let Some(rest) = words::of_help(line) {
+            let shown = match rest {
+                "" => output::print(&help(&command(self.instance.name()))),
+                rest => return self.command(vec!["help".to_owned(), rest.to_owned()]),
+            };
+            return shown.map_or_else(|error| LineResult::Failed(error.exit_code()), |()| LineResult::On);
         }
         match words::of_end(line) {
             Some(Ok(code)) => return LineResult::Enough(code),
@@ -149,7 +186,7 @@ impl Shell {
     fn command(&mut self, words: Vec<String>) -> LineResult {
         let commands = command(self.instance.name());
         let words = words.into_iter().map(OsString::from).collect();
-        let words = parse::with_instance_after_command(words, 0, &commands);
+        let words = parse::with_options_after_command(words, 0, &commands);
         let parsed = commands.clone().try_get_matches_from(words);
         let parsed = parsed.and_then(|matches| Cli::from_arg_matches(&matches));
         let outcome = match parsed {

@@ -31,7 +31,7 @@ pub(crate) fn set(arguments: impl Iterator<Item = OsString>) {
         };
         when = value.and_then(|value| ColourMode::from_str(&value, false).ok()).or(when);
     }
-    match when {
+    match when.or_else(|| super::config::get().colour()) {
         Some(ColourMode::Always) => ColorChoice::Always.write_global(),
         Some(ColourMode::Never) => ColorChoice::Never.write_global(),
         Some(ColourMode::Auto) | None => {}
@@ -51,6 +51,12 @@ pub(crate) fn error(text: &str) -> String {
 /// The heading of a table or a block.
 pub(crate) fn head(text: &str) -> String {
     paint(Style::new().bold(), text, &io::stdout())
+}
+
+/// The outcome of a test.
+pub(crate) fn outcome(text: &str, is_good: bool) -> String {
+    let colour = if is_good { AnsiColor::Green } else { AnsiColor::Red };
+    paint(colour.on_default(), text, &io::stdout())
 }
 
 fn paint(style: Style, text: &str, stream: &impl RawStream) -> String {

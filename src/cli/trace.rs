@@ -1,5 +1,6 @@
 //! `commram trace`: the journal of events.
 
+mod csv;
 mod follow;
 
 use super::Instance;
@@ -24,6 +25,7 @@ Examples:
   commram trace --last 20 --kind state,handshake,channel_write
   commram trace --follow
   commram trace --since 1.5s --plc line --format jsonl | jq 'select(.latency_us > 1000)'
+  commram trace --format csv >run.csv                        # pandas.read_csv('run.csv')
   commram trace --bus drives --format candump >drives.log    # wireshark drives.log
   commram trace --bus drives --format candump | log2asc drives
   commram trace --format pcapng | wireshark -k -i -
@@ -58,7 +60,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "TIME", value_parser = time::parse, default_value = "0s", hide_default_value = true)]
     since: u64,
     /// Only from this record on, a number as in the field `seq` of jsonl, to continue an earlier output
-    #[arg(long, value_name = "NUMBER", default_value = "0", hide_default_value = true, value_parser = number::any::<u64>())]
+    #[arg(long = "from-seq", alias = "from", value_name = "NUMBER", default_value = "0", hide_default_value = true, value_parser = number::any::<u64>())]
     from: u64,
     /// Only the last N existing records; with --follow also 0, to see only new records
     #[arg(short = 'n', long, value_name = "N", value_parser = number::any::<usize>())]
@@ -74,6 +76,8 @@ enum FormatArg {
     /// One JSON object per line, for programs
     #[value(alias = "json")]
     Jsonl,
+    /// Comma-separated values (RFC 4180) with a head line, for spreadsheets and data frames
+    Csv,
     /// The log format of can-utils (`candump -L`), which Wireshark can read too; only frames
     Candump,
     /// The log format of Wireshark, with one interface for each bus; only frames
@@ -105,7 +109,9 @@ impl FormatArg {
 /// The selected kinds of records that the format supports.
 fn kinds(args: &Args) -> Result<Vec<&'static Kind>, CliError> {
     match args.format {
-        FormatArg::Text | FormatArg::Jsonl | FormatArg::Vcd | FormatArg::Fst => Ok(args.kind.clone()),
+        FormatArg::Text | FormatArg::Jsonl | FormatArg::Csv | FormatArg::Vcd | FormatArg::Fst => {
+            Ok(args.kind.clone())
+        }
         FormatArg::Candump | FormatArg::Pcapng => {
             let frames = |kind: &&Kind| kind.ring() == Ring::Traffic;
             let wanted = |kind: &&Kind| args.kind.is_empty() || args.kind.contains(kind);

@@ -81,7 +81,7 @@ impl Session {
             return Err(no_channel(&self.instance));
         };
         let plc = self.plcs.first().map_or("", String::as_str);
-        let replies = progress::shown(&self.instance, plc, || client.request(ops));
+        let replies = progress::shown(&self.instance, plc, advance(ops), || client.request(ops));
         replies.map_err(|error| self.explain(error, client, ops))
     }
 
@@ -206,4 +206,12 @@ fn slowdown(attached: &Attached) -> f64 {
         0 => 1.0,
         permille => 1_000.0 / f64::from(permille),
     }
+}
+
+/// The time by which operations advance the clock, if one of them does by a known time.
+fn advance(ops: &[Op]) -> Option<u64> {
+    ops.iter().find_map(|op| match op {
+        Op::Advance { us } => Some(*us),
+        _ => None,
+    })
 }

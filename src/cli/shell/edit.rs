@@ -4,6 +4,7 @@ use super::{history, words};
 use crate::cli::complete;
 use crate::cli::error::CliError;
 use crate::script;
+use crate::time::seconds;
 use clap_complete::engine;
 use rustyline::completion::{Completer, Pair};
 use rustyline::error::ReadlineError;
@@ -28,7 +29,7 @@ pub(super) enum InputLine {
 /// Reads lines from the terminal.
 pub(super) struct LineReader {
     editor: Editor<LineHelper, FileHistory>,
-    prompt: String,
+    instance: String,
     history: Option<PathBuf>,
 }
 
@@ -43,12 +44,13 @@ impl LineReader {
             // Without a history file the shell starts with an empty history.
             let _ = editor.load_history(file);
         }
-        Ok(Self { editor, prompt: format!("{instance}> "), history })
+        Ok(Self { editor, instance: instance.to_owned(), history })
     }
 
-    /// Reads the next line.
-    pub(super) fn next(&mut self) -> Result<InputLine, CliError> {
-        match self.editor.readline(&self.prompt) {
+    /// Reads the next line. The prompt names the emulated time, if it is known.
+    pub(super) fn next(&mut self, time_us: Option<u64>) -> Result<InputLine, CliError> {
+        let time = time_us.map_or_else(String::new, |us| format!(" {}", seconds(us)));
+        match self.editor.readline(&format!("{}{time}> ", self.instance)) {
             Ok(line) => {
                 if self.editor.add_history_entry(&line).unwrap_or(false)
                     && let Some(file) = &self.history

@@ -26,6 +26,15 @@ pub(super) fn is_command(line: &str, commands: &clap::Command) -> bool {
         && (first == "help" || commands.find_subcommand(first).is_some())
 }
 
+/// If the line asks for help, returns its subject; it is empty if the line has none.
+pub(super) fn of_help(line: &str) -> Option<&str> {
+    let (first, rest) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
+    match first.strip_prefix('?') {
+        Some(subject) => Some(if subject.is_empty() { rest.trim() } else { subject }),
+        None => (line == "help").then_some(""),
+    }
+}
+
 /// Words that end the shell.
 const ENOUGH: [&str; 2] = ["exit", "quit"];
 
@@ -175,6 +184,12 @@ mod tests {
         for piece in ["peak", "peak = 1", "x + 1", "for n in 0..3 {", "let x = ", "f (1"] {
             assert_eq!(no_command(piece, &commands), None, "{piece}");
         }
+    }
+
+    #[test]
+    fn a_question_mark_asks_for_help() {
+        assert_eq!((of_help("?"), of_help("help"), of_help("? peek")), (Some(""), Some(""), Some("peek")));
+        assert_eq!((of_help("?peek"), of_help("help peek"), of_help("peek x")), (Some("peek"), None, None));
     }
 
     #[test]

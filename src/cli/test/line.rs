@@ -1,8 +1,8 @@
 //! Printed results of scenarios.
 
 use super::selection::Shard;
-use crate::cli::output;
 use crate::cli::table::Row;
+use crate::cli::{output, style};
 use crate::script::{Failure, FailureKind, JournalLine, Outcome, Report, ScriptLocation};
 use crate::time::seconds;
 use chrono::{DateTime, SecondsFormat, Utc};
@@ -172,12 +172,9 @@ pub(crate) fn text(report: &Report) -> String {
     if let Outcome::NotRun(why) = &report.outcome {
         return output::harmless(&format!("not run  {}  {why}\n", report.file.display()));
     }
-    let mut text = format!(
-        "{:<6}  {}  {emulated}in {} ms\n",
-        report.outcome.name(),
-        report.file.display(),
-        report.took.as_millis()
-    );
+    let is_good = matches!(report.outcome, Outcome::Passed);
+    let name = style::outcome(&format!("{:<6}", report.outcome.name()), is_good);
+    let mut text = format!("  {}  {emulated}in {} ms\n", report.file.display(), report.took.as_millis());
     let reason = match &report.outcome {
         Outcome::Passed | Outcome::NotRun(_) => String::new(),
         Outcome::Failed(failure) => failure.to_string(),
@@ -190,23 +187,27 @@ pub(crate) fn text(report: &Report) -> String {
         let _ = writeln!(text, "  {line}");
     }
     // Output of a script must not control the terminal.
-    output::harmless(&text)
+    name + &output::harmless(&text)
 }
 
 /// Summary: `12 passed, 1 failed, 0 broken; 3.250000 s emulated in 41 ms`, with the numbers of crashed and skipped
 /// scenarios, if any.
 pub(crate) fn summary(reports: &[Report]) -> String {
-    let count = |name| reports.iter().filter(|report| report.outcome.name() == name).count();
+    let count = |name: &str| reports.iter().filter(|report| report.outcome.name() == name).count();
     let emulated = reports.iter().filter_map(|report| report.emulated_us).sum();
+    let told = |name: &str| match count(name) {
+        0 => format!("0 {name}"),
+        count => style::outcome(&format!("{count} {name}"), name == "passed"),
+    };
     let others = ["died", "not run"].map(|name| match count(name) {
         0 => String::new(),
-        count => format!(", {count} {name}"),
+        _ => format!(", {}", told(name)),
     });
     format!(
-        "{} passed, {} failed, {} broken{}; {} emulated in {} ms\n",
-        count("passed"),
-        count("failed"),
-        count("broken"),
+        "{}, {}, {}{}; {} emulated in {} ms\n",
+        told("passed"),
+        told("failed"),
+        told("broken"),
         others.concat(),
         seconds(emulated),
         reports.iter().map(|report| report.took).sum::<Duration>().as_millis()

@@ -24,7 +24,8 @@ impl Progress {
     /// Starts the progress line for `count` scenarios.
     pub(crate) fn of(count: usize) -> Self {
         let state = || Mutex::new(State { of: count, ..State::default() });
-        Self { state: std::io::stderr().is_terminal().then(state) }
+        let is_shown = std::io::stderr().is_terminal() && !crate::cli::output::is_quiet();
+        Self { state: is_shown.then(state) }
     }
 
     /// A scenario begins.

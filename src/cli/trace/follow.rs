@@ -1,5 +1,6 @@
 //! Reads the journal up to its end, and new records after it.
 
+use super::csv::Csv;
 use super::{Args, FormatArg};
 use crate::cli::error::CliError;
 use crate::cli::exit::Exit;
@@ -28,6 +29,7 @@ pub(crate) fn print(
     let text: Box<dyn Format> = match args.format {
         FormatArg::Text => Box::new(Text::new(names, devices::catalogue())),
         FormatArg::Jsonl => Box::new(Jsonl::new(names, devices::catalogue())),
+        FormatArg::Csv => Box::new(Csv::new(names, devices::catalogue())),
         FormatArg::Candump => Box::new(Candump::new(&names)),
         FormatArg::Pcapng => {
             return print_as::<Vec<u8>>(args, session, selection, Box::new(Pcapng::new(links(session)?)));

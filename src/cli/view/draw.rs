@@ -14,10 +14,16 @@ use ratatui::widgets::{Block, Clear, Paragraph, Wrap};
 /// Smallest usable number of columns and rows.
 const LEAST: (u16, u16) = (40, 10);
 
+/// Number of columns from which two panes are side by side.
+const WIDE: u16 = 120;
+/// Number of columns from which the line of keys has room for all of them.
+const ROOM_FOR_SYNC: u16 = 90;
+
 /// Draws the screen.
 pub(super) fn draw(frame: &mut Frame, model: &mut Model, theme: Theme) {
     model.hot.clear();
     let Rect { width, height, .. } = frame.area();
+    model.is_wide = width >= WIDE;
     if width < LEAST.0 || height < LEAST.1 {
         let text = format!("{width}x{height} is too small: 80x24 shows everything");
         frame.render_widget(Paragraph::new(text).wrap(Wrap { trim: true }), frame.area());
@@ -96,7 +102,10 @@ fn foot_lines(model: &Model, theme: Theme, area: Rect) -> Vec<Line<'static>> {
         (_, Some(message)) if message.is_bad => (&message.text, theme.bad()),
         (_, Some(message)) => (&message.text, theme.plain()),
         (_, None) => {
-            let keys = " / find  Space pin  p poke  f force  s step  n SYNC  w wait  ? help  q quit";
+            let sync = if area.width < ROOM_FOR_SYNC { "" } else { "  n SYNC" };
+            let keys = format!(
+                " / find  Space pin  p poke  f force  s step{sync}  b/B back  w wait  ? help  q quit"
+            );
             return vec![Line::styled(keys, theme.dim())];
         }
     };

@@ -62,16 +62,18 @@ impl Model {
     }
 
     fn look_at(&mut self, which: ListId) {
-        match which {
-            ListId::Tree => self.on_pins = false,
-            ListId::Pins => self.on_pins = true,
-            ListId::Changes
-            | ListId::Frames
-            | ListId::Board
-            | ListId::Drives
-            | ListId::Findings
-            | ListId::Plant => {}
-        }
+        self.pane = match which {
+            ListId::Tree | ListId::Pins => {
+                self.on_pins = which == ListId::Pins;
+                Pane::Registers
+            }
+            ListId::Changes => Pane::Changes,
+            ListId::Frames => Pane::Frames,
+            ListId::Board => Pane::Board,
+            ListId::Drives => Pane::Drives,
+            ListId::Findings => Pane::Findings,
+            ListId::Plant => Pane::Plant,
+        };
     }
 
     /// Performs an action.

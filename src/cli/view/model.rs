@@ -67,6 +67,8 @@ pub(super) struct Model {
     pub connection: Connection,
     pub info: Option<InstanceInfo>,
     pub pane: Pane,
+    /// True if the screen has room for two panes, since the last drawing.
+    pub is_wide: bool,
     /// True if the keys control the list of pins instead of the tree.
     pub on_pins: bool,
     pub tree: Tree,
@@ -108,6 +110,7 @@ impl Model {
             connection: Connection::Connecting,
             info: None,
             pane: Pane::Registers,
+            is_wide: false,
             on_pins: false,
             tree: Tree::default(),
             pins: Pins::default(),
@@ -229,12 +232,22 @@ impl Model {
         self.say("another emulator of this name has started");
     }
 
-    /// The data that the current pane needs.
+    /// The panes on the screen: the active one, and on a wide screen the changes or the registers beside it.
+    pub(super) fn shown(&self) -> (Pane, Option<Pane>) {
+        match self.pane {
+            pane if !self.is_wide => (pane, None),
+            Pane::Changes => (Pane::Registers, Some(Pane::Changes)),
+            pane => (pane, Some(Pane::Changes)),
+        }
+    }
+
+    /// The data that the panes on the screen need.
     pub(super) fn query(&self) -> Query {
         let mut registers: Vec<MemoryLocation> = self.pins.all.iter().map(|pin| pin.location()).collect();
         let places = self.pins.all.iter().filter_map(|pin| Some((pin.plc, pin.place.status()?)));
         registers.extend(places.map(|(plc, status)| MemoryLocation::register(plc, &status)));
-        match self.pane {
+        let (pane, other) = self.shown();
+        match pane {
             Pane::Registers => {
                 registers.extend(
                     self.tree
@@ -265,7 +278,7 @@ impl Model {
             scene: matches!(self.pane, Pane::Plant | Pane::Frames | Pane::Drives),
             buses: self.pane == Pane::Plant,
             journal: self.pane == Pane::Frames,
-            recorded: self.pane == Pane::Changes && self.pins.all.is_empty(),
+            recorded: (pane == Pane::Changes || other == Some(Pane::Changes)) && self.pins.all.is_empty(),
         }
     }
 

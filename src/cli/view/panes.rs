@@ -12,14 +12,23 @@ use super::actions::Pane;
 use super::model::Model;
 use super::style::Theme;
 use ratatui::Frame;
-use ratatui::layout::Rect;
+use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::Style;
 use ratatui::text::Line;
 use ratatui::widgets::{Block, Borders, Paragraph};
 
-/// Draws the active pane.
+/// Draws the active pane, and on a wide screen another one beside it.
 pub(super) fn draw(frame: &mut Frame, model: &mut Model, theme: Theme, area: Rect) {
-    match model.pane {
+    let (left, right) = model.shown();
+    let Some(right) = right else { return draw_one(frame, model, theme, left, area) };
+    let halves = Layout::horizontal([Constraint::Percentage(50), Constraint::Percentage(50)]).spacing(1);
+    let [left_area, right_area] = halves.areas(area);
+    draw_one(frame, model, theme, left, left_area);
+    draw_one(frame, model, theme, right, right_area);
+}
+
+fn draw_one(frame: &mut Frame, model: &mut Model, theme: Theme, pane: Pane, area: Rect) {
+    match pane {
         Pane::Plant => plant::draw(frame, model, theme, area),
         Pane::Registers => registers::draw(frame, model, theme, area),
         Pane::Changes => changes::draw(frame, model, theme, area),

@@ -2,6 +2,7 @@
 
 use super::{lines, marked, titled};
 use crate::cli::change;
+use crate::cli::view::actions::Pane;
 use crate::cli::view::model::{ClickTarget, ListId, Model};
 use crate::cli::view::pins::Pins;
 use crate::cli::view::style::{Theme, at_right, padded, padded_name};
@@ -39,12 +40,13 @@ pub(super) fn draw(frame: &mut Frame, model: &mut Model, theme: Theme, area: Rec
     let rows = Rect { y: inner.y + 1, height: inner.height.saturating_sub(1), ..inner };
     let seen = model.pins.history.fit(usize::from(rows.height), model.pins.shown().len());
     let names = model.names();
+    let has_keys = model.pane == Pane::Changes;
     let line = |number: usize| {
         let change = model.pins.shown().get(number)?;
         let before = number.checked_sub(1).and_then(|before| model.pins.shown().get(before));
         let cells = change_cells(names, change, before);
         let line = change_line(columns(width, times, cells), change.what.how.by, theme);
-        Some(marked(line, number == model.pins.history.chosen, true, theme))
+        Some(marked(line, number == model.pins.history.chosen, has_keys, theme))
     };
     let mut drawn = vec![Line::styled(head.concat(), theme.dim())];
     drawn.extend(seen.filter_map(line));

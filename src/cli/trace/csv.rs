@@ -1,0 +1,110 @@
+//! `commram trace --format csv`: one row per record, for spreadsheets and data frames.
+
+use crate::export::csv_line;
+use crate::journal::jsonl::Jsonl;
+use crate::journal::text::Text;
+use crate::journal::{Catalogue, Format, Names, Record};
+use serde_json::{Map, Value};
+
+/// Fields of jsonl with a column of their own.
+const FIELDS: [&str; 12] = [
+    "seq",
+    "time_us",
+    "count",
+    "period_us",
+    "kind",
+    "bus",
+    "plc",
+    "node",
+    "register",
+    "address",
+    "value",
+    "latency_us",
+];
+/// The line of the text format without time and source, and the remaining fields of jsonl as an object.
+const OTHERS: [&str; 2] = ["description", "fields"];
+
+/// Writes records as comma-separated values (RFC 4180) with a head line.
+pub(super) struct Csv {
+    lines: Jsonl,
+    text: Text,
+}
+
+impl Csv {
+    /// A writer with these names.
+    pub(super) fn new(names: Names, catalogue: &'static Catalogue) -> Self {
+        Self { lines: Jsonl::new(names.clone(), catalogue), text: Text::new(names, catalogue) }
+    }
+}
+
+impl Format for Csv {
+    fn begin(&self, out: &mut String) {
+        out.push_str(&csv_line(&[&FIELDS[..], &OTHERS].concat()));
+    }
+
+    fn record(&mut self, record: &Record, out: &mut String) {
+        let (mut text, mut line) = (String::new(), String::new());
+        self.text.record(record, &mut text);
+        self.lines.record(record, &mut line);
+        out.push_str(&row(&line, description(&text)));
+    }
+
+    fn skip(&mut self, record: &Record) {
+        self.text.skip(record);
+        self.lines.skip(record);
+    }
+
+    fn gap(&mut self, lost: u64, out: &mut String) -> bool {
+        self.text.gap(lost, &mut String::new());
+        let mut line = String::new();
+        self.lines.gap(lost, &mut line);
+        out.push_str(&row(&line, &format!("{lost} records lost here")));
+        true
+    }
+}
+
+/// The line of the text format without its time and source.
+fn description(line: &str) -> &str {
+    let behind_time = line.split_once(" s  ").map_or(line, |(_, rest)| rest);
+    behind_time.split_once("  ").map_or(behind_time, |(_, what)| what).trim()
+}
+
+/// The row of a line of jsonl.
+fn row(line: &str, description: &str) -> String {
+    let mut fields: Map<String, Value> = serde_json::from_str(line).unwrap_or_default();
+    fields.remove("v");
+    // The description says the same.
+    fields.remove("text");
+    let mut cells: Vec<_> =
+        FIELDS.iter().map(|name| fields.remove(*name).map_or_else(String::new, cell)).collect();
+    cells.push(description.to_owned());
+    cells.push(if fields.is_empty() { String::new() } else { Value::Object(fields).to_string() });
+    csv_line(&cells)
+}
+
+fn cell(value: Value) -> String {
+    match value {
+        Value::Null => String::new(),
+        Value::String(text) => text,
+        other => other.to_string(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn fields_without_a_column_are_an_object() {
+        let line = r#"{"v":1,"seq":1,"time_us":500,"kind":"state","plc":"line","node":2,"from":1,"text":"x","latency_us":500}"#;
+        assert_eq!(row(line, "a, b"), "1,500,,,state,,line,2,,,,500,\"a, b\",\"{\"\"from\"\":1}\"\n");
+        assert_eq!(
+            description(
+                "     0.000500 s  line        w_X 16#1 -> 16#2
+"
+            ),
+            "w_X 16#1 -> 16#2"
+        );
+        assert_eq!(row(r#"{"v":1,"kind":"gap","lost":7}"#, "x"), ",,,,gap,,,,,,,,x,\"{\"\"lost\"\":7}\"\n");
+    }
+}

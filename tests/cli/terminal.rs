@@ -1,0 +1,102 @@
+//! Output on a terminal: colours, a pager, progress, the prompt of the shell.
+
+use crate::common::{Emulator, commram};
+use std::fs::File;
+use std::io::{Read, Write};
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+/// Time after which a test counts as hanging.
+const WATCHDOG: Duration = Duration::from_secs(60);
+
+/// Runs a command at a separate terminal of 100 columns and 24 rows, types `input`, and returns all that the terminal
+/// shows until `end` accepts it, or until the command ends.
+fn at_terminal(command: &mut Command, input: &str, end: impl Fn(&str) -> bool) -> String {
+    use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+    let terminal = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC).unwrap();
+    grantpt(&terminal).unwrap();
+    unlockpt(&terminal).unwrap();
+    let name = ptsname(&terminal, Vec::new()).unwrap();
+    let size = rustix::termios::Winsize { ws_col: 100, ws_row: 24, ws_xpixel: 0, ws_ypixel: 0 };
+    rustix::termios::tcsetwinsize(&terminal, size).unwrap();
+    let place = || File::options().read(true).write(true).open(name.to_str().unwrap()).unwrap();
+    command.env("TERM", "xterm").stdin(place()).stdout(place()).stderr(place());
+    let mut child = command.spawn().unwrap();
+    command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
+    let mut terminal = File::from(terminal);
+    terminal.write_all(input.as_bytes()).unwrap();
+    let (mut shown, mut part, start) = (Vec::new(), [0; 4096], Instant::now());
+    loop {
+        assert!(start.elapsed() < WATCHDOG, "{}", String::from_utf8_lossy(&shown));
+        match terminal.read(&mut part) {
+            // All other ends of the terminal are closed.
+            Ok(0) | Err(_) => break,
+            Ok(len) => shown.extend_from_slice(&part[..len]),
+        }
+        if end(&String::from_utf8_lossy(&shown)) {
+            break;
+        }
+    }
+    let _ = child.kill();
+    child.wait().unwrap();
+    String::from_utf8_lossy(&shown).into_owned()
+}
+
+fn to_its_end(command: &mut Command) -> String {
+    at_terminal(command, "", |_| false)
+}
+
+#[test]
+fn a_long_table_goes_to_the_pager_on_a_terminal() {
+    let shown = to_its_end(commram().args(["map", "node2"]).env("PAGER", "sed s/^/P:/"));
+    assert!(shown.contains("P:node2.w_CPU_CONTROL"), "{shown}");
+    for pager in ["", "no-such-pager-exists"] {
+        let shown = to_its_end(commram().args(["map", "node2"]).env("PAGER", pager));
+        assert!(shown.contains("\nnode2.w_CPU_CONTROL"), "{shown}");
+    }
+    let short = to_its_end(commram().args(["find", "bus-off"]).env("PAGER", "sed s/^/P:/"));
+    assert!(short.contains("w_CANsync_STATUS") == !short.contains("P:"), "{short}");
+    let piped = crate::common::finish(commram().args(["map", "node2"]).env("PAGER", "sed s/^/P:/"));
+    assert!(piped.ok().contains("\nnode2.w_CPU_CONTROL"), "{}", piped.out);
+}
+
+#[test]
+fn passed_is_green_and_failed_is_red() {
+    let directory = tempfile::tempdir().unwrap();
+    let file = |name: &str, value: u8| {
+        let text = format!("expect(\"node2.w_CPU_CONTROL\", {value});\n");
+        std::fs::write(directory.path().join(name), text).unwrap();
+    };
+    file("good.rhai", 0);
+    file("wrong.rhai", 1);
+    let shown = to_its_end(commram().arg("test").arg(directory.path()).env_remove("NO_COLOR"));
+    for part in [
+        "\x1b[32mpassed\x1b[0m",
+        "\x1b[31mfailed\x1b[0m",
+        "\x1b[32m1 passed\x1b[0m, \x1b[31m1 failed\x1b[0m, 0 broken",
+    ] {
+        assert!(shown.contains(part), "{part:?}: {shown:?}");
+    }
+    let plain = to_its_end(commram().arg("test").arg(directory.path()).env("NO_COLOR", "1"));
+    assert!(!plain.contains("\x1b[32m"), "{plain:?}");
+}
+
+#[test]
+fn a_long_step_tells_its_target_and_its_rate() {
+    let emulator = Emulator::stepped();
+    emulator.step(&["1s"]);
+    let shown =
+        at_terminal(&mut emulator.command("step", &["24h"]), "", |shown| shown.contains("real time;"));
+    assert!(
+        shown.contains(" of 86401.000000 s, ") && shown.contains(" times real time; Ctrl-C ends"),
+        "{shown}"
+    );
+}
+
+#[test]
+fn the_prompt_of_the_shell_has_the_emulated_time() {
+    let emulator = Emulator::stepped();
+    let mut shell = emulator.command("shell", &[]);
+    let shown = at_terminal(&mut shell, "step 2ms\r", |shown| shown.contains("0.002000 s> "));
+    assert!(shown.contains(&format!("{} 0.000000 s> ", emulator.name)), "{shown}");
+}
