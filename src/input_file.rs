@@ -32,12 +32,13 @@ pub fn text(bytes: Vec<u8>) -> Result<String> {
     String::from_utf8(bytes).map_err(|_| Error::new(ErrorKind::InvalidData, "it is no text in UTF-8"))
 }
 
-/// Reads the contents of a file or pipe.
+/// Reads the contents of a file or pipe; `-` is the standard input.
 ///
 /// # Errors
 /// The file cannot be read, is neither file nor pipe, or is longer than `longest` bytes.
 pub fn read_bytes(path: &Path, longest: u64) -> Result<Vec<u8>> {
-    let file = open(path)?;
+    let file: Box<dyn Read> =
+        if is_standard(path) { Box::new(std::io::stdin()) } else { Box::new(open(path)?) };
     let mut bytes = Vec::new();
     file.take(longest + 1).read_to_end(&mut bytes)?;
     if bytes.len() as u64 > longest {
@@ -47,6 +48,11 @@ pub fn read_bytes(path: &Path, longest: u64) -> Result<Vec<u8>> {
         ));
     }
     Ok(bytes)
+}
+
+/// True for the name `-`: the standard input, or the standard output of an output file.
+pub(crate) fn is_standard(path: &Path) -> bool {
+    path.as_os_str() == "-"
 }
 
 fn open(path: &Path) -> Result<File> {

@@ -10,12 +10,16 @@ const TRIES: u32 = 16;
 /// Links that lead on to links.
 const MOST_LINKS: u32 = 40;
 
-/// Writes where a shell's `>` would: links are followed, pipes and devices are written to. A file keeps its permissions.
+/// Writes where a shell's `>` would, with the name `-` to the standard output: links are followed, pipes and devices are written to. A file keeps its permissions.
 ///
 /// # Errors
 /// The file cannot be written; then its contents are unchanged, except where only the file itself may be changed and no
 /// new file be made beside it.
 pub(crate) fn write(path: &Path, bytes: &[u8]) -> Result<()> {
+    if path.as_os_str() == "-" {
+        let mut out = std::io::stdout().lock();
+        return out.write_all(bytes).and_then(|()| out.flush());
+    }
     let before = fs::metadata(path);
     let is_file = before.as_ref().map_or(true, Metadata::is_file);
     let Some(place) = end_of_links(path).filter(|_| is_file) else {

@@ -5,7 +5,7 @@
 
 use super::demo::Interrupts;
 use super::error::CliError;
-use super::output;
+use super::{output, parse};
 use rustix::process::{Pid, Signal};
 use std::fs::{File, OpenOptions};
 use std::io::{self, Read};
@@ -18,17 +18,19 @@ use std::time::Duration;
 /// Pause between two checks for an interrupt.
 const LOOK: Duration = Duration::from_millis(20);
 
-/// Starts this command again in the background and returns when it is ready.
+/// Starts this command again in the background and returns when it is ready. `reads_input`: its plant is the standard
+/// input.
 ///
 /// # Errors
 /// The child did not get ready. It has printed the reason, and its exit code is passed on.
-pub(crate) fn start(instance: &str) -> Result<(), CliError> {
+pub(crate) fn start(instance: &str, reads_input: bool) -> Result<(), CliError> {
     let failed = |reason| CliError::Process { reason };
     let interrupts = Interrupts::catch()?;
     let program = std::env::current_exe().map_err(failed)?;
     let mut command = Command::new(program);
-    command.args(["run", "--detached"]).args(std::env::args_os().skip(2));
-    command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    command.args(["run", "--detached"]).args(parse::arguments_of_command());
+    let input = if reads_input { Stdio::inherit() } else { Stdio::null() };
+    command.stdin(input).stdout(Stdio::piped()).stderr(Stdio::piped());
     let mut child = command.spawn().map_err(failed)?;
     let (out, err) = (collect(child.stdout.take()), collect(child.stderr.take()));
     let said = until_end(&out, &mut child, &interrupts)?;

@@ -17,13 +17,13 @@ use std::path::{Path, PathBuf};
 ///
 /// Dumps are files written by `commram dump --format json`. A plain dump contains only registers that differ from
 /// their reset value. A register that is missing in a file is shown as `-`, since the file does not contain its
-/// value. A dump made with `dump --all` contains all registers. With one file, the blocks that occur in it are
+/// value. A dump made with `dump --full` contains all registers. With one file, the blocks that occur in it are
 /// compared with the running instance (all blocks, if the file is empty). Registers that are no longer live are
 /// only counted.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
-  commram dump --all --format json >before.json
+  commram dump --full --format json >before.json
   commram step 10ms && commram diff before.json
   commram diff before.json after.json --format md
 

@@ -29,7 +29,7 @@ const MAX_BLOCK: u32 = 65_536;
 Examples:
   commram dump
   commram dump node2
-  commram dump 'node2.a_RD_BMARRAY[3]' --all
+  commram dump 'node2.a_RD_BMARRAY[3]' --full
   commram dump 'node*.*STATUS*'
   commram dump retain
   commram dump line2:node1 --format csv")]
@@ -39,7 +39,7 @@ pub(crate) struct Args {
     #[arg(add = complete::blocks(), value_name = "BLOCK")]
     blocks: Vec<String>,
     /// Also registers that hold their reset value
-    #[arg(long)]
+    #[arg(long = "full", alias = "all")]
     all: bool,
     #[command(flatten)]
     format: FormatArg,

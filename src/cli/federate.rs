@@ -21,7 +21,7 @@ pub(crate) struct FederateArgs {
     #[arg(add = super::complete::files(&["toml"]), long, value_name = "FILE.toml")]
     exchange: Option<PathBuf>,
     /// Follow the time of the other federates and simulators, without waiting for clients of this emulator
-    #[arg(long, requires = "helics")]
+    #[arg(long = "follow-others", alias = "follow", requires = "helics")]
     follow: bool,
     /// Address of the HELICS broker
     #[arg(long, value_name = "ADDRESS", requires = "helics", default_value = "tcp://127.0.0.1:23404")]

@@ -27,7 +27,7 @@ pub(crate) struct Args {
     #[arg(value_name = "TEXT", required = true)]
     text: Vec<String>,
     /// Also registers that the manual reserves
-    #[arg(long)]
+    #[arg(long = "full", alias = "all")]
     all: bool,
     #[command(flatten)]
     device: DeviceArg,

@@ -36,7 +36,8 @@ pub(crate) struct InstanceName {
 impl InstanceName {
     /// Returns the default instance.
     pub(crate) fn usual() -> String {
-        std::env::var(VARIABLE).unwrap_or_else(|_| USUAL.to_owned())
+        let configured = || super::config::get().instance.clone();
+        std::env::var(VARIABLE).ok().or_else(configured).unwrap_or_else(|| USUAL.to_owned())
     }
 }
 

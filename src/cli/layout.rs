@@ -110,7 +110,7 @@ struct ImportArgs {
     #[arg(long)]
     check: bool,
     /// Also list registers without a difference
-    #[arg(long)]
+    #[arg(long = "full", alias = "all")]
     all: bool,
     #[command(flatten)]
     format: FormatArg,

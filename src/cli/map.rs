@@ -27,7 +27,7 @@ Examples:
   commram map 'node2.*STATUS*'
   commram map %MB3.200012
   commram map node2.w_CPU_CONTROL.7        a single bit
-  commram map --all --format csv > map.csv
+  commram map --full --format csv > map.csv
   commram map maxx:slotG -i press-1
 
 Provenance: `manual` means that the manual states the fact; `manual` with a name means that the vendor's library of \
@@ -38,7 +38,7 @@ pub(crate) struct Args {
     #[arg(add = complete::blocks(), value_name = "NAME|ADDRESS|BLOCK")]
     what: Option<String>,
     /// Also registers that the manual reserves
-    #[arg(long)]
+    #[arg(long = "full", alias = "all")]
     all: bool,
     #[command(flatten)]
     device: DeviceArg,

@@ -7,6 +7,7 @@ mod change;
 mod check;
 mod complete;
 mod completions;
+mod config;
 mod demo;
 mod detach;
 mod device;
@@ -72,6 +73,12 @@ struct Cli {
     /// Colours: on a terminal (unless NO_COLOR is set), always, never
     #[arg(long, global = true, value_enum, value_name = "WHEN", default_value_t = style::ColourMode::Auto, hide_possible_values = true)]
     color: style::ColourMode,
+    /// Print no notes and no progress, only results and errors
+    #[arg(short, long, global = true, conflicts_with = "verbose")]
+    quiet: bool,
+    /// Print more: all messages of an emulator, the configuration that a command uses
+    #[arg(short, long, global = true)]
+    verbose: bool,
     #[command(subcommand)]
     command: Command,
 }
@@ -159,7 +166,14 @@ pub fn main() -> ExitCode {
     completions::answer();
     style::set(std::env::args_os());
     let result = match parse::parse(std::env::args_os()) {
-        Ok(cli) => cli.command.run(),
+        Ok(cli) => {
+            output::set_verbosity(cli.quiet, cli.verbose);
+            config::notes().iter().for_each(|note| output::note(note));
+            if cli.verbose {
+                output::note(&format!("configuration: {}", config::get()));
+            }
+            cli.command.run()
+        }
         Err(error) => return refuse(&error),
     };
     finish(result)

@@ -1,7 +1,9 @@
 //! Output to the terminal, or to the file or pipe that replaces it.
 
 use super::{error::CliError, style};
-use std::io::{self, Write};
+use std::io::{self, IsTerminal, Write};
+use std::process::{Command, Stdio};
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Writes `text` to the standard output and flushes it.
 ///
@@ -39,9 +41,65 @@ pub(crate) fn relay(text: &[u8]) {
     let _ = io::stderr().lock().write_all(text);
 }
 
-/// Writes a note, which is not an error, to the standard error output.
+/// Writes a note, which is not an error, to the standard error output, unless the user wants none.
 pub(crate) fn note(text: &str) {
-    complain(&format!("note: {text}"));
+    if !is_quiet() {
+        complain(&format!("note: {text}"));
+    }
+}
+
+static QUIET: AtomicBool = AtomicBool::new(false);
+static VERBOSE: AtomicBool = AtomicBool::new(false);
+
+/// Sets how much this process prints besides results and errors.
+pub(crate) fn set_verbosity(is_quiet: bool, is_verbose: bool) {
+    QUIET.store(is_quiet, Ordering::Relaxed);
+    VERBOSE.store(is_verbose, Ordering::Relaxed);
+}
+
+/// True if the user wants no notes and no progress.
+pub(crate) fn is_quiet() -> bool {
+    QUIET.load(Ordering::Relaxed)
+}
+
+/// True if the user wants all messages.
+pub(crate) fn is_verbose() -> bool {
+    VERBOSE.load(Ordering::Relaxed)
+}
+
+/// Prints a text that may be long. On a terminal with fewer lines the user's pager shows it: the program of the
+/// variable `PAGER`, `less` without it; none if the variable is empty.
+///
+/// # Errors
+/// As [`print()`].
+pub(crate) fn page(text: &str) -> Result<(), CliError> {
+    let rows = rustix::termios::tcgetwinsize(io::stdout()).map_or(0, |size| usize::from(size.ws_row));
+    if !io::stdout().is_terminal() || rows == 0 || text.lines().count() < rows {
+        return print(text);
+    }
+    let pager = std::env::var("PAGER").unwrap_or_else(|_| "less".to_owned());
+    if pager.trim().is_empty() {
+        return print(text);
+    }
+    let mut command = Command::new("sh");
+    command.args(["-c", &pager]).stdin(Stdio::piped());
+    if std::env::var_os("LESS").is_none() {
+        // Colours, no pager for a short text, the text stays on the screen.
+        command.env("LESS", "FRX");
+    }
+    // Ctrl-C belongs to the pager.
+    let _ = signal_hook::flag::register(signal_hook::consts::SIGINT, std::sync::Arc::default());
+    let Ok(mut child) = command.spawn() else { return print(text) };
+    if let Some(mut input) = child.stdin.take() {
+        // A user may leave the pager before the end of the text.
+        let _ = input.write_all(text.as_bytes());
+    }
+    match child.wait() {
+        // The shell has not found the program.
+        Ok(status) if matches!(status.code(), Some(126 | 127)) => print(text),
+        Ok(_) => Ok(()),
+        Err(reason) => Err(CliError::Process { reason }),
+    }
 }
 
 /// Prints help to the standard error output after wrong use.

@@ -1,7 +1,7 @@
 //! The command line of this program: its commands in groups, and where options may be given.
 
 use super::instance::instance_name;
-use super::{Cli, advice};
+use super::{Cli, advice, config};
 use clap::builder::Resettable;
 use clap::error::ErrorKind;
 use clap::{Arg, Command, CommandFactory, FromArgMatches};
@@ -29,7 +29,7 @@ pub(super) fn command() -> Command {
         .value_name("NAME")
         .value_parser(instance_name)
         .help("Name of the instance, for every command that uses one");
-    command.arg(instance).help_template(template)
+    config::get().apply(command.arg(instance)).help_template(template)
 }
 
 /// The help with the commands in groups.
@@ -57,15 +57,15 @@ fn template(command: &Command) -> String {
 /// Wrong use, or a request for help, with hints for frequent mistakes.
 pub(super) fn parse(words: impl Iterator<Item = OsString>) -> Result<Cli, clap::Error> {
     let commands = command();
-    let words = with_instance_after_command(words.collect(), 1, &commands);
+    let words = with_options_after_command(words.collect(), 1, &commands);
     let parsed = commands.clone().try_get_matches_from(&words);
     let parsed = parsed.and_then(|matches| Cli::from_arg_matches(&matches));
     parsed.map_err(|error| advice::improve(without_environment_values(error, &words), &commands))
 }
 
-/// Moves `-i NAME` in front of a command behind it, where the command defines the option. The words of the command
-/// begin at index `begin`.
-pub(super) fn with_instance_after_command(
+/// Moves options in front of a command behind it: `-i NAME` is an option of the command, the others are allowed in
+/// both places. The words of the command begin at index `begin`.
+pub(super) fn with_options_after_command(
     words: Vec<OsString>,
     begin: usize,
     commands: &Command,
@@ -77,16 +77,10 @@ pub(super) fn with_instance_after_command(
     let mut rest = rest.peekable();
     while let Some(word) = rest.peek().and_then(|word| word.to_str()).map(str::to_owned) {
         let count = match word.as_str() {
-            "-i" | "--instance" => 2,
-            word if word.starts_with("--instance=") || (word.starts_with("-i") && word.len() > 2) => 1,
-            "--color" => {
-                kept.extend(rest.by_ref().take(2));
-                continue;
-            }
-            word if word.starts_with("--color=") => {
-                kept.extend(rest.next());
-                continue;
-            }
+            "-i" | "--instance" | "--color" => 2,
+            // These end the command line wherever they are.
+            "-h" | "--help" | "-V" | "--version" | "--" => break,
+            word if word.starts_with('-') => 1,
             word => match command.find_subcommand(word) {
                 Some(inner) => {
                     command = inner;
@@ -99,6 +93,11 @@ pub(super) fn with_instance_after_command(
         moved.extend(rest.by_ref().take(count));
     }
     kept.into_iter().chain(moved).chain(rest).collect()
+}
+
+/// The arguments of this process behind its command, with the options in front of the command among them.
+pub(super) fn arguments_of_command() -> impl Iterator<Item = OsString> {
+    with_options_after_command(std::env::args_os().collect(), 1, &command()).into_iter().skip(2)
 }
 
 /// Returns the same error without options set by environment variables: the usage text would show such options as
@@ -134,14 +133,14 @@ mod tests {
     fn the_instance_moves_behind_its_command() {
         let moved = |line: &str| {
             let words = line.split(' ').map(OsString::from).collect();
-            let words = with_instance_after_command(words, 1, &command());
+            let words = with_options_after_command(words, 1, &command());
             words.iter().map(|word| word.to_string_lossy()).collect::<Vec<_>>().join(" ")
         };
         for (line, expected) in [
             ("commram -i a peek x", "commram peek -i a x"),
             (
                 "commram --color never --instance=a fault list",
-                "commram --color never fault list --instance=a",
+                "commram fault list --color never --instance=a",
             ),
             ("commram fault -ia clear 1", "commram fault clear -ia 1"),
             ("commram peek x -i a", "commram peek x -i a"),

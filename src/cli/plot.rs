@@ -10,6 +10,7 @@ use super::session::{Read, Session};
 use super::time;
 use super::{Instance, output};
 use crate::devices;
+use crate::input_file;
 use crate::journal::{Selection, Waves};
 use crate::output_file;
 use crate::plot::{Picture, Plot, Row, address_of};
@@ -24,12 +25,12 @@ const MOST: usize = 64;
 ///
 /// Codes are drawn as steps, numbers as lines, handshakes as spans from 16#05 to their answer, above the SYNC
 /// edges. The data comes from the journal: every change of the registers that the emulator records (`commram run
-/// --watch`); of other registers only channel writes and firmware answers.
+/// --record`); of other registers only channel writes and firmware answers.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
   commram plot node2.b_CTRLREG_WRC1 'node2.a_WR_VALUE[0]' -o reference.svg
-  commram plot node2.w_OPTION_STATUS --from 1.5s --to 1.6s -o start.png
+  commram plot node2.w_OPTION_STATUS --since 1.5s --until 1.6s -o start.png
   commram trace --format jsonl >run.jsonl
   commram plot node2.w_OPTION_STATUS --journal run.jsonl -o start.svg")]
 pub(crate) struct Args {
@@ -37,10 +38,10 @@ pub(crate) struct Args {
     #[arg(add = complete::registers(), value_name = "REG", required = true)]
     registers: Vec<String>,
     /// Begin of the plot, in emulated time
-    #[arg(long, value_name = "TIME", value_parser = time::parse, default_value = "0s", hide_default_value = true)]
+    #[arg(long = "since", alias = "from", value_name = "TIME", value_parser = time::parse, default_value = "0s", hide_default_value = true)]
     from: u64,
     /// End of the plot [default: now, or the end of the journal]
-    #[arg(long, value_name = "TIME", value_parser = time::parse)]
+    #[arg(long = "until", alias = "to", value_name = "TIME", value_parser = time::parse)]
     to: Option<u64>,
     /// Output file with the extension .svg or .png
     #[arg(short, long, value_name = "FILE")]
@@ -58,15 +59,18 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         text: text.display().to_string(),
         right: right.to_string(),
     };
-    let picture = Picture::of(&args.output)
-        .map_err(|_| wrong(&args.output, &"the file name must end in .svg or .png"))?;
+    // The standard output gets the format that is a text.
+    let name: &Path =
+        if input_file::is_standard(&args.output) { Path::new("plot.svg") } else { &args.output };
+    let picture =
+        Picture::of(name).map_err(|_| wrong(&args.output, &"the file name must end in .svg or .png"))?;
     if args.registers.len() > MOST {
         let right = format!("a plot has at most {MOST} registers");
         return Err(CliError::Argument { text: format!("{} registers", args.registers.len()), right });
     }
     if args.to.is_some_and(|to| to <= args.from) {
-        let right = "the end must be later than --from".to_owned();
-        return Err(CliError::Argument { text: "--to".to_owned(), right });
+        let right = "the end must be later than --since".to_owned();
+        return Err(CliError::Argument { text: "--until".to_owned(), right });
     }
     let plot = match &args.journal {
         Some(path) => of_file(args, &RecordedRegisters::read(path)?)?,
@@ -76,7 +80,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     output_file::write(&args.output, &bytes)
         .map_err(|reason| CliError::File { path: args.output.clone(), reason })?;
     for row in &plot.rows {
-        let how = if row.is_recorded { "" } else { " (run --watch, record)" };
+        let how = if row.is_recorded { "" } else { " (run --record, record)" };
         if let Some(note) = &row.note {
             output::note(&format!("{}: {note}{how}", row.name));
         }

@@ -7,6 +7,7 @@ use super::exit::Exit;
 use super::start::{InitialState, Settings, TerminationSignals, end_at_second_ctrl_c};
 use super::table::Format;
 use super::{InstanceName, output, plant_check};
+use crate::input_file;
 use crate::runtime::{Clock, Emulator};
 use signal_hook::consts::SIGINT;
 use std::path::PathBuf;
@@ -31,7 +32,7 @@ Examples:
   commram run --check plant.toml
   commram run --novram ~/.local/state/commram
   commram run --from active.snap --clock stepped
-  commram run --watch node2.w_CPU_CONTROL,node1   # every change in the journal
+  commram run --record node2.w_CPU_CONTROL,node1   # every change in the journal
   commram run --layout layouts/DEVICE")]
 pub(crate) struct Args {
     /// The plant file: PLCs, buses, drives
@@ -76,6 +77,11 @@ impl Args {
     }
 }
 
+/// True if the plant or the snapshot is the standard input.
+fn reads_input(args: &Args) -> bool {
+    args.plant.iter().chain(&args.from).any(|path| input_file::is_standard(path))
+}
+
 /// Runs the emulator.
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     if args.check {
@@ -83,7 +89,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     }
     let name = &args.instance.name;
     if args.detach && !args.detached {
-        return detach::start(name);
+        return detach::start(name, reads_input(args));
     }
     let detached = args.detached.then(|| Detached::begin(args.log.as_deref())).transpose()?;
     let clock = args.settings.clock()?;

@@ -34,13 +34,13 @@ pub(crate) struct Args {
 #[command(after_help = "\
 Examples:
   commram restore before.snap
-  commram restore before.snap --detached")]
+  commram restore before.snap --ignore-programs")]
 pub(crate) struct RestoreArgs {
     /// The file
     #[arg(add = super::complete::files(&["snap"]), value_name = "FILE")]
     file: PathBuf,
     /// Return to the state even if programs outside the emulator take part
-    #[arg(long)]
+    #[arg(long = "ignore-programs", alias = "detached")]
     detached: bool,
     #[command(flatten)]
     instance: Instance,
@@ -64,7 +64,8 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     use crate::output_file;
     use crate::request::{MAX_RANGE, Op};
 
-    if std::fs::metadata(&args.file).is_ok_and(|found| !found.is_file()) {
+    let is_standard = input_file::is_standard(&args.file);
+    if !is_standard && std::fs::metadata(&args.file).is_ok_and(|found| !found.is_file()) {
         let reason = "it is a directory, a device or a pipe; name a regular file".to_owned();
         return Err(CliError::Snapshot { path: args.file.clone(), reason });
     }
@@ -83,6 +84,9 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         .map_err(|reason| CliError::File { path: args.file.clone(), reason })?;
     let time_us = SnapshotFile::of_bytes(&bytes).map(|file| file.snapshot.time_us()).unwrap_or_default();
     let (file, at) = (args.file.display(), time::seconds(time_us));
+    if is_standard {
+        return Ok(());
+    }
     output::print(&format!("{file}: the state at {at}, {} bytes\n", bytes.len()))
 }
 

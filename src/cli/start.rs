@@ -42,7 +42,7 @@ pub(crate) struct Settings {
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = number::within::<u8>(1..=64))]
     threads: u8,
     /// Record every change of these registers and blocks in the journal
-    #[arg(long, value_name = "REG", value_delimiter = ',')]
+    #[arg(long = "record", alias = "watch", value_name = "REG", value_delimiter = ',')]
     watch: Vec<String>,
     /// Start only if this program was built from the layout in this directory
     #[arg(long, value_name = "DIR")]
@@ -152,13 +152,13 @@ impl Settings {
         self.novram.is_some()
     }
 
-    /// Records the changes of the --watch registers in the journal.
+    /// Records the changes of the --record registers in the journal.
     fn keep_changes(&self, emulator: &mut Emulator, instance: &str) -> Result<(), CliError> {
         let names = emulator.plant().names();
         for text in &self.watch {
             for (plc, offset, len) in dump::stretches(instance, &names, text)? {
                 emulator.keep_changes(plc, offset, len).map_err(|error| CliError::Argument {
-                    text: format!("--watch {text}"),
+                    text: format!("--record {text}"),
                     right: error.to_string(),
                 })?;
             }
@@ -265,7 +265,7 @@ fn report_takeover(emulator: &Emulator) {
 
 fn log_to_stderr() {
     tracing_subscriber::fmt()
-        .with_max_level(tracing::Level::WARN)
+        .with_max_level(if output::is_verbose() { tracing::Level::DEBUG } else { tracing::Level::WARN })
         .with_writer(std::io::stderr)
         .with_ansi(false)
         .with_target(false)

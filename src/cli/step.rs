@@ -37,7 +37,7 @@ pub(crate) struct Args {
     #[arg(add = super::complete::conditions(), long, value_name = "CONDITION", conflicts_with_all = ["time", "to_sync", "back"])]
     back_to: Vec<String>,
     /// Go back even if programs outside the emulator take part
-    #[arg(long)]
+    #[arg(long = "ignore-programs", alias = "detached")]
     detached: bool,
     #[command(flatten)]
     instance: Instance,

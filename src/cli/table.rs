@@ -49,12 +49,12 @@ pub(crate) fn print<R: Row>(
     rows: &[R],
     text: impl FnOnce(&[R]) -> String,
 ) -> Result<(), CliError> {
-    output::print(&match format {
-        Format::Text => text(rows),
-        Format::Json => json(rows)?,
-        Format::Csv => csv(rows),
-        Format::Md => markdown(rows),
-    })
+    match format {
+        Format::Text => output::page(&text(rows)),
+        Format::Json => output::print(&json(rows)?),
+        Format::Csv => output::print(&csv(rows)),
+        Format::Md => output::print(&markdown(rows)),
+    }
 }
 
 /// The rows in aligned columns below a heading.

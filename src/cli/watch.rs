@@ -24,7 +24,7 @@ pub(crate) struct Args {
     #[arg(add = super::complete::blocks(), value_name = "BLOCK")]
     blocks: Vec<String>,
     /// End after this number of changes
-    #[arg(short = 'n', long, value_name = "N", value_parser = number::positive::<u64>())]
+    #[arg(short_alias = 'n', long, value_name = "N", value_parser = number::positive::<u64>())]
     count: Option<u64>,
     /// Output format
     #[arg(long, value_enum, value_name = "FORMAT", default_value_t = FormatArg::Text)]

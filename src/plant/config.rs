@@ -89,7 +89,7 @@ impl PlantConfig {
     }
 
     /// The text of the plant file.
-    pub(super) fn text(&self) -> &Arc<str> {
+    pub(crate) fn text(&self) -> &Arc<str> {
         &self.text
     }
 

@@ -250,7 +250,8 @@ fn alone(host: &mut dyn Host, detached: bool) -> Result<(), Refused> {
     match host.outsiders().filter(|_| !detached) {
         None => Ok(()),
         Some(who) => {
-            let text = format_args!("{who} cannot go back with the plant; let it end, or give --detached");
+            let text =
+                format_args!("{who} cannot go back with the plant; let it end, or give --ignore-programs");
             Err(Refused::new(Code::NOT_ALONE, text))
         }
     }

@@ -47,7 +47,7 @@ fn an_instance_and_its_journal_give_the_same_plot() {
     let unknown = emulator.run("plot", &["node1.w_CPU_CONTROL", "-o", &live]);
     let said = "node1.w_CPU_CONTROL: no change told, holds 16#0000";
     assert!(unknown.code == Some(0) && unknown.err.contains(said), "{}", unknown.err);
-    let hint = "(run --watch, record)";
+    let hint = "(run --record, record)";
     assert!(unknown.err.contains(hint), "{}", unknown.err);
     let unchanged = emulator.run("plot", &["node2.a_RD_BMARRAY[1][0]", "-o", &live]);
     assert!(
@@ -57,7 +57,7 @@ fn an_instance_and_its_journal_give_the_same_plot() {
     );
     for (args, told) in [
         (&["node2.w_CPU_CONTROL", "-o", "x.gif"][..], "must end in .svg or .png"),
-        (&["node2.w_CPU_CONTROL", "-o", "x.svg", "--from", "2ms", "--to", "1ms"], "later than --from"),
+        (&["node2.w_CPU_CONTROL", "-o", "x.svg", "--from", "2ms", "--to", "1ms"], "later than --since"),
         (&["%MB3.200001", "-o", "x.svg"], "a part of a register"),
         (&["node2.w_NO", "-o", "x.svg"], "w_NO"),
     ] {

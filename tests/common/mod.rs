@@ -36,7 +36,11 @@ pub(crate) fn unique_name() -> String {
 /// Returns the program without the user's settings.
 pub(crate) fn commram() -> Command {
     let mut command = Command::new(PROGRAM);
-    command.env_remove("COMMRAM_INSTANCE").env("COLUMNS", "100").stdin(Stdio::null());
+    command
+        .env_remove("COMMRAM_INSTANCE")
+        .env("COMMRAM_CONFIG", "")
+        .env("COLUMNS", "100")
+        .stdin(Stdio::null());
     // A missing instance will not appear during a test; tests of the connect timeout set it explicitly.
     command.env("COMMRAM_CONNECT_TIMEOUT", "0s");
     command

@@ -51,7 +51,8 @@ pub(crate) fn command(subcommand: &str) -> Result<Command, CliError> {
     let program = std::env::current_exe().map_err(process_error)?;
     let mut command = Command::new(program);
     command.arg(subcommand).args(["--parent", &std::process::id().to_string()]);
-    command.env_remove("COMMRAM_INSTANCE").stdin(Stdio::null()).process_group(0);
+    // The child gets all that it needs from this process.
+    command.env("COMMRAM_CONFIG", "").env_remove("COMMRAM_INSTANCE").stdin(Stdio::null()).process_group(0);
     Ok(command)
 }
 

@@ -116,7 +116,7 @@ fn arrive(host: &mut dyn Host, target: u64, here: &Snapshot, detached: bool) -> 
             let from = time::seconds(stretch.begin.time_us());
             let text = format_args!(
                 "between {from} and {} a program has stored registers through its mapping, which cannot be repeated; go back to \
-                 {from}, or give --detached to go without its stores",
+                 {from}, or give --ignore-programs to go without its stores",
                 time::seconds(end)
             );
             return Err(Refused::new(Code::SNAPSHOT, text));

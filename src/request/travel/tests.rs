@@ -97,7 +97,7 @@ fn going_back_needs_a_kept_moment_and_a_stepped_clock_without_outsiders() {
     assert_eq!(code, Code::NOT_ALONE);
     assert_eq!(
         text,
-        "soft_plc (process 7), which has mapped the registers, cannot go back with the plant; let it end, or give --detached"
+        "soft_plc (process 7), which has mapped the registers, cannot go back with the plant; let it end, or give --ignore-programs"
     );
     assert_eq!(host.request(&[Op::Back { us: 1_000, detached: true }]), [Reply::Time(8_000)]);
     let mut host = TestHost::new(false);

@@ -1,0 +1,188 @@
+//! The configuration file `commram.toml`: defaults of a user or a directory for options.
+
+use super::style::ColourMode;
+use super::table::Format;
+use clap::{Command, ValueEnum};
+use serde::Deserialize;
+use std::fs::File;
+use std::io::{ErrorKind, Read};
+use std::os::unix::fs::MetadataExt;
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
+
+/// Name of the file, in the working directory and in the user's directory for commram.
+const NAME: &str = "commram.toml";
+/// Environment variable with a file in place of both; empty: no file is read.
+const VARIABLE: &str = "COMMRAM_CONFIG";
+/// Longest file in bytes.
+const LONGEST: u64 = 64 << 10;
+
+/// The defaults.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Config {
+    /// Instance of commands without `-i`.
+    pub(crate) instance: Option<String>,
+    /// Output format of tables, where the command has it.
+    format: Option<String>,
+    /// When output has colours.
+    color: Option<String>,
+    /// Plant file of `run`, `with` and `plant check`.
+    plant: Option<PathBuf>,
+}
+
+/// The defaults of this process, with notes about files that were ignored.
+static LOADED: OnceLock<(Config, Vec<String>)> = OnceLock::new();
+
+/// The defaults of this process.
+pub(crate) fn get() -> &'static Config {
+    &load().0
+}
+
+/// What is wrong with the configuration files.
+pub(crate) fn notes() -> &'static [String] {
+    &load().1
+}
+
+fn load() -> &'static (Config, Vec<String>) {
+    LOADED.get_or_init(|| {
+        let mut notes = Vec::new();
+        let mut all = Config::default();
+        for path in places() {
+            match read(&path) {
+                Ok(Some(config)) => all = all.or(config),
+                Ok(None) => {}
+                Err(reason) => notes.push(format!("{} is ignored: {reason}", path.display())),
+            }
+        }
+        (all, notes)
+    })
+}
+
+/// The files, that of the highest precedence first.
+fn places() -> Vec<PathBuf> {
+    match std::env::var_os(VARIABLE) {
+        Some(file) if file.is_empty() => Vec::new(),
+        Some(file) => vec![file.into()],
+        None => {
+            let home = || std::env::var_os("HOME").map(|home| PathBuf::from(home).join(".config"));
+            let user = std::env::var_os("XDG_CONFIG_HOME").map(PathBuf::from).filter(|dir| dir.is_absolute());
+            let user = user.or_else(home).map(|dir| dir.join("commram").join(NAME));
+            std::iter::once(PathBuf::from(NAME)).chain(user).collect()
+        }
+    }
+}
+
+/// Reads a file; `None` if it does not exist. A file of another user could name an instance or a plant of theirs.
+fn read(path: &Path) -> Result<Option<Config>, String> {
+    let file = match File::open(path) {
+        Ok(file) => file,
+        Err(reason) if matches!(reason.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => {
+            return Ok(None);
+        }
+        Err(reason) => return Err(reason.to_string()),
+    };
+    let found = file.metadata().map_err(|reason| reason.to_string())?;
+    if !found.is_file() {
+        return Err("it is not a file".to_owned());
+    }
+    if found.uid() != rustix::process::geteuid().as_raw() {
+        return Err("it belongs to another user".to_owned());
+    }
+    let mut text = String::new();
+    file.take(LONGEST).read_to_string(&mut text).map_err(|reason| reason.to_string())?;
+    let mut config: Config = toml::from_str(&text).map_err(|error| {
+        let line = error.span().map_or(1, |span| 1 + text[..span.start].matches('\n').count());
+        format!("line {line}: {}", error.message().lines().collect::<Vec<_>>().join(", "))
+    })?;
+    config.check()?;
+    // A plant is named from the directory of the file.
+    config.plant = config.plant.map(|plant| path.parent().unwrap_or(Path::new("")).join(plant));
+    Ok(Some(config))
+}
+
+impl Config {
+    /// These defaults, completed by `other`.
+    fn or(self, other: Self) -> Self {
+        Self {
+            instance: self.instance.or(other.instance),
+            format: self.format.or(other.format),
+            color: self.color.or(other.color),
+            plant: self.plant.or(other.plant),
+        }
+    }
+
+    fn check(&self) -> Result<(), String> {
+        let names = |values: Vec<String>| values.join(", ");
+        if let Some(name) = &self.instance {
+            super::instance_name(name).map_err(|error| format!("instance: {error}"))?;
+        }
+        if let Some(format) = &self.format
+            && Format::from_str(format, false).is_err()
+        {
+            return Err(format!("format = \"{format}\": write one of {}", names(values::<Format>())));
+        }
+        if let Some(color) = &self.color
+            && ColourMode::from_str(color, false).is_err()
+        {
+            return Err(format!("color = \"{color}\": write one of {}", names(values::<ColourMode>())));
+        }
+        Ok(())
+    }
+
+    /// When output has colours.
+    pub(crate) fn colour(&self) -> Option<ColourMode> {
+        self.color.as_deref().and_then(|color| ColourMode::from_str(color, false).ok())
+    }
+
+    /// Replaces the defaults of options and arguments. The environment and the command line still have precedence.
+    pub(crate) fn apply(&self, command: Command) -> Command {
+        let name = command.get_name().to_owned();
+        let command = command.mut_args(|arg| {
+            let has_default = !arg.get_default_values().is_empty();
+            let takes =
+                |value: &str| arg.get_possible_values().iter().any(|known| known.matches(value, false));
+            match arg.get_long() {
+                Some("instance") if has_default => match &self.instance {
+                    Some(instance) => arg.default_value(instance.clone()),
+                    None => arg,
+                },
+                Some("format") if has_default => match &self.format {
+                    Some(format) if takes(format) => arg.default_value(format.clone()),
+                    _ => arg,
+                },
+                _ => {
+                    let is_plant = arg.is_positional()
+                        && matches!(
+                            (name.as_str(), arg.get_id().as_str()),
+                            ("run" | "with", "plant") | ("check", "file")
+                        );
+                    match &self.plant {
+                        Some(plant) if is_plant => arg.default_value(plant.as_os_str().to_owned()),
+                        _ => arg,
+                    }
+                }
+            }
+        });
+        command.mut_subcommands(|inner| self.apply(inner))
+    }
+}
+
+/// The values of an option.
+fn values<T: ValueEnum>() -> Vec<String> {
+    let names = T::value_variants().iter().filter_map(ValueEnum::to_possible_value);
+    names.map(|value| value.get_name().to_owned()).collect()
+}
+
+impl core::fmt::Display for Config {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        let Config { instance, format, color, plant } = self;
+        let plant = plant.as_ref().map(|plant| plant.display().to_string());
+        let all = [("instance", instance), ("format", format), ("color", color), ("plant", &plant)];
+        let given =
+            all.into_iter().filter_map(|(name, value)| Some(format!("{name} = {:?}", value.as_ref()?)));
+        let given: Vec<_> = given.collect();
+        f.write_str(if given.is_empty() { "none" } else { "" })?;
+        f.write_str(&given.join(", "))
+    }
+}

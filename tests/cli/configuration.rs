@@ -1,0 +1,98 @@
+//! The configuration file, `-` as a file, `--quiet` and `--verbose`.
+
+use crate::common::{Emulator, Outcome, commram, finish, run, unique_name};
+use std::io::Write;
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+/// Runs a command in `directory`, with the user's directory for configurations in `user`.
+fn configured(directory: &Path, user: &Path, args: &[&str]) -> Outcome {
+    let mut command = commram();
+    command.args(args).current_dir(directory).env("XDG_CONFIG_HOME", user).env_remove("COMMRAM_CONFIG");
+    finish(&mut command)
+}
+
+#[test]
+fn a_configuration_file_sets_the_defaults_of_options() {
+    let emulator = Emulator::stepped();
+    let (directory, user) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+    std::fs::create_dir(user.path().join("commram")).unwrap();
+    let of_user = user.path().join("commram/commram.toml");
+    std::fs::write(&of_user, format!("instance = \"{}\"\nformat = \"json\"\n", emulator.name)).unwrap();
+    let run = |args: &[&str]| configured(directory.path(), user.path(), args);
+    assert!(run(&["peek", "node2.w_CPU_CONTROL"]).ok().starts_with("[\n"), "instance and format");
+    assert_eq!(run(&["peek", "--raw", "node2.w_CPU_CONTROL"]).ok(), "16#0000\n");
+    assert!(
+        run(&["peek", "node2.w_CPU_CONTROL", "--format", "csv"]).ok().starts_with("time_us,"),
+        "command line"
+    );
+    // The working directory has precedence over the user's directory, the environment over both.
+    let own = directory.path().join("commram.toml");
+    std::fs::write(&own, "format = \"text\"\nplant = \"p.toml\"\n").unwrap();
+    assert!(run(&["peek", "node2.w_CPU_CONTROL"]).ok().starts_with("node2.w_CPU_CONTROL = "));
+    std::fs::write(directory.path().join("p.toml"), "[[plc]]\nname = 'only'\n").unwrap();
+    assert!(run(&["plant", "check"]).ok().starts_with("p.toml: fine: 1 device, 0 buses"));
+    let nobody = unique_name();
+    let mut command = commram();
+    command
+        .args(["peek", "node2.w_CPU_CONTROL"])
+        .current_dir(directory.path())
+        .env("COMMRAM_INSTANCE", &nobody);
+    let other = finish(command.env("XDG_CONFIG_HOME", user.path()).env_remove("COMMRAM_CONFIG"));
+    assert!(other.fails(3).contains(&nobody), "{}", other.err);
+    let verbose = run(&["list", "--verbose"]);
+    assert!(verbose.err.contains("note: configuration: instance = "), "{}", verbose.err);
+}
+
+#[test]
+fn a_wrong_configuration_file_is_ignored_with_a_note() {
+    let (directory, user) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+    let own = directory.path().join("commram.toml");
+    for (text, expected) in [
+        ("instance = \"x\"\ncolour = \"never\"\n", "commram.toml is ignored: line 2: unknown field `colour`"),
+        ("format = \"xml\"\n", "format = \"xml\": write one of text, json, csv, md"),
+        ("instance = \"a/b\"\n", "instance: "),
+    ] {
+        std::fs::write(&own, text).unwrap();
+        let outcome = configured(directory.path(), user.path(), &["list"]);
+        assert!(outcome.code == Some(0) && outcome.err.contains(expected), "{text}: {}", outcome.err);
+        assert_eq!(configured(directory.path(), user.path(), &["list", "-q"]).err, "");
+    }
+    if rustix::process::geteuid().is_root() {
+        std::fs::write(&own, "instance = \"x\"\n").unwrap();
+        std::os::unix::fs::chown(&own, Some(65_534), None).unwrap();
+        let outcome = configured(directory.path(), user.path(), &["list"]);
+        assert!(
+            outcome.err.contains("commram.toml is ignored: it belongs to another user"),
+            "{}",
+            outcome.err
+        );
+    }
+}
+
+/// Runs a command with this standard input.
+fn with_input(command: &mut Command, input: &str) -> Outcome {
+    let file = tempfile::NamedTempFile::new().unwrap();
+    file.as_file().write_all(input.as_bytes()).unwrap();
+    finish(command.stdin(Stdio::from(file.reopen().unwrap())))
+}
+
+#[test]
+fn a_dash_is_standard_input_or_output() {
+    let plant = "[[plc]]\nname = 'p'\n[[bus]]\nname = 'b'\n";
+    let checked = with_input(commram().args(["plant", "check", "-"]), plant);
+    assert!(checked.ok().starts_with("-: fine: 1 device, 1 bus"), "{}", checked.out);
+    let name = unique_name();
+    let started =
+        with_input(commram().args(["run", "-", "--clock", "stepped", "--detach", "-i", &name]), plant);
+    assert!(started.ok().contains(&format!("/dev/shm/commram.{name}.p")), "{}", started.out);
+    run(&["stop", "-i", &name]).ok();
+    let emulator = Emulator::stepped();
+    let before = emulator.run("dump", &["--format", "json"]).ok().to_owned();
+    let same = with_input(&mut emulator.command("diff", &["-"]), &before);
+    assert_eq!(same.ok(), "no differences\n");
+    let plot = emulator.run("plot", &["node2.w_CPU_CONTROL", "-o", "-", "-q"]);
+    assert!(plot.ok().starts_with("<svg "), "{}", plot.out);
+    let map = run(&["export", "c", "-o", "-"]);
+    assert_eq!(map.ok(), run(&["export", "c"]).ok());
+}
