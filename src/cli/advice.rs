@@ -1,10 +1,10 @@
-//! Hints for mistakes in the command line: words and options of other programs, and what is missing.
+//! Hints for mistakes in the command line: words and options of other programs, and missing arguments.
 
 use crate::devices;
 use clap::builder::StyledStr;
 use clap::error::{ContextKind, ContextValue, Error};
 
-/// A word that is no command, below which command, and what to write.
+/// The command before a word, the word, which is no command, and the right command line.
 const WORDS: &[(&str, &str, &str)] = &[
     ("", "back", "commram step --back TIME"),
     ("", "undo", "commram step --back TIME"),
@@ -27,7 +27,7 @@ const WORDS: &[(&str, &str, &str)] = &[
     ("drive", "get", "commram drive show NAME"),
 ];
 
-/// An option that does not exist, an option that the command must have, and what to write.
+/// An option of another program, an option that the command must have, and the right option.
 const OPTIONS: &[(&str, &str, &str)] = &[
     ("--json", "format", "--format json"),
     ("--jsonl", "format", "--format jsonl"),
@@ -102,16 +102,16 @@ fn of_option(path: &str, option: &str, commands: &clap::Command) -> Option<&'sta
     OPTIONS.iter().find(|(known, needed, _)| *known == option && has(needed)).map(|(.., right)| *right)
 }
 
-/// What can be given in place of a missing argument.
+/// The options that are possible in place of a missing argument.
 fn missing(error: &Error, path: &str) -> Option<String> {
     if error.kind() != clap::error::ErrorKind::MissingRequiredArgument {
         return None;
     }
     match path {
         "step" => Some("`--to-sync` advances to the next SYNC, `--back TIME` goes back".to_owned()),
-        "unforce" => Some("`--all` stands for all forced registers".to_owned()),
+        "unforce" => Some("`--all` means all forced registers".to_owned()),
         "fault clear" => {
-            Some("`--all` stands for all faults, `commram fault list` shows their numbers".to_owned())
+            Some("`--all` means all faults, `commram fault list` shows their numbers".to_owned())
         }
         "fault add" => {
             let kinds: Vec<_> = devices::fault_kinds().iter().map(|kind| kind.name()).collect();

@@ -39,7 +39,7 @@ pub(crate) fn get() -> &'static Config {
     &load().0
 }
 
-/// What is wrong with the configuration files.
+/// Errors in the configuration files.
 pub(crate) fn notes() -> &'static [String] {
     &load().1
 }
@@ -73,7 +73,7 @@ fn places() -> Vec<PathBuf> {
     }
 }
 
-/// Reads a file; `None` if it does not exist. A file of another user could name an instance or a plant of theirs.
+/// Reads a file; `None` if it does not exist. A file of another user is refused: it could name an instance of that user.
 fn read(path: &Path) -> Result<Option<Config>, String> {
     let file = match File::open(path) {
         Ok(file) => file,

@@ -90,7 +90,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     table::print(args.format.format, &entries, text)
 }
 
-/// Returns the entry of a single bit, if `what` is one.
+/// Returns the entry of a single bit, if `what` names a bit.
 fn bit(fitted: &DeviceFit, what: &str) -> Result<Option<Entry>, CliError> {
     match NamedLocation::parse(fitted, what) {
         Ok(place) => {

@@ -63,7 +63,7 @@ pub(super) fn parse(words: impl Iterator<Item = OsString>) -> Result<Cli, clap::
     parsed.map_err(|error| advice::improve(without_environment_values(error, &words), &commands))
 }
 
-/// Moves options in front of a command behind it: `-i NAME` is an option of the command, the others are allowed in
+/// Moves options before a command to the place after the command: `-i NAME` is an option of the command, the others are allowed in
 /// both places. The words of the command begin at index `begin`.
 pub(super) fn with_options_after_command(
     words: Vec<OsString>,
@@ -95,7 +95,7 @@ pub(super) fn with_options_after_command(
     kept.into_iter().chain(moved).chain(rest).collect()
 }
 
-/// The arguments of this process behind its command, with the options in front of the command among them.
+/// The arguments of this process after its command, including the options that were before the command.
 pub(super) fn arguments_of_command() -> impl Iterator<Item = OsString> {
     with_options_after_command(std::env::args_os().collect(), 1, &command()).into_iter().skip(2)
 }
@@ -130,7 +130,7 @@ mod tests {
     }
 
     #[test]
-    fn the_instance_moves_behind_its_command() {
+    fn the_instance_moves_after_its_command() {
         let moved = |line: &str| {
             let words = line.split(' ').map(OsString::from).collect();
             let words = with_options_after_command(words, 1, &command());

@@ -59,7 +59,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         text: text.display().to_string(),
         right: right.to_string(),
     };
-    // The standard output gets the format that is a text.
+    // The standard output gets a text format.
     let name: &Path =
         if input_file::is_standard(&args.output) { Path::new("plot.svg") } else { &args.output };
     let picture =

@@ -32,14 +32,14 @@ fn a_configuration_file_sets_the_defaults_of_options() {
     assert!(run(&["peek", "node2.w_CPU_CONTROL"]).ok().starts_with("node2.w_CPU_CONTROL = "));
     std::fs::write(directory.path().join("p.toml"), "[[plc]]\nname = 'only'\n").unwrap();
     assert!(run(&["plant", "check"]).ok().starts_with("p.toml: fine: 1 device, 0 buses"));
-    let nobody = unique_name();
+    let missing = unique_name();
     let mut command = commram();
     command
         .args(["peek", "node2.w_CPU_CONTROL"])
         .current_dir(directory.path())
-        .env("COMMRAM_INSTANCE", &nobody);
+        .env("COMMRAM_INSTANCE", &missing);
     let other = finish(command.env("XDG_CONFIG_HOME", user.path()).env_remove("COMMRAM_CONFIG"));
-    assert!(other.fails(3).contains(&nobody), "{}", other.err);
+    assert!(other.fails(3).contains(&missing), "{}", other.err);
     let verbose = run(&["list", "--verbose"]);
     assert!(verbose.err.contains("note: configuration: instance = "), "{}", verbose.err);
 }

@@ -1,4 +1,4 @@
-//! Messages for wrong input: what is wrong, where, and what would be right.
+//! Messages for wrong input: the error, its place and the right form.
 
 use crate::common::{Emulator, run};
 
@@ -51,8 +51,8 @@ fn times_are_named_in_the_unit_in_which_they_were_given() {
 fn a_missing_argument_is_named_with_the_options_in_its_place() {
     for (args, expected) in [
         (&["step"][..], "tip: `--to-sync` advances to the next SYNC, `--back TIME` goes back"),
-        (&["unforce"], "tip: `--all` stands for all forced registers"),
-        (&["fault", "clear"], "tip: `--all` stands for all faults"),
+        (&["unforce"], "tip: `--all` means all forced registers"),
+        (&["fault", "clear"], "tip: `--all` means all faults"),
         (&["fault", "add"], "tip: the kinds are "),
     ] {
         let message = refused(args);

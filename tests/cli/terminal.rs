@@ -82,7 +82,7 @@ fn passed_is_green_and_failed_is_red() {
 }
 
 #[test]
-fn a_long_step_tells_its_target_and_its_rate() {
+fn a_long_step_shows_its_target_and_its_rate() {
     let emulator = Emulator::stepped();
     emulator.step(&["1s"]);
     let shown =

@@ -44,7 +44,7 @@ fn other_words_lead_to_the_right_command() {
 }
 
 #[test]
-fn a_plant_is_checked_by_a_command_of_its_own() {
+fn plant_check_checks_a_plant() {
     assert!(run(&["plant", "check"]).ok().starts_with("built-in plant: fine: "));
     let file = tempfile::NamedTempFile::new().unwrap();
     std::fs::write(file.path(), "[[plc]]\nname = 'p'\n[[bus]]\nname = 'b'\nkbits = 500\n").unwrap();
@@ -58,7 +58,7 @@ fn a_plant_is_checked_by_a_command_of_its_own() {
 }
 
 #[test]
-fn the_instance_stands_before_or_behind_the_command() {
+fn the_instance_is_allowed_before_and_after_the_command() {
     let emulator = Emulator::stepped();
     for args in [
         &["-i", &emulator.name, "peek", "--raw", "node2.w_CPU_CONTROL"][..],

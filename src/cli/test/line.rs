@@ -195,19 +195,19 @@ pub(crate) fn text(report: &Report) -> String {
 pub(crate) fn summary(reports: &[Report]) -> String {
     let count = |name: &str| reports.iter().filter(|report| report.outcome.name() == name).count();
     let emulated = reports.iter().filter_map(|report| report.emulated_us).sum();
-    let told = |name: &str| match count(name) {
+    let counted = |name: &str| match count(name) {
         0 => format!("0 {name}"),
         count => style::outcome(&format!("{count} {name}"), name == "passed"),
     };
     let others = ["died", "not run"].map(|name| match count(name) {
         0 => String::new(),
-        _ => format!(", {}", told(name)),
+        _ => format!(", {}", counted(name)),
     });
     format!(
         "{}, {}, {}{}; {} emulated in {} ms\n",
-        told("passed"),
-        told("failed"),
-        told("broken"),
+        counted("passed"),
+        counted("failed"),
+        counted("broken"),
         others.concat(),
         seconds(emulated),
         reports.iter().map(|report| report.took).sum::<Duration>().as_millis()

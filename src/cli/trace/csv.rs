@@ -65,8 +65,8 @@ impl Format for Csv {
 
 /// The line of the text format without its time and source.
 fn description(line: &str) -> &str {
-    let behind_time = line.split_once(" s  ").map_or(line, |(_, rest)| rest);
-    behind_time.split_once("  ").map_or(behind_time, |(_, what)| what).trim()
+    let after_time = line.split_once(" s  ").map_or(line, |(_, rest)| rest);
+    after_time.split_once("  ").map_or(after_time, |(_, what)| what).trim()
 }
 
 /// The row of a line of jsonl.
