@@ -7,6 +7,7 @@
 //!
 //! | module | what it is |
 //! |---|---|
+//! | [`identity`] | indices of devices and buses |
 //! | [`layout`] | the register maps: typed structures, names, addresses, meanings; generated from `layouts/` |
 //! | [`memory`] | cells, segments, image files, the header page: what a soft-PLC attaches to |
 //! | [`can`] | CAN frames, their time on the wire, a CAN medium |
@@ -84,6 +85,7 @@ pub mod fmi;
 mod format_samples;
 #[cfg(feature = "helics")]
 pub mod helics;
+pub mod identity;
 #[cfg(feature = "emulator")]
 pub mod input_file;
 #[cfg(feature = "emulator")]

@@ -11,6 +11,7 @@ use super::Bells;
 use super::domain::{Domain, Service, Threads};
 use super::guest::{self, Guest};
 use super::wire::{self, Block, WireOp};
+use crate::identity::DeviceIndex;
 use crate::memory::{Width, limits, room};
 use crate::request::{InstanceInfo, MAX_OPS, Op, Reply, WrongReply};
 use iceoryx2::pending_response::PendingResponse;
@@ -238,7 +239,7 @@ impl Client {
     /// # Errors
     /// The emulator refused it ([`ClientError::Refused`]), or there was no reply. The functions below have the same
     /// errors.
-    pub fn peek(&self, plc: u16, offset: u32, width: Width) -> Result<u32, ClientError> {
+    pub fn peek(&self, plc: DeviceIndex, offset: u32, width: Width) -> Result<u32, ClientError> {
         self.fitting(self.single(Op::Peek { plc, offset, width })?.value())
     }
 
@@ -246,7 +247,7 @@ impl Client {
     ///
     /// # Errors
     /// As [`Client::peek`].
-    pub fn poke(&self, plc: u16, offset: u32, width: Width, value: u32) -> Result<(), ClientError> {
+    pub fn poke(&self, plc: DeviceIndex, offset: u32, width: Width, value: u32) -> Result<(), ClientError> {
         self.fitting(self.single(Op::Poke { plc, offset, width, value })?.written())
     }
 
@@ -254,7 +255,7 @@ impl Client {
     ///
     /// # Errors
     /// As [`Client::peek`].
-    pub fn read_range(&self, plc: u16, offset: u32, len: u32) -> Result<Vec<u8>, ClientError> {
+    pub fn read_range(&self, plc: DeviceIndex, offset: u32, len: u32) -> Result<Vec<u8>, ClientError> {
         self.fitting(self.single(Op::ReadRange { plc, offset, len })?.bytes())
     }
 

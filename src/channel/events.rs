@@ -8,6 +8,7 @@ use super::client::{ClientError, Patience, domain_of};
 use super::domain::{Domain, Ipc, MAX_CLIENTS, MAX_NODES, Threads};
 use super::guest::{self, Guest};
 use super::{Bells, ServerError};
+use crate::identity::DeviceIndex;
 use iceoryx2::port::listener::Listener;
 use iceoryx2::port::notifier::Notifier;
 use iceoryx2::prelude::*;
@@ -53,8 +54,8 @@ impl EventNotifier {
 
     /// Notifies listeners of events of PLC `plc`: bit n for event n.
     #[inline]
-    pub fn notify(&self, plc: usize, events: u16) {
-        let Some((service, notifier)) = self.services.get(plc) else { return };
+    pub fn notify(&self, plc: DeviceIndex, events: u16) {
+        let Some((service, notifier)) = self.services.get(plc.index()) else { return };
         if service.dynamic_config().number_of_listeners() == 0 {
             return;
         }

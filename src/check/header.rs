@@ -1,6 +1,7 @@
 //! The watch over the header page.
 
 use super::{Baseline, rules};
+use crate::identity::DeviceIndex;
 use crate::journal::{Finding, Journal};
 use crate::layout::RegisterPhase;
 use crate::memory::header::{EVENT_SLOTS, EventSlot, Header};
@@ -67,7 +68,7 @@ const fn without(mut bytes: [bool; WORDS * WORD], offset: usize, len: usize) -> 
 
 /// The watch over the header page of a PLC.
 pub(super) struct HeaderWatch {
-    plc: u16,
+    plc: DeviceIndex,
     now: View<[Cell64; WORDS]>,
     left: Baseline,
 }
@@ -89,7 +90,7 @@ impl SnapshotFields for HeaderWatch {
 }
 
 impl HeaderWatch {
-    pub(crate) fn new(plc: u16, segment: &Segment) -> Result<Self, MemoryError> {
+    pub(crate) fn new(plc: DeviceIndex, segment: &Segment) -> Result<Self, MemoryError> {
         let mut watch = HeaderWatch { plc, now: segment.header_words()?, left: Baseline::new(WORDS) };
         watch.leave();
         Ok(watch)

@@ -11,6 +11,7 @@
 //!
 //! Nothing in this module changes a register or depends on a device.
 
+use crate::identity::DeviceIndex;
 use crate::snapshot_fields;
 
 mod baseline;
@@ -42,7 +43,11 @@ impl DeviceWatch {
     ///
     /// # Errors
     /// If the segment is too small for the device.
-    pub fn new(plc: u16, segment: &Segment, layout: &'static DeviceLayout) -> Result<Self, MemoryError> {
+    pub fn new(
+        plc: DeviceIndex,
+        segment: &Segment,
+        layout: &'static DeviceLayout,
+    ) -> Result<Self, MemoryError> {
         Ok(DeviceWatch {
             header: HeaderWatch::new(plc, segment)?,
             owned: OwnedWatch::new(plc, segment, owned::owned(layout))?,

@@ -1,6 +1,7 @@
 //! The watch over registers that only the firmware writes, for areas without further rules.
 
 use super::{rules, word};
+use crate::identity::DeviceIndex;
 use crate::journal::{Finding, Journal};
 use crate::layout::{Area, DeviceFit, DeviceLayout, Owner, RegisterPhase, RegisterRef};
 use crate::memory::{Cell64, MemoryError, Segment, View};
@@ -37,7 +38,7 @@ struct Word {
 
 /// The watch over such registers.
 pub(crate) struct OwnedWatch {
-    plc: u16,
+    plc: DeviceIndex,
     registers: Box<[RegisterRef]>,
     words: Box<[Word]>,
 }
@@ -63,7 +64,7 @@ impl OwnedWatch {
     /// # Errors
     /// If the image is too small for them.
     pub(crate) fn new(
-        plc: u16,
+        plc: DeviceIndex,
         segment: &Segment,
         registers: impl Iterator<Item = RegisterRef>,
     ) -> Result<Self, MemoryError> {
@@ -91,7 +92,7 @@ impl OwnedWatch {
     /// # Errors
     /// If the image is too small for them.
     pub(crate) fn of_area(
-        plc: u16,
+        plc: DeviceIndex,
         segment: &Segment,
         layout: &'static DeviceLayout,
         area: &'static Area,
@@ -146,7 +147,7 @@ impl OwnedWatch {
     }
 }
 
-fn find(plc: u16, register: &RegisterRef, word: u64, time: u64, journal: &mut Journal) {
+fn find(plc: DeviceIndex, register: &RegisterRef, word: u64, time: u64, journal: &mut Journal) {
     let (offset, live) = (register.offset(), RegisterPhase::ALWAYS);
     let value = word::value(word, offset, register.width());
     let finding = Finding { rule: &rules::OWNER, plc, offset, live, value, late_us: 0 };

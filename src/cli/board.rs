@@ -6,6 +6,7 @@ use super::error::CliError;
 use super::table::{self, FormatArg, Row};
 use crate::devices;
 use crate::devices::{Led, ModuleFront, Switch};
+use crate::identity::DeviceIndex;
 use crate::layout::{FrontWord, shown_text};
 use crate::memory::header::{BoardSetting, BoardWord, BoardWords};
 use clap::Subcommand;
@@ -288,7 +289,7 @@ fn get(plc: Option<&str>, format: &FormatArg, instance: &Instance) -> Result<(),
     let only = plc.map(|plc| session.plc(Some(plc), plc)).transpose()?;
     let boards = session.boards()?;
     let mut rows = Vec::with_capacity(boards.len());
-    for (number, (plc, state)) in (0..).zip(&boards) {
+    for (number, (plc, state)) in DeviceIndex::enumerate(&boards) {
         if only.is_none_or(|only| only == number) {
             let front = Front(session.front(number)?);
             let words = state.words(devices::board_of(session.device(number)));
@@ -325,7 +326,11 @@ fn set(instance: &Instance, words: &[BoardWord<'_>]) -> Result<(), CliError> {
 }
 
 /// Refuses a switch that the PLC, or the module in the slot, does not have.
-fn has_switch(session: &super::session::Session, plc: u16, setting: BoardSetting) -> Result<(), CliError> {
+fn has_switch(
+    session: &super::session::Session,
+    plc: DeviceIndex,
+    setting: BoardSetting,
+) -> Result<(), CliError> {
     use crate::channel::ClientError;
     use crate::request::Refused;
     let device = session.device(plc);
@@ -346,6 +351,6 @@ fn has_switch(session: &super::session::Session, plc: u16, setting: BoardSetting
     if has {
         return Ok(());
     }
-    let name = session.plcs().get(usize::from(plc)).map_or("", String::as_str);
+    let name = session.plcs().get(plc.index()).map_or("", String::as_str);
     Err(ClientError::Refused(Refused::no_such_switch(name, device, setting)).into())
 }

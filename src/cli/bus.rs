@@ -109,6 +109,7 @@ mod by_channel {
     use super::super::table::{self, Format, Row};
     use super::super::{Instance, error::CliError, output};
     use crate::door::DoorSpec;
+    use crate::identity::BusIndex;
     use crate::request::json::buses::{BusEntry, GuestEntry, Rate, StrangerEntry};
     use crate::request::{Op, Station};
 
@@ -184,9 +185,9 @@ mod by_channel {
     }
 
     /// Returns the number of the bus with this name.
-    fn number(session: &Session, bus: &str, instance: &Instance) -> Result<u16, CliError> {
+    fn number(session: &Session, bus: &str, instance: &Instance) -> Result<BusIndex, CliError> {
         let buses = session.ask(Op::Info)?.info()?.names.buses;
-        let found = buses.iter().position(|name| name == bus).and_then(|index| u16::try_from(index).ok());
+        let found = buses.iter().position(|name| name == bus).map(BusIndex::at);
         found.ok_or_else(|| CliError::UnknownBus {
             bus: bus.to_owned(),
             instance: instance.name().to_owned(),

@@ -15,6 +15,7 @@ use running::{known_buses, known_drives, known_faults, known_parameters};
 use super::session::Session;
 use crate::devices;
 use crate::fault::{Field, Form, Kind};
+use crate::identity::DeviceIndex;
 use crate::layout::{DeviceFit, DeviceLayout, Fit, Named, RegisterRef, split_plc, value};
 use clap_complete::engine::CompletionCandidate as Candidate;
 use clap_complete::engine::{ArgValueCompleter, PathCompleter, ValueCompleter};
@@ -207,7 +208,8 @@ struct PlcScope {
 impl PlcScope {
     fn load() -> Self {
         if let Some(session) = Session::glance(&instance()) {
-            let plcs = (0..).zip(session.plcs()).map(|(number, name)| (name.clone(), session.fitted(number)));
+            let plcs = DeviceIndex::enumerate(session.plcs())
+                .map(|(number, name)| (name.clone(), session.fitted(number)));
             return Self { plcs: plcs.collect() };
         }
         let named = option(&["--device"]);

@@ -8,6 +8,7 @@ use super::error::CliError;
 use super::output;
 use super::session::Session;
 use super::table::{self, FormatArg};
+use crate::identity::DeviceIndex;
 use crate::input_file;
 use crate::layout::{Area, DeviceLayout, LayoutError};
 use std::collections::BTreeSet;
@@ -95,7 +96,7 @@ fn now(
     let session = Session::open_for_reading(instance)?;
     let first = |held: &RegisterValue| {
         let plc = session.plcs().iter().position(|plc| *plc == held.plc).unwrap_or_default();
-        Ok::<_, CliError>(area(session.device(plc as u16), held)?.first)
+        Ok::<_, CliError>(area(session.device(DeviceIndex::at(plc)), held)?.first)
     };
     let meant = before.iter().map(first).collect::<Result<BTreeSet<_>, _>>()?;
     let dump = Blocks::find(&session, &[])?.read(&session)?;

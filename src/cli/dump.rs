@@ -9,6 +9,7 @@ use super::place::{is_live, meaning_in, status_of, without_twins};
 use super::session::{Read, Session, Snapshot, number_of_plc};
 use super::table::{self, Format, FormatArg};
 use super::time;
+use crate::identity::DeviceIndex;
 use crate::journal::Names;
 use crate::layout::{
     Address, Area, DeviceFit, Fit, LayoutError, Named, RegisterPhase, RegisterRef, Width, format_value,
@@ -135,7 +136,7 @@ impl Blocks {
     /// No PLC, block or register has this name.
     pub(crate) fn find(session: &Session, names: &[String]) -> Result<Self, CliError> {
         let mut parts = Vec::new();
-        let mut add = |plc: u16, name: &str| {
+        let mut add = |plc: DeviceIndex, name: &str| {
             let fitted = session.fitted(plc);
             for selection in select(&fitted, name)? {
                 let area = selection.area;
@@ -151,8 +152,8 @@ impl Blocks {
             add(session.plc(plc, name)?, name)?;
         }
         if names.is_empty() {
-            let plcs = 0..u16::try_from(session.plcs().len()).unwrap_or(u16::MAX);
-            plcs.into_iter().try_for_each(|plc| add(plc, ""))?;
+            let mut plcs = DeviceIndex::first(session.plcs().len());
+            plcs.try_for_each(|plc| add(plc, ""))?;
         }
         // PLC by PLC, each in the order of the addresses or of the arguments.
         parts.sort_by_key(|part| part.plc);
@@ -168,8 +169,12 @@ impl Blocks {
         use crate::journal::Keep;
         use crate::request::{MAX_OPS, Op};
 
-        let follow =
-            |&(plc, offset, len): &(u16, u32, u32)| Op::Follow { plc, offset, len, keep: Keep::ForOnlookers };
+        let follow = |&(plc, offset, len): &(DeviceIndex, u32, u32)| Op::Follow {
+            plc,
+            offset,
+            len,
+            keep: Keep::ForOnlookers,
+        };
         let stretches = self.stretches();
         let ops: Vec<_> = stretches.iter().map(follow).collect();
         for some in ops.chunks(MAX_OPS) {
@@ -180,7 +185,7 @@ impl Blocks {
     }
 
     /// The selected bytes: number of the PLC, first byte in the image, number of bytes.
-    pub(crate) fn stretches(&self) -> Vec<(u16, u32, u32)> {
+    pub(crate) fn stretches(&self) -> Vec<(DeviceIndex, u32, u32)> {
         let of_plc = |part: &Part| {
             let plc = part.plc;
             part.stretches().into_iter().map(move |(offset, len)| (plc, offset, len)).collect::<Vec<_>>()
@@ -260,7 +265,11 @@ fn select(fitted: &DeviceFit, name: &str) -> Result<Vec<Selection>, LayoutError>
 ///
 /// # Errors
 /// No PLC, block or register has this name.
-pub(crate) fn stretches(instance: &str, names: &Names, text: &str) -> Result<Vec<(u16, u32, u32)>, CliError> {
+pub(crate) fn stretches(
+    instance: &str,
+    names: &Names,
+    text: &str,
+) -> Result<Vec<(DeviceIndex, u32, u32)>, CliError> {
     let (plc, name) = split_plc(text);
     let plc = number_of_plc(instance, &names.plcs, plc, name)?;
     let mut found = Vec::new();
@@ -277,7 +286,7 @@ pub(crate) fn stretches(instance: &str, names: &Names, text: &str) -> Result<Vec
 }
 
 struct Part {
-    plc: u16,
+    plc: DeviceIndex,
     selection: Selection,
     /// The bytes to read, in the image.
     bytes: Range<u32>,
@@ -285,7 +294,7 @@ struct Part {
 
 impl Selection {
     /// The bytes to read: the whole area of plain RAM, else the range that has registers.
-    fn bytes(&self, session: &Session, plc: u16) -> Result<Range<u32>, CliError> {
+    fn bytes(&self, session: &Session, plc: DeviceIndex) -> Result<Range<u32>, CliError> {
         let area = self.area;
         if let Some(place) = self.place {
             return Ok(place.offset()..place.offset() + place.width().bytes());
@@ -332,7 +341,7 @@ fn views<'a>(
         first: part.bytes.start,
         bytes: blocks.by_ref().take(part.reads().len()).flatten().copied().collect(),
         prefix: session.prefix(part.plc),
-        plc: session.plcs().get(usize::from(part.plc)).cloned().unwrap_or_default(),
+        plc: session.plcs().get(part.plc.index()).cloned().unwrap_or_default(),
         number: part.plc,
         fitted: session.fitted(part.plc),
         snapshot,
@@ -348,7 +357,7 @@ struct View<'a> {
     bytes: Vec<u8>,
     plc: String,
     prefix: String,
-    number: u16,
+    number: DeviceIndex,
     fitted: DeviceFit,
     snapshot: &'a Snapshot,
 }

@@ -6,6 +6,7 @@ use super::map::entry::{self, Entry};
 use super::session::Session;
 use super::table::{self, FormatArg};
 use super::{Instance, instance_name};
+use crate::identity::DeviceIndex;
 use crate::layout::{DeviceFit, Fit, did_you_mean};
 
 /// Find registers by name, meaning, values, bits or address.
@@ -44,7 +45,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         Some(instance) => {
             let session = Session::open_for_reading(&Instance::starting(instance))?;
             let mut all = Vec::new();
-            for plc in 0..u16::try_from(session.plcs().len()).unwrap_or(u16::MAX) {
+            for plc in DeviceIndex::first(session.plcs().len()) {
                 let fitted = session.fitted(plc);
                 if !all.contains(&fitted) {
                     all.push(fitted);

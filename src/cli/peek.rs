@@ -8,6 +8,7 @@ use super::place::NamedLocation;
 use super::session::{Read, Session, Snapshot};
 use super::table::{self, FormatArg, Row};
 use super::{Instance, output};
+use crate::identity::DeviceIndex;
 use crate::layout::{RegisterPhase, is_pattern};
 use serde::Serialize;
 
@@ -111,7 +112,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
 /// What an argument of the command refers to.
 pub(crate) enum ReadTarget {
     /// A register or an address.
-    One(u16, NamedLocation),
+    One(DeviceIndex, NamedLocation),
     /// The registers that match a pattern.
     Several(Blocks),
 }
@@ -178,7 +179,7 @@ pub(crate) fn read(session: &Session, wanted: &[ReadTarget]) -> Result<Vec<Regis
 pub(crate) fn holding(
     session: &Session,
     place: &NamedLocation,
-    plc: u16,
+    plc: DeviceIndex,
     live: RegisterPhase,
     value: u32,
     time_us: u64,
@@ -187,7 +188,7 @@ pub(crate) fn holding(
     let bit = place.bit();
     RegisterReading {
         time_us,
-        plc: session.plcs().get(usize::from(plc)).cloned().unwrap_or_default(),
+        plc: session.plcs().get(plc.index()).cloned().unwrap_or_default(),
         register: session.prefix(plc) + &place.name(live),
         address: place.address().to_string(),
         ty: if bit.is_some() { "BOOL" } else { ty.name() },

@@ -10,6 +10,7 @@ use super::output;
 use super::place::NamedLocation;
 use crate::devices;
 use crate::devices::ModuleFront;
+use crate::identity::DeviceIndex;
 use crate::layout::{DeviceFit, DeviceLayout, FrontWord, RegisterRef, plc_prefix, split_plc};
 use crate::memory::header::BoardState;
 use crate::memory::{
@@ -23,7 +24,7 @@ pub(crate) enum Read {
     /// One register.
     Register {
         /// Number of the PLC.
-        plc: u16,
+        plc: DeviceIndex,
         /// Offset in the image, in bytes.
         offset: u32,
         /// Width of the access.
@@ -32,7 +33,7 @@ pub(crate) enum Read {
     /// A block of bytes.
     Block {
         /// Number of the PLC.
-        plc: u16,
+        plc: DeviceIndex,
         /// Offset in the image, in bytes.
         offset: u32,
         /// Length in bytes.
@@ -42,12 +43,12 @@ pub(crate) enum Read {
 
 impl Read {
     /// Reads a register of PLC `plc`.
-    pub(crate) fn register(plc: u16, register: &RegisterRef) -> Self {
+    pub(crate) fn register(plc: DeviceIndex, register: &RegisterRef) -> Self {
         Self::Register { plc, offset: register.offset(), width: Width::of(register.ty()) }
     }
 
     /// Reads `place` in PLC `plc`.
-    pub(crate) fn place(plc: u16, place: &NamedLocation) -> Self {
+    pub(crate) fn place(plc: DeviceIndex, place: &NamedLocation) -> Self {
         Self::Register { plc, offset: place.offset(), width: place.width() }
     }
 }
@@ -65,7 +66,7 @@ pub(crate) struct Snapshot {
 
 impl Snapshot {
     /// True if one of the `len` bytes at `offset` of PLC `plc` was forced.
-    pub(crate) fn is_forced(&self, plc: u16, offset: u32, len: u32) -> bool {
+    pub(crate) fn is_forced(&self, plc: DeviceIndex, offset: u32, len: u32) -> bool {
         self.forces.iter().any(|forced| {
             forced.plc == plc && forced.offset < offset + len && offset < forced.offset + forced.width.bytes()
         })
@@ -141,12 +142,12 @@ impl Session {
     ///
     /// # Errors
     /// There is no such PLC, or no PLC is named and the instance has several.
-    pub(crate) fn plc(&self, plc: Option<&str>, text: &str) -> Result<u16, CliError> {
+    pub(crate) fn plc(&self, plc: Option<&str>, text: &str) -> Result<DeviceIndex, CliError> {
         number_of_plc(&self.instance, &self.plcs, plc, text)
     }
 
     /// Device type of PLC `plc`.
-    pub(crate) fn device(&self, plc: u16) -> &'static DeviceLayout {
+    pub(crate) fn device(&self, plc: DeviceIndex) -> &'static DeviceLayout {
         self.fitted(plc).device()
     }
 
@@ -156,8 +157,8 @@ impl Session {
     }
 
     /// Device type and options of PLC `plc`.
-    pub(crate) fn fitted(&self, plc: u16) -> DeviceFit {
-        let known = self.fitted.get(usize::from(plc)).copied();
+    pub(crate) fn fitted(&self, plc: DeviceIndex) -> DeviceFit {
+        let known = self.fitted.get(plc.index()).copied();
         known.unwrap_or_else(|| DeviceFit::unknown(&DeviceLayout::UNKNOWN))
     }
 
@@ -174,9 +175,9 @@ impl Session {
     ///
     /// # Errors
     /// The errors of [`Session::plc`], or the device has no such port.
-    pub(crate) fn port(&self, text: &str) -> Result<(u16, u8), CliError> {
+    pub(crate) fn port(&self, text: &str) -> Result<(DeviceIndex, u8), CliError> {
         let (plc, name) = split_plc(text);
-        let first = || self.fitted(0).first_master().map_or("", |port| port.name);
+        let first = || self.fitted(DeviceIndex(0)).first_master().map_or("", |port| port.name);
         let name = if name.is_empty() { first() } else { name };
         let plc = self.plc(plc, name)?;
         Ok((plc, self.device(plc).port_named(name)?.number))
@@ -186,12 +187,12 @@ impl Session {
     ///
     /// # Errors
     /// The errors of [`Session::plc`].
-    pub(crate) fn plc_of(&self, place: &NamedLocation) -> Result<u16, CliError> {
+    pub(crate) fn plc_of(&self, place: &NamedLocation) -> Result<DeviceIndex, CliError> {
         self.plc(place.plc.as_deref(), place.text())
     }
 
     /// Prefix of register names: the PLC, if the instance has several.
-    pub(crate) fn prefix(&self, plc: u16) -> String {
+    pub(crate) fn prefix(&self, plc: DeviceIndex) -> String {
         plc_prefix(&self.plcs, plc)
     }
 
@@ -199,7 +200,7 @@ impl Session {
     ///
     /// # Errors
     /// The emulator has gone.
-    pub(crate) fn retain_bytes(&self, plc: u16) -> Result<u32, CliError> {
+    pub(crate) fn retain_bytes(&self, plc: DeviceIndex) -> Result<u32, CliError> {
         Ok(self.header(plc)?.retain_size.load())
     }
 
@@ -207,7 +208,10 @@ impl Session {
     ///
     /// # Errors
     /// The emulator has gone.
-    pub(crate) fn modules(&self, plc: u16) -> Result<Option<Vec<(&'static str, ModuleFront)>>, CliError> {
+    pub(crate) fn modules(
+        &self,
+        plc: DeviceIndex,
+    ) -> Result<Option<Vec<(&'static str, ModuleFront)>>, CliError> {
         Ok(devices::modules(&*self.header(plc)?, self.device(plc)))
     }
 
@@ -215,18 +219,18 @@ impl Session {
     ///
     /// # Errors
     /// The emulator has gone.
-    pub(crate) fn front(&self, plc: u16) -> Result<Vec<(&'static FrontWord, u32)>, CliError> {
+    pub(crate) fn front(&self, plc: DeviceIndex) -> Result<Vec<(&'static FrontWord, u32)>, CliError> {
         Ok(self.header(plc)?.front_words(self.device(plc)).collect())
     }
 
     /// A copy of the header page of PLC `plc`.
-    fn header(&self, plc: u16) -> Result<Box<Header>, CliError> {
+    fn header(&self, plc: DeviceIndex) -> Result<Box<Header>, CliError> {
         match &self.door {
-            Access::Images(images) if let Some(image) = images.get(usize::from(plc)) => {
+            Access::Images(images) if let Some(image) = images.get(plc.index()) => {
                 Ok(image.header_snapshot())
             }
             _ => {
-                let name = self.plcs.get(usize::from(plc)).map_or("", String::as_str);
+                let name = self.plcs.get(plc.index()).map_or("", String::as_str);
                 Ok(devices::attach(&self.instance, name, AttachMode::ReadOnly)?.0.header_snapshot())
             }
         }
@@ -278,11 +282,11 @@ pub(crate) fn number_of_plc(
     plcs: &[String],
     plc: Option<&str>,
     text: &str,
-) -> Result<u16, CliError> {
+) -> Result<DeviceIndex, CliError> {
     let instance = || instance.to_owned();
     let Some(plc) = plc else {
         return match plcs {
-            [_] => Ok(0),
+            [_] => Ok(DeviceIndex(0)),
             several => Err(CliError::WhichPlc {
                 text: text.to_owned(),
                 instance: instance(),
@@ -292,7 +296,7 @@ pub(crate) fn number_of_plc(
         };
     };
     let number = plcs.iter().position(|name| name == plc);
-    number.and_then(|number| u16::try_from(number).ok()).ok_or_else(|| CliError::UnknownPlc {
+    number.map(DeviceIndex::at).ok_or_else(|| CliError::UnknownPlc {
         plc: plc.to_owned(),
         instance: instance(),
         plcs: plcs.join(", "),
@@ -369,7 +373,7 @@ fn read_images(images: &[Attached], reads: &[Read]) -> Result<Snapshot, CliError
     for read in reads {
         let (Read::Register { plc, .. } | Read::Block { plc, .. }) = *read;
         // The PLC number comes from this session, so the image exists.
-        let Some(image) = images.get(usize::from(plc)) else { continue };
+        let Some(image) = images.get(plc.index()) else { continue };
         data.push(match *read {
             Read::Register { offset, width, .. } => {
                 image.segment().load(offset, width)?.to_le_bytes().to_vec()

@@ -30,6 +30,7 @@ mod by_channel {
     use super::super::table::{self, Format, Row};
     use super::super::{Instance, error::CliError, run, time};
     use crate::devices;
+    use crate::identity::DeviceIndex;
     use crate::journal::Severity;
     use crate::layout::{RegisterRef, format_value};
     use crate::plural::plural;
@@ -152,7 +153,7 @@ mod by_channel {
             let of_severity =
                 |severity| found.iter().filter(|it| it.last.rule.severity() == severity).count() as u64;
             let boards = session.boards()?;
-            let plcs = (0..).zip(&boards).map(|(number, (name, state))| {
+            let plcs = DeviceIndex::enumerate(&boards).map(|(number, (name, state))| {
                 let device = session.device(number);
                 let words = state.words(devices::board_of(device));
                 let (plc, device) = (name.clone(), device.name);
@@ -239,8 +240,8 @@ mod by_channel {
 
     /// The nodes of all PLCs with the states that their firmware reports.
     fn nodes(session: &Session, buses: &[BusState]) -> Result<Vec<Node>, CliError> {
-        let mut ports: Vec<(String, Option<(u16, RegisterRef)>)> = Vec::new();
-        for (plc, name) in (0..).zip(session.plcs()) {
+        let mut ports: Vec<(String, Option<(DeviceIndex, RegisterRef)>)> = Vec::new();
+        for (plc, name) in DeviceIndex::enumerate(session.plcs()) {
             for port in session.device(plc).ports {
                 let register = status_of(port.area).map(|register| (plc, register));
                 ports.push((format!("{name}:{}", port.name), register));
@@ -251,7 +252,7 @@ mod by_channel {
             .filter_map(|(_, it)| it.map(|(plc, register)| Read::register(plc, &register)))
             .collect();
         let mut data = session.read(&reads)?.data.into_iter();
-        let node = |(node, register): (String, Option<(u16, RegisterRef)>)| {
+        let node = |(node, register): (String, Option<(DeviceIndex, RegisterRef)>)| {
             let bus = buses.iter().find(|bus| bus.ports.contains(&node)).map(|bus| bus.name.clone());
             let value = register.and_then(|_| data.next());
             let value =

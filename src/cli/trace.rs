@@ -7,6 +7,7 @@ use super::Instance;
 use super::error::CliError;
 use super::{number, time};
 use crate::devices;
+use crate::identity::BusIndex;
 use crate::journal::{Kind, Ring};
 use clap::ValueEnum;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
@@ -147,7 +148,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let InstanceInfo { name: instance, names, .. } = session.ask(Op::Info)?.info()?;
     let number = |names: &[String], name: &String| names.iter().position(|other| other == name);
     let bus = |name: &String| {
-        number(&names.buses, name).map(|number| number as u16).ok_or_else(|| CliError::UnknownBus {
+        number(&names.buses, name).map(BusIndex::at).ok_or_else(|| CliError::UnknownBus {
             bus: name.clone(),
             instance: instance.clone(),
             buses: names.buses.join(", "),

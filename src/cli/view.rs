@@ -25,6 +25,7 @@ use super::complete;
 use super::device::of_any_device_but_told_by;
 use super::error::CliError;
 use super::session::Session;
+use crate::identity::DeviceIndex;
 use crate::layout::{Named, NamedLocation, is_pattern, split_plc};
 use model::Model;
 use std::io::{self, IsTerminal};
@@ -72,7 +73,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
 }
 
 /// Finds the registers of a name or pattern.
-fn places(session: &Session, text: &str) -> Result<Vec<(u16, NamedLocation)>, CliError> {
+fn places(session: &Session, text: &str) -> Result<Vec<(DeviceIndex, NamedLocation)>, CliError> {
     if !is_pattern(text) {
         let place = session.place(text)?;
         return Ok(vec![(session.plc_of(&place)?, place)]);

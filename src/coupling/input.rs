@@ -40,7 +40,7 @@ impl Coupling {
                 let bits = value as u32 & ty.mask();
                 // Same rule as for units, decision D-535.
                 if owner == Owner::Both || host.plant().load(plc, offset, width) != Ok(bits) {
-                    enter(host, &Op::Poke { plc: plc as u16, offset, width, value: bits })
+                    enter(host, &Op::Poke { plc, offset, width, value: bits })
                 } else {
                     Ok(())
                 }

@@ -2,6 +2,7 @@
 
 use super::{CouplingConfig, CouplingError, ValueEntry};
 use crate::fmi::{Causality, Kind, Quantity, Variable, named};
+use crate::identity::BusIndex;
 use crate::plant::Plant;
 use std::collections::BTreeSet;
 
@@ -53,7 +54,7 @@ pub struct Endpoint {
     pub bus_name: String,
     /// Endpoints that receive the frames.
     pub to: Vec<String>,
-    pub(super) bus: u16,
+    pub(super) bus: BusIndex,
 }
 
 impl Interface {
@@ -86,7 +87,7 @@ impl Interface {
                 })?;
             let endpoint = it.endpoint.clone().unwrap_or_else(|| format!("{name}/{}", it.name));
             let (bus_name, to) = (it.name.clone(), it.to.clone());
-            endpoints.push(Endpoint { name: endpoint, bus_name, to, bus: bus as u16 });
+            endpoints.push(Endpoint { name: endpoint, bus_name, to, bus: BusIndex::at(bus) });
         }
         let all = publications.iter().map(|it| &it.key).chain(endpoints.iter().map(|it| &it.name));
         let mut keys = BTreeSet::new();

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::fmi::{Resources, Unit};
+use crate::identity::BusIndex;
 use crate::plant::PlantConfig;
 use crate::request::testing::TestHost;
 use std::collections::VecDeque;
@@ -97,7 +98,7 @@ fn inputs_are_stored_and_changes_are_published() {
 fn frames_go_both_ways() {
     let mut host = host_of("[[plc]]\nname = 'line'\n[[bus]]\nname = 'open'\nkind = 'can'\nkbit_s = 125\n");
     // Another participant must acknowledge the frames.
-    host.plant.guest_joins(0, 1, true);
+    host.plant.guest_joins(BusIndex(0), 1, true);
     let file = "period = '1ms'\n[[bus]]\nname = 'open'\nto = ['sensor/can']\n";
     let mut coupling = coupling(&host.plant, file).unwrap();
     let letters = ScriptedSimulators::default();

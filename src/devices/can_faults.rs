@@ -224,10 +224,11 @@ mod tests {
     use super::*;
     use crate::can::{ExtendedId, StandardId};
     use crate::fault::{Draft, Target};
+    use crate::identity::BusIndex;
 
     fn frames(id: Option<u64>, mask: Option<u64>, format: Option<u64>) -> Frames {
         let values = [None, id, mask, format, None];
-        let fault = Draft { values, ..Draft::new(&LOSE_FRAME, Target::Bus(0)) }.check().unwrap();
+        let fault = Draft { values, ..Draft::new(&LOSE_FRAME, Target::Bus(BusIndex(0))) }.check().unwrap();
         Frames::of(&fault)
     }
 

@@ -7,6 +7,7 @@ use crate::can::Message;
 use crate::door::{DoorSpec, Speech};
 use crate::fault;
 use crate::fault::Fault;
+use crate::identity::{BusIndex, DeviceIndex};
 use crate::journal::{Kind, Rule};
 use crate::layout;
 use crate::memory::Segment;
@@ -74,7 +75,8 @@ pub trait DeviceConfig: fmt::Debug + Send + Sync {
     ///
     /// # Errors
     /// [`BuildError`]: the image is too small or read-only, or the settings are refused.
-    fn build(&self, index: usize, segment: Segment) -> Result<(Box<dyn Device>, Vec<Plug>), BuildError>;
+    fn build(&self, index: DeviceIndex, segment: Segment)
+    -> Result<(Box<dyn Device>, Vec<Plug>), BuildError>;
 }
 
 /// A port as the plant file describes it.
@@ -165,7 +167,7 @@ pub trait BusSection: fmt::Debug + Send + Sync {
     ///
     /// # Errors
     /// [`BuildError`]: the settings are refused.
-    fn build(&self, index: usize) -> Result<Box<dyn Bus>, BuildError>;
+    fn build(&self, index: BusIndex) -> Result<Box<dyn Bus>, BuildError>;
 }
 
 /// Reads a section of the plant file.
@@ -221,7 +223,7 @@ mod tests {
             &STATION
         }
 
-        fn build(&self, _: usize, _: Segment) -> Result<(Box<dyn Device>, Vec<Plug>), BuildError> {
+        fn build(&self, _: DeviceIndex, _: Segment) -> Result<(Box<dyn Device>, Vec<Plug>), BuildError> {
             unreachable!("it is never built")
         }
     }

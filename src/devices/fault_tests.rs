@@ -4,6 +4,7 @@ use super::{bm4_o_can_06, can_dp2, cs0015, fault_kinds, omega_drive_line_2};
 use crate::fault::{
     Draft, Fault, FaultError, FaultSpec, FieldValue, Form, Kind, Refusal, Target, TargetKind,
 };
+use crate::identity::{BusIndex, DeviceIndex};
 use crate::journal::Names;
 use crate::layout::DeviceFit;
 use proptest::prelude::*;
@@ -137,13 +138,16 @@ fn target(kind: &Kind, place: usize, number: u8) -> Target {
     let names = names();
     let (medium, device) = ((place % names.buses.len()) as u16, (place % names.plcs.len()) as u16);
     match kind.place() {
-        TargetKind::Bus => Target::Bus(medium),
-        TargetKind::Participant => Target::Participant { medium, number: number % 32 },
+        TargetKind::Bus => Target::Bus(BusIndex(medium)),
+        TargetKind::Participant => Target::Participant { medium: BusIndex(medium), number: number % 32 },
         TargetKind::Port => {
-            let ports = names.device(device).ports;
-            Target::Port { device, port: ports[usize::from(number) % ports.len()].number }
+            let ports = names.device(DeviceIndex(device)).ports;
+            Target::Port {
+                device: DeviceIndex(device),
+                port: ports[usize::from(number) % ports.len()].number,
+            }
         }
-        TargetKind::Device => Target::Device(device),
+        TargetKind::Device => Target::Device(DeviceIndex(device)),
     }
 }
 
@@ -168,13 +172,13 @@ proptest! {
 #[test]
 fn a_port_is_called_by_its_name_or_number() {
     for (node, port, written) in [
-        ("2", Target::Port { device: 0, port: 2 }, "bus_off plc=line node=2 count=1"),
-        ("'node2'", Target::Port { device: 0, port: 2 }, "bus_off plc=line node=2 count=1"),
-        ("'slotM'", Target::Port { device: 2, port: 6 }, "bus_off plc=maxx node=slotM count=1"),
-        ("1", Target::Port { device: 2, port: 1 }, "bus_off plc=maxx node=slotG count=1"),
+        ("2", Target::Port { device: DeviceIndex(0), port: 2 }, "bus_off plc=line node=2 count=1"),
+        ("'node2'", Target::Port { device: DeviceIndex(0), port: 2 }, "bus_off plc=line node=2 count=1"),
+        ("'slotM'", Target::Port { device: DeviceIndex(2), port: 6 }, "bus_off plc=maxx node=slotM count=1"),
+        ("1", Target::Port { device: DeviceIndex(2), port: 1 }, "bus_off plc=maxx node=slotG count=1"),
     ] {
         let Target::Port { device, .. } = port else { unreachable!() };
-        let plc = &names().plcs[usize::from(device)];
+        let plc = &names().plcs[device.index()];
         let fault = resolve(&format!("kind = 'bus_off'\nplc = '{plc}'\nnode = {node}")).unwrap();
         assert_eq!((fault.target(), fault.text(&names()).as_str()), (port, written));
     }

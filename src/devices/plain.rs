@@ -4,6 +4,7 @@ use super::program::Starts;
 use super::supply::Supply;
 use super::{Context, Device, DeviceView, Events, Faulty, Front, FrontAction, NovramContents, Power, World};
 use crate::fault::{Effect, Faults, Hit, Owner, Target};
+use crate::identity::DeviceIndex;
 use crate::layout;
 use crate::layout::{Area, DeviceFit};
 use crate::memory::header::BoardSetting;
@@ -106,7 +107,7 @@ impl Firmware for () {
 /// reset values, and its retain flags, as many as its layout says, stay unchanged. A reset has the same effect. The
 /// device has no switches and no events. The program of a client runs while the device is up.
 pub struct Plain<F> {
-    index: u16,
+    index: DeviceIndex,
     name: String,
     layout: &'static layout::DeviceLayout,
     segment: Segment,
@@ -125,7 +126,7 @@ impl<F: Firmware> Plain<F> {
     /// # Errors
     /// [`MemoryError`]: the image is too small or read-only.
     pub fn new(
-        index: usize,
+        index: DeviceIndex,
         name: &str,
         layout: &'static layout::DeviceLayout,
         segment: Segment,
@@ -134,7 +135,7 @@ impl<F: Firmware> Plain<F> {
         let face = segment.face()?;
         face.retain_size.store(layout.retain.map_or(0, |retain| retain.default_bytes));
         let (supply, starts) = (Supply::new(&face), Starts::new(&face));
-        let (index, name) = (index as u16, name.to_owned());
+        let name = name.to_owned();
         let it = Plain { index, name, layout, segment, face, firmware, supply, starts };
         it.reset_registers()?;
         Ok(it)

@@ -119,6 +119,7 @@ pub(super) fn report(ctx: &mut Context, what: BoardEvent) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::identity::DeviceIndex;
     use crate::journal::{Journal, Origin};
     use crate::memory::{Header, Segment};
 
@@ -138,7 +139,7 @@ mod tests {
             &mut self,
             act: impl FnOnce(&mut Starts, &mut Context, &Face) -> Option<Start>,
         ) -> Option<Start> {
-            let origin = Origin { plc: 0, node: 0 };
+            let origin = Origin { plc: DeviceIndex(0), node: 0 };
             let ctx = &mut Context { now: 0, journal: &mut self.journal, origin, base: 0 };
             act(&mut self.starts, ctx, &self.face)
         }

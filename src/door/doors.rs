@@ -5,6 +5,7 @@ use super::guest::{Guest, GuestState};
 use super::io::{Command, Entrance, Io, Shared};
 use super::pty::Pty;
 use super::spec::{Carrier, DoorSpec};
+use crate::identity::BusIndex;
 use crate::memory::limits;
 use mio::net::TcpListener;
 use serde::{Deserialize, Serialize};
@@ -36,7 +37,7 @@ pub struct DoorState {
 }
 
 struct Door {
-    bus: u16,
+    bus: BusIndex,
     spec: DoorSpec,
     key: usize,
 }
@@ -84,11 +85,11 @@ impl Doors {
     /// # Errors
     /// [`DoorError`]: the address is taken or not this machine's, there is no pseudo-terminal, no place for the guest at it, or no
     /// descriptor that is not reserved. The door is then not open.
-    pub fn open(&mut self, bus: u16, door: DoorSpec) -> Result<DoorSpec, DoorError> {
+    pub fn open(&mut self, bus: BusIndex, door: DoorSpec) -> Result<DoorSpec, DoorError> {
         self.try_open(bus, door).map_err(|reason| DoorError { door, reason })
     }
 
-    fn try_open(&mut self, bus: u16, door: DoorSpec) -> io::Result<DoorSpec> {
+    fn try_open(&mut self, bus: BusIndex, door: DoorSpec) -> io::Result<DoorSpec> {
         let (entrance, spec) = match door.carrier() {
             Carrier::Tcp(at) => {
                 let listener = TcpListener::bind(SocketAddr::V4(at))?;
@@ -131,7 +132,7 @@ impl Doors {
     }
 
     /// Closes this door of a bus, or all of them; its guests leave. Returns how many it closed.
-    pub fn close(&mut self, bus: u16, door: Option<DoorSpec>) -> usize {
+    pub fn close(&mut self, bus: BusIndex, door: Option<DoorSpec>) -> usize {
         let before = self.doors.len();
         let is_meant = |it: &mut Door| it.bus == bus && door.is_none_or(|door| door == it.spec);
         let closed: Vec<Door> = self.doors.extract_if(.., is_meant).collect();
@@ -143,7 +144,7 @@ impl Doors {
 
     /// The doors of a bus, in the order in which they were opened.
     #[must_use]
-    pub fn of_bus(&self, bus: u16) -> Vec<DoorState> {
+    pub fn of_bus(&self, bus: BusIndex) -> Vec<DoorState> {
         let is_its =
             |guest: &Guest, spec| guest.bus == bus && guest.door == spec && !guest.requests().has_gone;
         let guests = |spec| self.guests.iter().filter(move |guest| is_its(guest, spec));

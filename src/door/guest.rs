@@ -5,6 +5,7 @@ use super::slcan::{Rate, Status};
 use super::wire::{Adapter, BadLength, BusMessage};
 use super::{DoorSpec, ROOM_TO_GUEST, ROOM_TO_PLANT};
 use crate::can::ErrorState;
+use crate::identity::BusIndex;
 use crate::profibus::BusRate;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
@@ -14,7 +15,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 #[derive(Debug)]
 pub struct Guest {
     /// Index of its bus in the plant.
-    pub bus: u16,
+    pub bus: BusIndex,
     /// Number of the guest on its bus, from 1.
     pub number: u8,
     /// Door of the guest.
@@ -96,7 +97,7 @@ pub struct GuestState {
 }
 
 impl Guest {
-    pub(super) fn new(bus: u16, number: u8, door: DoorSpec) -> Self {
+    pub(super) fn new(bus: BusIndex, number: u8, door: DoorSpec) -> Self {
         Guest { bus, number, door, inner: Mutex::default() }
     }
 
@@ -306,7 +307,7 @@ impl Adapter for &Guest {
 #[cfg(test)]
 impl Guest {
     /// A guest that the test controls.
-    pub(crate) fn of_a_test(bus: u16, number: u8) -> std::sync::Arc<Self> {
+    pub(crate) fn of_a_test(bus: BusIndex, number: u8) -> std::sync::Arc<Self> {
         Guest::new(bus, number, "slcan-tcp:127.0.0.1:0".parse().unwrap()).into()
     }
 

@@ -7,6 +7,7 @@ use super::pty::Pty;
 use super::sparing::Sparing;
 use super::spec::DoorSpec;
 use super::{MAX_GUESTS, MAX_KNOWN_GUESTS, ROOM_TO_GUEST};
+use crate::identity::BusIndex;
 use mio::net::{TcpListener, TcpStream};
 use mio::unix::SourceFd;
 use mio::{Events, Interest, Poll, Token, Waker};
@@ -24,7 +25,7 @@ pub(super) enum Command {
         /// The door's number.
         key: usize,
         /// Index of its bus.
-        bus: u16,
+        bus: BusIndex,
         /// Specification of the door.
         spec: DoorSpec,
         /// The entrance for guests.
@@ -100,7 +101,7 @@ impl Shared {
     }
 
     /// Admits a guest, under the first free number of its bus. Guests that have left take no place.
-    fn admit(&self, bus: u16, door: DoorSpec) -> Result<Arc<Guest>, NoPlace> {
+    fn admit(&self, bus: BusIndex, door: DoorSpec) -> Result<Arc<Guest>, NoPlace> {
         let mut present = self.present();
         if present.guests.iter().filter(|it| !it.has_gone()).count() >= MAX_GUESTS {
             return Err(NoPlace::Taken);
@@ -143,7 +144,7 @@ const WAKER: Token = Token(0);
 
 /// The object of a descriptor.
 enum Station {
-    Listener { listener: TcpListener, door: usize, bus: u16, spec: DoorSpec },
+    Listener { listener: TcpListener, door: usize, bus: BusIndex, spec: DoorSpec },
     Guest(Box<Visit>),
 }
 
@@ -350,7 +351,7 @@ impl Io {
         self.next_token
     }
 
-    fn open(&mut self, door: usize, bus: u16, spec: DoorSpec, entrance: Entrance) -> io::Result<()> {
+    fn open(&mut self, door: usize, bus: BusIndex, spec: DoorSpec, entrance: Entrance) -> io::Result<()> {
         match entrance {
             Entrance::Tcp(mut listener) => {
                 let token = self.token();
@@ -405,7 +406,7 @@ impl Io {
         }
     }
 
-    fn let_in(&mut self, door: usize, bus: u16, spec: DoorSpec, mut line: Line) -> io::Result<()> {
+    fn let_in(&mut self, door: usize, bus: BusIndex, spec: DoorSpec, mut line: Line) -> io::Result<()> {
         let token = self.token();
         let interest = Interest::READABLE | Interest::WRITABLE;
         let registry = self.poll.registry();

@@ -1,6 +1,7 @@
 //! Errors in the description of a fault.
 
 use super::{Field, Kind, MAX_FAULTS, TargetKind};
+use crate::identity::{BusIndex, DeviceIndex};
 use crate::journal::Names;
 use crate::layout::{DeviceLayout, did_you_mean};
 use thiserror::Error;
@@ -50,7 +51,7 @@ pub enum Refusal {
     #[error("bus {bus} does not exist; there are {count}, numbered from 0")]
     UnknownBus {
         /// The bus.
-        bus: u16,
+        bus: BusIndex,
         /// Number of buses.
         count: u16,
     },
@@ -58,7 +59,7 @@ pub enum Refusal {
     #[error("PLC {plc} does not exist; there are {count}, numbered from 0")]
     UnknownPlc {
         /// The PLC.
-        plc: u16,
+        plc: DeviceIndex,
         /// Number of PLCs.
         count: u16,
     },
@@ -66,7 +67,7 @@ pub enum Refusal {
     #[error("bus {bus} has no slave {slave}; its slaves are: {}", slave_list(*.present))]
     NoSlave {
         /// The bus.
-        bus: u16,
+        bus: BusIndex,
         /// The slave number.
         slave: u8,
         /// The slaves it has, bit n for slave n.
@@ -76,7 +77,7 @@ pub enum Refusal {
     #[error("PLC {plc} has no port {port}; its ports are: {}", port_list(.layout))]
     NoPort {
         /// The PLC.
-        plc: u16,
+        plc: DeviceIndex,
         /// The port.
         port: u8,
         /// Device of the PLC.
@@ -86,7 +87,7 @@ pub enum Refusal {
     #[error("{port} of PLC {plc} is not on a bus; ports on a bus: {}", list(.plugged))]
     NotPlugged {
         /// The PLC.
-        plc: u16,
+        plc: DeviceIndex,
         /// The port.
         port: &'static str,
         /// Its ports that are on a bus.
@@ -96,7 +97,7 @@ pub enum Refusal {
     #[error("bus {bus} cannot have it; its faults are: {}", kind_list(.known))]
     NotOfBus {
         /// The bus.
-        bus: u16,
+        bus: BusIndex,
         /// The faults of its kind of buses.
         known: &'static [&'static Kind],
     },
@@ -104,7 +105,7 @@ pub enum Refusal {
     #[error("PLC {plc} cannot have it; its faults are: {}", kind_list(.known))]
     NotOfPlc {
         /// The PLC.
-        plc: u16,
+        plc: DeviceIndex,
         /// The faults that it has itself.
         known: &'static [&'static Kind],
     },

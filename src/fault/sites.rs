@@ -1,38 +1,39 @@
 //! Targets of faults, and the targets that an installation has.
 
 use super::{Fault, Kind, Refusal, TargetKind};
+use crate::identity::{BusIndex, DeviceIndex};
 use crate::layout::DeviceLayout;
 
 /// Target of a fault. Buses and PLCs are numbered as in the plant file, from 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Target {
     /// A bus.
-    Bus(u16),
+    Bus(BusIndex),
     /// A participant of a bus.
     Participant {
         /// The bus.
-        medium: u16,
+        medium: BusIndex,
         /// The participant's number there.
         number: u8,
     },
     /// A port of a PLC.
     Port {
         /// The PLC.
-        device: u16,
+        device: DeviceIndex,
         /// The port's number in the PLC's layout.
         port: u8,
     },
     /// A PLC itself.
-    Device(u16),
+    Device(DeviceIndex),
 }
 
 /// Device or medium that applies a fault: the target, or the owner of the target's participant or port.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Owner {
     /// A bus.
-    Bus(u16),
+    Bus(BusIndex),
     /// A PLC.
-    Device(u16),
+    Device(DeviceIndex),
 }
 
 impl Target {
@@ -51,9 +52,10 @@ impl Target {
     #[must_use]
     pub const fn numbers(self) -> (u16, u8) {
         match self {
-            Target::Bus(index) | Target::Device(index) => (index, 0),
-            Target::Participant { medium, number } => (medium, number),
-            Target::Port { device, port } => (device, port),
+            Target::Bus(bus) => (bus.0, 0),
+            Target::Device(device) => (device.0, 0),
+            Target::Participant { medium, number } => (medium.0, number),
+            Target::Port { device, port } => (device.0, port),
         }
     }
 
@@ -61,10 +63,10 @@ impl Target {
     #[must_use]
     pub const fn of_numbers(place: TargetKind, index: u16, number: u8) -> Self {
         match place {
-            TargetKind::Bus => Target::Bus(index),
-            TargetKind::Participant => Target::Participant { medium: index, number },
-            TargetKind::Port => Target::Port { device: index, port: number },
-            TargetKind::Device => Target::Device(index),
+            TargetKind::Bus => Target::Bus(BusIndex(index)),
+            TargetKind::Participant => Target::Participant { medium: BusIndex(index), number },
+            TargetKind::Port => Target::Port { device: DeviceIndex(index), port: number },
+            TargetKind::Device => Target::Device(DeviceIndex(index)),
         }
     }
 }
@@ -97,7 +99,7 @@ pub struct DeviceSite {
     /// The kinds that it has itself, and at its ports.
     pub faults: &'static [&'static Kind],
     /// The ports that are on a bus: their number, and the bus.
-    pub plugged: Vec<(u8, u16)>,
+    pub plugged: Vec<(u8, BusIndex)>,
     /// The ports that are drives of their bus: faults name the bus and the drive's number there.
     pub drives: Vec<u8>,
 }
@@ -123,7 +125,7 @@ impl Sites {
                     return Err(Refusal::NoPort { plc: device, port, layout: site.layout });
                 };
                 let Some(&(_, medium)) = site.plugged.iter().find(|(number, _)| *number == port) else {
-                    let name = |(number, _): &(u8, u16)| Some(site.layout.port_numbered(*number)?.name);
+                    let name = |(number, _): &(u8, BusIndex)| Some(site.layout.port_numbered(*number)?.name);
                     let plugged = site.plugged.iter().filter_map(name).collect();
                     return Err(Refusal::NotPlugged { plc: device, port: known.name, plugged });
                 };
@@ -150,9 +152,9 @@ impl Sites {
         }
     }
 
-    fn medium(&self, bus: u16, fault: &Fault) -> Result<&MediumSite, Refusal> {
+    fn medium(&self, bus: BusIndex, fault: &Fault) -> Result<&MediumSite, Refusal> {
         let count = self.media.len() as u16; // the plant file's indices are 16 bits wide
-        let site = self.media.get(usize::from(bus)).ok_or(Refusal::UnknownBus { bus, count })?;
+        let site = self.media.get(bus.index()).ok_or(Refusal::UnknownBus { bus, count })?;
         if !site.faults.contains(&fault.kind()) {
             return Err(Refusal::NotOfBus { bus, known: site.faults });
         }
@@ -160,8 +162,8 @@ impl Sites {
         Ok(site)
     }
 
-    fn device(&self, plc: u16) -> Result<&DeviceSite, Refusal> {
+    fn device(&self, plc: DeviceIndex) -> Result<&DeviceSite, Refusal> {
         let count = self.devices.len() as u16; // as above
-        self.devices.get(usize::from(plc)).ok_or(Refusal::UnknownPlc { plc, count })
+        self.devices.get(plc.index()).ok_or(Refusal::UnknownPlc { plc, count })
     }
 }

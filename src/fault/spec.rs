@@ -6,6 +6,7 @@ use super::{
     Draft, Fault, FaultError, FaultSpec, Field, FieldValue, Form, Kind, MAX_FIELDS, Refusal, Target,
     TargetKind,
 };
+use crate::identity::{BusIndex, DeviceIndex};
 use crate::journal::Names;
 use crate::layout::{DeviceLayout, Port, did_you_mean};
 
@@ -99,16 +100,16 @@ impl<'a> Reader<'a> {
         })
     }
 
-    fn bus(&self) -> Result<u16, FaultError> {
+    fn bus(&self) -> Result<BusIndex, FaultError> {
         let kind = self.kind;
         let unknown = |bus, known| FaultError::UnknownBus { kind, bus, known };
-        self.named(TargetKind::Bus, &self.names.buses, unknown)
+        self.named(TargetKind::Bus, &self.names.buses, unknown).map(BusIndex::at)
     }
 
-    fn plc(&self) -> Result<u16, FaultError> {
+    fn plc(&self) -> Result<DeviceIndex, FaultError> {
         let kind = self.kind;
         let unknown = |plc, known| FaultError::UnknownPlc { kind, plc, known };
-        self.named(TargetKind::Device, &self.names.plcs, unknown)
+        self.named(TargetKind::Device, &self.names.plcs, unknown).map(DeviceIndex::at)
     }
 
     /// Index of the bus or PLC; if the name is left out, the only existing one.
@@ -117,7 +118,7 @@ impl<'a> Reader<'a> {
         place: TargetKind,
         known: &[String],
         unknown: impl Fn(String, String) -> FaultError,
-    ) -> Result<u16, FaultError> {
+    ) -> Result<usize, FaultError> {
         let field = place.fields()[0];
         let index = match self.given(field) {
             Some(FieldValue::Text(name)) => known.iter().position(|known| known == name),
@@ -131,10 +132,10 @@ impl<'a> Reader<'a> {
             Some(FieldValue::Text(name)) => name.clone(),
             _ => String::new(),
         };
-        index.and_then(|index| u16::try_from(index).ok()).ok_or_else(|| unknown(name(), list(known)))
+        index.ok_or_else(|| unknown(name(), list(known)))
     }
 
-    fn port(&self, plc: u16) -> Result<&'static Port, FaultError> {
+    fn port(&self, plc: DeviceIndex) -> Result<&'static Port, FaultError> {
         let device = self.names.device(plc);
         let found = match self.given(&NODE) {
             Some(FieldValue::Text(name)) => device.port(name),

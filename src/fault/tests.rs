@@ -1,4 +1,5 @@
 use super::*;
+use crate::identity::{BusIndex, DeviceIndex};
 use crate::journal::{Journal, Names};
 use crate::layout::DeviceLayout;
 
@@ -52,7 +53,7 @@ fn fault(text: &str) -> Result<Fault, String> {
 fn left_out_values_are_those_of_the_description() {
     let hiss = fault("hiss bus=wire volume=3").unwrap();
     assert_eq!(["volume", "tone", "mark", "x"].map(|name| hiss.value(name)), [Some(3), Some(1), None, None]);
-    assert_eq!((hiss.target(), hiss.limit()), (Target::Bus(1), Limit::UntilCleared));
+    assert_eq!((hiss.target(), hiss.limit()), (Target::Bus(BusIndex(1)), Limit::UntilCleared));
     assert_eq!(hiss.text(&names()), "hiss bus=wire volume=3");
     assert_eq!(fault("hum bus=air slave=3").unwrap().limit(), Limit::Count(1));
     let all = "hiss bus=air volume=3 tone=low mark=16#0A at_us=5 duration_us=6";
@@ -61,7 +62,7 @@ fn left_out_values_are_those_of_the_description() {
 
 #[test]
 fn values_that_a_kind_does_not_allow_are_refused_from_any_source() {
-    let draft = Draft::new(&HISS, Target::Bus(0));
+    let draft = Draft::new(&HISS, Target::Bus(BusIndex(0)));
     let (volume, at_us) = (&HISS.fields()[0], Kind::COMMON[0]);
     assert_eq!(draft.check(), Err(Refusal::Missing { field: volume, right: "give 1 to 9".to_owned() }));
     let draft = Draft { values: [Some(3), None, None, None, None], ..draft };
@@ -69,9 +70,15 @@ fn values_that_a_kind_does_not_allow_are_refused_from_any_source() {
     let too_late = Refusal::Range { field: at_us, value: MAX_AT_US + 1, least: 0, most: MAX_AT_US };
     for (draft, expected) in [
         (Draft { at_us: MAX_AT_US + 1, ..draft }, too_late),
-        (Draft { target: Target::Device(0), ..draft }, Refusal::OtherPlace { place: TargetKind::Bus }),
+        (
+            Draft { target: Target::Device(DeviceIndex(0)), ..draft },
+            Refusal::OtherPlace { place: TargetKind::Bus },
+        ),
         (Draft { count: Some(1), duration_us: Some(1), ..draft }, Refusal::TwoLimits),
-        (Draft { count: Some(1), ..Draft::new(&FOG, Target::Device(0)) }, Refusal::NotCounted { kind: &FOG }),
+        (
+            Draft { count: Some(1), ..Draft::new(&FOG, Target::Device(DeviceIndex(0))) },
+            Refusal::NotCounted { kind: &FOG },
+        ),
     ] {
         assert_eq!(draft.check(), Err(expected));
     }
@@ -118,18 +125,30 @@ fn faults_of_missing_targets_are_refused() {
         sites.owner(&Draft { values, ..Draft::new(kind, target) }.check().unwrap())
     };
     let hum = |medium, number| owner(&HUM, Target::Participant { medium, number });
-    assert_eq!(owner(&HISS, Target::Bus(0)), Ok(Owner::Bus(0)));
-    assert_eq!(hum(0, 3), Ok(Owner::Bus(0)));
-    assert_eq!(owner(&FOG, Target::Device(0)), Ok(Owner::Device(0)));
-    assert_eq!(owner(&HISS, Target::Bus(1)), Err(Refusal::NotOfBus { bus: 1, known: &[] }));
-    assert_eq!(owner(&HISS, Target::Bus(2)), Err(Refusal::UnknownBus { bus: 2, count: 2 }));
-    assert_eq!(hum(0, 4), Err(Refusal::NoSlave { bus: 0, slave: 4, present: 1 << 3 }));
-    assert_eq!(owner(&FOG, Target::Device(1)), Err(Refusal::NotOfPlc { plc: 1, known: &[] }));
-    assert_eq!(owner(&FOG, Target::Device(2)), Err(Refusal::UnknownPlc { plc: 2, count: 2 }));
+    assert_eq!(owner(&HISS, Target::Bus(BusIndex(0))), Ok(Owner::Bus(BusIndex(0))));
+    assert_eq!(hum(BusIndex(0), 3), Ok(Owner::Bus(BusIndex(0))));
+    assert_eq!(owner(&FOG, Target::Device(DeviceIndex(0))), Ok(Owner::Device(DeviceIndex(0))));
+    assert_eq!(
+        owner(&HISS, Target::Bus(BusIndex(1))),
+        Err(Refusal::NotOfBus { bus: BusIndex(1), known: &[] })
+    );
+    assert_eq!(
+        owner(&HISS, Target::Bus(BusIndex(2))),
+        Err(Refusal::UnknownBus { bus: BusIndex(2), count: 2 })
+    );
+    assert_eq!(hum(BusIndex(0), 4), Err(Refusal::NoSlave { bus: BusIndex(0), slave: 4, present: 1 << 3 }));
+    assert_eq!(
+        owner(&FOG, Target::Device(DeviceIndex(1))),
+        Err(Refusal::NotOfPlc { plc: DeviceIndex(1), known: &[] })
+    );
+    assert_eq!(
+        owner(&FOG, Target::Device(DeviceIndex(2))),
+        Err(Refusal::UnknownPlc { plc: DeviceIndex(2), count: 2 })
+    );
     let layout = &DeviceLayout::UNKNOWN;
     assert_eq!(
-        owner(&LEAK, Target::Port { device: 0, port: 1 }),
-        Err(Refusal::NoPort { plc: 0, port: 1, layout })
+        owner(&LEAK, Target::Port { device: DeviceIndex(0), port: 1 }),
+        Err(Refusal::NoPort { plc: DeviceIndex(0), port: 1, layout })
     );
 }
 
@@ -138,11 +157,11 @@ fn only_the_owner_fires_a_fault_and_only_the_given_number_of_times() {
     let (mut faults, mut journal) = (Faults::default(), Journal::default());
     for (index, count) in [(0, 2), (1, 1)] {
         let text = format!("hiss bus={} volume={} count={count}", names().buses[index], index + 5);
-        faults.add(0, fault(&text).unwrap(), Owner::Bus(index as u16), &mut journal).unwrap();
+        faults.add(0, fault(&text).unwrap(), Owner::Bus(BusIndex(index as u16)), &mut journal).unwrap();
     }
     let mut seen = Vec::new();
     let fire = |faults: &mut Faults, journal: &mut Journal, seen: &mut Vec<(u32, u32)>| {
-        faults.fire(1, Owner::Bus(0), journal, |_, effect: &Noise, hits| {
+        faults.fire(1, Owner::Bus(BusIndex(0)), journal, |_, effect: &Noise, hits| {
             let Noise::Hiss(volume) = *effect else { return None };
             seen.push((volume, hits));
             Some(Hit::Plain)
@@ -151,8 +170,8 @@ fn only_the_owner_fires_a_fault_and_only_the_given_number_of_times() {
     fire(&mut faults, &mut journal, &mut seen);
     assert!(seen.is_empty(), "they have not begun");
     faults.advance(1, &mut journal);
-    assert_eq!(faults.acting::<Noise>(Owner::Bus(1)).count(), 1);
-    assert_eq!(faults.acting::<()>(Owner::Bus(1)).count(), 0, "an effect of another type");
+    assert_eq!(faults.acting::<Noise>(Owner::Bus(BusIndex(1))).count(), 1);
+    assert_eq!(faults.acting::<()>(Owner::Bus(BusIndex(1))).count(), 0, "an effect of another type");
     (0..3).for_each(|_| fire(&mut faults, &mut journal, &mut seen));
     assert_eq!(seen, [(5, 0), (5, 1)]);
     assert_eq!(faults.list().map(|fault| fault.id).collect::<Vec<_>>(), [2]);
@@ -163,19 +182,19 @@ fn refusals_get_names() {
     let names = Names { plcs: vec!["line".into(), "saw".into()], ..names() };
     let named = |refusal| FaultError::refused(&HUM, refusal, &names).to_string();
     assert_eq!(
-        named(Refusal::NoSlave { bus: 1, slave: 7, present: 1 << 3 | 1 << 31 }),
+        named(Refusal::NoSlave { bus: BusIndex(1), slave: 7, present: 1 << 3 | 1 << 31 }),
         "hum: bus \"wire\" has no slave 7; its slaves are: 3, 31"
     );
     assert_eq!(
-        named(Refusal::NoSlave { bus: 0, slave: 7, present: 0 }),
+        named(Refusal::NoSlave { bus: BusIndex(0), slave: 7, present: 0 }),
         "hum: bus \"air\" has no slave 7; its slaves are: none"
     );
     assert_eq!(
-        named(Refusal::NotPlugged { plc: 1, port: "node1", plugged: vec!["node2"] }),
+        named(Refusal::NotPlugged { plc: DeviceIndex(1), port: "node1", plugged: vec!["node2"] }),
         "hum: node1 of PLC \"saw\" is not on a bus; ports on a bus: node2"
     );
     assert_eq!(
-        named(Refusal::NotOfPlc { plc: 1, known: OF_DEVICE }),
+        named(Refusal::NotOfPlc { plc: DeviceIndex(1), known: OF_DEVICE }),
         "hum: PLC \"saw\" cannot have it; its faults are: fog"
     );
     assert_eq!(named(Refusal::TooMany), "hum: there are 256 faults already; clear one first");
@@ -183,9 +202,9 @@ fn refusals_get_names() {
 
 #[test]
 fn the_only_bus_or_plc_needs_no_name() {
-    assert_eq!(fault("fog").unwrap().target(), Target::Device(0));
+    assert_eq!(fault("fog").unwrap().target(), Target::Device(DeviceIndex(0)));
     let one = Names { buses: vec!["air".into()], ..Names::default() };
     let hiss = words("hiss", &["volume=1"]).unwrap().resolve(&KINDS, &one);
-    assert_eq!(hiss.unwrap().target(), Target::Bus(0));
+    assert_eq!(hiss.unwrap().target(), Target::Bus(BusIndex(0)));
     assert_eq!(fault("hiss volume=1"), Err("hiss: bus is missing; give one of: air, wire".to_owned()));
 }

@@ -1,6 +1,7 @@
 //! Messages between federates.
 
 use crate::channel::wire::WireOp;
+use crate::identity::DeviceIndex;
 use crate::plant::Stored;
 use crate::request::Op;
 use serde::{Deserialize, Serialize};
@@ -56,7 +57,7 @@ pub(super) enum Input {
     /// The boards have answered the pending requests.
     Boards,
     /// New state of a task in lockstep: device, event, code of the state.
-    Task(u16, u16, u32),
+    Task(DeviceIndex, u16, u32),
     /// A motor that a model turns: number of the drive, and speed; `None`: the speed that the drive
     /// demands.
     Shaft(u16, Option<i32>),

@@ -18,6 +18,7 @@ pub use error::FederationError;
 pub use exchange::Exchange;
 pub use no_exchange::NoExchange;
 
+use crate::identity::DeviceIndex;
 use crate::memory::header::SeatState;
 use crate::plant::{Outside, Plant, SnapshotError};
 use crate::request::{Code, Execution, Host, Op, Refused};
@@ -187,8 +188,8 @@ impl Federation {
     }
 
     /// Records the state of a task in lockstep for the other federates.
-    pub fn note_task(&mut self, plc: usize, event: usize, state: SeatState) {
-        self.inputs.push(Input::Task(plc as u16, event as u16, state.code()));
+    pub fn note_task(&mut self, plc: DeviceIndex, event: usize, state: SeatState) {
+        self.inputs.push(Input::Task(plc, event as u16, state.code()));
     }
 
     /// Records the speed that a model here gives a motor.
@@ -345,7 +346,7 @@ impl Federation {
                 Input::Stored(stored) => host.plant().store_as_outside(&stored),
                 Input::Task(plc, event, state) => {
                     let state = SeatState::from_code(state).ok_or(FederationError::Nonsense { federate })?;
-                    host.plant_mut().note_lockstep(plc.into(), event.into(), state);
+                    host.plant_mut().note_lockstep(plc, event.into(), state);
                 }
                 Input::Shaft(drive, speed) => {
                     host.plant_mut().turn_shaft(drive.into(), speed);
@@ -370,8 +371,8 @@ impl Federation {
             return;
         }
         let until = core::mem::replace(&mut self.want, u64::MAX);
-        for device in 0..plant.devices().len() {
-            let of_all = self.watched.iter().filter_map(|watched| watched.get(device));
+        for device in DeviceIndex::first(plant.devices().len()) {
+            let of_all = self.watched.iter().filter_map(|watched| watched.get(device.index()));
             plant.watch(device, of_all.fold(0, |all, events| all | events));
         }
         let has_stopped = plant.advance_until(until);

@@ -1,5 +1,6 @@
 //! The variables of a unit: list, names and descriptions.
 
+use crate::identity::DeviceIndex;
 use crate::layout::{Fit, LayoutError, Owner, RegType, RegisterRef, Width, plc_prefix, split_plc};
 use crate::plant::Plant;
 use std::collections::BTreeSet;
@@ -103,7 +104,7 @@ impl Causality {
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Quantity {
     Time,
-    Register { plc: usize, offset: u32, width: Width, ty: RegType, owner: Owner },
+    Register { plc: DeviceIndex, offset: u32, width: Width, ty: RegType, owner: Owner },
     Shaft { drive: usize, value: ShaftValue },
 }
 
@@ -172,8 +173,8 @@ pub(super) fn variables(plant: &Plant, patterns: &[String]) -> Result<Vec<Variab
 
 pub(super) fn of_registers(plant: &Plant, wanted: &Wanted) -> Result<Vec<Variable>, VariablesError> {
     let (plcs, mut all) = (plant.names(), Vec::new());
-    for (plc, fitted) in plcs.devices.iter().enumerate() {
-        let prefix = plc_prefix(&plcs.plcs, plc as u16);
+    for (plc, fitted) in DeviceIndex::enumerate(&plcs.devices) {
+        let prefix = plc_prefix(&plcs.plcs, plc);
         let areas = fitted.device().areas.iter().filter(|area| fitted.area(area) != Fit::Empty);
         for area in areas.filter(|area| !area.structures.is_empty()) {
             for register in fitted.registers(area.name)? {
@@ -187,7 +188,7 @@ pub(super) fn of_registers(plant: &Plant, wanted: &Wanted) -> Result<Vec<Variabl
 }
 
 /// The wanted registers; `None` for all.
-pub(super) struct Wanted(Option<BTreeSet<(usize, u32, &'static str)>>);
+pub(super) struct Wanted(Option<BTreeSet<(DeviceIndex, u32, &'static str)>>);
 
 impl Wanted {
     pub(super) fn of(plant: &Plant, patterns: &[String]) -> Result<Self, VariablesError> {
@@ -202,9 +203,10 @@ impl Wanted {
                 let (plc, known) = (unknown.to_owned(), plcs.plcs.join(", "));
                 return Err(VariablesError::UnknownPlc { plc, known });
             }
-            let meant = plcs.plcs.iter().enumerate().filter(|(_, known)| plc.is_none_or(|plc| plc == *known));
+            let meant =
+                DeviceIndex::enumerate(&plcs.plcs).filter(|(_, known)| plc.is_none_or(|plc| plc == *known));
             let found: Vec<_> =
-                meant.map(|(index, _)| (index, plcs.devices[index].registers(name))).collect();
+                meant.map(|(index, _)| (index, plcs.devices[index.index()].registers(name))).collect();
             // Without a PLC as a prefix, the name covers all PLCs that have such registers.
             let has_any = found.iter().any(|(_, registers)| registers.is_ok());
             for (index, registers) in found {
@@ -220,13 +222,13 @@ impl Wanted {
         Ok(Self(Some(wanted)))
     }
 
-    fn has(&self, plc: usize, register: &RegisterRef) -> bool {
+    fn has(&self, plc: DeviceIndex, register: &RegisterRef) -> bool {
         let key = (plc, register.offset(), register.register.name);
         self.0.as_ref().is_none_or(|wanted| wanted.contains(&key))
     }
 }
 
-fn of_register(plant: &Plant, plc: usize, prefix: &str, register: &RegisterRef) -> Vec<Variable> {
+fn of_register(plant: &Plant, plc: DeviceIndex, prefix: &str, register: &RegisterRef) -> Vec<Variable> {
     let (ty, owner) = (register.ty(), register.owner());
     let width = Width::of(ty);
     let value = plant.load(plc, register.offset(), width).unwrap_or_default();

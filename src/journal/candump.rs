@@ -57,7 +57,7 @@ impl Format for Candump {
     fn record(&mut self, record: &Record, out: &mut String) {
         let (Some(frame), Source::Bus(bus)) = (record.event.frame(), record.event.source()) else { return };
         let (seconds, us) = (record.time_us / 1_000_000, record.time_us % 1_000_000);
-        let bus = self.buses.get(usize::from(bus)).map_or("can", String::as_str);
+        let bus = self.buses.get(bus.index()).map_or("can", String::as_str);
         // Writing to a String cannot fail.
         let _ = write!(out, "({seconds:010}.{us:06}) {bus} {}", FrameText(&frame.frame));
         out.push('\n');

@@ -6,6 +6,7 @@
 
 use super::event::{Origin, Source};
 use super::kind::Kind;
+use crate::identity::{BusIndex, DeviceIndex};
 use crate::layout::RegisterPhase;
 
 /// An event as numbers. Equal events have equal words, different events different ones.
@@ -155,13 +156,13 @@ impl Part for u64 {
 impl Part for Origin {
     #[inline]
     fn put(self, packer: &mut Packer) {
-        packer.put(u32::from(self.plc) << 8 | u32::from(self.node));
+        packer.put(u32::from(self.plc.0) << 8 | u32::from(self.node));
     }
 
     #[inline]
     fn take(unpacker: &mut Unpacker) -> Option<Self> {
         let number = unpacker.take();
-        Some(Origin { plc: (number >> 8) as u16, node: number as u8 })
+        Some(Origin { plc: DeviceIndex((number >> 8) as u16), node: number as u8 })
     }
 }
 
@@ -186,27 +187,39 @@ pub trait EventSource: Copy {
     fn of_numbers(index: u16, number: u8) -> Self;
 }
 
-impl EventSource for u16 {
+impl EventSource for DeviceIndex {
     #[inline]
     fn numbers(self) -> (u16, u8) {
-        (self, 0)
+        (self.0, 0)
     }
 
     #[inline]
     fn of_numbers(index: u16, _: u8) -> Self {
-        index
+        DeviceIndex(index)
+    }
+}
+
+impl EventSource for BusIndex {
+    #[inline]
+    fn numbers(self) -> (u16, u8) {
+        (self.0, 0)
+    }
+
+    #[inline]
+    fn of_numbers(index: u16, _: u8) -> Self {
+        BusIndex(index)
     }
 }
 
 impl EventSource for Origin {
     #[inline]
     fn numbers(self) -> (u16, u8) {
-        (self.plc, self.node)
+        (self.plc.0, self.node)
     }
 
     #[inline]
     fn of_numbers(plc: u16, node: u8) -> Self {
-        Origin { plc, node }
+        Origin { plc: DeviceIndex(plc), node }
     }
 }
 
@@ -241,8 +254,8 @@ impl EventSource for Origin {
 /// ```
 #[macro_export]
 macro_rules! event_kinds {
-    (@type bus) => { u16 };
-    (@type plc) => { u16 };
+    (@type bus) => { $crate::identity::BusIndex };
+    (@type plc) => { $crate::identity::DeviceIndex };
     (@type origin) => { $crate::journal::Origin };
     (@source bus, $place:expr) => { $crate::journal::Source::Bus($place) };
     (@source plc, $place:expr) => { $crate::journal::Source::of_index($place) };

@@ -66,6 +66,7 @@ impl Journal {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::identity::BusIndex;
     use crate::journal::testing::{Edge, Packet};
 
     #[test]
@@ -76,8 +77,8 @@ mod tests {
             for by in 0..10 {
                 drafts[by % 2].set_reporter(by);
                 for journal in [&mut at_once, &mut drafts[by % 2]] {
-                    journal.push(time * 500, Edge { bus: by as u16 });
-                    journal.push(time * 500, Packet { bus: by as u16, data: time as u8 });
+                    journal.push(time * 500, Edge { bus: BusIndex::at(by) });
+                    journal.push(time * 500, Packet { bus: BusIndex::at(by), data: time as u8 });
                 }
             }
         }

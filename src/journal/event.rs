@@ -5,13 +5,14 @@ use super::fields::Fields;
 use super::history::Stored;
 use super::kind::{Carried, EventText, Kind, Octets};
 use super::reader::Reader;
+use crate::identity::{BusIndex, DeviceIndex};
 use core::fmt;
 
 /// Origin of a record: a port of a device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Origin {
     /// Index of the device in the plant.
-    pub plc: u16,
+    pub plc: DeviceIndex,
     /// Number of the port; 0 is the device itself.
     pub node: u8,
 }
@@ -19,7 +20,7 @@ pub struct Origin {
 impl Origin {
     /// Used as index of the device for a guest, a foreign program that takes part in a bus. The port is the guest's
     /// number.
-    const GUEST: u16 = u16::MAX;
+    const GUEST: DeviceIndex = DeviceIndex(u16::MAX);
 
     /// Guest number `guest` of the event's bus.
     #[must_use]
@@ -30,7 +31,7 @@ impl Origin {
     /// The guest's number, if it is a guest.
     #[must_use]
     pub const fn guest(self) -> Option<u8> {
-        if self.plc == Self::GUEST { Some(self.node) } else { None }
+        if self.plc.0 == Self::GUEST.0 { Some(self.node) } else { None }
     }
 }
 
@@ -38,9 +39,9 @@ impl Origin {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Source {
     /// A bus, by its index in the plant.
-    Bus(u16),
+    Bus(BusIndex),
     /// A device, by its index in the plant.
-    Plc(u16),
+    Plc(DeviceIndex),
     /// A port of a device.
     Node(Origin),
 }
@@ -52,8 +53,8 @@ impl Source {
     /// The device with this index, or the bus.
     #[inline]
     #[must_use]
-    pub const fn of_index(index: u16) -> Self {
-        if index >= Self::BUSES { Source::Bus(index - Self::BUSES) } else { Source::Plc(index) }
+    pub const fn of_index(index: DeviceIndex) -> Self {
+        if index.0 >= Self::BUSES { Source::Bus(BusIndex(index.0 - Self::BUSES)) } else { Source::Plc(index) }
     }
 }
 
@@ -67,7 +68,7 @@ pub enum Keeping {
     /// In a separate record; the event is a request, and its answers shall contain their latency.
     Request {
         /// Index of the device.
-        plc: u16,
+        plc: DeviceIndex,
         /// Offset of the register.
         offset: u32,
         /// The value written.
@@ -76,7 +77,7 @@ pub enum Keeping {
     /// Counted, unless it answers a request.
     Answer {
         /// Index of the device.
-        plc: u16,
+        plc: DeviceIndex,
         /// Offset of the register.
         offset: u32,
         /// The value of the request.
@@ -87,7 +88,7 @@ pub enum Keeping {
     /// In a separate record, after all events that were counted up to here; the event may answer a command.
     State {
         /// Index of the device.
-        plc: u16,
+        plc: DeviceIndex,
         /// Offset of the command register.
         command: u32,
     },

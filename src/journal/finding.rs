@@ -7,6 +7,7 @@ use super::kind::EventText;
 use super::reader::Reader;
 use super::rule::Rule;
 use crate::event_kinds;
+use crate::identity::{BusIndex, DeviceIndex};
 use crate::layout::{Address, DeviceFit, RegType, RegisterPhase, RegisterRef, Width, format_value};
 use crate::memory::{HEADER_SIZE, header};
 
@@ -19,7 +20,7 @@ pub struct Finding {
     /// The rule.
     pub rule: &'static Rule,
     /// Index of the device in the plant; or of a bus, see [`Finding::at_bus`].
-    pub plc: u16,
+    pub plc: DeviceIndex,
     /// Offset of the register in the device's RAM; at a bus the number of the guest, or that of the participant and 256.
     pub offset: u32,
     /// Which of the structures that overlay each other the register belongs to.
@@ -94,16 +95,16 @@ impl EventText for Found {
 impl Finding {
     /// Guest number `guest` of bus number `bus` broke a rule; such a finding has no register.
     #[must_use]
-    pub const fn at_bus(rule: &'static Rule, bus: u16, guest: u8, value: u32) -> Self {
-        let (plc, offset) = (Source::BUSES | bus, guest as u32);
+    pub const fn at_bus(rule: &'static Rule, bus: BusIndex, guest: u8, value: u32) -> Self {
+        let (plc, offset) = (DeviceIndex(Source::BUSES | bus.0), guest as u32);
         Finding { rule, plc, offset, live: RegisterPhase::ALWAYS, value, late_us: 0 }
     }
 
     /// Participant `number` of bus number `bus` has a fault; such a finding has no register either, and its value is
     /// read as a number.
     #[must_use]
-    pub const fn at_participant(rule: &'static Rule, bus: u16, number: u8, value: u32) -> Self {
-        let (plc, offset) = (Source::BUSES | bus, PARTICIPANTS | number as u32);
+    pub const fn at_participant(rule: &'static Rule, bus: BusIndex, number: u8, value: u32) -> Self {
+        let (plc, offset) = (DeviceIndex(Source::BUSES | bus.0), PARTICIPANTS | number as u32);
         Finding { rule, plc, offset, live: RegisterPhase::ALWAYS, value, late_us: 0 }
     }
 

@@ -133,6 +133,7 @@ impl Findings {
 mod tests {
     use super::*;
     use crate::devices::samples::tables::phases;
+    use crate::identity::DeviceIndex;
     use declared::{ALL, ORDER, OWNER};
 
     #[allow(unreachable_pub, reason = "the macro declares what families publish")]
@@ -144,7 +145,7 @@ mod tests {
     }
 
     fn finding(rule: &'static Rule, offset: u32, value: u32) -> Finding {
-        Finding { rule, plc: 0, offset, live: phases::CYCLIC, value, late_us: value }
+        Finding { rule, plc: DeviceIndex(0), offset, live: phases::CYCLIC, value, late_us: value }
     }
 
     #[test]

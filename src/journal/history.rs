@@ -10,6 +10,7 @@
 //! to a bounded list with separate numbers, so that an onlooker leaves the journal as it is.
 
 use super::changed::{By, ChangeDetails, Changed};
+use crate::identity::DeviceIndex;
 use crate::layout::{RegisterPhase, Width};
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
@@ -48,7 +49,7 @@ pub struct Change {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Stored {
     /// Index of the device.
-    pub plc: u16,
+    pub plc: DeviceIndex,
     /// Offset of the register.
     pub offset: u32,
     /// The value that the firmware has found there, if it has read the register.
@@ -60,16 +61,16 @@ pub struct Stored {
 /// The device's RAM, as comparisons need it.
 pub(crate) trait Rams {
     /// The value of a register of device `plc`.
-    fn load(&self, plc: u16, offset: u32, width: Width) -> Option<u32>;
+    fn load(&self, plc: DeviceIndex, offset: u32, width: Width) -> Option<u32>;
 
     /// Which of the structures that overlay each other is valid there.
-    fn live(&self, plc: u16, offset: u32) -> RegisterPhase;
+    fn live(&self, plc: DeviceIndex, offset: u32) -> RegisterPhase;
 
     /// Whether the register is forced.
-    fn is_forced(&self, plc: u16, offset: u32) -> bool;
+    fn is_forced(&self, plc: DeviceIndex, offset: u32) -> bool;
 
     /// The originator of a change: the force, if the register is forced, else `by`.
-    fn changed_by(&self, plc: u16, offset: u32, by: By) -> By {
+    fn changed_by(&self, plc: DeviceIndex, offset: u32, by: By) -> By {
         if self.is_forced(plc, offset) { By::Force } else { by }
     }
 }
@@ -77,7 +78,7 @@ pub(crate) trait Rams {
 /// A followed register.
 #[derive(Serialize, Deserialize)]
 pub(super) struct FollowedRegister {
-    plc: u16,
+    plc: DeviceIndex,
     offset: u32,
     width: Width,
     /// Value at the last comparison.
@@ -123,7 +124,7 @@ impl History {
     }
 
     /// Whether the changes of a register are in the journal.
-    pub(super) fn is_recorded(&self, plc: u16, offset: u32) -> bool {
+    pub(super) fn is_recorded(&self, plc: DeviceIndex, offset: u32) -> bool {
         self.find(plc, offset).is_ok_and(|at| self.followed.get(at).is_some_and(|it| it.in_journal))
     }
 
@@ -159,7 +160,7 @@ impl History {
     /// Follows a register from now on; `false` if too many are.
     pub(super) fn follow(
         &mut self,
-        plc: u16,
+        plc: DeviceIndex,
         offset: u32,
         width: Width,
         keep: Keep,
@@ -252,7 +253,7 @@ impl History {
     }
 
     #[inline]
-    fn find(&self, plc: u16, offset: u32) -> Result<usize, usize> {
+    fn find(&self, plc: DeviceIndex, offset: u32) -> Result<usize, usize> {
         self.followed.binary_search_by_key(&(plc, offset), |register| (register.plc, register.offset))
     }
 
@@ -316,15 +317,15 @@ mod tests {
     }
 
     impl Rams for Loose {
-        fn load(&self, _: u16, offset: u32, _: Width) -> Option<u32> {
+        fn load(&self, _: DeviceIndex, offset: u32, _: Width) -> Option<u32> {
             Some(self.held.borrow().get(&offset).copied().unwrap_or(0))
         }
 
-        fn live(&self, _: u16, _: u32) -> RegisterPhase {
+        fn live(&self, _: DeviceIndex, _: u32) -> RegisterPhase {
             RegisterPhase::ALWAYS
         }
 
-        fn is_forced(&self, _: u16, offset: u32) -> bool {
+        fn is_forced(&self, _: DeviceIndex, offset: u32) -> bool {
             self.forced == Some(offset)
         }
     }
@@ -338,8 +339,8 @@ mod tests {
     fn a_change_is_reported_once_with_its_originator() {
         let (rams, mut history) = (Loose::default(), History::new());
         rams.store(4, 9);
-        assert!(history.follow(0, 4, Width::Word, Keep::ForOnlookers, &rams));
-        assert!(history.follow(0, 2, Width::Byte, Keep::ForOnlookers, &rams));
+        assert!(history.follow(DeviceIndex(0), 4, Width::Word, Keep::ForOnlookers, &rams));
+        assert!(history.follow(DeviceIndex(0), 2, Width::Byte, Keep::ForOnlookers, &rams));
         rams.store(4, 5);
         rams.store(2, 1);
         rams.store(8, 1);
@@ -351,11 +352,11 @@ mod tests {
     #[test]
     fn a_request_answered_between_two_comparisons_is_reported_with_its_answer() {
         let (rams, mut history) = (Loose::default(), History::new());
-        history.follow(0, 12, Width::Byte, Keep::InJournal, &rams);
+        history.follow(DeviceIndex(0), 12, Width::Byte, Keep::InJournal, &rams);
         rams.store(12, 4);
         history.compare(1, By::Firmware, &rams, drop);
         let mut noted = Vec::new();
-        let stored = Stored { plc: 0, offset: 12, found: Some(5), now: 4 };
+        let stored = Stored { plc: DeviceIndex(0), offset: 12, found: Some(5), now: 4 };
         history.stored(7, stored, |change| noted.push((change.from, change.to, change.how.by)));
         history.compare(7, By::Firmware, &rams, |_| panic!("already reported"));
         assert_eq!(noted, [(4, 5, By::Program), (5, 4, By::Firmware)]);
@@ -369,7 +370,7 @@ mod tests {
         for (offset, keep) in
             [(2, Keep::InJournal), (4, Keep::InJournal), (4, Keep::ForOnlookers), (6, Keep::ForOnlookers)]
         {
-            history.follow(0, offset, Width::Word, keep, &rams);
+            history.follow(DeviceIndex(0), offset, Width::Word, keep, &rams);
         }
         let kept = |history: &History| {
             let copy = |it: &FollowedRegister| FollowedRegister { left: None, for_onlookers: false, ..*it };
@@ -394,7 +395,7 @@ mod tests {
     fn a_forced_register_changes_by_its_force() {
         let mut rams = Loose::default();
         let mut history = History::new();
-        history.follow(0, 2, Width::Word, Keep::ForOnlookers, &rams);
+        history.follow(DeviceIndex(0), 2, Width::Word, Keep::ForOnlookers, &rams);
         rams.forced = Some(2);
         rams.store(2, 7);
         history.compare(1, By::Firmware, &rams, drop);
@@ -404,7 +405,7 @@ mod tests {
     #[test]
     fn numbers_show_which_changes_are_no_longer_kept() {
         let (rams, mut history) = (Loose::default(), History::new());
-        history.follow(0, 2, Width::Dword, Keep::ForOnlookers, &rams);
+        history.follow(DeviceIndex(0), 2, Width::Dword, Keep::ForOnlookers, &rams);
         let many = KEPT_CHANGES as u32 + 3;
         for value in 1..=many {
             rams.store(2, value);
@@ -419,8 +420,8 @@ mod tests {
     #[test]
     fn absent_onlookers_are_forgotten() {
         let (rams, mut history) = (Loose::default(), History::new());
-        history.follow(0, 2, Width::Dword, Keep::ForOnlookers, &rams);
-        history.follow(0, 6, Width::Dword, Keep::InJournal, &rams);
+        history.follow(DeviceIndex(0), 2, Width::Dword, Keep::ForOnlookers, &rams);
+        history.follow(DeviceIndex(0), 6, Width::Dword, Keep::InJournal, &rams);
         let compare =
             |history: &mut History| (0..LOOKS).for_each(|_| history.compare(1, By::Firmware, &rams, drop));
         compare(&mut history);
@@ -434,9 +435,9 @@ mod tests {
     fn there_is_a_bound() {
         let (rams, mut history) = (Loose::default(), History::new());
         for offset in 0..MAX_FOLLOWED as u32 {
-            assert!(history.follow(0, offset, Width::Byte, Keep::ForOnlookers, &rams));
+            assert!(history.follow(DeviceIndex(0), offset, Width::Byte, Keep::ForOnlookers, &rams));
         }
-        assert!(history.follow(0, 3, Width::Byte, Keep::InJournal, &rams));
-        assert!(!history.follow(1, 0, Width::Byte, Keep::InJournal, &rams));
+        assert!(history.follow(DeviceIndex(0), 3, Width::Byte, Keep::InJournal, &rams));
+        assert!(!history.follow(DeviceIndex(1), 0, Width::Byte, Keep::InJournal, &rams));
     }
 }

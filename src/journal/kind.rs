@@ -8,6 +8,7 @@ use super::fields::Fields;
 use super::history::Stored;
 use super::reader::Reader;
 use crate::can::Frame;
+use crate::identity::DeviceIndex;
 use core::fmt;
 
 /// Number of rings.
@@ -170,7 +171,7 @@ impl Kind {
     }
 
     pub(super) fn source(&self, words: Words) -> Source {
-        (self.reads.source)(words).unwrap_or(Source::Plc(0))
+        (self.reads.source)(words).unwrap_or(Source::Plc(DeviceIndex(0)))
     }
 
     pub(super) fn text(&self, words: Words, reader: &mut Reader) -> String {

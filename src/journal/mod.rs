@@ -75,6 +75,7 @@ pub(crate) use ring::Rings;
 pub use rule::{Rule, Severity};
 pub use waves::{Past, Waves};
 
+use crate::identity::DeviceIndex;
 use crate::layout::Width;
 use draft::Draft;
 use fingerprint::Fingerprint;
@@ -197,7 +198,7 @@ impl Journal {
     /// Follows a register from now on, starting with its present value; `false` if too many are followed.
     pub(crate) fn follow(
         &mut self,
-        plc: u16,
+        plc: DeviceIndex,
         offset: u32,
         width: Width,
         keep: Keep,
@@ -207,7 +208,7 @@ impl Journal {
     }
 
     /// Whether all changes of a register become records.
-    pub(crate) fn is_recorded(&self, plc: u16, offset: u32) -> bool {
+    pub(crate) fn is_recorded(&self, plc: DeviceIndex, offset: u32) -> bool {
         self.history.is_recorded(plc, offset)
     }
 
@@ -276,7 +277,7 @@ impl Journal {
     }
 
     #[cold]
-    fn note_state(&mut self, time_us: u64, event: Event, plc: u16, command: u32) {
+    fn note_state(&mut self, time_us: u64, event: Event, plc: DeviceIndex, command: u32) {
         // Events that were counted up to here belong to the state before.
         self.tally.all().into_iter().for_each(|record| self.ring.note(record));
         let latency_us = self.requests.commanded(time_us, plc, command);

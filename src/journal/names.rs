@@ -1,6 +1,7 @@
 //! Names of the things that records refer to by their index.
 
 use super::event::{Origin, Source};
+use crate::identity::{BusIndex, DeviceIndex};
 use crate::layout::{DeviceFit, DeviceLayout};
 use std::borrow::Cow;
 
@@ -17,23 +18,23 @@ pub struct Names {
 
 impl Names {
     /// The PLC's name; `plc3` if it has none.
-    pub(crate) fn plc(&self, index: u16) -> Cow<'_, str> {
-        name(&self.plcs, index, "plc")
+    pub(crate) fn plc(&self, index: DeviceIndex) -> Cow<'_, str> {
+        name(&self.plcs, index.index(), "plc")
     }
 
     /// The bus's name; `bus3` if it has none.
-    pub(crate) fn bus(&self, index: u16) -> Cow<'_, str> {
-        name(&self.buses, index, "bus")
+    pub(crate) fn bus(&self, index: BusIndex) -> Cow<'_, str> {
+        name(&self.buses, index.index(), "bus")
     }
 
     /// The device of the PLC; one without registers if it is not known.
-    pub fn device(&self, plc: u16) -> &'static DeviceLayout {
+    pub fn device(&self, plc: DeviceIndex) -> &'static DeviceLayout {
         self.fitted(plc).device()
     }
 
     /// The same device, with the options of the PLC.
-    pub fn fitted(&self, plc: u16) -> DeviceFit {
-        let known = self.devices.get(usize::from(plc)).copied();
+    pub fn fitted(&self, plc: DeviceIndex) -> DeviceFit {
+        let known = self.devices.get(plc.index()).copied();
         known.unwrap_or_else(|| DeviceFit::unknown(&DeviceLayout::UNKNOWN))
     }
 
@@ -60,8 +61,8 @@ impl Names {
     }
 }
 
-fn name<'a>(names: &'a [String], index: u16, what: &str) -> Cow<'a, str> {
-    match names.get(usize::from(index)) {
+fn name<'a>(names: &'a [String], index: usize, what: &str) -> Cow<'a, str> {
+    match names.get(index) {
         Some(name) => Cow::Borrowed(name),
         None => Cow::Owned(format!("{what}{index}")),
     }

@@ -2,6 +2,7 @@
 
 use super::kind::RINGS;
 use super::{Format, Kind, Record, Source};
+use crate::identity::{BusIndex, DeviceIndex};
 
 /// Selects records. An empty selection means all.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -9,9 +10,9 @@ pub struct Selection {
     /// These kinds.
     pub kinds: Vec<&'static Kind>,
     /// These buses, by index.
-    pub buses: Vec<u16>,
+    pub buses: Vec<BusIndex>,
     /// These PLCs with their nodes, by index. With buses as well: both.
-    pub plcs: Vec<u16>,
+    pub plcs: Vec<DeviceIndex>,
     /// Excludes records that ended before this emulated time, in microseconds.
     pub since_us: u64,
 }
@@ -123,29 +124,39 @@ mod tests {
         Record { seq, time_us: 10 * seq, event, count: 1, period_us: 0, latency_us: None }
     }
 
-    fn sync(seq: u64, bus: u16) -> Record {
+    fn sync(seq: u64, bus: BusIndex) -> Record {
         record(seq, Edge { bus }.into())
     }
 
-    fn write(seq: u64, plc: u16) -> Record {
+    fn write(seq: u64, plc: DeviceIndex) -> Record {
         record(seq, ChannelWrite { plc, offset: 200_000, width: 2, value: 1 }.into())
     }
 
-    fn refused(seq: u64, plc: u16) -> Record {
+    fn refused(seq: u64, plc: DeviceIndex) -> Record {
         record(seq, Refused { origin: Origin { plc, node: 2 } }.into())
     }
 
     #[test]
     fn sources_kinds_and_time_select() {
-        let all = [sync(0, 0), sync(1, 1), write(2, 0), write(3, 1), refused(4, 0), refused(5, 1)];
+        let all = [
+            sync(0, BusIndex(0)),
+            sync(1, BusIndex(1)),
+            write(2, DeviceIndex(0)),
+            write(3, DeviceIndex(1)),
+            refused(4, DeviceIndex(0)),
+            refused(5, DeviceIndex(1)),
+        ];
         let numbers = |selection: Selection| {
             all.iter().filter(|record| selection.takes(record)).map(|record| record.seq).collect::<Vec<_>>()
         };
         let none = Selection::default;
         assert_eq!(numbers(none()), [0, 1, 2, 3, 4, 5]);
-        assert_eq!(numbers(Selection { buses: vec![1], ..none() }), [1]);
-        assert_eq!(numbers(Selection { plcs: vec![1], ..none() }), [3, 5]);
-        assert_eq!(numbers(Selection { plcs: vec![1], buses: vec![0], ..none() }), [0, 3, 5]);
+        assert_eq!(numbers(Selection { buses: vec![BusIndex(1)], ..none() }), [1]);
+        assert_eq!(numbers(Selection { plcs: vec![DeviceIndex(1)], ..none() }), [3, 5]);
+        assert_eq!(
+            numbers(Selection { plcs: vec![DeviceIndex(1)], buses: vec![BusIndex(0)], ..none() }),
+            [0, 3, 5]
+        );
         assert_eq!(numbers(Selection { kinds: vec![Edge::KIND, Refused::KIND], ..none() }), [0, 1, 4, 5]);
         assert_eq!(numbers(Selection { since_us: 40, ..none() }), [4, 5]);
     }
@@ -164,15 +175,24 @@ mod tests {
     fn a_gap_without_wanted_records_is_not_reported() {
         let kinds = |kind| Selection { kinds: vec![kind], ..Selection::default() };
         // The ring of states still has its first record, so the later gap is in another ring.
-        let first = [refused(0, 0), sync(9, 0), refused(10, 0)];
+        let first = [refused(0, DeviceIndex(0)), sync(9, BusIndex(0)), refused(10, DeviceIndex(0))];
         assert_eq!(lost(kinds(Refused::KIND), &[&first]), 0);
         assert_eq!(lost(kinds(Edge::KIND), &[&first]), 8);
         assert_eq!(lost(Selection::default(), &[&first]), 8);
         // Later it may have forgotten some.
-        assert_eq!(lost(kinds(Refused::KIND), &[&first, &[refused(20, 0), refused(22, 0)]]), 9);
+        assert_eq!(
+            lost(
+                kinds(Refused::KIND),
+                &[&first, &[refused(20, DeviceIndex(0)), refused(22, DeviceIndex(0))]]
+            ),
+            9
+        );
         let since = Selection { since_us: 90, ..Selection::default() };
-        assert_eq!(lost(since.clone(), &[&[sync(3, 0), sync(8, 0), sync(9, 0)]]), 0);
-        assert_eq!(lost(since, &[&[sync(3, 0), sync(8, 0), sync(10, 0)]]), 1);
+        assert_eq!(
+            lost(since.clone(), &[&[sync(3, BusIndex(0)), sync(8, BusIndex(0)), sync(9, BusIndex(0))]]),
+            0
+        );
+        assert_eq!(lost(since, &[&[sync(3, BusIndex(0)), sync(8, BusIndex(0)), sync(10, BusIndex(0))]]), 1);
     }
 
     #[test]
@@ -180,7 +200,9 @@ mod tests {
         let selection = Selection { kinds: vec![Edge::KIND], ..Selection::default() };
         let mut printer = Printer::new(Box::new(Text::new(names(), catalogue())), selection, 3);
         let mut out = String::new();
-        for record in [sync(3, 0), write(5, 0), sync(8, 1), sync(9, 0)] {
+        for record in
+            [sync(3, BusIndex(0)), write(5, DeviceIndex(0)), sync(8, BusIndex(1)), sync(9, BusIndex(0))]
+        {
             assert_eq!(printer.print(&record, &mut out), 0);
         }
         assert_eq!(printer.next(), 10);
@@ -194,8 +216,8 @@ mod tests {
         let selection = Selection::default();
         let mut printer = Printer::new(Box::new(Candump::new(&names())), selection, 0);
         let mut out = String::new();
-        assert_eq!(printer.print(&sync(7, 0), &mut out), 7);
-        assert_eq!(printer.print(&Record { seq: Record::PENDING, ..sync(8, 0) }, &mut out), 0);
+        assert_eq!(printer.print(&sync(7, BusIndex(0)), &mut out), 7);
+        assert_eq!(printer.print(&Record { seq: Record::PENDING, ..sync(8, BusIndex(0)) }, &mut out), 0);
         assert_eq!((printer.next(), out.as_str()), (8, ""));
     }
 }

@@ -5,6 +5,7 @@ use super::event::{Origin, Source};
 use super::names::Names;
 use super::record::Record;
 use super::registers::State;
+use crate::identity::DeviceIndex;
 use crate::layout::{Address, Area, RegType, RegisterPhase, RegisterRef, Width, format_value};
 use std::collections::HashMap;
 
@@ -16,11 +17,11 @@ pub struct Reader {
     /// Whether all records since power-on are known: ports without a record are then in their first phase.
     since_power_on: Option<bool>,
     live: HashMap<Port, RegisterPhase>,
-    registers: HashMap<(u16, u32, RegisterPhase), Option<RegisterRef>>,
+    registers: HashMap<(DeviceIndex, u32, RegisterPhase), Option<RegisterRef>>,
 }
 
 /// Index of the device and number of the port.
-type Port = (u16, u8);
+type Port = (DeviceIndex, u8);
 
 impl Reader {
     /// A reader that has seen nothing yet.
@@ -47,7 +48,7 @@ impl Reader {
         self.catalogue.fault(number).unwrap_or("unknown")
     }
 
-    fn live(&self, plc: u16, area: &Area) -> RegisterPhase {
+    fn live(&self, plc: DeviceIndex, area: &Area) -> RegisterPhase {
         let mut ports = self.names.device(plc).ports.iter();
         let Some(port) = ports.find(|port| port.area.first == area.first) else {
             return RegisterPhase::ALWAYS;
@@ -60,14 +61,14 @@ impl Reader {
     }
 
     /// The register that begins at `offset` of the device's RAM.
-    fn register(&mut self, plc: u16, offset: u32) -> Option<RegisterRef> {
+    fn register(&mut self, plc: DeviceIndex, offset: u32) -> Option<RegisterRef> {
         let device = self.names.device(plc);
         let live = self.live(plc, device.area_at(device.at(Width::Byte, offset)).ok()?);
         self.valid_register(plc, offset, live)
     }
 
     /// The register that begins there while `live` is valid.
-    fn valid_register(&mut self, plc: u16, offset: u32, live: RegisterPhase) -> Option<RegisterRef> {
+    fn valid_register(&mut self, plc: DeviceIndex, offset: u32, live: RegisterPhase) -> Option<RegisterRef> {
         let fitted = self.names.fitted(plc);
         let address = fitted.device().at(Width::Byte, offset);
         *self.registers.entry((plc, offset, live)).or_insert_with(|| {
@@ -77,7 +78,7 @@ impl Reader {
     }
 
     /// The register that an access of `width` bytes at `offset` means, if it is just one.
-    pub(super) fn accessed(&mut self, plc: u16, offset: u32, width: u8) -> RegisterLocation {
+    pub(super) fn accessed(&mut self, plc: DeviceIndex, offset: u32, width: u8) -> RegisterLocation {
         let register = self.register(plc, offset);
         self.place(register, plc, offset, width)
     }
@@ -85,7 +86,7 @@ impl Reader {
     /// The register of this width that was there while `live` was valid.
     pub(super) fn followed(
         &mut self,
-        plc: u16,
+        plc: DeviceIndex,
         offset: u32,
         width: Width,
         live: RegisterPhase,
@@ -94,7 +95,13 @@ impl Reader {
         self.place(register, plc, offset, width.bytes() as u8)
     }
 
-    fn place(&self, register: Option<RegisterRef>, plc: u16, offset: u32, width: u8) -> RegisterLocation {
+    fn place(
+        &self,
+        register: Option<RegisterRef>,
+        plc: DeviceIndex,
+        offset: u32,
+        width: u8,
+    ) -> RegisterLocation {
         let register = register.filter(|register| register.width() == u32::from(width));
         let width = Width::of_bytes(width.into()).unwrap_or(Width::Dword);
         let device = self.names.device(plc);
@@ -103,7 +110,7 @@ impl Reader {
     }
 
     /// The register at `offset`, of any width.
-    pub(crate) fn whole(&mut self, plc: u16, offset: u32) -> RegisterLocation {
+    pub(crate) fn whole(&mut self, plc: DeviceIndex, offset: u32) -> RegisterLocation {
         match self.register(plc, offset) {
             Some(register) => {
                 RegisterLocation { register: Some(register), address: register.address(), ty: register.ty() }

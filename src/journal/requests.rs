@@ -1,5 +1,6 @@
 //! Requests of handshakes that came through the channel, until they are answered.
 
+use crate::identity::DeviceIndex;
 use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 use serde::{Deserialize, Serialize};
 
@@ -8,7 +9,7 @@ const PLACES: usize = 64;
 
 #[derive(Clone, Copy, Serialize, Deserialize)]
 struct Request {
-    plc: u16,
+    plc: DeviceIndex,
     offset: u32,
     value: u32,
     time_us: u64,
@@ -46,12 +47,12 @@ impl Requests {
         Requests { places: [None; PLACES], open: 0 }
     }
 
-    fn place(&mut self, plc: u16, offset: u32) -> &mut Option<Request> {
-        &mut self.places[(offset as usize ^ usize::from(plc) << 3) % PLACES]
+    fn place(&mut self, plc: DeviceIndex, offset: u32) -> &mut Option<Request> {
+        &mut self.places[(offset as usize ^ plc.index() << 3) % PLACES]
     }
 
     /// A register was written.
-    pub(crate) fn written(&mut self, time_us: u64, plc: u16, offset: u32, value: u32) {
+    pub(crate) fn written(&mut self, time_us: u64, plc: DeviceIndex, offset: u32, value: u32) {
         let before = self.place(plc, offset).replace(Request { plc, offset, value, time_us });
         self.open += u32::from(before.is_none());
     }
@@ -62,7 +63,7 @@ impl Requests {
     pub(crate) fn answered(
         &mut self,
         time_us: u64,
-        plc: u16,
+        plc: DeviceIndex,
         offset: u32,
         request: u32,
         goes_on: Option<u32>,
@@ -79,13 +80,13 @@ impl Requests {
 
     /// Ends a command with a change of state; returns the time since the last command in the register at `offset`, if
     /// that is known.
-    pub(crate) fn commanded(&mut self, time_us: u64, plc: u16, offset: u32) -> Option<u32> {
+    pub(crate) fn commanded(&mut self, time_us: u64, plc: DeviceIndex, offset: u32) -> Option<u32> {
         self.take(plc, offset)?.latency(time_us)
     }
 
     /// The request in the register at `offset`, which is forgotten.
     #[inline]
-    fn take(&mut self, plc: u16, offset: u32) -> Option<Request> {
+    fn take(&mut self, plc: DeviceIndex, offset: u32) -> Option<Request> {
         if self.open == 0 {
             return None;
         }

@@ -113,13 +113,14 @@ mod tests {
     use super::super::kind::Ring;
     use super::super::testing::Packet;
     use super::*;
+    use crate::identity::BusIndex;
 
     /// With the 12 MB that an emulator takes otherwise, its binary included, it stays below 32 MB.
     #[test]
     fn full_rings_take_less_than_20_mb() {
         let mut rings = Rings::new(super::super::Journal::DEFAULT_CAPACITY);
         for time_us in 0..200_000 {
-            rings.note(Record::single(time_us, Packet { bus: 0, data: 1 }.into()));
+            rings.note(Record::single(time_us, Packet { bus: BusIndex(0), data: 1 }.into()));
         }
         let [traffic, ..] = &rings.lanes;
         assert_eq!(traffic.len(), super::super::Journal::DEFAULT_CAPACITY);

@@ -1,28 +1,29 @@
 use super::testing::{Edge, Packet};
 use super::*;
 use crate::devices::samples::tables::phases;
+use crate::identity::{BusIndex, DeviceIndex};
 use proptest::prelude::*;
 
-fn sync(bus: u16) -> Event {
+fn sync(bus: BusIndex) -> Event {
     Edge { bus }.into()
 }
 
 fn frame(data: u8) -> Event {
-    Packet { bus: 0, data }.into()
+    Packet { bus: BusIndex(0), data }.into()
 }
 
 fn state(to: u16) -> Event {
-    let origin = Origin { plc: 0, node: 2 };
+    let origin = Origin { plc: DeviceIndex(0), node: 2 };
     State { origin, offset: 200_002, command: 200_000, from: 0, to, live: phases::CYCLIC }.into()
 }
 
 fn handshake(offset: u32) -> Event {
-    let origin = Origin { plc: 0, node: 2 };
+    let origin = Origin { plc: DeviceIndex(0), node: 2 };
     Handshake { origin, offset, request: 5, answer: 4, goes_on: false }.into()
 }
 
 fn write(offset: u32, value: u32) -> Event {
-    ChannelWrite { plc: 0, offset, width: 1, value }.into()
+    ChannelWrite { plc: DeviceIndex(0), offset, width: 1, value }.into()
 }
 
 fn journal(events: &[(u64, Event)]) -> Journal {
@@ -55,10 +56,10 @@ fn forgets_the_oldest_but_hashes_all() {
 #[test]
 fn time_order_and_content_change_the_hash() {
     let hash = |events: &[(u64, Event)]| journal(events).hash();
-    let base = hash(&[(1, sync(0)), (2, sync(1))]);
-    assert_ne!(base, hash(&[(1, sync(0)), (3, sync(1))]));
-    assert_ne!(base, hash(&[(1, sync(1)), (2, sync(0))]));
-    assert_ne!(base, hash(&[(1, sync(0))]));
+    let base = hash(&[(1, sync(BusIndex(0))), (2, sync(BusIndex(1)))]);
+    assert_ne!(base, hash(&[(1, sync(BusIndex(0))), (3, sync(BusIndex(1)))]));
+    assert_ne!(base, hash(&[(1, sync(BusIndex(1))), (2, sync(BusIndex(0)))]));
+    assert_ne!(base, hash(&[(1, sync(BusIndex(0)))]));
 }
 
 #[test]
@@ -89,17 +90,21 @@ fn a_reader_goes_on_where_it_stopped() {
 fn sync_edges_at_equal_distances_are_counted_once_a_second() {
     let mut journal = Journal::default();
     for n in 0..1_600 {
-        journal.push_event(n * 2_000, sync(0));
+        journal.push_event(n * 2_000, sync(BusIndex(0)));
         journal.push_event(n * 2_000 + 700, frame(n as u8));
     }
     // Two edges make the distance known; then half a thousand edges, 2 ms apart, fill a second.
-    let noted = counts(journal.records(), sync(0));
+    let noted = counts(journal.records(), sync(BusIndex(0)));
     assert_eq!(noted[..3], [(0, 1, 0), (2_000, 1, 0), (1_002_000, 500, 2_000)]);
     let pending = journal.pending();
-    assert_eq!(counts(&pending, sync(0)), [(3_198_000, 98, 2_000)]);
+    assert_eq!(counts(&pending, sync(BusIndex(0))), [(3_198_000, 98, 2_000)]);
     assert!(pending[0].is_pending());
-    let all: Vec<u64> =
-        journal.records().chain(&pending).filter(|r| r.event == sync(0)).flat_map(Record::times).collect();
+    let all: Vec<u64> = journal
+        .records()
+        .chain(&pending)
+        .filter(|r| r.event == sync(BusIndex(0)))
+        .flat_map(Record::times)
+        .collect();
     assert_eq!(all, (0..1_600).map(|n| n * 2_000).collect::<Vec<_>>(), "no edge is lost");
 }
 
@@ -107,11 +112,11 @@ fn sync_edges_at_equal_distances_are_counted_once_a_second() {
 fn a_count_that_is_over_is_noted_without_another_event() {
     let mut journal = Journal::default();
     for n in 0..10 {
-        journal.push_event(n * 2_000, sync(0));
+        journal.push_event(n * 2_000, sync(BusIndex(0)));
         journal.tick(n * 2_000);
     }
     journal.tick(LONGEST_PERIOD_US);
-    assert_eq!(counts(journal.records(), sync(0)).last(), Some(&(18_000, 8, 2_000)));
+    assert_eq!(counts(journal.records(), sync(BusIndex(0))).last(), Some(&(18_000, 8, 2_000)));
     assert!(journal.pending().is_empty());
 }
 
@@ -120,22 +125,22 @@ fn a_count_that_goes_on_is_left_alone_by_the_time() {
     let mut journal = Journal::default();
     for n in 0..=50 {
         journal.tick(n * 2_000);
-        journal.push_event(n * 2_000, sync(0));
+        journal.push_event(n * 2_000, sync(BusIndex(0)));
     }
     journal.tick(2 * LONGEST_PERIOD_US - 98_000);
-    assert_eq!(counts(&journal.pending(), sync(0)), [(100_000, 49, 2_000)]);
+    assert_eq!(counts(&journal.pending(), sync(BusIndex(0))), [(100_000, 49, 2_000)]);
 }
 
 #[test]
 fn a_change_of_state_ends_all_counts() {
     let mut journal = Journal::default();
     for n in 0..10 {
-        journal.push_event(n * 2_000, sync(0));
+        journal.push_event(n * 2_000, sync(BusIndex(0)));
         journal.push_event(n * 2_000 + 500, handshake(200_012));
     }
     journal.push_event(20_000, state(0x80));
     let last: Vec<_> = journal.records().rev().take(3).map(|r| (r.event, r.count)).collect();
-    assert_eq!(last, [(state(0x80), 1), (handshake(200_012), 8), (sync(0), 8)]);
+    assert_eq!(last, [(state(0x80), 1), (handshake(200_012), 8), (sync(BusIndex(0)), 8)]);
 }
 
 #[test]
@@ -173,7 +178,7 @@ fn handshakes_know_how_long_their_request_waited() {
 
 #[test]
 fn an_answer_that_goes_on_leaves_the_request_open() {
-    let origin = Origin { plc: 0, node: 2 };
+    let origin = Origin { plc: DeviceIndex(0), node: 2 };
     let answer = |request, answer, goes_on| Handshake { origin, offset: 200_012, request, answer, goes_on };
     let mut journal = journal(&[(100, write(200_012, 3))]);
     journal.push(300, answer(3, 0x0B, true));
@@ -225,7 +230,7 @@ proptest! {
             0..400,
         ),
     ) {
-        let events = [sync(0), sync(1), handshake(200_012), handshake(200_013), frame(1), state(2)];
+        let events = [sync(BusIndex(0)), sync(BusIndex(1)), handshake(200_012), handshake(200_013), frame(1), state(2)];
         let mut journal = Journal::default();
         let (mut now, mut expected) = (0, Vec::new());
         for step in steps {

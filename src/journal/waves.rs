@@ -7,6 +7,7 @@
 use super::reader::RegisterLocation;
 use super::{Catalogue, Changed, ChannelWrite, Names, Reader, Record, Ring, Selection, Source};
 use crate::can::{Frame, Id};
+use crate::identity::DeviceIndex;
 use crate::layout::Width;
 use std::collections::{BTreeMap, HashMap, HashSet};
 
@@ -22,7 +23,7 @@ pub struct Waves {
     pub(super) signals: Vec<Signal>,
     /// Sorted by time.
     pub(super) changes: Vec<Change>,
-    recorded: HashSet<(u16, u32)>,
+    recorded: HashSet<(DeviceIndex, u32)>,
 }
 
 /// The values of a register according to the journal.
@@ -44,7 +45,7 @@ pub(super) struct Signal {
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum SignalSubject {
     /// The value of a register: index of the device, and offset.
-    Register(u16, u32),
+    Register(DeviceIndex, u32),
     /// The SYNC signal of a bus, or a similar signal.
     Edge,
     /// Any other signal.
@@ -143,7 +144,7 @@ impl Waves {
     }
 
     /// The values of a register according to the journal.
-    pub fn register(&self, plc: u16, offset: u32) -> Past {
+    pub fn register(&self, plc: DeviceIndex, offset: u32) -> Past {
         let number = |change: &Change| match change.content {
             // Registers have 32 bits at most.
             Content::Bits { value, .. } => Some((change.time_us, value as u32)),
@@ -153,7 +154,7 @@ impl Waves {
         Past { values, is_recorded: self.is_recorded(plc, offset) }
     }
 
-    fn is_recorded(&self, plc: u16, offset: u32) -> bool {
+    fn is_recorded(&self, plc: DeviceIndex, offset: u32) -> bool {
         self.recorded.contains(&(plc, offset))
     }
 
@@ -248,7 +249,7 @@ impl Taking {
         &mut self,
         record: &Record,
         scopes: &[String],
-        (plc, offset): (u16, u32),
+        (plc, offset): (DeviceIndex, u32),
         place: &RegisterLocation,
         width: Width,
         value: u32,

@@ -4,6 +4,7 @@
 
 mod unqualified;
 
+use crate::identity::DeviceIndex;
 pub use unqualified::Named;
 
 use super::descriptor::{Area, AreaStructure, DeviceLayout, Register};
@@ -26,8 +27,8 @@ pub fn split_plc(text: &str) -> (Option<&str>, &str) {
 
 /// The prefix of names of PLC number `plc`: its name, if there are several PLCs. The reverse of [`split_plc`].
 #[must_use]
-pub fn plc_prefix(plcs: &[String], plc: u16) -> String {
-    match plcs.get(usize::from(plc)) {
+pub fn plc_prefix(plcs: &[String], plc: DeviceIndex) -> String {
+    match plcs.get(plc.index()) {
         Some(name) if plcs.len() > 1 => format!("{name}:"),
         _ => String::new(),
     }

@@ -1,6 +1,7 @@
 //! Accesses from outside by address, of any width to any registers.
 
 use super::Plant;
+use crate::identity::DeviceIndex;
 use crate::journal::By;
 use crate::memory::{RegisterWidths, Segment, Unmapped, Width};
 
@@ -10,7 +11,7 @@ impl Plant {
     /// # Errors
     /// No register area covers the access, or there is no such PLC. All functions here return this
     /// error.
-    pub fn load(&self, plc: usize, offset: u32, width: Width) -> Result<u32, Unmapped> {
+    pub fn load(&self, plc: DeviceIndex, offset: u32, width: Width) -> Result<u32, Unmapped> {
         let (widths, ram) = self.ram(plc, offset)?;
         widths.load(ram, offset, width)
     }
@@ -20,7 +21,7 @@ impl Plant {
     ///
     /// # Errors
     /// Same as [`Plant::load`].
-    pub fn store(&mut self, plc: usize, offset: u32, width: Width, value: u32) -> Result<(), Unmapped> {
+    pub fn store(&mut self, plc: DeviceIndex, offset: u32, width: Width, value: u32) -> Result<(), Unmapped> {
         self.keep_changes(By::Program);
         let (widths, ram) = self.ram(plc, offset)?;
         widths.store(ram, offset, width, value)?;
@@ -35,7 +36,7 @@ impl Plant {
     /// Same as [`Plant::load`].
     pub fn compare_exchange(
         &mut self,
-        plc: usize,
+        plc: DeviceIndex,
         offset: u32,
         width: Width,
         current: u32,
@@ -54,17 +55,18 @@ impl Plant {
     ///
     /// # Errors
     /// Same as [`Plant::load`].
-    pub fn read_range(&self, plc: usize, offset: u32, to: &mut [u8]) -> Result<(), Unmapped> {
+    pub fn read_range(&self, plc: DeviceIndex, offset: u32, to: &mut [u8]) -> Result<(), Unmapped> {
         let (widths, ram) = self.ram(plc, offset)?;
         widths.read_range(ram, offset, to)
     }
 
-    pub(super) fn ram(&self, plc: usize, offset: u32) -> Result<(&RegisterWidths, &Segment), Unmapped> {
-        let device = self.devices.get(plc).zip(self.widths.get(plc)).ok_or(Unmapped { offset })?;
+    pub(super) fn ram(&self, plc: DeviceIndex, offset: u32) -> Result<(&RegisterWidths, &Segment), Unmapped> {
+        let device =
+            self.devices.get(plc.index()).zip(self.widths.get(plc.index())).ok_or(Unmapped { offset })?;
         Ok((device.1, device.0.segment()))
     }
 
-    fn written(&mut self, plc: usize, offset: u32, width: Width, value: u32) {
+    fn written(&mut self, plc: DeviceIndex, offset: u32, width: Width, value: u32) {
         // A width is 1, 2 or 4.
         self.note_channel_write(plc, offset, width.bytes() as u8, value);
     }

@@ -3,6 +3,7 @@
 use super::Plant;
 use crate::devices::records::{BoardEvent, OnBoard};
 use crate::devices::{Context, Events, FrontAction, Power};
+use crate::identity::DeviceIndex;
 use crate::journal::Origin;
 use crate::layout::{FrontWord, Owner};
 use crate::memory::header::{BoardSetting, FRONT, SeatState};
@@ -33,12 +34,12 @@ impl Plant {
 
     pub(super) fn look_at_requests(&mut self) -> bool {
         let mut changed = false;
-        for index in 0..self.devices.len() {
-            let origin = Origin { plc: index as u16, node: 0 };
+        for plc in DeviceIndex::first(self.devices.len()) {
+            let origin = Origin { plc, node: 0 };
             let ctx = &mut Context { now: self.now, journal: &mut self.journal, origin, base: 0 };
-            let look = self.devices[index].look(ctx);
+            let look = self.devices[plc.index()].look(ctx);
             changed |= look != FrontAction::Nothing;
-            self.follow(look, index);
+            self.follow(look, plc);
         }
         if changed {
             self.find_next_device();
@@ -48,9 +49,9 @@ impl Plant {
 
     /// Switches supply or RESET of a PLC at the present time. Other PLCs and their buses continue; the bus of its node
     /// 2 stops as at a restart of its master.
-    pub fn set_power(&mut self, plc: usize, power: Power) {
+    pub fn set_power(&mut self, plc: DeviceIndex, power: Power) {
         self.look_for_writes();
-        if let Some(device) = self.devices.get_mut(plc) {
+        if let Some(device) = self.devices.get_mut(plc.index()) {
             let look = device.set_power(power);
             self.follow(look, plc);
             self.find_next_device();
@@ -60,7 +61,7 @@ impl Plant {
     }
 
     /// Changes a setting of the board of a PLC at the present time. Returns `false` if it has no such switch.
-    pub fn set_board(&mut self, plc: usize, setting: BoardSetting) -> bool {
+    pub fn set_board(&mut self, plc: DeviceIndex, setting: BoardSetting) -> bool {
         let steps = match setting {
             BoardSetting::Front { word, value } => {
                 let has_it = self.set_front(plc, word.into(), value);
@@ -70,7 +71,7 @@ impl Plant {
             BoardSetting::Reset => [Power::HoldReset, Power::ReleaseReset],
             BoardSetting::PowerCycle => [Power::Off, Power::On],
             _ => {
-                let has_it = self.devices.get(plc).is_some_and(|device| device.turn(setting));
+                let has_it = self.devices.get(plc.index()).is_some_and(|device| device.turn(setting));
                 self.look_at_boards();
                 return has_it;
             }
@@ -80,8 +81,8 @@ impl Plant {
     }
 
     /// Writes a word of a front as a client does; `false`: clients do not write this word, or not this value.
-    fn set_front(&self, plc: usize, index: usize, value: u32) -> bool {
-        let Some(device) = self.devices.get(plc) else { return false };
+    fn set_front(&self, plc: DeviceIndex, index: usize, value: u32) -> bool {
+        let Some(device) = self.devices.get(plc.index()) else { return false };
         let is_it =
             |word: &&FrontWord| word.index() == index && word.owner == Owner::Plc && word.takes(value);
         let word = device.layout().front.iter().find(is_it);
@@ -92,8 +93,8 @@ impl Plant {
     }
 
     /// Records the new state of a task in lockstep.
-    pub fn note_lockstep(&mut self, plc: usize, event: usize, state: SeatState) {
-        let (plc, event) = (plc as u16, u8::try_from(event).unwrap_or(u8::MAX));
+    pub fn note_lockstep(&mut self, plc: DeviceIndex, event: usize, state: SeatState) {
+        let event = u8::try_from(event).unwrap_or(u8::MAX);
         self.journal.push(self.now, OnBoard { plc, what: BoardEvent::Lockstep { event, state } });
     }
 
@@ -104,13 +105,13 @@ impl Plant {
     }
 
     /// Interrupt level of an event of PLC `plc`; `None`: there is no such event.
-    pub fn event_level(&self, plc: usize, event: usize) -> Option<u8> {
-        self.devices.get(plc)?.event_level(event)
+    pub fn event_level(&self, plc: DeviceIndex, event: usize) -> Option<u8> {
+        self.devices.get(plc.index())?.event_level(event)
     }
 
     /// Events of PLC `plc` since the last call, bit n for event n.
-    pub fn take_fired(&mut self, plc: usize) -> u16 {
-        let events = self.devices.get_mut(plc).and_then(|device| device.events());
+    pub fn take_fired(&mut self, plc: DeviceIndex) -> u16 {
+        let events = self.devices.get_mut(plc.index()).and_then(|device| device.events());
         events.map_or(0, Events::take_fired)
     }
 }

@@ -18,6 +18,7 @@ use crate::can::Message;
 use crate::devices;
 use crate::devices::{BusSection, DeviceConfig, PortConfig};
 use crate::fault::{DeviceSite, Fault, FaultError, FaultSpec, MAX_FAULTS, Refusal, Sites};
+use crate::identity::BusIndex;
 use crate::input_file;
 use crate::journal::Names;
 use crate::layout::DeviceFit;
@@ -159,7 +160,8 @@ impl PlantConfig {
         let media = media.map(|medium| devices::bus_site(medium.family(), mask(medium)));
         let devices = self.devices.iter().map(|device| {
             let ports = device.ports().into_iter();
-            let plugged = ports.filter_map(|port| Some((port.number, *index_of.get(port.medium?)? as u16)));
+            let plugged =
+                ports.filter_map(|port| Some((port.number, BusIndex::at(*index_of.get(port.medium?)?))));
             let drives = device.ports().into_iter().map(|port| port.number);
             DeviceSite {
                 layout: device.layout(),

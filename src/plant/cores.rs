@@ -11,6 +11,7 @@ use super::worker_pool::WorkerPool;
 use crate::check::DeviceWatch;
 use crate::devices::{Bus, PortWatch, World};
 use crate::fault::Faults;
+use crate::identity::{BusIndex, DeviceIndex};
 use crate::journal::Journal;
 use core::num::NonZero;
 
@@ -21,7 +22,7 @@ pub(super) const LEAST: usize = 32;
 const TELLERS: usize = 256;
 
 /// Media that run independently, with their ports.
-type Share = (usize, Vec<Box<dyn Bus>>, Journal);
+type Share = (BusIndex, Vec<Box<dyn Bus>>, Journal);
 
 /// A period in which media run independently, with its processor cycles; a cycle runs only if it would change the
 /// state.
@@ -72,7 +73,8 @@ impl Plant {
         let run = move |(first, mut media, mut draft): Share| {
             let mut last = 0;
             for (index, medium) in media.iter_mut().enumerate() {
-                last = stretch.run(first + index, &mut **medium, &seats[first + index], &mut draft).max(last);
+                let bus = BusIndex::at(first.index() + index);
+                last = stretch.run(bus, &mut **medium, &seats[bus.index()], &mut draft).max(last);
             }
             ((first, media, draft), last)
         };
@@ -104,7 +106,9 @@ impl Plant {
         let size = self.media.len().div_ceil(self.drafts.len());
         let mut media = core::mem::take(&mut self.media).into_iter();
         let drafts = self.drafts.drain(..).enumerate();
-        drafts.map(|(part, draft)| (part * size, media.by_ref().take(size).collect(), draft)).collect()
+        drafts
+            .map(|(part, draft)| (BusIndex::at(part * size), media.by_ref().take(size).collect(), draft))
+            .collect()
     }
 
     /// Looks for writes on several cores: for each device, first its own registers, then the registers of its ports.
@@ -116,11 +120,11 @@ impl Plant {
         let now = self.now;
         self.each_watch(
             move |plc, watch, draft| {
-                draft.set_reporter(plc * TELLERS);
+                draft.set_reporter(plc.index() * TELLERS);
                 watch.look(now, draft);
             },
             move |watch, place, seat, draft| {
-                draft.set_reporter(seat.device * TELLERS + seat.port + 1);
+                draft.set_reporter(seat.device.index() * TELLERS + seat.port + 1);
                 watch.judge_writes(place, now, draft);
             },
         );
@@ -140,7 +144,7 @@ impl Plant {
     /// Calls the functions for the watches of all devices and of all ports, at the media where they are plugged in.
     fn each_watch(
         &mut self,
-        of_device: impl Fn(usize, &mut DeviceWatch, &mut Journal) + Copy + Send + 'static,
+        of_device: impl Fn(DeviceIndex, &mut DeviceWatch, &mut Journal) + Copy + Send + 'static,
         of_port: impl Fn(&mut dyn PortWatch, usize, PluggedPort, &mut Journal) + Copy + Send + 'static,
     ) {
         let size = self.watches.len().div_ceil(self.drafts.len());
@@ -151,9 +155,9 @@ impl Plant {
         let seats = self.ports.seats();
         let run = move |(first_watch, mut watches, (first, mut media, mut draft)): (usize, Vec<_>, Share)| {
             for (index, watch) in watches.iter_mut().enumerate() {
-                of_device(first_watch + index, watch, &mut draft);
+                of_device(DeviceIndex::at(first_watch + index), watch, &mut draft);
             }
-            for (medium, seats) in media.iter_mut().zip(&seats[first..]) {
+            for (medium, seats) in media.iter_mut().zip(&seats[first.index()..]) {
                 let Some(watch) = medium.watch() else { continue };
                 for (place, seat) in seats.iter().enumerate() {
                     of_port(watch, place, *seat, &mut draft);
@@ -170,9 +174,9 @@ impl Plant {
 }
 
 impl IndependentPeriod {
-    /// Runs medium number `index`, with the processor cycles of the ports in `seats`. Returns the time of its last
+    /// Runs bus `bus`, with the processor cycles of the ports in `seats`. Returns the time of its last
     /// event.
-    fn run(self, index: usize, medium: &mut dyn Bus, seats: &[PluggedPort], draft: &mut Journal) -> u64 {
+    fn run(self, bus: BusIndex, medium: &mut dyn Bus, seats: &[PluggedPort], draft: &mut Journal) -> u64 {
         let (mut faults, mut edges) = (Faults::default(), Vec::new());
         let (mut last, mut cycle) = (0, self.first_cycle);
         loop {
@@ -181,7 +185,7 @@ impl IndependentPeriod {
             while cycle < self.until && cycle <= next {
                 for (place, seat) in seats.iter().enumerate() {
                     if !medium.poll_changes_nothing(place, cycle, true) {
-                        draft.set_reporter(seat.device * TELLERS + seat.port);
+                        draft.set_reporter(seat.device.index() * TELLERS + seat.port);
                         medium.processor_cycle(place, cycle, draft);
                     }
                 }
@@ -195,7 +199,7 @@ impl IndependentPeriod {
             if now > next {
                 continue;
             }
-            draft.set_reporter(self.lookers + index);
+            draft.set_reporter(self.lookers + bus.index());
             medium.event(&mut World { now, journal: draft, faults: &mut faults, edges: &mut edges });
             last = now;
         }

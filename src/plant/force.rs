@@ -6,6 +6,7 @@
 
 use super::Plant;
 use crate::devices::Device;
+use crate::identity::DeviceIndex;
 use crate::journal::{Force, Unforce};
 use crate::layout::{DeviceLayout as Layout, LayoutError};
 use crate::memory::{Address, MemoryError, Width};
@@ -16,7 +17,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Forced {
     /// Index of the PLC in the plant.
-    pub plc: u16,
+    pub plc: DeviceIndex,
     /// First byte of the register in the image.
     pub offset: u32,
     /// Its width.
@@ -66,7 +67,7 @@ impl Plant {
     /// [`ForceError`].
     pub fn force(&mut self, forced: Forced) -> Result<(), ForceError> {
         let Forced { plc, offset, width, value } = forced;
-        let index = usize::from(plc);
+        let index = plc.index();
         let target = self.devices.get(index).ok_or(ForceError::NoSuchPlc)?;
         forced.check(target.layout())?;
         target.segment().load(offset, width)?;
@@ -91,7 +92,7 @@ impl Plant {
     }
 
     /// Releases a forced register; it keeps the value until the next write. Returns whether it was forced.
-    pub fn unforce(&mut self, plc: u16, offset: u32) -> bool {
+    pub fn unforce(&mut self, plc: DeviceIndex, offset: u32) -> bool {
         let ended = self.forces.end(plc, offset);
         if ended {
             self.journal.push(self.now, Unforce { plc, offset });
@@ -152,7 +153,7 @@ impl Forces {
     }
 
     /// Position of the register in the list if it is forced; otherwise its position for insertion.
-    fn find(&self, plc: u16, offset: u32) -> Result<usize, usize> {
+    fn find(&self, plc: DeviceIndex, offset: u32) -> Result<usize, usize> {
         self.list.binary_search_by_key(&(plc, offset), |forced| (forced.plc, forced.offset))
     }
 
@@ -167,7 +168,7 @@ impl Forces {
     }
 
     /// Ends a force; `false` if there is none.
-    pub(super) fn end(&mut self, plc: u16, offset: u32) -> bool {
+    pub(super) fn end(&mut self, plc: DeviceIndex, offset: u32) -> bool {
         self.find(plc, offset).map(|at| self.list.remove(at)).is_ok()
     }
 
@@ -184,7 +185,7 @@ impl Forces {
         for forced in &self.list {
             // Both were checked when the force was taken, and neither PLCs nor segments ever change.
             let _: Option<Result<(), MemoryError>> = devices
-                .get(usize::from(forced.plc))
+                .get(forced.plc.index())
                 .map(|plc| plc.segment().store(forced.offset, forced.width, forced.value));
         }
     }

@@ -6,24 +6,25 @@ use crate::can::{ErrorState, Frame};
 use crate::check::rules;
 use crate::devices::{Attendance, BusGuests, GuestNews, GuestRefusal};
 use crate::door::{BusMessage, Guest};
+use crate::identity::BusIndex;
 use crate::journal::Finding;
 use std::sync::Arc;
 
 impl Plant {
     /// The guests of bus number `bus`, for an action of one of them.
-    fn guests_of(&mut self, bus: u16) -> Option<&mut dyn BusGuests> {
+    fn guests_of(&mut self, bus: BusIndex) -> Option<&mut dyn BusGuests> {
         (self.has_looked, self.is_seen) = (false, false);
         self.guests_seen(bus)
     }
 
     /// The guests of bus number `bus`, for a look at one of them.
-    fn guests_seen(&mut self, bus: u16) -> Option<&mut dyn BusGuests> {
-        self.media[..self.named_media].get_mut(usize::from(bus))?.guests()
+    fn guests_seen(&mut self, bus: BusIndex) -> Option<&mut dyn BusGuests> {
+        self.media[..self.named_media].get_mut(bus.index())?.guests()
     }
 
     /// Guest number `guest` takes part in bus number `bus` from now on. `is_stepped`: its frames enter at the next step
     /// only; the journal records this.
-    pub fn guest_joins(&mut self, bus: u16, guest: u8, is_stepped: bool) {
+    pub fn guest_joins(&mut self, bus: BusIndex, guest: u8, is_stepped: bool) {
         let now = self.now;
         let Some(guests) = self.guests_of(bus) else { return };
         guests.guest_joins(guest, now);
@@ -32,9 +33,9 @@ impl Plant {
     }
 
     /// The guests that take part in buses with known stations, except the guest that acts by requests: bus and number.
-    pub(crate) fn guests(&self) -> Vec<(u16, u8)> {
+    pub(crate) fn guests(&self) -> Vec<(BusIndex, u8)> {
         let mut found = Vec::new();
-        for (bus, medium) in (0..).zip(self.media()) {
+        for (bus, medium) in BusIndex::enumerate(self.media()) {
             let guests = medium.stations().into_iter().filter_map(|it| it.origin.guest());
             found.extend(guests.filter(|guest| *guest != 0).map(|guest| (bus, guest)));
         }
@@ -42,7 +43,7 @@ impl Plant {
     }
 
     /// The guest stops taking part. Frames that it has passed to its controller are still sent.
-    pub fn guest_leaves(&mut self, bus: u16, guest: u8) {
+    pub fn guest_leaves(&mut self, bus: BusIndex, guest: u8) {
         let now = self.now;
         let Some(guests) = self.guests_of(bus) else { return };
         guests.guest_leaves(guest, now);
@@ -51,7 +52,7 @@ impl Plant {
 
     /// The guest has disconnected, with more frames to send than there was room for. Frames that would wait without a
     /// limit are dropped.
-    pub(crate) fn guest_has_gone(&mut self, bus: u16, guest: u8) {
+    pub(crate) fn guest_has_gone(&mut self, bus: BusIndex, guest: u8) {
         let now = self.now;
         if let Some(guests) = self.guests_of(bus) {
             guests.guest_has_gone(guest, now);
@@ -59,17 +60,17 @@ impl Plant {
     }
 
     /// Records an event of a guest's seat in lockstep.
-    pub fn note_guest(&mut self, bus: u16, guest: u8, news: Attendance) {
+    pub fn note_guest(&mut self, bus: BusIndex, guest: u8, news: Attendance) {
         self.journal.push(self.now, GuestNews { bus, guest, news });
     }
 
     /// The error state of a guest's controller; error-active on buses without error states.
-    pub(crate) fn guest_errors(&mut self, bus: u16, guest: u8) -> ErrorState {
+    pub(crate) fn guest_errors(&mut self, bus: BusIndex, guest: u8) -> ErrorState {
         self.guests_seen(bus).map_or_else(ErrorState::default, |guests| guests.guest_errors(guest))
     }
 
     /// Frames for the guest go to `ear` if the journal does not keep them whole.
-    pub fn guest_hears(&mut self, bus: u16, guest: u8, ear: &Arc<Guest>) {
+    pub fn guest_hears(&mut self, bus: BusIndex, guest: u8, ear: &Arc<Guest>) {
         if let Some(guests) = self.guests_of(bus) {
             guests.guest_hears(guest, Arc::clone(ear));
         }
@@ -79,10 +80,10 @@ impl Plant {
     ///
     /// # Errors
     /// [`GuestRefusal`].
-    pub fn guest_sends(&mut self, bus: u16, guest: u8, said: &BusMessage) -> Result<(), GuestRefusal> {
+    pub fn guest_sends(&mut self, bus: BusIndex, guest: u8, said: &BusMessage) -> Result<(), GuestRefusal> {
         let now = self.now;
         (self.has_looked, self.is_seen) = (false, false);
-        let bus = self.media[..self.named_media].get_mut(usize::from(bus));
+        let bus = self.media[..self.named_media].get_mut(bus.index());
         let guests = bus.and_then(|bus| bus.guests()).ok_or(GuestRefusal::NotHere)?;
         guests.guest_sends(guest, said, now, &mut self.journal)
     }
@@ -92,7 +93,7 @@ impl Plant {
     ///
     /// # Errors
     /// [`GuestRefusal`].
-    pub fn take_part(&mut self, bus: u16, frame: Option<&Frame>) -> Result<(), GuestRefusal> {
+    pub fn take_part(&mut self, bus: BusIndex, frame: Option<&Frame>) -> Result<(), GuestRefusal> {
         let now = self.now;
         let guests = self.guests_of(bus).ok_or(GuestRefusal::NotHere)?;
         if guests.guest_joins(0, now) {
@@ -103,13 +104,13 @@ impl Plant {
 
     /// A guest wants to take part, but has named another rate than the rate of the bus, which has this `S` code
     /// (decision D-316).
-    pub fn guest_is_deaf(&mut self, bus: u16, guest: u8, code: u8) {
+    pub fn guest_is_deaf(&mut self, bus: BusIndex, guest: u8, code: u8) {
         self.journal.find(self.now, Finding::at_bus(&rules::GUEST_BIT_RATE, bus, guest, code.into()));
     }
 
     /// A guest has announced a telegram of `octets` octets, an impossible length, and was disconnected (decision
     /// D-357).
-    pub fn guest_talks_nonsense(&mut self, bus: u16, guest: u8, octets: u16) {
+    pub fn guest_talks_nonsense(&mut self, bus: BusIndex, guest: u8, octets: u16) {
         self.journal.find(self.now, Finding::at_bus(&rules::GUEST_TELEGRAM, bus, guest, octets.into()));
     }
 }
@@ -119,6 +120,7 @@ mod tests {
     use super::*;
     use crate::can::{Payload, StandardId};
     use crate::devices;
+    use crate::identity::DeviceIndex;
     use crate::journal::text::Text;
     use crate::journal::{Event, Format, Source};
     use crate::memory::Segment;
@@ -139,7 +141,7 @@ mod tests {
 
     /// Frames that have arrived: time, identifier and sender.
     fn arrived(plant: &Plant) -> Vec<(u64, u32, Option<u8>)> {
-        let carried = plant.journal().records().filter(|it| it.event.source() == Source::Bus(0));
+        let carried = plant.journal().records().filter(|it| it.event.source() == Source::Bus(BusIndex(0)));
         let told = carried.filter_map(|it| Some((it.time_us, Event::frame(&it.event)?)));
         told.map(|(at, it)| (at, it.frame.arbitration().number(), it.guest)).collect()
     }
@@ -154,12 +156,12 @@ mod tests {
     #[test]
     fn guests_are_stations_and_the_dominant_identifier_goes_first() {
         let mut plant = plant(OPEN);
-        plant.guest_joins(0, 1, false);
-        assert_eq!(plant.guest_sends(0, 1, &frame(0x200, &[])), Ok(()));
+        plant.guest_joins(BusIndex(0), 1, false);
+        assert_eq!(plant.guest_sends(BusIndex(0), 1, &frame(0x200, &[])), Ok(()));
         plant.advance_to(10_000);
         assert!(arrived(&plant).is_empty(), "no station acknowledges");
-        plant.guest_joins(0, 2, true);
-        assert_eq!(plant.guest_sends(0, 2, &frame(0x123, &[])), Ok(()));
+        plant.guest_joins(BusIndex(0), 2, true);
+        assert_eq!(plant.guest_sends(BusIndex(0), 2, &frame(0x123, &[])), Ok(()));
         plant.advance_to(20_000);
         // Alone, guest 1 tries for 57 bits 16 times, then for 65 each; the 22nd try begins at 9960 us and is over at 10416 us.
         // Then come 45 bits, an intermission of 3, 48 bits.
@@ -175,17 +177,17 @@ mod tests {
     #[test]
     fn frames_of_a_leaving_guest_are_sent_if_another_station_receives_them() {
         let mut plant = plant(OPEN);
-        plant.guest_joins(0, 1, false);
-        plant.guest_joins(0, 2, false);
-        (0..3).for_each(|id| assert_eq!(plant.guest_sends(0, 1, &frame(id, &[])), Ok(())));
-        plant.guest_leaves(0, 1);
+        plant.guest_joins(BusIndex(0), 1, false);
+        plant.guest_joins(BusIndex(0), 2, false);
+        (0..3).for_each(|id| assert_eq!(plant.guest_sends(BusIndex(0), 1, &frame(id, &[])), Ok(())));
+        plant.guest_leaves(BusIndex(0), 1);
         plant.advance_to(10_000);
         assert_eq!(arrived(&plant).len(), 3);
-        assert_eq!(plant.guest_sends(0, 1, &frame(5, &[])), Err(GuestRefusal::NotHere));
+        assert_eq!(plant.guest_sends(BusIndex(0), 1, &frame(5, &[])), Err(GuestRefusal::NotHere));
         // A single guest on the bus keeps nothing for guests that join later.
-        assert_eq!(plant.guest_sends(0, 2, &frame(6, &[])), Ok(()));
-        plant.guest_leaves(0, 2);
-        plant.guest_joins(0, 1, false);
+        assert_eq!(plant.guest_sends(BusIndex(0), 2, &frame(6, &[])), Ok(()));
+        plant.guest_leaves(BusIndex(0), 2);
+        plant.guest_joins(BusIndex(0), 1, false);
         plant.advance_to(20_000);
         assert_eq!(arrived(&plant).len(), 3);
     }
@@ -193,11 +195,12 @@ mod tests {
     #[test]
     fn a_controller_has_room_for_a_limited_number_of_frames() {
         let mut plant = plant(OPEN);
-        plant.guest_joins(0, 1, false);
-        let taken = (0..1000).take_while(|_| plant.guest_sends(0, 1, &frame(1, &[])).is_ok()).count();
+        plant.guest_joins(BusIndex(0), 1, false);
+        let taken =
+            (0..1000).take_while(|_| plant.guest_sends(BusIndex(0), 1, &frame(1, &[])).is_ok()).count();
         assert_eq!(taken, 64);
-        assert_eq!(plant.guest_sends(0, 1, &frame(1, &[])), Err(GuestRefusal::Full));
-        plant.guest_joins(0, 2, false);
+        assert_eq!(plant.guest_sends(BusIndex(0), 1, &frame(1, &[])), Err(GuestRefusal::Full));
+        plant.guest_joins(BusIndex(0), 2, false);
         plant.advance_to(100_000);
         assert_eq!(arrived(&plant).len(), 64);
     }
@@ -205,28 +208,31 @@ mod tests {
     #[test]
     fn requests_make_a_guest_a_station_too() {
         let mut plant = plant(OPEN);
-        plant.guest_joins(0, 7, false);
-        assert_eq!(plant.guest_sends(0, 7, &frame(0x300, &[])), Ok(()));
-        assert_eq!(plant.take_part(0, None), Ok(()));
-        assert_eq!(plant.take_part(0, Some(&Frame::remote(StandardId::MAX, 0).unwrap())), Ok(()));
+        plant.guest_joins(BusIndex(0), 7, false);
+        assert_eq!(plant.guest_sends(BusIndex(0), 7, &frame(0x300, &[])), Ok(()));
+        assert_eq!(plant.take_part(BusIndex(0), None), Ok(()));
+        assert_eq!(plant.take_part(BusIndex(0), Some(&Frame::remote(StandardId::MAX, 0).unwrap())), Ok(()));
         plant.advance_to(10_000);
         let senders: Vec<_> = arrived(&plant).into_iter().map(|(_, id, guest)| (id, guest)).collect();
         assert_eq!(senders, [(0x300, Some(7)), (0x7FF, Some(0))]);
         assert_eq!(lines(&plant).matches("guest0 takes part").count(), 1);
-        assert_eq!(plant.take_part(1, None), Err(GuestRefusal::NotHere), "there is no such bus");
+        assert_eq!(plant.take_part(BusIndex(1), None), Err(GuestRefusal::NotHere), "there is no such bus");
     }
 
     #[test]
     fn guests_with_a_wrong_rate_or_format_are_reported() {
         let mut plant = plant(&OPEN.replace("kind = 'can'\n", ""));
-        plant.guest_is_deaf(0, 3, 6);
-        plant.guest_joins(0, 1, false);
+        plant.guest_is_deaf(BusIndex(0), 3, 6);
+        plant.guest_joins(BusIndex(0), 1, false);
         // No master runs the medium.
-        assert_eq!(plant.guest_sends(0, 1, &frame(1, &[])), Err(GuestRefusal::NotHere));
+        assert_eq!(plant.guest_sends(BusIndex(0), 1, &frame(1, &[])), Err(GuestRefusal::NotHere));
         let found: Vec<_> = plant.journal().findings().iter().map(|entry| entry.last).collect();
-        assert_eq!(found, [Finding::at_bus(&rules::GUEST_BIT_RATE, 0, 3, 6)]);
+        assert_eq!(found, [Finding::at_bus(&rules::GUEST_BIT_RATE, BusIndex(0), 3, 6)]);
         assert_eq!(
-            (found[0].name(plant.names().fitted(0)), found[0].address(plant.names().fitted(0))),
+            (
+                found[0].name(plant.names().fitted(DeviceIndex(0))),
+                found[0].address(plant.names().fitted(DeviceIndex(0)))
+            ),
             (Some("guest3".into()), None)
         );
         assert!(lines(&plant).contains("error guest-bit-rate: guest3 16#00000006"), "{}", lines(&plant));

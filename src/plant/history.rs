@@ -4,6 +4,7 @@
 use super::Plant;
 use super::force::Forces;
 use crate::devices::Device;
+use crate::identity::DeviceIndex;
 use crate::journal::{By, Change, Journal, Keep, MAX_FOLLOWED, Rams};
 use crate::layout::RegisterPhase;
 use crate::layout::place::status_of;
@@ -34,7 +35,7 @@ impl Plant {
     /// [`FollowError`]; the registers before the excess register are followed.
     pub fn follow_registers(
         &mut self,
-        plc: usize,
+        plc: DeviceIndex,
         offset: u32,
         len: u32,
         keep: Keep,
@@ -44,8 +45,7 @@ impl Plant {
         let (widths, ram) = self.ram(plc, offset)?;
         let registers = widths.registers(ram, offset, len)?;
         let (journal, rams) = self.compared();
-        let follows =
-            |&(offset, width): &(u32, Width)| journal.follow(plc as u16, offset, width, keep, &rams);
+        let follows = |&(offset, width): &(u32, Width)| journal.follow(plc, offset, width, keep, &rams);
         if registers.iter().all(follows) { Ok(()) } else { Err(FollowError::TooMany) }
     }
 
@@ -87,12 +87,12 @@ struct Compared<'a> {
 }
 
 impl Rams for Compared<'_> {
-    fn load(&self, plc: u16, offset: u32, width: Width) -> Option<u32> {
-        self.devices.get(usize::from(plc))?.segment().load(offset, width).ok()
+    fn load(&self, plc: DeviceIndex, offset: u32, width: Width) -> Option<u32> {
+        self.devices.get(plc.index())?.segment().load(offset, width).ok()
     }
 
-    fn live(&self, plc: u16, offset: u32) -> RegisterPhase {
-        let Some(device) = self.devices.get(usize::from(plc)) else { return RegisterPhase::ALWAYS };
+    fn live(&self, plc: DeviceIndex, offset: u32) -> RegisterPhase {
+        let Some(device) = self.devices.get(plc.index()) else { return RegisterPhase::ALWAYS };
         let layout = device.layout();
         let Ok(area) = layout.area_at(layout.at(Width::Byte, offset)) else { return RegisterPhase::ALWAYS };
         let status = status_of(area)
@@ -100,7 +100,7 @@ impl Rams for Compared<'_> {
         area.phase(status)
     }
 
-    fn is_forced(&self, plc: u16, offset: u32) -> bool {
+    fn is_forced(&self, plc: DeviceIndex, offset: u32) -> bool {
         self.forces.list().iter().any(|forced| (forced.plc, forced.offset) == (plc, offset))
     }
 }

@@ -67,11 +67,11 @@ impl Plant {
         let media = self.media().iter();
         let media = media.map(|medium| devices::bus_site(medium.family(), medium.participants()));
         let devices = self.devices.iter().zip(self.ports.of_devices()).map(|(device, ports)| {
-            let plugged = ports.iter().filter(|port| port.medium < self.named_media);
+            let plugged = ports.iter().filter(|port| port.medium.index() < self.named_media);
             DeviceSite {
                 layout: device.layout(),
                 faults: devices::faults_of_device(device.layout()),
-                plugged: plugged.map(|port| (port.number, port.medium as u16)).collect(),
+                plugged: plugged.map(|port| (port.number, port.medium)).collect(),
                 drives: ports.iter().map(|port| port.number).filter(|port| device.is_drive(*port)).collect(),
             }
         });
@@ -84,8 +84,8 @@ impl Plant {
         *is_rescheduled = true;
         let now = *now;
         faults.fire_all(now, journal, |owner, target, effect| match owner {
-            Owner::Bus(index) => media.get_mut(usize::from(index))?.faults()?.fire(now, target, effect),
-            Owner::Device(index) => devices.get_mut(usize::from(index))?.faults()?.fire(now, target, effect),
+            Owner::Bus(index) => media.get_mut(index.index())?.faults()?.fire(now, target, effect),
+            Owner::Device(index) => devices.get_mut(index.index())?.faults()?.fire(now, target, effect),
         });
     }
 }

@@ -38,6 +38,7 @@ use crate::check::DeviceWatch;
 use crate::devices::{BUS_KINDS, BuildError, Bus, Context, Device, Events, World};
 use crate::due_queue::{DueQueue, NEVER};
 use crate::fault::Faults;
+use crate::identity::{BusIndex, DeviceIndex};
 use crate::journal::{By, Journal, Names, Origin};
 use crate::layout::DeviceLayout as Layout;
 use crate::memory::{MemoryError, RegisterWidths, Segment};
@@ -108,14 +109,14 @@ impl Plant {
     {
         config.check()?;
         let mut media: Vec<Box<dyn Bus>> = Vec::with_capacity(config.media.len() + BUS_KINDS.len());
-        for (index, medium) in config.media.iter().enumerate() {
+        for (index, medium) in BusIndex::enumerate(&config.media) {
             media.push(medium.build(index).map_err(refused::<E>)?);
         }
         let named_media = media.len();
         media.extend(BUS_KINDS.iter().map(|kind| (kind.unplugged)()));
         let mut devices: Vec<Box<dyn Device>> = Vec::with_capacity(config.devices.len());
         let mut ports = Ports::default();
-        for (index, device) in config.devices.iter().enumerate() {
+        for (index, device) in DeviceIndex::enumerate(&config.devices) {
             let (mut device, plugs) =
                 device.build(index, segment(device.name(), device.layout())?).map_err(refused::<E>)?;
             ports.plug_in(&mut *device, plugs, &mut media, named_media).map_err(refused::<E>)?;
@@ -124,8 +125,8 @@ impl Plant {
         let cycle_us = u64::from(config.processor_cycle_us.max(1));
         media.iter_mut().for_each(|medium| medium.set_processor_cycle(config.processor_cycle_us));
         let mut watches = Vec::with_capacity(devices.len());
-        for (index, device) in devices.iter().enumerate() {
-            watches.push(DeviceWatch::new(index as u16, device.segment(), device.layout())?);
+        for (index, device) in DeviceIndex::enumerate(&devices) {
+            watches.push(DeviceWatch::new(index, device.segment(), device.layout())?);
             device.segment().header()?.set_fitted(&device.fitted());
         }
         let widths = devices.iter().map(|device| RegisterWidths::of(&device.fitted())).collect();
@@ -155,7 +156,7 @@ impl Plant {
             settings: config.settings(),
         };
         plant.set_cores(NonZero::<usize>::MIN);
-        (0..plant.devices.len()).for_each(|index| plant.start(index));
+        DeviceIndex::first(plant.devices.len()).for_each(|device| plant.start(device));
         plant.find_next_device();
         // The watches begin with the state after power-on.
         plant.leave();
@@ -208,7 +209,7 @@ impl Plant {
             if self.schedule.first() < due
                 && let Some(index) = self.schedule.due(0, self.schedule.first())
             {
-                (due, which) = (self.schedule.first(), NextEvent::Bus(index));
+                (due, which) = (self.schedule.first(), NextEvent::Bus(BusIndex::at(index)));
             }
             if self.has_looked {
                 self.leave_out_cycles(due.min(self.faults.next_time()).min(time.saturating_add(1)));
@@ -245,9 +246,9 @@ impl Plant {
                     self.devices_due();
                     self.forces.apply(&self.devices);
                 }
-                NextEvent::Bus(index) => {
+                NextEvent::Bus(bus) => {
                     self.forces.apply(&self.devices);
-                    self.medium_events(index, time);
+                    self.medium_events(bus, time);
                     self.forces.apply(&self.devices);
                 }
             }
@@ -273,8 +274,8 @@ impl Plant {
     }
 
     /// Sets the events of device `device` that stop [`Plant::advance_until`], bit n for event n.
-    pub fn watch(&mut self, device: usize, events: u16) {
-        if let Some(its) = self.devices.get_mut(device).and_then(|device| device.events()) {
+    pub fn watch(&mut self, device: DeviceIndex, events: u16) {
+        if let Some(its) = self.devices.get_mut(device.index()).and_then(|device| device.events()) {
             its.watched = events;
         }
         self.watching = events_of(&mut self.devices).any(|its| its.watched != 0);
@@ -316,17 +317,17 @@ impl Plant {
         if !self.faults.is_empty() {
             self.fire();
         }
-        for index in 0..self.devices.len() {
-            let device = &mut self.devices[index];
+        for plc in DeviceIndex::first(self.devices.len()) {
+            let device = &mut self.devices[plc.index()];
             if device.is_up() {
-                let origin = Origin { plc: index as u16, node: 0 };
+                let origin = Origin { plc, node: 0 };
                 device.processor_cycle(&mut Context {
                     now: self.now,
                     journal: &mut self.journal,
                     origin,
                     base: 0,
                 });
-                self.ports_look(index);
+                self.ports_look(plc);
             }
         }
         self.forces.apply(&self.devices);
@@ -343,20 +344,20 @@ impl Plant {
 
     /// Handles the present event of a medium. If the order is not visible, also handles the following events of the
     /// same medium before any other event.
-    fn medium_events(&mut self, index: usize, time: u64) {
+    fn medium_events(&mut self, bus: BusIndex, time: u64) {
         let until = if self.is_unobserved() {
-            let others = self.schedule.first_besides(index).min(self.next_cycle).min(self.next_device);
+            let others = self.schedule.first_besides(bus.index()).min(self.next_cycle).min(self.next_device);
             others.min(time.saturating_add(1))
         } else {
             0
         };
         let Plant { now, media, journal, faults, edges, .. } = self;
-        let Some(medium) = media.get_mut(index) else { return };
+        let Some(medium) = media.get_mut(bus.index()) else { return };
         let signal = loop {
             let signal = medium.event(&mut World { now: *now, journal, faults, edges });
             let next = medium.next_time();
             if signal.is_some() || !edges.is_empty() || next >= until {
-                self.schedule.set(index, next);
+                self.schedule.set(bus.index(), next);
                 break signal;
             }
             *now = next;
@@ -365,8 +366,8 @@ impl Plant {
             self.tell_edges();
         }
         let Some(signal) = signal else { return };
-        self.forward_sync(index, signal);
-        if let Some(watch) = self.media[index].watch() {
+        self.forward_sync(bus, signal);
+        if let Some(watch) = self.media[bus.index()].watch() {
             watch.judge_edge(self.now, &mut self.journal);
         }
     }
@@ -383,7 +384,7 @@ impl Plant {
     /// device.
     fn tell_edges(&mut self) {
         for Origin { plc, node } in self.edges.drain(..) {
-            if let Some(device) = self.devices.get_mut(usize::from(plc)) {
+            if let Some(device) = self.devices.get_mut(plc.index()) {
                 if let Some(ports) = device.ports() {
                     ports.sync_edge(node, self.now);
                 }
@@ -443,5 +444,5 @@ fn refused<E: From<MemoryError> + From<PlantError>>(error: BuildError) -> E {
 enum NextEvent {
     Cycle,
     Device,
-    Bus(usize),
+    Bus(BusIndex),
 }

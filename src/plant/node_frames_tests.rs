@@ -5,6 +5,7 @@ use super::*;
 use crate::can::{ExtendedId, Frame, Payload, StandardId};
 use crate::devices;
 use crate::door::BusMessage;
+use crate::identity::{BusIndex, DeviceIndex};
 use crate::memory::header::{BoardSetting, Power, RunSwitch};
 use crate::memory::{Segment, Width};
 
@@ -32,7 +33,7 @@ fn act(plant: &mut Plant, head: u8, bytes: &[u8]) {
             let bus = u16::from(head >> 4) % plant.named_media.max(1) as u16;
             if let Some(said) = said(head, bytes) {
                 // A medium refuses frames that it cannot carry or has no room for.
-                let _refused = plant.guest_sends(bus, 1, &said);
+                let _refused = plant.guest_sends(BusIndex(bus), 1, &said);
             }
             plant.advance_to(plant.now() + 1_000);
         }
@@ -45,7 +46,7 @@ fn act(plant: &mut Plant, head: u8, bytes: &[u8]) {
                 [(Width::Byte, value & 0xFF), (Width::Word, value & 0xFFFF), (Width::Dword, value)]
             {
                 // The width of the register is among them, if there is a register.
-                let _unmapped = plant.store(plc, offset, width, value);
+                let _unmapped = plant.store(DeviceIndex::at(plc), offset, width, value);
             }
         }
         6 => plant.advance_to(plant.now() + 10_000),
@@ -63,7 +64,7 @@ fn fuzz_node_frames() {
         let mut plant = Plant::new(&config, segment).unwrap();
         plant.advance_to(3_000);
         for bus in 0..plant.named_media as u16 {
-            plant.guest_joins(bus, 1, true);
+            plant.guest_joins(BusIndex(bus), 1, true);
         }
         // This number of rounds takes an acceptable time.
         for _ in 0..200 {
@@ -78,7 +79,7 @@ fn fuzz_node_frames() {
                 BoardSetting::Power(Power::On),
                 BoardSetting::PowerCycle,
             ] {
-                plant.set_board(plc, setting);
+                plant.set_board(DeviceIndex::at(plc), setting);
             }
         }
         plant.advance_to(plant.now() + 20_000);

@@ -3,6 +3,7 @@
 use super::Plant;
 use super::snapshot::registers_of;
 use crate::devices::Device;
+use crate::identity::DeviceIndex;
 use crate::memory::{RegisterCopy, StoredBytes};
 use core::ops::Range;
 use serde::{Deserialize, Serialize};
@@ -19,7 +20,7 @@ struct DeviceRegisters {
 /// A store by an outside program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Stored {
-    plc: u16,
+    plc: DeviceIndex,
     what: StoreTarget,
 }
 
@@ -46,7 +47,7 @@ impl Outside {
 
     /// Registers that differ from the last poll.
     pub(crate) fn stored(&mut self, plant: &Plant) -> Vec<Stored> {
-        let devices = (0..).zip(plant.devices().iter().zip(&mut self.0));
+        let devices = DeviceIndex::enumerate(plant.devices().iter().zip(&mut self.0));
         let stored = devices.flat_map(|(plc, (device, seen))| {
             let stored = device.segment().stored_since(&seen.ranges, &mut seen.registers);
             stored.into_iter().map(move |bytes| Stored { plc, what: StoreTarget::Registers(bytes) })
@@ -71,7 +72,7 @@ impl Plant {
 
     /// Passes the requests of programs in the header pages to the firmware of the boards.
     pub(crate) fn tell_boards(&self) -> Vec<Stored> {
-        let told = (0..).zip(self.devices().iter()).flat_map(|(plc, device)| {
+        let told = DeviceIndex::enumerate(self.devices()).flat_map(|(plc, device)| {
             let told = device.segment().deliver_requests(device.layout().front);
             told.into_iter().map(move |(index, value)| Stored { plc, what: StoreTarget::Board(index, value) })
         });
@@ -80,7 +81,7 @@ impl Plant {
 
     /// Repeats the store of a program into the image of another plant like this one, as a program here would make it.
     pub(crate) fn store_as_outside(&self, stored: &Stored) {
-        let Some(device) = self.devices().get(usize::from(stored.plc)) else { return };
+        let Some(device) = self.devices().get(stored.plc.index()) else { return };
         match stored.what {
             StoreTarget::Registers(bytes) => device.segment().store_bytes(&bytes),
             StoreTarget::Board(index, value) => {

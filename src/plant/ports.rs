@@ -4,6 +4,7 @@ use super::Plant;
 use crate::devices::{
     BUS_KINDS, BuildError, Bus, Context, Device, FrontAction, Plug, SyncOrigin, SyncSignal,
 };
+use crate::identity::{BusIndex, DeviceIndex};
 use crate::journal::{Origin, Source};
 use crate::snapshot_fields;
 use std::sync::Arc;
@@ -14,7 +15,7 @@ pub(super) struct Port {
     /// Its number in the device's layout.
     pub(super) number: u8,
     /// Index of its medium.
-    pub(super) medium: usize,
+    pub(super) medium: BusIndex,
     /// Place of the port at the medium.
     pub(super) place: usize,
     takes_part: bool,
@@ -24,7 +25,7 @@ pub(super) struct Port {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PluggedPort {
     /// Index of the device.
-    pub(super) device: usize,
+    pub(super) device: DeviceIndex,
     /// Index of the port there.
     pub(super) port: usize,
 }
@@ -38,7 +39,7 @@ pub(super) struct Ports {
     of_device: Vec<Vec<Port>>,
     /// For each medium the ports that can take its SYNC signal over: their device, their index there, and that of the port
     /// at this medium.
-    ways: Vec<Vec<(usize, usize, usize)>>,
+    ways: Vec<Vec<(DeviceIndex, usize, usize)>>,
     /// For each medium the ports at its places.
     seats: Arc<Vec<Vec<PluggedPort>>>,
 }
@@ -60,7 +61,7 @@ impl Ports {
             let kind =
                 BUS_KINDS.iter().position(|kind| kind.name == family).ok_or(BuildError::OtherFamily)?;
             let at = |name: &String| media[..named].iter().position(|medium| medium.name() == name);
-            let medium = match medium.as_ref().and_then(at) {
+            let index = match medium.as_ref().and_then(at) {
                 Some(index) => index,
                 None if (BUS_KINDS[kind].runs_alone)(&*socket) => {
                     media.push((BUS_KINDS[kind].unplugged)());
@@ -69,18 +70,19 @@ impl Ports {
                 None => named + kind,
             };
             seats.resize(media.len(), Vec::new());
-            let place = media[medium].attach(socket)?;
+            let place = media[index].attach(socket)?;
             if let Some(ports) = device.ports() {
-                ports.plugged_in(number, media[medium].bit_s());
+                ports.plugged_in(number, media[index].bit_s());
             }
-            seats[medium].push(PluggedPort { device: self.of_device.len(), port: ports.len() });
-            ports.push(Port { number, medium, place, takes_part: false });
+            seats[index]
+                .push(PluggedPort { device: DeviceIndex::at(self.of_device.len()), port: ports.len() });
+            ports.push(Port { number, medium: BusIndex::at(index), place, takes_part: false });
         }
         self.ways.resize(media.len(), Vec::new());
         let find = |number: u8| ports.iter().position(|port| port.number == number);
         for &(from, to) in device.ports().map_or(&[][..], |ports| ports.sync_ways()) {
             if let (Some(from), Some(to)) = (find(from), find(to)) {
-                self.ways[ports[from].medium].push((self.of_device.len(), to, from));
+                self.ways[ports[from].medium.index()].push((DeviceIndex::at(self.of_device.len()), to, from));
             }
         }
         self.of_device.push(ports);
@@ -88,12 +90,12 @@ impl Ports {
     }
 
     /// Device and number of each port at a medium.
-    pub(super) fn at(&self, medium: usize) -> impl Iterator<Item = Origin> {
-        let of_device = move |(plc, ports): (usize, &Vec<Port>)| {
+    pub(super) fn at(&self, medium: BusIndex) -> impl Iterator<Item = Origin> {
+        let of_device = move |(plc, ports): (DeviceIndex, &Vec<Port>)| {
             let at = ports.iter().filter(move |port| port.medium == medium);
-            at.map(move |port| Origin { plc: plc as u16, node: port.number }).collect::<Vec<_>>()
+            at.map(move |port| Origin { plc, node: port.number }).collect::<Vec<_>>()
         };
-        self.of_device.iter().enumerate().flat_map(of_device)
+        DeviceIndex::enumerate(&self.of_device).flat_map(of_device)
     }
 
     /// Ports at the places of each medium; each port that is plugged in gets the next place.
@@ -102,8 +104,8 @@ impl Ports {
     }
 
     /// The port with this number.
-    pub(super) fn find(&self, device: usize, number: u8) -> Option<&Port> {
-        self.of_device.get(device)?.iter().find(|port| port.number == number)
+    pub(super) fn find(&self, device: DeviceIndex, number: u8) -> Option<&Port> {
+        self.of_device.get(device.index())?.iter().find(|port| port.number == number)
     }
 
     /// The ports of each device, in the order in which they were plugged in.
@@ -114,23 +116,25 @@ impl Ports {
 
 impl Plant {
     /// The ports that are plugged in at bus number `bus`.
-    pub fn ports_at(&self, bus: usize) -> Vec<Origin> {
+    pub fn ports_at(&self, bus: BusIndex) -> Vec<Origin> {
         self.ports.at(bus).collect()
     }
 
     /// Device `index` starts, and its ports after it.
-    pub(super) fn start(&mut self, index: usize) {
+    pub(super) fn start(&mut self, index: DeviceIndex) {
         let Plant { now, devices, media, ports, journal, .. } = self;
-        let (Some(device), Some(ports)) = (devices.get_mut(index), ports.of_device.get(index)) else {
+        let (Some(device), Some(ports)) =
+            (devices.get_mut(index.index()), ports.of_device.get(index.index()))
+        else {
             return;
         };
-        let origin = Origin { plc: index as u16, node: 0 };
+        let origin = Origin { plc: index, node: 0 };
         let now = *now;
         device.start(&mut Context { now, journal, origin, base: 0 });
         for port in ports {
             let mut of_device = device.ports();
             let address = of_device.as_ref().map_or(0, |ports| ports.address(port.number));
-            if !media[port.medium].power_on(port.place, address, now, journal)
+            if !media[port.medium.index()].power_on(port.place, address, now, journal)
                 && let Some(of_device) = &mut of_device
             {
                 of_device.address_taken(&mut Context { now, journal, origin, base: 0 }, port.number);
@@ -139,15 +143,17 @@ impl Plant {
     }
 
     /// Device `index` stops, and its ports after it leave their media.
-    fn stop(&mut self, index: usize) {
+    fn stop(&mut self, index: DeviceIndex) {
         let Plant { now, devices, media, ports, journal, .. } = self;
-        let (Some(device), Some(ports)) = (devices.get_mut(index), ports.of_device.get_mut(index)) else {
+        let (Some(device), Some(ports)) =
+            (devices.get_mut(index.index()), ports.of_device.get_mut(index.index()))
+        else {
             return;
         };
-        let origin = Origin { plc: index as u16, node: 0 };
+        let origin = Origin { plc: index, node: 0 };
         device.stop(&mut Context { now: *now, journal, origin, base: 0 });
         for port in ports {
-            media[port.medium].power_off(port.place, *now, journal);
+            media[port.medium.index()].power_off(port.place, *now, journal);
             port.takes_part = false;
             if let Some(ports) = device.ports() {
                 ports.port_joined(port.number, false);
@@ -156,28 +162,28 @@ impl Plant {
     }
 
     /// Takes the action that polling the front of device `index` requires.
-    pub(super) fn follow(&mut self, look: FrontAction, index: usize) {
+    pub(super) fn follow(&mut self, look: FrontAction, index: DeviceIndex) {
         self.is_rescheduled |= !matches!(look, FrontAction::Nothing | FrontAction::Answered);
         match look {
             FrontAction::Nothing | FrontAction::Answered => {}
             FrontAction::Held => self.stop(index),
             FrontAction::Off => {
-                if self.devices[index].is_up() {
+                if self.devices[index.index()].is_up() {
                     self.stop(index);
                 }
-                self.devices[index].supply_failed();
+                self.devices[index.index()].supply_failed();
             }
             FrontAction::Up => self.start(index),
         }
     }
 
     /// The firmware of all ports of device `index` polls its control registers.
-    pub(super) fn ports_look(&mut self, index: usize) {
-        let mut of_device = self.devices[index].ports();
-        for port in &mut self.ports.of_device[index] {
-            let medium = &mut self.media[port.medium];
+    pub(super) fn ports_look(&mut self, index: DeviceIndex) {
+        let mut of_device = self.devices[index.index()].ports();
+        for port in &mut self.ports.of_device[index.index()] {
+            let medium = &mut self.media[port.medium.index()];
             let takes_part = medium.processor_cycle(port.place, self.now, &mut self.journal);
-            self.schedule.set(port.medium, medium.next_time());
+            self.schedule.set(port.medium.index(), medium.next_time());
             let has_changed = core::mem::replace(&mut port.takes_part, takes_part) != takes_part;
             let Some(of_device) = &mut of_device else { continue };
             if has_changed {
@@ -188,26 +194,26 @@ impl Plant {
     }
 
     /// Passes a SYNC edge on to the media with masters that take it over from medium `from` (decision D-12).
-    pub(super) fn forward_sync(&mut self, from: usize, signal: SyncSignal) {
-        for &(device, port, _) in &self.ports.ways[from] {
-            let port = self.ports.of_device[device][port];
-            let medium = &mut self.media[port.medium];
+    pub(super) fn forward_sync(&mut self, from: BusIndex, signal: SyncSignal) {
+        for &(device, port, _) in &self.ports.ways[from.index()] {
+            let port = self.ports.of_device[device.index()][port];
+            let medium = &mut self.media[port.medium.index()];
             if let Some(sync) = medium.sync_mut()
                 && sync.takes_sync(port.place)
             {
                 sync.forwarded_edge(port.place, self.now, signal, &mut self.journal);
-                self.schedule.set(port.medium, medium.next_time());
+                self.schedule.set(port.medium.index(), medium.next_time());
             }
         }
     }
 
     /// Emulated time of the next SYNC edge on the medium at port `port` of device `device`; `None` while there is no SYNC
     /// signal.
-    pub fn next_sync(&self, device: usize, port: u8) -> Option<u64> {
+    pub fn next_sync(&self, device: DeviceIndex, port: u8) -> Option<u64> {
         let mut medium = self.ports.find(device, port)?.medium;
         // Follows a forwarded signal to the master that generates it; the number of media limits the number of steps.
         for _ in 0..self.media.len() {
-            if let Some(time) = self.media.get(medium)?.sync()?.next_sync() {
+            if let Some(time) = self.media.get(medium.index())?.sync()?.next_sync() {
                 return Some(time);
             }
             medium = self.sync_comes_from(medium)?.medium;
@@ -216,29 +222,29 @@ impl Plant {
     }
 
     /// The port with the SYNC signal that the master at a medium passes on now.
-    fn sync_comes_from(&self, medium: usize) -> Option<Port> {
-        let sync = self.media.get(medium)?.sync()?;
-        let takes_it = |&&(device, to, _): &&(usize, usize, usize)| {
-            let port = self.ports.of_device[device][to];
+    fn sync_comes_from(&self, medium: BusIndex) -> Option<Port> {
+        let sync = self.media.get(medium.index())?.sync()?;
+        let takes_it = |&&(device, to, _): &&(DeviceIndex, usize, usize)| {
+            let port = self.ports.of_device[device.index()][to];
             port.medium == medium && sync.takes_sync(port.place)
         };
         let &(device, _, from) = self.ports.ways.iter().flatten().find(takes_it)?;
-        Some(self.ports.of_device[device][from])
+        Some(self.ports.of_device[device.index()][from])
     }
 
     /// Describes in words why there is no SYNC signal at port `port` of device `device`, when [`Plant::next_sync`]
     /// returns `None`.
-    pub fn why_no_sync(&self, device: usize, port: u8) -> String {
+    pub fn why_no_sync(&self, device: DeviceIndex, port: u8) -> String {
         let names = self.names();
         let Some(mut at) = self.ports.find(device, port).copied() else {
             return "the port is not there".to_owned();
         };
-        let origin = |at: Port| Origin { plc: self.device_of(at) as u16, node: at.number };
+        let origin = |at: Port| Origin { plc: self.device_of(at), node: at.number };
         let name = |it: Origin| names.source(Source::Node(it));
         let mut way = String::new();
         for _ in 0..=self.media.len() {
-            let medium = &self.media[at.medium];
-            let is_plugged = at.medium < self.named_media;
+            let medium = &self.media[at.medium.index()];
+            let is_plugged = at.medium.index() < self.named_media;
             let here = if is_plugged { format!("bus '{}'", medium.name()) } else { name(origin(at)) };
             let master = |port| {
                 if is_plugged { format!("the master of {here}, {},", name(port)) } else { name(port) }
@@ -274,11 +280,12 @@ impl Plant {
     }
 
     fn is_up(&self, port: Origin) -> bool {
-        self.devices.get(usize::from(port.plc)).is_some_and(|device| device.is_up())
+        self.devices.get(port.plc.index()).is_some_and(|device| device.is_up())
     }
 
-    fn device_of(&self, port: Port) -> usize {
+    fn device_of(&self, port: Port) -> DeviceIndex {
         let is_it = |other: &Port| (other.medium, other.place) == (port.medium, port.place);
-        self.ports.of_device.iter().position(|ports| ports.iter().any(is_it)).unwrap_or_default()
+        let device = self.ports.of_device.iter().position(|ports| ports.iter().any(is_it));
+        device.map(DeviceIndex::at).unwrap_or_default()
     }
 }

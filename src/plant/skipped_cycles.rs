@@ -88,7 +88,7 @@ impl Plant {
         let mut devices = self.devices.iter().zip(self.ports.of_devices());
         devices.all(|(device, ports)| {
             let in_vain =
-                |port: &Port| self.media[port.medium].poll_changes_nothing(port.place, now, is_seen);
+                |port: &Port| self.media[port.medium.index()].poll_changes_nothing(port.place, now, is_seen);
             (is_seen || device.poll_changes_nothing()) && (!device.is_up() || ports.iter().all(in_vain))
         })
     }
@@ -100,7 +100,7 @@ impl Plant {
         self.faults.is_empty()
             && devices.all(|(device, ports)| {
                 let mut ports = ports.iter();
-                let rest = |port: &Port| self.media[port.medium].is_quiescent(port.place);
+                let rest = |port: &Port| self.media[port.medium.index()].is_quiescent(port.place);
                 (!device.is_up() || ports.all(rest)) && device.is_quiescent()
             })
     }

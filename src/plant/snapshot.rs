@@ -323,7 +323,7 @@ impl Plant {
         self.forces.restore(from)?;
         let forces = self.forces.list();
         let is_right = |forced: &super::Forced| {
-            let device = self.devices.get(usize::from(forced.plc));
+            let device = self.devices.get(forced.plc.index());
             device.is_some_and(|device| forced.check(device.layout()).is_ok())
         };
         from.check(forces.iter().all(is_right), "register that can be forced")?;

@@ -2,6 +2,7 @@
 
 use super::Plant;
 use crate::devices::Context;
+use crate::identity::DeviceIndex;
 use crate::journal::{By, ChannelWrite, Origin};
 
 impl Plant {
@@ -18,7 +19,7 @@ impl Plant {
         for (watch, ports) in watches.iter_mut().zip(ports.of_devices()) {
             watch.look(*now, journal);
             for port in ports {
-                if let Some(watch) = media[port.medium].watch() {
+                if let Some(watch) = media[port.medium.index()].watch() {
                     watch.judge_writes(port.place, *now, journal);
                 }
             }
@@ -36,7 +37,7 @@ impl Plant {
         for (watch, ports) in watches.iter_mut().zip(ports.of_devices()) {
             watch.leave();
             for port in ports {
-                if let Some(watch) = media[port.medium].watch() {
+                if let Some(watch) = media[port.medium.index()].watch() {
                     watch.store_baseline(port.place);
                 }
             }
@@ -44,33 +45,35 @@ impl Plant {
     }
 
     /// Records a register write that came through the channel.
-    pub fn note_channel_write(&mut self, plc: usize, offset: u32, width: u8, value: u32) {
+    pub fn note_channel_write(&mut self, plc: DeviceIndex, offset: u32, width: u8, value: u32) {
         (self.has_looked, self.is_seen) = (false, false);
         self.forces.apply(&self.devices);
         self.keep_changes(By::Channel);
-        self.journal.push(self.now, ChannelWrite { plc: plc as u16, offset, width, value });
-        let Some(device) = self.devices.get_mut(plc) else { return };
+        self.journal.push(self.now, ChannelWrite { plc, offset, width, value });
+        let Some(device) = self.devices.get_mut(plc.index()) else { return };
         if device.address_writes().is_some_and(|writes| writes.answers_write(offset)) {
             self.look_for_writes();
-            let origin = Origin { plc: plc as u16, node: 0 };
+            let origin = Origin { plc, node: 0 };
             let ctx = &mut Context { now: self.now, journal: &mut self.journal, origin, base: 0 };
-            if let Some(writes) = self.devices[plc].address_writes() {
+            if let Some(writes) = self.devices[plc.index()].address_writes() {
                 writes.answer_write(ctx);
             }
             self.leave();
         }
-        if let Some(writes) = self.devices[plc].address_writes() {
+        if let Some(writes) = self.devices[plc.index()].address_writes() {
             writes.written_by_address(offset, width.into());
         }
         self.judge_channel_write(plc, offset, width.into());
     }
 
-    fn judge_channel_write(&mut self, device: usize, offset: u32, bytes: u32) {
+    fn judge_channel_write(&mut self, device: DeviceIndex, offset: u32, bytes: u32) {
         let Plant { now, media, ports, journal, watches, .. } = self;
-        if let (Some(watch), Some(ports)) = (watches.get_mut(device), ports.of_devices().nth(device)) {
+        if let (Some(watch), Some(ports)) =
+            (watches.get_mut(device.index()), ports.of_devices().nth(device.index()))
+        {
             watch.written(offset, bytes, *now, journal);
             for port in ports {
-                if let Some(watch) = media[port.medium].watch() {
+                if let Some(watch) = media[port.medium.index()].watch() {
                     watch.judge_write(port.place, offset, bytes, *now, journal);
                 }
             }

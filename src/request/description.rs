@@ -10,6 +10,7 @@ use crate::can::Frame;
 use crate::devices::DriveDetails;
 use crate::door::DoorSpec;
 use crate::fault::{Fault, FaultStatus};
+use crate::identity::{BusIndex, DeviceIndex};
 use crate::journal::{Change, Entry, Keep, Record, Turn};
 use crate::layout::Test;
 use crate::memory::Width;

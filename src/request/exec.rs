@@ -16,6 +16,7 @@ use super::op::Class;
 use super::ops::ops;
 use super::register::Register;
 use super::{Host, Op, Refused, Reply};
+use crate::identity::DeviceIndex;
 use crate::layout::Test;
 
 /// An operation in progress.
@@ -91,8 +92,8 @@ macro_rules! dispatch {
 
 ops!(dispatch);
 
-fn plc_name(host: &dyn Host, plc: u16) -> &str {
-    host.plant().devices().get(usize::from(plc)).map_or("", |device| device.name())
+fn plc_name(host: &dyn Host, plc: DeviceIndex) -> &str {
+    host.plant().devices().get(plc.index()).map_or("", |device| device.name())
 }
 
 #[cfg(test)]

@@ -18,7 +18,7 @@ macro_rules! ops {
             /// Reads a register.
             Peek = 1, peek, Looks -> Value {
                 /// Number of the PLC.
-                plc: u16 => plc,
+                plc: DeviceIndex => plc,
                 /// Byte offset of the register.
                 offset: u32 => offset,
                 /// Its width.
@@ -27,7 +27,7 @@ macro_rules! ops {
             /// Writes a register.
             Poke = 2, poke, Stores -> Written {
                 /// Number of the PLC.
-                plc: u16 => plc,
+                plc: DeviceIndex => plc,
                 /// Byte offset of the register.
                 offset: u32 => offset,
                 /// Its width.
@@ -38,7 +38,7 @@ macro_rules! ops {
             /// Writes `new` if the register holds `current`.
             CompareExchange = 3, compare_exchange, Stores -> Exchanged {
                 /// Number of the PLC.
-                plc: u16 => plc,
+                plc: DeviceIndex => plc,
                 /// Byte offset of the register.
                 offset: u32 => offset,
                 /// Its width.
@@ -51,7 +51,7 @@ macro_rules! ops {
             /// Copies bytes. Registers may tear against each other, never within themselves.
             ReadRange = 4, read_range, Looks -> Bytes {
                 /// Number of the PLC.
-                plc: u16 => plc,
+                plc: DeviceIndex => plc,
                 /// Byte offset of the first byte.
                 offset: u32 => offset,
                 /// Number of bytes.
@@ -61,7 +61,7 @@ macro_rules! ops {
             /// with code 10 and the last value if that does not happen in time.
             Wait = 5, wait, Advances -> Waited {
                 /// Number of the PLC.
-                plc: u16 => plc,
+                plc: DeviceIndex => plc,
                 /// Byte offset of the register.
                 offset: u32 => offset,
                 /// Its width.
@@ -76,7 +76,7 @@ macro_rules! ops {
             /// Adds a condition for the next `wait_for` or `back_until` of the request, at most 32.
             Condition = 13, condition, Advances -> Written {
                 /// Number of the PLC.
-                plc: u16 => plc,
+                plc: DeviceIndex => plc,
                 /// Byte offset of the register.
                 offset: u32 => offset,
                 /// Its width.
@@ -102,7 +102,7 @@ macro_rules! ops {
             /// Advances the clock to the next SYNC of the bus at a port; stepped mode only.
             AdvanceToSync = 7, advance_to_sync, Advances -> Time {
                 /// Number of the PLC.
-                plc: u16 => plc,
+                plc: DeviceIndex => plc,
                 /// Number of the port of that PLC.
                 node: u8 => node,
             },
@@ -122,7 +122,7 @@ macro_rules! ops {
             /// Records all changes from now on of the registers in a range. The plant runs as it would without it.
             Follow = 70, follow, Acts -> Written {
                 /// Number of the PLC.
-                plc: u16 => plc,
+                plc: DeviceIndex => plc,
                 /// Byte offset of the first byte.
                 offset: u32 => offset,
                 /// Number of bytes.
@@ -134,7 +134,7 @@ macro_rules! ops {
             /// Returns 1 if all changes of a register are recorded in the journal, else 0.
             IsRecorded = 86, is_recorded, Looks -> Value {
                 /// Number of the PLC.
-                plc: u16 => plc,
+                plc: DeviceIndex => plc,
                 /// Byte offset of the register.
                 offset: u32 => offset,
             },
@@ -149,7 +149,7 @@ macro_rules! ops {
             /// Forces a register: it keeps the value against firmware and PLC.
             Force = 30, force, Acts -> Written {
                 /// Number of the PLC.
-                plc: u16 => plc,
+                plc: DeviceIndex => plc,
                 /// Byte offset of the register.
                 offset: u32 => offset,
                 /// Its width.
@@ -160,7 +160,7 @@ macro_rules! ops {
             /// Releases a forced register.
             Unforce = 31, unforce, Acts -> Written {
                 /// Number of the PLC.
-                plc: u16 => plc,
+                plc: DeviceIndex => plc,
                 /// Byte offset of the register.
                 offset: u32 => offset,
                 /// Its width.
@@ -184,13 +184,13 @@ macro_rules! ops {
             /// Reads a PLC's board.
             Board = 40, board, Looks -> Board {
                 /// Number of the PLC.
-                plc: u16 => plc,
+                plc: DeviceIndex => plc,
             },
             /// Changes a setting of a PLC's board, at the present emulated time. A start that is not possible is
             /// refused.
             SetBoard = 41, set_board, Acts -> Written {
                 /// Number of the PLC.
-                plc: u16 => plc,
+                plc: DeviceIndex => plc,
                 /// The setting.
                 #[serde(with = "forms::setting")]
                 setting: BoardSetting => offset value,
@@ -222,21 +222,21 @@ macro_rules! ops {
             /// Opens a door to a bus.
             DoorOpen = 61, door_open, Manages -> DoorOpened {
                 /// Number of the bus.
-                bus: u16 => plc,
+                bus: BusIndex => plc,
                 /// The door.
                 door: DoorSpec => width node value,
             },
             /// Closes doors to a bus; their guests leave.
             DoorClose = 62, door_close, Manages -> DoorsClosed {
                 /// Number of the bus.
-                bus: u16 => plc,
+                bus: BusIndex => plc,
                 /// The door, with its real port or number; `None`: all.
                 door: Option<DoorSpec> => width node value,
             },
             /// Takes part in a bus from now on, and sends a frame if one is given.
             BusSend = 63, bus_send, Acts -> Written {
                 /// Number of the bus.
-                bus: u16 => plc,
+                bus: BusIndex => plc,
                 /// The frame.
                 #[serde(with = "forms::frame")]
                 frame: Option<Frame> => width node offset time_us,

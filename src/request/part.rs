@@ -82,10 +82,11 @@ pub fn read_journal<E: From<WrongReply>>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::identity::DeviceIndex;
     use crate::journal::{ChannelWrite, Event};
 
     fn record(seq: u64) -> Record {
-        let event = Event::from(ChannelWrite { plc: 0, offset: 200_000, width: 2, value: 1 });
+        let event = Event::from(ChannelWrite { plc: DeviceIndex(0), offset: 200_000, width: 2, value: 1 });
         Record { seq, time_us: seq, event, count: 1, period_us: 0, latency_us: None }
     }
 

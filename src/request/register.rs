@@ -1,19 +1,25 @@
 //! The register that an operation names, and the reasons to refuse it.
 
 use super::{Code, Host, Refused, Waited};
+use crate::identity::DeviceIndex;
 use crate::layout::{Address, DeviceLayout, NamedLocation, Owner, Test, Width, plc_prefix};
 use crate::plant::ForceError;
 
 /// A register with an existing PLC and an address that suits its width.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Register {
-    pub plc: usize,
+    pub plc: DeviceIndex,
     device: &'static DeviceLayout,
     pub address: Address,
 }
 
 impl Register {
-    pub(crate) fn check(host: &dyn Host, plc: u16, offset: u32, width: Width) -> Result<Self, Refused> {
+    pub(crate) fn check(
+        host: &dyn Host,
+        plc: DeviceIndex,
+        offset: u32,
+        width: Width,
+    ) -> Result<Self, Refused> {
         let plc = known_plc(host, plc)?;
         let device = device_of(host, plc);
         let address = device.at(width, offset);
@@ -27,7 +33,7 @@ impl Register {
     /// Name and address for messages, with the PLC if there are several: `saw:node2.w_CPU_CONTROL (%MW3.200000)`.
     pub(crate) fn label(self, host: &dyn Host) -> String {
         let names = host.plant().names();
-        let plc = self.plc as u16;
+        let plc = self.plc;
         let prefix = plc_prefix(&names.plcs, plc);
         let Ok(place) = NamedLocation::parse(&names.fitted(plc), &self.address.to_string()) else {
             return format!("{prefix}{}", self.address);
@@ -118,14 +124,14 @@ impl Register {
 }
 
 /// The registers of a PLC that exists.
-pub(super) fn device_of(host: &dyn Host, plc: usize) -> &'static DeviceLayout {
-    host.plant().devices().get(plc).map_or(&DeviceLayout::UNKNOWN, |device| device.layout())
+pub(super) fn device_of(host: &dyn Host, plc: DeviceIndex) -> &'static DeviceLayout {
+    host.plant().devices().get(plc.index()).map_or(&DeviceLayout::UNKNOWN, |device| device.layout())
 }
 
-pub(super) fn known_plc(host: &dyn Host, plc: u16) -> Result<usize, Refused> {
+pub(super) fn known_plc(host: &dyn Host, plc: DeviceIndex) -> Result<DeviceIndex, Refused> {
     let count = host.plant().devices().len();
-    if usize::from(plc) < count {
-        return Ok(plc.into());
+    if plc.index() < count {
+        return Ok(plc);
     }
     let text = format_args!("PLC {plc} does not exist; the instance has {count}, numbered from 0");
     Err(Refused::new(Code::UNKNOWN_PLC, text))

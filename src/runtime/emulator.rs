@@ -15,6 +15,7 @@ use super::novram::{Directory, Keeper, Novram, RestoreOutcome};
 use super::open_files;
 use super::watch::Watch;
 use crate::door::DoorSpec;
+use crate::identity::{BusIndex, DeviceIndex};
 use crate::journal::Keep;
 use crate::memory::{Header, Image, ImageSpec, InstanceLock, MemoryError, View, room};
 use crate::plant::{FollowError, Plant, PlantConfig, Snapshot};
@@ -218,8 +219,8 @@ impl Emulator {
 
     /// The open doors, each with the name of its bus.
     pub fn doors(&self) -> Vec<(&str, DoorSpec)> {
-        let media = self.plant.media().iter().enumerate();
-        let of_bus = |bus: usize| self.guests.open_doors(bus as u16).into_iter();
+        let media = BusIndex::enumerate(self.plant.media());
+        let of_bus = |bus: BusIndex| self.guests.open_doors(bus).into_iter();
         media.flat_map(|(bus, medium)| of_bus(bus).map(|door| (medium.name(), door.door))).collect()
     }
 
@@ -243,7 +244,7 @@ impl Emulator {
     ///
     /// # Errors
     /// As [`Plant::follow_registers`].
-    pub fn keep_changes(&mut self, plc: u16, offset: u32, len: u32) -> Result<(), FollowError> {
+    pub fn keep_changes(&mut self, plc: DeviceIndex, offset: u32, len: u32) -> Result<(), FollowError> {
         self.plant.follow_registers(plc.into(), offset, len, Keep::InJournal)
     }
 
@@ -328,9 +329,9 @@ impl Emulator {
     /// Writes changed NOVRAM.
     fn save_novram(&mut self, last: bool) {
         let (devices, images) = (self.plant.devices(), &self.images);
-        let is_lost = |plc: usize| images.get(plc).is_some_and(Image::was_shortened);
-        let stored = |plc: usize| {
-            let device = devices.get(plc).filter(|_| !is_lost(plc))?;
+        let is_lost = |plc: DeviceIndex| images.get(plc.index()).is_some_and(Image::was_shortened);
+        let stored = |plc: DeviceIndex| {
+            let device = devices.get(plc.index()).filter(|_| !is_lost(plc))?;
             Some(device.novram().map_or((&[][..], 0), |novram| novram.contents()))
         };
         self.novram.save(stored, last);

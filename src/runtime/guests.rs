@@ -5,6 +5,7 @@
 
 use crate::devices::{Attendance, GuestRefusal};
 use crate::door::{BusMessage, DoorError, DoorState, Doors, Guest, GuestRequests, GuestTurn, Rate};
+use crate::identity::BusIndex;
 use crate::journal::Source;
 use crate::plant::{Plant, PlantConfig};
 use std::sync::Arc;
@@ -47,7 +48,7 @@ impl Guests {
         let mut doors = Doors::new(ring);
         for (bus, medium) in config.media.iter().enumerate() {
             for door in medium.doors() {
-                doors.open(bus as u16, *door)?;
+                doors.open(BusIndex::at(bus), *door)?;
             }
         }
         Ok(Guests { doors, present: Vec::new(), next: 0 })
@@ -64,7 +65,7 @@ impl Guests {
     }
 
     /// The doors of a bus.
-    pub(super) fn open_doors(&self, bus: u16) -> Vec<DoorState> {
+    pub(super) fn open_doors(&self, bus: BusIndex) -> Vec<DoorState> {
         self.doors.of_bus(bus)
     }
 
@@ -282,14 +283,14 @@ impl GuestEntry {
 
     /// Description of the guest.
     fn label(&self, plant: &Plant) -> String {
-        let bus = plant.media().get(usize::from(self.guest.bus)).map_or("", |medium| medium.name());
+        let bus = plant.media().get(self.guest.bus.index()).map_or("", |medium| medium.name());
         format!("guest{} at door {} of bus '{bus}'", self.guest.number, self.guest.door)
     }
 
     /// Reads the wishes of the guest.
     fn learn(&mut self, plant: &mut Plant) {
         self.requests = self.guest.requests();
-        let bit_s = plant.media().get(usize::from(self.guest.bus)).map_or(0, |medium| medium.bit_s());
+        let bit_s = plant.media().get(self.guest.bus.index()).map_or(0, |medium| medium.bit_s());
         self.guest.is_at(bit_s);
         self.fits = self.requests.rate.is_none_or(|rate| rate.fits(bit_s));
         let deaf = self.requests.rate.filter(|_| self.requests.hears && !self.fits).map(|rate| (rate, bit_s));
@@ -359,7 +360,7 @@ mod tests {
     fn a_frame_that_comes_while_guests_are_brought_in_is_not_lost() {
         let (config, mut plant) = plant(OPEN);
         let mut guests = Guests::new(&config, || {}).unwrap();
-        let [one, other] = [1, 2].map(|number| Guest::of_a_test(0, number));
+        let [one, other] = [1, 2].map(|number| Guest::of_a_test(BusIndex(0), number));
         for guest in [&one, &other] {
             guests.present.push(GuestEntry::new(Arc::clone(guest)));
         }
@@ -385,7 +386,7 @@ mod tests {
             let (config, mut plant) =
                 plant(&OPEN.replace("'can'", &format!("'{kind}'")).replace("125", "500"));
             let mut guests = Guests::new(&config, || {}).unwrap();
-            let guest = Guest::of_a_test(0, 1);
+            let guest = Guest::of_a_test(BusIndex(0), 1);
             guests.present.push(GuestEntry::new(Arc::clone(&guest)));
             guest.opens();
             (0..200).for_each(|_| says(&guest));

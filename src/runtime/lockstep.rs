@@ -5,6 +5,7 @@
 //! higher level interrupts one of a lower level, which then takes that much longer. Tasks of the same level wait for
 //! each other (manual 5.00005.03a p. 43-44, 73). A task that dies, leaves or takes too long is given up.
 
+use crate::identity::DeviceIndex;
 use crate::memory::header::{SEAT_ORDERS, Seat, SeatState};
 use crate::memory::{Header, View, bell};
 use crate::plant::Plant;
@@ -15,7 +16,7 @@ const LIVENESS: Duration = Duration::from_millis(20);
 
 /// A task with a seat.
 struct Task {
-    plc: usize,
+    plc: DeviceIndex,
     seat: View<Seat>,
     event: usize,
     level: u8,
@@ -74,7 +75,7 @@ pub(crate) trait Witness {
     fn boards(&mut self, plant: &mut Plant) -> bool;
 
     /// Called after the plant has recorded a new state of a task.
-    fn task(&mut self, plc: usize, event: usize, state: SeatState);
+    fn task(&mut self, plc: DeviceIndex, event: usize, state: SeatState);
 }
 
 /// A witness for a plant without federation.
@@ -85,7 +86,7 @@ impl Witness for NoWitness {
         plant.look_at_boards()
     }
 
-    fn task(&mut self, _: usize, _: usize, _: SeatState) {}
+    fn task(&mut self, _: DeviceIndex, _: usize, _: SeatState) {}
 }
 
 /// Total number of orders, power-ons and resets of a board.
@@ -93,7 +94,7 @@ fn orders_of(header: &Header) -> u32 {
     header.program.start.rings().wrapping_add(header.program.restarts.load())
 }
 
-fn note(plant: &mut Plant, witness: &mut dyn Witness, plc: usize, event: usize, state: SeatState) {
+fn note(plant: &mut Plant, witness: &mut dyn Witness, plc: DeviceIndex, event: usize, state: SeatState) {
     plant.note_lockstep(plc, event, state);
     witness.task(plc, event, state);
 }
@@ -111,17 +112,17 @@ impl Lockstep {
             return false;
         }
         let mut changed = false;
-        for plc in 0..self.headers.len() {
-            let requests = self.headers[plc].board_requests.load();
-            if requests != self.requests[plc] {
-                self.requests[plc] = requests;
+        for plc in DeviceIndex::first(self.headers.len()) {
+            let requests = self.headers[plc.index()].board_requests.load();
+            if requests != self.requests[plc.index()] {
+                self.requests[plc.index()] = requests;
                 changed |= self.look_at(plc, plant, witness);
             }
         }
         changed
     }
 
-    fn look_at(&mut self, plc: usize, plant: &mut Plant, witness: &mut dyn Witness) -> bool {
+    fn look_at(&mut self, plc: DeviceIndex, plant: &mut Plant, witness: &mut dyn Witness) -> bool {
         let before = self.tasks.len();
         self.tasks.retain(|task| {
             let stays = task.plc != plc || task.has_seat();
@@ -131,8 +132,8 @@ impl Lockstep {
             stays
         });
         let mut changed = self.tasks.len() != before;
-        for place in 0..self.headers[plc].lockstep.len() {
-            let seat = self.headers[plc].project(|header| &header.lockstep[place]);
+        for place in 0..self.headers[plc.index()].lockstep.len() {
+            let seat = self.headers[plc.index()].project(|header| &header.lockstep[place]);
             match SeatState::from_code(seat.state.load()) {
                 Some(SeatState::Asking) => self.seat(plc, seat, plant, witness),
                 Some(SeatState::Refused | SeatState::Lost) if seat.bury() => {}
@@ -144,12 +145,12 @@ impl Lockstep {
         changed
     }
 
-    fn seat(&mut self, plc: usize, seat: View<Seat>, plant: &mut Plant, witness: &mut dyn Witness) {
+    fn seat(&mut self, plc: DeviceIndex, seat: View<Seat>, plant: &mut Plant, witness: &mut dyn Witness) {
         let mut found = None;
         let answer = seat.decide(|event| {
             let number = (event & !SEAT_ORDERS) as usize;
             // Read before the task learns that it is seated, so no later event is missed.
-            let seen = self.headers[plc].events.get(number).map(|slot| slot.bell.rings());
+            let seen = self.headers[plc.index()].events.get(number).map(|slot| slot.bell.rings());
             found = plant.event_level(plc, number).zip(seen).filter(|_| self.stepped);
             found.is_some()
         });
@@ -157,7 +158,8 @@ impl Lockstep {
         let Some((asked, _)) = answer else { return };
         let event = (asked & !SEAT_ORDERS) as usize;
         // An order may have been given before the task joined, so its first turn comes immediately.
-        let orders = (asked & SEAT_ORDERS != 0).then(|| orders_of(&self.headers[plc]).wrapping_sub(1));
+        let orders =
+            (asked & SEAT_ORDERS != 0).then(|| orders_of(&self.headers[plc.index()]).wrapping_sub(1));
         let Some((level, seen)) = found else {
             note(plant, witness, plc, event, SeatState::Refused);
             return;
@@ -167,11 +169,11 @@ impl Lockstep {
     }
 
     /// Makes the plant stop at the events that tasks of a PLC wait for.
-    fn watch(&self, plc: usize, plant: &mut Plant) {
+    fn watch(&self, plc: DeviceIndex, plant: &mut Plant) {
         plant.watch(plc, self.watched_of(plc));
     }
 
-    fn watched_of(&self, plc: usize) -> u16 {
+    fn watched_of(&self, plc: DeviceIndex) -> u16 {
         let tasks = self.tasks.iter().filter(|task| task.plc == plc);
         tasks.fold(0, |events, task| events | 1 << task.event)
     }
@@ -214,7 +216,7 @@ impl Lockstep {
     /// For each PLC, the events that tasks wait for: bit n for event n.
     #[cfg(feature = "channel")]
     pub(crate) fn watched(&self) -> Vec<u16> {
-        (0..self.headers.len()).map(|plc| self.watched_of(plc)).collect()
+        DeviceIndex::first(self.headers.len()).map(|plc| self.watched_of(plc)).collect()
     }
 
     /// True if the clock waits for a task.
@@ -225,7 +227,7 @@ impl Lockstep {
     /// Description of the task that the clock waits for.
     pub(crate) fn waits_for(&self, plant: &Plant) -> Option<String> {
         let task = self.tasks.get(self.turn.as_ref()?.index)?;
-        let (plc, process) = (plant.devices().get(task.plc)?.name(), task.seat.owner.load());
+        let (plc, process) = (plant.devices().get(task.plc.index())?.name(), task.seat.owner.load());
         Some(format!("the task of event {} of PLC '{plc}' (process {process})", task.event))
     }
 
@@ -233,7 +235,7 @@ impl Lockstep {
     pub(crate) fn present(&self, plant: &Plant) -> Option<String> {
         // Tasks that have left are forgotten only when the clock advances.
         let task = self.tasks.iter().find(|task| !task.gone())?;
-        let (plc, process) = (plant.devices().get(task.plc)?.name(), task.seat.owner.load());
+        let (plc, process) = (plant.devices().get(task.plc.index())?.name(), task.seat.owner.load());
         Some(format!(
             "the task of event {} of PLC '{plc}' (process {process}), which takes part in lockstep,",
             task.event
@@ -283,11 +285,11 @@ impl Lockstep {
     }
 
     fn has_orders(&self, task: &Task) -> bool {
-        task.orders.is_some_and(|seen| seen != orders_of(&self.headers[task.plc]))
+        task.orders.is_some_and(|seen| seen != orders_of(&self.headers[task.plc.index()]))
     }
 
     fn rings(&self, task: &Task) -> u32 {
-        self.headers[task.plc].events[task.event].bell.rings()
+        self.headers[task.plc.index()].events[task.event].bell.rings()
     }
 
     /// True if a task of the same or a higher level of the same PLC is running.
@@ -299,7 +301,7 @@ impl Lockstep {
 
     fn give_turn(&mut self, index: usize, plant: &Plant) {
         let (now, rings) = (plant.now(), self.rings(&self.tasks[index]));
-        let orders = orders_of(&self.headers[self.tasks[index].plc]);
+        let orders = orders_of(&self.headers[self.tasks[index].plc.index()]);
         let task = &mut self.tasks[index];
         if task.until.take().is_none() {
             task.seen = rings;
@@ -329,7 +331,7 @@ impl Lockstep {
     /// send them requests.
     fn await_end(&self, turn: &Turn, plant: &mut Plant, witness: &mut dyn Witness) -> TurnCheck {
         let task = &self.tasks[turn.index];
-        let (header, seat) = (&self.headers[task.plc], &task.seat);
+        let (header, seat) = (&self.headers[task.plc.index()], &task.seat);
         let patience = match seat.patience_ms.load() {
             0 => Duration::MAX,
             ms => Duration::from_millis(ms.into()),

@@ -8,6 +8,7 @@ use super::error::RuntimeError;
 use super::lockstep::Witness;
 use crate::coupling::Coupling;
 use crate::federation::{Exchange, FederateConfig, Federation, FederationError, FederationEvent};
+use crate::identity::DeviceIndex;
 use crate::memory::header::SeatState;
 use crate::plant::Plant;
 use crate::request::Travel;
@@ -65,7 +66,7 @@ impl Witness for Federation {
         self.look_at_boards(plant)
     }
 
-    fn task(&mut self, plc: usize, event: usize, state: SeatState) {
+    fn task(&mut self, plc: DeviceIndex, event: usize, state: SeatState) {
         self.note_task(plc, event, state);
     }
 }

@@ -27,6 +27,7 @@ use super::failure::{FailureKind, JournalLine};
 use super::local::Local;
 use super::{Failure, ScenarioError, ScriptLocation, Value};
 use crate::devices;
+use crate::identity::DeviceIndex;
 use crate::journal::text::Text;
 use crate::journal::{Format, Names, Record};
 use crate::memory::Segment;
@@ -306,7 +307,7 @@ impl Bench {
         Ok(())
     }
 
-    pub(super) fn ram_of(&mut self, plc: u16) -> Result<Ram, ScenarioError> {
+    pub(super) fn ram_of(&mut self, plc: DeviceIndex) -> Result<Ram, ScenarioError> {
         Ok(Ram::of(&self.carrier.segment(plc)?)?)
     }
 

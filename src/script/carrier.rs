@@ -1,6 +1,7 @@
 //! Transport of the verbs' operations to a plant and of its replies.
 
 use super::ScenarioError;
+use crate::identity::DeviceIndex;
 use crate::memory::Segment;
 use crate::request::{Op, Reply};
 
@@ -16,7 +17,7 @@ pub(super) trait Carrier: Send {
     ///
     /// # Errors
     /// There is no such PLC, or its RAM cannot be mapped.
-    fn segment(&mut self, plc: u16) -> Result<Segment, ScenarioError>;
+    fn segment(&mut self, plc: DeviceIndex) -> Result<Segment, ScenarioError>;
 
     /// Hash over all journal records since power-on; `None` if the plant belongs to another process.
     fn journal_hash(&self) -> Option<u64> {

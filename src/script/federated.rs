@@ -5,6 +5,7 @@ use super::ScenarioError;
 use super::carrier::Carrier;
 use super::local::Local;
 use crate::federation::{Exchange, FederateConfig, Federation};
+use crate::identity::DeviceIndex;
 use crate::memory::Segment;
 use crate::memory::header::ABI_VERSION;
 use crate::plant::{Plant, PlantConfig};
@@ -206,8 +207,8 @@ impl Carrier for Federated {
         }
     }
 
-    fn segment(&mut self, plc: u16) -> Result<Segment, ScenarioError> {
-        Ok(self.all[self.own].plant.devices()[usize::from(plc)].segment().clone())
+    fn segment(&mut self, plc: DeviceIndex) -> Result<Segment, ScenarioError> {
+        Ok(self.all[self.own].plant.devices()[plc.index()].segment().clone())
     }
 
     fn journal_hash(&self) -> Option<u64> {

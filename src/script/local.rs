@@ -2,6 +2,7 @@
 
 use super::ScenarioError;
 use super::carrier::Carrier;
+use crate::identity::DeviceIndex;
 use crate::memory::Segment;
 use crate::memory::header::ABI_VERSION;
 use crate::plant::{Plant, PlantConfig};
@@ -38,8 +39,8 @@ impl Carrier for Local {
         }
     }
 
-    fn segment(&mut self, plc: u16) -> Result<Segment, ScenarioError> {
-        let known = self.plant.devices().get(usize::from(plc)).map(|device| device.segment().clone());
+    fn segment(&mut self, plc: DeviceIndex) -> Result<Segment, ScenarioError> {
+        let known = self.plant.devices().get(plc.index()).map(|device| device.segment().clone());
         known.ok_or_else(|| ScenarioError::Unknown {
             what: "PLC",
             name: plc.to_string(),

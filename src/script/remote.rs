@@ -4,6 +4,7 @@ use super::ScenarioError;
 use super::carrier::Carrier;
 use crate::channel::{Client, ClientError};
 use crate::devices;
+use crate::identity::DeviceIndex;
 use crate::memory::{AttachMode, Segment};
 use crate::request::{Op, Reply, WrongReply};
 
@@ -34,8 +35,8 @@ impl Carrier for Remote {
         }
     }
 
-    fn segment(&mut self, plc: u16) -> Result<Segment, ScenarioError> {
-        let name = self.plcs.get(usize::from(plc)).map_or("", String::as_str);
+    fn segment(&mut self, plc: DeviceIndex) -> Result<Segment, ScenarioError> {
+        let name = self.plcs.get(plc.index()).map_or("", String::as_str);
         let (attached, _) = devices::attach(&self.instance, name, AttachMode::ReadWrite)?;
         Ok(attached.segment().clone())
     }

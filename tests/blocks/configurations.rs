@@ -15,6 +15,7 @@ mod d;
 use crate::rig::{BOTH, Memory, segment};
 use commram::devices::cansync::records::{Missed, OmittedFrame};
 use commram::devices::omega_drive_line_2::Plc;
+use commram::identity::DeviceIndex;
 use commram::journal::{Event, Rule};
 use commram::memory::Image;
 use commram::memory::header::Start;
@@ -236,8 +237,8 @@ fn a_program_with_opt_init_starts_again() {
     // Another program, then the supply: cold start both times.
     for cycle in [false, true] {
         if cycle {
-            stage.plant.set_power(0, Power::Off);
-            stage.plant.set_power(0, Power::On);
+            stage.plant.set_power(DeviceIndex(0), Power::Off);
+            stage.plant.set_power(DeviceIndex(0), Power::On);
         }
         let mut tasks = stage.load(12, c::Master::new(stage.ram.clone()).unwrap());
         stage.run(&mut tasks);

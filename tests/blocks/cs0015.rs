@@ -2,6 +2,7 @@
 
 use commram::devices::cs0015::blocks::*;
 use commram::devices::cs0015::registers::{CS0015_FLAGS, CS0015_TX_PDO, FLAGS, TX_PDO};
+use commram::identity::DeviceIndex;
 use commram::memory::{MemoryError, Segment};
 use commram::plant::{Plant, PlantConfig, Power};
 use commram::plc::Direction;
@@ -159,10 +160,10 @@ fn a_master_starts_its_slave_and_has_it_back_after_a_failure() -> Result<(), Box
     bench.step();
     assert_eq!([&flags.COP_EVENT_RESETCOM, &flags.COP_EVENT_RESETNODE].map(|flag| flag.load()), [1, 1]);
     assert_eq!(bench.guard(25), 0);
-    bench.plant.set_power(1, Power::Off);
+    bench.plant.set_power(DeviceIndex(1), Power::Off);
     assert_eq!(bench.guard(100), 5, "missing");
     assert_eq!(bench.flags(0)?.COP_GUARDFAIL_NODEID.load(), 5);
-    bench.plant.set_power(1, Power::On);
+    bench.plant.set_power(DeviceIndex(1), Power::On);
     assert_eq!((bench.guard(100), bench.state()), (0, 5), "AUTO_RESTART");
     assert_eq!(once(&mut bench, 0, NMM_STOP_GUARDING { NODE: 5, ..Default::default() }).RESULT, 0);
     assert_eq!(once(&mut bench, 0, NMM_STOP_GUARDING { NODE: 6, ..Default::default() }).RESULT, 2);

@@ -3,6 +3,7 @@
 
 use crate::rig::{Memory, RigError, segment};
 use crate::snapshots::bring_up;
+use commram::identity::DeviceIndex;
 use commram::layout::{DeviceFit, DeviceLayout};
 use commram::memory::header::{BoardSetting, Power, RunSwitch};
 use commram::memory::{Image, Width};
@@ -132,15 +133,19 @@ fn answers_after_power_on(rig: &mut Rig) {
     let Rig { plant, files, layouts, .. } = rig;
     for plc in 0..DEVICES {
         for setting in [BoardSetting::Switch(RunSwitch::Run), BoardSetting::Power(Power::On)] {
-            plant.set_board(plc, setting);
+            plant.set_board(DeviceIndex::at(plc), setting);
         }
-        plant.set_board(plc, BoardSetting::PowerCycle);
+        plant.set_board(DeviceIndex::at(plc), BoardSetting::PowerCycle);
     }
     for (plc, area) in [(0, "node2"), (1, "slotG")] {
         let first = u64::from(layouts[plc].area(area).unwrap().first);
         write(&files[plc], first, &1u16.to_le_bytes());
         plant.advance_to(plant.now() + 20_000);
-        assert_eq!(plant.load(plc, first as u32 + 2, Width::Word), Ok(2), "{area} answers the handshake");
+        assert_eq!(
+            plant.load(DeviceIndex::at(plc), first as u32 + 2, Width::Word),
+            Ok(2),
+            "{area} answers the handshake"
+        );
     }
 }
 

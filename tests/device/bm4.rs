@@ -15,6 +15,7 @@ use commram::devices::omega_drive_line_2::registers as omega;
 use commram::devices::records::{BoardEvent, OnBoard};
 use commram::devices::{Led, Switch};
 use commram::fault::FaultSpec;
+use commram::identity::DeviceIndex;
 use commram::journal::Format;
 use commram::journal::text::Text;
 use commram::memory::header::BoardSetting;
@@ -55,7 +56,7 @@ impl Bm4 {
     }
 
     fn run_to_sync(&mut self, device: usize, port: u8) {
-        let edge = self.plant.next_sync(device, port).expect("there is a SYNC signal");
+        let edge = self.plant.next_sync(DeviceIndex::at(device), port).expect("there is a SYNC signal");
         self.plant.advance_to(edge);
     }
 
@@ -305,7 +306,7 @@ fn slave_modules_alone_have_switches_that_can_be_set() {
     };
     for port in 1..=6 {
         let (before, dip) = (dips(&bm4), 8 + port);
-        let is_set = bm4.plant.set_board(0, BoardSetting::ModuleDip { port, dip });
+        let is_set = bm4.plant.set_board(DeviceIndex(0), BoardSetting::ModuleDip { port, dip });
         let mut expected = before;
         if is_set {
             expected[usize::from(port) - 1] = dip.into();
@@ -321,16 +322,16 @@ fn a_taken_number_is_reported_with_its_slot() {
         format!("{}[[bus.drive]]\nname = 'other'\nslave_number = 7\ncard_function = 0\n", plant_text(1000));
     let mut bm4 = Bm4::new(&text);
     bm4.segment(0).header().unwrap().ports[1].dip.store(7);
-    bm4.plant.set_power(0, Power::Off);
-    bm4.plant.set_power(0, Power::On);
-    let taken = OnBoard { plc: 0, what: BoardEvent::NumberTaken { port: 2, number: 7 } };
+    bm4.plant.set_power(DeviceIndex(0), Power::Off);
+    bm4.plant.set_power(DeviceIndex(0), Power::On);
+    let taken = OnBoard { plc: DeviceIndex(0), what: BoardEvent::NumberTaken { port: 2, number: 7 } };
     let record = bm4.plant.journal().records().find(|record| record.event == taken.into()).unwrap();
     let mut text = String::new();
     Text::new(bm4.plant.names(), commram::devices::catalogue()).record(record, &mut text);
     assert!(text.contains("no station can address slotH"), "{text}");
     let findings = bm4.plant.journal().findings();
     let [entry] = findings.iter().copied().collect::<Vec<_>>()[..] else { panic!("one finding") };
-    let name = entry.last.name(bm4.plant.names().fitted(0));
+    let name = entry.last.name(bm4.plant.names().fitted(DeviceIndex(0)));
     assert_eq!((entry.last.rule, entry.last.value), (&rules::NUMBER_TAKEN, 7));
     assert_eq!(name.as_deref(), Some("slotH.w_SLAVE_NUMBER"));
 }
@@ -349,10 +350,10 @@ fn modules_of_a_plc_swap_their_numbers() {
         + "[[bus]]\nname = 'b'\n";
     let mut bm4 = Bm4::new(&text);
     for (port, dip) in [(2, 5), (3, 4)] {
-        assert!(bm4.plant.set_board(0, BoardSetting::ModuleDip { port, dip }));
+        assert!(bm4.plant.set_board(DeviceIndex(0), BoardSetting::ModuleDip { port, dip }));
     }
-    bm4.plant.set_power(0, Power::Off);
-    bm4.plant.set_power(0, Power::On);
+    bm4.plant.set_power(DeviceIndex(0), Power::Off);
+    bm4.plant.set_power(DeviceIndex(0), Power::On);
     let slaves: [Slave; 2] = [SLOTH, SLOTJ].map(|slot| bm4.segment(0).view(slot).unwrap());
     assert_eq!(slaves.each_ref().map(|slave| slave.w_OMEGA_NR.load()), [5, 4]);
     let nodes = [(0, SLOTH, Mode::Slave), (0, SLOTJ, Mode::Slave), (1, SLOTM, Mode::Master)]
@@ -369,9 +370,9 @@ fn modules_of_a_plc_swap_their_numbers() {
 #[test]
 fn the_power_on_of_a_plc_without_dip_switches_names_no_number() {
     let mut bm4 = Bm4::new(&plant_text(1000));
-    bm4.plant.set_power(0, Power::Off);
-    bm4.plant.set_power(0, Power::On);
-    let up = OnBoard { plc: 0, what: BoardEvent::Up { dip: None } };
+    bm4.plant.set_power(DeviceIndex(0), Power::Off);
+    bm4.plant.set_power(DeviceIndex(0), Power::On);
+    let up = OnBoard { plc: DeviceIndex(0), what: BoardEvent::Up { dip: None } };
     let record = bm4.plant.journal().records().find(|record| record.event == up.into()).unwrap();
     let mut text = String::new();
     Text::new(bm4.plant.names(), commram::devices::catalogue()).record(record, &mut text);
@@ -451,13 +452,13 @@ fn a_master_without_a_bus_makes_its_sync_signal_for_the_plc() {
     assert_eq!(master.b_CTRLREG_WRC1.load(), 0x04, "the firmware has sent it");
     assert_eq!(bm4.frames(), [], "there is no bus that it could be on");
     assert_eq!(header.sync_counter[1].load(), 0, "no signal at the slave");
-    assert_eq!(bm4.plant.next_sync(0, 2), None);
-    assert_eq!(bm4.plant.why_no_sync(0, 2), "maxx:slotH is at no bus");
+    assert_eq!(bm4.plant.next_sync(DeviceIndex(0), 2), None);
+    assert_eq!(bm4.plant.why_no_sync(DeviceIndex(0), 2), "maxx:slotH is at no bus");
     // Another module passes this signal on.
     bm4.bring_up(&[&nodes[2]], ..=Stage::SetUp);
     bm4.step(100_000);
     assert_eq!(passed_on.a_STAT_SL[1].load(), 0x03, "the drive there is synchronized");
-    assert_eq!(bm4.plant.next_sync(0, 3), bm4.plant.next_sync(0, 1));
+    assert_eq!(bm4.plant.next_sync(DeviceIndex(0), 3), bm4.plant.next_sync(DeviceIndex(0), 1));
     // The slave without a bus waits without end, which is found at its start.
     assert_eq!(bm4.plant.journal().findings().errors(), [&rules::NO_MASTER]);
 }
@@ -477,10 +478,10 @@ fn a_bus_without_a_master_gives_a_warning_and_a_finding() {
         [(SLOTH, Mode::Slave), (SLOTG, Mode::SyncIn)].map(|(slot, mode)| bm4.node(0, slot, rate(500), mode));
     bm4.bring_up(&nodes.iter().collect::<Vec<_>>(), ..=Stage::SetUp);
     bm4.step(100_000);
-    assert_eq!(bm4.plant.next_sync(0, 1), None);
+    assert_eq!(bm4.plant.next_sync(DeviceIndex(0), 1), None);
     let findings = bm4.plant.journal().findings();
     let [found] = findings.iter().copied().collect::<Vec<_>>()[..] else { panic!("one finding") };
-    let name = found.last.name(bm4.plant.names().fitted(0));
+    let name = found.last.name(bm4.plant.names().fitted(DeviceIndex(0)));
     assert_eq!((found.last.rule, name.as_deref()), (&rules::NO_MASTER, Some("slotH.b_MA_SL_MODE")));
 }
 
@@ -503,19 +504,19 @@ fn a_master_without_a_signal_to_pass_on_is_found() {
         let mut bm4 = Bm4::new(&text);
         bm4.bring_up(&[&bm4.node(0, SLOTG, rate(500), Mode::SyncIn)], ..=Stage::SetUp);
         bm4.step(100_000);
-        assert_eq!(bm4.plant.next_sync(0, 1), None);
-        assert_eq!(bm4.plant.why_no_sync(0, 1), why);
+        assert_eq!(bm4.plant.next_sync(DeviceIndex(0), 1), None);
+        assert_eq!(bm4.plant.why_no_sync(DeviceIndex(0), 1), why);
         let expected: &[_] = if sync_in.is_empty() { &[&rules::NO_SYNC_IN] } else { &[] };
         assert_eq!(bm4.plant.journal().findings().errors(), expected);
     }
     let mut bm4 = Bm4::new(&plant_text(500));
     assert_eq!(
-        bm4.plant.why_no_sync(0, 2),
+        bm4.plant.why_no_sync(DeviceIndex(0), 2),
         "the master of bus 'upper', top:slotM, has not started: w_OPTION_STATUS is 16#0001; initialize it first"
     );
-    bm4.plant.set_power(1, Power::Off);
+    bm4.plant.set_power(DeviceIndex(1), Power::Off);
     assert_eq!(
-        bm4.plant.why_no_sync(0, 2),
+        bm4.plant.why_no_sync(DeviceIndex(0), 2),
         "the master of bus 'upper', top:slotM, has no power or is held in RESET"
     );
 }
@@ -615,14 +616,14 @@ fn a_slave_of_the_controller_is_a_drive_of_its_bus() {
     }
     assert_eq!((master.b_STATREG_RDC1.load(), master.a_RD_BMARRAY[4][0].load()), (4, 4711), "its speed");
     // Both are in one unit and share its supply.
-    bm4.plant.set_power(0, Power::Off);
+    bm4.plant.set_power(DeviceIndex(0), Power::Off);
     master.b_STATREG_RDC1.store(0x7F);
     for _ in 0..3 {
         bm4.run_to_sync(1, 6);
         master.b_CTRLREG_WRC1.store(0x05);
     }
     assert_eq!((master.b_STATREG_RDC1.load(), leds_of_slot_h(&bm4)), (0x7F, [Led::Off; 4]));
-    bm4.plant.set_power(0, Power::On);
+    bm4.plant.set_power(DeviceIndex(0), Power::On);
     bm4.step(200_000);
     assert_eq!(
         leds_of_slot_h(&bm4)[..2],
@@ -757,7 +758,7 @@ fn modules_without_a_signal_give_a_warning() {
 #[test]
 fn the_name_of_the_manuals_example_leads_to_the_register() {
     let bm4 = Bm4::new(&plant_text(500));
-    let fitted = bm4.plant.names().fitted(0);
+    let fitted = bm4.plant.names().fitted(DeviceIndex(0));
     for front in ["slotG", "_CANsyncMaster_Ctrl_Slot_G", "slotH", "_CANsyncSlave_Ctrl_Slot_H"] {
         let found = fitted.register(&format!("{front}.a_RD_VALUE[5][7]")).unwrap();
         let named = fitted.register(&format!("{front}.a_RD_BMARRAY[5][7]")).unwrap();

@@ -6,6 +6,7 @@ use commram::devices::cansync::records::SyncEdge;
 use commram::devices::omega_drive_line_2::Plc;
 use commram::devices::omega_drive_line_2::registers::*;
 use commram::devices::records::{BoardEvent, OnBoard};
+use commram::identity::DeviceIndex;
 use commram::memory::header::{InterruptResult, OptInitResult};
 use commram::plant::{Plant, Power};
 
@@ -68,7 +69,7 @@ fn a_watched_event_stops_the_time_at_each_edge() {
     let mut rig = Rig::new(Memory::Heap, OMEGA_RATES[0]);
     rig.set_up();
     set_event(&mut rig.plant, B, SYNC, 0);
-    rig.plant.watch(B, 1 << SYNC);
+    rig.plant.watch(DeviceIndex::at(B), 1 << SYNC);
     let start = rig.plant.now();
     let mut stops = Vec::new();
     while rig.plant.advance_until(start + 10_000) {
@@ -76,7 +77,7 @@ fn a_watched_event_stops_the_time_at_each_edge() {
         assert_eq!(event(&rig.plant, B, SYNC), (stops.len() as u32, rig.plant.now()));
     }
     assert_eq!((stops.len(), rig.plant.now()), (5, start + 10_000));
-    rig.plant.watch(B, 0);
+    rig.plant.watch(DeviceIndex::at(B), 0);
     assert!(!rig.plant.advance_until(start + 20_000));
     assert_eq!(event(&rig.plant, B, SYNC).0, 10);
 }
@@ -89,7 +90,7 @@ fn a_watched_run_is_the_same_run() {
         rig.activate();
         set_event(&mut rig.plant, A, SYNC, 0);
         set_event(&mut rig.plant, A, 0, 7);
-        rig.plant.watch(A, watch);
+        rig.plant.watch(DeviceIndex::at(A), watch);
         let end = rig.plant.now() + 50_000;
         while rig.plant.advance_until(end) {}
         (rig.plant.journal().hash(), event(&rig.plant, A, SYNC), event(&rig.plant, A, 0))
@@ -143,7 +144,7 @@ fn a_reset_slave_leaves_the_bus_to_the_others() {
         rig.activate();
         set_event(&mut rig.plant, A, SYNC, 0);
         set_event(&mut rig.plant, B, SYNC, 0);
-        rig.plant.set_power(B, how[0]);
+        rig.plant.set_power(DeviceIndex::at(B), how[0]);
         assert_eq!(rig.slave.w_OPTION_STATUS.load(), 0x0001);
         let before = (event(&rig.plant, A, SYNC).0, event(&rig.plant, B, SYNC).0);
         rig.step(20_000);
@@ -152,7 +153,7 @@ fn a_reset_slave_leaves_the_bus_to_the_others() {
         rig.slave.w_CPU_CONTROL.store(0x0001);
         rig.step(1_000);
         assert_eq!(rig.slave.w_OPTION_STATUS.load(), 0x0001, "the node does not answer");
-        rig.plant.set_power(B, how[1]);
+        rig.plant.set_power(DeviceIndex::at(B), how[1]);
         assert_eq!(rig.slave.w_CPU_CONTROL.load(), 0x0000, "start values");
         rig.initialize_slave();
         rig.slave.w_CPU_CONTROL.store(0x0020);
@@ -165,13 +166,13 @@ fn a_reset_slave_leaves_the_bus_to_the_others() {
 fn a_reset_master_stops_its_bus() {
     let mut rig = Rig::new(Memory::Heap, OMEGA_RATES[0]);
     rig.activate();
-    rig.plant.set_power(A, Power::HoldReset);
-    assert_eq!(rig.plant.next_sync(A, 2), None);
+    rig.plant.set_power(DeviceIndex::at(A), Power::HoldReset);
+    assert_eq!(rig.plant.next_sync(DeviceIndex::at(A), 2), None);
     let edges_before = edges(&rig).len();
     rig.step(20_000);
     assert_eq!(edges(&rig).len(), edges_before);
     assert_eq!(rig.slave.w_OPTION_STATUS.load(), 0x0020, "the other PLC goes on");
-    rig.plant.set_power(A, Power::ReleaseReset);
+    rig.plant.set_power(DeviceIndex::at(A), Power::ReleaseReset);
     rig.initialize_master();
     rig.master.w_CPU_CONTROL.store(0x0020);
     rig.step(10_000);
@@ -184,8 +185,8 @@ fn dip_switches_count_after_the_reset() {
     rig.plant.devices()[B].segment().header().unwrap().board.dip.store(2);
     rig.step(10_000);
     assert_eq!((rig.plant.devices()[B].as_a::<Plc>().unwrap().dip(), rig.slave.w_OMEGA_NR.load()), (0, 0));
-    rig.plant.set_power(B, Power::HoldReset);
-    rig.plant.set_power(B, Power::ReleaseReset);
+    rig.plant.set_power(DeviceIndex::at(B), Power::HoldReset);
+    rig.plant.set_power(DeviceIndex::at(B), Power::ReleaseReset);
     assert_eq!((rig.plant.devices()[B].as_a::<Plc>().unwrap().dip(), rig.slave.w_OMEGA_NR.load()), (2, 2));
     // The master finds it under its new number.
     rig.set_up();
@@ -198,19 +199,20 @@ fn dip_switches_count_after_the_reset() {
 fn a_number_that_is_taken_leaves_the_node_alone() {
     let mut rig = Rig::of(Memory::Heap, OMEGA_RATES[0], "[[bus.drive]]\nname = 'd'\nslave_number = 2\n");
     rig.plant.devices()[B].segment().header().unwrap().board.dip.store(2);
-    rig.plant.set_power(B, Power::Off);
-    rig.plant.set_power(B, Power::On);
-    let taken = OnBoard { plc: B as u16, what: BoardEvent::NumberTaken { port: 1, number: 2 } }.into();
+    rig.plant.set_power(DeviceIndex::at(B), Power::Off);
+    rig.plant.set_power(DeviceIndex::at(B), Power::On);
+    let taken =
+        OnBoard { plc: DeviceIndex::at(B), what: BoardEvent::NumberTaken { port: 1, number: 2 } }.into();
     assert!(rig.records().any(|record| record.event == taken));
     rig.expect_errors(&[&commram::devices::cansync::rules::NUMBER_TAKEN]);
     // Nothing has changed at the next power-on, so it is found again (5.00005.03a p. 22).
-    rig.plant.set_power(B, Power::Off);
-    rig.plant.set_power(B, Power::On);
+    rig.plant.set_power(DeviceIndex::at(B), Power::Off);
+    rig.plant.set_power(DeviceIndex::at(B), Power::On);
     assert_eq!(rig.records().filter(|record| record.event == taken).count(), 2);
     // Back to a free one.
     rig.plant.devices()[B].segment().header().unwrap().board.dip.store(1);
-    rig.plant.set_power(B, Power::Off);
-    rig.plant.set_power(B, Power::On);
+    rig.plant.set_power(DeviceIndex::at(B), Power::Off);
+    rig.plant.set_power(DeviceIndex::at(B), Power::On);
     rig.set_up();
     rig.step(100_000);
     let answering: Vec<_> = (0..4).filter(|n| rig.master.a_STAT_SL[*n].load() & 1 != 0).collect();
@@ -228,8 +230,8 @@ fn a_number_is_free_when_its_station_has_moved_or_is_off() {
     rig.expect_errors(&[&commram::devices::cansync::rules::NUMBER_TAKEN]);
     let turn = |rig: &mut Rig, plc: usize, dip: u32| {
         rig.plant.devices()[plc].segment().header().unwrap().board.dip.store(dip);
-        rig.plant.set_power(plc, Power::Off);
-        rig.plant.set_power(plc, Power::On);
+        rig.plant.set_power(DeviceIndex::at(plc), Power::Off);
+        rig.plant.set_power(DeviceIndex::at(plc), Power::On);
     };
     let taken = |rig: &Rig| {
         let is_taken = |record: &&commram::journal::Record| {
@@ -249,10 +251,10 @@ fn a_number_is_free_when_its_station_has_moved_or_is_off() {
         |rig: &Rig| (0..4).filter(|n| rig.master.a_STAT_SL[*n].load() & 1 != 0).collect::<Vec<_>>();
     assert_eq!(answering(&rig), [3]);
     // A node that is off has no number; when it is switched on, it counts as the newcomer.
-    rig.plant.set_power(B, Power::Off);
+    rig.plant.set_power(DeviceIndex::at(B), Power::Off);
     turn(&mut rig, C, 3);
     assert_eq!(taken(&rig), 1);
-    rig.plant.set_power(B, Power::On);
+    rig.plant.set_power(DeviceIndex::at(B), Power::On);
     assert_eq!(taken(&rig), 2);
 }
 

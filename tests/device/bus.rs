@@ -6,6 +6,7 @@ use commram::devices::cansync;
 use commram::devices::cansync::bus::wire;
 use commram::devices::cansync::medium::drives;
 use commram::devices::cansync::records::{BaudRateMismatch, Missed, OmittedFrame, SyncEdge};
+use commram::identity::{BusIndex, DeviceIndex};
 
 const DRIVES: &str = "[[bus.drive]]\nname = 'd1'\nslave_number = 1\nlock_time_us = 30000\n\
                       [[bus.drive]]\nname = 'd2'\nslave_number = 2\nlock_time_us = 30000\n";
@@ -274,11 +275,11 @@ fn a_cluster_forwards_the_sync_signal() {
             let (noted, pending) = (plant.journal().records(), plant.journal().pending());
             noted.chain(&pending).filter(edge).flat_map(|r| r.times()).collect()
         };
-        let (upper, lower) = (edges(0), edges(1));
+        let (upper, lower) = (edges(BusIndex(0)), edges(BusIndex(1)));
         assert!(lower.len() > 20 && upper.ends_with(&lower), "{upper:?} {lower:?}");
         assert_eq!(
-            plant.next_sync(1, master.port),
-            plant.next_sync(0, master.port),
+            plant.next_sync(DeviceIndex(1), master.port),
+            plant.next_sync(DeviceIndex(0), master.port),
             "asked at either master"
         );
         assert!(drives(plant.media()).all(|drive| drive.is_synchronized()));
@@ -290,7 +291,7 @@ fn a_cluster_forwards_the_sync_signal() {
 fn the_load_of_a_bus_is_the_time_of_its_frames() {
     for rate in FASTEST {
         let mut rig = with_drives(Memory::Heap, rate);
-        assert_eq!(rig.plant.bus_load(9, 1000), None, "there is no such bus");
+        assert_eq!(rig.plant.bus_load(BusIndex(9), 1000), None, "there is no such bus");
         let span_us = 20 * rate.interval_us;
         let begin = rig.plant.now();
         for _ in 0..20 {
@@ -303,7 +304,7 @@ fn the_load_of_a_bus_is_the_time_of_its_frames() {
             .filter(|(end, _)| *end > begin)
             .map(|(_, frame)| u64::from(wire::airtime(frame, rate.kbit_s.into()).occupation_us))
             .sum();
-        let load = u64::from(rig.plant.bus_load(0, span_us).unwrap());
+        let load = u64::from(rig.plant.bus_load(BusIndex(0), span_us).unwrap());
         let expected = taken * 1000 / span_us;
         assert!(expected > 100, "{expected}");
         // Whole microseconds there, nanoseconds here.
@@ -312,12 +313,12 @@ fn the_load_of_a_bus_is_the_time_of_its_frames() {
         let snapshot = rig.plant.snapshot();
         rig.plant.restore(&snapshot).unwrap();
         let begin = rig.plant.now();
-        assert_eq!(rig.plant.bus_load(0, span_us), None);
+        assert_eq!(rig.plant.bus_load(BusIndex(0), span_us), None);
         (0..3).for_each(|_| rig.send_wrc1());
         let passed_us = rig.plant.now() - begin;
-        let load = rig.plant.bus_load(0, 10 * span_us);
-        assert!(load > Some(0) && load == rig.plant.bus_load(0, passed_us), "{load:?}");
+        let load = rig.plant.bus_load(BusIndex(0), 10 * span_us);
+        assert!(load > Some(0) && load == rig.plant.bus_load(BusIndex(0), passed_us), "{load:?}");
     }
     let idle = Rig::new(Memory::Heap, RATES[0]);
-    assert_eq!(idle.plant.bus_load(0, 1000), None, "no time has passed");
+    assert_eq!(idle.plant.bus_load(BusIndex(0), 1000), None, "no time has passed");
 }

@@ -7,20 +7,21 @@ use commram::devices::cansync::medium::drives;
 use commram::devices::cansync::records::{BaudRateMismatch, SyncEdge, Transmitted};
 use commram::devices::{cansync, fault_kinds};
 use commram::fault::FaultSpec;
+use commram::identity::{BusIndex, DeviceIndex};
 use commram::journal::Record;
 use commram::memory::header::BoardSetting;
 use commram::plant::Plant;
 use core::num::NonZero;
 
 /// Times of the SYNC edges of a bus.
-fn edges(cluster: &Cluster, bus: u16) -> Vec<u64> {
+fn edges(cluster: &Cluster, bus: BusIndex) -> Vec<u64> {
     let journal = cluster.plant.journal();
     let edge = |record: &&Record| record.event == SyncEdge { bus }.into();
     journal.records().chain(&journal.pending()).filter(edge).flat_map(|record| record.times()).collect()
 }
 
 /// Frames so far on a bus.
-fn frames(cluster: &Cluster, bus: u16) -> usize {
+fn frames(cluster: &Cluster, bus: BusIndex) -> usize {
     let of_bus = |record: &&Record| record.event.get().is_some_and(|it: Transmitted| it.bus == bus);
     cluster.plant.journal().records().filter(of_bus).count()
 }
@@ -52,7 +53,7 @@ fn all_levels_have_their_edges_at_the_same_microsecond() {
         let mut cluster = Cluster::new(rate, &[2, 1, 1]);
         cluster.activate();
         (0..10).for_each(|_| cluster.interval());
-        let buses: Vec<_> = (0..cluster.plcs.len() as u16).map(|bus| edges(&cluster, bus)).collect();
+        let buses: Vec<_> = BusIndex::first(cluster.plcs.len()).map(|bus| edges(&cluster, bus)).collect();
         assert_eq!(buses.len(), 5, "one bus at the top, two below it, two below those");
         let evenly = |pair: &[u64]| pair[1] - pair[0] == rate.interval_us;
         assert!(buses[0].len() > 100 && buses[0].windows(2).all(evenly));
@@ -70,10 +71,13 @@ fn a_cluster_pauses_while_its_top_restarts() {
         let top = cluster.plcs[0].master.clone();
         top.w_CPU_CONTROL.store(0x0000);
         cluster.plant.advance_to(cluster.plant.now() + rate.interval_us);
-        let before = [0, 1, 2].map(|bus| (edges(&cluster, bus).len(), frames(&cluster, bus)));
+        let before = [0, 1, 2].map(BusIndex).map(|bus| (edges(&cluster, bus).len(), frames(&cluster, bus)));
         assert_eq!(cluster.next_sync(2), None);
         cluster.plant.advance_to(cluster.plant.now() + 20 * rate.interval_us);
-        assert_eq!([0, 1, 2].map(|bus| (edges(&cluster, bus).len(), frames(&cluster, bus))), before);
+        assert_eq!(
+            [0, 1, 2].map(BusIndex).map(|bus| (edges(&cluster, bus).len(), frames(&cluster, bus))),
+            before
+        );
         assert_eq!(cluster.plcs[2].master.w_OPTION_STATUS.load(), 0x0080, "no station ordered it to leave");
 
         let mut again = Cluster::new(rate, &[1, 1, 2]);
@@ -136,7 +140,7 @@ fn a_run_on_several_cores_equals_a_run_on_one() {
             assert!(broken >= 3, "{broken} findings");
             cluster.plcs[9].master.w_CPU_CONTROL.store(0);
             intervals(&mut cluster, 10);
-            cluster.plant.set_board(12, BoardSetting::PowerCycle);
+            cluster.plant.set_board(DeviceIndex(12), BoardSetting::PowerCycle);
             intervals(&mut cluster, 30);
             let findings: Vec<_> = cluster.plant.journal().findings().iter().copied().collect();
             cluster.plant.clear_findings();
@@ -193,7 +197,7 @@ fn a_cluster_of_unlike_rates_says_so() {
             .records()
             .filter_map(|record| {
                 let BaudRateMismatch { origin, node_kbit_s, bus_kbit_s, .. } = record.event.get()?;
-                Some((origin.plc, origin.node, node_kbit_s, bus_kbit_s))
+                Some((origin.plc.0, origin.node, node_kbit_s, bus_kbit_s))
             })
             .collect();
         let once = [1, 2].map(|plc| (plc, kind.master.port, lower.kbit_s, upper.kbit_s));

@@ -2,6 +2,7 @@
 
 use crate::rig::{BOTH, FASTEST, Memory, Rate, Rig};
 use commram::devices::cansync::registers::CANsync_MA_CTRL_BMSTRUCT;
+use commram::identity::DeviceIndex;
 use commram::journal::{Force, State, Unforce};
 use commram::memory::Width;
 use commram::plant::{ForceError, Forced};
@@ -18,7 +19,7 @@ fn registers(rate: Rate) -> [u32; 3] {
 }
 
 fn word(offset: u32, value: u32) -> Forced {
-    Forced { plc: 0, offset, width: Width::Word, value }
+    Forced { plc: DeviceIndex(0), offset, width: Width::Word, value }
 }
 
 #[test]
@@ -45,7 +46,8 @@ fn the_firmware_sees_no_other_value() {
         let mut rig = Rig::new(Memory::Heap, rate);
         rig.activate();
         let [_, _, b_ctrlreg_wrc1] = registers(rate);
-        let released = Forced { plc: 0, offset: b_ctrlreg_wrc1, width: Width::Byte, value: 0x05 };
+        let released =
+            Forced { plc: DeviceIndex(0), offset: b_ctrlreg_wrc1, width: Width::Byte, value: 0x05 };
         rig.plant.force(released).unwrap();
         for _ in 0..5 {
             rig.master.b_CTRLREG_WRC1.store(0xFF);
@@ -66,15 +68,17 @@ fn an_unforced_register_changes_again() {
         rig.master.w_CPU_CONTROL.store(0x0000);
         rig.step(1_000);
         assert_eq!(rig.master.w_OPTION_STATUS.load(), 0x0002);
-        assert!(rig.plant.unforce(0, w_cpu_control));
-        assert!(!rig.plant.unforce(0, w_cpu_control), "it is no longer forced");
+        assert!(rig.plant.unforce(DeviceIndex(0), w_cpu_control));
+        assert!(!rig.plant.unforce(DeviceIndex(0), w_cpu_control), "it is no longer forced");
         assert_eq!(rig.master.w_CPU_CONTROL.load(), 0x0001, "until the next write");
         rig.master.w_CPU_CONTROL.store(0x0000);
         rig.step(1_000);
         assert_eq!(rig.master.w_OPTION_STATUS.load(), 0x0001);
         let events: Vec<_> = rig.records().map(|record| record.event).collect();
-        assert!(events.contains(&Force { plc: 0, offset: w_cpu_control, width: 2, value: 1 }.into()));
-        assert!(events.contains(&Unforce { plc: 0, offset: w_cpu_control }.into()));
+        assert!(
+            events.contains(&Force { plc: DeviceIndex(0), offset: w_cpu_control, width: 2, value: 1 }.into())
+        );
+        assert!(events.contains(&Unforce { plc: DeviceIndex(0), offset: w_cpu_control }.into()));
     }
 }
 
@@ -93,7 +97,7 @@ fn a_refused_force_gives_its_reason() {
         let expected = format!("%MW3.{w_cpu_control}: 16#10000 does not fit, a WORD holds at most 16#FFFF");
         assert_eq!(message(wide), expected);
         assert!(message(word(8, 0)).contains("lies in no area"));
-        assert_eq!(message(Forced { plc: 7, ..word(w_cpu_control, 0) }), "there is no such PLC");
+        assert_eq!(message(Forced { plc: DeviceIndex(7), ..word(w_cpu_control, 0) }), "there is no such PLC");
         assert!(rig.plant.forces().is_empty());
     }
 }

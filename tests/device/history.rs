@@ -2,6 +2,7 @@
 
 use crate::rig::{FASTEST, Memory, Rate, Rig};
 use commram::devices::cansync::registers::CANsync_MA_CTRL_BMSTRUCT;
+use commram::identity::DeviceIndex;
 use commram::journal::{By, Changed, Keep};
 use core::mem::offset_of;
 
@@ -12,7 +13,7 @@ fn place(rate: Rate, offset: usize) -> u32 {
 /// Records the whole structure of the master.
 fn follow(rig: &mut Rig, rate: Rate, keep: Keep) {
     let len = size_of::<CANsync_MA_CTRL_BMSTRUCT>() as u32;
-    rig.plant.follow_registers(0, place(rate, 0), len, keep).unwrap();
+    rig.plant.follow_registers(DeviceIndex(0), place(rate, 0), len, keep).unwrap();
 }
 
 /// Returns the changes of a register: old value, new value and writer.
@@ -70,7 +71,7 @@ fn the_history_is_recorded_only_in_the_journal() {
         let wrc1 = place(rate, offset_of!(CANsync_MA_CTRL_BMSTRUCT, b_CTRLREG_WRC1));
         let mut rig = Rig::new(Memory::Heap, rate);
         rig.activate();
-        rig.plant.follow_registers(0, wrc1, 1, Keep::InJournal).unwrap();
+        rig.plant.follow_registers(DeviceIndex(0), wrc1, 1, Keep::InJournal).unwrap();
         rig.master.b_CTRLREG_WRC1.store(0x05);
         rig.step(10_000);
         let recorded: Vec<Changed> = rig.records().filter_map(|record| record.event.get()).collect();

@@ -4,6 +4,7 @@ use crate::rig::{FASTEST, Memory, Rate, Rig};
 use commram::devices::cansync;
 use commram::devices::cansync::registers::phases;
 use commram::devices::cansync::registers::{CANsync_MA_CTRL_BMSTRUCT, CTRLREG_PAR_CMD_SL};
+use commram::identity::DeviceIndex;
 use commram::journal::{Handshake, Record, Register, State};
 use commram::layout::Address;
 use core::mem::offset_of;
@@ -42,7 +43,7 @@ fn write(rig: &mut Rig, offset: usize, write: impl FnOnce(&Rig)) {
     write(rig);
     let offset = (rig.master_at.base + offset) as u32;
     let value = rig.plant.devices()[0].segment().load(offset, commram::memory::Width::Byte).unwrap();
-    rig.plant.note_channel_write(0, offset, 1, value);
+    rig.plant.note_channel_write(DeviceIndex(0), offset, 1, value);
 }
 
 /// Control register of the parameter job for slave 0.

@@ -4,6 +4,7 @@ use crate::rig::plant_of;
 use commram::devices::Power;
 use commram::devices::can_dp2::registers::FRONT_SWITCHES;
 use commram::devices::can_dp2::rules::ADDRESS;
+use commram::identity::DeviceIndex;
 use commram::plant::{Plant, PlantConfig};
 
 /// Gateways with these switches at one segment, and one at another.
@@ -21,7 +22,7 @@ fn text(switches: &[Option<u8>]) -> String {
 fn shared(plant: &Plant) -> Vec<(u16, u32)> {
     let found = plant.journal().findings();
     let of_addresses = found.iter().filter(|entry| entry.last.rule == &ADDRESS);
-    of_addresses.map(|entry| (entry.last.plc, entry.last.value)).collect()
+    of_addresses.map(|entry| (entry.last.plc.0, entry.last.value)).collect()
 }
 
 /// CAN-DP/2 p. 9, 26: each gateway has its own address, set by its switches and read at power-on.
@@ -60,13 +61,13 @@ fn an_address_is_shared_while_both_are_on() {
     plant.devices()[1].segment().header().unwrap().front[FRONT_SWITCHES].store(5);
     plant.advance_to(2_000);
     assert_eq!(shared(&plant), []);
-    plant.set_power(0, Power::Off);
-    plant.set_power(1, Power::Off);
+    plant.set_power(DeviceIndex(0), Power::Off);
+    plant.set_power(DeviceIndex(1), Power::Off);
     plant.advance_to(3_000);
-    plant.set_power(1, Power::On);
+    plant.set_power(DeviceIndex(1), Power::On);
     plant.advance_to(4_000);
     assert_eq!(shared(&plant), [], "the other one is off");
-    plant.set_power(0, Power::On);
+    plant.set_power(DeviceIndex(0), Power::On);
     plant.advance_to(5_000);
     assert_eq!(shared(&plant), [(0, 5), (1, 5)]);
 }
@@ -78,7 +79,7 @@ fn stations_have_addresses_and_states() {
     plant.advance_to(1_000);
     let stations = |plant: &Plant| {
         let of = plant.media()[0].stations().into_iter();
-        of.map(|it| (it.origin.plc, it.address, it.does.unwrap())).collect::<Vec<_>>()
+        of.map(|it| (it.origin.plc.0, it.address, it.does.unwrap())).collect::<Vec<_>>()
     };
     let mut found = stations(&plant);
     found.sort();
@@ -91,7 +92,7 @@ fn stations_have_addresses_and_states() {
             (1, Some(6), "baud_search"),
         ]
     );
-    plant.set_power(0, Power::Off);
+    plant.set_power(DeviceIndex(0), Power::Off);
     plant.advance_to(2_000);
     assert_eq!(stations(&plant).len(), 2);
 }

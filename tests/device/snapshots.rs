@@ -9,6 +9,7 @@ use crate::rig::plant_of;
 use acts::{Act, BM4, OMEGA, PLANTS, act, masters, nodes, take};
 use commram::devices::all;
 use commram::devices::cansync::records::InitRefused;
+use commram::identity::DeviceIndex;
 use commram::journal::Record;
 use commram::layout::Width;
 use commram::plant::{Plant, PlantConfig};
@@ -210,7 +211,7 @@ fn an_unstarted_plant_is_quiescent() {
         let mut plant = plant_of(&text);
         plant.advance_to(1_000);
         assert_eq!(plant.next_change(), u64::MAX);
-        plant.store(0, nodes(&plant)[0].1, Width::Word, 1).unwrap();
+        plant.store(DeviceIndex(0), nodes(&plant)[0].1, Width::Word, 1).unwrap();
         assert_eq!(plant.next_change(), plant.next_event(), "there is something to look at");
         plant.advance_to(plant.next_event());
     }

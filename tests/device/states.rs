@@ -6,6 +6,7 @@ use commram::devices::cansync;
 use commram::devices::cansync::firmware::InitFault;
 use commram::devices::cansync::records::{Command, CommandIgnored, InitRefused};
 use commram::devices::cansync::registers::CANsync_INIT_BMSTRUCT;
+use commram::identity::DeviceIndex;
 use commram::memory::{View, Width};
 use commram::plant::Forced;
 
@@ -160,11 +161,11 @@ fn restarts_are_counted_where_they_are_stored() {
             header.ports.iter().map(|port| port.restarts_written.load()).sum()
         };
         let before = counted(&rig);
-        rig.plant.store(at.plc, others, Width::Byte, 0).unwrap();
+        rig.plant.store(DeviceIndex::at(at.plc), others, Width::Byte, 0).unwrap();
         assert_eq!(counted(&rig), before, "that was another register");
-        rig.plant.store(at.plc, at.base as u32, Width::Word, 0x0000).unwrap();
+        rig.plant.store(DeviceIndex::at(at.plc), at.base as u32, Width::Word, 0x0000).unwrap();
         assert_eq!(counted(&rig), before + 1);
-        rig.plant.store(at.plc, at.base as u32, Width::Word, 0x0001).unwrap();
+        rig.plant.store(DeviceIndex::at(at.plc), at.base as u32, Width::Word, 0x0001).unwrap();
         assert_eq!(counted(&rig), before + 1, "that was no restart");
     }
 }
@@ -250,7 +251,7 @@ fn an_early_write_is_reported_with_bit_7_too() {
 fn write_by_name(rig: &mut Rig, role: Role, value: u16) {
     regs(rig, role).w_CPU_CONTROL.store(value);
     let at = if role == Role::Master { rig.master_at } else { rig.slave_at };
-    rig.plant.note_channel_write(at.plc, at.base as u32, 2, value.into());
+    rig.plant.note_channel_write(DeviceIndex::at(at.plc), at.base as u32, 2, value.into());
 }
 
 /// D-29: the value that the firmware leaves after clearing is no command, even if a program rings the doorbell repeatedly.
@@ -353,7 +354,12 @@ fn a_forced_0_restarts_after_bit_7() {
         regs.w_CPU_CONTROL.store(0x0080);
         rig.step(500);
         rig.plant
-            .force(Forced { plc: 0, offset: rig.master_at.base as u32, width: Width::Word, value: 0 })
+            .force(Forced {
+                plc: DeviceIndex(0),
+                offset: rig.master_at.base as u32,
+                width: Width::Word,
+                value: 0,
+            })
             .unwrap();
         rig.step(500);
         assert_eq!(regs.w_OPTION_STATUS.load(), 0x0001);

@@ -9,6 +9,7 @@ use commram::devices::cansync::bus::codec::{
 use commram::devices::cansync::bus::{Frame, SyncLock};
 use commram::devices::cansync::firmware::{NodeLocation, Slave};
 use commram::devices::cansync::registers::CANsync_SL_CTRL_BMSTRUCT;
+use commram::identity::DeviceIndex;
 use commram::journal::{Journal, Origin};
 use commram::memory::{Image, View};
 use std::ops::RangeBounds;
@@ -107,7 +108,7 @@ impl Bench {
 
     pub(crate) fn with<R>(&mut self, f: impl FnOnce(&mut Slave, &mut Context) -> R) -> R {
         let at = self.rate.kind.slave;
-        let origin = Origin { plc: 0, node: at.port };
+        let origin = Origin { plc: DeviceIndex(0), node: at.port };
         let Bench { now, journal, .. } = self;
         f(&mut self.slave, &mut Context { now: *now, journal, origin, base: at.base })
     }

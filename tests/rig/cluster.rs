@@ -5,6 +5,7 @@
 use super::bring_up::{Mode, Node, Stage, bring_up_in};
 use super::{Kind, Memory, Rate, segment};
 use commram::devices::cansync::registers::{CANsync_MA_CTRL_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT};
+use commram::identity::DeviceIndex;
 use commram::memory::{Image, Segment, View};
 use commram::plant::{Plant, PlantConfig};
 
@@ -90,7 +91,7 @@ impl Cluster {
 
     /// Returns the time of the next SYNC edge of a PLC's own bus.
     pub(crate) fn next_sync(&self, plc: usize) -> Option<u64> {
-        self.plant.next_sync(plc, self.rate.kind.master.port)
+        self.plant.next_sync(DeviceIndex::at(plc), self.rate.kind.master.port)
     }
 
     /// Runs the task of all PLCs, then the rest of the interval. Call it at a SYNC edge.

@@ -14,6 +14,7 @@ use commram::devices::cansync::records::Transmitted;
 use commram::devices::cansync::registers::{
     CANsync_INIT_BMSTRUCT, CANsync_MA_CTRL_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT,
 };
+use commram::identity::DeviceIndex;
 use commram::journal::{Record, Rule, Severity};
 use commram::layout::DeviceFit;
 use commram::memory::{ClockMode, Image, ImageSpec, Segment, View};
@@ -78,7 +79,7 @@ impl Rig {
     }
 
     /// The device of a PLC, with its options.
-    pub(crate) fn fitted(&self, plc: u16) -> DeviceFit {
+    pub(crate) fn fitted(&self, plc: DeviceIndex) -> DeviceFit {
         self.plant.names().fitted(plc)
     }
 
@@ -138,7 +139,7 @@ impl Rig {
 
     /// Returns the time of the master's next SYNC edge.
     pub(crate) fn next_sync(&self) -> Option<u64> {
-        self.plant.next_sync(self.master_at.plc, self.master_at.port)
+        self.plant.next_sync(DeviceIndex::at(self.master_at.plc), self.master_at.port)
     }
 
     /// The master; slaves 0 to 3 are expected.

@@ -7,6 +7,7 @@ use commram::devices::can_bus::{CanBus, CanBusConfig, CanPort, CanSocket, Contro
 use commram::devices::cs0015::registers::DEVICE;
 use commram::devices::{Bus, Context, World};
 use commram::fault::Faults;
+use commram::identity::{BusIndex, DeviceIndex};
 use commram::journal::{Journal, Origin};
 use commram::memory::Segment;
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
@@ -68,7 +69,8 @@ impl Bench {
     /// A bus with `count` stations; each receives its neighbour's frames, and the frames that every CANopen node receives.
     fn new(count: u16) -> Self {
         let rate = BitRate::new(1_000_000).expect("not 0");
-        let mut bus = CanBus::new(0, &CanBusConfig { name: "open".to_owned(), rate, doors: Vec::new() });
+        let mut bus =
+            CanBus::new(BusIndex(0), &CanBusConfig { name: "open".to_owned(), rate, doors: Vec::new() });
         let (mut journal, received) = (Journal::default(), Arc::default());
         for number in 0..count {
             let takes = [0, 0x80, 0x180 + (number + 1) % count, 0x200 + number, 0x600 + number];
@@ -81,7 +83,7 @@ impl Bench {
                 count: 0,
                 received: Arc::clone(&received),
             };
-            let origin = Origin { plc: number, node: 1 };
+            let origin = Origin { plc: DeviceIndex(number), node: 1 };
             let segment = Segment::of(&DEVICE);
             let socket = CanSocket { origin, segment, layout: &DEVICE, port: Box::new(station) };
             let place = bus.attach(Box::new(socket)).expect("a CAN port fits");

@@ -1,5 +1,6 @@
 use super::*;
 use crate::channel::wire;
+use crate::identity::DeviceIndex;
 use crate::memory::Width;
 use crate::request::testing::{RAM, TestHost};
 use crate::request::{MAX_RANGE, Reply, Waited};
@@ -7,15 +8,15 @@ use crate::request::{MAX_RANGE, Reply, Waited};
 const REG: u32 = RAM.start;
 
 fn peek(offset: u32) -> Op {
-    Op::Peek { plc: 0, offset, width: Width::Word }
+    Op::Peek { plc: DeviceIndex(0), offset, width: Width::Word }
 }
 
 fn poke(offset: u32, value: u32) -> Op {
-    Op::Poke { plc: 0, offset, width: Width::Word, value }
+    Op::Poke { plc: DeviceIndex(0), offset, width: Width::Word, value }
 }
 
 fn wait(mask: u32, value: u32, within_us: u64) -> Op {
-    Op::Wait { plc: 0, offset: REG, width: Width::Word, mask, value, within_us }
+    Op::Wait { plc: DeviceIndex(0), offset: REG, width: Width::Word, mask, value, within_us }
 }
 
 fn wires(ops: &[Op]) -> Vec<WireOp> {
@@ -81,7 +82,7 @@ fn too_many_operations_execute_nothing() {
 #[test]
 fn replies_that_are_too_long_together_are_refused() {
     let mut host = TestHost::new(true);
-    let ranges = [Op::ReadRange { plc: 0, offset: REG, len: MAX_RANGE }; 5];
+    let ranges = [Op::ReadRange { plc: DeviceIndex(0), offset: REG, len: MAX_RANGE }; 5];
     let got = all(&mut host, &wires(&ranges));
     assert_eq!((got.len(), refusal(&got).0), (5, Code::REPLY_TOO_LONG));
     for value in 0..2_000 {

@@ -1,6 +1,7 @@
 use super::rig::{Emulator, InstanceFiles};
 use crate::channel::client::Patience;
 use crate::channel::{ClientError, ServerError};
+use crate::identity::DeviceIndex;
 use crate::memory::Width;
 use crate::request::testing::{RAM, TestHost};
 use crate::request::{Code, Host, MAX_OPS, MAX_RANGE, Op, Reply};
@@ -20,8 +21,8 @@ fn a_poke_a_step_and_a_peek_in_one_message() {
     host.script.push((2_000, REG, 0x44));
     let _emulator = Emulator::start_with(&place, host);
     let client = place.client();
-    let poke = Op::Poke { plc: 0, offset: REG, width: Width::Word, value: 5 };
-    let peek = Op::Peek { plc: 0, offset: REG, width: Width::Word };
+    let poke = Op::Poke { plc: DeviceIndex(0), offset: REG, width: Width::Word, value: 5 };
+    let peek = Op::Peek { plc: DeviceIndex(0), offset: REG, width: Width::Word };
     let replies = client.request(&[poke, peek, Op::Advance { us: 2_000 }, peek]).unwrap();
     let expected = [Reply::Written, Reply::Value(5), Reply::Time(2_000), Reply::Value(0x44)];
     assert_eq!(replies, expected);
@@ -33,8 +34,8 @@ fn thousands_of_requests_use_up_no_resources() {
     let _emulator = Emulator::start(&place, true);
     let client = place.client();
     for value in 0..5_000 {
-        client.poke(0, REG, Width::Dword, value).unwrap();
-        assert_eq!(client.peek(0, REG, Width::Dword).unwrap(), value);
+        client.poke(DeviceIndex(0), REG, Width::Dword, value).unwrap();
+        assert_eq!(client.peek(DeviceIndex(0), REG, Width::Dword).unwrap(), value);
     }
 }
 
@@ -43,14 +44,14 @@ fn operations_after_an_error_are_not_executed() {
     let place = place();
     let _emulator = Emulator::start(&place, true);
     let client = place.client();
-    let poke = |offset, value| Op::Poke { plc: 0, offset, width: Width::Word, value };
+    let poke = |offset, value| Op::Poke { plc: DeviceIndex(0), offset, width: Width::Word, value };
     let replies = client.request(&[poke(REG, 1), poke(REG + 1, 2), poke(REG, 3), Op::Info]).unwrap();
     assert!(matches!(&replies[1], Reply::Error(refused) if refused.code == Code::MISALIGNED), "{replies:?}");
     assert_eq!(
         [&replies[0], &replies[2], &replies[3]],
         [&Reply::Written, &Reply::NotExecuted, &Reply::NotExecuted]
     );
-    assert_eq!(client.peek(0, REG, Width::Word).unwrap(), 1);
+    assert_eq!(client.peek(DeviceIndex(0), REG, Width::Word).unwrap(), 1);
 }
 
 #[test]
@@ -59,10 +60,10 @@ fn the_largest_request_and_the_largest_reply() {
     let _emulator = Emulator::start(&place, true);
     let client = place.client();
     let pokes: Vec<Op> = (0..MAX_OPS as u32)
-        .map(|i| Op::Poke { plc: 1, offset: REG + i, width: Width::Byte, value: i & 0xFF })
+        .map(|i| Op::Poke { plc: DeviceIndex(1), offset: REG + i, width: Width::Byte, value: i & 0xFF })
         .collect();
     assert_eq!(client.request(&pokes).unwrap().len(), MAX_OPS);
-    let range = Op::ReadRange { plc: 1, offset: REG, len: MAX_RANGE };
+    let range = Op::ReadRange { plc: DeviceIndex(1), offset: REG, len: MAX_RANGE };
     let replies = client.request(&[range; 4]).unwrap();
     let expected: Vec<u8> = (0..MAX_RANGE).map(|i| if i < 256 { i as u8 } else { 0 }).collect();
     assert!(replies.iter().all(|reply| *reply == Reply::Bytes(expected.clone())));
@@ -104,8 +105,8 @@ fn concurrent_clients_get_their_own_replies() {
                 let client = place.client();
                 let offset = REG + 4 * number;
                 for value in 0..500 {
-                    client.poke(0, offset, Width::Dword, value).unwrap();
-                    assert_eq!(client.peek(0, offset, Width::Dword).unwrap(), value);
+                    client.poke(DeviceIndex(0), offset, Width::Dword, value).unwrap();
+                    assert_eq!(client.peek(DeviceIndex(0), offset, Width::Dword).unwrap(), value);
                 }
             });
         }
@@ -121,7 +122,7 @@ fn clients_above_the_limit_are_refused() {
     assert!(matches!(refused, ClientError::TooManyClients { .. }), "{refused}");
     clients.pop();
     let late = place.client();
-    late.poke(0, REG, Width::Byte, 1).unwrap();
+    late.poke(DeviceIndex(0), REG, Width::Byte, 1).unwrap();
 }
 
 #[test]
@@ -129,10 +130,10 @@ fn instances_side_by_side_do_not_see_each_other() {
     let places = [place(), place()];
     let _emulators = places.each_ref().map(|place| Emulator::start(place, true));
     let clients = places.each_ref().map(|place| place.client());
-    clients[0].poke(0, REG, Width::Word, 1).unwrap();
-    clients[1].poke(0, REG, Width::Word, 2).unwrap();
-    assert_eq!(clients[0].peek(0, REG, Width::Word).unwrap(), 1);
-    assert_eq!(clients[1].peek(0, REG, Width::Word).unwrap(), 2);
+    clients[0].poke(DeviceIndex(0), REG, Width::Word, 1).unwrap();
+    clients[1].poke(DeviceIndex(0), REG, Width::Word, 2).unwrap();
+    assert_eq!(clients[0].peek(DeviceIndex(0), REG, Width::Word).unwrap(), 1);
+    assert_eq!(clients[1].peek(DeviceIndex(0), REG, Width::Word).unwrap(), 2);
 }
 
 #[test]
@@ -142,8 +143,8 @@ fn a_second_server_is_refused_and_does_not_harm_the_first() {
     let client = place.client();
     let refused = place.server().unwrap_err();
     assert!(matches!(refused, ServerError::AlreadyServed { .. }), "{refused}");
-    client.poke(0, REG, Width::Word, 1).unwrap();
-    assert_eq!(place.client().peek(0, REG, Width::Word).unwrap(), 1);
+    client.poke(DeviceIndex(0), REG, Width::Word, 1).unwrap();
+    assert_eq!(place.client().peek(DeviceIndex(0), REG, Width::Word).unwrap(), 1);
     emulator.end();
 }
 
@@ -163,7 +164,7 @@ fn a_normal_end_leaves_no_files() {
     let place = place();
     let emulator = Emulator::start(&place, true);
     let client = place.client();
-    client.poke(0, REG, Width::Word, 1).unwrap();
+    client.poke(DeviceIndex(0), REG, Width::Word, 1).unwrap();
     assert!(!place.remains().is_empty());
     drop(client);
     emulator.end();
@@ -191,7 +192,7 @@ fn stop_ends_the_emulator_and_later_requests_fail() {
     let client = place.client();
     client.stop().unwrap();
     emulator.end();
-    let gone = client.peek(0, REG, Width::Word).unwrap_err();
+    let gone = client.peek(DeviceIndex(0), REG, Width::Word).unwrap_err();
     assert!(matches!(gone, ClientError::EmulatorGone { .. }), "{gone}");
 }
 
@@ -200,13 +201,13 @@ fn a_client_outlives_its_emulator_and_uses_the_next() {
     let place = place();
     let emulator = Emulator::start(&place, true);
     let client = place.client();
-    client.poke(0, REG, Width::Word, 7).unwrap();
+    client.poke(DeviceIndex(0), REG, Width::Word, 7).unwrap();
     emulator.end();
-    assert!(client.peek(0, REG, Width::Word).is_err());
+    assert!(client.peek(DeviceIndex(0), REG, Width::Word).is_err());
     let emulator = Emulator::start(&place, true);
     let second = place.client();
-    assert_eq!(second.peek(0, REG, Width::Word).unwrap(), 0);
-    assert_eq!(client.peek(0, REG, Width::Word).unwrap(), 0);
+    assert_eq!(second.peek(DeviceIndex(0), REG, Width::Word).unwrap(), 0);
+    assert_eq!(client.peek(DeviceIndex(0), REG, Width::Word).unwrap(), 0);
     drop((client, second));
     emulator.end();
     assert!(place.remains().is_empty(), "{:?}", place.remains());

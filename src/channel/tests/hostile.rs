@@ -4,6 +4,7 @@ use super::rig::{Emulator, InstanceFiles};
 use crate::channel::domain::{Domain, Ipc};
 use crate::channel::wire::{self, Block, DecodeError, WireOp};
 use crate::channel::{Bells, ClientError};
+use crate::identity::DeviceIndex;
 use crate::memory::Width;
 use crate::request::testing::RAM;
 use crate::request::{Code, MAX_OPS, Op, Reply};
@@ -48,7 +49,7 @@ fn malformed_requests_are_answered_by_errors() {
     let place = Arc::new(InstanceFiles::new());
     let _emulator = Emulator::start(&place, true);
     let client = place.client();
-    let poke = WireOp::from(&Op::Poke { plc: 0, offset: REG, width: Width::Word, value: 1 });
+    let poke = WireOp::from(&Op::Poke { plc: DeviceIndex(0), offset: REG, width: Width::Word, value: 1 });
     let requests = [
         vec![WireOp { kind: 0, ..poke }],
         vec![poke, WireOp { width: 8, ..poke }],
@@ -74,7 +75,7 @@ fn malformed_requests_are_answered_by_errors() {
     assert_eq!(replies[2], []);
     let too_many = "1000 operations in one request are too many, at most 256".to_owned();
     assert_eq!((replies[3].len(), refusal(&replies[3][0])), (1, (Code::TOO_MANY_OPERATIONS, too_many)));
-    assert_eq!(client.peek(0, REG, Width::Word).unwrap(), 1);
+    assert_eq!(client.peek(DeviceIndex(0), REG, Width::Word).unwrap(), 1);
 }
 
 #[test]
@@ -107,8 +108,8 @@ fn random_requests_do_not_stop_the_server() {
         .collect();
     let replies = send_raw(&place, &requests, true);
     assert!(replies.iter().all(|replies| !replies.is_empty()));
-    client.poke(0, REG, Width::Word, 0x55).unwrap();
-    assert_eq!(client.peek(0, REG, Width::Word).unwrap(), 0x55);
+    client.poke(DeviceIndex(0), REG, Width::Word, 0x55).unwrap();
+    assert_eq!(client.peek(DeviceIndex(0), REG, Width::Word).unwrap(), 0x55);
 }
 
 #[test]
@@ -116,10 +117,10 @@ fn abandoned_requests_do_no_harm() {
     let place = Arc::new(InstanceFiles::new());
     let emulator = Emulator::start(&place, true);
     let client = place.client();
-    let poke = WireOp::from(&Op::Poke { plc: 1, offset: REG, width: Width::Word, value: 1 });
+    let poke = WireOp::from(&Op::Poke { plc: DeviceIndex(1), offset: REG, width: Width::Word, value: 1 });
     send_raw(&place, &vec![vec![poke]; 200], false);
-    client.poke(0, REG, Width::Word, 0x55).unwrap();
-    assert_eq!(client.peek(0, REG, Width::Word).unwrap(), 0x55);
+    client.poke(DeviceIndex(0), REG, Width::Word, 0x55).unwrap();
+    assert_eq!(client.peek(DeviceIndex(0), REG, Width::Word).unwrap(), 0x55);
     drop(client);
     emulator.end();
     assert!(place.remains().is_empty(), "{:?}", place.remains());
@@ -163,7 +164,7 @@ fn with_answer(blocks: &[Block], ops: &[Op]) -> Result<Vec<Reply>, ClientError> 
 #[test]
 fn a_reply_that_makes_no_sense_is_an_error() {
     let value = |value| Block { kind: 1, code: 0, data_len: 0, value };
-    let peek = Op::Peek { plc: 0, offset: REG, width: Width::Word };
+    let peek = Op::Peek { plc: DeviceIndex(0), offset: REG, width: Width::Word };
     let error = with_answer(&[value(1), Block { kind: 77, ..value(2) }], &[peek, peek]).unwrap_err();
     assert!(matches!(error, ClientError::Reply(DecodeError { index: 1, block: 1 })), "{error}");
     let error = with_answer(&[Block { data_len: u32::MAX, ..value(2) }], &[peek]).unwrap_err();

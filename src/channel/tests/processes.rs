@@ -3,6 +3,7 @@
 use super::rig::{Emulator, InstanceFiles, LONG, is_gone, serve};
 use crate::channel::client::Patience;
 use crate::channel::{Bells, ClientError};
+use crate::identity::DeviceIndex;
 use crate::memory::Width;
 use crate::request::testing::{RAM, TestHost};
 use crate::request::{MAX_ADVANCE_US, Op};
@@ -57,20 +58,20 @@ fn child() {
         "server" => serve(&place, TestHost::new(false)),
         "waiter" => {
             let wait = Op::Wait {
-                plc: 0,
+                plc: DeviceIndex(0),
                 offset: REG,
                 width: Width::Word,
                 mask: 1,
                 value: 1,
                 within_us: MAX_ADVANCE_US,
             };
-            let poke = Op::Poke { plc: 0, offset: REG + 2, width: Width::Word, value: 1 };
+            let poke = Op::Poke { plc: DeviceIndex(0), offset: REG + 2, width: Width::Word, value: 1 };
             place.client().request(&[poke, wait]).unwrap();
         }
         "hammer" => {
             let client = place.client();
             for value in 0.. {
-                client.poke(0, REG, Width::Dword, value).unwrap();
+                client.poke(DeviceIndex(0), REG, Width::Dword, value).unwrap();
             }
         }
         "idle" => {}
@@ -99,11 +100,11 @@ fn a_client_killed_while_it_waits_does_not_disturb_the_others() {
     let emulator = Emulator::start_with(&place, host);
     let client = place.client();
     let waiter = Process::spawn(&place, "waiter");
-    until("the child waits", || client.peek(0, REG + 2, Width::Word).unwrap() == 1);
+    until("the child waits", || client.peek(DeviceIndex(0), REG + 2, Width::Word).unwrap() == 1);
     waiter.kill();
-    client.poke(0, REG, Width::Word, 1).unwrap();
-    assert_eq!(client.peek(0, REG, Width::Word).unwrap(), 1);
-    place.client().poke(0, REG, Width::Word, 2).unwrap();
+    client.poke(DeviceIndex(0), REG, Width::Word, 1).unwrap();
+    assert_eq!(client.peek(DeviceIndex(0), REG, Width::Word).unwrap(), 1);
+    place.client().poke(DeviceIndex(0), REG, Width::Word, 2).unwrap();
     drop(client);
     emulator.end();
     assert!(place.remains().is_empty(), "{:?}", place.remains());
@@ -116,16 +117,16 @@ fn killed_clients_do_not_use_up_the_places() {
     let client = place.client();
     // More than the number of places.
     for round in 0..12 {
-        let before = client.peek(0, REG, Width::Dword).unwrap();
+        let before = client.peek(DeviceIndex(0), REG, Width::Dword).unwrap();
         let children: [_; 4] = std::array::from_fn(|_| Process::spawn(&place, "hammer"));
         until("the children hammer", || {
-            let now = client.peek(0, REG, Width::Dword).unwrap();
+            let now = client.peek(DeviceIndex(0), REG, Width::Dword).unwrap();
             now > 20 && now != before
         });
         children.into_iter().for_each(Process::kill);
-        client.poke(0, REG, Width::Dword, round).unwrap();
+        client.poke(DeviceIndex(0), REG, Width::Dword, round).unwrap();
     }
-    place.client().poke(0, REG, Width::Dword, 1).unwrap();
+    place.client().poke(DeviceIndex(0), REG, Width::Dword, 1).unwrap();
     drop(client);
     emulator.end();
     assert!(place.remains().is_empty(), "{:?}", place.remains());
@@ -148,7 +149,7 @@ fn remains_of_a_client_killed_while_it_entered_block_no_other() {
     // A child of another test may have inherited the file until its `exec`.
     until("no process has it open", || place.connect(impatient).is_ok());
     assert!(!half_made.exists());
-    client.poke(0, REG, Width::Dword, 1).unwrap();
+    client.poke(DeviceIndex(0), REG, Width::Dword, 1).unwrap();
     drop(client);
     emulator.end();
     assert!(place.remains().is_empty(), "{:?}", place.remains());
@@ -160,13 +161,13 @@ fn a_killed_emulator_is_noticed_and_can_be_started_again() {
     for _ in 0..3 {
         let server = Process::spawn(&place, "server");
         let client = place.connect(quick()).unwrap();
-        client.poke(0, REG, Width::Word, 1).unwrap();
+        client.poke(DeviceIndex(0), REG, Width::Word, 1).unwrap();
         server.kill();
         let start = Instant::now();
-        let gone = client.peek(0, REG, Width::Word).unwrap_err();
+        let gone = client.peek(DeviceIndex(0), REG, Width::Word).unwrap_err();
         assert!(matches!(gone, ClientError::EmulatorGone { .. }), "{gone}");
         assert!(start.elapsed() < quick().reply, "a dead emulator is noticed before the timeout");
-        let gone = client.peek(0, REG, Width::Word).unwrap_err();
+        let gone = client.peek(DeviceIndex(0), REG, Width::Word).unwrap_err();
         assert!(matches!(gone, ClientError::EmulatorGone { .. }), "{gone}");
         // A new client does not wait for a dead emulator, either.
         let refused = place.connect(Patience::default()).unwrap_err();
@@ -177,7 +178,7 @@ fn a_killed_emulator_is_noticed_and_can_be_started_again() {
     }
     let server = Process::spawn(&place, "server");
     until("the emulator is up again", || {
-        place.connect(quick()).is_ok_and(|c| c.peek(0, REG, Width::Word).is_ok())
+        place.connect(quick()).is_ok_and(|c| c.peek(DeviceIndex(0), REG, Width::Word).is_ok())
     });
     place.connect(quick()).unwrap().stop().unwrap();
     until("the emulator has ended", || is_gone(Pid::from_child(&server.0)));
@@ -192,12 +193,13 @@ fn a_client_in_the_middle_of_a_request_notices_the_death_of_the_emulator() {
     std::thread::scope(|scope| {
         let waiter = scope.spawn(|| {
             let client = place.connect(quick()).unwrap();
-            let poke = Op::Poke { plc: 0, offset: REG + 2, width: Width::Word, value: 1 };
+            let poke = Op::Poke { plc: DeviceIndex(0), offset: REG + 2, width: Width::Word, value: 1 };
             let (mask, value, within_us) = (1, 1, MAX_ADVANCE_US);
-            let wait = Op::Wait { plc: 0, offset: REG, width: Width::Word, mask, value, within_us };
+            let wait =
+                Op::Wait { plc: DeviceIndex(0), offset: REG, width: Width::Word, mask, value, within_us };
             client.request(&[poke, wait])
         });
-        until("the other client waits", || client.peek(0, REG + 2, Width::Word).unwrap() == 1);
+        until("the other client waits", || client.peek(DeviceIndex(0), REG + 2, Width::Word).unwrap() == 1);
         server.kill();
         let gone = waiter.join().unwrap().unwrap_err();
         assert!(matches!(gone, ClientError::EmulatorGone { .. }), "{gone}");

@@ -1,6 +1,7 @@
 use super::rig::{Emulator, InstanceFiles, LONG};
 use crate::channel::client::Patience;
 use crate::channel::{Bells, ClientError};
+use crate::identity::DeviceIndex;
 use crate::layout::{Compare, Test};
 use crate::memory::Width;
 use crate::request::testing::{RAM, TestHost};
@@ -12,7 +13,7 @@ use std::time::Duration;
 const REG: u32 = RAM.start;
 
 fn wait(offset: u32, value: u32, within_us: u64) -> Op {
-    Op::Wait { plc: 0, offset, width: Width::Word, mask: 0xFFFF, value, within_us }
+    Op::Wait { plc: DeviceIndex(0), offset, width: Width::Word, mask: 0xFFFF, value, within_us }
 }
 
 #[test]
@@ -25,7 +26,8 @@ fn waits_of_several_clients_end_when_their_register_matches() {
             let (place, done) = (&place, &done);
             scope.spawn(move || {
                 let client = place.client();
-                let ready = Op::Poke { plc: 0, offset: REG + 100, width: Width::Word, value: number };
+                let ready =
+                    Op::Poke { plc: DeviceIndex(0), offset: REG + 100, width: Width::Word, value: number };
                 let ops = [ready, wait(REG + 2 * number, 0x44, MAX_ADVANCE_US), Op::Info];
                 let replies = client.request(&ops).unwrap();
                 assert!(matches!(replies[1], Reply::Waited(Waited { value: 0x44, .. })), "{replies:?}");
@@ -36,7 +38,7 @@ fn waits_of_several_clients_end_when_their_register_matches() {
         let client = place.client();
         // In another order than the requests.
         for number in [3, 0, 4, 2, 1] {
-            client.poke(0, REG + 2 * number, Width::Word, 0x44).unwrap();
+            client.poke(DeviceIndex(0), REG + 2 * number, Width::Word, 0x44).unwrap();
         }
     });
     assert_eq!(done.into_inner(), 5);
@@ -47,7 +49,7 @@ fn a_wait_in_real_time_fails_after_its_emulated_time() {
     let place = Arc::new(InstanceFiles::new());
     let _emulator = Emulator::start(&place, false);
     let client = place.client();
-    client.poke(0, REG, Width::Word, 0x41).unwrap();
+    client.poke(DeviceIndex(0), REG, Width::Word, 0x41).unwrap();
     match client.request(&[wait(REG, 0x44, 7_000), Op::Info]).unwrap().as_slice() {
         [Reply::Error(refused), Reply::NotExecuted] => {
             assert_eq!(refused.code, Code::NOT_IN_TIME);
@@ -97,8 +99,8 @@ fn a_client_that_gives_up_is_forgotten_and_may_ask_again() {
             assert!(matches!(late, ClientError::Timeout { .. }), "{late}");
         }
         let client = place.client();
-        client.poke(0, REG, Width::Word, 1).unwrap();
-        assert_eq!(client.peek(0, REG, Width::Word).unwrap(), 1);
+        client.poke(DeviceIndex(0), REG, Width::Word, 1).unwrap();
+        assert_eq!(client.peek(DeviceIndex(0), REG, Width::Word).unwrap(), 1);
     });
     assert_eq!((most, left), (1, 0));
 }
@@ -111,11 +113,11 @@ fn closing_answers_waiting_requests() {
     let emulator = Emulator::start_with(&place, host);
     std::thread::scope(|scope| {
         let waiter = scope.spawn(|| {
-            let here = Op::Poke { plc: 0, offset: REG + 2, width: Width::Word, value: 1 };
+            let here = Op::Poke { plc: DeviceIndex(0), offset: REG + 2, width: Width::Word, value: 1 };
             place.client().request(&[here, wait(REG, 1, MAX_ADVANCE_US)])
         });
         let other = place.client();
-        while other.peek(0, REG + 2, Width::Word).unwrap() == 0 {}
+        while other.peek(DeviceIndex(0), REG + 2, Width::Word).unwrap() == 0 {}
         emulator.end();
         let replies = waiter.join().unwrap().unwrap();
         let [Reply::Written, Reply::Error(refused)] = &replies[..] else { panic!("{replies:?}") };
@@ -144,7 +146,7 @@ fn other_clients_read_and_stop_while_the_clock_advances() {
         while now() == 0 {}
         let before = now();
         while now() == before {}
-        assert_eq!(client.peek(0, REG, Width::Word).unwrap(), 0);
+        assert_eq!(client.peek(DeviceIndex(0), REG, Width::Word).unwrap(), 0);
         client.stop().unwrap();
         let replies = stepper.join().unwrap().unwrap();
         let [Reply::Error(refused)] = &replies[..] else { panic!("{replies:?}") };
@@ -158,7 +160,7 @@ fn other_clients_read_while_one_waits_for_conditions() {
     let place = Arc::new(InstanceFiles::new());
     let _emulator = Emulator::start_with(&place, pausing());
     let test = Test { mask: 0xFFFF, compare: Compare::Equal, is_signed: false, value: 7 };
-    let condition = Op::Condition { plc: 0, offset: REG, width: Width::Word, test };
+    let condition = Op::Condition { plc: DeviceIndex(0), offset: REG, width: Width::Word, test };
     let never = Op::WaitFor { any: false, within_us: MAX_ADVANCE_US };
     std::thread::scope(|scope| {
         let waiter = scope.spawn(|| place.client().request(&[condition, never]));
@@ -182,12 +184,12 @@ fn a_request_that_changes_the_plant_waits_for_the_one_under_way() {
     let place = Arc::new(InstanceFiles::new());
     let _emulator = Emulator::start_with(&place, pausing());
     let step = Op::Advance { us: 3_000_000 };
-    let peek = Op::Peek { plc: 0, offset: REG, width: Width::Word };
+    let peek = Op::Peek { plc: DeviceIndex(0), offset: REG, width: Width::Word };
     std::thread::scope(|scope| {
         let stepper = scope.spawn(|| place.client().request(&[step, peek]).unwrap());
         let client = place.client();
         while client.info().unwrap().time_us == 0 {}
-        client.poke(0, REG, Width::Word, 7).unwrap();
+        client.poke(DeviceIndex(0), REG, Width::Word, 7).unwrap();
         assert_eq!(client.info().unwrap().time_us, 3_000_000);
         assert_eq!(stepper.join().unwrap(), [Reply::Time(3_000_000), Reply::Value(0)]);
     });
@@ -201,7 +203,7 @@ fn the_operation_of_a_client_that_gives_up_ends() {
     let late = place.connect(impatient).unwrap().request(&[DAY]).unwrap_err();
     assert!(matches!(late, ClientError::Timeout { .. }), "{late}");
     let client = place.client();
-    client.poke(0, REG, Width::Word, 7).unwrap();
+    client.poke(DeviceIndex(0), REG, Width::Word, 7).unwrap();
     let ended = client.info().unwrap().time_us;
     assert!(ended < MAX_ADVANCE_US);
     assert_eq!(client.advance(1).unwrap(), ended + 1);

@@ -4,6 +4,7 @@ use super::{BadField, door, fault, width_code, width_from_code};
 use crate::can::Frame;
 use crate::door::DoorSpec;
 use crate::fault::Fault;
+use crate::identity::{BusIndex, DeviceIndex};
 use crate::journal::Keep;
 use crate::layout::{Compare, Test};
 use crate::memory::Width;
@@ -41,6 +42,8 @@ macro_rules! numbers {
 
 numbers! {
     u16 => u16: core::convert::identity, Ok;
+    DeviceIndex => u16: |device: DeviceIndex| device.0, |column| Ok(DeviceIndex(column));
+    BusIndex => u16: |bus: BusIndex| bus.0, |column| Ok(BusIndex(column));
     u32 => u32: core::convert::identity, Ok;
     u64 => u64: core::convert::identity, Ok;
     i64 => u64: |value| value as u64, |column| Ok(column as i64);

@@ -138,6 +138,7 @@ mod tests {
     use super::*;
     use crate::channel::wire::BadField;
     use crate::fault::MAX_AT_US;
+    use crate::identity::BusIndex;
     use crate::request::Op;
 
     /// The longest fault of every kind fits into an operation: with the end of every range, and all values.
@@ -159,7 +160,7 @@ mod tests {
     #[test]
     fn hostile_bytes_are_refused_with_the_kind() {
         let kind = devices::fault_kinds()[0];
-        let fault = Draft::new(kind, Target::Bus(0)).check().unwrap();
+        let fault = Draft::new(kind, Target::Bus(BusIndex(0))).check().unwrap();
         let op = WireOp::from(&Op::FaultAdd { fault });
         for (at, byte) in (2..32).flat_map(|at| (0..=u8::MAX).map(move |byte| (at, byte))) {
             let mut wire = op;

@@ -40,6 +40,7 @@ mod tests {
     use super::*;
     use crate::channel::wire::serde_types;
     use crate::check::rules;
+    use crate::identity::DeviceIndex;
     use crate::journal::Finding;
     use crate::layout::RegisterPhase;
 
@@ -47,7 +48,7 @@ mod tests {
     fn entries_travel_whole_and_strange_ones_are_refused() {
         let last = Finding {
             rule: &rules::HEADER,
-            plc: 3,
+            plc: DeviceIndex(3),
             offset: 40,
             live: RegisterPhase::ALWAYS,
             value: 9,

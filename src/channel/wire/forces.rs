@@ -1,6 +1,7 @@
 //! Forced registers on the wire.
 
 use super::{width_code, width_from_code};
+use crate::identity::DeviceIndex;
 use crate::plant::Forced;
 use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
 
@@ -15,7 +16,7 @@ struct WireForced {
 
 pub(super) fn append(forces: &[Forced], bytes: &mut Vec<u8>) {
     let wire = |&Forced { plc, offset, width, value }: &Forced| WireForced {
-        plc,
+        plc: plc.0,
         width: width_code(width),
         offset,
         value,
@@ -27,7 +28,7 @@ pub(super) fn append(forces: &[Forced], bytes: &mut Vec<u8>) {
 pub(super) fn decode(bytes: &[u8]) -> Option<Vec<Forced>> {
     let forced = |bytes: &[u8]| {
         let WireForced { plc, width, offset, value } = WireForced::read_from_bytes(bytes).ok()?;
-        Some(Forced { plc, offset, width: width_from_code(width)?, value })
+        Some(Forced { plc: DeviceIndex(plc), offset, width: width_from_code(width)?, value })
     };
     bytes.chunks(size_of::<WireForced>()).map(forced).collect()
 }

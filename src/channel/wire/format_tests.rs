@@ -7,6 +7,7 @@ use crate::devices::{self, DriveDetails, DriveState, Interval, ParameterState, S
 use crate::door::{DoorSpec, DoorState, GuestState};
 use crate::fault::{Draft, Fault, FaultStatus, MAX_FIELDS, Target};
 use crate::format_samples::assert_only_added;
+use crate::identity::{BusIndex, DeviceIndex};
 use crate::journal::{
     By, Change, ChangeDetails, Changed, Entry, Finding, Keep, Names, Record, Turn, Unforce,
 };
@@ -50,29 +51,29 @@ pub(super) fn ops() -> Vec<(String, Op)> {
     let frame = Frame::of_numbers(0x123, 3, 0x33_2211).unwrap();
     let part = FilePart::new(&[1, 2, 3]).unwrap();
     let mut ops = vec![
-        Op::Peek { plc, offset, width },
-        Op::Poke { plc, offset, width, value: 5 },
-        Op::CompareExchange { plc, offset, width, current: 5, new: 4 },
-        Op::ReadRange { plc, offset, len: 99 },
-        Op::Wait { plc, offset, width, mask: 0xFF, value: 5, within_us: 9_000 },
+        Op::Peek { plc: DeviceIndex(plc), offset, width },
+        Op::Poke { plc: DeviceIndex(plc), offset, width, value: 5 },
+        Op::CompareExchange { plc: DeviceIndex(plc), offset, width, current: 5, new: 4 },
+        Op::ReadRange { plc: DeviceIndex(plc), offset, len: 99 },
+        Op::Wait { plc: DeviceIndex(plc), offset, width, mask: 0xFF, value: 5, within_us: 9_000 },
         Op::WaitFor { any: true, within_us: 9_000 },
         Op::Advance { us: 2_000 },
-        Op::AdvanceToSync { plc, node: 2 },
+        Op::AdvanceToSync { plc: DeviceIndex(plc), node: 2 },
         Op::AdvanceToEvent { within_us: 9_000 },
         Op::Time,
         Op::Journal { from: 77, max: 10 },
-        Op::Follow { plc, offset, len: 4, keep: Keep::InJournal },
-        Op::Follow { plc, offset, len: 4, keep: Keep::ForOnlookers },
-        Op::IsRecorded { plc, offset },
+        Op::Follow { plc: DeviceIndex(plc), offset, len: 4, keep: Keep::InJournal },
+        Op::Follow { plc: DeviceIndex(plc), offset, len: 4, keep: Keep::ForOnlookers },
+        Op::IsRecorded { plc: DeviceIndex(plc), offset },
         Op::Changes { from: 77, max: 10 },
-        Op::Force { plc, offset, width, value: 5 },
-        Op::Unforce { plc, offset, width },
+        Op::Force { plc: DeviceIndex(plc), offset, width, value: 5 },
+        Op::Unforce { plc: DeviceIndex(plc), offset, width },
         Op::Forces,
         Op::FaultList,
         Op::FaultClear { id: None },
         Op::FaultClear { id: NonZeroU16::new(12) },
-        Op::Board { plc },
-        Op::SetBoard { plc, setting: BoardSetting::Front { word: 1, value: 6 } },
+        Op::Board { plc: DeviceIndex(plc) },
+        Op::SetBoard { plc: DeviceIndex(plc), setting: BoardSetting::Front { word: 1, value: 6 } },
         Op::Findings,
         Op::ClearFindings,
         Op::Buses,
@@ -80,11 +81,11 @@ pub(super) fn ops() -> Vec<(String, Op)> {
         Op::Drives,
         Op::Drive { drive: 1 },
         Op::SetParameter { drive: 1, number: 47, value: -3 },
-        Op::DoorOpen { bus: 1, door: tcp() },
-        Op::DoorOpen { bus: 1, door: "slcan-pty:/dev/pts/4".parse().unwrap() },
-        Op::DoorClose { bus: 1, door: None },
-        Op::BusSend { bus: 1, frame: Some(frame) },
-        Op::BusSend { bus: 1, frame: None },
+        Op::DoorOpen { bus: BusIndex(1), door: tcp() },
+        Op::DoorOpen { bus: BusIndex(1), door: "slcan-pty:/dev/pts/4".parse().unwrap() },
+        Op::DoorClose { bus: BusIndex(1), door: None },
+        Op::BusSend { bus: BusIndex(1), frame: Some(frame) },
+        Op::BusSend { bus: BusIndex(1), frame: None },
         Op::Save,
         Op::Forget { number: 2 },
         Op::ReadSaved { number: 2, from: 65_536 },
@@ -98,13 +99,13 @@ pub(super) fn ops() -> Vec<(String, Op)> {
     ];
     ops.extend((1..=9).filter_map(|which| {
         Some(Op::SetBoard {
-            plc,
+            plc: DeviceIndex(plc),
             setting: BoardSetting::from_numbers(which, u32::from(!(6..=7).contains(&which)))?,
         })
     }));
     for (compare, is_signed) in Compare::ALL.iter().flat_map(|compare| [(*compare, false), (*compare, true)])
     {
-        ops.push(Op::Condition { plc, offset, width, test: test(compare, is_signed) });
+        ops.push(Op::Condition { plc: DeviceIndex(plc), offset, width, test: test(compare, is_signed) });
     }
     // By kind and place: what the program calls them may change.
     let mut places = std::collections::BTreeMap::<u16, usize>::new();
@@ -165,13 +166,13 @@ fn drive() -> DriveState {
 
 pub(super) fn replies() -> Vec<(&'static str, Reply)> {
     let turn = Turn { number: 2, begin: 5 };
-    let event = Unforce { plc: 1, offset: 200_002 }.into();
+    let event = Unforce { plc: DeviceIndex(1), offset: 200_002 }.into();
     let record = Record { seq: 9, time_us: 1_000, event, count: 2, period_us: 3, latency_us: Some(4) };
     let how = ChangeDetails { width: Width::Word, by: By::Channel, live: phases::CYCLIC };
-    let changed = Changed { plc: 1, offset: 200_002, how, from: 3, to: 4 };
+    let changed = Changed { plc: DeviceIndex(1), offset: 200_002, how, from: 3, to: 4 };
     let finding = Finding {
         rule: devices::catalogue().rules[0],
-        plc: 1,
+        plc: DeviceIndex(1),
         offset: 200_002,
         live: RegisterPhase::ALWAYS,
         value: 6,
@@ -225,7 +226,15 @@ pub(super) fn replies() -> Vec<(&'static str, Reply)> {
             "Changes",
             Reply::Changes { changes: vec![Change { seq: 9, time_us: 1_000, what: changed }], end: 10, turn },
         ),
-        ("Forces", Reply::Forces(vec![Forced { plc: 1, offset: 200_002, width: Width::Word, value: 5 }])),
+        (
+            "Forces",
+            Reply::Forces(vec![Forced {
+                plc: DeviceIndex(1),
+                offset: 200_002,
+                width: Width::Word,
+                value: 5,
+            }]),
+        ),
         ("FaultAdded", Reply::FaultAdded { id: 12 }),
         ("Faults", Reply::Faults(vec![FaultStatus { id: 12, fault, acting: true, hits: 3 }])),
         ("FaultsCleared", Reply::FaultsCleared { count: 2 }),

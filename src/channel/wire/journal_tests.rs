@@ -1,6 +1,7 @@
 use super::*;
 use crate::channel::wire::{Block, ReplyBuffer, decode, serde_types};
 use crate::devices::samples::event;
+use crate::identity::DeviceIndex;
 use crate::journal::{Journal, Turn, Unforce};
 use crate::request::Reply;
 use proptest::prelude::*;
@@ -55,7 +56,7 @@ proptest! {
 #[test]
 fn a_record_cut_short_is_refused() {
     let mut journal = Journal::default();
-    journal.push(1, Unforce { plc: 0, offset: 4 });
+    journal.push(1, Unforce { plc: DeviceIndex(0), offset: 4 });
     let mut buffer = ReplyBuffer::default();
     let records = journal.read(0).copied().collect();
     buffer.push(&Reply::Journal { records, end: 0, turn: Turn::default() }).unwrap();

@@ -7,6 +7,7 @@ use crate::door::{DoorSpec, DoorState, GuestState};
 use crate::fault::{
     Draft, Fault, FaultStatus, MAX_AT_US, MAX_DURATION_US, MAX_FIELDS, MAX_PARTICIPANT, Target,
 };
+use crate::identity::{BusIndex, DeviceIndex};
 use crate::journal::{By, Change, ChangeDetails, Changed, Keep, Names, Turn};
 use crate::layout::{Compare, DeviceFit, Fit, RegisterPhase, Role, Test};
 use crate::memory::header::BoardSetting;
@@ -26,63 +27,69 @@ fn width() -> impl Strategy<Value = Width> {
 fn op() -> impl Strategy<Value = Op> {
     let register = || (any::<u16>(), any::<u32>(), width());
     prop_oneof![
-        register().prop_map(|(plc, offset, width)| Op::Peek { plc, offset, width }),
+        register().prop_map(|(plc, offset, width)| Op::Peek { plc: DeviceIndex(plc), offset, width }),
         (register(), any::<u32>()).prop_map(|((plc, offset, width), value)| Op::Poke {
-            plc,
+            plc: DeviceIndex(plc),
             offset,
             width,
             value
         }),
         (register(), any::<u32>(), any::<u32>()).prop_map(|((plc, offset, width), current, new)| {
-            Op::CompareExchange { plc, offset, width, current, new }
+            Op::CompareExchange { plc: DeviceIndex(plc), offset, width, current, new }
         }),
-        any::<(u16, u32, u32)>().prop_map(|(plc, offset, len)| Op::ReadRange { plc, offset, len }),
+        any::<(u16, u32, u32)>().prop_map(|(plc, offset, len)| Op::ReadRange {
+            plc: DeviceIndex(plc),
+            offset,
+            len
+        }),
         (register(), any::<(u32, u32, u64)>()).prop_map(
             |((plc, offset, width), (mask, value, within_us))| {
-                Op::Wait { plc, offset, width, mask, value, within_us }
+                Op::Wait { plc: DeviceIndex(plc), offset, width, mask, value, within_us }
             }
         ),
         (register(), any::<(u32, u32, bool)>(), 0..Compare::ALL.len()).prop_map(
             |((plc, offset, width), (mask, value, is_signed), compare)| {
                 let test = Test { mask, compare: Compare::ALL[compare], is_signed, value };
-                Op::Condition { plc, offset, width, test }
+                Op::Condition { plc: DeviceIndex(plc), offset, width, test }
             }
         ),
         any::<(bool, u64)>().prop_map(|(any, within_us)| Op::WaitFor { any, within_us }),
         any::<u64>().prop_map(|us| Op::Advance { us }),
-        any::<(u16, u8)>().prop_map(|(plc, node)| Op::AdvanceToSync { plc, node }),
+        any::<(u16, u8)>().prop_map(|(plc, node)| Op::AdvanceToSync { plc: DeviceIndex(plc), node }),
         any::<u64>().prop_map(|within_us| Op::AdvanceToEvent { within_us }),
         Just(Op::Time),
         any::<(u64, u32)>().prop_map(|(from, max)| Op::Journal { from, max }),
         (register(), any::<u32>()).prop_map(|((plc, offset, width), value)| Op::Force {
-            plc,
+            plc: DeviceIndex(plc),
             offset,
             width,
             value
         }),
-        register().prop_map(|(plc, offset, width)| Op::Unforce { plc, offset, width }),
+        register().prop_map(|(plc, offset, width)| Op::Unforce { plc: DeviceIndex(plc), offset, width }),
         Just(Op::Forces),
         fault().prop_map(|fault| Op::FaultAdd { fault }),
         Just(Op::FaultList),
         any::<u16>().prop_map(|id| Op::FaultClear { id: NonZeroU16::new(id) }),
-        any::<u16>().prop_map(|plc| Op::Board { plc }),
+        any::<u16>().prop_map(|plc| Op::Board { plc: DeviceIndex(plc) }),
         (any::<u16>(), 1..=7u32, 0..40u32).prop_filter_map("a setting", |(plc, which, value)| {
-            Some(Op::SetBoard { plc, setting: BoardSetting::from_numbers(which, value)? })
+            Some(Op::SetBoard { plc: DeviceIndex(plc), setting: BoardSetting::from_numbers(which, value)? })
         }),
         (any::<(u16, u32, u32)>(), any::<bool>()).prop_map(|((plc, offset, len), looks_on)| {
             let keep = if looks_on { Keep::ForOnlookers } else { Keep::InJournal };
-            Op::Follow { plc, offset, len, keep }
+            Op::Follow { plc: DeviceIndex(plc), offset, len, keep }
         }),
-        any::<(u16, u32)>().prop_map(|(plc, offset)| Op::IsRecorded { plc, offset }),
+        any::<(u16, u32)>().prop_map(|(plc, offset)| Op::IsRecorded { plc: DeviceIndex(plc), offset }),
         any::<(u64, u32)>().prop_map(|(from, max)| Op::Changes { from, max }),
         Just(Op::Buses),
         Just(Op::Scene),
         Just(Op::Drives),
         any::<u16>().prop_map(|drive| Op::Drive { drive }),
         any::<(u16, u16, i64)>().prop_map(|(drive, number, value)| Op::SetParameter { drive, number, value }),
-        (any::<u16>(), door()).prop_map(|(bus, door)| Op::DoorOpen { bus, door }),
-        (any::<u16>(), proptest::option::of(door())).prop_map(|(bus, door)| Op::DoorClose { bus, door }),
-        (any::<u16>(), proptest::option::of(frame())).prop_map(|(bus, frame)| Op::BusSend { bus, frame }),
+        (any::<u16>(), door()).prop_map(|(bus, door)| Op::DoorOpen { bus: BusIndex(bus), door }),
+        (any::<u16>(), proptest::option::of(door()))
+            .prop_map(|(bus, door)| Op::DoorClose { bus: BusIndex(bus), door }),
+        (any::<u16>(), proptest::option::of(frame()))
+            .prop_map(|(bus, frame)| Op::BusSend { bus: BusIndex(bus), frame }),
         Just(Op::Findings),
         Just(Op::ClearFindings),
         Just(Op::Save),
@@ -207,7 +214,7 @@ fn error() -> impl Strategy<Value = Refused> {
 
 fn forced() -> impl Strategy<Value = Forced> {
     (any::<u16>(), any::<u32>(), width(), any::<u32>()).prop_map(|(plc, offset, width, value)| Forced {
-        plc,
+        plc: DeviceIndex(plc),
         offset,
         width,
         value,
@@ -277,7 +284,7 @@ fn changes() -> impl Strategy<Value = Vec<Change>> {
     let change =
         (any::<(u64, u64)>(), any::<(u16, u32, u32, u32)>(), how).prop_map(|(numbers, words, how)| {
             let ((seq, time_us), (plc, offset, from, to)) = (numbers, words);
-            Change { seq, time_us, what: Changed { plc, offset, how, from, to } }
+            Change { seq, time_us, what: Changed { plc: DeviceIndex(plc), offset, how, from, to } }
         });
     proptest::collection::vec(change, 0..5)
 }
@@ -424,13 +431,13 @@ proptest! {
 
 #[test]
 fn fields_without_meaning_are_named() {
-    let peek = WireOp::from(&Op::Peek { plc: 0, offset: 200_000, width: Width::Word });
+    let peek = WireOp::from(&Op::Peek { plc: DeviceIndex(0), offset: 200_000, width: Width::Word });
     let bad = |wire: WireOp| Op::try_from(wire).unwrap_err().to_string();
     assert_eq!(bad(WireOp { kind: 99, ..peek }), "the kind is 16#63");
     assert_eq!(bad(WireOp { width: 3, ..peek }), "the width is 16#3");
     assert_eq!(bad(WireOp { reserved: 1, ..peek }), "an unused field is 16#1");
     assert_eq!(bad(WireOp { time_us: 1, ..peek }), "an unused field is 16#1");
-    let sync = WireOp::from(&Op::AdvanceToSync { plc: 0, node: 1 });
+    let sync = WireOp::from(&Op::AdvanceToSync { plc: DeviceIndex(0), node: 1 });
     assert_eq!(bad(WireOp { node: 256, ..sync }), "the node is 16#100");
 }
 

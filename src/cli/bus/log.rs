@@ -10,6 +10,7 @@ pub(super) use play::{Play, play};
 use super::super::error::CliError;
 use super::super::output;
 use crate::can::Frame;
+use crate::identity::BusIndex;
 use crate::input_file;
 use crate::journal::pcapng;
 use crate::journal::recording::{self, Logged, Recording};
@@ -33,7 +34,7 @@ struct Log {
 struct AddressedFrame {
     at: usize,
     time_us: u64,
-    bus: u16,
+    bus: BusIndex,
     frame: Frame,
 }
 
@@ -80,7 +81,7 @@ impl Log {
             if !select.takes(&interface, direction, &frame) {
                 not_selected += 1;
             } else if let Some(bus) = for_all.or_else(|| number(&interface)) {
-                aimed.push(AddressedFrame { at, time_us, bus: bus as u16, frame });
+                aimed.push(AddressedFrame { at, time_us, bus: BusIndex::at(bus), frame });
             } else {
                 *without_bus.entry(interface).or_default() += 1;
             }

@@ -4,6 +4,7 @@ use super::*;
 use crate::channel::client::Patience;
 use crate::channel::{Client, ClientError, HeaderBells};
 use crate::cli::progress;
+use crate::identity::DeviceIndex;
 use crate::journal::{Names, Record};
 use crate::memory::names::channel_root;
 use crate::memory::{InstanceLock, State};
@@ -135,7 +136,7 @@ impl Session {
     }
 
     pub(super) fn boards_by_channel(&self) -> Result<Vec<BoardState>, CliError> {
-        let ops: Vec<_> = (0..self.plcs.len()).map(|plc| Op::Board { plc: plc as u16 }).collect();
+        let ops: Vec<_> = DeviceIndex::first(self.plcs.len()).map(|plc| Op::Board { plc }).collect();
         self.request(&ops)?.into_iter().map(|reply| Ok(reply.board()?)).collect()
     }
 

@@ -3,6 +3,7 @@
 use super::list::List;
 use crate::can::wire;
 use crate::devices;
+use crate::identity::BusIndex;
 use crate::journal::text::Text;
 use crate::journal::{Format, Names, Record, Ring, Source};
 use crate::request::{BusScene, InstanceInfo};
@@ -21,7 +22,7 @@ const PART_US: u64 = 10_000;
 #[derive(Clone, Debug)]
 pub(super) struct BusFrame {
     /// Number of the bus.
-    bus: usize,
+    bus: BusIndex,
     /// Begin of the frame, in microseconds.
     pub from_us: u64,
     /// End of reception, in microseconds.
@@ -66,7 +67,7 @@ pub(super) struct Frames {
     edges: Vec<VecDeque<u64>>,
     text: Option<Text>,
     /// The displayed bus.
-    pub bus: usize,
+    pub bus: BusIndex,
     /// Begin of the held window, in microseconds; `None`: the latest window is displayed.
     held: Option<u64>,
     /// True if new records were dropped because the memory was full while a window was held.
@@ -118,7 +119,7 @@ impl Frames {
         if record.event.kind().ring() != Ring::Registers {
             return;
         }
-        let Some(edges) = self.edges.get_mut(usize::from(bus)) else { return };
+        let Some(edges) = self.edges.get_mut(bus.index()) else { return };
         let last = edges.back().copied();
         let mut new: Vec<_> = record
             .times()
@@ -146,11 +147,11 @@ impl Frames {
     /// The displayed window.
     pub(super) fn window(&self, info: &InstanceInfo, scene: &[BusScene]) -> Window {
         let place = self.place(info);
-        let begin = self.edges.get(self.bus).zip(place);
+        let begin = self.edges.get(self.bus.index()).zip(place);
         let begin = begin.and_then(|(edges, place)| Some((edges.get(place)?, edges.get(place + 1))));
         match begin {
             Some((begin, next)) => {
-                let interval = scene.get(self.bus).and_then(|bus| bus.interval.as_ref());
+                let interval = scene.get(self.bus.index()).and_then(|bus| bus.interval.as_ref());
                 let usual = interval.map_or(PART_US, |interval| u64::from(interval.us));
                 // A lost edge must not make the interval longer.
                 let us = next.map_or(usual, |next| next - begin).clamp(1, usual.max(1) * 2);
@@ -165,7 +166,7 @@ impl Frames {
 
     /// Index of the edge that begins the displayed interval; `None` if there is no edge.
     fn place(&self, info: &InstanceInfo) -> Option<usize> {
-        let edges = self.edges.get(self.bus)?;
+        let edges = self.edges.get(self.bus.index())?;
         match self.held {
             Some(held) => edges.iter().rposition(|edge| *edge <= held),
             None => self.latest(info),
@@ -175,7 +176,7 @@ impl Frames {
     /// Index of the edge that begins the latest complete interval. With a running clock this is an interval that
     /// was over when the time was read: the journal is read later and contains newer, incomplete intervals.
     fn latest(&self, info: &InstanceInfo) -> Option<usize> {
-        let edges = self.edges.get(self.bus)?;
+        let edges = self.edges.get(self.bus.index())?;
         let come = edges.partition_point(|edge| *edge <= info.time_us);
         come.checked_sub(1 + usize::from(!info.is_stepped))
     }
@@ -202,7 +203,7 @@ impl Frames {
         }
         self.list.chosen = 0;
         let Window { begin_us, is_interval, .. } = self.window(info, scene);
-        let next = match (self.edges.get(self.bus), self.place(info)) {
+        let next = match (self.edges.get(self.bus.index()), self.place(info)) {
             (Some(edges), Some(place)) if is_back => edges.get(place.saturating_sub(1)).copied(),
             (Some(edges), Some(place)) => {
                 let latest = self.latest(info).unwrap_or(0);
@@ -242,10 +243,10 @@ fn last_of(record: &Record, text: &mut Text, names: &Names, scene: &[BusScene]) 
     text.record(&single, &mut line);
     let name = names.source(source);
     let bus = match source {
-        Source::Bus(bus) => usize::from(bus),
-        _ => scene.iter().position(|bus| bus.ports.contains(&name))?,
+        Source::Bus(bus) => bus,
+        _ => BusIndex::at(scene.iter().position(|bus| bus.ports.contains(&name))?),
     };
-    let bit_s = scene.get(bus).map_or(0, |bus| bus.bit_s);
+    let bit_s = scene.get(bus.index()).map_or(0, |bus| bus.bit_s);
     let us = event.frame().filter(|_| bit_s > 0).map_or(0, |carried| {
         u64::from(wire::bits_to_end_of_frame(&carried.frame)) * 1_000_000 / u64::from(bit_s)
     });

@@ -7,6 +7,7 @@ use super::pins::Pins;
 use super::prompt::{InputPurpose, Prompt, TextInput};
 use super::tree::Row;
 use super::work::{Task, Work};
+use crate::identity::{BusIndex, DeviceIndex};
 use crate::layout::NamedLocation;
 use crate::request::Op;
 use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyModifiers, MouseButton, MouseEvent, MouseEventKind};
@@ -95,7 +96,7 @@ impl Model {
             Action::Show(pane) => self.pane = pane,
             Action::Next if self.pane == Pane::Registers => self.on_pins = !self.on_pins,
             Action::Next if self.pane == Pane::Frames => {
-                self.frames.bus = (self.frames.bus + 1) % self.scene.len().max(1);
+                self.frames.bus = BusIndex::at((self.frames.bus.index() + 1) % self.scene.len().max(1));
                 self.frames.follow();
             }
             Action::Next => {}
@@ -242,7 +243,7 @@ impl Model {
         }
     }
 
-    fn ask_value(&mut self, purpose: fn(u16, NamedLocation) -> InputPurpose, what: &str) {
+    fn ask_value(&mut self, purpose: fn(DeviceIndex, NamedLocation) -> InputPurpose, what: &str) {
         match self.chosen() {
             Some((_, place)) if place.bit().is_some() => {
                 self.complain("a single bit cannot be written, only its whole register");
@@ -270,10 +271,10 @@ impl Model {
     }
 
     /// The port for the SYNC: the port of the chosen register, else the first master.
-    fn sync_port(&self) -> Option<(u16, u8)> {
+    fn sync_port(&self) -> Option<(DeviceIndex, u8)> {
         let names = self.names();
-        let first =
-            (0..).zip(&names.devices).find_map(|(plc, fitted)| Some((plc, fitted.first_master()?.number)));
+        let first = DeviceIndex::enumerate(&names.devices)
+            .find_map(|(plc, fitted)| Some((plc, fitted.first_master()?.number)));
         let of_chosen = self.chosen().and_then(|(plc, place)| {
             let ports = names.device(plc).ports;
             Some((plc, ports.iter().find(|port| port.area.contains(place.offset()))?.number))

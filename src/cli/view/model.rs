@@ -9,6 +9,7 @@ use super::pins::Pins;
 use super::poll::{DeviceFront, MemoryLocation, PollData, Query};
 use super::prompt::{BoardSwitch, Prompt};
 use super::tree::{Row, Tree};
+use crate::identity::DeviceIndex;
 use crate::journal::{Entry, Names};
 use crate::layout::place::status_of;
 use crate::layout::{Area, NamedLocation, RegisterPhase, RegisterRef};
@@ -222,9 +223,9 @@ impl Model {
         self.pins.forget();
         let was_pinned: Vec<_> = self.pins.all.drain(..).map(|pin| (pin.plc, pin.place)).collect();
         for (plc, place) in was_pinned {
-            let name = old.plcs.get(usize::from(plc));
+            let name = old.plcs.get(plc.index());
             let number = info.names.plcs.iter().position(|known| Some(known) == name);
-            let Some(number) = number.and_then(|number| u16::try_from(number).ok()) else { continue };
+            let Some(number) = number.map(DeviceIndex::at) else { continue };
             if let Ok(place) = NamedLocation::parse(&info.names.fitted(number), place.text()) {
                 self.pins.toggle(number, place);
             }
@@ -283,8 +284,8 @@ impl Model {
     }
 
     /// The status registers of all ports, with the numbers of their PLCs.
-    fn ports(&self) -> impl Iterator<Item = (u16, RegisterRef)> {
-        let devices = self.info.iter().flat_map(|info| (0..).zip(&info.names.devices));
+    fn ports(&self) -> impl Iterator<Item = (DeviceIndex, RegisterRef)> {
+        let devices = self.info.iter().flat_map(|info| DeviceIndex::enumerate(&info.names.devices));
         devices.flat_map(|(plc, fitted)| {
             fitted.device().ports.iter().filter_map(move |port| Some((plc, status_of(port.area)?)))
         })
@@ -315,13 +316,13 @@ impl Model {
     }
 
     /// The live one of the structures that overlay each other, from the value of their status register.
-    pub(super) fn live(&self, plc: u16, area: &'static Area) -> RegisterPhase {
+    pub(super) fn live(&self, plc: DeviceIndex, area: &'static Area) -> RegisterPhase {
         let status = status_of(area);
         area.phase(status.and_then(|status| self.value(MemoryLocation::register(plc, &status))))
     }
 
     /// The chosen register and its PLC.
-    pub(super) fn chosen(&self) -> Option<(u16, NamedLocation)> {
+    pub(super) fn chosen(&self) -> Option<(DeviceIndex, NamedLocation)> {
         match self.pane {
             Pane::Registers if self.on_pins => {
                 let pin = self.pins.all.get(self.pins.list.chosen)?;

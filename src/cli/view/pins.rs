@@ -2,6 +2,7 @@
 
 use super::list::List;
 use super::poll::MemoryLocation;
+use crate::identity::DeviceIndex;
 use crate::journal::{Change, Names};
 use crate::layout::{NamedLocation, plc_prefix};
 use std::collections::VecDeque;
@@ -14,7 +15,7 @@ const KEPT: usize = 10_000;
 /// A pinned register.
 pub(super) struct Pin {
     /// Number of the PLC.
-    pub plc: u16,
+    pub plc: DeviceIndex,
     /// The register or address.
     pub place: NamedLocation,
     /// Time of the last change.
@@ -68,7 +69,7 @@ impl Pin {
 
 impl Pins {
     /// Pins a place, or unpins it. Returns true if it is pinned now.
-    pub(super) fn toggle(&mut self, plc: u16, place: NamedLocation) -> bool {
+    pub(super) fn toggle(&mut self, plc: DeviceIndex, place: NamedLocation) -> bool {
         let same = |pin: &Pin| pin.plc == plc && pin.place.address() == place.address();
         let before = self.all.len();
         self.all.retain(|pin| !same(pin));
@@ -169,7 +170,7 @@ impl Pins {
     }
 
     /// Prefix of the register name of a pin.
-    pub(super) fn prefix(names: &Names, plc: u16) -> String {
+    pub(super) fn prefix(names: &Names, plc: DeviceIndex) -> String {
         plc_prefix(&names.plcs, plc)
     }
 }

@@ -3,6 +3,7 @@
 use super::source::{RequestError, RequestKind, Source};
 use crate::devices;
 use crate::devices::ModuleFront;
+use crate::identity::DeviceIndex;
 use crate::journal::{Change, Changed, Entry, Keep, Record, Turn};
 use crate::layout::{FrontWord, NamedLocation, RegisterRef, Width};
 use crate::memory::header::BoardState;
@@ -29,7 +30,7 @@ const BUSES: Duration = Duration::from_secs(1);
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub(super) struct MemoryLocation {
     /// Number of the PLC.
-    pub plc: u16,
+    pub plc: DeviceIndex,
     /// Offset in the image, in bytes.
     pub offset: u32,
     /// Width of the access.
@@ -38,12 +39,12 @@ pub(super) struct MemoryLocation {
 
 impl MemoryLocation {
     /// Location of a register.
-    pub(super) fn register(plc: u16, register: &RegisterRef) -> Self {
+    pub(super) fn register(plc: DeviceIndex, register: &RegisterRef) -> Self {
         Self { plc, offset: register.offset(), width: Width::of(register.ty()) }
     }
 
     /// Location of a place.
-    pub(super) fn place(plc: u16, place: &NamedLocation) -> Self {
+    pub(super) fn place(plc: DeviceIndex, place: &NamedLocation) -> Self {
         Self { plc, offset: place.offset(), width: place.width() }
     }
 }
@@ -122,7 +123,7 @@ pub(super) struct Poller {
     past: Cursor,
     /// Number of the next record at the time when a register was last followed.
     followed_from: u64,
-    plcs: u16,
+    plcs: usize,
 }
 
 /// A position in the journal.
@@ -161,7 +162,7 @@ impl Poller {
         self.follow(source, &query.follow)?;
         let boards = if query.fronts { self.plcs } else { 0 };
         let mut ops = vec![Op::Info, Op::Forces];
-        ops.extend((0..boards).map(|plc| Op::Board { plc }));
+        ops.extend(DeviceIndex::first(boards).map(|plc| Op::Board { plc }));
         ops.extend(query.findings.then_some(Op::Findings));
         ops.extend(query.scene.then_some([Op::Scene, Op::Drives]).into_iter().flatten());
         let readable: Vec<_> =
@@ -172,7 +173,7 @@ impl Poller {
         let info = fits(next(&mut replies)?.info())?;
         let forces = fits(next(&mut replies)?.forces())?;
         let mut faces = Vec::new();
-        for plc in 0..boards {
+        for plc in DeviceIndex::first(boards) {
             let board = fits(next(&mut replies)?.board())?;
             faces.extend(face(source, &info, plc, board));
         }
@@ -191,7 +192,7 @@ impl Poller {
             let replies = source.request(&ops, RequestKind::Poll)?.into_iter();
             self.take_values(part, replies, &mut values);
         }
-        self.plcs = u16::try_from(info.names.plcs.len()).unwrap_or(u16::MAX);
+        self.plcs = info.names.plcs.len();
         let (changes, lost) = self.changes(source)?;
         let (records, pending) = if query.journal { self.journal(source)? } else { Default::default() };
         let recorded = self.recorded(source, query.recorded)?;
@@ -338,7 +339,12 @@ fn peek(location: &MemoryLocation) -> Op {
     Op::Peek { plc, offset, width }
 }
 
-fn face(source: &mut dyn Source, info: &InstanceInfo, plc: u16, board: BoardState) -> Option<DeviceFront> {
+fn face(
+    source: &mut dyn Source,
+    info: &InstanceInfo,
+    plc: DeviceIndex,
+    board: BoardState,
+) -> Option<DeviceFront> {
     let (header, device) = (source.header(plc)?, info.names.device(plc));
     let front = header.front_words(device).collect();
     Some(DeviceFront { board, front, modules: devices::modules(&header, device).unwrap_or_default() })

@@ -3,6 +3,7 @@
 use super::model::Model;
 use super::pins::Pins;
 use super::work::{Task, Work};
+use crate::identity::DeviceIndex;
 use crate::layout::{Condition, ConditionError, NamedLocation, split_plc, value};
 use crate::memory::header::BoardWord;
 use crate::request::Op;
@@ -40,9 +41,9 @@ pub(super) struct TextInput {
 #[derive(Clone, Debug)]
 pub(super) enum InputPurpose {
     /// Value to write to a register of a PLC.
-    Poke(u16, NamedLocation),
+    Poke(DeviceIndex, NamedLocation),
     /// Value to force a register to.
-    Force(u16, NamedLocation),
+    Force(DeviceIndex, NamedLocation),
     /// Time to advance the clock by.
     Step,
     /// Conditions to wait for.
@@ -59,7 +60,7 @@ pub(super) enum InputPurpose {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct BoardSwitch {
     /// Number of the PLC.
-    pub plc: u16,
+    pub plc: DeviceIndex,
     /// Name in `commram board set`.
     pub name: String,
     /// Names of the positions, or a description of the possible values.
@@ -166,7 +167,7 @@ impl Model {
             None => Some(0).filter(|_| names.plcs.len() == 1),
         };
         let plc_of = |name: &str| {
-            let number = number(split_plc(name).0).and_then(|number| u16::try_from(number).ok());
+            let number = number(split_plc(name).0).map(DeviceIndex::at);
             number.ok_or_else(|| format!("write the PLC in front: {}:...", names.plcs.join(", ")))
         };
         let place = |name: &str| {
@@ -177,8 +178,8 @@ impl Model {
             ConditionError::Value(why) => why.to_string(),
             ConditionError::Notation { right, .. } => right.to_owned(),
         })?;
-        let plc = number(condition.place.plc.as_deref()).and_then(|number| u16::try_from(number).ok());
+        let plc = number(condition.place.plc.as_deref()).map(DeviceIndex::at);
         let (offset, width) = (condition.place.offset(), condition.place.width());
-        Ok(Op::Condition { plc: plc.unwrap_or(0), offset, width, test: condition.test })
+        Ok(Op::Condition { plc: plc.unwrap_or_default(), offset, width, test: condition.test })
     }
 }

@@ -5,6 +5,7 @@ use crate::cli::error::CliError;
 use crate::cli::instance::Instance;
 use crate::cli::session::Session;
 use crate::devices;
+use crate::identity::DeviceIndex;
 use crate::memory::{AttachMode, Attached, Header};
 use crate::request::{Code, Op, Reply};
 use std::time::Duration;
@@ -43,7 +44,7 @@ pub(super) trait Source {
     fn request(&mut self, ops: &[Op], kind: RequestKind) -> Result<Vec<Reply>, RequestError>;
 
     /// A copy of the header page of PLC number `plc`.
-    fn header(&mut self, plc: u16) -> Option<Box<Header>>;
+    fn header(&mut self, plc: DeviceIndex) -> Option<Box<Header>>;
 }
 
 /// A running instance.
@@ -82,7 +83,7 @@ impl Source for Running {
         if replies.iter().any(ends) { Err(RequestError::Gone("it ends".to_owned())) } else { Ok(replies) }
     }
 
-    fn header(&mut self, plc: u16) -> Option<Box<Header>> {
-        Some(self.images.get(usize::from(plc))?.header_snapshot())
+    fn header(&mut self, plc: DeviceIndex) -> Option<Box<Header>> {
+        Some(self.images.get(plc.index())?.header_snapshot())
     }
 }

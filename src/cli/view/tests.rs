@@ -12,6 +12,7 @@ use super::model::Model;
 use super::poll::Poller;
 use super::source::{RequestError, RequestKind, Source};
 use super::style::Theme;
+use crate::identity::DeviceIndex;
 use crate::memory::Header;
 use crate::plant::PlantConfig;
 use crate::request::testing::TestHost;
@@ -43,8 +44,8 @@ impl Source for TestHost {
         Ok(replies)
     }
 
-    fn header(&mut self, plc: u16) -> Option<Box<Header>> {
-        Some(self.plant.devices().get(usize::from(plc))?.segment().header_snapshot())
+    fn header(&mut self, plc: DeviceIndex) -> Option<Box<Header>> {
+        Some(self.plant.devices().get(plc.index())?.segment().header_snapshot())
     }
 }
 
@@ -147,10 +148,11 @@ impl User {
 
     /// Pokes registers as a client of the channel does, and advances the clock.
     fn poke(&mut self, writes: &[(&str, u32)], then_us: u64) {
-        let fitted = self.host.plant.names().fitted(0);
+        let fitted = self.host.plant.names().fitted(DeviceIndex(0));
         for (name, value) in writes {
             let place = crate::layout::NamedLocation::parse(&fitted, name).unwrap();
-            let op = Op::Poke { plc: 0, offset: place.offset(), width: place.width(), value: *value };
+            let op =
+                Op::Poke { plc: DeviceIndex(0), offset: place.offset(), width: place.width(), value: *value };
             assert_eq!(self.host.request(&[op]), [Reply::Written], "{name}");
         }
         self.host.run_to(self.host.plant.now() + then_us);

@@ -3,6 +3,7 @@
 use super::list::List;
 use crate::cli::find;
 use crate::cli::map::entry;
+use crate::identity::DeviceIndex;
 use crate::journal::Names;
 use crate::layout::place::is_live;
 use crate::layout::{Area, DeviceFit, Fit, Named, RegisterPhase, RegisterRef, plc_prefix, split_plc};
@@ -12,20 +13,20 @@ use std::collections::HashSet;
 #[derive(Clone, Debug)]
 pub(super) enum Row {
     /// A PLC, if the instance has several.
-    Plc(u16),
+    Plc(DeviceIndex),
     /// A block.
-    Block(u16, &'static Area),
+    Block(DeviceIndex, &'static Area),
     /// An array of registers, given by its first element.
-    Array(u16, RegisterRef),
+    Array(DeviceIndex, RegisterRef),
     /// A register.
-    Register(u16, RegisterRef),
+    Register(DeviceIndex, RegisterRef),
 }
 
 /// Key of an open line: PLC, first byte of the block, name of the array.
-type BranchKey = (u16, Option<u32>, Option<&'static str>);
+type BranchKey = (DeviceIndex, Option<u32>, Option<&'static str>);
 
 /// The live structures of open blocks with overlaid structures.
-type RegisterPhases = Vec<(u16, u32, RegisterPhase)>;
+type RegisterPhases = Vec<(DeviceIndex, u32, RegisterPhase)>;
 
 /// The lines of the tree.
 #[derive(Default)]
@@ -39,19 +40,19 @@ pub(super) struct Tree {
     phases: RegisterPhases,
     rows: Vec<Row>,
     /// All registers with their descriptions, each array once; created at the first search.
-    index: Vec<(u16, RegisterRef, entry::Entry)>,
+    index: Vec<(DeviceIndex, RegisterRef, entry::Entry)>,
 }
 
 impl Row {
     /// The PLC of the line.
-    pub(super) fn plc(&self) -> u16 {
+    pub(super) fn plc(&self) -> DeviceIndex {
         match self {
             Row::Plc(plc) | Row::Block(plc, _) | Row::Array(plc, _) | Row::Register(plc, _) => *plc,
         }
     }
 
     /// The register of the line, if it is one.
-    pub(super) fn register(&self) -> Option<(u16, &RegisterRef)> {
+    pub(super) fn register(&self) -> Option<(DeviceIndex, &RegisterRef)> {
         match self {
             Row::Register(plc, register) => Some((*plc, register)),
             _ => None,
@@ -80,7 +81,7 @@ impl Tree {
     pub(super) fn of(names: Names) -> Self {
         let mut tree = Self { names, ..Self::default() };
         if tree.names.plcs.len() == 1 {
-            tree.open.insert((0, None, None));
+            tree.open.insert((DeviceIndex(0), None, None));
         }
         tree.rebuild();
         tree
@@ -100,7 +101,7 @@ impl Tree {
     }
 
     /// The open blocks with the numbers of their PLCs.
-    pub(super) fn open_blocks(&self) -> impl Iterator<Item = (u16, &'static Area)> {
+    pub(super) fn open_blocks(&self) -> impl Iterator<Item = (DeviceIndex, &'static Area)> {
         self.rows.iter().filter_map(|row| match row {
             Row::Block(plc, area) if self.is_open(row) => Some((*plc, *area)),
             _ => None,
@@ -131,7 +132,7 @@ impl Tree {
         let prefix = |plc| plc_prefix(&self.names.plcs, plc);
         let is_found = self.sought.is_some();
         match row {
-            Row::Plc(plc) => self.names.plcs.get(usize::from(*plc)).cloned().unwrap_or_default(),
+            Row::Plc(plc) => self.names.plcs.get(plc.index()).cloned().unwrap_or_default(),
             Row::Block(plc, area) if is_found => prefix(*plc) + area.name,
             Row::Block(_, area) => area.name.to_owned(),
             Row::Array(plc, first) if is_found => {
@@ -217,9 +218,8 @@ impl Tree {
         self.list.choose(line, self.rows.len());
     }
 
-    fn plcs(&self) -> Vec<(u16, DeviceFit)> {
-        let count = u16::try_from(self.names.plcs.len()).unwrap_or(u16::MAX);
-        (0..count).map(|plc| (plc, self.names.fitted(plc))).collect()
+    fn plcs(&self) -> Vec<(DeviceIndex, DeviceFit)> {
+        DeviceIndex::first(self.names.plcs.len()).map(|plc| (plc, self.names.fitted(plc))).collect()
     }
 
     fn all(&self) -> Vec<Row> {
@@ -241,7 +241,7 @@ impl Tree {
         rows
     }
 
-    fn add_registers(&self, rows: &mut Vec<Row>, plc: u16, fitted: &DeviceFit, area: &'static Area) {
+    fn add_registers(&self, rows: &mut Vec<Row>, plc: DeviceIndex, fitted: &DeviceFit, area: &'static Area) {
         let live = self.phases.iter().find(|(of, first, _)| (*of, *first) == (plc, area.first));
         let live = live.map_or(area.phase(None), |(.., live)| *live);
         let firsts = entry::firsts(fitted, area);
@@ -279,12 +279,12 @@ impl Tree {
         let (plc, text) = split_plc(text);
         let wanted = plc.and_then(|plc| self.names.plcs.iter().position(|name| name == plc));
         let words: Vec<_> = text.split_whitespace().map(find::folded).collect();
-        let meant = |number: u16| plc.is_none() || wanted == Some(usize::from(number));
+        let meant = |number: DeviceIndex| plc.is_none() || wanted == Some(number.index());
         let meant = self.index.iter().filter(|(plc, ..)| meant(*plc));
         let ranked = meant.filter_map(|(plc, first, entry)| Some((find::rank(entry, &words)?, *plc, *first)));
         let mut found: Vec<_> = ranked.collect();
         found.sort_by_key(|(rank, ..)| *rank);
-        let row = |(_, plc, first): (u8, u16, RegisterRef)| match is_element(&first) {
+        let row = |(_, plc, first): (u8, DeviceIndex, RegisterRef)| match is_element(&first) {
             false => vec![Row::Register(plc, first)],
             true => {
                 let array = Row::Array(plc, first);
@@ -300,8 +300,8 @@ impl Tree {
 
     fn named(&self, text: &str) -> Vec<Row> {
         let (plc, name) = split_plc(text);
-        let is_meant = |number: &u16| {
-            plc.is_none_or(|plc| self.names.plcs.get(usize::from(*number)).is_some_and(|it| it == plc))
+        let is_meant = |number: &DeviceIndex| {
+            plc.is_none_or(|plc| self.names.plcs.get(number.index()).is_some_and(|it| it == plc))
         };
         let mut rows = Vec::new();
         for (plc, fitted) in self.plcs().into_iter().filter(|(number, _)| is_meant(number)) {
@@ -335,7 +335,7 @@ fn is_element(register: &RegisterRef) -> bool {
 }
 
 /// The used elements of an array.
-fn elements(plc: u16, first: &RegisterRef) -> Vec<Row> {
+fn elements(plc: DeviceIndex, first: &RegisterRef) -> Vec<Row> {
     let all = first.area.registers_of(first.placed).map(|it| RegisterRef { role: first.role, ..it });
     let own = all.filter(|it| core::ptr::eq(it.register, first.register) && !it.is_reserved());
     own.map(|register| Row::Register(plc, register)).collect()

@@ -10,6 +10,7 @@ use crate::cli::pause::{Pause, PauseEnd, PollResult};
 use crate::cli::session::Session;
 use crate::cli::table;
 use crate::cli::time;
+use crate::identity::DeviceIndex;
 use crate::journal;
 use crate::layout::format_value;
 use crate::request::{MAX_RECORDS, Op};
@@ -62,9 +63,10 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
 }
 
 /// True if the change concerns a watched register: other clients may watch other registers.
-fn is_watched(stretches: &[(u16, u32, u32)], what: &journal::Changed) -> bool {
-    let has =
-        |&(plc, first, len): &(u16, u32, u32)| plc == what.plc && (first..first + len).contains(&what.offset);
+fn is_watched(stretches: &[(DeviceIndex, u32, u32)], what: &journal::Changed) -> bool {
+    let has = |&(plc, first, len): &(DeviceIndex, u32, u32)| {
+        plc == what.plc && (first..first + len).contains(&what.offset)
+    };
     stretches.iter().any(has)
 }
 
@@ -130,7 +132,7 @@ fn report(session: &Session, &journal::Change { time_us, what, .. }: &journal::C
     };
     let value = |bits| Some(format_value(ty, bits));
     let change = Change {
-        plc: session.plcs().get(usize::from(what.plc)).cloned().unwrap_or_default(),
+        plc: session.plcs().get(what.plc.index()).cloned().unwrap_or_default(),
         register: format!("{}{name}", session.prefix(what.plc)),
         address: address.to_string(),
         before: value(what.from),

@@ -5,6 +5,7 @@ use super::registers::{BAUD_RATES, DEVICE};
 use crate::devices::cansync::drive::{CardFunction, DriveConfig};
 use crate::devices::settings::{range, refused_at, time, time_or_none};
 use crate::devices::{BuildError, Device, DeviceConfig, Doubt, Plug, PortConfig};
+use crate::identity::DeviceIndex;
 use crate::layout;
 use crate::layout::Port;
 use crate::memory::Segment;
@@ -368,7 +369,11 @@ impl DeviceConfig for Bm4Config {
         0
     }
 
-    fn build(&self, index: usize, segment: Segment) -> Result<(Box<dyn Device>, Vec<Plug>), BuildError> {
+    fn build(
+        &self,
+        index: DeviceIndex,
+        segment: Segment,
+    ) -> Result<(Box<dyn Device>, Vec<Plug>), BuildError> {
         let (plc, ports) = Bm4Plc::new(index, self, segment)?;
         Ok((Box::new(plc), ports))
     }

@@ -12,6 +12,7 @@ use crate::devices::records::{BoardEvent, OnBoard};
 use crate::devices::{
     AddressWrites, BuildError, Context, Device, DevicePorts, DeviceView, Events, FrontAction, Plug, Power,
 };
+use crate::identity::DeviceIndex;
 use crate::journal::Origin;
 use crate::layout::{self, DeviceFit, Fit, Port, Role};
 use crate::memory::header::BoardSetting;
@@ -97,7 +98,7 @@ impl Module {
 
 /// A b maXX PLC of the plant.
 pub struct Bm4Plc {
-    index: u16,
+    index: DeviceIndex,
     name: String,
     segment: Segment,
     front: Front,
@@ -116,11 +117,10 @@ snapshot_fields!(Bm4Plc {
 impl Bm4Plc {
     /// Creates device number `index` of the plant, and its ports, which are not plugged in yet.
     pub(crate) fn new(
-        index: usize,
+        index: DeviceIndex,
         config: &Bm4Config,
         segment: Segment,
     ) -> Result<(Self, Vec<Plug>), BuildError> {
-        let index = index as u16;
         let face = segment.face()?;
         let modules = config.modules.iter().map(|module| Module::new(module, &segment));
         let modules = modules.collect::<Result<Vec<_>, _>>()?;

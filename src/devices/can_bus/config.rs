@@ -6,6 +6,7 @@ use crate::devices::settings::keys::plant_keys;
 use crate::devices::settings::refused_at;
 use crate::devices::{BuildError, Bus, BusSection};
 use crate::door::DoorSpec;
+use crate::identity::BusIndex;
 use serde::Deserialize;
 use std::sync::Arc;
 use toml::Spanned;
@@ -88,7 +89,7 @@ impl BusSection for CanBusConfig {
         &self.doors
     }
 
-    fn build(&self, index: usize) -> Result<Box<dyn Bus>, BuildError> {
+    fn build(&self, index: BusIndex) -> Result<Box<dyn Bus>, BuildError> {
         Ok(Box::new(CanBus::new(index, self)))
     }
 }

@@ -2,6 +2,7 @@
 
 use super::{CanPort, CanSocket, FAMILY};
 use crate::devices::{BuildError, Device, DeviceConfig, Plain, Plug, PortConfig};
+use crate::identity::DeviceIndex;
 use crate::journal::Origin;
 use crate::layout;
 use crate::layout::Port;
@@ -75,10 +76,14 @@ impl<D: CanDevice> DeviceConfig for Config<D> {
         Self::port().map(|port| PortConfig::of(port, self.bus.as_deref())).into_iter().collect()
     }
 
-    fn build(&self, index: usize, segment: Segment) -> Result<(Box<dyn Device>, Vec<Plug>), BuildError> {
+    fn build(
+        &self,
+        index: DeviceIndex,
+        segment: Segment,
+    ) -> Result<(Box<dyn Device>, Vec<Plug>), BuildError> {
         let mut plugs = Vec::new();
         if let Some(port) = Self::port() {
-            let origin = Origin { plc: index as u16, node: port.number };
+            let origin = Origin { plc: index, node: port.number };
             let firmware = Box::new(D::new(&segment)?);
             let socket = CanSocket { origin, segment: segment.clone(), layout: D::LAYOUT, port: firmware };
             let (number, medium) = (port.number, self.bus.clone());

@@ -5,6 +5,7 @@ use crate::can::{BitRate, Fate, Frame, wire};
 use crate::devices::can_faults::{self, DELAY_FRAME, DUPLICATE_FRAME, LOSE_FRAME, OF_CAN, OVERRUN};
 use crate::devices::{Bus, Faulty};
 use crate::fault::{Draft, Effect, Fault, Hit, Kind, Owner, Target};
+use crate::identity::{BusIndex, DeviceIndex};
 
 const BIT_S: u32 = 1_000_000;
 
@@ -14,7 +15,7 @@ fn kind(name: &str) -> &'static Kind {
 
 /// A fault of frames with this identifier.
 fn of_id(kind: &'static Kind, id: u64, us: Option<u64>, count: Option<u64>) -> Fault {
-    let mut draft = Draft { count, ..Draft::new(kind, Target::Bus(0)) };
+    let mut draft = Draft { count, ..Draft::new(kind, Target::Bus(BusIndex(0))) };
     for (value, field) in draft.values.iter_mut().zip(kind.fields()) {
         *value = match field.name() {
             "id" => Some(id),
@@ -41,7 +42,7 @@ fn of_two(frames: &[Frame], others: &[Frame], fault: Fault) -> Bench {
 
 impl Bench {
     fn add(&mut self, fault: Fault) {
-        self.faults.add(0, fault, Owner::Bus(0), &mut self.journal).unwrap();
+        self.faults.add(0, fault, Owner::Bus(BusIndex(0)), &mut self.journal).unwrap();
         self.faults.advance(0, &mut self.journal);
     }
 
@@ -157,7 +158,8 @@ fn a_lost_arbitration_without_a_winner_leaves_an_error_frame() {
 
 #[test]
 fn an_overrun_loses_the_frame_at_one_receiver_only() {
-    let overrun = Draft { count: Some(1), ..Draft::new(&OVERRUN, Target::Port { device: 1, port: 1 }) };
+    let overrun =
+        Draft { count: Some(1), ..Draft::new(&OVERRUN, Target::Port { device: DeviceIndex(1), port: 1 }) };
     let mut bench = bench(&[frame(0x100, 1), frame(0x100, 2)], overrun.check().unwrap());
     bench.run(10_000);
     let at_1: Vec<_> = bench.log().into_iter().filter(|it| it.0 == 1).map(|it| (it.2, it.3)).collect();
@@ -167,12 +169,13 @@ fn an_overrun_loses_the_frame_at_one_receiver_only() {
 #[test]
 fn a_working_controller_can_be_put_into_bus_off() {
     let mut bench = Bench::new(BIT_S, vec![(vec![], vec![(100, frame(0x100, 1))]), (vec![], vec![])]);
-    let (off, target) = (Effect::new(can_faults::Effect::BusOff), Target::Port { device: 0, port: 1 });
+    let (off, target) =
+        (Effect::new(can_faults::Effect::BusOff), Target::Port { device: DeviceIndex(0), port: 1 });
     assert_eq!(bench.bus.fire(50, target, &off), Some(Hit::Plain));
     assert_eq!(bench.bus.fire(50, target, &off), None, "it is off already");
     bench.run(10_000);
     assert_eq!((bench.log(), bench.marks()), (vec![(0, 50, "bus_off", 0)], vec![]));
-    let without_power = Target::Port { device: 1, port: 1 };
+    let without_power = Target::Port { device: DeviceIndex(1), port: 1 };
     bench.bus.power_off(1, 10_000, &mut bench.journal);
     assert_eq!(bench.bus.fire(10_000, without_power, &off), None);
 }

@@ -18,13 +18,14 @@ use crate::devices::{
 use crate::door::BusMessage;
 use crate::due_queue::NEVER;
 use crate::fault::{Effect, Hit, Target};
+use crate::identity::BusIndex;
 use crate::journal::{Journal, Origin};
 use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 use core::any::Any;
 
 /// A CAN bus with the ports at it.
 pub struct CanBus {
-    pub(super) index: u16,
+    pub(super) index: BusIndex,
     name: String,
     /// `None` for ports that are not plugged in at a bus.
     pub(super) wire: Option<can::Line>,
@@ -47,7 +48,7 @@ impl CanBus {
     /// frames.
     pub fn unplugged() -> Self {
         CanBus {
-            index: u16::MAX,
+            index: BusIndex(u16::MAX),
             name: String::new(),
             wire: None,
             stations: Stations::new(None),
@@ -61,9 +62,9 @@ impl CanBus {
     }
 
     /// Bus number `index` of the plant, without ports.
-    pub fn new(index: usize, config: &CanBusConfig) -> Self {
+    pub fn new(index: BusIndex, config: &CanBusConfig) -> Self {
         let (wire, stations) = (Some(can::Line::new(config.rate)), Stations::new(Some(config.rate)));
-        CanBus { index: index as u16, name: config.name.clone(), wire, stations, ..Self::unplugged() }
+        CanBus { index, name: config.name.clone(), wire, stations, ..Self::unplugged() }
     }
 
     /// Plans the next event, after a change at `now`.

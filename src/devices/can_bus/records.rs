@@ -173,6 +173,7 @@ impl EventText for StateChange {
 mod tests {
     use super::*;
     use crate::can::{ExtendedId, Payload};
+    use crate::identity::{BusIndex, DeviceIndex};
 
     #[test]
     fn frames_have_a_readable_text() {
@@ -196,8 +197,9 @@ mod tests {
     /// The words of an event as a client might return them.
     #[test]
     fn an_event_with_nine_bytes_is_not_a_frame() {
-        let sender = Origin { plc: 0, node: 1 };
-        let mut words = Transmitted { bus: 0, frame: Frame::standard(1, Payload::EMPTY), sender }.words();
+        let sender = Origin { plc: DeviceIndex(0), node: 1 };
+        let mut words =
+            Transmitted { bus: BusIndex(0), frame: Frame::standard(1, Payload::EMPTY), sender }.words();
         words[1] = 9;
         assert_eq!(Transmitted::read(words), None);
     }

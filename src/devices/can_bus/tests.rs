@@ -6,6 +6,7 @@ use crate::can::{BitRate, ErrorState, Fate, Filter, Frame, Payload, wire};
 use crate::devices::samples::tables::STATION;
 use crate::devices::{Bus, BusView, Context, Faulty, StationState, World};
 use crate::fault::{Effect, Faults, Hit, Target};
+use crate::identity::{BusIndex, DeviceIndex};
 use crate::journal::{Journal, Origin};
 use crate::memory::{HEADER_SIZE, Segment};
 use crate::snapshot_fields;
@@ -95,7 +96,8 @@ impl Bench {
     /// A bus at `bit_s` with ports that run these scripts, all on.
     pub(super) fn new(bit_s: u32, scripts: Vec<Script>) -> Self {
         let rate = BitRate::new(bit_s).unwrap();
-        let bus = CanBus::new(0, &CanBusConfig { name: "open".to_owned(), rate, doors: Vec::new() });
+        let bus =
+            CanBus::new(BusIndex(0), &CanBusConfig { name: "open".to_owned(), rate, doors: Vec::new() });
         Self::of(bus, scripts)
     }
 
@@ -103,8 +105,8 @@ impl Bench {
         assert!(scripts.len() <= MOST);
         let (log, mut journal) = (Log::default(), Journal::default());
         for (station, (filters, script)) in scripts.into_iter().enumerate() {
-            let origin = Origin { plc: station as u16, node: 1 };
-            let port = Box::new(Scripted { station: origin.plc, log: log.clone(), filters, script });
+            let origin = Origin { plc: DeviceIndex(station as u16), node: 1 };
+            let port = Box::new(Scripted { station: origin.plc.0, log: log.clone(), filters, script });
             let segment = Segment::heap(2 * HEADER_SIZE);
             let socket = CanSocket { origin, segment, layout: &STATION, port };
             let place = bus.attach(Box::new(socket)).unwrap();
@@ -152,7 +154,7 @@ impl Bench {
     pub(super) fn frames(&self) -> Vec<(u64, Frame, u16)> {
         let told = |record: &crate::journal::Record| {
             let it: Transmitted = record.event.get()?;
-            Some((record.time_us, it.frame, it.sender.plc))
+            Some((record.time_us, it.frame, it.sender.plc.0))
         };
         self.journal.records().filter_map(told).collect()
     }
@@ -375,10 +377,15 @@ fn unplugged_ports_send_nothing() {
 fn a_fault_of_a_port_reaches_its_own_firmware() {
     let mut bench = Bench::new(500_000, vec![(vec![], vec![]), (vec![], vec![])]);
     let port = |device, port| Target::Port { device, port };
-    assert_eq!(bench.bus.fire(7, port(1, 1), &Effect::new(9_u8)), Some(Hit::Plain));
-    for target in [port(2, 1), port(1, 2), Target::Bus(0), Target::Device(1)] {
+    assert_eq!(bench.bus.fire(7, port(DeviceIndex(1), 1), &Effect::new(9_u8)), Some(Hit::Plain));
+    for target in [
+        port(DeviceIndex(2), 1),
+        port(DeviceIndex(1), 2),
+        Target::Bus(BusIndex(0)),
+        Target::Device(DeviceIndex(1)),
+    ] {
         assert_eq!(bench.bus.fire(7, target, &Effect::new(9_u8)), None, "{target:?}");
     }
-    assert_eq!(bench.bus.fire(7, port(1, 1), &Effect::new("another's")), None);
+    assert_eq!(bench.bus.fire(7, port(DeviceIndex(1), 1), &Effect::new("another's")), None);
     assert_eq!(bench.log(), [(1, 7, "struck", 9)]);
 }

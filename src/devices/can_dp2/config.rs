@@ -13,6 +13,7 @@ use crate::devices::can_bus::CanSocket;
 use crate::devices::profibus_bus::ProfibusSocket;
 use crate::devices::settings::{range, refused_at};
 use crate::devices::{BuildError, Device, DeviceConfig, Plain, Plug, PortConfig, can_bus};
+use crate::identity::DeviceIndex;
 use crate::journal::Origin;
 use crate::layout;
 use crate::layout::{Area, Port};
@@ -86,11 +87,15 @@ impl DeviceConfig for CanDp2Config {
         super::stored::area()
     }
 
-    fn build(&self, index: usize, segment: Segment) -> Result<(Box<dyn Device>, Vec<Plug>), BuildError> {
+    fn build(
+        &self,
+        index: DeviceIndex,
+        segment: Segment,
+    ) -> Result<(Box<dyn Device>, Vec<Plug>), BuildError> {
         let gateway: Shared = share(Gateway::new(Registers::new(&segment)?));
         let mut plugs = Vec::new();
         for port in DEVICE.ports {
-            let origin = Origin { plc: index as u16, node: port.number };
+            let origin = Origin { plc: index, node: port.number };
             let registers = Registers::new(&segment)?;
             let (segment, layout, gateway) = (segment.clone(), &DEVICE, gateway.clone());
             let socket: Box<dyn core::any::Any + Send> = match port.name {

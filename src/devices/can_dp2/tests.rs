@@ -26,6 +26,7 @@ use crate::devices::profibus_bus::ProfibusConfig;
 use crate::devices::samples::tables::STATION;
 use crate::devices::{Bus, Context, Device, Power, World};
 use crate::fault::Faults;
+use crate::identity::{BusIndex, DeviceIndex};
 use crate::journal::{Journal, Origin};
 use crate::memory::{HEADER_SIZE, Segment, View};
 use crate::snapshot_fields;
@@ -97,13 +98,13 @@ impl Bench {
         let text = format!("{{ name = 'gw', profibus = 'dp', can = 'open', switches = {switches} }}");
         let config = CanDp2Config::read(ValueDeserializer::parse(&text).unwrap()).unwrap();
         let segment = Segment::of(&DEVICE);
-        let (device, plugs) = config.build(0, segment.clone()).unwrap();
+        let (device, plugs) = config.build(DeviceIndex(0), segment.clone()).unwrap();
         let dp = format!("{{ name = 'dp', {settings} }}");
         let dp = ValueDeserializer::parse(&dp).unwrap();
         let can = ValueDeserializer::parse("{ name = 'open', kbit_s = 125 }").unwrap();
         let mut buses = [
-            ProfibusConfig::read(dp).unwrap().build(0).unwrap(),
-            CanBusConfig::read(can).unwrap().build(1).unwrap(),
+            ProfibusConfig::read(dp).unwrap().build(BusIndex(0)).unwrap(),
+            CanBusConfig::read(can).unwrap().build(BusIndex(1)).unwrap(),
         ];
         let mut places = Vec::new();
         for plug in plugs {
@@ -112,7 +113,7 @@ impl Bench {
         }
         let wires = Arc::new(Mutex::new(Wires::default()));
         let socket = CanSocket {
-            origin: Origin { plc: 1, node: 1 },
+            origin: Origin { plc: DeviceIndex(1), node: 1 },
             segment: Segment::heap(2 * HEADER_SIZE),
             layout: &STATION,
             port: Box::new(Station(wires.clone())),
@@ -144,7 +145,7 @@ impl Bench {
 
     /// Switches the supply of the device.
     fn power(&mut self, power: Power) {
-        let origin = Origin { plc: 0, node: 0 };
+        let origin = Origin { plc: DeviceIndex(0), node: 0 };
         self.device.set_power(power);
         let ctx = &mut Context { now: self.now, journal: &mut self.journal, origin, base: 0 };
         if power == Power::On {
@@ -174,7 +175,7 @@ impl Bench {
                     for &(bus, place) in &self.places {
                         self.buses[bus].processor_cycle(place, self.now, &mut self.journal);
                     }
-                    let origin = Origin { plc: 0, node: 0 };
+                    let origin = Origin { plc: DeviceIndex(0), node: 0 };
                     let ctx = &mut Context { now: self.now, journal: &mut self.journal, origin, base: 0 };
                     self.device.processor_cycle(ctx);
                 }

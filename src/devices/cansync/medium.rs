@@ -32,6 +32,7 @@ use crate::devices::cansync::drive::{Drive, DriveError};
 use crate::devices::cansync::firmware::{Built, Master, Slave};
 use crate::devices::{Bus, Context, SyncSignal, World};
 use crate::fault::{Faults, Owner};
+use crate::identity::BusIndex;
 use crate::journal::{Journal, Origin};
 use core::any::Any;
 use disturbance::Disturbance;
@@ -75,7 +76,7 @@ struct Running {
 
 /// A CANsync bus with its nodes and drives.
 pub struct SimBus {
-    index: u16,
+    index: BusIndex,
     name: String,
     /// False for the medium without wires that serves a node without a connected bus.
     is_wired: bool,
@@ -114,15 +115,15 @@ impl SimBus {
     /// The medium for nodes without a connected bus. A master generates its SYNC signal and sends there, but no station
     /// receives it. The journal has no record of that traffic (decision D-645).
     pub fn unplugged() -> Self {
-        Self::empty(u16::MAX, false, &BusConfig::default())
+        Self::empty(BusIndex(u16::MAX), false, &BusConfig::default())
     }
 
     /// Creates bus number `index` of the plant with its drives, without nodes.
     ///
     /// # Errors
     /// [`DriveError`] names the drive and the wrong setting.
-    pub fn new(index: usize, config: &BusConfig) -> Result<Self, DriveError> {
-        let mut bus = Self::empty(index as u16, true, config);
+    pub fn new(index: BusIndex, config: &BusConfig) -> Result<Self, DriveError> {
+        let mut bus = Self::empty(index, true, config);
         for drive in &config.drives {
             let drive = Drive::new(drive, config.kbit_s)?;
             bus.connect(drive.slave_number(), Station::Drive(bus.drives.len()));
@@ -131,7 +132,7 @@ impl SimBus {
         Ok(bus)
     }
 
-    fn empty(index: u16, is_wired: bool, config: &BusConfig) -> Self {
+    fn empty(index: BusIndex, is_wired: bool, config: &BusConfig) -> Self {
         SimBus {
             index,
             name: config.name.clone(),

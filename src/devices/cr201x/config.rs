@@ -8,6 +8,7 @@ use crate::devices::can_bus::CanSocket;
 use crate::devices::canopen::messages::{MessageInfo, NodeMessages};
 use crate::devices::settings::refused_at;
 use crate::devices::{BuildError, Device, DeviceConfig, Plain, Plug, PortConfig};
+use crate::identity::DeviceIndex;
 use crate::journal::Origin;
 use crate::layout;
 use crate::memory::Segment;
@@ -116,11 +117,15 @@ impl DeviceConfig for Cr201xConfig {
         of.services(id(0x080), id(0x700), id(0x600), id(0x580)).chain(pdos).flatten().collect()
     }
 
-    fn build(&self, index: usize, segment: Segment) -> Result<(Box<dyn Device>, Vec<Plug>), BuildError> {
+    fn build(
+        &self,
+        index: DeviceIndex,
+        segment: Segment,
+    ) -> Result<(Box<dyn Device>, Vec<Plug>), BuildError> {
         let mut plugs = Vec::new();
         for port in DEVICE.ports {
             let module = Module::new(&segment, self.node_id, self.channels)?;
-            let origin = Origin { plc: index as u16, node: port.number };
+            let origin = Origin { plc: index, node: port.number };
             let socket =
                 CanSocket { origin, segment: segment.clone(), layout: &DEVICE, port: Box::new(module) };
             let (number, medium) = (port.number, self.bus.clone());

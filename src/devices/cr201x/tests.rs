@@ -9,6 +9,7 @@ use crate::devices::canopen::records::NodeState;
 use crate::devices::samples::master::{Wires, bus_with, cycle};
 use crate::devices::{Bus, DeviceConfig};
 use crate::fault::Faults;
+use crate::identity::DeviceIndex;
 use crate::journal::Journal;
 use crate::memory::{Header, Segment, View};
 use embedded_can::StandardId;
@@ -38,7 +39,7 @@ impl Bench {
     fn new(keys: &str) -> Self {
         let segment = Segment::of(&DEVICE);
         let config = read(&format!("node_id = {NODE}, {keys}")).unwrap();
-        let (_, plugs) = config.build(0, segment.clone()).unwrap();
+        let (_, plugs) = config.build(DeviceIndex(0), segment.clone()).unwrap();
         let (bus, wires) = bus_with(plugs);
         let (registers, header) = (segment.view(CHANNELS).unwrap(), segment.header().unwrap());
         let (journal, faults) = (Journal::default(), Faults::default());

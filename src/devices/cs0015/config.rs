@@ -13,6 +13,7 @@ use crate::devices::can_bus::CanSocket;
 use crate::devices::canopen::pdo::Transmission;
 use crate::devices::settings::{range, refused_at};
 use crate::devices::{BuildError, Device, DeviceConfig, Plain, Plug, PortConfig};
+use crate::identity::DeviceIndex;
 use crate::journal::Origin;
 use crate::layout;
 use crate::layout::Area;
@@ -272,12 +273,16 @@ impl DeviceConfig for Cs0015Config {
         super::board::retained::area()
     }
 
-    fn build(&self, index: usize, segment: Segment) -> Result<(Box<dyn Device>, Vec<Plug>), BuildError> {
+    fn build(
+        &self,
+        index: DeviceIndex,
+        segment: Segment,
+    ) -> Result<(Box<dyn Device>, Vec<Plug>), BuildError> {
         let factory = Factory { node: self.node_id, kbit_s: self.kbit_s };
         let (mut plugs, shared, pulses) = (Vec::new(), Shared::default(), Pulses::default());
         for port in DEVICE.ports {
             let node = Node::new(Registers::new(&segment)?, factory, self.boot_up);
-            let origin = Origin { plc: index as u16, node: port.number };
+            let origin = Origin { plc: index, node: port.number };
             let firmware = Firmware::new(node, self.program.clone(), shared.clone(), pulses.clone());
             let socket =
                 CanSocket { origin, segment: segment.clone(), layout: &DEVICE, port: Box::new(firmware) };

@@ -22,6 +22,7 @@ use crate::can::{Frame, Payload};
 use crate::devices::samples::master::{Wires, bus_with, cycle};
 use crate::devices::{Bus, Context, Device, FrontAction, Power, fault_kinds};
 use crate::fault::{FaultSpec, Faults, Owner};
+use crate::identity::DeviceIndex;
 use crate::journal::{Journal, Names, Origin};
 use crate::layout::DeviceFit;
 use crate::memory::Segment;
@@ -49,7 +50,7 @@ impl Bench {
         let text = format!("{{ name = 'panel'{}{keys} }}", if keys.is_empty() { "" } else { ", " });
         let config = Cs0015Config::read(ValueDeserializer::parse(&text).unwrap()).unwrap();
         let segment = Segment::of(&DEVICE);
-        let (device, plugs) = config.build(0, segment.clone()).unwrap();
+        let (device, plugs) = config.build(DeviceIndex(0), segment.clone()).unwrap();
         let (bus, wires) = bus_with(plugs);
         let registers = Registers::new(&segment).unwrap();
         let (journal, faults) = (Journal::default(), Faults::default());
@@ -82,13 +83,13 @@ impl Bench {
     }
 
     fn start(&mut self) {
-        let origin = Origin { plc: 0, node: 0 };
+        let origin = Origin { plc: DeviceIndex(0), node: 0 };
         self.device.start(&mut Context { now: self.now, journal: &mut self.journal, origin, base: 0 });
         self.bus.power_on(0, 0, self.now, &mut self.journal);
     }
 
     fn stop(&mut self) {
-        let origin = Origin { plc: 0, node: 0 };
+        let origin = Origin { plc: DeviceIndex(0), node: 0 };
         self.device.stop(&mut Context { now: self.now, journal: &mut self.journal, origin, base: 0 });
         self.bus.power_off(0, self.now, &mut self.journal);
     }
@@ -114,7 +115,7 @@ impl Bench {
         let words: Vec<_> = words.iter().copied().chain(["plc=panel"]).collect();
         let spec = FaultSpec::from_words(fault_kinds(), kind, &words).unwrap();
         let fault = spec.resolve(fault_kinds(), &names).unwrap();
-        let id = self.faults.add(self.now, fault, Owner::Device(0), &mut self.journal).unwrap();
+        let id = self.faults.add(self.now, fault, Owner::Device(DeviceIndex(0)), &mut self.journal).unwrap();
         self.run(MS);
         id
     }
@@ -133,7 +134,7 @@ impl Bench {
             device.faults().unwrap().faults_changed(*now, faults);
         }
         faults.fire_all(*now, journal, |_, target, effect| device.faults()?.fire(*now, target, effect));
-        let origin = Origin { plc: 0, node: 0 };
+        let origin = Origin { plc: DeviceIndex(0), node: 0 };
         match device.look(&mut Context { now: *now, journal, origin, base: 0 }) {
             FrontAction::Off => self.stop(),
             FrontAction::Up => self.start(),
@@ -146,7 +147,7 @@ impl Bench {
         let end = self.now + us;
         while self.now < end {
             self.look_at_faults();
-            let origin = Origin { plc: 0, node: 0 };
+            let origin = Origin { plc: DeviceIndex(0), node: 0 };
             let ctx = &mut Context { now: self.now, journal: &mut self.journal, origin, base: 0 };
             self.device.processor_cycle(ctx);
             let until = (self.now + 500).min(end);

@@ -8,6 +8,7 @@ use crate::devices::omega_drive_line_2::registers::{
 };
 use crate::devices::settings::{range, time, time_or_none};
 use crate::devices::{BuildError, DeviceConfig, Plug, PortConfig, SettingError};
+use crate::identity::DeviceIndex;
 use crate::layout::{Area, DeviceLayout};
 use crate::memory::Segment;
 use crate::memory::header::Project;
@@ -159,7 +160,7 @@ impl DeviceConfig for PlcConfig {
 
     fn build(
         &self,
-        index: usize,
+        index: DeviceIndex,
         segment: Segment,
     ) -> Result<(Box<dyn crate::devices::Device>, Vec<Plug>), BuildError> {
         let (plc, ports) = Plc::new(index, self, segment)?;

@@ -2,6 +2,7 @@
 
 use super::baps::Pace;
 use crate::fault::{self, Fault, Faults, Field, Form, Hit, Kind, Owner, TargetKind};
+use crate::identity::DeviceIndex;
 use crate::journal::Journal;
 
 /// Maximum delay of a drive at the BAPS, in emulated microseconds: longer than the function blocks wait.
@@ -66,7 +67,13 @@ pub static KINDS: &[&Kind] = &[&DRIVE_FAULT, &SILENT, &SLOW];
 
 /// Speed of the drive at its BAPS; a silent drive is never slow.
 #[inline]
-pub(super) fn pace(faults: &mut Faults, now: u64, plc: u16, has_waited: bool, journal: &mut Journal) -> Pace {
+pub(super) fn pace(
+    faults: &mut Faults,
+    now: u64,
+    plc: DeviceIndex,
+    has_waited: bool,
+    journal: &mut Journal,
+) -> Pace {
     if faults.is_empty() {
         return Pace::AtOnce;
     }

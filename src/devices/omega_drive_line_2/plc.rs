@@ -18,6 +18,7 @@ use crate::devices::{
     Events, Faulty, Front, FrontAction, NovramContents, ParameterRefusal, Plug, Power, Shaft, World,
 };
 use crate::fault::{self, Hit, Target};
+use crate::identity::DeviceIndex;
 use crate::journal::{Journal, Origin};
 use crate::layout;
 use crate::memory::header::BoardSetting;
@@ -37,7 +38,7 @@ fn location(port: &layout::Port) -> NodeLocation {
 
 /// An Omega Drive-Line II of the plant.
 pub struct Plc {
-    index: u16,
+    index: DeviceIndex,
     name: String,
     segment: Segment,
     face: Face,
@@ -53,11 +54,10 @@ snapshot_fields!(Plc { values: slave_is_on_bus; parts: baps, board, ethernet; bu
 impl Plc {
     /// Creates device number `index` of the plant, and its ports, which are not plugged in yet.
     pub(crate) fn new(
-        index: usize,
+        index: DeviceIndex,
         config: &PlcConfig,
         segment: Segment,
     ) -> Result<(Self, Vec<Plug>), BuildError> {
-        let index = index as u16;
         let drive = BuiltInDrive::new(&config.name, &config.drive)?;
         let face = segment.face()?;
         face.put(|page| &page.board.dip, u32::from(config.dip));

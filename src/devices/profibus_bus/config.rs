@@ -5,6 +5,7 @@ use crate::devices::settings::keys::plant_keys;
 use crate::devices::settings::refused_at;
 use crate::devices::{BuildError, Bus, BusSection};
 use crate::door::DoorSpec;
+use crate::identity::BusIndex;
 use crate::profibus::BusRate;
 use serde::Deserialize;
 use std::sync::Arc;
@@ -121,7 +122,7 @@ impl BusSection for ProfibusConfig {
         false
     }
 
-    fn build(&self, index: usize) -> Result<Box<dyn Bus>, BuildError> {
+    fn build(&self, index: BusIndex) -> Result<Box<dyn Bus>, BuildError> {
         Ok(Box::new(ProfibusBus::new(index, self)))
     }
 }

@@ -17,6 +17,7 @@ use crate::devices::{
 };
 use crate::door::{BusMessage, Guest};
 use crate::fault::{Effect, Hit, Target};
+use crate::identity::BusIndex;
 use crate::journal::{Event, Finding, Journal, Origin};
 use crate::profibus::{BusRate, FunctionCode, Line, MIN_TSDR_BITS, SYN_BITS, Sending, Telegram};
 use crate::snapshot_fields;
@@ -76,7 +77,7 @@ enum LineStep {
 
 /// A PROFIBUS segment with the ports at it.
 pub struct ProfibusBus {
-    index: u16,
+    index: BusIndex,
     name: String,
     rate: BusRate,
     /// Time within which an answer must begin, in bit times.
@@ -96,7 +97,7 @@ impl ProfibusBus {
     pub fn unplugged() -> Self {
         let [slowest, ..] = BusRate::ALL;
         ProfibusBus {
-            index: u16::MAX,
+            index: BusIndex(u16::MAX),
             name: String::new(),
             rate: slowest,
             slot_bits: slowest.slot_bits(),
@@ -110,8 +111,8 @@ impl ProfibusBus {
     }
 
     /// Bus number `index` of the plant, without ports.
-    pub fn new(index: usize, config: &ProfibusConfig) -> Self {
-        let (index, name) = (index as u16, config.name.clone());
+    pub fn new(index: BusIndex, config: &ProfibusConfig) -> Self {
+        let (index, name) = (index, config.name.clone());
         let slot_bits = config.rate.slot_bits() * u64::from(config.slot_factor);
         ProfibusBus { index, name, rate: config.rate, slot_bits, is_plugged: true, ..Self::unplugged() }
     }

@@ -1,6 +1,7 @@
 //! Journal events of PROFIBUS: its telegrams.
 
 use crate::event_kinds;
+use crate::identity::BusIndex;
 use crate::journal::{EventCodec, EventText, Fields, Kind, Octets, Origin, Reader};
 use crate::profibus::{Frame, Telegram};
 
@@ -47,7 +48,7 @@ fn fnv(octets: &[u8]) -> u32 {
 }
 
 impl DpTelegram {
-    pub(super) fn new(bus: u16, sender: Origin, frame: &Frame) -> Self {
+    pub(super) fn new(bus: BusIndex, sender: Origin, frame: &Frame) -> Self {
         let flags = u8::from(frame.dsap.is_some()) | u8::from(frame.ssap.is_some()) << 1;
         let saps = u32::from(frame.dsap.unwrap_or(0)) | u32::from(frame.ssap.unwrap_or(0)) << 8;
         let mut first = [0; 4];
@@ -89,7 +90,7 @@ impl DpTelegram {
 }
 
 /// Returns the event of a token or receipt; `None` for a frame, which is a [`DpTelegram`].
-pub(super) fn short(bus: u16, sender: Origin, telegram: &Telegram) -> Option<DpShort> {
+pub(super) fn short(bus: BusIndex, sender: Origin, telegram: &Telegram) -> Option<DpShort> {
     let token = match telegram {
         Telegram::Frame(_) => return None,
         Telegram::Token { da, sa } => u32::from(*da) | u32::from(*sa) << 8,
@@ -182,11 +183,12 @@ impl EventText for DpGarbled {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::identity::DeviceIndex;
 
     #[test]
     fn an_event_contains_the_telegram_that_was_sent() {
         let frame = Frame { da: 5, sa: 2, fc: 0x6D, dsap: Some(61), ssap: None, data: vec![1, 2, 3, 4, 5] };
-        let told = DpTelegram::new(0, Origin { plc: 0, node: 1 }, &frame);
+        let told = DpTelegram::new(BusIndex(0), Origin { plc: DeviceIndex(0), node: 1 }, &frame);
         assert_eq!(
             (told.saps(), told.octets(), told.data(" ").as_str()),
             ([Some(61), None], 5, " 01 02 03 04")
@@ -196,10 +198,11 @@ mod tests {
         let octets = Telegram::Frame(frame.clone()).octets().unwrap();
         assert_eq!((known.as_slice(), length), (&octets[..12], octets.len()), "the fifth octet is not there");
         let short = Frame { data: vec![1, 2, 3, 4], ..frame.clone() };
-        let whole = DpTelegram::new(0, Origin { plc: 0, node: 1 }, &short).telegram().unwrap();
+        let whole =
+            DpTelegram::new(BusIndex(0), Origin { plc: DeviceIndex(0), node: 1 }, &short).telegram().unwrap();
         let octets = Telegram::Frame(short).octets().unwrap();
         assert_eq!(whole, Octets { length: octets.len(), known: octets });
         let other = Frame { data: vec![1, 2, 3, 4, 6], ..frame };
-        assert_ne!(DpTelegram::new(0, Origin { plc: 0, node: 1 }, &other), told);
+        assert_ne!(DpTelegram::new(BusIndex(0), Origin { plc: DeviceIndex(0), node: 1 }, &other), told);
     }
 }

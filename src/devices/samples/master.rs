@@ -5,6 +5,7 @@ use crate::can::Frame;
 use crate::devices::can_bus::{CanBusConfig, CanPort, CanSocket, Controller};
 use crate::devices::{Bus, Context, Plug, World};
 use crate::fault::Faults;
+use crate::identity::{BusIndex, DeviceIndex};
 use crate::journal::{Journal, Origin};
 use crate::memory::{HEADER_SIZE, Segment};
 use crate::snapshot_fields;
@@ -47,13 +48,13 @@ impl CanPort for Master {
 /// A bus of 125 kbit/s with the port of a device, at place 0, and the station at place 1.
 pub(crate) fn bus_with(plugs: Vec<Plug>) -> (Box<dyn Bus>, Arc<Mutex<Wires>>) {
     let bus = ValueDeserializer::parse("{ name = 'open', kbit_s = 125 }").unwrap();
-    let mut bus = CanBusConfig::read(bus).unwrap().build(0).unwrap();
+    let mut bus = CanBusConfig::read(bus).unwrap().build(BusIndex(0)).unwrap();
     for plug in plugs {
         bus.attach(plug.socket).unwrap();
     }
     let wires = Arc::new(Mutex::new(Wires::default()));
     let socket = CanSocket {
-        origin: Origin { plc: 1, node: 1 },
+        origin: Origin { plc: DeviceIndex(1), node: 1 },
         segment: Segment::heap(2 * HEADER_SIZE),
         layout: &STATION,
         port: Box::new(Master(wires.clone())),

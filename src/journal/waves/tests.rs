@@ -1,5 +1,6 @@
 use super::super::testing::{Edge, Packet, catalogue};
 use super::*;
+use crate::identity::{BusIndex, DeviceIndex};
 use crate::journal::{By, ChangeDetails, Event};
 use crate::layout::RegisterPhase;
 
@@ -9,7 +10,7 @@ fn record(seq: u64, time_us: u64, event: impl Into<Event>) -> Record {
 
 fn changed(offset: u32, from: u32, to: u32) -> Changed {
     let how = ChangeDetails { width: Width::Byte, by: By::Program, live: RegisterPhase::ALWAYS };
-    Changed { plc: 0, offset, how, from, to }
+    Changed { plc: DeviceIndex(0), offset, how, from, to }
 }
 
 fn waves(records: &[Record]) -> Waves {
@@ -19,8 +20,8 @@ fn waves(records: &[Record]) -> Waves {
 
 #[test]
 fn counted_events_appear_at_all_their_times_and_repetitions_are_no_changes() {
-    let edges = Record { count: 3, period_us: 10, ..record(0, 120, Edge { bus: 0 }) };
-    let packets = [105, 115, 125].map(|time| record(time, time, Packet { bus: 0, data: 7 }));
+    let edges = Record { count: 3, period_us: 10, ..record(0, 120, Edge { bus: BusIndex(0) }) };
+    let packets = [105, 115, 125].map(|time| record(time, time, Packet { bus: BusIndex(0), data: 7 }));
     let waves = waves(&[packets[0], packets[1], edges, packets[2]]);
     assert_eq!(waves.edges(), [100, 110, 120]);
     let times = |name: &str| {
@@ -46,16 +47,16 @@ fn data_are_left_aligned_and_missing_bytes_are_unknown() {
 
 #[test]
 fn of_a_register_that_is_recorded_only_the_changes_count() {
-    let write = |offset, value| ChannelWrite { plc: 0, offset, width: 1, value };
+    let write = |offset, value| ChannelWrite { plc: DeviceIndex(0), offset, width: 1, value };
     let waves = waves(&[
         record(0, 5, write(1, 9)),
         record(1, 6, changed(1, 0, 5)),
         record(2, 7, changed(1, 5, 4)),
         record(3, 8, write(2, 3)),
     ]);
-    assert_eq!(waves.register(0, 1), Past { values: vec![(6, 5), (7, 4)], is_recorded: true });
-    assert_eq!(waves.register(0, 2), Past { values: vec![(8, 3)], is_recorded: false });
-    assert_eq!(waves.register(1, 1), Past::default());
+    assert_eq!(waves.register(DeviceIndex(0), 1), Past { values: vec![(6, 5), (7, 4)], is_recorded: true });
+    assert_eq!(waves.register(DeviceIndex(0), 2), Past { values: vec![(8, 3)], is_recorded: false });
+    assert_eq!(waves.register(DeviceIndex(1), 1), Past::default());
 }
 
 #[test]

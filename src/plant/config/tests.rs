@@ -3,6 +3,7 @@
 use super::*;
 use crate::devices;
 use crate::devices::BUS_KINDS;
+use crate::identity::BusIndex;
 use crate::memory::Segment;
 use crate::plant::Plant;
 
@@ -19,7 +20,7 @@ fn the_documented_plant_file_is_valid() {
     let example = text.split("```toml").nth(1).and_then(|rest| rest.split("```").next()).unwrap();
     let plant = PlantConfig::parse("docs/reference/plant.md", example).unwrap();
     assert_eq!(plant.media[1].participants()[0].0, "winder");
-    assert!(plant.media[1].build(1).is_ok());
+    assert!(plant.media[1].build(BusIndex(1)).is_ok());
 }
 
 /// Any plant file is either refused, or it is a plant that runs.

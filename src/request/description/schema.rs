@@ -60,6 +60,8 @@ schemas! {
     bool => json!({"type": "boolean"});
     u8 => integer(0, u8::MAX.into());
     u16 => integer(0, u16::MAX.into());
+    DeviceIndex => number::<u16>();
+    BusIndex => number::<u16>();
     u32 => integer(0, u32::MAX.into());
     u64 => integer(0, u64::MAX);
     i64 => integer(i64::MIN, i64::MAX as u64);

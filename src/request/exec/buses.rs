@@ -5,6 +5,7 @@ use crate::can::Frame;
 use crate::devices;
 use crate::devices::{Bus, GuestRefusal, ParticipantId, StationState};
 use crate::door::{DoorSpec, Doors};
+use crate::identity::BusIndex;
 use crate::journal::Source;
 use crate::request::{BusState, Code, Host, Refused, Reply, Station, Stranger};
 
@@ -31,35 +32,35 @@ impl Work<'_> {
             Stranger { name, bit_s: it.bit_s }
         };
         let port = |origin| names.source(Source::Node(origin));
-        let state = |bus: usize, medium: &dyn Bus| BusState {
+        let state = |bus: BusIndex, medium: &dyn Bus| BusState {
             name: medium.name().to_owned(),
             kind: medium.family().to_owned(),
             bit_s: medium.bit_s(),
             load_permille: host.plant().bus_load(bus, LOAD_US),
             ports: host.plant().ports_at(bus).into_iter().map(port).collect(),
-            doors: doors(bus as u16),
+            doors: doors(bus),
             stations: medium.stations().into_iter().map(station).collect(),
             strangers: medium.strangers().into_iter().map(stranger).collect(),
         };
-        let media = host.plant().media().iter().enumerate();
+        let media = BusIndex::enumerate(host.plant().media());
         Ok(Reply::Buses(media.map(|(bus, medium)| state(bus, &**medium)).collect()))
     }
 
-    pub(super) fn door_open(&mut self, bus: u16, door: DoorSpec) -> Result<Reply, Refused> {
+    pub(super) fn door_open(&mut self, bus: BusIndex, door: DoorSpec) -> Result<Reply, Refused> {
         let host = &mut *self.host;
         known(host, bus)?;
-        let family = host.plant().media().get(usize::from(bus)).map_or("", |medium| medium.family());
+        let family = host.plant().media().get(bus.index()).map_or("", |medium| medium.family());
         devices::door_fits(family, door).map_err(|text| Refused::new(Code::DOOR, text))?;
         let opened = doors_of(host, bus)?.open(bus, door);
         opened.map(Reply::DoorOpened).map_err(|error| Refused::new(Code::DOOR, error))
     }
 
-    pub(super) fn door_close(&mut self, bus: u16, door: Option<DoorSpec>) -> Result<Reply, Refused> {
+    pub(super) fn door_close(&mut self, bus: BusIndex, door: Option<DoorSpec>) -> Result<Reply, Refused> {
         let host = &mut *self.host;
         let count = doors_of(host, bus)?.close(bus, door);
         match door {
             Some(door) if count == 0 => {
-                let name = host.plant().media().get(usize::from(bus)).map_or("", |medium| medium.name());
+                let name = host.plant().media().get(bus.index()).map_or("", |medium| medium.name());
                 let text = format_args!("bus '{name}' has no door {door}");
                 Err(Refused::new(Code::DOOR, text))
             }
@@ -67,12 +68,12 @@ impl Work<'_> {
         }
     }
 
-    pub(super) fn bus_send(&mut self, bus: u16, frame: Option<Frame>) -> Result<Reply, Refused> {
+    pub(super) fn bus_send(&mut self, bus: BusIndex, frame: Option<Frame>) -> Result<Reply, Refused> {
         let host = &mut *self.host;
         known(host, bus)?;
         let taken = host.plant_mut().take_part(bus, frame.as_ref());
         taken.map(|()| Reply::Written).map_err(|refusal| {
-            let medium = host.plant().media().get(usize::from(bus));
+            let medium = host.plant().media().get(bus.index());
             let (name, family) = medium.map_or(("", ""), |medium| (medium.name(), medium.family()));
             let (code, text) = match refusal {
                 GuestRefusal::Full => (
@@ -98,16 +99,16 @@ impl Work<'_> {
     }
 }
 
-fn known(host: &dyn Host, bus: u16) -> Result<(), Refused> {
+fn known(host: &dyn Host, bus: BusIndex) -> Result<(), Refused> {
     let known = host.plant().media().len();
-    if usize::from(bus) < known {
+    if bus.index() < known {
         return Ok(());
     }
     let text = format_args!("there is no bus number {bus}; the instance has {known}, counted from 0");
     Err(Refused::new(Code::UNKNOWN_BUS, text))
 }
 
-fn doors_of(host: &mut dyn Host, bus: u16) -> Result<&mut Doors, Refused> {
+fn doors_of(host: &mut dyn Host, bus: BusIndex) -> Result<&mut Doors, Refused> {
     known(host, bus)?;
     let text = "a plant in a scenario's own process has no doors; run it by `commram run`";
     host.doors().ok_or_else(|| Refused::new(Code::NO_DOORS, text))

@@ -2,6 +2,7 @@
 
 use super::Work;
 use super::time::{limit, no_sync, stepped};
+use crate::identity::DeviceIndex;
 use crate::layout::{Compare, Test, Width};
 use crate::request::register::{Register, known_plc};
 use crate::request::{Code, Host, MAX_CONDITIONS, Refused, Reply};
@@ -9,7 +10,7 @@ use crate::request::{Code, Host, MAX_CONDITIONS, Refused, Reply};
 impl Work<'_> {
     pub(super) fn wait(
         &mut self,
-        plc: u16,
+        plc: DeviceIndex,
         offset: u32,
         width: Width,
         mask: u32,
@@ -29,7 +30,7 @@ impl Work<'_> {
 
     pub(super) fn condition(
         &mut self,
-        plc: u16,
+        plc: DeviceIndex,
         offset: u32,
         width: Width,
         test: Test,
@@ -55,7 +56,7 @@ impl Work<'_> {
         self.advance_until(end)
     }
 
-    pub(super) fn advance_to_sync(&mut self, plc: u16, node: u8) -> Result<Option<Reply>, Refused> {
+    pub(super) fn advance_to_sync(&mut self, plc: DeviceIndex, node: u8) -> Result<Option<Reply>, Refused> {
         stepped(self.host)?;
         let number = known_plc(self.host, plc)?;
         let sync = match self.execution.end {

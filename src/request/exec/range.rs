@@ -1,12 +1,18 @@
 //! Operations on several registers in a row.
 
+use crate::identity::DeviceIndex;
 use crate::layout::Width;
 use crate::memory::Unmapped;
 use crate::plant::FollowError;
 use crate::request::register::{device_of, known_plc};
 use crate::request::{Code, Host, Refused};
 
-pub(super) fn read_range(host: &dyn Host, plc: u16, offset: u32, len: u32) -> Result<Vec<u8>, Refused> {
+pub(super) fn read_range(
+    host: &dyn Host,
+    plc: DeviceIndex,
+    offset: u32,
+    len: u32,
+) -> Result<Vec<u8>, Refused> {
     let plc = known_plc(host, plc)?;
     let mut bytes = vec![0; len as usize];
     let read = host.plant().read_range(plc, offset, &mut bytes);
@@ -14,7 +20,7 @@ pub(super) fn read_range(host: &dyn Host, plc: u16, offset: u32, len: u32) -> Re
     Ok(bytes)
 }
 
-fn hole_in_range(host: &dyn Host, plc: usize, offset: u32, len: u32, hole: Unmapped) -> Refused {
+fn hole_in_range(host: &dyn Host, plc: DeviceIndex, offset: u32, len: u32, hole: Unmapped) -> Refused {
     let byte = |offset| device_of(host, plc).at(Width::Byte, offset);
     let (begin, hole) = (byte(offset), byte(hole.offset));
     let text =
@@ -24,7 +30,7 @@ fn hole_in_range(host: &dyn Host, plc: usize, offset: u32, len: u32, hole: Unmap
 
 pub(super) fn not_followed(
     host: &dyn Host,
-    plc: usize,
+    plc: DeviceIndex,
     offset: u32,
     len: u32,
     error: FollowError,

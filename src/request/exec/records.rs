@@ -2,6 +2,7 @@
 
 use super::Work;
 use super::range::not_followed;
+use crate::identity::DeviceIndex;
 use crate::journal::Keep;
 use crate::request::register::known_plc;
 use crate::request::{MAX_RECORDS, Refused, Reply};
@@ -17,16 +18,22 @@ impl Work<'_> {
         Ok(Reply::Journal { records, end: journal.end(), turn: journal.turn() })
     }
 
-    pub(super) fn follow(&mut self, plc: u16, offset: u32, len: u32, keep: Keep) -> Result<Reply, Refused> {
+    pub(super) fn follow(
+        &mut self,
+        plc: DeviceIndex,
+        offset: u32,
+        len: u32,
+        keep: Keep,
+    ) -> Result<Reply, Refused> {
         let plc = known_plc(self.host, plc)?;
         let followed = self.host.plant_mut().follow_registers(plc, offset, len, keep);
         followed.map_err(|error| not_followed(self.host, plc, offset, len, error))?;
         Ok(Reply::Written)
     }
 
-    pub(super) fn is_recorded(&mut self, plc: u16, offset: u32) -> Result<Reply, Refused> {
+    pub(super) fn is_recorded(&mut self, plc: DeviceIndex, offset: u32) -> Result<Reply, Refused> {
         let plc = known_plc(self.host, plc)?;
-        Ok(Reply::Value(self.host.plant().journal().is_recorded(plc as u16, offset).into()))
+        Ok(Reply::Value(self.host.plant().journal().is_recorded(plc, offset).into()))
     }
 
     pub(super) fn changes(&mut self, from: u64, max: u32) -> Result<Reply, Refused> {

@@ -2,6 +2,7 @@
 
 use super::Work;
 use super::range::read_range;
+use crate::identity::DeviceIndex;
 use crate::layout::Width;
 use crate::plant::Forced;
 use crate::request::register::Register;
@@ -9,12 +10,18 @@ use crate::request::travel::Store;
 use crate::request::{Code, Refused, Reply};
 
 impl Work<'_> {
-    pub(super) fn peek(&mut self, plc: u16, offset: u32, width: Width) -> Result<Reply, Refused> {
+    pub(super) fn peek(&mut self, plc: DeviceIndex, offset: u32, width: Width) -> Result<Reply, Refused> {
         let register = Register::check(self.host, plc, offset, width)?;
         Ok(Reply::Value(register.load(self.host)?))
     }
 
-    pub(super) fn poke(&mut self, plc: u16, offset: u32, width: Width, value: u32) -> Result<Reply, Refused> {
+    pub(super) fn poke(
+        &mut self,
+        plc: DeviceIndex,
+        offset: u32,
+        width: Width,
+        value: u32,
+    ) -> Result<Reply, Refused> {
         let register = Register::check(self.host, plc, offset, width)?;
         register.writable()?;
         register.fits(self.host, value)?;
@@ -26,7 +33,7 @@ impl Work<'_> {
 
     pub(super) fn compare_exchange(
         &mut self,
-        plc: u16,
+        plc: DeviceIndex,
         offset: u32,
         width: Width,
         current: u32,
@@ -45,18 +52,18 @@ impl Work<'_> {
     }
 
     /// Records that an operation has stored a value.
-    fn has_stored(&mut self, plc: usize, offset: u32, width: Width, value: u32) {
+    fn has_stored(&mut self, plc: DeviceIndex, offset: u32, width: Width, value: u32) {
         let (plant, travel) = self.host.plant_and_travel();
         travel.has_stored(Store { time_us: plant.now(), plc, offset, width, value });
     }
 
-    pub(super) fn read_range(&mut self, plc: u16, offset: u32, len: u32) -> Result<Reply, Refused> {
+    pub(super) fn read_range(&mut self, plc: DeviceIndex, offset: u32, len: u32) -> Result<Reply, Refused> {
         Ok(Reply::Bytes(read_range(self.host, plc, offset, len)?))
     }
 
     pub(super) fn force(
         &mut self,
-        plc: u16,
+        plc: DeviceIndex,
         offset: u32,
         width: Width,
         value: u32,
@@ -68,7 +75,7 @@ impl Work<'_> {
         Ok(Reply::Written)
     }
 
-    pub(super) fn unforce(&mut self, plc: u16, offset: u32, width: Width) -> Result<Reply, Refused> {
+    pub(super) fn unforce(&mut self, plc: DeviceIndex, offset: u32, width: Width) -> Result<Reply, Refused> {
         let register = Register::check(self.host, plc, offset, width)?;
         if !self.host.plant_mut().unforce(plc, offset) {
             let text = format_args!("{} is not forced", register.label(self.host));

@@ -2,6 +2,7 @@ use super::*;
 use crate::devices;
 use crate::devices::samples::tables::NODES as DEVICE;
 use crate::fault::{Fault, FaultSpec, FaultStatus};
+use crate::identity::DeviceIndex;
 use crate::layout::{Compare, DeviceFit, NamedLocation};
 use crate::memory::Width;
 use crate::plant::Forced;
@@ -12,20 +13,20 @@ use core::num::NonZeroU16;
 const REG: u32 = RAM.start + 100;
 
 fn peek(offset: u32, width: Width) -> Op {
-    Op::Peek { plc: 0, offset, width }
+    Op::Peek { plc: DeviceIndex(0), offset, width }
 }
 
 fn poke(offset: u32, width: Width, value: u32) -> Op {
-    Op::Poke { plc: 0, offset, width, value }
+    Op::Poke { plc: DeviceIndex(0), offset, width, value }
 }
 
 fn wait(mask: u32, value: u32, within_us: u64) -> Op {
-    Op::Wait { plc: 0, offset: REG, width: Width::Word, mask, value, within_us }
+    Op::Wait { plc: DeviceIndex(0), offset: REG, width: Width::Word, mask, value, within_us }
 }
 
 fn condition(offset: u32, compare: Compare, value: u32) -> Op {
     let test = Test { mask: 0xFFFF, compare, is_signed: false, value };
-    Op::Condition { plc: 0, offset, width: Width::Word, test }
+    Op::Condition { plc: DeviceIndex(0), offset, width: Width::Word, test }
 }
 
 #[test]
@@ -73,7 +74,7 @@ fn a_wait_has_1_to_32_conditions_and_each_can_hold() {
     ops.push(condition(REG, Compare::Equal, 0));
     assert!(matches!(last(&mut host, &ops), Reply::Error(refused) if refused.code == Code::CONDITIONS));
     let never = Test { mask: 1, compare: Compare::Equal, is_signed: false, value: 2 };
-    let never = Op::Condition { plc: 0, offset: REG, width: Width::Word, test: never };
+    let never = Op::Condition { plc: DeviceIndex(0), offset: REG, width: Width::Word, test: never };
     assert_eq!(host.refusal(never).0, Code::NEVER_MATCHES);
     assert_eq!(host.refusal(condition(0, Compare::Equal, 0)).0, Code::UNMAPPED);
 }
@@ -90,7 +91,7 @@ fn with_sync() -> TestHost {
     let status = |value| {
         let place = NamedLocation::parse(&DeviceFit::unknown(&DEVICE), "node2.w_OPTION_STATUS").unwrap();
         let (offset, width) = (place.offset(), place.width());
-        Op::Wait { plc: 0, offset, width, mask: 0xFFFF, value, within_us: 10_000 }
+        Op::Wait { plc: DeviceIndex(0), offset, width, mask: 0xFFFF, value, within_us: 10_000 }
     };
     let bring_up = [
         set("node2.w_CPU_CONTROL", 1),
@@ -171,21 +172,26 @@ fn every_width_reads_back_what_was_written() {
         let replies = host.request(&[poke(REG, width, value), peek(REG, width)]);
         assert_eq!(replies, [Reply::Written, Reply::Value(value)]);
     }
-    let ops = [Op::ReadRange { plc: 0, offset: REG, len: 5 }];
+    let ops = [Op::ReadRange { plc: DeviceIndex(0), offset: REG, len: 5 }];
     assert_eq!(host.request(&ops), [Reply::Bytes(vec![0x84, 0x83, 0x82, 0x81, 0])]);
 }
 
 #[test]
 fn plcs_have_separate_memories() {
-    let other = Op::Peek { plc: 1, offset: REG, width: Width::Word };
+    let other = Op::Peek { plc: DeviceIndex(1), offset: REG, width: Width::Word };
     let replies = TestHost::new(true).request(&[poke(REG, Width::Word, 5), other]);
     assert_eq!(replies, [Reply::Written, Reply::Value(0)]);
 }
 
 #[test]
 fn compare_exchange_returns_the_previous_value() {
-    let exchange =
-        |current, new| Op::CompareExchange { plc: 0, offset: REG, width: Width::Byte, current, new };
+    let exchange = |current, new| Op::CompareExchange {
+        plc: DeviceIndex(0),
+        offset: REG,
+        width: Width::Byte,
+        current,
+        new,
+    };
     assert_eq!(
         TestHost::new(true).request(&[exchange(0, 5), exchange(0, 6), peek(REG, Width::Byte)]),
         [Reply::Exchanged { ok: true, found: 0 }, Reply::Exchanged { ok: false, found: 5 }, Reply::Value(5)]
@@ -203,9 +209,10 @@ fn memory_errors_name_the_address_and_a_correct_one() {
     refused(peek(REG + 2, Width::Dword), Code::MISALIGNED, misaligned);
     let wide = "press:%MW3.1000100: 16#10000 does not fit, a WORD holds at most 16#FFFF";
     refused(poke(REG, Width::Word, 0x1_0000), Code::VALUE_TOO_WIDE, wide);
-    let plc = Op::Peek { plc: 2, offset: REG, width: Width::Word };
+    let plc = Op::Peek { plc: DeviceIndex(2), offset: REG, width: Width::Word };
     refused(plc, Code::UNKNOWN_PLC, "PLC 2 does not exist; the instance has 2, numbered from 0");
-    let exchange = Op::CompareExchange { plc: 0, offset: REG, width: Width::Byte, current: 256, new: 0 };
+    let exchange =
+        Op::CompareExchange { plc: DeviceIndex(0), offset: REG, width: Width::Byte, current: 256, new: 0 };
     let wide = "press:%MB3.1000100: 16#100 does not fit, a BYTE holds at most 16#FF";
     refused(exchange, Code::VALUE_TOO_WIDE, wide);
     let last = "byte 4294967295 of the image: no register area of the device covers this BYTE";
@@ -215,7 +222,7 @@ fn memory_errors_name_the_address_and_a_correct_one() {
 #[test]
 fn ranges_are_limited_and_name_the_hole() {
     let mut host = TestHost::new(true);
-    let range = |offset, len| Op::ReadRange { plc: 0, offset, len };
+    let range = |offset, len| Op::ReadRange { plc: DeviceIndex(0), offset, len };
     let (code, text) = host.refusal(range(REG, MAX_RANGE + 1));
     assert_eq!(code, Code::RANGE_TOO_LONG);
     assert_eq!(text, "`len` of `read_range` is 65537; it may be 0 to 65536");
@@ -230,15 +237,15 @@ fn ranges_are_limited_and_name_the_hole() {
 fn forces_are_set_listed_and_ended() {
     let mut host = TestHost::new(true);
     let (plc, offset, width) = (0, REG, Width::Word);
-    let unforce = Op::Unforce { plc, offset, width };
-    let ops = [Op::Force { plc, offset, width, value: 7 }, Op::Forces, unforce, Op::Forces];
-    let forced = Forced { plc, offset, width, value: 7 };
+    let unforce = Op::Unforce { plc: DeviceIndex(plc), offset, width };
+    let ops = [Op::Force { plc: DeviceIndex(plc), offset, width, value: 7 }, Op::Forces, unforce, Op::Forces];
+    let forced = Forced { plc: DeviceIndex(plc), offset, width, value: 7 };
     let expected = [Reply::Written, Reply::Forces(vec![forced]), Reply::Written, Reply::Forces(Vec::new())];
     assert_eq!(host.request(&ops), expected);
     assert_eq!(host.refusal(unforce), (Code::NOT_FORCED, "press:%MW3.1000100 is not forced".to_owned()));
-    let half = Op::Force { plc, offset: 200_000, width: Width::Byte, value: 7 };
+    let half = Op::Force { plc: DeviceIndex(plc), offset: 200_000, width: Width::Byte, value: 7 };
     assert_eq!(host.refusal(half).0, Code::NOT_WHOLE);
-    let wide = Op::Force { plc, offset, width, value: 0x1_0000 };
+    let wide = Op::Force { plc: DeviceIndex(plc), offset, width, value: 0x1_0000 };
     assert_eq!(host.refusal(wide).0, Code::VALUE_TOO_WIDE);
 }
 
@@ -280,8 +287,11 @@ fn a_wait_that_can_never_match_is_refused() {
 #[test]
 fn time_is_stepped_only_in_stepped_mode() {
     let mut host = TestHost::new(false);
-    let steps =
-        [Op::Advance { us: 0 }, Op::AdvanceToSync { plc: 0, node: 1 }, Op::AdvanceToEvent { within_us: 1 }];
+    let steps = [
+        Op::Advance { us: 0 },
+        Op::AdvanceToSync { plc: DeviceIndex(0), node: 1 },
+        Op::AdvanceToEvent { within_us: 1 },
+    ];
     for op in steps {
         assert_eq!(host.refusal(op).0, Code::CLOCK_IS_REAL_TIME);
     }
@@ -324,11 +334,11 @@ fn a_long_advance_listens_to_the_stop_flag() {
 #[test]
 fn advance_to_sync_ends_on_the_edge() {
     let mut host = with_sync();
-    let sync = Op::AdvanceToSync { plc: 0, node: 2 };
+    let sync = Op::AdvanceToSync { plc: DeviceIndex(0), node: 2 };
     let edges = host.request(&[sync; 3]);
     let times: Vec<_> = edges.into_iter().map(|edge| edge.time().unwrap()).collect();
     assert_eq!((times[1] - times[0], times[2] - times[1]), (2_000, 2_000));
-    let (code, text) = host.refusal(Op::AdvanceToSync { plc: 1, node: 2 });
+    let (code, text) = host.refusal(Op::AdvanceToSync { plc: DeviceIndex(1), node: 2 });
     assert_eq!(code, Code::NO_SYNC);
     assert_eq!(
         text,
@@ -407,7 +417,7 @@ fn a_start_without_a_program_is_refused_by_name() {
     use crate::memory::header::{BoardSetting, Start};
     let setting = BoardSetting::Start(Start::Cold);
     let mut host = TestHost::new(true);
-    let (code, text) = host.refusal(Op::SetBoard { plc: 1, setting });
+    let (code, text) = host.refusal(Op::SetBoard { plc: DeviceIndex(1), setting });
     assert_eq!(code, Code::START_REFUSED);
     assert!(text.starts_with("PLC 'saw': a start or stop needs a loaded program"), "{text}");
 }
@@ -417,7 +427,7 @@ fn a_missing_switch_is_refused_by_name() {
     use crate::memory::header::BoardSetting;
     let mut host = TestHost::new(true);
     let setting = BoardSetting::ModuleDip { port: 2, dip: 7 };
-    let (code, text) = host.refusal(Op::SetBoard { plc: 1, setting });
+    let (code, text) = host.refusal(Op::SetBoard { plc: DeviceIndex(1), setting });
     assert_eq!(code, Code::NO_SUCH_SWITCH);
     assert_eq!(text, "PLC 'saw': there is no module with DIP switches in node2");
 }
@@ -430,7 +440,7 @@ fn an_operation_that_pauses_does_the_same() {
         Op::Advance { us: 250_000 },
         wait(0xFFFF, 0x44, 1_000_000),
         wait(0xFFFF, 0x45, 130_000),
-        Op::AdvanceToSync { plc: 0, node: 2 },
+        Op::AdvanceToSync { plc: DeviceIndex(0), node: 2 },
         Op::AdvanceToEvent { within_us: 5_000 },
         Op::Advance { us: 99_999 },
         Op::Time,

@@ -1,6 +1,7 @@
 //! Advances the clock for operations: in parts, so that the emulator keeps answering.
 
 use super::{Execution, plc_name};
+use crate::identity::DeviceIndex;
 use crate::layout::Test;
 use crate::request::register::Register;
 use crate::request::{Code, Host, MAX_ADVANCE_US, MAX_CONDITIONS, Refused, Waited, travel};
@@ -138,8 +139,8 @@ pub(super) fn no_conditions() -> Refused {
     Refused::new(Code::CONDITIONS, "it needs conditions in front of it")
 }
 
-pub(super) fn no_sync(host: &dyn Host, plc: u16, node: u8) -> Refused {
-    let ports = host.plant().devices().get(usize::from(plc)).map(|device| device.layout().ports);
+pub(super) fn no_sync(host: &dyn Host, plc: DeviceIndex, node: u8) -> Refused {
+    let ports = host.plant().devices().get(plc.index()).map(|device| device.layout().ports);
     let port = ports.unwrap_or_default().iter().find(|port| port.number == node);
     let name = port.map_or("this port", |port| port.name);
     let why = host.plant().why_no_sync(plc.into(), node);

@@ -31,10 +31,10 @@ impl FindingJson {
         let (plcs, fitted) = (&names.plcs, names.fitted(last.plc));
         let (plc, prefix) = match last.source() {
             Source::Bus(bus) => {
-                let bus = names.buses.get(usize::from(bus)).cloned().unwrap_or_default();
+                let bus = names.buses.get(bus.index()).cloned().unwrap_or_default();
                 (String::new(), format!("{bus}:"))
             }
-            _ => (plcs.get(usize::from(last.plc)).cloned().unwrap_or_default(), plc_prefix(plcs, last.plc)),
+            _ => (plcs.get(last.plc.index()).cloned().unwrap_or_default(), plc_prefix(plcs, last.plc)),
         };
         FindingJson {
             severity: last.rule.severity().name(),

@@ -1,6 +1,7 @@
 //! The description of an instance in JSON.
 
 use super::InJson;
+use crate::identity::DeviceIndex;
 use crate::journal::Names;
 use crate::request::InstanceInfo;
 use serde::Serialize;
@@ -41,7 +42,7 @@ impl InJson for Box<InstanceInfo> {
             abi_version: self.abi_version,
             version: &self.version,
             waits_for: self.waits_for.as_deref(),
-            plcs: (0..).zip(plcs.iter().map(String::as_str)).map(plc).collect(),
+            plcs: DeviceIndex::enumerate(plcs.iter().map(String::as_str)).map(plc).collect(),
             buses,
         }
     }

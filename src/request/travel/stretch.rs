@@ -1,5 +1,6 @@
 //! A stretch of the plant's history: a snapshot, and the stores of operations since then.
 
+use crate::identity::DeviceIndex;
 use crate::memory::Width;
 use crate::plant::{Plant, Snapshot};
 
@@ -10,7 +11,7 @@ const MOST_STORES: usize = 256;
 #[derive(Clone, Copy, Debug)]
 pub(in crate::request) struct Store {
     pub(in crate::request) time_us: u64,
-    pub(in crate::request) plc: usize,
+    pub(in crate::request) plc: DeviceIndex,
     pub(in crate::request) offset: u32,
     pub(in crate::request) width: Width,
     pub(in crate::request) value: u32,

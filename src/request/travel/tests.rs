@@ -1,6 +1,7 @@
 //! Going back by operations.
 
 use super::*;
+use crate::identity::DeviceIndex;
 use crate::layout::{Compare, Test, Width};
 use crate::request::testing::{RAM, TestHost};
 use crate::request::{FilePart, MAX_RANGE, Op, Reply, Waited};
@@ -8,11 +9,11 @@ use crate::request::{FilePart, MAX_RANGE, Op, Reply, Waited};
 const WORD: Width = Width::Word;
 
 fn poke(value: u32) -> Op {
-    Op::Poke { plc: 0, offset: RAM.start, width: WORD, value }
+    Op::Poke { plc: DeviceIndex(0), offset: RAM.start, width: WORD, value }
 }
 
 fn held(host: &mut TestHost) -> Reply {
-    host.request(&[Op::Peek { plc: 0, offset: RAM.start, width: WORD }]).remove(0)
+    host.request(&[Op::Peek { plc: DeviceIndex(0), offset: RAM.start, width: WORD }]).remove(0)
 }
 
 /// The register is 1 from 2 ms on and 2 from 5 ms on; the time is 9 ms.
@@ -35,7 +36,7 @@ fn back(us: u64) -> Op {
 fn until(value: u32) -> [Op; 2] {
     let test = Test { mask: 0xFFFF, compare: Compare::Equal, is_signed: false, value };
     [
-        Op::Condition { plc: 0, offset: RAM.start, width: WORD, test },
+        Op::Condition { plc: DeviceIndex(0), offset: RAM.start, width: WORD, test },
         Op::BackUntil { any: false, detached: false },
     ]
 }
@@ -126,8 +127,13 @@ fn stores_of_operations_are_repeated() {
     // Later parts are dropped, also of the stretch.
     assert_eq!([1_999, 2_000, 4_999, 5_000].map(|us| states(us).2), [0, 1, 1, 2]);
     // A comparison that has failed has stored nothing.
-    let exchange =
-        |current, new| Op::CompareExchange { plc: 0, offset: RAM.start, width: WORD, current, new };
+    let exchange = |current, new| Op::CompareExchange {
+        plc: DeviceIndex(0),
+        offset: RAM.start,
+        width: WORD,
+        current,
+        new,
+    };
     host.request(&[exchange(7, 8), Op::Advance { us: 1_000 }, exchange(2, 3), Op::Advance { us: 1_000 }]);
     assert_eq!(host.plant_and_travel().1.history[0].stores.len(), 3);
     host.request(&[back(1_000)]);
@@ -178,7 +184,14 @@ fn unrepeatable_stores_through_the_map_are_reported() {
     host.script = vec![(4_500, 200_000, 1)];
     // Event by event, and so the store is in the middle.
     let within_us = 9_000;
-    host.request(&[Op::Wait { plc: 0, offset: RAM.start, width: WORD, mask: 1, value: 1, within_us }]);
+    host.request(&[Op::Wait {
+        plc: DeviceIndex(0),
+        offset: RAM.start,
+        width: WORD,
+        mask: 1,
+        value: 1,
+        within_us,
+    }]);
     host.request(&[Op::Advance { us: 1_000 }]);
     let in_between = host.plant.journal().written();
     assert!(in_between > 0, "the store shows in the journal");

@@ -2,6 +2,7 @@
 
 use super::Emulator;
 use crate::channel::{ChannelWatch, EventNotifier, HeaderBells, Server};
+use crate::identity::DeviceIndex;
 use crate::memory::{Image, channel_has_gaps, names};
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 
@@ -41,7 +42,7 @@ impl Emulator {
 
     /// Reports occurred events to the listeners of the event services.
     pub(in crate::runtime) fn notify_events(&mut self) {
-        for plc in 0..self.images.len() {
+        for plc in DeviceIndex::first(self.images.len()) {
             let fired = self.plant.take_fired(plc);
             if fired != 0
                 && let Some(events) = &self.events

@@ -272,10 +272,10 @@ fn the_keeper_has_written_everything_when_it_ends() {
     let mut keeper = Keeper::new(Some(opened), novram).unwrap();
     let configs = [1, 0, 2].map(|byte| [byte; REGISTERS]);
     for generation in 1..50 {
-        keeper.save(|plc| Some((&configs[plc][..], generation)), false);
+        keeper.save(|plc| Some((&configs[plc.index()][..], generation)), false);
     }
     segments[1].store(FLAG, Width::Byte, 9).unwrap();
-    keeper.save(|plc| Some((&configs[plc][..], 50)), true);
+    keeper.save(|plc| Some((&configs[plc.index()][..], 50)), true);
     drop(keeper);
     for (name, byte, flag) in [("a", 1, 0), ("b", 2, 9)] {
         let bytes = fs::read(directory.path().join(format!("{name}.novram"))).unwrap();

@@ -2,6 +2,7 @@
 
 use super::file::{self, Content};
 use super::{Directory, Novram, NovramError};
+use crate::identity::DeviceIndex;
 use std::collections::BTreeMap;
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
 use std::thread::JoinHandle;
@@ -45,7 +46,7 @@ impl Keeper {
 
     /// Writes the changes. `stored` returns the registers that a device has stored, or `None` if they are lost. Retain
     /// flags are checked once a second, and in the `last` call.
-    pub fn save<'a>(&mut self, stored: impl Fn(usize) -> Option<(&'a [u8], u32)>, last: bool) {
+    pub fn save<'a>(&mut self, stored: impl Fn(DeviceIndex) -> Option<(&'a [u8], u32)>, last: bool) {
         let Some((jobs, _)) = &self.writer else { return };
         let now = Instant::now();
         let retain = last || now >= self.next_look;
@@ -54,10 +55,10 @@ impl Keeper {
         }
         let novram = self.novram.iter_mut().enumerate();
         for (index, novram) in novram.filter_map(|(index, novram)| Some((index, novram.as_mut()?))) {
-            if let Some(stored_now) = stored(index)
+            if let Some(stored_now) = stored(DeviceIndex::at(index))
                 && let Some(content) = novram.changed(stored_now, retain)
                 // Lost during the read: the file keeps the last known content.
-                && stored(index).is_some()
+                && stored(DeviceIndex::at(index)).is_some()
             {
                 // The thread ends after this value only.
                 let _ = jobs.send((novram.name.clone(), content));

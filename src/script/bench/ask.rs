@@ -1,6 +1,7 @@
 //! The operations that the verbs request from the plant.
 
 use super::Bench;
+use crate::identity::DeviceIndex;
 use crate::journal::{Entry, Record};
 use crate::memory::header::{BoardSetting, BoardState};
 use crate::memory::{Address, Width};
@@ -18,7 +19,7 @@ const PAUSE: Duration = Duration::from_micros(500);
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Spot {
     /// Number of the PLC in the plant.
-    pub plc: u16,
+    pub plc: DeviceIndex,
     /// Byte in the image.
     pub offset: u32,
     /// Width of the access.
@@ -26,7 +27,7 @@ pub(super) struct Spot {
 }
 
 impl Spot {
-    pub(crate) fn new(plc: u16, address: Address) -> Self {
+    pub(crate) fn new(plc: DeviceIndex, address: Address) -> Self {
         Self { plc, offset: address.offset(), width: address.width() }
     }
 }
@@ -114,11 +115,11 @@ impl Bench {
         Ok(self.ask(Op::Forces)?.forces()?)
     }
 
-    pub(super) fn board_of(&mut self, plc: u16) -> Result<BoardState, ScenarioError> {
+    pub(super) fn board_of(&mut self, plc: DeviceIndex) -> Result<BoardState, ScenarioError> {
         Ok(self.ask(Op::Board { plc })?.board()?)
     }
 
-    pub(super) fn turn(&mut self, plc: u16, setting: BoardSetting) -> Result<(), ScenarioError> {
+    pub(super) fn turn(&mut self, plc: DeviceIndex, setting: BoardSetting) -> Result<(), ScenarioError> {
         Ok(self.ask(Op::SetBoard { plc, setting })?.written()?)
     }
 

@@ -5,6 +5,7 @@
 
 use super::{Bench, line};
 use crate::devices;
+use crate::identity::DeviceIndex;
 use crate::journal::text::Text;
 use crate::journal::{Changed, ChannelWrite, Event, Format, Found, Record};
 use crate::script::ScenarioError;
@@ -31,7 +32,7 @@ const LONGEST: usize = 24;
 const OFTEN: usize = 3;
 
 /// A register: number of the PLC, and offset.
-type RegisterKey = (u16, u32);
+type RegisterKey = (DeviceIndex, u32);
 
 /// A line of the picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -195,11 +196,11 @@ mod tests {
     }
 
     fn program(register: u32) -> Option<(ExchangeKind, Option<RegisterKey>)> {
-        Some((ExchangeKind::Program, Some((0, register))))
+        Some((ExchangeKind::Program, Some((DeviceIndex(0), register))))
     }
 
     fn firmware(register: u32) -> Option<(ExchangeKind, Option<RegisterKey>)> {
-        Some((ExchangeKind::Firmware, Some((0, register))))
+        Some((ExchangeKind::Firmware, Some((DeviceIndex(0), register))))
     }
 
     #[test]
@@ -220,7 +221,7 @@ mod tests {
     fn a_finding_is_shown_with_preceding_steps_and_the_last_good_handshake() {
         let mut told = vec![program(1), firmware(1)];
         told.extend([Some((ExchangeKind::Bus, None)); 30]);
-        told.extend([program(1), Some((ExchangeKind::Wrong, Some((0, 1)))), firmware(1)]);
+        told.extend([program(1), Some((ExchangeKind::Wrong, Some((DeviceIndex(0), 1)))), firmware(1)]);
         told.extend([Some((ExchangeKind::Bus, None)); 100]);
         let shown = chosen(&told, Some(33));
         assert!(shown[0] && shown[1] && shown[32] && shown[33] && shown[33 - BEFORE_FINDING]);

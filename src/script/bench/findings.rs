@@ -61,7 +61,7 @@ impl Bench {
         let name = entry.last.name(fitted).or_else(address).unwrap_or_default();
         match entry.last.source() {
             Source::Bus(bus) => {
-                let bus = self.names.buses.get(usize::from(bus)).map_or("", String::as_str);
+                let bus = self.names.buses.get(bus.index()).map_or("", String::as_str);
                 format!("{bus}:{name}")
             }
             _ => format!("{}{name}", self.prefix(entry.last.plc)),

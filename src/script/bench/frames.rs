@@ -3,6 +3,7 @@
 use super::Bench;
 use crate::can::{ExtendedId, Frame, Id, Payload, StandardId};
 use crate::devices::BUS_KINDS;
+use crate::identity::BusIndex;
 use crate::journal::{Record, Source};
 use crate::request::Op;
 use crate::script::{ScenarioError, Span};
@@ -319,12 +320,12 @@ impl Bench {
 }
 
 /// The frame that a record describes, if it was on this bus.
-fn transmitted(record: &Record, on: u16) -> Option<Frame> {
+fn transmitted(record: &Record, on: BusIndex) -> Option<Frame> {
     let carried = record.event.frame()?;
     (record.event.source() == Source::Bus(on)).then_some(carried.frame)
 }
 
-fn frame_of(record: &Record, on: u16) -> Option<SeenFrame> {
+fn frame_of(record: &Record, on: BusIndex) -> Option<SeenFrame> {
     let frame = transmitted(record, on)?;
     let kind = BUS_KINDS.iter().find(|kind| kind.records.contains(&record.event.kind()));
     let text = kind.map_or_else(String::new, |kind| (kind.says)(&frame));

@@ -1,6 +1,7 @@
 //! Copies of register areas, and their changes.
 
 use super::Bench;
+use crate::identity::DeviceIndex;
 use crate::layout::place::{status_of, without_twins};
 use crate::layout::{Area, DeviceFit, DeviceLayout, RegisterPhase, RegisterRef, split_plc};
 use crate::request::Op;
@@ -10,7 +11,7 @@ use core::panic::Location;
 /// All registers of an area at one moment.
 #[derive(Clone, Debug)]
 pub struct MemoryCopy {
-    plc: u16,
+    plc: DeviceIndex,
     /// Prefix of the names: the PLC, if there are several.
     prefix: String,
     fitted: DeviceFit,
@@ -40,7 +41,7 @@ impl MemoryCopy {
     /// # Errors
     /// The errors of `read`.
     pub fn read<E>(
-        (plc, prefix): (u16, String),
+        (plc, prefix): (DeviceIndex, String),
         fitted: DeviceFit,
         area: &'static Area,
         read: impl FnOnce(u32, u32) -> Result<Vec<u8>, E>,
@@ -129,7 +130,7 @@ impl Bench {
         self.copy(plc, register_area(self.names.device(plc), name)?)
     }
 
-    fn copy(&mut self, plc: u16, area: &'static Area) -> Result<MemoryCopy, ScenarioError> {
+    fn copy(&mut self, plc: DeviceIndex, area: &'static Area) -> Result<MemoryCopy, ScenarioError> {
         let (of, fitted) = ((plc, self.prefix(plc)), self.names.fitted(plc));
         MemoryCopy::read(of, fitted, area, |offset, len| {
             Ok(self.ask(Op::ReadRange { plc, offset, len })?.bytes()?)

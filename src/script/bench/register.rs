@@ -2,6 +2,7 @@
 
 use super::ask::Spot;
 use super::{Bench, memory};
+use crate::identity::{BusIndex, DeviceIndex};
 use crate::layout::{Area, NamedLocation, RegisterPhase, plc_prefix, split_plc};
 use crate::script::ScenarioError;
 
@@ -21,7 +22,7 @@ impl Register {
     }
 
     /// Number of its PLC in the plant.
-    pub fn plc(&self) -> u16 {
+    pub fn plc(&self) -> DeviceIndex {
         self.spot.plc
     }
 
@@ -79,10 +80,10 @@ impl Register {
 
 impl Bench {
     /// The PLC of this name; `""` is the only one.
-    pub(in crate::script) fn only_plc(&self, name: &str) -> Result<u16, ScenarioError> {
+    pub(in crate::script) fn only_plc(&self, name: &str) -> Result<DeviceIndex, ScenarioError> {
         match self.names.plcs.as_slice() {
-            [_] if name.is_empty() => Ok(0),
-            all => position("PLC", all, name),
+            [_] if name.is_empty() => Ok(DeviceIndex(0)),
+            all => position("PLC", all, name).map(DeviceIndex::at),
         }
     }
 
@@ -90,7 +91,7 @@ impl Bench {
     ///
     /// # Errors
     /// There is no such PLC or area of registers.
-    pub(in crate::script) fn area(&self, text: &str) -> Result<(u16, &'static Area), ScenarioError> {
+    pub(in crate::script) fn area(&self, text: &str) -> Result<(DeviceIndex, &'static Area), ScenarioError> {
         let (plc, name) = split_plc(text);
         let plc = self.plc(plc, name)?;
         Ok((plc, memory::register_area(self.names.device(plc), name)?))
@@ -115,15 +116,15 @@ impl Bench {
     }
 
     /// The prefix of names of this PLC.
-    pub(super) fn prefix(&self, plc: u16) -> String {
+    pub(super) fn prefix(&self, plc: DeviceIndex) -> String {
         plc_prefix(&self.names.plcs, plc)
     }
 
     /// Number of the PLC that the prefix `plc` of `text` names.
-    pub(super) fn plc(&self, plc: Option<&str>, text: &str) -> Result<u16, ScenarioError> {
+    pub(super) fn plc(&self, plc: Option<&str>, text: &str) -> Result<DeviceIndex, ScenarioError> {
         match (plc, self.names.plcs.as_slice()) {
-            (Some(name), all) => position("PLC", all, name),
-            (None, [_]) => Ok(0),
+            (Some(name), all) => position("PLC", all, name).map(DeviceIndex::at),
+            (None, [_]) => Ok(DeviceIndex(0)),
             (None, all) => Err(ScenarioError::WhichPlc {
                 text: text.to_owned(),
                 plcs: all.join(", "),
@@ -132,8 +133,8 @@ impl Bench {
         }
     }
 
-    pub(super) fn bus(&self, name: &str) -> Result<u16, ScenarioError> {
-        position("bus", &self.names.buses, name)
+    pub(super) fn bus(&self, name: &str) -> Result<BusIndex, ScenarioError> {
+        position("bus", &self.names.buses, name).map(BusIndex::at)
     }
 
     /// The live one of overlaid structures at the place of the register.
@@ -144,8 +145,8 @@ impl Bench {
     }
 }
 
-fn position(what: &'static str, all: &[String], name: &str) -> Result<u16, ScenarioError> {
-    let found = all.iter().position(|known| known == name).and_then(|index| u16::try_from(index).ok());
+fn position(what: &'static str, all: &[String], name: &str) -> Result<usize, ScenarioError> {
+    let found = all.iter().position(|known| known == name);
     let known = || if all.is_empty() { "none".to_owned() } else { all.join(", ") };
     found.ok_or_else(|| ScenarioError::Unknown { what, name: name.to_owned(), known: known() })
 }

@@ -1,6 +1,7 @@
 //! The verbs that advance the clock.
 
 use super::Bench;
+use crate::identity::DeviceIndex;
 use crate::layout::split_plc;
 use crate::request::Op;
 use crate::script::{ScenarioError, Span};
@@ -22,7 +23,7 @@ impl Bench {
     /// There is no such port, or there is no SYNC signal.
     pub fn step_to_sync(&mut self, port: &str) -> Result<(), ScenarioError> {
         let (plc, name) = split_plc(port);
-        let first = || self.names.fitted(0).first_master().map_or("", |port| port.name);
+        let first = || self.names.fitted(DeviceIndex(0)).first_master().map_or("", |port| port.name);
         let name = if name.is_empty() { first() } else { name };
         let plc = self.plc(plc, name)?;
         let node = self.names.device(plc).port_named(name)?.number;

@@ -3,6 +3,7 @@
 use super::arguments::span;
 use super::{Fallible, Verbs, int};
 use crate::devices::{self, Registered};
+use crate::identity::DeviceIndex;
 use crate::layout::{Area, did_you_mean};
 use crate::plc::{BlockContext, BlockInstance, BlockKind, PinError, PinValue, Variables};
 use crate::script::caught::Caught;
@@ -44,7 +45,7 @@ fn unknown(name: &str, device: &Registered) -> ScenarioError {
 }
 
 /// The device of the PLC of a place.
-fn device_of(bench: &mut Bench, plc: u16) -> Result<&'static Registered, ScenarioError> {
+fn device_of(bench: &mut Bench, plc: DeviceIndex) -> Result<&'static Registered, ScenarioError> {
     let hash = bench.ram_of(plc)?.header().layout_hash.load();
     Ok(devices::of_hash(hash).unwrap_or(devices::default()))
 }
@@ -52,7 +53,7 @@ fn device_of(bench: &mut Bench, plc: u16) -> Result<&'static Registered, Scenari
 impl Block {
     fn new(
         bench: &mut Bench,
-        variables: &mut BTreeMap<u16, Variables>,
+        variables: &mut BTreeMap<DeviceIndex, Variables>,
         name: &str,
         place: &str,
     ) -> Result<Self, ScenarioError> {
@@ -199,7 +200,7 @@ fn check_area(
 impl Verbs {
     pub(super) fn blocks(&mut self) {
         // The variables that connect blocks to each other, by PLC.
-        let variables = RefCell::<BTreeMap<u16, Variables>>::default();
+        let variables = RefCell::<BTreeMap<DeviceIndex, Variables>>::default();
         self.on("block", |stage| {
             move |name: &str, place: &str| {
                 stage.act(|bench| Block::new(bench, &mut variables.borrow_mut(), name, place))

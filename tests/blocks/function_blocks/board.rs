@@ -4,6 +4,7 @@ use crate::omega::cansync::bench::{Bench, Dead};
 use crate::rig::{BOTH, Memory};
 use commram::devices::omega_drive_line_2::blocks::*;
 use commram::devices::omega_drive_line_2::registers::NODE2;
+use commram::identity::DeviceIndex;
 use commram::plant::Power;
 
 /// PLC `a` of the bench.
@@ -19,7 +20,7 @@ fn led_sets_four_leds() {
         let ram = ram(&bench);
         LED { b_LEDS: 0xF5 }.call(&ram);
         assert_eq!(ram.header().board.leds.load(), 0x05);
-        bench.rig.plant.set_power(0, Power::HoldReset);
+        bench.rig.plant.set_power(DeviceIndex(0), Power::HoldReset);
         bench.rig.step(1000);
         assert_eq!(ram.header().board.leds.load(), 0);
     }
@@ -95,9 +96,9 @@ fn a_reset_of_the_board_makes_a_block_ask_again() {
         assert!(triggers.x_OK && !timer.x_ERR);
     };
     both(&mut bench, &mut timer, &mut triggers);
-    bench.rig.plant.set_power(0, Power::Off);
+    bench.rig.plant.set_power(DeviceIndex(0), Power::Off);
     bench.rig.step(1000);
-    bench.rig.plant.set_power(0, Power::On);
+    bench.rig.plant.set_power(DeviceIndex(0), Power::On);
     timer.call(&ram);
     triggers.call(&ram);
     assert!(!timer.is_answered() && !triggers.x_OK);

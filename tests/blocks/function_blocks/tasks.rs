@@ -3,6 +3,7 @@
 use crate::omega::cansync::bench::Bench;
 use crate::rig::{BOTH, Memory};
 use commram::devices::omega_drive_line_2::blocks::*;
+use commram::identity::DeviceIndex;
 use commram::memory::header::{ProgramState, Start};
 use commram::plant::Power;
 use std::cell::RefCell;
@@ -128,9 +129,9 @@ fn a_program_starts_cold_and_runs_its_tasks() {
 fn the_switch_stops_and_starts_a_program() {
     let mut stage = Stage::new(Memory::Heap);
     stage.pass(10);
-    stage.bench.rig.plant.set_power(0, Power::HoldReset);
+    stage.bench.rig.plant.set_power(DeviceIndex(0), Power::HoldReset);
     assert_eq!(stage.pass(10), []);
-    stage.bench.rig.plant.set_power(0, Power::ReleaseReset);
+    stage.bench.rig.plant.set_power(DeviceIndex(0), Power::ReleaseReset);
     assert_eq!(stage.pass(10), [], "the switch is at STOP");
     assert_eq!(stage.state(), ProgramState::Stopped.code());
     stage.tasks.program().ram.header().board.switch.store(0);
@@ -145,13 +146,13 @@ fn the_switch_stops_and_starts_a_program() {
 fn a_program_that_was_only_sent_is_lost_by_a_reset() {
     use commram::memory::header::{BoardSetting, Project, RunSwitch};
     let mut stage = Stage::new(Memory::Heap);
-    stage.bench.rig.plant.set_board(0, BoardSetting::Project(Project::Sent));
+    stage.bench.rig.plant.set_board(DeviceIndex(0), BoardSetting::Project(Project::Sent));
     assert_eq!(stage.pass(10)[0].1, "cold");
-    stage.bench.rig.plant.set_board(0, BoardSetting::Reset);
-    stage.bench.rig.plant.set_board(0, BoardSetting::Switch(RunSwitch::Run));
+    stage.bench.rig.plant.set_board(DeviceIndex(0), BoardSetting::Reset);
+    stage.bench.rig.plant.set_board(DeviceIndex(0), BoardSetting::Switch(RunSwitch::Run));
     assert_eq!(stage.pass(10), []);
     assert_eq!((stage.state(), stage.display()), (ProgramState::None.code(), Some('0')));
-    stage.bench.rig.plant.set_board(0, BoardSetting::Project(Project::Sent));
+    stage.bench.rig.plant.set_board(DeviceIndex(0), BoardSetting::Project(Project::Sent));
     assert_eq!(stage.pass(10)[0].1, "cold");
     assert_eq!(stage.state(), ProgramState::Cyclic.code());
 }

@@ -2,6 +2,7 @@
 
 use super::bench::*;
 use crate::rig::Memory;
+use commram::identity::DeviceIndex;
 
 /// t_cycK 2 ms.
 const EVERY_2_MS: u16 = 0x0044;
@@ -164,8 +165,8 @@ fn reset_discards_late_answers() {
     bench.regs.w_COMMAND_REG.store(SAME_CYCLE);
     bench.regs.b_COMMAND.store(CONFIGURE);
     bench.step(3000);
-    bench.plant.set_power(0, Power::HoldReset);
-    bench.plant.set_power(0, Power::ReleaseReset);
+    bench.plant.set_power(DeviceIndex(0), Power::HoldReset);
+    bench.plant.set_power(DeviceIndex(0), Power::ReleaseReset);
     bench.step(20_000);
     assert_eq!((bench.regs.b_SL_QUIT.load(), hits(&bench)), (0x00, Some(1)));
 }

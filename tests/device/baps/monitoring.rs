@@ -4,6 +4,7 @@ use super::bench::*;
 use crate::rig::{Memory, OMEGA_RATES};
 use commram::devices::cansync::drive::DrivecomState;
 use commram::devices::omega_drive_line_2::registers::{CANsync_INIT_BMSTRUCT, DEVICE, NODE2};
+use commram::identity::DeviceIndex;
 use commram::plant::Power;
 
 const MONITORING: &str = "[plc.drive.monitoring]\ncyclic_data = { time_us = 100000, reaction = 'quick_stop' }\n\
@@ -61,7 +62,7 @@ fn an_exchange_in_time_prevents_the_monitoring_error() {
 #[test]
 fn a_plc_in_reset_does_not_exchange() {
     let mut bench = turning(Memory::Heap);
-    bench.plant.set_power(0, Power::HoldReset);
+    bench.plant.set_power(DeviceIndex(0), Power::HoldReset);
     bench.step(101_000);
     assert_eq!(state(&bench), (DrivecomState::Fault, 503));
 }

@@ -3,6 +3,7 @@
 use super::bench::*;
 use crate::rig::Memory;
 use commram::devices::cansync::drive::DrivecomState;
+use commram::identity::DeviceIndex;
 use commram::plant::Power;
 
 /// The drive turns with P300 = 1000, P302 is 5, and a service data job is under way.
@@ -29,7 +30,7 @@ const POWERED_ON: (u32, u32, u32, DrivecomState) = (0, 0, 0, DrivecomState::Swit
 fn reset_restarts_the_interface_while_the_drive_turns() {
     turning("", |mut bench| {
         let events = bench.events();
-        bench.plant.set_power(0, Power::HoldReset);
+        bench.plant.set_power(DeviceIndex(0), Power::HoldReset);
         let angle = bench.p(303);
         bench.regs.b_COMMAND.store(CONFIGURE);
         bench.step(5000);
@@ -37,7 +38,7 @@ fn reset_restarts_the_interface_while_the_drive_turns() {
         assert_eq!(bench.p(303).wrapping_sub(angle), 5000, "it goes on while RESET is held");
         assert_eq!(bench.regs.b_COMMAND.load(), CONFIGURE, "the interface does not answer");
 
-        bench.plant.set_power(0, Power::ReleaseReset);
+        bench.plant.set_power(DeviceIndex(0), Power::ReleaseReset);
         assert_eq!((bench.regs.b_COMMAND.load(), bench.regs.w_STATUSWORD.load()), (0, 0));
         bench.step(5000);
         assert_eq!((values(&bench), bench.events()), (TURNING, events));
@@ -57,10 +58,10 @@ fn reset_restarts_the_interface_while_the_drive_turns() {
 #[test]
 fn the_drive_restarts_after_loss_of_supply() {
     turning("", |mut bench| {
-        bench.plant.set_power(0, Power::Off);
+        bench.plant.set_power(DeviceIndex(0), Power::Off);
         bench.step(5000);
         assert_eq!(values(&bench), POWERED_ON);
-        bench.plant.set_power(0, Power::On);
+        bench.plant.set_power(DeviceIndex(0), Power::On);
         bench.step(5000);
         assert_eq!((values(&bench), bench.regs.b_SL_SEMAPHORE.load()), (POWERED_ON, 0));
         assert_eq!(bench.command(EXCHANGE, 500), 0x81);
@@ -70,12 +71,12 @@ fn the_drive_restarts_after_loss_of_supply() {
 #[test]
 fn the_supply_may_fail_while_reset_is_held() {
     turning("", |mut bench| {
-        bench.plant.set_power(0, Power::HoldReset);
+        bench.plant.set_power(DeviceIndex(0), Power::HoldReset);
         bench.step(1000);
-        bench.plant.set_power(0, Power::Off);
+        bench.plant.set_power(DeviceIndex(0), Power::Off);
         assert_eq!(values(&bench), POWERED_ON);
-        bench.plant.set_power(0, Power::On);
-        bench.plant.set_power(0, Power::ReleaseReset);
+        bench.plant.set_power(DeviceIndex(0), Power::On);
+        bench.plant.set_power(DeviceIndex(0), Power::ReleaseReset);
         assert_eq!(bench.configure(SAME_CYCLE, &[SPEED_REFERENCE], &[SPEED_ACTUAL]), 0x02);
         assert_eq!(values(&bench), POWERED_ON);
     });
@@ -84,7 +85,7 @@ fn the_supply_may_fail_while_reset_is_held() {
 #[test]
 fn a_drive_fails_under_reset_but_not_without_supply() {
     turning("ramp_per_second = 100000", |mut bench| {
-        bench.plant.set_power(0, Power::HoldReset);
+        bench.plant.set_power(DeviceIndex(0), Power::HoldReset);
         bench.trip(17);
         assert_eq!((bench.drive().state(), bench.p(308)), (DrivecomState::FaultReactionActive, 17));
         bench.step(20_000);
@@ -93,7 +94,7 @@ fn a_drive_fails_under_reset_but_not_without_supply() {
             (DrivecomState::Fault, 0),
             "it brakes by itself"
         );
-        bench.plant.set_power(0, Power::Off);
+        bench.plant.set_power(DeviceIndex(0), Power::Off);
         bench.trip(18);
         assert_eq!(bench.p(308), 0);
     });
@@ -104,11 +105,11 @@ fn a_drive_fails_under_reset_but_not_without_supply() {
 fn written_parameters_survive_reset_alone() {
     let mut bench = Bench::new(Memory::Heap, "");
     assert_eq!(bench.write_word(167, 1000), 0);
-    bench.plant.set_power(0, Power::HoldReset);
-    bench.plant.set_power(0, Power::ReleaseReset);
+    bench.plant.set_power(DeviceIndex(0), Power::HoldReset);
+    bench.plant.set_power(DeviceIndex(0), Power::ReleaseReset);
     assert_eq!(bench.read(167), (0, 0, 1000));
-    bench.plant.set_power(0, Power::Off);
-    bench.plant.set_power(0, Power::On);
+    bench.plant.set_power(DeviceIndex(0), Power::Off);
+    bench.plant.set_power(DeviceIndex(0), Power::On);
     assert_eq!(bench.read(167), (0, 0, 2000));
 }
 
@@ -119,10 +120,10 @@ fn reset_ends_the_trigger_signal() {
     bench.opt_init(2, 2000);
     bench.step(20_000);
     assert!(bench.drive().is_synchronized());
-    bench.plant.set_power(0, Power::HoldReset);
+    bench.plant.set_power(DeviceIndex(0), Power::HoldReset);
     bench.step(10_000);
     assert!(!bench.drive().is_synchronized());
-    bench.plant.set_power(0, Power::ReleaseReset);
+    bench.plant.set_power(DeviceIndex(0), Power::ReleaseReset);
     bench.step(20_000);
     assert_eq!((bench.drive().is_synchronized(), bench.regs.w_STATUS_REG.load()), (false, 0));
     bench.opt_init(2, 2000);

@@ -3,6 +3,7 @@
 use super::bench::*;
 use crate::rig::Memory;
 use commram::devices::omega_drive_line_2::Plc;
+use commram::identity::DeviceIndex;
 use commram::plant::Power;
 
 #[test]
@@ -130,8 +131,8 @@ fn own_parameters_of_the_drive_in_the_plant_file() {
     Bench::on_both(drive, |mut bench| {
         assert_eq!(bench.read(167), (0, 0, 1000));
         assert_eq!(bench.write_word(167, 500), 0);
-        bench.plant.set_power(0, Power::Off);
-        bench.plant.set_power(0, Power::On);
+        bench.plant.set_power(DeviceIndex(0), Power::Off);
+        bench.plant.set_power(DeviceIndex(0), Power::On);
         assert_eq!(bench.read(167), (0, 0, 1000));
     });
 }

@@ -3,6 +3,7 @@
 use super::bench::*;
 use crate::rig::{Memory, OMEGA_RATES, Rate};
 use commram::devices::omega_drive_line_2::registers::{CANsync_INIT_BMSTRUCT, NODE2};
+use commram::identity::DeviceIndex;
 use commram::plant::Power;
 
 const LOCK_US: u64 = 10_000;
@@ -23,7 +24,7 @@ fn with_sync(rate: Rate, drive: &str) -> Bench {
 }
 
 fn to_edge(bench: &mut Bench) {
-    let edge = bench.plant.next_sync(0, 2).expect("SYNC runs");
+    let edge = bench.plant.next_sync(DeviceIndex(0), 2).expect("SYNC runs");
     bench.plant.advance_to(edge);
 }
 
@@ -64,8 +65,8 @@ fn board_timer_a_as_trigger_signal() {
 #[test]
 fn without_opt_init_there_is_no_trigger_signal() {
     let mut bench = with_sync(OMEGA_RATES[0], "");
-    bench.plant.set_power(0, Power::Off);
-    bench.plant.set_power(0, Power::On);
+    bench.plant.set_power(DeviceIndex(0), Power::Off);
+    bench.plant.set_power(DeviceIndex(0), Power::On);
     bench.start_sync(OMEGA_RATES[0]);
     bench.step(50_000);
     assert_eq!(status(&bench), (0, 0));

@@ -11,6 +11,7 @@ use commram::devices::bm4_o_can_06::registers::*;
 use commram::devices::cansync::bus::Frame;
 use commram::devices::fault_kinds;
 use commram::fault::FaultSpec;
+use commram::identity::DeviceIndex;
 use commram::memory::Segment;
 use std::time::Duration;
 
@@ -231,8 +232,8 @@ fn t26() {
         let mut rig = Rig::new(Memory::Heap, rate());
         let header = rig.plant.devices()[rig.slave_at.plc].segment().header().unwrap();
         header.ports[usize::from(rig.slave_at.port) - 1].dip.store(switches);
-        rig.plant.set_power(rig.slave_at.plc, commram::plant::Power::Off);
-        rig.plant.set_power(rig.slave_at.plc, commram::plant::Power::On);
+        rig.plant.set_power(DeviceIndex::at(rig.slave_at.plc), commram::plant::Power::Off);
+        rig.plant.set_power(DeviceIndex::at(rig.slave_at.plc), commram::plant::Power::On);
         assert_eq!(rig.slave.w_OMEGA_NR.load(), number, "w_SLAVE_NUMBER");
     }
 }

@@ -9,6 +9,7 @@ use commram::check::rules;
 use commram::devices::cansync;
 use commram::devices::cansync::registers::CANsync_MA_CTRL_BMSTRUCT;
 use commram::devices::omega_drive_line_2::registers::BAPS;
+use commram::identity::DeviceIndex;
 use commram::journal::{Entry, Rule};
 use commram::layout::{DeviceFit, Owner};
 use commram::memory::{Cell8, Width};
@@ -101,9 +102,9 @@ fn channel_stores_are_checked_at_ports_of_every_medium() {
                 continue;
             };
             let (offset, width) = (register.offset(), register.address().width());
-            let value = plant.load(plc, offset, width).unwrap();
-            plant.store(plc, offset, width, value).unwrap();
-            expected.push((plc as u16, port.medium, Some(register.to_string())));
+            let value = plant.load(DeviceIndex::at(plc), offset, width).unwrap();
+            plant.store(DeviceIndex::at(plc), offset, width, value).unwrap();
+            expected.push((DeviceIndex::at(plc), port.medium, Some(register.to_string())));
         }
     }
     let media: BTreeSet<_> = expected.iter().map(|(_, medium, _)| *medium).collect();
@@ -229,10 +230,10 @@ fn through_the_channel_every_write_is_seen() {
         rig.activate();
         let status = (rate.kind.master.base + offset_of!(CANsync_MA_CTRL_BMSTRUCT, w_OPTION_STATUS)) as u32;
         for _ in 0..3 {
-            rig.plant.note_channel_write(0, status, 2, 0x0080);
+            rig.plant.note_channel_write(DeviceIndex(0), status, 2, 0x0080);
         }
         rig.plant.devices()[0].segment().store(status, Width::Word, 0x0043).unwrap();
-        rig.plant.note_channel_write(0, status, 2, 0x0043);
+        rig.plant.note_channel_write(DeviceIndex(0), status, 2, 0x0043);
         rig.step(100);
         let found = findings(&rig);
         assert_eq!(
@@ -251,7 +252,7 @@ fn through_the_channel_every_write_to_the_baps_is_seen() {
     let status = BAPS as u32 + 2;
     for times in [1, 2] {
         rig.plant.devices()[0].segment().store(status, Width::Word, 0x0008).unwrap();
-        rig.plant.note_channel_write(0, status, 2, 0x0008);
+        rig.plant.note_channel_write(DeviceIndex(0), status, 2, 0x0008);
         assert_eq!(names(&rig), [(rules::OWNER.id(), Some("baps.w_STATUS_REG".to_owned()))]);
         assert_eq!(findings(&rig)[0].count, times);
     }

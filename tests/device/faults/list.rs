@@ -3,6 +3,7 @@
 use super::*;
 use crate::rig::{BOTH, FASTEST, Memory};
 use commram::fault::{Draft, Kind, MAX_AT_US, MAX_FAULTS, Refusal, Target};
+use commram::identity::{BusIndex, DeviceIndex};
 use commram::memory::Segment;
 use commram::plant::{Plant, PlantConfig};
 
@@ -51,7 +52,7 @@ fn numbers_count_up_and_cleared_ones_are_gone() {
 fn faults_of_missing_stations_or_with_invalid_values_are_refused() {
     for rate in FASTEST {
         let mut rig = running(Memory::Heap, rate);
-        let lose = Draft::new(kind("lose_sync"), Target::Bus(0));
+        let lose = Draft::new(kind("lose_sync"), Target::Bus(BusIndex(0)));
         let slave = |medium, number| Draft::new(kind("slave_busy"), Target::Participant { medium, number });
         let node = |device, port| Draft::new(kind("bus_off"), Target::Port { device, port });
         let cases = [
@@ -61,15 +62,15 @@ fn faults_of_missing_stations_or_with_invalid_values_are_refused() {
                 Draft { at_us: MAX_AT_US + 1, ..lose },
                 "at_us is 31536000000001; it must be 0 to 31536000000000 (8760 h)",
             ),
-            (slave(0, 7), "bus 0 has no slave 7; its slaves are: 0, 1, 2"),
-            (slave(0, 200), "slave is 200; it must be 0 to 31"),
-            (slave(1, 0), "bus 1 does not exist; there are 1"),
+            (slave(BusIndex(0), 7), "bus 0 has no slave 7; its slaves are: 0, 1, 2"),
+            (slave(BusIndex(0), 200), "slave is 200; it must be 0 to 31"),
+            (slave(BusIndex(1), 0), "bus 1 does not exist; there are 1"),
             (
-                node(0, rate.kind.slave.port),
+                node(DeviceIndex(0), rate.kind.slave.port),
                 &rate.kind.named("SLAVE of PLC 0 is not on a bus; ports on a bus: MASTER"),
             ),
-            (node(0, 9), "PLC 0 has no port 9; its ports are: "),
-            (node(2, 1), "PLC 2 does not exist; there are 2"),
+            (node(DeviceIndex(0), 9), "PLC 0 has no port 9; its ports are: "),
+            (node(DeviceIndex(2), 1), "PLC 2 does not exist; there are 2"),
         ];
         for (draft, expected) in cases {
             let refusal = draft.check().and_then(|fault| rig.plant.add_fault(fault)).unwrap_err().to_string();

@@ -4,6 +4,7 @@ use super::*;
 use crate::rig::{FASTEST, Memory};
 use commram::devices::cansync::bus::{Frame, FrameKind};
 use commram::devices::cansync::registers::CANsync_MA_CTRL_BMSTRUCT;
+use commram::identity::DeviceIndex;
 use core::mem::offset_of;
 use proptest::prelude::*;
 
@@ -210,7 +211,8 @@ fn acknowledged(rig: &Rig) -> Vec<(u64, IsFrame)> {
     rig.records()
         .filter_map(|record| {
             let Handshake { origin, offset, request, answer, .. } = record.event.get()?;
-            let offset = (origin.plc == 0).then_some(offset as usize)?.checked_sub(rig.master_at.base)?;
+            let offset =
+                (origin.plc == DeviceIndex(0)).then_some(offset as usize)?.checked_sub(rig.master_at.base)?;
             Some((record.time_us, frame_for(offset, request, answer)?))
         })
         .collect()

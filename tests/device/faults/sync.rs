@@ -5,6 +5,7 @@ use crate::rig::{BOTH, FASTEST, Memory, NodePlace, RATES};
 use commram::devices::cansync;
 use commram::devices::cansync::drive::DrivecomState;
 use commram::devices::cansync::medium::drives;
+use commram::identity::DeviceIndex;
 
 fn edges(rig: &Rig) -> Vec<u64> {
     let (noted, pending) = (rig.records(), rig.plant.journal().pending());
@@ -301,7 +302,7 @@ fn a_sync_slot_of_another_rate_is_found_and_hinders_locking() {
         );
         let port = rate.kind.layout.ports.iter().find(|port| port.number == rig.master_at.port).unwrap().name;
         let name = format!("{port}.a_DATA_PARAMETER[1].d_PAR_VALUE");
-        assert_eq!(findings[0].0.name(rig.plant.names().device(0)), Some(name));
+        assert_eq!(findings[0].0.name(rig.plant.names().device(DeviceIndex(0))), Some(name));
         enter_parameter(&rig, DRIVE, 0x05, 167, rate.interval_us as u32);
         rig.step(80_000);
         assert!(is_locked(&rig));

@@ -8,6 +8,7 @@ use commram::devices::cansync::bus::Frame;
 use commram::devices::cansync::bus::codec::{ParameterJob, ParameterResult, UpDownJob, UpDownResult};
 use commram::devices::cansync::firmware::{Change, Master, NodeLocation, NodeState};
 use commram::devices::cansync::registers::CANsync_MA_CTRL_BMSTRUCT;
+use commram::identity::DeviceIndex;
 use commram::journal::{Journal, Origin};
 use commram::memory::{Image, View};
 use std::ops::RangeBounds;
@@ -49,7 +50,7 @@ impl Bench {
 
     fn with<R>(&mut self, f: impl FnOnce(&mut Master, &mut Context) -> R) -> R {
         let at = self.rate.kind.master;
-        let origin = Origin { plc: 0, node: at.port };
+        let origin = Origin { plc: DeviceIndex(0), node: at.port };
         let Bench { now, journal, .. } = self;
         f(&mut self.master, &mut Context { now: *now, journal, origin, base: at.base })
     }

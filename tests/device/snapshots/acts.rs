@@ -8,6 +8,7 @@ use commram::devices::can_dp2::registers::{CAN_DP2_MST, MST};
 use commram::devices::{Device, fault_kinds};
 use commram::door::BusMessage;
 use commram::fault::FaultSpec;
+use commram::identity::{BusIndex, DeviceIndex};
 use commram::journal::Keep;
 use commram::layout::{Port, Role, Width};
 use commram::memory::header::{BoardSetting, Start};
@@ -221,14 +222,14 @@ pub(super) fn take(plant: &mut Plant, act: &Act) {
             let Some((offset, width)) = place(plant, device, register) else { return };
             let value = value & width.max_value();
             if through_channel {
-                plant.store(device % count, offset, width, value).unwrap();
+                plant.store(DeviceIndex::at(device % count), offset, width, value).unwrap();
             } else {
                 plant.devices()[device % count].segment().store(offset, width, value).unwrap();
             }
         }
         Act::Command(value) => {
             for (device, base) in nodes(plant) {
-                plant.store(device, base, Width::Word, value.into()).unwrap();
+                plant.store(DeviceIndex::at(device), base, Width::Word, value.into()).unwrap();
             }
         }
         Act::InitData => init_data(plant),
@@ -239,7 +240,7 @@ pub(super) fn take(plant: &mut Plant, act: &Act) {
             }
         }
         Act::Board { device, setting } => {
-            plant.set_board(device % count, setting);
+            plant.set_board(DeviceIndex::at(device % count), setting);
         }
         Act::Event { device, event, factor } => {
             let header = plant.devices()[device % count].header();
@@ -265,14 +266,14 @@ pub(super) fn take(plant: &mut Plant, act: &Act) {
         }
         Act::Force { device, register, value } => {
             let Some((offset, width)) = place(plant, device, register) else { return };
-            let plc = (device % count) as u16;
+            let plc = DeviceIndex::at(device % count);
             if !plant.unforce(plc, offset) {
                 // Registers under overlaid structures of other widths cannot be forced.
                 let _ = plant.force(Forced { plc, offset, width, value: value & width.max_value() });
             }
         }
         Act::Guest { bus, id } => {
-            let bus = (bus % plant.media().len()) as u16;
+            let bus = BusIndex::at(bus % plant.media().len());
             plant.guest_joins(bus, 3, true);
             let frame = Frame::standard(id, Payload::new(&id.to_le_bytes()).unwrap());
             let _ = plant.guest_sends(bus, 3, &BusMessage::Frame(frame));
@@ -290,7 +291,9 @@ pub(super) fn take(plant: &mut Plant, act: &Act) {
         }
         Act::Follow { device, register } => {
             let Some((offset, width)) = place(plant, device, register) else { return };
-            plant.follow_registers(device % count, offset, width.bytes(), Keep::InJournal).unwrap();
+            plant
+                .follow_registers(DeviceIndex::at(device % count), offset, width.bytes(), Keep::InJournal)
+                .unwrap();
         }
         Act::ClearFindings => plant.clear_findings(),
         Act::Pass(us) => plant.advance_to(plant.now() + us),

@@ -8,6 +8,7 @@ use crate::support::report::{Outcome, Samples, Target};
 use crate::support::{PATIENCE, emulator};
 use commram::channel::Client;
 use commram::devices::omega_drive_line_2::registers::{CANsync_MA_CTRL_BMSTRUCT, NODE2};
+use commram::identity::DeviceIndex;
 use commram::memory::Width;
 use commram::request::{Op, Reply};
 use commram::runtime::Clock;
@@ -66,7 +67,7 @@ fn peek(criterion: &mut Criterion, waiting: &'static str, spin: Duration) -> Out
 }
 
 fn one_peek(client: &Client) {
-    let value = client.peek(0, W_OPTION_STATUS, Width::Word).expect("the emulator answers");
+    let value = client.peek(DeviceIndex(0), W_OPTION_STATUS, Width::Word).expect("the emulator answers");
     assert_eq!(value, START_UP);
 }
 
@@ -109,15 +110,16 @@ pub(crate) fn message(criterion: &mut Criterion) -> Outcome {
 fn one_message(client: &Client, replies: &mut Vec<Reply>) {
     let (plc, offset, width) = (0, B_CTRLREG_WRC1, Width::Byte);
     let ops = [
-        Op::Poke { plc, offset, width, value: RELEASED },
+        Op::Poke { plc: DeviceIndex(plc), offset, width, value: RELEASED },
         Op::Advance { us: INTERVAL_US },
-        Op::Peek { plc, offset, width },
+        Op::Peek { plc: DeviceIndex(plc), offset, width },
     ];
     client.request_into(&ops, replies).expect("the emulator answers");
     assert!(matches!(replies[..], [Reply::Written, Reply::Time(_), Reply::Value(TAKEN)]), "{replies:?}");
 }
 
 fn to_sync_edge(client: &Client) {
-    let replies = client.request(&[Op::AdvanceToSync { plc: 0, node: 2 }]).expect("the emulator answers");
+    let replies =
+        client.request(&[Op::AdvanceToSync { plc: DeviceIndex(0), node: 2 }]).expect("the emulator answers");
     assert!(matches!(replies[..], [Reply::Time(_)]), "{replies:?}");
 }

@@ -8,6 +8,7 @@ use crate::support::emulator::{attach, connect, unique_instance};
 use crate::support::report::{Outcome, Samples, Target};
 use commram::channel::Client;
 use commram::devices::omega_drive_line_2::registers::NODE2;
+use commram::identity::DeviceIndex;
 use commram::memory::Width;
 use criterion::Criterion;
 use std::process::{Child, Command, Stdio};
@@ -45,7 +46,7 @@ fn one_start(samples: &mut Samples) -> Duration {
     let duration = samples.time(|| {
         let run = run.insert(Run::start());
         let client = run.connect();
-        let value = client.peek(0, W_OPTION_STATUS, Width::Word).expect("the emulator answers");
+        let value = client.peek(DeviceIndex(0), W_OPTION_STATUS, Width::Word).expect("the emulator answers");
         assert_eq!(value, START_UP);
     });
     if let Some(run) = run {

@@ -5,6 +5,7 @@
 mod tools;
 
 use commram::fmi::{Resources, archive};
+use commram::identity::DeviceIndex;
 use commram::layout::Width;
 use commram::memory::Segment;
 use commram::plant::{Plant, PlantConfig};
@@ -154,9 +155,9 @@ fn alone(writes: &str) -> Vec<String> {
         let register = fitted.register(name.trim_end_matches(".out")).unwrap();
         let (offset, width) = (register.offset(), Width::of(register.ty()));
         match words.next() {
-            Some(value) => plant.store(0, offset, width, value.parse().unwrap()).unwrap(),
+            Some(value) => plant.store(DeviceIndex(0), offset, width, value.parse().unwrap()).unwrap(),
             None => {
-                let value = register.ty().number(plant.load(0, offset, width).unwrap());
+                let value = register.ty().number(plant.load(DeviceIndex(0), offset, width).unwrap());
                 seen.push(format!("{us} {name} {value}"));
             }
         }

@@ -9,6 +9,7 @@ use crate::register::{Array, Register, places, register_of};
 use crate::snapshot::Snapshot;
 use crate::tables::Memory;
 use commram::devices;
+use commram::identity::DeviceIndex;
 use commram::layout::Fit;
 use commram::plant::PlantConfig;
 use commram::script::{Bench, Register as Found, ScenarioError, Span};
@@ -518,8 +519,8 @@ impl PyBench {
         let names = state.open()?.names();
         let (plc, _) = commram::layout::split_plc(name);
         let number = plc.map_or(Some(0), |plc| names.plcs.iter().position(|known| known == plc));
-        let number = number.and_then(|number| u16::try_from(number).ok()).unwrap_or(u16::MAX);
-        let plc = names.plcs.get(usize::from(number)).cloned().unwrap_or_default();
+        let number = number.map_or(DeviceIndex(u16::MAX), DeviceIndex::at);
+        let plc = names.plcs.get(number.index()).cloned().unwrap_or_default();
         Ok((plc, Array::find(names.fitted(number), name)?))
     }
 
@@ -540,7 +541,7 @@ fn own(plant: Plant) -> Result<Bench, ScenarioError> {
 
 /// Returns the prefix of a PLC's names: empty if it is the only PLC.
 fn prefix(plcs: &[String], plc: usize) -> String {
-    commram::layout::plc_prefix(plcs, u16::try_from(plc).unwrap_or(u16::MAX))
+    commram::layout::plc_prefix(plcs, DeviceIndex::at(plc))
 }
 
 /// All areas with registers, of all PLCs.

@@ -7,6 +7,7 @@ use crate::register::{Array, Register, places, register_of};
 use crate::snapshot::Snapshot;
 use crate::tables::Memory;
 use commram::devices;
+use commram::identity::DeviceIndex;
 use commram::layout::{DeviceFit, Fit, NamedLocation, RegisterPhase};
 use commram::memory::{AttachMode, Attached, MemoryError};
 use commram::script::MemoryCopy;
@@ -257,7 +258,7 @@ impl PyImage {
             return Err(errors::of_class("UnknownName", text));
         }
         let copy = |area| {
-            MemoryCopy::read((0, String::new()), self.fitted, area, |offset, len| {
+            MemoryCopy::read((DeviceIndex(0), String::new()), self.fitted, area, |offset, len| {
                 let mut bytes = vec![0; len as usize];
                 attached.segment().read_range(offset, &mut bytes).map(|()| bytes)
             })

@@ -6,6 +6,7 @@ use super::super::super::{Instance, output, time};
 use super::select::Select;
 use super::{AddressedFrame, nothing, read};
 use crate::can::Frame;
+use crate::identity::BusIndex;
 use crate::journal::candump::FrameText;
 use crate::journal::{Record, Source};
 use crate::plural::plural;
@@ -110,7 +111,7 @@ pub(in super::super) fn compare(args: &Compare) -> Result<(), CliError> {
         return Err(nothing(&args.log, "it has no frame to compare; --allow-empty accepts that"));
     }
     let journal = frames(&session, args)?;
-    let mut buses: Vec<u16> = log.iter().map(|it| it.bus).collect();
+    let mut buses: Vec<BusIndex> = log.iter().map(|it| it.bus).collect();
     buses.sort_unstable();
     buses.dedup();
     let mut lines = Vec::new();
@@ -118,7 +119,7 @@ pub(in super::super) fn compare(args: &Compare) -> Result<(), CliError> {
         let of_bus = |it: &&AddressedFrame| it.bus == bus;
         let wanted: Vec<TimedFrame> = log.iter().filter(of_bus).map(|it| (it.time_us, it.frame)).collect();
         let found: Vec<TimedFrame> = journal.iter().filter(|it| it.0 == bus).map(|it| it.1).collect();
-        let name = info.names.buses.get(usize::from(bus)).map_or("", String::as_str);
+        let name = info.names.buses.get(bus.index()).map_or("", String::as_str);
         lines.extend(differences(name, &wanted, &found, args.tolerance));
     }
     if lines.is_empty() {
@@ -130,7 +131,7 @@ pub(in super::super) fn compare(args: &Compare) -> Result<(), CliError> {
 }
 
 /// Reads the selected frames of the journal with their buses.
-fn frames(session: &Session, args: &Compare) -> Result<Vec<(u16, TimedFrame)>, CliError> {
+fn frames(session: &Session, args: &Compare) -> Result<Vec<(BusIndex, TimedFrame)>, CliError> {
     let frame = |record: &Record| {
         let (carried, source) = (record.event.frame()?, record.event.source());
         let Source::Bus(bus) = source else { return None };

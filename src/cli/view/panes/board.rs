@@ -7,6 +7,7 @@ use crate::cli::view::prompt::BoardSwitch;
 use crate::cli::view::style::{Theme, padded};
 use crate::devices;
 use crate::devices::{Led, ModuleFront, Switch};
+use crate::identity::DeviceIndex;
 use crate::layout::{Owner, shown_text};
 use ratatui::Frame;
 use ratatui::layout::Rect;
@@ -26,7 +27,7 @@ pub(super) fn draw(frame: &mut Frame, model: &mut Model, theme: Theme, area: Rec
     let inner = titled(frame, title, theme.head(), area);
     let (mut all, mut knobs) = (Vec::new(), Vec::new());
     let names = model.names();
-    for ((plc, name), face) in (0..).zip(&names.plcs).zip(&model.faces) {
+    for ((plc, name), face) in DeviceIndex::enumerate(&names.plcs).zip(&model.faces) {
         let device = names.device(plc);
         let head = Line::from(vec![
             Span::styled(format!(" {name}"), theme.head()),

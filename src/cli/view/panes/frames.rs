@@ -15,7 +15,7 @@ const ABOVE: u16 = 5;
 
 pub(super) fn draw(frame: &mut Frame, model: &mut Model, theme: Theme, area: Rect) {
     let Some(info) = model.info.clone() else { return };
-    let Some(bus) = model.scene.get(model.frames.bus).cloned() else {
+    let Some(bus) = model.scene.get(model.frames.bus.index()).cloned() else {
         let inner = titled(frame, " frames ".to_owned(), theme.head(), area);
         return lines(frame, vec![Line::styled(" the plant has no bus", theme.dim())], inner);
     };

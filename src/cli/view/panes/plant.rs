@@ -6,6 +6,7 @@ use crate::cli::view::model::{ClickTarget, ListId, Model};
 use crate::cli::view::poll::MemoryLocation;
 use crate::cli::view::style::{Theme, padded};
 use crate::devices;
+use crate::identity::DeviceIndex;
 use crate::layout::place::status_of;
 use crate::layout::{Fit, Port, shown_text};
 use crate::request::{BusScene, BusState};
@@ -20,7 +21,7 @@ const NAMES: usize = 18;
 pub(super) fn draw(frame: &mut Frame, model: &mut Model, theme: Theme, area: Rect) {
     let inner = titled(frame, " plant ".to_owned(), theme.head(), area);
     let mut all = Vec::new();
-    for (plc, name) in (0..).zip(&model.names().plcs) {
+    for (plc, name) in DeviceIndex::enumerate(&model.names().plcs) {
         plc_lines(model, plc, name, theme, &mut all);
     }
     for (number, bus) in model.scene.iter().enumerate() {
@@ -37,11 +38,11 @@ pub(super) fn draw(frame: &mut Frame, model: &mut Model, theme: Theme, area: Rec
     model.hot.push((inner, ClickTarget::List(ListId::Plant)));
 }
 
-fn plc_lines(model: &Model, plc: u16, name: &str, theme: Theme, lines: &mut Vec<Line<'static>>) {
+fn plc_lines(model: &Model, plc: DeviceIndex, name: &str, theme: Theme, lines: &mut Vec<Line<'static>>) {
     let fitted = model.names().fitted(plc);
     let device = fitted.device();
     let mut how = String::new();
-    if let Some(face) = model.faces.get(usize::from(plc)) {
+    if let Some(face) = model.faces.get(plc.index()) {
         let words = face.board.words(devices::board_of(device));
         let display = shown_text(&face.front).or(words.display).filter(|shown| !shown.trim().is_empty());
         let told = [
@@ -61,7 +62,7 @@ fn plc_lines(model: &Model, plc: u16, name: &str, theme: Theme, lines: &mut Vec<
     }
 }
 
-fn port_line(model: &Model, plc: u16, port: &'static Port, fit: Fit, theme: Theme) -> Line<'static> {
+fn port_line(model: &Model, plc: DeviceIndex, port: &'static Port, fit: Fit, theme: Theme) -> Line<'static> {
     let role = match fit {
         Fit::Empty => "empty".to_owned(),
         Fit::Unknown => String::new(),

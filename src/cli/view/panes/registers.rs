@@ -7,6 +7,7 @@ use crate::cli::view::poll::MemoryLocation;
 use crate::cli::view::prompt::Prompt;
 use crate::cli::view::style::{Theme, at_right, padded, padded_name};
 use crate::cli::view::tree::Row;
+use crate::identity::DeviceIndex;
 use crate::layout::place::meaning_in;
 use crate::time;
 use ratatui::Frame;
@@ -112,7 +113,7 @@ fn row_line(model: &Model, row: &Row, theme: Theme, width: usize) -> Line<'stati
     }
 }
 
-fn is_pinned(model: &Model, plc: u16, offset: u32) -> bool {
+fn is_pinned(model: &Model, plc: DeviceIndex, offset: u32) -> bool {
     model
         .pins
         .all

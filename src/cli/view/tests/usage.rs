@@ -4,6 +4,7 @@ use super::User;
 use crate::cli::view::link::LinkReport;
 use crate::cli::view::model::Connection;
 use crate::devices;
+use crate::identity::DeviceIndex;
 use crate::journal::{Changed, Keep};
 use crate::layout::NamedLocation;
 use crate::plant::PlantConfig;
@@ -13,7 +14,7 @@ use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyModifiers};
 
 /// The value of a register of the first PLC.
 fn holds(user: &User, name: &str) -> u32 {
-    let place = NamedLocation::parse(&user.host.plant.names().fitted(0), name).unwrap();
+    let place = NamedLocation::parse(&user.host.plant.names().fitted(DeviceIndex(0)), name).unwrap();
     let device = &user.host.plant.devices()[0];
     device.segment().load(place.offset(), place.width()).unwrap()
 }
@@ -351,10 +352,10 @@ fn changes_of(user: &User, name: &str) -> Vec<String> {
 #[test]
 fn changes_that_were_recorded_before_the_view_was_opened_are_shown() {
     let mut before = User::built_in();
-    let fitted = before.host.plant.names().fitted(0);
+    let fitted = before.host.plant.names().fitted(DeviceIndex(0));
     let place = NamedLocation::parse(&fitted, "node2.w_OPTION_STATUS").unwrap();
     let (offset, len) = (place.offset(), place.width().bytes());
-    let follow = Op::Follow { plc: 0, offset, len, keep: Keep::InJournal };
+    let follow = Op::Follow { plc: DeviceIndex(0), offset, len, keep: Keep::InJournal };
     assert_eq!(before.host.request(&[follow]), [Reply::Written]);
     before.poke(&[("node2.w_CPU_CONTROL", 0)], 1_000);
     before.poke(&[("node2.w_CPU_CONTROL", 1)], 5_000);

@@ -3,14 +3,19 @@
 use super::*;
 use crate::devices::can_faults::OF_CAN;
 use crate::fault::{Draft, Owner, Target};
+use crate::identity::{BusIndex, DeviceIndex};
 
 impl Bench {
     /// Activates a fault of the bus at CAN, or of the gateway's controller there, `count` times.
     fn fault(&mut self, name: &str, count: u64) {
         let kind = OF_CAN.iter().find(|kind| kind.name() == name).unwrap();
-        let target = if name == "overrun" { Target::Port { device: 0, port: 2 } } else { Target::Bus(1) };
+        let target = if name == "overrun" {
+            Target::Port { device: DeviceIndex(0), port: 2 }
+        } else {
+            Target::Bus(BusIndex(1))
+        };
         let fault = Draft { count: Some(count), ..Draft::new(kind, target) }.check().unwrap();
-        self.faults.add(self.now, fault, Owner::Bus(1), &mut self.journal).unwrap();
+        self.faults.add(self.now, fault, Owner::Bus(BusIndex(1)), &mut self.journal).unwrap();
         self.faults.advance(self.now, &mut self.journal);
     }
 }

@@ -4,6 +4,7 @@ use super::*;
 use crate::devices::GuestRefusal;
 use crate::devices::can_dp2::registers::values::dp_state;
 use crate::door::{BusMessage, Guest};
+use crate::identity::BusIndex;
 use crate::profibus::{Burst, MIN_TSDR_BITS, SYN_BITS, Telegram};
 
 /// Bits in a microsecond of the bench's segment.
@@ -22,7 +23,7 @@ struct Foreign {
 impl Foreign {
     /// Joins as the guest with this number, which is also its address.
     fn come(bench: &mut Bench, number: u8) -> Self {
-        let ear = Guest::of_a_test(0, number);
+        let ear = Guest::of_a_test(BusIndex(0), number);
         assert!(bench.buses[0].guests().unwrap().guest_joins(number, bench.now));
         bench.buses[0].guests().unwrap().guest_hears(number, ear.clone());
         Foreign { number, address: number, ear, fcb: None }

@@ -5,6 +5,7 @@
 use super::*;
 use crate::devices::can_dp2::registers::values::dp_state;
 use crate::door::{BusMessage, Guest};
+use crate::identity::BusIndex;
 use crate::profibus::{Burst, BusRate, Telegram};
 use profirust::Baudrate;
 use profirust::dp::{DpMaster, Peripheral, PeripheralHandle, PeripheralOptions};
@@ -24,7 +25,7 @@ struct Door {
 
 impl Door {
     fn come(bench: &mut Bench, number: u8) -> Self {
-        let ear = Guest::of_a_test(0, number);
+        let ear = Guest::of_a_test(BusIndex(0), number);
         assert!(bench.buses[0].guests().unwrap().guest_joins(number, bench.now));
         bench.buses[0].guests().unwrap().guest_hears(number, ear.clone());
         Door { number, ear }

@@ -64,6 +64,7 @@ impl JobRegisters<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::identity::DeviceIndex;
     use crate::journal::{Journal, Origin};
     use zerocopy::FromZeros;
 
@@ -71,7 +72,12 @@ mod tests {
     fn replace_keeps_a_value_that_the_plc_entered_meanwhile() {
         let (control, status) = (Cell8::new_zeroed(), Cell8::new_zeroed());
         let mut journal = Journal::default();
-        let mut ctx = Context { now: 7, journal: &mut journal, origin: Origin { plc: 0, node: 2 }, base: 0 };
+        let mut ctx = Context {
+            now: 7,
+            journal: &mut journal,
+            origin: Origin { plc: DeviceIndex(0), node: 2 },
+            base: 0,
+        };
         let registers = JobRegisters { control: &control, status: &status, offset: 1, is_masters: true };
         control.store(0x05);
         assert!(registers.replace(&mut ctx, 0x05, 0x0D));
@@ -86,7 +92,12 @@ mod tests {
     fn bits_change_in_each_register_by_themselves() {
         let (control, status) = (Cell8::new_zeroed(), Cell8::new_zeroed());
         let mut journal = Journal::default();
-        let mut ctx = Context { now: 7, journal: &mut journal, origin: Origin { plc: 0, node: 1 }, base: 0 };
+        let mut ctx = Context {
+            now: 7,
+            journal: &mut journal,
+            origin: Origin { plc: DeviceIndex(0), node: 1 },
+            base: 0,
+        };
         let registers = JobRegisters { control: &control, status: &status, offset: 1, is_masters: true };
         registers.show(&mut ctx, 0x45);
         status.store(0x64);

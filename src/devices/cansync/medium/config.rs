@@ -6,6 +6,7 @@ use crate::devices::cansync::drive::{Drive, DriveConfig};
 use crate::devices::settings::{range, time, time_or_none};
 use crate::devices::{BuildError, Bus, BusSection, Doubt, MasterConfig, SettingError};
 use crate::door::DoorSpec;
+use crate::identity::BusIndex;
 use serde::Deserialize;
 use std::sync::Arc;
 use toml::de::{Error, ValueDeserializer};
@@ -134,7 +135,7 @@ impl BusSection for BusConfig {
         true
     }
 
-    fn build(&self, index: usize) -> Result<Box<dyn Bus>, BuildError> {
+    fn build(&self, index: BusIndex) -> Result<Box<dyn Bus>, BuildError> {
         Ok(Box::new(SimBus::new(index, self)?))
     }
 }

@@ -16,6 +16,7 @@ use crate::devices::cansync::{BaudRate, rules};
 use crate::devices::omega_drive_line_2::registers::BAUD_RATES as THREE;
 use crate::devices::{Bus, BusView, ParticipantId, Stranger, World};
 use crate::fault::Faults;
+use crate::identity::{BusIndex, DeviceIndex};
 use crate::journal::{Finding, Journal, Origin};
 use crate::memory::{Cell8, Segment, View};
 
@@ -43,13 +44,13 @@ impl Bench {
              [[drive]]\nname = 'd'\nslave_number = {DRIVE}\ncard_function = 0\nlock_time_us = 0\n"
         );
         let config: BusConfig = toml::from_str(&config).unwrap();
-        let mut bus = SimBus::new(0, &config).unwrap();
+        let mut bus = SimBus::new(BusIndex(0), &config).unwrap();
         let segment = Segment::heap(DEVICE.segment_size());
         let lock = SyncLock::new(0, None);
         let roles = [SocketRole::Master { has_sync_in: false }, SocketRole::Slave { number: NODE, lock }];
         for (place, (role, rates)) in roles.into_iter().zip([master, slave]).enumerate() {
             let port = &DEVICE.ports[place];
-            let (area, origin) = (port.area, Origin { plc: 0, node: port.number });
+            let (area, origin) = (port.area, Origin { plc: DeviceIndex(0), node: port.number });
             let location = NodeLocation::of(port, rates);
             let socket = Socket { origin, segment: segment.clone(), location, area, role };
             assert_eq!(bus.attach(Box::new(socket)).unwrap(), place);
@@ -270,16 +271,16 @@ fn a_drive_of_another_rate_receives_nothing_and_is_reported() {
     let one: DriveConfig = toml::from_str("name = 'e'\nslave_number = 3\nkbit_s = 500").unwrap();
     let config =
         BusConfig { drives: vec![one, DriveConfig::demo("f", 4)], kbit_s: 250, ..BusConfig::default() };
-    let with_own = SimBus::new(0, &config).unwrap();
+    let with_own = SimBus::new(BusIndex(0), &config).unwrap();
     assert_eq!(with_own.drives().iter().map(Drive::kbit_s).collect::<Vec<_>>(), [500, 250]);
 
     bench.set_up(MASTER, fast);
     bench.run_to(20 * interval_us(fast));
     let reports = bench.journal.records().filter_map(|it| it.event.get::<DriveBaudRateMismatch>());
     let reports: Vec<_> = reports.map(|it| (it.bus, it.slave, it.drive_kbit_s, it.bus_kbit_s)).collect();
-    assert_eq!(reports, [(0, DRIVE, 250, 500)], "once for each start");
+    assert_eq!(reports, [(BusIndex(0), DRIVE, 250, 500)], "once for each start");
     let found: Vec<_> = bench.journal.findings().iter().map(|entry| entry.last).collect();
-    assert_eq!(found, [Finding::at_participant(&rules::DRIVE_BAUD_RATE, 0, DRIVE, 250)]);
+    assert_eq!(found, [Finding::at_participant(&rules::DRIVE_BAUD_RATE, BusIndex(0), DRIVE, 250)]);
     assert_eq!(found[0].name(&DEVICE).as_deref(), Some("slave1"));
     assert_eq!((found[0].value_text(&DEVICE), found[0].address(&DEVICE)), ("250".to_owned(), None));
     let stranger = Stranger { participant: ParticipantId::Own("d".to_owned()), bit_s: 250_000 };

@@ -78,6 +78,7 @@ mod tests {
     use crate::devices::cansync::bus::SyncLock;
     use crate::devices::cansync::firmware::NodeLocation;
     use crate::devices::cansync::medium::{Socket, SocketRole};
+    use crate::identity::DeviceIndex;
     use crate::journal::Origin;
     use crate::memory::{Segment, Width};
 
@@ -94,7 +95,7 @@ mod tests {
                 _ => SocketRole::Slave { number, lock: SyncLock::new(0, None) },
             };
             let location = NodeLocation::of(port, &BAUD_RATES);
-            let origin = Origin { plc: 3, node: number };
+            let origin = Origin { plc: DeviceIndex(3), node: number };
             let socket = Socket { origin, segment: segment.clone(), location, area: port.area, role };
             let place = bus.attach(Box::new(socket)).unwrap();
             bus.power_on(place, number, 0, &mut Journal::default());
@@ -111,6 +112,9 @@ mod tests {
         for offset in statuses.clone() {
             segment.store(offset, Width::Word, 7).unwrap();
         }
-        assert_eq!(look(20), statuses.map(|offset| (3, offset, &rules::OWNER)).collect::<Vec<_>>());
+        assert_eq!(
+            look(20),
+            statuses.map(|offset| (DeviceIndex(3), offset, &rules::OWNER)).collect::<Vec<_>>()
+        );
     }
 }

@@ -12,6 +12,7 @@ use crate::devices::cansync::registers::{
     CANsync_MA_CTRL_BMSTRUCT as Master, CTRLREG_PAR_CMD_SL, DATA_PARAMETER,
 };
 use crate::devices::cansync::rules;
+use crate::identity::DeviceIndex;
 use crate::journal::{Finding, Journal, Rule};
 use crate::layout::RegisterPhase;
 use core::mem::offset_of;
@@ -28,7 +29,7 @@ const PARAMETER_COMMAND: u8 = par_job_master::READ | par_job_master::WRITE | par
 
 /// Location of the checked node.
 pub(super) struct CheckedNode {
-    pub plc: u16,
+    pub plc: DeviceIndex,
     /// First byte of the node.
     pub base: usize,
     /// Phase, which selects the valid structure.

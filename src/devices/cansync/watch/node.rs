@@ -11,6 +11,7 @@ use crate::check::word::WORD;
 use crate::devices::cansync::registers::phases;
 use crate::devices::cansync::registers::{CANsync_MA_CTRL_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT};
 use crate::devices::cansync::rules;
+use crate::identity::DeviceIndex;
 use crate::journal::Journal;
 use crate::layout::{Area, RegisterPhase, Role};
 use crate::memory::{Cell64, MemoryError, Segment, View};
@@ -106,7 +107,7 @@ impl SnapshotFields for Registers {
 
 /// The access checker of one node.
 pub(in crate::devices::cansync) struct NodeWatch {
-    plc: u16,
+    plc: DeviceIndex,
     /// First byte of the node's area.
     base: usize,
     maps: Arc<RegisterMaps>,
@@ -126,7 +127,7 @@ impl NodeWatch {
     /// # Errors
     /// The segment is too small for the node.
     pub(crate) fn new(
-        plc: u16,
+        plc: DeviceIndex,
         area: &'static Area,
         role: Role,
         segment: &Segment,

@@ -4,8 +4,9 @@ use super::*;
 use crate::devices::can_faults::{self, OVERRUN};
 use crate::devices::cs0015::registers::values::{job, job_error};
 use crate::fault::{Draft, Effect, Target};
+use crate::identity::{BusIndex, DeviceIndex};
 
-const PORT: Target = Target::Port { device: 0, port: 1 };
+const PORT: Target = Target::Port { device: DeviceIndex(0), port: 1 };
 
 fn bus_off(bench: &mut Bench) {
     let effect = Effect::new(can_faults::Effect::BusOff);
@@ -70,7 +71,7 @@ fn the_error_handler_counts_errors_and_ends_bus_off() {
 fn a_lost_frame_has_a_flag() {
     let mut bench = attached();
     let overrun = Draft { count: Some(1), ..Draft::new(&OVERRUN, PORT) }.check().unwrap();
-    bench.faults.add(bench.now, overrun, Owner::Bus(0), &mut bench.journal).unwrap();
+    bench.faults.add(bench.now, overrun, Owner::Bus(BusIndex(0)), &mut bench.journal).unwrap();
     bench.run(MS);
     assert_eq!(device_type(&mut bench), [(0xA0, vec![0, 0x82, 0x10, 1, 0, 0, 0, 0])]);
     let flags = &bench.registers.flags;

@@ -4,6 +4,7 @@ mod front;
 
 use super::*;
 use crate::devices::omega_drive_line_2::registers::SEGMENT_END;
+use crate::identity::DeviceIndex;
 use crate::journal::{Journal, Origin, Record};
 use crate::memory::header::{InterruptResult, OptInitResult, ProgramState, Project, RunSwitch, Start};
 use crate::memory::{Header, View};
@@ -44,7 +45,7 @@ impl Rig {
         let ctx = Context {
             now: self.now,
             journal: &mut self.journal,
-            origin: Origin { plc: 0, node: 1 },
+            origin: Origin { plc: DeviceIndex(0), node: 1 },
             base: 0,
         };
         (&mut self.board, ctx)

@@ -1,23 +1,24 @@
 //! A segment without ports: busy time and restored requests.
 
 use super::*;
+use crate::identity::{BusIndex, DeviceIndex};
 use crate::profibus::Frame;
 
 fn bus() -> ProfibusBus {
     let config =
         ProfibusConfig { name: "dp".to_owned(), rate: BusRate::ALL[6], slot_factor: 1, doors: Vec::new() };
-    ProfibusBus::new(0, &config)
+    ProfibusBus::new(BusIndex(0), &config)
 }
 
 /// At 500 kbit/s a bit takes 2 us, and an octet has 11 bits.
 #[test]
 fn the_line_is_busy_for_as_long_as_the_octets_take() {
-    let (bus, sender) = (bus(), Origin { plc: 0, node: 1 });
+    let (bus, sender) = (bus(), Origin { plc: DeviceIndex(0), node: 1 });
     assert_eq!(bus.bit_s(), 500_000);
     let busy = |telegram: &Telegram| {
-        let event = match (short(0, sender, telegram), telegram) {
+        let event = match (short(BusIndex(0), sender, telegram), telegram) {
             (Some(short), _) => short.into(),
-            (None, Telegram::Frame(frame)) => DpTelegram::new(0, sender, frame).into(),
+            (None, Telegram::Frame(frame)) => DpTelegram::new(BusIndex(0), sender, frame).into(),
             (None, _) => unreachable!("only frames are long"),
         };
         assert_eq!(bus.busy_ns(&event) % 22_000, 0);

@@ -4,6 +4,7 @@ use super::Case;
 use crate::rig::Rig;
 use commram::devices::cansync;
 use commram::devices::omega_drive_line_2::registers::*;
+use commram::identity::DeviceIndex;
 use commram::memory::Width;
 use core::mem::offset_of;
 
@@ -185,7 +186,7 @@ fn store_by_channel(rig: &mut Rig, command: u32) {
     let register = offset_of!(CANsync_MA_CTRL_BMSTRUCT, a_CTRLREG_PAR_CMD_SL)
         + offset_of!(CTRLREG_PAR_CMD_SL, b_STEUREG_PAR_CMD);
     let at = rig.master_at;
-    rig.plant.store(at.plc, (at.base + register) as u32, Width::Byte, command).unwrap();
+    rig.plant.store(DeviceIndex::at(at.plc), (at.base + register) as u32, Width::Byte, command).unwrap();
 }
 
 /// A write job for slave 0 that its application has not answered yet.

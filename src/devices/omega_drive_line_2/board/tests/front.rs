@@ -3,6 +3,7 @@
 use super::*;
 use crate::devices::omega_drive_line_2::registers::RETAIN;
 use crate::devices::omega_drive_line_2::registers::SEGMENT_END;
+use crate::identity::DeviceIndex;
 use crate::memory::Width;
 use crate::memory::header::InitialFlagResult;
 
@@ -289,7 +290,7 @@ fn starts_can_be_asked_for_at_run_only() {
     rig.ask_for(Start::Warm);
     assert_eq!(rig.ordered(), (5, Start::Stop), "refused");
     let refused = |record: &Record| {
-        record.event == OnBoard { plc: 0, what: BoardEvent::StartRefused { code: 2 } }.into()
+        record.event == OnBoard { plc: DeviceIndex(0), what: BoardEvent::StartRefused { code: 2 } }.into()
     };
     assert_eq!(rig.journal.records().filter(|record| refused(record)).count(), 2);
 }
